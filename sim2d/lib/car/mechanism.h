@@ -1,0 +1,60 @@
+// The twin-track car as Box2D bodies and joints in one vertical plane.
+//
+//   chassis   belly and half of the chassis' mass
+//   frame[k]  left and right side frame: slides along the chassis' z, carries that side's wheels
+//   wheel[i]  circles on revolute motors, one a wheel
+//   roll      a flywheel, geared to both frames: its angle is q = sin(roll), its inertia what the frames lack
+//   track[k]  the terrain under the left and right wheels, free to slide along x against each other: their
+//             difference is yaw, their mass the yaw inertia
+//   belly_ground  the terrain under the belly, fixed
+//
+// Positions are relative to where the car is put down (s = 0); x forward, y up, angles nose up.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "body_spec.h"
+#include "plane.h"
+
+namespace foldcar {
+
+struct Mechanism {
+  b2Body* chassis = nullptr;
+  std::array<b2Body*, 2> frame{};
+  std::array<b2Body*, 2> track{};
+  b2Body* belly_ground = nullptr;
+  b2Body* roll = nullptr;
+  std::vector<b2Body*> wheel;
+  std::vector<b2RevoluteJoint*> wheel_motor;
+  std::array<b2PrismaticJoint*, 2> track_slide{};
+};
+
+// Collision pairs: each side's wheels meet that side's track, the belly its own ground, nothing else.
+namespace category {
+constexpr std::uint16_t kTrack[2] = {1, 2};
+constexpr std::uint16_t kBellyGround = 4;
+constexpr std::uint16_t kWheel[2] = {8, 16};
+constexpr std::uint16_t kBelly = 32;
+}  // namespace category
+
+// Quantities of the whole car that the terms need, from its parts.
+struct CarConstants {
+  explicit CarConstants(const BodySpec& body);
+  double mass_kg;
+  double com_height_m;       // over the contacts, car level
+  double tyre_width_m;       // the widest
+  double wheel_radius_m;     // the mean
+  double yaw_inertia_kg_m2;  // about the vertical through the centre of mass
+  double flywheel_inertia_kg_m2;
+  double reach_m;  // farthest point of the car from its middle, along x
+};
+
+// Builds the car in world with its axle line at height axle_z_m, rolled by asin(q).
+Mechanism build_mechanism(b2World& world, const BodySpec& body, const CarConstants& constants, double friction,
+                          double axle_z_m, double q);
+
+// The mass that makes the sliding tracks as hard to turn as a car of that yaw inertia.
+double track_mass_kg(double yaw_inertia_kg_m2, double track_m);
+
+}  // namespace foldcar

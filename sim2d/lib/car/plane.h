@@ -1,0 +1,31 @@
+// SI to Box2D and back. Box2D's contact slop is 5 mm of its length unit, far too coarse for a car of 0.2 m, so
+// the plane is simulated at 20 world units a metre; masses and times keep their values.
+#pragma once
+
+#include <box2d/box2d.h>
+
+namespace foldcar {
+
+constexpr double kUnitsPerMetre = 20.0;
+constexpr double kTorqueScale = kUnitsPerMetre * kUnitsPerMetre;
+
+// Box2D keeps polygons and chains apart by a skin; a wheel or belly made smaller by it touches where it should.
+constexpr double kPolygonSkin_m = b2_polygonRadius / kUnitsPerMetre;
+constexpr double kWheelSkin_m = (b2_polygonRadius - 0.7 * b2_linearSlop) / kUnitsPerMetre;
+// Details of a profile below this are merged: chain vertices closer than the slop abort Box2D.
+constexpr double kProfileResolution_m = 3 * b2_linearSlop / kUnitsPerMetre;
+
+inline float to_units(double metres) { return static_cast<float>(metres * kUnitsPerMetre); }
+inline double to_metres(double units) { return units / kUnitsPerMetre; }
+inline float to_torque_units(double newton_metres) { return static_cast<float>(newton_metres * kTorqueScale); }
+inline b2Vec2 to_units(double x_m, double z_m) { return {to_units(x_m), to_units(z_m)}; }
+
+inline void set_mass(b2Body& body, double mass_kg, double inertia_kg_m2) {
+  b2MassData data;
+  data.mass = static_cast<float>(mass_kg);
+  data.I = static_cast<float>(inertia_kg_m2 * kTorqueScale);
+  data.center.SetZero();
+  body.SetMassData(&data);
+}
+
+}  // namespace foldcar

@@ -1,0 +1,158 @@
+#include "track_terrain.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "side_view_terms.h"
+
+namespace foldcar {
+namespace {
+
+// How far the car may move before its terrain is cut anew: a fraction of a millimetre at the wheels.
+constexpr double kHeadingTolerance_rad = 0.006;
+constexpr double kSidewaysTolerance_m = 0.0007;
+constexpr double kRollTolerance = 0.02;
+constexpr double kForwardTolerance_m = 0.1;
+// A chain whose vertices are this close to where they should be is kept.
+constexpr double kChainTolerance_m = 0.0001;
+// Terrain is cut this much beyond the car, so that it can drive the tolerance and a little more.
+constexpr double kMargin_m = 0.15;
+
+// The belly is felt along this many lines; fewer let narrow edges through.
+constexpr int kBellyLines = 9;
+constexpr double kLineWidth_m = 0.001;
+
+}  // namespace
+
+TrackTerrain::TrackTerrain(const Terrain& terrain, const BodySpec& body, const CarConstants& constants)
+    : terrain_(terrain),
+      track_m_(body.track_m),
+      tyre_width_m_(constants.tyre_width_m),
+      belly_width_m_(body.chassis.width_m),
+      belly_drop_m_(constants.wheel_radius_m + body.chassis.center_z_m - 0.5 * body.chassis.height_m),
+      reach_m_(constants.reach_m + kMargin_m),
+      strips_(2 + kBellyLines),
+      pieces_(2 + kBellyLines) {}
+
+bool TrackTerrain::stale(const CutPose& pose) const {
+  if (!cut_once_) return true;
+  const double dx = pose.frame.x_m - at_.frame.x_m, dy = pose.frame.y_m - at_.frame.y_m;
+  const double c = std::cos(pose.frame.heading_rad), s = std::sin(pose.frame.heading_rad);
+  return std::abs(pose.frame.heading_rad - at_.frame.heading_rad) > kHeadingTolerance_rad ||
+         std::abs(c * dy - s * dx) > kSidewaysTolerance_m || std::abs(c * dx + s * dy) > kForwardTolerance_m ||
+         std::abs(pose.q - at_.q) > kRollTolerance;
+}
+
+void TrackTerrain::set_strips(double q) {
+  const double cosine = cos_roll(q);
+  for (int k = 0; k < 2; ++k) {
+    const double middle_m = (k == 0 ? 0.5 : -0.5) * track_m_ * cosine;
+    strips_[k] = {middle_m - 0.5 * tyre_width_m_, middle_m + 0.5 * tyre_width_m_};
+  }
+  // Rolling about the contacts carries the belly, which hangs belly_drop over them, sideways.
+  const double shift_m = -belly_drop_m_ * q;
+  for (int line = 0; line < kBellyLines; ++line) {
+    const double share = -1 + 2.0 * line / (kBellyLines - 1);
+    const double across_m = share * 0.5 * (belly_width_m_ - kLineWidth_m);
+    const double middle_m = shift_m + across_m * cosine;
+    strips_[2 + line] = {middle_m - 0.5 * kLineWidth_m, middle_m + 0.5 * kLineWidth_m};
+  }
+}
+
+void TrackTerrain::cut(const CutPose& pose) {
+  set_strips(pose.q);
+  for (auto& list : pieces_) list.clear();
+  const Span span{-reach_m_, reach_m_};
+  terrain_.slice(pose.frame, span, strips_, pieces_);
+  for (int k = 0; k < 2; ++k) {
+    const Piece ground{span.s_min_m, span.s_max_m, 0, 0, 0};
+    upper_envelope(pieces_[k], ground, span, kProfileResolution_m, breaks_, profiles_[k]);
+  }
+  // A point of the belly at y stands y·tan(roll) higher: the belly meets the terrain lowered by as much. The
+  // ground is then highest under the side that is down.
+  const double tangent = tan_roll(pose.q), cosine = cos_roll(pose.q);
+  belly_pieces_.clear();
+  for (int line = 0; line < kBellyLines; ++line) {
+    const double across_m = (-1 + 2.0 * line / (kBellyLines - 1)) * 0.5 * (belly_width_m_ - kLineWidth_m);
+    const double lowered_m = across_m * cosine * tangent;
+    for (Piece piece : pieces_[2 + line]) {
+      piece.z0_m -= lowered_m;
+      piece.z1_m -= lowered_m;
+      piece.y_m = across_m;
+      belly_pieces_.push_back(piece);
+    }
+  }
+  const double low_side_m = std::copysign(0.5 * belly_width_m_, -tangent);
+  const double ground_z_m = -low_side_m * cosine * tangent;
+  const Piece ground{span.s_min_m, span.s_max_m, ground_z_m, ground_z_m, tangent == 0 ? 0 : low_side_m};
+  upper_envelope(belly_pieces_, ground, span, kProfileResolution_m, breaks_, profiles_[2]);
+  at_ = pose;
+  cut_once_ = true;
+}
+
+void TrackTerrain::apply(Mechanism& car) {
+  for (int k = 0; k < 2; ++k) replace_chain(k, *car.track[k], category::kTrack[k], category::kWheel[k]);
+  replace_chain(2, *car.belly_ground, category::kBellyGround, category::kBelly);
+}
+
+// A chain's solid side is to its right: from right to left the normals point up.
+void TrackTerrain::make_vertices(const b2Body& body, const Profile& profile) {
+  constexpr float kClosest = 0.25f * 9 * b2_linearSlop * b2_linearSlop;  // (half the profile's resolution)²
+  const float origin = to_units(at_.s_m) - body.GetPosition().x;
+  vertices_.clear();
+  auto add = [&](double s_m, double z_m) {
+    const b2Vec2 vertex(origin + to_units(s_m), to_units(z_m));
+    if (vertices_.empty() || b2DistanceSquared(vertices_.back(), vertex) > kClosest) vertices_.push_back(vertex);
+  };
+  for (auto segment = profile.rbegin(); segment != profile.rend(); ++segment) {
+    add(segment->s1_m, segment->z1_m);
+    add(segment->s0_m, segment->z0_m);
+  }
+}
+
+// Making a chain anew costs more than cutting it: one that is right within kChainTolerance stays. The ends,
+// which lie beyond the car, may be as far off as the car may drive between cuts.
+bool TrackTerrain::fits(const std::vector<b2Vec2>& chain) const {
+  if (chain.size() != vertices_.size()) return false;
+  const float tolerance = to_units(kChainTolerance_m), end_tolerance = to_units(kForwardTolerance_m);
+  for (std::size_t i = 0; i < chain.size(); ++i) {
+    const bool end = i == 0 || i + 1 == chain.size();
+    if (std::abs(chain[i].x - vertices_[i].x) > (end ? end_tolerance : tolerance)) return false;
+    if (std::abs(chain[i].y - vertices_[i].y) > tolerance) return false;
+  }
+  return true;
+}
+
+void TrackTerrain::replace_chain(int outline, b2Body& body, std::uint16_t category, std::uint16_t meets) {
+  make_vertices(body, profiles_[outline]);
+  if (fits(chains_[outline])) return;
+  chains_[outline] = vertices_;
+  const b2Vec2 before(vertices_.front().x + to_units(1), vertices_.front().y);
+  const b2Vec2 after(vertices_.back().x - to_units(1), vertices_.back().y);
+  b2ChainShape chain;
+  chain.CreateChain(vertices_.data(), static_cast<int32>(vertices_.size()), before, after);
+  b2FixtureDef definition;
+  definition.shape = &chain;
+  definition.density = 0;
+  definition.friction = 1;
+  definition.filter.categoryBits = category;
+  definition.filter.maskBits = meets;
+  // Changing fixtures recomputes a body's mass from their density, which is none here.
+  b2MassData mass;
+  body.GetMassData(&mass);
+  if (fixtures_[outline] != nullptr) body.DestroyFixture(fixtures_[outline]);
+  fixtures_[outline] = body.CreateFixture(&definition);
+  if (body.GetType() == b2_dynamicBody) body.SetMassData(&mass);
+}
+
+double TrackTerrain::belly_contact_y_m(double s_m) const {
+  const double relative_m = s_m - at_.s_m;
+  const ProfileSegment* best = nullptr;
+  for (const ProfileSegment& segment : profiles_[2]) {
+    if (relative_m < segment.s0_m - kProfileResolution_m || relative_m > segment.s1_m + kProfileResolution_m) continue;
+    if (best == nullptr || std::max(segment.z0_m, segment.z1_m) > std::max(best->z0_m, best->z1_m)) best = &segment;
+  }
+  return best == nullptr ? 0 : 0.5 * (best->y_min_m + best->y_max_m);
+}
+
+}  // namespace foldcar

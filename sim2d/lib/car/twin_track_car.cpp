@@ -1,0 +1,300 @@
+#include "twin_track_car.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "side_view_terms.h"
+
+namespace foldcar {
+namespace {
+
+// Time constants of the couplings that lag a step behind the solver. Each is a few steps at 240 Hz: short
+// against the car's own motions (tenths of a second), long enough that feeding contact forces back stays stable.
+constexpr double kRotorFilter_s = 0.006;
+constexpr double kScrubFilter_s = 0.008;
+constexpr double kCentroidFilter_s = 0.019;
+constexpr double kBellyFilter_s = 0.006;
+constexpr double kYawRateFilter_s = 0.019;
+
+// The car is put down this high over the ground, so that the first contact is found by falling.
+constexpr double kPutDownGap_m = 0.0005;
+// The tracks' mass follows the load's centroid in steps of this.
+constexpr double kCentroidTolerance_m = 0.002;
+// Below this share of the weight on the wheels the load has no centroid worth following.
+constexpr double kLeastLoadShare = 0.05;
+
+double filter_gain(double step_s, double time_constant_s) { return 1 - std::exp(-step_s / time_constant_s); }
+
+// Height that the axle of a wheel of radius_m needs at x_m to stand on the outline.
+double axle_height_m(const Profile& profile, double x_m, double radius_m) {
+  double height_m = 0;
+  for (const ProfileSegment& segment : profile) {
+    const double lo = std::max(segment.s0_m, x_m - radius_m), hi = std::min(segment.s1_m, x_m + radius_m);
+    if (hi < lo) continue;
+    const double nearest = std::clamp(x_m, lo, hi);
+    for (const double s_m : {lo, nearest, hi}) {
+      const double run = segment.s1_m - segment.s0_m;
+      const double z_m =
+          run > 0 ? segment.z0_m + (segment.z1_m - segment.z0_m) * (s_m - segment.s0_m) / run : segment.z0_m;
+      const double dx = s_m - x_m;
+      height_m = std::max(height_m, z_m + std::sqrt(std::max(0.0, radius_m * radius_m - dx * dx)));
+    }
+  }
+  return height_m;
+}
+
+}  // namespace
+
+TwinTrackCar::TwinTrackCar(const BodySpec& body, double friction, const Terrain& terrain, const PoseSpec& start,
+                           const StepOptions& options, Stopwatch* stopwatch)
+    : body_(body),
+      friction_(friction),
+      constants_(body),
+      options_(options),
+      step_s_(1 / options.rate_hz),
+      stopwatch_(stopwatch),
+      world_(b2Vec2(0, -to_units(kGravity_m_s2))),
+      ground_(terrain, body, constants_),
+      wheels_(body.wheels.size()),
+      rotor_gain_(filter_gain(step_s_, kRotorFilter_s)),
+      scrub_gain_(filter_gain(step_s_, kScrubFilter_s)),
+      centroid_gain_(filter_gain(step_s_, kCentroidFilter_s)),
+      belly_gain_(filter_gain(step_s_, kBellyFilter_s)),
+      yaw_rate_gain_(filter_gain(step_s_, kYawRateFilter_s)) {
+  world_.SetContinuousPhysics(false);
+  world_.SetAllowSleeping(false);
+  world_.SetWarmStarting(true);
+  put_down(start);
+}
+
+void TwinTrackCar::put_down(const PoseSpec& start) {
+  heading_rad_ = start.heading_rad;
+  com_x_m_ = start.x_m + body_.chassis.com_x_m * std::cos(heading_rad_);
+  com_y_m_ = start.y_m + body_.chassis.com_x_m * std::sin(heading_rad_);
+  ground_.cut({{com_x_m_, com_y_m_, heading_rad_}, body_.chassis.com_x_m, 0});
+  double side_m[2] = {0, 0};
+  double weight_moment = 0;
+  for (const WheelSpec& wheel : body_.wheels) {
+    const int k = static_cast<int>(wheel.side);
+    const double s_m = wheel.x_m - body_.chassis.com_x_m;
+    side_m[k] = std::max(side_m[k], axle_height_m(ground_.wheels(k), s_m, wheel.radius_m));
+    weight_moment += std::abs(s_m);
+  }
+  const double q = sin_roll_limited((side_m[0] - side_m[1]) / body_.track_m);
+  double axle_z_m = 0.5 * (side_m[0] + side_m[1]);
+  // A belly that would start inside an obstacle rests on it.
+  for (const ProfileSegment& segment : ground_.belly()) {
+    if (segment.s1_m < -0.5 * body_.chassis.length_m || segment.s0_m > 0.5 * body_.chassis.length_m) continue;
+    const double bottom_m = body_.chassis.center_z_m - 0.5 * body_.chassis.height_m;
+    axle_z_m = std::max(axle_z_m, std::max(segment.z0_m, segment.z1_m) - bottom_m);
+  }
+  car_ = build_mechanism(world_, body_, constants_, friction_, axle_z_m + kPutDownGap_m, q);
+  const double weight_n = constants_.mass_kg * kGravity_m_s2;
+  scrub_moment_n_m_ = friction_ * weight_n * weight_moment / static_cast<double>(body_.wheels.size());
+  last_s_m_ = to_metres(car_.chassis->GetPosition().x);
+  cut_terrain_if_stale();
+  ground_.apply(car_);
+  update_state();
+}
+
+void TwinTrackCar::cut_terrain_if_stale() {
+  const CutPose pose{{com_x_m_, com_y_m_, heading_rad_},
+                     to_metres(car_.chassis->GetPosition().x),
+                     sin_roll_limited(car_.roll->GetAngle())};
+  if (!ground_.stale(pose)) return;
+  const Lap lap(stopwatch_ != nullptr ? &stopwatch_->terrain_s : nullptr);
+  ground_.cut(pose);
+  ground_.apply(car_);
+}
+
+void TwinTrackCar::step(const PulsesUs& pulses_us) {
+  cut_terrain_if_stale();
+  drive_wheels(pulses_us);
+  apply_roll_couples();
+  apply_yaw_couples();
+  {
+    const Lap lap(stopwatch_ != nullptr ? &stopwatch_->physics_s : nullptr);
+    world_.Step(static_cast<float>(step_s_), options_.velocity_iterations, options_.position_iterations);
+  }
+  advance_pose();
+  read_contacts();
+  update_scrub();
+  update_state();
+}
+
+void TwinTrackCar::drive_wheels(const PulsesUs& pulses_us) {
+  for (std::size_t i = 0; i < wheels_.size(); ++i) {
+    const WheelSpec& spec = body_.wheels[i];
+    WheelState& wheel = wheels_[i];
+    const double omega = wheel_speed_rad_s(i);
+    const ServoDrive drive = servo_drive(spec.servo, pulses_us[static_cast<std::size_t>(spec.channel)]);
+    const double torque_n_m = servo_torque_n_m(spec.servo, drive, omega, body_.supply_v);
+    // The joint's motor gives its full torque as long as it has not reached its speed: aim at the no-load
+    // speed, or at standstill of the excess when that is already passed.
+    const double no_load_rad_s =
+        drive.fraction * spec.servo.no_load_speed_rad_s * body_.supply_v / spec.servo.rated_v;
+    car_.wheel_motor[i]->SetMotorSpeed(static_cast<float>(-no_load_rad_s));
+    car_.wheel_motor[i]->SetMaxMotorTorque(to_torque_units(std::abs(torque_n_m)));
+    // The rotor's spin-up is taken inside the gearbox: only what drives the wheel itself reacts on the frame.
+    const double acceleration = (omega - wheel.speed_rad_s) / step_s_;
+    wheel.speed_rad_s = omega;
+    wheel.acceleration_rad_s2 += rotor_gain_ * (acceleration - wheel.acceleration_rad_s2);
+    const double limit_n_m = spec.servo.stall_torque_n_m;
+    const double rotor_n_m =
+        std::clamp(spec.servo.rotor_inertia_kg_m2 * wheel.acceleration_rad_s2, -limit_n_m, limit_n_m);
+    car_.frame[static_cast<std::size_t>(spec.side)]->ApplyTorque(to_torque_units(-rotor_n_m), true);
+    state_.motor_work_j += torque_n_m * omega * step_s_;
+    state_.consumed_energy_j += body_.supply_v * servo_current_a(spec.servo, drive, torque_n_m) * step_s_;
+  }
+}
+
+void TwinTrackCar::apply_roll_couples() {
+  const double q = car_.roll->GetAngle();
+  const double speed_m_s = to_metres(car_.chassis->GetLinearVelocity().x);
+  const double couple_n_m =
+      weight_roll_couple_n_m(constants_.mass_kg, constants_.com_height_m, constants_.tyre_width_m, q) +
+      turning_roll_couple_n_m(constants_.mass_kg, constants_.com_height_m, speed_m_s, yaw_rate_rad_s_) +
+      belly_roll_couple_n_m_;
+  car_.roll->ApplyTorque(to_torque_units(couple_n_m), true);
+}
+
+void TwinTrackCar::apply_yaw_couples() {
+  // Scrub opposes the change of heading; a rolled car that pitches turns its own axes without any.
+  const double q = sin_roll_limited(car_.roll->GetAngle());
+  const double rest_m_s = 0.5 * body_.track_m * car_.chassis->GetAngularVelocity() * q;
+  for (int k = 0; k < 2; ++k) {
+    const double sign = k == 0 ? 1 : -1;
+    car_.track_slide[k]->SetMaxMotorForce(to_units(scrub_moment_n_m_ / body_.track_m));
+    car_.track_slide[k]->SetMotorSpeed(to_units(sign * rest_m_s));
+    car_.track[k]->ApplyForceToCenter(to_units(sign * belly_yaw_couple_n_m_ / body_.track_m, 0), true);
+  }
+  if (std::abs(load_centroid_m_ - track_inertia_centroid_m_) > kCentroidTolerance_m) {
+    track_inertia_centroid_m_ = load_centroid_m_;
+    const double inertia_kg_m2 =
+        constants_.yaw_inertia_kg_m2 + constants_.mass_kg * load_centroid_m_ * load_centroid_m_;
+    for (b2Body* track : car_.track) set_mass(*track, track_mass_kg(inertia_kg_m2, body_.track_m), 1);
+  }
+}
+
+void TwinTrackCar::advance_pose() {
+  const double s_m = to_metres(car_.chassis->GetPosition().x);
+  const double yaw_m = to_metres(car_.track[0]->GetPosition().x - car_.track[1]->GetPosition().x);
+  const double pitch_rad = car_.chassis->GetAngle();
+  const double q = sin_roll_limited(car_.roll->GetAngle());
+  const double d_s_m = s_m - last_s_m_;
+  const double d_heading_rad =
+      heading_step_rad((yaw_m - last_yaw_m_) / body_.track_m, pitch_rad - last_pitch_rad_, pitch_rad, q);
+  last_s_m_ = s_m;
+  last_yaw_m_ = yaw_m;
+  last_pitch_rad_ = pitch_rad;
+  yaw_rate_rad_s_ += yaw_rate_gain_ * (d_heading_rad / step_s_ - yaw_rate_rad_s_);
+  // The car turns about its load's centroid, not about its centre of mass.
+  const double middle_rad = heading_rad_ + 0.5 * d_heading_rad;
+  const double c = std::cos(middle_rad), s = std::sin(middle_rad);
+  const double sideways_m = -load_centroid_m_ * d_heading_rad;
+  com_x_m_ += d_s_m * c - sideways_m * s;
+  com_y_m_ += d_s_m * s + sideways_m * c;
+  heading_rad_ += d_heading_rad;
+}
+
+void TwinTrackCar::read_contacts() {
+  const double to_newton = 1 / (step_s_ * kUnitsPerMetre);
+  for (WheelState& wheel : wheels_) wheel.load_n = wheel.drive_force_n = 0;
+  belly_roll_now_n_m_ = belly_yaw_now_n_m_ = belly_scrub_n_m_ = 0;
+  const double s_m = to_metres(car_.chassis->GetPosition().x);
+  for (b2Contact* contact = world_.GetContactList(); contact != nullptr; contact = contact->GetNext()) {
+    if (!contact->IsTouching()) continue;
+    b2Body* a = contact->GetFixtureA()->GetBody();
+    b2Body* b = contact->GetFixtureB()->GetBody();
+    const b2Manifold& manifold = *contact->GetManifold();
+    if (a != car_.chassis && b != car_.chassis) {
+      for (std::size_t i = 0; i < wheels_.size(); ++i) {
+        if (car_.wheel[i] != a && car_.wheel[i] != b) continue;
+        for (int j = 0; j < manifold.pointCount; ++j) {
+          wheels_[i].load_n += manifold.points[j].normalImpulse * to_newton;
+          wheels_[i].drive_force_n += manifold.points[j].tangentImpulse * to_newton;
+        }
+      }
+      continue;
+    }
+    b2WorldManifold where;
+    contact->GetWorldManifold(&where);
+    const double sign = b == car_.chassis ? 1 : -1;  // the normal points from a to b
+    const b2Vec2 tangent = b2Cross(where.normal, 1.0f);
+    for (int j = 0; j < manifold.pointCount; ++j) {
+      const double normal_n = manifold.points[j].normalImpulse * to_newton;
+      const double tangent_n = manifold.points[j].tangentImpulse * to_newton;
+      if (normal_n <= 0) continue;
+      const double forward_n = sign * (normal_n * where.normal.x + tangent_n * tangent.x);
+      const double upward_n = sign * (normal_n * where.normal.y + tangent_n * tangent.y);
+      const double contact_s_m = to_metres(where.points[j].x);
+      const double y_m = ground_.belly_contact_y_m(contact_s_m);
+      belly_roll_now_n_m_ += upward_n * y_m;
+      belly_yaw_now_n_m_ -= forward_n * y_m;
+      belly_scrub_n_m_ +=
+          friction_ * body_.chassis.grip * normal_n * std::abs(contact_s_m - s_m - load_centroid_m_);
+    }
+  }
+  belly_roll_couple_n_m_ += belly_gain_ * (belly_roll_now_n_m_ - belly_roll_couple_n_m_);
+  belly_yaw_couple_n_m_ += belly_gain_ * (belly_yaw_now_n_m_ - belly_yaw_couple_n_m_);
+}
+
+void TwinTrackCar::update_scrub() {
+  double load_n = 0, moment_n_m = 0;
+  for (std::size_t i = 0; i < wheels_.size(); ++i) {
+    load_n += wheels_[i].load_n;
+    moment_n_m += wheels_[i].load_n * (body_.wheels[i].x_m - body_.chassis.com_x_m);
+  }
+  const double weight_n = constants_.mass_kg * kGravity_m_s2;
+  const double centroid_m = load_n > kLeastLoadShare * weight_n ? moment_n_m / load_n : 0;
+  load_centroid_m_ += centroid_gain_ * (centroid_m - load_centroid_m_);
+  double scrub_n_m = belly_scrub_n_m_;
+  for (std::size_t i = 0; i < wheels_.size(); ++i) {
+    const double limit_n = friction_ * body_.wheels[i].grip * wheels_[i].load_n;
+    if (limit_n <= 0) continue;
+    const double arm_m = body_.wheels[i].x_m - body_.chassis.com_x_m - load_centroid_m_;
+    const double drive_ratio = std::min(1.0, std::abs(wheels_[i].drive_force_n) / limit_n);
+    scrub_n_m += limit_n * std::abs(arm_m) * friction_circle(drive_ratio);
+  }
+  scrub_moment_n_m_ += scrub_gain_ * (scrub_n_m - scrub_moment_n_m_);
+}
+
+void TwinTrackCar::update_state() {
+  const double pitch_rad = car_.chassis->GetAngle();
+  const double q = std::clamp(static_cast<double>(car_.roll->GetAngle()), -1.0, 1.0);
+  const ChassisSpec& chassis = body_.chassis;
+  const double c = std::cos(pitch_rad), s = std::sin(pitch_rad);
+  const double back_m = chassis.com_x_m * c - chassis.com_z_m * s;
+  state_.x_m = com_x_m_ - back_m * std::cos(heading_rad_);
+  state_.y_m = com_y_m_ - back_m * std::sin(heading_rad_);
+  state_.z_m = to_metres(car_.chassis->GetPosition().y) - chassis.com_x_m * s - chassis.com_z_m * c;
+  state_.heading_rad = heading_rad_;
+  state_.pitch_rad = pitch_rad;
+  state_.roll_rad = std::asin(q);
+  state_.speed_m_s = to_metres(car_.chassis->GetLinearVelocity().x);
+  state_.yaw_rate_rad_s = yaw_rate_rad_s_;
+  state_.up = c * std::sqrt(1 - q * q);
+}
+
+double TwinTrackCar::wheel_speed_rad_s(std::size_t wheel) const {
+  return -car_.wheel_motor[wheel]->GetJointSpeed();
+}
+
+double TwinTrackCar::mechanical_energy_j() const {
+  double energy = 0;
+  for (const b2Body* body = world_.GetBodyList(); body != nullptr; body = body->GetNext()) {
+    if (body->GetType() != b2_dynamicBody) continue;
+    const double speed_squared = body->GetLinearVelocity().LengthSquared();
+    const double omega = body->GetAngularVelocity();
+    energy += 0.5 * body->GetMass() * speed_squared + 0.5 * body->GetInertia() * omega * omega;
+    energy += body->GetMass() * body->GetGravityScale() * to_units(kGravity_m_s2) * body->GetPosition().y;
+  }
+  return energy / kTorqueScale;
+}
+
+bool TwinTrackCar::finite() const {
+  return std::isfinite(state_.x_m) && std::isfinite(state_.y_m) && std::isfinite(state_.z_m) &&
+         std::isfinite(state_.heading_rad) && std::isfinite(state_.up);
+}
+
+}  // namespace foldcar

@@ -1,0 +1,99 @@
+// The simulated car: a Box2D side view of two tracks plus the couples of width, advanced in fixed steps.
+//
+// Inputs: a body, a friction, a terrain, a pose; then the servo pulses at every step. Output: where the car is.
+// Rate: 240 Hz unless asked otherwise. No randomness, no clock: same inputs, same states.
+#pragma once
+
+#include <vector>
+
+#include "body_spec.h"
+#include "hal.h"
+#include "mechanism.h"
+#include "scene_spec.h"
+#include "servo_model.h"
+#include "stopwatch.h"
+#include "track_terrain.h"
+
+namespace foldcar {
+
+struct StepOptions {
+  double rate_hz = 240;
+  int velocity_iterations = 4;
+  int position_iterations = 2;
+};
+
+// Pose of the car's origin (middle between the wheels, axle height) and what it has spent.
+struct CarState {
+  double x_m = 0, y_m = 0, z_m = 0;
+  double heading_rad = 0, pitch_rad = 0, roll_rad = 0;
+  double speed_m_s = 0;      // along the heading
+  double yaw_rate_rad_s = 0;
+  double up = 1;             // cosine of the angle between the car's up axis and the vertical
+  double consumed_energy_j = 0;
+  double motor_work_j = 0;
+};
+
+class TwinTrackCar {
+ public:
+  TwinTrackCar(const BodySpec& body, double friction, const Terrain& terrain, const PoseSpec& start,
+               const StepOptions& options, Stopwatch* stopwatch);
+
+  // Advances one step with these pulses on the servo outputs.
+  void step(const PulsesUs& pulses_us);
+
+  const CarState& state() const { return state_; }
+  double step_s() const { return step_s_; }
+  double wheel_speed_rad_s(std::size_t wheel) const;  // positive drives forward
+  // Kinetic and potential energy of everything that moves, J.
+  double mechanical_energy_j() const;
+  // False once any state is not a finite number.
+  bool finite() const;
+
+ private:
+  struct WheelState {
+    double speed_rad_s = 0;
+    double acceleration_rad_s2 = 0;  // filtered
+    double drive_force_n = 0;        // of the tyre on the ground, filtered by nothing
+    double load_n = 0;
+  };
+
+  void put_down(const PoseSpec& start);
+  void cut_terrain_if_stale();
+  void drive_wheels(const PulsesUs& pulses_us);
+  void apply_roll_couples();
+  void apply_yaw_couples();
+  void advance_pose();
+  void read_contacts();
+  void update_scrub();
+  void update_state();
+
+  const BodySpec& body_;
+  const double friction_;
+  const CarConstants constants_;
+  const StepOptions options_;
+  const double step_s_;
+  Stopwatch* const stopwatch_;
+  b2World world_;
+  TrackTerrain ground_;
+  Mechanism car_;
+  std::vector<WheelState> wheels_;
+
+  // Filters' gains a step, from their time constants.
+  double rotor_gain_, scrub_gain_, centroid_gain_, belly_gain_, yaw_rate_gain_;
+
+  // Pose of the centre of mass in the world, and what of the plane it has been integrated from.
+  double com_x_m_ = 0, com_y_m_ = 0, heading_rad_ = 0;
+  double last_s_m_ = 0, last_yaw_m_ = 0, last_pitch_rad_ = 0;
+  double yaw_rate_rad_s_ = 0;  // filtered
+
+  double load_centroid_m_ = 0;          // x of the wheels' load from the centre of mass, filtered
+  double track_inertia_centroid_m_ = 0;  // the centroid that the tracks' mass was last set for
+  double scrub_moment_n_m_ = 0;         // filtered
+  double belly_scrub_n_m_ = 0;
+  double belly_roll_couple_n_m_ = 0;  // filtered
+  double belly_yaw_couple_n_m_ = 0;   // filtered
+  double belly_roll_now_n_m_ = 0, belly_yaw_now_n_m_ = 0;
+  CarState state_;
+};
+
+}  // namespace foldcar

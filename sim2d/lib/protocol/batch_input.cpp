@@ -1,0 +1,214 @@
+#include "batch_input.h"
+
+#include <set>
+
+#include "printed_number.h"
+#include "supervisor.h"
+
+namespace foldcar {
+namespace {
+
+using nlohmann::json;
+
+// Limits of what the model can stand for. Lengths below a millimetre vanish in its contacts, cars beyond a
+// metre or so are another machine; the rest keeps the arithmetic in single precision healthy.
+constexpr Limits kCoordinate_m{-1000, 1000};
+constexpr Limits kHeading_rad{-100, 100};
+constexpr Limits kCarLength_m{0.005, 2};
+constexpr Limits kOffset_m{-1, 1};
+constexpr Limits kMass_kg{0.0005, 50};
+constexpr Limits kInertia_kg_m2{1e-7, 50};
+constexpr Limits kFriction{0, 5};
+constexpr Limits kGrip{0, 5};
+constexpr Limits kVoltage_v{0.1, 60};
+constexpr Limits kCurrent_a{0, 50};
+constexpr Limits kTorque_n_m{1e-4, 50};
+constexpr Limits kSpeed_rad_s{0.1, 200};
+constexpr Limits kPulse_us{500, 2500};
+constexpr Limits kBoxSide_m{0.001, 100};
+constexpr Limits kBoxHeight_m{0.0001, 10};
+constexpr std::size_t kMostBoxes = 10000;
+
+ServoSpec read_servo(JsonReader reader) {
+  ServoSpec servo;
+  servo.stall_torque_n_m = reader.number("stall_torque_n_m", kTorque_n_m);
+  servo.no_load_speed_rad_s = reader.number("no_load_speed_rad_s", kSpeed_rad_s);
+  servo.rated_v = reader.number("rated_v", kVoltage_v);
+  servo.stall_current_a = reader.number("stall_current_a", kCurrent_a);
+  servo.no_load_current_a = reader.number("no_load_current_a", {0, servo.stall_current_a});
+  servo.rotor_inertia_kg_m2 = reader.number("rotor_inertia_kg_m2", {0, kInertia_kg_m2.maximum});
+  servo.neutral_us = reader.number("neutral_us", kPulse_us);
+  servo.deadband_us = reader.number("deadband_us", {0, 500});
+  servo.saturation_us = reader.number("saturation_us", {servo.deadband_us + 1, 1000});
+  servo.direction = reader.integer("direction", -1, 1);
+  if (servo.direction == 0) reader.fail("direction", "must be -1 or 1");
+  reader.finish();
+  return servo;
+}
+
+WheelSpec read_wheel(JsonReader reader) {
+  WheelSpec wheel;
+  wheel.channel = reader.integer("channel", 0, static_cast<int>(kChannelCount) - 1);
+  wheel.side = reader.choice("side", {"left", "right"}) == 0 ? CarSide::kLeft : CarSide::kRight;
+  wheel.x_m = reader.number("x_m", kOffset_m);
+  wheel.radius_m = reader.number("radius_m", {0.005, 0.5});
+  wheel.width_m = reader.number("width_m", {0.0005, 0.2});
+  wheel.mass_kg = reader.number("mass_kg", kMass_kg);
+  wheel.grip = reader.number("grip", kGrip);
+  wheel.servo = read_servo(reader.object("servo"));
+  reader.finish();
+  return wheel;
+}
+
+ChassisSpec read_chassis(JsonReader reader) {
+  ChassisSpec chassis;
+  chassis.length_m = reader.number("length_m", kCarLength_m);
+  chassis.width_m = reader.number("width_m", kCarLength_m);
+  chassis.height_m = reader.number("height_m", kCarLength_m);
+  chassis.center_z_m = reader.number("center_z_m", kOffset_m);
+  chassis.mass_kg = reader.number("mass_kg", kMass_kg);
+  chassis.com_x_m = reader.number("com_x_m", kOffset_m);
+  chassis.com_z_m = reader.number("com_z_m", kOffset_m);
+  chassis.roll_inertia_kg_m2 = reader.number("roll_inertia_kg_m2", kInertia_kg_m2);
+  chassis.pitch_inertia_kg_m2 = reader.number("pitch_inertia_kg_m2", kInertia_kg_m2);
+  chassis.yaw_inertia_kg_m2 = reader.number("yaw_inertia_kg_m2", kInertia_kg_m2);
+  chassis.grip = reader.number("grip", kGrip);
+  reader.finish();
+  return chassis;
+}
+
+// Both sides carry the same axles and no output drives two wheels.
+void check_wheels(const JsonReader& reader, const std::vector<WheelSpec>& wheels) {
+  std::set<int> channels;
+  std::multiset<double> axles[2];
+  for (const WheelSpec& wheel : wheels) {
+    if (!channels.insert(wheel.channel).second) {
+      reader.fail("wheels", "channel " + std::to_string(wheel.channel) + " drives two wheels");
+    }
+    axles[static_cast<int>(wheel.side)].insert(wheel.x_m);
+  }
+  if (axles[0] != axles[1]) reader.fail("wheels", "every left wheel needs a right one at the same x_m");
+}
+
+PoseSpec read_pose(JsonReader reader) {
+  PoseSpec pose;
+  pose.x_m = reader.number("x_m", kCoordinate_m);
+  pose.y_m = reader.number("y_m", kCoordinate_m);
+  pose.heading_rad = reader.number("heading_rad", kHeading_rad);
+  reader.finish();
+  return pose;
+}
+
+BoxSpec read_box(JsonReader reader) {
+  reader.choice("kind", {"box"});
+  BoxSpec box;
+  box.x_m = reader.number("x_m", kCoordinate_m);
+  box.y_m = reader.number("y_m", kCoordinate_m);
+  box.length_m = reader.number("length_m", kBoxSide_m);
+  box.width_m = reader.number("width_m", kBoxSide_m);
+  box.height_m = reader.number("height_m", kBoxHeight_m);
+  box.heading_rad = reader.number("heading_rad", kHeading_rad);
+  reader.finish();
+  return box;
+}
+
+GoalSpec read_goal(JsonReader reader) {
+  GoalSpec goal;
+  goal.kind = reader.choice("kind", {"line", "disc"}) == 0 ? GoalSpec::Kind::kLine : GoalSpec::Kind::kDisc;
+  goal.x_m = reader.number("x_m", kCoordinate_m);
+  goal.y_m = reader.number("y_m", kCoordinate_m);
+  if (goal.kind == GoalSpec::Kind::kLine) {
+    goal.heading_rad = reader.number("heading_rad", kHeading_rad);
+  } else {
+    goal.radius_m = reader.number("radius_m", {0.001, 1000});
+  }
+  reader.finish();
+  return goal;
+}
+
+CourseSpec read_course(JsonReader reader) {
+  CourseSpec course;
+  course.x_min_m = reader.number("x_min_m", kCoordinate_m);
+  course.x_max_m = reader.number("x_max_m", {course.x_min_m, kCoordinate_m.maximum});
+  course.y_min_m = reader.number("y_min_m", kCoordinate_m);
+  course.y_max_m = reader.number("y_max_m", {course.y_min_m, kCoordinate_m.maximum});
+  reader.finish();
+  return course;
+}
+
+void read_parameters(JsonReader reader, Parameters& parameters) {
+  for (const auto& [name, value] : reader.numbers()) {
+    const SetResult result = parameters.set(name.c_str(), static_cast<float>(value));
+    if (result == SetResult::kOk) continue;
+    std::string problem = text(result);
+    if (const auto known = find_parameter(name.c_str())) {
+      const ParameterInfo& info = parameter_info(*known);
+      problem = json(value).dump() + " " + problem + " (" + json(as_printed(info.minimum)).dump() + " to " +
+                json(as_printed(info.maximum)).dump() + ")";
+    }
+    reader.fail(name, problem);
+  }
+}
+
+JsonReader only_value(const json& line, const char* kind) { return JsonReader(line.at(kind), kind); }
+
+}  // namespace
+
+LineKind line_kind(const json& line) {
+  if (line.size() == 1) {
+    if (line.contains("body")) return LineKind::kBody;
+    if (line.contains("scene")) return LineKind::kScene;
+    if (line.contains("run")) return LineKind::kRun;
+  }
+  throw InputError("a line must have exactly one key: body, scene or run");
+}
+
+BodySpec read_body(const json& line) {
+  JsonReader reader = only_value(line, "body");
+  BodySpec body;
+  body.id = reader.string("id");
+  body.chassis = read_chassis(reader.object("chassis"));
+  body.track_m = reader.number("track_m", kCarLength_m);
+  for (JsonReader& wheel : reader.objects("wheels", 2, kChannelCount)) body.wheels.push_back(read_wheel(wheel));
+  check_wheels(reader, body.wheels);
+  body.supply_v = reader.number("supply_v", kVoltage_v);
+  reader.finish();
+  return body;
+}
+
+SceneSpec read_scene(const json& line) {
+  JsonReader reader = only_value(line, "scene");
+  SceneSpec scene;
+  scene.id = reader.string("id");
+  scene.friction = reader.number("friction", kFriction);
+  for (JsonReader& piece : reader.objects("terrain", 0, kMostBoxes)) scene.boxes.push_back(read_box(piece));
+  scene.start = read_pose(reader.object("start"));
+  scene.goal = read_goal(reader.object("goal"));
+  scene.course = read_course(reader.object("course"));
+  reader.finish();
+  return scene;
+}
+
+RunLine read_run(const json& line) {
+  JsonReader reader = only_value(line, "run");
+  RunLine run;
+  run.id = reader.string("id");
+  run.body = reader.string("body");
+  run.scene = reader.string("scene");
+  run.trial.speed_m_s = reader.number("speed_m_s", {-kSpeedLimitMS, kSpeedLimitMS});
+  run.trial.yaw_rate_rad_s = reader.number_or("yaw_rate_rad_s", {-kYawRateLimitRadS, kYawRateLimitRadS}, 0);
+  run.trial.time_limit_s = reader.number("time_limit_s", {0.001, 3600});
+  run.trial.path_interval_s = reader.number_or("path_interval_s", {0, 3600}, 0);
+  if (reader.has("parameters")) read_parameters(reader.object("parameters"), run.trial.parameters);
+  reader.finish();
+  return run;
+}
+
+std::string run_id_if_any(const json& line) {
+  const auto run = line.find("run");
+  if (run == line.end() || !run->is_object()) return {};
+  const auto id = run->find("id");
+  return id != run->end() && id->is_string() ? id->get<std::string>() : std::string();
+}
+
+}  // namespace foldcar

@@ -1,0 +1,33 @@
+// The input of `carsim batch`, as docs/carsim.md describes it: lines to specs, with every limit.
+#pragma once
+
+#include <string>
+
+#include "body_spec.h"
+#include "json_reader.h"
+#include "scene_spec.h"
+#include "trial.h"
+
+namespace foldcar {
+
+enum class LineKind { kBody, kScene, kRun };
+
+// Which of the three a parsed line is. InputError if it is none or has more than one key.
+LineKind line_kind(const nlohmann::json& line);
+
+struct RunLine {
+  std::string id;
+  std::string body;
+  std::string scene;
+  TrialSpec trial;
+};
+
+// The line's only value, checked in full. All throw InputError.
+BodySpec read_body(const nlohmann::json& line);
+SceneSpec read_scene(const nlohmann::json& line);
+RunLine read_run(const nlohmann::json& line);
+
+// The id of a run line that may be wrong otherwise; empty if it has none.
+std::string run_id_if_any(const nlohmann::json& line);
+
+}  // namespace foldcar

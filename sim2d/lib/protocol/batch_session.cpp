@@ -1,0 +1,72 @@
+#include "batch_session.h"
+
+#include "trial.h"
+
+namespace foldcar {
+namespace {
+
+using nlohmann::ordered_json;
+
+std::string one_line(const ordered_json& value) {
+  return value.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
+}
+
+std::string result_reply(const RunLine& run, const TrialResult& result) {
+  ordered_json reply = {{"run", run.id},
+                        {"outcome", text(result.outcome)},
+                        {"elapsed_time_s", result.elapsed_time_s},
+                        {"distance_to_target_m", result.distance_to_target_m},
+                        {"consumed_energy_j", result.consumed_energy_j},
+                        {"max_roll_rad", result.max_roll_rad},
+                        {"max_pitch_rad", result.max_pitch_rad}};
+  if (run.trial.path_interval_s > 0) reply["path"] = result.path;
+  return one_line(reply);
+}
+
+}  // namespace
+
+std::string error_reply(std::size_t line_number, const std::string& run_id, const std::string& message) {
+  ordered_json error = {{"line", line_number}, {"run", nullptr}, {"message", message}};
+  if (!run_id.empty()) error["run"] = run_id;
+  return one_line({{"error", error}});
+}
+
+std::optional<std::string> BatchSession::answer(std::size_t line_number, const std::string& line) {
+  std::string run_id;
+  try {
+    const nlohmann::json parsed = parse_object(line);
+    run_id = run_id_if_any(parsed);
+    switch (line_kind(parsed)) {
+      case LineKind::kBody: {
+        BodySpec body = read_body(parsed);
+        const std::string id = body.id;
+        bodies_.insert_or_assign(id, std::move(body));
+        return std::nullopt;
+      }
+      case LineKind::kScene: {
+        SceneSpec scene = read_scene(parsed);
+        const std::string id = scene.id;
+        scenes_.insert_or_assign(id, std::move(scene));
+        return std::nullopt;
+      }
+      case LineKind::kRun:
+        return run(read_run(parsed));
+    }
+    return std::nullopt;
+  } catch (const std::exception& error) {
+    return error_reply(line_number, run_id, error.what());
+  }
+}
+
+std::string BatchSession::run(const RunLine& run) {
+  const auto body = bodies_.find(run.body);
+  if (body == bodies_.end()) throw InputError("run.body: no body \"" + run.body + "\" on an earlier line");
+  const auto scene = scenes_.find(run.scene);
+  if (scene == scenes_.end()) throw InputError("run.scene: no scene \"" + run.scene + "\" on an earlier line");
+  const TrialResult result =
+      run_trial(body->second, scene->second, run.trial, StepOptions{}, timed_ ? &stopwatch_ : nullptr);
+  simulated_s_ += result.elapsed_time_s;
+  return result_reply(run, result);
+}
+
+}  // namespace foldcar

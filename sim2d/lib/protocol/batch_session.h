@@ -1,0 +1,36 @@
+// The serial batch: takes lines, remembers bodies and scenes, runs runs. A worker process is one of these.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <unordered_map>
+
+#include "batch_input.h"
+#include "stopwatch.h"
+
+namespace foldcar {
+
+// {"error": …} as docs/carsim.md describes it; run_id may be empty.
+std::string error_reply(std::size_t line_number, const std::string& run_id, const std::string& message);
+
+class BatchSession {
+ public:
+  explicit BatchSession(bool timed) : timed_(timed) {}
+
+  // The reply to a line, if it calls for one: a run's result, or an error. Never throws for bad input.
+  std::optional<std::string> answer(std::size_t line_number, const std::string& line);
+
+  const Stopwatch& stopwatch() const { return stopwatch_; }
+  double simulated_s() const { return simulated_s_; }
+
+ private:
+  std::string run(const RunLine& run);
+
+  bool timed_;
+  std::unordered_map<std::string, BodySpec> bodies_;
+  std::unordered_map<std::string, SceneSpec> scenes_;
+  Stopwatch stopwatch_;
+  double simulated_s_ = 0;
+};
+
+}  // namespace foldcar

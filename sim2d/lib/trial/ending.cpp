@@ -1,0 +1,49 @@
+#include "ending.h"
+
+#include <cmath>
+
+namespace foldcar {
+namespace {
+
+constexpr double kTippedUp = 0.26;  // cosine of 75 degrees
+// Stuck: neither this far nor turned this much within the time.
+constexpr double kStuckDistance_m = 0.010;
+constexpr double kStuckTurn_rad = 0.035;
+constexpr double kStuckTime_s = 4;
+
+}  // namespace
+
+double distance_to_target_m(const SceneSpec& scene, const CarState& state) {
+  return std::hypot(state.x_m - scene.goal.x_m, state.y_m - scene.goal.y_m);
+}
+
+Ending::Ending(const SceneSpec& scene, const CarState& start)
+    : scene_(scene), was_short_of_goal_(goal_distance_m(start) > 0), moved_at_(start) {}
+
+double Ending::goal_distance_m(const CarState& state) const {
+  const GoalSpec& goal = scene_.goal;
+  if (goal.kind == GoalSpec::Kind::kDisc) return distance_to_target_m(scene_, state) - goal.radius_m;
+  return (goal.x_m - state.x_m) * std::cos(goal.heading_rad) + (goal.y_m - state.y_m) * std::sin(goal.heading_rad);
+}
+
+std::optional<Outcome> Ending::check(const CarState& state, double elapsed_s) {
+  if (state.up < kTippedUp) return Outcome::kTipped;
+  const bool short_of_goal = goal_distance_m(state) > 0;
+  if (was_short_of_goal_ && !short_of_goal) return Outcome::kPassed;
+  was_short_of_goal_ = short_of_goal;
+  const CourseSpec& course = scene_.course;
+  if (state.x_m < course.x_min_m || state.x_m > course.x_max_m || state.y_m < course.y_min_m ||
+      state.y_m > course.y_max_m) {
+    return Outcome::kOffCourse;
+  }
+  const double moved_m = std::hypot(state.x_m - moved_at_.x_m, state.y_m - moved_at_.y_m);
+  if (moved_m > kStuckDistance_m || std::abs(state.heading_rad - moved_at_.heading_rad) > kStuckTurn_rad) {
+    moved_at_ = state;
+    moved_at_s_ = elapsed_s;
+  } else if (elapsed_s - moved_at_s_ >= kStuckTime_s) {
+    return Outcome::kStuck;
+  }
+  return std::nullopt;
+}
+
+}  // namespace foldcar

@@ -1,0 +1,30 @@
+// When a trial is over: goal reached, tipped, off course or stuck. Time-outs and faults are the firmware's.
+#pragma once
+
+#include <optional>
+
+#include "scene_spec.h"
+#include "trial.h"
+#include "twin_track_car.h"
+
+namespace foldcar {
+
+class Ending {
+ public:
+  Ending(const SceneSpec& scene, const CarState& start);
+
+  // The outcome if state, elapsed_s into the trial, ends it.
+  std::optional<Outcome> check(const CarState& state, double elapsed_s);
+
+ private:
+  double goal_distance_m(const CarState& state) const;  // negative once reached
+
+  const SceneSpec& scene_;
+  bool was_short_of_goal_;
+  CarState moved_at_;
+  double moved_at_s_ = 0;
+};
+
+double distance_to_target_m(const SceneSpec& scene, const CarState& state);
+
+}  // namespace foldcar

@@ -12,11 +12,13 @@ namespace {
 constexpr double kHeadingTolerance_rad = 0.006;
 constexpr double kSidewaysTolerance_m = 0.0007;
 constexpr double kRollTolerance = 0.02;
-constexpr double kForwardTolerance_m = 0.1;
+constexpr double kAheadTolerance_m = 0.1;
+constexpr double kBehindTolerance_m = 0.02;
 // A chain whose vertices are this close to where they should be is kept.
 constexpr double kChainTolerance_m = 0.0001;
-// Terrain is cut this much beyond the car, so that it can drive the tolerance and a little more.
-constexpr double kMargin_m = 0.15;
+// Terrain is cut this much further than the car may drive before the next cut, so that a chain can be kept
+// although the car has moved on.
+constexpr double kSpare_m = 0.04;
 
 // The belly is felt along this many lines; fewer let narrow edges through.
 constexpr int kBellyLines = 9;
@@ -30,7 +32,7 @@ TrackTerrain::TrackTerrain(const Terrain& terrain, const BodySpec& body, const C
       tyre_width_m_(constants.tyre_width_m),
       belly_width_m_(body.chassis.width_m),
       belly_drop_m_(constants.wheel_radius_m + body.chassis.center_z_m - 0.5 * body.chassis.height_m),
-      reach_m_(constants.reach_m + kMargin_m),
+      reach_m_(constants.reach_m),
       strips_(2 + kBellyLines),
       pieces_(2 + kBellyLines) {}
 
@@ -38,9 +40,10 @@ bool TrackTerrain::stale(const CutPose& pose) const {
   if (!cut_once_) return true;
   const double dx = pose.frame.x_m - at_.frame.x_m, dy = pose.frame.y_m - at_.frame.y_m;
   const double c = std::cos(pose.frame.heading_rad), s = std::sin(pose.frame.heading_rad);
+  const double ahead_m = c * dx + s * dy, sideways_m = c * dy - s * dx;
   return std::abs(pose.frame.heading_rad - at_.frame.heading_rad) > kHeadingTolerance_rad ||
-         std::abs(c * dy - s * dx) > kSidewaysTolerance_m || std::abs(c * dx + s * dy) > kForwardTolerance_m ||
-         std::abs(pose.q - at_.q) > kRollTolerance;
+         std::abs(sideways_m) > kSidewaysTolerance_m || ahead_m > kAheadTolerance_m ||
+         ahead_m < -kBehindTolerance_m || std::abs(pose.q - at_.q) > kRollTolerance;
 }
 
 void TrackTerrain::set_strips(double q) {
@@ -62,7 +65,7 @@ void TrackTerrain::set_strips(double q) {
 void TrackTerrain::cut(const CutPose& pose) {
   set_strips(pose.q);
   for (auto& list : pieces_) list.clear();
-  const Span span{-reach_m_, reach_m_};
+  const Span span{-reach_m_ - kBehindTolerance_m - kSpare_m, reach_m_ + kAheadTolerance_m + kSpare_m};
   terrain_.slice(pose.frame, span, strips_, pieces_);
   for (int k = 0; k < 2; ++k) {
     const Piece ground{span.s_min_m, span.s_max_m, 0, 0, 0};
@@ -110,14 +113,15 @@ void TrackTerrain::make_vertices(const b2Body& body, const Profile& profile) {
   }
 }
 
-// Making a chain anew costs more than cutting it: one that is right within kChainTolerance stays. The ends,
-// which lie beyond the car, may be as far off as the car may drive between cuts.
+// Making a chain anew costs more than cutting it: one that is right within kChainTolerance stays, as long as
+// its ends reach as far as the car may drive before the next cut.
 bool TrackTerrain::fits(const std::vector<b2Vec2>& chain) const {
   if (chain.size() != vertices_.size()) return false;
-  const float tolerance = to_units(kChainTolerance_m), end_tolerance = to_units(kForwardTolerance_m);
+  const float tolerance = to_units(kChainTolerance_m), spare = to_units(kSpare_m);
+  if (chain.front().x < vertices_.front().x - spare || chain.back().x > vertices_.back().x + spare) return false;
   for (std::size_t i = 0; i < chain.size(); ++i) {
     const bool end = i == 0 || i + 1 == chain.size();
-    if (std::abs(chain[i].x - vertices_[i].x) > (end ? end_tolerance : tolerance)) return false;
+    if (!end && std::abs(chain[i].x - vertices_[i].x) > tolerance) return false;
     if (std::abs(chain[i].y - vertices_[i].y) > tolerance) return false;
   }
   return true;

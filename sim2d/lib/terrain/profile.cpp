@@ -6,9 +6,11 @@
 namespace foldcar {
 namespace {
 
+bool flat(const Piece& piece) { return piece.z0_m == piece.z1_m; }
+
 double height_at(const Piece& piece, double s_m) {
-  const double length = piece.s1_m - piece.s0_m;
-  return length > 0 ? piece.z0_m + (piece.z1_m - piece.z0_m) * (s_m - piece.s0_m) / length : piece.z0_m;
+  if (flat(piece)) return piece.z0_m;
+  return piece.z0_m + (piece.z1_m - piece.z0_m) * (s_m - piece.s0_m) / (piece.s1_m - piece.s0_m);
 }
 
 bool covers(const Piece& piece, double s_m) { return piece.s0_m <= s_m && s_m <= piece.s1_m; }
@@ -21,8 +23,6 @@ void for_each_at(const std::vector<Piece>& pieces, const Piece& ground, double s
     if (covers(piece, s_m)) visit(piece);
   }
 }
-
-bool flat(const Piece& piece) { return piece.z0_m == piece.z1_m; }
 
 // Crossings of two pieces within a stretch are breakpoints too; flat pieces never cross.
 void add_crossings(const std::vector<Piece>& pieces, std::vector<double>& breaks) {

@@ -1,0 +1,55 @@
+#include "differential_drive.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace foldcar {
+namespace {
+
+float approach(float value, float target, float step) {
+  return value < target ? std::min(value + step, target) : std::max(value - step, target);
+}
+
+// The servo ignores the deadband, so the pulse jumps over it and the slew limit counts only what is beyond.
+float pulse_us(const WheelCalibration& wheel, float beyond_us) {
+  if (beyond_us == 0.0f) return wheel.neutral_us;
+  const float from_neutral_us = beyond_us + (beyond_us > 0.0f ? wheel.deadband_us : -wheel.deadband_us);
+  return std::clamp(wheel.neutral_us + wheel.direction * from_neutral_us, kShortestPulseUs, kLongestPulseUs);
+}
+
+}  // namespace
+
+WheelSpeeds wheel_speeds(const Calibration& calibration, const SetPoint& set_point) {
+  const float turn_m_s = set_point.yaw_rate_rad_s * calibration.half_track_m;
+  const float left_rad_s = (set_point.speed_m_s - turn_m_s) / calibration.wheel_radius_m;
+  const float right_rad_s = (set_point.speed_m_s + turn_m_s) / calibration.wheel_radius_m;
+  const float fastest_rad_s = std::max(std::fabs(left_rad_s), std::fabs(right_rad_s));
+  if (fastest_rad_s <= calibration.wheel_max_rad_s) return {left_rad_s, right_rad_s};
+  const float scale = calibration.wheel_max_rad_s / fastest_rad_s;
+  return {scale * left_rad_s, scale * right_rad_s};
+}
+
+PulsesUs drive(const Calibration& calibration, DriveState& state, const SetPoint& set_point,
+               std::uint32_t step_us) {
+  state.elapsed_us += step_us;
+  const WheelSpeeds speeds = wheel_speeds(calibration, set_point);
+  PulsesUs pulses_us{};
+  for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
+    const WheelCalibration& wheel = calibration.wheels[channel];
+    if (wheel.side == Side::kUnused) {
+      pulses_us[channel] = kNoPulse;
+      continue;
+    }
+    // A wheel that starts within this step ramps for the rest of it: the ramp is the same at any tick.
+    const std::uint32_t started_for_us =
+        state.elapsed_us > wheel.starts_at_us ? std::min(step_us, state.elapsed_us - wheel.starts_at_us) : 0;
+    const float speed_rad_s = wheel.side == Side::kLeft ? speeds.left_rad_s : speeds.right_rad_s;
+    const float largest_change_us = calibration.slew_us_per_us * static_cast<float>(started_for_us);
+    float& beyond_us = state.beyond_us[channel];
+    beyond_us = approach(beyond_us, wheel.gain_us * speed_rad_s, largest_change_us);
+    pulses_us[channel] = pulse_us(wheel, beyond_us);
+  }
+  return pulses_us;
+}
+
+}  // namespace foldcar

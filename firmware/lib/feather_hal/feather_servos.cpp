@@ -1,0 +1,72 @@
+#include "feather_servos.h"
+
+#include <Arduino.h>
+#include <Wire.h>
+
+#include <cmath>
+
+namespace foldcar {
+namespace {
+
+constexpr std::uint8_t kAddress = 0x40;
+constexpr int kSdaPin = 23;
+constexpr int kSclPin = 22;
+constexpr std::uint32_t kBusHz = 400000;
+constexpr float kPulseRateHz = 50.0f;
+constexpr std::uint16_t kTicksPerPeriod = 4096;
+
+// ALL_LED_OFF_H with its full-off bit: one register that turns off every output and wins over any pulse.
+constexpr std::uint8_t kAllOffRegister = 0xFD;
+constexpr std::uint8_t kFullOff = 0x10;
+
+}  // namespace
+
+FeatherServos::FeatherServos() : driver_(kAddress, Wire) {}
+
+// The driver's begin() passes through 1 kHz and a restart, so the outputs must be off by then. Wire is begun
+// here because a second begin() on a running bus changes neither pins nor frequency.
+bool FeatherServos::begin() {
+  bus_open_ = Wire.begin(kSdaPin, kSclPin, kBusHz);
+  driver_begun_ = write_off() && driver_.begin();
+  return driver_begun_;
+}
+
+bool FeatherServos::set_oscillator_hz(float oscillator_hz) {
+  us_per_tick_ = 0.0f;
+  if (!driver_begun_ || !write_off()) return false;
+  driver_.setOscillatorFrequency(static_cast<std::uint32_t>(oscillator_hz));
+  driver_.setPWMFreq(kPulseRateHz);
+  // The prescaler is a whole number, so the real period is not quite 20 ms. The driver checks no read; a read
+  // that failed shows as a rate far from the one asked for.
+  const float us_per_tick = 1e6f * static_cast<float>(driver_.readPrescale() + 1) / oscillator_hz;
+  const float rate_hz = 1e6f / (us_per_tick * kTicksPerPeriod);
+  if (std::fabs(rate_hz - kPulseRateHz) > 1.0f) return false;
+  us_per_tick_ = us_per_tick;
+  return true;
+}
+
+bool FeatherServos::write_pulses(const PulsesUs& pulses_us) {
+  bool all_off = true;
+  for (const float pulse_us : pulses_us) all_off = all_off && pulse_us == kNoPulse;
+  if (all_off) return write_off() && driver_begun_;
+
+  if (us_per_tick_ == 0.0f) return false;
+  for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
+    const float pulse_us = pulses_us[channel];
+    // An off time of a whole period is the chip's full-off bit.
+    const std::uint16_t ticks =
+        pulse_us == kNoPulse ? kTicksPerPeriod : static_cast<std::uint16_t>(pulse_us / us_per_tick_ + 0.5f);
+    if (driver_.setPWM(static_cast<std::uint8_t>(channel), 0, ticks) != 0) return false;
+  }
+  return true;
+}
+
+bool FeatherServos::write_off() {
+  if (!bus_open_) return false;
+  Wire.beginTransmission(kAddress);
+  Wire.write(kAllOffRegister);
+  Wire.write(kFullOff);
+  return Wire.endTransmission() == 0;
+}
+
+}  // namespace foldcar

@@ -1,0 +1,113 @@
+#include "supervisor.h"
+
+#include <cmath>
+#include <initializer_list>
+
+namespace foldcar {
+namespace {
+
+std::uint64_t from_ms(float duration_ms) { return static_cast<std::uint64_t>(1000.0f * duration_ms); }
+
+bool has_wheel_on(const Parameters& parameters, Side side) {
+  for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
+    if (parameters.get(channel, ChannelParameter::kSide) == static_cast<float>(side)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+Refusal Supervisor::arm(float battery_v) {
+  if (state_ == State::kFault) return Refusal::kFaultLatched;
+  if (state_ == State::kRunning) return Refusal::kRunning;
+  if (std::isnan(battery_v)) return Refusal::kBatteryUnreadable;
+  if (battery_v < parameters_.get(Parameter::kBattMinV)) return Refusal::kBatteryLow;
+  state_ = State::kArmed;
+  return Refusal::kNone;
+}
+
+Refusal Supervisor::disarm() {
+  if (state_ == State::kFault) return Refusal::kFaultLatched;
+  state_ = State::kDisarmed;
+  return Refusal::kNone;
+}
+
+Refusal Supervisor::start(const TrialRequest& request, std::uint64_t now_us) {
+  if (state_ == State::kFault) return Refusal::kFaultLatched;
+  if (state_ == State::kRunning) return Refusal::kRunning;
+  if (state_ != State::kArmed) return Refusal::kNotArmed;
+  const Refusal refusal = check(request);
+  if (refusal != Refusal::kNone) return refusal;
+  untethered_ = request.untethered;
+  trial_started_us_ = now_us;
+  trial_elapsed_us_ = 0;
+  trial_limit_us_ = static_cast<std::uint64_t>(1e6 * static_cast<double>(request.time_limit_s));
+  refreshed_us_ = now_us;
+  state_ = State::kRunning;
+  return Refusal::kNone;
+}
+
+Refusal Supervisor::stop() {
+  if (state_ == State::kRunning) state_ = State::kFinished;
+  return Refusal::kNone;
+}
+
+Refusal Supervisor::acknowledge() {
+  if (state_ != State::kFault) return Refusal::kNoFault;
+  fault_ = Fault::kNone;
+  state_ = State::kDisarmed;
+  return Refusal::kNone;
+}
+
+Refusal Supervisor::refresh_command(std::uint64_t now_us) {
+  if (state_ == State::kFault) return Refusal::kFaultLatched;
+  if (state_ != State::kRunning) return Refusal::kNotRunning;
+  refreshed_us_ = now_us;
+  return Refusal::kNone;
+}
+
+void Supervisor::report(Fault fault) {
+  if (state_ == State::kFault) return;
+  fault_ = fault;
+  state_ = State::kFault;
+}
+
+void Supervisor::tick(const SupervisorInputs& inputs) {
+  const bool battery_low = battery_low_for_long(inputs);
+  if (state_ != State::kArmed && state_ != State::kRunning) return;
+  if (std::isnan(inputs.battery_v)) return report(Fault::kBatteryUnreadable);
+  if (battery_low) return report(Fault::kBatteryLow);
+  if (state_ != State::kRunning) return;
+
+  trial_elapsed_us_ = inputs.now_us - trial_started_us_;
+  if (trial_elapsed_us_ >= trial_limit_us_) {
+    state_ = State::kFinished;
+    return;
+  }
+  const std::uint64_t silent_us = inputs.now_us - refreshed_us_;
+  const std::uint64_t longest_us = from_ms(parameters_.get(Parameter::kCmdTimeoutMs));
+  if (!untethered_ && silent_us > longest_us) report(Fault::kCommandStale);
+}
+
+Refusal Supervisor::check(const TrialRequest& request) const {
+  for (const float value : {request.speed_m_s, request.yaw_rate_rad_s, request.time_limit_s}) {
+    if (std::isnan(value)) return Refusal::kNotANumber;
+  }
+  if (std::fabs(request.speed_m_s) > kSpeedLimitMS) return Refusal::kSpeedLimit;
+  if (std::fabs(request.yaw_rate_rad_s) > kYawRateLimitRadS) return Refusal::kYawRateLimit;
+  if (request.time_limit_s <= 0.0f || request.time_limit_s > parameters_.get(Parameter::kTrialMaxS)) {
+    return Refusal::kTimeLimit;
+  }
+  const bool drivable = has_wheel_on(parameters_, Side::kLeft) && has_wheel_on(parameters_, Side::kRight);
+  return drivable ? Refusal::kNone : Refusal::kNoWheels;
+}
+
+// Servos that start pull the voltage down for a moment; only a lasting dip means an empty battery.
+bool Supervisor::battery_low_for_long(const SupervisorInputs& inputs) {
+  const bool low = inputs.battery_v < parameters_.get(Parameter::kBattMinV);
+  if (low && !battery_low_) battery_low_since_us_ = inputs.now_us;
+  battery_low_ = low;
+  return low && inputs.now_us - battery_low_since_us_ >= from_ms(parameters_.get(Parameter::kBattLowMs));
+}
+
+}  // namespace foldcar

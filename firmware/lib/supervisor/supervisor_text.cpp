@@ -1,0 +1,48 @@
+// The words for states, faults and refusals: short, lower case, for status lines and messages.
+#include "supervisor.h"
+
+namespace foldcar {
+
+const char* text(State state) {
+  switch (state) {
+    case State::kDisarmed: return "disarmed";
+    case State::kArmed: return "armed";
+    case State::kRunning: return "running";
+    case State::kFinished: return "finished";
+    case State::kFault: return "fault";
+  }
+  return "?";
+}
+
+const char* text(Fault fault) {
+  switch (fault) {
+    case Fault::kNone: return "none";
+    case Fault::kBus: return "servo driver does not answer";
+    case Fault::kBatteryUnreadable: return "battery voltage unreadable";
+    case Fault::kBatteryLow: return "battery low";
+    case Fault::kCommandStale: return "no command from the host";
+    case Fault::kStoredParameter: return "stored parameter out of range";
+  }
+  return "?";
+}
+
+const char* text(Refusal refusal) {
+  switch (refusal) {
+    case Refusal::kNone: return "ok";
+    case Refusal::kNotArmed: return "not armed";
+    case Refusal::kRunning: return "a trial is running";
+    case Refusal::kNotRunning: return "no trial is running";
+    case Refusal::kFaultLatched: return "a fault is not acknowledged";
+    case Refusal::kNoFault: return "there is no fault";
+    case Refusal::kBatteryUnreadable: return "battery voltage unreadable";
+    case Refusal::kBatteryLow: return "battery low";
+    case Refusal::kNoWheels: return "no wheel on the left or on the right";
+    case Refusal::kNotANumber: return "a value is not a number";
+    case Refusal::kSpeedLimit: return "speed beyond its limit";
+    case Refusal::kYawRateLimit: return "yaw rate beyond its limit";
+    case Refusal::kTimeLimit: return "time limit not above 0 or above TRIAL_MAX_S";
+  }
+  return "?";
+}
+
+}  // namespace foldcar

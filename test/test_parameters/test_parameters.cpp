@@ -1,0 +1,174 @@
+// The parameter table and the values: names, limits, refusals, storage.
+#include <unity.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+
+#include "../recording_hal.h"
+#include "parameters.h"
+
+using namespace foldcar;
+
+void setUp() {}
+void tearDown() {}
+
+void names_are_unique_upper_case_and_fit_a_flash_key() {
+  for (const ParameterInfo& info : parameter_table()) {
+    const std::size_t length = std::strlen(info.name);
+    TEST_ASSERT_TRUE_MESSAGE(length >= 1 && length <= 15, info.name);
+    const std::size_t allowed_length = std::strspn(info.name, "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_");
+    TEST_ASSERT_EQUAL_UINT_MESSAGE(length, allowed_length, info.name);
+    int count = 0;
+    for (const ParameterInfo& other : parameter_table()) count += std::strcmp(info.name, other.name) == 0;
+    TEST_ASSERT_EQUAL_INT_MESSAGE(1, count, info.name);
+  }
+}
+
+void every_parameter_is_explained() {
+  for (const ParameterInfo& info : parameter_table()) {
+    TEST_ASSERT_TRUE_MESSAGE(std::strlen(info.help) > 10, info.name);
+    TEST_ASSERT_NOT_NULL_MESSAGE(info.unit, info.name);
+  }
+}
+
+void a_name_leads_to_its_typed_index() {
+  const auto is = [](const char* name, Parameter parameter) {
+    TEST_ASSERT_TRUE_MESSAGE(find_parameter(name) == parameter, name);
+    TEST_ASSERT_EQUAL_STRING(name, parameter_info(parameter).name);
+  };
+  is("WHEEL_RADIUS_M", Parameter::kWheelRadiusM);
+  is("TRACK_M", Parameter::kTrackM);
+  is("WHEEL_MAX_RAD_S", Parameter::kWheelMaxRadS);
+  is("SLEW_US_PER_S", Parameter::kSlewUsPerS);
+  is("STAGGER_MS", Parameter::kStaggerMs);
+  is("BATT_MIN_V", Parameter::kBattMinV);
+  is("BATT_LOW_MS", Parameter::kBattLowMs);
+  is("CMD_TIMEOUT_MS", Parameter::kCmdTimeoutMs);
+  is("TRIAL_MAX_S", Parameter::kTrialMaxS);
+  is("PWM_OSC_HZ", Parameter::kPwmOscHz);
+  for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
+    const std::string prefix = "CH" + std::to_string(channel + 1) + "_";
+    is((prefix + "SIDE").c_str(), channel_parameter(channel, ChannelParameter::kSide));
+    is((prefix + "DIRECTION").c_str(), channel_parameter(channel, ChannelParameter::kDirection));
+    is((prefix + "NEUTRAL_US").c_str(), channel_parameter(channel, ChannelParameter::kNeutralUs));
+    is((prefix + "DEADBAND_US").c_str(), channel_parameter(channel, ChannelParameter::kDeadbandUs));
+    is((prefix + "GAIN_US").c_str(), channel_parameter(channel, ChannelParameter::kGainUs));
+  }
+  TEST_ASSERT_EQUAL_UINT(10 + 8 * 5, parameter_table().size());
+}
+
+void a_new_object_describes_the_study_car() {
+  const Parameters parameters;
+  TEST_ASSERT_EQUAL_FLOAT(0.06f, parameters.get(Parameter::kWheelRadiusM));
+  TEST_ASSERT_EQUAL_FLOAT(0.111f, parameters.get(Parameter::kTrackM));
+  TEST_ASSERT_EQUAL_FLOAT(11.5f, parameters.get(Parameter::kWheelMaxRadS));
+  const float sides[] = {1, 2, 1, 2, 0, 0, 0, 0};
+  const float directions[] = {1, -1, 1, -1};
+  for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
+    TEST_ASSERT_EQUAL_FLOAT(sides[channel], parameters.get(channel, ChannelParameter::kSide));
+    if (channel >= 4) continue;
+    TEST_ASSERT_EQUAL_FLOAT(directions[channel], parameters.get(channel, ChannelParameter::kDirection));
+    // Full speed of the servo, 11.5 rad/s, is 200 us from neutral: 45 of deadband and 155 of gain.
+    const float full_us = parameters.get(channel, ChannelParameter::kDeadbandUs) +
+                          11.5f * parameters.get(channel, ChannelParameter::kGainUs);
+    TEST_ASSERT_FLOAT_WITHIN(1e-3f, 200.0f, full_us);
+  }
+}
+
+void limits_are_allowed_and_what_is_beyond_them_is_not() {
+  for (const ParameterInfo& info : parameter_table()) {
+    Parameters parameters;
+    const Parameter index = *find_parameter(info.name);
+    const float infinity = std::numeric_limits<float>::infinity();
+    TEST_ASSERT_TRUE_MESSAGE(parameters.set(info.name, info.minimum) == SetResult::kOk, info.name);
+    TEST_ASSERT_TRUE_MESSAGE(parameters.get(index) == info.minimum, info.name);
+    TEST_ASSERT_TRUE_MESSAGE(parameters.set(info.name, info.maximum) == SetResult::kOk, info.name);
+    const SetResult below = parameters.set(info.name, std::nextafter(info.minimum, -infinity));
+    const SetResult above = parameters.set(info.name, std::nextafter(info.maximum, infinity));
+    TEST_ASSERT_TRUE_MESSAGE(below == SetResult::kBelowMinimum, info.name);
+    TEST_ASSERT_TRUE_MESSAGE(above == SetResult::kAboveMaximum, info.name);
+    TEST_ASSERT_TRUE_MESSAGE(parameters.set(info.name, NAN) == SetResult::kNotANumber, info.name);
+    TEST_ASSERT_TRUE_MESSAGE(parameters.set(info.name, infinity) == SetResult::kAboveMaximum, info.name);
+    TEST_ASSERT_TRUE_MESSAGE(parameters.get(index) == info.maximum, "a refused value changed the old one");
+  }
+}
+
+void a_side_is_whole_and_a_direction_is_a_sign() {
+  Parameters parameters;
+  TEST_ASSERT_TRUE(parameters.set("CH1_SIDE", 1.5f) == SetResult::kNotAnInteger);
+  TEST_ASSERT_TRUE(parameters.set("CH1_DIRECTION", 0.0f) == SetResult::kNotASign);
+  TEST_ASSERT_TRUE(parameters.set("CH1_DIRECTION", 0.5f) == SetResult::kNotASign);
+  TEST_ASSERT_TRUE(parameters.set("CH1_DIRECTION", -1.0f) == SetResult::kOk);
+}
+
+void an_unknown_name_is_refused() {
+  Parameters parameters;
+  for (const char* name : {"", "TRACK", "track_m", "CH0_SIDE", "CH9_SIDE", "TRACK_M_AND_MORE_THAN_FITS"}) {
+    TEST_ASSERT_TRUE_MESSAGE(parameters.set(name, 1.0f) == SetResult::kUnknownName, name);
+  }
+}
+
+void values_survive_storage() {
+  RecordingStorage storage;
+  Parameters written;
+  written.set("TRACK_M", 0.2f);
+  written.set("CH3_NEUTRAL_US", 1512.5f);
+  TEST_ASSERT_TRUE(written.save(storage));
+
+  Parameters read;
+  TEST_ASSERT_EQUAL_UINT(0, read.load(storage));
+  for (const ParameterInfo& info : parameter_table()) {
+    const Parameter index = *find_parameter(info.name);
+    TEST_ASSERT_TRUE_MESSAGE(read.get(index) == written.get(index), info.name);
+  }
+}
+
+void empty_storage_leaves_values_alone() {
+  RecordingStorage storage;
+  Parameters parameters;
+  parameters.set("TRACK_M", 0.2f);
+  TEST_ASSERT_EQUAL_UINT(0, parameters.load(storage));
+  TEST_ASSERT_EQUAL_FLOAT(0.2f, parameters.get(Parameter::kTrackM));
+}
+
+void stored_values_beyond_the_limits_are_counted_and_not_taken() {
+  RecordingStorage storage;
+  storage.values = {{"TRACK_M", -1.0f}, {"STAGGER_MS", NAN}, {"BATT_MIN_V", 3.0f}};
+  Parameters parameters;
+  TEST_ASSERT_EQUAL_UINT(2, parameters.load(storage));
+  TEST_ASSERT_EQUAL_FLOAT(0.111f, parameters.get(Parameter::kTrackM));
+  TEST_ASSERT_EQUAL_FLOAT(3.0f, parameters.get(Parameter::kBattMinV));
+}
+
+void a_storage_that_takes_nothing_is_noticed() {
+  RecordingStorage storage;
+  storage.accepts = false;
+  TEST_ASSERT_FALSE(Parameters().save(storage));
+}
+
+void objects_do_not_share_values() {
+  Parameters first;
+  Parameters second;
+  first.set("TRACK_M", 0.3f);
+  TEST_ASSERT_EQUAL_FLOAT(0.111f, second.get(Parameter::kTrackM));
+}
+
+int main() {
+  UNITY_BEGIN();
+  RUN_TEST(names_are_unique_upper_case_and_fit_a_flash_key);
+  RUN_TEST(every_parameter_is_explained);
+  RUN_TEST(a_name_leads_to_its_typed_index);
+  RUN_TEST(a_new_object_describes_the_study_car);
+  RUN_TEST(limits_are_allowed_and_what_is_beyond_them_is_not);
+  RUN_TEST(a_side_is_whole_and_a_direction_is_a_sign);
+  RUN_TEST(an_unknown_name_is_refused);
+  RUN_TEST(values_survive_storage);
+  RUN_TEST(empty_storage_leaves_values_alone);
+  RUN_TEST(stored_values_beyond_the_limits_are_counted_and_not_taken);
+  RUN_TEST(a_storage_that_takes_nothing_is_noticed);
+  RUN_TEST(objects_do_not_share_values);
+  UNITY_END();
+  return 0;
+}

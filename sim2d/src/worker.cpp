@@ -89,7 +89,11 @@ Worker::Worker(Worker&& other) noexcept
       received_(std::move(other.received_)) {}
 
 Worker::~Worker() {
-  if (socket_ >= 0) close(socket_);
+  if (socket_ >= 0) {
+    // Closing alone is not heard: workers forked later hold copies of this end.
+    shutdown(socket_, SHUT_RDWR);
+    close(socket_);
+  }
   if (process_ > 0) waitpid(process_, nullptr, 0);
 }
 

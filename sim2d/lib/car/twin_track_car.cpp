@@ -16,8 +16,6 @@ constexpr double kCentroidFilter_s = 0.019;
 constexpr double kBellyFilter_s = 0.006;
 constexpr double kYawRateFilter_s = 0.019;
 
-// The car is put down this high over the ground, so that the first contact is found by falling.
-constexpr double kPutDownGap_m = 0.0005;
 // The tracks' mass follows the load's centroid in steps of this.
 constexpr double kCentroidTolerance_m = 0.002;
 // Below this share of the weight on the wheels the load has no centroid worth following.
@@ -88,7 +86,7 @@ void TwinTrackCar::put_down(const PoseSpec& start) {
     const double bottom_m = body_.chassis.center_z_m - 0.5 * body_.chassis.height_m;
     axle_z_m = std::max(axle_z_m, std::max(segment.z0_m, segment.z1_m) - bottom_m);
   }
-  car_ = build_mechanism(world_, body_, constants_, friction_, axle_z_m + kPutDownGap_m, q);
+  car_ = build_mechanism(world_, body_, constants_, friction_, axle_z_m + options_.drop_m, q);
   const double weight_n = constants_.mass_kg * kGravity_m_s2;
   scrub_moment_n_m_ = friction_ * weight_n * weight_moment / static_cast<double>(body_.wheels.size());
   last_s_m_ = to_metres(car_.chassis->GetPosition().x);

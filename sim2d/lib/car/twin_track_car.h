@@ -20,6 +20,7 @@ struct StepOptions {
   double rate_hz = 240;
   int velocity_iterations = 4;
   int position_iterations = 2;
+  double drop_m = 0.0005;  // the car is put down from this height, so that contact is found by falling
 };
 
 // Pose of the car's origin (middle between the wheels, axle height) and what it has spent.

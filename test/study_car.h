@@ -1,0 +1,73 @@
+// The width study's car as a simulator body, for the tests of the simulator: four FS90R wheels, length 200 mm,
+// wheelbase 140 mm, wheel radius 60 mm. Masses are round numbers of the right size.
+#pragma once
+
+#include "body_spec.h"
+#include "hal.h"
+#include "scene_spec.h"
+
+namespace foldcar {
+
+inline BodySpec study_car(double width_m) {
+  constexpr double kLength_m = 0.2, kHeight_m = 0.05;
+  BodySpec body;
+  body.id = "study";
+  const double mass_kg = 0.165 + 0.175 * width_m;
+  ChassisSpec& chassis = body.chassis;
+  chassis.length_m = kLength_m;
+  chassis.width_m = width_m;
+  chassis.height_m = kHeight_m;
+  chassis.mass_kg = mass_kg;
+  chassis.com_z_m = 0.004;
+  chassis.roll_inertia_kg_m2 = mass_kg * (width_m * width_m + kHeight_m * kHeight_m) / 12;
+  chassis.pitch_inertia_kg_m2 = mass_kg * (kLength_m * kLength_m + kHeight_m * kHeight_m) / 12;
+  chassis.yaw_inertia_kg_m2 = mass_kg * (kLength_m * kLength_m + width_m * width_m) / 12;
+  chassis.grip = 0.35 / 0.6;
+  body.track_m = width_m + 0.016;
+  body.supply_v = 5.2;
+  for (int i = 0; i < 4; ++i) {
+    const bool left = i % 2 == 0;
+    WheelSpec wheel;
+    wheel.channel = i;
+    wheel.side = left ? CarSide::kLeft : CarSide::kRight;
+    wheel.x_m = i < 2 ? 0.07 : -0.07;
+    wheel.radius_m = 0.06;
+    wheel.width_m = 0.012;
+    wheel.mass_kg = 0.012;
+    wheel.servo = {0.134, 11.5, 5.2, 0.7, 0.11, 2e-4, 1500, 45, 200, left ? 1 : -1};
+    body.wheels.push_back(wheel);
+  }
+  return body;
+}
+
+// Pulses that ask every wheel for that fraction of full speed.
+inline PulsesUs pulses_for(const BodySpec& body, double fraction) {
+  PulsesUs pulses_us{};
+  for (const WheelSpec& wheel : body.wheels) {
+    const ServoSpec& servo = wheel.servo;
+    const double sign = fraction > 0 ? 1 : fraction < 0 ? -1 : 0;
+    const double offset_us = sign * servo.deadband_us + fraction * (servo.saturation_us - servo.deadband_us);
+    pulses_us[static_cast<std::size_t>(wheel.channel)] =
+        static_cast<float>(servo.neutral_us + servo.direction * offset_us);
+  }
+  return pulses_us;
+}
+
+// Two step pyramids left and right of a straight way, as in the width study, without noise.
+inline SceneSpec pyramids() {
+  SceneSpec scene;
+  scene.id = "pyramids";
+  scene.friction = 0.6;
+  for (int pyramid = 0; pyramid < 2; ++pyramid) {
+    for (int step = 0; step < 3; ++step) {
+      const double side_m = 0.07 + 0.08 * (2 - step);
+      scene.boxes.push_back(
+          {0.45 + 0.45 * pyramid, pyramid == 0 ? 0.05 : -0.05, side_m, side_m, 0.0215 * (step + 1), 0});
+    }
+  }
+  scene.goal = {GoalSpec::Kind::kLine, 1.315, 0, 0, 0};
+  scene.course = {-0.5, 2, -1, 1};
+  return scene;
+}
+
+}  // namespace foldcar

@@ -1,0 +1,325 @@
+// The car's physics against closed forms: fall, friction, torque-speed line, steps, tip-over, yaw, energy.
+#include <unity.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <vector>
+
+#include "../study_car.h"
+#include "box_terrain.h"
+#include "twin_track_car.h"
+
+using namespace foldcar;
+
+void setUp() {}
+void tearDown() {}
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kGravity = 9.81;
+const BoxTerrain kFlat({});
+
+// Flat up to x = 0.3 m, then rising by slope_rad for a long way; needs a heading of zero.
+class Slope : public Terrain {
+ public:
+  explicit Slope(double slope_rad) : rise_(std::tan(slope_rad)) {}
+  void slice(const SliceFrame& frame, const Span& span, const std::vector<Strip>& strips,
+             std::vector<std::vector<Piece>>& pieces) const override {
+    const double foot_m = std::max(span.s_min_m, kFoot_m - frame.x_m);
+    if (foot_m >= span.s_max_m) return;
+    auto height_m = [&](double s_m) { return rise_ * (frame.x_m + s_m - kFoot_m); };
+    for (std::size_t k = 0; k < strips.size(); ++k) {
+      pieces[k].push_back({foot_m, span.s_max_m, height_m(foot_m), height_m(span.s_max_m), 0});
+    }
+  }
+  static constexpr double kFoot_m = 0.3;
+
+ private:
+  double rise_;
+};
+
+struct Drive {
+  BodySpec body;
+  TwinTrackCar car;
+  PulsesUs pulses_us;
+  Drive(const BodySpec& body_spec, double friction, const Terrain& terrain, double fraction, StepOptions options = {},
+        PoseSpec start = {})
+      : body(body_spec),
+        car(body, friction, terrain, start, options, nullptr),
+        pulses_us(pulses_for(body, fraction)) {}
+  const CarState& run(double time_s) {
+    const int steps = static_cast<int>(std::lround(time_s / car.step_s()));
+    for (int i = 0; i < steps; ++i) car.step(pulses_us);
+    return car.state();
+  }
+};
+
+double mass_kg(const BodySpec& body) { return CarConstants(body).mass_kg; }
+
+// Speed along the slope after it has been climbed (or not) for a while.
+double speed_on_slope_m_s(const BodySpec& body, double friction, double slope_rad, double fraction, double time_s) {
+  const Slope slope(slope_rad);
+  Drive drive(body, friction, slope, fraction, {}, {1.0, 0, 0});
+  drive.run(time_s);
+  return drive.car.state().speed_m_s / std::cos(slope_rad);
+}
+
+double no_slip_speed_m_s(const BodySpec& body, double slope_rad, double fraction) {
+  const ServoSpec& servo = body.wheels[0].servo;
+  const double radius_m = body.wheels[0].radius_m;
+  const double load_n_m = mass_kg(body) * kGravity * std::sin(slope_rad) * radius_m;
+  return radius_m * servo.no_load_speed_rad_s * (fraction - load_n_m / (4 * servo.stall_torque_n_m));
+}
+
+}  // namespace
+
+void test_it_falls_as_bodies_do() {
+  StepOptions options;
+  options.drop_m = 1;
+  for (const double time_s : {0.1, 0.2, 0.4}) {
+    Drive drive(study_car(0.115), 0.6, kFlat, 0, options);
+    const double start_m = drive.car.state().z_m;
+    const CarState& state = drive.run(time_s);
+    // The integrator is ahead by half a step's worth of speed.
+    const double fallen_m = 0.5 * kGravity * time_s * (time_s + drive.car.step_s());
+    TEST_ASSERT_DOUBLE_WITHIN(0.001 * fallen_m, fallen_m, start_m - state.z_m);
+    TEST_ASSERT_DOUBLE_WITHIN(1e-4, 0, state.pitch_rad);
+    TEST_ASSERT_DOUBLE_WITHIN(1e-4, 0, state.roll_rad);
+  }
+}
+
+void test_it_stands_on_its_wheels() {
+  const BodySpec body = study_car(0.115);
+  Drive drive(body, 0.6, kFlat, 0);
+  const CarState& state = drive.run(2);
+  TEST_ASSERT_DOUBLE_WITHIN(0.0003, 0.06, state.z_m);
+  TEST_ASSERT_DOUBLE_WITHIN(0.001, 0, state.x_m);
+  TEST_ASSERT_DOUBLE_WITHIN(0.002, 0, state.pitch_rad);
+}
+
+void test_top_speed_is_where_the_torque_line_ends() {
+  for (const double fraction : {1.0, 0.5, -1.0}) {
+    const BodySpec body = study_car(0.115);
+    Drive drive(body, 0.6, kFlat, fraction);
+    drive.run(2);
+    TEST_ASSERT_DOUBLE_WITHIN(0.01 * 0.69, no_slip_speed_m_s(body, 0, fraction), drive.car.state().speed_m_s);
+  }
+}
+
+void test_a_load_slows_it_along_the_torque_line() {
+  const BodySpec body = study_car(0.115);
+  for (const double fraction : {0.0, 0.5, 1.0}) {
+    const double slope_rad = 15 * kPi / 180;
+    const double expected_m_s = no_slip_speed_m_s(body, slope_rad, fraction);
+    TEST_ASSERT_DOUBLE_WITHIN(0.012, expected_m_s, speed_on_slope_m_s(body, 1.0, slope_rad, fraction, 2.5));
+  }
+}
+
+void test_it_stalls_where_the_slope_asks_for_more_than_stall_torque() {
+  BodySpec body = study_car(0.115);
+  for (WheelSpec& wheel : body.wheels) wheel.servo.stall_torque_n_m = 0.02;
+  const double limit_rad = std::asin(4 * 0.02 / (0.06 * mass_kg(body) * kGravity));
+  const double margin_rad = 2 * kPi / 180;
+  TEST_ASSERT_TRUE(speed_on_slope_m_s(body, 3.0, limit_rad - margin_rad, 1, 3) > 0.005);
+  TEST_ASSERT_TRUE(speed_on_slope_m_s(body, 3.0, limit_rad + margin_rad, 1, 3) < -0.005);
+}
+
+void test_friction_holds_braked_wheels_up_to_its_angle_and_no_further() {
+  BodySpec body = study_car(0.115);
+  for (WheelSpec& wheel : body.wheels) wheel.servo.stall_torque_n_m = 0.5;  // neutral holds almost as a lock does
+  const double friction = 0.3, angle_rad = std::atan(friction), margin_rad = 3 * kPi / 180;
+  const double below_rad = angle_rad - margin_rad;
+  TEST_ASSERT_DOUBLE_WITHIN(0.006, no_slip_speed_m_s(body, below_rad, 0),
+                            speed_on_slope_m_s(body, friction, below_rad, 0, 1.5));
+  // Beyond, it slides with what friction leaves of gravity.
+  const double beyond_rad = angle_rad + 3 * margin_rad, early_s = 0.25, late_s = 0.65;
+  const double acceleration = (speed_on_slope_m_s(body, friction, beyond_rad, 0, late_s) -
+                               speed_on_slope_m_s(body, friction, beyond_rad, 0, early_s)) /
+                              (late_s - early_s);
+  const double expected = -kGravity * (std::sin(beyond_rad) - friction * std::cos(beyond_rad));
+  TEST_ASSERT_DOUBLE_WITHIN(0.06 * std::abs(expected), expected, acceleration);
+}
+
+// Whether forces at the friction and torque limits can lift the front wheels over the edge of a step: three
+// equations of equilibrium for the loads and drives of both axles; the rear drive is what is left to choose.
+bool step_is_climbable(const BodySpec& body, double friction, double height_m) {
+  const double radius_m = 0.06, axle_m = 0.07;
+  const double weight_n = mass_kg(body) * kGravity, drive_limit_n = 2 * body.wheels[0].servo.stall_torque_n_m / radius_m;
+  const double cosine = (radius_m - height_m) / radius_m, sine = std::sqrt(1 - cosine * cosine);
+  const double edge_x_m = axle_m + radius_m * sine, edge_z_m = height_m;
+  // The edge's normal is (-sine, cosine), its forward tangent (cosine, sine). The front's force has no moment
+  // about the edge, so each rear drive gives the rear load, and the front follows.
+  for (int i = -1000; i <= 1000; ++i) {
+    const double rear_drive_n = drive_limit_n * i / 1000;
+    const double rear_load_n = (weight_n * edge_x_m + rear_drive_n * edge_z_m) / (edge_x_m + axle_m);
+    const double front_x_n = -rear_drive_n, front_z_n = weight_n - rear_load_n;
+    const double front_load_n = -sine * front_x_n + cosine * front_z_n;
+    const double front_drive_n = cosine * front_x_n + sine * front_z_n;
+    const bool possible = rear_load_n >= 0 && front_load_n >= 0 &&
+                          std::abs(rear_drive_n) <= friction * rear_load_n &&
+                          std::abs(front_drive_n) <= std::min(friction * front_load_n, drive_limit_n);
+    if (possible) return true;
+  }
+  return false;
+}
+
+void test_all_wheel_drive_climbs_to_the_friction_angle() {
+  const BodySpec body = study_car(0.115);
+  const double friction = 0.3, angle_rad = std::atan(friction), margin_rad = 2 * kPi / 180;
+  TEST_ASSERT_TRUE(speed_on_slope_m_s(body, friction, angle_rad - margin_rad, 1, 2) > 0.1);
+  TEST_ASSERT_TRUE(speed_on_slope_m_s(body, friction, angle_rad + margin_rad, 1, 2) < 0);
+}
+
+// Front wheels against a step, at rest: does the slow drive lift them onto it?
+bool climbs_step(const BodySpec& body, double friction, double height_m, double fraction) {
+  const BoxTerrain step({{1.0, 0, 1.0, 2.0, height_m, 0}});
+  const double touching_m = 0.5 - 0.07 - std::sqrt(0.06 * 0.06 - (0.06 - height_m) * (0.06 - height_m));
+  Drive drive(body, friction, step, fraction, {}, {touching_m, 0, 0});
+  double highest_rad = 0;
+  for (int i = 0; i < 40; ++i) highest_rad = std::max(highest_rad, drive.run(0.1).pitch_rad);
+  return highest_rad > 0.8 * std::asin(height_m / 0.14);
+}
+
+double highest_climbable_step_m(const BodySpec& body, double friction) {
+  double low_m = 0.001, high_m = 0.0599;
+  while (high_m - low_m > 1e-5) {
+    const double middle_m = 0.5 * (low_m + high_m);
+    (step_is_climbable(body, friction, middle_m) ? low_m : high_m) = middle_m;
+  }
+  return low_m;
+}
+
+void test_the_highest_step_climbed_is_the_one_statics_allow() {
+  struct Case {
+    double friction, stall_torque_n_m, fraction;
+  };
+  // Limited by friction, then by torque; driven so slowly or weakly that momentum lifts it a few millimetres only.
+  for (const Case& limit : {Case{0.3, 0.134, 0.2}, Case{0.4, 0.134, 0.2}, Case{0.45, 0.134, 0.2},
+                            Case{0.5, 0.134, 0.2}, Case{2, 0.010, 1}, Case{2, 0.015, 1}}) {
+    BodySpec body = study_car(0.115);
+    for (WheelSpec& wheel : body.wheels) wheel.servo.stall_torque_n_m = limit.stall_torque_n_m;
+    const double highest_m = highest_climbable_step_m(body, limit.friction);
+    TEST_ASSERT_TRUE(highest_m > 0.01 && highest_m < 0.055);
+    TEST_ASSERT_TRUE(climbs_step(body, limit.friction, highest_m - 0.0005, limit.fraction));
+    TEST_ASSERT_FALSE(climbs_step(body, limit.friction, highest_m + 0.005, limit.fraction));
+  }
+}
+
+void test_it_tips_where_its_weight_passes_the_outer_tyre() {
+  for (const double width_m : {0.065, 0.095, 0.115}) {
+    const BodySpec body = study_car(width_m);
+    const double limit_rad = std::atan((body.track_m + 0.012) / (2 * CarConstants(body).com_height_m));
+    // A few degrees short of the limit less than a millijoule tips it: putting it down may take it over.
+    for (const double margin_rad : {-0.09, 0.02}) {
+      // The left wheels on a bench as high as leans the car by that angle, its edge just inside their track.
+      const double lean_rad = limit_rad + margin_rad;
+      const double inner_m = 0.5 * body.track_m * std::cos(lean_rad) - 0.007;
+      const BoxTerrain bench({{0, inner_m + 0.5, 4, 1, body.track_m * std::sin(lean_rad), 0}});
+      StepOptions gently;
+      gently.drop_m = 0;
+      Drive drive(body, 0.6, bench, 0, gently);
+      const bool tipped = drive.run(3).up < 0.26;
+      TEST_ASSERT_EQUAL_INT(margin_rad > 0, tipped);
+    }
+  }
+}
+
+// Steady turn of a car whose right side is weaker: both sides' wheels follow their torque lines, the difference
+// of their drives balances the tyres' scrub.
+void test_a_weaker_side_turns_it_as_scrub_and_torque_lines_balance() {
+  BodySpec body = study_car(0.115);
+  for (WheelSpec& wheel : body.wheels) {
+    if (wheel.side == CarSide::kRight) wheel.servo.no_load_speed_rad_s *= 0.65;
+  }
+  const double friction = 0.6, weight_n = mass_kg(body) * kGravity, radius_m = 0.06, arm_m = 0.07;
+  const double stall_n_m = body.wheels[0].servo.stall_torque_n_m;
+  double drive_n = 0;  // of one left wheel; a right one gives as much backwards
+  for (int i = 0; i < 200; ++i) {
+    const double share = drive_n / (friction * weight_n / 4);
+    const double scrub_n_m = friction * weight_n * arm_m * std::sqrt(std::max(0.0, 1 - share * share));
+    drive_n += 0.5 * (scrub_n_m / (2 * body.track_m) - drive_n);
+  }
+  const double loss = drive_n * radius_m / stall_n_m;
+  const double left_rad_s = 11.5 * (1 - loss), right_rad_s = 0.65 * 11.5 * (1 + loss);
+  const double expected_rad_s = (right_rad_s - left_rad_s) * radius_m / body.track_m;
+  Drive drive(body, friction, kFlat, 1);
+  drive.run(2);
+  TEST_ASSERT_TRUE(expected_rad_s < 0);
+  TEST_ASSERT_DOUBLE_WITHIN(0.1 * std::abs(expected_rad_s), expected_rad_s, drive.car.state().yaw_rate_rad_s);
+}
+
+void test_without_slip_motor_work_becomes_mechanical_energy() {
+  Drive drive(study_car(0.115), 2.0, kFlat, 0);
+  drive.run(0.5);
+  const double energy_j = drive.car.mechanical_energy_j(), work_j = drive.car.state().motor_work_j;
+  drive.pulses_us = pulses_for(drive.body, 0.6);
+  drive.run(0.15);
+  const double gained_j = drive.car.mechanical_energy_j() - energy_j;
+  const double done_j = drive.car.state().motor_work_j - work_j;
+  TEST_ASSERT_TRUE(gained_j > 0.005);
+  TEST_ASSERT_DOUBLE_WITHIN(0.05 * done_j, done_j, gained_j);
+}
+
+void test_friction_and_impacts_never_give_energy() {
+  const BoxTerrain bumps({{0.35, 0, 0.06, 2, 0.02, 0}, {0.75, 0, 0.06, 2, 0.02, 0}});
+  // Hitting an edge, a wheel enters it by a step's travel and is pushed out at no cost: short steps keep that
+  // below the tolerance.
+  StepOptions fine;
+  fine.rate_hz = 960;
+  constexpr double kTolerance_j = 0.004;
+  BodySpec body = study_car(0.115);
+  for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 0;  // its energy is not the plane's
+  Drive drive(body, 0.6, bumps, 1, fine);
+  auto unexplained_j = [&] { return drive.car.mechanical_energy_j() - drive.car.state().motor_work_j; };
+  drive.run(0.25);
+  const double start_j = unexplained_j();
+  double least_j = start_j;
+  while (drive.car.state().x_m < 1.2) {
+    drive.run(drive.car.step_s());
+    TEST_ASSERT_TRUE(unexplained_j() < least_j + kTolerance_j);
+    least_j = std::min(least_j, unexplained_j());
+  }
+  TEST_ASSERT_TRUE(least_j < start_j);
+}
+
+void test_electrical_energy_covers_the_work() {
+  Drive drive(study_car(0.115), 0.6, kFlat, 1);
+  const CarState& state = drive.run(1);
+  TEST_ASSERT_TRUE(state.motor_work_j > 0);
+  TEST_ASSERT_TRUE(state.consumed_energy_j > state.motor_work_j);
+}
+
+// The torque that spins up the geared rotors never reaches the wheels, nor the frame: only what drives the car
+// may lift its nose, which is a hundredth of a radian. A frame that took all of it would rear up.
+void test_spinning_up_the_rotors_does_not_lift_the_nose() {
+  BodySpec body = study_car(0.115);
+  for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 5e-4;
+  Drive drive(body, 0.6, kFlat, 0);
+  drive.run(0.3);
+  drive.pulses_us = pulses_for(body, 1);
+  double highest_rad = 0;
+  for (int i = 0; i < 120; ++i) highest_rad = std::max(highest_rad, drive.run(drive.car.step_s()).pitch_rad);
+  TEST_ASSERT_TRUE(highest_rad < 0.02);
+}
+
+int main() {
+  UNITY_BEGIN();
+  RUN_TEST(test_it_falls_as_bodies_do);
+  RUN_TEST(test_it_stands_on_its_wheels);
+  RUN_TEST(test_top_speed_is_where_the_torque_line_ends);
+  RUN_TEST(test_a_load_slows_it_along_the_torque_line);
+  RUN_TEST(test_it_stalls_where_the_slope_asks_for_more_than_stall_torque);
+  RUN_TEST(test_friction_holds_braked_wheels_up_to_its_angle_and_no_further);
+  RUN_TEST(test_all_wheel_drive_climbs_to_the_friction_angle);
+  RUN_TEST(test_the_highest_step_climbed_is_the_one_statics_allow);
+  RUN_TEST(test_it_tips_where_its_weight_passes_the_outer_tyre);
+  RUN_TEST(test_a_weaker_side_turns_it_as_scrub_and_torque_lines_balance);
+  RUN_TEST(test_without_slip_motor_work_becomes_mechanical_energy);
+  RUN_TEST(test_friction_and_impacts_never_give_energy);
+  RUN_TEST(test_electrical_energy_covers_the_work);
+  RUN_TEST(test_spinning_up_the_rotors_does_not_lift_the_nose);
+  UNITY_END();
+  return 0;
+}

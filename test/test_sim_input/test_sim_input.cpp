@@ -1,0 +1,220 @@
+// The batch's input: what docs/carsim.md shows is taken, everything else is refused by name, nothing aborts.
+#include "batch_session.h"
+
+#include <functional>
+#include <string>
+
+// After the rest: Unity hides std::isnan behind a macro.
+#include <unity.h>
+
+using namespace foldcar;
+using nlohmann::json;
+
+void setUp() {}
+void tearDown() {}
+
+namespace {
+
+json servo(int direction) {
+  return {{"stall_torque_n_m", 0.134}, {"no_load_speed_rad_s", 11.5}, {"rated_v", 5.2},     {"stall_current_a", 0.7},
+          {"no_load_current_a", 0.11}, {"rotor_inertia_kg_m2", 2e-4}, {"neutral_us", 1500}, {"deadband_us", 45},
+          {"saturation_us", 200},      {"direction", direction}};
+}
+
+json body() {
+  json wheels = json::array();
+  for (int i = 0; i < 4; ++i) {
+    wheels.push_back({{"channel", i}, {"side", i % 2 == 0 ? "left" : "right"}, {"x_m", i < 2 ? 0.07 : -0.07},
+                      {"radius_m", 0.06}, {"width_m", 0.012}, {"mass_kg", 0.012}, {"grip", 1.0},
+                      {"servo", servo(i % 2 == 0 ? 1 : -1)}});
+  }
+  return {{"body",
+           {{"id", "b"},
+            {"chassis",
+             {{"length_m", 0.2}, {"width_m", 0.095}, {"height_m", 0.05}, {"center_z_m", 0.0}, {"mass_kg", 0.18},
+              {"com_x_m", 0.0}, {"com_z_m", 0.004}, {"roll_inertia_kg_m2", 2e-4}, {"pitch_inertia_kg_m2", 6.4e-4},
+              {"yaw_inertia_kg_m2", 7.3e-4}, {"grip", 0.58}}},
+            {"track_m", 0.111},
+            {"wheels", wheels},
+            {"supply_v", 5.2}}}};
+}
+
+json scene() {
+  return {{"scene",
+           {{"id", "s"},
+            {"friction", 0.6},
+            {"terrain",
+             {{{"kind", "box"}, {"x_m", 0.45}, {"y_m", 0.05}, {"length_m", 0.23}, {"width_m", 0.23}, {"height_m", 0.0215},
+               {"heading_rad", 0.0}}}},
+            {"start", {{"x_m", 0.0}, {"y_m", 0.0}, {"heading_rad", 0.0}}},
+            {"goal", {{"kind", "line"}, {"x_m", 1.3}, {"y_m", 0.0}, {"heading_rad", 0.0}}},
+            {"course", {{"x_min_m", -0.5}, {"x_max_m", 2.0}, {"y_min_m", -1.0}, {"y_max_m", 1.0}}}}}};
+}
+
+json run() {
+  return {{"run",
+           {{"id", "r"}, {"body", "b"}, {"scene", "s"}, {"speed_m_s", 0.6}, {"yaw_rate_rad_s", 0.0},
+            {"time_limit_s", 0.2}, {"parameters", {{"TRACK_M", 0.111}}}, {"path_interval_s", 0.05}}}};
+}
+
+// The answer to a line in a session that knows body b and scene s; empty if there is none.
+std::string answer(const std::string& line) {
+  BatchSession session(false);
+  TEST_ASSERT_FALSE(session.answer(1, body().dump()).has_value());
+  TEST_ASSERT_FALSE(session.answer(2, scene().dump()).has_value());
+  return session.answer(3, line).value_or("");
+}
+
+bool is_error_naming(const std::string& reply, const std::string& words) {
+  const json parsed = json::parse(reply);
+  if (!parsed.contains("error")) return false;
+  return parsed["error"]["message"].get<std::string>().find(words) != std::string::npos;
+}
+
+// Calls visit with a copy of line in which one value anywhere below the root has been handed to change.
+void for_each_value(const json& line, const std::function<void(json& parent, const std::string& key)>& change,
+                    const std::function<void(const json&, const std::string& key)>& visit) {
+  const json flat = line.flatten();
+  for (const auto& [pointer_text, value] : flat.items()) {
+    static_cast<void>(value);
+    const json::json_pointer pointer(pointer_text);
+    if (pointer.parent_pointer().empty()) continue;
+    json changed = line;
+    json& parent = changed[pointer.parent_pointer()];
+    if (!parent.is_object()) continue;
+    change(parent, pointer.back());
+    visit(changed, pointer.back());
+  }
+}
+
+}  // namespace
+
+void test_the_documented_lines_are_taken() {
+  const json reply = json::parse(answer(run().dump()));
+  TEST_ASSERT_EQUAL_STRING("r", reply["run"].get<std::string>().c_str());
+  TEST_ASSERT_EQUAL_STRING("timeout", reply["outcome"].get<std::string>().c_str());
+  TEST_ASSERT_EQUAL_UINT(7, reply["path"][0].size());
+}
+
+void test_what_may_be_left_out_of_a_run_can_be() {
+  json line = run();
+  for (const char* key : {"yaw_rate_rad_s", "parameters", "path_interval_s"}) line["run"].erase(key);
+  const json reply = json::parse(answer(line.dump()));
+  TEST_ASSERT_TRUE(reply.contains("outcome"));
+  TEST_ASSERT_FALSE(reply.contains("path"));
+}
+
+void test_every_missing_key_is_named() {
+  for (const json& line : {body(), scene(), run()}) {
+    for_each_value(
+        line, [](json& parent, const std::string& key) { parent.erase(key); },
+        [](const json& changed, const std::string& key) {
+          if (key == "yaw_rate_rad_s" || key == "path_interval_s" || key == "TRACK_M") return;
+          TEST_ASSERT_TRUE_MESSAGE(is_error_naming(answer(changed.dump()), key + ": is missing"), key.c_str());
+        });
+  }
+}
+
+void test_every_wrong_type_is_named() {
+  for (const json& line : {body(), scene(), run()}) {
+    for_each_value(
+        line, [](json& parent, const std::string& key) { parent[key] = json::array({1}); },
+        [](const json& changed, const std::string& key) {
+          TEST_ASSERT_TRUE_MESSAGE(is_error_naming(answer(changed.dump()), key + ": must be"), key.c_str());
+        });
+  }
+}
+
+void test_every_number_has_limits() {
+  for (const json& line : {body(), scene(), run()}) {
+    for (const double beyond : {1e9, -1e9}) {
+      bool was_number = false;
+      for_each_value(
+          line,
+          [&](json& parent, const std::string& key) {
+            was_number = parent[key].is_number();
+            parent[key] = beyond;
+          },
+          [&](const json& changed, const std::string& key) {
+            if (!was_number) return;
+            TEST_ASSERT_TRUE_MESSAGE(is_error_naming(answer(changed.dump()), key + ": "), key.c_str());
+          });
+    }
+  }
+}
+
+void test_an_unknown_key_is_refused_everywhere() {
+  for (const json& line : {body(), scene(), run()}) {
+    for_each_value(
+        line, [](json& parent, const std::string&) { parent["colour"] = 1; },
+        [](const json& changed, const std::string& key) {
+          TEST_ASSERT_TRUE_MESSAGE(is_error_naming(answer(changed.dump()), "colour: "), key.c_str());
+        });
+  }
+}
+
+void test_cars_that_cannot_be_are_refused() {
+  json lopsided = body();
+  lopsided["body"]["wheels"][1]["x_m"] = 0.05;
+  TEST_ASSERT_TRUE(is_error_naming(answer(lopsided.dump()), "body.wheels: every left wheel needs a right one"));
+  json shared = body();
+  shared["body"]["wheels"][1]["channel"] = 0;
+  TEST_ASSERT_TRUE(is_error_naming(answer(shared.dump()), "channel 0 drives two wheels"));
+  json none = body();
+  none["body"]["wheels"] = json::array();
+  TEST_ASSERT_TRUE(is_error_naming(answer(none.dump()), "body.wheels: has 0 entries"));
+  json still = body();
+  still["body"]["wheels"][0]["servo"]["direction"] = 0;
+  TEST_ASSERT_TRUE(is_error_naming(answer(still.dump()), "direction: must be -1 or 1"));
+}
+
+void test_a_firmware_parameter_is_checked_by_the_firmwares_table() {
+  json line = run();
+  line["run"]["parameters"] = {{"TRACK_M", 50.0}};
+  TEST_ASSERT_TRUE(is_error_naming(answer(line.dump()), "run.parameters.TRACK_M: 50.0"));
+  line["run"]["parameters"] = {{"NO_SUCH", 1.0}};
+  TEST_ASSERT_TRUE(is_error_naming(answer(line.dump()), "run.parameters.NO_SUCH"));
+}
+
+void test_what_is_no_line_is_answered_too() {
+  for (const char* line : {"", "nonsense", "[]", "{}", "{\"body\": 1}", "{\"run\": {\"id\": 1e999}}", "\xff\xfe", "{\"a\":",
+                           "{\"body\": {}, \"run\": {}}", "[[[[[[[[[[[[[[[[[[", "null"}) {
+    TEST_ASSERT_TRUE_MESSAGE(json::parse(answer(line)).contains("error"), line);
+  }
+  TEST_ASSERT_TRUE(is_error_naming(answer("{\"run\": {\"id\": \"a\", \"id\": \"b\"}}"), "stands twice"));
+  TEST_ASSERT_TRUE(is_error_naming(answer(std::string(100000, '[')), "nested deeper"));
+}
+
+void test_a_run_may_only_name_what_is_known() {
+  json line = run();
+  line["run"]["body"] = "other";
+  TEST_ASSERT_TRUE(is_error_naming(answer(line.dump()), "run.body: no body \"other\""));
+}
+
+void test_a_later_definition_replaces_an_earlier_one() {
+  BatchSession session(false);
+  session.answer(1, body().dump());
+  session.answer(2, scene().dump());
+  const std::string before = *session.answer(3, run().dump());
+  json heavier = body();
+  heavier["body"]["chassis"]["mass_kg"] = 0.5;
+  session.answer(4, heavier.dump());
+  TEST_ASSERT_TRUE(before != *session.answer(5, run().dump()));
+}
+
+int main() {
+  UNITY_BEGIN();
+  RUN_TEST(test_the_documented_lines_are_taken);
+  RUN_TEST(test_what_may_be_left_out_of_a_run_can_be);
+  RUN_TEST(test_every_missing_key_is_named);
+  RUN_TEST(test_every_wrong_type_is_named);
+  RUN_TEST(test_every_number_has_limits);
+  RUN_TEST(test_an_unknown_key_is_refused_everywhere);
+  RUN_TEST(test_cars_that_cannot_be_are_refused);
+  RUN_TEST(test_a_firmware_parameter_is_checked_by_the_firmwares_table);
+  RUN_TEST(test_what_is_no_line_is_answered_too);
+  RUN_TEST(test_a_run_may_only_name_what_is_known);
+  RUN_TEST(test_a_later_definition_replaces_an_earlier_one);
+  UNITY_END();
+  return 0;
+}

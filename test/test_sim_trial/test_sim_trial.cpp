@@ -1,0 +1,215 @@
+// Whole trials, firmware in the loop: determinism, mirror symmetry, time step, endings, the HAL's contract.
+#include <unity.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "../hal_contract.h"
+#include "../study_car.h"
+#include "sim_hal.h"
+#include "supervisor.h"
+#include "trial.h"
+
+using namespace foldcar;
+
+void setUp() {}
+void tearDown() {}
+
+namespace {
+
+TrialSpec full_speed(const BodySpec& body, double time_limit_s = 60) {
+  TrialSpec trial;
+  trial.speed_m_s = 0.69;
+  trial.time_limit_s = time_limit_s;
+  trial.path_interval_s = 0.05;
+  trial.parameters.set("TRACK_M", static_cast<float>(body.track_m));
+  return trial;
+}
+
+SceneSpec one_bump(double y_m, double heading_rad) {
+  SceneSpec scene;
+  scene.friction = 0.6;
+  scene.boxes = {{0.4, y_m, 0.15, 0.2, 0.02, heading_rad}};
+  scene.goal = {GoalSpec::Kind::kLine, 1.0, 0, 0, 0};
+  scene.course = {-0.5, 2, -1, 1};
+  return scene;
+}
+
+void assert_same(const TrialResult& a, const TrialResult& b) {
+  TEST_ASSERT_EQUAL_INT(static_cast<int>(a.outcome), static_cast<int>(b.outcome));
+  TEST_ASSERT_TRUE(a.elapsed_time_s == b.elapsed_time_s && a.consumed_energy_j == b.consumed_energy_j);
+  TEST_ASSERT_TRUE(a.path == b.path);
+}
+
+}  // namespace
+
+void test_the_simulated_hal_keeps_the_contract() {
+  SimHal board(4.0);
+  std::uint64_t now_us = 0;
+  check_hal_contract(board.hal(), [&] { board.clock.advance_to_us(now_us += 4167); });
+}
+
+void test_the_same_trial_gives_the_same_numbers() {
+  const BodySpec body = study_car(0.18);
+  const TrialResult first = run_trial(body, pyramids(), full_speed(body));
+  run_trial(study_car(0.065), pyramids(), full_speed(body));  // another car in between leaves nothing behind
+  assert_same(first, run_trial(body, pyramids(), full_speed(body)));
+}
+
+void test_a_stopwatch_changes_nothing() {
+  const BodySpec body = study_car(0.115);
+  Stopwatch stopwatch;
+  const TrialResult timed = run_trial(body, pyramids(), full_speed(body), {}, &stopwatch);
+  TEST_ASSERT_TRUE(stopwatch.physics_s > 0 && stopwatch.terrain_s > 0 && stopwatch.firmware_s > 0);
+  assert_same(timed, run_trial(body, pyramids(), full_speed(body)));
+}
+
+void test_a_mirrored_scene_is_driven_as_a_mirror_image() {
+  const BodySpec body = study_car(0.115);
+  const TrialResult left = run_trial(body, one_bump(0.08, 0.1), full_speed(body));
+  const TrialResult right = run_trial(body, one_bump(-0.08, -0.1), full_speed(body));
+  TEST_ASSERT_EQUAL_INT(static_cast<int>(Outcome::kPassed), static_cast<int>(left.outcome));
+  TEST_ASSERT_EQUAL_INT(static_cast<int>(Outcome::kPassed), static_cast<int>(right.outcome));
+  TEST_ASSERT_DOUBLE_WITHIN(0.05, left.elapsed_time_s, right.elapsed_time_s);
+  TEST_ASSERT_DOUBLE_WITHIN(0.03, left.max_roll_rad, right.max_roll_rad);
+  const PathRow &a = left.path.back(), &b = right.path.back();
+  TEST_ASSERT_TRUE(std::abs(a[2]) > 0.005);  // it is turned away from the bump's side: something to mirror
+  TEST_ASSERT_DOUBLE_WITHIN(0.01, a[2], -b[2]);
+  TEST_ASSERT_DOUBLE_WITHIN(0.02, a[4], -b[4]);
+}
+
+void test_a_turned_world_changes_nothing_but_the_direction() {
+  const BodySpec body = study_car(0.115);
+  const double turn_rad = 1.1, c = std::cos(turn_rad), s = std::sin(turn_rad);
+  const SceneSpec scene = one_bump(0.08, 0.1);
+  SceneSpec turned = scene;
+  turned.boxes[0] = {c * 0.4 - s * 0.08, s * 0.4 + c * 0.08, 0.15, 0.2, 0.02, 0.1 + turn_rad};
+  turned.start = {0, 0, turn_rad};
+  turned.goal = {GoalSpec::Kind::kLine, c, s, turn_rad, 0};
+  turned.course = {-2, 2, -2, 2};
+  const TrialResult plain = run_trial(body, scene, full_speed(body));
+  const TrialResult rotated = run_trial(body, turned, full_speed(body));
+  TEST_ASSERT_DOUBLE_WITHIN(0.03, plain.elapsed_time_s, rotated.elapsed_time_s);
+  const PathRow &a = plain.path.back(), &b = rotated.path.back();
+  TEST_ASSERT_DOUBLE_WITHIN(0.01, a[1], c * b[1] + s * b[2]);
+  TEST_ASSERT_DOUBLE_WITHIN(0.01, a[2], c * b[2] - s * b[1]);
+}
+
+void test_half_the_time_step_tells_the_same_story() {
+  StepOptions fine;
+  fine.rate_hz = 480;
+  for (const double width_m : {0.115, 0.145}) {
+    const BodySpec body = study_car(width_m);
+    const TrialResult coarse = run_trial(body, pyramids(), full_speed(body));
+    const TrialResult halved = run_trial(body, pyramids(), full_speed(body), fine);
+    TEST_ASSERT_EQUAL_INT(static_cast<int>(Outcome::kPassed), static_cast<int>(coarse.outcome));
+    TEST_ASSERT_EQUAL_INT(static_cast<int>(Outcome::kPassed), static_cast<int>(halved.outcome));
+    TEST_ASSERT_DOUBLE_WITHIN(0.05 * coarse.elapsed_time_s, coarse.elapsed_time_s, halved.elapsed_time_s);
+    TEST_ASSERT_DOUBLE_WITHIN(0.05 * coarse.consumed_energy_j, coarse.consumed_energy_j, halved.consumed_energy_j);
+  }
+}
+
+void test_too_narrow_a_car_tips_and_too_wide_a_one_sticks() {
+  const BodySpec narrow = study_car(0.065), wide = study_car(0.245);
+  TEST_ASSERT_EQUAL_STRING("tipped", text(run_trial(narrow, pyramids(), full_speed(narrow)).outcome));
+  TEST_ASSERT_EQUAL_STRING("stuck", text(run_trial(wide, pyramids(), full_speed(wide)).outcome));
+}
+
+void test_the_flat_is_crossed_in_the_time_the_speed_takes() {
+  const BodySpec body = study_car(0.115);
+  SceneSpec scene = one_bump(0, 0);
+  scene.boxes.clear();
+  scene.goal.x_m = 3;
+  scene.course.x_max_m = 4;
+  TrialSpec trial = full_speed(body);
+  trial.speed_m_s = 0.5;
+  const TrialResult result = run_trial(body, scene, trial);
+  TEST_ASSERT_EQUAL_STRING("passed", text(result.outcome));
+  // Slew limit and staggered start cost a part of a second.
+  TEST_ASSERT_DOUBLE_WITHIN(0.3, 6.2, result.elapsed_time_s);
+  TEST_ASSERT_DOUBLE_WITHIN(0.02, 0, result.distance_to_target_m);
+}
+
+void test_a_disc_is_reached_at_its_edge() {
+  const BodySpec body = study_car(0.115);
+  SceneSpec scene = one_bump(0, 0);
+  scene.boxes.clear();
+  scene.goal = {GoalSpec::Kind::kDisc, 1.0, 0.03, 0, 0.05};
+  const TrialResult result = run_trial(body, scene, full_speed(body));
+  TEST_ASSERT_EQUAL_STRING("passed", text(result.outcome));
+  TEST_ASSERT_DOUBLE_WITHIN(0.004, 0.05, result.distance_to_target_m);
+}
+
+void test_the_firmware_ends_the_trial_at_its_time_limit() {
+  const BodySpec body = study_car(0.115);
+  const TrialResult result = run_trial(body, pyramids(), full_speed(body, 1.0));
+  TEST_ASSERT_EQUAL_STRING("timeout", text(result.outcome));
+  TEST_ASSERT_DOUBLE_WITHIN(0.025, 1.0, result.elapsed_time_s);
+}
+
+void test_it_leaves_the_course_at_its_edge() {
+  const BodySpec body = study_car(0.115);
+  SceneSpec scene = one_bump(0, 0);
+  scene.boxes.clear();
+  scene.start.heading_rad = 0.5;
+  scene.course.y_max_m = 0.2;
+  const TrialResult result = run_trial(body, scene, full_speed(body));
+  TEST_ASSERT_EQUAL_STRING("off_course", text(result.outcome));
+  TEST_ASSERT_DOUBLE_WITHIN(0.005, 0.2, result.path.back()[2]);
+}
+
+// The servos have no speed feedback: each side runs on its torque line, and the tyres' scrub M takes drive from
+// the outer wheels and gives it to the inner ones, M/(2 T) a wheel, until both balance.
+void test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for() {
+  const BodySpec body = study_car(0.115);
+  SceneSpec scene = one_bump(0, 0);
+  scene.boxes.clear();
+  scene.goal = {GoalSpec::Kind::kDisc, 5, 5, 0, 0.01};
+  scene.course = {-10, 10, -10, 10};
+  TrialSpec trial = full_speed(body, 4);
+  trial.speed_m_s = 0.3;
+  trial.yaw_rate_rad_s = 3.0;
+  const TrialResult result = run_trial(body, scene, trial);
+  const double weight_n = CarConstants(body).mass_kg * 9.81, radius_m = 0.06, stall_n_m = 0.134;
+  double drive_n = 0;
+  for (int i = 0; i < 200; ++i) {
+    const double share = drive_n / (0.6 * weight_n / 4);
+    const double scrub_n_m = 0.6 * weight_n * 0.07 * std::sqrt(std::max(0.0, 1 - share * share));
+    drive_n += 0.5 * (scrub_n_m / (2 * body.track_m) - drive_n);
+  }
+  const double lost_rad_s = 11.5 * drive_n * radius_m / stall_n_m;
+  const double expected_rad_s = 3.0 - 2 * lost_rad_s * radius_m / body.track_m;
+  TEST_ASSERT_TRUE(expected_rad_s > 1 && expected_rad_s < 2.5);
+  // A tenth for the start: slew limit and staggered axles.
+  TEST_ASSERT_DOUBLE_WITHIN(0.1 * 4 * expected_rad_s, 4 * expected_rad_s, result.path.back()[4]);
+}
+
+void test_a_refused_trial_says_why() {
+  const BodySpec body = study_car(0.115);
+  TrialSpec trial = full_speed(body, 3000);
+  try {
+    run_trial(body, pyramids(), trial);
+    TEST_FAIL_MESSAGE("accepted");
+  } catch (const TrialError& error) {
+    TEST_ASSERT_NOT_NULL(std::strstr(error.what(), text(Refusal::kTimeLimit)));
+  }
+}
+
+int main() {
+  UNITY_BEGIN();
+  RUN_TEST(test_the_simulated_hal_keeps_the_contract);
+  RUN_TEST(test_the_same_trial_gives_the_same_numbers);
+  RUN_TEST(test_a_stopwatch_changes_nothing);
+  RUN_TEST(test_a_mirrored_scene_is_driven_as_a_mirror_image);
+  RUN_TEST(test_a_turned_world_changes_nothing_but_the_direction);
+  RUN_TEST(test_half_the_time_step_tells_the_same_story);
+  RUN_TEST(test_too_narrow_a_car_tips_and_too_wide_a_one_sticks);
+  RUN_TEST(test_the_flat_is_crossed_in_the_time_the_speed_takes);
+  RUN_TEST(test_a_disc_is_reached_at_its_edge);
+  RUN_TEST(test_the_firmware_ends_the_trial_at_its_time_limit);
+  RUN_TEST(test_it_leaves_the_course_at_its_edge);
+  RUN_TEST(test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for);
+  RUN_TEST(test_a_refused_trial_says_why);
+  UNITY_END();
+  return 0;
+}

@@ -1,0 +1,80 @@
+# foldcar: installs what is missing, builds, runs. `make help` lists what there is to make.
+#
+# The Python environment is .venv, made with $(PYTHON); PlatformIO is in it. A target that is up to date costs a
+# fraction of a second. Everything is named relative to this folder, whose path may contain spaces.
+
+PYTHON ?= /usr/bin/python3
+BIN := .venv/bin
+STUDY := width_study
+
+# Nothing of a caller's own Python set-up may leak into .venv.
+unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP VIRTUAL_ENV PIP_USER PIP_TARGET PIP_PREFIX
+# foldcar and the tools write into the source tree only what is asked for.
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+CARSIM := .pio/build/carsim/program
+# Folders are among the prerequisites so that a removed file counts as a change.
+CARSIM_SOURCES := $(shell find firmware/lib sim2d platformio.ini tools/build_id.py tools/simulation_digest.py)
+
+.DEFAULT_GOAL := help
+.PHONY: help setup study test test-native test-host lint bench clean system-packages platformio
+.DELETE_ON_ERROR:
+
+help:
+	@echo 'make setup   install what is missing (system packages, .venv, PlatformIO) and build the simulator'
+	@echo 'make study   set up, run the width study and write its report to out/$(STUDY)'
+	@echo 'make test    set up and run every test'
+	@echo 'make bench   set up and measure the speed'
+	@echo 'make lint    set up and check the Python sources only'
+	@echo 'make clean   remove everything that was built or installed here; results in out/ stay'
+	@echo 'PYTHON=...   the Python (3.10 or newer) that .venv is made with; now $(PYTHON)'
+
+setup: $(CARSIM)
+
+study: setup
+	@mkdir -p out
+	$(BIN)/foldcar sweep scenarios/$(STUDY).json --store out/$(STUDY).db
+	$(BIN)/foldcar report out/$(STUDY).db -o out/$(STUDY)
+	@echo "The report is $(CURDIR)/out/$(STUDY)/index.html"
+
+# One after the other, also under make -j, so that what fails stands last.
+test: setup
+	$(MAKE) lint
+	$(MAKE) test-native
+	$(MAKE) test-host
+
+lint: .venv/installed
+	$(BIN)/ruff check --config host/pyproject.toml host tools test $(wildcard bench)
+	$(BIN)/mypy --config-file host/pyproject.toml host/foldcar
+	$(BIN)/mypy --config-file host/pyproject.toml --ignore-missing-imports tools/*.py
+
+test-native: setup
+	$(BIN)/pio test -e native
+
+test-host: setup
+	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . test/host
+
+bench: setup
+	$(BIN)/python bench/bench.py
+
+clean:
+	rm -rf .venv .pio .pio-core platformio.local.ini host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
+	find host tools test -name __pycache__ -type d -prune -exec rm -rf {} +
+
+system-packages:
+	@tools/install_system_packages.sh
+
+.venv/installed: host/pyproject.toml | system-packages
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
+	  echo 'make: PYTHON=$(PYTHON) is missing or older than Python 3.10; name a newer one' >&2; exit 2; }
+	"$(PYTHON)" -m venv .venv
+	$(BIN)/pip install --quiet --editable 'host[dev]'
+	@touch $@
+
+# Quick where all is there already; see the script for when it does something.
+platformio: .venv/installed
+	@$(BIN)/python tools/seed_platformio.py --if-unreachable
+
+$(CARSIM): $(CARSIM_SOURCES) | platformio
+	$(BIN)/pio run -e carsim
+	@touch $@

@@ -1,0 +1,65 @@
+"""The build id: it stands for what carsim is built from, and for nothing else."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tools"))
+
+import simulation_digest  # noqa: E402
+
+
+def make_checkout(folder: Path) -> Path:
+    """A small checkout: a simulator, a portable and a board's library, Box2D as PlatformIO fetches it."""
+    files = {
+        "sim2d/lib/car/car.cpp": "float speed;",
+        "firmware/lib/control/control.cpp": "int control;",
+        "firmware/lib/board/board.cpp": "int board;",
+        "firmware/lib/board/library.json": '{"platforms": "espressif32"}',
+        "libdeps/box2d/src/world.cpp": "int world;",
+        "libdeps/box2d/testbed/main.cpp": "int main;",
+    }
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+    return folder
+
+
+def digest(checkout: Path, flags: tuple[str, ...] = ("-O2",)) -> str:
+    return simulation_digest.simulation_digest(checkout, flags, "g++", checkout / "libdeps")
+
+
+def test_the_build_id_is_that_of_the_sources_wherever_they_lie(tmp_path: Path) -> None:
+    here, there = make_checkout(tmp_path / "here"), make_checkout(tmp_path / "there" / "deeper")
+    assert digest(here) == digest(there)
+    assert len(digest(here)) == 16
+
+
+@pytest.mark.parametrize(
+    "file", ["sim2d/lib/car/car.cpp", "firmware/lib/control/control.cpp", "libdeps/box2d/src/world.cpp"]
+)
+def test_the_build_id_changes_with_every_source_of_results(tmp_path: Path, file: str) -> None:
+    checkout = make_checkout(tmp_path)
+    before = digest(checkout)
+    (checkout / file).write_text("changed", encoding="utf-8")
+    assert digest(checkout) != before
+    assert digest(checkout, flags=("-O3",)) != digest(checkout)
+
+
+@pytest.mark.parametrize("file", ["firmware/lib/board/board.cpp", "libdeps/box2d/testbed/main.cpp"])
+def test_the_build_id_ignores_what_carsim_is_not_built_from(tmp_path: Path, file: str) -> None:
+    checkout = make_checkout(tmp_path)
+    before = digest(checkout)
+    (checkout / file).write_text("changed", encoding="utf-8")
+    assert digest(checkout) == before
+
+
+def test_the_header_is_rewritten_only_when_the_id_changes(tmp_path: Path) -> None:
+    header = tmp_path / "build_id" / "build_id.h"
+    simulation_digest.write_header(header, "0123456789abcdef")
+    first = header.stat().st_mtime_ns
+    simulation_digest.write_header(header, "0123456789abcdef")
+    assert header.stat().st_mtime_ns == first
+    assert '#define FOLDCAR_BUILD_ID "0123456789abcdef"' in header.read_text(encoding="utf-8")

@@ -1,0 +1,32 @@
+"""PlatformIO pre-script: writes build_id.h, which defines FOLDCAR_BUILD_ID, 16 hexadecimal digits.
+
+The id stands for everything that can change a simulation's results (see simulation_digest.py). The header
+lies in .pio/build_id/<environment>, on the include path; it is rewritten only when the id changes, and then
+only the source files that include it are compiled again.
+"""
+
+import sys
+from pathlib import Path
+
+from SCons.Script import Import
+
+Import("env")
+env = globals()["env"]
+
+root = Path(env.subst("$PROJECT_DIR"))
+sys.path.insert(0, str(root / "tools"))
+from simulation_digest import Box2dError, simulation_digest, write_header  # noqa: E402
+
+try:
+    digest = simulation_digest(
+        root,
+        flags=env.GetProjectOption("build_flags"),
+        compiler=env.subst("$CXX") or "g++",
+        downloaded_libraries=Path(env.subst("$PROJECT_LIBDEPS_DIR/$PIOENV")),
+    )
+except Box2dError as error:
+    sys.exit(f"build_id: {error}")
+
+folder = Path(env.subst("$PROJECT_WORKSPACE_DIR/build_id/$PIOENV"))
+write_header(folder / "build_id.h", digest)
+env.Append(CPPPATH=[str(folder)])

@@ -1,0 +1,35 @@
+#!/bin/sh
+# Installs the system packages that foldcar is built from, on Debian 12 and later and on Ubuntu 22.04 and later.
+# Does nothing, quickly, if they are there. Without root and without sudo it names what is missing and exits with 2.
+set -eu
+
+# Compiler and build tools; Box2D and the JSON library, which the simulator links; Python and its venv module;
+# git, with which PlatformIO fetches libraries; what Scenic's image library (OpenCV) loads.
+packages='g++ make python3 python3-venv ca-certificates git libbox2d-dev nlohmann-json3-dev libgl1 libglib2.0-0 libxcb1'
+
+if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
+  echo "install_system_packages: this is no Debian or Ubuntu; install what answers to: $packages" >&2
+  exit 2
+fi
+
+# A package also counts if another one provides it: newer releases have libglib2.0-0t64 for libglib2.0-0.
+installed=$(dpkg-query -W -f '${db:Status-Status} ${Package}, ${Provides}\n' | sed -n 's/^installed //p' |
+  sed 's/([^)]*)//g; s/:[a-z0-9]*//g' | tr -d ' ' | tr ',' '\n')
+missing=''
+for package in $packages; do
+  printf '%s\n' "$installed" | grep -qxF "$package" || missing="$missing $package"
+done
+[ -n "$missing" ] || exit 0
+
+if [ "$(id -u)" = 0 ]; then
+  as_root='env'
+elif command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [ -t 0 ]; }; then
+  as_root='sudo'
+else
+  echo "install_system_packages: as root, install these packages first: apt-get install$missing" >&2
+  exit 2
+fi
+echo "Installing system packages:$missing"
+$as_root apt-get update -q
+# shellcheck disable=SC2086  # a list of names
+exec $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends $missing

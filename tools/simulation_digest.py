@@ -1,0 +1,89 @@
+"""A digest of everything that can change a simulation's results: sources, flags, compiler, Box2D, C library.
+
+The digest is the same wherever the checkout lies and whatever order the file system lists files in.
+"""
+
+import hashlib
+import json
+import platform
+import subprocess
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+
+class Box2dError(Exception):
+    """Box2D is neither among the downloaded libraries nor installed in the system."""
+
+
+def simulation_digest(root: Path, flags: Sequence[str], compiler: str, downloaded_libraries: Path) -> str:
+    """The digest as 16 hexadecimal digits.
+
+    ``root`` is the project's folder, ``flags`` the compiler flags, ``compiler`` the C++ compiler's command,
+    ``downloaded_libraries`` the folder where PlatformIO keeps the environment's libraries. Raises Box2dError.
+    """
+    digest = hashlib.sha256()
+    for text in (" ".join(flags), compiler_version(compiler), " ".join(platform.libc_ver())):
+        _add(digest, "text", text.encode())
+    for name, content in _contents(root, source_files(root)):
+        _add(digest, name, content)
+    for name, content in _box2d_contents(compiler, downloaded_libraries):
+        _add(digest, name, content)
+    return digest.hexdigest()[:16]
+
+
+def source_files(root: Path) -> list[Path]:
+    """The portable firmware and the simulator: what is compiled into carsim, sorted by path."""
+    firmware = (folder for folder in (root / "firmware" / "lib").iterdir() if _is_portable(folder))
+    folders = [root / "sim2d", *firmware]
+    return sorted(file for folder in folders for file in _files(folder))
+
+
+def compiler_version(compiler: str) -> str:
+    """The compiler's target and version, as it states them."""
+    return _ask(compiler, "-dumpmachine") + _ask(compiler, "--version")
+
+
+def write_header(file: Path, digest: str) -> None:
+    """Writes the header that defines FOLDCAR_BUILD_ID, unless it stands there already."""
+    text = f'#pragma once\n#define FOLDCAR_BUILD_ID "{digest}"\n'
+    if not file.is_file() or file.read_text(encoding="utf-8") != text:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+
+
+def _is_portable(library: Path) -> bool:
+    manifest = library / "library.json"
+    if not manifest.is_file():
+        return library.is_dir()
+    platforms = json.loads(manifest.read_text(encoding="utf-8")).get("platforms", "*")
+    return "*" in platforms or "native" in platforms
+
+
+def _box2d_contents(compiler: str, downloaded_libraries: Path) -> Iterator[tuple[str, bytes]]:
+    source = downloaded_libraries / "box2d"
+    if source.is_dir():
+        files = [file for part in ("include", "src") for file in _files(source / part)]
+        yield from _contents(source, sorted(files))
+        return
+    library = Path(_ask(compiler, "-print-file-name=libbox2d.so").strip())
+    if not library.is_absolute():
+        raise Box2dError("Box2D is not installed: run tools/install_system_packages.sh")
+    yield "libbox2d", library.read_bytes()
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    return (file for file in folder.rglob("*") if file.is_file() and "__pycache__" not in file.parts)
+
+
+def _contents(base: Path, files: Iterable[Path]) -> Iterator[tuple[str, bytes]]:
+    return ((file.relative_to(base).as_posix(), file.read_bytes()) for file in files)
+
+
+def _ask(*command: str) -> str:
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+def _add(digest: "hashlib._Hash", name: str, content: bytes) -> None:
+    # Lengths first, so that no two different lists of files run together to the same bytes.
+    digest.update(f"{len(name)} {len(content)} {name}".encode())
+    digest.update(content)

@@ -1,0 +1,61 @@
+"""The command `foldcar`: its subcommands, and errors as one line on stderr.
+
+Exit codes: 0 done, 1 the reader of the output went away, 2 a mistake in input or surroundings, 130 a sweep
+was stopped by Ctrl-C. What takes long to import is imported inside the commands, so that help comes at once.
+"""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from foldcar import __version__
+from foldcar.commands.export import export
+from foldcar.commands.report import report
+from foldcar.commands.run import run
+from foldcar.commands.sample import sample
+from foldcar.commands.sweep import sweep
+from foldcar.errors import FoldcarError
+
+app = typer.Typer(
+    name="foldcar",
+    help="Which folding cars to build: sample environments, simulate designs, report.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+for command in (sweep, run, sample, report, export):
+    app.command()(command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"foldcar {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
+    ] = False,
+) -> None:
+    """Which folding cars to build: sample environments, simulate designs, report."""
+
+
+def main() -> None:
+    """Run the command line and exit."""
+    try:
+        app()
+    except FoldcarError as error:
+        sys.exit(_fail(str(error), error.exit_code))
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename is not None else ""
+        sys.exit(_fail(f"{where}{error.strerror or error}", 2))
+
+
+def _fail(message: str, code: int) -> int:
+    sys.stderr.write(f"foldcar: error: {' '.join(message.split())}\n")
+    return code

@@ -1,0 +1,46 @@
+"""The sweep's progress on a terminal: bar, runs per second, time left, live success rate; else nothing."""
+
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as RichProgress
+
+if TYPE_CHECKING:
+    from foldcar.sweep import Progress
+
+
+class ProgressBar:
+    """``with ProgressBar(progress) as bar``: call ``bar.update`` as the counts change."""
+
+    def __init__(self, progress: "Progress") -> None:
+        console = Console(stderr=True)
+        self._bar = RichProgress(
+            TextColumn("sweep"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[rate]}"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[success]}"),
+            console=console,
+            disable=not console.is_terminal,
+        )
+        self._task = self._bar.add_task("sweep", total=progress.total, rate="", success="")
+
+    def __enter__(self) -> "ProgressBar":
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def update(self, progress: "Progress") -> None:
+        """Show the counts."""
+        rate = progress.new / progress.seconds if progress.seconds > 0 else 0.0
+        success = 100 * progress.passed / progress.done if progress.done else 0.0
+        self._bar.update(
+            self._task, completed=progress.done, rate=f"{rate:.0f} runs/s", success=f"{success:.0f} % passed"
+        )

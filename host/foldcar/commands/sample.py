@@ -1,0 +1,71 @@
+"""`foldcar sample`: scenes of an environment as JSON Lines that `carsim batch` accepts, and as a picture."""
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from foldcar.atomic_file import atomic_file
+from foldcar.errors import FoldcarError
+from foldcar.figures.output import check_format
+from foldcar.scenes import SceneSource, open_environment
+
+
+def sample(
+    scenario: Annotated[Path, typer.Argument(help="Scenic program", metavar="SCENARIO")],
+    count: Annotated[int, typer.Option("-n", "--count", min=1, help="how many scenes")] = 1,
+    seed: Annotated[int, typer.Option("--seed", help="the same seed gives the same scenes")] = 0,
+    param: Annotated[
+        list[str] | None,
+        typer.Option("--param", help="a parameter of the program, NAME=VALUE; repeat for more"),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="JSON Lines file; - writes to the terminal")
+    ] = Path("-"),
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="picture of the first nine: .png, .svg or .pdf")
+    ] = None,
+) -> None:
+    """Sample scenes from an environment: scene K of seed S has the id S/K, whatever the count."""
+    if plot is not None:
+        check_format(plot)
+    source = open_environment(scenario, dict(_parse_param(text) for text in param or []), seed)
+    shown: list[dict[str, Any]] = []
+    if output == Path("-"):
+        for scene in _scenes(source, count, shown):
+            sys.stdout.write(_line(scene))
+    else:
+        with atomic_file(output) as file:
+            for scene in _scenes(source, count, shown):
+                file.write(_line(scene).encode())
+    if plot is not None:
+        from foldcar.figures.scenes import draw_scenes
+
+        draw_scenes(shown, plot, title=f"{scenario.name}, seed {seed}")
+
+
+def _scenes(source: SceneSource, count: int, shown: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Yield ``count`` scenes and keep the first ones in ``shown``."""
+    for k in range(count):
+        scene = {"id": f"{source.seed}/{k}", **source.sample(k)}
+        if len(shown) < 9:
+            shown.append(scene)
+        yield scene
+
+
+def _line(scene: dict[str, Any]) -> str:
+    return json.dumps({"scene": scene}) + "\n"
+
+
+def _parse_param(text: str) -> tuple[str, Any]:
+    """NAME=VALUE, the value in JSON's notation (0.03, true, [1, 2]); any other value is text."""
+    name, equals, value = text.partition("=")
+    if not equals or not name:
+        raise FoldcarError(f"--param {text}: write NAME=VALUE")
+    try:
+        return name, json.loads(value)
+    except json.JSONDecodeError:
+        return name, value

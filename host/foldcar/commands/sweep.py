@@ -1,0 +1,52 @@
+"""`foldcar sweep`: every design of a listing in every environment, into a store."""
+
+import os
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def sweep(
+    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
+    store: Annotated[Path, typer.Option(metavar="FILE", help="Store to write; made if there is none.")],
+    environments: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, help="Sampled environments, instead of the listing's number."),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, max=256, help="Simulators at once; one a processor if not given."),
+    ] = None,
+    experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
+) -> None:
+    """Run whatever the store does not have yet. Stop it any time: the same command goes on from there."""
+    from foldcar.carsim import Carsim
+    from foldcar.commands.progress_bar import ProgressBar
+    from foldcar.experiments import read_study
+    from foldcar.sweep import Progress, planned_total
+    from foldcar.sweep import sweep as run_sweep
+
+    study = read_study(listing, experiment, environments)
+    carsim = Carsim()
+    progress = Progress(total=planned_total(study))
+    command = shlex.join(["foldcar", *sys.argv[1:]])
+    try:
+        with ProgressBar(progress) as bar:
+            run_sweep(
+                study, store, carsim, jobs or len(os.sched_getaffinity(0)), command, bar.update, progress
+            )
+    except KeyboardInterrupt:
+        typer.echo(
+            f"stopped: {progress.done} of {progress.total} runs are stored in {store}; "
+            "the same command goes on from there",
+            err=True,
+        )
+        raise typer.Exit(130) from None
+    rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
+    typer.echo(
+        f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s{rate}, "
+        f"{100 * progress.passed / progress.total:.1f} % passed; store: {store}"
+    )

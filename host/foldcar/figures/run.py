@@ -1,0 +1,169 @@
+"""A picture of one run: the car at intervals on the ground under both tracks, and its path from above."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon
+
+from foldcar.errors import FoldcarError
+from foldcar.figures.output import check_format, save_figure
+from foldcar.figures.profile import driven_line, strip_heights_m, travelled_m
+from foldcar.figures.style import ACCENT, FAILURE, INK, OUTCOME_LABELS, RC
+from foldcar.figures.top_view import draw_top_view, height_scale
+
+WIDTH_IN = 10.0
+FAR_COLOUR = "#e6d3a8"
+NEAR_COLOUR = "#b58a45"
+MARGIN_M = 0.1
+
+
+def draw_run(
+    body: Mapping[str, Any],
+    scene: Mapping[str, Any],
+    result: Mapping[str, Any],
+    path: Sequence[Sequence[float]],
+    file: Path,
+) -> None:
+    """Draw a run into ``file`` (.png, .svg, .pdf).
+
+    ``body``, ``scene`` and ``result`` are the objects of docs/carsim.md (ids may be missing); ``path`` has
+    rows of time, x, y, z, heading, pitch, roll in s, m and rad. Raises FoldcarError.
+    """
+    check_format(file)
+    if not len(path):
+        raise FoldcarError(f"{file}: the run has no path to draw")
+    rows = numpy.asarray(path, dtype=float)
+    with matplotlib.rc_context(RC):
+        figure = Figure(figsize=(WIDTH_IN, 6.4), layout="constrained")
+        side, above = figure.subplots(2, 1, height_ratios=(1, 1.6))
+        figure.suptitle(_title(body, scene, result), x=0.01, ha="left", fontweight="bold")
+        _draw_side(side, body, scene, result, rows)
+        heights = height_scale([scene])
+        draw_top_view(above, scene, heights, rows)
+        _zoom(above, scene, rows)
+        above.set_title("from above")
+        above.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        if scene["terrain"]:
+            figure.colorbar(heights, ax=above, label="height (mm)", shrink=0.8, aspect=20, location="left")
+        save_figure(figure, file)
+
+
+def poses_to_draw(travelled: Sequence[float], spacing_m: float) -> list[int]:
+    """Indices of the rows to draw the car at: the first, the last, and every ``spacing_m`` of new way."""
+    chosen = [0]
+    for index, distance in enumerate(travelled):
+        if distance >= travelled[chosen[-1]] + spacing_m:
+            chosen.append(index)
+    last = len(travelled) - 1
+    while len(chosen) > 1 and abs(travelled[last] - travelled[chosen[-1]]) < spacing_m * 0.8:
+        chosen.pop()
+    return chosen if last == 0 else [*chosen, last]
+
+
+def _draw_side(
+    axes: Axes, body: Mapping[str, Any], scene: Mapping[str, Any], result: Mapping[str, Any], rows: Any
+) -> None:
+    wheels = body["wheels"]
+    reach = max(abs(wheel["x_m"]) + wheel["radius_m"] for wheel in wheels)
+    reach = max(reach, body["chassis"]["length_m"] / 2)
+    line = driven_line(rows, margin_m=reach + MARGIN_M)
+    for name, left, colour, order in (("left", 0.5, FAR_COLOUR, 1), ("right", -0.5, NEAR_COLOUR, 2)):
+        tyre = max(wheel["width_m"] for wheel in wheels if wheel["side"] == name)
+        heights = strip_heights_m(scene["terrain"], line, left * body["track_m"], tyre)
+        axes.fill_between(
+            line.distance_m,
+            heights,
+            -0.012,
+            color=colour,
+            linewidth=0,
+            zorder=order,
+            label=f"ground under the {name} wheels",
+        )
+        axes.plot(
+            line.distance_m,
+            heights,
+            color="#6b4a17",
+            linewidth=0.8,
+            linestyle="--" if left > 0 else "-",
+            zorder=3,
+        )
+    travelled = travelled_m(rows)
+    chosen = poses_to_draw(list(travelled), 2.05 * reach)
+    for index in chosen:
+        final = index == chosen[-1]
+        colour = FAILURE if final and result["outcome"] != "passed" else ACCENT
+        top = _draw_car(axes, body, travelled[index], rows[index], colour)
+        axes.annotate(
+            f"{rows[index, 0]:.2f} s", (travelled[index], top + 0.012), ha="center", fontsize=8, color=INK
+        )
+    axes.set_aspect("equal")
+    axes.grid(False)
+    axes.set_xlim(line.distance_m[0], line.distance_m[-1])
+    axes.set_ylim(
+        -0.012,
+        max(rows[:, 3].max(), max(p["height_m"] for p in scene["terrain"] or [{"height_m": 0}]))
+        + reach * 1.1,
+    )
+    axes.set_xlabel("distance driven (m)")
+    axes.set_ylabel("height (m)")
+    axes.set_title("from the right side")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+
+
+def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, colour: str) -> float:
+    """Draw the car at a row of the path; returns the height of its highest point (m)."""
+    z, pitch, roll = float(row[3]), float(row[5]), float(row[6])
+    turn = numpy.array([[numpy.cos(pitch), numpy.sin(pitch)], [-numpy.sin(pitch), numpy.cos(pitch)]])
+    top = z
+    for wheel in sorted(
+        body["wheels"], key=lambda w: str(w["side"])
+    ):  # left wheels first: they are the far ones
+        near = wheel["side"] == "right"
+        lift = body["track_m"] / 2 * numpy.sin(roll) * (-1.0 if near else 1.0)
+        x, height = numpy.array([wheel["x_m"], 0.0]) @ turn + [distance_m, z + lift]
+        top = max(top, height + wheel["radius_m"])
+        axes.add_patch(
+            Circle(
+                (x, height),
+                wheel["radius_m"],
+                facecolor="#ffffff66" if near else "none",
+                edgecolor=colour,
+                linewidth=1.3 if near else 0.8,
+                linestyle="-" if near else ":",
+                zorder=6 if near else 4,
+            )
+        )
+    chassis = body["chassis"]
+    half_length, half_height = chassis["length_m"] / 2, chassis["height_m"] / 2
+    corners = numpy.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * [half_length, half_height]
+    outline = (corners + numpy.array([0.0, chassis["center_z_m"]])) @ turn + [distance_m, z]
+    axes.add_patch(Polygon(outline, facecolor=colour, alpha=0.35, edgecolor="none", zorder=5))
+    axes.add_patch(Polygon(outline, fill=False, edgecolor=colour, linewidth=1.0, zorder=7))
+    return float(max(top, outline[:, 1].max()))
+
+
+def _zoom(axes: Axes, scene: Mapping[str, Any], rows: Any) -> None:
+    """Show the path, the start, the goal and the terrain's middle, not the whole course."""
+    start, goal = scene["start"], scene["goal"]
+    x = [*rows[:, 1], start["x_m"], goal["x_m"]]
+    y = [*rows[:, 2], start["y_m"]] + ([goal["y_m"]] if goal["kind"] == "disc" else [])
+    for box in scene["terrain"]:
+        reach = (box["length_m"] ** 2 + box["width_m"] ** 2) ** 0.5 / 2
+        if reach < 0.5:
+            x += [box["x_m"] - reach, box["x_m"] + reach]
+            y += [box["y_m"] - reach, box["y_m"] + reach]
+    axes.set_xlim(min(x) - 2 * MARGIN_M, max(x) + 2 * MARGIN_M)
+    axes.set_ylim(min(y) - 2 * MARGIN_M, max(y) + 2 * MARGIN_M)
+
+
+def _title(body: Mapping[str, Any], scene: Mapping[str, Any], result: Mapping[str, Any]) -> str:
+    outcome, elapsed = result["outcome"], result["elapsed_time_s"]
+    parts = [f"{OUTCOME_LABELS.get(outcome, outcome)} after {elapsed:.2f} s"]
+    parts += [f"car {body['id']}"] if "id" in body else [f"track {body['track_m'] * 1e3:.0f} mm"]
+    parts += [f"scene {scene['id']}"] if "id" in scene else []
+    return ", ".join(parts)

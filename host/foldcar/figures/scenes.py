@@ -1,0 +1,49 @@
+"""A picture of several scenes from above, side by side on one colour scale."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from foldcar.errors import FoldcarError
+from foldcar.figures.output import check_format, save_figure
+from foldcar.figures.style import RC
+from foldcar.figures.top_view import draw_top_view, height_scale
+
+MOST_SCENES = 9
+PANEL_WIDTH_IN = 3.4
+
+
+def draw_scenes(scenes: Sequence[Mapping[str, Any]], file: Path, title: str = "") -> None:
+    """Draw up to nine ``scenes`` (docs/carsim.md, with their ids) into ``file``. Raises FoldcarError."""
+    check_format(file)
+    shown = scenes[:MOST_SCENES]
+    if not shown:
+        raise FoldcarError(f"{file}: no scene to draw")
+    columns = math.ceil(math.sqrt(len(shown)))
+    rows = math.ceil(len(shown) / columns)
+    course = shown[0]["course"]
+    aspect = (course["y_max_m"] - course["y_min_m"]) / (course["x_max_m"] - course["x_min_m"])
+    panel = PANEL_WIDTH_IN * (1.6 if len(shown) == 1 else 1.0)
+    size = (panel * columns + 1.0, (panel * min(max(aspect, 0.3), 2.0) + 0.3) * rows + 0.5)
+    with matplotlib.rc_context(RC):
+        figure = Figure(figsize=size, layout="constrained")
+        panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        heights = height_scale(shown)
+        for place, axes in enumerate(panels.flat):
+            if place >= len(shown):
+                axes.set_axis_off()
+                continue
+            draw_top_view(axes, shown[place], heights)
+            axes.label_outer()
+            axes.set_title(f"scene {shown[place]['id']}", fontsize=9)
+        if any(scene["terrain"] for scene in shown):
+            figure.colorbar(heights, ax=panels, label="height (mm)", shrink=0.7, aspect=30)
+        handles, labels = panels.flat[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=3)
+        if title:
+            figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+        save_figure(figure, file)

@@ -1,0 +1,60 @@
+"""How every figure looks: fonts, lines, colours with a meaning, for print and for colour-blind eyes."""
+
+from typing import Any
+
+# Any: matplotlib types its settings by a literal of every name, which older versions do not.
+RC: Any = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans", "Arial", "Helvetica", "sans-serif"],
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "grid.color": "#d9d9d9",
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "figure.dpi": 100,
+    "savefig.dpi": 200,
+    "savefig.facecolor": "white",
+    # Text stays text: readable by search, screen readers and editors.
+    "svg.fonttype": "none",
+    # Element names from the content alone: the same data draws the same bytes.
+    "svg.hashsalt": "foldcar",
+}
+
+INK = "#222222"
+ACCENT = "#0072b2"
+FAILURE = "#d62728"
+GROUND = "#8c7a5b"
+
+# Okabe and Ito's palette, ordered so that neighbours in a stack differ in lightness too.
+OUTCOME_COLOURS = {
+    "passed": "#009e73",
+    "tipped": "#d55e00",
+    "stuck": "#56b4e9",
+    "off_course": "#cc79a7",
+    "timeout": "#f0e442",
+    "fault": "#222222",
+}
+OUTCOME_LABELS = {
+    "passed": "passed",
+    "tipped": "tipped over",
+    "stuck": "stuck",
+    "off_course": "off course",
+    "timeout": "time-out",
+    "fault": "fault",
+}
+OUTCOME_MARKERS = {
+    "passed": "o",
+    "tipped": "^",
+    "stuck": "s",
+    "off_course": "D",
+    "timeout": "X",
+    "fault": "P",
+}

@@ -1,0 +1,44 @@
+"""What tells one environment from another without running it: a hash of all that its samples depend on.
+
+Input: a Scenic program, its parameters and seed. Output: a hexadecimal SHA-256. Programs can import what
+stands beside them, so every Scenic and Python file of the program's folder counts, as do the vocabulary,
+foldcar's own reading of it, and Scenic's version. Too much in the hash only costs sampling anew: runs go
+by the scene itself.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+SCENE_CODE = ("scenes.py", "scene_json.py", "scenic_program.py")
+SOURCES = ("*.scenic", "*.py")
+
+
+def environment_fingerprint(program: Path, params: Mapping[str, Any], seed: int) -> str:
+    """The hash for ``program`` with ``params`` and ``seed``."""
+    digest = hashlib.sha256()
+    head = [program.name, params, seed, scenic_version()]
+    digest.update(json.dumps(head, sort_keys=True).encode())
+    for file in _sources(program.parent):
+        text = file.read_bytes()
+        digest.update(f"\n{file.name} {len(text)}\n".encode())
+        digest.update(text)
+    return digest.hexdigest()
+
+
+def scenic_version() -> str:
+    """Version of the installed Scenic."""
+    return version("scenic")
+
+
+def _sources(folder: Path) -> Iterator[Path]:
+    package = Path(__file__).resolve().parent
+    vocabulary = package.parents[1] / "scenarios"
+    yield from (package / name for name in SCENE_CODE)
+    for pattern in SOURCES:
+        yield from sorted(folder.glob(pattern))
+        if folder.resolve() != vocabulary:
+            yield from sorted(vocabulary.glob(pattern))

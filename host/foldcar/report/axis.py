@@ -1,0 +1,46 @@
+"""The axis of a design parameter: its label from its name, its values to scale where they are numbers."""
+
+from collections.abc import Sequence
+
+import numpy
+from matplotlib.axes import Axes
+
+from foldcar.report.series import Value
+
+UNITS = ("mm", "m", "deg", "rad", "kg", "g", "s", "v")
+
+
+def parameter_label(parameter: str) -> str:
+    """``wheel_radius_mm`` → ``wheel radius (mm)``."""
+    name, _, unit = parameter.rpartition("_")
+    if name and unit in UNITS:
+        return f"{name} ({unit.upper() if unit == 'v' else unit})".replace("_", " ")
+    return parameter.replace("_", " ")
+
+
+def value_text(value: Value) -> str:
+    """A value as people write it: 95, 12.5, or the text itself."""
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+class ParameterAxis:
+    """Where the values of a parameter stand: numbers to scale, texts one beside the other."""
+
+    def __init__(self, values: Sequence[Value]) -> None:
+        self.values = list(values)
+        self.to_scale = all(not isinstance(value, str) for value in values)
+        places = [float(value) for value in values] if self.to_scale else range(len(values))
+        self._place = dict(zip(values, places, strict=True))
+        gaps = numpy.diff(sorted(self._place.values()))
+        self.bar_width = 0.8 * float(gaps.min()) if len(gaps) else 0.8
+
+    def place(self, value: Value) -> float:
+        return self._place[value]
+
+    def label(self, axes: Axes, parameter: str) -> None:
+        """Label the axis; few values get a tick each."""
+        axes.set_xlabel(parameter_label(parameter))
+        if not self.to_scale or len(self.values) <= 12:
+            axes.set_xticks(list(self._place.values()), [value_text(value) for value in self.values])
+        margin = self.bar_width * 0.8
+        axes.set_xlim(min(self._place.values()) - margin, max(self._place.values()) + margin)

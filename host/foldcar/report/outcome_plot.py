@@ -1,0 +1,36 @@
+"""How the runs ended by a design parameter, as stacked shares."""
+
+from matplotlib.figure import Figure
+
+from foldcar.figures.style import OUTCOME_COLOURS, OUTCOME_LABELS
+from foldcar.report.axis import ParameterAxis
+from foldcar.report.series import Series
+from foldcar.results import OUTCOMES
+
+
+def draw_outcomes(series: Series) -> Figure:
+    axis = ParameterAxis(list(series.tallies))
+    figure = Figure(figsize=(7.2, 3.7), layout="constrained")
+    axes = figure.subplots()
+    places = [axis.place(value) for value in series.tallies]
+    bottom = [0.0] * len(places)
+    for outcome in OUTCOMES:
+        shares = [100 * tally.outcomes[outcome] / tally.runs for tally in series.tallies.values()]
+        axes.bar(
+            places,
+            shares,
+            width=axis.bar_width,
+            bottom=bottom,
+            color=OUTCOME_COLOURS[outcome],
+            edgecolor="white",
+            linewidth=0.3,
+            label=OUTCOME_LABELS[outcome],
+        )
+        bottom = [low + share for low, share in zip(bottom, shares, strict=True)]
+    axes.set_ylim(0, 100)
+    axes.set_ylabel("share of runs (%)")
+    axes.set_title("How the runs ended")
+    axes.grid(axis="x", visible=False)
+    axis.label(axes, series.parameter)
+    figure.legend(loc="outside lower center", ncols=6)
+    return figure

@@ -1,0 +1,51 @@
+"""The report's page: one HTML file that needs no other file and no network."""
+
+import shlex
+from collections.abc import Mapping, Sequence
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from foldcar.figures.style import OUTCOME_LABELS
+from foldcar.report.axis import parameter_label, value_text
+from foldcar.report.inline_svg import inline_svg
+from foldcar.report.sections import Section
+from foldcar.results import OUTCOMES
+from foldcar.store_info import StudyInfo
+
+
+def page_html(
+    info: StudyInfo, sections: Sequence[Section], svgs: Mapping[str, str], report_command: Sequence[str]
+) -> str:
+    """The page. ``svgs`` holds each drawing's SVG file by the drawing's name."""
+    environment = Environment(
+        loader=PackageLoader("foldcar.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "parameter_label": parameter_label,
+        "value_text": value_text,
+        "assignments": _assignments,
+    }
+    inlined = {
+        drawing.name: Markup(inline_svg(svgs[drawing.name], drawing.name, drawing.caption))
+        for section in sections
+        for drawing in section.drawings
+    }
+    return environment.get_template("page.html").render(
+        info=info,
+        sections=sections,
+        svgs=inlined,
+        outcomes=OUTCOMES,
+        outcome_labels=OUTCOME_LABELS,
+        report_command=shlex.join(report_command),
+    )
+
+
+def _assignments(values: Mapping[str, object]) -> str:
+    return ", ".join(
+        f"{name} = {value_text(v) if isinstance(v, int | float) else v}" for name, v in values.items()
+    )

@@ -1,0 +1,76 @@
+"""An experiment's section of the report: its summary, what is to be said about it, and its figures."""
+
+import re
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+from foldcar.report.axis import parameter_label
+from foldcar.report.outcome_plot import draw_outcomes
+from foldcar.report.series import Summary, summarise
+from foldcar.report.success_plot import draw_success
+from foldcar.report.time_plot import draw_times
+from foldcar.store import Store
+from foldcar.store_info import ExperimentInfo
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure, the name of its files without suffix, and what it shows."""
+
+    name: str
+    caption: str
+    figure: Figure
+
+
+@dataclass(frozen=True)
+class Section:
+    """One experiment; ``remarks`` are sentences for the reader."""
+
+    info: ExperimentInfo
+    summary: Summary
+    remarks: list[str]
+    drawings: list[Drawing]
+
+
+def read_section(store: Store, info: ExperimentInfo) -> Section:
+    """Count the experiment's runs and draw its figures. Matplotlib's settings are the caller's."""
+    summary = summarise(store.results(info.id), info.varied)
+    return Section(info, summary, _remarks(info, summary), _drawings(info, summary))
+
+
+def _remarks(info: ExperimentInfo, summary: Summary) -> list[str]:
+    remarks = []
+    stored = summary.total.runs
+    if stored < info.planned_runs:
+        remarks.append(
+            f"Unfinished: {stored} of {info.planned_runs} runs are stored; the command that began "
+            "the sweep resumes it."
+        )
+    names = [parameter_label(name) for name in info.varied]
+    if not names:
+        remarks.append("One design: no parameter varies, so there is nothing to draw success against.")
+    if len(names) > 1:
+        remarks.append(
+            f"{len(names)} parameters vary ({', '.join(names)}): each is shown by itself, over all values of "
+            "the others; times in one environment are drawn only where a single parameter varies."
+        )
+    return remarks
+
+
+def _drawings(info: ExperimentInfo, summary: Summary) -> list[Drawing]:
+    drawings = []
+    start = "experiment_" + re.sub(r"[^A-Za-z0-9-]+", "_", info.id)
+    for series in summary.series:
+        if not series.tallies:
+            continue
+        parameter, label = series.parameter, parameter_label(series.parameter)
+        if summary.timed:
+            figure = draw_times(summary.timed, parameter, info.timeout_s)
+            caption = f"Time to cross by {label} in one environment. Runs that did not pass are red."
+            drawings.append(Drawing(f"{start}_time_by_{parameter}", caption, figure))
+        caption = f"Mean success by {label} over all environments, with Wilson 95 % intervals."
+        drawings.append(Drawing(f"{start}_success_by_{parameter}", caption, draw_success(series)))
+        caption = f"Outcomes by {label}, as shares of the runs."
+        drawings.append(Drawing(f"{start}_outcomes_by_{parameter}", caption, draw_outcomes(series)))
+    return drawings

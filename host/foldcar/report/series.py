@@ -1,0 +1,99 @@
+"""Counts a store's runs by design parameter, in one pass; memory does not grow with the number of runs."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from foldcar.report.wilson import wilson_interval
+from foldcar.results import OUTCOMES, Result
+
+Value = float | str
+
+# The environment whose single runs are drawn one by one: the first one every design met.
+TIMED_SAMPLE = 0
+
+
+@dataclass
+class Tally:
+    """Outcomes of the runs of one design, or of all designs that share a parameter's value."""
+
+    outcomes: dict[str, int] = field(default_factory=lambda: dict.fromkeys(OUTCOMES, 0))
+    passed_time_s: float = 0.0
+
+    def add(self, result: Result) -> None:
+        self.outcomes[result.outcome] += 1
+        if result.outcome == "passed":
+            self.passed_time_s += result.elapsed_time_s
+
+    @property
+    def runs(self) -> int:
+        return sum(self.outcomes.values())
+
+    @property
+    def passed(self) -> int:
+        return self.outcomes["passed"]
+
+    @property
+    def success(self) -> float:
+        """Share of runs that passed, 0 to 1. There is at least one run in every tally that is asked."""
+        return self.passed / self.runs
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson 95 % interval of the success, 0 to 1."""
+        return wilson_interval(self.passed, self.runs)
+
+    @property
+    def mean_time_s(self) -> float | None:
+        """Mean time of the runs that passed; None if none did."""
+        return self.passed_time_s / self.passed if self.passed else None
+
+
+@dataclass(frozen=True)
+class TimedRun:
+    """How one design fared in the one environment that is drawn run by run."""
+
+    value: Value
+    outcome: str
+    time_s: float
+
+
+@dataclass
+class Series:
+    """One varied parameter: a tally per value, ascending, over all values of the other varied ones."""
+
+    parameter: str
+    tallies: dict[Value, Tally]
+
+
+@dataclass
+class Summary:
+    """One experiment: a series per varied parameter; ``timed`` is empty unless exactly one varies."""
+
+    total: Tally
+    series: list[Series]
+    timed: list[TimedRun]
+
+
+def summarise(results: Iterable[Result], varied: Mapping[str, Any]) -> Summary:
+    """Count ``results`` of one experiment by each parameter named in ``varied``."""
+    total = Tally()
+    tallies: dict[str, dict[Value, Tally]] = {parameter: {} for parameter in varied}
+    timed: list[TimedRun] = []
+    for result in results:
+        total.add(result)
+        for parameter, by_value in tallies.items():
+            by_value.setdefault(result.design[parameter], Tally()).add(result)
+        if result.sample == TIMED_SAMPLE and len(tallies) == 1:
+            (parameter,) = tallies
+            timed.append(TimedRun(result.design[parameter], result.outcome, result.elapsed_time_s))
+    series = [
+        Series(name, {v: by_value[v] for v in sorted(by_value, key=_order)})
+        for name, by_value in tallies.items()
+    ]
+    return Summary(total, series, sorted(timed, key=lambda run: _order(run.value)))
+
+
+def _order(value: Value) -> tuple[bool, float, str]:
+    """Numbers by size, then texts by letter."""
+    return (True, 0.0, value) if isinstance(value, str) else (False, value, "")

@@ -1,0 +1,55 @@
+"""Mean success by a design parameter, in three colours, with Wilson 95 % intervals."""
+
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
+
+from foldcar.figures.style import INK
+from foldcar.report.axis import ParameterAxis
+from foldcar.report.series import Series, Tally
+
+GREEN, BLUE, NAVY = "#62b85f", "#3f7fd0", "#14265c"
+LEGEND = ((GREEN, "above 75 %"), (BLUE, "50 to 75 %"), (NAVY, "below 50 %"))
+
+
+def success_colour(success: float) -> str:
+    """Green above 75 %, blue from 50 to 75 %, navy below 50 %."""
+    if success > 0.75:
+        return GREEN
+    return BLUE if success >= 0.5 else NAVY
+
+
+def error_bar_percent(tally: Tally) -> tuple[float, float]:
+    """How far the 95 % interval reaches below and above the success, in percentage points."""
+    low, high = tally.interval
+    # The interval's ends meet 0 and 1 within rounding only, and a negative bar is refused.
+    return max(0.0, 100 * (tally.success - low)), max(0.0, 100 * (high - tally.success))
+
+
+def draw_success(series: Series) -> Figure:
+    axis = ParameterAxis(list(series.tallies))
+    figure = Figure(figsize=(7.2, 3.7), layout="constrained")
+    axes = figure.subplots()
+    # A white seam keeps the dark bars of error visible on navy.
+    seam = [withStroke(linewidth=2.2, foreground="white")]
+    error_bar = {"elinewidth": 0.9, "capsize": 2.0, "ecolor": INK, "path_effects": seam}
+    for value, tally in series.tallies.items():
+        below, above = error_bar_percent(tally)
+        axes.bar(
+            axis.place(value),
+            100 * tally.success,
+            width=axis.bar_width,
+            color=success_colour(tally.success),
+            yerr=[[below], [above]],
+            error_kw=error_bar,
+        )
+    for threshold in (50, 75):
+        axes.axhline(threshold, color=INK, linewidth=0.7, linestyle=":")
+    axes.set_ylim(0, 103)
+    axes.set_ylabel("runs passed (%)")
+    axes.set_title("Mean success over all environments, Wilson 95 % intervals")
+    axes.grid(axis="x", visible=False)
+    axis.label(axes, series.parameter)
+    patches = [Patch(color=colour, label=label) for colour, label in LEGEND]
+    figure.legend(handles=patches, loc="outside lower center", ncols=3)
+    return figure

@@ -1,0 +1,55 @@
+"""Writes a report: all files are made in a temporary folder first and take their places afterwards."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+
+from foldcar.errors import FoldcarError
+from foldcar.figures.output import save_figure
+from foldcar.figures.style import RC
+from foldcar.report.page import page_html
+from foldcar.report.sections import Section, read_section
+from foldcar.store import Store
+
+PAGE = "index.html"
+
+
+def write_report(store: Store, folder: Path, report_command: Sequence[str]) -> list[Section]:
+    """Write the page and its figures (SVG, PNG) into ``folder``, replacing those of an earlier report.
+
+    Returns the sections, for a summary on the terminal. Raises FoldcarError if there is nothing to report or
+    the folder cannot be written.
+    """
+    info = store.info()
+    if folder.exists() and not folder.is_dir():
+        raise FoldcarError(f"{folder}: is no folder")
+    with matplotlib.rc_context(RC):
+        sections = [read_section(store, experiment) for experiment in info.experiments.values()]
+        if not any(section.summary.total.runs for section in sections):
+            raise FoldcarError(f"{store.path}: holds no runs yet; sweep the listing first")
+        try:
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
+                made = Path(temporary)
+                svgs = _save_figures(sections, made)
+                page = page_html(info, sections, svgs, report_command)
+                (made / PAGE).write_text(page, encoding="utf-8")
+                folder.mkdir(exist_ok=True)
+                # The page goes last: it never shows figures that are not there.
+                for file in sorted(made.iterdir(), key=lambda file: file.name == PAGE):
+                    file.replace(folder / file.name)
+        except OSError as error:
+            raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    return sections
+
+
+def _save_figures(sections: Sequence[Section], folder: Path) -> dict[str, str]:
+    svgs = {}
+    for section in sections:
+        for drawing in section.drawings:
+            for suffix in (".svg", ".png"):
+                save_figure(drawing.figure, folder / f"{drawing.name}{suffix}")
+            svgs[drawing.name] = (folder / f"{drawing.name}.svg").read_text(encoding="utf-8")
+    return svgs

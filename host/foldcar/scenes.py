@@ -1,0 +1,96 @@
+"""Environments: a Scenic program, its parameters and a seed in, plain JSON scenes (docs/carsim.md) out.
+
+Sample k depends on nothing but (program, parameters, seed, k), so that every design meets the same scenes
+whatever number of them is asked for, in whatever order. The state of Python's and numpy's global generators,
+which Scenic draws from, is given back afterwards.
+"""
+
+import contextlib
+import hashlib
+import io
+import random
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from foldcar.errors import FoldcarError
+from foldcar.scene_json import scene_object
+from foldcar.scenic_program import compile_program, one_line
+
+# Scenic's own default: a program that fails this often has requirements that hardly ever hold.
+MAX_ITERATIONS = 2000
+
+
+class SceneSource:
+    """A compiled environment. Made by :func:`open_environment`."""
+
+    def __init__(self, program: Path, scenario: Any, seed: int) -> None:
+        self.program = program
+        self.seed = seed
+        self._scenario = scenario
+
+    def sample(self, k: int) -> dict[str, Any]:
+        """Sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
+
+        Lengths in metres, angles in radians, rounded to 1e-9. Raises FoldcarError if the program rejects
+        every sample, fails while sampling, or makes something the simulator cannot represent.
+        """
+        from scenic.core.distributions import RejectionException
+
+        if k < 0:
+            raise FoldcarError(f"{self.program}: sample {k} is below the minimum 0")
+        try:
+            with _seeded(f"{self.seed}/{k}"):
+                scene, _ = self._scenario.generate(maxIterations=MAX_ITERATIONS, verbosity=0)
+        except RejectionException:
+            raise FoldcarError(
+                f"{self.program}: sample {k}: Scenic rejected all {MAX_ITERATIONS} tries, "
+                f"the last because of {self._rejection_reason(k)}; loosen what the program requires"
+            ) from None
+        except FoldcarError:
+            raise
+        except Exception as error:
+            raise FoldcarError(f"{self.program}: sample {k}: {one_line(error, self.program)}") from error
+        return scene_object(scene, f"{self.program}: sample {k}")
+
+    def _rejection_reason(self, k: int) -> str:
+        """What Scenic prints about a rejected try; it keeps the reason nowhere else."""
+        from scenic.core.distributions import RejectionException
+
+        said = io.StringIO()
+        with (
+            _seeded(f"{self.seed}/{k}"),
+            contextlib.redirect_stdout(said),
+            contextlib.suppress(RejectionException),
+        ):
+            self._scenario.generate(maxIterations=1, verbosity=2)
+        return " ".join(said.getvalue().rpartition("because of")[2].split()) or "its requirements"
+
+
+def open_environment(program: Path, params: Mapping[str, Any], seed: int) -> SceneSource:
+    """Compile ``program`` with ``params`` in place of its own parameters.
+
+    Raises FoldcarError in one line if the file is missing or does not compile, if a parameter is unknown or
+    of the wrong type, or if the program asks for something only a running simulation could check.
+    """
+    with _seeded(f"{seed}/compile"):
+        scenario = compile_program(program, params)
+    return SceneSource(program, scenario, seed)
+
+
+@contextlib.contextmanager
+def _seeded(text: str) -> Iterator[None]:
+    """Seed the global generators from ``text`` for a while; what a program prints goes to stderr."""
+    import numpy
+
+    digest = hashlib.sha256(text.encode()).digest()
+    python_state, numpy_state = random.getstate(), numpy.random.get_state()
+    random.seed(digest)
+    numpy.random.seed(numpy.frombuffer(digest, dtype="<u4"))
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            yield
+    finally:
+        random.setstate(python_state)
+        numpy.random.set_state(numpy_state)

@@ -1,0 +1,116 @@
+"""Compiles a Scenic program and refuses, in one line, what a batch of simulations cannot honour.
+
+`model model` is looked up beside the program first and in the project's scenarios/ next, so that a program
+may stand in any folder. Scenic takes most of a second to import: it is imported where it is used.
+"""
+
+import contextlib
+import math
+import sys
+import traceback
+import warnings
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from foldcar.errors import FoldcarError
+
+VOCABULARY_DIR = Path(__file__).resolve().parents[2] / "scenarios"
+
+
+def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
+    """The compiled scenario of ``program`` with ``params`` overriding its own. Raises FoldcarError."""
+    if not program.is_file():
+        raise FoldcarError(f"{program}: no such Scenic program")
+    if program.suffix != ".scenic":
+        raise FoldcarError(f"{program}: a Scenic program's name ends in .scenic")
+    scenario = _compile(program, {})
+    if params:
+        # Scenic takes any name as an override: only the program as it stands tells which ones it declares.
+        _check_params(program, params, scenario.params)
+        scenario = _compile(program, params)
+    if scenario.egoObject is None:
+        raise FoldcarError(f"{program}: no ego: the program has to say `ego = new Robot …`")
+    _refuse_dynamics(program, scenario)
+    return scenario
+
+
+def one_line(error: BaseException, program: Path) -> str:
+    """The error as one line that names the line of the program, if it tells."""
+    where = ""
+    lines = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__)]
+    file, line = getattr(error, "filename", None), getattr(error, "lineno", None)
+    if not (isinstance(file, str) and file.endswith(".scenic")):
+        file, line = next(((f, n) for f, n in reversed(lines) if f.endswith(".scenic")), (None, line))
+    if line is not None:
+        same = file is None or Path(file).resolve() == program.resolve()
+        where = f"line {line}: " if same else f"{file}: line {line}: "
+    kind = "" if type(error).__module__.startswith("scenic.") else f"{type(error).__name__}: "
+    return where + kind + (" ".join(str(error).split()) or "no message")
+
+
+def _compile(program: Path, params: Mapping[str, Any]) -> Any:
+    with warnings.catch_warnings():
+        # Scenic would show every uncaught error its own way, and warns if another library was there first.
+        warnings.filterwarnings("ignore", message="unable to install sys.excepthook")
+        import scenic
+
+    try:
+        with _vocabulary_found():
+            return scenic.scenarioFromFile(str(program), params=dict(params))
+    except (Exception, SystemExit) as error:
+        raise FoldcarError(f"{program}: {one_line(error, program)}") from error
+
+
+@contextlib.contextmanager
+def _vocabulary_found() -> Iterator[None]:
+    folder = str(VOCABULARY_DIR)
+    sys.path.append(folder)
+    try:
+        yield
+    finally:
+        sys.path.remove(folder)
+
+
+def _check_params(program: Path, params: Mapping[str, Any], declared: Mapping[str, Any]) -> None:
+    for name, value in params.items():
+        if name not in declared:
+            known = ", ".join(sorted(declared)) or "none"
+            raise FoldcarError(f"{program}: param {name}: unknown; the program's parameters are: {known}")
+        if _is_number(declared[name]) and not _is_number(value):
+            raise FoldcarError(f"{program}: param {name}: {value!r} is no number")
+        if _is_number(value) and not math.isfinite(value):
+            raise FoldcarError(f"{program}: param {name}: {value} is not finite")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _refuse_dynamics(program: Path, scenario: Any) -> None:
+    """Refuse what Scenic evaluates while a simulation runs: ignored, it would change what is asked."""
+    dynamic = scenario.dynamicScenario
+    temporal = [r for r in scenario.requirements if r.proposition.has_temporal_operator]
+    recorded = [*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs]
+    refused = (
+        ("terminate when", scenario.terminationConditions, "place a Goal: reaching it ends a run"),
+        (
+            "terminate simulation when",
+            scenario.terminateSimulationConditions,
+            "place a Goal: reaching it ends a run",
+        ),
+        (
+            "terminate after",
+            dynamic._timeLimit is not None,
+            "give the time limit as `timeout` in the listing",
+        ),
+        ("record", recorded, "every run's measures are stored anyway"),
+        ("require monitor", scenario.monitors, "only what holds at the start can be required"),
+        ("require always/eventually/until", temporal, "only what holds at the start can be required"),
+        ("a behavior", dynamic._agents, "the firmware drives the car, all else stands still"),
+        ("compose", dynamic._compose is not None, "give the `setup` block alone"),
+        ("an external sampler", scenario.externalParams, "its samples depend on the ones before"),
+    )
+    for statement, used, advice in refused:
+        if used:
+            raise FoldcarError(f"{program}: {statement}: a batch of simulations cannot honour it; {advice}")

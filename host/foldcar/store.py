@@ -1,0 +1,95 @@
+"""The results store, read: the facts of the study and its runs as rows. docs/store.md describes the file."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from sqlite3 import Connection
+from types import TracebackType
+from typing import Any
+
+from foldcar.results import Result
+from foldcar.store_info import ExperimentInfo, StudyInfo
+from foldcar.store_schema import StoreError, open_reading, store_errors
+
+__all__ = ["ExperimentInfo", "Store", "StoreError", "StudyInfo"]
+
+
+class Store:
+    """A store as it was at one moment: ``with Store.open(path) as store: …``. Never changes a file."""
+
+    def __init__(self, path: Path, connection: Connection) -> None:
+        self.path = path
+        self._connection = connection
+
+    @classmethod
+    def open(cls, path: Path) -> "Store":
+        """Open an existing store; StoreError if there is none or it is of another version."""
+        return cls(path, open_reading(path))
+
+    def __enter__(self) -> "Store":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._connection.close()
+
+    def info(self) -> StudyInfo:
+        """The facts of the study, without its runs; StoreError if no sweep has begun yet."""
+        facts = {key: value for key, value in self._rows("SELECT key, value FROM study")}
+        if not facts:
+            raise StoreError(f"{self.path}: holds no study yet: sweep a listing into it")
+        return StudyInfo(**facts, experiments={info.id: info for info in self._experiments()})
+
+    def results(self, experiment: str | None = None) -> Iterator[Result]:
+        """Stored runs, streamed by experiment, design and sample; of one experiment if it is named."""
+        for name in self._experiment_ids(experiment):
+            for row in self._rows(
+                "SELECT experiment, vehicle, environment, sample, outcome, elapsed_time_s, "
+                "distance_to_target_m, consumed_energy_j, max_roll_rad, max_pitch_rad, parameters "
+                "FROM result WHERE experiment = ? ORDER BY design_position, sample",
+                name,
+            ):
+                yield Result(*(*row[:-1], json.loads(row[-1])))
+
+    def design_columns(self) -> list[str]:
+        """Names of all design parameters in the store (``width_mm``, …), in order of appearance."""
+        columns: dict[str, None] = {}
+        for (name,) in self._rows("SELECT id FROM experiment ORDER BY position"):
+            for (parameters,) in self._rows(
+                "SELECT parameters FROM design WHERE experiment = ? AND position = 0", name
+            ):
+                columns.update(dict.fromkeys(json.loads(parameters)))
+        return list(columns)
+
+    def _experiment_ids(self, experiment: str | None) -> list[str]:
+        known = [name for (name,) in self._rows("SELECT id FROM experiment ORDER BY position")]
+        if experiment is None:
+            return known
+        if experiment not in known:
+            raise StoreError(
+                f'{self.path}: has no experiment "{experiment}"; it has {", ".join(known) or "none"}'
+            )
+        return [experiment]
+
+    def _experiments(self) -> Iterator[ExperimentInfo]:
+        for name, vehicle, environment, environments, build, facts, designs, stored in self._rows(
+            "SELECT e.id, e.vehicle, e.environment, e.environments, b.name, e.facts, "
+            "(SELECT count(*) FROM design d WHERE d.experiment = e.id), "
+            "(SELECT count(*) FROM result r WHERE r.experiment = e.id) "
+            "FROM experiment e JOIN build b ON b.id = e.build_id ORDER BY e.position"
+        ):
+            yield ExperimentInfo(
+                id=name,
+                vehicle=vehicle,
+                environment=environment,
+                environments=environments,
+                carsim_build=build,
+                planned_runs=designs * environments,
+                stored_runs=stored,
+                **json.loads(facts),
+            )
+
+    def _rows(self, query: str, *values: Any) -> Iterator[Any]:
+        with store_errors(self.path):
+            yield from self._connection.execute(query, values)

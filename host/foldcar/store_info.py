@@ -1,0 +1,50 @@
+"""What a study is: the facts a store keeps beside its runs, as reports print them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class ExperimentInfo:
+    """One experiment as it was last swept.
+
+    ``varied`` maps each design parameter that makes the family (``width_mm``) to its values in order;
+    ``fixed`` holds the other ones. ``speed_m_s`` is None where every car drives at its own full speed.
+    ``planned_runs`` is designs × environments, ``stored_runs`` how many of them have a result.
+    """
+
+    id: str
+    vehicle: str
+    vehicle_type: str
+    environment: str
+    varied: Mapping[str, tuple[float, ...]]
+    fixed: Mapping[str, float]
+    environments: int
+    timeout_s: float
+    speed_m_s: float | None
+    yaw_rate_rad_s: float
+    scenic_program: str
+    scenic_params: Mapping[str, Any]
+    seed: int
+    carsim_build: str
+    planned_runs: int
+    stored_runs: int
+
+
+@dataclass(frozen=True, slots=True)
+class StudyInfo:
+    """The latest sweep into a store: who made it, from what, and how to make it again.
+
+    ``listing_name`` is the path the user typed, ``listing_text`` the file's content; ``command`` is the
+    exact command line; ``experiments`` stands in the order of the listing, over all sweeps of the store.
+    """
+
+    foldcar_version: str
+    scenic_version: str
+    carsim_build: str
+    listing_name: str
+    listing_text: str
+    command: str
+    created_utc: str
+    experiments: Mapping[str, ExperimentInfo]

@@ -1,0 +1,21 @@
+"""Two speed bumps across the way, as high and as far apart as the parameters say."""
+
+model model
+
+param bump_height = 0.02
+param bump_length = 0.06    # along the way
+param bump_x = 0.35         # middle of the first bump
+param bump_gap = 0.34       # free way between the bumps
+param goal_distance = 0.35  # of the goal behind the middle of the second bump
+
+near_bump = new Bump at (globalParameters.bump_x, 0), facing -90 deg,
+    with length globalParameters.bump_length,
+    with height globalParameters.bump_height
+
+far_bump = new Bump ahead of near_bump by globalParameters.bump_gap,
+    with length globalParameters.bump_length,
+    with height globalParameters.bump_height
+
+goal = new Goal at (far_bump.position.x + globalParameters.goal_distance, 0), facing -90 deg
+
+ego = new Robot at (0, 0), facing goal

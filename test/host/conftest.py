@@ -1,0 +1,58 @@
+"""What several tests need: the built simulator, a small listing, the command as a user types it."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.carsim import find_carsim
+from foldcar.errors import FoldcarError
+
+PROJECT = Path(__file__).resolve().parents[2]
+STEP_PYRAMIDS = PROJECT / "scenarios" / "step_pyramids.scenic"
+
+
+@pytest.fixture(scope="session")
+def carsim_binary() -> Path:
+    """The simulator that `make test` builds; without it the test fails rather than passing unseen."""
+    try:
+        return find_carsim()
+    except FoldcarError as error:
+        pytest.fail(str(error))
+
+
+@pytest.fixture
+def listing_data() -> dict[str, Any]:
+    """Two widths in three step-pyramid environments, to be changed at will."""
+    return {
+        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 120, "environments": 3}}},
+        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [95, 245]}}]}},
+        "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": 42}},
+    }
+
+
+@pytest.fixture
+def write_listing(tmp_path: Path) -> Callable[[Any], Path]:
+    """Writes a listing (JSON data or text) to a file and gives its path."""
+
+    def write(content: Any) -> Path:
+        file = tmp_path / "listing.json"
+        file.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8")
+        return file
+
+    return write
+
+
+@pytest.fixture
+def foldcar(tmp_path: Path) -> Callable[..., "subprocess.CompletedProcess[str]"]:
+    """Runs the command in a folder of its own."""
+
+    def run(*words: str | Path, **options: Any) -> "subprocess.CompletedProcess[str]":
+        command = [sys.executable, "-c", "from foldcar.cli import main; main()", *map(str, words)]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, **options)
+
+    return run

@@ -1,0 +1,176 @@
+"""Bodies: mass, inertia and servo figures against computations that share no code with them."""
+
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from foldcar.body import body_json, chassis_properties, full_speed_m_s, wheel_mass_kg
+from foldcar.carsim import Carsim, RunRequest
+from foldcar.controller import TableRow, check_parameters, controller_parameters
+from foldcar.design import Design, compose
+from foldcar.errors import FoldcarError
+from foldcar.layout import film_panels, layout
+from foldcar.mass import assemble, box_properties
+from foldcar.store_writer import canonical_json
+
+FLAT_SCENE = (
+    '{"friction":0.6,"terrain":[],"start":{"x_m":0,"y_m":0,"heading_rad":0},'
+    '"goal":{"kind":"line","x_m":1,"y_m":0,"heading_rad":0},'
+    '"course":{"x_min_m":-1,"x_max_m":2,"y_min_m":-1,"y_max_m":1}}'
+)
+
+
+def study_car(width: float = 95) -> Design:
+    return compose("W_B_W", {"width": width})
+
+
+def midpoints(design: Design, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) in m and point masses (n,) in kg that stand for every box by the midpoint rule."""
+    fractions = (np.arange(steps) + 0.5) / steps - 0.5
+    grid = np.stack(np.meshgrid(fractions, fractions, fractions, indexing="ij"), axis=-1).reshape(-1, 3)
+    boxes = layout(design)
+    points = np.concatenate([(grid * box.size_mm + box.center_mm) / 1000 for box in boxes])
+    masses = np.concatenate([np.full(len(grid), box.mass_kg / len(grid)) for box in boxes])
+    return points, masses
+
+
+@pytest.mark.parametrize("type_string", ["W_B_W", "W_B_W_W"])
+def test_inertia_agrees_with_numeric_integration(type_string: str) -> None:
+    design = compose(type_string, {"W.length": 130})
+    points, masses = midpoints(design, 24)
+    center = masses @ points / masses.sum()
+    x, y, z = (points - center).T
+    numeric = np.array([masses @ (y**2 + z**2), masses @ (x**2 + z**2), masses @ (x**2 + y**2)])
+
+    chassis = chassis_properties(design)
+
+    assert chassis.mass_kg == pytest.approx(masses.sum(), rel=1e-12)
+    assert chassis.center_m == pytest.approx(center, abs=1e-9)
+    # The midpoint rule is short by 1/24² of each box's own share.
+    assert np.diag(chassis.inertia_kg_m2) == pytest.approx(numeric, rel=1 / 24**2)
+    assert chassis.inertia_kg_m2[0, 2] == pytest.approx(-(masses @ (x * z)), abs=1e-9)
+
+
+def test_a_box_has_the_textbook_inertia() -> None:
+    box = box_properties(12.0, (1.0, 2.0, 3.0), (5.0, 6.0, 7.0))
+
+    assert np.diag(box.inertia_kg_m2) == pytest.approx([4 + 9, 1 + 9, 1 + 4])
+
+
+def test_a_box_cut_in_two_is_the_same_box() -> None:
+    whole = box_properties(2.0, (0.4, 0.2, 0.1), (0.1, 0.0, 0.3))
+
+    halves = assemble(box_properties(1.0, (0.2, 0.2, 0.1), (x, 0.0, 0.3)) for x in (0.0, 0.2))
+
+    assert halves.center_m == pytest.approx(whole.center_m)
+    assert halves.inertia_kg_m2 == pytest.approx(whole.inertia_kg_m2)
+
+
+def test_the_film_weighs_its_area() -> None:
+    film_kg = sum(panel.mass_kg for panel in film_panels(study_car()))
+
+    area_m2 = 0.2 * 2 * (0.095 + 0.05) + 0.2 * 0.01 + 2 * 0.095 * 0.05
+    assert film_kg == pytest.approx(area_m2 * 0.25e-3 * 1390)
+
+
+def test_the_chassis_weighs_its_film_and_parts() -> None:
+    film_kg = sum(panel.mass_kg for panel in film_panels(study_car()))
+
+    parts_kg = 4 * 0.009 + 0.007 + 0.009 + 0.0105 + 0.110 + 0.006
+    assert chassis_properties(study_car()).mass_kg == pytest.approx(film_kg + parts_kg)
+
+
+def test_the_study_car_is_balanced_and_its_battery_high() -> None:
+    chassis = body_json(study_car())["chassis"]
+
+    assert chassis["com_x_m"] == 0
+    assert 0 < chassis["com_z_m"] < 0.01
+    assert abs(chassis_properties(study_car()).center_m[1]) < 1e-12
+
+
+def test_inertias_obey_the_triangle_inequality_and_grow_with_width() -> None:
+    bodies = [body_json(study_car(width))["chassis"] for width in range(65, 250, 5)]
+
+    for chassis in bodies:
+        roll, pitch, yaw = (chassis[f"{axis}_inertia_kg_m2"] for axis in ("roll", "pitch", "yaw"))
+        assert roll < pitch + yaw and pitch < roll + yaw and yaw < roll + pitch
+    for key in ("mass_kg", "roll_inertia_kg_m2", "pitch_inertia_kg_m2", "yaw_inertia_kg_m2"):
+        assert all(narrow[key] < wide[key] for narrow, wide in itertools.pairwise(bodies))
+
+
+def test_a_wheel_weighs_its_film_and_horn() -> None:
+    # Two discs of 60 mm, two hub layers of 30 mm, a rim of 12 mm, a horn of half a gram.
+    area_m2 = 2 * math.pi * 0.06**2 + 2 * math.pi * 0.03**2 + 2 * math.pi * 0.06 * 0.012
+
+    assert wheel_mass_kg(0.06, 0.012) == pytest.approx(area_m2 * 0.25e-3 * 1390 + 0.0005)
+    assert wheel_mass_kg(0.06, 0.012) == pytest.approx(0.012, abs=0.001)
+
+
+def test_the_servo_line_lies_between_the_published_points() -> None:
+    servo = body_json(study_car())["wheels"][0]["servo"]
+
+    rpm = np.interp(5.2, [4.8, 6.0], [100, 130])
+    kgf_cm = np.interp(5.2, [4.8, 6.0], [1.3, 1.5])
+    assert servo["no_load_speed_rad_s"] == pytest.approx(rpm / 60 * 2 * math.pi)
+    assert servo["stall_torque_n_m"] == pytest.approx(kgf_cm * 9.80665 * 0.01)
+    assert servo["stall_current_a"] == pytest.approx(0.8 * 5.2 / 6)
+    assert full_speed_m_s(study_car()) == pytest.approx(rpm / 60 * 2 * math.pi * 0.06)
+
+
+def test_wheels_stand_front_to_back_left_then_right_and_mirrored() -> None:
+    body = body_json(study_car())
+
+    places = [
+        (wheel["channel"], wheel["side"], wheel["x_m"], wheel["servo"]["direction"])
+        for wheel in body["wheels"]
+    ]
+    assert places == [
+        (0, "left", 0.07, 1),
+        (1, "right", 0.07, -1),
+        (2, "left", -0.07, 1),
+        (3, "right", -0.07, -1),
+    ]
+    assert body["track_m"] == 0.111
+
+
+def test_the_controller_is_set_for_the_same_car() -> None:
+    values = controller_parameters(study_car())
+
+    assert values["TRACK_M"] == 0.111
+    assert values["WHEEL_RADIUS_M"] == 0.06
+    assert [values[f"CH{n}_SIDE"] for n in range(1, 9)] == [1, 2, 1, 2, 0, 0, 0, 0]
+    assert [values[f"CH{n}_DIRECTION"] for n in range(1, 5)] == [1, -1, 1, -1]
+    # At no-load speed the pulse is as far from neutral as the servo answers to.
+    full_us = values["CH1_DEADBAND_US"] + values["CH1_GAIN_US"] * values["WHEEL_MAX_RAD_S"]
+    assert full_us == pytest.approx(body_json(study_car())["wheels"][0]["servo"]["saturation_us"])
+
+
+def test_values_the_firmware_does_not_take_are_refused() -> None:
+    table = {"TRACK_M": TableRow("TRACK_M", "m", 0.01, 2.0, 0.111)}
+
+    with pytest.raises(FoldcarError, match=r"TRACK_M: 3 is outside the firmware's limits 0.01 to 2 m"):
+        check_parameters({"TRACK_M": 3.0}, table)
+    with pytest.raises(FoldcarError, match=r"TRACKM: the firmware of this carsim has no such parameter"):
+        check_parameters({"TRACKM": 1.0}, table)
+
+
+@pytest.mark.parametrize("type_string", ["W_B_W", "W_B_W_W", "B_W_W_W_W"])
+def test_the_simulator_takes_the_body_and_drives_it(carsim_binary: Path, type_string: str) -> None:
+    carsim = Carsim(carsim_binary)
+    design = compose(type_string, {"W.length": 130})
+    values = controller_parameters(design)
+    check_parameters(values, carsim.parameter_table())
+    settings = {"speed_m_s": full_speed_m_s(design), "time_limit_s": 20.0, "parameters": values}
+
+    (result,) = carsim.run(
+        {"car": canonical_json(body_json(design))},
+        {"flat": FLAT_SCENE},
+        [RunRequest("car", "flat", canonical_json(settings), "the run")],
+    )
+
+    assert result["outcome"] == "passed"
+    # On the flat the car cannot be faster than its wheels turn unloaded.
+    assert result["elapsed_time_s"] > 1 / full_speed_m_s(design)

@@ -1,0 +1,184 @@
+"""Designs: geometry by hand calculation, limits, families."""
+
+import itertools
+from pathlib import Path
+
+import pytest
+
+from foldcar.design import DesignError, compose
+from foldcar.errors import FoldcarError
+from foldcar.family import Family, read_family
+from foldcar.layout import electronics, layout, servos
+from foldcar.listing import ListedVehicle
+
+
+def family(type_string: str, *params: object) -> Family:
+    vehicle = ListedVehicle.model_validate({"type": type_string, "params": list(params)})
+    return read_family(Path("cars.json"), "v", vehicle)
+
+
+def test_modules_stand_from_front_to_back() -> None:
+    design = compose("W_B_W_W", {"W.length": 130, "B.length": 80})
+
+    assert design.length_mm == 470
+    assert design.axles_mm == (170, -40, -170)
+    assert design.module_centers_mm == (170, 65, -40, -170)
+
+
+def test_the_track_is_body_tyre_and_two_gaps() -> None:
+    design = compose("W_B_W", {"width": 95, "W.tire_thickness": 12})
+
+    assert design.track_mm == 95 + 12 + 2 * 2
+
+
+def test_columns_carry_module_and_unit() -> None:
+    design = compose("W_B_W", {"width": 70})
+
+    assert design.columns == {
+        "width_mm": 70,
+        "height_mm": 50,
+        "radius_mm": 60,
+        "W_length_mm": 60,
+        "W_tire_thickness_mm": 12,
+        "B_length_mm": 80,
+    }
+
+
+@pytest.mark.parametrize(
+    ("type_string", "values", "parameter", "message"),
+    [
+        ("W_B_W", {"width": float("nan")}, "width", "nan is below the minimum"),
+        (
+            "W_B_W",
+            {"W.length": 38},
+            "W.length",
+            "38 is below the minimum 38.8 (the opening of one FS90R servo)",
+        ),
+        (
+            "W_B_W",
+            {"radius": 26},
+            "radius",
+            "26 is below the minimum 27 (half of height 50 and 2 under the belly)",
+        ),
+        (
+            "W_B_W",
+            {"radius": 69},
+            "radius",
+            "69 needs axles at least 141 apart, or wheels touch, but W.length 60 and",
+        ),
+        ("W_B_W_W", {}, "radius", "60 needs axles at least 123 apart"),
+        ("W_B_W", {"L.length": 5}, "L.length", "W_B_W has no such parameter"),
+        ("W_B_W_W_W_W", {"radius": 30}, None, '"W_B_W_W_W_W" has 5 axles, the servo driver serves 4'),
+        ("", {}, None, '"" has unknown module ""'),
+        ("W__B", {}, None, '"W__B" has unknown module ""'),
+    ],
+)
+def test_cars_that_cannot_be_built_are_refused(
+    type_string: str, values: dict[str, float], parameter: str | None, message: str
+) -> None:
+    with pytest.raises(DesignError) as caught:
+        compose(type_string, values)
+
+    assert caught.value.parameter == parameter
+    assert caught.value.message.startswith(message)
+
+
+def test_wheels_may_come_as_close_as_the_limit() -> None:
+    assert compose("W_B_W", {"radius": 68.5}).axles_mm == (70, -70)
+
+
+@pytest.mark.parametrize(
+    ("values", "parameter", "message"),
+    [
+        ({"width": 50}, "width", "50 is below the minimum 58.5 (the 4xAA holder at B.length 80)"),
+        (
+            {"B.length": 60, "W.length": 70, "width": 62},
+            "width",
+            "62 is below the minimum 63 (the 4xAA holder at B.length 60)",
+        ),
+        (
+            {"B.length": 50, "W.length": 80},
+            "B.length",
+            "50 is below the minimum 58 (the batteries and boards)",
+        ),
+        (
+            {"height": 30},
+            "B.length",
+            "80 is below the minimum 111.3 (the battery behind the boards at height 30)",
+        ),
+        ({"height": 26}, "height", "26 is below the minimum 26.25 (the board stack)"),
+    ],
+)
+def test_parts_that_find_no_room_are_named(values: dict[str, float], parameter: str, message: str) -> None:
+    with pytest.raises(DesignError) as caught:
+        layout(compose("W_B_W", values))
+
+    assert (caught.value.parameter, caught.value.message) == (parameter, message)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{}, {"width": 58.5}, {"width": 63, "B.length": 60, "W.length": 70}, {"height": 27, "B.length": 120}],
+)
+def test_parts_stay_inside_the_body_and_apart(values: dict[str, float]) -> None:
+    design = compose("W_B_W", values)
+    inside = [size / 2 - 0.25 for size in (design.length_mm, design.values["width"], design.values["height"])]
+    boxes = [*servos(design), *electronics(design)]
+
+    for box in boxes:
+        for middle, size, limit in zip(box.center_mm, box.size_mm, inside, strict=True):
+            assert abs(middle) + size / 2 <= limit + 1e-9, box.name
+    # Wires give way to everything else.
+    for one, other in itertools.combinations([box for box in boxes if box.name != "wires and screws"], 2):
+        gaps = [
+            abs(a - b) - (size_a + size_b) / 2
+            for a, b, size_a, size_b in zip(
+                one.center_mm, other.center_mm, one.size_mm, other.size_mm, strict=True
+            )
+        ]
+        assert max(gaps) >= -1e-9, (one.name, other.name)
+
+
+def test_a_family_has_every_combination_the_last_varied_fastest() -> None:
+    cars = family("W_B_W", {"common": {"width": [70, 80], "radius": [60, 50]}}, {"B": {"length": 90}})
+
+    pairs = [(design.values["width"], design.values["radius"]) for design in cars]
+
+    assert pairs == [(70, 60), (70, 50), (80, 60), (80, 50)]
+    assert len(cars) == 4
+    assert cars.varied == {"width_mm": (70, 80), "radius_mm": (60, 50)}
+
+
+def test_a_shared_parameter_may_be_repeated_but_not_contradicted() -> None:
+    agreeing = family("W_B_W", {"common": {"radius": 60}}, {"W": {"radius": 60}})
+    assert agreeing.single().values["radius"] == 60
+
+    with pytest.raises(FoldcarError) as caught:
+        family("W_B_W", {"common": {"radius": 60}}, {"W": {"radius": 50}})
+    assert str(caught.value) == (
+        "cars.json: vehicles.v.params.1.W.radius: differs from vehicles.v.params.0.common.radius, "
+        "but the whole car has one value of it"
+    )
+
+
+def test_a_family_is_narrowed_to_one_car() -> None:
+    cars = family("W_B_W", {"common": {"width": {"from": 65, "to": 245, "step": 5}}})
+
+    with pytest.raises(FoldcarError) as caught:
+        cars.single()
+    assert str(caught.value) == (
+        "cars.json: vehicles.v.params.0.common.width: has 37 values (65, 70, 75, … 245); "
+        "choose one with --set width=…"
+    )
+    assert cars.narrowed({"width": 95}).single().values["width"] == 95
+    with pytest.raises(FoldcarError, match=r"^--set width: 20 is below the minimum 44.5"):
+        cars.narrowed({"width": 20}).single()
+    with pytest.raises(
+        FoldcarError, match=r"^--set colour: W_B_W has no such parameter; it has width, height"
+    ):
+        cars.narrowed({"colour": 1})
+
+
+def test_a_default_that_does_not_fit_is_named_as_such() -> None:
+    with pytest.raises(FoldcarError, match=r"^cars.json: vehicles.v: radius \(its default\): 60 needs axles"):
+        family("W_B_W", {"B": {"length": 60}}).single()

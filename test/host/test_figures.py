@@ -1,0 +1,162 @@
+"""The pictures of scenes and runs: the ground they show is the scene's, and files are whole."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy
+import pytest
+
+from foldcar.errors import FoldcarError
+from foldcar.figures.profile import driven_line, strip_heights_m, travelled_m
+from foldcar.figures.run import draw_run, poses_to_draw
+from foldcar.figures.scenes import draw_scenes
+
+FIRST_BYTES = {".png": b"\x89PNG\r\n\x1a\n", ".svg": b"<?xml", ".pdf": b"%PDF"}
+
+
+def box(
+    x_m: float, y_m: float, length_m: float, width_m: float, height_m: float, heading_rad: float = 0.0
+) -> Any:
+    return {
+        "kind": "box", "x_m": x_m, "y_m": y_m, "length_m": length_m, "width_m": width_m, "height_m": height_m,
+        "heading_rad": heading_rad,
+    }  # fmt: skip
+
+
+def wheel(side: str, x_m: float) -> dict[str, Any]:
+    return {"side": side, "x_m": x_m, "radius_m": 0.06, "width_m": 0.012}
+
+
+BODY = {
+    "id": "w95",
+    "chassis": {"length_m": 0.2, "width_m": 0.095, "height_m": 0.05, "center_z_m": 0.0},
+    "track_m": 0.111,
+    "wheels": [wheel(side, x_m) for x_m in (0.07, -0.07) for side in ("left", "right")],
+}
+SCENE = {
+    "id": "1/0",
+    "friction": 0.6,
+    "terrain": [box(0.4, 0.05, 0.2, 0.2, 0.02), box(0.4, 0.05, 0.1, 0.1, 0.04)],
+    "start": {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0},
+    "goal": {"kind": "line", "x_m": 1.0, "y_m": 0.0, "heading_rad": 0.3},
+    "course": {"x_min_m": -0.5, "x_max_m": 2.0, "y_min_m": -1.0, "y_max_m": 1.0},
+}
+PATH = [[0.05 * i, 0.02 * i, 0.0, 0.06, 0.0, 0.0, 0.0] for i in range(52)]
+
+
+def circle_path(radius_m: float, points: int) -> list[list[float]]:
+    """Once round to the left from the origin, starting along +x."""
+    angles = numpy.linspace(0.0, 2 * math.pi, points)
+    return [[a, radius_m * math.sin(a), radius_m * (1 - math.cos(a)), 0.06, a, 0.0, 0.0] for a in angles]
+
+
+def test_way_round_a_circle_is_its_circumference() -> None:
+    assert travelled_m(circle_path(0.5, 721))[-1] == pytest.approx(math.pi, rel=1e-4)
+
+
+def test_rolling_back_counts_backwards_and_draws_no_new_ground() -> None:
+    x = [0.0, 0.1, 0.2, 0.3, 0.25, 0.2]
+    path = [[0.1 * i, value, 0.0, 0.06, 0.0, 0.0, 0.0] for i, value in enumerate(x)]
+    assert travelled_m(path) == pytest.approx(x)
+    line = driven_line(path, margin_m=0.05)
+    assert line.distance_m[0] == pytest.approx(-0.05)
+    assert line.distance_m[-1] == pytest.approx(0.35)
+    assert line.x_m == pytest.approx(line.distance_m)
+
+
+def test_a_line_over_a_turned_heading_goes_on_straight() -> None:
+    heading = 0.7
+    path = [
+        [i, 0.1 * i * math.cos(heading), 0.1 * i * math.sin(heading), 0.06, heading, 0, 0] for i in range(4)
+    ]
+    line = driven_line(path, margin_m=0.2)
+    assert line.x_m == pytest.approx(line.distance_m * math.cos(heading))
+    assert line.y_m == pytest.approx(line.distance_m * math.sin(heading))
+
+
+def test_strip_heights_agree_with_points_tried_one_by_one() -> None:
+    generator = numpy.random.default_rng(4)
+    terrain = [
+        box(x, y + 0.3, *generator.uniform(0.05, 0.3, 2), height, generator.uniform(-3, 3))
+        for x, y, height in generator.uniform([-0.4, -0.4, 0.01], [0.4, 0.4, 0.05], (25, 3))
+    ]
+    line = driven_line(circle_path(0.3, 200), margin_m=0.1, spacing_m=0.01)
+    width, left = 0.03, 0.1
+    heights = strip_heights_m(terrain, line, left, width)
+    assert len(set(heights)) > 5
+    for index, height in enumerate(heights):
+        across = numpy.array([-math.sin(line.heading_rad[index]), math.cos(line.heading_rad[index])])
+        found, nearly = 0.0, 0.0
+        for offset in numpy.linspace(left - width / 2, left + width / 2, 301):
+            x, y = numpy.array([line.x_m[index], line.y_m[index]]) + offset * across
+            for piece in terrain:
+                cos, sin = math.cos(piece["heading_rad"]), math.sin(piece["heading_rad"])
+                dx, dy = x - piece["x_m"], y - piece["y_m"]
+                outside = max(
+                    abs(dx * cos + dy * sin) - piece["length_m"] / 2,
+                    abs(dy * cos - dx * sin) - piece["width_m"] / 2,
+                )
+                found = max(found, piece["height_m"] if outside <= 0 else 0.0)
+                nearly = max(nearly, piece["height_m"] if outside <= 1e-4 else 0.0)
+        # Between two tried points, 0.1 mm apart, a strip may touch a corner.
+        assert found <= height <= nearly
+
+
+def test_a_strip_beside_a_box_is_flat_and_one_that_touches_it_is_not() -> None:
+    line = driven_line(PATH, margin_m=0.0)
+    terrain = [box(0.5, 0.1, 0.2, 0.1, 0.03)]
+    assert strip_heights_m(terrain, line, 0.04, 0.018).max() == 0.0
+    heights = strip_heights_m(terrain, line, 0.04, 0.022)
+    high = line.distance_m[heights == 0.03]
+    assert (high[0], high[-1]) == pytest.approx((0.4, 0.6), abs=1.1e-3)
+
+
+def test_terrain_that_cannot_be_drawn_is_an_error() -> None:
+    with pytest.raises(FoldcarError, match="kind 'hill' cannot be drawn"):
+        strip_heights_m([{"kind": "hill"}], driven_line(PATH, 0.0), 0.0, 0.01)
+
+
+def test_poses_keep_their_distance_and_end_with_the_last() -> None:
+    travelled = [0.01 * i for i in range(101)] + [1.0] * 50
+    chosen = poses_to_draw(travelled, 0.3)
+    assert chosen[0] == 0
+    assert chosen[-1] == len(travelled) - 1
+    gaps = numpy.diff([travelled[index] for index in chosen])
+    assert gaps.min() >= 0.3 * 0.8
+    assert poses_to_draw([0.0], 0.3) == [0]
+
+
+@pytest.mark.parametrize("suffix", FIRST_BYTES)
+def test_runs_are_drawn_in_every_format_the_same_each_time(tmp_path: Path, suffix: str) -> None:
+    files = [tmp_path / f"{name}{suffix}" for name in ("one", "two")]
+    for file in files:
+        draw_run(BODY, SCENE, {"outcome": "passed", "elapsed_time_s": 2.55}, PATH, file)
+    first, second = (file.read_bytes() for file in files)
+    assert first.startswith(FIRST_BYTES[suffix])
+    assert first == second
+
+
+def test_a_run_names_its_outcome_time_and_car(tmp_path: Path) -> None:
+    file = tmp_path / "run.svg"
+    draw_run(BODY, SCENE, {"outcome": "off_course", "elapsed_time_s": 2.55}, PATH[:20], file)
+    assert "off course after 2.55 s, car w95, scene 1/0" in file.read_text()
+
+
+def test_a_run_without_a_path_or_with_another_suffix_is_refused(tmp_path: Path) -> None:
+    result = {"outcome": "passed", "elapsed_time_s": 2.55}
+    with pytest.raises(FoldcarError, match="no path to draw"):
+        draw_run(BODY, SCENE, result, [], tmp_path / "a.png")
+    with pytest.raises(FoldcarError, match=r"a.gif: a picture's name ends in one of .png, .svg, .pdf"):
+        draw_run(BODY, SCENE, result, PATH, tmp_path / "a.gif")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_up_to_nine_scenes_are_drawn(tmp_path: Path) -> None:
+    disc = {**SCENE, "goal": {"kind": "disc", "x_m": 1.0, "y_m": 0.0, "radius_m": 0.05}, "terrain": []}
+    file = tmp_path / "scenes.svg"
+    draw_scenes([{**(disc if k == 1 else SCENE), "id": f"7/{k}"} for k in range(11)], file, title="eleven")
+    text = file.read_text()
+    assert [f"scene 7/{k}" in text for k in range(11)] == [True] * 9 + [False] * 2
+    draw_scenes([disc], tmp_path / "flat.png")
+    assert (tmp_path / "flat.png").read_bytes().startswith(FIRST_BYTES[".png"])

@@ -1,0 +1,222 @@
+"""The experiment listing: what people write is read, what is wrong is refused in one line."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from conftest import PROJECT
+from foldcar.errors import FoldcarError
+from foldcar.experiments import read_study
+from foldcar.listing import read_listing
+
+PUBLISHED_STYLE = """{
+  // as printed: comments, trailing commas, ids as numbers and as strings
+  "experiments": {"3": {"veh_id": 5, "env_id": "4", "params": {"timeout": 400}}},
+  "vehicles": {"5": {"type": "W_B_W", "params": [
+    {"common": {"width": 80, "height": 36, "radius": 30,}},
+    {"B": {"length": 120}},
+    {"W": {"tire_thickness": 1, "radius": 30, "length": 40}},
+  ]}},
+  "environments": {"4": {
+    "scenic_filename": "hill.scenic", "wbt_filename": "StandardMap.wbt", "seed": 42,
+    "scenic_params": {"hillX": -0.3, "hillWidth": 1.25},
+  }},
+}"""
+
+
+def change(data: Any, path: str, value: Any) -> Any:
+    """Set (or, with None, delete) what stands at a dotted path."""
+    *steps, last = path.split(".")
+    node = data
+    for step in steps:
+        node = node[int(step) if isinstance(node, list) else step]
+    if value is None:
+        del node[last]
+    else:
+        node[last] = value
+    return data
+
+
+def test_the_published_form_is_read(write_listing: Callable[[Any], Path]) -> None:
+    file = write_listing(PUBLISHED_STYLE)
+
+    listing, text = read_listing(file)
+
+    assert text == PUBLISHED_STYLE
+    assert (listing.experiments["3"].veh_id, listing.experiments["3"].env_id) == ("5", "4")
+    assert listing.experiments["3"].params.timeout == 400
+    assert listing.vehicles["5"].params[2]["W"] == {"tire_thickness": (1,), "radius": (30,), "length": (40,)}
+    assert listing.environments["4"].scenic_params == {"hillX": -0.3, "hillWidth": 1.25}
+
+
+def test_the_width_study_is_37_widths_in_100_environments() -> None:
+    (experiment,) = read_study(PROJECT / "scenarios" / "width_study.json").experiments
+
+    designs = list(experiment.family)
+
+    assert [design.values["width"] for design in designs] == [65 + 5 * k for k in range(37)]
+    assert {(d.length_mm, d.axles_mm, d.values["radius"], d.values["height"]) for d in designs} == {
+        (200, (70, -70), 60, 50)
+    }
+    assert (experiment.id, experiment.family.vehicle, experiment.environment) == ("1", "1", "1")
+    assert (experiment.environments, experiment.timeout_s) == (100, 120)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({"from": 65, "to": 80, "step": 5}, [65, 70, 75, 80]),
+        ({"from": 65, "to": 79, "step": 5}, [65, 70, 75]),
+        ({"from": 65, "to": 65.3, "step": 0.1}, [65, 65.1, 65.2, 65.3]),
+        ([100, 70.5], [100, 70.5]),
+        (77, [77]),
+    ],
+)
+def test_numbers_lists_and_ranges_make_families(
+    write_listing: Callable[[Any], Path], listing_data: Any, values: Any, expected: list[float]
+) -> None:
+    file = write_listing(change(listing_data, "vehicles.1.params.0.common.width", values))
+
+    (experiment,) = read_study(file).experiments
+
+    assert [design.values["width"] for design in experiment.family] == expected
+
+
+WIDTH = "vehicles.1.params.0.common.width"
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("experiments", None, "experiments: is missing"),
+        ("experiments", {}, "experiments: {}: dictionary should have at least 1 item"),
+        ("experiment", {}, 'the file: unknown key "experiment"; known: experiments, vehicles, environments'),
+        ("experiments.1.veh_id", 7, 'experiments.1.veh_id: "7" is not among vehicles: 1'),
+        ("experiments.1.env_id", "9", 'experiments.1.env_id: "9" is not among environments: 1'),
+        (
+            "experiments.1.params.timeout",
+            0,
+            "experiments.1.params.timeout: 0: input should be greater than 0",
+        ),
+        (
+            "experiments.1.params.timeout",
+            "1",
+            "experiments.1.params.timeout: '1': input should be a valid number",
+        ),
+        (
+            "experiments.1.params.timeuot",
+            5,
+            'experiments.1.params: unknown key "timeuot"; known: timeout, env',
+        ),
+        (
+            "experiments.1.params.environments",
+            0,
+            "experiments.1.params.environments: 0: input should be greater",
+        ),
+        (
+            "experiments.1.params.environments",
+            2.5,
+            "experiments.1.params.environments: 2.5: input should be a valid",
+        ),
+        ("environments.1.seed", -1, "environments.1.seed: -1: input should be greater than or equal to 0"),
+        ("environments.1.scenic_filename", "no.scenic", "environments.1.scenic_filename: "),
+        ("vehicles.1.type", "W_Q_W", 'vehicles.1.type: "W_Q_W" has unknown module "Q"; known: W'),
+        ("vehicles.1.type", "B_H_W", 'vehicles.1.type: "B_H_W" has module H, a hinge: only rigid cars'),
+        ("vehicles.1.type", "W_W", 'vehicles.1.type: "W_W" has no module B'),
+        (
+            "vehicles.1.params.0.H",
+            {"length": 20},
+            "vehicles.1.params.0.H: W_B_W has no module H; known: common, B, W",
+        ),
+        (
+            "vehicles.1.params.0.common.widht",
+            9,
+            'vehicles.1.params.0.common: unknown parameter "widht"; known: he',
+        ),
+        (
+            "vehicles.1.params.0.common.length",
+            9,
+            'vehicles.1.params.0.common: unknown parameter "length"; known',
+        ),
+        (
+            "vehicles.1.params.0.W",
+            {"width": 96},
+            "vehicles.1.params.0.W.width: differs from vehicles.1.params.0.com",
+        ),
+        (WIDTH, 20, f"{WIDTH}: 20 is below the minimum 44.5 (two FS90R servos side by side and their walls)"),
+        (WIDTH, {"from": 40, "to": 90, "step": 5}, f"{WIDTH}: 40 is below the minimum 44.5"),
+        (WIDTH, 501, f"{WIDTH}: 501 is above the maximum 500"),
+        (WIDTH, True, f"{WIDTH}: True is not a number; write a number, a list of numbers or a range"),
+        (WIDTH, [], f"{WIDTH}: an empty list has no value"),
+        (WIDTH, [95, 95], f"{WIDTH}: a value stands twice in the list"),
+        (WIDTH, {"from": 1}, f'{WIDTH}: a range has exactly the keys "from", "to", "step"'),
+        (WIDTH, {"from": 65, "to": 60, "step": 5}, f'{WIDTH}: "to" 60 is below "from" 65'),
+        (WIDTH, {"from": 65, "to": 90, "step": 0}, f"{WIDTH}: step 0 must be above 0"),
+        (
+            WIDTH,
+            {"from": 65, "to": 90, "step": 1e-9},
+            f"{WIDTH}: the range has 25000000001 values, the limit is",
+        ),
+    ],
+)
+def test_a_mistake_is_named_with_file_key_value_and_limit(
+    write_listing: Callable[[Any], Path], listing_data: Any, path: str, value: Any, message: str
+) -> None:
+    file = write_listing(change(listing_data, path, value))
+
+    with pytest.raises(FoldcarError) as caught:
+        for experiment in read_study(file).experiments:
+            list(experiment.family)
+
+    assert str(caught.value).startswith(f"{file}: {message}")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is not JSON: "),
+        ('{"experiments": {', "is not JSON: "),
+        ('{"a": 1, "a": 2}', "is not JSON: Duplicate key"),
+        ("[" * 10000, "is not a listing: nested too deeply"),
+        ("[]", "the file: []: input should be"),
+        ("\x00", "is not JSON: "),
+    ],
+)
+def test_what_is_no_listing_is_refused(write_listing: Callable[[Any], Path], text: str, message: str) -> None:
+    file = write_listing(text)
+
+    with pytest.raises(FoldcarError) as caught:
+        read_listing(file)
+
+    assert str(caught.value).startswith(f"{file}: {message}")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    latin = tmp_path / "latin.json"
+    latin.write_bytes(b'{"\xe9": 1}')
+
+    for file, message in (
+        (tmp_path / "none.json", "cannot be read: No such file or directory"),
+        (tmp_path, "cannot be read: Is a directory"),
+        (latin, "is not UTF-8 text (byte 2)"),
+    ):
+        with pytest.raises(FoldcarError) as caught:
+            read_listing(file)
+        assert str(caught.value) == f"{file}: {message}"
+
+
+def test_one_experiment_and_another_number_of_environments_can_be_chosen(
+    write_listing: Callable[[Any], Path], listing_data: Any
+) -> None:
+    listing_data["experiments"]["second"] = {"veh_id": "1", "env_id": "1"}
+    file = write_listing(listing_data)
+
+    (chosen,) = read_study(file, experiment="second", environments=9).experiments
+
+    assert (chosen.id, chosen.environments, chosen.timeout_s) == ("second", 9, 120)
+    with pytest.raises(FoldcarError, match='experiments: has no "third"; known: 1, second'):
+        read_study(file, experiment="third")

@@ -1,0 +1,57 @@
+"""Nothing imports against the stream: design → body; scenes; runs → store → export, report; commands."""
+
+import ast
+from pathlib import Path
+
+import foldcar
+
+PACKAGE = Path(foldcar.__file__).parent
+
+# Upstream first. A module may import from its own group and from any group above it in this list.
+STREAM = (
+    {"__init__", "errors", "results", "atomic_file"},
+    {"parts"},
+    {"modules", "design", "mass"},
+    {"layout", "body", "controller"},
+    {"listing", "family", "experiments"},
+    {"scenic_program", "scene_json", "scenes", "fingerprint"},
+    {"carsim"},
+    {"store_info", "store_schema", "store", "store_writer"},
+    {"chunks", "sweep"},
+    {"export", "figures", "report"},
+    {"commands"},
+    {"cli"},
+)
+
+
+def group_of(name: str) -> int:
+    """Index in the stream of a module or of the folder it is in."""
+    top = name.split(".")[0]
+    return next(index for index, group in enumerate(STREAM) if top in group)
+
+
+def imports_of(file: Path) -> set[str]:
+    """The foldcar modules that a file imports anywhere, function bodies included."""
+    names = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("foldcar."):
+            names.add(node.module.removeprefix("foldcar."))
+        elif isinstance(node, ast.Import):
+            names.update(n.name.removeprefix("foldcar.") for n in node.names if n.name.startswith("foldcar."))
+        assert not (isinstance(node, ast.ImportFrom) and node.level), f"{file}: relative import"
+    return names
+
+
+def test_imports_go_one_way() -> None:
+    edges = {
+        (".".join(file.relative_to(PACKAGE).with_suffix("").parts), imported)
+        for file in PACKAGE.rglob("*.py")
+        for imported in imports_of(file)
+    }
+
+    against = [
+        f"{name} imports {imported}" for name, imported in edges if group_of(imported) > group_of(name)
+    ]
+
+    assert len(edges) > 50
+    assert against == []

@@ -1,0 +1,122 @@
+"""The numbers of a report: counts by parameter, Wilson intervals, colours and labels."""
+
+import math
+
+import pytest
+
+from foldcar.report.axis import ParameterAxis, parameter_label, value_text
+from foldcar.report.inline_svg import inline_svg
+from foldcar.report.series import Tally, summarise
+from foldcar.report.success_plot import BLUE, GREEN, NAVY, error_bar_percent, success_colour
+from foldcar.report.wilson import wilson_interval
+from foldcar.results import Result
+
+
+def result(sample: int, outcome: str, time_s: float, **design: float | str) -> Result:
+    return Result("1", "1", "1", sample, outcome, time_s, 0.1, 3.0, 0.2, 0.3, design)
+
+
+# Newcombe (1998), "Two-sided confidence intervals for the single proportion", table I, method 3.
+@pytest.mark.parametrize(
+    ("successes", "runs", "low", "high"),
+    [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],
+)
+def test_wilson_interval_is_the_published_one(successes: int, runs: int, low: float, high: float) -> None:
+    assert wilson_interval(successes, runs) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_wilson_interval_is_the_closed_form() -> None:
+    z = 1.959963984540054
+    for runs in (1, 7, 100):
+        for successes in range(runs + 1):
+            share = successes / runs
+            middle = (share + z * z / (2 * runs)) / (1 + z * z / runs)
+            half = z * math.sqrt(share * (1 - share) / runs + (z / (2 * runs)) ** 2) / (1 + z * z / runs)
+            assert wilson_interval(successes, runs) == pytest.approx((middle - half, middle + half), abs=1e-9)
+
+
+def test_error_bars_are_never_negative() -> None:
+    for passed in (0, 100):
+        tally = Tally()
+        for k in range(100):
+            tally.add(result(k, "passed" if k < passed else "stuck", 2.0))
+        assert min(error_bar_percent(tally)) >= 0.0
+
+
+def test_one_varied_parameter_is_counted_by_value() -> None:
+    rows = [
+        result(0, "tipped", 1.0, width_mm=65.0, radius_mm=60.0),
+        result(1, "passed", 3.0, width_mm=65.0, radius_mm=60.0),
+        result(0, "passed", 2.0, width_mm=100.0, radius_mm=60.0),
+        result(1, "passed", 2.5, width_mm=100.0, radius_mm=60.0),
+    ]
+    summary = summarise(iter(reversed(rows)), {"width_mm": (65.0, 100.0, 120.0)})
+    (series,) = summary.series
+    assert list(series.tallies) == [65.0, 100.0]
+    narrow, wide = series.tallies.values()
+    assert (narrow.runs, narrow.passed, narrow.success, narrow.outcomes["tipped"]) == (2, 1, 0.5, 1)
+    assert (wide.success, wide.mean_time_s, narrow.mean_time_s) == (1.0, 2.25, 3.0)
+    assert [(run.value, run.outcome, run.time_s) for run in summary.timed] == [
+        (65.0, "tipped", 1.0),
+        (100.0, "passed", 2.0),
+    ]
+    assert (summary.total.runs, summary.total.passed) == (4, 3)
+
+
+def test_several_varied_parameters_are_counted_each_over_the_others() -> None:
+    rows = [
+        result(
+            0,
+            "passed" if width == 80.0 and radius == 60.0 else "stuck",
+            2.0,
+            width_mm=width,
+            radius_mm=radius,
+        )
+        for width in (80.0, 90.0)
+        for radius in (50.0, 60.0)
+    ]
+    summary = summarise(rows, {"width_mm": (80.0, 90.0), "radius_mm": (50.0, 60.0)})
+    assert [series.parameter for series in summary.series] == ["width_mm", "radius_mm"]
+    shares = [[tally.success for tally in series.tallies.values()] for series in summary.series]
+    assert shares == [[0.5, 0.0], [0.0, 0.5]]
+    assert summary.timed == []
+
+
+def test_no_varied_parameter_leaves_the_total() -> None:
+    summary = summarise([result(0, "fault", 1.0, width_mm=80.0)], {})
+    assert (summary.series, summary.timed, summary.total.outcomes["fault"]) == ([], [], 1)
+    assert summary.total.mean_time_s is None
+
+
+@pytest.mark.parametrize(
+    ("success", "colour"), [(1.0, GREEN), (0.76, GREEN), (0.75, BLUE), (0.5, BLUE), (0.49, NAVY), (0.0, NAVY)]
+)
+def test_success_has_the_papers_colours(success: float, colour: str) -> None:
+    assert success_colour(success) == colour
+
+
+def test_labels_take_their_unit_from_the_name() -> None:
+    assert parameter_label("wheel_radius_mm") == "wheel radius (mm)"
+    assert parameter_label("supply_v") == "supply (V)"
+    assert parameter_label("tyre_pattern") == "tyre pattern"
+    assert (value_text(95.0), value_text(12.5), value_text("soft")) == ("95", "12.5", "soft")
+
+
+def test_numbers_stand_to_scale_and_texts_side_by_side() -> None:
+    numbers = ParameterAxis([65.0, 70.0, 100.0])
+    assert [numbers.place(value) for value in numbers.values] == [65.0, 70.0, 100.0]
+    assert numbers.bar_width == pytest.approx(4.0)
+    texts = ParameterAxis(["hard", "soft"])
+    assert [texts.place(value) for value in texts.values] == [0, 1]
+
+
+def test_inlined_figures_share_no_names() -> None:
+    svg = (
+        '<?xml version="1.0"?>\n<!DOCTYPE svg>\n<svg width="10pt" height="5pt" viewBox="0 0 10 5">'
+        '<metadata>made</metadata><defs><g id="a"/></defs><use xlink:href="#a" clip-path="url(#c)"/></svg>'
+    )
+    inlined = inline_svg(svg, "one", 'width < "95"')
+    assert inlined == (
+        '<svg role="img" aria-label="width &lt; &quot;95&quot;" viewBox="0 0 10 5">'
+        '<defs><g id="one-a"/></defs><use xlink:href="#one-a" clip-path="url(#one-c)"/></svg>'
+    )

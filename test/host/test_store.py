@@ -1,0 +1,227 @@
+"""The store: what it refuses, what it keeps, who may write it."""
+
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.errors import FoldcarError
+from foldcar.store import Store
+from foldcar.store_schema import APPLICATION_ID, VERSION, StoreError
+from foldcar.store_writer import PlannedDesign, PlannedExperiment, PlannedRun, StoreWriter, write_store
+
+STUDY = {
+    "foldcar_version": "1",
+    "scenic_version": "3",
+    "carsim_build": "b1",
+    "listing_name": "listing.json",
+    "listing_text": "{}",
+    "command": "foldcar sweep listing.json --store s.db",
+    "created_utc": "2026-01-01T00:00:00+00:00",
+}
+FACTS = {
+    "vehicle_type": "W_B_W",
+    "varied": {"width_mm": [65, 95]},
+    "fixed": {"height_mm": 50},
+    "timeout_s": 120,
+    "speed_m_s": None,
+    "yaw_rate_rad_s": 0,
+    "scenic_program": "p.scenic",
+    "scenic_params": {},
+    "seed": 42,
+}
+
+
+def plan(writer: StoreWriter, name: str = "1", widths: tuple[int, ...] = (65, 95)) -> PlannedExperiment:
+    """Record an experiment whose bodies are told apart by their width."""
+    planned = PlannedExperiment(name, "car", "steps", writer.environment("fingerprint"), 2, FACTS)
+    writer.put_experiment(
+        planned, (PlannedDesign({"width_mm": w, "height_mm": 50}, {"width": w}, {"speed": 1}) for w in widths)
+    )
+    return planned
+
+
+def answer(run: PlannedRun) -> dict[str, Any]:
+    return {
+        "outcome": "passed" if run.design else "tipped",
+        "elapsed_time_s": 10.0 * run.design + run.sample,
+        "distance_to_target_m": 0.1,
+        "consumed_energy_j": 1.0 / 3.0,
+        "max_roll_rad": 0.2,
+        "max_pitch_rad": 0.3,
+    }
+
+
+def fill(path: Path, name: str = "1", widths: tuple[int, ...] = (65, 95), build: str = "b1") -> int:
+    """Store every run that is missing; gives their number."""
+    with write_store(path) as writer:
+        writer.begin_study(STUDY, build)
+        planned = plan(writer, name, widths)
+        new = 0
+        for sample in (0, 1):
+            writer.put_sample(planned.environment_id, sample, {"scene": sample})
+            missing = [run for run in writer.planned_runs(planned, sample) if run.outcome is None]
+            writer.add_results((run, answer(run)) for run in missing)
+            new += len(missing)
+    return new
+
+
+def test_results_come_back_in_order_and_to_the_last_bit(tmp_path: Path) -> None:
+    fill(tmp_path / "s.db")
+
+    with Store.open(tmp_path / "s.db") as store:
+        results = list(store.results())
+
+    assert [(r.design["width_mm"], r.sample, r.outcome, r.elapsed_time_s) for r in results] == [
+        (65, 0, "tipped", 0.0),
+        (65, 1, "tipped", 1.0),
+        (95, 0, "passed", 10.0),
+        (95, 1, "passed", 11.0),
+    ]
+    assert {(r.experiment, r.vehicle, r.environment) for r in results} == {("1", "car", "steps")}
+    assert results[0].consumed_energy_j == 1.0 / 3.0
+
+
+def test_the_facts_of_the_study_are_kept(tmp_path: Path) -> None:
+    fill(tmp_path / "s.db")
+
+    with Store.open(tmp_path / "s.db") as store:
+        info = store.info()
+
+    assert (info.command, info.scenic_version, info.created_utc) == (
+        STUDY["command"],
+        "3",
+        STUDY["created_utc"],
+    )
+    (experiment,) = info.experiments.values()
+    assert (experiment.id, experiment.carsim_build, experiment.seed) == ("1", "b1", 42)
+    assert (experiment.planned_runs, experiment.stored_runs) == (4, 4)
+    assert experiment.varied == {"width_mm": [65, 95]}
+
+
+def test_nothing_that_is_there_is_run_again(tmp_path: Path) -> None:
+    path = tmp_path / "s.db"
+
+    assert fill(path) == 4
+    assert fill(path) == 0
+    assert fill(path, widths=(65, 95, 120)) == 2
+    assert fill(path, name="other", widths=(95, 120, 140)) == 2
+    assert fill(path, build="b2") == 4
+    with Store.open(path) as store:
+        assert len(list(store.results("other"))) == 6
+        assert [r.design["width_mm"] for r in store.results("1")] == [65, 65, 95, 95]
+
+
+def test_an_experiment_is_named_or_refused(tmp_path: Path) -> None:
+    fill(tmp_path / "s.db")
+
+    with (
+        Store.open(tmp_path / "s.db") as store,
+        pytest.raises(StoreError, match='no experiment "2"; it has 1'),
+    ):
+        list(store.results("2"))
+
+
+def test_a_failed_transaction_leaves_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "s.db"
+    fill(path)
+
+    with pytest.raises(KeyError), write_store(path) as writer:
+        writer.begin_study(STUDY, "b2")
+        planned = plan(writer)
+        runs = list(writer.planned_runs(planned, 0))
+        writer.add_results([(runs[0], answer(runs[0])), (runs[1], {"outcome": "passed"})])
+
+    with Store.open(path) as store:
+        assert list(store.results()) == []
+
+
+def test_a_second_writer_is_refused_and_a_reader_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "s.db"
+    fill(path)
+
+    with write_store(path) as writer:
+        writer.begin_study(STUDY, "b1")
+        with (
+            pytest.raises(StoreError, match=r"s\.db: another sweep is writing this store"),
+            write_store(path),
+        ):
+            pass
+        with Store.open(path) as store:
+            assert len(list(store.results())) == 4
+    with write_store(path):
+        pass
+
+
+def test_a_finished_store_is_one_file_and_reading_makes_none(tmp_path: Path) -> None:
+    fill(tmp_path / "s.db")
+    before = (tmp_path / "s.db").read_bytes()
+
+    with Store.open(tmp_path / "s.db") as store:
+        list(store.results())
+        store.info()
+        assert [file.name for file in tmp_path.iterdir()] == ["s.db"]
+
+    assert (tmp_path / "s.db").read_bytes() == before
+
+
+def test_a_creation_that_was_cut_short_does_not_bar_the_way(tmp_path: Path) -> None:
+    (tmp_path / "empty.db").touch()
+    sqlite3.connect(tmp_path / "wal.db").execute("PRAGMA journal_mode = WAL").close()
+
+    assert fill(tmp_path / "empty.db") == 4
+    assert fill(tmp_path / "wal.db") == 4
+
+
+def foreign(path: Path, *statements: str) -> Path:
+    connection = sqlite3.connect(path)
+    for statement in statements:
+        connection.execute(statement)
+    connection.commit()
+    connection.close()
+    return path
+
+
+def test_what_is_no_store_is_refused_and_left_alone(tmp_path: Path) -> None:
+    text = tmp_path / "text.db"
+    text.write_text("not a database, but long enough to be mistaken for one " * 10)
+    other = foreign(tmp_path / "other.db", "CREATE TABLE t (a)")
+    newer = foreign(
+        tmp_path / "newer.db",
+        "CREATE TABLE t (a)",
+        f"PRAGMA application_id = {APPLICATION_ID}",
+        f"PRAGMA user_version = {VERSION + 1}",
+    )
+
+    for path, message in (
+        (text, "is no foldcar store (file is not a database)"),
+        (other, "is no foldcar store"),
+        (newer, f"is a store of version {VERSION + 1}, this foldcar reads version {VERSION}"),
+    ):
+        before = path.read_bytes()
+        with pytest.raises(FoldcarError) as caught:
+            Store.open(path)
+        assert str(caught.value) == f"{path}: {message}"
+        with pytest.raises(FoldcarError) as caught, write_store(path):
+            pass
+        assert str(caught.value) == f"{path}: {message}"
+        assert path.read_bytes() == before
+
+
+def test_reading_a_missing_store_creates_nothing(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="no such store"):
+        Store.open(tmp_path / "none" / "s.db")
+    with pytest.raises(StoreError, match="is no file"):
+        Store.open(tmp_path)
+
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_is_no_store(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="is a folder, not a store"), write_store(tmp_path):
+        pass
+
+
+def test_writing_makes_the_folder(tmp_path: Path) -> None:
+    assert fill(tmp_path / "new" / "folder" / "s.db") == 4

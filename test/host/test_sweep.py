@@ -1,0 +1,246 @@
+"""Sweeps with the real simulator and real environments: resumption, job counts, interruption, refusals."""
+
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.carsim import Carsim
+from foldcar.errors import FoldcarError
+from foldcar.experiments import read_study
+from foldcar.results import Result
+from foldcar.store import Store
+from foldcar.sweep import Progress, sweep
+
+WriteListing = Callable[[Any], Path]
+
+
+def swept(
+    listing: Path, store: Path, carsim: Path, jobs: int = 2, environments: int | None = None
+) -> Progress:
+    return sweep(
+        read_study(listing, environments=environments), store, Carsim(carsim), jobs, "foldcar sweep …"
+    )
+
+
+def rows(store: Path) -> list[Result]:
+    with Store.open(store) as opened:
+        return list(opened.results())
+
+
+def test_every_design_meets_every_environment(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
+) -> None:
+    counts = swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary)
+
+    results = rows(tmp_path / "s.db")
+    assert [(r.design["width_mm"], r.sample) for r in results] == [
+        (w, k) for w in (95, 245) for k in range(3)
+    ]
+    assert (counts.new, counts.there, counts.total) == (6, 0, 6)
+    assert counts.passed == sum(r.outcome == "passed" for r in results)
+
+
+def test_only_what_is_new_is_run(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
+) -> None:
+    store = tmp_path / "s.db"
+
+    def run(**options: Any) -> tuple[int, int]:
+        counts = swept(write_listing(listing_data), store, carsim_binary, **options)
+        return counts.new, counts.there
+
+    assert run() == (6, 0)
+    assert run() == (0, 6)
+    assert run(environments=5) == (4, 6)
+    listing_data["vehicles"]["1"]["params"][0]["common"]["width"] = [95, 120, 245]
+    assert run() == (3, 6)
+    listing_data["experiments"]["again"] = listing_data["experiments"]["1"]
+    assert run() == (0, 18)
+    listing_data["environments"]["1"]["seed"] = 43
+    assert run() == (9, 9)
+    listing_data["experiments"]["1"]["params"]["timeout"] = 60
+    assert run() == (9, 9)
+
+
+def test_rows_do_not_depend_on_jobs(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
+) -> None:
+    listing = write_listing(listing_data)
+
+    swept(listing, tmp_path / "one.db", carsim_binary, jobs=1, environments=8)
+    swept(listing, tmp_path / "three.db", carsim_binary, jobs=3, environments=8)
+
+    assert rows(tmp_path / "one.db") == rows(tmp_path / "three.db")
+
+
+def test_equal_environments_are_run_once(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
+) -> None:
+    listing_data["environments"]["1"]["scenic_params"] = {"position_sd": 1e-12, "heading_sd": 1e-12}
+
+    counts = swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary, environments=20)
+
+    assert (counts.new, counts.there) == (2, 38)
+    assert len(rows(tmp_path / "s.db")) == 40
+
+
+def start(listing: Path, store: Path, carsim: Path, environments: int) -> "subprocess.Popen[str]":
+    words = ["sweep", str(listing), "--store", str(store), "--environments", str(environments), "--jobs", "2"]
+    return subprocess.Popen(
+        [sys.executable, "-c", "from foldcar.cli import main; main()", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "FOLDCAR_CARSIM": str(carsim)},
+    )
+
+
+def stored_runs(store: Path) -> int:
+    """How many runs a store has while it is being written; 0 before it is one."""
+    try:
+        return len(rows(store))
+    except FoldcarError:
+        return 0
+
+
+def test_killed_at_random_and_resumed_the_rows_are_the_same(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
+) -> None:
+    listing_data["vehicles"]["1"]["params"][0]["common"]["width"] = {"from": 65, "to": 245, "step": 20}
+    listing, environments, pause = write_listing(listing_data), 60, random.Random(1)
+    swept(listing, tmp_path / "alone.db", carsim_binary, environments=environments)
+
+    seen = 0
+    for _ in range(4):
+        process = start(listing, tmp_path / "killed.db", carsim_binary, environments)
+        while process.poll() is None and stored_runs(tmp_path / "killed.db") <= seen:
+            time.sleep(0.02)
+        time.sleep(0.2 * pause.random())
+        process.kill()
+        process.communicate()
+        assert stored_runs(tmp_path / "killed.db") >= seen
+        seen = stored_runs(tmp_path / "killed.db")
+    counts = swept(listing, tmp_path / "killed.db", carsim_binary, environments=environments)
+
+    assert counts.there == seen > 0
+    assert rows(tmp_path / "killed.db") == rows(tmp_path / "alone.db")
+
+
+def test_ctrl_c_stops_keeps_and_says_how_to_go_on(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
+) -> None:
+    process = start(write_listing(listing_data), tmp_path / "s.db", carsim_binary, 5000)
+    while process.poll() is None and stored_runs(tmp_path / "s.db") == 0:
+        time.sleep(0.05)
+
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=10)
+
+    assert process.returncode == 130
+    stored = stored_runs(tmp_path / "s.db")
+    assert 0 < stored < 10000
+    assert errors == f"stopped: {stored} of 10000 runs are stored in {tmp_path / 's.db'}; " \
+        "the same command goes on from there\n"  # fmt: skip
+    assert output == ""
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["listing.json", "s.db"]
+
+
+def test_a_full_disk_is_one_line_and_loses_nothing(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path, foldcar: Any
+) -> None:
+    listing = write_listing(listing_data)
+    swept(listing, tmp_path / "s.db", carsim_binary)
+    limit = (tmp_path / "s.db").stat().st_size + 60_000
+
+    answer = foldcar(
+        "sweep", listing, "--store", "s.db", "--environments", "2000",
+        env={**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)},
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )  # fmt: skip
+
+    assert answer.returncode == 2
+    assert answer.stderr.startswith("foldcar: error: s.db: ")
+    assert answer.stderr.count("\n") == 1
+    assert len(rows(tmp_path / "s.db")) >= 6
+
+
+def simulator(tmp_path: Path, carsim: Path, batch: str) -> Path:
+    """A program like carsim, but for what it does with a batch."""
+    script = tmp_path / "broken-carsim"
+    script.write_text(f'#!/bin/sh\n[ "$1" = batch ] || exec {carsim} "$@"\n{batch}\n')
+    script.chmod(0o755)
+    return script
+
+
+@pytest.mark.parametrize(
+    ("batch", "message"),
+    [
+        ("kill -SEGV $$", "killed by signal 11 after 0 of "),
+        ("cat > /dev/null; echo oops >&2; exit 3", "exit code 3 (oops) after 0 of "),
+        ("cat > /dev/null", "exit code 0 after 0 of "),
+        ("cat > /dev/null; echo '[]'", "answered what is no result: []"),
+        ('cat > /dev/null; echo \'{"outcome": "flew"}\'', "answered an impossible result: "),
+    ],
+)
+def test_a_simulator_that_breaks_down_is_named(
+    tmp_path: Path,
+    write_listing: WriteListing,
+    listing_data: Any,
+    carsim_binary: Path,
+    batch: str,
+    message: str,
+) -> None:
+    broken = simulator(tmp_path, carsim_binary, batch)
+
+    with pytest.raises(FoldcarError) as caught:
+        swept(write_listing(listing_data), tmp_path / "s.db", broken)
+
+    assert str(caught.value).startswith(f"{broken}: {message}")
+
+
+def test_what_the_simulator_refuses_is_told_with_the_run(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
+) -> None:
+    listing_data["environments"]["1"]["scenic_params"] = {"friction": 1e6}
+
+    with pytest.raises(FoldcarError) as caught:
+        swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary)
+
+    assert "friction" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("vehicles", "1", "params", 0, "common", "width"), [95, 20]),
+        (("vehicles", "1", "params", 0, "common", "width"), [95, 50]),
+        (("environments", "1", "scenic_params"), {"no_such_param": 1}),
+        (("experiments", "1", "params", "timeout"), 1e9),
+    ],
+)
+def test_a_study_that_cannot_run_leaves_no_store(
+    tmp_path: Path,
+    write_listing: WriteListing,
+    listing_data: Any,
+    carsim_binary: Path,
+    path: tuple[str | int, ...],
+    value: Any,
+) -> None:
+    node = listing_data
+    for step in path[:-1]:
+        node = node[step]
+    node[path[-1]] = value
+
+    with pytest.raises(FoldcarError):
+        swept(write_listing(listing_data), tmp_path / "folder" / "s.db", carsim_binary)
+
+    assert not (tmp_path / "folder").exists()

@@ -46,7 +46,7 @@ test: setup
 lint: .venv/installed
 	$(BIN)/ruff check --config host/pyproject.toml host tools test $(wildcard bench)
 	$(BIN)/mypy --config-file host/pyproject.toml host/foldcar
-	$(BIN)/mypy --config-file host/pyproject.toml --ignore-missing-imports tools/*.py
+	$(BIN)/mypy --config-file host/pyproject.toml --ignore-missing-imports tools/*.py bench/*.py
 
 test-native: setup
 	$(BIN)/pio test -e native

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstring>
 #include <deque>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -107,25 +108,28 @@ class Batch {
       const nlohmann::json parsed = parse_object(line);
       run_id = run_id_if_any(parsed);
       switch (line_kind(parsed)) {
-        case LineKind::kBody: bodies_[read_body(parsed).id] = line; return;
-        case LineKind::kScene: scenes_[read_scene(parsed).id] = line; return;
+        case LineKind::kBody: define("body " + read_body(parsed).id, line); return;
+        case LineKind::kScene: define("scene " + read_scene(parsed).id, line); return;
         case LineKind::kRun: break;
       }
       const RunLine run = read_run(parsed);
       Job job{line_number_, run.id, {}, line};
-      add_definition(bodies_, run.body, job);
-      add_definition(scenes_, run.scene, job);
+      add_definition("body " + run.body, job);
+      add_definition("scene " + run.scene, job);
       slots_.push_back({std::move(job), std::nullopt});
     } catch (const std::exception& error) {
       slots_.push_back({std::nullopt, error_reply(line_number_, run_id, error.what())});
     }
   }
 
+  void define(const std::string& key, const std::string& line) {
+    definitions_[key] = std::make_shared<const Definition>(Definition{key, line});
+  }
+
   // One that is unknown is left out: the worker's session says so.
-  static void add_definition(const std::unordered_map<std::string, std::string>& known, const std::string& id,
-                             Job& job) {
-    const auto found = known.find(id);
-    if (found != known.end()) job.definitions.push_back(found->second);
+  void add_definition(const std::string& key, Job& job) const {
+    const auto found = definitions_.find(key);
+    if (found != definitions_.end()) job.definitions.push_back(found->second);
   }
 
   void start_jobs() {
@@ -190,7 +194,7 @@ class Batch {
   bool any_error_ = false;
   std::size_t line_number_ = 0;
   std::string unread_;
-  std::unordered_map<std::string, std::string> bodies_, scenes_;
+  std::unordered_map<std::string, std::shared_ptr<const Definition>> definitions_;
   std::deque<Slot> slots_;
   std::size_t written_ = 0;  // slots that have left the queue
   std::unordered_map<int, std::size_t> slot_of_;

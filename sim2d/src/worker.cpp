@@ -86,7 +86,8 @@ Worker::Worker(Worker&& other) noexcept
       busy_(other.busy_),
       line_number_(other.line_number_),
       run_id_(std::move(other.run_id_)),
-      received_(std::move(other.received_)) {}
+      received_(std::move(other.received_)),
+      known_(std::move(other.known_)) {}
 
 Worker::~Worker() {
   if (socket_ >= 0) {
@@ -119,7 +120,12 @@ void Worker::start(const Job& job) {
   run_id_ = job.run_id;
   const std::string number = std::to_string(job.line_number) + " ";
   std::string message;
-  for (const std::string& definition : job.definitions) message += number + definition + "\n";
+  for (const auto& definition : job.definitions) {
+    std::shared_ptr<const Definition>& known = known_[definition->key];
+    if (known == definition) continue;
+    known = definition;
+    message += number + definition->line + "\n";
+  }
   // A worker that has died meanwhile is noticed when its reply is read.
   send_all(socket_, message + number + job.run + "\n");
 }
@@ -154,6 +160,7 @@ std::string Worker::reap() {
   waitpid(process_, &status, 0);
   process_ = -1;
   received_.clear();
+  known_.clear();
   if (WIFSIGNALED(status)) return std::string("signal ") + strsignal(WTERMSIG(status));
   return "exit code " + std::to_string(WEXITSTATUS(status));
 }

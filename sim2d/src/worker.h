@@ -4,17 +4,25 @@
 
 #include <sys/types.h>
 
+#include <memory>
 #include <optional>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 namespace foldcar {
+
+// A body or scene line that runs refer to; key tells which one it defines.
+struct Definition {
+  std::string key;
+  std::string line;
+};
 
 // What a worker is given: definitions, then the one line that calls for a reply.
 struct Job {
   std::size_t line_number = 0;
   std::string run_id;
-  std::vector<std::string> definitions;
+  std::vector<std::shared_ptr<const Definition>> definitions;
   std::string run;
 };
 
@@ -45,6 +53,7 @@ class Worker {
   std::size_t line_number_ = 0;
   std::string run_id_;
   std::string received_;
+  std::unordered_map<std::string, std::shared_ptr<const Definition>> known_;  // to the process, by key
 };
 
 }  // namespace foldcar

@@ -24,6 +24,10 @@ constexpr double kSpare_m = 0.04;
 constexpr int kBellyLines = 9;
 constexpr double kLineWidth_m = 0.001;
 
+float height_on_line(b2Vec2 a, b2Vec2 b, float x) {
+  return a.x == b.x ? a.y : a.y + (b.y - a.y) * (x - a.x) / (b.x - a.x);
+}
+
 }  // namespace
 
 TrackTerrain::TrackTerrain(const Terrain& terrain, const BodySpec& body, const CarConstants& constants)
@@ -113,18 +117,20 @@ void TrackTerrain::make_vertices(const b2Body& body, const Profile& profile) {
   }
 }
 
-// Making a chain anew costs more than cutting it: one that is right within kChainTolerance stays, as long as
-// its ends reach as far as the car may drive before the next cut.
+// A new chain costs more than the cut, and its contacts start without the impulses of the last step: one that is
+// right within kChainTolerance stays, as long as its ends reach as far as the car may drive before the next cut.
 bool TrackTerrain::fits(const std::vector<b2Vec2>& chain) const {
   if (chain.size() != vertices_.size()) return false;
   const float tolerance = to_units(kChainTolerance_m), spare = to_units(kSpare_m);
+  const std::size_t last = chain.size() - 1;
   if (chain.front().x < vertices_.front().x - spare || chain.back().x > vertices_.back().x + spare) return false;
-  for (std::size_t i = 0; i < chain.size(); ++i) {
-    const bool end = i == 0 || i + 1 == chain.size();
-    if (!end && std::abs(chain[i].x - vertices_[i].x) > tolerance) return false;
+  for (std::size_t i = 1; i < last; ++i) {
+    if (std::abs(chain[i].x - vertices_[i].x) > tolerance) return false;
     if (std::abs(chain[i].y - vertices_[i].y) > tolerance) return false;
   }
-  return true;
+  // The outer edges end elsewhere but must lie on the same lines.
+  return std::abs(height_on_line(chain[0], chain[1], vertices_[0].x) - vertices_[0].y) <= tolerance &&
+         std::abs(height_on_line(chain[last], chain[last - 1], vertices_[last].x) - vertices_[last].y) <= tolerance;
 }
 
 void TrackTerrain::replace_chain(int outline, b2Body& body, std::uint16_t category, std::uint16_t meets) {

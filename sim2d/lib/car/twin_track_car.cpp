@@ -111,7 +111,8 @@ void TwinTrackCar::step(const PulsesUs& pulses_us) {
   apply_roll_couples();
   apply_yaw_couples();
   {
-    const Lap lap(stopwatch_ != nullptr ? &stopwatch_->physics_s : nullptr);
+    const bool timed = stopwatch_ != nullptr && steps_++ % kSampledLaps == 0;
+    const Lap lap(timed ? &stopwatch_->physics_s : nullptr, kSampledLaps);
     world_.Step(static_cast<float>(step_s_), options_.velocity_iterations, options_.position_iterations);
   }
   advance_pose();

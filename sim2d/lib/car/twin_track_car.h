@@ -74,6 +74,7 @@ class TwinTrackCar {
   const StepOptions options_;
   const double step_s_;
   Stopwatch* const stopwatch_;
+  unsigned steps_ = 0;  // counted for the stopwatch only
   b2World world_;
   TrackTerrain ground_;
   Mechanism car_;

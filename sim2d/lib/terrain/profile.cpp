@@ -15,13 +15,25 @@ double height_at(const Piece& piece, double s_m) {
 
 bool covers(const Piece& piece, double s_m) { return piece.s0_m <= s_m && s_m <= piece.s1_m; }
 
-// Calls visit(piece) for the ground and every piece over s_m.
-template <typename Visit>
-void for_each_at(const std::vector<Piece>& pieces, const Piece& ground, double s_m, Visit visit) {
-  visit(ground);
+// The highest of ground and pieces between two breaks, and the strips of all that are as high within tolerance.
+ProfileSegment highest_between(const std::vector<Piece>& pieces, const Piece& ground, double left, double right,
+                               double tolerance_m) {
+  const double middle = 0.5 * (left + right);
+  const Piece* top = &ground;
+  double top_z = height_at(ground, middle), y_min_m = ground.y_m, y_max_m = ground.y_m;
   for (const Piece& piece : pieces) {
-    if (covers(piece, s_m)) visit(piece);
+    if (!covers(piece, middle)) continue;
+    const double z_m = height_at(piece, middle);
+    if (z_m < top_z - tolerance_m) continue;
+    if (z_m > top_z + tolerance_m) y_min_m = y_max_m = piece.y_m;
+    y_min_m = std::min(y_min_m, piece.y_m);
+    y_max_m = std::max(y_max_m, piece.y_m);
+    if (z_m > top_z) {
+      top = &piece;
+      top_z = z_m;
+    }
   }
+  return {left, right, height_at(*top, left), height_at(*top, right), y_min_m, y_max_m};
 }
 
 // Crossings of two pieces within a stretch are breakpoints too; flat pieces never cross.
@@ -59,18 +71,7 @@ void upper_envelope(const std::vector<Piece>& pieces, const Piece& ground, const
     const bool last = right == span.s_max_m;
     if (right - left < resolution_m && !last) continue;
     if (right <= left) continue;
-    const double middle = 0.5 * (left + right);
-    const Piece* top = &ground;
-    for_each_at(pieces, ground, middle, [&](const Piece& piece) {
-      if (height_at(piece, middle) > height_at(*top, middle)) top = &piece;
-    });
-    const double top_z = height_at(*top, middle);
-    ProfileSegment segment{left, right, height_at(*top, left), height_at(*top, right), top->y_m, top->y_m};
-    for_each_at(pieces, ground, middle, [&](const Piece& piece) {
-      if (height_at(piece, middle) < top_z - 0.4 * resolution_m) return;
-      segment.y_min_m = std::min(segment.y_min_m, piece.y_m);
-      segment.y_max_m = std::max(segment.y_max_m, piece.y_m);
-    });
+    const ProfileSegment segment = highest_between(pieces, ground, left, right, 0.4 * resolution_m);
     if (!profile.empty()) {
       ProfileSegment& before = profile.back();
       const bool same_strips = before.y_min_m == segment.y_min_m && before.y_max_m == segment.y_max_m;

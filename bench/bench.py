@@ -1,0 +1,142 @@
+"""Measures the width study's speed and says where the time goes; run it with `make bench`.
+
+Everything is measured in one go on this machine: the study by `foldcar sweep` with one and two jobs, its
+report, then the same runs in one `carsim` process that times itself. Nothing is asserted: numbers are for
+reading.
+"""
+
+import json
+import os
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from foldcar.experiments import read_study
+
+PROJECT = Path(__file__).resolve().parents[1]
+LISTING = PROJECT / "scenarios" / "width_study.json"
+CARSIM = PROJECT / ".pio" / "build" / "carsim" / "program"
+FOLDCAR = Path(sys.executable).with_name("foldcar")
+
+
+@dataclass(frozen=True)
+class Timed:
+    """Wall time (s) and peak memory (MB, the largest process) of a command."""
+
+    wall_s: float
+    peak_mb: float
+
+
+def run(*arguments: str | Path) -> Timed:
+    """Run a command of foldcar quietly; ends the benchmark if it fails."""
+    command = [str(FOLDCAR), *map(str, arguments)]
+    start_s = time.perf_counter()
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        sys.exit(f"{' '.join(command)}: exit code {process.returncode}")
+    return Timed(time.perf_counter() - start_s, usage.ru_maxrss / 1024)
+
+
+def sweep(store: Path, jobs: int, environments: int | None = None) -> Timed:
+    """The study into a new store."""
+    more = () if environments is None else ("--environments", str(environments))
+    return run("sweep", LISTING, "--store", store, "--jobs", str(jobs), *more)
+
+
+def batch_lines(store: Path) -> str:
+    """The input of `carsim batch` for every run of a store, as the sweep gave it."""
+    connection = sqlite3.connect(f"{store.as_uri()}?mode=ro", uri=True)
+
+    def named(kind: str, prefix: str) -> list[str]:
+        rows = connection.execute(f"SELECT id, json FROM {kind} ORDER BY id")
+        return [json.dumps({kind: {"id": f"{prefix}{key}", **json.loads(text)}}) for key, text in rows]
+
+    lines = named("body", "b") + named("scene", "s")
+    runs = connection.execute(
+        "SELECT body_id, scene_id, json FROM run JOIN settings ON settings.id = settings_id "
+        "ORDER BY scene_id, body_id"
+    )
+    for index, (body, scene, settings) in enumerate(runs):
+        identity = {"id": str(index), "body": f"b{body}", "scene": f"s{scene}"}
+        lines.append(json.dumps({"run": {**identity, **json.loads(settings)}}))
+    connection.close()
+    return "\n".join(lines) + "\n"
+
+
+def carsim_timing(lines: str, jobs: int) -> dict[str, float]:
+    """Where one batch's time goes: `carsim batch --timing`."""
+    answer = subprocess.run(
+        [CARSIM, "batch", "--jobs", str(jobs), "--timing"],
+        input=lines,
+        text=True,
+        capture_output=True,
+        check=True,
+    )
+    timing: dict[str, float] = json.loads(answer.stderr.splitlines()[-1])["timing"]
+    return timing
+
+
+def scenic_seconds(samples: int) -> float:
+    """Importing Scenic, compiling the study's program and sampling its scenes, in a process of its own."""
+    experiment = read_study(LISTING).experiments[0]
+    return run("sample", experiment.program, "-n", str(samples), "--seed", str(experiment.seed)).wall_s
+
+
+def main() -> None:
+    """Measure and print."""
+    console = Console()
+    with tempfile.TemporaryDirectory() as folder, console.status("the study, 1 job") as status:
+        one_store, two_store = Path(folder, "1.db"), Path(folder, "2.db")
+        one = sweep(one_store, 1)
+        status.update("the study, 2 jobs")
+        two = sweep(two_store, 2)
+        again = sweep(two_store, 2)
+        status.update("its report")
+        report = run("report", two_store, "-o", Path(folder, "report"))
+        status.update("a quarter of the study, for its memory")
+        quarter = sweep(Path(folder, "quarter.db"), 2, environments=25)
+        status.update("the same runs inside carsim")
+        lines = batch_lines(two_store)
+        timing = carsim_timing(lines, 1)
+        timing_two = carsim_timing(lines, 2)
+        runs = lines.count('{"run"')
+        status.update("Scenic alone")
+        scenic_s = scenic_seconds(100)
+
+    wall_s = timing["wall_s"]
+    outside = 1 - timing["physics_s"] / wall_s
+    table = Table("what", "measured", title=f"{runs} runs of the width study on {os.cpu_count()} processors")
+    table.columns[1].justify = "right"
+    rows = [
+        ("real-time factor of one core, firmware in the loop", f"{timing['simulated_s'] / wall_s:.0f} ×"),
+        ("share of b2World::Step in carsim", f"{100 * timing['physics_s'] / wall_s:.1f} %"),
+        ("share of everything else", f"{100 * outside:.1f} %"),
+        ("  of which cutting terrain", f"{100 * timing['terrain_s'] / wall_s:.1f} %"),
+        ("  of which the firmware", f"{100 * timing['firmware_s'] / wall_s:.2f} %"),
+        ("carsim alone, 2 jobs against 1", f"{wall_s / timing_two['wall_s']:.2f} ×"),
+        ("whole study, 1 job", f"{one.wall_s:.1f} s, {runs / one.wall_s:.0f} runs/s"),
+        ("whole study, 2 jobs", f"{two.wall_s:.1f} s, {runs / two.wall_s:.0f} runs/s"),
+        ("whole study, 2 jobs against 1", f"{one.wall_s / two.wall_s:.2f} ×"),
+        ("the same study again, nothing to run", f"{again.wall_s:.1f} s"),
+        ("Scenic: import, compile, sample 100 scenes", f"{scenic_s:.1f} s"),
+        ("  share of the whole study, 2 jobs", f"{100 * scenic_s / two.wall_s:.0f} %"),
+        ("report", f"{report.wall_s:.1f} s"),
+        ("peak memory of the host, whole study", f"{two.peak_mb:.0f} MB"),
+        ("peak memory of the host, a quarter of it", f"{quarter.peak_mb:.0f} MB"),
+    ]
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -3,6 +3,7 @@
 import os
 import random
 import resource
+import shlex
 import signal
 import subprocess
 import sys
@@ -176,7 +177,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(
 def simulator(tmp_path: Path, carsim: Path, batch: str) -> Path:
     """A program like carsim, but for what it does with a batch."""
     script = tmp_path / "broken-carsim"
-    script.write_text(f'#!/bin/sh\n[ "$1" = batch ] || exec {carsim} "$@"\n{batch}\n')
+    script.write_text(f'#!/bin/sh\n[ "$1" = batch ] || exec {shlex.quote(str(carsim))} "$@"\n{batch}\n')
     script.chmod(0o755)
     return script
 

@@ -100,11 +100,12 @@ def open_writing(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def close_writing(connection: sqlite3.Connection) -> None:
+def close_writing(path: Path, connection: sqlite3.Connection) -> None:
     """Close, leaving a single file if nobody reads it at the moment."""
-    with contextlib.suppress(sqlite3.Error):
-        connection.execute("PRAGMA journal_mode = DELETE")
+    # An interrupt may have left a query half read, which would keep the mode: closing ends every query.
     connection.close()
+    with contextlib.suppress(sqlite3.Error), contextlib.closing(sqlite3.connect(path)) as last:
+        last.execute("PRAGMA journal_mode = DELETE")
 
 
 @contextlib.contextmanager

@@ -183,7 +183,7 @@ def write_store(path: Path) -> Iterator[StoreWriter]:
         try:
             yield StoreWriter(path, connection)
         finally:
-            close_writing(connection)
+            close_writing(path, connection)
 
 
 def canonical_json(value: Mapping[str, Any]) -> str:

@@ -121,7 +121,8 @@ def test_a_worker_that_crashes_takes_only_its_run_along(carsim_binary: Path, def
     for line in definitions:
         if "scene" in line and line["scene"]["id"] == "0":
             wide = {"x_min_m": -900, "x_max_m": 900, "y_min_m": -900, "y_max_m": 900}
-            circle = {"scene": {**line["scene"], "terrain": [], "course": wide}}
+            goal = {"kind": "disc", "x_m": 800, "y_m": 0, "radius_m": 1}
+            circle = {"scene": {**line["scene"], "terrain": [], "course": wide, "goal": goal}}
     with subprocess.Popen(
         [carsim_binary, "batch", "--jobs", "1"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:

@@ -116,12 +116,12 @@ def children(pid: int) -> list[int]:
 
 
 def test_a_worker_that_crashes_takes_only_its_run_along(carsim_binary: Path, definitions: list[Any]) -> None:
-    # Driving in circles far from its goal, the first run lasts long enough to be shot down.
-    endless = run_line("115", 0, yaw_rate_rad_s=6.0, time_limit_s=3600, parameters={"TRIAL_MAX_S": 3600})
+    # An hour's slow drive over a plain takes seconds to simulate: long enough to be shot down.
+    endless = run_line("115", 0, speed_m_s=0.2, time_limit_s=3600, parameters={"TRIAL_MAX_S": 3600})
     for line in definitions:
         if "scene" in line and line["scene"]["id"] == "0":
             wide = {"x_min_m": -900, "x_max_m": 900, "y_min_m": -900, "y_max_m": 900}
-            goal = {"kind": "disc", "x_m": 800, "y_m": 0, "radius_m": 1}
+            goal = {"kind": "disc", "x_m": -800, "y_m": 0, "radius_m": 1}
             circle = {"scene": {**line["scene"], "terrain": [], "course": wide, "goal": goal}}
     with subprocess.Popen(
         [carsim_binary, "batch", "--jobs", "1"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

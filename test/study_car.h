@@ -2,6 +2,9 @@
 // wheelbase 140 mm, wheel radius 60 mm. Masses are round numbers of the right size.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include "body_spec.h"
 #include "hal.h"
 #include "scene_spec.h"
@@ -51,6 +54,18 @@ inline PulsesUs pulses_for(const BodySpec& body, double fraction) {
         static_cast<float>(servo.neutral_us + servo.direction * offset_us);
   }
   return pulses_us;
+}
+
+// What scrub takes from the drive of each outer wheel, and gives to each inner one, in a steady turn (N): tyres at
+// axle_m from the middle slide sideways with the friction that driving leaves them.
+inline double scrub_drive_n(double weight_n, double friction, double axle_m, double track_m) {
+  double drive_n = 0;
+  for (int i = 0; i < 200; ++i) {
+    const double share = drive_n / (friction * weight_n / 4);
+    const double scrub_n_m = friction * weight_n * axle_m * std::sqrt(std::max(0.0, 1 - share * share));
+    drive_n += 0.5 * (scrub_n_m / (2 * track_m) - drive_n);
+  }
+  return drive_n;
 }
 
 // Two step pyramids left and right of a straight way, as in the width study, without noise.

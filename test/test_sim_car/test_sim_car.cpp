@@ -235,12 +235,7 @@ void test_a_weaker_side_turns_it_as_scrub_and_torque_lines_balance() {
   }
   const double friction = 0.6, weight_n = mass_kg(body) * kGravity, radius_m = 0.06, arm_m = 0.07;
   const double stall_n_m = body.wheels[0].servo.stall_torque_n_m;
-  double drive_n = 0;  // of one left wheel; a right one gives as much backwards
-  for (int i = 0; i < 200; ++i) {
-    const double share = drive_n / (friction * weight_n / 4);
-    const double scrub_n_m = friction * weight_n * arm_m * std::sqrt(std::max(0.0, 1 - share * share));
-    drive_n += 0.5 * (scrub_n_m / (2 * body.track_m) - drive_n);
-  }
+  const double drive_n = scrub_drive_n(weight_n, friction, arm_m, body.track_m);
   const double loss = drive_n * radius_m / stall_n_m;
   const double left_rad_s = 11.5 * (1 - loss), right_rad_s = 0.65 * 11.5 * (1 + loss);
   const double expected_rad_s = (right_rad_s - left_rad_s) * radius_m / body.track_m;

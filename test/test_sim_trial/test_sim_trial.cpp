@@ -171,12 +171,7 @@ void test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for() {
   trial.yaw_rate_rad_s = 3.0;
   const TrialResult result = run_trial(body, scene, trial);
   const double weight_n = CarConstants(body).mass_kg * 9.81, radius_m = 0.06, stall_n_m = 0.134;
-  double drive_n = 0;
-  for (int i = 0; i < 200; ++i) {
-    const double share = drive_n / (0.6 * weight_n / 4);
-    const double scrub_n_m = 0.6 * weight_n * 0.07 * std::sqrt(std::max(0.0, 1 - share * share));
-    drive_n += 0.5 * (scrub_n_m / (2 * body.track_m) - drive_n);
-  }
+  const double drive_n = scrub_drive_n(weight_n, 0.6, 0.07, body.track_m);
   const double lost_rad_s = 11.5 * drive_n * radius_m / stall_n_m;
   const double expected_rad_s = 3.0 - 2 * lost_rad_s * radius_m / body.track_m;
   TEST_ASSERT_TRUE(expected_rad_s > 1 && expected_rad_s < 2.5);

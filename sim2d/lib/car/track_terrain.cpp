@@ -24,6 +24,11 @@ constexpr double kSpare_m = 0.04;
 constexpr int kBellyLines = 9;
 constexpr double kLineWidth_m = 0.001;
 
+// How far left of the car's middle a line of a belly of that width runs.
+double belly_line_y_m(int line, double width_m) {
+  return (-1 + 2.0 * line / (kBellyLines - 1)) * 0.5 * (width_m - kLineWidth_m);
+}
+
 float height_on_line(b2Vec2 a, b2Vec2 b, float x) {
   return a.x == b.x ? a.y : a.y + (b.y - a.y) * (x - a.x) / (b.x - a.x);
 }
@@ -59,9 +64,7 @@ void TrackTerrain::set_strips(double q) {
   // Rolling about the contacts carries the belly, which hangs belly_drop over them, sideways.
   const double shift_m = -belly_drop_m_ * q;
   for (int line = 0; line < kBellyLines; ++line) {
-    const double share = -1 + 2.0 * line / (kBellyLines - 1);
-    const double across_m = share * 0.5 * (belly_width_m_ - kLineWidth_m);
-    const double middle_m = shift_m + across_m * cosine;
+    const double middle_m = shift_m + belly_line_y_m(line, belly_width_m_) * cosine;
     strips_[2 + line] = {middle_m - 0.5 * kLineWidth_m, middle_m + 0.5 * kLineWidth_m};
   }
 }
@@ -80,7 +83,7 @@ void TrackTerrain::cut(const CutPose& pose) {
   const double tangent = tan_roll(pose.q), cosine = cos_roll(pose.q);
   belly_pieces_.clear();
   for (int line = 0; line < kBellyLines; ++line) {
-    const double across_m = (-1 + 2.0 * line / (kBellyLines - 1)) * 0.5 * (belly_width_m_ - kLineWidth_m);
+    const double across_m = belly_line_y_m(line, belly_width_m_);
     const double lowered_m = across_m * cosine * tangent;
     for (Piece piece : pieces_[2 + line]) {
       piece.z0_m -= lowered_m;

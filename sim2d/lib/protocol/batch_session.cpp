@@ -26,8 +26,10 @@ std::string result_reply(const RunLine& run, const TrialResult& result) {
 
 }  // namespace
 
-std::string error_reply(std::size_t line_number, const std::string& run_id, const std::string& message) {
-  ordered_json error = {{"line", line_number}, {"run", nullptr}, {"message", message}};
+std::string error_reply(std::size_t line_number, const std::string& run_id, ErrorKind kind,
+                        const std::string& message) {
+  const char* kind_text = kind == ErrorKind::kInput ? "input" : "simulation";
+  ordered_json error = {{"line", line_number}, {"run", nullptr}, {"kind", kind_text}, {"message", message}};
   if (!run_id.empty()) error["run"] = run_id;
   return one_line({{"error", error}});
 }
@@ -54,8 +56,10 @@ std::optional<std::string> BatchSession::answer(std::size_t line_number, const s
         return run(read_run(parsed));
     }
     return std::nullopt;
+  } catch (const InputError& error) {
+    return error_reply(line_number, run_id, ErrorKind::kInput, error.what());
   } catch (const std::exception& error) {
-    return error_reply(line_number, run_id, error.what());
+    return error_reply(line_number, run_id, ErrorKind::kSimulation, error.what());
   }
 }
 

@@ -7,20 +7,10 @@
 #include "box_terrain.h"
 #include "ending.h"
 #include "sim_hal.h"
+#include "trial_start.h"
 
 namespace foldcar {
 namespace {
-
-// The car is put down, falls its last fraction of a millimetre and comes to rest before the trial starts.
-constexpr double kSettling_s = 0.25;
-// A charged lithium cell, which the firmware's low-voltage guard reads; the servos have their own supply.
-constexpr double kLogicBattery_v = 4.0;
-
-std::uint64_t to_us(double t_s) { return static_cast<std::uint64_t>(std::llround(t_s * 1e6)); }
-
-void expect_accepted(Refusal refusal) {
-  if (refusal != Refusal::kNone) throw TrialError(std::string("the firmware refused: ") + text(refusal));
-}
 
 // The firmware and the car, stepped together: the application ticks whenever its period has passed.
 class CoSimulation {
@@ -85,15 +75,7 @@ TrialResult run_trial(const BodySpec& body, const SceneSpec& scene, const TrialS
   CoSimulation simulation(body, scene, terrain, trial.parameters, options, stopwatch);
   Application& application = simulation.application();
   while (simulation.now_s() < kSettling_s) simulation.step();
-
-  TrialRequest request;
-  request.speed_m_s = static_cast<float>(trial.speed_m_s);
-  request.yaw_rate_rad_s = static_cast<float>(trial.yaw_rate_rad_s);
-  request.time_limit_s = static_cast<float>(trial.time_limit_s);
-  request.untethered = true;
-  expect_accepted(application.arm());
-  expect_accepted(application.start(request));
-
+  start_firmware(application, trial);
   const double start_s = simulation.now_s();
   const double start_energy_j = simulation.state().consumed_energy_j;
   Ending ending(scene, simulation.state());

@@ -16,9 +16,11 @@ STREAM = (
     {"listing", "family", "experiments"},
     {"scenic_program", "scene_json", "scenes", "fingerprint"},
     {"carsim"},
+    {"models"},
     {"store_info", "store_schema", "store", "store_writer"},
     {"chunks", "sweep"},
     {"export", "figures", "report"},
+    {"crosscheck"},
     {"commands"},
     {"cli"},
 )

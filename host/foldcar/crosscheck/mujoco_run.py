@@ -1,8 +1,8 @@
 """One run in MuJoCo: the car of docs/carsim.md in a scene, driven by the firmware's pulses.
 
-Input: body and scene, the pulses, the grid of the scene's smooth ground, the engine's options. Output: outcome,
-time and the rest as `carsim batch` gives them, but for the energy. Servos take their pulses at 50 Hz, as the
-firmware writes them, and states are looked at between: in the 20 ms from one to the next the engine runs alone.
+Input: body and scene, the pulses, the grid of the scene's smooth ground, the engine's options. Output:
+outcome, time and the rest as `carsim batch` gives them, but for the energy. Servos take their pulses at
+50 Hz, as the firmware writes them; that is also when states are looked at: between, the engine runs alone.
 """
 
 import math
@@ -108,7 +108,7 @@ class MujocoCar:
         self._channels = [wheel["channel"] for wheel in body["wheels"]]
         gains, biases = self.model.actuator_gainprm[:, 0].tolist(), self.model.actuator_biasprm[:, 2].tolist()
         self._torque_lines = list(zip(gains, biases, strict=True))
-        self._origin = self.model.body(segment_name(_origin_segment(body))).id
+        self._origin = self.model.body(segment_name(_main_segment(body))).id
         self._scene = scene
         self._patches = [piece for piece in scene["terrain"] if piece["kind"] == "patch"]
         self._grips = [
@@ -158,10 +158,10 @@ class MujocoCar:
         return float(self._scene["friction"])
 
     def _put_down(self, grid: HeightGrid | None) -> None:
-        """Lower the level car to the lowest height at which it touches nothing, and half a millimetre more."""
+        """Set the level car down to where it all but touches the ground."""
         level = float(self.data.qpos[2])
         ground = (0.0, 0.0) if grid is None else (float(grid.z_m.min()), float(grid.z_m.max()))
-        tops = [p["height_m"] for p in self._scene["terrain"] if p["kind"] not in SMOOTH_KINDS + ("patch",)]
+        tops = [p["height_m"] for p in self._scene["terrain"] if p["kind"] not in (*SMOOTH_KINDS, "patch")]
         low, high = level + min(0.0, ground[0]) - 0.01, level + max(0.0, ground[1], *tops, 0.0) + 0.01
         while high - low > 1e-5:
             middle = (low + high) / 2
@@ -172,7 +172,7 @@ class MujocoCar:
         self._mujoco.mj_forward(self.model, self.data)
 
 
-def _origin_segment(body: Mapping[str, Any]) -> int:
+def _main_segment(body: Mapping[str, Any]) -> int:
     """The segment that carries the car's origin: the first over it."""
     distances = [max(0.0, abs(s["x_m"]) - s["length_m"] / 2) for s in body["segments"]]
     return distances.index(min(distances))

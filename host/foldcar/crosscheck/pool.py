@@ -1,7 +1,7 @@
 """Many runs in MuJoCo, in several processes.
 
-Input: tasks, each a body, a scene, its pulses, the grid of its ground and the options. Output: (index, result) as they finish. A task
-that fails gives its FoldcarError to whoever asks for the results.
+Input: tasks. Output: their indices and results as they finish. A task that fails raises its FoldcarError
+where the results are asked for.
 """
 
 import signal
@@ -45,10 +45,10 @@ def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, dict[str, A
     try:
         while True:
             while len(waiting) < AHEAD * jobs:
-                index, task = next(following, (None, None))
-                if index is None or task is None:
+                numbered = next(following, None)
+                if numbered is None:
                     break
-                waiting[pool.submit(_run, task)] = index
+                waiting[pool.submit(_run, numbered[1])] = numbered[0]
             if not waiting:
                 return
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:

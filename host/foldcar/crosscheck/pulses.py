@@ -1,4 +1,4 @@
-"""The firmware's pulses of a trial, asked of carsim: a function of the settings alone, so any engine can play them."""
+"""The firmware's pulses of a trial, asked of carsim: they follow from the settings alone."""
 
 import json
 from bisect import bisect_right
@@ -31,9 +31,7 @@ class PulseTrain:
 
 def ask_pulses(carsim: Carsim, settings: Sequence[Mapping[str, Any]]) -> list[PulseTrain]:
     """The trains of several settings (keys of docs/carsim.md's ``pulses``), in order."""
-    lines = [
-        json.dumps({"pulses": {"id": str(index), **_asked(one)}}) for index, one in enumerate(settings)
-    ]
+    lines = [json.dumps({"pulses": {"id": str(index), **_asked(one)}}) for index, one in enumerate(settings)]
     trains = []
     for answer in carsim.answers(lines):
         rows = answer["changes"]

@@ -1,7 +1,7 @@
 """The smooth part of a scene's ground as a grid of heights, for engines that take height fields.
 
-Input: a scene (docs/carsim.md) and carsim, which is asked for the heights: hills, potholes and rough ground are
-shaped in one place only. Output: a HeightGrid over what they cover, or None if the scene has none of them.
+Input: a scene (docs/carsim.md) and carsim, which is asked for the heights: hills, potholes and rough ground
+are shaped in one place only. Output: a HeightGrid over what they cover, or None if the scene has none.
 """
 
 import json
@@ -24,8 +24,8 @@ SMOOTH_KINDS = ("hill", "pothole", "rough")
 HILL_REACH_SD = 4.0
 # A car's length beyond the course: nothing drives farther.
 MARGIN_M = 0.3
-# The grid is as coarse as this error at the middles of its cells allows: contacts cost time by the cell. It is
-# what carsim's own profiles keep to.
+# The grid is as coarse as this error at the middles of its cells allows: contacts cost time by the cell.
+# It is what carsim's own profiles keep to.
 ERROR_M = 2e-4
 SPACINGS_M = (0.02, 0.01, 0.005)
 MOST_POINTS = 4_000_000

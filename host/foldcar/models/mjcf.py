@@ -1,27 +1,29 @@
 """A car, and the scene it stands in, as MJCF: MuJoCo's XML.
 
-Input: body and scene of docs/carsim.md, the grid of the scene's smooth ground, the shape of the tyres. Output:
-the text of a model. All frames of the car's parts are the car's own: the origin in the middle of its length at
-axle height, x forward, y left, z up.
+Input: body and scene of docs/carsim.md, the grid of the scene's smooth ground, the shape of the tyres.
+Output: the text of a model. All parts of the car are placed in the car's own axes: the origin in the middle of its
+length at axle height, x forward, y left, z up.
 
 What the format leaves open is decided here:
-- contacts: sliding friction only (condim 3; a tyre's contact line resists turning by itself), elliptic cones, as
-  friction acts alike in all directions, and a priority above the ground's so that a contact has the coefficient of
-  the part of the car; impratio 10 keeps tyres from creeping on slopes.
-- a reference time of 5 ms: penetrations under 0.1 mm, and several steps long.
-- multiccd off: on edges of boxes it gives cylinders wrong normals. A dense Jacobian: a car has few degrees of
-  freedom.
-- the servo is MuJoCo's general actuator: torque τ·u − (τ/ω0)·ω, limited to ±τ; the rotor is the joint's armature.
+- Contacts have sliding friction only (condim 3: a tyre's line of contact resists turning by itself), elliptic
+  cones, as friction acts alike in all directions, and a priority above the ground's, so that a contact has
+  the coefficient of the part of the car. impratio 10 keeps tyres from creeping on slopes.
+- The reference time of contacts is 5 ms: penetrations under 0.1 mm, and still several steps long.
+- multiccd is off: on edges of boxes it gives cylinders wrong normals. The Jacobian is dense: a car has few
+  degrees of freedom.
+- The servo is MuJoCo's general actuator: torque τ·u − (τ/ω0)·ω, limited to ±τ; the rotor is the joint's
+  armature.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element
 
 from foldcar.models.ground import HeightGrid
 from foldcar.models.mjcf_terrain import add_terrain
 from foldcar.models.wheel_geometry import segment_name, tyre_center_m, wheel_inertia_kg_m2, wheel_name
+from foldcar.models.xml_elements import add, document, numbers
 
 TYRES = ("cylinder", "ellipsoid")
 GRAVITY_M_S2 = 9.81
@@ -54,8 +56,8 @@ def mjcf(
     It stands with its axles one largest wheel radius over z = 0, at the scene's start.
     """
     root = Element("mujoco", model="foldcar")
-    SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
-    option = SubElement(
+    add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
+    option = add(
         root,
         "option",
         timestep=f"{options.timestep_s:.9g}",
@@ -65,18 +67,17 @@ def mjcf(
         impratio=f"{IMPRATIO}",
         jacobian="dense",
     )
-    SubElement(option, "flag", multiccd="disable")
-    default = SubElement(root, "default")
-    SubElement(default, "geom", solref=SOLREF)
-    asset = SubElement(root, "asset")
-    world = SubElement(root, "worldbody")
-    SubElement(world, "light", pos="0 0 3", dir="0 0 -1")
+    add(option, "flag", multiccd="disable")
+    default = add(root, "default")
+    add(default, "geom", solref=SOLREF)
+    asset = add(root, "asset")
+    world = add(root, "worldbody")
+    add(world, "light", pos="0 0 3", dir="0 0 -1")
     add_terrain(world, asset, scene["terrain"] if scene else (), grid)
     start = scene["start"] if scene else {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
     _add_car(world, body, start, scene["friction"] if scene else 1.0, options.tyre)
-    _add_servos(SubElement(root, "actuator"), body)
-    indent(root)
-    return tostring(root, encoding="unicode") + "\n"
+    _add_servos(add(root, "actuator"), body)
+    return document(root)
 
 
 def _add_car(
@@ -87,28 +88,28 @@ def _add_car(
     for index, segment in enumerate(body["segments"]):
         name = segment_name(index)
         if index == 0:
-            place = {"pos": _text(start["x_m"], start["y_m"], height_m), "euler": _text(0, 0, start["heading_rad"])}
-            part = SubElement(parent, "body", name=name, **place)
-            SubElement(part, "freejoint", name="car")
+            place = numbers(start["x_m"], start["y_m"], height_m)
+            part = add(parent, "body", name=name, pos=place, euler=numbers(0, 0, start["heading_rad"]))
+            add(part, "freejoint", name="car")
         else:
-            part = SubElement(parent, "body", name=name)
+            part = add(parent, "body", name=name)
             _add_hinge(part, index - 1, body["hinges"][index - 1])
         inertias = (segment[f"{axis}_inertia_kg_m2"] for axis in ("roll", "pitch", "yaw"))
-        SubElement(
+        add(
             part,
             "inertial",
-            pos=_text(segment["com_x_m"], segment["com_y_m"], segment["com_z_m"]),
-            mass=_text(segment["mass_kg"]),
-            diaginertia=_text(*inertias),
+            pos=numbers(segment["com_x_m"], segment["com_y_m"], segment["com_z_m"]),
+            mass=numbers(segment["mass_kg"]),
+            diaginertia=numbers(*inertias),
         )
-        SubElement(
+        add(
             part,
             "geom",
             name=f"{name}_belly",
             type="box",
-            size=_text(segment["length_m"] / 2, segment["width_m"] / 2, segment["height_m"] / 2),
-            pos=_text(segment["x_m"], 0, segment["center_z_m"]),
-            friction=_text(friction * segment["grip"]),
+            size=numbers(segment["length_m"] / 2, segment["width_m"] / 2, segment["height_m"] / 2),
+            pos=numbers(segment["x_m"], 0, segment["center_z_m"]),
+            friction=numbers(friction * segment["grip"]),
             rgba=CAR_RGBA,
             **CAR_CONTACT,
         )
@@ -120,16 +121,16 @@ def _add_car(
 
 def _add_hinge(part: Element, index: int, hinge: Mapping[str, float]) -> None:
     # About +y of the rear segment against the front one: positive with the front one's nose up.
-    SubElement(
+    add(
         part,
         "joint",
         name=f"hinge{index}",
         type="hinge",
         axis="0 1 0",
-        pos=_text(hinge["x_m"], 0, hinge["z_m"]),
-        range=_text(hinge["min_rad"], hinge["max_rad"]),
-        stiffness=_text(hinge["stiffness_n_m_rad"]),
-        damping=_text(hinge["damping_n_m_s_rad"]),
+        pos=numbers(hinge["x_m"], 0, hinge["z_m"]),
+        range=numbers(hinge["min_rad"], hinge["max_rad"]),
+        stiffness=numbers(hinge["stiffness_n_m_rad"]),
+        damping=numbers(hinge["damping_n_m_s_rad"]),
     )
 
 
@@ -138,33 +139,33 @@ def _add_wheel(
 ) -> None:
     name = wheel_name(wheel)
     side = 1 if wheel["side"] == "left" else -1
-    place = _text(wheel["x_m"], side * body["track_m"] / 2, 0)
-    disc = SubElement(part, "body", name=name, pos=place)
-    SubElement(
+    place = numbers(wheel["x_m"], side * body["track_m"] / 2, 0)
+    disc = add(part, "body", name=name, pos=place)
+    add(
         disc,
         "joint",
         name=f"{name}_axle",
         type="hinge",
         axis="0 1 0",
-        armature=_text(wheel["servo"]["rotor_inertia_kg_m2"]),
+        armature=numbers(wheel["servo"]["rotor_inertia_kg_m2"]),
     )
     spin, across = wheel_inertia_kg_m2(wheel)
-    center = _text(*tyre_center_m(wheel))
-    inertia = _text(across, spin, across)
-    SubElement(disc, "inertial", pos=center, mass=_text(wheel["mass_kg"]), diaginertia=inertia)
+    center = numbers(*tyre_center_m(wheel))
+    inertia = numbers(across, spin, across)
+    add(disc, "inertial", pos=center, mass=numbers(wheel["mass_kg"]), diaginertia=inertia)
     radius, half_width = wheel["radius_m"], wheel["width_m"] / 2
     shape = (
-        {"type": "cylinder", "size": _text(radius, half_width), "zaxis": "0 1 0"}
+        {"type": "cylinder", "size": numbers(radius, half_width), "zaxis": "0 1 0"}
         if tyre == "cylinder"
-        else {"type": "ellipsoid", "size": _text(radius, half_width, radius)}
+        else {"type": "ellipsoid", "size": numbers(radius, half_width, radius)}
     )
-    SubElement(
+    add(
         disc,
         "geom",
         name=f"{name}_tyre",
         **shape,
         pos=center,
-        friction=_text(friction * wheel["grip"]),
+        friction=numbers(friction * wheel["grip"]),
         rgba=TYRE_RGBA,
         **CAR_CONTACT,
     )
@@ -175,19 +176,15 @@ def _add_servos(actuator: Element, body: Mapping[str, Any]) -> None:
         servo, name = wheel["servo"], wheel_name(wheel)
         scale = body["supply_v"] / servo["rated_v"]
         stall, no_load = servo["stall_torque_n_m"] * scale, servo["no_load_speed_rad_s"] * scale
-        SubElement(
+        add(
             actuator,
             "general",
             name=f"{name}_servo",
             joint=f"{name}_axle",
             ctrlrange="-1 1",
-            forcerange=_text(-stall, stall),
+            forcerange=numbers(-stall, stall),
             gaintype="fixed",
-            gainprm=_text(stall),
+            gainprm=numbers(stall),
             biastype="affine",
-            biasprm=_text(0, 0, -stall / no_load),
+            biasprm=numbers(0, 0, -stall / no_load),
         )
-
-
-def _text(*numbers: float) -> str:
-    return " ".join(f"{number:.9g}" for number in numbers)

@@ -116,6 +116,10 @@ class Batch {
           slots_.push_back({std::move(job), std::nullopt});
           return;
         }
+        case LineKind::kPulses:
+          read_pulses(parsed);
+          slots_.push_back({Job{line_number_, {}, {}, line}, std::nullopt});
+          return;
         case LineKind::kRun: break;
       }
       const RunLine run = read_run(parsed);

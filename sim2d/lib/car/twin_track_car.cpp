@@ -111,6 +111,7 @@ void TwinTrackCar::put_down(const PoseSpec& start) {
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
     take_friction(i, to_metres(car_.wheel[i]->GetPosition().x));
   }
+  take_belly_friction();
   cut_terrain_if_stale();
   ground_.apply(car_);
   update_state();
@@ -232,6 +233,7 @@ void TwinTrackCar::read_contacts() {
   for (WheelState& wheel : wheels_) wheel.load_n = wheel.drive_force_n = 0;
   belly_roll_now_n_m_ = belly_yaw_now_n_m_ = belly_scrub_n_m_ = 0;
   const double s_m = to_metres(car_.chassis->GetPosition().x);
+  if (terrain_.has_patches()) take_belly_friction();
   for (b2Contact* contact = world_.GetContactList(); contact != nullptr; contact = contact->GetNext()) {
     if (!contact->IsTouching()) continue;
     b2Body* a = contact->GetFixtureA()->GetBody();
@@ -285,12 +287,20 @@ double TwinTrackCar::friction_at(double s_m, double y_m) const {
   return terrain_.friction(com_x_m_ + c * ahead_m - s * y_m, com_y_m_ + s * ahead_m + c * y_m, friction_);
 }
 
-// Contacts that begin later start with their fixture's friction, so the tyre's is changed too.
+// Contacts that begin later start with their fixture's friction, so that is changed too.
 void TwinTrackCar::take_friction(std::size_t wheel, double s_m) {
   const WheelSpec& spec = body_.wheels[wheel];
   const double side = spec.side == CarSide::kLeft ? 0.5 : -0.5;
   wheels_[wheel].friction = friction_at(s_m, side * body_.track_m * cos_roll(car_.roll->GetAngle()));
   car_.wheel[wheel]->GetFixtureList()->SetFriction(fixture_friction(wheels_[wheel].friction * spec.grip));
+}
+
+void TwinTrackCar::take_belly_friction() {
+  for (std::size_t j = 0; j < car_.segments.size(); ++j) {
+    b2Body& chassis = *car_.segments[j].chassis;
+    const double friction = friction_at(to_metres(chassis.GetPosition().x), 0);
+    chassis.GetFixtureList()->SetFriction(fixture_friction(friction * body_.segments[j].grip));
+  }
 }
 
 void TwinTrackCar::update_scrub() {

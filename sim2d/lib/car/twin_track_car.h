@@ -74,6 +74,7 @@ class TwinTrackCar {
   // Friction of the ground at a place of the plane, y across the car.
   double friction_at(double s_m, double y_m) const;
   void take_friction(std::size_t wheel, double s_m);
+  void take_belly_friction();
   void update_scrub();
   void update_state();
 

@@ -1,0 +1,241 @@
+// Cars on hills, hollows and patches: where they stand, energy, friction against closed forms, symmetry, determinism.
+#include <unity.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "../study_car.h"
+#include "scene_terrain.h"
+#include "trial.h"
+#include "twin_track_car.h"
+
+using namespace foldcar;
+
+void setUp() {}
+void tearDown() {}
+
+namespace {
+
+constexpr double kGravity = 9.81;
+constexpr double kRadius_m = 0.06;
+
+struct Drive {
+  BodySpec body;
+  TwinTrackCar car;
+  PulsesUs pulses_us;
+  Drive(const BodySpec& body_spec, double friction, const Terrain& terrain, double fraction, PoseSpec start = {})
+      : body(body_spec),
+        car(body, friction, terrain, start, StepOptions{}, nullptr),
+        pulses_us(pulses_for(body, fraction)) {}
+  const CarState& run(double time_s) {
+    const int steps = static_cast<int>(std::lround(time_s / car.step_s()));
+    for (int i = 0; i < steps; ++i) car.step(pulses_us);
+    return car.state();
+  }
+};
+
+TerrainSpec one_hill(const HillSpec& hill) {
+  TerrainSpec terrain;
+  terrain.hills = {hill};
+  return terrain;
+}
+
+// Servos so strong that neutral pulses lock the wheels.
+BodySpec locking_car() {
+  BodySpec body = study_car(0.115);
+  for (WheelSpec& wheel : body.wheels) wheel.servo.stall_torque_n_m = 0.5;
+  return body;
+}
+
+SceneSpec field(const TerrainSpec& terrain) {
+  SceneSpec scene;
+  scene.friction = 0.6;
+  scene.terrain = terrain;
+  scene.goal = GoalSpec{GoalSpec::Kind::kLine, 1.2, 0, 0, 0};
+  scene.course = {-2, 2, -2, 2};
+  return scene;
+}
+
+TrialSpec full_speed(const BodySpec& body) {
+  TrialSpec trial;
+  trial.speed_m_s = 0.69;
+  trial.time_limit_s = 20;
+  trial.path_interval_s = 0.05;
+  trial.parameters.set("TRACK_M", static_cast<float>(body.track_m));
+  return trial;
+}
+
+// What a wheel of the car touches at its lowest: the axle's height over a function of x, by sampling.
+template <typename Height>
+double axle_height_m(double x_m, const Height& height_m) {
+  double axle_m = -1;
+  for (double dx = -kRadius_m; dx <= kRadius_m; dx += 1e-5) {
+    axle_m = std::max(axle_m, height_m(x_m + dx) + std::sqrt(std::max(0.0, kRadius_m * kRadius_m - dx * dx)));
+  }
+  return axle_m;
+}
+
+}  // namespace
+
+void test_it_stands_on_a_hill_and_in_a_hollow_as_high_as_its_wheels_touch() {
+  for (const double hill_m : {0.05, -0.05}) {
+    const double sd_m = 0.25;
+    const SceneTerrain terrain(one_hill({0, 0, 0, sd_m, 10, hill_m}));
+    Drive drive(study_car(0.115), 0.8, terrain, 0);
+    const double expected_m =
+        axle_height_m(0.07, [&](double x_m) { return hill_m * std::exp(-x_m * x_m / (2 * sd_m * sd_m)); });
+    TEST_ASSERT_DOUBLE_WITHIN(0.0006, expected_m, drive.run(0.5).z_m);
+    TEST_ASSERT_DOUBLE_WITHIN(0.003, 0, drive.car.state().pitch_rad);
+  }
+}
+
+void test_on_a_hillside_it_rolls_as_far_as_its_tracks_differ() {
+  const double sd_m = 0.25, hill_m = 0.06;
+  const SceneTerrain terrain(one_hill({0, 0.25, 0, 10, sd_m, hill_m}));
+  Drive drive(study_car(0.115), 0.8, terrain, 0);
+  const double roll_rad = drive.run(0.5).roll_rad, half_m = 0.5 * drive.body.track_m * std::cos(roll_rad);
+  // The highest under a tyre is where it is nearest to the crest.
+  auto height_m = [&](double y_m) { return hill_m * std::exp(-(y_m - 0.25) * (y_m - 0.25) / (2 * sd_m * sd_m)); };
+  const double expected = (height_m(half_m + 0.006) - height_m(-half_m + 0.006)) / drive.body.track_m;
+  TEST_ASSERT_TRUE(expected > 0.1);
+  TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected, expected, std::sin(roll_rad));
+}
+
+void test_over_a_smooth_hill_motor_work_becomes_mechanical_energy() {
+  BodySpec body = study_car(0.115);
+  for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 0;  // its energy is not the plane's
+  const SceneTerrain terrain(one_hill({0.6, 0, 0, 0.15, 5, 0.05}));
+  Drive drive(body, 2.0, terrain, 0);
+  drive.run(0.5);
+  const double climb_j = CarConstants(body).mass_kg * kGravity * 0.05;
+  const double energy_j = drive.car.mechanical_energy_j(), work_j = drive.car.state().motor_work_j;
+  drive.pulses_us = pulses_for(body, 0.4);
+  double highest_m = 0;
+  while (drive.car.state().x_m < 0.9) {
+    drive.run(drive.car.step_s());
+    highest_m = std::max(highest_m, drive.car.state().z_m);
+    const double gained_j = drive.car.mechanical_energy_j() - energy_j;
+    TEST_ASSERT_DOUBLE_WITHIN(0.04 * climb_j, drive.car.state().motor_work_j - work_j, gained_j);
+  }
+  TEST_ASSERT_TRUE(highest_m > kRadius_m + 0.04);
+  TEST_ASSERT_TRUE(drive.car.state().z_m < kRadius_m + 0.012);
+}
+
+void test_locked_wheels_brake_with_the_friction_of_the_patch() {
+  TerrainSpec spec;
+  spec.patches = {{2, 0, 0, 3, 2, 0.15}};  // from x = 0.5 m on
+  const SceneTerrain terrain(spec);
+  Drive drive(locking_car(), 0.8, terrain, 1);
+  while (drive.car.state().x_m < 0.75) drive.run(drive.car.step_s());
+  drive.pulses_us = pulses_for(drive.body, 0);
+  const double early_m_s = drive.run(0.05).speed_m_s, late_m_s = drive.run(0.3).speed_m_s;
+  TEST_ASSERT_TRUE(late_m_s > 0.1);
+  TEST_ASSERT_DOUBLE_WITHIN(0.04 * 0.15 * kGravity, 0.15 * kGravity, (early_m_s - late_m_s) / 0.3);
+}
+
+void test_ice_under_one_side_brakes_half_and_turns_to_the_other() {
+  TerrainSpec spec;
+  spec.patches = {{2, 0.5, 0, 3, 1, 0.05}};  // the left wheels only
+  const SceneTerrain terrain(spec);
+  Drive drive(locking_car(), 0.3, terrain, 1);
+  while (drive.car.state().x_m < 0.75) drive.run(drive.car.step_s());
+  const double heading_rad = drive.car.state().heading_rad;
+  drive.pulses_us = pulses_for(drive.body, 0);
+  const double early_m_s = drive.run(0.1).speed_m_s, late_m_s = drive.run(0.1).speed_m_s;
+  const double expected = 0.5 * (0.05 + 0.3) * kGravity;
+  TEST_ASSERT_DOUBLE_WITHIN(0.05 * expected, expected, (early_m_s - late_m_s) / 0.1);
+  TEST_ASSERT_TRUE(drive.car.state().heading_rad < heading_rad - 0.01);
+}
+
+// The belly on a ramp between the wheels, which hang free: it holds or slides by the friction under it.
+void test_a_belly_slides_on_a_slippery_ramp() {
+  const double length_m = 0.8, height_m = 0.22, slope_rad = std::atan(height_m / length_m);
+  BodySpec body = study_car(0.115);
+  body.segments[0].grip = 0.5;
+  TerrainSpec spec = blocks({{0, 0, length_m, 0.09, height_m, 0, BlockSpec::Kind::kRamp}});
+  const SceneTerrain dry(spec);
+  Drive held(body, 0.7, dry, 0, {0.15, 0, 0});
+  const double before_m = held.run(0.5).x_m;
+  TEST_ASSERT_DOUBLE_WITHIN(0.01, slope_rad, held.car.state().pitch_rad);
+  TEST_ASSERT_DOUBLE_WITHIN(0.002, before_m, held.run(0.5).x_m);
+  spec.patches = {{0, 0, 0, 2, 2, 0.2}};
+  const SceneTerrain wet(spec);
+  Drive sliding(body, 0.7, wet, 0, {0.15, 0, 0});
+  const double early_m_s = sliding.run(0.25).speed_m_s, late_m_s = sliding.run(0.2).speed_m_s;
+  const double along = std::sin(slope_rad) - 0.5 * 0.2 * std::cos(slope_rad);
+  const double expected = kGravity * along * std::cos(slope_rad);
+  TEST_ASSERT_DOUBLE_WITHIN(0.05 * expected, expected, (early_m_s - late_m_s) / 0.2);
+}
+
+// Drive, scrub and belly all take the patch's friction: it makes no difference what lies under it.
+void test_a_patch_over_everything_is_the_ground() {
+  const BodySpec body = study_car(0.18);
+  SceneSpec slippery = pyramids(), patched = pyramids();
+  slippery.friction = 0.35;
+  patched.terrain.patches = {{0, 0, 0, 20, 20, 0.35}};
+  const TrialResult a = run_trial(body, slippery, full_speed(body)), b = run_trial(body, patched, full_speed(body));
+  const TrialResult other = run_trial(body, pyramids(), full_speed(body));
+  TEST_ASSERT_EQUAL_STRING(text(a.outcome), text(b.outcome));
+  TEST_ASSERT_TRUE(std::abs(a.consumed_energy_j - other.consumed_energy_j) > 0.05);
+  TEST_ASSERT_EQUAL_UINT(a.path.size(), b.path.size());
+  for (std::size_t i = 0; i < a.path.size(); ++i) {
+    for (std::size_t j = 0; j < 7; ++j) TEST_ASSERT_DOUBLE_WITHIN(0.01, a.path[i][j], b.path[i][j]);
+  }
+}
+
+void test_a_mirrored_hill_is_driven_as_a_mirror_image() {
+  const BodySpec body = study_car(0.115);
+  const TrialResult left = run_trial(body, field(one_hill({0.5, 0.1, 0.4, 0.1, 0.07, 0.06})), full_speed(body));
+  const TrialResult right = run_trial(body, field(one_hill({0.5, -0.1, -0.4, 0.1, 0.07, 0.06})), full_speed(body));
+  TEST_ASSERT_EQUAL_STRING("passed", text(left.outcome));
+  TEST_ASSERT_DOUBLE_WITHIN(0.02, left.elapsed_time_s, right.elapsed_time_s);
+  const PathRow &a = left.path.back(), &b = right.path.back();
+  TEST_ASSERT_TRUE(left.max_roll_rad > 0.1 && std::abs(a[2]) > 0.02);
+  TEST_ASSERT_DOUBLE_WITHIN(0.01, left.max_roll_rad, right.max_roll_rad);
+  TEST_ASSERT_DOUBLE_WITHIN(0.005, a[2], -b[2]);
+  TEST_ASSERT_DOUBLE_WITHIN(0.01, a[4], -b[4]);
+}
+
+void test_a_turned_hill_changes_nothing_but_the_direction() {
+  const BodySpec body = study_car(0.115);
+  const double turn_rad = 1.1, c = std::cos(turn_rad), s = std::sin(turn_rad);
+  const SceneSpec plain = field(one_hill({0.5, 0.1, 0.4, 0.1, 0.07, 0.06}));
+  SceneSpec turned = field(one_hill({0.5 * c - 0.1 * s, 0.5 * s + 0.1 * c, 0.4 + turn_rad, 0.1, 0.07, 0.06}));
+  turned.start = {0, 0, turn_rad};
+  turned.goal = GoalSpec{GoalSpec::Kind::kLine, 1.2 * c, 1.2 * s, turn_rad, 0};
+  const TrialResult a = run_trial(body, plain, full_speed(body)), b = run_trial(body, turned, full_speed(body));
+  const PathRow &p = a.path.back(), &r = b.path.back();
+  TEST_ASSERT_DOUBLE_WITHIN(0.02, a.elapsed_time_s, b.elapsed_time_s);
+  TEST_ASSERT_DOUBLE_WITHIN(0.005, p[1], c * r[1] + s * r[2]);
+  TEST_ASSERT_DOUBLE_WITHIN(0.005, p[2], c * r[2] - s * r[1]);
+}
+
+void test_the_same_ground_gives_the_same_numbers_whoever_made_it() {
+  const BodySpec body = study_car(0.115);
+  SceneSpec scene = field(one_hill({0.5, 0.1, 0.4, 0.1, 0.07, 0.06}));
+  scene.terrain.roughs = {{0.6, 0, 0, 1, 1, 0.003, 0.03, 9}};
+  scene.terrain.potholes = {{0.8, -0.06, 0.05, 0.02, 0.02}};
+  scene.terrain.patches = {{0.9, 0, 0, 0.2, 1, 0.3}};
+  const SceneTerrain terrain(scene.terrain);
+  const TrialResult own = run_trial(body, scene, full_speed(body));
+  for (int i = 0; i < 2; ++i) {
+    const TrialResult shared = run_trial(body, scene, full_speed(body), {}, nullptr, &terrain);
+    TEST_ASSERT_TRUE(own.path == shared.path && own.consumed_energy_j == shared.consumed_energy_j);
+  }
+}
+
+int main() {
+  UNITY_BEGIN();
+  RUN_TEST(test_it_stands_on_a_hill_and_in_a_hollow_as_high_as_its_wheels_touch);
+  RUN_TEST(test_on_a_hillside_it_rolls_as_far_as_its_tracks_differ);
+  RUN_TEST(test_over_a_smooth_hill_motor_work_becomes_mechanical_energy);
+  RUN_TEST(test_locked_wheels_brake_with_the_friction_of_the_patch);
+  RUN_TEST(test_ice_under_one_side_brakes_half_and_turns_to_the_other);
+  RUN_TEST(test_a_belly_slides_on_a_slippery_ramp);
+  RUN_TEST(test_a_patch_over_everything_is_the_ground);
+  RUN_TEST(test_a_mirrored_hill_is_driven_as_a_mirror_image);
+  RUN_TEST(test_a_turned_hill_changes_nothing_but_the_direction);
+  RUN_TEST(test_the_same_ground_gives_the_same_numbers_whoever_made_it);
+  UNITY_END();
+  return 0;
+}

@@ -7,8 +7,8 @@ from typing import Any
 import numpy
 import pytest
 
-from foldcar.errors import FoldcarError
 from foldcar.carsim import Carsim
+from foldcar.errors import FoldcarError
 from foldcar.figures.gallery import draw_gallery
 from foldcar.figures.ground import Extent, HeightMap, Heights, carsim_heights, height_map
 from foldcar.figures.height_colours import height_scale, shaded

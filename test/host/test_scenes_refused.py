@@ -100,7 +100,8 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
         (EGO + GOAL + "new StepPyramid at (0.5, 0), with steps 0\n", "is made of no pieces"),
         (EGO + GOAL + "new Bump at (0.5, 0, 1)\n", "z: 1.0 m: everything stands on the ground"),
         (EGO + GOAL + "new Bump at (0.5, 0), with pitch 0.3\n", "pitch: 0.3 rad: everything stands upright"),
-        (EGO + GOAL + "param friction = 0\n", "param friction: 0.0 is not above 0"),
+        (EGO + GOAL + "param friction = 0\n", "param friction: 0.0 is not above 0 and at most 5"),
+        (EGO + GOAL + "param course_x_max = 1e4\n", "param course_x_max: 10000.0 is beyond ±1000 m"),
         (EGO + GOAL + "param course_x_max = -1\n", "course_x_min: -0.5 is not below course_x_max -1.0"),
         (
             EGO + GOAL + "param course_x_max = 0.5\n",
@@ -134,6 +135,10 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
         (
             EGO + GOAL + "new RoundBump at (0.5, 0), with height 0.05\n",
             "half_round: height_m: 0.05 is above half the",
+        ),
+        (
+            EGO + GOAL + "new RoughGround at (0.5, 0), with correlation 0.0015\n",
+            "rough: correlation_m: 0.0015 makes a grid of 1.71e+07 heights, which is above the limit 4e+06",
         ),
         (EGO + GOAL + "new RoughGround at (0.5, 0), with seed 1.5\n", "rough: seed: 1.5 is no whole number"),
         (

@@ -110,6 +110,12 @@ class Batch {
       switch (line_kind(parsed)) {
         case LineKind::kBody: define("body " + read_body(parsed).id, line); return;
         case LineKind::kScene: define("scene " + read_scene(parsed).id, line); return;
+        case LineKind::kHeights: {
+          Job job{line_number_, {}, {}, line};
+          add_definition("scene " + read_heights(parsed).scene, job);
+          slots_.push_back({std::move(job), std::nullopt});
+          return;
+        }
         case LineKind::kRun: break;
       }
       const RunLine run = read_run(parsed);
@@ -118,7 +124,7 @@ class Batch {
       add_definition("scene " + run.scene, job);
       slots_.push_back({std::move(job), std::nullopt});
     } catch (const std::exception& error) {
-      slots_.push_back({std::nullopt, error_reply(line_number_, run_id, error.what())});
+      slots_.push_back({std::nullopt, error_reply(line_number_, run_id, ErrorKind::kInput, error.what())});
     }
   }
 

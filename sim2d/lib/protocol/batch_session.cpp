@@ -3,7 +3,6 @@
 #include "trial.h"
 
 namespace foldcar {
-namespace {
 
 using nlohmann::ordered_json;
 
@@ -11,22 +10,32 @@ std::string one_line(const ordered_json& value) {
   return value.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }
 
+namespace {
+
 std::string result_reply(const RunLine& run, const TrialResult& result) {
-  ordered_json reply = {{"run", run.id},
-                        {"outcome", text(result.outcome)},
-                        {"elapsed_time_s", result.elapsed_time_s},
-                        {"distance_to_target_m", result.distance_to_target_m},
-                        {"consumed_energy_j", result.consumed_energy_j},
-                        {"max_roll_rad", result.max_roll_rad},
-                        {"max_pitch_rad", result.max_pitch_rad}};
+  ordered_json reply = {{"run", run.id}};
+  reply.update(result_object(result));
   if (run.trial.path_interval_s > 0) reply["path"] = result.path;
   return one_line(reply);
 }
 
 }  // namespace
 
-std::string error_reply(std::size_t line_number, const std::string& run_id, const std::string& message) {
-  ordered_json error = {{"line", line_number}, {"run", nullptr}, {"message", message}};
+nlohmann::ordered_json result_object(const TrialResult& result) {
+  ordered_json object = {{"outcome", text(result.outcome)},
+                         {"elapsed_time_s", result.elapsed_time_s},
+                         {"distance_to_target_m", nullptr},
+                         {"consumed_energy_j", result.consumed_energy_j},
+                         {"max_roll_rad", result.max_roll_rad},
+                         {"max_pitch_rad", result.max_pitch_rad}};
+  if (result.distance_to_target_m) object["distance_to_target_m"] = *result.distance_to_target_m;
+  return object;
+}
+
+std::string error_reply(std::size_t line_number, const std::string& run_id, ErrorKind kind,
+                        const std::string& message) {
+  const char* kind_text = kind == ErrorKind::kInput ? "input" : "simulation";
+  ordered_json error = {{"line", line_number}, {"run", nullptr}, {"kind", kind_text}, {"message", message}};
   if (!run_id.empty()) error["run"] = run_id;
   return one_line({{"error", error}});
 }
@@ -46,27 +55,56 @@ std::optional<std::string> BatchSession::answer(std::size_t line_number, const s
       case LineKind::kScene: {
         SceneSpec scene = read_scene(parsed);
         const std::string id = scene.id;
+        if (id == terrain_of_) terrain_.reset();
         scenes_.insert_or_assign(id, std::move(scene));
         return std::nullopt;
       }
       case LineKind::kRun:
         return run(read_run(parsed));
+      case LineKind::kHeights:
+        return heights(read_heights(parsed));
     }
     return std::nullopt;
+  } catch (const InputError& error) {
+    return error_reply(line_number, run_id, ErrorKind::kInput, error.what());
   } catch (const std::exception& error) {
-    return error_reply(line_number, run_id, error.what());
+    return error_reply(line_number, run_id, ErrorKind::kSimulation, error.what());
   }
 }
 
 std::string BatchSession::run(const RunLine& run) {
   const auto body = bodies_.find(run.body);
   if (body == bodies_.end()) throw InputError("run.body: no body \"" + run.body + "\" on an earlier line");
-  const auto scene = scenes_.find(run.scene);
-  if (scene == scenes_.end()) throw InputError("run.scene: no scene \"" + run.scene + "\" on an earlier line");
+  const SceneSpec& in = scene("run", run.scene);
   const TrialResult result =
-      run_trial(body->second, scene->second, run.trial, StepOptions{}, timed_ ? &stopwatch_ : nullptr);
+      run_trial(body->second, in, run.trial, StepOptions{}, timed_ ? &stopwatch_ : nullptr, &terrain(in));
   simulated_s_ += result.elapsed_time_s;
   return result_reply(run, result);
+}
+
+std::string BatchSession::heights(const HeightsLine& heights) {
+  const SceneSpec& in = scene("heights", heights.scene);
+  const SceneTerrain& ground = terrain(in);
+  std::vector<double> z_m, friction;
+  for (std::size_t i = 0; i < heights.x_m.size(); ++i) {
+    z_m.push_back(ground.height_m(heights.x_m[i], heights.y_m[i]));
+    friction.push_back(ground.friction(heights.x_m[i], heights.y_m[i], in.friction));
+  }
+  return one_line({{"heights", heights.id}, {"z_m", z_m}, {"friction", friction}});
+}
+
+const SceneSpec& BatchSession::scene(const char* line, const std::string& id) const {
+  const auto found = scenes_.find(id);
+  if (found == scenes_.end()) throw InputError(std::string(line) + ".scene: no scene \"" + id + "\" on an earlier line");
+  return found->second;
+}
+
+const SceneTerrain& BatchSession::terrain(const SceneSpec& scene) {
+  if (!terrain_ || terrain_of_ != scene.id) {
+    terrain_.emplace(scene.terrain);
+    terrain_of_ = scene.id;
+  }
+  return *terrain_;
 }
 
 }  // namespace foldcar

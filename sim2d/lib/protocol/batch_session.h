@@ -6,12 +6,21 @@
 #include <unordered_map>
 
 #include "batch_input.h"
+#include "scene_terrain.h"
 #include "stopwatch.h"
 
 namespace foldcar {
 
+// Whose fault an error is: of a line that breaks the rules, or of a run that could not be carried through.
+enum class ErrorKind { kInput, kSimulation };
+
+// A reply without its end of line; numbers read back to the same double.
+std::string one_line(const nlohmann::ordered_json& value);
+// The result as docs/carsim.md describes it, without the run's id and without a path.
+nlohmann::ordered_json result_object(const TrialResult& result);
 // {"error": …} as docs/carsim.md describes it; run_id may be empty.
-std::string error_reply(std::size_t line_number, const std::string& run_id, const std::string& message);
+std::string error_reply(std::size_t line_number, const std::string& run_id, ErrorKind kind,
+                        const std::string& message);
 
 class BatchSession {
  public:
@@ -25,10 +34,16 @@ class BatchSession {
 
  private:
   std::string run(const RunLine& run);
+  std::string heights(const HeightsLine& heights);
+  const SceneSpec& scene(const char* line, const std::string& id) const;
+  // The scene's terrain, made once as long as lines ask for the same scene.
+  const SceneTerrain& terrain(const SceneSpec& scene);
 
   bool timed_;
   std::unordered_map<std::string, BodySpec> bodies_;
   std::unordered_map<std::string, SceneSpec> scenes_;
+  std::string terrain_of_;  // the scene's id
+  std::optional<SceneTerrain> terrain_;
   Stopwatch stopwatch_;
   double simulated_s_ = 0;
 };

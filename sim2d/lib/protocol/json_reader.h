@@ -29,6 +29,7 @@ class JsonReader {
   JsonReader(const nlohmann::json& value, std::string path);
 
   bool has(const char* key) const;
+  bool is_null(const char* key) { return at(key).is_null(); }
   double number(const char* key, Limits limits);
   double number_or(const char* key, Limits limits, double otherwise);
   int integer(const char* key, int minimum, int maximum);
@@ -38,6 +39,8 @@ class JsonReader {
   JsonReader object(const char* key);
   // The elements of an array of objects.
   std::vector<JsonReader> objects(const char* key, std::size_t minimum, std::size_t maximum);
+  // An array of at most so many numbers.
+  std::vector<double> list(const char* key, Limits limits, std::size_t most);
   // Every key with a number, as an object of numbers.
   std::vector<std::pair<std::string, double>> numbers();
 
@@ -48,6 +51,7 @@ class JsonReader {
 
  private:
   const nlohmann::json& at(const char* key);
+  void check_size(const char* key, const nlohmann::json& value, std::size_t maximum) const;
   double checked_number(const std::string& key, const nlohmann::json& value, Limits limits) const;
 
   const nlohmann::json* value_;

@@ -80,7 +80,7 @@ inline SceneSpec pyramids() {
           {0.45 + 0.45 * pyramid, pyramid == 0 ? 0.05 : -0.05, side_m, side_m, 0.0215 * (step + 1), 0});
     }
   }
-  scene.goal = {GoalSpec::Kind::kLine, 1.315, 0, 0, 0};
+  scene.goal = GoalSpec{GoalSpec::Kind::kLine, 1.315, 0, 0, 0};
   scene.course = {-0.5, 2, -1, 1};
   return scene;
 }

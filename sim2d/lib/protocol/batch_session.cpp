@@ -15,10 +15,11 @@ std::string result_reply(const RunLine& run, const TrialResult& result) {
   ordered_json reply = {{"run", run.id},
                         {"outcome", text(result.outcome)},
                         {"elapsed_time_s", result.elapsed_time_s},
-                        {"distance_to_target_m", result.distance_to_target_m},
+                        {"distance_to_target_m", nullptr},
                         {"consumed_energy_j", result.consumed_energy_j},
                         {"max_roll_rad", result.max_roll_rad},
                         {"max_pitch_rad", result.max_pitch_rad}};
+  if (result.distance_to_target_m) reply["distance_to_target_m"] = *result.distance_to_target_m;
   if (run.trial.path_interval_s > 0) reply["path"] = result.path;
   return one_line(reply);
 }

@@ -35,7 +35,7 @@ using PathRow = std::array<double, 7>;
 struct TrialResult {
   Outcome outcome = Outcome::kTimeout;
   double elapsed_time_s = 0;
-  double distance_to_target_m = 0;
+  std::optional<double> distance_to_target_m;  // none without a goal
   double consumed_energy_j = 0;
   double max_roll_rad = 0;
   double max_pitch_rad = 0;

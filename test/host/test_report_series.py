@@ -13,7 +13,7 @@ from foldcar.results import Result
 
 
 def result(sample: int, outcome: str, time_s: float, **design: float | str) -> Result:
-    return Result("1", "1", "1", sample, outcome, time_s, 0.1, 3.0, 0.2, 0.3, design)
+    return Result("1", "1", "1", sample, outcome, time_s, 0.1, 3.0, 0.2, 0.3, None, design, {})
 
 
 # Newcombe (1998), "Two-sided confidence intervals for the single proportion", table I, method 3.

@@ -51,7 +51,7 @@ class Store:
                 name,
             ):
                 named = {key: Recorded(**value) for key, value in json.loads(recorded).items()}
-                yield Result(*values, design=json.loads(parameters), recorded=named)
+                yield Result(*(*values, json.loads(parameters), named))
 
     def design_columns(self) -> list[str]:
         """Names of all design parameters in the store (``width_mm``, …), in order of appearance."""

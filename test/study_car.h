@@ -16,7 +16,7 @@ inline BodySpec study_car(double width_m) {
   BodySpec body;
   body.id = "study";
   const double mass_kg = 0.165 + 0.175 * width_m;
-  ChassisSpec& chassis = body.chassis;
+  SegmentSpec chassis;
   chassis.length_m = kLength_m;
   chassis.width_m = width_m;
   chassis.height_m = kHeight_m;
@@ -26,6 +26,7 @@ inline BodySpec study_car(double width_m) {
   chassis.pitch_inertia_kg_m2 = mass_kg * (kLength_m * kLength_m + kHeight_m * kHeight_m) / 12;
   chassis.yaw_inertia_kg_m2 = mass_kg * (kLength_m * kLength_m + width_m * width_m) / 12;
   chassis.grip = 0.35 / 0.6;
+  body.segments.push_back(chassis);
   body.track_m = width_m + 0.016;
   body.supply_v = 5.2;
   for (int i = 0; i < 4; ++i) {

@@ -22,19 +22,24 @@ def body_json(design: Design) -> dict[str, Any]:
     # The body module stands on the floor as one box, its friction relative to that of the tyres.
     belly_grip = assembly.belly_friction.value / assembly.tyre_friction.value
     body = {
-        "chassis": {
-            "length_m": design.length_mm * MM,
-            "width_m": values["width"] * MM,
-            "height_m": values["height"] * MM,
-            "center_z_m": 0.0,
-            "mass_kg": chassis.mass_kg,
-            "com_x_m": chassis.center_m[0],
-            "com_z_m": chassis.center_m[2],
-            "roll_inertia_kg_m2": chassis.inertia_kg_m2[0, 0],
-            "pitch_inertia_kg_m2": chassis.inertia_kg_m2[1, 1],
-            "yaw_inertia_kg_m2": chassis.inertia_kg_m2[2, 2],
-            "grip": belly_grip,
-        },
+        "segments": [
+            {
+                "x_m": 0.0,
+                "length_m": design.length_mm * MM,
+                "width_m": values["width"] * MM,
+                "height_m": values["height"] * MM,
+                "center_z_m": 0.0,
+                "mass_kg": chassis.mass_kg,
+                "com_x_m": chassis.center_m[0],
+                "com_y_m": chassis.center_m[1],
+                "com_z_m": chassis.center_m[2],
+                "roll_inertia_kg_m2": chassis.inertia_kg_m2[0, 0],
+                "pitch_inertia_kg_m2": chassis.inertia_kg_m2[1, 1],
+                "yaw_inertia_kg_m2": chassis.inertia_kg_m2[2, 2],
+                "grip": belly_grip,
+            }
+        ],
+        "hinges": [],
         "track_m": design.track_mm * MM,
         "wheels": _wheels(design),
         "supply_v": catalogue().battery.supply_v.value,
@@ -76,12 +81,15 @@ def _wheels(design: Design) -> list[dict[str, Any]]:
     return [
         {
             "channel": channel,
+            "segment": 0,
             "side": side,
             "x_m": x_mm * MM,
             "radius_m": radius_m,
             "width_m": width_m,
             "mass_kg": wheel_mass_kg(radius_m, width_m),
             "grip": catalogue().assembly.tyre_grip.value,
+            "eccentricity_m": 0.0,
+            "eccentricity_phase_rad": 0.0,
             "servo": {
                 "stall_torque_n_m": line.stall_torque_n_m,
                 "no_load_speed_rad_s": line.no_load_speed_rad_s,

@@ -84,7 +84,7 @@ def test_the_chassis_weighs_its_film_and_parts() -> None:
 
 
 def test_the_study_car_is_balanced_and_its_battery_high() -> None:
-    chassis = body_json(study_car())["chassis"]
+    (chassis,) = body_json(study_car())["segments"]
 
     assert chassis["com_x_m"] == 0
     assert 0 < chassis["com_z_m"] < 0.01
@@ -92,7 +92,7 @@ def test_the_study_car_is_balanced_and_its_battery_high() -> None:
 
 
 def test_inertias_obey_the_triangle_inequality_and_grow_with_width() -> None:
-    bodies = [body_json(study_car(width))["chassis"] for width in range(65, 250, 5)]
+    bodies = [body_json(study_car(width))["segments"][0] for width in range(65, 250, 5)]
 
     for chassis in bodies:
         roll, pitch, yaw = (chassis[f"{axis}_inertia_kg_m2"] for axis in ("roll", "pitch", "yaw"))

@@ -30,7 +30,7 @@ def wheel(side: str, x_m: float) -> dict[str, Any]:
 
 BODY = {
     "id": "w95",
-    "chassis": {"length_m": 0.2, "width_m": 0.095, "height_m": 0.05, "center_z_m": 0.0},
+    "segments": [{"x_m": 0.0, "length_m": 0.2, "width_m": 0.095, "height_m": 0.05, "center_z_m": 0.0}],
     "track_m": 0.111,
     "wheels": [wheel(side, x_m) for x_m in (0.07, -0.07) for side in ("left", "right")],
 }

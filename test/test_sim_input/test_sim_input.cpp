@@ -21,19 +21,26 @@ json servo(int direction) {
           {"saturation_us", 200},      {"direction", direction}};
 }
 
+json segment(double x_m) {
+  return {{"x_m", x_m},          {"length_m", 0.1}, {"width_m", 0.095}, {"height_m", 0.05}, {"center_z_m", 0.0},
+          {"mass_kg", 0.09},     {"com_x_m", x_m},  {"com_y_m", 0.0},   {"com_z_m", 0.004}, {"roll_inertia_kg_m2", 1e-4},
+          {"pitch_inertia_kg_m2", 1e-4}, {"yaw_inertia_kg_m2", 1.4e-4}, {"grip", 0.58}};
+}
+
 json body() {
   json wheels = json::array();
   for (int i = 0; i < 4; ++i) {
-    wheels.push_back({{"channel", i}, {"side", i % 2 == 0 ? "left" : "right"}, {"x_m", i < 2 ? 0.07 : -0.07},
-                      {"radius_m", 0.06}, {"width_m", 0.012}, {"mass_kg", 0.012}, {"grip", 1.0},
+    wheels.push_back({{"channel", i}, {"segment", i < 2 ? 0 : 1}, {"side", i % 2 == 0 ? "left" : "right"},
+                      {"x_m", i < 2 ? 0.07 : -0.07}, {"radius_m", 0.06}, {"width_m", 0.012}, {"mass_kg", 0.012},
+                      {"grip", 1.0}, {"eccentricity_m", 0.0}, {"eccentricity_phase_rad", 0.0},
                       {"servo", servo(i % 2 == 0 ? 1 : -1)}});
   }
   return {{"body",
            {{"id", "b"},
-            {"chassis",
-             {{"length_m", 0.2}, {"width_m", 0.095}, {"height_m", 0.05}, {"center_z_m", 0.0}, {"mass_kg", 0.18},
-              {"com_x_m", 0.0}, {"com_z_m", 0.004}, {"roll_inertia_kg_m2", 2e-4}, {"pitch_inertia_kg_m2", 6.4e-4},
-              {"yaw_inertia_kg_m2", 7.3e-4}, {"grip", 0.58}}},
+            {"segments", {segment(0.051), segment(-0.051)}},
+            {"hinges",
+             {{{"x_m", 0.0}, {"z_m", 0.0}, {"stiffness_n_m_rad", 0.02}, {"damping_n_m_s_rad", 1e-4}, {"min_rad", -1.0},
+               {"max_rad", 1.0}}}},
             {"track_m", 0.111},
             {"wheels", wheels},
             {"supply_v", 5.2}}}};
@@ -167,6 +174,21 @@ void test_cars_that_cannot_be_are_refused() {
   json lopsided = body();
   lopsided["body"]["wheels"][1]["x_m"] = 0.05;
   TEST_ASSERT_TRUE(is_error_naming(answer(lopsided.dump()), "body.wheels: every left wheel needs a right one"));
+  json twisted = body();
+  twisted["body"]["wheels"][1]["segment"] = 1;
+  TEST_ASSERT_TRUE(is_error_naming(answer(twisted.dump()), "body.wheels: every left wheel needs a right one"));
+  json nowhere = body();
+  nowhere["body"]["wheels"][1]["segment"] = 2;
+  TEST_ASSERT_TRUE(is_error_naming(answer(nowhere.dump()), "wheels.1.segment: 2.0 is above the limit 1"));
+  json loose = body();
+  loose["body"]["hinges"] = json::array();
+  TEST_ASSERT_TRUE(is_error_naming(answer(loose.dump()), "body.hinges: has 0 entries"));
+  json backwards = body();
+  backwards["body"]["segments"][1]["x_m"] = 0.06;
+  TEST_ASSERT_TRUE(is_error_naming(answer(backwards.dump()), "body.segments: must stand from front to back"));
+  json outside = body();
+  outside["body"]["hinges"][0]["x_m"] = 0.06;
+  TEST_ASSERT_TRUE(is_error_naming(answer(outside.dump()), "body.hinges.0.x_m: 0.06 is above the limit 0.051"));
   json shared = body();
   shared["body"]["wheels"][1]["channel"] = 0;
   TEST_ASSERT_TRUE(is_error_naming(answer(shared.dump()), "channel 0 drives two wheels"));
@@ -207,7 +229,7 @@ void test_a_later_definition_replaces_an_earlier_one() {
   session.answer(2, scene().dump());
   const std::string before = *session.answer(3, run().dump());
   json heavier = body();
-  heavier["body"]["chassis"]["mass_kg"] = 0.5;
+  heavier["body"]["segments"][0]["mass_kg"] = 0.5;
   session.answer(4, heavier.dump());
   TEST_ASSERT_TRUE(before != *session.answer(5, run().dump()));
 }

@@ -70,7 +70,7 @@ def _draw_side(
 ) -> None:
     wheels = body["wheels"]
     reach = max(abs(wheel["x_m"]) + wheel["radius_m"] for wheel in wheels)
-    reach = max(reach, body["chassis"]["length_m"] / 2)
+    reach = max(reach, *(abs(box["x_m"]) + box["length_m"] / 2 for box in body["segments"]))
     line = driven_line(rows, margin_m=reach + MARGIN_M)
     for name, left, colour, order in (("left", 0.5, FAR_COLOUR, 1), ("right", -0.5, NEAR_COLOUR, 2)):
         tyre = max(wheel["width_m"] for wheel in wheels if wheel["side"] == name)
@@ -138,13 +138,15 @@ def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, 
                 zorder=6 if near else 4,
             )
         )
-    chassis = body["chassis"]
-    half_length, half_height = chassis["length_m"] / 2, chassis["height_m"] / 2
-    corners = numpy.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * [half_length, half_height]
-    outline = (corners + numpy.array([0.0, chassis["center_z_m"]])) @ turn + [distance_m, z]
-    axes.add_patch(Polygon(outline, facecolor=colour, alpha=0.35, edgecolor="none", zorder=5))
-    axes.add_patch(Polygon(outline, fill=False, edgecolor=colour, linewidth=1.0, zorder=7))
-    return float(max(top, outline[:, 1].max()))
+    # The path says how the main segment lies; the others are drawn with their hinges flat.
+    for box in body["segments"]:
+        half_length, half_height = box["length_m"] / 2, box["height_m"] / 2
+        corners = numpy.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * [half_length, half_height]
+        outline = (corners + numpy.array([box["x_m"], box["center_z_m"]])) @ turn + [distance_m, z]
+        axes.add_patch(Polygon(outline, facecolor=colour, alpha=0.35, edgecolor="none", zorder=5))
+        axes.add_patch(Polygon(outline, fill=False, edgecolor=colour, linewidth=1.0, zorder=7))
+        top = max(top, outline[:, 1].max())
+    return float(top)
 
 
 def _zoom(axes: Axes, scene: Mapping[str, Any], rows: Any) -> None:

@@ -6,8 +6,8 @@
 namespace foldcar {
 namespace {
 
-// How the chassis is divided: each frame carries a quarter of its mass and a twentieth of its pitch inertia.
-// The split changes nothing rigid (the frames cannot pitch against the chassis); it sets how much of the
+// How a segment is divided: each frame carries a quarter of its mass and a twentieth of its pitch inertia.
+// The split changes nothing rigid (the frames cannot pitch against the box); it sets how much of the
 // roll inertia stands in the frames, and keeps the mass ratios of the joints mild.
 constexpr double kFrameMassShare = 0.25;
 constexpr double kFramePitchShare = 0.05;
@@ -56,41 +56,164 @@ b2PrismaticJoint* add_slide(b2World& world, b2Body* a, b2Body* b, b2Vec2 axis, b
   return static_cast<b2PrismaticJoint*>(world.CreateJoint(&definition));
 }
 
-void add_belly(b2Body& chassis, const BodySpec& body, double friction) {
-  const ChassisSpec& spec = body.chassis;
+void add_belly(b2Body& chassis, const SegmentSpec& spec, double friction) {
   const double skin_m = std::min({kPolygonSkin_m, 0.25 * spec.length_m, 0.25 * spec.height_m});
   b2PolygonShape box;
   box.SetAsBox(to_units(0.5 * spec.length_m - skin_m), to_units(0.5 * spec.height_m - skin_m),
-               to_units(-spec.com_x_m, spec.center_z_m - spec.com_z_m), 0);
+               to_units(spec.x_m - spec.com_x_m, spec.center_z_m - spec.com_z_m), 0);
   const b2FixtureDef fixture =
       contact_fixture(box, friction * spec.grip, category::kBelly, category::kBellyGround);
   chassis.CreateFixture(&fixture);
 }
 
+b2Body* add_chassis(b2World& world, const SegmentSpec& spec, double friction, double axle_z_m) {
+  b2Body* chassis = add_body(world, b2_dynamicBody, spec.com_x_m, axle_z_m + spec.com_z_m, 1);
+  add_belly(*chassis, spec, friction);
+  set_mass(*chassis, (1 - 2 * kFrameMassShare) * spec.mass_kg,
+           (1 - 2 * kFramePitchShare) * spec.pitch_inertia_kg_m2);
+  return chassis;
+}
+
+b2Joint* add_roll_flywheel(b2World& world, Mechanism& car, b2Body* ground, double inertia_kg_m2, double q) {
+  car.roll = add_body(world, b2_dynamicBody, 0, 1, 0);
+  car.roll->SetTransform(car.roll->GetPosition(), static_cast<float>(q));
+  set_mass(*car.roll, 1, inertia_kg_m2);
+  b2RevoluteJointDef axis;
+  axis.bodyA = ground;
+  axis.bodyB = car.roll;
+  axis.localAnchorA = car.roll->GetPosition();
+  return world.CreateJoint(&axis);
+}
+
+// The frame of the side whose sign is given (left +1), raised by roll and geared to it.
+b2Body* add_frame(b2World& world, b2Body* chassis, const SegmentSpec& spec, b2Joint* roll_joint, double track_m,
+                  double sign, double axle_z_m, double q) {
+  const double z_m = axle_z_m + spec.com_z_m + sign * 0.5 * track_m * q;
+  b2Body* frame = add_body(world, b2_dynamicBody, spec.com_x_m, z_m, 1);
+  set_mass(*frame, kFrameMassShare * spec.mass_kg, kFramePitchShare * spec.pitch_inertia_kg_m2);
+  b2PrismaticJoint* slide = add_slide(world, chassis, frame, b2Vec2(0, 1), b2Vec2_zero, false);
+  add_gear(world, roll_joint, slide, -sign * 2 / (track_m * kUnitsPerMetre));
+  return frame;
+}
+
+void add_wheel(b2World& world, Mechanism& car, const BodySpec& body, const WheelSpec& wheel, double friction) {
+  const int k = static_cast<int>(wheel.side);
+  const std::size_t j = static_cast<std::size_t>(wheel.segment);
+  b2Body* frame = car.segments[j].frame[k];
+  const SegmentSpec& spec = body.segments[j];
+  const b2Vec2 anchor = to_units(wheel.x_m - spec.com_x_m, -spec.com_z_m);
+  const b2Vec2 center = frame->GetPosition() + anchor;
+  b2Body* disc = add_body(world, b2_dynamicBody, to_metres(center.x), to_metres(center.y), 1);
+  b2CircleShape circle;
+  circle.m_radius = to_units(wheel.radius_m - kWheelSkin_m);
+  // Only the tread is out of centre: a wheel of a few grams whose mass is, by a millimetre, shakes nothing.
+  circle.m_p = to_units(wheel.eccentricity_m * std::cos(wheel.eccentricity_phase_rad),
+                        wheel.eccentricity_m * std::sin(wheel.eccentricity_phase_rad));
+  const b2FixtureDef fixture =
+      contact_fixture(circle, friction * wheel.grip, category::kWheel[k], category::kTrack[k]);
+  disc->CreateFixture(&fixture);
+  // The rotor turns in the chassis, geared to the wheel: its inertia at the shaft is the wheel's to drive.
+  set_mass(*disc, wheel.mass_kg,
+           0.5 * wheel.mass_kg * wheel.radius_m * wheel.radius_m + wheel.servo.rotor_inertia_kg_m2);
+  b2RevoluteJointDef axle;
+  axle.bodyA = frame;
+  axle.bodyB = disc;
+  axle.localAnchorA = anchor;
+  axle.enableMotor = true;
+  axle.maxMotorTorque = 0;
+  car.wheel.push_back(disc);
+  car.wheel_motor.push_back(static_cast<b2RevoluteJoint*>(world.CreateJoint(&axle)));
+}
+
+// Two joints at one place: a revolute one for the limits, and a soft weld, whose point is the same, for the
+// flexure. Box2D solves the weld's spring and damper implicitly, so that a stiff one is as stable as a rigid one.
+void add_hinge(b2World& world, Mechanism& car, const HingeSpec& spec, double axle_z_m) {
+  const std::size_t j = car.hinge.size();
+  b2Body* front = car.segments[j].chassis;
+  b2Body* rear = car.segments[j + 1].chassis;
+  const b2Vec2 place = to_units(spec.x_m, axle_z_m + spec.z_m);
+  b2WeldJointDef flexure;
+  flexure.Initialize(rear, front, place);
+  flexure.stiffness = to_torque_units(spec.stiffness_n_m_rad);
+  flexure.damping = to_torque_units(spec.damping_n_m_s_rad);
+  world.CreateJoint(&flexure);
+  b2RevoluteJointDef limits;
+  limits.Initialize(rear, front, place);
+  limits.enableLimit = true;
+  limits.lowerAngle = static_cast<float>(spec.min_rad);
+  limits.upperAngle = static_cast<float>(spec.max_rad);
+  car.hinge.push_back(static_cast<b2RevoluteJoint*>(world.CreateJoint(&limits)));
+}
+
+// All segments as one rigid body: mass, centre of mass and inertias (parallel axes); its box means nothing.
+SegmentSpec as_one(const std::vector<SegmentSpec>& segments) {
+  const SegmentSpec& first = segments.front();
+  SegmentSpec one = first;
+  double moment_x = 0, moment_y = 0, moment_z = 0;
+  for (std::size_t j = 1; j < segments.size(); ++j) {
+    const SegmentSpec& segment = segments[j];
+    one.mass_kg += segment.mass_kg;
+    one.roll_inertia_kg_m2 += segment.roll_inertia_kg_m2;
+    one.pitch_inertia_kg_m2 += segment.pitch_inertia_kg_m2;
+    one.yaw_inertia_kg_m2 += segment.yaw_inertia_kg_m2;
+    moment_x += segment.mass_kg * (segment.com_x_m - first.com_x_m);
+    moment_y += segment.mass_kg * (segment.com_y_m - first.com_y_m);
+    moment_z += segment.mass_kg * (segment.com_z_m - first.com_z_m);
+  }
+  one.com_x_m += moment_x / one.mass_kg;
+  one.com_y_m += moment_y / one.mass_kg;
+  one.com_z_m += moment_z / one.mass_kg;
+  for (const SegmentSpec& segment : segments) {
+    const double dx = segment.com_x_m - one.com_x_m, dy = segment.com_y_m - one.com_y_m,
+                 dz = segment.com_z_m - one.com_z_m;
+    one.roll_inertia_kg_m2 += segment.mass_kg * (dy * dy + dz * dz);
+    one.pitch_inertia_kg_m2 += segment.mass_kg * (dx * dx + dz * dz);
+    one.yaw_inertia_kg_m2 += segment.mass_kg * (dx * dx + dy * dy);
+  }
+  return one;
+}
+
 }  // namespace
 
 CarConstants::CarConstants(const BodySpec& body) {
-  const ChassisSpec& chassis = body.chassis;
+  const SegmentSpec chassis = as_one(body.segments);
   const double half_track_m = 0.5 * body.track_m;
-  double wheels_mass_kg = 0, wheels_yaw_kg_m2 = 0, wheels_own_kg_m2 = 0, radius_sum_m = 0;
-  tyre_width_m = 0;
-  reach_m = 0.5 * chassis.length_m;
+  const double reference_x_m = body.segments[main_segment(body)].com_x_m;
+  double wheels_mass_kg = 0, wheels_moment_kg_m = 0, wheels_own_kg_m2 = 0, radius_sum_m = 0;
+  tyre_width_m = reach_m = 0;
   for (const WheelSpec& wheel : body.wheels) {
     wheels_mass_kg += wheel.mass_kg;
-    wheels_yaw_kg_m2 += wheel.mass_kg * (wheel.x_m * wheel.x_m + half_track_m * half_track_m);
+    wheels_moment_kg_m += wheel.mass_kg * wheel.x_m;
     wheels_own_kg_m2 += 0.25 * wheel.mass_kg * wheel.radius_m * wheel.radius_m;  // a disc about its diameter
     radius_sum_m += wheel.radius_m;
     tyre_width_m = std::max(tyre_width_m, wheel.width_m);
-    reach_m = std::max(reach_m, std::abs(wheel.x_m) + wheel.radius_m);
+    reach_m = std::max(reach_m, std::abs(wheel.x_m - reference_x_m) + wheel.radius_m + wheel.eccentricity_m);
   }
   mass_kg = chassis.mass_kg + wheels_mass_kg;
   wheel_radius_m = radius_sum_m / static_cast<double>(body.wheels.size());
+  com_x_m = (chassis.mass_kg * chassis.com_x_m + wheels_moment_kg_m) / mass_kg;
   com_height_m = wheel_radius_m + chassis.com_z_m * chassis.mass_kg / mass_kg;
-  yaw_inertia_kg_m2 = chassis.yaw_inertia_kg_m2 + wheels_yaw_kg_m2 + wheels_own_kg_m2;
+  side_moment_kg_m = chassis.mass_kg * chassis.com_y_m;
+  double wheels_yaw_kg_m2 = 0;
+  for (const WheelSpec& wheel : body.wheels) {
+    const double dx = wheel.x_m - com_x_m;
+    wheels_yaw_kg_m2 += wheel.mass_kg * (dx * dx + half_track_m * half_track_m);
+  }
+  const double chassis_dx = chassis.com_x_m - com_x_m;
+  yaw_inertia_kg_m2 = chassis.yaw_inertia_kg_m2 + chassis.mass_kg * chassis_dx * chassis_dx + wheels_yaw_kg_m2 +
+                      wheels_own_kg_m2;
   const double in_frames_kg_m2 = 2 * kFrameMassShare * chassis.mass_kg * half_track_m * half_track_m;
   flywheel_inertia_kg_m2 =
       std::max(kLeastFlywheel_kg_m2, chassis.roll_inertia_kg_m2 + wheels_own_kg_m2 +
                                          mass_kg * com_height_m * com_height_m - in_frames_kg_m2);
+  belly_width_m = 0;
+  belly_clearance_m = wheel_radius_m;
+  for (const SegmentSpec& segment : body.segments) {
+    belly_width_m = std::max(belly_width_m, segment.width_m);
+    belly_clearance_m =
+        std::min(belly_clearance_m, wheel_radius_m + segment.center_z_m - 0.5 * segment.height_m);
+    reach_m = std::max(reach_m, std::abs(segment.x_m - reference_x_m) + 0.5 * segment.length_m);
+  }
 }
 
 double track_mass_kg(double yaw_inertia_kg_m2, double track_m) {
@@ -99,64 +222,28 @@ double track_mass_kg(double yaw_inertia_kg_m2, double track_m) {
 
 Mechanism build_mechanism(b2World& world, const BodySpec& body, const CarConstants& constants, double friction,
                           double axle_z_m, double q) {
-  const ChassisSpec& spec = body.chassis;
-  const double com_z_m = axle_z_m + spec.com_z_m;
   Mechanism car;
   b2Body* ground = add_body(world, b2_staticBody, 0, 0, 0);
   car.belly_ground = add_body(world, b2_staticBody, 0, 0, 0);
-
-  car.chassis = add_body(world, b2_dynamicBody, spec.com_x_m, com_z_m, 1);
-  add_belly(*car.chassis, body, friction);
-  set_mass(*car.chassis, (1 - 2 * kFrameMassShare) * spec.mass_kg,
-           (1 - 2 * kFramePitchShare) * spec.pitch_inertia_kg_m2);
-
-  car.roll = add_body(world, b2_dynamicBody, 0, 1, 0);
-  car.roll->SetTransform(car.roll->GetPosition(), static_cast<float>(q));
-  set_mass(*car.roll, 1, constants.flywheel_inertia_kg_m2);
-  b2RevoluteJointDef roll_axis;
-  roll_axis.bodyA = ground;
-  roll_axis.bodyB = car.roll;
-  roll_axis.localAnchorA = car.roll->GetPosition();
-  b2Joint* roll_joint = world.CreateJoint(&roll_axis);
-
+  for (const SegmentSpec& segment : body.segments) {
+    car.segments.push_back({add_chassis(world, segment, friction, axle_z_m), {}});
+  }
+  car.chassis = car.segments[main_segment(body)].chassis;
+  b2Joint* roll_joint = add_roll_flywheel(world, car, ground, constants.flywheel_inertia_kg_m2, q);
   for (int k = 0; k < 2; ++k) {
     const double sign = k == 0 ? 1 : -1;
-    car.frame[k] =
-        add_body(world, b2_dynamicBody, spec.com_x_m, com_z_m + sign * 0.5 * body.track_m * q, 1);
-    set_mass(*car.frame[k], kFrameMassShare * spec.mass_kg, kFramePitchShare * spec.pitch_inertia_kg_m2);
-    b2PrismaticJoint* slide =
-        add_slide(world, car.chassis, car.frame[k], b2Vec2(0, 1), b2Vec2_zero, false);
-    add_gear(world, roll_joint, slide, -sign * 2 / (body.track_m * kUnitsPerMetre));
-
+    for (std::size_t j = 0; j < body.segments.size(); ++j) {
+      MechanismSegment& segment = car.segments[j];
+      segment.frame[k] = add_frame(world, segment.chassis, body.segments[j], roll_joint, body.track_m, sign,
+                                   axle_z_m, q);
+    }
     car.track[k] = add_body(world, b2_dynamicBody, 0, 0, 0);
     set_mass(*car.track[k], track_mass_kg(constants.yaw_inertia_kg_m2, body.track_m), 1);
     car.track_slide[k] = add_slide(world, ground, car.track[k], b2Vec2(1, 0), b2Vec2_zero, true);
   }
   add_gear(world, car.track_slide[0], car.track_slide[1], 1);
-
-  for (const WheelSpec& wheel : body.wheels) {
-    const int k = static_cast<int>(wheel.side);
-    b2Body* frame = car.frame[k];
-    const b2Vec2 anchor = to_units(wheel.x_m - spec.com_x_m, -spec.com_z_m);
-    const b2Vec2 center = frame->GetPosition() + anchor;
-    b2Body* disc = add_body(world, b2_dynamicBody, to_metres(center.x), to_metres(center.y), 1);
-    b2CircleShape circle;
-    circle.m_radius = to_units(wheel.radius_m - kWheelSkin_m);
-    const b2FixtureDef fixture =
-        contact_fixture(circle, friction * wheel.grip, category::kWheel[k], category::kTrack[k]);
-    disc->CreateFixture(&fixture);
-    // The rotor turns in the chassis, geared to the wheel: its inertia at the shaft is the wheel's to drive.
-    set_mass(*disc, wheel.mass_kg,
-             0.5 * wheel.mass_kg * wheel.radius_m * wheel.radius_m + wheel.servo.rotor_inertia_kg_m2);
-    b2RevoluteJointDef axle;
-    axle.bodyA = frame;
-    axle.bodyB = disc;
-    axle.localAnchorA = anchor;
-    axle.enableMotor = true;
-    axle.maxMotorTorque = 0;
-    car.wheel.push_back(disc);
-    car.wheel_motor.push_back(static_cast<b2RevoluteJoint*>(world.CreateJoint(&axle)));
-  }
+  for (const WheelSpec& wheel : body.wheels) add_wheel(world, car, body, wheel, friction);
+  for (const HingeSpec& hinge : body.hinges) add_hinge(world, car, hinge, axle_z_m);
   return car;
 }
 

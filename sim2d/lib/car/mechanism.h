@@ -1,12 +1,13 @@
 // The twin-track car as Box2D bodies and joints in one vertical plane.
 //
-//   chassis   belly and half of the chassis' mass
-//   frame[k]  left and right side frame: slides along the chassis' z, carries that side's wheels
+//   segment   a box with its belly and half of its mass, and for each side a frame that slides along the box' z
+//             and carries that side's wheels; segments hang together in hinges
 //   wheel[i]  circles on revolute motors, one a wheel
-//   roll      a flywheel, geared to both frames: its angle is q = sin(roll), its inertia what the frames lack
+//   roll      a flywheel, geared to all frames: its angle is q = sin(roll), its inertia what the frames lack.
+//             The car is stiff against twist: all segments roll alike
 //   track[k]  the terrain under the left and right wheels, free to slide along x against each other: their
 //             difference is yaw, their mass the yaw inertia
-//   belly_ground  the terrain under the belly, fixed
+//   belly_ground  the terrain under the bellies, fixed
 //
 // Positions are relative to where the car is put down (s = 0); x forward, y up, angles nose up.
 #pragma once
@@ -19,9 +20,15 @@
 
 namespace foldcar {
 
-struct Mechanism {
+struct MechanismSegment {
   b2Body* chassis = nullptr;
   std::array<b2Body*, 2> frame{};
+};
+
+struct Mechanism {
+  std::vector<MechanismSegment> segments;  // front to back
+  std::vector<b2RevoluteJoint*> hinge;     // hinge[j] joins segments j and j + 1
+  b2Body* chassis = nullptr;               // the main segment's, whose centre of mass is followed
   std::array<b2Body*, 2> track{};
   b2Body* belly_ground = nullptr;
   b2Body* roll = nullptr;
@@ -38,16 +45,20 @@ constexpr std::uint16_t kWheel[2] = {8, 16};
 constexpr std::uint16_t kBelly = 32;
 }  // namespace category
 
-// Quantities of the whole car that the terms need, from its parts.
+// Quantities of the whole car that the terms need, from its parts, hinges flat.
 struct CarConstants {
   explicit CarConstants(const BodySpec& body);
   double mass_kg;
-  double com_height_m;       // over the contacts, car level
-  double tyre_width_m;       // the widest
-  double wheel_radius_m;     // the mean
-  double yaw_inertia_kg_m2;  // about the vertical through the centre of mass
+  double com_x_m;
+  double com_height_m;         // over the contacts, car level
+  double side_moment_kg_m;     // sum of masses times how far left of the middle they are
+  double tyre_width_m;         // the widest
+  double wheel_radius_m;       // the mean
+  double yaw_inertia_kg_m2;    // about the vertical through the centre of mass
   double flywheel_inertia_kg_m2;
-  double reach_m;  // farthest point of the car from its middle, along x
+  double belly_width_m;        // the widest
+  double belly_clearance_m;    // the lowest belly over the contacts
+  double reach_m;              // farthest point of the car from the main segment's centre of mass, along x
 };
 
 // Builds the car in world with its axle line at height axle_z_m, rolled by asin(q).

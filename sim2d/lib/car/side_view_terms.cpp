@@ -25,6 +25,8 @@ double weight_roll_couple_n_m(double mass_kg, double com_height_m, double tyre_w
   return mass_kg * kGravity_m_s2 * (com_height_m * tan_roll(q) - support_m);
 }
 
+double offset_roll_couple_n_m(double side_moment_kg_m) { return -kGravity_m_s2 * side_moment_kg_m; }
+
 double turning_roll_couple_n_m(double mass_kg, double com_height_m, double speed_m_s, double yaw_rate_rad_s) {
   return mass_kg * com_height_m * speed_m_s * yaw_rate_rad_s;
 }

@@ -20,6 +20,10 @@ double cos_roll(double q);
 // lean (over 0.02 in q), so the weight overturns the car only beyond atan((track + tyre) / (2 height)).
 double weight_roll_couple_n_m(double mass_kg, double com_height_m, double tyre_width_m, double q);
 
+// Couple about the roll axis (N·m) of masses off the middle; side_moment_kg_m is positive for more on the left.
+// Constant: q is the sine of roll, which their lever's shortening cancels.
+double offset_roll_couple_n_m(double side_moment_kg_m);
+
 // Couple about the roll axis (N·m) of turning at yaw_rate_rad_s while driving: outwards.
 double turning_roll_couple_n_m(double mass_kg, double com_height_m, double speed_m_s, double yaw_rate_rad_s);
 

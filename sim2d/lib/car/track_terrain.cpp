@@ -39,8 +39,8 @@ TrackTerrain::TrackTerrain(const Terrain& terrain, const BodySpec& body, const C
     : terrain_(terrain),
       track_m_(body.track_m),
       tyre_width_m_(constants.tyre_width_m),
-      belly_width_m_(body.chassis.width_m),
-      belly_drop_m_(constants.wheel_radius_m + body.chassis.center_z_m - 0.5 * body.chassis.height_m),
+      belly_width_m_(constants.belly_width_m),
+      belly_drop_m_(constants.belly_clearance_m),
       reach_m_(constants.reach_m),
       strips_(2 + kBellyLines),
       pieces_(2 + kBellyLines) {}

@@ -23,8 +23,10 @@ constexpr double kLeastLoadShare = 0.05;
 
 double filter_gain(double step_s, double time_constant_s) { return 1 - std::exp(-step_s / time_constant_s); }
 
-// Height that the axle of a wheel of radius_m needs at x_m to stand on the outline.
-double axle_height_m(const Profile& profile, double x_m, double radius_m) {
+// Height that a wheel's axle needs at axle_s_m of the outline for the tyre to stand on it.
+double axle_height_m(const Profile& profile, double axle_s_m, const WheelSpec& wheel) {
+  const double radius_m = wheel.radius_m;
+  const double x_m = axle_s_m + wheel.eccentricity_m * std::cos(wheel.eccentricity_phase_rad);
   double height_m = 0;
   for (const ProfileSegment& segment : profile) {
     const double lo = std::max(segment.s0_m, x_m - radius_m), hi = std::min(segment.s1_m, x_m + radius_m);
@@ -38,6 +40,18 @@ double axle_height_m(const Profile& profile, double x_m, double radius_m) {
       height_m = std::max(height_m, z_m + std::sqrt(std::max(0.0, radius_m * radius_m - dx * dx)));
     }
   }
+  return height_m - wheel.eccentricity_m * std::sin(wheel.eccentricity_phase_rad);
+}
+
+// Height of the axles at which a segment's belly, put down inside an obstacle, rests on it.
+double resting_axle_height_m(const Profile& ground, const SegmentSpec& segment, double reference_m) {
+  const double middle_m = segment.x_m - reference_m;
+  const double bottom_m = segment.center_z_m - 0.5 * segment.height_m;
+  double height_m = 0;
+  for (const ProfileSegment& piece : ground) {
+    if (piece.s1_m < middle_m - 0.5 * segment.length_m || piece.s0_m > middle_m + 0.5 * segment.length_m) continue;
+    height_m = std::max(height_m, std::max(piece.z0_m, piece.z1_m) - bottom_m);
+  }
   return height_m;
 }
 
@@ -46,6 +60,7 @@ double axle_height_m(const Profile& profile, double x_m, double radius_m) {
 TwinTrackCar::TwinTrackCar(const BodySpec& body, double friction, const Terrain& terrain, const PoseSpec& start,
                            const StepOptions& options, Stopwatch* stopwatch)
     : body_(body),
+      main_(body.segments[main_segment(body)]),
       friction_(friction),
       constants_(body),
       options_(options),
@@ -66,25 +81,23 @@ TwinTrackCar::TwinTrackCar(const BodySpec& body, double friction, const Terrain&
 }
 
 void TwinTrackCar::put_down(const PoseSpec& start) {
+  const double reference_m = main_.com_x_m;
   heading_rad_ = start.heading_rad;
-  com_x_m_ = start.x_m + body_.chassis.com_x_m * std::cos(heading_rad_);
-  com_y_m_ = start.y_m + body_.chassis.com_x_m * std::sin(heading_rad_);
-  ground_.cut({{com_x_m_, com_y_m_, heading_rad_}, body_.chassis.com_x_m, 0});
+  com_x_m_ = start.x_m + reference_m * std::cos(heading_rad_);
+  com_y_m_ = start.y_m + reference_m * std::sin(heading_rad_);
+  ground_.cut({{com_x_m_, com_y_m_, heading_rad_}, reference_m, 0});
   double side_m[2] = {0, 0};
   double weight_moment = 0;
   for (const WheelSpec& wheel : body_.wheels) {
     const int k = static_cast<int>(wheel.side);
-    const double s_m = wheel.x_m - body_.chassis.com_x_m;
-    side_m[k] = std::max(side_m[k], axle_height_m(ground_.wheels(k), s_m, wheel.radius_m));
+    const double s_m = wheel.x_m - reference_m;
+    side_m[k] = std::max(side_m[k], axle_height_m(ground_.wheels(k), s_m, wheel));
     weight_moment += std::abs(s_m);
   }
   const double q = sin_roll_limited((side_m[0] - side_m[1]) / body_.track_m);
   double axle_z_m = 0.5 * (side_m[0] + side_m[1]);
-  // A belly that would start inside an obstacle rests on it.
-  for (const ProfileSegment& segment : ground_.belly()) {
-    if (segment.s1_m < -0.5 * body_.chassis.length_m || segment.s0_m > 0.5 * body_.chassis.length_m) continue;
-    const double bottom_m = body_.chassis.center_z_m - 0.5 * body_.chassis.height_m;
-    axle_z_m = std::max(axle_z_m, std::max(segment.z0_m, segment.z1_m) - bottom_m);
+  for (const SegmentSpec& segment : body_.segments) {
+    axle_z_m = std::max(axle_z_m, resting_axle_height_m(ground_.belly(), segment, reference_m));
   }
   car_ = build_mechanism(world_, body_, constants_, friction_, axle_z_m + options_.drop_m, q);
   const double weight_n = constants_.mass_kg * kGravity_m_s2;
@@ -141,7 +154,8 @@ void TwinTrackCar::drive_wheels(const PulsesUs& pulses_us) {
     const double limit_n_m = spec.servo.stall_torque_n_m;
     const double rotor_n_m =
         std::clamp(spec.servo.rotor_inertia_kg_m2 * wheel.acceleration_rad_s2, -limit_n_m, limit_n_m);
-    car_.frame[static_cast<std::size_t>(spec.side)]->ApplyTorque(to_torque_units(-rotor_n_m), true);
+    const MechanismSegment& segment = car_.segments[static_cast<std::size_t>(spec.segment)];
+    segment.frame[static_cast<std::size_t>(spec.side)]->ApplyTorque(to_torque_units(-rotor_n_m), true);
     state_.motor_work_j += torque_n_m * omega * step_s_;
     state_.consumed_energy_j += body_.supply_v * servo_current_a(spec.servo, drive, torque_n_m) * step_s_;
   }
@@ -153,7 +167,7 @@ void TwinTrackCar::apply_roll_couples() {
   const double couple_n_m =
       weight_roll_couple_n_m(constants_.mass_kg, constants_.com_height_m, constants_.tyre_width_m, q) +
       turning_roll_couple_n_m(constants_.mass_kg, constants_.com_height_m, speed_m_s, yaw_rate_rad_s_) +
-      belly_roll_couple_n_m_;
+      offset_roll_couple_n_m(constants_.side_moment_kg_m) + belly_roll_couple_n_m_;
   car_.roll->ApplyTorque(to_torque_units(couple_n_m), true);
 }
 
@@ -169,8 +183,8 @@ void TwinTrackCar::apply_yaw_couples() {
   }
   if (std::abs(load_centroid_m_ - track_inertia_centroid_m_) > kCentroidTolerance_m) {
     track_inertia_centroid_m_ = load_centroid_m_;
-    const double inertia_kg_m2 =
-        constants_.yaw_inertia_kg_m2 + constants_.mass_kg * load_centroid_m_ * load_centroid_m_;
+    const double arm_m = load_centroid_m_ + main_.com_x_m - constants_.com_x_m;
+    const double inertia_kg_m2 = constants_.yaw_inertia_kg_m2 + constants_.mass_kg * arm_m * arm_m;
     for (b2Body* track : car_.track) set_mass(*track, track_mass_kg(inertia_kg_m2, body_.track_m), 1);
   }
 }
@@ -196,6 +210,13 @@ void TwinTrackCar::advance_pose() {
   heading_rad_ += d_heading_rad;
 }
 
+std::optional<std::size_t> TwinTrackCar::belly_of(const b2Body* a, const b2Body* b) const {
+  for (std::size_t j = 0; j < car_.segments.size(); ++j) {
+    if (car_.segments[j].chassis == a || car_.segments[j].chassis == b) return j;
+  }
+  return std::nullopt;
+}
+
 void TwinTrackCar::read_contacts() {
   const double to_newton = 1 / (step_s_ * kUnitsPerMetre);
   for (WheelState& wheel : wheels_) wheel.load_n = wheel.drive_force_n = 0;
@@ -206,7 +227,8 @@ void TwinTrackCar::read_contacts() {
     b2Body* a = contact->GetFixtureA()->GetBody();
     b2Body* b = contact->GetFixtureB()->GetBody();
     const b2Manifold& manifold = *contact->GetManifold();
-    if (a != car_.chassis && b != car_.chassis) {
+    const std::optional<std::size_t> touching = belly_of(a, b);
+    if (!touching) {
       for (std::size_t i = 0; i < wheels_.size(); ++i) {
         if (car_.wheel[i] != a && car_.wheel[i] != b) continue;
         for (int j = 0; j < manifold.pointCount; ++j) {
@@ -218,7 +240,8 @@ void TwinTrackCar::read_contacts() {
     }
     b2WorldManifold where;
     contact->GetWorldManifold(&where);
-    const double sign = b == car_.chassis ? 1 : -1;  // the normal points from a to b
+    const double sign = b == car_.segments[*touching].chassis ? 1 : -1;  // the normal points from a to b
+    const double grip = body_.segments[*touching].grip;
     const b2Vec2 tangent = b2Cross(where.normal, 1.0f);
     for (int j = 0; j < manifold.pointCount; ++j) {
       const double normal_n = manifold.points[j].normalImpulse * to_newton;
@@ -231,7 +254,7 @@ void TwinTrackCar::read_contacts() {
       belly_roll_now_n_m_ += upward_n * y_m;
       belly_yaw_now_n_m_ -= forward_n * y_m;
       belly_scrub_n_m_ +=
-          friction_ * body_.chassis.grip * normal_n * std::abs(contact_s_m - s_m - load_centroid_m_);
+          friction_ * grip * normal_n * std::abs(contact_s_m - s_m - load_centroid_m_);
     }
   }
   belly_roll_couple_n_m_ += belly_gain_ * (belly_roll_now_n_m_ - belly_roll_couple_n_m_);
@@ -242,7 +265,7 @@ void TwinTrackCar::update_scrub() {
   double load_n = 0, moment_n_m = 0;
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
     load_n += wheels_[i].load_n;
-    moment_n_m += wheels_[i].load_n * (body_.wheels[i].x_m - body_.chassis.com_x_m);
+    moment_n_m += wheels_[i].load_n * (body_.wheels[i].x_m - main_.com_x_m);
   }
   const double weight_n = constants_.mass_kg * kGravity_m_s2;
   const double centroid_m = load_n > kLeastLoadShare * weight_n ? moment_n_m / load_n : 0;
@@ -251,7 +274,7 @@ void TwinTrackCar::update_scrub() {
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
     const double limit_n = friction_ * body_.wheels[i].grip * wheels_[i].load_n;
     if (limit_n <= 0) continue;
-    const double arm_m = body_.wheels[i].x_m - body_.chassis.com_x_m - load_centroid_m_;
+    const double arm_m = body_.wheels[i].x_m - main_.com_x_m - load_centroid_m_;
     const double drive_ratio = std::min(1.0, std::abs(wheels_[i].drive_force_n) / limit_n);
     scrub_n_m += limit_n * std::abs(arm_m) * friction_circle(drive_ratio);
   }
@@ -261,12 +284,11 @@ void TwinTrackCar::update_scrub() {
 void TwinTrackCar::update_state() {
   const double pitch_rad = car_.chassis->GetAngle();
   const double q = std::clamp(static_cast<double>(car_.roll->GetAngle()), -1.0, 1.0);
-  const ChassisSpec& chassis = body_.chassis;
-  const double c = std::cos(pitch_rad), s = std::sin(pitch_rad);
-  const double back_m = chassis.com_x_m * c - chassis.com_z_m * s;
+    const double c = std::cos(pitch_rad), s = std::sin(pitch_rad);
+  const double back_m = main_.com_x_m * c - main_.com_z_m * s;
   state_.x_m = com_x_m_ - back_m * std::cos(heading_rad_);
   state_.y_m = com_y_m_ - back_m * std::sin(heading_rad_);
-  state_.z_m = to_metres(car_.chassis->GetPosition().y) - chassis.com_x_m * s - chassis.com_z_m * c;
+  state_.z_m = to_metres(car_.chassis->GetPosition().y) - main_.com_x_m * s - main_.com_z_m * c;
   state_.heading_rad = heading_rad_;
   state_.pitch_rad = pitch_rad;
   state_.roll_rad = std::asin(q);
@@ -279,6 +301,8 @@ double TwinTrackCar::wheel_speed_rad_s(std::size_t wheel) const {
   return -car_.wheel_motor[wheel]->GetJointSpeed();
 }
 
+double TwinTrackCar::hinge_rad(std::size_t hinge) const { return car_.hinge[hinge]->GetJointAngle(); }
+
 double TwinTrackCar::mechanical_energy_j() const {
   double energy = 0;
   for (const b2Body* body = world_.GetBodyList(); body != nullptr; body = body->GetNext()) {
@@ -288,10 +312,18 @@ double TwinTrackCar::mechanical_energy_j() const {
     energy += 0.5 * body->GetMass() * speed_squared + 0.5 * body->GetInertia() * omega * omega;
     energy += body->GetMass() * body->GetGravityScale() * to_units(kGravity_m_s2) * body->GetPosition().y;
   }
-  return energy / kTorqueScale;
+  energy /= kTorqueScale;
+  for (std::size_t j = 0; j < car_.hinge.size(); ++j) {
+    const double fold_rad = hinge_rad(j);
+    energy += 0.5 * body_.hinges[j].stiffness_n_m_rad * fold_rad * fold_rad;
+  }
+  return energy;
 }
 
 bool TwinTrackCar::finite() const {
+  for (const MechanismSegment& segment : car_.segments) {
+    if (!segment.chassis->GetPosition().IsValid() || !std::isfinite(segment.chassis->GetAngle())) return false;
+  }
   return std::isfinite(state_.x_m) && std::isfinite(state_.y_m) && std::isfinite(state_.z_m) &&
          std::isfinite(state_.heading_rad) && std::isfinite(state_.up);
 }

@@ -4,6 +4,7 @@
 // Rate: 240 Hz unless asked otherwise. No randomness, no clock: same inputs, same states.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "body_spec.h"
@@ -23,7 +24,7 @@ struct StepOptions {
   double drop_m = 0.0005;  // the car is put down from this height, so that contact is found by falling
 };
 
-// Pose of the car's origin (middle between the wheels, axle height) and what it has spent.
+// Pose of the car's origin (middle of the length, axle height), carried by the main segment, and what it has spent.
 struct CarState {
   double x_m = 0, y_m = 0, z_m = 0;
   double heading_rad = 0, pitch_rad = 0, roll_rad = 0;
@@ -45,7 +46,8 @@ class TwinTrackCar {
   const CarState& state() const { return state_; }
   double step_s() const { return step_s_; }
   double wheel_speed_rad_s(std::size_t wheel) const;  // positive drives forward
-  // Kinetic and potential energy of everything that moves, J.
+  double hinge_rad(std::size_t hinge) const;           // as HingeSpec counts it
+  // Kinetic and potential energy of everything that moves and of the hinges' flexures, J.
   double mechanical_energy_j() const;
   // False once any state is not a finite number.
   bool finite() const;
@@ -65,10 +67,13 @@ class TwinTrackCar {
   void apply_yaw_couples();
   void advance_pose();
   void read_contacts();
+  // The segment whose belly is one of two bodies in contact.
+  std::optional<std::size_t> belly_of(const b2Body* a, const b2Body* b) const;
   void update_scrub();
   void update_state();
 
   const BodySpec& body_;
+  const SegmentSpec& main_;  // carries the pose; its centre of mass is followed through the plane
   const double friction_;
   const CarConstants constants_;
   const StepOptions options_;

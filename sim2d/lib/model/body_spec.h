@@ -1,6 +1,7 @@
 // A car as the simulator takes it: what docs/carsim.md calls a body, in SI units.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -24,23 +25,29 @@ enum class CarSide { kLeft = 0, kRight = 1 };
 
 struct WheelSpec {
   int channel = 0;
+  int segment = 0;  // index into the body's segments
   CarSide side = CarSide::kLeft;
   double x_m = 0;
   double radius_m = 0;
   double width_m = 0;
   double mass_kg = 0;
   double grip = 1;
+  // The tyre's centre lies this far from the axle, at the start in the direction phase (from forward through up).
+  double eccentricity_m = 0;
+  double eccentricity_phase_rad = 0;
   ServoSpec servo;
 };
 
-// The box between the wheels with all it carries; inertias about its own centre of mass.
-struct ChassisSpec {
+// A rigid box between wheels with all it carries; inertias about its own centre of mass.
+struct SegmentSpec {
+  double x_m = 0;  // of the box' middle
   double length_m = 0;
   double width_m = 0;
   double height_m = 0;
   double center_z_m = 0;
   double mass_kg = 0;
   double com_x_m = 0;
+  double com_y_m = 0;
   double com_z_m = 0;
   double roll_inertia_kg_m2 = 0;
   double pitch_inertia_kg_m2 = 0;
@@ -48,12 +55,27 @@ struct ChassisSpec {
   double grip = 0;
 };
 
+// A pitch joint between a segment and the next: flat at 0, positive with the front one's nose up against the rear one.
+struct HingeSpec {
+  double x_m = 0;
+  double z_m = 0;
+  double stiffness_n_m_rad = 0;
+  double damping_n_m_s_rad = 0;
+  double min_rad = 0;
+  double max_rad = 0;
+};
+
 struct BodySpec {
   std::string id;
-  ChassisSpec chassis;
+  std::vector<SegmentSpec> segments;  // front to back
+  std::vector<HingeSpec> hinges;      // hinges[j] joins segments j and j + 1
   double track_m = 0;
   std::vector<WheelSpec> wheels;
   double supply_v = 0;
 };
+
+// The segment that stands for the whole car's pose: whose box contains x = 0 or comes nearest to it, the front one
+// of two.
+std::size_t main_segment(const BodySpec& body);
 
 }  // namespace foldcar

@@ -1,6 +1,7 @@
 #include "batch_input.h"
 
 #include <set>
+#include <utility>
 
 #include "printed_number.h"
 #include "supervisor.h"
@@ -18,6 +19,11 @@ constexpr Limits kCarLength_m{0.005, 2};
 constexpr Limits kOffset_m{-1, 1};
 constexpr Limits kMass_kg{0.0005, 50};
 constexpr Limits kInertia_kg_m2{1e-7, 50};
+// A hinge softer than any film would be none; a stiffer one is a rigid beam. It folds less than half a turn.
+constexpr Limits kStiffness_n_m_rad{1e-6, 1000};
+constexpr Limits kDamping_n_m_s_rad{0, 10};
+constexpr double kFold_rad = 3;
+constexpr std::size_t kMostSegments = 8;
 constexpr Limits kFriction{0, 5};
 constexpr Limits kGrip{0, 5};
 constexpr Limits kVoltage_v{0.1, 60};
@@ -46,48 +52,83 @@ ServoSpec read_servo(JsonReader reader) {
   return servo;
 }
 
-WheelSpec read_wheel(JsonReader reader) {
+WheelSpec read_wheel(JsonReader reader, std::size_t segments) {
   WheelSpec wheel;
   wheel.channel = reader.integer("channel", 0, static_cast<int>(kChannelCount) - 1);
+  wheel.segment = reader.integer("segment", 0, static_cast<int>(segments) - 1);
   wheel.side = reader.choice("side", {"left", "right"}) == 0 ? CarSide::kLeft : CarSide::kRight;
   wheel.x_m = reader.number("x_m", kOffset_m);
   wheel.radius_m = reader.number("radius_m", {0.005, 0.5});
   wheel.width_m = reader.number("width_m", {0.0005, 0.2});
   wheel.mass_kg = reader.number("mass_kg", kMass_kg);
   wheel.grip = reader.number("grip", kGrip);
+  wheel.eccentricity_m = reader.number("eccentricity_m", {0, 0.5 * wheel.radius_m});
+  wheel.eccentricity_phase_rad = reader.number("eccentricity_phase_rad", kHeading_rad);
   wheel.servo = read_servo(reader.object("servo"));
   reader.finish();
   return wheel;
 }
 
-ChassisSpec read_chassis(JsonReader reader) {
-  ChassisSpec chassis;
-  chassis.length_m = reader.number("length_m", kCarLength_m);
-  chassis.width_m = reader.number("width_m", kCarLength_m);
-  chassis.height_m = reader.number("height_m", kCarLength_m);
-  chassis.center_z_m = reader.number("center_z_m", kOffset_m);
-  chassis.mass_kg = reader.number("mass_kg", kMass_kg);
-  chassis.com_x_m = reader.number("com_x_m", kOffset_m);
-  chassis.com_z_m = reader.number("com_z_m", kOffset_m);
-  chassis.roll_inertia_kg_m2 = reader.number("roll_inertia_kg_m2", kInertia_kg_m2);
-  chassis.pitch_inertia_kg_m2 = reader.number("pitch_inertia_kg_m2", kInertia_kg_m2);
-  chassis.yaw_inertia_kg_m2 = reader.number("yaw_inertia_kg_m2", kInertia_kg_m2);
-  chassis.grip = reader.number("grip", kGrip);
+SegmentSpec read_segment(JsonReader reader) {
+  SegmentSpec segment;
+  segment.x_m = reader.number("x_m", kOffset_m);
+  segment.length_m = reader.number("length_m", kCarLength_m);
+  segment.width_m = reader.number("width_m", kCarLength_m);
+  segment.height_m = reader.number("height_m", kCarLength_m);
+  segment.center_z_m = reader.number("center_z_m", kOffset_m);
+  segment.mass_kg = reader.number("mass_kg", kMass_kg);
+  segment.com_x_m = reader.number("com_x_m", kOffset_m);
+  segment.com_y_m = reader.number("com_y_m", kOffset_m);
+  segment.com_z_m = reader.number("com_z_m", kOffset_m);
+  segment.roll_inertia_kg_m2 = reader.number("roll_inertia_kg_m2", kInertia_kg_m2);
+  segment.pitch_inertia_kg_m2 = reader.number("pitch_inertia_kg_m2", kInertia_kg_m2);
+  segment.yaw_inertia_kg_m2 = reader.number("yaw_inertia_kg_m2", kInertia_kg_m2);
+  segment.grip = reader.number("grip", kGrip);
   reader.finish();
-  return chassis;
+  return segment;
+}
+
+// A hinge stands between the middles of the segments it joins.
+HingeSpec read_hinge(JsonReader reader, const SegmentSpec& front, const SegmentSpec& rear) {
+  HingeSpec hinge;
+  hinge.x_m = reader.number("x_m", {rear.x_m, front.x_m});
+  hinge.z_m = reader.number("z_m", kOffset_m);
+  hinge.stiffness_n_m_rad = reader.number("stiffness_n_m_rad", kStiffness_n_m_rad);
+  hinge.damping_n_m_s_rad = reader.number("damping_n_m_s_rad", kDamping_n_m_s_rad);
+  hinge.min_rad = reader.number("min_rad", {-kFold_rad, 0});
+  hinge.max_rad = reader.number("max_rad", {0, kFold_rad});
+  reader.finish();
+  return hinge;
+}
+
+void read_segments(JsonReader& reader, BodySpec& body) {
+  for (JsonReader& segment : reader.objects("segments", 1, kMostSegments)) {
+    body.segments.push_back(read_segment(segment));
+    const std::size_t j = body.segments.size() - 1;
+    if (j > 0 && body.segments[j].x_m >= body.segments[j - 1].x_m) {
+      reader.fail("segments", "must stand from front to back, each at a smaller x_m than the one before");
+    }
+  }
+  const std::size_t joints = body.segments.size() - 1;
+  for (JsonReader& hinge : reader.objects("hinges", joints, joints)) {
+    const std::size_t j = body.hinges.size();
+    body.hinges.push_back(read_hinge(hinge, body.segments[j], body.segments[j + 1]));
+  }
 }
 
 // Both sides carry the same axles and no output drives two wheels.
 void check_wheels(const JsonReader& reader, const std::vector<WheelSpec>& wheels) {
   std::set<int> channels;
-  std::multiset<double> axles[2];
+  std::multiset<std::pair<int, double>> axles[2];
   for (const WheelSpec& wheel : wheels) {
     if (!channels.insert(wheel.channel).second) {
       reader.fail("wheels", "channel " + std::to_string(wheel.channel) + " drives two wheels");
     }
-    axles[static_cast<int>(wheel.side)].insert(wheel.x_m);
+    axles[static_cast<int>(wheel.side)].insert({wheel.segment, wheel.x_m});
   }
-  if (axles[0] != axles[1]) reader.fail("wheels", "every left wheel needs a right one at the same x_m");
+  if (axles[0] != axles[1]) {
+    reader.fail("wheels", "every left wheel needs a right one at the same x_m on the same segment");
+  }
 }
 
 PoseSpec read_pose(JsonReader reader) {
@@ -167,9 +208,11 @@ BodySpec read_body(const json& line) {
   JsonReader reader = only_value(line, "body");
   BodySpec body;
   body.id = reader.string("id");
-  body.chassis = read_chassis(reader.object("chassis"));
+  read_segments(reader, body);
   body.track_m = reader.number("track_m", kCarLength_m);
-  for (JsonReader& wheel : reader.objects("wheels", 2, kChannelCount)) body.wheels.push_back(read_wheel(wheel));
+  for (JsonReader& wheel : reader.objects("wheels", 2, kChannelCount)) {
+    body.wheels.push_back(read_wheel(wheel, body.segments.size()));
+  }
   check_wheels(reader, body.wheels);
   body.supply_v = reader.number("supply_v", kVoltage_v);
   reader.finish();

@@ -3,7 +3,6 @@
 #include "trial.h"
 
 namespace foldcar {
-namespace {
 
 using nlohmann::ordered_json;
 
@@ -11,20 +10,27 @@ std::string one_line(const ordered_json& value) {
   return value.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }
 
+namespace {
+
 std::string result_reply(const RunLine& run, const TrialResult& result) {
-  ordered_json reply = {{"run", run.id},
-                        {"outcome", text(result.outcome)},
-                        {"elapsed_time_s", result.elapsed_time_s},
-                        {"distance_to_target_m", nullptr},
-                        {"consumed_energy_j", result.consumed_energy_j},
-                        {"max_roll_rad", result.max_roll_rad},
-                        {"max_pitch_rad", result.max_pitch_rad}};
-  if (result.distance_to_target_m) reply["distance_to_target_m"] = *result.distance_to_target_m;
+  ordered_json reply = {{"run", run.id}};
+  reply.update(result_object(result));
   if (run.trial.path_interval_s > 0) reply["path"] = result.path;
   return one_line(reply);
 }
 
 }  // namespace
+
+nlohmann::ordered_json result_object(const TrialResult& result) {
+  ordered_json object = {{"outcome", text(result.outcome)},
+                         {"elapsed_time_s", result.elapsed_time_s},
+                         {"distance_to_target_m", nullptr},
+                         {"consumed_energy_j", result.consumed_energy_j},
+                         {"max_roll_rad", result.max_roll_rad},
+                         {"max_pitch_rad", result.max_pitch_rad}};
+  if (result.distance_to_target_m) object["distance_to_target_m"] = *result.distance_to_target_m;
+  return object;
+}
 
 std::string error_reply(std::size_t line_number, const std::string& run_id, ErrorKind kind,
                         const std::string& message) {

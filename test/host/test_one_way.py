@@ -16,7 +16,7 @@ STREAM = (
     {"listing", "family", "experiments"},
     {"scene_reading", "scene_terrain", "scene_checks"},
     {"scenic_program", "scene_json", "scenes", "fingerprint"},
-    {"carsim"},
+    {"carsim", "carsim_step"},
     {"store_info", "store_schema", "store", "store_writer"},
     {"environments", "chunks", "sweep"},
     {"export", "figures", "report"},

@@ -108,6 +108,20 @@ class Carsim:
             )
         return results
 
+    def answers(self, lines: Sequence[str]) -> list[dict[str, Any]]:
+        """The answers of ``carsim batch`` to lines of its input; CarsimError if one of them is an error."""
+        answer = self._start(["batch", "--jobs", "1"], "\n".join(lines) + "\n")
+        try:
+            found: list[dict[str, Any]] = [json.loads(line) for line in answer.stdout.splitlines()]
+        except ValueError as error:
+            raise CarsimError(f"{self.binary}: answered what is no JSON") from error
+        for one in found:
+            if "error" in one:
+                raise CarsimError(f"{self.binary}: {one['error']['message']}")
+        if answer.returncode != 0:
+            raise CarsimError(f"{self.binary}: {_ending(answer)}")
+        return found
+
     def _read_line(self, line: str, requests: Sequence[RunRequest]) -> dict[str, Any]:
         try:
             answer = json.loads(line)

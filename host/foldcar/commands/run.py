@@ -10,7 +10,7 @@ import typer
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
-    from foldcar.carsim import Runner
+    from foldcar.carsim import Carsim, Runner
 
 PATH_INTERVAL_S = 0.02
 
@@ -70,9 +70,11 @@ def run(
     for name, text in lines:
         typer.echo(f"{name:<22}{text}")
     if plot is not None:
+        from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
 
-        draw_run(one.body, one.scene, answer, _path(one, carsim, answer, plot), plot)
+        path = _path(one, carsim, answer, plot)
+        draw_run(one.body, one.scene, answer, path, carsim_heights(carsim), plot)
         typer.echo(f"{'picture':<22}{plot}")
 
 
@@ -100,7 +102,7 @@ class _Run:
         return answer
 
 
-def _path(one: _Run, carsim: "Runner", answer: Mapping[str, Any], plot: Path) -> list[list[float]]:
+def _path(one: _Run, carsim: "Carsim", answer: Mapping[str, Any], plot: Path) -> list[list[float]]:
     """The way the car took. The batch drives as a program's run does, and on where the program ended that."""
     native = {} if "error" in answer else one.by(carsim, path_interval_s=PATH_INTERVAL_S)
     if "path" not in native:

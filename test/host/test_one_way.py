@@ -12,7 +12,7 @@ STREAM = (
     {"__init__", "errors", "results", "atomic_file"},
     {"parts"},
     {"modules", "design", "mass"},
-    {"layout", "body", "controller"},
+    {"layout", "body", "controller", "variation"},
     {"listing", "family", "experiments"},
     {"scenic_program", "scene_json", "scenes", "fingerprint"},
     {"carsim"},

@@ -1,8 +1,8 @@
 """A car's design: modules in a row from front to back and a value for every parameter.
 
 Input: a type string (``W_B_W``) and parameter values in millimetres and degrees by key (``width``,
-``W.length``). Output: an immutable Design; its geometry in millimetres, x forward from the middle of the car's
-length, hinges flat.
+``W.length``). Output: an immutable Design; its geometry in millimetres, x forward from the middle of the
+car's length, hinges flat.
 """
 
 import itertools

@@ -240,15 +240,6 @@ RunLine read_run(const json& line) {
   return run;
 }
 
-PulsesLine read_pulses(const json& line) {
-  JsonReader reader = only_value(line, "pulses");
-  PulsesLine pulses;
-  pulses.id = reader.string("id");
-  read_set_point(reader, pulses.trial);
-  reader.finish();
-  return pulses;
-}
-
 HeightsLine read_heights(const json& line) {
   JsonReader reader = only_value(line, "heights");
   HeightsLine heights;
@@ -262,6 +253,15 @@ HeightsLine read_heights(const json& line) {
   }
   reader.finish();
   return heights;
+}
+
+PulsesLine read_pulses(const json& line) {
+  JsonReader reader = only_value(line, "pulses");
+  PulsesLine pulses;
+  pulses.id = reader.string("id");
+  read_set_point(reader, pulses.trial);
+  reader.finish();
+  return pulses;
 }
 
 std::string run_id_if_any(const json& line) {

@@ -22,12 +22,6 @@ struct RunLine {
   TrialSpec trial;
 };
 
-// What the firmware would put out in a trial.
-struct PulsesLine {
-  std::string id;
-  TrialSpec trial;
-};
-
 // Points of a scene whose ground is asked for.
 struct HeightsLine {
   std::string id;
@@ -36,12 +30,18 @@ struct HeightsLine {
   std::vector<double> y_m;
 };
 
+// What the firmware would put out in a trial.
+struct PulsesLine {
+  std::string id;
+  TrialSpec trial;
+};
+
 // The line's only value, checked in full. All throw InputError.
 BodySpec read_body(const nlohmann::json& line);
 SceneSpec read_scene(const nlohmann::json& line);
 RunLine read_run(const nlohmann::json& line);
-PulsesLine read_pulses(const nlohmann::json& line);
 HeightsLine read_heights(const nlohmann::json& line);
+PulsesLine read_pulses(const nlohmann::json& line);
 
 // The id of a run line that may be wrong otherwise; empty if it has none.
 std::string run_id_if_any(const nlohmann::json& line);

@@ -73,10 +73,10 @@ std::optional<std::string> BatchSession::answer(std::size_t line_number, const s
       }
       case LineKind::kRun:
         return run(read_run(parsed));
-      case LineKind::kPulses:
-        return pulses_reply(read_pulses(parsed));
       case LineKind::kHeights:
         return heights(read_heights(parsed));
+      case LineKind::kPulses:
+        return pulses_reply(read_pulses(parsed));
     }
     return std::nullopt;
   } catch (const InputError& error) {

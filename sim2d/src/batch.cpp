@@ -110,6 +110,10 @@ class Batch {
       switch (line_kind(parsed)) {
         case LineKind::kBody: define("body " + read_body(parsed).id, line); return;
         case LineKind::kScene: define("scene " + read_scene(parsed).id, line); return;
+        case LineKind::kPulses:
+          read_pulses(parsed);
+          slots_.push_back({Job{line_number_, {}, {}, line}, std::nullopt});
+          return;
         case LineKind::kRun: break;
       }
       const RunLine run = read_run(parsed);

@@ -17,9 +17,11 @@ STREAM = (
     {"scene_reading", "scene_terrain", "scene_checks"},
     {"scenic_program", "scene_json", "scenes", "fingerprint"},
     {"carsim", "carsim_step"},
+    {"models"},
     {"store_info", "store_schema", "store", "store_writer"},
     {"environments", "chunks", "sweep"},
     {"export", "figures", "report"},
+    {"crosscheck"},
     {"commands"},
     {"cli"},
 )

@@ -191,6 +191,14 @@ void read_parameters(JsonReader reader, Parameters& parameters) {
   }
 }
 
+// What the firmware is given: the keys that run and pulses share.
+void read_set_point(JsonReader& reader, TrialSpec& trial) {
+  trial.speed_m_s = reader.number("speed_m_s", {-kSpeedLimitMS, kSpeedLimitMS});
+  trial.yaw_rate_rad_s = reader.number_or("yaw_rate_rad_s", {-kYawRateLimitRadS, kYawRateLimitRadS}, 0);
+  trial.time_limit_s = reader.number("time_limit_s", {0.001, 3600});
+  if (reader.has("parameters")) read_parameters(reader.object("parameters"), trial.parameters);
+}
+
 JsonReader only_value(const json& line, const char* kind) { return JsonReader(line.at(kind), kind); }
 
 }  // namespace
@@ -200,8 +208,9 @@ LineKind line_kind(const json& line) {
     if (line.contains("body")) return LineKind::kBody;
     if (line.contains("scene")) return LineKind::kScene;
     if (line.contains("run")) return LineKind::kRun;
+    if (line.contains("pulses")) return LineKind::kPulses;
   }
-  throw InputError("a line must have exactly one key: body, scene or run");
+  throw InputError("a line must have exactly one key: body, scene, run or pulses");
 }
 
 BodySpec read_body(const json& line) {
@@ -238,13 +247,19 @@ RunLine read_run(const json& line) {
   run.id = reader.string("id");
   run.body = reader.string("body");
   run.scene = reader.string("scene");
-  run.trial.speed_m_s = reader.number("speed_m_s", {-kSpeedLimitMS, kSpeedLimitMS});
-  run.trial.yaw_rate_rad_s = reader.number_or("yaw_rate_rad_s", {-kYawRateLimitRadS, kYawRateLimitRadS}, 0);
-  run.trial.time_limit_s = reader.number("time_limit_s", {0.001, 3600});
+  read_set_point(reader, run.trial);
   run.trial.path_interval_s = reader.number_or("path_interval_s", {0, 3600}, 0);
-  if (reader.has("parameters")) read_parameters(reader.object("parameters"), run.trial.parameters);
   reader.finish();
   return run;
+}
+
+PulsesLine read_pulses(const json& line) {
+  JsonReader reader = only_value(line, "pulses");
+  PulsesLine pulses;
+  pulses.id = reader.string("id");
+  read_set_point(reader, pulses.trial);
+  reader.finish();
+  return pulses;
 }
 
 std::string run_id_if_any(const json& line) {

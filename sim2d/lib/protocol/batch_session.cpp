@@ -1,5 +1,7 @@
 #include "batch_session.h"
 
+#include "printed_number.h"
+#include "pulse_record.h"
 #include "trial.h"
 
 namespace foldcar {
@@ -17,6 +19,16 @@ std::string result_reply(const RunLine& run, const TrialResult& result) {
   reply.update(result_object(result));
   if (run.trial.path_interval_s > 0) reply["path"] = result.path;
   return one_line(reply);
+}
+
+std::string pulses_reply(const PulsesLine& pulses) {
+  ordered_json changes = ordered_json::array();
+  for (const PulseChange& change : record_pulses(pulses.trial)) {
+    ordered_json row = {change.t_s};
+    for (const float pulse_us : change.pulses_us) row.push_back(as_printed(pulse_us));
+    changes.push_back(std::move(row));
+  }
+  return one_line({{"pulses", pulses.id}, {"changes", changes}});
 }
 
 }  // namespace
@@ -60,6 +72,8 @@ std::optional<std::string> BatchSession::answer(std::size_t line_number, const s
       }
       case LineKind::kRun:
         return run(read_run(parsed));
+      case LineKind::kPulses:
+        return pulses_reply(read_pulses(parsed));
     }
     return std::nullopt;
   } catch (const InputError& error) {

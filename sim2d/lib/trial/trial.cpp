@@ -7,20 +7,10 @@
 #include "box_terrain.h"
 #include "ending.h"
 #include "sim_hal.h"
+#include "trial_start.h"
 
 namespace foldcar {
 namespace {
-
-// The car is put down, falls its last fraction of a millimetre and comes to rest before the trial starts.
-constexpr double kSettling_s = 0.25;
-// A charged lithium cell, which the firmware's low-voltage guard reads; the servos have their own supply.
-constexpr double kLogicBattery_v = 4.0;
-
-std::uint64_t to_us(double t_s) { return static_cast<std::uint64_t>(std::llround(t_s * 1e6)); }
-
-void expect_accepted(Refusal refusal) {
-  if (refusal != Refusal::kNone) throw TrialError(std::string("the firmware refused: ") + text(refusal));
-}
 
 PathRow path_row(const Snapshot& at) {
   const CarState& car = at.car;
@@ -91,15 +81,7 @@ Trial::Trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec
       simulation_(std::make_unique<Simulation>(body, scene, spec.parameters, options, stopwatch)) {
   Simulation& simulation = *simulation_;
   while (simulation.now_s() < kSettling_s) simulation.step();
-
-  TrialRequest request;
-  request.speed_m_s = static_cast<float>(spec.speed_m_s);
-  request.yaw_rate_rad_s = static_cast<float>(spec.yaw_rate_rad_s);
-  request.time_limit_s = static_cast<float>(spec.time_limit_s);
-  request.untethered = true;
-  expect_accepted(simulation.application().arm());
-  expect_accepted(simulation.application().start(request));
-
+  start_firmware(simulation.application(), spec);
   start_s_ = simulation.now_s();
   start_energy_j_ = simulation.state().consumed_energy_j;
   simulation.ending.emplace(scene_, simulation.state());

@@ -1,12 +1,14 @@
-"""The vocabulary of foldcar's environments: what stands on flat ground, where a car starts, where it is to go.
+"""The vocabulary of foldcar's environments: what shapes the ground, where a car starts, where it is to go.
 
 A program begins with `model model`, places terrain, names one Robot `ego` and places one Goal. Lengths are
 metres, angles radians (or `90 deg`). Scenic's heading 0 points along +y: `facing -90 deg` travels along +x.
 Everything stands on the ground: positions need x and y only, and an object's height counts upwards from z = 0.
-docs/scenarios.md explains each name with an example.
+docs/scenarios.md shows each class.
 """
 
-# Coulomb friction coefficient of a tyre on everything in the environment.
+import sys
+
+# Coulomb friction coefficient of a tyre on the ground, where no FrictionPatch says otherwise.
 param friction = 0.6
 
 # The course: leaving this rectangle ends a run.
@@ -14,6 +16,21 @@ param course_x_min = -0.5
 param course_x_max = 2.0
 param course_y_min = -1.0
 param course_y_max = 1.0
+
+# How often a program's own conditions, monitors and records look at a running simulation (s).
+param outer_step_s = 0.25
+
+
+def creation_line():
+    """The file and line of the program that is creating an object: mistakes are reported with it."""
+    frame = sys._getframe()
+    own_file = frame.f_code.co_filename
+    while frame is not None:
+        file = frame.f_code.co_filename
+        if file.endswith(".scenic") and file != own_file:
+            return (file, frame.f_lineno)
+        frame = frame.f_back
+    return (own_file, 0)
 
 
 class Thing(Object):
@@ -23,29 +40,74 @@ class Thing(Object):
     regionContainedIn: everywhere
     requireVisible: False
     occluding: False
+    creationLine: creation_line()
 
 
 class Terrain(Thing):
-    """Something to drive over, made of upright boxes that share its position and heading."""
+    """Something to drive over. Its `length` lies along its heading, its `width` across."""
 
-    def boxes(self):
-        """The boxes as (length along the heading, width across it, height), in metres."""
-        raise NotImplementedError(f"{type(self).__name__} does not say which boxes it is made of")
+    def pieces(self):
+        """What it is made of: a list of terrain pieces as docs/carsim.md lists them, without their place.
+
+        A piece that does not stand in the middle says where it does: `x_m` ahead, `y_m` to the left, turned by
+        `heading_rad` counter-clockwise.
+        """
+        raise NotImplementedError(f"{type(self).__name__} does not say what pieces it is made of")
 
 
-class Bump(Terrain):
-    """A speed bump: one box, its `length` along its heading, its `width` across."""
+class SpeedBump(Terrain):
+    """Across the way, as sharp-edged as a plank: `Bump`; as round as a hose: `RoundBump`."""
     length: 0.06
     width: 1.2
     height: 0.02
 
-    def boxes(self):
-        return [(self.length, self.width, self.height)]
+
+class Bump(SpeedBump):
+    """A rectangular speed bump: one block."""
+
+    def pieces(self):
+        return [block(self.length, self.width, self.height)]
+
+
+class RoundBump(SpeedBump):
+    """A half-round speed bump: an arc over its length, at most half as high as long."""
+
+    def pieces(self):
+        return [{"kind": "half_round", "length_m": self.length, "width_m": self.width, "height_m": self.height}]
 
 
 class Step(Bump):
     """A platform as long as a car: climbed first and left later."""
     length: 0.4
+
+
+class Kerb(Terrain):
+    """The edge of a pavement: a face that leans back by `face`, met first, and the pavement behind it."""
+    length: 0.3
+    width: 1.2
+    height: 0.02
+    face: 0.01
+
+    def pieces(self):
+        return slope_and_block(self.face, self.length - self.face, self.width, self.height, -self.length / 2)
+
+
+class Ramp(Terrain):
+    """Up along its heading within `run_up`, level for `plateau`, down within `run_down`; what is 0 is not there."""
+    run_up: 0.2
+    plateau: 0.0
+    run_down: 0.0
+    length: self.run_up + self.plateau + self.run_down
+    width: 0.6
+    height: 0.04
+
+    def pieces(self):
+        parts = slope_and_block(self.run_up, self.plateau, self.width, self.height, -self.length / 2)
+        if self.run_down:
+            # From its own front edge, which is the high one, a slope that goes down looks back.
+            back = slope(self.run_down, self.width, self.height, self.length / 2 - self.run_down)
+            parts.append({**back, "heading_rad": 180 deg})
+        return parts
 
 
 class StepPyramid(Terrain):
@@ -59,9 +121,65 @@ class StepPyramid(Terrain):
     width: self.top_side + 2 * self.tread * (self.steps - 1)
     height: self.step_height * self.steps
 
-    def boxes(self):
+    def pieces(self):
         sides = [self.top_side + 2 * self.tread * level for level in range(self.steps)]
-        return [(side, side, self.step_height * (self.steps - level)) for level, side in enumerate(sides)][::-1]
+        return [block(side, side, self.step_height * (self.steps - level)) for level, side in enumerate(sides)][::-1]
+
+
+class GaussianHill(Terrain):
+    """A smooth hill, `height` high, with standard deviations `sd_along` its heading and `sd_across`. A negative
+    height is a hollow. Length and width, of two standard deviations each way, serve specifiers only."""
+    sd_along: 0.08
+    sd_across: self.sd_along
+    height: 0.03
+    length: 4 * self.sd_along
+    width: 4 * self.sd_across
+
+    def pieces(self):
+        return [
+            {"kind": "hill", "sd_along_m": self.sd_along, "sd_across_m": self.sd_across, "height_m": self.height}
+        ]
+
+
+class Flat(Terrain):
+    """Terrain whose height, were it any, would mean nothing."""
+    height: 0.001
+
+
+class Pothole(Flat):
+    """A round hole of that `diameter`, `depth` deep in the middle; its wall slopes over `edge` all around."""
+    diameter: 0.16
+    depth: 0.015
+    edge: 0.03
+    length: self.diameter
+    width: self.diameter
+
+    def pieces(self):
+        return [{"kind": "pothole", "radius_m": self.diameter / 2, "depth_m": self.depth, "edge_m": self.edge}]
+
+
+class RoughGround(Flat):
+    """Random heights with standard deviation `amplitude` and correlation length `correlation`. The same `seed`
+    gives the same heights; unless a program chooses it, every sample draws its own."""
+    length: 0.6
+    width: 1.0
+    amplitude: 0.003
+    correlation: 0.03
+    seed: DiscreteRange(0, 2**31 - 1)
+
+    def pieces(self):
+        return [{"kind": "rough", "length_m": self.length, "width_m": self.width, "height_sd_m": self.amplitude,
+                 "correlation_m": self.correlation, "seed": self.seed}]
+
+
+class FrictionPatch(Flat):
+    """Ground with a friction coefficient of its own; of overlapping ones the one created last counts."""
+    length: 0.3
+    width: 1.0
+    friction: 0.3
+
+    def pieces(self):
+        return [{"kind": "patch", "length_m": self.length, "width_m": self.width, "friction": self.friction}]
 
 
 class Marker(Thing):
@@ -78,8 +196,25 @@ class Goal(Marker):
 
 
 class Robot(Thing):
-    """The car under test, always `ego`. Its size is the design's and not the environment's: the size here only
-    serves specifiers such as `behind`."""
+    """The car under test, always `ego`. Its size is the design's and not the environment's: the size here serves
+    specifiers such as `behind`, and is the ground that has to be free of edges at the start."""
     length: 0.2
     width: 0.1
     height: 0.12
+    consumedEnergy[dynamic]: 0.0  # joules since the start
+
+
+def block(length, width, height, x=0.0):
+    """An upright block, its middle `x` ahead."""
+    return {"kind": "box", "x_m": x, "length_m": length, "width_m": width, "height_m": height}
+
+
+def slope(length, width, height, rear):
+    """Ground that rises over `length` from its edge at `rear` on."""
+    return {"kind": "ramp", "x_m": rear + length / 2, "length_m": length, "width_m": width, "height_m": height}
+
+
+def slope_and_block(run, level, width, height, rear):
+    """A slope up from `rear` on and level ground behind it; what has no length is left out."""
+    parts = [slope(run, width, height, rear)] if run else []
+    return parts + ([block(level, width, height, rear + run + level / 2)] if level else [])

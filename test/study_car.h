@@ -44,6 +44,28 @@ inline BodySpec study_car(double width_m) {
   return body;
 }
 
+// The study car cut in two at its middle and joined there by a hinge at axle height. Flat, it has the same mass,
+// centre of mass and inertias as the whole one.
+inline BodySpec hinged_study_car(double width_m, double stiffness_n_m_rad, double limit_rad = 1) {
+  BodySpec body = study_car(width_m);
+  const SegmentSpec whole = body.segments.front();
+  SegmentSpec half = whole;
+  half.length_m = 0.5 * whole.length_m;
+  half.mass_kg = 0.5 * whole.mass_kg;
+  half.roll_inertia_kg_m2 = 0.5 * whole.roll_inertia_kg_m2;
+  const double arm_m = 0.5 * half.length_m;
+  half.pitch_inertia_kg_m2 = 0.5 * whole.pitch_inertia_kg_m2 - half.mass_kg * arm_m * arm_m;
+  half.yaw_inertia_kg_m2 = 0.5 * whole.yaw_inertia_kg_m2 - half.mass_kg * arm_m * arm_m;
+  body.segments.clear();
+  for (const double sign : {1.0, -1.0}) {
+    half.x_m = half.com_x_m = sign * arm_m;
+    body.segments.push_back(half);
+  }
+  for (WheelSpec& wheel : body.wheels) wheel.segment = wheel.x_m > 0 ? 0 : 1;
+  body.hinges = {{0, 0, stiffness_n_m_rad, 0, -limit_rad, limit_rad}};
+  return body;
+}
+
 // Pulses that ask every wheel for that fraction of full speed.
 inline PulsesUs pulses_for(const BodySpec& body, double fraction) {
   PulsesUs pulses_us{};
@@ -81,7 +103,7 @@ inline SceneSpec pyramids() {
           {0.45 + 0.45 * pyramid, pyramid == 0 ? 0.05 : -0.05, side_m, side_m, 0.0215 * (step + 1), 0});
     }
   }
-  scene.goal = {GoalSpec::Kind::kLine, 1.315, 0, 0, 0};
+  scene.goal = GoalSpec{GoalSpec::Kind::kLine, 1.315, 0, 0, 0};
   scene.course = {-0.5, 2, -1, 1};
   return scene;
 }

@@ -13,7 +13,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-SCENE_CODE = ("scenes.py", "scene_json.py", "scenic_program.py")
+SCENE_CODE = (
+    "scenes.py",
+    "scene_json.py",
+    "scene_checks.py",
+    "scene_terrain.py",
+    "scene_reading.py",
+    "scenic_program.py",
+)
 SOURCES = ("*.scenic", "*.py")
 
 

@@ -16,10 +16,12 @@ from typing import Any
 
 from foldcar.errors import FoldcarError
 from foldcar.scene_json import scene_object
-from foldcar.scenic_program import compile_program, one_line
+from foldcar.scenic_program import compile_program, ends_itself, one_line
+from foldcar.time_limit import time_limit
 
 # Scenic's own default: a program that fails this often has requirements that hardly ever hold.
 MAX_ITERATIONS = 2000
+SAMPLE_LIMIT_S = 10.0
 
 
 class SceneSource:
@@ -34,14 +36,17 @@ class SceneSource:
         """Sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
 
         Lengths in metres, angles in radians, rounded to 1e-9. Raises FoldcarError if the program rejects
-        every sample, fails while sampling, or makes something the simulator cannot represent.
+        every sample, fails or takes longer than SAMPLE_LIMIT_S, or makes what the simulator cannot represent.
         """
         from scenic.core.distributions import RejectionException
 
         if k < 0:
             raise FoldcarError(f"{self.program}: sample {k} is below the minimum 0")
         try:
-            with _seeded(f"{self.seed}/{k}"):
+            with (
+                _seeded(f"{self.seed}/{k}"),
+                time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"),
+            ):
                 scene, _ = self._scenario.generate(maxIterations=MAX_ITERATIONS, verbosity=0)
         except RejectionException:
             raise FoldcarError(
@@ -52,7 +57,8 @@ class SceneSource:
             raise
         except Exception as error:
             raise FoldcarError(f"{self.program}: sample {k}: {one_line(error, self.program)}") from error
-        return scene_object(scene, f"{self.program}: sample {k}")
+        with time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"):
+            return scene_object(scene, self.program, f"sample {k}", not ends_itself(self._scenario))
 
     def _rejection_reason(self, k: int) -> str:
         """What Scenic prints about a rejected try; it keeps the reason nowhere else."""

@@ -14,7 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
+from foldcar.time_limit import time_limit
 
+COMPILE_LIMIT_S = 30.0
+MOST_OBJECTS = 10_000
 VOCABULARY_DIR = Path(__file__).resolve().parents[2] / "scenarios"
 
 
@@ -29,10 +32,21 @@ def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
         # Scenic takes any name as an override: only the program as it stands tells which ones it declares.
         _check_params(program, params, scenario.params)
         scenario = _compile(program, params)
+    if len(scenario.objects) > MOST_OBJECTS:
+        raise FoldcarError(
+            f"{program}: {len(scenario.objects)} objects are above the limit {MOST_OBJECTS} of a scene"
+        )
     if scenario.egoObject is None:
         raise FoldcarError(f"{program}: no ego: the program has to say `ego = new Robot …`")
     _refuse_dynamics(program, scenario)
     return scenario
+
+
+def ends_itself(scenario: Any) -> bool:
+    """Whether the program has conditions of its own that end a simulation: it needs no Goal then."""
+    dynamic = scenario.dynamicScenario
+    conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
+    return bool(conditions) or dynamic._timeLimit is not None or dynamic._compose is not None
 
 
 def one_line(error: BaseException, program: Path) -> str:
@@ -56,8 +70,10 @@ def _compile(program: Path, params: Mapping[str, Any]) -> Any:
         import scenic
 
     try:
-        with _vocabulary_found():
+        with _vocabulary_found(), time_limit(COMPILE_LIMIT_S, f"{program}: compiling"):
             return scenic.scenarioFromFile(str(program), params=dict(params))
+    except FoldcarError:
+        raise
     except (Exception, SystemExit) as error:
         raise FoldcarError(f"{program}: {one_line(error, program)}") from error
 

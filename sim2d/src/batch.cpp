@@ -122,7 +122,7 @@ class Batch {
       add_definition("scene " + run.scene, job);
       slots_.push_back({std::move(job), std::nullopt});
     } catch (const std::exception& error) {
-      slots_.push_back({std::nullopt, error_reply(line_number_, run_id, error.what())});
+      slots_.push_back({std::nullopt, error_reply(line_number_, run_id, ErrorKind::kInput, error.what())});
     }
   }
 

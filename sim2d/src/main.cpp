@@ -12,11 +12,13 @@
 #include "build_id.h"
 #include "parameter_table.h"
 #include "printed_number.h"
+#include "step.h"
 
 namespace {
 
 constexpr char kUsage[] =
     "usage: carsim batch [--jobs N] [--timing]   bodies, scenes and runs in, results out (JSON Lines)\n"
+    "       carsim step                          the same for one trial at a time, advanced by its caller\n"
     "       carsim params                        the firmware's parameter table as JSON\n"
     "       carsim --version                     the build, which changes whenever results can\n"
     "       carsim --help\n";
@@ -80,6 +82,7 @@ int run(const std::vector<std::string>& words) {
   const std::string& command = words.front();
   if (command == "batch") return batch({words.begin() + 1, words.end()});
   if (words.size() > 1) return usage_error(command + " takes no further words");
+  if (command == "step") return foldcar::run_step();
   if (command == "params") return print_parameters();
   if (command == "--version") return print({{"program", "carsim"}, {"build", FOLDCAR_BUILD_ID}}, -1);
   if (command == "--help" || command == "-h") {

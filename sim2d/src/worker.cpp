@@ -134,7 +134,7 @@ std::optional<std::string> Worker::receive() {
   std::string reply;
   if (!receive_some(socket_, received_)) {
     busy_ = false;
-    reply = error_reply(line_number_, run_id_, "the simulation crashed (" + reap() + ")");
+    reply = error_reply(line_number_, run_id_, ErrorKind::kSimulation, "the simulation crashed (" + reap() + ")");
     spawn();
     return reply;
   }

@@ -84,6 +84,7 @@ def test_bad_lines_are_answered_in_their_places_and_the_rest_goes_on(
     replies = [json.loads(line) for line in answer.stdout.splitlines()]
     assert [reply.get("run", "error") for reply in replies] == ["65/0", "error", "115/0", "error", "245/0"]
     assert replies[1]["error"]["line"] == len(definitions) + 2
+    assert {replies[line]["error"]["kind"] for line in (1, 3)} == {"input"}
     assert replies[3]["error"]["run"] == "no such/0"
     assert answer.returncode == 2
 
@@ -136,6 +137,7 @@ def test_a_worker_that_crashes_takes_only_its_run_along(carsim_binary: Path, def
         replies = [json.loads(line) for line in process.stdout]
 
     assert replies[0]["error"]["run"] == "115/0"
+    assert replies[0]["error"]["kind"] == "simulation"
     assert "crashed (signal Segmentation fault)" in replies[0]["error"]["message"]
     assert replies[1]["run"] == "115/1"
     assert process.returncode == 2

@@ -9,13 +9,14 @@ PACKAGE = Path(foldcar.__file__).parent
 
 # Upstream first. A module may import from its own group and from any group above it in this list.
 STREAM = (
-    {"__init__", "errors", "results", "atomic_file"},
+    {"__init__", "errors", "results", "atomic_file", "time_limit"},
     {"parts"},
     {"modules", "design", "mass"},
     {"layout", "body", "controller"},
     {"listing", "family", "experiments"},
+    {"scene_reading", "scene_terrain", "scene_checks"},
     {"scenic_program", "scene_json", "scenes", "fingerprint"},
-    {"carsim"},
+    {"carsim", "carsim_step"},
     {"models"},
     {"store_info", "store_schema", "store", "store_writer"},
     {"chunks", "sweep"},

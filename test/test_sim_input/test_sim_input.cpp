@@ -111,6 +111,16 @@ void test_what_may_be_left_out_of_a_run_can_be() {
   TEST_ASSERT_FALSE(reply.contains("path"));
 }
 
+void test_a_scene_may_have_no_goal() {
+  BatchSession session(false);
+  session.answer(1, body().dump());
+  json aimless = scene();
+  aimless["scene"]["goal"] = nullptr;
+  TEST_ASSERT_FALSE(session.answer(2, aimless.dump()).has_value());
+  const json reply = json::parse(session.answer(3, run().dump()).value());
+  TEST_ASSERT_TRUE(reply.contains("outcome") && reply["distance_to_target_m"].is_null());
+}
+
 void test_every_missing_key_is_named() {
   for (const json& line : {body(), scene(), run()}) {
     for_each_value(
@@ -228,6 +238,7 @@ int main() {
   UNITY_BEGIN();
   RUN_TEST(test_the_documented_lines_are_taken);
   RUN_TEST(test_what_may_be_left_out_of_a_run_can_be);
+  RUN_TEST(test_a_scene_may_have_no_goal);
   RUN_TEST(test_every_missing_key_is_named);
   RUN_TEST(test_every_wrong_type_is_named);
   RUN_TEST(test_every_number_has_limits);

@@ -30,7 +30,7 @@ SceneSpec one_bump(double y_m, double heading_rad) {
   SceneSpec scene;
   scene.friction = 0.6;
   scene.boxes = {{0.4, y_m, 0.15, 0.2, 0.02, heading_rad}};
-  scene.goal = {GoalSpec::Kind::kLine, 1.0, 0, 0, 0};
+  scene.goal = GoalSpec{GoalSpec::Kind::kLine, 1.0, 0, 0, 0};
   scene.course = {-0.5, 2, -1, 1};
   return scene;
 }
@@ -85,7 +85,7 @@ void test_a_turned_world_changes_nothing_but_the_direction() {
   SceneSpec turned = scene;
   turned.boxes[0] = {c * 0.4 - s * 0.08, s * 0.4 + c * 0.08, 0.15, 0.2, 0.02, 0.1 + turn_rad};
   turned.start = {0, 0, turn_rad};
-  turned.goal = {GoalSpec::Kind::kLine, c, s, turn_rad, 0};
+  turned.goal = GoalSpec{GoalSpec::Kind::kLine, c, s, turn_rad, 0};
   turned.course = {-2, 2, -2, 2};
   const TrialResult plain = run_trial(body, scene, full_speed(body));
   const TrialResult rotated = run_trial(body, turned, full_speed(body));
@@ -119,7 +119,7 @@ void test_the_flat_is_crossed_in_the_time_the_speed_takes() {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = one_bump(0, 0);
   scene.boxes.clear();
-  scene.goal.x_m = 3;
+  scene.goal->x_m = 3;
   scene.course.x_max_m = 4;
   TrialSpec trial = full_speed(body);
   trial.speed_m_s = 0.5;
@@ -127,17 +127,28 @@ void test_the_flat_is_crossed_in_the_time_the_speed_takes() {
   TEST_ASSERT_EQUAL_STRING("passed", text(result.outcome));
   // Slew limit and staggered start cost a part of a second.
   TEST_ASSERT_DOUBLE_WITHIN(0.3, 6.2, result.elapsed_time_s);
-  TEST_ASSERT_DOUBLE_WITHIN(0.02, 0, result.distance_to_target_m);
+  TEST_ASSERT_DOUBLE_WITHIN(0.02, 0, result.distance_to_target_m.value());
 }
 
 void test_a_disc_is_reached_at_its_edge() {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = one_bump(0, 0);
   scene.boxes.clear();
-  scene.goal = {GoalSpec::Kind::kDisc, 1.0, 0.03, 0, 0.05};
+  scene.goal = GoalSpec{GoalSpec::Kind::kDisc, 1.0, 0.03, 0, 0.05};
   const TrialResult result = run_trial(body, scene, full_speed(body));
   TEST_ASSERT_EQUAL_STRING("passed", text(result.outcome));
-  TEST_ASSERT_DOUBLE_WITHIN(0.004, 0.05, result.distance_to_target_m);
+  TEST_ASSERT_DOUBLE_WITHIN(0.004, 0.05, result.distance_to_target_m.value());
+}
+
+void test_without_a_goal_it_drives_until_something_else_ends_it() {
+  const BodySpec body = study_car(0.115);
+  SceneSpec scene = one_bump(0, 0);
+  scene.boxes.clear();
+  scene.goal.reset();
+  const TrialResult result = run_trial(body, scene, full_speed(body));
+  TEST_ASSERT_EQUAL_STRING("off_course", text(result.outcome));
+  TEST_ASSERT_DOUBLE_WITHIN(0.005, scene.course.x_max_m, result.path.back()[1]);
+  TEST_ASSERT_FALSE(result.distance_to_target_m.has_value());
 }
 
 void test_the_firmware_ends_the_trial_at_its_time_limit() {
@@ -164,7 +175,7 @@ void test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for() {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = one_bump(0, 0);
   scene.boxes.clear();
-  scene.goal = {GoalSpec::Kind::kDisc, 5, 5, 0, 0.01};
+  scene.goal = GoalSpec{GoalSpec::Kind::kDisc, 5, 5, 0, 0.01};
   scene.course = {-10, 10, -10, 10};
   TrialSpec trial = full_speed(body, 4);
   trial.speed_m_s = 0.3;
@@ -201,6 +212,7 @@ int main() {
   RUN_TEST(test_too_narrow_a_car_tips_and_too_wide_a_one_sticks);
   RUN_TEST(test_the_flat_is_crossed_in_the_time_the_speed_takes);
   RUN_TEST(test_a_disc_is_reached_at_its_edge);
+  RUN_TEST(test_without_a_goal_it_drives_until_something_else_ends_it);
   RUN_TEST(test_the_firmware_ends_the_trial_at_its_time_limit);
   RUN_TEST(test_it_leaves_the_course_at_its_edge);
   RUN_TEST(test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for);

@@ -126,7 +126,8 @@ void add_wheel(b2World& world, Mechanism& car, const BodySpec& body, const Wheel
 }
 
 // Two joints at one place: a revolute one for the limits, and a soft weld, whose point is the same, for the
-// flexure. Box2D solves the weld's spring and damper implicitly, so that a stiff one is as stable as a rigid one.
+// flexure. Box2D solves the weld's spring and damper implicitly: a stiff one is as stable as a rigid one, and every
+// one is damped by its stiffness times the step on top of its own damping.
 void add_hinge(b2World& world, Mechanism& car, const HingeSpec& spec, double axle_z_m) {
   const std::size_t j = car.hinge.size();
   b2Body* front = car.segments[j].chassis;

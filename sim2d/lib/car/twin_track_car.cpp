@@ -21,6 +21,9 @@ constexpr double kCentroidTolerance_m = 0.002;
 // Below this share of the weight on the wheels the load has no centroid worth following.
 constexpr double kLeastLoadShare = 0.05;
 
+// Impulses take this many times the iterations through a chain of segments; with fewer, loads flicker between wheels.
+constexpr int kHingedRounds = 4;
+
 double filter_gain(double step_s, double time_constant_s) { return 1 - std::exp(-step_s / time_constant_s); }
 
 // Height that a wheel's axle needs at axle_s_m of the outline for the tyre to stand on it.
@@ -126,7 +129,9 @@ void TwinTrackCar::step(const PulsesUs& pulses_us) {
   {
     const bool timed = stopwatch_ != nullptr && steps_++ % kSampledLaps == 0;
     const Lap lap(timed ? &stopwatch_->physics_s : nullptr, kSampledLaps);
-    world_.Step(static_cast<float>(step_s_), options_.velocity_iterations, options_.position_iterations);
+    const int rounds = body_.hinges.empty() ? 1 : kHingedRounds;
+    world_.Step(static_cast<float>(step_s_), rounds * options_.velocity_iterations,
+                rounds * options_.position_iterations);
   }
   advance_pose();
   read_contacts();

@@ -46,6 +46,7 @@ class TwinTrackCar {
   const CarState& state() const { return state_; }
   double step_s() const { return step_s_; }
   double wheel_speed_rad_s(std::size_t wheel) const;  // positive drives forward
+  double wheel_load_n(std::size_t wheel) const { return wheels_[wheel].load_n; }  // of the last step
   double hinge_rad(std::size_t hinge) const;           // as HingeSpec counts it
   // Kinetic and potential energy of everything that moves and of the hinges' flexures, J.
   double mechanical_energy_j() const;

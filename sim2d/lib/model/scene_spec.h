@@ -1,6 +1,7 @@
 // An environment as the simulator takes it: what docs/carsim.md calls a scene, in SI units.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -45,7 +46,7 @@ struct SceneSpec {
   double friction = 0;
   std::vector<BoxSpec> boxes;
   PoseSpec start;
-  GoalSpec goal;
+  std::optional<GoalSpec> goal;
   CourseSpec course;
 };
 

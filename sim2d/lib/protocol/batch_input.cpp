@@ -235,7 +235,7 @@ SceneSpec read_scene(const json& line) {
   scene.friction = reader.number("friction", kFriction);
   for (JsonReader& piece : reader.objects("terrain", 0, kMostBoxes)) scene.boxes.push_back(read_box(piece));
   scene.start = read_pose(reader.object("start"));
-  scene.goal = read_goal(reader.object("goal"));
+  if (!reader.is_null("goal")) scene.goal = read_goal(reader.object("goal"));
   scene.course = read_course(reader.object("course"));
   reader.finish();
   return scene;

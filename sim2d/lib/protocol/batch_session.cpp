@@ -5,7 +5,6 @@
 #include "trial.h"
 
 namespace foldcar {
-namespace {
 
 using nlohmann::ordered_json;
 
@@ -13,14 +12,11 @@ std::string one_line(const ordered_json& value) {
   return value.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }
 
+namespace {
+
 std::string result_reply(const RunLine& run, const TrialResult& result) {
-  ordered_json reply = {{"run", run.id},
-                        {"outcome", text(result.outcome)},
-                        {"elapsed_time_s", result.elapsed_time_s},
-                        {"distance_to_target_m", result.distance_to_target_m},
-                        {"consumed_energy_j", result.consumed_energy_j},
-                        {"max_roll_rad", result.max_roll_rad},
-                        {"max_pitch_rad", result.max_pitch_rad}};
+  ordered_json reply = {{"run", run.id}};
+  reply.update(result_object(result));
   if (run.trial.path_interval_s > 0) reply["path"] = result.path;
   return one_line(reply);
 }
@@ -37,8 +33,21 @@ std::string pulses_reply(const PulsesLine& pulses) {
 
 }  // namespace
 
-std::string error_reply(std::size_t line_number, const std::string& run_id, const std::string& message) {
-  ordered_json error = {{"line", line_number}, {"run", nullptr}, {"message", message}};
+nlohmann::ordered_json result_object(const TrialResult& result) {
+  ordered_json object = {{"outcome", text(result.outcome)},
+                         {"elapsed_time_s", result.elapsed_time_s},
+                         {"distance_to_target_m", nullptr},
+                         {"consumed_energy_j", result.consumed_energy_j},
+                         {"max_roll_rad", result.max_roll_rad},
+                         {"max_pitch_rad", result.max_pitch_rad}};
+  if (result.distance_to_target_m) object["distance_to_target_m"] = *result.distance_to_target_m;
+  return object;
+}
+
+std::string error_reply(std::size_t line_number, const std::string& run_id, ErrorKind kind,
+                        const std::string& message) {
+  const char* kind_text = kind == ErrorKind::kInput ? "input" : "simulation";
+  ordered_json error = {{"line", line_number}, {"run", nullptr}, {"kind", kind_text}, {"message", message}};
   if (!run_id.empty()) error["run"] = run_id;
   return one_line({{"error", error}});
 }
@@ -67,8 +76,10 @@ std::optional<std::string> BatchSession::answer(std::size_t line_number, const s
         return pulses_reply(read_pulses(parsed));
     }
     return std::nullopt;
+  } catch (const InputError& error) {
+    return error_reply(line_number, run_id, ErrorKind::kInput, error.what());
   } catch (const std::exception& error) {
-    return error_reply(line_number, run_id, error.what());
+    return error_reply(line_number, run_id, ErrorKind::kSimulation, error.what());
   }
 }
 

@@ -10,8 +10,16 @@
 
 namespace foldcar {
 
+// Whose fault an error is: of a line that breaks the rules, or of a run that could not be carried through.
+enum class ErrorKind { kInput, kSimulation };
+
+// A reply without its end of line; numbers read back to the same double.
+std::string one_line(const nlohmann::ordered_json& value);
+// The result as docs/carsim.md describes it, without the run's id and without a path.
+nlohmann::ordered_json result_object(const TrialResult& result);
 // {"error": …} as docs/carsim.md describes it; run_id may be empty.
-std::string error_reply(std::size_t line_number, const std::string& run_id, const std::string& message);
+std::string error_reply(std::size_t line_number, const std::string& run_id, ErrorKind kind,
+                        const std::string& message);
 
 class BatchSession {
  public:

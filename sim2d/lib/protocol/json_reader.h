@@ -29,6 +29,7 @@ class JsonReader {
   JsonReader(const nlohmann::json& value, std::string path);
 
   bool has(const char* key) const;
+  bool is_null(const char* key) { return at(key).is_null(); }
   double number(const char* key, Limits limits);
   double number_or(const char* key, Limits limits, double otherwise);
   int integer(const char* key, int minimum, int maximum);

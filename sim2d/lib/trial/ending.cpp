@@ -13,24 +13,27 @@ constexpr double kStuckTime_s = 4;
 
 }  // namespace
 
-double distance_to_target_m(const SceneSpec& scene, const CarState& state) {
-  return std::hypot(state.x_m - scene.goal.x_m, state.y_m - scene.goal.y_m);
+std::optional<double> distance_to_target_m(const SceneSpec& scene, const CarState& state) {
+  if (!scene.goal) return std::nullopt;
+  return std::hypot(state.x_m - scene.goal->x_m, state.y_m - scene.goal->y_m);
 }
 
 Ending::Ending(const SceneSpec& scene, const CarState& start)
-    : scene_(scene), was_short_of_goal_(goal_distance_m(start) > 0), moved_at_(start) {}
+    : scene_(scene), was_short_of_goal_(short_of_goal(start)), moved_at_(start) {}
 
-double Ending::goal_distance_m(const CarState& state) const {
-  const GoalSpec& goal = scene_.goal;
-  if (goal.kind == GoalSpec::Kind::kDisc) return distance_to_target_m(scene_, state) - goal.radius_m;
-  return (goal.x_m - state.x_m) * std::cos(goal.heading_rad) + (goal.y_m - state.y_m) * std::sin(goal.heading_rad);
+bool Ending::short_of_goal(const CarState& state) const {
+  if (!scene_.goal) return true;
+  const GoalSpec& goal = *scene_.goal;
+  const double dx = goal.x_m - state.x_m, dy = goal.y_m - state.y_m;
+  if (goal.kind == GoalSpec::Kind::kDisc) return std::hypot(dx, dy) - goal.radius_m > 0;
+  return dx * std::cos(goal.heading_rad) + dy * std::sin(goal.heading_rad) > 0;
 }
 
 std::optional<Outcome> Ending::check(const CarState& state, double elapsed_s) {
   if (state.up < kTippedUp) return Outcome::kTipped;
-  const bool short_of_goal = goal_distance_m(state) > 0;
-  if (was_short_of_goal_ && !short_of_goal) return Outcome::kPassed;
-  was_short_of_goal_ = short_of_goal;
+  const bool still_short = short_of_goal(state);
+  if (was_short_of_goal_ && !still_short) return Outcome::kPassed;
+  was_short_of_goal_ = still_short;
   const CourseSpec& course = scene_.course;
   if (state.x_m < course.x_min_m || state.x_m > course.x_max_m || state.y_m < course.y_min_m ||
       state.y_m > course.y_max_m) {

@@ -17,7 +17,7 @@ class Ending {
   std::optional<Outcome> check(const CarState& state, double elapsed_s);
 
  private:
-  double goal_distance_m(const CarState& state) const;  // negative once reached
+  bool short_of_goal(const CarState& state) const;
 
   const SceneSpec& scene_;
   bool was_short_of_goal_;
@@ -25,6 +25,7 @@ class Ending {
   double moved_at_s_ = 0;
 };
 
-double distance_to_target_m(const SceneSpec& scene, const CarState& state);
+// None if the scene has no goal.
+std::optional<double> distance_to_target_m(const SceneSpec& scene, const CarState& state);
 
 }  // namespace foldcar

@@ -12,16 +12,24 @@
 namespace foldcar {
 namespace {
 
+PathRow path_row(const Snapshot& at) {
+  const CarState& car = at.car;
+  return {at.elapsed_time_s, car.x_m, car.y_m, car.z_m, car.heading_rad, car.pitch_rad, car.roll_rad};
+}
+
+}  // namespace
+
 // The firmware and the car, stepped together: the application ticks whenever its period has passed.
-class CoSimulation {
+class Trial::Simulation {
  public:
-  CoSimulation(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain, const Parameters& parameters,
-               const StepOptions& options, Stopwatch* stopwatch)
+  Simulation(const BodySpec& body, const SceneSpec& scene, const Parameters& parameters, const StepOptions& options,
+             Stopwatch* stopwatch)
       : stopwatch_(stopwatch),
         parameters_(parameters),
         hal_(kLogicBattery_v),
         application_(hal_.hal(), parameters_),
-        car_(body, scene.friction, terrain, scene.start, options, stopwatch) {
+        terrain_(scene.boxes),
+        car_(body, scene.friction, terrain_, scene.start, options, stopwatch) {
     application_.begin();
   }
 
@@ -38,24 +46,21 @@ class CoSimulation {
   }
 
   double now_s() const { return static_cast<double>(steps_) * car_.step_s(); }
+  double step_s() const { return car_.step_s(); }
   Application& application() { return application_; }
   const CarState& state() const { return car_.state(); }
+  std::optional<Ending> ending;  // from the start of the trial on
 
  private:
   Stopwatch* stopwatch_;
   Parameters parameters_;
   SimHal hal_;
   Application application_;
+  const BoxTerrain terrain_;
   TwinTrackCar car_;
   std::uint64_t next_tick_us_ = 0;
   std::uint64_t steps_ = 0;
 };
-
-PathRow path_row(double t_s, const CarState& state) {
-  return {t_s, state.x_m, state.y_m, state.z_m, state.heading_rad, state.pitch_rad, state.roll_rad};
-}
-
-}  // namespace
 
 const char* text(Outcome outcome) {
   switch (outcome) {
@@ -65,43 +70,74 @@ const char* text(Outcome outcome) {
     case Outcome::kOffCourse: return "off_course";
     case Outcome::kTimeout: return "timeout";
     case Outcome::kFault: return "fault";
+    case Outcome::kTerminated: return "terminated";
   }
   return "fault";
 }
 
-TrialResult run_trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& trial,
-                      const StepOptions& options, Stopwatch* stopwatch) {
-  const BoxTerrain terrain(scene.boxes);
-  CoSimulation simulation(body, scene, terrain, trial.parameters, options, stopwatch);
-  Application& application = simulation.application();
+Trial::Trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec, const StepOptions& options,
+             Stopwatch* stopwatch)
+    : scene_(scene),
+      simulation_(std::make_unique<Simulation>(body, scene, spec.parameters, options, stopwatch)) {
+  Simulation& simulation = *simulation_;
   while (simulation.now_s() < kSettling_s) simulation.step();
-  start_firmware(application, trial);
-  const double start_s = simulation.now_s();
-  const double start_energy_j = simulation.state().consumed_energy_j;
-  Ending ending(scene, simulation.state());
+  start_firmware(simulation.application(), spec);
+  start_s_ = simulation.now_s();
+  start_energy_j_ = simulation.state().consumed_energy_j;
+  simulation.ending.emplace(scene_, simulation.state());
+  look();
+}
+
+Trial::~Trial() = default;
+
+double Trial::step_s() const { return simulation_->step_s(); }
+
+void Trial::step() {
+  simulation_->step();
+  look();
+}
+
+void Trial::look() {
+  const CarState& car = simulation_->state();
+  now_.elapsed_time_s = simulation_->now_s() - start_s_;
+  now_.car = car;
+  now_.consumed_energy_j = car.consumed_energy_j - start_energy_j_;
+  now_.max_roll_rad = std::max(now_.max_roll_rad, std::abs(car.roll_rad));
+  now_.max_pitch_rad = std::max(now_.max_pitch_rad, std::abs(car.pitch_rad));
+  outcome_ = simulation_->ending->check(car, now_.elapsed_time_s);
+  const Status status = simulation_->application().status();
+  if (!outcome_ && status.state == State::kFault) outcome_ = Outcome::kFault;
+  if (!outcome_ && status.state == State::kFinished) outcome_ = Outcome::kTimeout;
+}
+
+TrialResult Trial::result(const Snapshot& at, Outcome outcome) const {
   TrialResult result;
+  result.outcome = outcome;
+  result.elapsed_time_s = at.elapsed_time_s;
+  result.distance_to_target_m = distance_to_target_m(scene_, at.car);
+  result.consumed_energy_j = at.consumed_energy_j;
+  result.max_roll_rad = at.max_roll_rad;
+  result.max_pitch_rad = at.max_pitch_rad;
+  return result;
+}
+
+TrialResult run_trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec,
+                      const StepOptions& options, Stopwatch* stopwatch) {
+  Trial trial(body, scene, spec, options, stopwatch);
+  std::vector<PathRow> path;
   double next_path_s = 0;
   for (;;) {
-    const CarState& state = simulation.state();
-    const double elapsed_s = simulation.now_s() - start_s;
-    result.max_roll_rad = std::max(result.max_roll_rad, std::abs(state.roll_rad));
-    result.max_pitch_rad = std::max(result.max_pitch_rad, std::abs(state.pitch_rad));
-    std::optional<Outcome> outcome = ending.check(state, elapsed_s);
-    const Status status = application.status();
-    if (!outcome && status.state == State::kFault) outcome = Outcome::kFault;
-    if (!outcome && status.state == State::kFinished) outcome = Outcome::kTimeout;
-    if (trial.path_interval_s > 0 && (outcome || elapsed_s >= next_path_s - 1e-9)) {
-      result.path.push_back(path_row(elapsed_s, state));
-      next_path_s += trial.path_interval_s;
+    const std::optional<Outcome> outcome = trial.outcome();
+    if (spec.path_interval_s > 0 && (outcome || trial.now().elapsed_time_s >= next_path_s - 1e-9)) {
+      path.push_back(path_row(trial.now()));
+      next_path_s += spec.path_interval_s;
     }
     if (outcome) {
-      result.outcome = *outcome;
-      result.elapsed_time_s = elapsed_s;
-      result.distance_to_target_m = distance_to_target_m(scene, state);
-      result.consumed_energy_j = state.consumed_energy_j - start_energy_j;
+      TrialResult result = trial.result(trial.now(), *outcome);
+      result.path = std::move(path);
       return result;
     }
-    simulation.step();
+    trial.step();
   }
 }
 

@@ -1,0 +1,62 @@
+"""Reads numbers and poses off the objects of a sampled Scenic scene, for the modules that make JSON of it.
+
+The one place where Scenic's headings (0 along +y) become the simulator's (0 along +x).
+"""
+
+import math
+from typing import Any
+
+# Scenes are hashed and compared as text: rounding hides the last bits, in which machines may differ.
+DECIMALS = 9
+
+
+class UnusableError(Exception):
+    """What the simulator cannot represent; ``thing`` is the object of the scene that is at fault, if one is."""
+
+    def __init__(self, message: str, thing: Any = None) -> None:
+        super().__init__(message if thing is None else f"{_name(thing)}: {message}")
+        self.thing = thing
+
+
+def is_a(thing: Any, kind: str) -> bool:
+    """Whether an object is of the class of that name in model.scenic, or of one derived from it."""
+    return any(ancestor.__name__ == kind for ancestor in type(thing).__mro__)
+
+
+def finite(name: str, value: Any, thing: Any = None) -> float:
+    """``value`` as a rounded float; UnusableError if it is none or not finite."""
+    try:
+        value_read = float(value)
+    except (TypeError, ValueError):
+        raise UnusableError(f"{name}: {value} is no number", thing) from None
+    if not math.isfinite(value_read):
+        raise UnusableError(f"{name}: {value_read} is not finite", thing)
+    return rounded(value_read)
+
+
+def rounded(value: float) -> float:
+    """Rounded to the decimals that scenes have; never -0.0."""
+    return round(value, DECIMALS) + 0.0
+
+
+def pose(thing: Any) -> dict[str, float]:
+    """Place (m) and heading (rad, from +x counter-clockwise, within ±π) in the simulator's frame."""
+    heading_rad = math.remainder(finite("heading", thing.heading, thing) + math.pi / 2, 2 * math.pi)
+    return {
+        "x_m": finite("x", thing.position.x, thing),
+        "y_m": finite("y", thing.position.y, thing),
+        "heading_rad": rounded(heading_rad),
+    }
+
+
+def param(scene: Any, name: str) -> float:
+    """A parameter that model.scenic declares."""
+    if name not in scene.params:
+        raise UnusableError(f"param {name} is missing: the program has to begin with `model model`")
+    return finite(f"param {name}", scene.params[name])
+
+
+def _name(thing: Any) -> str:
+    place = (thing.position.x, thing.position.y)
+    x, y = (f"{value:.4g}" if isinstance(value, int | float) else str(value) for value in place)
+    return f"{type(thing).__name__} at ({x}, {y})"

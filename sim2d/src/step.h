@@ -1,0 +1,9 @@
+// `carsim step`: one trial at a time over standard input and output, advanced by the caller.
+#pragma once
+
+namespace foldcar {
+
+// Serves standard input until its end. 0 if every line was usable, else 2.
+int run_step();
+
+}  // namespace foldcar

@@ -1,0 +1,316 @@
+// Cars of several segments against closed forms: sag, swing, limits, energy, the rigid limit, 2 to 8 wheels.
+#include <unity.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "../study_car.h"
+#include "box_terrain.h"
+#include "twin_track_car.h"
+
+using namespace foldcar;
+
+void setUp() {}
+void tearDown() {}
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kGravity = 9.81;
+const BoxTerrain kFlat({});
+const PulsesUs kNoPulses{};
+// The solver's spring damps by stiffness times step: little at this rate.
+constexpr double kFineRate_hz = 1920;
+constexpr double kWidth_m = 0.095;
+
+struct Drive {
+  BodySpec body;
+  TwinTrackCar car;
+  PulsesUs pulses_us;
+  Drive(const BodySpec& body_spec, const Terrain& terrain, const PulsesUs& pulses, StepOptions options = {},
+        PoseSpec start = {})
+      : body(body_spec), car(body, 0.6, terrain, start, options, nullptr), pulses_us(pulses) {}
+  const CarState& run(double time_s) {
+    const int steps = static_cast<int>(std::lround(time_s / car.step_s()));
+    for (int i = 0; i < steps; ++i) car.step(pulses_us);
+    return car.state();
+  }
+};
+
+StepOptions gently(double rate_hz = 240) {
+  StepOptions options;
+  options.drop_m = 0;
+  options.rate_hz = rate_hz;
+  return options;
+}
+
+// Rotors turn against the frames that carry them: their energy is not the plane's, and they slow a fold.
+BodySpec without_rotors(BodySpec body) {
+  for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 0;
+  return body;
+}
+
+// One half of the hinged study car on its free-rolling wheels, the hinge between the axles. By symmetry the hinge
+// carries no shear, so the half turns about its axle (0.07 m) under its weight (at 0.05 m, 4 mm up) and the flexure.
+struct Half {
+  double mass_kg, inertia_kg_m2, stiffness_n_m_rad;
+  static constexpr double kLever_m = 0.02, kHeight_m = 0.004;
+  Half(const BodySpec& body)
+      : mass_kg(body.segments[0].mass_kg),
+        inertia_kg_m2(body.segments[0].pitch_inertia_kg_m2 +
+                      mass_kg * (kLever_m * kLever_m + kHeight_m * kHeight_m)),
+        stiffness_n_m_rad(body.hinges[0].stiffness_n_m_rad) {}
+  double weight_n_m(double tilt_rad) const {
+    return mass_kg * kGravity * (kLever_m * std::cos(tilt_rad) + kHeight_m * std::sin(tilt_rad));
+  }
+  // The fold at rest: twice the tilt of a half.
+  double sag_rad() const {
+    double tilt_rad = 0;
+    for (int i = 0; i < 100; ++i) tilt_rad = weight_n_m(tilt_rad) / (2 * stiffness_n_m_rad);
+    return 2 * tilt_rad;
+  }
+  double swing_rad_s() const {
+    const double tilt_rad = 0.5 * sag_rad();
+    const double slope = mass_kg * kGravity * (kHeight_m * std::cos(tilt_rad) - kLever_m * std::sin(tilt_rad));
+    return std::sqrt((2 * stiffness_n_m_rad - slope) / inertia_kg_m2);
+  }
+};
+
+// Three segments of 140 mm, an axle in the middle of each, hinges between.
+BodySpec three_segments(double stiffness_n_m_rad) {
+  BodySpec body = study_car(kWidth_m);
+  SegmentSpec segment = body.segments.front();
+  const WheelSpec front_wheels[2] = {body.wheels[0], body.wheels[1]};
+  const double height_m = segment.height_m, length_m = 0.14;
+  segment.length_m = length_m;
+  segment.mass_kg /= 2;
+  segment.roll_inertia_kg_m2 /= 2;
+  segment.pitch_inertia_kg_m2 = segment.mass_kg * (length_m * length_m + height_m * height_m) / 12;
+  segment.yaw_inertia_kg_m2 = segment.mass_kg * (length_m * length_m + kWidth_m * kWidth_m) / 12;
+  body.segments.clear();
+  body.wheels.clear();
+  for (int j = 0; j < 3; ++j) {
+    segment.x_m = segment.com_x_m = length_m * (1 - j);
+    body.segments.push_back(segment);
+    for (WheelSpec wheel : front_wheels) {
+      wheel.channel += 2 * j;
+      wheel.segment = j;
+      wheel.x_m = segment.x_m;
+      body.wheels.push_back(wheel);
+    }
+    if (j > 0) body.hinges.push_back({segment.x_m + 0.5 * length_m, 0, stiffness_n_m_rad, 1e-4, -1, 1});
+  }
+  return body;
+}
+
+double total_load_n(const Drive& drive) {
+  double load_n = 0;
+  for (std::size_t i = 0; i < drive.body.wheels.size(); ++i) load_n += drive.car.wheel_load_n(i);
+  return load_n;
+}
+
+}  // namespace
+
+void test_cut_in_two_the_car_has_the_same_constants() {
+  const CarConstants whole(study_car(kWidth_m)), halves(hinged_study_car(kWidth_m, 1));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, whole.mass_kg, halves.mass_kg);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, whole.com_x_m, halves.com_x_m);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, whole.com_height_m, halves.com_height_m);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, whole.yaw_inertia_kg_m2, halves.yaw_inertia_kg_m2);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, whole.flywheel_inertia_kg_m2, halves.flywheel_inertia_kg_m2);
+}
+
+void test_a_hinge_sags_as_its_stiffness_lets_it() {
+  for (const double stiffness : {0.05, 0.15, 0.5}) {
+    BodySpec body = hinged_study_car(kWidth_m, stiffness);
+    body.hinges[0].damping_n_m_s_rad = 0.003;
+    Drive drive(body, kFlat, kNoPulses);
+    drive.run(3);
+    const double sag_rad = Half(body).sag_rad();
+    TEST_ASSERT_DOUBLE_WITHIN(0.02 * sag_rad + 0.001, sag_rad, drive.car.hinge_rad(0));
+  }
+}
+
+void test_a_hinge_swings_at_its_natural_frequency_without_gaining_energy() {
+  const BodySpec body = without_rotors(hinged_study_car(kWidth_m, 0.15));
+  const Half half(body);
+  Drive drive(body, kFlat, kNoPulses, gently(kFineRate_hz));
+  const double start_j = drive.car.mechanical_energy_j();
+  // Put down flat, it swings about its sag; crossings upwards are one period apart.
+  double first_s = -1, last_s = -1, highest_rad = 0;
+  int crossings = 0;
+  double before_rad = 0;
+  for (int i = 0; i < kFineRate_hz; ++i) {
+    drive.run(drive.car.step_s());
+    const double fold_rad = drive.car.hinge_rad(0);
+    if (before_rad < half.sag_rad() && fold_rad >= half.sag_rad()) {
+      const double share = (half.sag_rad() - before_rad) / (fold_rad - before_rad);
+      last_s = (i + share) * drive.car.step_s();
+      if (crossings++ == 0) first_s = last_s;
+    }
+    before_rad = fold_rad;
+    highest_rad = std::max(highest_rad, fold_rad);
+    TEST_ASSERT_TRUE(drive.car.mechanical_energy_j() < start_j + 2e-5);
+  }
+  const double period_s = (last_s - first_s) / (crossings - 1);
+  TEST_ASSERT_TRUE(crossings > 4);
+  TEST_ASSERT_DOUBLE_WITHIN(0.03 * 2 * kPi / half.swing_rad_s(), 2 * kPi / half.swing_rad_s(), period_s);
+  // Without losses the first swing goes to twice the sag.
+  TEST_ASSERT_DOUBLE_WITHIN(0.1 * half.sag_rad(), 2 * half.sag_rad(), highest_rad);
+}
+
+void test_damping_takes_its_share_of_each_swing() {
+  BodySpec body = without_rotors(hinged_study_car(kWidth_m, 0.15));
+  const Half half(body);
+  const double ratio = 0.1;
+  body.hinges[0].damping_n_m_s_rad = ratio * half.swing_rad_s() * half.inertia_kg_m2;  // acts on twice the tilt
+  Drive drive(body, kFlat, kNoPulses, gently(kFineRate_hz));
+  // The third overshoot of the sag after the start, 2.5 periods of decay.
+  const double period_s = 2 * kPi / (half.swing_rad_s() * std::sqrt(1 - ratio * ratio));
+  drive.run(2 * period_s);
+  double peak_rad = 0;
+  for (int i = 0; i < period_s / drive.car.step_s(); ++i) {
+    drive.run(drive.car.step_s());
+    peak_rad = std::max(peak_rad, drive.car.hinge_rad(0));
+  }
+  const double solver_ratio = 0.5 * half.swing_rad_s() / kFineRate_hz;
+  const double expected = std::exp(-2.5 * period_s * (ratio + solver_ratio) * half.swing_rad_s());
+  TEST_ASSERT_DOUBLE_WITHIN(0.2 * expected, expected, peak_rad / half.sag_rad() - 1);
+}
+
+void test_a_limp_hinge_rests_on_its_limits() {
+  BodySpec sagging = hinged_study_car(kWidth_m, 1e-6, 0.3);
+  BodySpec drooping = sagging;
+  for (WheelSpec& wheel : drooping.wheels) wheel.x_m *= 0.03 / 0.07;  // inside of where the weight is
+  Drive down(sagging, kFlat, kNoPulses), up(drooping, kFlat, kNoPulses);
+  down.run(2);
+  up.run(2);
+  TEST_ASSERT_DOUBLE_WITHIN(0.01, 0.3, down.car.hinge_rad(0));
+  TEST_ASSERT_DOUBLE_WITHIN(0.01, -0.3, up.car.hinge_rad(0));
+}
+
+void test_a_very_stiff_hinge_is_none() {
+  const BoxTerrain bumps({{0.4, 0, 0.06, 2, 0.02, 0}, {0.9, 0.3, 0.2, 0.6, 0.03, 0}});
+  const BodySpec rigid = study_car(kWidth_m), stiff = hinged_study_car(kWidth_m, 1000);
+  Drive one(rigid, bumps, pulses_for(rigid, 0.4)), two(stiff, bumps, pulses_for(stiff, 0.4));
+  for (int i = 0; i < 30; ++i) {
+    const CarState& expected = one.run(0.1);
+    const CarState& state = two.run(0.1);
+    TEST_ASSERT_DOUBLE_WITHIN(0.005, expected.x_m, state.x_m);
+    TEST_ASSERT_DOUBLE_WITHIN(0.02, expected.pitch_rad, state.pitch_rad);
+    TEST_ASSERT_DOUBLE_WITHIN(0.02, expected.roll_rad, state.roll_rad);
+    TEST_ASSERT_DOUBLE_WITHIN(0.005, 0, two.car.hinge_rad(0));
+  }
+  TEST_ASSERT_TRUE(two.car.state().x_m > 0.6);
+}
+
+void test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle() {
+  const BoxTerrain block({{0, 0, 0.06, 2, 0.02, 0}});
+  Drive limp(three_segments(1e-3), block, kNoPulses), rigid(three_segments(1000), block, kNoPulses);
+  limp.run(2);
+  rigid.run(2);
+  const double weight_n = CarConstants(limp.body).mass_kg * kGravity;
+  TEST_ASSERT_DOUBLE_WITHIN(0.02 * weight_n, weight_n, total_load_n(limp));
+  TEST_ASSERT_DOUBLE_WITHIN(0.02 * weight_n, weight_n, total_load_n(rigid));
+  for (std::size_t i = 0; i < 6; ++i) TEST_ASSERT_TRUE(limp.car.wheel_load_n(i) > 0.1 * weight_n);
+  // The rigid one rocks on its middle axle: its front or its rear hangs in the air.
+  TEST_ASSERT_TRUE(std::min(rigid.car.wheel_load_n(0), rigid.car.wheel_load_n(4)) < 0.001 * weight_n);
+  // Front and rear stand 20 mm lower, 70 mm from their hinges.
+  const double slope_rad = std::asin(0.02 / 0.07);
+  TEST_ASSERT_DOUBLE_WITHIN(0.02, -slope_rad, limp.car.hinge_rad(0));
+  TEST_ASSERT_DOUBLE_WITHIN(0.02, -slope_rad, limp.car.hinge_rad(1));
+}
+
+void test_a_hinged_car_crosses_bumps_without_gaining_energy() {
+  const BoxTerrain bumps({{0.45, 0, 0.06, 2, 0.02, 0}, {0.85, 0, 0.06, 2, 0.02, 0}});
+  const BodySpec body = without_rotors(three_segments(0.1));
+  Drive drive(body, bumps, pulses_for(body, 1), gently(960));
+  auto unexplained_j = [&] { return drive.car.mechanical_energy_j() - drive.car.state().motor_work_j; };
+  drive.run(0.25);
+  double least_j = unexplained_j();
+  while (drive.car.state().x_m < 1.3) {
+    drive.run(drive.car.step_s());
+    TEST_ASSERT_TRUE(drive.car.finite());
+    TEST_ASSERT_TRUE(unexplained_j() < least_j + 0.005);
+    least_j = std::min(least_j, unexplained_j());
+  }
+}
+
+void test_half_the_time_step_changes_little() {
+  const BoxTerrain bumps({{0.45, 0, 0.06, 2, 0.015, 0}});
+  const BodySpec body = three_segments(0.1);
+  Drive coarse(body, bumps, pulses_for(body, 0.5)), fine(body, bumps, pulses_for(body, 0.5), gently(480));
+  TEST_ASSERT_DOUBLE_WITHIN(0.02, coarse.run(2.5).x_m, fine.run(2.5).x_m);
+  TEST_ASSERT_TRUE(fine.car.state().x_m > 0.7);
+}
+
+void test_mirrored_ground_mirrors_the_way() {
+  const BoxTerrain left({{0.35, 0.06, 0.08, 0.08, 0.015, 0}}), right({{0.35, -0.06, 0.08, 0.08, 0.015, 0}});
+  const BodySpec body = three_segments(0.1);
+  Drive one(body, left, pulses_for(body, 0.6)), other(body, right, pulses_for(body, 0.6));
+  const CarState& a = one.run(1.5);
+  const CarState& b = other.run(1.5);
+  TEST_ASSERT_TRUE(std::abs(a.heading_rad) > 0.005);
+  TEST_ASSERT_DOUBLE_WITHIN(0.003, a.x_m, b.x_m);
+  TEST_ASSERT_DOUBLE_WITHIN(0.003, a.y_m, -b.y_m);
+  TEST_ASSERT_DOUBLE_WITHIN(0.01, a.heading_rad, -b.heading_rad);
+}
+
+// Two wheels in front and a belly that drags: the load at its rear edge follows from the weight, its friction from
+// the load, the speed from the torque line.
+void test_one_axle_pulls_its_belly_along() {
+  BodySpec body = study_car(kWidth_m);
+  body.wheels.resize(2);
+  const double weight_n = CarConstants(body).mass_kg * kGravity, radius_m = 0.06, friction = 0.35;
+  const double axle_m = 0.07, edge_m = -0.1;
+  const double drag_n = friction * weight_n * (axle_m - CarConstants(body).com_x_m) / (axle_m - edge_m);
+  const ServoSpec& servo = body.wheels[0].servo;
+  const double speed_m_s = radius_m * servo.no_load_speed_rad_s * (1 - drag_n * radius_m / (2 * servo.stall_torque_n_m));
+  Drive drive(body, kFlat, pulses_for(body, 1));
+  drive.run(2);
+  TEST_ASSERT_DOUBLE_WITHIN(0.03 * speed_m_s, speed_m_s, drive.car.state().speed_m_s);
+  // The tail's lower edge comes down to the ground from where 25 mm of belly and 60 mm of wheel hold it.
+  const double tilt_rad = std::asin(0.06 / std::hypot(0.17, 0.025)) - std::atan2(0.025, 0.17);
+  TEST_ASSERT_DOUBLE_WITHIN(0.01, tilt_rad, drive.car.state().pitch_rad);
+  TEST_ASSERT_DOUBLE_WITHIN(0.001, 0, drive.car.state().y_m);
+}
+
+void test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed() {
+  BodySpec eight = three_segments(0.1);
+  BodySpec four_axles = study_car(kWidth_m);
+  four_axles.wheels.clear();
+  for (int i = 0; i < 8; ++i) {
+    WheelSpec wheel = study_car(kWidth_m).wheels[static_cast<std::size_t>(i % 2)];
+    wheel.channel = i;
+    wheel.x_m = 0.09 - 0.06 * (i / 2);
+    wheel.radius_m = 0.028;
+    four_axles.wheels.push_back(wheel);
+  }
+  for (const BodySpec& body : {eight, four_axles}) {
+    Drive drive(body, kFlat, pulses_for(body, 1));
+    drive.run(2);
+    const double top_m_s = body.wheels[0].radius_m * body.wheels[0].servo.no_load_speed_rad_s;
+    TEST_ASSERT_DOUBLE_WITHIN(0.02 * top_m_s, top_m_s, drive.car.state().speed_m_s);
+    const double weight_n = CarConstants(body).mass_kg * kGravity;
+    TEST_ASSERT_DOUBLE_WITHIN(0.05 * weight_n, weight_n, total_load_n(drive));
+  }
+}
+
+int main() {
+  UNITY_BEGIN();
+  RUN_TEST(test_cut_in_two_the_car_has_the_same_constants);
+  RUN_TEST(test_a_hinge_sags_as_its_stiffness_lets_it);
+  RUN_TEST(test_a_hinge_swings_at_its_natural_frequency_without_gaining_energy);
+  RUN_TEST(test_damping_takes_its_share_of_each_swing);
+  RUN_TEST(test_a_limp_hinge_rests_on_its_limits);
+  RUN_TEST(test_a_very_stiff_hinge_is_none);
+  RUN_TEST(test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle);
+  RUN_TEST(test_a_hinged_car_crosses_bumps_without_gaining_energy);
+  RUN_TEST(test_half_the_time_step_changes_little);
+  RUN_TEST(test_mirrored_ground_mirrors_the_way);
+  RUN_TEST(test_one_axle_pulls_its_belly_along);
+  RUN_TEST(test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed);
+  UNITY_END();
+  return 0;
+}

@@ -1,0 +1,150 @@
+// Imperfect cars against closed forms: a centre of mass off the middle, wheels off their axles, unequal servos.
+#include <unity.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "../study_car.h"
+#include "box_terrain.h"
+#include "twin_track_car.h"
+
+using namespace foldcar;
+
+void setUp() {}
+void tearDown() {}
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kGravity = 9.81;
+const BoxTerrain kFlat({});
+
+struct Drive {
+  BodySpec body;
+  TwinTrackCar car;
+  PulsesUs pulses_us;
+  Drive(const BodySpec& body_spec, const Terrain& terrain, double fraction, StepOptions options = {})
+      : body(body_spec), car(body, 0.6, terrain, {}, options, nullptr), pulses_us(pulses_for(study_car(0.095), fraction)) {}
+  const CarState& run(double time_s) {
+    const int steps = static_cast<int>(std::lround(time_s / car.step_s()));
+    for (int i = 0; i < steps; ++i) car.step(pulses_us);
+    return car.state();
+  }
+  double side_load_n(CarSide side) const {
+    double load_n = 0;
+    for (std::size_t i = 0; i < body.wheels.size(); ++i) {
+      if (body.wheels[i].side == side) load_n += car.wheel_load_n(i);
+    }
+    return load_n;
+  }
+};
+
+StepOptions gently() {
+  StepOptions options;
+  options.drop_m = 0;
+  return options;
+}
+
+}  // namespace
+
+void test_a_weight_off_the_middle_loads_that_side_by_its_lever() {
+  for (const double com_y_m : {0.0, 0.006, -0.015}) {
+    BodySpec body = study_car(0.095);
+    body.segments[0].com_y_m = com_y_m;
+    Drive drive(body, kFlat, 0);
+    drive.run(1);
+    const double weight_n = CarConstants(body).mass_kg * kGravity;
+    const double couple_n_m = body.segments[0].mass_kg * kGravity * com_y_m;
+    const double left_n = 0.5 * weight_n + couple_n_m / body.track_m;
+    TEST_ASSERT_DOUBLE_WITHIN(0.01 * weight_n, left_n, drive.side_load_n(CarSide::kLeft));
+    TEST_ASSERT_DOUBLE_WITHIN(0.01 * weight_n, weight_n - left_n, drive.side_load_n(CarSide::kRight));
+    TEST_ASSERT_DOUBLE_WITHIN(0.003, 0, drive.car.state().roll_rad);
+  }
+}
+
+void test_a_weight_off_the_middle_tips_the_car_earlier_to_that_side() {
+  const double com_y_m = 0.01;
+  BodySpec body = study_car(0.095);
+  body.segments[0].com_y_m = com_y_m;
+  const CarConstants constants(body);
+  // Left side up: the weight passes the right tyre's outer edge, further from it by the offset.
+  const double lever_m = 0.5 * (body.track_m + 0.012) + com_y_m * body.segments[0].mass_kg / constants.mass_kg;
+  const double limit_rad = std::atan(lever_m / constants.com_height_m);
+  for (const double margin_rad : {-0.09, 0.03}) {
+    const double lean_rad = limit_rad + margin_rad;
+    const double inner_m = 0.5 * body.track_m * std::cos(lean_rad) - 0.007;
+    const BoxTerrain bench({{0, inner_m + 0.5, 4, 1, body.track_m * std::sin(lean_rad), 0}});
+    Drive drive(body, bench, 0, gently());
+    TEST_ASSERT_EQUAL_INT(margin_rad > 0, drive.run(3).up < 0.26);
+  }
+}
+
+void test_an_axle_off_its_tyres_middle_rises_and_falls_by_twice_that() {
+  const double eccentricity_m = 0.002;
+  BodySpec body = study_car(0.095);
+  for (WheelSpec& wheel : body.wheels) wheel.eccentricity_m = eccentricity_m;
+  Drive drive(body, kFlat, 0.2);
+  drive.run(0.5);
+  double highest_m = 0, lowest_m = 1;
+  const double turn_s = 2 * kPi / (0.2 * body.wheels[0].servo.no_load_speed_rad_s);
+  for (int i = 0; i < turn_s / drive.car.step_s(); ++i) {
+    drive.run(drive.car.step_s());
+    highest_m = std::max(highest_m, drive.car.state().z_m);
+    lowest_m = std::min(lowest_m, drive.car.state().z_m);
+  }
+  TEST_ASSERT_DOUBLE_WITHIN(0.05 * eccentricity_m, 2 * eccentricity_m, highest_m - lowest_m);
+  TEST_ASSERT_DOUBLE_WITHIN(0.0003, 0.06, 0.5 * (highest_m + lowest_m));
+}
+
+void test_a_tyres_middle_starts_where_its_phase_says() {
+  for (const double phase_rad : {0.0, 0.5 * kPi, kPi, 1.5 * kPi}) {
+    BodySpec body = study_car(0.095);
+    for (WheelSpec& wheel : body.wheels) {
+      wheel.eccentricity_m = 0.004;
+      wheel.eccentricity_phase_rad = phase_rad;
+    }
+    const Drive drive(body, kFlat, 0, gently());
+    TEST_ASSERT_DOUBLE_WITHIN(1e-6, 0.06 - 0.004 * std::sin(phase_rad), drive.car.state().z_m);
+  }
+}
+
+// Where the tyre's middle is behind the axle and turns upwards it lifts the car; half a turn later it lowers it. The
+// way it rolls meanwhile is that of the tyre's circumference.
+void test_eccentric_wheels_roll_their_circumference_in_a_turn() {
+  BodySpec body = study_car(0.095);
+  for (WheelSpec& wheel : body.wheels) wheel.eccentricity_m = 0.003;
+  Drive drive(body, kFlat, 0.5);
+  drive.run(0.5);
+  const double start_m = drive.car.state().x_m;
+  double turned_rad = 0;
+  while (turned_rad < 4 * kPi) {
+    drive.run(drive.car.step_s());
+    turned_rad += drive.car.wheel_speed_rad_s(0) * drive.car.step_s();
+  }
+  TEST_ASSERT_DOUBLE_WITHIN(0.01, turned_rad * 0.06, drive.car.state().x_m - start_m);
+}
+
+void test_a_servo_whose_neutral_is_off_creeps_once_it_leaves_the_dead_band() {
+  for (const double offset_us : {30.0, 80.0}) {
+    BodySpec body = study_car(0.095);
+    // A neutral below what the firmware sends: to this servo the pulse says forward.
+    for (WheelSpec& wheel : body.wheels) wheel.servo.neutral_us -= wheel.servo.direction * offset_us;
+    Drive drive(body, kFlat, 0);
+    drive.run(1.5);
+    const ServoSpec& servo = body.wheels[0].servo;
+    const double fraction = std::max(0.0, offset_us - servo.deadband_us) / (servo.saturation_us - servo.deadband_us);
+    TEST_ASSERT_DOUBLE_WITHIN(0.01, fraction * servo.no_load_speed_rad_s * 0.06, drive.car.state().speed_m_s);
+  }
+}
+
+int main() {
+  UNITY_BEGIN();
+  RUN_TEST(test_a_weight_off_the_middle_loads_that_side_by_its_lever);
+  RUN_TEST(test_a_weight_off_the_middle_tips_the_car_earlier_to_that_side);
+  RUN_TEST(test_an_axle_off_its_tyres_middle_rises_and_falls_by_twice_that);
+  RUN_TEST(test_a_tyres_middle_starts_where_its_phase_says);
+  RUN_TEST(test_eccentric_wheels_roll_their_circumference_in_a_turn);
+  RUN_TEST(test_a_servo_whose_neutral_is_off_creeps_once_it_leaves_the_dead_band);
+  UNITY_END();
+  return 0;
+}

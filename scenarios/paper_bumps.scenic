@@ -1,8 +1,8 @@
 """The published program with its own ending and records: two bumps, one under the wheels of each side.
 
-It differs from the printed one where Scenic has changed since: objects are made by `new`, and what is mutated or
-aimed at is a Marker, because a Point cannot be mutated. Mutating a place does not move what was placed relative to
-it, so the printed `mutate bumpCenter, startPos, endPos by 0.01` stands in the places themselves.
+It differs from the printed one where Scenic has changed since: objects are made by `new` and face `toward` a
+place. Mutating a place would not move what was placed relative to it, so the printed `mutate bumpCenter, startPos,
+endPos by 0.01` stands in the places themselves.
 """
 
 model model
@@ -35,7 +35,7 @@ new Bump right of bumpCenter by 0.05,
     with height globalParameters.bump_height
 
 # Create a robot, representing the ego
-ego = new Robot at startPos, facing endPos
+ego = new Robot at startPos, facing toward endPos
 
 # Termination conditions
 terminate when (distance from ego to target) <= 0.05

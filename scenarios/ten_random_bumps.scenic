@@ -26,5 +26,5 @@ for _ in range(globalParameters.bumps):
         with height Range(globalParameters.lowest, globalParameters.highest),
         with allowCollisions False
 
-ego = new Robot at start, facing end
+ego = new Robot at start, facing toward end
 goal = new Goal at end, facing 180 deg

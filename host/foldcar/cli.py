@@ -11,6 +11,7 @@ import typer
 
 from foldcar import __version__
 from foldcar.commands.export import export
+from foldcar.commands.gallery import gallery
 from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import sample
@@ -25,7 +26,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (sweep, run, sample, report, export):
+for command in (sweep, run, sample, gallery, report, export):
     app.command()(command)
 
 

@@ -1,4 +1,4 @@
-"""What a scene must fulfil so that a run of it can mean something: things on the course, a free start, a goal ahead.
+"""What a scene must fulfil for a run of it to mean something: things on the course, a free start, a goal.
 
 Input: parts of the scene in the simulator's frame and the Scenic objects they come from. Each function raises
 UnusableError or returns nothing.
@@ -65,16 +65,22 @@ def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose]) -> None:
             continue
         if _overlap(start, half, piece, reach) and not _contains(piece, reach, start, half):
             what = f"{piece['kind']} at ({piece['x_m']:.4g}, {piece['y_m']:.4g})"
-            raise UnusableError(f"the start is inside an obstacle: the car would stand across the edge of a {what}", ego)
+            raise UnusableError(
+                f"the start is inside an obstacle: the car would stand across the edge of a {what}", ego
+            )
 
 
 def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: Any) -> None:
     """The goal is not reached at the start already, lies ahead if it is a line, and no wall surrounds it."""
     dx_m, dy_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
     if goal["kind"] == "line":
-        if dx_m * math.cos(goal["heading_rad"]) + dy_m * math.sin(goal["heading_rad"]) <= STANDING_TOLERANCE_M:
+        if (
+            dx_m * math.cos(goal["heading_rad"]) + dy_m * math.sin(goal["heading_rad"])
+            <= STANDING_TOLERANCE_M
+        ):
             raise UnusableError(
-                "the start is not before the goal line: the Goal has to face the way the car crosses it", thing
+                "the start is not before the goal line: the Goal has to face the way the car crosses it",
+                thing,
             )
         return
     radius = goal["radius_m"]
@@ -90,7 +96,9 @@ def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: An
             )
 
 
-def _check_overlap(course: Mapping[str, float], place: Pose, reach_x: float, reach_y: float, thing: Any) -> None:
+def _check_overlap(
+    course: Mapping[str, float], place: Pose, reach_x: float, reach_y: float, thing: Any
+) -> None:
     for axis, reach in (("x", reach_x), ("y", reach_y)):
         value, low, high = place[f"{axis}_m"], course[f"{axis}_min_m"], course[f"{axis}_max_m"]
         if not low - reach <= value <= high + reach:
@@ -101,7 +109,10 @@ def _check_overlap(course: Mapping[str, float], place: Pose, reach_x: float, rea
 
 def _overlap(one: Pose, one_half: tuple[float, float], other: Pose, other_half: tuple[float, float]) -> bool:
     """Whether two turned rectangles share an area: none of their four edge directions separates them."""
-    for place, half, second, second_half in ((one, one_half, other, other_half), (other, other_half, one, one_half)):
+    for place, half, second, second_half in (
+        (one, one_half, other, other_half),
+        (other, other_half, one, one_half),
+    ):
         corners = _corners_in(place, second, second_half)
         for axis in (0, 1):
             values = [corner[axis] for corner in corners]
@@ -110,7 +121,9 @@ def _overlap(one: Pose, one_half: tuple[float, float], other: Pose, other_half: 
     return True
 
 
-def _contains(outer: Pose, outer_half: tuple[float, float], inner: Pose, inner_half: tuple[float, float]) -> bool:
+def _contains(
+    outer: Pose, outer_half: tuple[float, float], inner: Pose, inner_half: tuple[float, float]
+) -> bool:
     return all(
         abs(along) <= outer_half[0] and abs(across) <= outer_half[1]
         for along, across in _corners_in(outer, inner, inner_half)

@@ -1,4 +1,4 @@
-"""Turns a sampled Scenic scene into the "scene" of docs/carsim.md, or says in one line why it cannot be simulated.
+"""Turns a sampled Scenic scene into the "scene" of docs/carsim.md, or says in one line why it cannot.
 
 Objects are recognised by the class names of scenarios/model.scenic; a class derived from one of them in a
 program counts as what it derives from.

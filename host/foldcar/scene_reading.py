@@ -11,7 +11,7 @@ DECIMALS = 9
 
 
 class UnusableError(Exception):
-    """What the simulator cannot represent; ``thing`` is the object of the scene that is at fault, if one is."""
+    """What the simulator cannot represent; ``thing`` is the object of the scene at fault, if one is."""
 
     def __init__(self, message: str, thing: Any = None) -> None:
         super().__init__(message if thing is None else f"{_name(thing)}: {message}")

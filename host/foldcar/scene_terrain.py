@@ -1,7 +1,7 @@
 """Turns the Terrain objects of a sampled Scenic scene into the terrain pieces of docs/carsim.md.
 
-An object says by its method ``pieces`` what it is made of, in its own frame; here the pieces are put where the
-object is, and every size is held against the simulator's limits.
+An object says by its method ``pieces`` what it is made of, in its own frame; here the pieces are put where
+the object is, and every size is held against the simulator's limits.
 """
 
 import math
@@ -10,8 +10,8 @@ from typing import Any
 
 from foldcar.scene_reading import UnusableError, finite, pose, rounded
 
-# Lengths below a millimetre vanish in the simulator's contacts. No wheel of a design is larger than 0.15 m, so
-# that nothing higher than 1 m tells cars apart: such a height is one in millimetres or centimetres.
+# Lengths below a millimetre vanish in the simulator's contacts. No wheel of a design is larger than 0.15 m:
+# nothing higher than 1 m tells cars apart, and such a height is surely one in millimetres or centimetres.
 SIDE_M = (0.001, 100.0)
 HEIGHT_M = (0.0001, 1.0)
 PLACE_M = (-1000.0, 1000.0)
@@ -28,7 +28,7 @@ KINDS: Mapping[str, Mapping[str, tuple[float, float]]] = {
         "width_m": SIDE_M,
         "height_sd_m": (0.0, HEIGHT_M[1]),
         "correlation_m": SIDE_M,
-        "seed": (0.0, 2.0**32 - 1),
+        "seed": (0.0, 2.0**31 - 1),
     },
     "patch": {"length_m": SIDE_M, "width_m": SIDE_M, "friction": (0.0, 5.0)},
 }
@@ -61,7 +61,9 @@ def reach_m(piece: Mapping[str, Any]) -> tuple[float, float]:
 def _checked(part: Any, thing: Any) -> dict[str, Any]:
     """A piece in its object's frame with all keys of its kind, each a number within its limits."""
     if not isinstance(part, Mapping) or part.get("kind") not in KINDS:
-        raise UnusableError(f"{part!r} is no piece of terrain; its kind has to be one of {', '.join(KINDS)}", thing)
+        raise UnusableError(
+            f"{part!r} is no piece of terrain; its kind has to be one of {', '.join(KINDS)}", thing
+        )
     kind = part["kind"]
     sizes = KINDS[kind]
     unknown = [key for key in part if key != "kind" and key not in sizes and key not in PLACE_KEYS]
@@ -77,9 +79,13 @@ def _checked(part: Any, thing: Any) -> dict[str, Any]:
         checked[key] = _within(f"{kind}: {key}", part[key], limits, thing)
     if kind == "half_round" and checked["height_m"] > checked["length_m"] / 2:
         limit = checked["length_m"] / 2
-        raise UnusableError(f"{kind}: height_m: {part['height_m']} is above half the length, {limit:g}", thing)
+        raise UnusableError(
+            f"{kind}: height_m: {part['height_m']} is above half the length, {limit:g}", thing
+        )
     if kind == "pothole" and checked["edge_m"] > checked["radius_m"]:
-        raise UnusableError(f"{kind}: edge_m: {part['edge_m']} is above the radius, {checked['radius_m']:g}", thing)
+        raise UnusableError(
+            f"{kind}: edge_m: {part['edge_m']} is above the radius, {checked['radius_m']:g}", thing
+        )
     if kind == "rough":
         if checked["seed"] != int(checked["seed"]):
             raise UnusableError(f"{kind}: seed: {part['seed']} is no whole number", thing)

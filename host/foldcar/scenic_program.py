@@ -19,6 +19,7 @@ from foldcar.time_limit import time_limit
 COMPILE_LIMIT_S = 30.0
 MOST_OBJECTS = 10_000
 VOCABULARY_DIR = Path(__file__).resolve().parents[2] / "scenarios"
+VOCABULARY = "model.scenic"
 
 
 def compile_program(program: Path, params: Mapping[str, Any]) -> Any:

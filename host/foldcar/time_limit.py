@@ -1,7 +1,7 @@
 """Interrupts Python code that takes too long, such as a Scenic program that loops.
 
-Works in the main thread of a process, where Python delivers signals; in other threads there is no limit. What runs
-outside Python, in a library's C code, ends before it is interrupted.
+Works in the main thread of a process, where Python delivers signals; in other threads there is no limit.
+What runs outside Python, in a library's C code, ends before it is interrupted.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ class _TimeUpError(BaseException):
 
 @contextlib.contextmanager
 def time_limit(limit_s: float, what: str) -> Iterator[None]:
-    """Raise FoldcarError, beginning with ``what``, if the block takes longer than ``limit_s`` of wall time."""
+    """Raise FoldcarError, beginning with ``what``, if the block takes longer than ``limit_s``."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -61,9 +61,10 @@ def run(
     ):
         typer.echo(f"{name:<22}{value}")
     if plot is not None:
+        from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
 
-        draw_run(body, scene, result, result["path"], plot)
+        draw_run(body, scene, result, result["path"], carsim_heights(carsim), plot)
         typer.echo(f"{'picture':<22}{plot}")
 
 

@@ -42,9 +42,11 @@ def sample(
             for scene in _scenes(source, count, shown):
                 file.write(_line(scene).encode())
     if plot is not None:
+        from foldcar.carsim import Carsim
+        from foldcar.figures.ground import carsim_heights
         from foldcar.figures.scenes import draw_scenes
 
-        draw_scenes(shown, plot, title=f"{scenario.name}, seed {seed}")
+        draw_scenes(shown, plot, carsim_heights(Carsim()), title=f"{scenario.name}, seed {seed}")
 
 
 def _scenes(source: SceneSource, count: int, shown: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:

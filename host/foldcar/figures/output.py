@@ -1,7 +1,10 @@
 """Saves a figure in the format its file's name asks for, wholly or not at all."""
 
+import io
 from pathlib import Path
 from typing import Any
+
+from PIL import Image
 
 from foldcar.atomic_file import atomic_file
 from foldcar.errors import FoldcarError
@@ -21,13 +24,25 @@ def check_format(file: Path) -> None:
         raise FoldcarError(f"{file}: a picture's name ends in one of {', '.join(UNDATED)}")
 
 
-def save_figure(figure: Any, file: Path) -> None:
-    """Save a matplotlib figure to ``file`` (.png, .svg or .pdf). Raises FoldcarError."""
+def save_figure(figure: Any, file: Path, dpi: int | None = None, colours: int | None = None) -> None:
+    """Save a matplotlib figure to ``file`` (.png, .svg or .pdf). Raises FoldcarError.
+
+    ``dpi`` are pixels an inch, if not the style's. A PNG limited to ``colours`` is a smaller file.
+    """
     import matplotlib
 
     check_format(file)
     suffix = file.suffix.lower()
+    options: dict[str, Any] = {} if dpi is None else {"dpi": dpi}
+    options |= {"format": suffix[1:], "metadata": UNDATED[suffix], "bbox_inches": "tight", "pad_inches": 0.08}
     with matplotlib.rc_context(RC), atomic_file(file) as binary:
-        figure.savefig(
-            binary, format=suffix[1:], metadata=UNDATED[suffix], bbox_inches="tight", pad_inches=0.08
-        )
+        if colours is None or suffix != ".png":
+            figure.savefig(binary, **options)
+        else:
+            drawn = io.BytesIO()
+            figure.savefig(drawn, **options)
+            _with_fewer_colours(drawn, colours).save(binary, format="PNG", optimize=True)
+
+
+def _with_fewer_colours(drawn: io.BytesIO, colours: int) -> Image.Image:
+    return Image.open(drawn).convert("RGB").quantize(colours, kmeans=1, dither=Image.Dither.NONE)

@@ -11,15 +11,18 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from foldcar.errors import FoldcarError
+from foldcar.figures.ground import Heights, height_map
+from foldcar.figures.height_colours import height_scale
 from foldcar.figures.output import check_format, save_figure
 from foldcar.figures.profile import driven_line, strip_heights_m, travelled_m
 from foldcar.figures.style import ACCENT, FAILURE, INK, OUTCOME_LABELS, RC
-from foldcar.figures.top_view import draw_top_view, height_scale
+from foldcar.figures.top_view import draw_top_view, view_of
 
 WIDTH_IN = 10.0
 FAR_COLOUR = "#e6d3a8"
 NEAR_COLOUR = "#b58a45"
 MARGIN_M = 0.1
+CELLS = 400
 
 
 def draw_run(
@@ -27,6 +30,7 @@ def draw_run(
     scene: Mapping[str, Any],
     result: Mapping[str, Any],
     path: Sequence[Sequence[float]],
+    heights: Heights,
     file: Path,
 ) -> None:
     """Draw a run into ``file`` (.png, .svg, .pdf).
@@ -42,14 +46,14 @@ def draw_run(
         figure = Figure(figsize=(WIDTH_IN, 6.4), layout="constrained")
         side, above = figure.subplots(2, 1, height_ratios=(1, 1.6))
         figure.suptitle(_title(body, scene, result), x=0.01, ha="left", fontweight="bold")
-        _draw_side(side, body, scene, result, rows)
-        heights = height_scale([scene])
-        draw_top_view(above, scene, heights, rows)
-        _zoom(above, scene, rows)
+        _draw_side(side, body, scene, result, rows, heights)
+        ground = height_map(heights, scene, view_of([scene], rows), CELLS)
+        scale = height_scale([ground])
+        draw_top_view(above, scene, ground, scale, rows)
         above.set_title("from above")
         above.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
         if scene["terrain"]:
-            figure.colorbar(heights, ax=above, label="height (mm)", shrink=0.8, aspect=20, location="left")
+            figure.colorbar(scale, ax=above, label="height (mm)", shrink=0.8, aspect=20, location="left")
         save_figure(figure, file)
 
 
@@ -66,19 +70,26 @@ def poses_to_draw(travelled: Sequence[float], spacing_m: float) -> list[int]:
 
 
 def _draw_side(
-    axes: Axes, body: Mapping[str, Any], scene: Mapping[str, Any], result: Mapping[str, Any], rows: Any
+    axes: Axes,
+    body: Mapping[str, Any],
+    scene: Mapping[str, Any],
+    result: Mapping[str, Any],
+    rows: Any,
+    heights: Heights,
 ) -> None:
     wheels = body["wheels"]
     reach = max(abs(wheel["x_m"]) + wheel["radius_m"] for wheel in wheels)
     reach = max(reach, *(abs(box["x_m"]) + box["length_m"] / 2 for box in body["segments"]))
     line = driven_line(rows, margin_m=reach + MARGIN_M)
+    lowest, highest = 0.0, 0.0
     for name, left, colour, order in (("left", 0.5, FAR_COLOUR, 1), ("right", -0.5, NEAR_COLOUR, 2)):
         tyre = max(wheel["width_m"] for wheel in wheels if wheel["side"] == name)
-        heights = strip_heights_m(scene["terrain"], line, left * body["track_m"], tyre)
+        strip = strip_heights_m(heights, scene, line, left * body["track_m"], tyre)
+        lowest, highest = min(lowest, float(strip.min())), max(highest, float(strip.max()))
         axes.fill_between(
             line.distance_m,
-            heights,
-            -0.012,
+            strip,
+            -1.0,
             color=colour,
             linewidth=0,
             zorder=order,
@@ -86,7 +97,7 @@ def _draw_side(
         )
         axes.plot(
             line.distance_m,
-            heights,
+            strip,
             color="#6b4a17",
             linewidth=0.8,
             linestyle="--" if left > 0 else "-",
@@ -104,11 +115,7 @@ def _draw_side(
     axes.set_aspect("equal")
     axes.grid(False)
     axes.set_xlim(line.distance_m[0], line.distance_m[-1])
-    axes.set_ylim(
-        -0.012,
-        max(rows[:, 3].max(), max(p["height_m"] for p in scene["terrain"] or [{"height_m": 0}]))
-        + reach * 1.1,
-    )
+    axes.set_ylim(lowest - 0.012, max(rows[:, 3].max(), highest) + reach * 1.1)
     axes.set_xlabel("distance driven (m)")
     axes.set_ylabel("height (m)")
     axes.set_title("from the right side")
@@ -147,20 +154,6 @@ def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, 
         axes.add_patch(Polygon(outline, fill=False, edgecolor=colour, linewidth=1.0, zorder=7))
         top = max(top, outline[:, 1].max())
     return float(top)
-
-
-def _zoom(axes: Axes, scene: Mapping[str, Any], rows: Any) -> None:
-    """Show the path, the start, the goal and the terrain's middle, not the whole course."""
-    start, goal = scene["start"], scene["goal"]
-    x = [*rows[:, 1], start["x_m"], goal["x_m"]]
-    y = [*rows[:, 2], start["y_m"]] + ([goal["y_m"]] if goal["kind"] == "disc" else [])
-    for box in scene["terrain"]:
-        reach = (box["length_m"] ** 2 + box["width_m"] ** 2) ** 0.5 / 2
-        if reach < 0.5:
-            x += [box["x_m"] - reach, box["x_m"] + reach]
-            y += [box["y_m"] - reach, box["y_m"] + reach]
-    axes.set_xlim(min(x) - 2 * MARGIN_M, max(x) + 2 * MARGIN_M)
-    axes.set_ylim(min(y) - 2 * MARGIN_M, max(y) + 2 * MARGIN_M)
 
 
 def _title(body: Mapping[str, Any], scene: Mapping[str, Any], result: Mapping[str, Any]) -> str:

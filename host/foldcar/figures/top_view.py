@@ -1,4 +1,4 @@
-"""Draws a scene from above: terrain by height, course, start, goal, and the path of a car if there is one."""
+"""Draws a scene from above: ground by height, patches, course, start, goal, and the path of a car, if any."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -6,36 +6,64 @@ from typing import Any
 import numpy
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.transforms import Affine2D
 
+from foldcar.figures.ground import Extent, HeightMap
+from foldcar.figures.height_colours import shaded
 from foldcar.figures.style import ACCENT, FAILURE, INK
 
-HEIGHT_COLOURS = LinearSegmentedColormap.from_list("height", ["#f3e6c8", "#cfa65b", "#8a5a1c", "#3f2506"])
 ARROW_LENGTH_M = 0.2
+VIEW_MARGIN_M = 0.2
+# Edges and roughness would be nothing but contours.
+CONTOURED = ("hill", "pothole", "patch")
+CONTOUR_STEP_M = 0.01
+PATCH_COLOUR = "#5b4a9c"
+OUTLINE = {"fill": False, "edgecolor": "#00000059", "linewidth": 0.5, "zorder": 2}
 
 
-def height_scale(scenes: Sequence[Mapping[str, Any]]) -> ScalarMappable:
-    """One colour scale for all heights (mm) of several scenes."""
-    heights_mm = [piece["height_m"] * 1e3 for scene in scenes for piece in scene["terrain"]]
-    return ScalarMappable(Normalize(0.0, max(heights_mm, default=1.0)), HEIGHT_COLOURS)
+def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
+    """What is worth showing of several scenes: starts, goals, terrain and the path, within the course."""
+    x: list[float] = []
+    y: list[float] = []
+    for scene in scenes:
+        for place in [scene["start"], *([scene["goal"]] if scene["goal"] else [])]:
+            x.append(place["x_m"])
+            y.append(place["y_m"])
+        for piece in scene["terrain"]:
+            reach = _half_diagonal_m(piece)
+            # A wall across the way says little about where the car may go.
+            x += [piece["x_m"] - min(reach, 0.4), piece["x_m"] + min(reach, 0.4)]
+            y += [piece["y_m"] - min(reach, 0.4), piece["y_m"] + min(reach, 0.4)]
+    if len(path):
+        rows = numpy.asarray(path, dtype=float)
+        x += list(rows[:, 1])
+        y += list(rows[:, 2])
+    sides = {key: [scene["course"][key] for scene in scenes] for key in scenes[0]["course"]}
+    return Extent(
+        max(min(x) - VIEW_MARGIN_M, min(sides["x_min_m"])),
+        min(max(x) + VIEW_MARGIN_M, max(sides["x_max_m"])),
+        max(min(y) - VIEW_MARGIN_M, min(sides["y_min_m"])),
+        min(max(y) + VIEW_MARGIN_M, max(sides["y_max_m"])),
+    )
 
 
-def draw_top_view(axes: Axes, scene: Mapping[str, Any], heights: ScalarMappable, path: Any = ()) -> None:
-    """Draw ``scene`` (docs/carsim.md) in metres; ``path`` rows begin with time, x, y."""
+def draw_top_view(
+    axes: Axes, scene: Mapping[str, Any], ground: HeightMap, scale: ScalarMappable, path: Any = ()
+) -> None:
+    """Draw ``scene`` (docs/carsim.md) over the extent of ``ground``; ``path`` rows begin with time, x, y."""
     axes.set_aspect("equal")
     axes.grid(False)
-    course = scene["course"]
-    corner = (course["x_min_m"], course["y_min_m"])
-    size = (course["x_max_m"] - corner[0], course["y_max_m"] - corner[1])
-    axes.add_patch(
-        Rectangle(corner, *size, facecolor="#f7f7f5", edgecolor="#777777", linewidth=1.0, zorder=0)
-    )
-    # The highest counts where boxes overlap, so it is drawn last.
-    for box in sorted(scene["terrain"], key=lambda piece: float(piece["height_m"])):
-        _draw_box(axes, box, heights.to_rgba(box["height_m"] * 1e3))
-    _draw_goal(axes, scene)
+    extent = ground.extent
+    corners = (extent.x_min_m, extent.x_max_m, extent.y_min_m, extent.y_max_m)
+    axes.imshow(shaded(ground, scale), origin="lower", extent=corners, interpolation="bilinear", zorder=0)
+    for piece in scene["terrain"]:
+        _draw_outline(axes, piece)
+    if scene["terrain"] and all(piece["kind"] in CONTOURED for piece in scene["terrain"]):
+        _draw_contours(axes, ground)
+    _draw_course(axes, scene["course"])
+    if scene["goal"] is not None:
+        _draw_goal(axes, scene)
     if len(path):
         rows = numpy.asarray(path, dtype=float)
         axes.plot(
@@ -50,26 +78,70 @@ def draw_top_view(axes: Axes, scene: Mapping[str, Any], heights: ScalarMappable,
     start = scene["start"]
     _draw_arrow(axes, start["x_m"], start["y_m"], start["heading_rad"], ARROW_LENGTH_M, INK)
     axes.plot([start["x_m"]], [start["y_m"]], "o", color=INK, markersize=4, zorder=6, label="start")
-    axes.autoscale_view()
+    axes.set_xlim(extent.x_min_m, extent.x_max_m)
+    axes.set_ylim(extent.y_min_m, extent.y_max_m)
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
 
 
-def _draw_box(axes: Axes, box: Mapping[str, Any], colour: Any) -> None:
-    length, width = box["length_m"], box["width_m"]
-    place = Affine2D().rotate(box["heading_rad"]).translate(box["x_m"], box["y_m"])
-    axes.add_patch(
-        Rectangle(
-            (-length / 2, -width / 2),
-            length,
-            width,
-            facecolor=colour,
-            edgecolor="#00000066",
-            linewidth=0.5,
-            transform=place + axes.transData,
-            zorder=2,
+def _draw_outline(axes: Axes, piece: Mapping[str, Any]) -> None:
+    """The edges of a block, the rim of a hole, the hatched area of a patch; smooth ground has no outline."""
+    place = (piece["x_m"], piece["y_m"])
+    if piece["kind"] == "pothole":
+        axes.add_patch(Circle(place, piece["radius_m"], **OUTLINE))
+    elif piece["kind"] == "patch":
+        look = {
+            "fill": False,
+            "edgecolor": PATCH_COLOUR,
+            "linewidth": 0.8,
+            "hatch": "////",
+            "zorder": 1.5,
+            "alpha": 0.5,
+        }
+        axes.add_patch(_rectangle(axes, piece, look))
+        axes.annotate(
+            f"friction {piece['friction']:g}",
+            place,
+            ha="center",
+            va="center",
+            fontsize=7,
+            color=PATCH_COLOUR,
+            bbox={"boxstyle": "round,pad=0.15", "facecolor": "#ffffffcc", "edgecolor": "none"},
+            clip_on=True,
+            zorder=3,
         )
-    )
+    elif piece["kind"] in ("box", "ramp", "half_round"):
+        axes.add_patch(_rectangle(axes, piece, OUTLINE))
+
+
+def _draw_contours(axes: Axes, ground: HeightMap) -> None:
+    low, high = float(ground.z_m.min()), float(ground.z_m.max())
+    steps = numpy.arange(numpy.ceil(low / CONTOUR_STEP_M), high / CONTOUR_STEP_M + 1)
+    levels = steps[steps != 0] * CONTOUR_STEP_M
+    rows, columns = ground.z_m.shape
+    x = ground.extent.x_min_m + ground.cell_m * (numpy.arange(columns) + 0.5)
+    y = ground.extent.y_min_m + ground.cell_m * (numpy.arange(rows) + 0.5)
+    axes.contour(x, y, ground.z_m, levels, colors="#00000059", linewidths=0.5, linestyles="solid", zorder=2)
+
+
+def _rectangle(axes: Axes, piece: Mapping[str, Any], look: Mapping[str, Any]) -> Rectangle:
+    length, width = piece["length_m"], piece["width_m"]
+    place = Affine2D().rotate(piece["heading_rad"]).translate(piece["x_m"], piece["y_m"])
+    return Rectangle((-length / 2, -width / 2), length, width, transform=place + axes.transData, **look)
+
+
+def _draw_course(axes: Axes, course: Mapping[str, float]) -> None:
+    corner = (course["x_min_m"], course["y_min_m"])
+    size = (course["x_max_m"] - corner[0], course["y_max_m"] - corner[1])
+    axes.add_patch(Rectangle(corner, *size, fill=False, edgecolor="#777777", linewidth=1.0, zorder=3))
+
+
+def _half_diagonal_m(piece: Mapping[str, Any]) -> float:
+    if piece["kind"] == "hill":
+        return 2 * max(float(piece["sd_along_m"]), float(piece["sd_across_m"]))
+    if piece["kind"] == "pothole":
+        return float(piece["radius_m"])
+    return float((piece["length_m"] ** 2 + piece["width_m"] ** 2) ** 0.5 / 2)
 
 
 def _draw_goal(axes: Axes, scene: Mapping[str, Any]) -> None:

@@ -9,6 +9,7 @@ by the scene itself.
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,16 +25,29 @@ SCENE_CODE = (
 SOURCES = ("*.scenic", "*.py")
 
 
-def environment_fingerprint(program: Path, params: Mapping[str, Any], seed: int) -> str:
-    """The hash for ``program`` with ``params`` and ``seed``."""
+def environment_fingerprint(
+    program: Path, params: Mapping[str, Any], seed: int, condition: Mapping[str, Any] | None = None
+) -> str:
+    """The hash for ``program`` with ``params``, ``seed`` and what is frozen of it."""
     digest = hashlib.sha256()
-    head = [program.name, params, seed, scenic_version()]
+    head = [program.name, params, seed, condition, scenic_version()]
     digest.update(json.dumps(head, sort_keys=True).encode())
     for file in _sources(program.parent):
         text = file.read_bytes()
         digest.update(f"\n{file.name} {len(text)}\n".encode())
         digest.update(text)
     return digest.hexdigest()
+
+
+def spread_fingerprint(spread: Mapping[str, float], seed: int) -> str:
+    """The hash of what a spread's variations depend on."""
+    return hashlib.sha256(json.dumps([spread, seed, variation_code()], sort_keys=True).encode()).hexdigest()
+
+
+@cache
+def variation_code() -> str:
+    """The hash of the code that draws variations and applies them to bodies."""
+    return hashlib.sha256((Path(__file__).with_name("variation.py")).read_bytes()).hexdigest()
 
 
 def scenic_version() -> str:

@@ -54,8 +54,12 @@ def add_experiment(
         "scenic_program": "step_pyramids.scenic",
         "scenic_params": {"friction": 0.6},
         "seed": 42,
+        "condition": None,
+        "variation": {},
+        "variation_seed": 42,
     }
-    plan = PlannedExperiment(name, "car", "pyramids", environment, samples, facts)
+    spread = writer.spread("nominal")
+    plan = PlannedExperiment(name, "car", "pyramids", environment, spread, samples, facts)
     designs = [
         {**dict(zip(varied, values, strict=True)), "height_mm": 50.0} for values in product(*varied.values())
     ]
@@ -64,6 +68,7 @@ def add_experiment(
     )
     for sample in range(samples):
         writer.put_sample(environment, sample, {"of": name, "sample": sample})
+        writer.put_draw(spread, sample, {})
     for sample in range(stored):
         chunk = []
         for run in writer.planned_runs(plan, sample):

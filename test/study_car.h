@@ -99,7 +99,7 @@ inline SceneSpec pyramids() {
   for (int pyramid = 0; pyramid < 2; ++pyramid) {
     for (int step = 0; step < 3; ++step) {
       const double side_m = 0.07 + 0.08 * (2 - step);
-      scene.boxes.push_back(
+      scene.terrain.blocks.push_back(
           {0.45 + 0.45 * pyramid, pyramid == 0 ? 0.05 : -0.05, side_m, side_m, 0.0215 * (step + 1), 0});
     }
   }

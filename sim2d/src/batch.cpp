@@ -114,6 +114,12 @@ class Batch {
           read_pulses(parsed);
           slots_.push_back({Job{line_number_, {}, {}, line}, std::nullopt});
           return;
+        case LineKind::kHeights: {
+          Job job{line_number_, {}, {}, line};
+          add_definition("scene " + read_heights(parsed).scene, job);
+          slots_.push_back({std::move(job), std::nullopt});
+          return;
+        }
         case LineKind::kRun: break;
       }
       const RunLine run = read_run(parsed);

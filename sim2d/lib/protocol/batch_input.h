@@ -10,7 +10,7 @@
 
 namespace foldcar {
 
-enum class LineKind { kBody, kScene, kRun, kPulses };
+enum class LineKind { kBody, kScene, kRun, kHeights, kPulses };
 
 // Which kind a parsed line is. InputError if it is none or has more than one key.
 LineKind line_kind(const nlohmann::json& line);
@@ -20,6 +20,14 @@ struct RunLine {
   std::string body;
   std::string scene;
   TrialSpec trial;
+};
+
+// Points of a scene whose ground is asked for.
+struct HeightsLine {
+  std::string id;
+  std::string scene;
+  std::vector<double> x_m;
+  std::vector<double> y_m;
 };
 
 // What the firmware would put out in a trial.
@@ -32,6 +40,7 @@ struct PulsesLine {
 BodySpec read_body(const nlohmann::json& line);
 SceneSpec read_scene(const nlohmann::json& line);
 RunLine read_run(const nlohmann::json& line);
+HeightsLine read_heights(const nlohmann::json& line);
 PulsesLine read_pulses(const nlohmann::json& line);
 
 // The id of a run line that may be wrong otherwise; empty if it has none.

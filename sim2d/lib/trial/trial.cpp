@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "application.h"
-#include "box_terrain.h"
 #include "ending.h"
+#include "scene_terrain.h"
 #include "sim_hal.h"
 #include "trial_start.h"
 
@@ -22,14 +22,14 @@ PathRow path_row(const Snapshot& at) {
 // The firmware and the car, stepped together: the application ticks whenever its period has passed.
 class Trial::Simulation {
  public:
-  Simulation(const BodySpec& body, const SceneSpec& scene, const Parameters& parameters, const StepOptions& options,
-             Stopwatch* stopwatch)
+  Simulation(const BodySpec& body, const SceneSpec& scene, const Terrain* terrain, const Parameters& parameters,
+             const StepOptions& options, Stopwatch* stopwatch)
       : stopwatch_(stopwatch),
         parameters_(parameters),
         hal_(kLogicBattery_v),
         application_(hal_.hal(), parameters_),
-        terrain_(scene.boxes),
-        car_(body, scene.friction, terrain_, scene.start, options, stopwatch) {
+        own_terrain_(terrain == nullptr ? std::make_unique<const SceneTerrain>(scene.terrain) : nullptr),
+        car_(body, scene.friction, terrain == nullptr ? *own_terrain_ : *terrain, scene.start, options, stopwatch) {
     application_.begin();
   }
 
@@ -56,7 +56,7 @@ class Trial::Simulation {
   Parameters parameters_;
   SimHal hal_;
   Application application_;
-  const BoxTerrain terrain_;
+  std::unique_ptr<const SceneTerrain> own_terrain_;
   TwinTrackCar car_;
   std::uint64_t next_tick_us_ = 0;
   std::uint64_t steps_ = 0;
@@ -76,9 +76,9 @@ const char* text(Outcome outcome) {
 }
 
 Trial::Trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec, const StepOptions& options,
-             Stopwatch* stopwatch)
+             Stopwatch* stopwatch, const Terrain* terrain)
     : scene_(scene),
-      simulation_(std::make_unique<Simulation>(body, scene, spec.parameters, options, stopwatch)) {
+      simulation_(std::make_unique<Simulation>(body, scene, terrain, spec.parameters, options, stopwatch)) {
   Simulation& simulation = *simulation_;
   while (simulation.now_s() < kSettling_s) simulation.step();
   start_firmware(simulation.application(), spec);
@@ -122,8 +122,8 @@ TrialResult Trial::result(const Snapshot& at, Outcome outcome) const {
 }
 
 TrialResult run_trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec,
-                      const StepOptions& options, Stopwatch* stopwatch) {
-  Trial trial(body, scene, spec, options, stopwatch);
+                      const StepOptions& options, Stopwatch* stopwatch, const Terrain* terrain) {
+  Trial trial(body, scene, spec, options, stopwatch, terrain);
   std::vector<PathRow> path;
   double next_path_s = 0;
   for (;;) {

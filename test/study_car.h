@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "body_spec.h"
 #include "hal.h"
@@ -89,6 +91,13 @@ inline double scrub_drive_n(double weight_n, double friction, double axle_m, dou
     drive_n += 0.5 * (scrub_n_m / (2 * track_m) - drive_n);
   }
   return drive_n;
+}
+
+// A terrain of nothing but these.
+inline TerrainSpec blocks(std::vector<BlockSpec> list) {
+  TerrainSpec terrain;
+  terrain.blocks = std::move(list);
+  return terrain;
 }
 
 // Two step pyramids left and right of a straight way, as in the width study, without noise.

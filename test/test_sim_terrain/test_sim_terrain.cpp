@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "box_terrain.h"
+#include "scene_terrain.h"
 #include "profile.h"
 
 using namespace foldcar;

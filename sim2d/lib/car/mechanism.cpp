@@ -28,8 +28,7 @@ b2FixtureDef contact_fixture(const b2Shape& shape, double coefficient, std::uint
   b2FixtureDef definition;
   definition.shape = &shape;
   definition.density = 0;
-  // Box2D takes the geometric mean of both sides; the terrain has 1, so the square gives the coefficient.
-  definition.friction = static_cast<float>(coefficient * coefficient);
+  definition.friction = fixture_friction(coefficient);
   definition.restitution = 0;
   definition.filter.categoryBits = category;
   definition.filter.maskBits = meets;

@@ -12,7 +12,7 @@ STREAM = (
     {"__init__", "errors", "results", "atomic_file", "time_limit"},
     {"parts"},
     {"modules", "design", "mass"},
-    {"layout", "body", "variation", "controller"},
+    {"layout", "body", "controller", "variation"},
     {"listing", "family", "experiments"},
     {"scene_reading", "scene_terrain", "scene_checks"},
     {"scenic_program", "scene_json", "scenes", "fingerprint"},

@@ -16,7 +16,7 @@ from typing import Any
 
 from foldcar.errors import FoldcarError
 from foldcar.scene_json import scene_object
-from foldcar.scenic_program import compile_program, ends_itself, one_line
+from foldcar.scenic_program import compile_program, ends_itself, is_dynamic, one_line
 from foldcar.time_limit import time_limit
 
 # Scenic's own default: a program that fails this often has requirements that hardly ever hold.
@@ -32,19 +32,28 @@ class SceneSource:
         self.seed = seed
         self._scenario = scenario
 
+    @property
+    def dynamic(self) -> bool:
+        """Whether a simulation of its scenes needs Scenic beside carsim: the program decides or records then."""
+        return is_dynamic(self._scenario)
+
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
 
         Lengths in metres, angles in radians, rounded to 1e-9. Raises FoldcarError if the program rejects
         every sample, fails or takes longer than SAMPLE_LIMIT_S, or makes what the simulator cannot represent.
         """
+        return self.describe(self.scenic_scene(k), k)
+
+    def scenic_scene(self, k: int) -> Any:
+        """Sample ``k`` as Scenic's own Scene. Raises FoldcarError like :meth:`sample`."""
         from scenic.core.distributions import RejectionException
 
         if k < 0:
             raise FoldcarError(f"{self.program}: sample {k} is below the minimum 0")
         try:
             with (
-                _seeded(f"{self.seed}/{k}"),
+                seeded(f"{self.seed}/{k}"),
                 time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"),
             ):
                 scene, _ = self._scenario.generate(maxIterations=MAX_ITERATIONS, verbosity=0)
@@ -57,6 +66,10 @@ class SceneSource:
             raise
         except Exception as error:
             raise FoldcarError(f"{self.program}: sample {k}: {one_line(error, self.program)}") from error
+        return scene
+
+    def describe(self, scene: Any, k: int) -> dict[str, Any]:
+        """The "scene" object of a Scene that is sample ``k``. Raises FoldcarError."""
         with time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"):
             return scene_object(scene, self.program, f"sample {k}", not ends_itself(self._scenario))
 
@@ -66,7 +79,7 @@ class SceneSource:
 
         said = io.StringIO()
         with (
-            _seeded(f"{self.seed}/{k}"),
+            seeded(f"{self.seed}/{k}"),
             contextlib.redirect_stdout(said),
             contextlib.suppress(RejectionException),
         ):
@@ -80,13 +93,13 @@ def open_environment(program: Path, params: Mapping[str, Any], seed: int) -> Sce
     Raises FoldcarError in one line if the file is missing or does not compile, if a parameter is unknown or
     of the wrong type, or if the program asks for something only a running simulation could check.
     """
-    with _seeded(f"{seed}/compile"):
+    with seeded(f"{seed}/compile"):
         scenario = compile_program(program, params)
     return SceneSource(program, scenario, seed)
 
 
 @contextlib.contextmanager
-def _seeded(text: str) -> Iterator[None]:
+def seeded(text: str) -> Iterator[None]:
     """Seed the global generators from ``text`` for a while; what a program prints goes to stderr."""
     import numpy
 

@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+# The last ones decide what programs that run beside the simulation see of it.
 SCENE_CODE = (
     "scenes.py",
     "scene_json.py",
@@ -21,6 +22,11 @@ SCENE_CODE = (
     "scene_terrain.py",
     "scene_reading.py",
     "scenic_program.py",
+    "program_globals.py",
+    "conditioning.py",
+    "scenic_simulator.py",
+    "scenic_ego.py",
+    "recorded_values.py",
 )
 VARIATION_CODE = ("variation.py", "parts_data/workshop.json")
 SOURCES = ("*.scenic", "*.py")

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "body_spec.h"
 #include "hal.h"
@@ -91,6 +93,13 @@ inline double scrub_drive_n(double weight_n, double friction, double axle_m, dou
   return drive_n;
 }
 
+// A terrain of nothing but these.
+inline TerrainSpec blocks(std::vector<BlockSpec> list) {
+  TerrainSpec terrain;
+  terrain.blocks = std::move(list);
+  return terrain;
+}
+
 // Two step pyramids left and right of a straight way, as in the width study, without noise.
 inline SceneSpec pyramids() {
   SceneSpec scene;
@@ -99,7 +108,7 @@ inline SceneSpec pyramids() {
   for (int pyramid = 0; pyramid < 2; ++pyramid) {
     for (int step = 0; step < 3; ++step) {
       const double side_m = 0.07 + 0.08 * (2 - step);
-      scene.boxes.push_back(
+      scene.terrain.blocks.push_back(
           {0.45 + 0.45 * pyramid, pyramid == 0 ? 0.05 : -0.05, side_m, side_m, 0.0215 * (step + 1), 0});
     }
   }

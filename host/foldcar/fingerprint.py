@@ -28,6 +28,7 @@ SCENE_CODE = (
     "scenic_ego.py",
     "recorded_values.py",
 )
+VARIATION_CODE = ("variation.py", "parts_data/workshop.json")
 SOURCES = ("*.scenic", "*.py")
 
 
@@ -52,8 +53,9 @@ def spread_fingerprint(spread: Mapping[str, float], seed: int) -> str:
 
 @cache
 def variation_code() -> str:
-    """The hash of the code that draws variations and applies them to bodies."""
-    return hashlib.sha256((Path(__file__).with_name("variation.py")).read_bytes()).hexdigest()
+    """The hash of the code and data that draw variations and apply them to bodies."""
+    package = Path(__file__).parent
+    return hashlib.sha256(b"\n".join((package / name).read_bytes() for name in VARIATION_CODE)).hexdigest()
 
 
 def scenic_version() -> str:

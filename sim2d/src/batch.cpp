@@ -110,6 +110,16 @@ class Batch {
       switch (line_kind(parsed)) {
         case LineKind::kBody: define("body " + read_body(parsed).id, line); return;
         case LineKind::kScene: define("scene " + read_scene(parsed).id, line); return;
+        case LineKind::kHeights: {
+          Job job{line_number_, {}, {}, line};
+          add_definition("scene " + read_heights(parsed).scene, job);
+          slots_.push_back({std::move(job), std::nullopt});
+          return;
+        }
+        case LineKind::kPulses:
+          read_pulses(parsed);
+          slots_.push_back({Job{line_number_, {}, {}, line}, std::nullopt});
+          return;
         case LineKind::kRun: break;
       }
       const RunLine run = read_run(parsed);

@@ -138,7 +138,7 @@ WIDTH = "vehicles.1.params.0.common.width"
         ("environments.1.seed", -1, "environments.1.seed: -1: input should be greater than or equal to 0"),
         ("environments.1.scenic_filename", "no.scenic", "environments.1.scenic_filename: "),
         ("vehicles.1.type", "W_Q_W", 'vehicles.1.type: "W_Q_W" has unknown module "Q"; known: W'),
-        ("vehicles.1.type", "B_H_W", 'vehicles.1.type: "B_H_W" has module H, a hinge: only rigid cars'),
+        ("vehicles.1.type", "W_B_H", 'vehicles.1.type: "W_B_H" ends with a hinge (H), which must join'),
         ("vehicles.1.type", "W_W", 'vehicles.1.type: "W_W" has no module B'),
         (
             "vehicles.1.params.0.H",

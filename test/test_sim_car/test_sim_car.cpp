@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "../study_car.h"
-#include "box_terrain.h"
+#include "scene_terrain.h"
 #include "twin_track_car.h"
 
 using namespace foldcar;
@@ -19,12 +19,16 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kGravity = 9.81;
-const BoxTerrain kFlat({});
+const SceneTerrain kFlat(TerrainSpec{});
 
 // Flat up to x = 0.3 m, then rising by slope_rad for a long way; needs a heading of zero.
 class Slope : public Terrain {
  public:
   explicit Slope(double slope_rad) : rise_(std::tan(slope_rad)) {}
+  double height_m(double x_m, double) const override { return std::max(0.0, rise_ * (x_m - kFoot_m)); }
+  double friction(double, double, double elsewhere) const override { return elsewhere; }
+  bool has_patches() const override { return false; }
+  const Ground* ground() const override { return nullptr; }
   void slice(const SliceFrame& frame, const Span& span, const std::vector<Strip>& strips,
              std::vector<std::vector<Piece>>& pieces) const override {
     const double foot_m = std::max(span.s_min_m, kFoot_m - frame.x_m);
@@ -174,7 +178,7 @@ void test_all_wheel_drive_climbs_to_the_friction_angle() {
 
 // Front wheels against a step, at rest: does the slow drive lift them onto it?
 bool climbs_step(const BodySpec& body, double friction, double height_m, double fraction) {
-  const BoxTerrain step({{1.0, 0, 1.0, 2.0, height_m, 0}});
+  const SceneTerrain step(blocks({{1.0, 0, 1.0, 2.0, height_m, 0}}));
   const double touching_m = 0.5 - 0.07 - std::sqrt(0.06 * 0.06 - (0.06 - height_m) * (0.06 - height_m));
   Drive drive(body, friction, step, fraction, {}, {touching_m, 0, 0});
   double highest_rad = 0;
@@ -216,7 +220,7 @@ void test_it_tips_where_its_weight_passes_the_outer_tyre() {
       // The left wheels on a bench as high as leans the car by that angle, its edge just inside their track.
       const double lean_rad = limit_rad + margin_rad;
       const double inner_m = 0.5 * body.track_m * std::cos(lean_rad) - 0.007;
-      const BoxTerrain bench({{0, inner_m + 0.5, 4, 1, body.track_m * std::sin(lean_rad), 0}});
+      const SceneTerrain bench(blocks({{0, inner_m + 0.5, 4, 1, body.track_m * std::sin(lean_rad), 0}}));
       StepOptions gently;
       gently.drop_m = 0;
       Drive drive(body, 0.6, bench, 0, gently);
@@ -258,7 +262,7 @@ void test_without_slip_motor_work_becomes_mechanical_energy() {
 }
 
 void test_friction_and_impacts_never_give_energy() {
-  const BoxTerrain bumps({{0.35, 0, 0.06, 2, 0.02, 0}, {0.75, 0, 0.06, 2, 0.02, 0}});
+  const SceneTerrain bumps(blocks({{0.35, 0, 0.06, 2, 0.02, 0}, {0.75, 0, 0.06, 2, 0.02, 0}}));
   // Hitting an edge, a wheel enters it by a step's travel and is pushed out at no cost: short steps keep that
   // below the tolerance.
   StepOptions fine;

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "../study_car.h"
-#include "box_terrain.h"
+#include "scene_terrain.h"
 #include "twin_track_car.h"
 
 using namespace foldcar;
@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kGravity = 9.81;
-const BoxTerrain kFlat({});
+const SceneTerrain kFlat(TerrainSpec{});
 const PulsesUs kNoPulses{};
 // The solver's spring damps by stiffness times step: little at this rate.
 constexpr double kFineRate_hz = 1920;
@@ -191,7 +191,7 @@ void test_a_limp_hinge_rests_on_its_limits() {
 }
 
 void test_a_very_stiff_hinge_is_none() {
-  const BoxTerrain bumps({{0.4, 0, 0.06, 2, 0.02, 0}, {0.9, 0.3, 0.2, 0.6, 0.03, 0}});
+  const SceneTerrain bumps(blocks({{0.4, 0, 0.06, 2, 0.02, 0}, {0.9, 0.3, 0.2, 0.6, 0.03, 0}}));
   const BodySpec rigid = study_car(kWidth_m), stiff = hinged_study_car(kWidth_m, 1000);
   Drive one(rigid, bumps, pulses_for(rigid, 0.4)), two(stiff, bumps, pulses_for(stiff, 0.4));
   for (int i = 0; i < 30; ++i) {
@@ -206,7 +206,7 @@ void test_a_very_stiff_hinge_is_none() {
 }
 
 void test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle() {
-  const BoxTerrain block({{0, 0, 0.06, 2, 0.02, 0}});
+  const SceneTerrain block(blocks({{0, 0, 0.06, 2, 0.02, 0}}));
   Drive limp(three_segments(1e-3), block, kNoPulses), rigid(three_segments(1000), block, kNoPulses);
   limp.run(2);
   rigid.run(2);
@@ -223,7 +223,7 @@ void test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle() {
 }
 
 void test_a_hinged_car_crosses_bumps_without_gaining_energy() {
-  const BoxTerrain bumps({{0.45, 0, 0.06, 2, 0.02, 0}, {0.85, 0, 0.06, 2, 0.02, 0}});
+  const SceneTerrain bumps(blocks({{0.45, 0, 0.06, 2, 0.02, 0}, {0.85, 0, 0.06, 2, 0.02, 0}}));
   const BodySpec body = without_rotors(three_segments(0.1));
   Drive drive(body, bumps, pulses_for(body, 1), gently(960));
   auto unexplained_j = [&] { return drive.car.mechanical_energy_j() - drive.car.state().motor_work_j; };
@@ -238,7 +238,7 @@ void test_a_hinged_car_crosses_bumps_without_gaining_energy() {
 }
 
 void test_half_the_time_step_changes_little() {
-  const BoxTerrain bumps({{0.45, 0, 0.06, 2, 0.015, 0}});
+  const SceneTerrain bumps(blocks({{0.45, 0, 0.06, 2, 0.015, 0}}));
   const BodySpec body = three_segments(0.1);
   Drive coarse(body, bumps, pulses_for(body, 0.5)), fine(body, bumps, pulses_for(body, 0.5), gently(480));
   TEST_ASSERT_DOUBLE_WITHIN(0.02, coarse.run(2.5).x_m, fine.run(2.5).x_m);
@@ -246,7 +246,8 @@ void test_half_the_time_step_changes_little() {
 }
 
 void test_mirrored_ground_mirrors_the_way() {
-  const BoxTerrain left({{0.35, 0.06, 0.08, 0.08, 0.015, 0}}), right({{0.35, -0.06, 0.08, 0.08, 0.015, 0}});
+  const SceneTerrain left(blocks({{0.35, 0.06, 0.08, 0.08, 0.015, 0}}));
+  const SceneTerrain right(blocks({{0.35, -0.06, 0.08, 0.08, 0.015, 0}}));
   const BodySpec body = three_segments(0.1);
   Drive one(body, left, pulses_for(body, 0.6)), other(body, right, pulses_for(body, 0.6));
   const CarState& a = one.run(1.5);
@@ -297,6 +298,20 @@ void test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed() {
   }
 }
 
+// Behind a body that slides without friction, two wheels on a segment far lighter than their rotors.
+void test_a_segment_lighter_than_its_rotors_drives_steadily() {
+  BodySpec body = hinged_study_car(kWidth_m, 0.1);
+  body.wheels.erase(body.wheels.begin(), body.wheels.begin() + 2);
+  body.segments[0].grip = 0;
+  SegmentSpec& rear = body.segments[1];
+  rear.mass_kg = 0.025;
+  rear.pitch_inertia_kg_m2 = 2e-5;
+  const double top_m_s = body.wheels[0].radius_m * body.wheels[0].servo.no_load_speed_rad_s;
+  TEST_ASSERT_TRUE(2 * body.wheels[0].servo.rotor_inertia_kg_m2 > 10 * rear.pitch_inertia_kg_m2);
+  Drive drive(body, kFlat, pulses_for(body, 1));
+  TEST_ASSERT_DOUBLE_WITHIN(0.03 * top_m_s, top_m_s, drive.run(2.5).speed_m_s);
+}
+
 int main() {
   UNITY_BEGIN();
   RUN_TEST(test_cut_in_two_the_car_has_the_same_constants);
@@ -311,6 +326,7 @@ int main() {
   RUN_TEST(test_mirrored_ground_mirrors_the_way);
   RUN_TEST(test_one_axle_pulls_its_belly_along);
   RUN_TEST(test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed);
+  RUN_TEST(test_a_segment_lighter_than_its_rotors_drives_steadily);
   UNITY_END();
   return 0;
 }

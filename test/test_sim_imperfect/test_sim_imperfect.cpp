@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "../study_car.h"
-#include "box_terrain.h"
+#include "scene_terrain.h"
 #include "twin_track_car.h"
 
 using namespace foldcar;
@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kGravity = 9.81;
-const BoxTerrain kFlat({});
+const SceneTerrain kFlat(TerrainSpec{});
 
 struct Drive {
   BodySpec body;
@@ -73,7 +73,7 @@ void test_a_weight_off_the_middle_tips_the_car_earlier_to_that_side() {
   for (const double margin_rad : {-0.09, 0.03}) {
     const double lean_rad = limit_rad + margin_rad;
     const double inner_m = 0.5 * body.track_m * std::cos(lean_rad) - 0.007;
-    const BoxTerrain bench({{0, inner_m + 0.5, 4, 1, body.track_m * std::sin(lean_rad), 0}});
+    const SceneTerrain bench(blocks({{0, inner_m + 0.5, 4, 1, body.track_m * std::sin(lean_rad), 0}}));
     Drive drive(body, bench, 0, gently());
     TEST_ASSERT_EQUAL_INT(margin_rad > 0, drive.run(3).up < 0.26);
   }

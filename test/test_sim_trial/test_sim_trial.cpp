@@ -29,7 +29,7 @@ TrialSpec full_speed(const BodySpec& body, double time_limit_s = 60) {
 SceneSpec one_bump(double y_m, double heading_rad) {
   SceneSpec scene;
   scene.friction = 0.6;
-  scene.boxes = {{0.4, y_m, 0.15, 0.2, 0.02, heading_rad}};
+  scene.terrain.blocks = {{0.4, y_m, 0.15, 0.2, 0.02, heading_rad}};
   scene.goal = GoalSpec{GoalSpec::Kind::kLine, 1.0, 0, 0, 0};
   scene.course = {-0.5, 2, -1, 1};
   return scene;
@@ -83,7 +83,7 @@ void test_a_turned_world_changes_nothing_but_the_direction() {
   const double turn_rad = 1.1, c = std::cos(turn_rad), s = std::sin(turn_rad);
   const SceneSpec scene = one_bump(0.08, 0.1);
   SceneSpec turned = scene;
-  turned.boxes[0] = {c * 0.4 - s * 0.08, s * 0.4 + c * 0.08, 0.15, 0.2, 0.02, 0.1 + turn_rad};
+  turned.terrain.blocks[0] = {c * 0.4 - s * 0.08, s * 0.4 + c * 0.08, 0.15, 0.2, 0.02, 0.1 + turn_rad};
   turned.start = {0, 0, turn_rad};
   turned.goal = GoalSpec{GoalSpec::Kind::kLine, c, s, turn_rad, 0};
   turned.course = {-2, 2, -2, 2};
@@ -118,7 +118,7 @@ void test_too_narrow_a_car_tips_and_too_wide_a_one_sticks() {
 void test_the_flat_is_crossed_in_the_time_the_speed_takes() {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = one_bump(0, 0);
-  scene.boxes.clear();
+  scene.terrain.blocks.clear();
   scene.goal->x_m = 3;
   scene.course.x_max_m = 4;
   TrialSpec trial = full_speed(body);
@@ -133,7 +133,7 @@ void test_the_flat_is_crossed_in_the_time_the_speed_takes() {
 void test_a_disc_is_reached_at_its_edge() {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = one_bump(0, 0);
-  scene.boxes.clear();
+  scene.terrain.blocks.clear();
   scene.goal = GoalSpec{GoalSpec::Kind::kDisc, 1.0, 0.03, 0, 0.05};
   const TrialResult result = run_trial(body, scene, full_speed(body));
   TEST_ASSERT_EQUAL_STRING("passed", text(result.outcome));
@@ -143,7 +143,7 @@ void test_a_disc_is_reached_at_its_edge() {
 void test_without_a_goal_it_drives_until_something_else_ends_it() {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = one_bump(0, 0);
-  scene.boxes.clear();
+  scene.terrain.blocks.clear();
   scene.goal.reset();
   const TrialResult result = run_trial(body, scene, full_speed(body));
   TEST_ASSERT_EQUAL_STRING("off_course", text(result.outcome));
@@ -161,7 +161,7 @@ void test_the_firmware_ends_the_trial_at_its_time_limit() {
 void test_it_leaves_the_course_at_its_edge() {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = one_bump(0, 0);
-  scene.boxes.clear();
+  scene.terrain.blocks.clear();
   scene.start.heading_rad = 0.5;
   scene.course.y_max_m = 0.2;
   const TrialResult result = run_trial(body, scene, full_speed(body));
@@ -174,7 +174,7 @@ void test_it_leaves_the_course_at_its_edge() {
 void test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for() {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = one_bump(0, 0);
-  scene.boxes.clear();
+  scene.terrain.blocks.clear();
   scene.goal = GoalSpec{GoalSpec::Kind::kDisc, 5, 5, 0, 0.01};
   scene.course = {-10, 10, -10, 10};
   TrialSpec trial = full_speed(body, 4);

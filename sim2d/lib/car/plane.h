@@ -20,6 +20,10 @@ inline double to_metres(double units) { return units / kUnitsPerMetre; }
 inline float to_torque_units(double newton_metres) { return static_cast<float>(newton_metres * kTorqueScale); }
 inline b2Vec2 to_units(double x_m, double z_m) { return {to_units(x_m), to_units(z_m)}; }
 
+// What a fixture must be given for that coefficient: Box2D takes the geometric mean of both sides, and the terrain's
+// is 1.
+inline float fixture_friction(double coefficient) { return static_cast<float>(coefficient * coefficient); }
+
 inline void set_mass(b2Body& body, double mass_kg, double inertia_kg_m2) {
   b2MassData data;
   data.mass = static_cast<float>(mass_kg);

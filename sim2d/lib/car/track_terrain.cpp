@@ -19,6 +19,14 @@ constexpr double kChainTolerance_m = 0.0001;
 // Terrain is cut this much further than the car may drive before the next cut, so that a chain can be kept
 // although the car has moved on.
 constexpr double kSpare_m = 0.04;
+// Smooth ground has many vertices: it is cut less far ahead, and planned anew every other time that runs out.
+constexpr double kGroundAhead_m = 0.04;
+constexpr double kGroundSpan_m = 2 * kGroundAhead_m;
+// Vertices of smooth ground may be moved this far; farther and the chain is made anew.
+constexpr double kAdjust_m = 0.004;
+
+// Lines of smooth ground whose heights differ by less carry the belly together.
+constexpr double kSameHeight_m = 0.0003;
 
 // The belly is felt along this many lines; fewer let narrow edges through.
 constexpr int kBellyLines = 9;
@@ -32,6 +40,9 @@ double belly_line_y_m(int line, double width_m) {
 float height_on_line(b2Vec2 a, b2Vec2 b, float x) {
   return a.x == b.x ? a.y : a.y + (b.y - a.y) * (x - a.x) / (b.x - a.x);
 }
+
+// Where a chain would go on: Box2D asks so that wheels do not catch on its ends.
+b2Vec2 beyond(b2Vec2 end, double metres) { return {end.x + to_units(metres), end.y}; }
 
 }  // namespace
 
@@ -51,7 +62,8 @@ bool TrackTerrain::stale(const CutPose& pose) const {
   const double c = std::cos(pose.frame.heading_rad), s = std::sin(pose.frame.heading_rad);
   const double ahead_m = c * dx + s * dy, sideways_m = c * dy - s * dx;
   return std::abs(pose.frame.heading_rad - at_.frame.heading_rad) > kHeadingTolerance_rad ||
-         std::abs(sideways_m) > kSidewaysTolerance_m || ahead_m > kAheadTolerance_m ||
+         std::abs(sideways_m) > kSidewaysTolerance_m ||
+         ahead_m > (terrain_.ground() == nullptr ? kAheadTolerance_m : kGroundAhead_m) ||
          ahead_m < -kBehindTolerance_m || std::abs(pose.q - at_.q) > kRollTolerance;
 }
 
@@ -69,17 +81,47 @@ void TrackTerrain::set_strips(double q) {
   }
 }
 
+Across TrackTerrain::across(int outline, double q) const {
+  const double cosine = cos_roll(q), tangent = tan_roll(q);
+  if (outline < 2) {
+    const double half_m = 0.5 * tyre_width_m_;
+    return {-half_m, half_m, (outline == 0 ? 0.5 : -0.5) * track_m_ * cosine, 1, 0};
+  }
+  return {-0.5 * belly_width_m_, 0.5 * belly_width_m_, -belly_drop_m_ * q, cosine, cosine * tangent};
+}
+
+// The ground's outlines at pose, planned anew where the car has left what was planned.
+void TrackTerrain::cut_ground(const CutPose& pose) {
+  const double dx = pose.frame.x_m - planned_at_.frame.x_m, dy = pose.frame.y_m - planned_at_.frame.y_m;
+  const double c = std::cos(planned_at_.frame.heading_rad), s = std::sin(planned_at_.frame.heading_rad);
+  const bool left = std::abs(c * dy - s * dx) > kPlanSideways_m ||
+                    std::abs(pose.frame.heading_rad - planned_at_.frame.heading_rad) > kPlanTurn_rad ||
+                    pose.s_m - reach_m_ - kBehindTolerance_m < planned_.s_min_m ||
+                    pose.s_m + reach_m_ + kGroundAhead_m > planned_.s_max_m;
+  if (left) {
+    const Span span{-reach_m_ - kGroundSpan_m, reach_m_ + kGroundSpan_m};
+    for (int k = 0; k < 3; ++k) {
+      grounds_[k].plan(*terrain_.ground(), pose.frame, pose.s_m, span, across(k, pose.q));
+    }
+    planned_at_ = pose;
+    planned_ = {pose.s_m + span.s_min_m, pose.s_m + span.s_max_m};
+  }
+  for (int k = 0; k < 3; ++k) {
+    grounds_[k].cut(pose.frame, pose.s_m, across(k, pose.q), kSameHeight_m, profiles_[k]);
+  }
+}
+
 void TrackTerrain::cut(const CutPose& pose) {
   set_strips(pose.q);
   for (auto& list : pieces_) list.clear();
-  const Span span{-reach_m_ - kBehindTolerance_m - kSpare_m, reach_m_ + kAheadTolerance_m + kSpare_m};
-  terrain_.slice(pose.frame, span, strips_, pieces_);
-  for (int k = 0; k < 2; ++k) {
-    const Piece ground{span.s_min_m, span.s_max_m, 0, 0, 0};
-    upper_envelope(pieces_[k], ground, span, kProfileResolution_m, breaks_, profiles_[k]);
+  Span span{-reach_m_ - kBehindTolerance_m - kSpare_m, reach_m_ + kAheadTolerance_m + kSpare_m};
+  const bool level = terrain_.ground() == nullptr;
+  if (!level) {
+    cut_ground(pose);
+    span = grounds_[0].span(pose.s_m);
   }
-  // A point of the belly at y stands y·tan(roll) higher: the belly meets the terrain lowered by as much. The
-  // ground is then highest under the side that is down.
+  terrain_.slice(pose.frame, span, strips_, pieces_);
+  // A point of the belly at y stands y·tan(roll) higher: the belly meets the terrain lowered by as much.
   const double tangent = tan_roll(pose.q), cosine = cos_roll(pose.q);
   belly_pieces_.clear();
   for (int line = 0; line < kBellyLines; ++line) {
@@ -92,10 +134,19 @@ void TrackTerrain::cut(const CutPose& pose) {
       belly_pieces_.push_back(piece);
     }
   }
+  // Level ground is then highest under the side that is down.
   const double low_side_m = std::copysign(0.5 * belly_width_m_, -tangent);
   const double ground_z_m = -low_side_m * cosine * tangent;
-  const Piece ground{span.s_min_m, span.s_max_m, ground_z_m, ground_z_m, tangent == 0 ? 0 : low_side_m};
-  upper_envelope(belly_pieces_, ground, span, kProfileResolution_m, breaks_, profiles_[2]);
+  const Piece under_wheels{span.s_min_m, span.s_max_m, 0, 0, 0};
+  const Piece under_belly{span.s_min_m, span.s_max_m, ground_z_m, ground_z_m, tangent == 0 ? 0 : low_side_m};
+  for (int k = 0; k < 3; ++k) {
+    const std::vector<Piece>& pieces = k < 2 ? pieces_[k] : belly_pieces_;
+    if (level) {
+      upper_envelope(pieces, k < 2 ? under_wheels : under_belly, span, kProfileResolution_m, scratch_, profiles_[k]);
+    } else {
+      raise_to_envelope(pieces, kProfileResolution_m, scratch_, profiles_[k]);
+    }
+  }
   at_ = pose;
   cut_once_ = true;
 }
@@ -136,14 +187,33 @@ bool TrackTerrain::fits(const std::vector<b2Vec2>& chain) const {
          std::abs(height_on_line(chain[last], chain[last - 1], vertices_[last].x) - vertices_[last].y) <= tolerance;
 }
 
+// Smooth ground changes with every cut, but little: moving a chain's vertices costs a tenth of a new chain, and its
+// contacts keep their impulses. False if it is not the same chain any more.
+bool TrackTerrain::adjust(int outline, b2Body& body) {
+  const std::vector<b2Vec2>& chain = chains_[outline];
+  if (chain.size() != vertices_.size()) return false;
+  const float farthest = to_units(kAdjust_m);
+  for (std::size_t i = 0; i < chain.size(); ++i) {
+    if (std::abs(chain[i].x - vertices_[i].x) > farthest || std::abs(chain[i].y - vertices_[i].y) > farthest) return false;
+  }
+  auto& shape = *static_cast<b2ChainShape*>(fixtures_[outline]->GetShape());
+  std::copy(vertices_.begin(), vertices_.end(), shape.m_vertices);
+  shape.m_prevVertex = beyond(vertices_.front(), 1);
+  shape.m_nextVertex = beyond(vertices_.back(), -1);
+  // Box2D looks again where a body's fixtures are when it is told where the body is.
+  body.SetTransform(body.GetPosition(), body.GetAngle());
+  return true;
+}
+
 void TrackTerrain::replace_chain(int outline, b2Body& body, std::uint16_t category, std::uint16_t meets) {
   make_vertices(body, profiles_[outline]);
   if (fits(chains_[outline])) return;
+  const bool adjusted = terrain_.ground() != nullptr && adjust(outline, body);
   chains_[outline] = vertices_;
-  const b2Vec2 before(vertices_.front().x + to_units(1), vertices_.front().y);
-  const b2Vec2 after(vertices_.back().x - to_units(1), vertices_.back().y);
+  if (adjusted) return;
   b2ChainShape chain;
-  chain.CreateChain(vertices_.data(), static_cast<int32>(vertices_.size()), before, after);
+  chain.CreateChain(vertices_.data(), static_cast<int32>(vertices_.size()), beyond(vertices_.front(), 1),
+                    beyond(vertices_.back(), -1));
   b2FixtureDef definition;
   definition.shape = &chain;
   definition.density = 0;

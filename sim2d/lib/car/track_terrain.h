@@ -4,6 +4,7 @@
 #include <array>
 #include <vector>
 
+#include "ground_outline.h"
 #include "mechanism.h"
 #include "profile.h"
 #include "terrain.h"
@@ -36,6 +37,10 @@ class TrackTerrain {
 
  private:
   void set_strips(double q);
+  // What the wheels of side k stand on, or the belly sees, of the ground at roll q.
+  Across across(int outline, double q) const;
+  void cut_ground(const CutPose& pose);
+  bool adjust(int outline, b2Body& body);
   void make_vertices(const b2Body& body, const Profile& profile);
   bool fits(const std::vector<b2Vec2>& chain) const;
   void replace_chain(int outline, b2Body& body, std::uint16_t category, std::uint16_t meets);
@@ -47,7 +52,10 @@ class TrackTerrain {
   std::vector<Strip> strips_;
   std::vector<std::vector<Piece>> pieces_;
   std::vector<Piece> belly_pieces_;
-  std::vector<double> breaks_;
+  EnvelopeScratch scratch_;
+  std::array<GroundOutline, 3> grounds_;  // used if the terrain has a ground
+  CutPose planned_at_;
+  Span planned_{1, -1};  // of the plane; none at first
   std::array<Profile, 3> profiles_;
   std::vector<b2Vec2> vertices_;               // of the outline being applied, right to left, in its body's frame
   std::array<std::vector<b2Vec2>, 3> chains_;  // what the fixtures are made of

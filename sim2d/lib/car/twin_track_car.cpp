@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "side_view_terms.h"
 
@@ -30,7 +31,7 @@ double filter_gain(double step_s, double time_constant_s) { return 1 - std::exp(
 double axle_height_m(const Profile& profile, double axle_s_m, const WheelSpec& wheel) {
   const double radius_m = wheel.radius_m;
   const double x_m = axle_s_m + wheel.eccentricity_m * std::cos(wheel.eccentricity_phase_rad);
-  double height_m = 0;
+  double height_m = std::numeric_limits<double>::lowest();
   for (const ProfileSegment& segment : profile) {
     const double lo = std::max(segment.s0_m, x_m - radius_m), hi = std::min(segment.s1_m, x_m + radius_m);
     if (hi < lo) continue;
@@ -50,7 +51,7 @@ double axle_height_m(const Profile& profile, double axle_s_m, const WheelSpec& w
 double resting_axle_height_m(const Profile& ground, const SegmentSpec& segment, double reference_m) {
   const double middle_m = segment.x_m - reference_m;
   const double bottom_m = segment.center_z_m - 0.5 * segment.height_m;
-  double height_m = 0;
+  double height_m = std::numeric_limits<double>::lowest();
   for (const ProfileSegment& piece : ground) {
     if (piece.s1_m < middle_m - 0.5 * segment.length_m || piece.s0_m > middle_m + 0.5 * segment.length_m) continue;
     height_m = std::max(height_m, std::max(piece.z0_m, piece.z1_m) - bottom_m);
@@ -65,6 +66,7 @@ TwinTrackCar::TwinTrackCar(const BodySpec& body, double friction, const Terrain&
     : body_(body),
       main_(body.segments[main_segment(body)]),
       friction_(friction),
+      terrain_(terrain),
       constants_(body),
       options_(options),
       step_s_(1 / options.rate_hz),
@@ -89,7 +91,7 @@ void TwinTrackCar::put_down(const PoseSpec& start) {
   com_x_m_ = start.x_m + reference_m * std::cos(heading_rad_);
   com_y_m_ = start.y_m + reference_m * std::sin(heading_rad_);
   ground_.cut({{com_x_m_, com_y_m_, heading_rad_}, reference_m, 0});
-  double side_m[2] = {0, 0};
+  double side_m[2] = {std::numeric_limits<double>::lowest(), std::numeric_limits<double>::lowest()};
   double weight_moment = 0;
   for (const WheelSpec& wheel : body_.wheels) {
     const int k = static_cast<int>(wheel.side);
@@ -106,6 +108,9 @@ void TwinTrackCar::put_down(const PoseSpec& start) {
   const double weight_n = constants_.mass_kg * kGravity_m_s2;
   scrub_moment_n_m_ = friction_ * weight_n * weight_moment / static_cast<double>(body_.wheels.size());
   last_s_m_ = to_metres(car_.chassis->GetPosition().x);
+  for (std::size_t i = 0; i < wheels_.size(); ++i) {
+    take_friction(i, to_metres(car_.wheel[i]->GetPosition().x));
+  }
   cut_terrain_if_stale();
   ground_.apply(car_);
   update_state();
@@ -153,8 +158,10 @@ void TwinTrackCar::drive_wheels(const PulsesUs& pulses_us) {
     car_.wheel_motor[i]->SetMotorSpeed(static_cast<float>(-no_load_rad_s));
     car_.wheel_motor[i]->SetMaxMotorTorque(to_torque_units(std::abs(torque_n_m)));
     // The rotor's spin-up is taken inside the gearbox: only what drives the wheel itself reacts on the frame.
-    const double acceleration = (omega - wheel.speed_rad_s) / step_s_;
-    wheel.speed_rad_s = omega;
+    // It lags by its filter; a frame whose rotors are in its inertia feels only the wheel's own share of it.
+    const double rotor_rad_s = car_.rotors_in_frames ? -car_.wheel[i]->GetAngularVelocity() : omega;
+    const double acceleration = (rotor_rad_s - wheel.speed_rad_s) / step_s_;
+    wheel.speed_rad_s = rotor_rad_s;
     wheel.acceleration_rad_s2 += rotor_gain_ * (acceleration - wheel.acceleration_rad_s2);
     const double limit_n_m = spec.servo.stall_torque_n_m;
     const double rotor_n_m =
@@ -240,6 +247,11 @@ void TwinTrackCar::read_contacts() {
           wheels_[i].load_n += manifold.points[j].normalImpulse * to_newton;
           wheels_[i].drive_force_n += manifold.points[j].tangentImpulse * to_newton;
         }
+        if (!terrain_.has_patches()) continue;
+        b2WorldManifold where;
+        contact->GetWorldManifold(&where);
+        take_friction(i, to_metres(where.points[0].x));
+        contact->ResetFriction();
       }
       continue;
     }
@@ -258,12 +270,29 @@ void TwinTrackCar::read_contacts() {
       const double y_m = ground_.belly_contact_y_m(contact_s_m);
       belly_roll_now_n_m_ += upward_n * y_m;
       belly_yaw_now_n_m_ -= forward_n * y_m;
+      const double friction = friction_at(contact_s_m, y_m);
+      if (terrain_.has_patches()) contact->SetFriction(static_cast<float>(friction * grip));
       belly_scrub_n_m_ +=
-          friction_ * grip * normal_n * std::abs(contact_s_m - s_m - load_centroid_m_);
+          friction * grip * normal_n * std::abs(contact_s_m - s_m - load_centroid_m_);
     }
   }
   belly_roll_couple_n_m_ += belly_gain_ * (belly_roll_now_n_m_ - belly_roll_couple_n_m_);
   belly_yaw_couple_n_m_ += belly_gain_ * (belly_yaw_now_n_m_ - belly_yaw_couple_n_m_);
+}
+
+double TwinTrackCar::friction_at(double s_m, double y_m) const {
+  if (!terrain_.has_patches()) return friction_;
+  const double ahead_m = s_m - to_metres(car_.chassis->GetPosition().x);
+  const double c = std::cos(heading_rad_), s = std::sin(heading_rad_);
+  return terrain_.friction(com_x_m_ + c * ahead_m - s * y_m, com_y_m_ + s * ahead_m + c * y_m, friction_);
+}
+
+// Contacts that begin later start with their fixture's friction, so the tyre's is changed too.
+void TwinTrackCar::take_friction(std::size_t wheel, double s_m) {
+  const WheelSpec& spec = body_.wheels[wheel];
+  const double side = spec.side == CarSide::kLeft ? 0.5 : -0.5;
+  wheels_[wheel].friction = friction_at(s_m, side * body_.track_m * cos_roll(car_.roll->GetAngle()));
+  car_.wheel[wheel]->GetFixtureList()->SetFriction(fixture_friction(wheels_[wheel].friction * spec.grip));
 }
 
 void TwinTrackCar::update_scrub() {
@@ -277,7 +306,7 @@ void TwinTrackCar::update_scrub() {
   load_centroid_m_ += centroid_gain_ * (centroid_m - load_centroid_m_);
   double scrub_n_m = belly_scrub_n_m_;
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
-    const double limit_n = friction_ * body_.wheels[i].grip * wheels_[i].load_n;
+    const double limit_n = wheels_[i].friction * body_.wheels[i].grip * wheels_[i].load_n;
     if (limit_n <= 0) continue;
     const double arm_m = body_.wheels[i].x_m - main_.com_x_m - load_centroid_m_;
     const double drive_ratio = std::min(1.0, std::abs(wheels_[i].drive_force_n) / limit_n);

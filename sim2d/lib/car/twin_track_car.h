@@ -59,6 +59,7 @@ class TwinTrackCar {
     double acceleration_rad_s2 = 0;  // filtered
     double drive_force_n = 0;        // of the tyre on the ground, filtered by nothing
     double load_n = 0;
+    double friction = 0;             // of the ground under it
   };
 
   void put_down(const PoseSpec& start);
@@ -70,12 +71,16 @@ class TwinTrackCar {
   void read_contacts();
   // The segment whose belly is one of two bodies in contact.
   std::optional<std::size_t> belly_of(const b2Body* a, const b2Body* b) const;
+  // Friction of the ground at a place of the plane, y across the car.
+  double friction_at(double s_m, double y_m) const;
+  void take_friction(std::size_t wheel, double s_m);
   void update_scrub();
   void update_state();
 
   const BodySpec& body_;
   const SegmentSpec& main_;  // carries the pose; its centre of mass is followed through the plane
-  const double friction_;
+  const double friction_;  // outside patches
+  const Terrain& terrain_;
   const CarConstants constants_;
   const StepOptions options_;
   const double step_s_;

@@ -5,6 +5,7 @@
 
 #include "printed_number.h"
 #include "supervisor.h"
+#include "terrain_input.h"
 
 namespace foldcar {
 namespace {
@@ -25,15 +26,13 @@ constexpr Limits kDamping_n_m_s_rad{0, 10};
 constexpr double kFold_rad = 3;
 constexpr std::size_t kMostSegments = 8;
 constexpr Limits kFriction{0, 5};
+constexpr std::size_t kMostPoints = 1000000;
 constexpr Limits kGrip{0, 5};
 constexpr Limits kVoltage_v{0.1, 60};
 constexpr Limits kCurrent_a{0, 50};
 constexpr Limits kTorque_n_m{1e-4, 50};
 constexpr Limits kSpeed_rad_s{0.1, 200};
 constexpr Limits kPulse_us{500, 2500};
-constexpr Limits kBoxSide_m{0.001, 100};
-constexpr Limits kBoxHeight_m{0.0001, 10};
-constexpr std::size_t kMostBoxes = 10000;
 
 ServoSpec read_servo(JsonReader reader) {
   ServoSpec servo;
@@ -140,19 +139,6 @@ PoseSpec read_pose(JsonReader reader) {
   return pose;
 }
 
-BoxSpec read_box(JsonReader reader) {
-  reader.choice("kind", {"box"});
-  BoxSpec box;
-  box.x_m = reader.number("x_m", kCoordinate_m);
-  box.y_m = reader.number("y_m", kCoordinate_m);
-  box.length_m = reader.number("length_m", kBoxSide_m);
-  box.width_m = reader.number("width_m", kBoxSide_m);
-  box.height_m = reader.number("height_m", kBoxHeight_m);
-  box.heading_rad = reader.number("heading_rad", kHeading_rad);
-  reader.finish();
-  return box;
-}
-
 GoalSpec read_goal(JsonReader reader) {
   GoalSpec goal;
   goal.kind = reader.choice("kind", {"line", "disc"}) == 0 ? GoalSpec::Kind::kLine : GoalSpec::Kind::kDisc;
@@ -191,6 +177,14 @@ void read_parameters(JsonReader reader, Parameters& parameters) {
   }
 }
 
+// What the firmware is given: the keys that run and pulses share.
+void read_set_point(JsonReader& reader, TrialSpec& trial) {
+  trial.speed_m_s = reader.number("speed_m_s", {-kSpeedLimitMS, kSpeedLimitMS});
+  trial.yaw_rate_rad_s = reader.number_or("yaw_rate_rad_s", {-kYawRateLimitRadS, kYawRateLimitRadS}, 0);
+  trial.time_limit_s = reader.number("time_limit_s", {0.001, 3600});
+  if (reader.has("parameters")) read_parameters(reader.object("parameters"), trial.parameters);
+}
+
 JsonReader only_value(const json& line, const char* kind) { return JsonReader(line.at(kind), kind); }
 
 }  // namespace
@@ -200,8 +194,10 @@ LineKind line_kind(const json& line) {
     if (line.contains("body")) return LineKind::kBody;
     if (line.contains("scene")) return LineKind::kScene;
     if (line.contains("run")) return LineKind::kRun;
+    if (line.contains("heights")) return LineKind::kHeights;
+    if (line.contains("pulses")) return LineKind::kPulses;
   }
-  throw InputError("a line must have exactly one key: body, scene or run");
+  throw InputError("a line must have exactly one key: body, scene, run, heights or pulses");
 }
 
 BodySpec read_body(const json& line) {
@@ -224,7 +220,7 @@ SceneSpec read_scene(const json& line) {
   SceneSpec scene;
   scene.id = reader.string("id");
   scene.friction = reader.number("friction", kFriction);
-  for (JsonReader& piece : reader.objects("terrain", 0, kMostBoxes)) scene.boxes.push_back(read_box(piece));
+  scene.terrain = read_terrain(reader);
   scene.start = read_pose(reader.object("start"));
   if (!reader.is_null("goal")) scene.goal = read_goal(reader.object("goal"));
   scene.course = read_course(reader.object("course"));
@@ -238,13 +234,34 @@ RunLine read_run(const json& line) {
   run.id = reader.string("id");
   run.body = reader.string("body");
   run.scene = reader.string("scene");
-  run.trial.speed_m_s = reader.number("speed_m_s", {-kSpeedLimitMS, kSpeedLimitMS});
-  run.trial.yaw_rate_rad_s = reader.number_or("yaw_rate_rad_s", {-kYawRateLimitRadS, kYawRateLimitRadS}, 0);
-  run.trial.time_limit_s = reader.number("time_limit_s", {0.001, 3600});
+  read_set_point(reader, run.trial);
   run.trial.path_interval_s = reader.number_or("path_interval_s", {0, 3600}, 0);
-  if (reader.has("parameters")) read_parameters(reader.object("parameters"), run.trial.parameters);
   reader.finish();
   return run;
+}
+
+HeightsLine read_heights(const json& line) {
+  JsonReader reader = only_value(line, "heights");
+  HeightsLine heights;
+  heights.id = reader.string("id");
+  heights.scene = reader.string("scene");
+  heights.x_m = reader.list("x_m", kCoordinate_m, kMostPoints);
+  heights.y_m = reader.list("y_m", kCoordinate_m, kMostPoints);
+  if (heights.x_m.size() != heights.y_m.size()) {
+    reader.fail("y_m", "has " + std::to_string(heights.y_m.size()) + " entries, x_m has " +
+                           std::to_string(heights.x_m.size()));
+  }
+  reader.finish();
+  return heights;
+}
+
+PulsesLine read_pulses(const json& line) {
+  JsonReader reader = only_value(line, "pulses");
+  PulsesLine pulses;
+  pulses.id = reader.string("id");
+  read_set_point(reader, pulses.trial);
+  reader.finish();
+  return pulses;
 }
 
 std::string run_id_if_any(const json& line) {

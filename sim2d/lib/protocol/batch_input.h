@@ -10,9 +10,9 @@
 
 namespace foldcar {
 
-enum class LineKind { kBody, kScene, kRun };
+enum class LineKind { kBody, kScene, kRun, kHeights, kPulses };
 
-// Which of the three a parsed line is. InputError if it is none or has more than one key.
+// Which kind a parsed line is. InputError if it is none or has more than one key.
 LineKind line_kind(const nlohmann::json& line);
 
 struct RunLine {
@@ -22,10 +22,26 @@ struct RunLine {
   TrialSpec trial;
 };
 
+// Points of a scene whose ground is asked for.
+struct HeightsLine {
+  std::string id;
+  std::string scene;
+  std::vector<double> x_m;
+  std::vector<double> y_m;
+};
+
+// What the firmware would put out in a trial.
+struct PulsesLine {
+  std::string id;
+  TrialSpec trial;
+};
+
 // The line's only value, checked in full. All throw InputError.
 BodySpec read_body(const nlohmann::json& line);
 SceneSpec read_scene(const nlohmann::json& line);
 RunLine read_run(const nlohmann::json& line);
+HeightsLine read_heights(const nlohmann::json& line);
+PulsesLine read_pulses(const nlohmann::json& line);
 
 // The id of a run line that may be wrong otherwise; empty if it has none.
 std::string run_id_if_any(const nlohmann::json& line);

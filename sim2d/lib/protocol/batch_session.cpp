@@ -1,5 +1,7 @@
 #include "batch_session.h"
 
+#include "printed_number.h"
+#include "pulse_record.h"
 #include "trial.h"
 
 namespace foldcar {
@@ -17,6 +19,16 @@ std::string result_reply(const RunLine& run, const TrialResult& result) {
   reply.update(result_object(result));
   if (run.trial.path_interval_s > 0) reply["path"] = result.path;
   return one_line(reply);
+}
+
+std::string pulses_reply(const PulsesLine& pulses) {
+  ordered_json changes = ordered_json::array();
+  for (const PulseChange& change : record_pulses(pulses.trial)) {
+    ordered_json row = {change.t_s};
+    for (const float pulse_us : change.pulses_us) row.push_back(as_printed(pulse_us));
+    changes.push_back(std::move(row));
+  }
+  return one_line({{"pulses", pulses.id}, {"changes", changes}});
 }
 
 }  // namespace
@@ -55,11 +67,16 @@ std::optional<std::string> BatchSession::answer(std::size_t line_number, const s
       case LineKind::kScene: {
         SceneSpec scene = read_scene(parsed);
         const std::string id = scene.id;
+        if (id == terrain_of_) terrain_.reset();
         scenes_.insert_or_assign(id, std::move(scene));
         return std::nullopt;
       }
       case LineKind::kRun:
         return run(read_run(parsed));
+      case LineKind::kHeights:
+        return heights(read_heights(parsed));
+      case LineKind::kPulses:
+        return pulses_reply(read_pulses(parsed));
     }
     return std::nullopt;
   } catch (const InputError& error) {
@@ -72,12 +89,36 @@ std::optional<std::string> BatchSession::answer(std::size_t line_number, const s
 std::string BatchSession::run(const RunLine& run) {
   const auto body = bodies_.find(run.body);
   if (body == bodies_.end()) throw InputError("run.body: no body \"" + run.body + "\" on an earlier line");
-  const auto scene = scenes_.find(run.scene);
-  if (scene == scenes_.end()) throw InputError("run.scene: no scene \"" + run.scene + "\" on an earlier line");
+  const SceneSpec& in = scene("run", run.scene);
   const TrialResult result =
-      run_trial(body->second, scene->second, run.trial, StepOptions{}, timed_ ? &stopwatch_ : nullptr);
+      run_trial(body->second, in, run.trial, StepOptions{}, timed_ ? &stopwatch_ : nullptr, &terrain(in));
   simulated_s_ += result.elapsed_time_s;
   return result_reply(run, result);
+}
+
+std::string BatchSession::heights(const HeightsLine& heights) {
+  const SceneSpec& in = scene("heights", heights.scene);
+  const SceneTerrain& ground = terrain(in);
+  std::vector<double> z_m, friction;
+  for (std::size_t i = 0; i < heights.x_m.size(); ++i) {
+    z_m.push_back(ground.height_m(heights.x_m[i], heights.y_m[i]));
+    friction.push_back(ground.friction(heights.x_m[i], heights.y_m[i], in.friction));
+  }
+  return one_line({{"heights", heights.id}, {"z_m", z_m}, {"friction", friction}});
+}
+
+const SceneSpec& BatchSession::scene(const char* line, const std::string& id) const {
+  const auto found = scenes_.find(id);
+  if (found == scenes_.end()) throw InputError(std::string(line) + ".scene: no scene \"" + id + "\" on an earlier line");
+  return found->second;
+}
+
+const SceneTerrain& BatchSession::terrain(const SceneSpec& scene) {
+  if (!terrain_ || terrain_of_ != scene.id) {
+    terrain_.emplace(scene.terrain);
+    terrain_of_ = scene.id;
+  }
+  return *terrain_;
 }
 
 }  // namespace foldcar

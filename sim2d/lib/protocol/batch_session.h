@@ -6,6 +6,7 @@
 #include <unordered_map>
 
 #include "batch_input.h"
+#include "scene_terrain.h"
 #include "stopwatch.h"
 
 namespace foldcar {
@@ -33,10 +34,16 @@ class BatchSession {
 
  private:
   std::string run(const RunLine& run);
+  std::string heights(const HeightsLine& heights);
+  const SceneSpec& scene(const char* line, const std::string& id) const;
+  // The scene's terrain, made once as long as lines ask for the same scene.
+  const SceneTerrain& terrain(const SceneSpec& scene);
 
   bool timed_;
   std::unordered_map<std::string, BodySpec> bodies_;
   std::unordered_map<std::string, SceneSpec> scenes_;
+  std::string terrain_of_;  // the scene's id
+  std::optional<SceneTerrain> terrain_;
   Stopwatch stopwatch_;
   double simulated_s_ = 0;
 };

@@ -107,14 +107,28 @@ std::vector<JsonReader> JsonReader::objects(const char* key, std::size_t minimum
   if (value.size() < minimum) {
     fail(key, "has " + std::to_string(value.size()) + " entries, at least " + std::to_string(minimum) + " are needed");
   }
-  if (value.size() > maximum) {
-    fail(key, "has " + std::to_string(value.size()) + " entries, the limit is " + std::to_string(maximum));
-  }
+  check_size(key, value, maximum);
   std::vector<JsonReader> readers;
   for (std::size_t i = 0; i < value.size(); ++i) {
     readers.emplace_back(value[i], path_ + "." + key + "." + std::to_string(i));
   }
   return readers;
+}
+
+std::vector<double> JsonReader::list(const char* key, Limits limits, std::size_t most) {
+  const json& value = at(key);
+  if (!value.is_array()) fail(key, "must be an array, not " + shown(value));
+  check_size(key, value, most);
+  std::vector<double> numbers;
+  for (std::size_t i = 0; i < value.size(); ++i) {
+    numbers.push_back(checked_number(std::string(key) + "." + std::to_string(i), value[i], limits));
+  }
+  return numbers;
+}
+
+void JsonReader::check_size(const char* key, const json& value, std::size_t maximum) const {
+  if (value.size() <= maximum) return;
+  fail(key, "has " + std::to_string(value.size()) + " entries, the limit is " + std::to_string(maximum));
 }
 
 std::vector<std::pair<std::string, double>> JsonReader::numbers() {

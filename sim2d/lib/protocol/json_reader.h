@@ -39,6 +39,8 @@ class JsonReader {
   JsonReader object(const char* key);
   // The elements of an array of objects.
   std::vector<JsonReader> objects(const char* key, std::size_t minimum, std::size_t maximum);
+  // An array of at most so many numbers.
+  std::vector<double> list(const char* key, Limits limits, std::size_t most);
   // Every key with a number, as an object of numbers.
   std::vector<std::pair<std::string, double>> numbers();
 
@@ -49,6 +51,7 @@ class JsonReader {
 
  private:
   const nlohmann::json& at(const char* key);
+  void check_size(const char* key, const nlohmann::json& value, std::size_t maximum) const;
   double checked_number(const std::string& key, const nlohmann::json& value, Limits limits) const;
 
   const nlohmann::json* value_;

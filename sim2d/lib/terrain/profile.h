@@ -1,4 +1,4 @@
-// The outline that a wheel or the belly meets: the upper envelope of a terrain's pieces over flat ground.
+// The outline that a wheel or the belly meets: the upper envelope of a terrain's pieces over the ground.
 #pragma once
 
 #include <vector>
@@ -20,9 +20,21 @@ struct ProfileSegment {
 
 using Profile = std::vector<ProfileSegment>;
 
-// Highest outline of ground and pieces over span, left to right without gaps. Details shorter than
-// resolution_m along s are merged into their neighbours. scratch avoids allocation in the hot loop.
-void upper_envelope(const std::vector<Piece>& pieces, const Piece& ground, const Span& span,
-                    double resolution_m, std::vector<double>& scratch, Profile& profile);
+// What an envelope is made with; kept by the caller, since the hot loop does not allocate.
+struct EnvelopeScratch {
+  std::vector<Piece> level;
+  std::vector<double> breaks;
+  Profile curve;
+  Profile before;
+};
+
+// Highest outline of a level ground and pieces over span, left to right without gaps. Level details shorter than
+// resolution_m along s are merged into their neighbours.
+void upper_envelope(const std::vector<Piece>& pieces, const Piece& ground, const Span& span, double resolution_m,
+                    EnvelopeScratch& scratch, Profile& profile);
+
+// The same over the outline of the ground that profile holds.
+void raise_to_envelope(const std::vector<Piece>& pieces, double resolution_m, EnvelopeScratch& scratch,
+                       Profile& profile);
 
 }  // namespace foldcar

@@ -1,13 +1,16 @@
-// The ground as the car meets it: whatever can be cut along strips of the car's frame is a terrain.
+// The ground as the car meets it: height and friction over the plane, and cuts along strips of the car's frame.
 //
-// The side-view model never needs the surface itself, only its highest line within a narrow strip along
-// the car's heading. A terrain returns that as straight pieces; profile.h makes one outline of them.
+// The side-view model never needs the surface itself, only its highest line within narrow strips along the car's
+// heading. What stands on the ground comes as straight pieces a strip, the ground below as fields to be sampled
+// (ground_outline.h); profile.h makes one outline of them.
 #pragma once
 
 #include <cstddef>
 #include <vector>
 
 namespace foldcar {
+
+class Ground;
 
 // Where the car's frame stands in the world; s runs along the heading, y to its left.
 struct SliceFrame {
@@ -39,7 +42,16 @@ struct Piece {
 class Terrain {
  public:
   virtual ~Terrain() = default;
-  // Appends to pieces[k] what stands above the flat ground in strips[k] within span, highest or not.
+  // The highest surface at a point of the world.
+  virtual double height_m(double x_m, double y_m) const = 0;
+  // Friction of the surface at a point of the world; elsewhere if nothing there sets one.
+  virtual double friction(double x_m, double y_m, double elsewhere) const = 0;
+  // False if nothing anywhere sets a friction.
+  virtual bool has_patches() const = 0;
+  // The ground that everything stands on; none if it is z = 0 throughout.
+  virtual const Ground* ground() const = 0;
+  // Appends to pieces[k] what stands on the ground in strips[k] within span, highest or not. Pieces that continue
+  // each other (s1 of one is s0 of the next, the same y) follow each other.
   virtual void slice(const SliceFrame& frame, const Span& span, const std::vector<Strip>& strips,
                      std::vector<std::vector<Piece>>& pieces) const = 0;
 };

@@ -4,23 +4,13 @@
 #include <cmath>
 
 #include "application.h"
-#include "box_terrain.h"
 #include "ending.h"
+#include "scene_terrain.h"
 #include "sim_hal.h"
+#include "trial_start.h"
 
 namespace foldcar {
 namespace {
-
-// The car is put down, falls its last fraction of a millimetre and comes to rest before the trial starts.
-constexpr double kSettling_s = 0.25;
-// A charged lithium cell, which the firmware's low-voltage guard reads; the servos have their own supply.
-constexpr double kLogicBattery_v = 4.0;
-
-std::uint64_t to_us(double t_s) { return static_cast<std::uint64_t>(std::llround(t_s * 1e6)); }
-
-void expect_accepted(Refusal refusal) {
-  if (refusal != Refusal::kNone) throw TrialError(std::string("the firmware refused: ") + text(refusal));
-}
 
 PathRow path_row(const Snapshot& at) {
   const CarState& car = at.car;
@@ -32,14 +22,14 @@ PathRow path_row(const Snapshot& at) {
 // The firmware and the car, stepped together: the application ticks whenever its period has passed.
 class Trial::Simulation {
  public:
-  Simulation(const BodySpec& body, const SceneSpec& scene, const Parameters& parameters, const StepOptions& options,
-             Stopwatch* stopwatch)
+  Simulation(const BodySpec& body, const SceneSpec& scene, const Terrain* terrain, const Parameters& parameters,
+             const StepOptions& options, Stopwatch* stopwatch)
       : stopwatch_(stopwatch),
         parameters_(parameters),
         hal_(kLogicBattery_v),
         application_(hal_.hal(), parameters_),
-        terrain_(scene.boxes),
-        car_(body, scene.friction, terrain_, scene.start, options, stopwatch) {
+        own_terrain_(terrain == nullptr ? std::make_unique<const SceneTerrain>(scene.terrain) : nullptr),
+        car_(body, scene.friction, terrain == nullptr ? *own_terrain_ : *terrain, scene.start, options, stopwatch) {
     application_.begin();
   }
 
@@ -66,7 +56,7 @@ class Trial::Simulation {
   Parameters parameters_;
   SimHal hal_;
   Application application_;
-  const BoxTerrain terrain_;
+  std::unique_ptr<const SceneTerrain> own_terrain_;
   TwinTrackCar car_;
   std::uint64_t next_tick_us_ = 0;
   std::uint64_t steps_ = 0;
@@ -86,20 +76,12 @@ const char* text(Outcome outcome) {
 }
 
 Trial::Trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec, const StepOptions& options,
-             Stopwatch* stopwatch)
+             Stopwatch* stopwatch, const Terrain* terrain)
     : scene_(scene),
-      simulation_(std::make_unique<Simulation>(body, scene, spec.parameters, options, stopwatch)) {
+      simulation_(std::make_unique<Simulation>(body, scene, terrain, spec.parameters, options, stopwatch)) {
   Simulation& simulation = *simulation_;
   while (simulation.now_s() < kSettling_s) simulation.step();
-
-  TrialRequest request;
-  request.speed_m_s = static_cast<float>(spec.speed_m_s);
-  request.yaw_rate_rad_s = static_cast<float>(spec.yaw_rate_rad_s);
-  request.time_limit_s = static_cast<float>(spec.time_limit_s);
-  request.untethered = true;
-  expect_accepted(simulation.application().arm());
-  expect_accepted(simulation.application().start(request));
-
+  start_firmware(simulation.application(), spec);
   start_s_ = simulation.now_s();
   start_energy_j_ = simulation.state().consumed_energy_j;
   simulation.ending.emplace(scene_, simulation.state());
@@ -140,8 +122,8 @@ TrialResult Trial::result(const Snapshot& at, Outcome outcome) const {
 }
 
 TrialResult run_trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec,
-                      const StepOptions& options, Stopwatch* stopwatch) {
-  Trial trial(body, scene, spec, options, stopwatch);
+                      const StepOptions& options, Stopwatch* stopwatch, const Terrain* terrain) {
+  Trial trial(body, scene, spec, options, stopwatch, terrain);
   std::vector<PathRow> path;
   double next_path_s = 0;
   for (;;) {

@@ -58,12 +58,13 @@ struct Snapshot {
   double max_pitch_rad = 0;
 };
 
-// A trial that its caller advances. body, scene and stopwatch must outlive it.
+// A trial that its caller advances. Everything handed over must outlive it. terrain is the scene's; without one the
+// trial makes it.
 class Trial {
  public:
   // Puts the car down, lets it come to rest and starts it. Throws TrialError.
   Trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec, const StepOptions& options = {},
-        Stopwatch* stopwatch = nullptr);
+        Stopwatch* stopwatch = nullptr, const Terrain* terrain = nullptr);
   ~Trial();
 
   // Advances by one step; not to be called once there is an outcome. Throws TrialError.
@@ -90,6 +91,6 @@ class Trial {
 
 // A whole trial at once.
 TrialResult run_trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& trial,
-                      const StepOptions& options = {}, Stopwatch* stopwatch = nullptr);
+                      const StepOptions& options = {}, Stopwatch* stopwatch = nullptr, const Terrain* terrain = nullptr);
 
 }  // namespace foldcar

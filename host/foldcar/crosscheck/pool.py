@@ -1,0 +1,65 @@
+"""Many runs in MuJoCo, in several processes.
+
+Input: tasks. Output: their indices and results as they finish. A task that fails raises its FoldcarError
+where the results are asked for.
+"""
+
+import signal
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+from typing import Any
+
+from foldcar.crosscheck.mujoco_run import DEFAULTS, EngineOptions, import_mujoco, run_mujoco
+from foldcar.crosscheck.pulses import PulseTrain
+from foldcar.models.ground import HeightGrid
+
+# Tasks handed out ahead, a worker: enough to keep it busy, few enough that the first results come at once.
+AHEAD = 4
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run in MuJoCo."""
+
+    body: dict[str, Any]
+    scene: dict[str, Any]
+    pulses: PulseTrain
+    grid: HeightGrid | None = None
+    options: EngineOptions = DEFAULTS
+
+
+def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Run the tasks in ``jobs`` processes; yields index and result in the order of finishing.
+
+    Ends its processes when it is closed or interrupted; what has been yielded is whole.
+    """
+    import_mujoco()
+    if jobs == 1:
+        for index, task in enumerate(tasks):
+            yield index, _run(task)
+        return
+    pool = ProcessPoolExecutor(jobs, initializer=_leave_interrupts_to_the_parent)
+    waiting: dict[Future[dict[str, Any]], int] = {}
+    following = iter(enumerate(tasks))
+    try:
+        while True:
+            while len(waiting) < AHEAD * jobs:
+                numbered = next(following, None)
+                if numbered is None:
+                    break
+                waiting[pool.submit(_run, numbered[1])] = numbered[0]
+            if not waiting:
+                return
+            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                yield waiting.pop(future), future.result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _run(task: Task) -> dict[str, Any]:
+    return run_mujoco(task.body, task.scene, task.pulses, task.grid, task.options)
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,1 @@
+"""Cars and scenes in the file formats of other simulators: MJCF, URDF, Webots."""

@@ -1,0 +1,43 @@
+// A block on z = 0: an upright box, a ramp or a half-round, turned about the vertical.
+#pragma once
+
+#include <vector>
+
+#include "ground_field.h"
+#include "scene_spec.h"
+#include "terrain.h"
+
+namespace foldcar {
+
+struct BlockCorners;
+struct AlongBlock;
+struct Interval;
+
+class Block {
+ public:
+  explicit Block(const BlockSpec& spec);
+  bool covers(double x_m, double y_m) const;
+  // The surface at a point of the world that it covers.
+  double height_m(double x_m, double y_m) const;
+  // As Terrain::slice, with the frame's cosine and sine at hand. What stands in a strip is exact for boxes and ramps;
+  // arcs are cut into chords a tenth of a millimetre below them at most.
+  void slice(const SliceFrame& frame, double cosine, double sine, const Span& span, const std::vector<Strip>& strips,
+             std::vector<std::vector<Piece>>& pieces) const;
+
+ private:
+  double along_m(double x_m, double y_m) const;  // of a point of the world, from the block's middle
+  double surface_m(double u_m) const;            // u counts along the block
+  void add_curve(const BlockCorners& corners, const AlongBlock& along, const Interval& within, const Strip& strip,
+                 std::vector<Piece>& pieces) const;
+  // The surface from s_m[0] to s_m[1] while the highest point moves along the block from crest_m[0] to [1].
+  void add_run(const double* s_m, const double* crest_m, double y_m, std::vector<Piece>& pieces) const;
+
+  BlockSpec spec_;
+  double cosine_, sine_;
+  Disc reach_;
+  double corner_x_m_[4];
+  double corner_y_m_[4];
+  double arc_radius_m_ = 0;
+};
+
+}  // namespace foldcar

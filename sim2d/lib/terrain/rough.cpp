@@ -1,0 +1,170 @@
+#include "rough.h"
+
+#include <cstdint>
+
+namespace foldcar {
+namespace {
+
+constexpr double kCellsPerCorrelation = 8;
+constexpr double kKernelReach = 4;  // standard deviations
+// Curvature is kept for blocks of so many cells by as many. All of it sits in the kinks between cells: chords about as
+// long as a cell miss more of them than of a surface bent evenly.
+constexpr std::size_t kBlockCells = 8;
+constexpr double kKinks = 1.4;
+
+double cells(double side_m, double correlation_m) {
+  return std::max(1.0, std::ceil(side_m * kCellsPerCorrelation / correlation_m - 1e-9));
+}
+
+// The finaliser of SplitMix64 (Steele, Lea and Flood, 2014): every bit of the result depends on every bit.
+std::uint64_t mixed(std::uint64_t bits) {
+  bits += 0x9e3779b97f4a7c15u;
+  bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9u;
+  bits = (bits ^ (bits >> 27)) * 0x94d049bb133111ebu;
+  return bits ^ (bits >> 31);
+}
+
+// Uniform, of mean 0 and variance 1: the blur makes it Gaussian.
+double noise(int seed, std::int64_t column, std::int64_t row) {
+  std::uint64_t bits = mixed(static_cast<std::uint64_t>(seed));
+  bits = mixed(bits ^ static_cast<std::uint64_t>(column));
+  bits = mixed(bits ^ static_cast<std::uint64_t>(row));
+  constexpr double kRoot12 = 3.4641016151377544;
+  return (static_cast<double>(bits >> 11) * 0x1p-53 - 0.5) * kRoot12;
+}
+
+// Gaussian weights of that standard deviation in cells, scaled so that blurring keeps a variance of 1.
+std::vector<double> blur_kernel(double sd_cells) {
+  const int reach = static_cast<int>(std::ceil(kKernelReach * sd_cells));
+  std::vector<double> weights;
+  double squares = 0;
+  for (int i = -reach; i <= reach; ++i) {
+    weights.push_back(std::exp(-0.5 * i * i / (sd_cells * sd_cells)));
+    squares += weights.back() * weights.back();
+  }
+  for (double& weight : weights) weight /= std::sqrt(squares);
+  return weights;
+}
+
+// 0 at the edge of a side of so many cells, 1 from fade_cells inside.
+double window(std::size_t node, std::size_t cells_of_side, double fade_cells) {
+  const double t = std::min(1.0, static_cast<double>(std::min(node, cells_of_side - node)) / fade_cells);
+  return t * t * (3 - 2 * t);
+}
+
+}  // namespace
+
+double Rough::node_count(const RoughSpec& spec) {
+  return (cells(spec.length_m, spec.correlation_m) + 1) * (cells(spec.width_m, spec.correlation_m) + 1);
+}
+
+Rough::Rough(const RoughSpec& spec)
+    : spec_(spec),
+      cosine_(std::cos(spec.heading_rad)),
+      sine_(std::sin(spec.heading_rad)),
+      cells_along_(static_cast<std::size_t>(cells(spec.length_m, spec.correlation_m))),
+      cells_across_(static_cast<std::size_t>(cells(spec.width_m, spec.correlation_m))),
+      per_m_along_(static_cast<double>(cells_along_) / spec.length_m),
+      per_m_across_(static_cast<double>(cells_across_) / spec.width_m) {
+  const double blur_m = spec.correlation_m / std::sqrt(2.0);
+  const std::vector<double> along = blur_kernel(blur_m * per_m_along_), across = blur_kernel(blur_m * per_m_across_);
+  const std::size_t columns = cells_along_ + 1, rows = cells_across_ + 1;
+  // Rows beyond the rectangle are needed by the blur across.
+  const std::size_t noise_rows = rows + across.size() - 1;
+  std::vector<float> blurred(noise_rows * columns);
+  std::vector<double> line(columns + along.size() - 1);
+  for (std::size_t row = 0; row < noise_rows; ++row) {
+    for (std::size_t i = 0; i < line.size(); ++i) {
+      line[i] = noise(spec.seed, static_cast<std::int64_t>(i), static_cast<std::int64_t>(row));
+    }
+    for (std::size_t column = 0; column < columns; ++column) {
+      double sum = 0;
+      for (std::size_t i = 0; i < along.size(); ++i) sum += along[i] * line[column + i];
+      blurred[row * columns + column] = static_cast<float>(sum);
+    }
+  }
+  node_m_.resize(rows * columns);
+  std::vector<double> sums(columns);
+  for (std::size_t row = 0; row < rows; ++row) {
+    std::fill(sums.begin(), sums.end(), 0.0);
+    for (std::size_t i = 0; i < across.size(); ++i) {
+      const float* from = &blurred[(row + i) * columns];
+      for (std::size_t column = 0; column < columns; ++column) sums[column] += across[i] * from[column];
+    }
+    const double fade_across = window(row, cells_across_, spec.correlation_m * per_m_across_);
+    for (std::size_t column = 0; column < columns; ++column) {
+      const double fade = fade_across * window(column, cells_along_, spec.correlation_m * per_m_along_);
+      node_m_[row * columns + column] = static_cast<float>(spec.height_sd_m * fade * sums[column]);
+    }
+  }
+  find_curvature();
+}
+
+Disc Rough::reach() const { return {spec_.x_m, spec_.y_m, 0.5 * std::hypot(spec_.length_m, spec_.width_m)}; }
+
+double Rough::at(double along, double across) const {
+  if (!(along >= 0 && across >= 0)) return 0;
+  const auto column = static_cast<std::size_t>(along), row = static_cast<std::size_t>(across);
+  if (column >= cells_along_ || row >= cells_across_) return 0;
+  const double u = along - static_cast<double>(column), v = across - static_cast<double>(row);
+  const float* near = &node_m_[row * (cells_along_ + 1) + column];
+  const float* far = near + cells_along_ + 1;
+  return (1 - v) * ((1 - u) * near[0] + u * near[1]) + v * ((1 - u) * far[0] + u * far[1]);
+}
+
+double Rough::height_m(double x_m, double y_m) const {
+  const double dx = x_m - spec_.x_m, dy = y_m - spec_.y_m;
+  return at((cosine_ * dx + sine_ * dy + 0.5 * spec_.length_m) * per_m_along_,
+            (cosine_ * dy - sine_ * dx + 0.5 * spec_.width_m) * per_m_across_);
+}
+
+void Rough::add_along(const Ray& ray, const std::vector<double>& s_m, std::vector<double>& z_m) const {
+  const double dx = ray.x_m - spec_.x_m, dy = ray.y_m - spec_.y_m;
+  const double along = (cosine_ * dx + sine_ * dy + 0.5 * spec_.length_m) * per_m_along_;
+  const double across = (cosine_ * dy - sine_ * dx + 0.5 * spec_.width_m) * per_m_across_;
+  const double along_1_m = (cosine_ * ray.cosine + sine_ * ray.sine) * per_m_along_;
+  const double across_1_m = (cosine_ * ray.sine - sine_ * ray.cosine) * per_m_across_;
+  for (std::size_t i = 0; i < s_m.size(); ++i) z_m[i] += at(along + along_1_m * s_m[i], across + across_1_m * s_m[i]);
+}
+
+// The larger principal curvature at every inner node.
+void Rough::find_curvature() {
+  blocks_along_ = cells_along_ / kBlockCells + 1;
+  blocks_across_ = cells_across_ / kBlockCells + 1;
+  block_curvature_1_m_.assign(blocks_along_ * blocks_across_, 0);
+  const auto stride = static_cast<std::ptrdiff_t>(cells_along_ + 1);
+  for (std::size_t row = 1; row < cells_across_; ++row) {
+    for (std::size_t column = 1; column < cells_along_; ++column) {
+      const float* z = &node_m_[row * (cells_along_ + 1) + column];
+      const double along = (z[-1] - 2 * z[0] + z[1]) * per_m_along_ * per_m_along_;
+      const double across = (z[-stride] - 2 * z[0] + z[stride]) * per_m_across_ * per_m_across_;
+      const double twist =
+          (z[stride + 1] - z[stride - 1] - z[-stride + 1] + z[-stride - 1]) * 0.25 * per_m_along_ * per_m_across_;
+      const double larger = std::abs(0.5 * (along + across)) + std::hypot(0.5 * (along - across), twist);
+      float& block = block_curvature_1_m_[row / kBlockCells * blocks_along_ + column / kBlockCells];
+      block = std::max(block, static_cast<float>(kKinks * larger));
+    }
+  }
+}
+
+double Rough::curvature_1_m(const Disc& disc) const {
+  const double dx = disc.x_m - spec_.x_m, dy = disc.y_m - spec_.y_m;
+  auto block = [](double cell, std::size_t count) {
+    return static_cast<std::size_t>(std::clamp(std::floor(cell / kBlockCells), 0.0, static_cast<double>(count - 1)));
+  };
+  const double along_m = cosine_ * dx + sine_ * dy + 0.5 * spec_.length_m;
+  const double across_m = cosine_ * dy - sine_ * dx + 0.5 * spec_.width_m;
+  const double r_m = disc.radius_m;
+  if (along_m < -r_m || across_m < -r_m || along_m > spec_.length_m + r_m || across_m > spec_.width_m + r_m) return 0;
+  float largest = 0;
+  for (std::size_t row = block((across_m - r_m) * per_m_across_, blocks_across_);
+       row <= block((across_m + r_m) * per_m_across_, blocks_across_); ++row) {
+    for (std::size_t column = block((along_m - r_m) * per_m_along_, blocks_along_);
+         column <= block((along_m + r_m) * per_m_along_, blocks_along_); ++column) {
+      largest = std::max(largest, block_curvature_1_m_[row * blocks_along_ + column]);
+    }
+  }
+  return largest;
+}
+
+}  // namespace foldcar

@@ -1,0 +1,41 @@
+#include "scene_terrain.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace foldcar {
+namespace {
+
+bool covers(const PatchSpec& patch, double x_m, double y_m) {
+  const double c = std::cos(patch.heading_rad), s = std::sin(patch.heading_rad);
+  const double dx = x_m - patch.x_m, dy = y_m - patch.y_m;
+  return std::abs(c * dx + s * dy) <= 0.5 * patch.length_m && std::abs(c * dy - s * dx) <= 0.5 * patch.width_m;
+}
+
+}  // namespace
+
+SceneTerrain::SceneTerrain(const TerrainSpec& spec)
+    : blocks_(spec.blocks.begin(), spec.blocks.end()), ground_(spec), patches_(spec.patches) {}
+
+double SceneTerrain::height_m(double x_m, double y_m) const {
+  // Between blocks the ground may lie below z = 0; on them it is as high as they are at least.
+  double height_m = ground_.height_m(x_m, y_m);
+  for (const Block& block : blocks_) {
+    if (block.covers(x_m, y_m)) height_m = std::max(height_m, block.height_m(x_m, y_m));
+  }
+  return height_m;
+}
+
+double SceneTerrain::friction(double x_m, double y_m, double elsewhere) const {
+  const auto last =
+      std::find_if(patches_.rbegin(), patches_.rend(), [&](const PatchSpec& patch) { return covers(patch, x_m, y_m); });
+  return last == patches_.rend() ? elsewhere : last->friction;
+}
+
+void SceneTerrain::slice(const SliceFrame& frame, const Span& span, const std::vector<Strip>& strips,
+                         std::vector<std::vector<Piece>>& pieces) const {
+  const double cosine = std::cos(frame.heading_rad), sine = std::sin(frame.heading_rad);
+  for (const Block& block : blocks_) block.slice(frame, cosine, sine, span, strips, pieces);
+}
+
+}  // namespace foldcar

@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+# The last ones decide what programs that run beside the simulation see of it.
 SCENE_CODE = (
     "scenes.py",
     "scene_json.py",
@@ -21,7 +22,13 @@ SCENE_CODE = (
     "scene_terrain.py",
     "scene_reading.py",
     "scenic_program.py",
+    "program_globals.py",
+    "conditioning.py",
+    "scenic_simulator.py",
+    "scenic_ego.py",
+    "recorded_values.py",
 )
+VARIATION_CODE = ("variation.py", "parts_data/workshop.json")
 SOURCES = ("*.scenic", "*.py")
 
 
@@ -46,8 +53,9 @@ def spread_fingerprint(spread: Mapping[str, float], seed: int) -> str:
 
 @cache
 def variation_code() -> str:
-    """The hash of the code that draws variations and applies them to bodies."""
-    return hashlib.sha256((Path(__file__).with_name("variation.py")).read_bytes()).hexdigest()
+    """The hash of the code and data that draw variations and apply them to bodies."""
+    package = Path(__file__).parent
+    return hashlib.sha256(b"\n".join((package / name).read_bytes() for name in VARIATION_CODE)).hexdigest()
 
 
 def scenic_version() -> str:

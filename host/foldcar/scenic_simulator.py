@@ -120,6 +120,8 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         """Put the car down and register what can change: the ego, and what has a behavior or senses."""
         self.agents = []
         scenario = self.scene.dynamicScenario
+        # Scenic leaves those that were running when the last simulation was ended from outside.
+        scenario._subScenarios = []
         advanced = self._start_trial()
         ego = self.scene.egoObject
         for thing in self.scene.objects:

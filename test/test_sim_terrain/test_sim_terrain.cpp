@@ -1,12 +1,16 @@
-// Terrain and outlines: slices of boxes against point sampling, the upper envelope against its definition.
+// Terrain and outlines: cuts of every kind against dense sampling and closed forms, the envelope against its definition.
 #include <unity.h>
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <vector>
 
-#include "scene_terrain.h"
+#include "../study_car.h"
 #include "profile.h"
+#include "rough.h"
+#include "scene_terrain.h"
+#include "track_terrain.h"
 
 using namespace foldcar;
 
@@ -17,19 +21,8 @@ namespace {
 
 constexpr Span kSpan{-0.4, 0.4};
 constexpr double kResolution_m = 0.00075;
-
-double height_of(const std::vector<BoxSpec>& boxes, double x_m, double y_m) {
-  double height_m = 0;
-  for (const BoxSpec& box : boxes) {
-    const double dx = x_m - box.x_m, dy = y_m - box.y_m;
-    const double along = dx * std::cos(box.heading_rad) + dy * std::sin(box.heading_rad);
-    const double across = dy * std::cos(box.heading_rad) - dx * std::sin(box.heading_rad);
-    if (std::abs(along) <= box.length_m / 2 && std::abs(across) <= box.width_m / 2) {
-      height_m = std::max(height_m, box.height_m);
-    }
-  }
-  return height_m;
-}
+constexpr double kAllowed_m = 0.0002;
+const BodySpec kBody = study_car(0.115);
 
 double height_of(const Profile& profile, double s_m) {
   for (const ProfileSegment& segment : profile) {
@@ -41,57 +34,271 @@ double height_of(const Profile& profile, double s_m) {
   return 0;
 }
 
+// The highest of the surface, lowered by tilt times what is across, on a line over the car's frame at s.
+double highest_m(const Terrain& terrain, const CutPose& pose, double s_m, const Across& across) {
+  const double c = std::cos(pose.frame.heading_rad), s = std::sin(pose.frame.heading_rad);
+  constexpr int kSamples = 100;
+  double highest = -1e9;
+  for (int i = 0; i <= kSamples; ++i) {
+    const double across_m = across.from_m + (across.to_m - across.from_m) * i / kSamples;
+    const double y_m = across.middle_m + across.scale * across_m;
+    const double z_m = terrain.height_m(pose.frame.x_m + c * s_m - s * y_m, pose.frame.y_m + s * s_m + c * y_m);
+    highest = std::max(highest, z_m - across.tilt * across_m);
+  }
+  return highest;
+}
+
+Across under_wheels(int k, double q) {
+  const double half_m = 0.5 * kBody.wheels[0].width_m, side = k == 0 ? 0.5 : -0.5;
+  return {-half_m, half_m, side * kBody.track_m * std::sqrt(1 - q * q), 1, 0};
+}
+
+// How far outlines of wheels are from the dense samples; a vertical wall may stand reach_m away from where it should.
+double wheel_error_m(const Terrain& terrain, const TrackTerrain& cut, const CutPose& pose, double reach_m) {
+  double worst_m = 0;
+  for (int k = 0; k < 2; ++k) {
+    for (double s_m = -0.13; s_m <= 0.13; s_m += 0.00071) {
+      double low_m = 1e9, high_m = -1e9;
+      for (const double ds_m : {-reach_m, -0.5 * reach_m, 0.0, 0.5 * reach_m, reach_m}) {
+        const double z_m = highest_m(terrain, pose, s_m + ds_m, under_wheels(k, pose.q));
+        low_m = std::min(low_m, z_m);
+        high_m = std::max(high_m, z_m);
+      }
+      const double z_m = height_of(cut.wheels(k), s_m);
+      worst_m = std::max({worst_m, z_m - high_m, low_m - z_m});
+    }
+  }
+  return worst_m;
+}
+
+// The worst over many places and headings around the terrain's middle.
+double worst_wheel_error_m(const TerrainSpec& spec, double reach_m) {
+  const SceneTerrain terrain(spec);
+  std::mt19937 random(1);
+  auto uniform = [&](double range) { return range * (static_cast<double>(random()) / 0x1p31 - 1); };
+  double worst_m = 0;
+  for (int i = 0; i < 30; ++i) {
+    const CutPose pose{{uniform(0.15), uniform(0.15), uniform(3.1)}, 0.3 * i, uniform(0.2)};
+    TrackTerrain cut(terrain, kBody, CarConstants(kBody));
+    cut.cut(pose);
+    worst_m = std::max(worst_m, wheel_error_m(terrain, cut, pose, reach_m));
+  }
+  return worst_m;
+}
+
+TerrainSpec hills_and_hollows() {
+  TerrainSpec spec;
+  spec.hills = {{0.05, 0.02, 0.3, 0.08, 0.05, 0.03}, {-0.1, -0.05, -1.1, 0.04, 0.1, 0.02}, {0.0, 0.1, 0, 0.06, 0.06, -0.025}};
+  return spec;
+}
+
+TerrainSpec rough_ground(int seed) {
+  TerrainSpec spec;
+  spec.roughs = {{0.02, -0.01, 0.4, 0.7, 0.6, 0.003, 0.02, seed}};
+  return spec;
+}
+
 Profile envelope(const std::vector<Piece>& pieces) {
-  std::vector<double> scratch;
+  EnvelopeScratch scratch;
   Profile profile;
   upper_envelope(pieces, {kSpan.s_min_m, kSpan.s_max_m, 0, 0, 0}, kSpan, kResolution_m, scratch, profile);
   return profile;
 }
 
-const std::vector<BoxSpec> kBoxes = {{0.10, 0.02, 0.20, 0.12, 0.030, 0.4},
-                                     {-0.15, -0.05, 0.10, 0.30, 0.015, -0.7},
-                                     {0.12, 0.00, 0.05, 0.05, 0.050, 1.2}};
-
 }  // namespace
 
-void test_a_slice_is_the_highest_of_the_surface_over_the_strip() {
-  const BoxTerrain terrain(kBoxes);
-  const SliceFrame frame{-0.02, 0.01, 0.3};
-  const Strip strip{0.02, 0.032};
-  std::vector<std::vector<Piece>> pieces(1);
-  terrain.slice(frame, kSpan, {strip}, pieces);
-  const Profile profile = envelope(pieces[0]);
-  int compared = 0;
-  for (double s_m = -0.39; s_m < 0.39; s_m += 0.0013) {
-    auto highest_near = [&](double reach_m) {
-      double height_m = 0;
-      for (double ds_m = -reach_m; ds_m <= reach_m; ds_m += std::max(reach_m, 1e-9)) {
-        for (int i = 0; i <= 60; ++i) {
-          const double y_m = strip.y_min_m + (strip.y_max_m - strip.y_min_m) * i / 60;
-          const double s = s_m + ds_m;
-          height_m = std::max(height_m, height_of(kBoxes, frame.x_m + s * std::cos(0.3) - y_m * std::sin(0.3),
-                                                  frame.y_m + s * std::sin(0.3) + y_m * std::cos(0.3)));
-        }
-        if (reach_m == 0) break;
-      }
-      return height_m;
-    };
-    // Beside an edge (within the resolution) either side may count.
-    if (highest_near(0) != highest_near(0.001)) continue;
-    TEST_ASSERT_DOUBLE_WITHIN(1e-9, highest_near(0), height_of(profile, s_m));
-    ++compared;
+void test_outlines_of_blocks_are_those_of_the_surface() {
+  using Kind = BlockSpec::Kind;
+  for (const Kind kind : {Kind::kBox, Kind::kRamp, Kind::kHalfRound}) {
+    const TerrainSpec spec = blocks({{0.05, 0.01, 0.12, 0.20, 0.030, 0.4, kind},
+                                     {-0.08, -0.05, 0.10, 0.30, 0.015, -0.7, kind},
+                                     {0.06, 0.00, 0.08, 0.05, 0.040, 1.2, kind}});
+    TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, worst_wheel_error_m(spec, 0.001));
   }
-  TEST_ASSERT_GREATER_THAN_INT(500, compared);
 }
 
-void test_a_strip_beside_every_box_is_flat() {
-  const BoxTerrain terrain(kBoxes);
-  std::vector<std::vector<Piece>> pieces(1);
-  terrain.slice({0, 0, 0}, kSpan, {{0.35, 0.36}}, pieces);
-  TEST_ASSERT_EQUAL_UINT(0, pieces[0].size());
-  const Profile profile = envelope(pieces[0]);
-  TEST_ASSERT_EQUAL_UINT(1, profile.size());
-  TEST_ASSERT_EQUAL_DOUBLE(0, profile[0].z0_m);
+void test_outlines_of_hills_are_those_of_the_surface() {
+  TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, worst_wheel_error_m(hills_and_hollows(), 0));
+}
+
+void test_outlines_of_potholes_are_those_of_the_surface() {
+  TerrainSpec spec;
+  spec.potholes = {{0.03, 0.02, 0.05, 0.02, 0.02}, {-0.09, -0.06, 0.08, 0.015, 0.08}, {0.05, -0.05, 0.04, 0.01, 0.012}};
+  TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, worst_wheel_error_m(spec, 0));
+}
+
+void test_outlines_of_rough_ground_are_those_of_the_surface() {
+  TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, worst_wheel_error_m(rough_ground(5), 0));
+}
+
+void test_outlines_of_everything_at_once_are_those_of_the_surface() {
+  TerrainSpec spec = hills_and_hollows();
+  spec.roughs = rough_ground(6).roughs;
+  spec.potholes = {{0.1, 0.0, 0.06, 0.02, 0.03}};
+  using Kind = BlockSpec::Kind;
+  spec.blocks = {{0.05, 0.01, 0.12, 0.20, 0.030, 0.4, Kind::kRamp},
+                 {-0.08, -0.05, 0.10, 0.30, 0.015, -0.7, Kind::kHalfRound},
+                 {0.0, 0.1, 0.08, 0.05, 0.02, 1.2, Kind::kBox}};
+  TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, worst_wheel_error_m(spec, 0.001));
+}
+
+// A car that drives, turns and drifts cuts anew with what was planned for an earlier place.
+void test_outlines_stay_right_while_the_car_drives() {
+  TerrainSpec spec = hills_and_hollows();
+  spec.roughs = rough_ground(7).roughs;
+  const SceneTerrain terrain(spec);
+  TrackTerrain cut(terrain, kBody, CarConstants(kBody));
+  for (int i = 0; i < 60; ++i) {
+    const CutPose pose{{-0.2 + 0.006 * i, 0.02 * std::sin(0.2 * i), 0.15 * std::cos(0.15 * i)}, 0.0062 * i, 0.001 * i};
+    cut.cut(pose);
+    TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, wheel_error_m(terrain, cut, pose, 0));
+  }
+}
+
+void test_a_rolled_belly_meets_the_ground_lowered_across_it() {
+  const SceneTerrain terrain(hills_and_hollows());
+  for (const double q : {0.0, 0.15, -0.3}) {
+    TrackTerrain cut(terrain, kBody, CarConstants(kBody));
+    const CutPose pose{{-0.03, 0.02, 0.5}, 1.0, q};
+    cut.cut(pose);
+    const double cosine = std::sqrt(1 - q * q), half_m = 0.5 * kBody.segments[0].width_m;
+    const double drop_m = CarConstants(kBody).belly_clearance_m;
+    for (double s_m = -0.1; s_m <= 0.1; s_m += 0.0011) {
+      const double expected_m = highest_m(terrain, pose, s_m, {-half_m, half_m, -drop_m * q, cosine, q});
+      TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, expected_m, height_of(cut.belly(), s_m));
+    }
+  }
+}
+
+void test_the_belly_is_met_where_the_ground_is_highest() {
+  TerrainSpec spec;
+  spec.hills = {{0, 0.03, 0, 0.03, 0.03, 0.02}};
+  const SceneTerrain terrain(spec);
+  TrackTerrain cut(terrain, kBody, CarConstants(kBody));
+  cut.cut({{0, 0, 0}, 2.0, 0});
+  TEST_ASSERT_DOUBLE_WITHIN(0.004, 0.03, cut.belly_contact_y_m(2.0));
+}
+
+void test_a_half_round_is_the_arc_over_its_chord() {
+  const double length_m = 0.06, height_m = 0.02;
+  const SceneTerrain terrain(blocks({{0.2, 0, length_m, 1, height_m, 0, BlockSpec::Kind::kHalfRound}}));
+  TrackTerrain cut(terrain, kBody, CarConstants(kBody));
+  cut.cut({{0.2, 0, 0}, 0, 0});
+  const double radius_m = (length_m * length_m / 4 + height_m * height_m) / (2 * height_m);
+  for (double s_m = -0.0299; s_m < 0.03; s_m += 0.0007) {
+    const double arc_m = std::sqrt(radius_m * radius_m - s_m * s_m) - (radius_m - height_m);
+    TEST_ASSERT_DOUBLE_WITHIN(0.0001 * radius_m / (arc_m + radius_m - height_m), arc_m, height_of(cut.wheels(0), s_m));
+  }
+  TEST_ASSERT_EQUAL_DOUBLE(0, height_of(cut.wheels(0), 0.031));
+}
+
+void test_a_hill_is_the_gaussian_of_its_distances() {
+  TerrainSpec spec;
+  spec.hills = {{0.4, -0.2, 0.7, 0.09, 0.05, 0.04}};
+  const SceneTerrain terrain(spec);
+  for (double along_m = -0.34; along_m < 0.35; along_m += 0.017) {
+    for (double across_m = -0.19; across_m < 0.2; across_m += 0.013) {
+      const double x_m = 0.4 + along_m * std::cos(0.7) - across_m * std::sin(0.7);
+      const double y_m = -0.2 + along_m * std::sin(0.7) + across_m * std::cos(0.7);
+      const double r2 = std::pow(along_m / 0.09, 2) + std::pow(across_m / 0.05, 2);
+      TEST_ASSERT_DOUBLE_WITHIN(1e-6, r2 < 16 ? 0.04 * std::exp(-r2 / 2) : 0, terrain.height_m(x_m, y_m));
+    }
+  }
+}
+
+void test_fields_add_up_and_the_highest_of_them_and_the_blocks_counts() {
+  TerrainSpec spec;
+  spec.hills = {{0, 0, 0, 0.1, 0.1, 0.03}, {0, 0, 0, 0.1, 0.1, 0.01}};
+  spec.potholes = {{0, 0, 0.05, 0.015, 0.02}, {1, 0, 0.05, 0.015, 0.02}};
+  spec.blocks = {{0, 0, 0.01, 0.01, 0.02, 0}, {1, 0, 0.01, 0.01, 0.005, 0}};
+  const SceneTerrain terrain(spec);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.03 + 0.01 - 0.015, terrain.height_m(0, 0));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.005, terrain.height_m(1, 0));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.015, terrain.height_m(1, 0.01));
+  // Half way down the wall half the depth.
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.0075, terrain.height_m(1, 0.04));
+  TEST_ASSERT_EQUAL_DOUBLE(0, terrain.height_m(1, 0.05));
+}
+
+void test_a_tyre_bridges_a_hole_narrower_than_itself() {
+  for (const double radius_m : {0.005, 0.03}) {
+    TerrainSpec spec;
+    spec.potholes = {{0, 0.5 * kBody.track_m, radius_m, 0.01, 0.002}};
+    const SceneTerrain terrain(spec);
+    TrackTerrain cut(terrain, kBody, CarConstants(kBody));
+    cut.cut({{0, 0, 0}, 0, 0});
+    TEST_ASSERT_DOUBLE_WITHIN(1e-9, radius_m < 0.006 ? 0 : -0.01, height_of(cut.wheels(0), 0));
+    TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0, height_of(cut.wheels(1), 0));
+  }
+}
+
+void test_rough_ground_has_the_spread_and_the_correlation_asked_for() {
+  const double sd_m = 0.004, correlation_m = 0.02;
+  const Rough rough({0, 0, 0.3, 2.5, 2.5, sd_m, correlation_m, 17});
+  // Means over many products, sampled two correlation lengths apart inside the fading edge: about 3,300 that hardly
+  // depend on each other.
+  auto product_mean = [&](double lag_m, double direction_rad) {
+    double sum = 0;
+    int count = 0;
+    for (double x_m = -0.9; x_m < 0.9; x_m += 2 * correlation_m) {
+      for (double y_m = -0.75; y_m < 0.75; y_m += 2 * correlation_m) {
+        sum += rough.height_m(x_m, y_m) *
+               rough.height_m(x_m + lag_m * std::cos(direction_rad), y_m + lag_m * std::sin(direction_rad));
+        ++count;
+      }
+    }
+    return sum / count;
+  };
+  const double variance = sd_m * sd_m, bound = 4 * std::sqrt(2.0 / 1700) * variance;
+  for (const double direction_rad : {0.0, 0.8, 1.9}) {
+    for (const double lag_m : {0.0, 0.005, 0.01, 0.02, 0.03, 0.06}) {
+      const double expected = variance * std::exp(-lag_m * lag_m / (2 * correlation_m * correlation_m));
+      TEST_ASSERT_DOUBLE_WITHIN(bound, expected, product_mean(lag_m, direction_rad));
+    }
+  }
+}
+
+void test_rough_ground_depends_on_its_seed_alone_and_ends_at_its_edge() {
+  const RoughSpec spec{0.2, 0.1, 0.5, 0.6, 0.4, 0.004, 0.03, 3};
+  RoughSpec other = spec;
+  other.seed = 4;
+  const Rough first(spec), again(spec), another(other);
+  double difference_m = 0;
+  for (double x_m = -0.2; x_m < 0.6; x_m += 0.013) {
+    for (double y_m = -0.3; y_m < 0.5; y_m += 0.017) {
+      TEST_ASSERT_TRUE(first.height_m(x_m, y_m) == again.height_m(x_m, y_m));
+      difference_m = std::max(difference_m, std::abs(first.height_m(x_m, y_m) - another.height_m(x_m, y_m)));
+    }
+  }
+  TEST_ASSERT_TRUE(difference_m > 0.004);
+  const double c = std::cos(0.5), s = std::sin(0.5);
+  for (double along_m = -0.299; along_m < 0.3; along_m += 0.007) {
+    for (const double across_m : {-0.1999999, 0.1999999, 0.2000001}) {
+      const double z_m = first.height_m(0.2 + c * along_m - s * across_m, 0.1 + s * along_m + c * across_m);
+      TEST_ASSERT_DOUBLE_WITHIN(1e-6, 0, z_m);
+    }
+  }
+}
+
+void test_the_last_patch_that_covers_a_point_sets_its_friction() {
+  TerrainSpec spec;
+  spec.patches = {{0, 0, 0, 1, 1, 0.2}, {0.3, 0, 0.785, 0.4, 0.1, 0.9}};
+  const SceneTerrain terrain(spec);
+  TEST_ASSERT_EQUAL_DOUBLE(0.2, terrain.friction(0, 0, 0.6));
+  TEST_ASSERT_EQUAL_DOUBLE(0.9, terrain.friction(0.4, 0.1, 0.6));
+  TEST_ASSERT_EQUAL_DOUBLE(0.2, terrain.friction(0.4, -0.1, 0.6));
+  TEST_ASSERT_EQUAL_DOUBLE(0.6, terrain.friction(0.6, 0.45, 0.6));
+  TEST_ASSERT_EQUAL_DOUBLE(0, terrain.height_m(0, 0));
+}
+
+void test_flat_ground_is_one_segment() {
+  const SceneTerrain terrain(blocks({{5, 0, 1, 1, 1, 0}}));
+  TrackTerrain cut(terrain, kBody, CarConstants(kBody));
+  cut.cut({{0, 0, 0}, 0, 0});
+  for (int k = 0; k < 2; ++k) {
+    TEST_ASSERT_EQUAL_UINT(1, cut.wheels(k).size());
+    TEST_ASSERT_EQUAL_DOUBLE(0, cut.wheels(k)[0].z0_m);
+  }
 }
 
 void test_the_envelope_has_no_gaps_and_covers_the_span() {
@@ -119,8 +326,22 @@ void test_strips_at_the_same_height_share_a_segment() {
 
 int main() {
   UNITY_BEGIN();
-  RUN_TEST(test_a_slice_is_the_highest_of_the_surface_over_the_strip);
-  RUN_TEST(test_a_strip_beside_every_box_is_flat);
+  RUN_TEST(test_outlines_of_blocks_are_those_of_the_surface);
+  RUN_TEST(test_outlines_of_hills_are_those_of_the_surface);
+  RUN_TEST(test_outlines_of_potholes_are_those_of_the_surface);
+  RUN_TEST(test_outlines_of_rough_ground_are_those_of_the_surface);
+  RUN_TEST(test_outlines_of_everything_at_once_are_those_of_the_surface);
+  RUN_TEST(test_outlines_stay_right_while_the_car_drives);
+  RUN_TEST(test_a_rolled_belly_meets_the_ground_lowered_across_it);
+  RUN_TEST(test_the_belly_is_met_where_the_ground_is_highest);
+  RUN_TEST(test_a_half_round_is_the_arc_over_its_chord);
+  RUN_TEST(test_a_hill_is_the_gaussian_of_its_distances);
+  RUN_TEST(test_fields_add_up_and_the_highest_of_them_and_the_blocks_counts);
+  RUN_TEST(test_a_tyre_bridges_a_hole_narrower_than_itself);
+  RUN_TEST(test_rough_ground_has_the_spread_and_the_correlation_asked_for);
+  RUN_TEST(test_rough_ground_depends_on_its_seed_alone_and_ends_at_its_edge);
+  RUN_TEST(test_the_last_patch_that_covers_a_point_sets_its_friction);
+  RUN_TEST(test_flat_ground_is_one_segment);
   RUN_TEST(test_the_envelope_has_no_gaps_and_covers_the_span);
   RUN_TEST(test_sloping_pieces_cross_where_their_lines_do);
   RUN_TEST(test_strips_at_the_same_height_share_a_segment);

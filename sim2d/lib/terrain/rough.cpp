@@ -7,6 +7,10 @@ namespace {
 
 constexpr double kCellsPerCorrelation = 8;
 constexpr double kKernelReach = 4;  // standard deviations
+// Curvature is kept for blocks of so many cells by as many. All of it sits in the kinks between cells: chords about as
+// long as a cell miss more of them than of a surface bent evenly.
+constexpr std::size_t kBlockCells = 8;
+constexpr double kKinks = 1.4;
 
 double cells(double side_m, double correlation_m) {
   return std::max(1.0, std::ceil(side_m * kCellsPerCorrelation / correlation_m - 1e-9));
@@ -93,6 +97,7 @@ Rough::Rough(const RoughSpec& spec)
       node_m_[row * columns + column] = static_cast<float>(spec.height_sd_m * fade * sums[column]);
     }
   }
+  find_curvature();
 }
 
 Disc Rough::reach() const { return {spec_.x_m, spec_.y_m, 0.5 * std::hypot(spec_.length_m, spec_.width_m)}; }
@@ -122,10 +127,44 @@ void Rough::add_along(const Ray& ray, const std::vector<double>& s_m, std::vecto
   for (std::size_t i = 0; i < s_m.size(); ++i) z_m[i] += at(along + along_1_m * s_m[i], across + across_1_m * s_m[i]);
 }
 
-// The second derivative of such a field is Gaussian with standard deviation √3·sd/correlation²; it exceeds three of
-// them on a few thousandths of the ground.
+// The larger principal curvature at every inner node.
+void Rough::find_curvature() {
+  blocks_along_ = cells_along_ / kBlockCells + 1;
+  blocks_across_ = cells_across_ / kBlockCells + 1;
+  block_curvature_1_m_.assign(blocks_along_ * blocks_across_, 0);
+  const auto stride = static_cast<std::ptrdiff_t>(cells_along_ + 1);
+  for (std::size_t row = 1; row < cells_across_; ++row) {
+    for (std::size_t column = 1; column < cells_along_; ++column) {
+      const float* z = &node_m_[row * (cells_along_ + 1) + column];
+      const double along = (z[-1] - 2 * z[0] + z[1]) * per_m_along_ * per_m_along_;
+      const double across = (z[-stride] - 2 * z[0] + z[stride]) * per_m_across_ * per_m_across_;
+      const double twist =
+          (z[stride + 1] - z[stride - 1] - z[-stride + 1] + z[-stride - 1]) * 0.25 * per_m_along_ * per_m_across_;
+      const double larger = std::abs(0.5 * (along + across)) + std::hypot(0.5 * (along - across), twist);
+      float& block = block_curvature_1_m_[row / kBlockCells * blocks_along_ + column / kBlockCells];
+      block = std::max(block, static_cast<float>(kKinks * larger));
+    }
+  }
+}
+
 double Rough::curvature_1_m(const Disc& disc) const {
-  return overlap(disc, reach()) ? 5.2 * spec_.height_sd_m / (spec_.correlation_m * spec_.correlation_m) : 0;
+  const double dx = disc.x_m - spec_.x_m, dy = disc.y_m - spec_.y_m;
+  auto block = [](double cell, std::size_t count) {
+    return static_cast<std::size_t>(std::clamp(std::floor(cell / kBlockCells), 0.0, static_cast<double>(count - 1)));
+  };
+  const double along_m = cosine_ * dx + sine_ * dy + 0.5 * spec_.length_m;
+  const double across_m = cosine_ * dy - sine_ * dx + 0.5 * spec_.width_m;
+  const double r_m = disc.radius_m;
+  if (along_m < -r_m || across_m < -r_m || along_m > spec_.length_m + r_m || across_m > spec_.width_m + r_m) return 0;
+  float largest = 0;
+  for (std::size_t row = block((across_m - r_m) * per_m_across_, blocks_across_);
+       row <= block((across_m + r_m) * per_m_across_, blocks_across_); ++row) {
+    for (std::size_t column = block((along_m - r_m) * per_m_along_, blocks_along_);
+         column <= block((along_m + r_m) * per_m_along_, blocks_along_); ++column) {
+      largest = std::max(largest, block_curvature_1_m_[row * blocks_along_ + column]);
+    }
+  }
+  return largest;
 }
 
 }  // namespace foldcar

@@ -22,6 +22,7 @@ class Rough : public GroundField {
   double curvature_1_m(const Disc& disc) const override;
 
  private:
+  void find_curvature();
   // Height at a place counted in cells from the rear right corner.
   double at(double along, double across) const;
 
@@ -30,6 +31,8 @@ class Rough : public GroundField {
   std::size_t cells_along_, cells_across_;
   double per_m_along_, per_m_across_;  // cells
   std::vector<float> node_m_;          // rows along, (cells_across_ + 1) of them
+  std::size_t blocks_along_, blocks_across_;
+  std::vector<float> block_curvature_1_m_;  // the largest of so many cells by as many
 };
 
 }  // namespace foldcar

@@ -19,9 +19,6 @@ constexpr double kChainTolerance_m = 0.0001;
 // Terrain is cut this much further than the car may drive before the next cut, so that a chain can be kept
 // although the car has moved on.
 constexpr double kSpare_m = 0.04;
-// Smooth ground has many vertices: it is cut less far ahead, and planned anew every other time that runs out.
-constexpr double kGroundAhead_m = 0.04;
-constexpr double kGroundSpan_m = 2 * kGroundAhead_m;
 // Vertices of smooth ground may be moved this far; farther and the chain is made anew.
 constexpr double kAdjust_m = 0.004;
 
@@ -63,8 +60,12 @@ bool TrackTerrain::stale(const CutPose& pose) const {
   const double ahead_m = c * dx + s * dy, sideways_m = c * dy - s * dx;
   return std::abs(pose.frame.heading_rad - at_.frame.heading_rad) > kHeadingTolerance_rad ||
          std::abs(sideways_m) > kSidewaysTolerance_m ||
-         ahead_m > (terrain_.ground() == nullptr ? kAheadTolerance_m : kGroundAhead_m) ||
-         ahead_m < -kBehindTolerance_m || std::abs(pose.q - at_.q) > kRollTolerance;
+         (terrain_.ground() == nullptr ? ahead_m > kAheadTolerance_m || ahead_m < -kBehindTolerance_m
+                                       : beyond_plan(pose)) || std::abs(pose.q - at_.q) > kRollTolerance;
+}
+
+bool TrackTerrain::beyond_plan(const CutPose& pose) const {
+  return pose.s_m - reach_m_ < planned_m_.s_min_m || pose.s_m + reach_m_ > planned_m_.s_max_m;
 }
 
 void TrackTerrain::set_strips(double q) {
@@ -91,20 +92,18 @@ Across TrackTerrain::across(int outline, double q) const {
 }
 
 // The ground's outlines at pose, planned anew where the car has left what was planned.
-void TrackTerrain::cut_ground(const CutPose& pose) {
+void TrackTerrain::cut_ground(const CutPose& pose, const Span& span) {
   const double dx = pose.frame.x_m - planned_at_.frame.x_m, dy = pose.frame.y_m - planned_at_.frame.y_m;
   const double c = std::cos(planned_at_.frame.heading_rad), s = std::sin(planned_at_.frame.heading_rad);
   const bool left = std::abs(c * dy - s * dx) > kPlanSideways_m ||
                     std::abs(pose.frame.heading_rad - planned_at_.frame.heading_rad) > kPlanTurn_rad ||
-                    pose.s_m - reach_m_ - kBehindTolerance_m < planned_.s_min_m ||
-                    pose.s_m + reach_m_ + kGroundAhead_m > planned_.s_max_m;
+                    beyond_plan(pose);
   if (left) {
-    const Span span{-reach_m_ - kGroundSpan_m, reach_m_ + kGroundSpan_m};
     for (int k = 0; k < 3; ++k) {
       grounds_[k].plan(*terrain_.ground(), pose.frame, pose.s_m, span, across(k, pose.q));
     }
     planned_at_ = pose;
-    planned_ = {pose.s_m + span.s_min_m, pose.s_m + span.s_max_m};
+    planned_m_ = {pose.s_m + span.s_min_m, pose.s_m + span.s_max_m};
   }
   for (int k = 0; k < 3; ++k) {
     grounds_[k].cut(pose.frame, pose.s_m, across(k, pose.q), kSameHeight_m, profiles_[k]);
@@ -117,7 +116,7 @@ void TrackTerrain::cut(const CutPose& pose) {
   Span span{-reach_m_ - kBehindTolerance_m - kSpare_m, reach_m_ + kAheadTolerance_m + kSpare_m};
   const bool level = terrain_.ground() == nullptr;
   if (!level) {
-    cut_ground(pose);
+    cut_ground(pose, span);
     span = grounds_[0].span(pose.s_m);
   }
   terrain_.slice(pose.frame, span, strips_, pieces_);

@@ -39,7 +39,9 @@ class TrackTerrain {
   void set_strips(double q);
   // What the wheels of side k stand on, or the belly sees, of the ground at roll q.
   Across across(int outline, double q) const;
-  void cut_ground(const CutPose& pose);
+  // Smooth ground's stations serve as long as the car stands on their span.
+  bool beyond_plan(const CutPose& pose) const;
+  void cut_ground(const CutPose& pose, const Span& span);
   bool adjust(int outline, b2Body& body);
   void make_vertices(const b2Body& body, const Profile& profile);
   bool fits(const std::vector<b2Vec2>& chain) const;
@@ -55,7 +57,7 @@ class TrackTerrain {
   EnvelopeScratch scratch_;
   std::array<GroundOutline, 3> grounds_;  // used if the terrain has a ground
   CutPose planned_at_;
-  Span planned_{1, -1};  // of the plane; none at first
+  Span planned_m_{1, -1};  // of the plane; none at first
   std::array<Profile, 3> profiles_;
   std::vector<b2Vec2> vertices_;               // of the outline being applied, right to left, in its body's frame
   std::array<std::vector<b2Vec2>, 3> chains_;  // what the fixtures are made of

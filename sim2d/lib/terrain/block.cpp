@@ -82,6 +82,11 @@ Block::Block(const BlockSpec& spec)
   }
   if (spec.kind == BlockSpec::Kind::kHalfRound) {
     arc_radius_m_ = (0.25 * spec.length_m * spec.length_m + spec.height_m * spec.height_m) / (2 * spec.height_m);
+    const double half_rad = std::asin(std::min(1.0, 0.5 * spec.length_m / arc_radius_m_));
+    const int chords = static_cast<int>(std::ceil(2 * half_rad / std::sqrt(8 * kArcError_m / arc_radius_m_)));
+    for (int i = 1; i < chords; ++i) {
+      arc_node_m_.push_back(arc_radius_m_ * std::sin(half_rad * (2.0 * i / chords - 1)));
+    }
   }
 }
 
@@ -178,27 +183,23 @@ void Block::add_curve(const BlockCorners& corners, const AlongBlock& along, cons
 }
 
 void Block::add_run(const double* s_m, const double* crest_m, double y_m, std::vector<Piece>& pieces) const {
-  const double radius_m = arc_radius_m_;
-  int chords = 1;
-  double from_rad = 0, to_rad = 0;
-  if (radius_m > 0) {
-    from_rad = std::asin(std::clamp(crest_m[0] / radius_m, -1.0, 1.0));
-    to_rad = std::asin(std::clamp(crest_m[1] / radius_m, -1.0, 1.0));
-    chords = std::max(1, static_cast<int>(std::ceil(std::abs(to_rad - from_rad) / std::sqrt(8 * kArcError_m / radius_m))));
-  }
   double s0_m = s_m[0], z0_m = surface_m(crest_m[0]);
-  for (int i = 1; i <= chords; ++i) {
-    double s1_m = s_m[1], z1_m = surface_m(crest_m[1]);
-    if (i < chords) {
-      const double u_m = radius_m * std::sin(from_rad + (to_rad - from_rad) * i / chords);
-      s1_m = s_m[0] + (s_m[1] - s_m[0]) * (u_m - crest_m[0]) / (crest_m[1] - crest_m[0]);
-      z1_m = surface_m(u_m);
-    }
-    if (s1_m <= s0_m) continue;
+  auto add = [&](double s1_m, double z1_m) {
+    if (s1_m <= s0_m) return;
     pieces.push_back({s0_m, s1_m, z0_m, z1_m, y_m});
     s0_m = s1_m;
     z0_m = z1_m;
+  };
+  const double per_m = (s_m[1] - s_m[0]) / (crest_m[1] - crest_m[0]);
+  auto add_node = [&](double u_m) { add(s_m[0] + (u_m - crest_m[0]) * per_m, surface_m(u_m)); };
+  if (crest_m[0] < crest_m[1]) {
+    auto node = std::upper_bound(arc_node_m_.begin(), arc_node_m_.end(), crest_m[0]);
+    for (; node != arc_node_m_.end() && *node < crest_m[1]; ++node) add_node(*node);
+  } else if (crest_m[0] > crest_m[1]) {
+    auto node = std::lower_bound(arc_node_m_.begin(), arc_node_m_.end(), crest_m[0]);
+    while (node != arc_node_m_.begin() && *--node > crest_m[1]) add_node(*node);
   }
+  add(s_m[1], surface_m(crest_m[1]));
 }
 
 }  // namespace foldcar

@@ -38,6 +38,7 @@ class Block {
   double corner_x_m_[4];
   double corner_y_m_[4];
   double arc_radius_m_ = 0;
+  std::vector<double> arc_node_m_;  // the ends of an arc's chords, along it
 };
 
 }  // namespace foldcar

@@ -66,7 +66,8 @@ void Hill::add_along(const Ray& ray, const std::vector<double>& s_m, std::vector
 double Hill::curvature_1_m(const Disc& disc) const {
   if (!overlap(disc, reach_)) return 0;
   const double dx = disc.x_m - reach_.x_m, dy = disc.y_m - reach_.y_m;
-  const double r = std::hypot(ax_ * dx + ay_ * dy, cx_ * dx + cy_ * dy) - disc.radius_m / least_sd_m_;
+  const double along = ax_ * dx + ay_ * dy, across = cx_ * dx + cy_ * dy;
+  const double r = std::sqrt(along * along + across * across) - disc.radius_m / least_sd_m_;
   if (r >= kCutOff) return 0;
   constexpr double kSecondPeak = 0.4463;  // 2·exp(-3/2)
   double share = 1;

@@ -27,6 +27,8 @@ SCENE_CODE = (
     "scenic_simulator.py",
     "scenic_ego.py",
     "recorded_values.py",
+    "scenic_worker.py",
+    "carsim_step.py",
 )
 VARIATION_CODE = ("variation.py", "parts_data/workshop.json")
 SOURCES = ("*.scenic", "*.py")

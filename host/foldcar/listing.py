@@ -111,7 +111,10 @@ class ListedVehicle(Strict):
 
 
 class ListedCondition(Strict):
-    """What is frozen of an environment: objects and parameters by name, as in ``sample``; None: all."""
+    """What is frozen of an environment as it is in ``sample``: names of objects and of parameters.
+
+    If both are None, everything; if one is, only what the other names.
+    """
 
     sample: int = Field(ge=0)
     objects: list[str] | None = None

@@ -54,8 +54,8 @@ def add_experiment(
         "scenic_program": "step_pyramids.scenic",
         "scenic_params": {"friction": 0.6},
         "seed": 42,
-        "condition": None,
-        "variation": {},
+        "condition": {"sample": 3, "objects": ["bump"], "params": ["friction"]},
+        "variation": {"supply_v": 0.2},
         "variation_seed": 42,
     }
     spread = writer.spread("nominal")
@@ -158,6 +158,8 @@ def test_a_width_study_gives_one_page_and_three_figures_within_ten_seconds(
         "friction = 0.6",
         "100, seed 42",
         "120 s",
+        "as in sample 3:\nbump, friction",
+        "seed 42; spread: supply_v = 0.2",
     ):
         assert fact in page.text
 

@@ -227,7 +227,7 @@ def test_the_simulator_takes_the_body_and_drives_it(carsim_binary: Path, type_st
     (result,) = carsim.run(
         {"car": canonical_json(body_json(design))},
         {"flat": FLAT_SCENE},
-        [RunRequest("car", "flat", canonical_json(settings), "the run")],
+        [RunRequest("car", "flat", canonical_json(settings), "the run", 0)],
     )
 
     assert result["outcome"] == "passed"

@@ -205,7 +205,7 @@ def test_the_simulator_takes_every_nearby_car(carsim_binary: Path, type_string: 
     bodies = {str(k): canonical_json(apply(nominal, draw(spread, 5, k))) for k in range(40)}
 
     results = Carsim(carsim_binary).run(
-        bodies, {"flat": FLAT}, [RunRequest(name, "flat", settings, name) for name in bodies]
+        bodies, {"flat": FLAT}, [RunRequest(name, "flat", settings, name, 0) for name in bodies]
     )
 
     assert len({result["distance_to_target_m"] for result in results}) == 40

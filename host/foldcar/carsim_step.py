@@ -3,6 +3,7 @@
 Input: a body, a scene and settings as JSON text, then times to advance to. Output: states and the result.
 """
 
+import contextlib
 import json
 import subprocess
 from pathlib import Path
@@ -99,10 +100,8 @@ class SteppedCarsim:
             return
         for pipe in (process.stdin, process.stdout):
             if pipe is not None:
-                try:
+                with contextlib.suppress(BrokenPipeError):
                     pipe.close()
-                except BrokenPipeError:
-                    pass
         process.wait()
 
     def _spawn(self) -> subprocess.Popen[str]:

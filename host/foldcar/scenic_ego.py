@@ -30,7 +30,7 @@ class ShownEgo:
         self._z_offset_m = float(ego.position.z) - start.z_m
         parent = ego.parentOrientation
         self._parent = None if alwaysGlobalOrientation(parent) else parent
-        self._derives_more = not DERIVED >= set(type(ego)._dynamicFinalProperties)
+        self._derives_more = not set(type(ego)._dynamicFinalProperties) <= DERIVED
 
     @property
     def position(self) -> Any:
@@ -41,7 +41,7 @@ class ShownEgo:
         """Make ``state`` what the program sees."""
         yaw = math.remainder(state.heading_rad - math.pi / 2, 2 * math.pi)
         orientation = _orientation(yaw, state.pitch_rad, state.roll_rad)
-        local = (yaw, state.pitch_rad, state.roll_rad)
+        local: tuple[float, ...] = (yaw, state.pitch_rad, state.roll_rad)
         if self._parent is not None:
             local = tuple(map(float, self._parent.localAnglesFor(orientation)))
         cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)

@@ -8,16 +8,14 @@ For people who script with Scenic: ``CarSimulator(...).simulate(scene)`` is Scen
 ``CarSimulator(...).run(scene)`` gives the result that a sweep stores.
 """
 
-import contextlib
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from scenic.core.distributions import RejectionException
 from scenic.core.dynamics import GuardViolation, RejectSimulationException
 from scenic.core.requirements import RequirementType
 from scenic.core.simulators import Simulation, SimulationCreationError, Simulator
-from scenic.core.vectors import Vector
 
 from foldcar.carsim_step import State, SteppedCarsim
 from foldcar.errors import FoldcarError
@@ -119,7 +117,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
 
     def setup(self) -> None:
         """Put the car down and register what can change: the ego, and what has a behavior or senses."""
-        self.agents = []
+        self.agents: list[Any] = []
         scenario = self.scene.dynamicScenario
         # Scenic leaves those that were running when the last simulation was ended from outside.
         scenario._subScenarios = []

@@ -152,7 +152,7 @@ def test_level_ground_has_its_colour_and_slopes_towards_the_light_are_brighter()
 
 def test_the_view_holds_start_goal_and_path_within_the_course() -> None:
     extent = view_of([SCENE], [[0.0, -0.4, 0.3, 0, 0, 0, 0]])
-    assert extent == Extent(-0.5, pytest.approx(1.2), pytest.approx(-0.3), pytest.approx(0.5))
+    assert extent == Extent(-0.5, pytest.approx(1.2), pytest.approx(0.05 - 0.1 * math.sqrt(2) - 0.2), pytest.approx(0.5))
     assert view_of([{**SCENE, "goal": None}]) == Extent(-0.5, 2.0, -1.0, 1.0)
     wide = {**SCENE, "terrain": [box(0.4, 0.0, 0.1, 50.0, 0.02)]}
     assert view_of([wide]) == Extent(

@@ -3,8 +3,8 @@
 model model
 
 param course_x_max = 6.0
-param height = 0.015        # of the sharp-edged obstacles
-param rough_sd = 0.003      # of the rough ground
+param height = 0.02         # of the sharp-edged obstacles
+param rough_sd = 0.005      # of the rough ground
 param ice_friction = 0.25
 param position_sd = 0.01    # of every obstacle's place
 param heading_sd = 0.02     # of the start, radians
@@ -14,28 +14,29 @@ def near(x, y=0):
 
 # Over bumps, both wheels at once.
 new Bump at near(0.4), facing -90 deg, with height globalParameters.height
-new RoundBump at near(0.75), facing -80 deg, with height 1.5 * globalParameters.height
+new RoundBump at near(0.75), facing -80 deg, with height 1.4 * globalParameters.height
 
 # Up one way, down another.
 new Ramp at near(1.4), facing -90 deg,
     with run_up 0.3, with plateau 0.2, with run_down 0.2, with height 0.05
 new Kerb at near(2.1), facing -90 deg, with height globalParameters.height
-new Step at near(2.37), facing -90 deg, with length 0.25, with height 1.8 * globalParameters.height
+new Step at near(2.37), facing -90 deg, with length 0.25, with height 2 * globalParameters.height
 
 # One wheel at a time: rough ground with holes, a slippery stretch, hills, a pyramid.
-rough = new RoughGround at near(3.1), facing -90 deg,
+new RoughGround at near(3.1), facing -90 deg,
     with length 0.8, with amplitude globalParameters.rough_sd
 new Pothole at near(2.95, 0.07)
 new Pothole at near(3.25, -0.06), with diameter 0.2
 
-ice = new FrictionPatch at near(3.8), facing -90 deg,
+new FrictionPatch at near(3.8), facing -90 deg,
     with length 0.4, with friction globalParameters.ice_friction
-new GaussianHill at near(3.85, 0.1), facing -60 deg, with sd_along 0.06, with sd_across 0.1
-new GaussianHill at near(4.25, -0.12), with height 0.025
-new GaussianHill at near(4.3, 0.12), with height -0.015
+new GaussianHill at near(3.85, 0.1), facing -60 deg, with sd_along 0.06, with sd_across 0.1,
+    with height 0.05
+new GaussianHill at near(4.25, -0.12), with height 0.04
+new GaussianHill at near(4.3, 0.12), with height -0.02
 
 new StepPyramid at near(4.8, 0.05), facing -90 deg,
-    with steps 2, with step_height globalParameters.height, with tread 0.05
+    with step_height globalParameters.height
 
 finish = new Marker at (5.3, 0), facing -90 deg
 ego = new Robot at near(0), facing Normal(-90 deg, globalParameters.heading_sd)

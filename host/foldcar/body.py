@@ -16,30 +16,10 @@ MM = 1e-3
 
 
 def body_json(design: Design) -> dict[str, Any]:
-    """The car as the simulator sees it: chassis, wheels with their servos, supply."""
-    assembly, values = catalogue().assembly, design.values
-    chassis = chassis_properties(design)
-    # The body module stands on the floor as one box, its friction relative to that of the tyres.
-    belly_grip = assembly.belly_friction.value / assembly.tyre_friction.value
+    """The car as the simulator sees it: segments and their hinges, wheels with their servos, supply."""
     body = {
-        "segments": [
-            {
-                "x_m": 0.0,
-                "length_m": design.length_mm * MM,
-                "width_m": values["width"] * MM,
-                "height_m": values["height"] * MM,
-                "center_z_m": 0.0,
-                "mass_kg": chassis.mass_kg,
-                "com_x_m": chassis.center_m[0],
-                "com_y_m": chassis.center_m[1],
-                "com_z_m": chassis.center_m[2],
-                "roll_inertia_kg_m2": chassis.inertia_kg_m2[0, 0],
-                "pitch_inertia_kg_m2": chassis.inertia_kg_m2[1, 1],
-                "yaw_inertia_kg_m2": chassis.inertia_kg_m2[2, 2],
-                "grip": belly_grip,
-            }
-        ],
-        "hinges": [],
+        "segments": [_segment(design, index) for index in range(len(design.segments))],
+        "hinges": [_hinge(design, x_mm) for x_mm in design.hinges_mm],
         "track_m": design.track_mm * MM,
         "wheels": _wheels(design),
         "supply_v": catalogue().battery.supply_v.value,
@@ -48,11 +28,20 @@ def body_json(design: Design) -> dict[str, Any]:
     return rounded
 
 
-def chassis_properties(design: Design) -> MassProperties:
-    """Film, servos, boards and batteries as one rigid body; the origin is the middle of the body box."""
+def segment_properties(design: Design, segment: int) -> MassProperties:
+    """Film, servos, boards and batteries of one segment as a rigid body, in the car's frame, hinges flat."""
     return assemble(
-        box_properties(box.mass_kg, _metres(box.size_mm), _metres(box.center_mm)) for box in layout(design)
+        box_properties(box.mass_kg, _metres(box.size_mm), _metres(box.center_mm))
+        for box in layout(design)
+        if box.segment == segment
     )
+
+
+def hinge_stiffness_n_m_rad(design: Design) -> float:
+    """A hinge's strip as a beam bent to a circular arc: E w t³ / 12 l."""
+    values = design.values
+    second_moment_m4 = values["width"] * MM * (values["H.thickness"] * MM) ** 3 / 12
+    return catalogue().film.youngs_modulus_pa.value * second_moment_m4 / (values["H.length"] * MM)
 
 
 def wheel_mass_kg(radius_m: float, tyre_width_m: float) -> float:
@@ -72,16 +61,53 @@ def full_speed_m_s(design: Design) -> float:
     return speed
 
 
+def _segment(design: Design, index: int) -> dict[str, Any]:
+    assembly, box = catalogue().assembly, design.segments[index]
+    properties = segment_properties(design, index)
+    return {
+        "x_m": box.center_mm * MM,
+        "length_m": box.length_mm * MM,
+        "width_m": design.values["width"] * MM,
+        "height_m": design.values["height"] * MM,
+        "center_z_m": 0.0,
+        "mass_kg": properties.mass_kg,
+        "com_x_m": properties.center_m[0],
+        "com_y_m": properties.center_m[1],
+        "com_z_m": properties.center_m[2],
+        "roll_inertia_kg_m2": properties.inertia_kg_m2[0, 0],
+        "pitch_inertia_kg_m2": properties.inertia_kg_m2[1, 1],
+        "yaw_inertia_kg_m2": properties.inertia_kg_m2[2, 2],
+        # The belly's friction relative to that of the tyres.
+        "grip": assembly.belly_friction.value / assembly.tyre_friction.value,
+    }
+
+
+def _hinge(design: Design, x_mm: float) -> dict[str, Any]:
+    film, values = catalogue().film, design.values
+    stiffness = hinge_stiffness_n_m_rad(design)
+    # A loss factor is the damping's share of the stiffness at the frequency it was taken at.
+    damping = film.loss_factor.value * stiffness / (2 * math.pi * film.loss_frequency_hz.value)
+    return {
+        "x_m": x_mm * MM,
+        "z_m": 0.0,
+        "stiffness_n_m_rad": stiffness,
+        "damping_n_m_s_rad": damping,
+        "min_rad": -math.radians(values["H.fold_down"]),
+        "max_rad": math.radians(values["H.fold_up"]),
+    }
+
+
 def _wheels(design: Design) -> list[dict[str, Any]]:
     """Front to back, left then right; channels count up in that order and right servos are mirrored."""
     servo, supply_v = catalogue().servo, catalogue().battery.supply_v.value
     line = servo.at_voltage(supply_v)
     radius_m, width_m = design.values["radius"] * MM, design.values["W.tire_thickness"] * MM
-    places = [(x_mm, side) for x_mm in design.axles_mm for side in ("left", "right")]
+    axles = zip(design.axles_mm, design.axle_segments, strict=True)
+    places = [(x_mm, segment, side) for x_mm, segment in axles for side in ("left", "right")]
     return [
         {
             "channel": channel,
-            "segment": 0,
+            "segment": segment,
             "side": side,
             "x_m": x_mm * MM,
             "radius_m": radius_m,
@@ -103,7 +129,7 @@ def _wheels(design: Design) -> list[dict[str, Any]]:
                 "direction": 1 if side == "left" else -1,
             },
         }
-        for channel, (x_mm, side) in enumerate(places)
+        for channel, (x_mm, segment, side) in enumerate(places)
     ]
 
 

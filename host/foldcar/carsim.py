@@ -1,6 +1,7 @@
 """The native simulator as a program: find it, ask its build and parameter table, run chunks of runs.
 
-Input: bodies, scenes and settings as JSON text (docs/carsim.md). Output: one result a run, in order.
+Input: bodies, scenes and settings as JSON text (docs/carsim.md). Output: one answer a run, in order: a
+result, or ``{"error": message}`` for a run that failed.
 """
 
 import json
@@ -10,15 +11,15 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from foldcar.controller import TableRow
 from foldcar.errors import FoldcarError
-from foldcar.results import OUTCOMES
+from foldcar.results import NATIVE_OUTCOMES, NUMBERS
 
 BINARY_VARIABLE = "FOLDCAR_CARSIM"
+DISTANCE = "distance_to_target_m"
 BUILT_BINARY = Path(".pio", "build", "carsim", "program")
-NUMBERS = ("elapsed_time_s", "distance_to_target_m", "consumed_energy_j", "max_roll_rad", "max_pitch_rad")
 
 
 class CarsimError(FoldcarError):
@@ -27,12 +28,28 @@ class CarsimError(FoldcarError):
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """One run: keys of the chunk's bodies and scenes, the settings as a JSON object, a name for errors."""
+    """One run: keys of the chunk's bodies and scenes, the settings as a JSON object, a name for errors.
+
+    ``sample`` is the sample of the environment that the scene is.
+    """
 
     body: str
     scene: str
     settings: str
     label: str
+    sample: int
+
+
+class Runner(Protocol):
+    """What runs chunks: carsim's batch, or Scenic beside carsim. Called from several threads at once."""
+
+    def run(
+        self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
+    ) -> list[dict[str, Any]]:
+        """Answers to ``requests`` in order; ``{"error": message}`` for a run that failed. FoldcarError."""
+
+    def stop(self) -> None:
+        """End what runs at the moment; its `run` raises FoldcarError."""
 
 
 def find_carsim() -> Path:
@@ -76,7 +93,7 @@ class Carsim:
     def run(
         self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
     ) -> list[dict[str, Any]]:
-        """Results of ``requests`` in order. ``bodies`` and ``scenes`` map ids to JSON objects as text."""
+        """Answers to ``requests`` in order. ``bodies`` and ``scenes`` map ids to JSON objects as text."""
         lines = [f'{{"body": {_with_id(name, text)}}}' for name, text in bodies.items()]
         lines += [f'{{"scene": {_with_id(name, text)}}}' for name, text in scenes.items()]
         for index, request in enumerate(requests):
@@ -84,7 +101,8 @@ class Carsim:
             lines.append(f'{{"run": {_with_id(str(index), f"{{{head}, {request.settings[1:]}")}}}')
         answer = self._start(["batch", "--jobs", "1"], "\n".join(lines) + "\n")
         results = [self._read_line(line, requests) for line in answer.stdout.splitlines()]
-        if answer.returncode != 0 or len(results) != len(requests):
+        expected = 2 if any("error" in result for result in results) else 0
+        if answer.returncode != expected or len(results) != len(requests):
             raise CarsimError(
                 f"{self.binary}: {_ending(answer)} after {len(results)} of {len(requests)} runs"
             )
@@ -109,11 +127,15 @@ class Carsim:
             answer = json.loads(line)
             if "error" in answer:
                 error = answer["error"]
+                if error["kind"] == "simulation":
+                    return {"error": str(error["message"])}
                 what = (
                     requests[int(error["run"])].label if error["run"] is not None else f"line {error['line']}"
                 )
                 raise CarsimError(f"{self.binary} refuses {what}: {error['message']}")
-            sound = answer["outcome"] in OUTCOMES and all(math.isfinite(answer[key]) for key in NUMBERS)
+            sound = answer["outcome"] in NATIVE_OUTCOMES and all(
+                math.isfinite(answer[key]) for key in NUMBERS if answer[key] is not None or key != DISTANCE
+            )
         except (ValueError, TypeError, KeyError, IndexError) as error:
             raise CarsimError(f"{self.binary}: answered what is no result: {line[:80]}") from error
         if not sound:

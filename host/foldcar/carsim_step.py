@@ -3,6 +3,7 @@
 Input: a body, a scene and settings as JSON text, then times to advance to. Output: states and the result.
 """
 
+import contextlib
 import json
 import subprocess
 from pathlib import Path
@@ -45,6 +46,7 @@ class SteppedCarsim:
         self.binary = binary
         self._process: subprocess.Popen[str] | None = None
         self._known: dict[str, str] = {}
+        self._awaits_answer = False
 
     def __enter__(self) -> "SteppedCarsim":
         return self
@@ -56,15 +58,16 @@ class SteppedCarsim:
 
     @property
     def alive(self) -> bool:
-        """Whether there is a process that answered last time."""
-        return self._process is not None
+        """Whether there is a process that has answered all it was asked."""
+        return self._process is not None and not self._awaits_answer
 
     def start(self, body: str, scene: str, settings: str) -> Advanced:
         """Put the car down and start the trial. The JSON objects are those of docs/carsim.md without ids.
 
         Raises CarsimError if the simulator refuses them, TrialFailedError if the firmware does.
         """
-        if self._process is None:
+        if not self.alive:
+            self.close()
             self._process = self._spawn()
             self._known = {}
         lines = []
@@ -92,14 +95,13 @@ class SteppedCarsim:
     def close(self) -> None:
         """End the process."""
         process, self._process = self._process, None
+        self._awaits_answer = False
         if process is None:
             return
         for pipe in (process.stdin, process.stdout):
             if pipe is not None:
-                try:
+                with contextlib.suppress(BrokenPipeError):
                     pipe.close()
-                except BrokenPipeError:
-                    pass
         process.wait()
 
     def _spawn(self) -> subprocess.Popen[str]:
@@ -114,6 +116,8 @@ class SteppedCarsim:
         process = self._process
         if process is None or process.stdin is None or process.stdout is None:
             raise CarsimError(f"{self.binary}: no trial is under way")
+        # Stays set if an exception, such as a time limit's, comes in between.
+        self._awaits_answer = True
         try:
             process.stdin.write("\n".join(lines) + "\n")
             process.stdin.flush()
@@ -121,6 +125,7 @@ class SteppedCarsim:
             if not line:
                 raise BrokenPipeError
             answer: dict[str, Any] = json.loads(line)
+            self._awaits_answer = False
         except (OSError, ValueError) as error:
             self.close()
             code = process.returncode

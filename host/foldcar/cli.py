@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from foldcar import __version__
+from foldcar.commands.crosscheck import crosscheck
 from foldcar.commands.export import export
 from foldcar.commands.gallery import gallery
 from foldcar.commands.report import report
@@ -26,7 +27,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (sweep, run, sample, gallery, report, export):
+for command in (sweep, run, sample, gallery, report, export, crosscheck):
     app.command()(command)
 
 

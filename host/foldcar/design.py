@@ -1,19 +1,23 @@
 """A car's design: modules in a row from front to back and a value for every parameter.
 
-Input: a type string (``W_B_W``) and parameter values in millimetres by key (``width``, ``W.length``).
-Output: an immutable Design; its geometry in millimetres, x forward from the middle of the body box.
+Input: a type string (``W_B_W``) and parameter values in millimetres and degrees by key (``width``,
+``W.length``). Output: an immutable Design; its geometry in millimetres, x forward from the middle of the
+car's length, hinges flat.
 """
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from foldcar.errors import FoldcarError
-from foldcar.modules import MODULES, UNSUPPORTED_MODULES, parameters
+from foldcar.modules import MODULES, REQUIRED_MODULES, parameters
 from foldcar.parts import catalogue
 
 # Wheels are driven one by one by the eight outputs of the servo driver.
 MAX_AXLES = 4
+# What the simulator takes.
+MAX_SEGMENTS = 8
 
 
 class DesignError(FoldcarError):
@@ -26,8 +30,17 @@ class DesignError(FoldcarError):
 
 
 @dataclass(frozen=True, slots=True)
+class Segment:
+    """A rigid part of a car: the modules between two hinges, by their indices; one box in millimetres."""
+
+    modules: tuple[int, ...]
+    center_mm: float
+    length_mm: float
+
+
+@dataclass(frozen=True, slots=True)
 class Design:
-    """A car that can be built. ``values`` holds every parameter of its modules, in millimetres."""
+    """A car that can be built. ``values`` holds every parameter of its modules, in mm and degrees."""
 
     modules: tuple[str, ...]
     values: Mapping[str, float]
@@ -44,7 +57,7 @@ class Design:
 
     @property
     def length_mm(self) -> float:
-        """Length of the body box."""
+        """Length of the body, hinges flat."""
         return sum(self.values[f"{letter}.length"] for letter in self.modules)
 
     @property
@@ -66,6 +79,36 @@ class Design:
         )
 
     @property
+    def axle_segments(self) -> tuple[int, ...]:
+        """The segment that carries each axle, front to back."""
+        return tuple(self.segment_at(i) for i, letter in enumerate(self.modules) if letter == "W")
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """The rigid parts, front to back."""
+        centers = self.module_centers_mm
+        found = []
+        for hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == "H"):
+            if hinge:
+                continue
+            indices = tuple(group)
+            lengths = [self.values[f"{self.modules[i]}.length"] for i in indices]
+            front = centers[indices[0]] + lengths[0] / 2
+            found.append(Segment(indices, front - sum(lengths) / 2, sum(lengths)))
+        return tuple(found)
+
+    @property
+    def hinges_mm(self) -> tuple[float, ...]:
+        """x of each hinge, front to back: the middle of its strip."""
+        return tuple(
+            x for letter, x in zip(self.modules, self.module_centers_mm, strict=True) if letter == "H"
+        )
+
+    def segment_at(self, module: int) -> int:
+        """Index of the segment that the module of that index belongs to."""
+        return self.modules[:module].count("H")
+
+    @property
     def track_mm(self) -> float:
         """Distance between the middles of the left and the right tyres."""
         gap = catalogue().assembly.tyre_gap_mm.value
@@ -76,19 +119,32 @@ def modules_of(type_string: str) -> tuple[str, ...]:
     """The module letters of a type string; DesignError if it is no car."""
     letters = tuple(type_string.split("_"))
     for letter in letters:
-        if letter in UNSUPPORTED_MODULES:
-            raise DesignError(None, f'"{type_string}" has module {letter}, a {UNSUPPORTED_MODULES[letter]}')
         if letter not in MODULES:
             known = ", ".join(f"{known} ({text})" for known, text in MODULES.items())
             raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known}')
-    for letter in MODULES:
+    for letter in REQUIRED_MODULES:
         if letter not in letters:
             raise DesignError(None, f'"{type_string}" has no module {letter} ({MODULES[letter]})')
     if letters.count("W") > MAX_AXLES:
         raise DesignError(
             None, f'"{type_string}" has {letters.count("W")} axles, the servo driver serves {MAX_AXLES}'
         )
+    _check_hinges(type_string, letters)
     return letters
+
+
+def _check_hinges(type_string: str, letters: tuple[str, ...]) -> None:
+    """Every hinge joins two segments, and there are no more of them than the simulator takes."""
+    if letters[0] == "H" or letters[-1] == "H":
+        where = "begins" if letters[0] == "H" else "ends"
+        raise DesignError(None, f'"{type_string}" {where} with a hinge (H), which must join two segments')
+    if ("H", "H") in itertools.pairwise(letters):
+        raise DesignError(None, f'"{type_string}" has two hinges (H) in a row, with no segment between them')
+    segments = letters.count("H") + 1
+    if segments > MAX_SEGMENTS:
+        raise DesignError(
+            None, f'"{type_string}" has {segments} segments, the simulator takes {MAX_SEGMENTS}'
+        )
 
 
 def compose(type_string: str, values: Mapping[str, float]) -> Design:
@@ -132,14 +188,27 @@ def _check_wheels(design: Design) -> None:
             f"and {assembly.belly_clearance_mm.value:g} under the belly)",
         )
     least_distance = 2 * radius + assembly.wheel_distance_mm.value
-    axles = design.axles_mm
-    for front, rear in itertools.pairwise(axles):
-        if front - rear < least_distance:
+    for front, rear in itertools.pairwise(design.axles_mm):
+        distance = _folded_distance_mm(design, front, rear)
+        if distance < least_distance:
+            folded = "" if distance == front - rear else ", folded to the limits of H"
             raise DesignError(
                 "radius",
                 f"{radius:g} needs axles at least {least_distance:g} apart, or wheels touch, but "
-                f"{_lengths(design)} puts two of them {front - rear:g} apart",
+                f"{_lengths(design)} puts two of them {distance:.4g} apart{folded}",
             )
+
+
+def _folded_distance_mm(design: Design, front_mm: float, rear_mm: float) -> float:
+    """How close two axles come when all hinges between them fold as far as they can."""
+    between = [x for x in design.hinges_mm if rear_mm < x < front_mm]
+    if not between:
+        return front_mm - rear_mm
+    fold_rad = math.radians(max(design.values["H.fold_down"], design.values["H.fold_up"]))
+    lengths = [a - b for a, b in itertools.pairwise([front_mm, *between, rear_mm])]
+    forward = sum(length * math.cos(i * fold_rad) for i, length in enumerate(lengths))
+    upward = sum(length * math.sin(i * fold_rad) for i, length in enumerate(lengths))
+    return math.hypot(forward, upward)
 
 
 def _lengths(design: Design) -> str:

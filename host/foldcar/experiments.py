@@ -12,14 +12,19 @@ from foldcar.body import full_speed_m_s
 from foldcar.controller import TableRow, check_parameters, controller_parameters
 from foldcar.design import Design
 from foldcar.family import Family, read_family
-from foldcar.listing import ListingError, read_listing
+from foldcar.listing import ExperimentParams, ListingError, read_listing
+from foldcar.variation import spread_named
 
 TRIAL_LIMIT = "TRIAL_MAX_S"
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One experiment: each design of the family in each of ``environments`` samples of the program."""
+    """One experiment: each design of the family in each of ``environments`` samples of the program.
+
+    ``condition`` says what is frozen of the program, as the listing does. ``variation`` maps what varies
+    from car to car to its spread; it is empty if cars are as designed.
+    """
 
     id: str
     family: Family
@@ -28,10 +33,13 @@ class Experiment:
     program_name: str
     scenic_params: Mapping[str, Any]
     seed: int
+    condition: Mapping[str, Any] | None
     environments: int
     timeout_s: float
     speed_m_s: float | None
     yaw_rate_rad_s: float
+    variation: Mapping[str, float]
+    variation_seed: int
     place: str
 
     def settings(
@@ -85,6 +93,7 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
         program = file.parent / environment.scenic_filename
         if not program.is_file():
             raise ListingError(f"{place}: {program} is no file")
+        params = listed.params
         chosen.append(
             Experiment(
                 id=name,
@@ -94,11 +103,20 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
                 program_name=environment.scenic_filename,
                 scenic_params=environment.scenic_params,
                 seed=environment.seed,
-                environments=environments if environments is not None else listed.params.environments,
-                timeout_s=listed.params.timeout,
-                speed_m_s=listed.params.speed,
-                yaw_rate_rad_s=listed.params.yaw_rate,
+                condition=environment.condition.model_dump(exclude_none=True)
+                if environment.condition
+                else None,
+                environments=environments if environments is not None else params.environments,
+                timeout_s=params.timeout,
+                speed_m_s=params.speed,
+                yaw_rate_rad_s=params.yaw_rate,
+                variation=_variation(params, f"{file}: experiments.{name}.params.variation"),
+                variation_seed=environment.seed if params.variation_seed is None else params.variation_seed,
                 place=f"{file}: experiments.{name}",
             )
         )
     return Study(str(file), text, tuple(chosen))
+
+
+def _variation(params: ExperimentParams, place: str) -> Mapping[str, float]:
+    return spread_named(params.variation, place) if params.variation is not None else {}

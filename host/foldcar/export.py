@@ -1,4 +1,7 @@
-"""A store's runs as CSV or Parquet: a row per run, a column per design parameter, in the store's order.
+"""A store's runs as CSV or Parquet: a row per run, in the store's order.
+
+There is a column for each design parameter and each recorded value. Values recorded as numbers, texts or
+truths stay so; series and all else are JSON text.
 
 Input: an open Store. Output: a file, written whole or not at all, or a text stream. Rows are streamed.
 """
@@ -6,7 +9,8 @@ Input: an open Store. Output: a file, written whole or not at all, or a text str
 import csv
 import io
 import itertools
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TextIO
 
@@ -24,8 +28,17 @@ RESULT_COLUMNS = (
     "consumed_energy_j",
     "max_roll_rad",
     "max_pitch_rad",
+    "message",
 )
+RECORDED_PREFIX = "recorded_"
 BATCH_ROWS = 10_000
+
+# What a recorded value is in a file, by the types of all its values; whatever mixes or nests is JSON.
+RECORDED_KINDS = {
+    "number": {"integer", "real", "null"},
+    "text": {"text", "null"},
+    "truth": {"true", "false", "null"},
+}
 
 Cell = str | float | int | None
 
@@ -42,11 +55,11 @@ def export_csv(store: Store, file: Path) -> int:
 def write_csv(store: Store, text: TextIO) -> int:
     """Write to an open text stream; gives the number of rows."""
     writer = csv.writer(text, lineterminator="\n")
-    design = store.design_columns()
-    writer.writerow((*RESULT_COLUMNS, *design))
+    design, recorded = store.design_columns(), _recorded_kinds(store)
+    writer.writerow(_columns(design, recorded))
     count = 0
     for result in store.results():
-        writer.writerow([_csv_cell(cell) for cell in _cells(result, design)])
+        writer.writerow([_csv_cell(cell) for cell in _cells(result, design, recorded)])
         count += 1
     text.flush()
     return count
@@ -57,13 +70,18 @@ def export_parquet(store: Store, file: Path) -> int:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    design = store.design_columns()
-    types = {**dict.fromkeys((*TEXT_COLUMNS, "outcome"), pa.string()), "sample": pa.int64()}
-    columns = (*RESULT_COLUMNS, *design)
+    design, recorded = store.design_columns(), _recorded_kinds(store)
+    of_kind = {"number": pa.float64(), "text": pa.string(), "truth": pa.bool_(), "json": pa.string()}
+    types = {
+        **dict.fromkeys((*TEXT_COLUMNS, "outcome", "message"), pa.string()),
+        "sample": pa.int64(),
+        **{f"{RECORDED_PREFIX}{name}": of_kind[kind] for name, kind in recorded.items()},
+    }
+    columns = _columns(design, recorded)
     schema = pa.schema([(column, types.get(column, pa.float64())) for column in columns])
     count = 0
     with atomic_file(file) as binary, pq.ParquetWriter(binary, schema) as writer:
-        for batch in _batches(_cells(result, design) for result in store.results()):
+        for batch in _batches(_cells(result, design, recorded) for result in store.results()):
             writer.write_table(
                 pa.table(dict(zip(columns, zip(*batch, strict=True), strict=True)), schema=schema)
             )
@@ -71,14 +89,37 @@ def export_parquet(store: Store, file: Path) -> int:
     return count
 
 
-def _cells(result: Result, design: list[str]) -> list[Cell]:
+def _recorded_kinds(store: Store) -> dict[str, str]:
+    """The recorded values of a store: ``number``, ``text``, ``truth`` or ``json`` by name."""
+    return {
+        name: next((kind for kind, takes in RECORDED_KINDS.items() if types <= takes), "json")
+        for name, types in store.recorded_types().items()
+    }
+
+
+def _columns(design: list[str], recorded: Mapping[str, str]) -> list[str]:
+    return [*RESULT_COLUMNS, *design, *(f"{RECORDED_PREFIX}{name}" for name in recorded)]
+
+
+def _cells(result: Result, design: list[str], recorded: Mapping[str, str]) -> list[Cell]:
     return [
         *(getattr(result, column) for column in RESULT_COLUMNS),
         *(result.design.get(column) for column in design),
+        *(_recorded_cell(result, name, kind) for name, kind in recorded.items()),
     ]
 
 
+def _recorded_cell(result: Result, name: str, kind: str) -> Cell:
+    if name not in result.recorded:
+        return None
+    value = result.recorded[name].value
+    cell: Cell = json.dumps(value) if kind == "json" else value
+    return cell
+
+
 def _csv_cell(cell: Cell) -> Cell:
+    if isinstance(cell, bool):
+        return json.dumps(cell)
     return repr(cell).removesuffix(".0") if isinstance(cell, float) else cell
 
 

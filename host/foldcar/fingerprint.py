@@ -9,10 +9,12 @@ by the scene itself.
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+# The last ones decide what programs that run beside the simulation see of it.
 SCENE_CODE = (
     "scenes.py",
     "scene_json.py",
@@ -20,20 +22,42 @@ SCENE_CODE = (
     "scene_terrain.py",
     "scene_reading.py",
     "scenic_program.py",
+    "program_globals.py",
+    "conditioning.py",
+    "scenic_simulator.py",
+    "scenic_ego.py",
+    "recorded_values.py",
+    "scenic_worker.py",
+    "carsim_step.py",
 )
+VARIATION_CODE = ("variation.py", "parts_data/workshop.json")
 SOURCES = ("*.scenic", "*.py")
 
 
-def environment_fingerprint(program: Path, params: Mapping[str, Any], seed: int) -> str:
-    """The hash for ``program`` with ``params`` and ``seed``."""
+def environment_fingerprint(
+    program: Path, params: Mapping[str, Any], seed: int, condition: Mapping[str, Any] | None = None
+) -> str:
+    """The hash for ``program`` with ``params``, ``seed`` and what is frozen of it."""
     digest = hashlib.sha256()
-    head = [program.name, params, seed, scenic_version()]
+    head = [program.name, params, seed, condition, scenic_version()]
     digest.update(json.dumps(head, sort_keys=True).encode())
     for file in _sources(program.parent):
         text = file.read_bytes()
         digest.update(f"\n{file.name} {len(text)}\n".encode())
         digest.update(text)
     return digest.hexdigest()
+
+
+def spread_fingerprint(spread: Mapping[str, float], seed: int) -> str:
+    """The hash of what a spread's variations depend on."""
+    return hashlib.sha256(json.dumps([spread, seed, variation_code()], sort_keys=True).encode()).hexdigest()
+
+
+@cache
+def variation_code() -> str:
+    """The hash of the code and data that draw variations and apply them to bodies."""
+    package = Path(__file__).parent
+    return hashlib.sha256(b"\n".join((package / name).read_bytes() for name in VARIATION_CODE)).hexdigest()
 
 
 def scenic_version() -> str:

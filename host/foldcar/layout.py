@@ -1,7 +1,7 @@
-"""Where everything sits in a car's body box: film panels, servos, boards, batteries.
+"""Where everything sits in a car's boxes: film panels, servos, boards, batteries.
 
 Input: a Design. Output: placed solid boxes in millimetres, in the car's frame (x forward, y left, z up from
-the middle of the body box at axle height). A part that finds no room is a DesignError.
+the middle of the car's length at axle height, hinges flat). A part that finds no room is a DesignError.
 """
 
 from dataclasses import dataclass
@@ -12,55 +12,83 @@ from foldcar.parts import BoxPart, catalogue
 
 @dataclass(frozen=True, slots=True)
 class PlacedBox:
-    """A solid, axis-aligned box of even density: size and middle in millimetres, mass in kilograms."""
+    """A solid, axis-aligned box of even density: size and middle in millimetres, mass in kilograms.
+
+    ``segment`` is the index of the rigid part of the car that carries it.
+    """
 
     name: str
     mass_kg: float
     size_mm: tuple[float, float, float]
     center_mm: tuple[float, float, float]
+    segment: int = 0
 
 
 def layout(design: Design) -> tuple[PlacedBox, ...]:
-    """Everything the chassis consists of, wheels excepted."""
-    return (*film_panels(design), *servos(design), *electronics(design))
+    """Everything the segments consist of, wheels excepted."""
+    return (*film_panels(design), *hinge_strips(design), *servos(design), *electronics(design))
 
 
 def film_panels(design: Design) -> tuple[PlacedBox, ...]:
-    """The folded box beam: four sides, the flap of its seam, two end caps."""
+    """The folded box beam of every segment: four sides, the flap of its seam, two end caps."""
+    return tuple(
+        panel
+        for index, segment in enumerate(design.segments)
+        for panel in _beam(design, index, segment.center_mm, segment.length_mm)
+    )
+
+
+def _beam(design: Design, segment: int, middle: float, length: float) -> tuple[PlacedBox, ...]:
     film, flap = catalogue().film, catalogue().assembly.lap_flap_mm.value
     t = film.thickness_mm.value
-    length, width, height = design.length_mm, design.values["width"], design.values["height"]
+    width, height = design.values["width"], design.values["height"]
     side, floor, end = (width - t) / 2, (height - t) / 2, (length - t) / 2
 
-    def panel(name: str, size: tuple[float, float, float], center: tuple[float, float, float]) -> PlacedBox:
-        mass_kg = size[0] * size[1] * size[2] * 1e-9 * film.density_kg_m3.value
-        return PlacedBox(name, mass_kg, size, center)
+    def panel(
+        name: str, size: tuple[float, float, float], x: float = 0, y: float = 0, z: float = 0
+    ) -> PlacedBox:
+        return PlacedBox(name, _film_kg(size), size, (middle + x, y, z), segment)
 
     return (
-        panel("floor", (length, width, t), (0, 0, -floor)),
-        panel("lid", (length, width, t), (0, 0, floor)),
-        panel("left side", (length, t, height), (0, side, 0)),
-        panel("right side", (length, t, height), (0, -side, 0)),
+        panel("floor", (length, width, t), z=-floor),
+        panel("lid", (length, width, t), z=floor),
+        panel("left side", (length, t, height), y=side),
+        panel("right side", (length, t, height), y=-side),
         # The seam's flap lies along one edge of the floor; its pull to that side, under 0.2 mm of the
-        # centre of mass, is less than the model can express, so it is put in the middle.
-        panel("seam flap", (length, flap, t), (0, 0, -floor + t)),
-        panel("front cap", (t, width, height), (end, 0, 0)),
-        panel("rear cap", (t, width, height), (-end, 0, 0)),
+        # centre of mass, is less than any other part's place is known to, so it is put in the middle.
+        panel("seam flap", (length, flap, t), z=-floor + t),
+        panel("front cap", (t, width, height), x=end),
+        panel("rear cap", (t, width, height), x=-end),
+    )
+
+
+def hinge_strips(design: Design) -> tuple[PlacedBox, ...]:
+    """Each hinge's strip at axle height, half of it with the segment before and half with the one after."""
+    if not design.hinges_mm:
+        return ()
+    half, thickness = design.values["H.length"] / 2, design.values["H.thickness"]
+    size = (half, design.values["width"], thickness)
+    return tuple(
+        PlacedBox("hinge strip", _film_kg(size), size, (x + sign * half / 2, 0, 0), index + (sign < 0))
+        for index, x in enumerate(design.hinges_mm)
+        for sign in (1, -1)
     )
 
 
 def servos(design: Design) -> tuple[PlacedBox, ...]:
-    """Two servos an axle, left then right, inside their walls, the short end away from the car's middle."""
+    """Two servos an axle, left then right, inside their walls, short ends away from its segment's middle."""
     servo, wall = catalogue().servo, catalogue().film.thickness_mm.value
     length, width, depth = servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value
     inward = length / 2 - servo.axis_from_end_mm.value
     y = design.values["width"] / 2 - wall - depth / 2
     size = (length, depth, width)
-    return tuple(
-        PlacedBox(servo.name, servo.mass_kg.value, size, (x - inward if x > 0 else x + inward, side * y, 0))
-        for x in design.axles_mm
-        for side in (1, -1)
-    )
+    placed = []
+    for x, index in zip(design.axles_mm, design.axle_segments, strict=True):
+        middle = x - inward if x > design.segments[index].center_mm else x + inward
+        placed += [
+            PlacedBox(servo.name, servo.mass_kg.value, size, (middle, side * y, 0), index) for side in (1, -1)
+        ]
+    return tuple(placed)
 
 
 def electronics(design: Design) -> tuple[PlacedBox, ...]:
@@ -73,7 +101,8 @@ def electronics(design: Design) -> tuple[PlacedBox, ...]:
     stack = (parts.lipo, parts.feather, parts.featherwing)
     stack_length = max(part.length_mm.value for part in stack)
     stack_height = sum(part.height_mm.value for part in stack)
-    middle = design.module_centers_mm[design.modules.index("B")]
+    module = design.modules.index("B")
+    middle, segment = design.module_centers_mm[module], design.segment_at(module)
     room = design.values["B.length"]
     inside_height = design.values["height"] - 2 * wall
     floor, lid = -inside_height / 2, inside_height / 2
@@ -101,16 +130,22 @@ def electronics(design: Design) -> tuple[PlacedBox, ...]:
     else:
         stack_x = middle + (room - stack_length) / 2
         battery_x, battery_z = middle - (room - battery[0]) / 2, floor + battery[2] / 2
-    placed = [PlacedBox(parts.battery.name, parts.battery.mass_kg.value, battery, (battery_x, 0, battery_z))]
+
+    def place(part: BoxPart, size: tuple[float, float, float], x: float, z: float) -> PlacedBox:
+        return PlacedBox(part.name, part.mass_kg.value, size, (x, 0, z), segment)
+
+    placed = [place(parts.battery, battery, battery_x, battery_z)]
     bottom = floor
     for part in stack:
         size = _size(part)
-        placed.append(PlacedBox(part.name, part.mass_kg.value, size, (stack_x, 0, bottom + size[2] / 2)))
+        placed.append(place(part, size, stack_x, bottom + size[2] / 2))
         bottom += size[2]
-    placed.append(
-        PlacedBox(parts.wiring.name, parts.wiring.mass_kg.value, _size(parts.wiring), (middle, 0, 0))
-    )
+    placed.append(place(parts.wiring, _size(parts.wiring), middle, 0))
     return tuple(placed)
+
+
+def _film_kg(size_mm: tuple[float, float, float]) -> float:
+    return size_mm[0] * size_mm[1] * size_mm[2] * 1e-9 * catalogue().film.density_kg_m3.value
 
 
 def _size(part: BoxPart, turned: bool = False) -> tuple[float, float, float]:

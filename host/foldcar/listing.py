@@ -75,12 +75,24 @@ class Strict(BaseModel):
 
 
 class ExperimentParams(Strict):
-    """``timeout`` in s, sampled ``environments``, ``speed`` in m/s (None: full), ``yaw_rate`` in rad/s."""
+    """``timeout`` in s, sampled ``environments``, ``speed`` in m/s (None: full), ``yaw_rate`` in rad/s.
+
+    ``variation``: the spread of nearby cars by name or as overrides (None: cars are as designed);
+    ``variation_seed`` None: the environment's.
+    """
 
     timeout: float = Field(120.0, gt=0)
     environments: int = Field(1, ge=1, le=1_000_000)
     speed: float | None = Field(None, gt=0, le=5)
     yaw_rate: float = Field(0.0, ge=-20, le=20)
+    variation: str | dict[str, Any] | None = None
+    variation_seed: int | None = Field(None, ge=0, lt=2**63)
+
+    @model_validator(mode="after")
+    def _seed_has_a_use(self) -> "ExperimentParams":
+        if self.variation_seed is not None and self.variation is None:
+            raise ValueError('"variation_seed" says nothing without "variation"')
+        return self
 
 
 class ListedExperiment(Strict):
@@ -98,6 +110,17 @@ class ListedVehicle(Strict):
     params: list[dict[str, dict[str, Values]]] = []
 
 
+class ListedCondition(Strict):
+    """What is frozen of an environment as it is in ``sample``: names of objects and of parameters.
+
+    If both are None, everything; if one is, only what the other names.
+    """
+
+    sample: int = Field(ge=0)
+    objects: list[str] | None = None
+    params: list[str] | None = None
+
+
 class ListedEnvironment(Strict):
     """A Scenic program (path relative to the listing) with its seed and parameters, lengths in m."""
 
@@ -105,6 +128,7 @@ class ListedEnvironment(Strict):
     wbt_filename: str | None = None
     seed: int = Field(0, ge=0, lt=2**63)
     scenic_params: dict[str, Any] = {}
+    condition: ListedCondition | None = None
 
 
 class Listing(Strict):

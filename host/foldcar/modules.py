@@ -1,4 +1,4 @@
-"""The modules a car is composed of and the parameters they have: declared here once, in millimetres.
+"""The modules a car is composed of and the parameters they have: declared here once, in mm and degrees.
 
 A shared parameter has one value for the whole car; the other ones belong to a module letter and hold for
 every module of that letter. Minimums follow from the parts. In listings a parameter is found under its
@@ -13,14 +13,15 @@ from foldcar.parts import catalogue
 MODULES = {
     "W": "wheel module: one axle, two servos and their wheels",
     "B": "body module: electronics and batteries",
+    "H": "hinge: a strip of film that lets the segments before and after it pitch against each other",
 }
-# Modules the notation has and this version cannot simulate, with the reason.
-UNSUPPORTED_MODULES = {"H": "hinge: only rigid cars can be simulated in this version"}
+# What every car has, whatever else.
+REQUIRED_MODULES = ("W", "B")
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One design parameter; all numbers in millimetres. ``modules`` are the letters that have it."""
+    """One design parameter; numbers in ``unit``, mm or deg. ``modules`` are the letters that have it."""
 
     key: str
     modules: str
@@ -29,6 +30,7 @@ class Parameter:
     maximum: float
     help: str
     minimum_reason: str
+    unit: str = "mm"
 
     @property
     def shared(self) -> bool:
@@ -43,7 +45,7 @@ class Parameter:
     @property
     def column(self) -> str:
         """Its name in results, with its unit."""
-        return self.key.replace(".", "_") + "_mm"
+        return f"{self.key.replace('.', '_')}_{self.unit}"
 
 
 @cache
@@ -55,7 +57,7 @@ def parameters() -> dict[str, Parameter]:
     edge = assembly.opening_clearance_mm.value + assembly.fold_distance_mm.value
     long_side = servo.length_mm.value - servo.axis_from_end_mm.value
     declared = (
-        Parameter("width", "WB", 95, 2 * (servo.depth_mm.value + wall), 500,
+        Parameter("width", "WBH", 95, 2 * (servo.depth_mm.value + wall), 500,
                   "outer width of the body", f"two {servo.name}s side by side and their walls"),
         Parameter("height", "WB", 50, servo.width_mm.value + 2 * edge, 200,
                   "outer height of the body", f"the opening of one {servo.name}"),
@@ -67,6 +69,14 @@ def parameters() -> dict[str, Parameter]:
                   "axial width of a tyre", "a rim strip that can be folded"),
         Parameter("B.length", "B", 80, 10, 400,
                   "length of a body module", "a strip that can be folded"),
+        Parameter("H.length", "H", 6, 1, 60,
+                  "length of a hinge's strip, the gap between two segments", "a strip that bends evenly"),
+        Parameter("H.thickness", "H", wall, 0.05, 1,
+                  "thickness of a hinge's strip, as wide as the body", "the thinnest film there is"),
+        Parameter("H.fold_down", "H", 60, 0, 90,
+                  "how far the front segment may pitch nose down against the rear one", "flat", "deg"),
+        Parameter("H.fold_up", "H", 0, 0, 90,
+                  "how far it may pitch nose up, which lets the car sag", "flat", "deg"),
     )  # fmt: skip
     return {parameter.key: parameter for parameter in declared}
 

@@ -106,6 +106,9 @@ class Film(PartData):
 
     thickness_mm: Quantity
     density_kg_m3: Quantity
+    youngs_modulus_pa: Quantity
+    loss_factor: Quantity
+    loss_frequency_hz: Quantity
 
 
 class Assembly(PartData):

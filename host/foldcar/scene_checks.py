@@ -17,6 +17,7 @@ LEVEL_TOLERANCE_RAD = 1e-6
 BLOCKS = ("box", "ramp", "half_round")
 # The largest wheel a design may have. A wheel climbs no step higher than its radius.
 GREATEST_WHEEL_RADIUS_M = 0.15
+FARTHEST_M = 1000.0
 
 Pose = Mapping[str, Any]
 
@@ -32,9 +33,12 @@ def check_standing(thing: Any) -> None:
 
 
 def check_course(course: Mapping[str, float]) -> None:
-    """The course has an inside."""
+    """The course has an inside, and its sides are within what the simulator takes."""
     for axis in ("x", "y"):
         low, high = course[f"{axis}_min_m"], course[f"{axis}_max_m"]
+        for side, value in (("min", low), ("max", high)):
+            if abs(value) > FARTHEST_M:
+                raise UnusableError(f"param course_{axis}_{side}: {value} is beyond ±{FARTHEST_M:g} m")
         if low >= high:
             raise UnusableError(f"param course_{axis}_min: {low} is not below course_{axis}_max {high}")
 

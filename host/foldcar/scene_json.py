@@ -19,6 +19,7 @@ from foldcar.scene_checks import (
 from foldcar.scene_reading import UnusableError, finite, is_a, param, pose
 from foldcar.scene_terrain import MOST_PIECES, terrain_pieces
 
+MOST_FRICTION = 5.0
 COURSE_SIDES = ("x_min", "x_max", "y_min", "y_max")
 
 
@@ -41,8 +42,8 @@ def _scene_object(scene: Any, needs_goal: bool) -> dict[str, Any]:
     course = {f"{side}_m": param(scene, f"course_{side}") for side in COURSE_SIDES}
     check_course(course)
     friction = param(scene, "friction")
-    if friction <= 0:
-        raise UnusableError(f"param friction: {friction} is not above 0")
+    if not 0 < friction <= MOST_FRICTION:
+        raise UnusableError(f"param friction: {friction} is not above 0 and at most {MOST_FRICTION:g}")
     terrain: list[dict[str, Any]] = []
     goals = []
     for thing in scene.objects:

@@ -13,6 +13,8 @@ from foldcar.scene_reading import UnusableError, finite, pose, rounded
 # Lengths below a millimetre vanish in the simulator's contacts. No wheel of a design is larger than 0.15 m:
 # nothing higher than 1 m tells cars apart, and such a height is surely one in millimetres or centimetres.
 SIDE_M = (0.001, 100.0)
+SPREAD_M = (0.005, 100.0)
+EDGE_M = (0.002, 100.0)
 HEIGHT_M = (0.0001, 1.0)
 PLACE_M = (-1000.0, 1000.0)
 TURN_RAD = (-100.0, 100.0)
@@ -21,8 +23,8 @@ KINDS: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "box": {"length_m": SIDE_M, "width_m": SIDE_M, "height_m": HEIGHT_M},
     "ramp": {"length_m": SIDE_M, "width_m": SIDE_M, "height_m": HEIGHT_M},
     "half_round": {"length_m": SIDE_M, "width_m": SIDE_M, "height_m": HEIGHT_M},
-    "hill": {"sd_along_m": SIDE_M, "sd_across_m": SIDE_M, "height_m": (-HEIGHT_M[1], HEIGHT_M[1])},
-    "pothole": {"radius_m": SIDE_M, "depth_m": HEIGHT_M, "edge_m": SIDE_M},
+    "hill": {"sd_along_m": SPREAD_M, "sd_across_m": SPREAD_M, "height_m": (-HEIGHT_M[1], HEIGHT_M[1])},
+    "pothole": {"radius_m": EDGE_M, "depth_m": HEIGHT_M, "edge_m": EDGE_M},
     "rough": {
         "length_m": SIDE_M,
         "width_m": SIDE_M,
@@ -35,6 +37,9 @@ KINDS: Mapping[str, Mapping[str, tuple[float, float]]] = {
 # A pothole is round, and has no heading.
 PLACE_KEYS = {"x_m": PLACE_M, "y_m": PLACE_M, "heading_rad": TURN_RAD}
 MOST_PIECES = 10_000
+# The simulator makes a grid of rough ground, of cells an eighth of its correlation length.
+GRID_FINENESS = 8
+MOST_NODES = 4_000_000
 
 
 def terrain_pieces(thing: Any) -> list[dict[str, Any]]:
@@ -77,20 +82,34 @@ def _checked(part: Any, thing: Any) -> dict[str, Any]:
         if key not in part:
             raise UnusableError(f"{kind}: {key} is missing", thing)
         checked[key] = _within(f"{kind}: {key}", part[key], limits, thing)
-    if kind == "half_round" and checked["height_m"] > checked["length_m"] / 2:
-        limit = checked["length_m"] / 2
-        raise UnusableError(
-            f"{kind}: height_m: {part['height_m']} is above half the length, {limit:g}", thing
-        )
-    if kind == "pothole" and checked["edge_m"] > checked["radius_m"]:
-        raise UnusableError(
-            f"{kind}: edge_m: {part['edge_m']} is above the radius, {checked['radius_m']:g}", thing
-        )
-    if kind == "rough":
-        if checked["seed"] != int(checked["seed"]):
-            raise UnusableError(f"{kind}: seed: {part['seed']} is no whole number", thing)
-        checked["seed"] = int(checked["seed"])
+    if kind == "half_round":
+        _not_above(checked, "height_m", checked["length_m"] / 2, "half the length", thing)
+    elif kind == "pothole":
+        _not_above(checked, "edge_m", checked["radius_m"], "the radius", thing)
+    elif kind == "rough":
+        _check_rough(checked, thing)
     return checked
+
+
+def _check_rough(piece: dict[str, Any], thing: Any) -> None:
+    length, width, correlation = piece["length_m"], piece["width_m"], piece["correlation_m"]
+    _not_above(piece, "correlation_m", min(length, width), "the shorter side", thing)
+    cells = GRID_FINENESS / correlation
+    nodes = (length * cells + 1) * (width * cells + 1)
+    if nodes > MOST_NODES:
+        raise UnusableError(
+            f"rough: correlation_m: {correlation:g} makes a grid of {nodes:.3g} heights, "
+            f"which is above the limit {MOST_NODES:.3g}; enlarge it or shrink the rectangle",
+            thing,
+        )
+    if piece["seed"] != int(piece["seed"]):
+        raise UnusableError(f"rough: seed: {piece['seed']:g} is no whole number", thing)
+    piece["seed"] = int(piece["seed"])
+
+
+def _not_above(piece: Mapping[str, Any], key: str, limit: float, what: str, thing: Any) -> None:
+    if piece[key] > limit:
+        raise UnusableError(f"{piece['kind']}: {key}: {piece[key]:g} is above {what}, {limit:g}", thing)
 
 
 def _within(name: str, value: Any, limits: tuple[float, float], thing: Any) -> float:

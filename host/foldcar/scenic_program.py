@@ -1,4 +1,4 @@
-"""Compiles a Scenic program and refuses, in one line, what a batch of simulations cannot honour.
+"""Compiles a Scenic program, refuses in one line what cannot be sampled, and tells what it needs to be simulated.
 
 `model model` is looked up beside the program first and in the project's scenarios/ next, so that a program
 may stand in any folder. Scenic takes most of a second to import: it is imported where it is used.
@@ -39,7 +39,8 @@ def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
         )
     if scenario.egoObject is None:
         raise FoldcarError(f"{program}: no ego: the program has to say `ego = new Robot …`")
-    _refuse_dynamics(program, scenario)
+    if scenario.externalParams:
+        raise FoldcarError(f"{program}: an external sampler: its samples would depend on the ones before")
     return scenario
 
 
@@ -48,6 +49,17 @@ def ends_itself(scenario: Any) -> bool:
     dynamic = scenario.dynamicScenario
     conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
     return bool(conditions) or dynamic._timeLimit is not None or dynamic._compose is not None
+
+
+def is_dynamic(scenario: Any) -> bool:
+    """Whether the program asks for anything that Scenic evaluates while a simulation runs."""
+    dynamic = scenario.dynamicScenario
+    return (
+        ends_itself(scenario)
+        or bool(scenario.recordedExprs or scenario.recordedInitialExprs or scenario.recordedFinalExprs)
+        or bool(scenario.monitors or dynamic._agents)
+        or any(requirement.proposition.has_temporal_operator for requirement in scenario.requirements)
+    )
 
 
 def one_line(error: BaseException, program: Path) -> str:
@@ -102,32 +114,3 @@ def _check_params(program: Path, params: Mapping[str, Any], declared: Mapping[st
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _refuse_dynamics(program: Path, scenario: Any) -> None:
-    """Refuse what Scenic evaluates while a simulation runs: ignored, it would change what is asked."""
-    dynamic = scenario.dynamicScenario
-    temporal = [r for r in scenario.requirements if r.proposition.has_temporal_operator]
-    recorded = [*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs]
-    refused = (
-        ("terminate when", scenario.terminationConditions, "place a Goal: reaching it ends a run"),
-        (
-            "terminate simulation when",
-            scenario.terminateSimulationConditions,
-            "place a Goal: reaching it ends a run",
-        ),
-        (
-            "terminate after",
-            dynamic._timeLimit is not None,
-            "give the time limit as `timeout` in the listing",
-        ),
-        ("record", recorded, "every run's measures are stored anyway"),
-        ("require monitor", scenario.monitors, "only what holds at the start can be required"),
-        ("require always/eventually/until", temporal, "only what holds at the start can be required"),
-        ("a behavior", dynamic._agents, "the firmware drives the car, all else stands still"),
-        ("compose", dynamic._compose is not None, "give the `setup` block alone"),
-        ("an external sampler", scenario.externalParams, "its samples depend on the ones before"),
-    )
-    for statement, used, advice in refused:
-        if used:
-            raise FoldcarError(f"{program}: {statement}: a batch of simulations cannot honour it; {advice}")

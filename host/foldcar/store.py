@@ -7,7 +7,7 @@ from sqlite3 import Connection
 from types import TracebackType
 from typing import Any
 
-from foldcar.results import Result
+from foldcar.results import Recorded, Result
 from foldcar.store_info import ExperimentInfo, StudyInfo
 from foldcar.store_schema import StoreError, open_reading, store_errors
 
@@ -44,13 +44,14 @@ class Store:
     def results(self, experiment: str | None = None) -> Iterator[Result]:
         """Stored runs, streamed by experiment, design and sample; of one experiment if it is named."""
         for name in self._experiment_ids(experiment):
-            for row in self._rows(
+            for *values, parameters, recorded in self._rows(
                 "SELECT experiment, vehicle, environment, sample, outcome, elapsed_time_s, "
-                "distance_to_target_m, consumed_energy_j, max_roll_rad, max_pitch_rad, parameters "
-                "FROM result WHERE experiment = ? ORDER BY design_position, sample",
+                "distance_to_target_m, consumed_energy_j, max_roll_rad, max_pitch_rad, message, parameters, "
+                "recorded FROM result WHERE experiment = ? ORDER BY design_position, sample",
                 name,
             ):
-                yield Result(*(*row[:-1], json.loads(row[-1])))
+                named = {key: Recorded(**value) for key, value in json.loads(recorded).items()}
+                yield Result(*(*values, json.loads(parameters), named))
 
     def design_columns(self) -> list[str]:
         """Names of all design parameters in the store (``width_mm``, …), in order of appearance."""
@@ -61,6 +62,21 @@ class Store:
             ):
                 columns.update(dict.fromkeys(json.loads(parameters)))
         return list(columns)
+
+    def recorded_types(self) -> dict[str, set[str]]:
+        """Names of all recorded values that results show, in order of the alphabet, with their types.
+
+        A type is ``series`` or SQLite's name for that of a JSON value: ``integer``, ``real``, ``text``,
+        ``true``, ``false``, ``null``, ``array``, ``object``.
+        """
+        types: dict[str, set[str]] = {}
+        for name, kind in self._rows(
+            "SELECT DISTINCT v.name, CASE v.kind WHEN 'series' THEN 'series' ELSE json_type(v.value) END "
+            "FROM result JOIN recorded v USING (build_id, body_id, scene_id, settings_id, variation_id) "
+            "ORDER BY 1"
+        ):
+            types.setdefault(name, set()).add(kind)
+        return types
 
     def _experiment_ids(self, experiment: str | None) -> list[str]:
         known = [name for (name,) in self._rows("SELECT id FROM experiment ORDER BY position")]

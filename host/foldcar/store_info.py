@@ -11,7 +11,9 @@ class ExperimentInfo:
 
     ``varied`` maps each design parameter that makes the family (``width_mm``) to its values in order;
     ``fixed`` holds the other ones. ``speed_m_s`` is None where every car drives at its own full speed.
-    ``planned_runs`` is designs × environments, ``stored_runs`` how many of them have a result.
+    ``condition`` says what is frozen of the environment; ``variation`` maps what varies from car to car to
+    its spread, drawn by ``variation_seed``, and is empty if cars are as designed. ``planned_runs`` is
+    designs × environments, ``stored_runs`` how many of them have a result.
     """
 
     id: str
@@ -27,6 +29,9 @@ class ExperimentInfo:
     scenic_program: str
     scenic_params: Mapping[str, Any]
     seed: int
+    condition: Mapping[str, Any] | None
+    variation: Mapping[str, float]
+    variation_seed: int
     carsim_build: str
     planned_runs: int
     stored_runs: int

@@ -15,7 +15,7 @@ from foldcar.errors import FoldcarError
 
 # "Fcar" in ASCII: tells a store from other SQLite files.
 APPLICATION_ID = 0x46636172
-VERSION = 1
+VERSION = 2
 
 SCHEMA = (
     "CREATE TABLE study (key TEXT PRIMARY KEY, value TEXT NOT NULL)",
@@ -23,14 +23,21 @@ SCHEMA = (
     "CREATE TABLE body (id INTEGER PRIMARY KEY, hash TEXT NOT NULL UNIQUE, json TEXT NOT NULL)",
     "CREATE TABLE scene (id INTEGER PRIMARY KEY, hash TEXT NOT NULL UNIQUE, json TEXT NOT NULL)",
     "CREATE TABLE settings (id INTEGER PRIMARY KEY, hash TEXT NOT NULL UNIQUE, json TEXT NOT NULL)",
-    "CREATE TABLE environment (id INTEGER PRIMARY KEY, fingerprint TEXT NOT NULL UNIQUE)",
+    "CREATE TABLE variation (id INTEGER PRIMARY KEY, hash TEXT NOT NULL UNIQUE, json TEXT NOT NULL)",
+    # dynamic: 1 if the program has to run beside the simulation, 0 if not, NULL as long as nobody knows.
+    "CREATE TABLE environment (id INTEGER PRIMARY KEY, fingerprint TEXT NOT NULL UNIQUE, dynamic INTEGER)",
     """CREATE TABLE sample (
         environment_id INTEGER NOT NULL REFERENCES environment, sample INTEGER NOT NULL,
         scene_id INTEGER NOT NULL REFERENCES scene, PRIMARY KEY (environment_id, sample)) WITHOUT ROWID""",
+    "CREATE TABLE spread (id INTEGER PRIMARY KEY, fingerprint TEXT NOT NULL UNIQUE)",
+    """CREATE TABLE draw (
+        spread_id INTEGER NOT NULL REFERENCES spread, sample INTEGER NOT NULL,
+        variation_id INTEGER NOT NULL REFERENCES variation, PRIMARY KEY (spread_id, sample)) WITHOUT ROWID""",
     """CREATE TABLE experiment (
         id TEXT PRIMARY KEY, position INTEGER NOT NULL, build_id INTEGER NOT NULL REFERENCES build,
-        environment_id INTEGER NOT NULL REFERENCES environment, environments INTEGER NOT NULL,
-        vehicle TEXT NOT NULL, environment TEXT NOT NULL, facts TEXT NOT NULL)""",
+        environment_id INTEGER NOT NULL REFERENCES environment, spread_id INTEGER NOT NULL REFERENCES spread,
+        environments INTEGER NOT NULL, vehicle TEXT NOT NULL, environment TEXT NOT NULL,
+        facts TEXT NOT NULL)""",
     """CREATE TABLE design (
         experiment TEXT NOT NULL REFERENCES experiment, position INTEGER NOT NULL, parameters TEXT NOT NULL,
         body_id INTEGER NOT NULL REFERENCES body, settings_id INTEGER NOT NULL REFERENCES settings,
@@ -38,17 +45,29 @@ SCHEMA = (
     """CREATE TABLE run (
         build_id INTEGER NOT NULL REFERENCES build, body_id INTEGER NOT NULL REFERENCES body,
         scene_id INTEGER NOT NULL REFERENCES scene, settings_id INTEGER NOT NULL REFERENCES settings,
-        outcome TEXT NOT NULL, elapsed_time_s REAL NOT NULL, distance_to_target_m REAL NOT NULL,
-        consumed_energy_j REAL NOT NULL, max_roll_rad REAL NOT NULL, max_pitch_rad REAL NOT NULL,
-        PRIMARY KEY (build_id, body_id, scene_id, settings_id)) WITHOUT ROWID""",
+        variation_id INTEGER NOT NULL REFERENCES variation,
+        outcome TEXT NOT NULL, elapsed_time_s REAL, distance_to_target_m REAL, consumed_energy_j REAL,
+        max_roll_rad REAL, max_pitch_rad REAL, message TEXT,
+        PRIMARY KEY (build_id, body_id, scene_id, settings_id, variation_id)) WITHOUT ROWID""",
+    """CREATE TABLE recorded (
+        build_id INTEGER NOT NULL, body_id INTEGER NOT NULL, scene_id INTEGER NOT NULL,
+        settings_id INTEGER NOT NULL, variation_id INTEGER NOT NULL,
+        name TEXT NOT NULL, kind TEXT NOT NULL, value TEXT NOT NULL,
+        PRIMARY KEY (build_id, body_id, scene_id, settings_id, variation_id, name)) WITHOUT ROWID""",
     """CREATE VIEW result AS
         SELECT e.position AS experiment_position, e.id AS experiment, e.vehicle, e.environment,
             d.position AS design_position, d.parameters, s.sample, r.outcome, r.elapsed_time_s,
-            r.distance_to_target_m, r.consumed_energy_j, r.max_roll_rad, r.max_pitch_rad
-        FROM experiment e CROSS JOIN design d CROSS JOIN sample s CROSS JOIN run r
+            r.distance_to_target_m, r.consumed_energy_j, r.max_roll_rad, r.max_pitch_rad, r.message,
+            (SELECT json_group_object(v.name, json_object('kind', v.kind, 'value', json(v.value)))
+                FROM recorded v
+                WHERE v.build_id = r.build_id AND v.body_id = r.body_id AND v.scene_id = r.scene_id
+                    AND v.settings_id = r.settings_id AND v.variation_id = r.variation_id) AS recorded,
+            r.build_id, r.body_id, r.scene_id, r.settings_id, r.variation_id
+        FROM experiment e CROSS JOIN design d CROSS JOIN sample s CROSS JOIN draw w CROSS JOIN run r
         WHERE d.experiment = e.id AND s.environment_id = e.environment_id AND s.sample < e.environments
+            AND w.spread_id = e.spread_id AND w.sample = s.sample
             AND r.build_id = e.build_id AND r.body_id = d.body_id AND r.scene_id = s.scene_id
-            AND r.settings_id = d.settings_id""",
+            AND r.settings_id = d.settings_id AND r.variation_id = w.variation_id""",
 )
 
 

@@ -1,8 +1,8 @@
 """The results store, written: by one sweep at a time, a transaction per chunk.
 
-A run's key is (build of carsim, body, scene, settings), each told apart by the hash of its text: what is
-there under its key is never run again, whichever experiment asks. Scenes are kept by the environment's
-fingerprint.
+A run's key is (build of carsim, body, scene, settings, variation), each told apart by the hash of its text:
+what is there under its key is never run again, whichever experiment asks. Scenes are kept by the
+environment's fingerprint, variations by that of the spread they are drawn from.
 """
 
 import contextlib
@@ -14,9 +14,12 @@ from pathlib import Path
 from sqlite3 import Connection
 from typing import Any
 
+from foldcar.results import NUMBERS, outcome_of
 from foldcar.store_schema import StoreError, close_writing, open_writing, store_errors, writer_lock
 
 PAGE_ROWS = 1000
+INSERT_RUN = "INSERT OR IGNORE INTO run VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+INSERT_RECORDED = "INSERT OR IGNORE INTO recorded VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +31,7 @@ class PlannedRun:
     body_id: int
     scene_id: int
     settings_id: int
+    variation_id: int
     outcome: str | None
 
 
@@ -48,6 +52,7 @@ class PlannedExperiment:
     vehicle: str
     environment: str
     environment_id: int
+    spread_id: int
     environments: int
     facts: Mapping[str, Any]
 
@@ -73,11 +78,12 @@ class StoreWriter:
         with self._transaction():
             self._run("DELETE FROM design WHERE experiment = ?", plan.id)
             self._run(
-                "INSERT INTO experiment VALUES (?, (SELECT count(*) FROM experiment), ?, ?, ?, ?, ?, ?) "
+                "INSERT INTO experiment VALUES (?, (SELECT count(*) FROM experiment), ?, ?, ?, ?, ?, ?, ?) "
                 "ON CONFLICT (id) DO UPDATE SET build_id = excluded.build_id, "
-                "environment_id = excluded.environment_id, environments = excluded.environments, "
-                "vehicle = excluded.vehicle, environment = excluded.environment, facts = excluded.facts",
-                plan.id, self._build_id, plan.environment_id, plan.environments, plan.vehicle,
+                "environment_id = excluded.environment_id, spread_id = excluded.spread_id, "
+                "environments = excluded.environments, vehicle = excluded.vehicle, "
+                "environment = excluded.environment, facts = excluded.facts",
+                plan.id, self._build_id, plan.environment_id, plan.spread_id, plan.environments, plan.vehicle,
                 plan.environment, json.dumps(plan.facts),
             )  # fmt: skip
             for position, design in enumerate(designs):
@@ -98,28 +104,57 @@ class StoreWriter:
         with self._transaction():
             return self._identify("environment", "fingerprint", fingerprint)
 
+    def is_dynamic(self, environment_id: int) -> bool | None:
+        """Whether the environment's program has to run beside the simulation; None if nobody knows yet."""
+        (dynamic,) = self._run("SELECT dynamic FROM environment WHERE id = ?", environment_id).fetchone()
+        return None if dynamic is None else bool(dynamic)
+
+    def put_dynamic(self, environment_id: int, dynamic: bool) -> None:
+        """Store what :meth:`is_dynamic` tells."""
+        with self._transaction():
+            self._run("UPDATE environment SET dynamic = ? WHERE id = ?", dynamic, environment_id)
+
+    def spread(self, fingerprint: str) -> int:
+        """Id of the spread of cars with this fingerprint."""
+        with self._transaction():
+            return self._identify("spread", "fingerprint", fingerprint)
+
     def sample_count(self, environment_id: int) -> int:
         """How many samples of an environment are stored; samples 0 to that number less one."""
         row = self._run("SELECT count(*) FROM sample WHERE environment_id = ?", environment_id).fetchone()
         return int(row[0])
 
-    def put_sample(self, environment_id: int, sample: int, scene: Mapping[str, Any]) -> None:
-        """Store the scene of a sample."""
+    def draw_count(self, spread_id: int) -> int:
+        """How many samples of a spread are stored; samples 0 to that number less one."""
+        row = self._run("SELECT count(*) FROM draw WHERE spread_id = ?", spread_id).fetchone()
+        return int(row[0])
+
+    def put_sample(
+        self, environment_id: int, sample: int, scene: Mapping[str, Any], identity: str = ""
+    ) -> None:
+        """Store the scene of a sample; scenes of unequal ``identity`` differ whatever they look like."""
         with self._transaction():
-            scene_id = self._put_text("scene", canonical_json(scene))
+            scene_id = self._put_text("scene", canonical_json(scene), identity)
             self._run("INSERT OR IGNORE INTO sample VALUES (?, ?, ?)", environment_id, sample, scene_id)
+
+    def put_draw(self, spread_id: int, sample: int, variation: Mapping[str, Any], identity: str = "") -> None:
+        """Store the variation of a sample; ``identity`` as for :meth:`put_sample`."""
+        with self._transaction():
+            variation_id = self._put_text("variation", canonical_json(variation), identity)
+            self._run("INSERT OR IGNORE INTO draw VALUES (?, ?, ?)", spread_id, sample, variation_id)
 
     def planned_runs(self, plan: PlannedExperiment, sample: int) -> Iterator[PlannedRun]:
         """The runs of all designs in one stored sample, in the order of designs, read in pages."""
         next_design = 0
         while True:
             rows = self._run(
-                "SELECT d.position, s.sample, d.body_id, s.scene_id, d.settings_id, r.outcome "
-                "FROM design d JOIN sample s ON s.environment_id = ? AND s.sample = ? LEFT JOIN run r "
+                "SELECT d.position, s.sample, d.body_id, s.scene_id, d.settings_id, w.variation_id, "
+                "r.outcome FROM design d JOIN sample s ON s.environment_id = ? AND s.sample = ? "
+                "JOIN draw w ON w.spread_id = ? AND w.sample = s.sample LEFT JOIN run r "
                 "ON r.build_id = ? AND r.body_id = d.body_id AND r.scene_id = s.scene_id "
-                "AND r.settings_id = d.settings_id "
+                "AND r.settings_id = d.settings_id AND r.variation_id = w.variation_id "
                 "WHERE d.experiment = ? AND d.position >= ? ORDER BY d.position LIMIT ?",
-                plan.environment_id, sample, self._build_id, plan.id, next_design, PAGE_ROWS,
+                plan.environment_id, sample, plan.spread_id, self._build_id, plan.id, next_design, PAGE_ROWS,
             ).fetchall()  # fmt: skip
             yield from (PlannedRun(*row) for row in rows)
             if len(rows) < PAGE_ROWS:
@@ -127,23 +162,24 @@ class StoreWriter:
             next_design = rows[-1][0] + 1
 
     def text(self, table: str, row_id: int) -> str:
-        """The JSON text of a row of ``body``, ``scene`` or ``settings``."""
+        """The JSON text of a row of ``body``, ``scene``, ``settings`` or ``variation``."""
         (text,) = self._run(f"SELECT json FROM {table} WHERE id = ?", row_id).fetchone()
         return str(text)
 
     def add_results(self, results: Iterable[tuple[PlannedRun, Mapping[str, Any]]]) -> None:
-        """Store a chunk: runs with their results as carsim answered them."""
+        """Store a chunk: runs with their results as the simulator answered them (:mod:`foldcar.carsim`)."""
         with self._transaction():
             for run, result in results:
-                self._run(
-                    "INSERT OR IGNORE INTO run VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                    self._build_id, run.body_id, run.scene_id, run.settings_id, result["outcome"],
-                    result["elapsed_time_s"], result["distance_to_target_m"], result["consumed_energy_j"],
-                    result["max_roll_rad"], result["max_pitch_rad"],
-                )  # fmt: skip
+                key = (self._build_id, run.body_id, run.scene_id, run.settings_id, run.variation_id)
+                message = result.get("error")
+                numbers = [result[name] if message is None else None for name in NUMBERS]
+                self._run(INSERT_RUN, *key, outcome_of(result), *numbers, message)
+                for name, recorded in result.get("recorded", {}).items():
+                    value = json.dumps(recorded["value"], allow_nan=False)
+                    self._run(INSERT_RECORDED, *key, name, recorded["kind"], value)
 
-    def _put_text(self, table: str, text: str) -> int:
-        digest = hashlib.sha256(text.encode()).hexdigest()
+    def _put_text(self, table: str, text: str, identity: str = "") -> int:
+        digest = hashlib.sha256((text + identity).encode()).hexdigest()
         self._run(f"INSERT OR IGNORE INTO {table} (hash, json) VALUES (?, ?)", digest, text)
         return self._id_of(table, "hash", digest)
 

@@ -2,7 +2,8 @@
 
 Input: a study, a store's path, a simulator. Output: rows in the store and their counts. Runs go sample by
 sample, all designs in one before the next, so that what is known early covers the whole family. The calling
-thread alone samples, plans and writes; workers only wait for simulator processes.
+thread alone samples, plans and writes; workers only wait for simulator processes. Programs that need Scenic
+beside the simulation get it, all others go to carsim's batch.
 """
 
 import time
@@ -10,15 +11,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any
 
 from foldcar import __version__
 from foldcar.body import body_json
 from foldcar.carsim import Carsim
-from foldcar.chunks import ChunkPool, Finished
+from foldcar.chunks import ChunkPool, FinishedRun
 from foldcar.controller import TableRow
+from foldcar.environments import Environment
 from foldcar.experiments import Experiment, Study
-from foldcar.fingerprint import environment_fingerprint, scenic_version
+from foldcar.fingerprint import scenic_version
+from foldcar.results import outcome_of
 from foldcar.store_writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
 
 
@@ -30,6 +32,7 @@ class Progress:
     new: int = 0
     there: int = 0
     passed: int = 0
+    failed: int = 0
     started_s: float = field(default_factory=time.perf_counter)
 
     @property
@@ -42,27 +45,10 @@ class Progress:
         """Time since the sweep began."""
         return time.perf_counter() - self.started_s
 
-
-class Environment:
-    """The scenes of one experiment, compiled only if one is missing."""
-
-    def __init__(self, experiment: Experiment) -> None:
-        self._experiment = experiment
-        self._source: Any = None
-
-    def open(self) -> None:
-        """Compile the program; FoldcarError if it cannot be."""
-        from foldcar.scenes import open_environment
-
-        if self._source is None:
-            e = self._experiment
-            self._source = open_environment(e.program, dict(e.scenic_params), e.seed)
-
-    def sample(self, k: int) -> dict[str, Any]:
-        """Sample ``k`` as a scene object of docs/carsim.md without its id."""
-        self.open()
-        scene: dict[str, Any] = self._source.sample(k)
-        return scene
+    def count(self, outcome: str | None, runs: int = 1) -> None:
+        """Count ``runs`` runs of the study that ended so."""
+        self.passed += runs * (outcome == "passed")
+        self.failed += runs * (outcome == "failed")
 
 
 def sweep(
@@ -89,11 +75,20 @@ def sweep(
             environment.sample(0)
     with write_store(store) as writer:
         writer.begin_study(_facts(study, carsim, command), carsim.build)
-        plans = [_plan(experiment, writer, table) for experiment in study.experiments]
-        with ChunkPool(carsim, writer, jobs) as pool:
+        plans = [
+            _plan(experiment, environment, writer, table)
+            for experiment, environment in zip(study.experiments, environments, strict=True)
+        ]
+        with ChunkPool(writer, jobs) as pool:
             for plan, environment in zip(plans, environments, strict=True):
-                for finished in _run_experiment(plan, environment, writer, pool, counts, report):
-                    _keep(finished, writer, counts, report)
+                dynamic = _is_dynamic(plan, environment, writer)
+                with environment.runner(carsim, dynamic) as runner, pool.using(runner):
+                    for finished in _run_experiment(plan, environment, dynamic, writer, pool, counts, report):
+                        _keep(finished, writer, counts, report)
+                    if runner is not carsim:
+                        # This runner ends with its experiment.
+                        for finished in pool.finish():
+                            _keep(finished, writer, counts, report)
             for finished in pool.finish():
                 _keep(finished, writer, counts, report)
     return counts
@@ -107,42 +102,59 @@ def planned_total(study: Study) -> int:
 def _run_experiment(
     plan: PlannedExperiment,
     environment: Environment,
+    dynamic: bool,
     writer: StoreWriter,
     pool: ChunkPool,
     counts: Progress,
     report: Callable[[Progress], None],
-) -> Iterator[Finished]:
-    stored_samples = writer.sample_count(plan.environment_id)
+) -> Iterator[list[FinishedRun]]:
+    samples, draws = writer.sample_count(plan.environment_id), writer.draw_count(plan.spread_id)
     for sample in range(plan.environments):
-        if sample >= stored_samples:
-            writer.put_sample(plan.environment_id, sample, environment.sample(sample))
+        if sample >= samples:
+            scene = environment.sample(sample)
+            writer.put_sample(plan.environment_id, sample, scene, environment.scene_identity(sample, dynamic))
+        if sample >= draws:
+            identity = environment.variation_identity()
+            writer.put_draw(plan.spread_id, sample, environment.variation(sample), identity)
         for run in writer.planned_runs(plan, sample):
-            if run.outcome is not None or pool.knows(run):
+            if run.outcome is not None or pool.joins(run):
                 counts.there += 1
-                counts.passed += run.outcome == "passed"
+                counts.count(run.outcome)
                 continue
             yield from pool.add(run, counts.total - counts.done)
         report(counts)
 
 
 def _keep(
-    finished: Finished, writer: StoreWriter, counts: Progress, report: Callable[[Progress], None]
+    finished: list[FinishedRun], writer: StoreWriter, counts: Progress, report: Callable[[Progress], None]
 ) -> None:
-    writer.add_results(finished)
+    writer.add_results((one.run, one.answer) for one in finished)
     counts.new += len(finished)
-    counts.passed += sum(result["outcome"] == "passed" for _, result in finished)
+    for one in finished:
+        counts.count(outcome_of(one.answer), one.count)
     report(counts)
 
 
-def _plan(experiment: Experiment, writer: StoreWriter, table: dict[str, TableRow]) -> PlannedExperiment:
-    fingerprint = environment_fingerprint(experiment.program, experiment.scenic_params, experiment.seed)
+def _is_dynamic(plan: PlannedExperiment, environment: Environment, writer: StoreWriter) -> bool:
+    """As the store says, or the program itself, which is compiled for that only once."""
+    dynamic = writer.is_dynamic(plan.environment_id)
+    if dynamic is None:
+        dynamic = environment.dynamic
+        writer.put_dynamic(plan.environment_id, dynamic)
+    return dynamic
+
+
+def _plan(
+    experiment: Experiment, environment: Environment, writer: StoreWriter, table: dict[str, TableRow]
+) -> PlannedExperiment:
     first = next(iter(experiment.family))
     varied = experiment.family.varied
     plan = PlannedExperiment(
         id=experiment.id,
         vehicle=experiment.family.vehicle,
         environment=experiment.environment,
-        environment_id=writer.environment(fingerprint),
+        environment_id=writer.environment(environment.fingerprint),
+        spread_id=writer.spread(environment.spread_fingerprint),
         environments=experiment.environments,
         facts={
             "vehicle_type": experiment.family.type,
@@ -154,6 +166,9 @@ def _plan(experiment: Experiment, writer: StoreWriter, table: dict[str, TableRow
             "scenic_program": experiment.program_name,
             "scenic_params": dict(experiment.scenic_params),
             "seed": experiment.seed,
+            "condition": experiment.condition,
+            "variation": dict(experiment.variation),
+            "variation_seed": experiment.variation_seed,
         },
     )
     writer.put_experiment(plan, _designs(experiment, table))

@@ -7,7 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foldcar.body import body_json, chassis_properties, full_speed_m_s, wheel_mass_kg
+from foldcar.body import (
+    body_json,
+    full_speed_m_s,
+    hinge_stiffness_n_m_rad,
+    segment_properties,
+    wheel_mass_kg,
+)
 from foldcar.carsim import Carsim, RunRequest
 from foldcar.controller import TableRow, check_parameters, controller_parameters
 from foldcar.design import Design, compose
@@ -45,7 +51,7 @@ def test_inertia_agrees_with_numeric_integration(type_string: str) -> None:
     x, y, z = (points - center).T
     numeric = np.array([masses @ (y**2 + z**2), masses @ (x**2 + z**2), masses @ (x**2 + y**2)])
 
-    chassis = chassis_properties(design)
+    chassis = segment_properties(design, 0)
 
     assert chassis.mass_kg == pytest.approx(masses.sum(), rel=1e-12)
     assert chassis.center_m == pytest.approx(center, abs=1e-9)
@@ -80,7 +86,7 @@ def test_the_chassis_weighs_its_film_and_parts() -> None:
     film_kg = sum(panel.mass_kg for panel in film_panels(study_car()))
 
     parts_kg = 4 * 0.009 + 0.007 + 0.009 + 0.0105 + 0.110 + 0.006
-    assert chassis_properties(study_car()).mass_kg == pytest.approx(film_kg + parts_kg)
+    assert segment_properties(study_car(), 0).mass_kg == pytest.approx(film_kg + parts_kg)
 
 
 def test_the_study_car_is_balanced_and_its_battery_high() -> None:
@@ -88,7 +94,7 @@ def test_the_study_car_is_balanced_and_its_battery_high() -> None:
 
     assert chassis["com_x_m"] == 0
     assert 0 < chassis["com_z_m"] < 0.01
-    assert abs(chassis_properties(study_car()).center_m[1]) < 1e-12
+    assert abs(segment_properties(study_car(), 0).center_m[1]) < 1e-12
 
 
 def test_inertias_obey_the_triangle_inequality_and_grow_with_width() -> None:
@@ -157,10 +163,63 @@ def test_values_the_firmware_does_not_take_are_refused() -> None:
         check_parameters({"TRACKM": 1.0}, table)
 
 
-@pytest.mark.parametrize("type_string", ["W_B_W", "W_B_W_W", "B_W_W_W_W"])
+def test_the_same_modules_weigh_the_same_with_hinges_between() -> None:
+    rigid, hinged = compose("W_B_W_W", {"W.length": 140}), compose("W_B_H_W_H_W", {"W.length": 140})
+
+    weights = [
+        sum(segment["mass_kg"] for segment in body_json(design)["segments"]) for design in (rigid, hinged)
+    ]
+
+    # Two strips of 6 mm and two pairs of end caps more.
+    film_m2 = 2 * 0.006 * 0.095 + 4 * 0.095 * 0.05
+    assert weights[1] - weights[0] == pytest.approx(film_m2 * 0.25e-3 * 1390)
+
+
+def test_segments_and_hinges_stand_where_the_modules_do() -> None:
+    body = body_json(compose("W_B_H_W_H_W", {"W.length": 140, "B.length": 80, "H.length": 6}))
+
+    # 140 + 80, 6, 140, 6, 140: 512 in all.
+    places = [(segment["x_m"], segment["length_m"]) for segment in body["segments"]]
+    assert places == [(0.146, 0.22), (-0.04, 0.14), (-0.186, 0.14)]
+    assert [hinge["x_m"] for hinge in body["hinges"]] == [0.033, -0.113]
+    assert [(wheel["segment"], wheel["x_m"]) for wheel in body["wheels"][::2]] == [
+        (0, 0.186),
+        (1, -0.04),
+        (2, -0.186),
+    ]
+    first, second, third = body["segments"]
+    assert first["mass_kg"] > 0.15 > 0.05 > second["mass_kg"]
+    # Each single-axle segment has its weight at its axle, but for the servos that lie on one side of it.
+    assert second["com_x_m"] == pytest.approx(-0.04, abs=0.006)
+    assert third["mass_kg"] == pytest.approx(second["mass_kg"], abs=0.001)
+
+
+def test_a_hinge_is_as_stiff_as_a_clamped_strip() -> None:
+    design = compose("W_B_H_W", {"H.length": 10, "H.thickness": 0.25, "width": 100, "W.length": 80})
+
+    # 4.5 GPa · 100 mm · (0.25 mm)³ / 12 / 10 mm.
+    assert hinge_stiffness_n_m_rad(design) == pytest.approx(4.5e9 * 0.1 * 0.25e-3**3 / 12 / 0.01)
+    (hinge,) = body_json(design)["hinges"]
+    assert hinge["stiffness_n_m_rad"] == pytest.approx(0.0586, abs=0.0001)
+    # The loss factor's damping at its frequency: three hundredths of the stiffness over the angular rate.
+    assert hinge["damping_n_m_s_rad"] == pytest.approx(0.03 * 0.0586 / (2 * math.pi * 5), rel=1e-3)
+
+
+def test_fold_limits_are_the_designs() -> None:
+    design = compose("W_B_H_W", {"W.length": 80, "H.fold_down": 45, "H.fold_up": 10})
+
+    (hinge,) = body_json(design)["hinges"]
+
+    assert hinge["min_rad"] == pytest.approx(-math.pi / 4)
+    assert hinge["max_rad"] == pytest.approx(math.pi / 18)
+
+
+@pytest.mark.parametrize(
+    "type_string", ["W_B_W", "W_B_W_W", "B_W_W_W_W", "W_B", "B_H_W", "W_B_H_W_H_W", "W_B_H_W_H_W_H_W"]
+)
 def test_the_simulator_takes_the_body_and_drives_it(carsim_binary: Path, type_string: str) -> None:
     carsim = Carsim(carsim_binary)
-    design = compose(type_string, {"W.length": 130})
+    design = compose(type_string, {"W.length": 140})
     values = controller_parameters(design)
     check_parameters(values, carsim.parameter_table())
     settings = {"speed_m_s": full_speed_m_s(design), "time_limit_s": 20.0, "parameters": values}
@@ -168,7 +227,7 @@ def test_the_simulator_takes_the_body_and_drives_it(carsim_binary: Path, type_st
     (result,) = carsim.run(
         {"car": canonical_json(body_json(design))},
         {"flat": FLAT_SCENE},
-        [RunRequest("car", "flat", canonical_json(settings), "the run")],
+        [RunRequest("car", "flat", canonical_json(settings), "the run", 0)],
     )
 
     assert result["outcome"] == "passed"

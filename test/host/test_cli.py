@@ -109,6 +109,22 @@ def test_run_tells_the_outcome_and_draws(
     assert (tmp_path / "run.svg").read_text().startswith("<?xml")
 
 
+def test_run_shows_how_the_car_differs_from_its_design(
+    write_listing: Callable[[Any], Path], listing_data: Any, foldcar: Any, carsim_binary: Path
+) -> None:
+    listing_data["experiments"]["1"]["params"] |= {"variation": "workshop", "variation_seed": 5}
+    listing = write_listing(listing_data)
+    words = ("run", listing, "--experiment", "1", "--set", "width=120", "--sample")
+    environment = {**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)}
+
+    answers = [foldcar(*words, sample, env=environment) for sample in ("0", "1", "0")]
+
+    told = [dict(line.split(maxsplit=1) for line in answer.stdout.splitlines()) for answer in answers]
+    assert told[0] == told[2]
+    assert told[0]["variation"] != told[1]["variation"]
+    assert all(one["variation"].endswith("(seed 5)") for one in told)
+
+
 def test_a_sweep_ends_with_one_line(
     tmp_path: Path, write_listing: Callable[[Any], Path], listing_data: Any, foldcar: Any, carsim_binary: Path
 ) -> None:

@@ -69,6 +69,19 @@ def test_columns_carry_module_and_unit() -> None:
         ("W_B_W_W", {}, "radius", "60 needs axles at least 123 apart"),
         ("W_B_W", {"L.length": 5}, "L.length", "W_B_W has no such parameter"),
         ("W_B_W_W_W_W", {"radius": 30}, None, '"W_B_W_W_W_W" has 5 axles, the servo driver serves 4'),
+        ("H_W_B", {}, None, '"H_W_B" begins with a hinge (H), which must join two segments'),
+        ("W_B_H", {}, None, '"W_B_H" ends with a hinge (H), which must join two segments'),
+        ("W_B_H_H_W", {}, None, '"W_B_H_H_W" has two hinges (H) in a row, with no segment between them'),
+        ("W_H_W", {}, None, '"W_H_W" has no module B'),
+        (
+            "W_H" + "_B_H" * 7 + "_B",
+            {},
+            None,
+            '"W_H_B_H_B_H_B_H_B_H_B_H_B_H_B_H_B" has 9 segments, the simulator',
+        ),
+        ("W_B_H_W", {"H.length": 0.5}, "H.length", "0.5 is below the minimum 1 (a strip that bends evenly"),
+        ("W_B_H_W", {"H.fold_down": 91}, "H.fold_down", "91 is above the maximum 90"),
+        ("W_B_W", {"H.length": 5}, "H.length", "W_B_W has no such parameter"),
         ("", {}, None, '"" has unknown module ""'),
         ("W__B", {}, None, '"W__B" has unknown module ""'),
     ],
@@ -81,6 +94,40 @@ def test_cars_that_cannot_be_built_are_refused(
 
     assert caught.value.parameter == parameter
     assert caught.value.message.startswith(message)
+
+
+def test_wheels_must_not_meet_when_the_car_folds() -> None:
+    # Axles 126 mm apart flat, 63 mm to either side of the hinge: folded by 60° 2 · 63 · cos 30° = 109.1.
+    values = {"W.length": 120, "H.length": 6, "radius": 53}
+    assert compose("B_W_H_W", values).axles_mm[0] - compose("B_W_H_W", values).axles_mm[1] == 126
+
+    with pytest.raises(DesignError) as caught:
+        compose("B_W_H_W", values | {"radius": 53.1})
+
+    assert caught.value.message.startswith("53.1 needs axles at least 109.2 apart, or wheels touch")
+    assert caught.value.message.endswith("puts two of them 109.1 apart, folded to the limits of H")
+    assert compose("B_W_H_W", values | {"H.fold_down": 30, "radius": 59}).values["radius"] == 59
+
+
+def test_hinge_parameters_have_their_units_in_results() -> None:
+    columns = compose("W_B_H_W", {"W.length": 80}).columns
+
+    assert columns["H_length_mm"] == 6
+    assert columns["H_fold_down_deg"] == 60
+
+
+def test_electronics_ride_in_the_first_body_module_and_servos_with_their_axles() -> None:
+    design = compose("W_H_B_H_B_H_W", {"W.length": 130})
+
+    assert {box.segment for box in electronics(design)} == {1}
+    assert [box.segment for box in servos(design)] == [0, 0, 3, 3]
+    for index, segment in enumerate(design.segments):
+        for box in layout(design):
+            if box.segment != index or box.name == "hinge strip":
+                continue
+            assert (
+                abs(box.center_mm[0] - segment.center_mm) + box.size_mm[0] / 2 <= segment.length_mm / 2 + 1e-9
+            )
 
 
 def test_wheels_may_come_as_close_as_the_limit() -> None:

@@ -10,11 +10,12 @@ import pytest
 from foldcar.errors import FoldcarError
 from foldcar.export import export_csv, export_parquet
 from foldcar.store import Store
-from test_store import fill
+from foldcar.store_writer import PlannedRun
+from test_store import answer, fill
 
 COLUMNS = [
     "experiment", "vehicle", "environment", "sample", "outcome", "elapsed_time_s", "distance_to_target_m",
-    "consumed_energy_j", "max_roll_rad", "max_pitch_rad", "width_mm", "height_mm",
+    "consumed_energy_j", "max_roll_rad", "max_pitch_rad", "message", "width_mm", "height_mm",
 ]  # fmt: skip
 
 
@@ -51,6 +52,66 @@ def test_parquet_has_the_same_rows(tmp_path: Path, store_file: Path) -> None:
     assert table["elapsed_time_s"].to_pylist() == [r.elapsed_time_s for r in results]
     assert table["sample"].to_pylist() == [r.sample for r in results]
     assert table["width_mm"].to_pylist() == [r.design["width_mm"] for r in results]
+
+
+def test_recorded_values_are_columns_of_their_types(tmp_path: Path) -> None:
+    recorded: list[dict[str, Any]] = [
+        {"height": 0.5, "won": True, "side": "left", "mixed": 1},
+        {"height": None, "won": False, "mixed": "one"},
+        {"height": 2, "at": [1.0, 2.0]},
+        {},
+    ]
+
+    def with_recorded(run: PlannedRun) -> dict[str, Any]:
+        values = recorded[2 * run.design + run.sample]
+        named = {name: {"kind": "final", "value": value} for name, value in values.items()}
+        if run.design == 0:
+            named["track"] = {"kind": "series", "value": [[0.25, run.sample]]}
+        return {**answer(run), "recorded": named}
+
+    fill(tmp_path / "s.db", answer=with_recorded)
+    with Store.open(tmp_path / "s.db") as store:
+        export_csv(store, tmp_path / "runs.csv")
+        export_parquet(store, tmp_path / "runs.parquet")
+
+    expected = {
+        "recorded_at": [None, None, "[1.0, 2.0]", None],
+        "recorded_height": [0.5, None, 2, None],
+        "recorded_mixed": ["1", '"one"', None, None],
+        "recorded_side": ["left", None, None, None],
+        "recorded_track": ["[[0.25, 0]]", "[[0.25, 1]]", None, None],
+        "recorded_won": [True, False, None, None],
+    }
+    table = pq.read_table(tmp_path / "runs.parquet")
+    assert table.column_names == COLUMNS + list(expected)
+    assert {name: table[name].to_pylist() for name in expected} == expected
+    with (tmp_path / "runs.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    text = {None: "", True: "true", False: "false"}
+    for name, values in expected.items():
+        assert [row[name] for row in rows] == [
+            text[value] if value is None or isinstance(value, bool) else str(value) for value in values
+        ]
+
+
+def test_failed_runs_have_a_message_and_no_numbers(tmp_path: Path) -> None:
+    fill(tmp_path / "s.db", answer=lambda run: {"error": "crashed, badly"} if run.design else answer(run))
+    with Store.open(tmp_path / "s.db") as store:
+        export_csv(store, tmp_path / "runs.csv")
+        export_parquet(store, tmp_path / "runs.parquet")
+
+    with (tmp_path / "runs.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["outcome"], row["message"], row["elapsed_time_s"]) for row in rows] == [
+        ("tipped", "", "0"), ("tipped", "", "1"),
+        ("failed", "crashed, badly", ""), ("failed", "crashed, badly", ""),
+    ]  # fmt: skip
+    assert pq.read_table(tmp_path / "runs.parquet")["consumed_energy_j"].to_pylist() == [
+        1 / 3,
+        1 / 3,
+        None,
+        None,
+    ]
 
 
 def test_an_export_that_fails_leaves_the_old_file(

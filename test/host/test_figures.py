@@ -7,10 +7,15 @@ from typing import Any
 import numpy
 import pytest
 
+from foldcar.carsim import Carsim
 from foldcar.errors import FoldcarError
-from foldcar.figures.profile import driven_line, strip_heights_m, travelled_m
+from foldcar.figures.gallery import draw_gallery
+from foldcar.figures.ground import Extent, HeightMap, Heights, carsim_heights, height_map
+from foldcar.figures.height_colours import height_scale, shaded
+from foldcar.figures.profile import ACROSS, driven_line, strip_heights_m, travelled_m
 from foldcar.figures.run import draw_run, poses_to_draw
 from foldcar.figures.scenes import draw_scenes
+from foldcar.figures.top_view import view_of
 
 FIRST_BYTES = {".png": b"\x89PNG\r\n\x1a\n", ".svg": b"<?xml", ".pdf": b"%PDF"}
 
@@ -45,6 +50,11 @@ SCENE = {
 PATH = [[0.05 * i, 0.02 * i, 0.0, 0.06, 0.0, 0.0, 0.0] for i in range(52)]
 
 
+@pytest.fixture(scope="module")
+def heights(carsim_binary: Path) -> Heights:
+    return carsim_heights(Carsim(carsim_binary))
+
+
 def circle_path(radius_m: float, points: int) -> list[list[float]]:
     """Once round to the left from the origin, starting along +x."""
     angles = numpy.linspace(0.0, 2 * math.pi, points)
@@ -75,7 +85,7 @@ def test_a_line_over_a_turned_heading_goes_on_straight() -> None:
     assert line.y_m == pytest.approx(line.distance_m * math.sin(heading))
 
 
-def test_strip_heights_agree_with_points_tried_one_by_one() -> None:
+def test_strip_heights_agree_with_points_tried_one_by_one(heights: Heights) -> None:
     generator = numpy.random.default_rng(4)
     terrain = [
         box(x, y + 0.3, *generator.uniform(0.05, 0.3, 2), height, generator.uniform(-3, 3))
@@ -83,38 +93,71 @@ def test_strip_heights_agree_with_points_tried_one_by_one() -> None:
     ]
     line = driven_line(circle_path(0.3, 200), margin_m=0.1, spacing_m=0.01)
     width, left = 0.03, 0.1
-    heights = strip_heights_m(terrain, line, left, width)
-    assert len(set(heights)) > 5
-    for index, height in enumerate(heights):
+    strip = strip_heights_m(heights, {**SCENE, "terrain": terrain}, line, left, width)
+    assert len(set(strip)) > 5
+    for index, height in enumerate(strip):
         across = numpy.array([-math.sin(line.heading_rad[index]), math.cos(line.heading_rad[index])])
-        found, nearly = 0.0, 0.0
-        for offset in numpy.linspace(left - width / 2, left + width / 2, 301):
-            x, y = numpy.array([line.x_m[index], line.y_m[index]]) + offset * across
-            for piece in terrain:
-                cos, sin = math.cos(piece["heading_rad"]), math.sin(piece["heading_rad"])
-                dx, dy = x - piece["x_m"], y - piece["y_m"]
-                outside = max(
-                    abs(dx * cos + dy * sin) - piece["length_m"] / 2,
-                    abs(dy * cos - dx * sin) - piece["width_m"] / 2,
-                )
-                found = max(found, piece["height_m"] if outside <= 0 else 0.0)
-                nearly = max(nearly, piece["height_m"] if outside <= 1e-4 else 0.0)
-        # Between two tried points, 0.1 mm apart, a strip may touch a corner.
-        assert found <= height <= nearly
+        seen = numpy.linspace(left - width / 2, left + width / 2, ACROSS)
+        inner = [highest_box(terrain, line, index, offset * across, -1e-6) for offset in seen]
+        outer = [highest_box(terrain, line, index, offset * across, 1e-6) for offset in seen]
+        assert max(inner) <= height <= max(outer)
 
 
-def test_a_strip_beside_a_box_is_flat_and_one_that_touches_it_is_not() -> None:
+def highest_box(terrain: Any, line: Any, index: int, offset: Any, tolerance_m: float) -> float:
+    """The height of the highest box at a point of a line, boxes being larger by a tolerance."""
+    x, y = numpy.array([line.x_m[index], line.y_m[index]]) + offset
+    found = 0.0
+    for piece in terrain:
+        cos, sin = math.cos(piece["heading_rad"]), math.sin(piece["heading_rad"])
+        dx, dy = x - piece["x_m"], y - piece["y_m"]
+        outside = max(
+            abs(dx * cos + dy * sin) - piece["length_m"] / 2,
+            abs(dy * cos - dx * sin) - piece["width_m"] / 2,
+        )
+        found = max(found, piece["height_m"] if outside <= tolerance_m else 0.0)
+    return found
+
+
+def test_a_strip_beside_a_box_is_flat_and_one_that_touches_it_is_not(heights: Heights) -> None:
     line = driven_line(PATH, margin_m=0.0)
-    terrain = [box(0.5, 0.1, 0.2, 0.1, 0.03)]
-    assert strip_heights_m(terrain, line, 0.04, 0.018).max() == 0.0
-    heights = strip_heights_m(terrain, line, 0.04, 0.022)
-    high = line.distance_m[heights == 0.03]
+    scene = {**SCENE, "terrain": [box(0.5, 0.1, 0.2, 0.1, 0.03)]}
+    assert strip_heights_m(heights, scene, line, 0.04, 0.018).max() == 0.0
+    strip = strip_heights_m(heights, scene, line, 0.04, 0.022)
+    high = line.distance_m[strip == 0.03]
     assert (high[0], high[-1]) == pytest.approx((0.4, 0.6), abs=1.1e-3)
 
 
-def test_terrain_that_cannot_be_drawn_is_an_error() -> None:
-    with pytest.raises(FoldcarError, match="kind 'hill' cannot be drawn"):
-        strip_heights_m([{"kind": "hill"}], driven_line(PATH, 0.0), 0.0, 0.01)
+def test_a_map_of_a_hill_is_its_formula_at_the_middles_of_cells(heights: Heights) -> None:
+    hill = {"kind": "hill", "x_m": 0.5, "y_m": 0.2, "heading_rad": math.pi / 2}
+    scene = {**SCENE, "terrain": [{**hill, "sd_along_m": 0.1, "sd_across_m": 0.2, "height_m": -0.03}]}
+    one = height_map(heights, scene, Extent(0.0, 1.0, 0.0, 0.5), 20)
+    assert one.z_m.shape == (10, 20)
+    for row, column in ((4, 10), (0, 0), (9, 19)):
+        x, y = 0.05 * (column + 0.5) - 0.5, 0.05 * (row + 0.5) - 0.2
+        expected = -0.03 * math.exp(-((y / 0.1) ** 2 + (x / 0.2) ** 2) / 2)
+        assert one.z_m[row, column] == pytest.approx(expected, abs=1e-9)
+
+
+def test_level_ground_has_its_colour_and_slopes_towards_the_light_are_brighter() -> None:
+    extent = Extent(0.0, 0.3, 0.0, 0.3)
+    slope = numpy.linspace(0.0, 0.03, 30)[None, :].repeat(30, axis=0)
+    maps = [HeightMap(extent, 0.01, z) for z in (numpy.zeros((30, 30)), slope, slope[:, ::-1], slope - 0.05)]
+    scale = height_scale(maps)
+    assert scale.get_clim() == pytest.approx((-50.0, 30.0))
+    level, rises, falls, below = (shaded(one, scale) for one in maps)
+    assert level == pytest.approx(numpy.broadcast_to(scale.to_rgba(0.0)[:3], level.shape), abs=1e-6)
+    assert (rises.mean(axis=2) > falls[:, ::-1].mean(axis=2)).all()
+    assert (below[..., 2] > below[..., 0]).all()
+
+
+def test_the_view_holds_start_goal_and_path_within_the_course() -> None:
+    extent = view_of([SCENE], [[0.0, -0.4, 0.3, 0, 0, 0, 0]])
+    assert extent == Extent(-0.5, pytest.approx(1.2), pytest.approx(0.05 - 0.1 * math.sqrt(2) - 0.2), pytest.approx(0.5))
+    assert view_of([{**SCENE, "goal": None}]) == Extent(-0.5, 2.0, -1.0, 1.0)
+    wide = {**SCENE, "terrain": [box(0.4, 0.0, 0.1, 50.0, 0.02)]}
+    assert view_of([wide]) == Extent(
+        pytest.approx(-0.2), pytest.approx(1.0), pytest.approx(-0.6), pytest.approx(0.6)
+    )
 
 
 def test_poses_keep_their_distance_and_end_with_the_last() -> None:
@@ -128,35 +171,79 @@ def test_poses_keep_their_distance_and_end_with_the_last() -> None:
 
 
 @pytest.mark.parametrize("suffix", FIRST_BYTES)
-def test_runs_are_drawn_in_every_format_the_same_each_time(tmp_path: Path, suffix: str) -> None:
+def test_runs_are_drawn_in_every_format_the_same_each_time(
+    tmp_path: Path, suffix: str, heights: Heights
+) -> None:
     files = [tmp_path / f"{name}{suffix}" for name in ("one", "two")]
     for file in files:
-        draw_run(BODY, SCENE, {"outcome": "passed", "elapsed_time_s": 2.55}, PATH, file)
+        draw_run(BODY, SCENE, {"outcome": "passed", "elapsed_time_s": 2.55}, PATH, heights, file)
     first, second = (file.read_bytes() for file in files)
     assert first.startswith(FIRST_BYTES[suffix])
     assert first == second
 
 
-def test_a_run_names_its_outcome_time_and_car(tmp_path: Path) -> None:
+def test_a_run_names_its_outcome_time_and_car(tmp_path: Path, heights: Heights) -> None:
     file = tmp_path / "run.svg"
-    draw_run(BODY, SCENE, {"outcome": "off_course", "elapsed_time_s": 2.55}, PATH[:20], file)
+    draw_run(BODY, SCENE, {"outcome": "off_course", "elapsed_time_s": 2.55}, PATH[:20], heights, file)
     assert "off course after 2.55 s, car w95, scene 1/0" in file.read_text()
 
 
-def test_a_run_without_a_path_or_with_another_suffix_is_refused(tmp_path: Path) -> None:
+def test_a_run_without_a_path_or_with_another_suffix_is_refused(tmp_path: Path, heights: Heights) -> None:
     result = {"outcome": "passed", "elapsed_time_s": 2.55}
     with pytest.raises(FoldcarError, match="no path to draw"):
-        draw_run(BODY, SCENE, result, [], tmp_path / "a.png")
+        draw_run(BODY, SCENE, result, [], heights, tmp_path / "a.png")
     with pytest.raises(FoldcarError, match=r"a.gif: a picture's name ends in one of .png, .svg, .pdf"):
-        draw_run(BODY, SCENE, result, PATH, tmp_path / "a.gif")
+        draw_run(BODY, SCENE, result, PATH, heights, tmp_path / "a.gif")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_up_to_nine_scenes_are_drawn(tmp_path: Path) -> None:
+def test_up_to_nine_scenes_are_drawn(tmp_path: Path, heights: Heights) -> None:
     disc = {**SCENE, "goal": {"kind": "disc", "x_m": 1.0, "y_m": 0.0, "radius_m": 0.05}, "terrain": []}
     file = tmp_path / "scenes.svg"
-    draw_scenes([{**(disc if k == 1 else SCENE), "id": f"7/{k}"} for k in range(11)], file, title="eleven")
+    draw_scenes(
+        [{**(disc if k == 1 else SCENE), "id": f"7/{k}"} for k in range(11)], file, heights, title="eleven"
+    )
     text = file.read_text()
     assert [f"scene 7/{k}" in text for k in range(11)] == [True] * 9 + [False] * 2
-    draw_scenes([disc], tmp_path / "flat.png")
+    draw_scenes([disc], tmp_path / "flat.png", heights)
     assert (tmp_path / "flat.png").read_bytes().startswith(FIRST_BYTES[".png"])
+
+
+def every_kind() -> list[dict[str, Any]]:
+    size = {"length_m": 0.2, "width_m": 0.3, "height_m": 0.02, "heading_rad": 0.2}
+    hill = {"sd_along_m": 0.05, "sd_across_m": 0.08, "height_m": 0.03, "heading_rad": 0.4}
+    rough = {"length_m": 0.3, "width_m": 0.3, "height_sd_m": 0.003, "correlation_m": 0.03, "seed": 3}
+    shapes = [
+        *({"kind": kind, **size} for kind in ("box", "ramp", "half_round")),
+        {"kind": "hill", **hill},
+        {"kind": "pothole", "radius_m": 0.1, "depth_m": 0.02, "edge_m": 0.03},
+        {"kind": "rough", "heading_rad": 0.3, **rough},
+        {"kind": "patch", "heading_rad": 0.3, "length_m": 0.3, "width_m": 0.3, "friction": 0.25},
+    ]
+    return [{"x_m": 0.3 * i, "y_m": 0.1, **shape} for i, shape in enumerate(shapes)]
+
+
+def test_every_kind_of_terrain_is_drawn_with_and_without_a_goal(tmp_path: Path, heights: Heights) -> None:
+    scene = {**SCENE, "terrain": every_kind()}
+    draw_gallery(
+        [scene, {**scene, "goal": None, "id": "1/1"}], tmp_path / "gallery.svg", heights, "every kind"
+    )
+    text = (tmp_path / "gallery.svg").read_text()
+    assert text.count("friction 0.25") == 2
+    assert "scene 1/1" in text
+    draw_run(
+        BODY,
+        {**scene, "goal": None},
+        {"outcome": "stuck", "elapsed_time_s": 2.5},
+        PATH,
+        heights,
+        tmp_path / "r.png",
+    )
+    draw_scenes([{**scene, "goal": None}], tmp_path / "s.png", heights)
+    assert all((tmp_path / name).read_bytes().startswith(FIRST_BYTES[".png"]) for name in ("r.png", "s.png"))
+
+
+def test_a_gallery_shows_equal_scenes_once(tmp_path: Path, heights: Heights) -> None:
+    draw_gallery([{**SCENE, "id": f"4/{k}"} for k in range(3)], tmp_path / "g.svg", heights, "bumps")
+    text = (tmp_path / "g.svg").read_text()
+    assert ["scene 4/0" in text, "scene 4/1" in text] == [True, False]

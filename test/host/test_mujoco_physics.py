@@ -98,7 +98,7 @@ def test_both_engines_come_to_the_no_load_speed_and_end_alike(carsim_binary: Any
     (theirs,) = carsim.run(
         {"b": json.dumps(body)},
         {"s": json.dumps(scene)},
-        [RunRequest("b", "s", json.dumps({**settings, "path_interval_s": 0.1}), "run")],
+        [RunRequest("b", "s", json.dumps({**settings, "path_interval_s": 0.1}), "run", 0)],
     )
 
     wheel = body["wheels"][0]

@@ -9,21 +9,22 @@ PACKAGE = Path(foldcar.__file__).parent
 
 # Upstream first. A module may import from its own group and from any group above it in this list.
 STREAM = (
-    {"__init__", "errors", "results", "atomic_file", "time_limit"},
+    {"errors", "results", "atomic_file", "time_limit", "recorded_values"},
     {"parts"},
     {"modules", "design", "mass"},
-    {"layout", "body", "controller"},
+    {"body", "controller", "layout", "variation"},
     {"listing", "family", "experiments"},
     {"scene_reading", "scene_terrain", "scene_checks"},
-    {"scenic_program", "scene_json", "scenes", "fingerprint"},
+    {"program_globals", "conditioning", "scenic_program", "scene_json", "scenes", "fingerprint"},
     {"carsim", "carsim_step"},
     {"models"},
+    {"scenic_ego", "scenic_runner", "scenic_simulator", "scenic_worker"},
     {"store_info", "store_schema", "store", "store_writer"},
-    {"chunks", "sweep"},
+    {"environments", "chunks", "sweep"},
     {"export", "figures", "report"},
     {"crosscheck"},
     {"commands"},
-    {"cli"},
+    {"cli", "__init__"},
 )
 
 

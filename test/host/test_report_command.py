@@ -54,8 +54,12 @@ def add_experiment(
         "scenic_program": "step_pyramids.scenic",
         "scenic_params": {"friction": 0.6},
         "seed": 42,
+        "condition": {"sample": 3, "objects": ["bump"], "params": ["friction"]},
+        "variation": {"supply_v": 0.2},
+        "variation_seed": 42,
     }
-    plan = PlannedExperiment(name, "car", "pyramids", environment, samples, facts)
+    spread = writer.spread("nominal")
+    plan = PlannedExperiment(name, "car", "pyramids", environment, spread, samples, facts)
     designs = [
         {**dict(zip(varied, values, strict=True)), "height_mm": 50.0} for values in product(*varied.values())
     ]
@@ -64,6 +68,7 @@ def add_experiment(
     )
     for sample in range(samples):
         writer.put_sample(environment, sample, {"of": name, "sample": sample})
+        writer.put_draw(spread, sample, {})
     for sample in range(stored):
         chunk = []
         for run in writer.planned_runs(plan, sample):
@@ -153,6 +158,8 @@ def test_a_width_study_gives_one_page_and_three_figures_within_ten_seconds(
         "friction = 0.6",
         "100, seed 42",
         "120 s",
+        "as in sample 3:\nbump, friction",
+        "seed 42; spread: supply_v = 0.2",
     ):
         assert fact in page.text
 

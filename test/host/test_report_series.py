@@ -1,19 +1,20 @@
 """The numbers of a report: counts by parameter, Wilson intervals, colours and labels."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from foldcar.report.axis import ParameterAxis, parameter_label, value_text
+from foldcar.report.axis import ParameterAxis, extent_text, parameter_label, value_text
 from foldcar.report.inline_svg import inline_svg
-from foldcar.report.series import Tally, summarise
+from foldcar.report.series import Extent, Tally, summarise
 from foldcar.report.success_plot import BLUE, GREEN, NAVY, error_bar_percent, success_colour
 from foldcar.report.wilson import wilson_interval
-from foldcar.results import Result
+from foldcar.results import Recorded, Result
 
 
 def result(sample: int, outcome: str, time_s: float, **design: float | str) -> Result:
-    return Result("1", "1", "1", sample, outcome, time_s, 0.1, 3.0, 0.2, 0.3, design)
+    return Result("1", "1", "1", sample, outcome, time_s, 0.1, 3.0, 0.2, 0.3, None, design, {})
 
 
 # Newcombe (1998), "Two-sided confidence intervals for the single proportion", table I, method 3.
@@ -61,6 +62,26 @@ def test_one_varied_parameter_is_counted_by_value() -> None:
         (100.0, "passed", 2.0),
     ]
     assert (summary.total.runs, summary.total.passed) == (4, 3)
+
+
+def test_recorded_numbers_and_truths_are_averaged_by_value() -> None:
+    def with_recorded(width: float, **values: object) -> Result:
+        recorded = {name: Recorded("final", value) for name, value in values.items()}
+        recorded["track"] = Recorded("series", [[0.25, 1.0]])
+        return replace(result(0, "terminated", 1.0, width_mm=width), recorded=recorded)
+
+    rows = [
+        with_recorded(65.0, height=0.5, won=True, side="left"),
+        with_recorded(65.0, height=1, won=False),
+        with_recorded(65.0, height=-3.0),
+        with_recorded(95.0, won=True),
+    ]
+    summary = summarise(rows, {"width_mm": (65.0, 95.0)})
+    narrow, wide = summary.series[0].tallies.values()
+    assert narrow.recorded == {"height": Extent(3, -1.5, -3.0, 1.0), "won": Extent(2, 1.0, 0.0, 1.0)}
+    assert wide.recorded == {"won": Extent(1, 1.0, 1.0, 1.0)}
+    assert (summary.total.recorded["won"].mean, summary.total.seen) == (2 / 3, ["passed", "terminated"])
+    assert extent_text(narrow.recorded["height"]) == "-0.5 (-3 to 1)"
 
 
 def test_several_varied_parameters_are_counted_each_over_the_others() -> None:

@@ -60,7 +60,7 @@ def test_mistakes_are_one_line_and_leave_no_file(sample: Command, tmp_path: Path
     for arguments, part in (
         (["--param", "step_height=high"], "param step_height: 'high' is no number"),
         (["--param", "friction"], "--param friction: write NAME=VALUE"),
-        (["--param", "step_height=-1"], "height: -1 is not above 0"),
+        (["--param", "step_height=-1"], "height_m: -1 is below the limit 0.0001"),
         (["--plot", str(tmp_path / "a.gif")], "a picture's name ends in one of .png, .svg, .pdf"),
         (
             ["--plot", str(tmp_path / "nowhere" / "a.png")],

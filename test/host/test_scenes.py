@@ -147,13 +147,13 @@ def test_box_corners_are_where_scenic_puts_them(tmp_path: Path) -> None:
         "model model\n"
         "import math\n"
         "new Bump at (0.3, 0.2), facing 30 deg, with length 0.3, with width 0.1\n"
-        "new Step at (-0.1, 0.5), facing -140 deg, with length 0.2, with width 0.5\n"
+        "new Step at (-0.5, 0.5), facing -140 deg, with length 0.2, with width 0.5\n"
         "ego = new Robot at (0, -0.5), facing 10 deg\n"
         "ahead = new Marker ahead of ego by 0.5\n"
         "goal = new Goal at (0, 0.9)\n"
     )
     scene, _ = compile_program(program, {}).generate()
-    converted = scene_object(scene, "turned")
+    converted = scene_object(scene, program, "turned")
     boxes = [thing for thing in scene.objects if type(thing).__name__ in ("Bump", "Step")]
     assert len(boxes) == len(converted["terrain"]) == 2
     for thing, box in zip(boxes, converted["terrain"], strict=True):

@@ -5,11 +5,13 @@ from typing import Any
 
 import pytest
 
+from foldcar import scenes, scenic_program
 from foldcar.errors import FoldcarError
 from foldcar.scenes import open_environment
 
 EGO = "ego = new Robot at (0, 0), facing -90 deg\n"
 GOAL = "goal = new Goal at (1, 0), facing -90 deg\n"
+PIECES = "class Own(Terrain):\n    def pieces(self):\n"
 
 
 def message(folder: Path, text: str, params: dict[str, Any] | None = None) -> str:
@@ -80,31 +82,129 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
     ("text", "part"),
     [
         (GOAL, "no ego"),
-        (EGO, "0 Goals"),
-        (EGO + GOAL + GOAL, "2 Goals"),
+        (EGO, "no Goal: the program has to place one"),
+        (EGO + GOAL + GOAL, "line 4: Goal at (1, 0): is a second Goal"),
         (GOAL + "ego = new Marker at (0, 0)\n", "the ego is a Marker, not a Robot"),
-        (EGO + GOAL + "new Robot at (0, 0.5)\n", "Robot at (0, 0.5) is a second Robot"),
-        (EGO + GOAL + "new Object at (0.5, 0), with allowCollisions True\n", "Object at (0.5, 0) is none of"),
+        (EGO + GOAL + "new Robot at (0, 0.5)\n", "line 4: Robot at (0, 0.5): is a second Robot"),
+        (
+            EGO + GOAL + "new Object at (0.5, 0), with allowCollisions True\n",
+            "Object at (0.5, 0): is none of",
+        ),
         (
             EGO + GOAL + "new Bump at (0.5, 0), with height -0.1\n",
-            "Bump at (0.5, 0): height: -0.1 is not above 0",
+            "line 4: Bump at (0.5, 0): box: height_m: -0.1 is below the limit 0.0001",
         ),
         (EGO + GOAL + "new Bump at (nowhere, 0)\n", "x: <EmptyRegion nowhere"),
-        (EGO + GOAL + 'new Bump at (0.5, 0), with length float("nan")\n', "length: nan is not finite"),
+        (EGO + GOAL + 'new Bump at (0.5, 0), with length float("nan")\n', "length_m: nan is not finite"),
         (EGO + GOAL + "new StepPyramid at (0.5, 0), with steps 2.5\n", "StepPyramid at (0.5, 0): TypeError"),
-        (EGO + GOAL + "new StepPyramid at (0.5, 0), with steps 0\n", "is made of no boxes"),
+        (EGO + GOAL + "new StepPyramid at (0.5, 0), with steps 0\n", "is made of no pieces"),
         (EGO + GOAL + "new Bump at (0.5, 0, 1)\n", "z: 1.0 m: everything stands on the ground"),
         (EGO + GOAL + "new Bump at (0.5, 0), with pitch 0.3\n", "pitch: 0.3 rad: everything stands upright"),
-        (EGO + GOAL + "param friction = 0\n", "param friction: 0.0 is not above 0"),
+        (EGO + GOAL + "param friction = 0\n", "param friction: 0.0 is not above 0 and at most 5"),
+        (EGO + GOAL + "param course_x_max = 1e4\n", "param course_x_max: 10000.0 is beyond ±1000 m"),
         (EGO + GOAL + "param course_x_max = -1\n", "course_x_min: -0.5 is not below course_x_max -1.0"),
-        (EGO + GOAL + "param course_x_max = 0.5\n", "the goal: x: 1.0 m is outside the course, -0.5 to 0.5"),
+        (
+            EGO + GOAL + "param course_x_max = 0.5\n",
+            "line 3: Goal at (1, 0): x: 1.0 m is outside the course, -0.5 to 0.5",
+        ),
         (EGO + "new Goal at (1, 0)\n", "the start is not before the goal line"),
         (EGO + "new Goal at (1, 0), with reach 2\n", "the start is within the goal's reach of 2.0 m"),
         (EGO + "new Goal at (1, 0), with reach 0\n", "reach: 0 is not above 0"),
+        (EGO + GOAL + "new Bump at (30, 0)\n", "line 4: Bump at (30, 0): x: 30.0 m is outside the course"),
+        (EGO + GOAL + "new Marker at (0, 3)\n", "Marker at (0, 3): y: 3.0 m is outside the course"),
+        (EGO + GOAL + "new Bump at (0.1, 0), facing 90 deg\n", "the start is inside an obstacle"),
+        (EGO + GOAL + "new Ramp at (0.15, 0), facing -90 deg\n", "across the edge of a ramp at (0.15, 0)"),
+        (
+            EGO + "new Goal at (0.8, 0), with reach 0.05\n"
+            "new Bump at (0.8, 0), with length 0.3, with width 0.3, with height 0.2\n",
+            "no car can reach it: it is inside a box 0.2 m high, and no wheel climbs more than 0.15 m",
+        ),
+        (
+            EGO + GOAL + "new Bump at (0.5, 0), with height 20\n",
+            "height_m: 20 is above the limit 1; lengths are in",
+        ),
+        (
+            EGO + GOAL + "new GaussianHill at (0.5, 0), with height -20\n",
+            "hill: height_m: -20 is below the limit -1",
+        ),
+        (
+            EGO + GOAL + "new Pothole at (0.5, 0), with depth 15\n",
+            "pothole: depth_m: 15 is above the limit 1",
+        ),
+        (EGO + GOAL + "new Pothole at (0.5, 0), with edge 0.1\n", "edge_m: 0.1 is above the radius, 0.08"),
+        (
+            EGO + GOAL + "new RoundBump at (0.5, 0), with height 0.05\n",
+            "half_round: height_m: 0.05 is above half the",
+        ),
+        (
+            EGO + GOAL + "new RoughGround at (0.5, 0), with correlation 0.0015\n",
+            "rough: correlation_m: 0.0015 makes a grid of 1.71e+07 heights, which is above the limit 4e+06",
+        ),
+        (EGO + GOAL + "new RoughGround at (0.5, 0), with seed 1.5\n", "rough: seed: 1.5 is no whole number"),
+        (
+            EGO + GOAL + "new FrictionPatch at (0.5, 0), with friction 9\n",
+            "patch: friction: 9 is above the limit 5",
+        ),
+        (EGO + GOAL + f"{PIECES}        return [3]\nnew Own at (0.5, 0)\n", "3 is no piece of terrain"),
+        (
+            EGO + GOAL + f"{PIECES}        return [{{'kind': 'box', 'length_m': 1}}]\nnew Own at (0.5, 0)\n",
+            "line 7: Own at (0.5, 0): box: width_m is missing",
+        ),
+        (
+            EGO + GOAL + f"{PIECES}        return [{{'kind': 'box', 'radius': 1}}]\nnew Own at (0.5, 0)\n",
+            "box: unknown key radius; its keys are length_m, width_m, height_m",
+        ),
+        (
+            f"{EGO}{GOAL}for _ in range(101):\n"
+            "    new StepPyramid at (0.5, 0), with steps 100, with step_height 0.001\n",
+            "the terrain has more than 10000 pieces",
+        ),
     ],
 )
 def test_what_the_simulator_cannot_represent(tmp_path: Path, text: str, part: str) -> None:
     assert part in message(tmp_path, f"model model\n{text}")
+
+
+def test_mistakes_in_an_imported_program_name_that_file(tmp_path: Path) -> None:
+    (tmp_path / "other.scenic").write_text("model model\n\nnew Bump at (30, 0)\n")
+    said = message(tmp_path, f"model model\nimport other\n{EGO}{GOAL}")
+    assert "other.scenic: line 3: Bump at (30, 0): x: 30.0 m is outside" in said
+
+
+@pytest.mark.parametrize("obstacle", ["Bump at (0.14, 0)", "Step at (0, 0)", "GaussianHill at (0.05, 0)"])
+def test_starts_beside_a_block_wholly_on_one_or_on_a_hill_are_fine(tmp_path: Path, obstacle: str) -> None:
+    program = tmp_path / "good.scenic"
+    program.write_text(f"model model\n{EGO}{GOAL}new {obstacle}, facing -90 deg\n")
+    assert len(open_environment(program, {}, 1).sample(0)["terrain"]) == 1
+
+
+def test_too_many_objects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scenic_program, "MOST_OBJECTS", 20)
+    text = f"model model\n{EGO}{GOAL}for _ in range(19):\n    new Marker at (0, 0)\n"
+    assert "21 objects are above the limit 20 of a scene" in message(tmp_path, text)
+
+
+def test_a_program_that_loops_while_compiling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scenic_program, "COMPILE_LIMIT_S", 0.5)
+    text = f"model model\n{EGO}{GOAL}while True:\n    pass\n"
+    assert "compiling takes longer than the limit of 0.5 s" in message(tmp_path, text)
+
+
+def test_a_program_that_loops_while_sampling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scenes, "SAMPLE_LIMIT_S", 0.5)
+    loop = "def never(x):\n    while True:\n        x += 1\nrequire never(ego.position.x)\n"
+    said = message(tmp_path, f"model model\n{EGO}{GOAL}{loop}")
+    assert "sample 0 takes longer than the limit of 0.5 s" in said
+
+
+def test_a_terrain_that_loops_while_it_is_taken_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scenes, "SAMPLE_LIMIT_S", 0.5)
+    loop = f"{PIECES}        while True:\n            pass\nnew Own at (0.5, 0)\n"
+    assert "sample 0 takes longer than the limit of 0.5 s" in message(
+        tmp_path, f"model model\n{EGO}{GOAL}{loop}"
+    )
 
 
 def test_parameters_are_checked(tmp_path: Path) -> None:

@@ -1,12 +1,14 @@
 """The store: what it refuses, what it keeps, who may write it."""
 
 import sqlite3
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from foldcar.errors import FoldcarError
+from foldcar.results import Recorded
 from foldcar.store import Store
 from foldcar.store_schema import APPLICATION_ID, VERSION, StoreError
 from foldcar.store_writer import PlannedDesign, PlannedExperiment, PlannedRun, StoreWriter, write_store
@@ -30,12 +32,18 @@ FACTS = {
     "scenic_program": "p.scenic",
     "scenic_params": {},
     "seed": 42,
+    "condition": None,
+    "variation": {},
+    "variation_seed": 42,
 }
 
 
-def plan(writer: StoreWriter, name: str = "1", widths: tuple[int, ...] = (65, 95)) -> PlannedExperiment:
+def plan(
+    writer: StoreWriter, name: str = "1", widths: tuple[int, ...] = (65, 95), spread: str = "nominal"
+) -> PlannedExperiment:
     """Record an experiment whose bodies are told apart by their width."""
-    planned = PlannedExperiment(name, "car", "steps", writer.environment("fingerprint"), 2, FACTS)
+    environment_id, spread_id = writer.environment("fingerprint"), writer.spread(spread)
+    planned = PlannedExperiment(name, "car", "steps", environment_id, spread_id, 2, FACTS)
     writer.put_experiment(
         planned, (PlannedDesign({"width_mm": w, "height_mm": 50}, {"width": w}, {"speed": 1}) for w in widths)
     )
@@ -53,14 +61,22 @@ def answer(run: PlannedRun) -> dict[str, Any]:
     }
 
 
-def fill(path: Path, name: str = "1", widths: tuple[int, ...] = (65, 95), build: str = "b1") -> int:
+def fill(
+    path: Path,
+    name: str = "1",
+    widths: tuple[int, ...] = (65, 95),
+    build: str = "b1",
+    spread: str = "nominal",
+    answer: Callable[[PlannedRun], Mapping[str, Any]] = answer,
+) -> int:
     """Store every run that is missing; gives their number."""
     with write_store(path) as writer:
         writer.begin_study(STUDY, build)
-        planned = plan(writer, name, widths)
+        planned = plan(writer, name, widths, spread)
         new = 0
         for sample in (0, 1):
             writer.put_sample(planned.environment_id, sample, {"scene": sample})
+            writer.put_draw(planned.spread_id, sample, {"of": spread, "sample": sample})
             missing = [run for run in writer.planned_runs(planned, sample) if run.outcome is None]
             writer.add_results((run, answer(run)) for run in missing)
             new += len(missing)
@@ -108,6 +124,8 @@ def test_nothing_that_is_there_is_run_again(tmp_path: Path) -> None:
     assert fill(path, widths=(65, 95, 120)) == 2
     assert fill(path, name="other", widths=(95, 120, 140)) == 2
     assert fill(path, build="b2") == 4
+    assert fill(path, build="b2", spread="workshop") == 4
+    assert fill(path, build="b2", spread="workshop") == 0
     with Store.open(path) as store:
         assert len(list(store.results("other"))) == 6
         assert [r.design["width_mm"] for r in store.results("1")] == [65, 65, 95, 95]
@@ -121,6 +139,64 @@ def test_an_experiment_is_named_or_refused(tmp_path: Path) -> None:
         pytest.raises(StoreError, match='no experiment "2"; it has 1'),
     ):
         list(store.results("2"))
+
+
+FAILED = "the simulation left the finite numbers"
+RECORDED = {
+    "top": {"kind": "final", "value": 1 / 3},
+    "track": {"kind": "series", "value": [[0.25, [1e-7, 2]], [0.5, None]]},
+    'a "name"': {"kind": "initial", "value": "text ü"},
+    "true": {"kind": "final", "value": True},
+}
+
+
+def test_failed_runs_and_recorded_values_come_back_as_they_went_in(tmp_path: Path) -> None:
+    def mixed(run: PlannedRun) -> dict[str, Any]:
+        if run.design == 0:
+            return {"error": FAILED}
+        return {**answer(run), "distance_to_target_m": None, "recorded": RECORDED if run.sample else {}}
+
+    fill(tmp_path / "s.db", answer=mixed)
+    with Store.open(tmp_path / "s.db") as store:
+        failed, _, bare, full = store.results()
+        types = store.recorded_types()
+    connection = sqlite3.connect(tmp_path / "s.db")
+    query = (
+        "SELECT json_extract(recorded, '$.top.value') FROM result WHERE outcome = 'passed' ORDER BY sample"
+    )
+    shown = connection.execute(query).fetchall()
+    connection.close()
+
+    assert (failed.outcome, failed.message) == ("failed", FAILED)
+    assert [failed.elapsed_time_s, failed.consumed_energy_j, failed.max_roll_rad, failed.max_pitch_rad] == [
+        None
+    ] * 4
+    assert (bare.message, bare.distance_to_target_m, bare.recorded) == (None, None, {})
+    assert full.recorded == {name: Recorded(**value) for name, value in RECORDED.items()}
+    assert types == {'a "name"': {"text"}, "top": {"real"}, "track": {"series"}, "true": {"true"}}
+    assert shown == [(None,), (1 / 3,)]
+    assert fill(tmp_path / "s.db") == 0
+
+
+def test_scenes_and_variations_that_look_alike_may_differ(tmp_path: Path) -> None:
+    with write_store(tmp_path / "s.db") as writer:
+        writer.begin_study(STUDY, "b1")
+        planned = plan(writer)
+        for sample, identity in ((0, "one"), (1, "two")):
+            writer.put_sample(planned.environment_id, sample, {}, identity)
+            writer.put_draw(planned.spread_id, sample, {}, identity)
+        runs = [next(writer.planned_runs(planned, sample)) for sample in (0, 1)]
+
+        assert len({run.scene_id for run in runs}) == len({run.variation_id for run in runs}) == 2
+        assert [writer.text("scene", run.scene_id) for run in runs] == ["{}", "{}"]
+
+
+def test_whether_a_program_is_dynamic_is_remembered(tmp_path: Path) -> None:
+    for expected in (None, True, True):
+        with write_store(tmp_path / "s.db") as writer:
+            environment_id = writer.environment("fingerprint")
+            assert writer.is_dynamic(environment_id) is expected
+            writer.put_dynamic(environment_id, True)
 
 
 def test_a_failed_transaction_leaves_nothing(tmp_path: Path) -> None:

@@ -1,10 +1,12 @@
 """Sweeps with the real simulator and real environments: resumption, job counts, interruption, refusals."""
 
+import json
 import os
 import random
 import resource
 import shlex
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -14,12 +16,15 @@ from typing import Any
 
 import pytest
 
-from foldcar.carsim import Carsim
+from foldcar.body import body_json
+from foldcar.carsim import Carsim, RunRequest
+from foldcar.environments import Environment
 from foldcar.errors import FoldcarError
 from foldcar.experiments import read_study
 from foldcar.results import Result
 from foldcar.store import Store
 from foldcar.sweep import Progress, sweep
+from foldcar.variation import apply, draw, spread_named
 
 WriteListing = Callable[[Any], Path]
 
@@ -91,7 +96,64 @@ def test_equal_environments_are_run_once(
     counts = swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary, environments=20)
 
     assert (counts.new, counts.there) == (2, 38)
-    assert len(rows(tmp_path / "s.db")) == 40
+    results = rows(tmp_path / "s.db")
+    assert len(results) == 40
+    assert counts.passed == sum(result.outcome == "passed" for result in results)
+
+
+def test_nearby_cars_are_other_runs_and_the_same_for_every_design(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
+) -> None:
+    store, params = tmp_path / "s.db", listing_data["experiments"]["1"]["params"]
+
+    def run() -> tuple[int, int]:
+        counts = swept(write_listing(listing_data), store, carsim_binary)
+        return counts.new, counts.there
+
+    assert run() == (6, 0)
+    nominal = rows(store)
+    params["variation"] = "workshop"
+    assert run() == (6, 0)
+    assert run() == (0, 6)
+    varied = rows(store)
+    params["variation_seed"] = 42
+    assert run() == (0, 6)
+    params["variation_seed"] = 7
+    assert run() == (6, 0)
+    assert len({tuple(r.elapsed_time_s for r in some) for some in (nominal, varied, rows(store))}) == 3
+    connection = sqlite3.connect(store)
+    (pairs,) = connection.execute(
+        "SELECT count(DISTINCT sample || ' ' || variation_id) FROM result"
+    ).fetchone()
+    connection.close()
+    assert pairs == 3
+    del params["variation"], params["variation_seed"]
+    assert run() == (0, 6)
+    assert rows(store) == nominal
+
+
+def test_a_sweep_does_with_a_nearby_car_what_carsim_does_with_its_body(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
+) -> None:
+    listing_data["experiments"]["1"]["params"]["variation"] = "workshop"
+    listing = write_listing(listing_data)
+    swept(listing, tmp_path / "s.db", carsim_binary)
+
+    (experiment,) = read_study(listing).experiments
+    environment, carsim = Environment(experiment), Carsim(carsim_binary)
+    expected = []
+    for design in experiment.family:
+        body = body_json(design)
+        settings = experiment.settings(design, body, carsim.parameter_table())
+        for k in range(3):
+            car = apply(body, draw(spread_named("workshop", ""), 42, k))
+            texts = [json.dumps(part) for part in (car, environment.sample(k), settings)]
+            request = RunRequest("car", "scene", texts[2], "", k)
+            expected += carsim.run({"car": texts[0]}, {"scene": texts[1]}, [request])
+
+    assert [(r.outcome, r.elapsed_time_s, r.consumed_energy_j) for r in rows(tmp_path / "s.db")] == [
+        (answer["outcome"], answer["elapsed_time_s"], answer["consumed_energy_j"]) for answer in expected
+    ]
 
 
 def start(listing: Path, store: Path, carsim: Path, environments: int) -> "subprocess.Popen[str]":
@@ -206,6 +268,54 @@ def test_a_simulator_that_breaks_down_is_named(
         swept(write_listing(listing_data), tmp_path / "s.db", broken)
 
     assert str(caught.value).startswith(f"{broken}: {message}")
+
+
+# Runs carsim's batch, but shoots its worker down before the first run gets there.
+SHOOTING = """#!{python}
+import os, pathlib, signal, subprocess, sys, time
+
+def children(pid):
+    for entry in pathlib.Path("/proc").glob("[0-9]*/stat"):
+        try:
+            if entry.read_text().rsplit(")", 1)[1].split()[1] == str(pid):
+                yield int(entry.parent.name)
+        except OSError:
+            pass
+
+if sys.argv[1] != "batch":
+    os.execv({carsim!r}, ["carsim", *sys.argv[1:]])
+process = subprocess.Popen([{carsim!r}, *sys.argv[1:]], stdin=subprocess.PIPE)
+while not (workers := list(children(process.pid))):
+    time.sleep(0.01)
+os.kill(workers[0], signal.SIGSEGV)
+process.communicate(sys.stdin.buffer.read())
+sys.exit(process.returncode)
+"""
+
+
+def test_a_run_that_crashes_is_a_result_and_the_rest_goes_on(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path, foldcar: Any
+) -> None:
+    shooting = tmp_path / "shooting-carsim"
+    shooting.write_text(SHOOTING.format(python=sys.executable, carsim=str(carsim_binary)))
+    shooting.chmod(0o755)
+    words = ("sweep", write_listing(listing_data), "--store", "s.db", "--jobs", "1")
+
+    crashing = foldcar(*words, env={**os.environ, "FOLDCAR_CARSIM": str(shooting)})
+    again = foldcar(*words, env={**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)})
+    report = foldcar("report", "s.db", "-o", "report")
+
+    assert (crashing.returncode, crashing.stderr) == (0, "")
+    results = rows(tmp_path / "s.db")
+    failed = [result for result in results if result.outcome == "failed"]
+    assert len(results) == 6 and 0 < len(failed) < 6
+    assert {result.message for result in failed} == {"the simulation crashed (signal Segmentation fault)"}
+    assert f" % passed, {len(failed)} failed; store: s.db\n" in crashing.stdout
+    # What failed stays so until the simulator changes.
+    assert again.stdout.startswith("0 runs new, 6 there already, ")
+    assert f" % passed, {len(failed)} failed; store: s.db\n" in again.stdout
+    assert f"{len(failed)} of 6 runs failed" in report.stdout
+    assert f"{len(failed)} of 6 runs failed" in (tmp_path / "report" / "index.html").read_text()
 
 
 def test_what_the_simulator_refuses_is_told_with_the_run(

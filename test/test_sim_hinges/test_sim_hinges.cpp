@@ -298,6 +298,20 @@ void test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed() {
   }
 }
 
+// Behind a body that slides without friction, two wheels on a segment far lighter than their rotors.
+void test_a_segment_lighter_than_its_rotors_drives_steadily() {
+  BodySpec body = hinged_study_car(kWidth_m, 0.1);
+  body.wheels.erase(body.wheels.begin(), body.wheels.begin() + 2);
+  body.segments[0].grip = 0;
+  SegmentSpec& rear = body.segments[1];
+  rear.mass_kg = 0.025;
+  rear.pitch_inertia_kg_m2 = 2e-5;
+  const double top_m_s = body.wheels[0].radius_m * body.wheels[0].servo.no_load_speed_rad_s;
+  TEST_ASSERT_TRUE(2 * body.wheels[0].servo.rotor_inertia_kg_m2 > 10 * rear.pitch_inertia_kg_m2);
+  Drive drive(body, kFlat, pulses_for(body, 1));
+  TEST_ASSERT_DOUBLE_WITHIN(0.03 * top_m_s, top_m_s, drive.run(2.5).speed_m_s);
+}
+
 int main() {
   UNITY_BEGIN();
   RUN_TEST(test_cut_in_two_the_car_has_the_same_constants);
@@ -312,6 +326,7 @@ int main() {
   RUN_TEST(test_mirrored_ground_mirrors_the_way);
   RUN_TEST(test_one_axle_pulls_its_belly_along);
   RUN_TEST(test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed);
+  RUN_TEST(test_a_segment_lighter_than_its_rotors_drives_steadily);
   UNITY_END();
   return 0;
 }

@@ -108,8 +108,6 @@ void test_a_tyres_middle_starts_where_its_phase_says() {
   }
 }
 
-// Where the tyre's middle is behind the axle and turns upwards it lifts the car; half a turn later it lowers it. The
-// way it rolls meanwhile is that of the tyre's circumference.
 void test_eccentric_wheels_roll_their_circumference_in_a_turn() {
   BodySpec body = study_car(0.095);
   for (WheelSpec& wheel : body.wheels) wheel.eccentricity_m = 0.003;

@@ -16,7 +16,7 @@ def export(
     ] = None,
     parquet: Annotated[Path | None, typer.Option(metavar="FILE", help="Parquet file to write.")] = None,
 ) -> None:
-    """Write every run of a store as a row: outcome, measures, design parameters."""
+    """Write every run of a store as a row: outcome, measures, design parameters, recorded values."""
     from foldcar.export import export_csv, export_parquet, write_csv
     from foldcar.store import Store
 

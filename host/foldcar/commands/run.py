@@ -1,11 +1,16 @@
 """`foldcar run`: one design in one sampled environment, its result as text, its picture if asked for."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from foldcar.errors import FoldcarError
+
+if TYPE_CHECKING:
+    from foldcar.carsim import Carsim, Runner
 
 PATH_INTERVAL_S = 0.02
 
@@ -19,53 +24,90 @@ def run(
             "--set", metavar="NAME=MM", help="Choose a design parameter, e.g. width=95 or W.length=60."
         ),
     ] = None,
-    sample: Annotated[int, typer.Option(metavar="K", min=0, help="Which sampled environment.")] = 0,
+    sample: Annotated[
+        int, typer.Option(metavar="K", min=0, help="Which sampled environment, and nearby car.")
+    ] = 0,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Picture to draw (.png, .svg, .pdf).")
     ] = None,
 ) -> None:
     """Run one car in one environment and say how it went."""
     from foldcar.body import body_json
-    from foldcar.carsim import Carsim, RunRequest
+    from foldcar.carsim import Carsim
+    from foldcar.commands.run_text import answer_lines, variation_text
+    from foldcar.environments import Environment
     from foldcar.experiments import read_study
     from foldcar.figures.output import check_format
-    from foldcar.store_writer import canonical_json
-    from foldcar.sweep import Environment
+    from foldcar.variation import apply
 
     if plot is not None:
         check_format(plot)
     (chosen,) = read_study(listing, experiment).experiments
     design = chosen.family.narrowed(_settings(settings or [])).single()
-    carsim = Carsim()
-    body = body_json(design)
-    request = chosen.settings(design, body, carsim.parameter_table())
-    if plot is not None:
-        request["path_interval_s"] = PATH_INTERVAL_S
-    scene = Environment(chosen).sample(sample)
-    label = f"experiment {experiment}, sample {sample}"
-    (result,) = carsim.run(
-        {"car": canonical_json(body)},
-        {"scene": canonical_json(scene)},
-        [RunRequest("car", "scene", canonical_json(request), label)],
+    carsim, environment = Carsim(), Environment(chosen)
+    nominal = body_json(design)
+    variation = environment.variation(sample)
+    one = _Run(
+        label=f"experiment {experiment}, sample {sample}",
+        body=apply(nominal, variation) if variation else nominal,
+        scene=environment.sample(sample),
+        settings=chosen.settings(design, nominal, carsim.parameter_table()),
+        sample=sample,
     )
-    for name, value in (
+    with environment.runner(carsim, environment.dynamic) as runner:
+        answer = one.by(runner)
+    lines = [
         ("experiment", f"{experiment}: vehicle {chosen.family.vehicle} in environment {chosen.environment}"),
         ("design", f"{design.type} " + " ".join(f"{key}={value:g}" for key, value in design.values.items())),
         ("sample", f"{sample} (seed {chosen.seed})"),
-        ("outcome", result["outcome"]),
-        ("elapsed_time_s", f"{result['elapsed_time_s']:.3f}"),
-        ("distance_to_target_m", f"{result['distance_to_target_m']:.3f}"),
-        ("consumed_energy_j", f"{result['consumed_energy_j']:.3f}"),
-        ("max_roll_rad", f"{result['max_roll_rad']:.3f}"),
-        ("max_pitch_rad", f"{result['max_pitch_rad']:.3f}"),
-    ):
-        typer.echo(f"{name:<22}{value}")
+        *(
+            [("variation", f"{variation_text(variation)} (seed {chosen.variation_seed})")]
+            if variation
+            else []
+        ),
+        *answer_lines(answer),
+    ]
+    for name, text in lines:
+        typer.echo(f"{name:<22}{text}")
     if plot is not None:
         from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
 
-        draw_run(body, scene, result, result["path"], carsim_heights(carsim), plot)
+        path = _path(one, carsim, answer, plot)
+        draw_run(one.body, one.scene, answer, path, carsim_heights(carsim), plot)
         typer.echo(f"{'picture':<22}{plot}")
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A run as docs/carsim.md has it, in parts."""
+
+    label: str
+    body: Mapping[str, Any]
+    scene: Mapping[str, Any]
+    settings: Mapping[str, Any]
+    sample: int
+
+    def by(self, runner: "Runner", **more: float) -> dict[str, Any]:
+        """The runner's answer; ``more`` goes into the settings."""
+        from foldcar.carsim import RunRequest
+        from foldcar.store_writer import canonical_json
+
+        settings = canonical_json({**self.settings, **more})
+        (answer,) = runner.run(
+            {"car": canonical_json(self.body)},
+            {"scene": canonical_json(self.scene)},
+            [RunRequest("car", "scene", settings, self.label, self.sample)],
+        )
+        return answer
+
+
+def _path(one: _Run, carsim: "Carsim", answer: Mapping[str, Any], plot: Path) -> list[list[float]]:
+    """The way the car took. The batch drives as a program's run does, and on where the program ended that."""
+    native = {} if "error" in answer else one.by(carsim, path_interval_s=PATH_INTERVAL_S)
+    if "path" not in native:
+        raise FoldcarError(f"{plot}: a failed run has no picture")
+    return [row for row in native["path"] if row[0] <= answer["elapsed_time_s"]]
 
 
 def _settings(words: list[str]) -> dict[str, float]:

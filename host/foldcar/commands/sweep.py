@@ -46,7 +46,8 @@ def sweep(
         )
         raise typer.Exit(130) from None
     rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
+    failed = f", {progress.failed} failed" if progress.failed else ""
     typer.echo(
         f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s{rate}, "
-        f"{100 * progress.passed / progress.total:.1f} % passed; store: {store}"
+        f"{100 * progress.passed / progress.total:.1f} % passed{failed}; store: {store}"
     )

@@ -1,17 +1,18 @@
 """Many runs in MuJoCo, in several processes.
 
-Input: tasks. Output: their indices and results as they finish. A task that fails raises its FoldcarError
-where the results are asked for.
+Input: tasks. Output: their indices and results as they finish. A run that leaves the finite numbers is a
+result with the outcome ``failed``.
 """
 
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 from typing import Any
 
 from foldcar.crosscheck.mujoco_run import DEFAULTS, EngineOptions, import_mujoco, run_mujoco
 from foldcar.crosscheck.pulses import PulseTrain
+from foldcar.errors import FoldcarError
 from foldcar.models.ground import HeightGrid
 
 # Tasks handed out ahead, a worker: enough to keep it busy, few enough that the first results come at once.
@@ -22,14 +23,14 @@ AHEAD = 4
 class Task:
     """One run in MuJoCo."""
 
-    body: dict[str, Any]
-    scene: dict[str, Any]
+    body: Mapping[str, Any]
+    scene: Mapping[str, Any]
     pulses: PulseTrain
     grid: HeightGrid | None = None
     options: EngineOptions = DEFAULTS
 
 
-def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, dict[str, Any]]]:
+def run_all(tasks: Iterable[Task], jobs: int) -> Iterator[tuple[int, dict[str, Any]]]:
     """Run the tasks in ``jobs`` processes; yields index and result in the order of finishing.
 
     Ends its processes when it is closed or interrupted; what has been yielded is whole.
@@ -58,7 +59,10 @@ def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, dict[str, A
 
 
 def _run(task: Task) -> dict[str, Any]:
-    return run_mujoco(task.body, task.scene, task.pulses, task.grid, task.options)
+    try:
+        return run_mujoco(task.body, task.scene, task.pulses, task.grid, task.options)
+    except FoldcarError as error:
+        return {"outcome": "failed", "message": str(error)}
 
 
 def _leave_interrupts_to_the_parent() -> None:

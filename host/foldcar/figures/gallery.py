@@ -17,12 +17,12 @@ from foldcar.figures.style import ACCENT, FAILURE, RC
 from foldcar.figures.top_view import VIEW_MARGIN_M, draw_top_view, view_of
 
 SAMPLES = 3
-CELLS = 300
+CELLS = 600
 PROFILE_IN = 1.0
 # Where the wheels of the study's middle car run: 95 mm wide, with tyres of 12 mm.
 TRACK_M = 0.111
 TYRE_M = 0.012
-DPI = 100
+DPI = 95
 COLOURS = 256
 
 

@@ -22,7 +22,11 @@ WIDTH_IN = 10.0
 FAR_COLOUR = "#e6d3a8"
 NEAR_COLOUR = "#b58a45"
 MARGIN_M = 0.1
-CELLS = 400
+CELLS = 600
+VIEW_IN = 7.5
+LABELS_IN = 0.8
+TITLE_IN = 0.3
+MOST_POSES = 12
 
 
 def draw_run(
@@ -43,8 +47,8 @@ def draw_run(
         raise FoldcarError(f"{file}: the run has no path to draw")
     rows = numpy.asarray(path, dtype=float)
     with matplotlib.rc_context(RC):
-        figure = Figure(figsize=(WIDTH_IN, 6.4), layout="constrained")
-        side, above = figure.subplots(2, 1, height_ratios=(1, 1.6))
+        figure = Figure(layout="constrained")
+        side, above = figure.subplots(2, 1)
         figure.suptitle(_title(body, scene, result), x=0.01, ha="left", fontweight="bold")
         _draw_side(side, body, scene, result, rows, heights)
         ground = height_map(heights, scene, view_of([scene], rows), CELLS)
@@ -54,6 +58,7 @@ def draw_run(
         above.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
         if scene["terrain"]:
             figure.colorbar(scale, ax=above, label="height (mm)", shrink=0.8, aspect=20, location="left")
+        _fit_height(figure, side, above)
         save_figure(figure, file)
 
 
@@ -67,6 +72,18 @@ def poses_to_draw(travelled: Sequence[float], spacing_m: float) -> list[int]:
     while len(chosen) > 1 and abs(travelled[last] - travelled[chosen[-1]]) < spacing_m * 0.8:
         chosen.pop()
     return chosen if last == 0 else [*chosen, last]
+
+
+def _fit_height(figure: Figure, side: Axes, above: Axes) -> None:
+    """Make the figure as high as both views need it at its width, up to a limit."""
+    heights_in = []
+    for axes, most_in in ((side, 3.0), (above, 4.2)):
+        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        heights_in.append(min(VIEW_IN * (top - bottom) / (right - left), most_in) + LABELS_IN)
+    figure.set_size_inches(WIDTH_IN, sum(heights_in) + TITLE_IN)
+    grid = above.get_gridspec()
+    assert grid is not None
+    grid.set_height_ratios(heights_in)
 
 
 def _draw_side(
@@ -104,7 +121,8 @@ def _draw_side(
             zorder=3,
         )
     travelled = travelled_m(rows)
-    chosen = poses_to_draw(list(travelled), 2.05 * reach)
+    spacing_m = max(2.05 * reach, (line.distance_m[-1] - line.distance_m[0]) / MOST_POSES)
+    chosen = poses_to_draw(list(travelled), spacing_m)
     for index in chosen:
         final = index == chosen[-1]
         colour = FAILURE if final and result["outcome"] != "passed" else ACCENT

@@ -17,7 +17,8 @@ from foldcar.figures.top_view import draw_top_view, view_of
 
 MOST_SCENES = 9
 PANEL_WIDTH_IN = 3.4
-CELLS = 240
+# Across a panel of half the usual width of a picture.
+CELLS = 320
 
 
 def draw_scenes(scenes: Sequence[Mapping[str, Any]], file: Path, heights: Heights, title: str = "") -> None:
@@ -33,7 +34,7 @@ def draw_scenes(scenes: Sequence[Mapping[str, Any]], file: Path, heights: Height
     rows = math.ceil(len(shown) / columns)
     panel = PANEL_WIDTH_IN * (2.0 if columns == 1 else 1.0)
     size = (panel * columns + 1.0, (panel * min(width / length, 2.0) + 0.3) * rows + 0.7)
-    maps = [height_map(heights, scene, extent, CELLS) for scene in shown]
+    maps = [height_map(heights, scene, extent, CELLS * (2 if columns == 1 else 1)) for scene in shown]
     scale = height_scale(maps)
     with matplotlib.rc_context(RC):
         figure = Figure(figsize=size, layout="constrained")

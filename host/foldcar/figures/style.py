@@ -41,6 +41,9 @@ OUTCOME_COLOURS = {
     "off_course": "#cc79a7",
     "timeout": "#f0e442",
     "fault": "#222222",
+    "terminated": "#0072b2",
+    "rejected": "#e69f00",
+    "failed": "#999999",
 }
 OUTCOME_LABELS = {
     "passed": "passed",
@@ -49,6 +52,9 @@ OUTCOME_LABELS = {
     "off_course": "off course",
     "timeout": "time-out",
     "fault": "fault",
+    "terminated": "ended by program",
+    "rejected": "requirement violated",
+    "failed": "failed",
 }
 OUTCOME_MARKERS = {
     "passed": "o",
@@ -57,4 +63,7 @@ OUTCOME_MARKERS = {
     "off_course": "D",
     "timeout": "X",
     "fault": "P",
+    "terminated": "d",
+    "rejected": "v",
+    "failed": "*",
 }

@@ -23,13 +23,18 @@ OUTLINE = {"fill": False, "edgecolor": "#00000059", "linewidth": 0.5, "zorder": 
 
 
 def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
-    """What is worth showing of several scenes: starts, goals, terrain and the path, within the course."""
+    """What is worth showing of several scenes: starts, goals, terrain, path; the course if no goal."""
     x: list[float] = []
     y: list[float] = []
     for scene in scenes:
-        for place in [scene["start"], *([scene["goal"]] if scene["goal"] else [])]:
-            x.append(place["x_m"])
-            y.append(place["y_m"])
+        places = [(scene["start"]["x_m"], scene["start"]["y_m"])]
+        if scene["goal"] is not None:
+            places.append((scene["goal"]["x_m"], scene["goal"]["y_m"]))
+        else:
+            course = scene["course"]
+            places += [(course["x_min_m"], course["y_min_m"]), (course["x_max_m"], course["y_max_m"])]
+        x += [place[0] for place in places]
+        y += [place[1] for place in places]
         for piece in scene["terrain"]:
             reach = _half_diagonal_m(piece)
             # A wall across the way says little about where the car may go.
@@ -56,7 +61,7 @@ def draw_top_view(
     axes.grid(False)
     extent = ground.extent
     corners = (extent.x_min_m, extent.x_max_m, extent.y_min_m, extent.y_max_m)
-    axes.imshow(shaded(ground, scale), origin="lower", extent=corners, interpolation="bilinear", zorder=0)
+    axes.imshow(shaded(ground, scale), origin="lower", extent=corners, interpolation="antialiased", zorder=0)
     for piece in scene["terrain"]:
         _draw_outline(axes, piece)
     if scene["terrain"] and all(piece["kind"] in CONTOURED for piece in scene["terrain"]):

@@ -1,8 +1,8 @@
 """A car, and the scene it stands in, as MJCF: MuJoCo's XML.
 
 Input: body and scene of docs/carsim.md, the grid of the scene's smooth ground, the shape of the tyres.
-Output: the text of a model. All parts of the car are placed in the car's own axes: the origin in the middle of its
-length at axle height, x forward, y left, z up.
+Output: the text of a model. All parts of the car are placed in the car's own axes: the origin in the
+middle of its length at axle height, x forward, y left, z up.
 
 What the format leaves open is decided here:
 - Contacts have sliding friction only (condim 3: a tyre's line of contact resists turning by itself), elliptic

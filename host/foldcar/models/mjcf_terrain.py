@@ -1,8 +1,9 @@
 """A scene's ground as static MJCF geoms of the world body.
 
 Input: a scene (docs/carsim.md) and the grid of its smooth ground. Boxes, ramps and half-rounds become boxes,
-convex wedges and lying cylinders, all sunk into the floor so that no edge or face of theirs lies in it. Smooth
-ground becomes one height field, with boxes for the level floor around it: a plane would fill its hollows.
+convex wedges and lying cylinders, all sunk into the floor so that no edge or face of theirs lies in it.
+Smooth ground becomes one height field, with boxes for the level floor around it, for a plane would fill
+its hollows.
 """
 
 import math
@@ -42,15 +43,9 @@ def add_terrain(
         turned = {"quat": numbers(math.cos(heading / 2), 0, 0, math.sin(heading / 2))}
         if kind == "box":
             half_height = (height + SUNK_M) / 2
-            place = {"pos": numbers(x, y, height - half_height), **turned}
-            _geom(
-                world,
-                name,
-                PIECE_RGBA,
-                type="box",
-                size=numbers(half_length, half_width, half_height),
-                **place,
-            )
+            size = numbers(half_length, half_width, half_height)
+            middle = numbers(x, y, height - half_height)
+            _geom(world, name, PIECE_RGBA, type="box", size=size, pos=middle, **turned)
         elif kind == "ramp":
             corners = [(sx * half_length, sy * half_width, -SUNK_M) for sx in (-1, 1) for sy in (-1, 1)]
             corners += [(half_length, sy * half_width, height) for sy in (-1, 1)]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy
 from matplotlib.axes import Axes
 
-from foldcar.report.series import Value
+from foldcar.report.series import Extent, Value
 
 UNITS = ("mm", "m", "deg", "rad", "kg", "g", "s", "v")
 
@@ -21,6 +21,11 @@ def parameter_label(parameter: str) -> str:
 def value_text(value: Value) -> str:
     """A value as people write it: 95, 12.5, or the text itself."""
     return value if isinstance(value, str) else f"{value:g}"
+
+
+def extent_text(extent: Extent | None) -> str:
+    """``1.25 (0.9 to 1.6)``: the mean and the range; a dash if nothing was recorded."""
+    return f"{extent.mean:.4g} ({extent.lowest:.4g} to {extent.highest:.4g})" if extent else "–"
 
 
 class ParameterAxis:

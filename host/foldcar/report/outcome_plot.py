@@ -14,7 +14,7 @@ def draw_outcomes(series: Series) -> Figure:
     axes = figure.subplots()
     places = [axis.place(value) for value in series.tallies]
     bottom = [0.0] * len(places)
-    for outcome in OUTCOMES:
+    for outcome in _seen(series):
         shares = [100 * tally.outcomes[outcome] / tally.runs for tally in series.tallies.values()]
         axes.bar(
             places,
@@ -34,3 +34,8 @@ def draw_outcomes(series: Series) -> Figure:
     axis.label(axes, series.parameter)
     figure.legend(loc="outside lower center", ncols=6)
     return figure
+
+
+def _seen(series: Series) -> list[str]:
+    seen = {outcome for tally in series.tallies.values() for outcome in tally.seen}
+    return [outcome for outcome in OUTCOMES if outcome in seen]

@@ -7,10 +7,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from foldcar.figures.style import OUTCOME_LABELS
-from foldcar.report.axis import parameter_label, value_text
+from foldcar.report.axis import extent_text, parameter_label, value_text
 from foldcar.report.inline_svg import inline_svg
 from foldcar.report.sections import Section
-from foldcar.results import OUTCOMES
 from foldcar.store_info import StudyInfo
 
 
@@ -29,6 +28,7 @@ def page_html(
         "parameter_label": parameter_label,
         "value_text": value_text,
         "assignments": _assignments,
+        "extent_text": extent_text,
     }
     inlined = {
         drawing.name: Markup(inline_svg(svgs[drawing.name], drawing.name, drawing.caption))
@@ -39,7 +39,6 @@ def page_html(
         info=info,
         sections=sections,
         svgs=inlined,
-        outcomes=OUTCOMES,
         outcome_labels=OUTCOME_LABELS,
         report_command=shlex.join(report_command),
     )

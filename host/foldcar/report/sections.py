@@ -47,6 +47,15 @@ def _remarks(info: ExperimentInfo, summary: Summary) -> list[str]:
             f"Unfinished: {stored} of {info.planned_runs} runs are stored; the command that began "
             "the sweep resumes it."
         )
+    failed = summary.total.outcomes["failed"]
+    if failed:
+        remarks.append(
+            f"{failed} of {stored} runs failed: they crashed or could not be carried through, and count as "
+            "not passed. The store's table run has a message for each."
+        )
+    terminated = summary.total.outcomes["terminated"]
+    if terminated:
+        remarks.append(f"The program itself ended {terminated} of {stored} runs; they count as not passed.")
     names = [parameter_label(name) for name in info.varied]
     if not names:
         remarks.append("One design: no parameter varies, so there is nothing to draw success against.")

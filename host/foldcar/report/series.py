@@ -1,5 +1,6 @@
 """Counts a store's runs by design parameter, in one pass; memory does not grow with the number of runs."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,16 +15,41 @@ TIMED_SAMPLE = 0
 
 
 @dataclass
+class Extent:
+    """Mean and range of what a program recorded under one name."""
+
+    count: int = 0
+    total: float = 0.0
+    lowest: float = math.inf
+    highest: float = -math.inf
+
+    def add(self, value: float) -> None:
+        self.count += 1
+        self.total += value
+        self.lowest = min(self.lowest, value)
+        self.highest = max(self.highest, value)
+
+    @property
+    def mean(self) -> float:
+        return self.total / self.count
+
+
+@dataclass
 class Tally:
     """Outcomes of the runs of one design, or of all designs that share a parameter's value."""
 
     outcomes: dict[str, int] = field(default_factory=lambda: dict.fromkeys(OUTCOMES, 0))
     passed_time_s: float = 0.0
+    recorded: dict[str, Extent] = field(default_factory=dict)
 
     def add(self, result: Result) -> None:
         self.outcomes[result.outcome] += 1
         if result.outcome == "passed":
-            self.passed_time_s += result.elapsed_time_s
+            self.passed_time_s += result.elapsed_time_s or 0.0
+        for name, recorded in result.recorded.items():
+            # A truth counts as 0 or 1: its mean is a share.
+            if isinstance(recorded.value, int | float):
+                self.recorded.setdefault(name, Extent()).add(float(recorded.value))
 
     @property
     def runs(self) -> int:
@@ -32,6 +58,11 @@ class Tally:
     @property
     def passed(self) -> int:
         return self.outcomes["passed"]
+
+    @property
+    def seen(self) -> list[str]:
+        """The outcomes that happened, in their order, and ``passed`` in any case."""
+        return [outcome for outcome in OUTCOMES if self.outcomes[outcome] or outcome == "passed"]
 
     @property
     def success(self) -> float:
@@ -55,7 +86,7 @@ class TimedRun:
 
     value: Value
     outcome: str
-    time_s: float
+    time_s: float | None
 
 
 @dataclass

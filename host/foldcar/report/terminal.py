@@ -7,10 +7,9 @@ from rich.console import Console
 from rich.table import Table
 
 from foldcar.figures.style import OUTCOME_LABELS
-from foldcar.report.axis import parameter_label, value_text
+from foldcar.report.axis import extent_text, parameter_label, value_text
 from foldcar.report.sections import Section
 from foldcar.report.series import Tally
-from foldcar.results import OUTCOMES
 
 PIPED_WIDTH = 160
 
@@ -27,13 +26,29 @@ def print_summary(sections: Sequence[Section]) -> None:
         )
         for remark in section.remarks:
             console.print(remark, markup=False)
-        # Outcomes that never happened are no columns here; the page has them all.
-        seen = [outcome for outcome in OUTCOMES[1:] if total.outcomes[outcome]]
-        for series in section.summary.series:
-            rows = [(value_text(value), tally) for value, tally in series.tallies.items()]
-            console.print(_table(console, parameter_label(series.parameter), [*rows, ("all", total)], seen))
-        if not section.summary.series:
-            console.print(_table(console, "design", [("all", total)], seen))
+        tables = [
+            (
+                parameter_label(series.parameter),
+                [(value_text(v), tally) for v, tally in series.tallies.items()],
+            )
+            for series in section.summary.series
+        ]
+        for first, rows in tables or [("design", [])]:
+            rows.append(("all", total))
+            console.print(_table(console, first, rows, total.seen[1:]))
+            if total.recorded:
+                console.print(_recorded_table(console, first, rows, list(total.recorded)))
+
+
+def _recorded_table(
+    console: Console, first: str, rows: Sequence[tuple[str, Tally]], names: Sequence[str]
+) -> Table:
+    table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
+    for column in [first, *(f"recorded {name}" for name in names)]:
+        table.add_column(column, justify="right", no_wrap=True)
+    for name, tally in rows:
+        table.add_row(name, *(extent_text(tally.recorded.get(recorded)) for recorded in names))
+    return table
 
 
 def _table(console: Console, first: str, rows: Sequence[tuple[str, Tally]], outcomes: Sequence[str]) -> Table:

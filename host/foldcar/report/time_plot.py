@@ -38,7 +38,7 @@ def draw_times(runs: Sequence[TimedRun], parameter: str, time_limit_s: float) ->
             clip_on=False,
             zorder=3,
         )
-    passed_times = [run.time_s for run in runs if run.outcome == "passed"]
+    passed_times = [run.time_s for run in runs if run.outcome == "passed" and run.time_s is not None]
     times.set_ylim(0.0, max(passed_times, default=1.0) * 1.15)
     if not passed_times:
         times.set_yticks([])

@@ -114,6 +114,9 @@ void add_wheel(b2World& world, Mechanism& car, const BodySpec& body, const Wheel
   // The rotor turns in the chassis, geared to the wheel: its inertia at the shaft is the wheel's to drive.
   set_mass(*disc, wheel.mass_kg,
            0.5 * wheel.mass_kg * wheel.radius_m * wheel.radius_m + wheel.servo.rotor_inertia_kg_m2);
+  if (car.rotors_in_frames) {
+    set_mass(*frame, frame->GetMass(), frame->GetInertia() / kTorqueScale + wheel.servo.rotor_inertia_kg_m2);
+  }
   b2RevoluteJointDef axle;
   axle.bodyA = frame;
   axle.bodyB = disc;
@@ -223,6 +226,7 @@ double track_mass_kg(double yaw_inertia_kg_m2, double track_m) {
 Mechanism build_mechanism(b2World& world, const BodySpec& body, const CarConstants& constants, double friction,
                           double axle_z_m, double q) {
   Mechanism car;
+  car.rotors_in_frames = !body.hinges.empty();
   b2Body* ground = add_body(world, b2_staticBody, 0, 0, 0);
   car.belly_ground = add_body(world, b2_staticBody, 0, 0, 0);
   for (const SegmentSpec& segment : body.segments) {

@@ -28,6 +28,9 @@ struct MechanismSegment {
 struct Mechanism {
   std::vector<MechanismSegment> segments;  // front to back
   std::vector<b2RevoluteJoint*> hinge;     // hinge[j] joins segments j and j + 1
+  // A rotor geared to a wheel resists its frame's pitching too. On a long rigid car that may lag a step; a segment
+  // of a hinged one can weigh less than its rotors, and would be shaken to pieces: there they stand in its inertia.
+  bool rotors_in_frames = false;
   b2Body* chassis = nullptr;               // the main segment's, whose centre of mass is followed
   std::array<b2Body*, 2> track{};
   b2Body* belly_ground = nullptr;

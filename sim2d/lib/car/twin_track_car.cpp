@@ -159,8 +159,10 @@ void TwinTrackCar::drive_wheels(const PulsesUs& pulses_us) {
     car_.wheel_motor[i]->SetMotorSpeed(static_cast<float>(-no_load_rad_s));
     car_.wheel_motor[i]->SetMaxMotorTorque(to_torque_units(std::abs(torque_n_m)));
     // The rotor's spin-up is taken inside the gearbox: only what drives the wheel itself reacts on the frame.
-    const double acceleration = (omega - wheel.speed_rad_s) / step_s_;
-    wheel.speed_rad_s = omega;
+    // It lags by its filter; a frame whose rotors are in its inertia feels only the wheel's own share of it.
+    const double rotor_rad_s = car_.rotors_in_frames ? -car_.wheel[i]->GetAngularVelocity() : omega;
+    const double acceleration = (rotor_rad_s - wheel.speed_rad_s) / step_s_;
+    wheel.speed_rad_s = rotor_rad_s;
     wheel.acceleration_rad_s2 += rotor_gain_ * (acceleration - wheel.acceleration_rad_s2);
     const double limit_n_m = spec.servo.stall_torque_n_m;
     const double rotor_n_m =

@@ -1,0 +1,50 @@
+"""What `foldcar run` prints of an answer and of a varied car: a name and a text a line."""
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from foldcar.results import NUMBERS, outcome_of
+
+
+def answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Outcome, measures and what the program recorded; of a failed run why it failed."""
+    yield "outcome", outcome_of(answer)
+    if "error" in answer:
+        yield "message", answer["error"]
+        return
+    for name in NUMBERS:
+        yield name, _value_text(answer[name])
+    for name, recorded in answer.get("recorded", {}).items():
+        yield f"recorded {name}", _recorded_text(recorded["kind"], recorded["value"])
+
+
+def variation_text(variation: Mapping[str, Any]) -> str:
+    """``supply_v=-0.0931 servo_speed=0.0214,-0.0113,…``: three digits of each number."""
+    return " ".join(
+        f"{name}={','.join(f'{v:.3g}' for v in value) if isinstance(value, list) else format(value, '.3g')}"
+        for name, value in variation.items()
+    )
+
+
+def _recorded_text(kind: str, value: Any) -> str:
+    """The value; of a series how long it is and how it ends."""
+    if kind == "initial":
+        return f"{_value_text(value)} at the start"
+    if kind == "final":
+        return _value_text(value)
+    if not value:
+        return "series of 0"
+    t_s, last = value[-1]
+    return f"series of {len(value)}, {_value_text(last)} at {t_s:.3f} s"
+
+
+def _value_text(value: Any) -> str:
+    """A number with three decimals, a list of values, "-" for none; texts and truths as JSON."""
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.3f}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value_text, value))}]"
+    return json.dumps(value)

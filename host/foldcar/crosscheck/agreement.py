@@ -1,0 +1,109 @@
+"""How far two engines agree: pass or fail run by run, success rates design by design.
+
+Input: pairs of results of the same cases. Output: numbers; shares are between 0 and 1.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy
+
+from foldcar.crosscheck.cases import Case
+from foldcar.report.wilson import wilson_interval
+
+Pair = tuple[Case, Mapping[str, Any], Mapping[str, Any]]
+DesignId = tuple[str, int]
+
+
+@dataclass(frozen=True)
+class DesignRates:
+    """A design's runs, and how many passed in the first and in the second engine."""
+
+    columns: Mapping[str, float]
+    runs: int
+    first: int
+    second: int
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """``runs`` compared and how many end alike in pass or fail; ``designs`` by experiment and number.
+
+    ``confusion`` counts (first outcome, second outcome). ``correlation`` of the designs' success rates is
+    None where either engine has one rate for all; ``rmse`` and ``bias`` (first minus second) are shares.
+    """
+
+    runs: int
+    alike: int
+    designs: Mapping[DesignId, DesignRates]
+    confusion: Mapping[tuple[str, str], int]
+    correlation: float | None
+    rmse: float
+    bias: float
+
+    @property
+    def share(self) -> float:
+        """Of runs that end alike."""
+        return self.alike / self.runs
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's 95 % interval of the share."""
+        return wilson_interval(self.alike, self.runs)
+
+    @property
+    def kinds(self) -> list[tuple[tuple[str, str], int]]:
+        """Disagreements of pass and fail by their outcomes, the most frequent first."""
+        found = [
+            (pair, n) for pair, n in self.confusion.items() if (pair[0] == "passed") != (pair[1] == "passed")
+        ]
+        return sorted(found, key=lambda entry: (-entry[1], entry[0]))
+
+
+def agreement(pairs: Sequence[Pair]) -> Agreement:
+    """Of at least one pair."""
+    confusion = Counter((first["outcome"], second["outcome"]) for _, first, second in pairs)
+    tallies: dict[DesignId, list[int]] = {}
+    columns: dict[DesignId, Mapping[str, float]] = {}
+    for case, first, second in pairs:
+        tally = tallies.setdefault((case.experiment, case.design), [0, 0, 0])
+        columns[case.experiment, case.design] = case.columns
+        for place, passed in enumerate((True, passes(first), passes(second))):
+            tally[place] += passed
+    designs = {key: DesignRates(columns[key], *tally) for key, tally in sorted(tallies.items())}
+    rates = numpy.array([(d.first / d.runs, d.second / d.runs) for d in designs.values()])
+    differences = rates[:, 0] - rates[:, 1]
+    varied = len(rates) > 1 and bool(numpy.all(numpy.ptp(rates, axis=0) > 0))
+    return Agreement(
+        runs=len(pairs),
+        alike=sum(passes(first) == passes(second) for _, first, second in pairs),
+        designs=designs,
+        confusion=dict(confusion),
+        correlation=float(numpy.corrcoef(rates.T)[0, 1]) if varied else None,
+        rmse=float(numpy.sqrt(numpy.mean(differences**2))),
+        bias=float(numpy.mean(differences)),
+    )
+
+
+def worst(pairs: Sequence[Pair], count: int) -> list[Pair]:
+    """The disagreements that end furthest apart, each in a scene of its own."""
+    apart = [pair for pair in pairs if passes(pair[1]) != passes(pair[2]) and "failed" not in outcomes(pair)]
+    apart.sort(key=lambda pair: -math.dist(pair[1]["end"], pair[2]["end"]))
+    chosen: list[Pair] = []
+    for pair in apart:
+        if all(other[0].scene is not pair[0].scene for other in chosen):
+            chosen.append(pair)
+    return chosen[:count]
+
+
+def passes(result: Mapping[str, Any]) -> bool:
+    """Whether a run passed."""
+    return bool(result["outcome"] == "passed")
+
+
+def outcomes(pair: Pair) -> tuple[str, str]:
+    """Both engines' outcomes."""
+    return pair[1]["outcome"], pair[2]["outcome"]

@@ -1,0 +1,48 @@
+"""The runs of a study as both engines need them: a car, a scene, settings.
+
+Input: a study. Output: cases, sample by sample, all designs in one before the next, as in a sweep.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from foldcar.body import body_json
+from foldcar.carsim import Carsim
+from foldcar.environments import Environment
+from foldcar.experiments import Study
+from foldcar.variation import apply
+
+
+@dataclass(frozen=True)
+class Case:
+    """One design of an experiment in one sample of its environment; ``columns`` has its parameters."""
+
+    experiment: str
+    design: int
+    sample: int
+    columns: Mapping[str, float]
+    body: Mapping[str, Any]
+    scene: Mapping[str, Any]
+    settings: Mapping[str, Any]
+
+    @property
+    def label(self) -> str:
+        """The case as messages name it."""
+        return f"experiment {self.experiment}, design {self.design + 1}, sample {self.sample}"
+
+
+def cases_of(study: Study, carsim: Carsim) -> Iterator[Case]:
+    """All cases of all experiments. FoldcarError if a program or a design is at fault."""
+    table = carsim.parameter_table()
+    for experiment in study.experiments:
+        environment = Environment(experiment)
+        designs = []
+        for design in experiment.family:
+            body = body_json(design)
+            designs.append((design.columns, body, experiment.settings(design, body, table)))
+        for sample in range(experiment.environments):
+            scene, variation = environment.sample(sample), environment.variation(sample)
+            for index, (columns, body, settings) in enumerate(designs):
+                car = apply(body, variation) if variation else body
+                yield Case(experiment.id, index, sample, columns, car, scene, settings)

@@ -1,0 +1,121 @@
+"""The pictures of a cross-check: success by design in both engines, and the worst disagreements."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from foldcar.crosscheck.agreement import Agreement, DesignRates, Pair
+from foldcar.figures.ground import Heights, height_map
+from foldcar.figures.height_colours import height_scale
+from foldcar.figures.profile import travelled_m
+from foldcar.figures.style import ACCENT, INK, OUTCOME_LABELS
+from foldcar.figures.top_view import draw_top_view, view_of
+from foldcar.report.axis import parameter_label
+from foldcar.report.wilson import wilson_interval
+
+FIRST, SECOND = "carsim", "MuJoCo"
+SECOND_COLOUR = "#d55e00"
+LOOKS: Sequence[tuple[str, str, str, str]] = (
+    (FIRST, ACCENT, "o", "-"),
+    (SECOND, SECOND_COLOUR, "s", "--"),
+)
+CELLS = 300
+# Designs of a family with several parameters are numbered; beyond these no number is legible.
+MOST_TICKS = 20
+
+
+def success_figure(result: Agreement, experiment: str) -> Figure:
+    """Success rates of the experiment's designs in both engines, with Wilson 95 % intervals."""
+    designs = [rates for (name, _), rates in result.designs.items() if name == experiment]
+    figure = Figure(figsize=(7.2, 3.7), layout="constrained")
+    axes = figure.subplots()
+    places, label = _places(designs)
+    nudge = 0.12 * float(numpy.diff(places).min()) if len(places) > 1 else 0.05
+    for side, (name, colour, marker, line) in zip((-1, 1), LOOKS, strict=True):
+        passed = [rates.first if name == FIRST else rates.second for rates in designs]
+        success = numpy.array([100 * n / rates.runs for n, rates in zip(passed, designs, strict=True)])
+        ends = numpy.array([wilson_interval(n, rates.runs) for n, rates in zip(passed, designs, strict=True)])
+        bars = numpy.abs(100 * ends.T - success)
+        axes.errorbar(
+            numpy.array(places) + side * nudge,
+            success,
+            yerr=bars,
+            color=colour,
+            marker=marker,
+            markersize=4,
+            linestyle=line,
+            linewidth=1.3,
+            elinewidth=0.9,
+            capsize=2,
+            label=name,
+        )
+    axes.set_ylim(-3, 103)
+    axes.set_ylabel("runs passed (%)")
+    axes.set_xlabel(label)
+    if label == "design" and len(places) <= MOST_TICKS:
+        axes.set_xticks(places)
+    axes.set_title(f"Experiment {experiment}: success in both engines, Wilson 95 % intervals")
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
+def worst_figure(pairs: Sequence[Pair], heights: Heights) -> Figure:
+    """Each pair, whose results have paths, from above and in height and roll over the distance driven."""
+    figure = Figure(figsize=(10.0, 3.1 * len(pairs)), layout="constrained")
+    parts = figure.subfigures(len(pairs), 1, squeeze=False)
+    for part, pair in zip(parts[:, 0], pairs, strict=True):
+        case, first, second = pair
+        above, right = part.subfigures(1, 2, width_ratios=(1.25, 1))
+        left, (height, roll) = above.subplots(), right.subplots(2, 1, sharex=True)
+        parameters = ", ".join(
+            f"{parameter_label(key)} {value:g}" for key, value in _shown(case.columns, pairs)
+        )
+        part.suptitle(
+            f"{case.label}{': ' if parameters else ''}{parameters}",
+            x=0.01,
+            ha="left",
+            fontsize=9,
+            weight="bold",
+        )
+        paths = [numpy.asarray(result["path"], dtype=float) for result in (first, second)]
+        ground = height_map(heights, case.scene, view_of([case.scene], numpy.concatenate(paths)), CELLS)
+        draw_top_view(left, case.scene, ground, height_scale([ground]))
+        for (name, colour, marker, line), result, rows in zip(LOOKS, (first, second), paths, strict=True):
+            ending = f"{OUTCOME_LABELS[result['outcome']]}, {result['elapsed_time_s']:.1f} s"
+            look = {"color": colour, "linestyle": line, "linewidth": 1.5}
+            left.plot(rows[:, 1], rows[:, 2], zorder=5, label=f"{name}: {ending}", **look)
+            left.plot(rows[-1:, 1], rows[-1:, 2], marker, color=colour, markersize=5, zorder=6)
+            _draw_over_distance(height, roll, rows, look)
+        handles, labels = left.get_legend_handles_labels()
+        wanted = [i for i, text in enumerate(labels) if ": " in text]
+        above.legend(
+            [handles[i] for i in wanted], [labels[i] for i in wanted], loc="outside lower center", ncols=2
+        )
+    return figure
+
+
+def _draw_over_distance(height: Axes, roll: Axes, rows: Any, look: Mapping[str, Any]) -> None:
+    driven = travelled_m(rows)
+    height.plot(driven, rows[:, 3] * 1e3, **look)
+    roll.plot(driven, numpy.degrees(rows[:, 6]), **look)
+    height.set_ylabel("height (mm)")
+    roll.set_ylabel("roll (°)")
+    roll.set_xlabel("distance driven (m)")
+    roll.axhline(0, color=INK, linewidth=0.6)
+
+
+def _places(designs: Sequence[DesignRates]) -> tuple[list[float], str]:
+    """Where the designs stand on the axis, and its label: the one varied parameter, else their number."""
+    varied = [key for key in designs[0].columns if len({rates.columns[key] for rates in designs}) > 1]
+    if len(varied) == 1:
+        return [rates.columns[varied[0]] for rates in designs], parameter_label(varied[0])
+    return [float(number + 1) for number in range(len(designs))], "design"
+
+
+def _shown(columns: Mapping[str, float], pairs: Sequence[Pair]) -> list[tuple[str, float]]:
+    """The parameters in which the drawn designs differ; of alike ones the width, if they have one."""
+    varied = [key for key in columns if len({case.columns.get(key) for case, *_ in pairs}) > 1]
+    return [(key, columns[key]) for key in varied or ["width_mm"] if key in columns]

@@ -1,0 +1,178 @@
+"""Runs the cases of a study in carsim and in MuJoCo; what the cache knows is not run again.
+
+Input: cases, a simulator, a cache. Output: results by engine, in the order of the cases, None where an engine
+was not asked: MuJoCo at half the time step and with other tyres runs the first few samples only.
+"""
+
+import hashlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import foldcar.crosscheck
+import foldcar.models
+from foldcar.carsim import Carsim, RunRequest
+from foldcar.crosscheck.cases import Case
+from foldcar.crosscheck.mujoco_run import EngineOptions, import_mujoco
+from foldcar.crosscheck.pool import Task, run_all
+from foldcar.crosscheck.pulses import PulseTrain, ask_pulses
+from foldcar.crosscheck.result_cache import ResultCache, result_key
+from foldcar.models.ground import HeightGrid, smooth_ground
+from foldcar.store_writer import canonical_json
+
+CARSIM, MUJOCO, HALF_STEP, ELLIPSOID = "carsim", "mujoco", "mujoco_half_step", "mujoco_ellipsoid"
+OPTIONS = {
+    MUJOCO: EngineOptions(),
+    HALF_STEP: EngineOptions(timestep_s=EngineOptions().timestep_s / 2),
+    ELLIPSOID: EngineOptions(tyre="ellipsoid"),
+}
+ENGINES = (CARSIM, *OPTIONS)
+# The sources that MuJoCo's results depend on.
+SOURCES = (
+    (foldcar.crosscheck, ("ending.py", "mujoco_run.py", "pulses.py", "servo.py")),
+    (foldcar.models, ("ground.py", "mjcf.py", "mjcf_terrain.py", "wheel_geometry.py", "xml_elements.py")),
+)
+# Runs that one simulator process gets at a time.
+CHUNK = 24
+
+Results = dict[str, list[dict[str, Any] | None]]
+
+
+def planned_runs(cases: Sequence[Case], yardstick: int) -> int:
+    """Runs in all engines together."""
+    few = sum(case.sample < yardstick for case in cases)
+    return 2 * len(cases) + (len(ENGINES) - 2) * few
+
+
+def compare(
+    cases: Sequence[Case],
+    carsim: Carsim,
+    cache: ResultCache,
+    jobs: int,
+    yardstick: int,
+    done: Callable[[int], None] = lambda count: None,
+) -> Results:
+    """Run what is missing; ``done`` hears of every run that is known, with how many."""
+    import_mujoco()
+    results: Results = {engine: [None] * len(cases) for engine in ENGINES}
+    _run_carsim(cases, carsim, cache, jobs, results[CARSIM], done)
+    _run_mujoco(cases, carsim, cache, jobs, yardstick, results, done)
+    return results
+
+
+def run_with_paths(case: Case, carsim: Carsim, interval_s: float) -> tuple[dict[str, Any], dict[str, Any]]:
+    """carsim's and MuJoCo's result of a case, with their paths."""
+    (theirs,) = _ask_carsim([case], carsim, interval_s)
+    (pulses,) = ask_pulses(carsim, [case.settings])
+    options = EngineOptions(path_interval_s=interval_s)
+    task = Task(case.body, case.scene, pulses, smooth_ground(case.scene, carsim), options)
+    ((_, ours),) = run_all([task], 1)
+    return theirs, ours
+
+
+def _run_carsim(
+    cases: Sequence[Case],
+    carsim: Carsim,
+    cache: ResultCache,
+    jobs: int,
+    results: list[dict[str, Any] | None],
+    done: Callable[[int], None],
+) -> None:
+    keys = [result_key(CARSIM, carsim.build, case.body, case.scene, case.settings) for case in cases]
+    results[:] = [cache.get(key) for key in keys]
+    missing = [index for index, result in enumerate(results) if result is None]
+    done(len(cases) - len(missing))
+    chunks = [missing[start : start + CHUNK] for start in range(0, len(missing), CHUNK)]
+    pool = ThreadPoolExecutor(jobs)
+    try:
+        answers = pool.map(lambda chunk: _ask_carsim([cases[i] for i in chunk], carsim), chunks)
+        for chunk, answer in zip(chunks, answers, strict=True):
+            for index, result in zip(chunk, answer, strict=True):
+                results[index] = result
+                cache.put(keys[index], CARSIM, result)
+            done(len(chunk))
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        carsim.stop()
+
+
+def _ask_carsim(cases: Sequence[Case], carsim: Carsim, interval_s: float = 0.0) -> list[dict[str, Any]]:
+    """Results as MuJoCo's have them: with the end's place, and with the path if it is asked for."""
+    bodies = {str(i): canonical_json(case.body) for i, case in enumerate(cases)}
+    scenes = {str(i): canonical_json(case.scene) for i, case in enumerate(cases)}
+    requests = []
+    for i, case in enumerate(cases):
+        # A path always has the end; one interval as long as the run has little else.
+        settings = {**case.settings, "path_interval_s": interval_s or case.settings["time_limit_s"]}
+        requests.append(RunRequest(str(i), str(i), canonical_json(settings), case.label, case.sample))
+    results = []
+    for answer in carsim.run(bodies, scenes, requests):
+        if "error" in answer:
+            results.append({"outcome": "failed", "message": answer["error"]})
+            continue
+        result = {key: value for key, value in answer.items() if key not in ("run", "path")}
+        result["end"] = answer["path"][-1][1:3]
+        results.append({**result, "path": answer["path"]} if interval_s else result)
+    return results
+
+
+def _run_mujoco(
+    cases: Sequence[Case],
+    carsim: Carsim,
+    cache: ResultCache,
+    jobs: int,
+    yardstick: int,
+    results: Results,
+    done: Callable[[int], None],
+) -> None:
+    trains = _pulse_trains(cases, carsim)
+    version = [import_mujoco().__version__, _code_hash()]
+    asked: list[tuple[str, int, str]] = []
+
+    def missing() -> Iterator[Task]:
+        for index, (case, grid) in enumerate(_with_grids(cases, carsim)):
+            pulses = trains[canonical_json(case.settings)]
+            for engine, options in OPTIONS.items():
+                if engine != MUJOCO and case.sample >= yardstick:
+                    continue
+                ground = None if grid is None else hashlib.sha256(grid.z_m.tobytes()).hexdigest()
+                drive = [pulses.times_s, pulses.widths_us]
+                key = result_key(engine, version, case.body, case.scene, ground, drive)
+                known = cache.get(key)
+                if known is not None:
+                    results[engine][index] = known
+                    done(1)
+                    continue
+                asked.append((engine, index, key))
+                yield Task(case.body, case.scene, pulses, grid, options)
+
+    for number, result in run_all(missing(), jobs):
+        engine, index, key = asked[number]
+        results[engine][index] = result
+        cache.put(key, engine, result)
+        done(1)
+
+
+def _with_grids(cases: Iterable[Case], carsim: Carsim) -> Iterator[tuple[Case, HeightGrid | None]]:
+    """Each case with its ground; designs in the same scene follow each other and share it."""
+    scene: Mapping[str, Any] | None = None
+    grid = None
+    for case in cases:
+        if case.scene is not scene:
+            scene, grid = case.scene, smooth_ground(case.scene, carsim)
+        yield case, grid
+
+
+def _pulse_trains(cases: Iterable[Case], carsim: Carsim) -> dict[str, PulseTrain]:
+    settings = {canonical_json(case.settings): case.settings for case in cases}
+    return dict(zip(settings, ask_pulses(carsim, list(settings.values())), strict=True))
+
+
+def _code_hash() -> str:
+    digest = hashlib.sha256()
+    for package, names in SOURCES:
+        folder = Path(package.__path__[0])
+        for name in names:
+            digest.update((folder / name).read_bytes())
+    return digest.hexdigest()

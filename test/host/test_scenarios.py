@@ -1,0 +1,120 @@
+"""The published programs and their listings: what they place, and that the simulator takes and runs it."""
+
+import json
+import math
+import subprocess
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.experiments import read_study
+from foldcar.scenes import open_environment
+
+SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
+PROGRAMS = sorted(path.stem for path in SCENARIOS.glob("*.scenic") if path.name != "model.scenic")
+LISTINGS = sorted(path.stem for path in SCENARIOS.glob("*.json"))
+KINDS = {"box", "ramp", "half_round", "hill", "pothole", "rough", "patch"}
+
+
+def samples(name: str, count: int, params: dict[str, Any] | None = None) -> list[dict[str, Any]]:
+    source = open_environment(SCENARIOS / f"{name}.scenic", params or {}, 42)
+    return [source.sample(k) for k in range(count)]
+
+
+def test_every_program_has_a_listing_of_its_own() -> None:
+    assert set(PROGRAMS) <= set(LISTINGS)
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_carsim_takes_every_scene(name: str, carsim_binary: Path) -> None:
+    lines = []
+    for k, scene in enumerate(samples(name, 3)):
+        place = scene["start"]
+        lines.append(json.dumps({"scene": {"id": str(k), **scene}}))
+        heights = {"id": str(k), "scene": str(k), "x_m": [place["x_m"]], "y_m": [place["y_m"]]}
+        lines.append(json.dumps({"heights": heights}))
+    answer = subprocess.run([carsim_binary, "batch"], input="\n".join(lines), capture_output=True, text=True)
+    assert answer.returncode == 0, answer.stdout
+    starts = [json.loads(line)["z_m"][0] for line in answer.stdout.splitlines()]
+    assert len(starts) == 3
+    assert all(abs(z_m) < 5e-3 for z_m in starts)
+
+
+@pytest.mark.parametrize("name", LISTINGS)
+def test_listings_are_sound_and_small(name: str) -> None:
+    study = read_study(SCENARIOS / f"{name}.json")
+    runs = sum(len(experiment.family) * experiment.environments for experiment in study.experiments)
+    assert runs <= (3700 if name == "width_study" else 500)
+    for experiment in study.experiments:
+        open_environment(experiment.program, dict(experiment.scenic_params), experiment.seed).sample(0)
+
+
+@pytest.mark.parametrize("name", ["two_bumps", "two_bumps_mutated"])
+def test_the_bumps_rise_from_6_to_30_mm_in_five_steps(name: str) -> None:
+    study = read_study(SCENARIOS / f"{name}.json")
+    heights = []
+    for experiment in study.experiments:
+        source = open_environment(experiment.program, dict(experiment.scenic_params), experiment.seed)
+        near, far = source.sample(0)["terrain"]
+        assert near["height_m"] == far["height_m"]
+        heights.append(near["height_m"])
+    assert heights == pytest.approx([0.006, 0.012, 0.018, 0.024, 0.030])
+
+
+def test_ten_bumps_lie_in_their_region_and_never_touch() -> None:
+    for scene in samples("ten_random_bumps", 10):
+        bumps = scene["terrain"]
+        assert len(bumps) == 10
+        for bump in bumps:
+            assert abs(bump["x_m"]) <= 1.0
+            assert abs(bump["y_m"]) <= 0.25
+            assert 0.05 <= bump["length_m"] <= 0.1
+            assert 0.05 <= bump["width_m"] <= 0.1
+            assert 0.01 <= bump["height_m"] <= 0.03
+            assert bump["heading_rad"] == pytest.approx(math.pi / 2)
+        for one, other in combinations(bumps, 2):
+            # Facing +y, length lies along y.
+            apart_x = abs(one["x_m"] - other["x_m"]) >= (one["width_m"] + other["width_m"]) / 2
+            apart_y = abs(one["y_m"] - other["y_m"]) >= (one["length_m"] + other["length_m"]) / 2
+            assert apart_x or apart_y
+        assert scene["start"] == {"x_m": 0.0, "y_m": 1.0, "heading_rad": pytest.approx(-math.pi / 2)}
+        assert scene["goal"]["heading_rad"] == pytest.approx(-math.pi / 2)
+
+
+def test_hills_are_spread_over_their_field() -> None:
+    hills = [hill for scene in samples("gaussian_hills", 20) for hill in scene["terrain"]]
+    assert len(hills) == 20 * 20
+    for key, low, high in (
+        ("x_m", 0.35, 1.35),
+        ("y_m", -0.6, 0.6),
+        ("height_m", 0.01, 0.04),
+        ("sd_along_m", 0.05, 0.12),
+        ("sd_across_m", 0.05, 0.12),
+    ):
+        values = [hill[key] for hill in hills]
+        assert low <= min(values) <= max(values) <= high
+        # The mean of n uniform draws has a standard deviation of width / sqrt(12 n).
+        tolerance = 5 * (high - low) / math.sqrt(12 * len(values))
+        assert sum(values) / len(values) == pytest.approx((low + high) / 2, abs=tolerance)
+    assert len(samples("gaussian_hills", 1, {"hills": 3})[0]["terrain"]) == 3
+
+
+def test_the_obstacle_course_uses_the_whole_vocabulary() -> None:
+    one, other = samples("obstacle_course", 2)
+    assert {piece["kind"] for piece in one["terrain"]} == KINDS
+    assert [piece["kind"] for piece in one["terrain"]] == [piece["kind"] for piece in other["terrain"]]
+    for mine, its in zip(one["terrain"], other["terrain"], strict=True):
+        assert mine["x_m"] != its["x_m"]
+        assert abs(mine["x_m"] - its["x_m"]) < 0.1
+
+
+def test_the_published_program_has_a_bump_for_each_side() -> None:
+    (scene,) = samples("paper_bumps", 1, {"position_sd": 0.0})
+    assert scene["goal"] is None
+    assert scene["start"] == {"x_m": 0.0, "y_m": 1.0, "heading_rad": pytest.approx(-math.pi / 2)}
+    size = {"length_m": 0.1, "width_m": 0.1, "height_m": 0.03, "heading_rad": pytest.approx(math.pi / 2)}
+    assert scene["terrain"] == [
+        {"kind": "box", "x_m": pytest.approx(x_m), "y_m": pytest.approx(0), **size} for x_m in (-0.1, 0.1)
+    ]

@@ -1,0 +1,326 @@
+"""Scenic's own semantics over `carsim step`: what programs decide and record, at the very step it happens."""
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from scenic.core.vectors import Orientation
+
+from foldcar.body import body_json, full_speed_m_s
+from foldcar.carsim import Carsim, RunRequest
+from foldcar.carsim_step import State, SteppedCarsim, TrialFailedError
+from foldcar.controller import controller_parameters
+from foldcar.design import compose
+from foldcar.errors import FoldcarError
+from foldcar.scenes import open_environment
+from foldcar.scenic_ego import ShownEgo, _orientation
+from foldcar.scenic_simulator import CarSimulator
+
+SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
+STEP_S = 1 / 240
+HEAD = "model model\nego = new Robot at (0, 0), facing -90 deg\n"
+GOAL = "goal = new Goal at (1, 0), facing -90 deg\n"
+
+Run = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def stepped(carsim_binary: Path) -> Iterator[SteppedCarsim]:
+    with SteppedCarsim(carsim_binary) as carsim:
+        yield carsim
+
+
+def car(width_mm: float = 120, timeout_s: float = 20) -> tuple[str, str]:
+    """The body and the settings of one of the width study's cars."""
+    design = compose("W_B_W", {"width": width_mm})
+    body = body_json(design)
+    settings = {
+        "speed_m_s": full_speed_m_s(design),
+        "yaw_rate_rad_s": 0.0,
+        "time_limit_s": timeout_s,
+        "parameters": controller_parameters(design, body),
+    }
+    return json.dumps(body), json.dumps(settings)
+
+
+def in_batch(carsim_binary: Path, scene: str, **settings: Any) -> dict[str, Any]:
+    body, own = car()
+    request = RunRequest("b", "s", json.dumps({**json.loads(own), **settings}), "the run", 0)
+    (result,) = Carsim(carsim_binary).run({"b": body}, {"s": scene}, [request])
+    result.pop("run")
+    return result
+
+
+@pytest.fixture
+def run(tmp_path: Path, stepped: SteppedCarsim) -> Run:
+    """Runs a program given as text and returns the result, with ``scene`` as carsim was given it."""
+
+    def one(text: str, **options: Any) -> dict[str, Any]:
+        program = tmp_path / "program.scenic"
+        program.write_text(text)
+        source = open_environment(program, {}, 1)
+        scene = source.scenic_scene(0)
+        described = json.dumps(source.describe(scene, 0))
+        simulator = CarSimulator(stepped, *car(**options), lambda _: described)
+        result = simulator.run(scene)
+        assert simulator.run(scene) == result
+        return {**result, "scene": described}
+
+    return one
+
+
+def value(result: dict[str, Any], name: str) -> Any:
+    return result["recorded"][name]["value"]
+
+
+@pytest.mark.parametrize("program", ["step_pyramids", "two_bumps_mutated", "ten_random_bumps"])
+def test_scenic_and_the_batch_agree_to_the_last_bit(
+    program: str, stepped: SteppedCarsim, carsim_binary: Path
+) -> None:
+    source = open_environment(SCENARIOS / f"{program}.scenic", {}, 42)
+    assert not source.dynamic
+    carsim = Carsim(carsim_binary)
+    outcomes = set()
+    for k, width_mm in enumerate((65, 120, 245)):
+        scene = source.scenic_scene(k)
+        described = json.dumps(source.describe(scene, k))
+        body, settings = car(width_mm)
+        (native,) = carsim.run({"b": body}, {"s": described}, [RunRequest("b", "s", settings, "", k)])
+        native.pop("run")
+        result = CarSimulator(stepped, body, settings, lambda _, text=described: text).run(scene)
+        assert result.pop("recorded") == {}
+        assert result == native
+        outcomes.add(result["outcome"])
+    assert len(outcomes) > 1 or program != "step_pyramids"
+
+
+@pytest.mark.parametrize("outer_step_s", [STEP_S, 0.1, 0.25, 1])
+def test_a_stop_is_traced_back_to_its_step(run: Run, carsim_binary: Path, outer_step_s: float) -> None:
+    result = run(
+        f"{HEAD}param outer_step_s = {outer_step_s!r}\nterminate when ego.position.x > 0.4\n"
+        "record final ego.position.x as x\nrecord final simulation().currentRealTime as t\n"
+    )
+    path = in_batch(carsim_binary, result["scene"], path_interval_s=STEP_S)["path"]
+    t_s, x_m, *_ = next(row for row in path if row[1] > 0.4)
+    assert result["outcome"] == "terminated"
+    assert (result["elapsed_time_s"], value(result, "t"), value(result, "x")) == (t_s, t_s, x_m)
+    assert result["max_pitch_rad"] == max(abs(row[5]) for row in path if row[0] <= t_s)
+
+
+def test_a_condition_that_holds_only_for_a_while_is_found_where_it_begins(run: Run) -> None:
+    """The condition holds at the end of the outer step and before, but not in between."""
+    text = f"{HEAD}terminate when not 0.002 < ego.position.x < 0.03\nparam outer_step_s = 0.5\n"
+    assert run(text)["elapsed_time_s"] == 0
+    moving = f"{HEAD}terminate when 0.02 < ego.position.x < 0.03 or ego.position.x > 0.1\n"
+    result = run(f"{moving}param outer_step_s = 0.5\nrecord final ego.position.x as x\n")
+    assert 0.02 < value(result, "x") < 0.03
+
+
+def test_the_earlier_ending_wins(run: Run) -> None:
+    goal = "new Goal at (0.5, 0), facing -90 deg\n"
+    first = run(f"{HEAD}{goal}terminate when ego.position.x > 0.49\n")
+    assert first["outcome"] == "terminated"
+    later = run(f"{HEAD}{goal}terminate when ego.position.x > 0.505\n")
+    at_once = run(f"{HEAD}{goal}terminate when ego.position.x >= 0.5\n")
+    assert later["outcome"] == at_once["outcome"] == "passed"
+    assert first["elapsed_time_s"] < later["elapsed_time_s"] == at_once["elapsed_time_s"]
+
+
+@pytest.mark.parametrize(
+    ("limit", "elapsed_s"), [("0.4 seconds", 0.4), ("1.1 seconds", 1.1), ("3 steps", 0.75), ("2 seconds", 2)]
+)
+def test_terminate_after_is_exact(run: Run, limit: str, elapsed_s: float) -> None:
+    result = run(f"{HEAD}param course_x_max = 5\nterminate after {limit}\nrecord ego.speed as speed\n")
+    assert (result["outcome"], result["elapsed_time_s"]) == ("terminated", pytest.approx(elapsed_s, abs=1e-12))
+    times = [t_s for t_s, _ in value(result, "speed")]
+    assert times == sorted(set(times))
+
+
+def test_terminate_simulation_when(run: Run) -> None:
+    when = run(f"{HEAD}terminate when ego.position.x > 0.4\n")
+    simulation_when = run(f"{HEAD}terminate simulation when ego.position.x > 0.4\n")
+    assert when["elapsed_time_s"] == simulation_when["elapsed_time_s"]
+    assert simulation_when["outcome"] == "terminated"
+
+
+def test_records_are_what_the_car_did(run: Run, carsim_binary: Path) -> None:
+    result = run(
+        f"{HEAD}{GOAL}record ego.position as place\nrecord initial ego.position as begin\n"
+        "record final ego.speed as speed\nrecord final [ego.heading, 'text', None, True] as list\n"
+    )
+    path = in_batch(carsim_binary, result["scene"], path_interval_s=0.25)["path"]
+    assert result["outcome"] == "passed"
+    assert {name: one["kind"] for name, one in result["recorded"].items()} == {
+        "place": "series", "begin": "initial", "speed": "final", "list": "final"
+    }  # fmt: skip
+    series = value(result, "place")
+    assert [t_s for t_s, _ in series] == [row[0] for row in path]
+    rest_m = path[0][3]
+    for (_, place), row in zip(series, path, strict=True):
+        assert place == pytest.approx([row[1], row[2], row[3] - rest_m], abs=1e-12)
+    assert value(result, "begin") == series[0][1]
+    assert value(result, "speed") == pytest.approx(0.69, abs=0.05)
+    heading, *rest = value(result, "list")
+    assert heading == pytest.approx(path[-1][4] - math.pi / 2)
+    assert rest == ["text", None, True]
+
+
+def test_the_published_program(stepped: SteppedCarsim) -> None:
+    source = open_environment(SCENARIOS / "paper_bumps.scenic", {}, 42)
+    assert source.dynamic
+    outcomes = set()
+    for k in range(3):
+        scene = source.scenic_scene(k)
+        described = json.dumps(source.describe(scene, k))
+        result = CarSimulator(stepped, *car(), lambda _, text=described: text).run(scene)
+        outcomes.add(result["outcome"])
+        assert value(result, "elapsedTime") == result["elapsed_time_s"]
+        assert value(result, "consumedEnergy") == result["consumed_energy_j"]
+        reached = value(result, "distanceToTarget") <= 0.05
+        assert value(result, "passed") is reached
+        assert (result["outcome"] == "passed") is reached
+    assert "passed" in outcomes
+
+
+def test_the_programs_verdict_counts_only_where_it_ended_the_run(run: Run) -> None:
+    stop = f"{HEAD}terminate when ego.position.x > 0.3\n"
+    assert run(f"{stop}record final ego.position.x > 0.2 as passed\n")["outcome"] == "passed"
+    assert run(f"{stop}record final ego.position.x > 0.4 as passed\n")["outcome"] == "terminated"
+    off = run(f"{HEAD}param course_x_max = 0.2\nterminate after 9 seconds\nrecord final True as passed\n")
+    assert off["outcome"] == "off_course"
+
+
+MONITOR = "monitor Near(limit):\n    while True:\n        require ego.position.x < limit\n        wait\n"
+
+
+@pytest.mark.parametrize(
+    ("statement", "outcome"),
+    [
+        (f"{MONITOR}require monitor Near(0.5)\n", "rejected"),
+        (f"{MONITOR}require monitor Near(2)\n", "passed"),
+        ("require always ego.position.x < 0.5\n", "rejected"),
+        ("require always ego.position.x < 2\n", "passed"),
+        ("require eventually ego.position.x > 2\n", "rejected"),
+        ("require eventually ego.position.x > 0.5\n", "passed"),
+    ],
+)
+def test_violated_requirements_are_results(run: Run, statement: str, outcome: str) -> None:
+    result = run(f"{HEAD}{GOAL}{statement}record ego.position.x as x\n")
+    assert result["outcome"] == outcome
+    assert value(result, "x")[-1][0] <= result["elapsed_time_s"] < 3
+    assert result["distance_to_target_m"] is not None
+
+
+def test_a_monitor_ends_the_run_at_its_time_step(run: Run) -> None:
+    monitor = "monitor Stop():\n    while ego.position.x < 0.4:\n        wait\n    terminate simulation\n"
+    result = run(f"{HEAD}{monitor}require monitor Stop()\nterminate after 9 seconds\n")
+    assert result["outcome"] == "terminated"
+    assert result["elapsed_time_s"] % 0.25 == 0
+
+
+LEG = (
+    "model model\n"
+    "scenario Leg(far):\n"
+    "    setup:\n"
+    "        here = new Marker at (far, 0)\n"
+    "{statement}"
+    "    compose:\n"
+    "        while ego.position.x < far:\n"
+    "            wait\n"
+    "scenario Main():\n"
+    "    setup:\n"
+    "        ego = new Robot at (0, 0), facing -90 deg\n"
+    "        record ego.position.x as x\n"
+    "    compose:\n"
+    "        do Leg(0.2)\n"
+    "        do Leg(0.5)\n"
+    "        do Leg(9) until ego.position.x > 0.8\n"
+)
+
+
+def test_sub_scenarios(run: Run) -> None:
+    result = run(LEG.format(statement=""))
+    assert result["outcome"] == "terminated"
+    assert result["elapsed_time_s"] % 0.25 == 0
+    assert 0.8 < value(result, "x")[-1][1] < 0.8 + 0.69 * 0.25
+
+
+@pytest.mark.parametrize("statement", ["terminate when ego.position.x > far", "record ego.speed as speed"])
+def test_what_scenic_misplaces_in_sub_scenarios_is_refused(run: Run, statement: str) -> None:
+    with pytest.raises(FoldcarError, match=r"line 5: `(terminate when|record)` has no effect in a scenario"):
+        run(LEG.format(statement=f"        {statement}\n"))
+
+
+def test_terrain_cannot_appear_while_the_car_drives(run: Run) -> None:
+    text = (
+        "model model\nscenario Late():\n    setup:\n        new Bump at (0.3, 0)\n"
+        "scenario Main():\n    setup:\n        ego = new Robot at (0, 0), facing -90 deg\n"
+        "    compose:\n        do Late()\n"
+    )
+    with pytest.raises(Exception, match="a Bump is created while the car drives"):
+        run(text)
+
+
+def test_behaviors_of_things_that_do_not_drive_run_beside(run: Run) -> None:
+    text = (
+        f"{HEAD}{GOAL}behavior Watch():\n    while ego.position.x < 0.4:\n        wait\n    terminate simulation\n"
+        "new Marker at (0, 0.5), with behavior Watch()\n"
+    )
+    result = run(text)
+    assert (result["outcome"], result["elapsed_time_s"] % 0.25) == ("terminated", 0)
+
+
+@pytest.mark.parametrize("step", ["0", "0.001", "'soon'", "float('nan')", "61"])
+def test_impossible_outer_steps(run: Run, step: str) -> None:
+    with pytest.raises(FoldcarError, match="param outer_step_s: "):
+        run(f"{HEAD}param outer_step_s = {step}\nterminate after 1 seconds\n")
+
+
+def test_a_program_that_fails_leaves_the_simulator_usable(run: Run) -> None:
+    with pytest.raises(ZeroDivisionError):
+        run(f"{HEAD}terminate when 1 / (ego.position.x > 0.2) > 2\nrecord 1 / (ego.position.x < 0.2) as y\n")
+    assert run(f"{HEAD}terminate after 1 seconds\n")["outcome"] == "terminated"
+
+
+def test_a_refused_trial_is_that_runs_failure(run: Run) -> None:
+    with pytest.raises(TrialFailedError, match="the firmware refused"):
+        run(f"{HEAD}terminate after 1 seconds\n", timeout_s=3000)
+    assert run(f"{HEAD}terminate after 1 seconds\n")["outcome"] == "terminated"
+
+
+def test_the_ego_is_shown_as_scenic_would(tmp_path: Path) -> None:
+    """Pins what is written past Scenic's own updateObjects: orientation, derived properties, caches."""
+    program = tmp_path / "program.scenic"
+    program.write_text(
+        "model model\nbase = new Marker at (1, 1), facing 30 deg\n"
+        "class Own(Robot):\n    double[dynamic, final]: 2 * self.position.x\n"
+        "ego = new Own ahead of base by 0.5, with yaw 20 deg\nnew Goal at (9, 9)\nparam course_x_max = 20\n"
+        "param course_y_max = 20\n"
+    )
+    from scenic.core.object_types import disableDynamicProxyFor, enableDynamicProxyFor
+
+    ego = open_environment(program, {}, 1).scenic_scene(0).egoObject
+    assert set(ego._cache_clearers) >= {"left", "visibleRegion"}
+    enableDynamicProxyFor(ego)
+    before = ego.left.position
+    state = State(1.0, 0.3, -0.2, 0.09, 2.5, 0.3, -0.4, 0.5, -0.6, 7.0)
+    ShownEgo(ego, state._replace(z_m=0.06)).show(state)
+
+    expected = Orientation.fromEuler(2.5 - math.pi / 2, 0.3, -0.4)
+    assert expected.q == pytest.approx(_orientation(2.5 - math.pi / 2, 0.3, -0.4).q, abs=1e-15)
+    assert ego.orientation.approxEq(expected, tol=1e-9)
+    own = ego.parentOrientation * Orientation.fromEuler(ego.yaw, ego.pitch, ego.roll)
+    assert own.approxEq(expected, tol=1e-9)
+    assert ego.heading == pytest.approx(2.5 - math.pi / 2)
+    assert tuple(ego.position) == pytest.approx((0.3, -0.2, 0.03))
+    assert ego.double == 0.6
+    assert ego.left.position != before
+    assert ego.left.position == ego.relativePosition((-ego.width / 2, 0, 0))
+    # Towards where it faces, and turning clockwise.
+    assert tuple(ego.velocity) == pytest.approx((0.5 * math.cos(2.5), 0.5 * math.sin(2.5), 0))
+    assert (ego.angularVelocity.z, ego.angularSpeed, ego.consumedEnergy) == (-0.6, 0.6, 7.0)
+    disableDynamicProxyFor(ego)
+    assert ego.consumedEnergy == 0

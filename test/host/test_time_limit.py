@@ -1,0 +1,58 @@
+"""Code that takes too long is interrupted, whatever it catches; timers of the caller go on."""
+
+import signal
+import threading
+import time
+
+import pytest
+
+from foldcar.errors import FoldcarError
+from foldcar.time_limit import time_limit
+
+
+def loop_that_catches(end_s: float) -> None:
+    while time.perf_counter() < end_s:
+        try:
+            sum(range(100))
+        except Exception:
+            continue
+
+
+def test_a_loop_that_catches_exceptions_is_interrupted_in_time() -> None:
+    start_s = time.perf_counter()
+    message = r"^the loop takes longer than the limit of 0.2 s$"
+    with pytest.raises(FoldcarError, match=message), time_limit(0.2, "the loop"):
+        loop_that_catches(start_s + 10)
+    assert 0.2 <= time.perf_counter() - start_s < 5
+
+
+def test_what_ends_in_time_is_left_alone_and_the_timer_is_gone() -> None:
+    handler = signal.getsignal(signal.SIGALRM)
+    with time_limit(0.2, "nothing"):
+        value = 3
+    time.sleep(0.3)
+    assert value == 3
+    assert signal.getsignal(signal.SIGALRM) is handler
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_an_outer_limit_holds_after_an_inner_one() -> None:
+    start_s = time.perf_counter()
+    with pytest.raises(FoldcarError, match="outer takes longer"), time_limit(0.3, "outer"):
+        with time_limit(5, "inner"):
+            pass
+        loop_that_catches(start_s + 10)
+
+
+def test_other_threads_run_without_a_limit() -> None:
+    done = []
+
+    def work() -> None:
+        with time_limit(0.05, "work"):
+            time.sleep(0.2)
+        done.append(True)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert done == [True]

@@ -1,0 +1,169 @@
+"""The classes of model.scenic: each becomes the terrain that its properties describe, where it was placed."""
+
+import json
+import math
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.scenes import open_environment
+
+PLACES = "ego = new Robot at (-0.3, 0), facing -90 deg\ngoal = new Goal at (1.8, 0), facing -90 deg\n"
+EAST = "at (0.5, 0.1), facing -90 deg"
+
+
+def terrain(folder: Path, text: str, sample: int = 0) -> list[dict[str, Any]]:
+    """The terrain of a program that places ``text`` besides a start and a goal."""
+    program = folder / "program.scenic"
+    program.write_text(f"model model\n{PLACES}{text}\n")
+    pieces: list[dict[str, Any]] = open_environment(program, {}, 5).sample(sample)["terrain"]
+    return pieces
+
+
+def upright(kind: str, x_m: float, length_m: float, width_m: float, height_m: float) -> dict[str, Any]:
+    place = {"kind": kind, "x_m": pytest.approx(x_m), "y_m": 0.1, "heading_rad": 0.0}
+    return {**place, "length_m": pytest.approx(length_m), "width_m": width_m, "height_m": height_m}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Bump {}, with height 0.01", [upright("box", 0.5, 0.06, 1.2, 0.01)]),
+        ("RoundBump {}, with length 0.1", [upright("half_round", 0.5, 0.1, 1.2, 0.02)]),
+        ("Step {}, with width 0.7", [upright("box", 0.5, 0.4, 0.7, 0.02)]),
+        (
+            "Kerb {}, with length 0.2, with face 0.05, with height 0.03",
+            [upright("ramp", 0.425, 0.05, 1.2, 0.03), upright("box", 0.525, 0.15, 1.2, 0.03)],
+        ),
+        ("Kerb {}, with face 0", [upright("box", 0.5, 0.3, 1.2, 0.02)]),
+        ("Ramp {}, with run_up 0.3", [upright("ramp", 0.5, 0.3, 0.6, 0.04)]),
+        (
+            "Ramp {}, with run_up 0.1, with plateau 0.2, with run_down 0.3",
+            [
+                upright("ramp", 0.25, 0.1, 0.6, 0.04),
+                upright("box", 0.4, 0.2, 0.6, 0.04),
+                {**upright("ramp", 0.65, 0.3, 0.6, 0.04), "heading_rad": pytest.approx(-math.pi)},
+            ],
+        ),
+        (
+            "StepPyramid {}, with steps 2, with step_height 0.01, with top_side 0.1, with tread 0.02",
+            [upright("box", 0.5, 0.14, 0.14, 0.01), upright("box", 0.5, 0.1, 0.1, 0.02)],
+        ),
+        (
+            "GaussianHill {}, with sd_along 0.05, with height -0.01",
+            [
+                {
+                    "kind": "hill",
+                    "x_m": 0.5,
+                    "y_m": 0.1,
+                    "heading_rad": 0.0,
+                    "sd_along_m": 0.05,
+                    "sd_across_m": 0.05,
+                    "height_m": -0.01,
+                }
+            ],
+        ),
+        (
+            "Pothole {}, with diameter 0.2",
+            [{"kind": "pothole", "x_m": 0.5, "y_m": 0.1, "radius_m": 0.1, "depth_m": 0.015, "edge_m": 0.03}],
+        ),
+        (
+            "RoughGround {}, with amplitude 0.002, with seed 7",
+            [
+                {
+                    "kind": "rough",
+                    "x_m": 0.5,
+                    "y_m": 0.1,
+                    "heading_rad": 0.0,
+                    "length_m": 0.6,
+                    "width_m": 1.0,
+                    "height_sd_m": 0.002,
+                    "correlation_m": 0.03,
+                    "seed": 7,
+                }
+            ],
+        ),
+        (
+            "FrictionPatch {}, with friction 0.2",
+            [
+                {
+                    "kind": "patch",
+                    "x_m": 0.5,
+                    "y_m": 0.1,
+                    "heading_rad": 0.0,
+                    "length_m": 0.3,
+                    "width_m": 1.0,
+                    "friction": 0.2,
+                }
+            ],
+        ),
+        ("Marker {}", []),
+    ],
+)
+def test_a_class_is_made_of_its_pieces(tmp_path: Path, text: str, expected: list[dict[str, Any]]) -> None:
+    assert terrain(tmp_path, f"new {text.format(EAST)}") == expected
+
+
+def test_pieces_off_the_middle_turn_with_their_object(tmp_path: Path) -> None:
+    # Facing +y, "ahead" is +y and "left" is -x.
+    own = (
+        "class Posts(Terrain):\n"
+        "    def pieces(self):\n"
+        "        size = {'kind': 'box', 'length_m': 0.02, 'width_m': 0.03, 'height_m': 0.04}\n"
+        "        return [{**size, 'x_m': 0.2}, {**size, 'y_m': 0.1, 'heading_rad': 30 deg}]\n"
+        "new Posts at (1, 0.5)\n"
+    )
+    ahead, left = terrain(tmp_path, own)
+    assert (ahead["x_m"], ahead["y_m"]) == pytest.approx((1.0, 0.7))
+    assert (left["x_m"], left["y_m"]) == pytest.approx((0.9, 0.5))
+    assert ahead["heading_rad"] == pytest.approx(math.pi / 2)
+    assert left["heading_rad"] == pytest.approx(math.pi / 2 + math.radians(30))
+
+
+def test_a_ramp_leads_up_from_the_side_that_it_is_met_from(tmp_path: Path, carsim_binary: Path) -> None:
+    pieces = terrain(tmp_path, f"new Ramp {EAST}, with run_up 0.4, with plateau 0.2, with run_down 0.2")
+    x_m = [0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.75, 0.85, 0.91]
+    expected = [0.0, 0.0, 0.01, 0.02, 0.04, 0.04, 0.03, 0.01, 0.0]
+    scene = {
+        "id": "s",
+        "friction": 0.6,
+        "terrain": pieces,
+        "goal": None,
+        "start": {"x_m": -0.3, "y_m": 0.0, "heading_rad": 0.0},
+        "course": {"x_min_m": -0.5, "x_max_m": 2.0, "y_min_m": -1.0, "y_max_m": 1.0},
+    }
+    question = {"id": "h", "scene": "s", "x_m": x_m, "y_m": [0.1] * len(x_m)}
+    lines = f"{json.dumps({'scene': scene})}\n{json.dumps({'heights': question})}\n"
+    answer = subprocess.run(
+        [carsim_binary, "batch"], input=lines, capture_output=True, text=True, check=True
+    ).stdout
+    assert json.loads(answer)["z_m"] == pytest.approx(expected, abs=1e-6)
+
+
+def test_rough_ground_differs_from_sample_to_sample_unless_it_has_a_seed(tmp_path: Path) -> None:
+    both = f"new RoughGround {EAST}\nnew RoughGround {EAST}, with seed 4"
+    seeds = [[piece["seed"] for piece in terrain(tmp_path, both, sample)] for sample in range(4)]
+    assert len({drawn for drawn, _ in seeds}) == 4
+    assert {given for _, given in seeds} == {4}
+
+
+def test_every_class_takes_random_sizes_and_mutation(tmp_path: Path) -> None:
+    text = "\n".join(
+        f"thing_{name} = new {name} at (0.8, 0), with width Range(0.2, 0.3)\nmutate thing_{name} by 0.01"
+        for name in ("Bump", "RoundBump", "Step", "Kerb", "Ramp", "FrictionPatch", "RoughGround")
+    )
+    text += "\nhill = new GaussianHill at (0.8, 0), with sd_along Range(0.05, 0.06)\nmutate hill by 0.01"
+    text += "\nhole = new Pothole at (0.8, 0), with diameter Range(0.1, 0.2)\nmutate hole by 0.01"
+    one, other = terrain(tmp_path, text, 0), terrain(tmp_path, text, 1)
+    assert [piece["kind"] for piece in one] == [piece["kind"] for piece in other]
+    for mine, its in zip(one, other, strict=True):
+        sizes = [key for key in mine if key in ("width_m", "sd_along_m", "radius_m")]
+        assert all(mine[key] != its[key] for key in ("x_m", "y_m", *sizes))
+
+
+def test_neighbours_can_be_placed_by_their_edges(tmp_path: Path) -> None:
+    ramp = f"ramp = new Ramp {EAST}, with run_up 0.2, with run_down 0.2"
+    pieces = terrain(tmp_path, f"{ramp}\nnew Kerb ahead of ramp by 0.1, facing -90 deg")
+    assert pieces[-1]["x_m"] + pieces[-1]["length_m"] / 2 == pytest.approx(0.5 + 0.2 + 0.1 + 0.3)

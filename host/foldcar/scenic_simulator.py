@@ -69,6 +69,7 @@ class CarSimulator(Simulator):  # type: ignore[misc]
                 scene, maxSteps=None, name="run", timestep=None, enableReplay=False
             )
         except (RejectSimulationException, RejectionException, GuardViolation) as rejection:
+            _refuse_misplaced(scene.dynamicScenario)
             return _result(rejection.simulation, "rejected")
         ended_itself = simulation.run_result is not None and simulation.run_result["outcome"] == "terminated"
         verdict = simulation.recorded.get(VERDICT)
@@ -186,6 +187,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
     def recordCurrentState(self) -> None:  # noqa: N802
         """Evaluate the program's records, and keep each value as it is now."""
         scenario = self.scene.dynamicScenario
+        _refuse_misplaced(scenario)
         if self.currentTime == 0:
             for name, value in scenario._evaluateRecordedExprs(RequirementType.recordInitial, 0).items():
                 self.records[name] = value
@@ -262,6 +264,18 @@ class _NativeEnding:
 
     def __str__(self) -> str:
         return f"the trial ended: {(self._simulation._native or {}).get('outcome')}"
+
+
+def _refuse_misplaced(scenario: Any) -> None:
+    """Refuse what Scenic 3.1 takes for a requirement when a running scenario invokes the one it stands in."""
+    for sub in scenario._subScenarios:
+        for statement in sub._temporalRequirements:
+            if statement.ty is not RequirementType.require:
+                raise FoldcarError(
+                    f"line {statement.line}: `{statement.ty.value}` has no effect in a scenario that another one "
+                    "invokes; it works in the top-level scenario, and so does `do … until …`"
+                )
+        _refuse_misplaced(sub)
 
 
 def _result(simulation: CarSimulation, outcome: str | None) -> Result:

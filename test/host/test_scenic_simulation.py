@@ -221,26 +221,37 @@ def test_a_monitor_ends_the_run_at_its_time_step(run: Run) -> None:
     assert result["elapsed_time_s"] % 0.25 == 0
 
 
+LEG = (
+    "model model\n"
+    "scenario Leg(far):\n"
+    "    setup:\n"
+    "        here = new Marker at (far, 0)\n"
+    "{statement}"
+    "    compose:\n"
+    "        while ego.position.x < far:\n"
+    "            wait\n"
+    "scenario Main():\n"
+    "    setup:\n"
+    "        ego = new Robot at (0, 0), facing -90 deg\n"
+    "        record ego.position.x as x\n"
+    "    compose:\n"
+    "        do Leg(0.2)\n"
+    "        do Leg(0.5)\n"
+    "        do Leg(9) until ego.position.x > 0.8\n"
+)
+
+
 def test_sub_scenarios(run: Run) -> None:
-    text = (
-        "model model\n"
-        "scenario Leg(far):\n"
-        "    setup:\n"
-        "        here = new Marker at (far, 0)\n"
-        "        record ego.position.x as x\n"
-        "        terminate when ego.position.x > far\n"
-        "scenario Main():\n"
-        "    setup:\n"
-        "        ego = new Robot at (0, 0), facing -90 deg\n"
-        "        record final ego.position.x as end\n"
-        "    compose:\n"
-        "        do Leg(0.2)\n"
-        "        do Leg(0.5)\n"
-    )
-    result = run(text)
+    result = run(LEG.format(statement=""))
     assert result["outcome"] == "terminated"
-    assert 0.5 < value(result, "end") < 0.5 + 0.69 * 0.25
-    assert value(result, "x")[-1][1] <= value(result, "end")
+    assert result["elapsed_time_s"] % 0.25 == 0
+    assert 0.8 < value(result, "x")[-1][1] < 0.8 + 0.69 * 0.25
+
+
+@pytest.mark.parametrize("statement", ["terminate when ego.position.x > far", "record ego.speed as speed"])
+def test_what_scenic_misplaces_in_sub_scenarios_is_refused(run: Run, statement: str) -> None:
+    with pytest.raises(FoldcarError, match=r"line 5: `(terminate when|record)` has no effect in a scenario"):
+        run(LEG.format(statement=f"        {statement}\n"))
 
 
 def test_terrain_cannot_appear_while_the_car_drives(run: Run) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foldcar.commands.design_settings import design_settings
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def run(
     if plot is not None:
         check_format(plot)
     (chosen,) = read_study(listing, experiment).experiments
-    design = chosen.family.narrowed(_settings(settings or [])).single()
+    design = chosen.family.narrowed(design_settings(settings or [])).single()
     carsim, environment = Carsim(), Environment(chosen)
     nominal = body_json(design)
     variation = environment.variation(sample)
@@ -108,16 +109,3 @@ def _path(one: _Run, carsim: "Carsim", answer: Mapping[str, Any], plot: Path) ->
     if "path" not in native:
         raise FoldcarError(f"{plot}: a failed run has no picture")
     return [row for row in native["path"] if row[0] <= answer["elapsed_time_s"]]
-
-
-def _settings(words: list[str]) -> dict[str, float]:
-    settings = {}
-    for word in words:
-        key, equals, text = word.partition("=")
-        try:
-            settings[key] = float(text)
-        except ValueError:
-            equals = ""
-        if not equals:
-            raise FoldcarError(f"--set {word}: is not NAME=MM, as in --set width=95")
-    return settings

@@ -51,7 +51,7 @@ def write_page(
     few = min(yardstick, everything)
     if few:
         for engine in (CARSIM, HALF_STEP, ELLIPSOID):
-            name = f"{NAMES[engine]} – {NAMES[MUJOCO]}, first {few} samples"
+            name = f"{NAMES[engine]} – {NAMES[MUJOCO]}, samples 0 to {few - 1}"
             comparisons.append((name, agreement(pairs_of(cases, results, engine, MUJOCO, few))))
     with matplotlib.rc_context(RC):
         text = [f"# Cross-check of {title}", "", *_overview(comparisons), *_confusion(whole)]

@@ -22,7 +22,14 @@ from xml.etree.ElementTree import Element
 
 from foldcar.models.ground import HeightGrid
 from foldcar.models.mjcf_terrain import add_terrain
-from foldcar.models.wheel_geometry import segment_name, tyre_center_m, wheel_inertia_kg_m2, wheel_name
+from foldcar.models.wheel_geometry import (
+    axle_m,
+    segment_name,
+    servo_limits,
+    tyre_center_m,
+    wheel_inertia_kg_m2,
+    wheel_name,
+)
 from foldcar.models.xml_elements import add, document, numbers
 
 TYRES = ("cylinder", "ellipsoid")
@@ -138,9 +145,7 @@ def _add_wheel(
     part: Element, body: Mapping[str, Any], wheel: Mapping[str, Any], friction: float, tyre: str
 ) -> None:
     name = wheel_name(wheel)
-    side = 1 if wheel["side"] == "left" else -1
-    place = numbers(wheel["x_m"], side * body["track_m"] / 2, 0)
-    disc = add(part, "body", name=name, pos=place)
+    disc = add(part, "body", name=name, pos=numbers(*axle_m(body, wheel)))
     add(
         disc,
         "joint",
@@ -173,9 +178,8 @@ def _add_wheel(
 
 def _add_servos(actuator: Element, body: Mapping[str, Any]) -> None:
     for wheel in body["wheels"]:
-        servo, name = wheel["servo"], wheel_name(wheel)
-        scale = body["supply_v"] / servo["rated_v"]
-        stall, no_load = servo["stall_torque_n_m"] * scale, servo["no_load_speed_rad_s"] * scale
+        name = wheel_name(wheel)
+        stall, no_load = servo_limits(body, wheel)
         add(
             actuator,
             "general",

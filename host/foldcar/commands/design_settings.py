@@ -1,0 +1,19 @@
+"""What `--set` says: values of design parameters, NAME=MM."""
+
+from collections.abc import Sequence
+
+from foldcar.errors import FoldcarError
+
+
+def design_settings(words: Sequence[str]) -> dict[str, float]:
+    """Values by parameter; FoldcarError if a word is none."""
+    settings = {}
+    for word in words:
+        key, equals, text = word.partition("=")
+        try:
+            settings[key] = float(text)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise FoldcarError(f"--set {word}: is not NAME=MM, as in --set width=95")
+    return settings

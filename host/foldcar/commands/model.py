@@ -1,0 +1,110 @@
+"""`foldcar model`: a car of a listing in the file format of another simulator."""
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from foldcar.commands.design_settings import design_settings
+from foldcar.errors import FoldcarError
+
+if TYPE_CHECKING:
+    from foldcar.listing import Listing
+
+FORMATS = ("mjcf", "urdf", "webots")
+
+
+def model(
+    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
+    vehicle: Annotated[str, typer.Option(metavar="ID", help="Vehicle of the listing.")],
+    to: Annotated[str, typer.Option(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the files.")],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="NAME=MM", help="Choose a design parameter, e.g. width=95 or W.length=60."
+        ),
+    ] = None,
+    environment: Annotated[
+        str | None, typer.Option(metavar="ID", help="Environment of the listing to put around the car.")
+    ] = None,
+    sample: Annotated[int, typer.Option(metavar="K", min=0, help="Which sample of the environment.")] = 0,
+) -> None:
+    """Write one car as MJCF, URDF or a Webots PROTO with its world."""
+    from foldcar.atomic_file import atomic_file
+    from foldcar.body import body_json
+    from foldcar.family import read_family
+    from foldcar.listing import read_listing
+
+    if to not in FORMATS:
+        raise FoldcarError(f"--to {to}: is none of {', '.join(FORMATS)}")
+    if to == "urdf" and environment is not None:
+        raise FoldcarError("--environment: URDF describes robots only; leave it out or choose mjcf or webots")
+    listed, _ = read_listing(listing)
+    if vehicle not in listed.vehicles:
+        raise FoldcarError(f'{listing}: vehicles: has no "{vehicle}"; known: {", ".join(listed.vehicles)}')
+    family = read_family(listing, vehicle, listed.vehicles[vehicle])
+    design = family.narrowed(design_settings(settings or [])).single()
+    body = body_json(design)
+    scene, grid = _ground(listing, listed, environment, sample)
+    described = f"{design.type} " + " ".join(f"{key}={value:g}" for key, value in design.values.items())
+    for name, text in _files(to, listed, vehicle, environment, described, body, scene, grid).items():
+        file = output / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_file(file) as binary:
+            binary.write(text.encode())
+        typer.echo(str(file))
+
+
+def _files(
+    to: str,
+    listed: "Listing",
+    vehicle: str,
+    environment: str | None,
+    described: str,
+    body: dict[str, Any],
+    scene: dict[str, Any] | None,
+    grid: Any,
+) -> dict[str, str]:
+    """Texts by file name."""
+    # PROTO names and file names are made of letters and digits.
+    name = f"Foldcar{re.sub('[^A-Za-z0-9]', '', vehicle)}"
+    if to == "mjcf":
+        from foldcar.models.mjcf import mjcf
+
+        return {f"{name}.xml": mjcf(body, scene, grid)}
+    if to == "urdf":
+        from foldcar.models.urdf import urdf
+
+        return {f"{name}.urdf": urdf(body, name)}
+    from foldcar.models.webots_car import webots_proto
+    from foldcar.models.webots_world import webots_world
+
+    world = listed.environments[environment].wbt_filename if environment is not None else None
+    return {
+        f"protos/{name}.proto": webots_proto(body, name, described),
+        f"worlds/{Path(world).name if world else f'{name}.wbt'}": webots_world(body, name, scene, grid),
+    }
+
+
+def _ground(
+    file: Path, listed: "Listing", environment: str | None, sample: int
+) -> tuple[dict[str, Any] | None, Any]:
+    """The sampled scene and the grid of its smooth ground."""
+    if environment is None:
+        return None, None
+    from foldcar.carsim import Carsim
+    from foldcar.models.ground import smooth_ground
+    from foldcar.scenes import open_environment
+
+    if environment not in listed.environments:
+        known = ", ".join(listed.environments)
+        raise FoldcarError(f'{file}: environments: has no "{environment}"; known: {known}')
+    one = listed.environments[environment]
+    program = file.parent / one.scenic_filename
+    if not program.is_file():
+        raise FoldcarError(f"{file}: environments.{environment}.scenic_filename: {program} is no file")
+    condition = one.condition.model_dump(exclude_none=True) if one.condition else None
+    scene = open_environment(program, dict(one.scenic_params), one.seed, condition).sample(sample)
+    return scene, smooth_ground(scene, Carsim())

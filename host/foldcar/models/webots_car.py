@@ -1,0 +1,131 @@
+"""A car as a Webots PROTO (R2025a).
+
+Input: a body of docs/carsim.md. Output: the text of a PROTO file. Servos are rotational motors with the stall
+torque and no-load speed at the supply's voltage: Webots' motors give their full torque up to their full
+speed, and know no rotors. Friction belongs to pairs of materials, which the world has:
+``contact_materials`` names them.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from foldcar.models.vrml import HEADER, Is, Node, node_text, vector
+from foldcar.models.wheel_geometry import (
+    axle_m,
+    segment_name,
+    servo_limits,
+    tyre_center_m,
+    wheel_inertia_kg_m2,
+    wheel_name,
+)
+
+INTERFACE = (
+    ("SFVec3f", "translation"),
+    ("SFRotation", "rotation"),
+    ("SFString", "name"),
+    ("SFString", "controller"),
+    ("MFString", "controllerArgs"),
+)
+BODY_COLOUR, TYRE_COLOUR = vector(0.1, 0.45, 0.7), vector(0.15, 0.15, 0.15)
+
+
+def webots_proto(body: Mapping[str, Any], name: str, comment: str) -> str:
+    """The PROTO ``name``, which is its file's name too; ``comment`` says in one line what it is."""
+    height_m = max(wheel["radius_m"] for wheel in body["wheels"])
+    defaults = (f"0 0 {height_m:.9g}", "0 0 1 0", '"car"', '"<generic>"', "[ ]")
+    interface = [
+        f"  field {kind:<10} {field:<14} {default}"
+        for (kind, field), default in zip(INTERFACE, defaults, strict=True)
+    ]
+    robot = Node("Robot", {field: Is(field) for _, field in INTERFACE} | _segment_fields(body, 0))
+    head = [HEADER, f"# {comment}", "# Origin: middle of the car's length, at axle height; x forward, z up."]
+    return "\n".join(
+        [*head, "", f"PROTO {name} [", *interface, "]", "{", "  " + node_text(robot, 1), "}", ""]
+    )
+
+
+def contact_materials(body: Mapping[str, Any]) -> dict[str, float]:
+    """Grip by the names of the car's contact materials."""
+    materials = {f"{segment_name(i)} belly": s["grip"] for i, s in enumerate(body["segments"])}
+    return materials | {f"{wheel_name(wheel)} tyre": wheel["grip"] for wheel in body["wheels"]}
+
+
+def shape(geometry: Node, colour: tuple[float, ...]) -> Node:
+    """A geometry that is seen."""
+    appearance = Node("PBRAppearance", {"baseColor": colour, "roughness": 0.8, "metalness": 0})
+    return Node("Shape", {"appearance": appearance, "geometry": geometry})
+
+
+def placed(geometry: Node, place: tuple[float, ...], turn: tuple[float, ...]) -> Node:
+    """Something at a place, turned (axis and angle)."""
+    return Node("Pose", {"translation": vector(*place), "rotation": vector(*turn), "children": [geometry]})
+
+
+def _segment_fields(body: Mapping[str, Any], index: int) -> dict[str, Any]:
+    segment = body["segments"][index]
+    box = Node("Box", {"size": vector(segment["length_m"], segment["width_m"], segment["height_m"])})
+    middle, straight = (segment["x_m"], 0, segment["center_z_m"]), (0, 0, 1, 0)
+    children = [placed(shape(box, BODY_COLOUR), middle, straight)]
+    children += [_wheel(body, wheel) for wheel in body["wheels"] if wheel["segment"] == index]
+    if index + 1 < len(body["segments"]):
+        children.append(_hinge(body, index))
+    inertias = [segment[f"{axis}_inertia_kg_m2"] for axis in ("roll", "pitch", "yaw")]
+    com = (segment["com_x_m"], segment["com_y_m"], segment["com_z_m"])
+    return {
+        "children": children,
+        "contactMaterial": f"{segment_name(index)} belly",
+        "boundingObject": placed(box, middle, straight),
+        "physics": _physics(segment["mass_kg"], com, inertias),
+    }
+
+
+def _hinge(body: Mapping[str, Any], index: int) -> Node:
+    hinge = body["hinges"][index]
+    parameters = {
+        "axis": vector(0, 1, 0),
+        "anchor": vector(hinge["x_m"], 0, hinge["z_m"]),
+        "minStop": hinge["min_rad"],
+        "maxStop": hinge["max_rad"],
+        "springConstant": hinge["stiffness_n_m_rad"],
+        "dampingConstant": hinge["damping_n_m_s_rad"],
+    }
+    rear = Node("Solid", {"name": segment_name(index + 1), **_segment_fields(body, index + 1)})
+    return Node("HingeJoint", {"jointParameters": Node("HingeJointParameters", parameters), "endPoint": rear})
+
+
+def _wheel(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> Node:
+    name = wheel_name(wheel)
+    stall, no_load = servo_limits(body, wheel)
+    spin, across = wheel_inertia_kg_m2(wheel)
+    center = tyre_center_m(wheel)
+    # Webots' cylinders stand along z.
+    cylinder = Node("Cylinder", {"radius": wheel["radius_m"], "height": wheel["width_m"]})
+    lying = (1, 0, 0, math.pi / 2)
+    axle = vector(*axle_m(body, wheel))
+    disc = {
+        "translation": axle,
+        "name": name,
+        "children": [placed(shape(cylinder, TYRE_COLOUR), center, lying)],
+        "contactMaterial": f"{name} tyre",
+        "boundingObject": placed(cylinder, center, lying),
+        "physics": _physics(wheel["mass_kg"], center, [across, spin, across]),
+    }
+    # Without a sound of its own a motor fetches one from the network.
+    motor = {"name": f"{name} servo", "maxVelocity": no_load, "maxTorque": stall, "sound": ""}
+    joint = {
+        "jointParameters": Node("HingeJointParameters", {"axis": vector(0, 1, 0), "anchor": axle}),
+        "device": [Node("RotationalMotor", motor), Node("PositionSensor", {"name": f"{name} angle"})],
+        "endPoint": Node("Solid", disc),
+    }
+    return Node("HingeJoint", joint)
+
+
+def _physics(mass: float, com: tuple[float, ...], inertias: list[float]) -> Node:
+    fields = {
+        "density": -1,
+        "mass": mass,
+        "centerOfMass": [vector(*com)],
+        "inertiaMatrix": [vector(*inertias), vector(0, 0, 0)],
+    }
+    return Node("Physics", fields)

@@ -1,0 +1,148 @@
+"""A Webots world (R2025a) with a car's PROTO in it.
+
+Input: a body and a scene of docs/carsim.md, the grid of the scene's smooth ground. Output: the text of a
+world file that lies in ``worlds/`` beside the PROTO's ``protos/``. Patches of friction are not in it: Webots
+has friction by material, and their ground is not a body of its own.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy
+
+from foldcar.models.ground import HeightGrid
+from foldcar.models.vrml import HEADER, Node, node_text, vector
+from foldcar.models.webots_car import contact_materials, placed, shape
+
+GROUND = "ground"
+STEP_MS = 4
+FLOOR_M = 20.0
+SUNK_M = 0.1
+FLOOR_COLOUR, PIECE_COLOUR = vector(0.93, 0.92, 0.88), vector(0.75, 0.6, 0.4)
+EYE_M, LOOKS_AT_M = (-1.2, -1.6, 1.2), (0.6, 0.0, 0.0)
+
+
+def webots_world(
+    body: Mapping[str, Any], proto: str, scene: Mapping[str, Any] | None, grid: HeightGrid | None
+) -> str:
+    """The world; a level floor of friction 1 with the car at its origin if there is no scene."""
+    friction = scene["friction"] if scene else 1.0
+    contacts = [
+        Node(
+            "ContactProperties",
+            {"material1": GROUND, "material2": name, "coulombFriction": [friction * grip], "bounce": 0},
+        )
+        for name, grip in contact_materials(body).items()
+    ]
+    start = scene["start"] if scene else {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
+    # The car is put down over the highest ground it may stand on, and falls into place.
+    tops = [piece["height_m"] for piece in _blocks(scene) if _near(piece, start)]
+    height_m = max(wheel["radius_m"] for wheel in body["wheels"]) + max([0.0, *tops])
+    nodes = [
+        Node("WorldInfo", {"basicTimeStep": STEP_MS, "contactProperties": contacts}),
+        Node("Viewpoint", {"orientation": vector(*_looking()), "position": vector(*EYE_M)}),
+        Node("Background", {"skyColor": [vector(0.7, 0.8, 0.9)]}),
+        Node("DirectionalLight", {"direction": vector(0.4, 0.3, -1), "intensity": 2, "castShadows": True}),
+        *_floor(grid),
+        *(_block(piece, f"{piece['kind']} {index}") for index, piece in enumerate(_blocks(scene))),
+        Node(
+            proto,
+            {
+                "translation": vector(start["x_m"], start["y_m"], height_m),
+                "rotation": vector(0, 0, 1, start["heading_rad"]),
+            },
+        ),
+    ]
+    head = [HEADER, "", f'EXTERNPROTO "../protos/{proto}.proto"', ""]
+    return "\n".join([*head, *(node_text(node) for node in nodes), ""])
+
+
+def _blocks(scene: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
+    terrain = scene["terrain"] if scene else ()
+    return [piece for piece in terrain if piece["kind"] in ("box", "ramp", "half_round")]
+
+
+def _near(piece: Mapping[str, Any], start: Mapping[str, float]) -> bool:
+    reach = math.hypot(piece["length_m"], piece["width_m"]) / 2 + 0.2
+    return math.hypot(piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"]) < reach
+
+
+def _floor(grid: HeightGrid | None) -> list[Node]:
+    if grid is None:
+        plane = Node("Plane", {"size": vector(FLOOR_M, FLOOR_M)})
+        return [_solid("floor", shape(plane, FLOOR_COLOUR), plane)]
+    rows, columns = grid.z_m.shape
+    surface = Node(
+        "ElevationGrid",
+        {
+            "xDimension": columns,
+            "yDimension": rows,
+            "xSpacing": (grid.x_max_m - grid.x_min_m) / (columns - 1),
+            "ySpacing": (grid.y_max_m - grid.y_min_m) / (rows - 1),
+            # Half a hair is enough for a wheel: six digits keep files small.
+            "height": [round(float(z), 6) for z in grid.z_m.ravel()],
+        },
+    )
+    place = {"translation": vector(grid.x_min_m, grid.y_min_m, 0)}
+    solids = [_solid("uneven ground", shape(surface, FLOOR_COLOUR), surface, **place)]
+    far = FLOOR_M / 2
+    for name, x_min, x_max, y_min, y_max in (
+        ("floor behind", -far, grid.x_min_m, -far, far),
+        ("floor ahead", grid.x_max_m, far, -far, far),
+        ("floor to the right", grid.x_min_m, grid.x_max_m, -far, grid.y_min_m),
+        ("floor to the left", grid.x_min_m, grid.x_max_m, grid.y_max_m, far),
+    ):
+        box = Node("Box", {"size": vector(x_max - x_min, y_max - y_min, SUNK_M)})
+        middle = vector((x_max + x_min) / 2, (y_max + y_min) / 2, -SUNK_M / 2)
+        solids.append(_solid(name, shape(box, FLOOR_COLOUR), box, translation=middle))
+    return solids
+
+
+def _block(piece: Mapping[str, Any], name: str) -> Node:
+    length, width, height = piece["length_m"], piece["width_m"], piece["height_m"]
+    place = {
+        "translation": vector(piece["x_m"], piece["y_m"], 0),
+        "rotation": vector(0, 0, 1, piece["heading_rad"]),
+    }
+    if piece["kind"] == "ramp":
+        wedge = _wedge(length, width, height)
+        return _solid(name, shape(wedge, PIECE_COLOUR), wedge, **place)
+    if piece["kind"] == "box":
+        geometry = Node("Box", {"size": vector(length, width, height + SUNK_M)})
+        middle, turn = (0.0, 0.0, (height - SUNK_M) / 2), (0.0, 0.0, 1.0, 0.0)
+    else:
+        radius = ((length / 2) ** 2 + height**2) / (2 * height)
+        geometry = Node("Cylinder", {"radius": radius, "height": width})
+        middle, turn = (0.0, 0.0, height - radius), (1.0, 0.0, 0.0, math.pi / 2)
+    seen = placed(shape(geometry, PIECE_COLOUR), middle, turn)
+    return _solid(name, seen, placed(geometry, middle, turn), **place)
+
+
+def _wedge(length: float, width: float, height: float) -> Node:
+    """A ramp as a solid with faces counter-clockwise from outside."""
+    x, y = length / 2, width / 2
+    points = [(-x, -y, 0), (-x, y, 0), (x, -y, height), (x, y, height)]
+    points += [(px, py, -SUNK_M) for px, py, _ in points]
+    faces = [(0, 2, 3, 1), (4, 5, 7, 6), (2, 6, 7, 3), (0, 1, 5, 4), (0, 4, 6, 2), (1, 3, 7, 5)]
+    coordinates = Node("Coordinate", {"point": [vector(*point) for point in points]})
+    indices = [index for face in faces for index in (*face, -1)]
+    return Node("IndexedFaceSet", {"coord": coordinates, "coordIndex": indices})
+
+
+def _solid(name: str, seen: Node, bounds: Node, **place: Any) -> Node:
+    ground = {"contactMaterial": GROUND, "boundingObject": bounds}
+    return Node("Solid", {**place, "name": name, "children": [seen], **ground})
+
+
+def _looking() -> tuple[float, float, float, float]:
+    """The turn (axis, angle) that takes x forward, y left, z up to the eye's directions."""
+    forward = numpy.subtract(LOOKS_AT_M, EYE_M)
+    forward = forward / numpy.linalg.norm(forward)
+    left = numpy.cross((0, 0, 1), forward)
+    left = left / numpy.linalg.norm(left)
+    turn = numpy.stack([forward, left, numpy.cross(forward, left)], axis=1)
+    angle = math.acos((numpy.trace(turn) - 1) / 2)
+    axis = numpy.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    x, y, z = axis / (2 * math.sin(angle))
+    return float(x), float(y), float(z), angle

@@ -1,0 +1,243 @@
+"""Cars in the formats of other simulators, read by those simulators' parsers or by their grammar."""
+
+import math
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy
+import pytest
+
+from foldcar.models.ground import height_grid
+from foldcar.models.mjcf import mjcf
+from foldcar.models.urdf import urdf
+from foldcar.models.webots_car import webots_proto
+from foldcar.models.webots_world import webots_world
+from study_car import car_body, empty_scene
+from vrml_reader import Reader, ReadNode
+
+POSE = {"x_m": 1.0, "y_m": 0.1, "heading_rad": 0.3}
+BLOCK = {**POSE, "length_m": 0.4, "width_m": 0.6, "height_m": 0.05}
+
+
+def hinged_body() -> dict[str, Any]:
+    """Two segments, each with an axle, joined by a hinge."""
+    body = car_body(eccentricity_m=0.001, eccentricity_phase_rad=0.7, com_y_m=0.003)
+    segment = body["segments"][0]
+    front = {**segment, "x_m": 0.05, "length_m": 0.098, "com_x_m": 0.06, "mass_kg": 0.1}
+    rear = {**segment, "x_m": -0.05, "length_m": 0.098, "com_x_m": -0.04, "mass_kg": 0.05}
+    hinge = {"x_m": 0.0, "z_m": 0.02, "stiffness_n_m_rad": 0.1, "damping_n_m_s_rad": 0.001}
+    body |= {"segments": [front, rear], "hinges": [hinge | {"min_rad": -0.5, "max_rad": 0.4}]}
+    for wheel in body["wheels"]:
+        wheel["segment"] = 0 if wheel["x_m"] > 0 else 1
+    return body
+
+
+def mass_and_center(body: dict[str, Any]) -> tuple[float, Any]:
+    """Of the whole car, from its parts; the centre from the car's origin."""
+    parts = [(s["mass_kg"], (s["com_x_m"], s["com_y_m"], s["com_z_m"])) for s in body["segments"]]
+    for wheel in body["wheels"]:
+        side = 1 if wheel["side"] == "left" else -1
+        off, phase = wheel["eccentricity_m"], wheel["eccentricity_phase_rad"]
+        place = (wheel["x_m"] + off * math.cos(phase), side * body["track_m"] / 2, off * math.sin(phase))
+        parts.append((wheel["mass_kg"], place))
+    mass = sum(part[0] for part in parts)
+    return mass, sum(m * numpy.array(place) for m, place in parts) / mass
+
+
+def load_urdf(text: str) -> Any:
+    """MuJoCo's model of it; links that cannot move against each other stay apart."""
+    spec = mujoco.MjSpec.from_string(text)
+    spec.compiler.fusestatic = False
+    return spec.compile()
+
+
+@pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
+def test_mjcf_and_urdf_weigh_and_measure_what_the_body_does(body: dict[str, Any]) -> None:
+    mass, center = mass_and_center(body)
+    height = body["wheels"][0]["radius_m"]
+
+    for model, origin in (
+        (mujoco.MjModel.from_xml_string(mjcf(body)), numpy.array([0, 0, height])),
+        (load_urdf(urdf(body, "car")), numpy.zeros(3)),
+    ):
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        assert model.body_mass.sum() == pytest.approx(mass)
+        assert data.subtree_com[0] - origin == pytest.approx(center, abs=1e-9)
+        for index, segment in enumerate(body["segments"]):
+            inertia = [segment[f"{axis}_inertia_kg_m2"] for axis in ("roll", "pitch", "yaw")]
+            # Principal axes may come in another order.
+            assert sorted(model.body(f"segment{index}").inertia) == pytest.approx(sorted(inertia), rel=1e-6)
+        for wheel in body["wheels"]:
+            part = model.body(f"wheel{wheel['channel']}")
+            side = 1 if wheel["side"] == "left" else -1
+            place = [wheel["x_m"], side * body["track_m"] / 2, 0]
+            assert data.xpos[part.id] - origin == pytest.approx(place, abs=1e-9)
+            spin = 0.5 * wheel["mass_kg"] * wheel["radius_m"] ** 2
+            assert sorted(part.inertia) == pytest.approx([spin / 2, spin / 2, spin], rel=1e-6)
+        axle = data.xaxis[model.joint("wheel0_axle").id]
+        assert axle == pytest.approx([0, 1, 0], abs=1e-9)
+        if body["hinges"]:
+            assert model.joint("hinge0").range == pytest.approx([-0.5, 0.4])
+            assert data.xanchor[model.joint("hinge0").id] - origin == pytest.approx([0, 0, 0.02], abs=1e-9)
+
+
+def test_a_hinge_bends_as_the_body_says() -> None:
+    body = hinged_body()
+    model = mujoco.MjModel.from_xml_string(mjcf(body))
+    data = mujoco.MjData(model)
+    data.qpos[model.joint("hinge0").qposadr] = 0.3
+    mujoco.mj_forward(model, data)
+
+    front, rear = (data.xmat[model.body(f"segment{i}").id].reshape(3, 3)[:, 0] for i in (0, 1))
+    pitch = [math.asin(forward[2]) for forward in (front, rear)]
+    assert pitch[0] - pitch[1] == pytest.approx(0.3)
+
+
+def test_urdf_has_the_servos_limits() -> None:
+    body = car_body(supply_v=4.0)
+    text = urdf(body, "car")
+    servo = body["wheels"][0]["servo"]
+    scale = 4.0 / servo["rated_v"]
+
+    assert text.count(f'effort="{servo["stall_torque_n_m"] * scale:.9g}"') == 4
+    assert text.count(f'velocity="{servo["no_load_speed_rad_s"] * scale:.9g}"') == 4
+
+
+@pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
+def test_a_webots_proto_follows_the_grammar_and_weighs_what_the_body_does(body: dict[str, Any]) -> None:
+    file = Reader(webots_proto(body, "FoldcarTest", "a car")).read()
+
+    (robot,) = file.nodes
+    assert (file.name, robot.name) == ("FoldcarTest", "Robot")
+    mass, center = mass_and_center(body)
+    weights = list(physics_places(robot, numpy.zeros(3)))
+    assert sum(weight for weight, _ in weights) == pytest.approx(mass)
+    assert sum(w * place for w, place in weights) / mass == pytest.approx(center, abs=1e-9)
+    motors = robot.all("RotationalMotor")
+    stall = body["wheels"][0]["servo"]["stall_torque_n_m"] * body["supply_v"]
+    assert len({motor.fields["name"] for motor in motors}) == len(motors) == 4
+    assert motors[0].fields["maxTorque"] == pytest.approx(stall / body["wheels"][0]["servo"]["rated_v"])
+    for physics in robot.all("Physics"):
+        assert physics.fields["density"] == -1
+        assert len(physics.fields["inertiaMatrix"]) == 2
+
+
+def physics_places(node: ReadNode, frame: Any) -> Any:
+    """Mass and centre of mass, from the robot's origin, of every solid; none of them is turned."""
+    if node.name == "Solid":
+        assert "rotation" not in node.fields
+        frame = frame + numpy.array(node.fields.get("translation", [0, 0, 0]))
+    if "physics" in node.fields:
+        physics = node.fields["physics"].fields
+        yield physics["mass"], frame + numpy.array(physics["centerOfMass"][0])
+    inner = [*node.fields.get("children", []), node.fields.get("endPoint")]
+    for one in inner:
+        if isinstance(one, ReadNode):
+            yield from physics_places(one, frame)
+
+
+def test_a_webots_world_holds_the_car_and_the_scene() -> None:
+    body = car_body()
+    terrain = [{"kind": kind, **BLOCK} for kind in ("box", "ramp", "half_round")]
+    pieces = [{"kind": "rough", **BLOCK}]
+    scene = empty_scene(terrain, friction=0.5)
+    grid = height_grid(pieces, scene["course"], lambda x, y: 0.01 * numpy.sin(20 * x) * numpy.cos(9 * y))
+    file = Reader(webots_world(body, "FoldcarTest", scene, grid)).read()
+
+    assert file.protos == ["../protos/FoldcarTest.proto"]
+    assert [node.name for node in file.nodes[:2]] == ["WorldInfo", "Viewpoint"]
+    assert file.nodes[-1].name == "FoldcarTest"
+    frictions = {
+        c.fields["material2"]: c.fields["coulombFriction"] for c in file.nodes[0].all("ContactProperties")
+    }
+    assert frictions["wheel0 tyre"] == [0.5 * body["wheels"][0]["grip"]]
+    assert frictions["segment0 belly"] == [pytest.approx(0.5 * body["segments"][0]["grip"])]
+    solids = {n.fields["name"]: n for n in file.nodes if n.name == "Solid"}
+    surface = solids["uneven ground"].fields["boundingObject"].fields
+    assert len(surface["height"]) == surface["xDimension"] * surface["yDimension"]
+    assert surface["height"] == pytest.approx(grid.z_m.ravel(), abs=1e-6)
+    assert solids["box 0"].fields["translation"] == [1.0, 0.1, 0.0]
+    assert solids["box 0"].fields["boundingObject"].all("Box")[0].fields["size"] == pytest.approx(
+        [0.4, 0.6, 0.15]
+    )
+    arc = solids["half_round 2"].fields["boundingObject"]
+    radius = arc.all("Cylinder")[0].fields["radius"]
+    assert arc.fields["translation"][2] + radius == pytest.approx(0.05)
+    assert radius**2 == pytest.approx(0.2**2 + (radius - 0.05) ** 2)
+
+
+def test_a_webots_ramp_is_closed_and_its_faces_look_outwards() -> None:
+    scene = empty_scene([{"kind": "ramp", **BLOCK}])
+    file = Reader(webots_world(car_body(), "FoldcarTest", scene, None)).read()
+    wedge = next(n for n in file.nodes if n.fields.get("name") == "ramp 0").all("IndexedFaceSet")[0]
+    points = numpy.array(wedge.fields["coord"].fields["point"])
+    faces, face = [], []
+    for index in wedge.fields["coordIndex"]:
+        if index >= 0:
+            face.append(index)
+        else:
+            faces.append(face)
+            face = []
+
+    edges = [(a, b) for f in faces for a, b in zip(f, [*f[1:], f[0]], strict=True)]
+    assert len(set(edges)) == len(edges) == len({(b, a) for a, b in edges} & set(edges))
+    middle = points.mean(axis=0)
+    for f in faces:
+        normal = numpy.cross(points[f[1]] - points[f[0]], points[f[2]] - points[f[1]])
+        assert normal @ (points[f].mean(axis=0) - middle) > 0
+    # A prism: rising from 0 to 50 mm over 0.4 m, and 100 mm deep, 0.6 m wide.
+    volume = sum(
+        points[f[0]] @ numpy.cross(points[f[i]], points[f[i + 1]]) / 6
+        for f in faces
+        for i in range(1, len(f) - 1)
+    )
+    assert volume == pytest.approx(0.4 * 0.6 * (0.1 + 0.025))
+
+
+@pytest.mark.parametrize("to", ["mjcf", "urdf", "webots"])
+def test_the_command_writes_each_format(
+    to: str, foldcar: Callable[..., "subprocess.CompletedProcess[str]"], write_listing: Any, listing_data: Any
+) -> None:
+    listing_data["environments"]["1"]["wbt_filename"] = "worlds/pyramids.wbt"
+    file = write_listing(listing_data)
+    more = [] if to == "urdf" else ["--environment", "1", "--sample", "2"]
+    done = foldcar("model", file, "--vehicle", "1", "--set", "width=95", "--to", to, "-o", "models", *more)
+
+    assert done.returncode == 0, done.stderr
+    names = {"mjcf": ["Foldcar1.xml"], "urdf": ["Foldcar1.urdf"]}
+    expected = names.get(to, ["protos/Foldcar1.proto", "worlds/pyramids.wbt"])
+    assert done.stdout.split() == [f"models/{name}" for name in expected]
+    texts = [(file.parent / "models" / Path(name)).read_text() for name in expected]
+    if to == "webots":
+        assert len(Reader(texts[1]).read().nodes) > 6 and Reader(texts[0]).read().name == "Foldcar1"
+    else:
+        model = mujoco.MjModel.from_xml_string(texts[0]) if to == "mjcf" else load_urdf(texts[0])
+        assert model.body("wheel3").mass > 0
+        assert to == "urdf" or model.geom("box5").type == mujoco.mjtGeom.mjGEOM_BOX
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--to", "stl"], "--to stl: is none of mjcf, urdf, webots"),
+        (["--to", "urdf", "--environment", "1"], "--environment: URDF describes robots only"),
+        (["--to", "mjcf", "--environment", "7"], 'environments: has no "7"; known: 1'),
+        (["--to", "mjcf", "--set", "width"], "--set width: is not NAME=MM"),
+    ],
+)
+def test_the_command_refuses_in_one_line(
+    words: list[str],
+    message: str,
+    foldcar: Callable[..., "subprocess.CompletedProcess[str]"],
+    write_listing: Any,
+    listing_data: Any,
+) -> None:
+    listing_data["vehicles"]["1"]["params"] = []
+    done = foldcar("model", write_listing(listing_data), "--vehicle", "1", "-o", "models", *words)
+
+    assert done.returncode == 2
+    assert message in done.stderr and done.stderr.count("\n") == 1

@@ -1,0 +1,187 @@
+"""Reads Webots worlds and PROTOs by their grammar, and checks every node and field against Webots' own list.
+
+NODES is what the nodes of R2025a have, from the definitions that Webots ships (resources/nodes/*.wrl and the
+reference manual): of each field its type.
+"""
+
+import re
+from dataclasses import dataclass, field
+from typing import Any
+
+POSE = {"translation": "SFVec3f", "rotation": "SFRotation", "children": "MFNode"}
+SOLID = POSE | {
+    "name": "SFString",
+    "contactMaterial": "SFString",
+    "boundingObject": "SFNode",
+    "physics": "SFNode",
+}
+NODES: dict[str, dict[str, str]] = {
+    "WorldInfo": {"basicTimeStep": "SFFloat", "contactProperties": "MFNode"},
+    "Viewpoint": {"orientation": "SFRotation", "position": "SFVec3f"},
+    "Background": {"skyColor": "MFColor"},
+    "DirectionalLight": {"direction": "SFVec3f", "intensity": "SFFloat", "castShadows": "SFBool"},
+    "ContactProperties": {
+        "material1": "SFString",
+        "material2": "SFString",
+        "coulombFriction": "MFFloat",
+        "bounce": "SFFloat",
+    },
+    "Pose": POSE,
+    "Solid": SOLID,
+    "Robot": SOLID | {"controller": "SFString", "controllerArgs": "MFString"},
+    "Physics": {
+        "density": "SFFloat",
+        "mass": "SFFloat",
+        "centerOfMass": "MFVec3f",
+        "inertiaMatrix": "MFVec3f",
+        "damping": "SFNode",
+    },
+    "HingeJoint": {"jointParameters": "SFNode", "device": "MFNode", "endPoint": "SFNode"},
+    "HingeJointParameters": {
+        "axis": "SFVec3f",
+        "anchor": "SFVec3f",
+        "minStop": "SFFloat",
+        "maxStop": "SFFloat",
+        "springConstant": "SFFloat",
+        "dampingConstant": "SFFloat",
+    },
+    "RotationalMotor": {
+        "name": "SFString",
+        "maxVelocity": "SFFloat",
+        "maxTorque": "SFFloat",
+        "sound": "SFString",
+    },
+    "PositionSensor": {"name": "SFString"},
+    "Shape": {"appearance": "SFNode", "geometry": "SFNode"},
+    "PBRAppearance": {"baseColor": "SFColor", "roughness": "SFFloat", "metalness": "SFFloat"},
+    "Box": {"size": "SFVec3f"},
+    "Cylinder": {"height": "SFFloat", "radius": "SFFloat"},
+    "Plane": {"size": "SFVec2f"},
+    "ElevationGrid": {
+        "height": "MFFloat",
+        "xDimension": "SFInt32",
+        "xSpacing": "SFFloat",
+        "yDimension": "SFInt32",
+        "ySpacing": "SFFloat",
+        "thickness": "SFFloat",
+    },
+    "IndexedFaceSet": {"coord": "SFNode", "coordIndex": "MFInt32"},
+    "Coordinate": {"point": "MFVec3f"},
+}
+NUMBERS_A_VALUE = {"Float": 1, "Int32": 1, "Vec2f": 2, "Vec3f": 3, "Color": 3, "Rotation": 4}
+TOKEN = re.compile(r'#[^\n]*|"(?:\\.|[^"\\])*"|[\[\]{}]|[^\s\[\]{},"#]+|,|\s+')
+
+
+@dataclass
+class ReadNode:
+    """A node with its fields: numbers as lists, texts, truths, nodes."""
+
+    name: str
+    fields: dict[str, Any] = field(default_factory=dict)
+
+    def all(self, name: str) -> "list[ReadNode]":
+        """All nodes of that name in it."""
+        found = [self] if self.name == name else []
+        for value in self.fields.values():
+            for one in value if isinstance(value, list) else [value]:
+                if isinstance(one, ReadNode):
+                    found += one.all(name)
+        return found
+
+
+@dataclass
+class ReadFile:
+    """``protos`` are the names of EXTERNPROTOs; ``interface`` the fields of a PROTO; ``name`` its name."""
+
+    nodes: list[ReadNode]
+    protos: list[str]
+    name: str = ""
+    interface: dict[str, str] = field(default_factory=dict)
+
+
+class Reader:
+    """Reads one file; AssertionError where it is against the grammar."""
+
+    def __init__(self, text: str) -> None:
+        assert text.startswith("#VRML_SIM R2025a utf8\n")
+        assert "".join(TOKEN.findall(text)) == text
+        self.tokens = [
+            t for t in TOKEN.findall(text) if not t.isspace() and not t.startswith("#") and t != ","
+        ]
+        self.file = ReadFile([], [])
+
+    def read(self) -> ReadFile:
+        while self.tokens and self.tokens[0] == "EXTERNPROTO":
+            self.take("EXTERNPROTO")
+            self.file.protos.append(self.take()[1:-1])
+        if self.tokens and self.tokens[0] == "PROTO":
+            self.interface()
+            self.take("{")
+            self.file.nodes.append(self.node())
+            self.take("}")
+            assert not self.tokens
+        while self.tokens:
+            self.file.nodes.append(self.node())
+        return self.file
+
+    def take(self, expected: str | None = None) -> str:
+        token = self.tokens.pop(0)
+        assert expected is None or token == expected, f"{token} where {expected} belongs"
+        return token
+
+    def interface(self) -> None:
+        self.take("PROTO")
+        self.file.name = self.take()
+        self.take("[")
+        while self.tokens[0] != "]":
+            self.take("field")
+            kind, name = self.take(), self.take()
+            self.file.interface[name] = kind
+            self.value(kind)
+        self.take("]")
+
+    def node(self) -> ReadNode:
+        node = ReadNode(self.take())
+        extern = {name.rsplit("/", 1)[-1].removesuffix(".proto") for name in self.file.protos}
+        known = POSE if node.name in extern else NODES.get(node.name)
+        assert known is not None, f"no node {node.name}"
+        self.take("{")
+        while self.tokens[0] != "}":
+            name = self.take()
+            assert name in known, f"{node.name} has no field {name}"
+            assert name not in node.fields, f"{node.name}.{name} stands twice"
+            node.fields[name] = self.value(known[name])
+        self.take("}")
+        return node
+
+    def value(self, kind: str) -> Any:
+        if self.tokens[0] == "IS":
+            self.take("IS")
+            name = self.take()
+            assert self.file.interface[name] == kind
+            return name
+        if kind.startswith("SF"):
+            return self.single(kind[2:])
+        if self.tokens[0] != "[":
+            return [self.single(kind[2:])]
+        self.take("[")
+        values = []
+        while self.tokens[0] != "]":
+            values.append(self.single(kind[2:]))
+        self.take("]")
+        return values
+
+    def single(self, kind: str) -> Any:
+        if kind == "Node":
+            if self.tokens[0] == "NULL":
+                self.take()
+                return None
+            return self.node()
+        if kind == "String":
+            text = self.take()
+            assert text[0] == text[-1] == '"'
+            return text[1:-1]
+        if kind == "Bool":
+            return {"TRUE": True, "FALSE": False}[self.take()]
+        numbers = [(int if kind == "Int32" else float)(self.take()) for _ in range(NUMBERS_A_VALUE[kind])]
+        return numbers[0] if len(numbers) == 1 else numbers

@@ -19,7 +19,7 @@ def near(x, y):
     return (Normal(x, globalParameters.position_sd), Normal(y, globalParameters.position_sd))
 
 # Declare several useful locations
-bumpCenter = new Marker at near(0, 0)
+bumpCenter = new OrientedPoint at near(0, 0)
 startPos = new Marker at near(0, 1)
 endPos = new Marker at near(0, -1)
 target = endPos

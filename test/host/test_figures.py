@@ -156,7 +156,7 @@ def test_the_view_holds_start_goal_and_path_within_the_course() -> None:
     assert view_of([{**SCENE, "goal": None}]) == Extent(-0.5, 2.0, -1.0, 1.0)
     wide = {**SCENE, "terrain": [box(0.4, 0.0, 0.1, 50.0, 0.02)]}
     assert view_of([wide]) == Extent(
-        pytest.approx(-0.2), pytest.approx(1.0), pytest.approx(-0.6), pytest.approx(0.6)
+        pytest.approx(-0.2), pytest.approx(1.2), pytest.approx(-0.6), pytest.approx(0.6)
     )
 
 

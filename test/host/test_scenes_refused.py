@@ -27,33 +27,6 @@ def message(folder: Path, text: str, params: dict[str, Any] | None = None) -> st
 
 
 @pytest.mark.parametrize(
-    ("statement", "part"),
-    [
-        ("terminate when ego.position.x > 1", "terminate when: "),
-        ("terminate simulation when ego.position.x > 1", "terminate simulation when: "),
-        ("terminate after 10 seconds", "`timeout` in the listing"),
-        ("record ego.position.x as x", "record: "),
-        ("record initial ego.position.x as x", "record: "),
-        ("record final ego.position.x as x", "record: "),
-        ("require always ego.position.x < 3", "require always"),
-        ("require eventually ego.position.x > 3", "require always/eventually"),
-        ("monitor M():\n    wait\nrequire monitor M()", "require monitor: "),
-        ("behavior B():\n    wait\nnew Marker at (0, 1), with behavior B", "a behavior: "),
-    ],
-)
-def test_what_needs_a_running_simulation(tmp_path: Path, statement: str, part: str) -> None:
-    said = message(tmp_path, f"model model\n{EGO}{GOAL}{statement}\n")
-    assert part in said
-    assert "cannot honour it" in said
-
-
-def test_a_compose_block(tmp_path: Path) -> None:
-    setup = f"    setup:\n        {EGO}        {GOAL}"
-    text = f"model model\nscenario Main():\n{setup}    compose:\n        wait\n"
-    assert "compose: " in message(tmp_path, text)
-
-
-@pytest.mark.parametrize(
     ("text", "part"),
     [
         ("model model\nego = = 3\n", "line 2: invalid syntax"),

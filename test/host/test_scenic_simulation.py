@@ -97,6 +97,29 @@ def test_scenic_and_the_batch_agree_to_the_last_bit(
     assert len(outcomes) > 1 or program != "step_pyramids"
 
 
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "terminate when ego.position.x > 1",
+        "terminate simulation when ego.position.x > 1",
+        "terminate after 10 seconds",
+        "record ego.position.x as x",
+        "record initial ego.position.x as x",
+        "record final ego.position.x as x",
+        "require always ego.position.x < 3",
+        "require eventually ego.position.x > 3",
+        "monitor M():\n    wait\nrequire monitor M()",
+        "behavior B():\n    wait\nnew Marker at (0, 1), with behavior B",
+    ],
+)
+def test_what_needs_a_running_simulation_is_told_from_what_does_not(tmp_path: Path, statement: str) -> None:
+    program = tmp_path / "program.scenic"
+    program.write_text(f"{HEAD}{GOAL}require ego.position.x < 3\nmutate goal\n")
+    assert not open_environment(program, {}, 1).dynamic
+    program.write_text(f"{HEAD}{GOAL}{statement}\n")
+    assert open_environment(program, {}, 1).dynamic
+
+
 @pytest.mark.parametrize("outer_step_s", [STEP_S, 0.1, 0.25, 1])
 def test_a_stop_is_traced_back_to_its_step(run: Run, carsim_binary: Path, outer_step_s: float) -> None:
     result = run(

@@ -82,7 +82,7 @@ class ScenicWorker:
         # Each run begins like the first one, whatever ran in this process before.
         self._globals.restore()
         try:
-            with seeded(f"{self._source.seed}/{k}/run"), time_limit(RUN_LIMIT_S, f"{place}: running"):
+            with seeded(f"{self._source.seed}/{k}/run"), time_limit(RUN_LIMIT_S, "running"):
                 return simulator.run(self._scene)
         except FoldcarError as error:
             # A CarsimError is no mistake of the program, all others come with what it records.

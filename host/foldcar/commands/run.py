@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from foldcar.carsim import Carsim, Runner
 
 PATH_INTERVAL_S = 0.02
+LEAST_NAME_WIDTH = 22
 
 
 def run(
@@ -68,15 +69,16 @@ def run(
         ),
         *answer_lines(answer),
     ]
+    width = max(LEAST_NAME_WIDTH, *(len(name) + 1 for name, _ in lines))
     for name, text in lines:
-        typer.echo(f"{name:<22}{text}")
+        typer.echo(f"{name:<{width}}{text}")
     if plot is not None:
         from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
 
         path = _path(one, carsim, answer, plot)
         draw_run(one.body, one.scene, answer, path, carsim_heights(carsim), plot)
-        typer.echo(f"{'picture':<22}{plot}")
+        typer.echo(f"{'picture':<{width}}{plot}")
 
 
 @dataclass(frozen=True)

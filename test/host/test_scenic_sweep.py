@@ -1,0 +1,191 @@
+"""Sweeps of programs that record and decide while the car drives: worker processes, the store, the export."""
+
+import csv
+import json
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar import scenic_worker
+from foldcar.body import body_json
+from foldcar.carsim import Carsim
+from foldcar.carsim_step import SteppedCarsim
+from foldcar.experiments import read_study
+from foldcar.results import Result
+from foldcar.scenes import open_environment
+from foldcar.store import Store
+from foldcar.sweep import Progress, sweep
+
+WriteListing = Callable[[Any], Path]
+HEAD = "model model\nego = new Robot at (Range(0, 0.02), 0), facing -90 deg\n"
+GOAL = "goal = new Goal at (0.8, 0), facing -90 deg\nnew Bump at (0.4, 0), facing -90 deg, with height 0.01\n"
+RECORDS = (
+    "record initial ego.position.x as begin\nrecord final ego.position as end\nrecord ego.speed as speed\n"
+    "record final simulation().currentRealTime as elapsed\n"
+)
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    return tmp_path / "program.scenic"
+
+
+@pytest.fixture
+def listing(write_listing: WriteListing, listing_data: Any, program: Path) -> Path:
+    """Two widths, three samples of ``program``."""
+    listing_data["environments"]["1"]["scenic_filename"] = program.name
+    return write_listing(listing_data)
+
+
+def swept(listing: Path, store: Path, carsim: Path, jobs: int = 2) -> tuple[Progress, list[Result]]:
+    counts = sweep(read_study(listing), store, Carsim(carsim), jobs, "foldcar sweep …")
+    with Store.open(store) as opened:
+        return counts, list(opened.results())
+
+
+def shown(store: Path, columns: str) -> list[Any]:
+    connection = sqlite3.connect(store)
+    try:
+        return connection.execute(f"SELECT {columns} FROM result ORDER BY design_position, sample").fetchall()
+    finally:
+        connection.close()
+
+
+def test_both_ways_store_the_same_outcomes_times_and_distances(
+    tmp_path: Path, listing: Path, program: Path, carsim_binary: Path
+) -> None:
+    program.write_text(HEAD + GOAL)
+    _, native = swept(listing, tmp_path / "native.db", carsim_binary)
+    program.write_text(HEAD + GOAL + RECORDS)
+    counts, beside = swept(listing, tmp_path / "beside.db", carsim_binary)
+
+    assert (counts.new, counts.failed) == (6, 0)
+    assert [(r.outcome, r.elapsed_time_s, r.distance_to_target_m, r.consumed_energy_j) for r in beside] == [
+        (r.outcome, r.elapsed_time_s, r.distance_to_target_m, r.consumed_energy_j) for r in native
+    ]
+    assert "passed" in {r.outcome for r in native}
+
+
+def test_recorded_values_reach_store_and_export(
+    tmp_path: Path, listing: Path, program: Path, carsim_binary: Path, foldcar: Any
+) -> None:
+    program.write_text(HEAD + GOAL + RECORDS)
+    store = tmp_path / "s.db"
+    said = foldcar("sweep", listing, "--store", store, "--jobs", "1")
+    assert said.returncode == 0, said.stderr
+
+    rows = shown(store, "recorded, elapsed_time_s, sample")
+    connection = sqlite3.connect(store)
+    starts = dict(
+        connection.execute(
+            "SELECT sample, json_extract(json, '$.start.x_m') FROM sample JOIN scene ON scene.id = scene_id"
+        ).fetchall()
+    )
+    connection.close()
+    for text, elapsed_s, sample in rows:
+        recorded = json.loads(text)
+        assert {name: one["kind"] for name, one in recorded.items()} == {
+            "begin": "initial", "end": "final", "speed": "series", "elapsed": "final"
+        }  # fmt: skip
+        # The car settles by less than a tenth of a millimetre before the trial begins.
+        assert recorded["begin"]["value"] == pytest.approx(starts[sample], abs=1e-4)
+        assert recorded["elapsed"]["value"] == elapsed_s
+        times = [t_s for t_s, _ in recorded["speed"]["value"]]
+        assert times[:3] == [0, 0.25, 0.5]
+        assert times[-1] == elapsed_s
+
+    assert foldcar("export", store, "--csv", tmp_path / "runs.csv").returncode == 0
+    with (tmp_path / "runs.csv").open(newline="") as file:
+        exported = list(csv.DictReader(file))
+    assert len(exported) == len(rows) == 6
+    for row, (text, _, _) in zip(exported, rows, strict=True):
+        recorded = json.loads(text)
+        assert float(row["recorded_begin"]) == recorded["begin"]["value"]
+        assert json.loads(row["recorded_speed"]) == recorded["speed"]["value"]
+        assert json.loads(row["recorded_end"]) == recorded["end"]["value"]
+
+
+def test_runs_do_not_know_of_each_other_and_rows_do_not_depend_on_jobs(
+    tmp_path: Path, listing: Path, program: Path, carsim_binary: Path
+) -> None:
+    """The program keeps notes in a list and counts in a global: each run begins with what compiling left."""
+    counting = (
+        "import random\nseen = []\n"
+        "def noted(x):\n    seen.append(x)\n    return len(seen)\n"
+        "record final noted(1) as count\nrecord final random.random() as chance\n"
+    )
+    program.write_text(HEAD + GOAL + counting)
+    counts, one = swept(listing, tmp_path / "one.db", carsim_binary, jobs=1)
+    swept(listing, tmp_path / "two.db", carsim_binary, jobs=2)
+    assert counts.failed == 0
+    recorded = [json.loads(text) for (text,) in shown(tmp_path / "one.db", "recorded")]
+    assert {values["count"]["value"] for values in recorded} == {1}
+    assert len({values["chance"]["value"] for values in recorded}) == 3
+    assert shown(tmp_path / "one.db", "*") == shown(tmp_path / "two.db", "*")
+    assert len(one) == 6
+
+
+def test_a_program_that_fails_in_some_runs_is_those_runs_result(
+    tmp_path: Path, listing: Path, program: Path, carsim_binary: Path
+) -> None:
+    program.write_text(f"{HEAD}{GOAL}record initial 1 / (ego.position.x < 0.005) as y\n")
+    counts, results = swept(listing, tmp_path / "s.db", carsim_binary)
+    assert counts.new == 6
+    assert 0 < counts.failed < 6
+    assert counts.failed == sum(r.outcome == "failed" for r in results)
+    for outcome, sample, message in shown(tmp_path / "s.db", "outcome, sample, message"):
+        expected = f"{program}: sample {sample}: line 5: ZeroDivisionError: division by zero"
+        assert message == (expected if outcome == "failed" else None)
+
+
+def test_a_program_that_loops_while_the_car_drives_fails_after_its_time(
+    program: Path, listing: Path, carsim_binary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scenic_worker, "RUN_LIMIT_S", 0.5)
+    loop = "def forever():\n    while True:\n        pass\nrecord final forever() as never\n"
+    program.write_text(HEAD + GOAL + loop)
+    (experiment,) = read_study(listing).experiments
+    design = next(iter(experiment.family))
+    scene = open_environment(program, {}, 42).sample(0)
+    body = body_json(design)
+    settings = experiment.settings(design, body, Carsim(carsim_binary).parameter_table())
+    texts = {"body": json.dumps(body), "scene": json.dumps(scene), "settings": json.dumps(settings)}
+    opening = {"program": str(program), "params": {}, "seed": 42, "condition": None}
+    with SteppedCarsim(carsim_binary) as carsim:
+        answer = scenic_worker.ScenicWorker(opening, carsim).answer({**texts, "sample": 0})
+    assert answer == {"error": f"{program}: sample 0: running takes longer than the limit of 0.5 s"}
+
+
+def test_a_program_that_ends_the_process_costs_its_own_run_only(
+    tmp_path: Path, listing: Path, program: Path, carsim_binary: Path
+) -> None:
+    deadly = "import os\ndef deadly(x):\n    return x if x < 0.005 else os._exit(7)\n"
+    program.write_text(f"{HEAD}{GOAL}{deadly}record initial deadly(ego.position.x) as one\n")
+    counts, results = swept(listing, tmp_path / "s.db", carsim_binary, jobs=1)
+    assert counts.new == 6
+    failed = [r for r in results if r.outcome == "failed"]
+    assert 0 < len(failed) == counts.failed < 6
+    (message,) = {text for (text,) in shown(tmp_path / "s.db", "message") if text}
+    assert message == "the process that simulates with Scenic died (exit code 7)"
+
+
+def test_the_listings_condition_reaches_the_workers(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, program: Path, carsim_binary: Path
+) -> None:
+    program.write_text(f"{HEAD}{GOAL}{RECORDS}")
+    environment = listing_data["environments"]["1"]
+    environment.update(scenic_filename=program.name, condition={"sample": 2, "objects": ["ego"]})
+    counts, _ = swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary)
+    assert (counts.new, counts.failed) == (6, 0)
+    begins = {(car, json.loads(text)["begin"]["value"]) for car, text in shown(tmp_path / "s.db", "parameters, recorded")}
+    assert len(begins) == 2
+
+
+def test_run_shows_what_the_program_recorded(listing: Path, program: Path, foldcar: Any) -> None:
+    program.write_text(f"{HEAD}{GOAL}record final 0.25 as aLongNameForSomethingRecorded\n")
+    said = foldcar("run", listing, "--experiment", "1", "--set", "width=95")
+    assert said.returncode == 0, said.stderr
+    assert "recorded aLongNameForSomethingRecorded 0.25" in " ".join(said.stdout.split())

@@ -13,8 +13,11 @@ class ProgramGlobals:
     def __init__(self, scenario: Any) -> None:
         self._namespace = namespace(scenario)
         self._values = dict(self._namespace)
+        # `__builtins__` is Python's own and among them as a dict: restoring needs it whole.
         self._contents = [
-            (value, value.copy()) for value in self._values.values() if type(value) in (list, dict, set)
+            (value, value.copy())
+            for name, value in self._values.items()
+            if type(value) in (list, dict, set) and name != "__builtins__"
         ]
 
     def restore(self) -> None:

@@ -35,7 +35,7 @@ def crosscheck(
     from foldcar.carsim import Carsim
     from foldcar.crosscheck.cases import cases_of
     from foldcar.crosscheck.compare import compare, planned_runs
-    from foldcar.crosscheck.mujoco_run import import_mujoco
+    from foldcar.crosscheck.mujoco_car import import_mujoco
     from foldcar.crosscheck.page import PAGE, write_page
     from foldcar.crosscheck.result_cache import ResultCache
     from foldcar.errors import FoldcarError

@@ -107,13 +107,11 @@ def _confusion(one: Agreement) -> list[str]:
     ]
 
 
-def _experiment(
-    folder: Path, experiment: str, one: Agreement, pairs: Sequence[Pair], carsim: Carsim
-) -> list[str]:
+def _experiment(folder: Path, experiment: str, one: Agreement, pairs: Sequence[Pair], carsim: Carsim) -> list[str]:
     picture = f"success_{experiment}.png"
     save_figure(success_figure(one, experiment), folder / picture)
-    first = next(iter(one.designs.values()))
-    keys = [key for key in first.columns if len({d.columns[key] for d in one.designs.values()}) > 1]
+    design = next(iter(one.designs.values()))
+    keys = [key for key in design.columns if len({d.columns[key] for d in one.designs.values()}) > 1]
     rows = [
         [
             *(f"{d.columns[key]:g}" for key in keys),
@@ -134,7 +132,10 @@ def _experiment(
     found = worst(pairs, WORST)
     if found:
         picture = f"worst_{experiment}.png"
-        drawn = [(case, *run_with_paths(case, carsim, PATH_INTERVAL_S)) for case, *_ in found]
+        drawn = []
+        for case, *known in found:
+            first, second = run_with_paths(case, known, carsim, PATH_INTERVAL_S)
+            drawn.append((case, first, second))
         save_figure(worst_figure(drawn, carsim_heights(carsim)), folder / picture)
         text += ["Disagreements that end furthest apart:", "", f"![The worst disagreements]({picture})", ""]
     return text

@@ -13,12 +13,9 @@ class ProgramGlobals:
     def __init__(self, scenario: Any) -> None:
         self._namespace = namespace(scenario)
         self._values = dict(self._namespace)
-        # `__builtins__` is Python's own and among them as a dict: restoring needs it whole.
-        self._contents = [
-            (value, value.copy())
-            for name, value in self._values.items()
-            if type(value) in (list, dict, set) and name != "__builtins__"
-        ]
+        # `__builtins__` and its like are the interpreter's, which every module of the process shares.
+        own = (value for name, value in self._values.items() if not name.startswith("__"))
+        self._contents = [(value, value.copy()) for value in own if type(value) in (list, dict, set)]
 
     def restore(self) -> None:
         """Make them again what they were."""

@@ -8,7 +8,7 @@ import json
 import subprocess
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from foldcar.carsim import CarsimError
 
@@ -37,6 +37,21 @@ class Advanced(NamedTuple):
 
 class TrialFailedError(CarsimError):
     """The trial crashed, left the finite numbers or was refused by the firmware: this one run's failure."""
+
+
+class SteppedTrial(Protocol):
+    """What Scenic needs of an engine: SteppedCarsim's methods of these names."""
+
+    @property
+    def alive(self) -> bool: ...
+
+    def start(self, body: str, scene: str, settings: str) -> Advanced: ...
+
+    def advance(self, to_s: float) -> Advanced: ...
+
+    def rows(self) -> list[State]: ...
+
+    def end(self, row: int) -> dict[str, Any]: ...
 
 
 class SteppedCarsim:

@@ -15,6 +15,7 @@ from foldcar.variation import draw
 
 if TYPE_CHECKING:
     from foldcar.scenes import SceneSource
+    from foldcar.scenic_runner import ScenicRunner
 
 # The spread of cars that are all as designed.
 NOMINAL = "nominal"
@@ -59,13 +60,15 @@ class Environment:
         if not dynamic:
             yield carsim
             return
+        with contextlib.closing(self.scenic_runner(carsim)) as runner:
+            yield runner
+
+    def scenic_runner(self, carsim: Carsim, **options: Any) -> "ScenicRunner":
+        """Scenic beside the simulation; ``options`` are ScenicRunner's. To be closed."""
         from foldcar.scenic_runner import ScenicRunner
 
         e = self._experiment
-        with contextlib.closing(
-            ScenicRunner(e.program, e.scenic_params, e.seed, e.condition, carsim.binary)
-        ) as runner:
-            yield runner
+        return ScenicRunner(e.program, e.scenic_params, e.seed, e.condition, carsim.binary, **options)
 
     def _open(self) -> "SceneSource":
         from foldcar.scenes import open_environment

@@ -21,7 +21,8 @@ from foldcar.carsim import CarsimError, RunRequest
 class ScenicRunner:
     """Worker processes for one environment. `run` and `stop` may be called from several threads at once.
 
-    ``condition`` is the listing's, or None; ``binary`` the carsim program.
+    ``condition`` is the listing's, or None; ``binary`` the carsim program. ``worker`` is the module that runs, and
+    ``engine`` what that one must know besides.
     """
 
     def __init__(
@@ -31,7 +32,10 @@ class ScenicRunner:
         seed: int,
         condition: Mapping[str, Any] | None,
         binary: Path,
+        worker: str = "foldcar.scenic_worker",
+        engine: Mapping[str, Any] | None = None,
     ) -> None:
+        self._module = worker
         self._opening = json.dumps(
             {
                 "program": str(program),
@@ -39,6 +43,7 @@ class ScenicRunner:
                 "seed": seed,
                 "condition": None if condition is None else dict(condition),
                 "binary": str(binary),
+                "engine": dict(engine or {}),
             }
         )
         self._lock = threading.Lock()
@@ -99,7 +104,7 @@ class ScenicRunner:
 
     def _take(self) -> "_Worker":
         with self._lock:
-            worker = self._idle.pop() if self._idle else _Worker()
+            worker = self._idle.pop() if self._idle else _Worker(self._module)
             self._busy.add(worker)
         try:
             worker.open(self._opening)
@@ -118,14 +123,14 @@ class ScenicRunner:
 class _Worker:
     """One worker process; for one thread, but for `stop`."""
 
-    def __init__(self) -> None:
+    def __init__(self, module: str) -> None:
         self._stopped = False
         self._opened = False
         package = str(Path(__file__).resolve().parents[1])
         path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH")]))
         # A session of its own keeps Ctrl-C from it: the caller decides what is to end.
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "foldcar.scenic_worker"],
+            [sys.executable, "-m", module],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             encoding="utf-8",

@@ -17,7 +17,7 @@ from scenic.core.dynamics import GuardViolation, RejectSimulationException
 from scenic.core.requirements import RequirementType
 from scenic.core.simulators import Simulation, SimulationCreationError, Simulator
 
-from foldcar.carsim_step import State, SteppedCarsim
+from foldcar.carsim_step import State, SteppedTrial
 from foldcar.errors import FoldcarError
 from foldcar.recorded_values import plain
 from foldcar.scenic_ego import ShownEgo
@@ -37,7 +37,7 @@ class CarSimulator(Simulator):  # type: ignore[misc]
     Scenic scene into the text of carsim's scene.
     """
 
-    def __init__(self, carsim: SteppedCarsim, body: str, settings: str, describe: Callable[[Any], str]) -> None:
+    def __init__(self, carsim: SteppedTrial, body: str, settings: str, describe: Callable[[Any], str]) -> None:
         super().__init__()
         self._carsim = carsim
         self._body = body
@@ -84,7 +84,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
     """
 
     def __init__(
-        self, scene: Any, *, carsim: SteppedCarsim, start: Callable[[], Any], timestep: float, **options: Any
+        self, scene: Any, *, carsim: SteppedTrial, start: Callable[[], Any], timestep: float, **options: Any
     ) -> None:
         self.run_result: Result | None = None
         self.recorded: dict[str, dict[str, Any]] = {}

@@ -1,7 +1,7 @@
 """`python -m foldcar.scenic_worker`: runs a Scenic program's simulations for a sweep, one at a time (see scenic_runner).
 
-Input: JSON Lines. First what to open, {"program", "params", "seed", "condition", "binary"}; then one line a run,
-{"body", "scene", "settings": JSON texts, "sample"}. Output: one line each, {"ready": true} and then
+Input: JSON Lines. First what to open, {"program", "params", "seed", "condition", "binary", "engine"}; then one line a
+run, {"body", "scene", "settings": JSON texts, "sample"}. Output: one line each, {"ready": true} and then
 {"result": …}, {"error": message} for a run that failed, or {"refused": message} where the input is at fault. Ends with
 its input.
 """
@@ -9,11 +9,13 @@ its input.
 import json
 import os
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, TextIO
 
 from foldcar.carsim import CarsimError
-from foldcar.carsim_step import SteppedCarsim, TrialFailedError
+from foldcar.carsim_step import SteppedCarsim, SteppedTrial, TrialFailedError
 from foldcar.errors import FoldcarError
 from foldcar.program_globals import ProgramGlobals
 from foldcar.scenes import SceneSource, open_environment, seeded
@@ -26,13 +28,18 @@ RUN_LIMIT_S = 120.0
 
 def main() -> None:
     """Serve standard input until its end."""
+    serve(lambda opening: SteppedCarsim(Path(opening["binary"])))
+
+
+def serve(engine: Callable[[dict[str, Any]], AbstractContextManager[SteppedTrial]]) -> None:
+    """The same, with the engine that is made of what to open."""
     # What a program prints must not get between the answers.
     with os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8") as output:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
         opening = json.loads(sys.stdin.readline() or "null")
         if opening is None:
             return
-        with SteppedCarsim(Path(opening["binary"])) as carsim:
+        with engine(opening) as carsim:
             try:
                 worker = ScenicWorker(opening, carsim)
             except FoldcarError as error:
@@ -46,7 +53,7 @@ def main() -> None:
 class ScenicWorker:
     """A compiled program beside a simulator. Raises FoldcarError if it cannot be opened."""
 
-    def __init__(self, opening: dict[str, Any], carsim: SteppedCarsim) -> None:
+    def __init__(self, opening: dict[str, Any], carsim: SteppedTrial) -> None:
         self._source: SceneSource = open_environment(
             Path(opening["program"]), opening["params"], opening["seed"], opening["condition"]
         )

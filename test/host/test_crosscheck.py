@@ -134,9 +134,9 @@ def test_the_command_compares_and_goes_on_from_what_is_there(
     assert [bool(row["mujoco_half_step_outcome"]) for row in rows] == [True, True, False, False]
     alike = sum((row["carsim_outcome"] == "passed") == (row["mujoco_outcome"] == "passed") for row in rows)
     numbers = json.loads((folder / "summary.json").read_text())
-    assert numbers["carsim – MuJoCo"]["alike"] == alike
-    page = (folder / "crosscheck.md").read_text()
-    assert f"| carsim – MuJoCo | 4 | {100 * alike / 4:.1f} |" in page
+    assert numbers["comparisons"]["carsim – MuJoCo"]["alike"] == alike
+    page = (folder / "index.html").read_text()
+    assert f"<td>carsim – MuJoCo</td><td>4</td><td>{100 * alike / 4:.1f}</td>" in page
     assert (folder / "success_1.png").read_bytes().startswith(b"\x89PNG")
 
     kept = (folder / "results.jsonl").read_bytes()

@@ -76,8 +76,10 @@ def test_mjcf_and_urdf_weigh_and_measure_what_the_body_does(body: dict[str, Any]
             side = 1 if wheel["side"] == "left" else -1
             place = [wheel["x_m"], side * body["track_m"] / 2, 0]
             assert data.xpos[part.id] - origin == pytest.approx(place, abs=1e-9)
-            spin = 0.5 * wheel["mass_kg"] * wheel["radius_m"] ** 2
-            assert sorted(part.inertia) == pytest.approx([spin / 2, spin / 2, spin], rel=1e-6)
+            radius, width = wheel["radius_m"], wheel["width_m"]
+            spin = wheel["mass_kg"] * radius**2 / 2
+            across = wheel["mass_kg"] * (3 * radius**2 + width**2) / 12
+            assert sorted(part.inertia) == pytest.approx([across, across, spin], rel=1e-6)
         axle = data.xaxis[model.joint("wheel0_axle").id]
         assert axle == pytest.approx([0, 1, 0], abs=1e-9)
         if body["hinges"]:

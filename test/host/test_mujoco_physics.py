@@ -9,7 +9,8 @@ import pytest
 
 from foldcar.carsim import Carsim, RunRequest
 from foldcar.controller import CHANNELS
-from foldcar.crosscheck.mujoco_run import EngineOptions, MujocoCar, run_mujoco
+from foldcar.crosscheck.mujoco_car import EngineOptions, MujocoCar
+from foldcar.crosscheck.mujoco_run import run_mujoco
 from foldcar.crosscheck.pulses import PulseTrain, ask_pulses
 from foldcar.crosscheck.servo import drive_fraction
 from foldcar.models.ground import height_grid

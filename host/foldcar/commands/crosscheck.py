@@ -35,7 +35,7 @@ def crosscheck(
     from foldcar.carsim import Carsim
     from foldcar.crosscheck.cases import cases_of
     from foldcar.crosscheck.compare import compare, planned_runs
-    from foldcar.crosscheck.mujoco_run import import_mujoco
+    from foldcar.crosscheck.mujoco_car import import_mujoco
     from foldcar.crosscheck.page import PAGE, write_page
     from foldcar.crosscheck.result_cache import ResultCache
     from foldcar.errors import FoldcarError
@@ -44,13 +44,13 @@ def crosscheck(
     import_mujoco()
     study = read_study(listing, experiment, environments)
     carsim = Carsim()
-    cases = list(cases_of(study, carsim))
     if output.exists() and not output.is_dir():
         raise FoldcarError(f"{output}: is no folder")
-    output.mkdir(parents=True, exist_ok=True)
     console = Console(stderr=True)
     columns = (TextColumn("crosscheck"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     try:
+        cases = list(cases_of(study, carsim))
+        output.mkdir(parents=True, exist_ok=True)
         with (
             ResultCache(output / "results.jsonl") as cache,
             Progress(*columns, console=console, disable=not console.is_terminal) as bar,
@@ -64,10 +64,10 @@ def crosscheck(
                 yardstick,
                 lambda count: bar.advance(task, count),
             )
+        comparisons = write_page(output, listing.name, cases, results, yardstick, carsim)
     except KeyboardInterrupt:
         typer.echo(f"stopped: what is done is in {output}; the same command goes on from there", err=True)
         raise typer.Exit(130) from None
-    comparisons = write_page(output, listing.name, cases, results, yardstick, carsim)
     _print(comparisons)
     typer.echo(f"page: {output / PAGE}")
 

@@ -57,9 +57,7 @@ class Agreement:
     @property
     def kinds(self) -> list[tuple[tuple[str, str], int]]:
         """Disagreements of pass and fail by their outcomes, the most frequent first."""
-        found = [
-            (pair, n) for pair, n in self.confusion.items() if (pair[0] == "passed") != (pair[1] == "passed")
-        ]
+        found = [(pair, n) for pair, n in self.confusion.items() if (pair[0] == "passed") != (pair[1] == "passed")]
         return sorted(found, key=lambda entry: (-entry[1], entry[0]))
 
 

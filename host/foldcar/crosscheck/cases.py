@@ -16,7 +16,11 @@ from foldcar.variation import apply
 
 @dataclass(frozen=True)
 class Case:
-    """One design of an experiment in one sample of its environment; ``columns`` has its parameters."""
+    """One design of an experiment in one sample of its environment; ``columns`` has its parameters.
+
+    ``beside`` is None unless the environment's program has to run beside the simulation; then ``identity``
+    tells its scenes from others that look the same.
+    """
 
     experiment: str
     design: int
@@ -25,6 +29,8 @@ class Case:
     body: Mapping[str, Any]
     scene: Mapping[str, Any]
     settings: Mapping[str, Any]
+    beside: Environment | None = None
+    identity: str = ""
 
     @property
     def label(self) -> str:
@@ -37,12 +43,14 @@ def cases_of(study: Study, carsim: Carsim) -> Iterator[Case]:
     table = carsim.parameter_table()
     for experiment in study.experiments:
         environment = Environment(experiment)
+        beside = environment if environment.dynamic else None
         designs = []
         for design in experiment.family:
             body = body_json(design)
             designs.append((design.columns, body, experiment.settings(design, body, table)))
         for sample in range(experiment.environments):
             scene, variation = environment.sample(sample), environment.variation(sample)
+            identity = environment.scene_identity(sample, environment.dynamic)
             for index, (columns, body, settings) in enumerate(designs):
                 car = apply(body, variation) if variation else body
-                yield Case(experiment.id, index, sample, columns, car, scene, settings)
+                yield Case(experiment.id, index, sample, columns, car, scene, settings, beside, identity)

@@ -70,9 +70,7 @@ def worst_figure(pairs: Sequence[Pair], heights: Heights) -> Figure:
         case, first, second = pair
         above, right = part.subfigures(1, 2, width_ratios=(1.25, 1))
         left, (height, roll) = above.subplots(), right.subplots(2, 1, sharex=True)
-        parameters = ", ".join(
-            f"{parameter_label(key)} {value:g}" for key, value in _shown(case.columns, pairs)
-        )
+        parameters = ", ".join(f"{parameter_label(key)} {value:g}" for key, value in _shown(case.columns, pairs))
         part.suptitle(
             f"{case.label}{': ' if parameters else ''}{parameters}",
             x=0.01,
@@ -91,9 +89,7 @@ def worst_figure(pairs: Sequence[Pair], heights: Heights) -> Figure:
             _draw_over_distance(height, roll, rows, look)
         handles, labels = left.get_legend_handles_labels()
         wanted = [i for i, text in enumerate(labels) if ": " in text]
-        above.legend(
-            [handles[i] for i in wanted], [labels[i] for i in wanted], loc="outside lower center", ncols=2
-        )
+        above.legend([handles[i] for i in wanted], [labels[i] for i in wanted], loc="outside lower center", ncols=2)
     return figure
 
 

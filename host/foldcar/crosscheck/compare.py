@@ -6,15 +6,15 @@ was not asked: MuJoCo at half the time step and with other tyres runs the first 
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import foldcar.crosscheck
 import foldcar.models
-from foldcar.carsim import Carsim, RunRequest
+from foldcar.carsim import Carsim
+from foldcar.crosscheck.carsim_runs import ask, path_until, run_in_carsim, run_in_mujoco_beside_scenic
 from foldcar.crosscheck.cases import Case
-from foldcar.crosscheck.mujoco_run import EngineOptions, import_mujoco
+from foldcar.crosscheck.mujoco_car import EngineOptions, import_mujoco
 from foldcar.crosscheck.pool import Task, run_all
 from foldcar.crosscheck.pulses import PulseTrain, ask_pulses
 from foldcar.crosscheck.result_cache import ResultCache, result_key
@@ -30,11 +30,9 @@ OPTIONS = {
 ENGINES = (CARSIM, *OPTIONS)
 # The sources that MuJoCo's results depend on.
 SOURCES = (
-    (foldcar.crosscheck, ("ending.py", "mujoco_run.py", "pulses.py", "servo.py")),
+    (foldcar.crosscheck, ("ending.py", "mujoco_car.py", "mujoco_run.py", "mujoco_step.py", "pulses.py", "servo.py")),
     (foldcar.models, ("ground.py", "mjcf.py", "mjcf_terrain.py", "wheel_geometry.py", "xml_elements.py")),
 )
-# Runs that one simulator process gets at a time.
-CHUNK = 24
 
 Results = dict[str, list[dict[str, Any] | None]]
 
@@ -61,14 +59,20 @@ def compare(
     return results
 
 
-def run_with_paths(case: Case, carsim: Carsim, interval_s: float) -> tuple[dict[str, Any], dict[str, Any]]:
-    """carsim's and MuJoCo's result of a case, with their paths."""
-    (theirs,) = _ask_carsim([case], carsim, interval_s)
+def run_with_paths(
+    case: Case, known: Sequence[Mapping[str, Any]], carsim: Carsim, interval_s: float
+) -> list[dict[str, Any]]:
+    """The ``known`` results of a case in carsim and MuJoCo, with the paths that led there."""
+    (theirs,) = ask(carsim, [case], interval_s)
     (pulses,) = ask_pulses(carsim, [case.settings])
     options = EngineOptions(path_interval_s=interval_s)
     task = Task(case.body, case.scene, pulses, smooth_ground(case.scene, carsim), options)
     ((_, ours),) = run_all([task], 1)
-    return theirs, ours
+    # A program may have ended the run before the engine alone does.
+    return [
+        {**result, "path": path_until(run["path"], result["elapsed_time_s"])}
+        for result, run in zip(known, (theirs, ours), strict=True)
+    ]
 
 
 def _run_carsim(
@@ -79,42 +83,14 @@ def _run_carsim(
     results: list[dict[str, Any] | None],
     done: Callable[[int], None],
 ) -> None:
-    keys = [result_key(CARSIM, carsim.build, case.body, case.scene, case.settings) for case in cases]
+    keys = [result_key(CARSIM, carsim.build, c.body, c.scene, c.settings, c.identity) for c in cases]
     results[:] = [cache.get(key) for key in keys]
-    missing = [index for index, result in enumerate(results) if result is None]
+    missing = [(index, cases[index]) for index, result in enumerate(results) if result is None]
     done(len(cases) - len(missing))
-    chunks = [missing[start : start + CHUNK] for start in range(0, len(missing), CHUNK)]
-    pool = ThreadPoolExecutor(jobs)
-    try:
-        answers = pool.map(lambda chunk: _ask_carsim([cases[i] for i in chunk], carsim), chunks)
-        for chunk, answer in zip(chunks, answers, strict=True):
-            for index, result in zip(chunk, answer, strict=True):
-                results[index] = result
-                cache.put(keys[index], CARSIM, result)
-            done(len(chunk))
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        carsim.stop()
-
-
-def _ask_carsim(cases: Sequence[Case], carsim: Carsim, interval_s: float = 0.0) -> list[dict[str, Any]]:
-    """Results as MuJoCo's have them: with the end's place, and with the path if it is asked for."""
-    bodies = {str(i): canonical_json(case.body) for i, case in enumerate(cases)}
-    scenes = {str(i): canonical_json(case.scene) for i, case in enumerate(cases)}
-    requests = []
-    for i, case in enumerate(cases):
-        # A path always has the end; one interval as long as the run has little else.
-        settings = {**case.settings, "path_interval_s": interval_s or case.settings["time_limit_s"]}
-        requests.append(RunRequest(str(i), str(i), canonical_json(settings), case.label, case.sample))
-    results = []
-    for answer in carsim.run(bodies, scenes, requests):
-        if "error" in answer:
-            results.append({"outcome": "failed", "message": answer["error"]})
-            continue
-        result = {key: value for key, value in answer.items() if key not in ("run", "path")}
-        result["end"] = answer["path"][-1][1:3]
-        results.append({**result, "path": answer["path"]} if interval_s else result)
-    return results
+    for index, result in run_in_carsim(missing, carsim, jobs):
+        results[index] = result
+        cache.put(keys[index], CARSIM, result)
+        done(1)
 
 
 def _run_mujoco(
@@ -129,29 +105,39 @@ def _run_mujoco(
     trains = _pulse_trains(cases, carsim)
     version = [import_mujoco().__version__, _code_hash()]
     asked: list[tuple[str, int, str]] = []
+    beside: list[tuple[str, int, str]] = []
 
     def missing() -> Iterator[Task]:
         for index, (case, grid) in enumerate(_with_grids(cases, carsim)):
             pulses = trains[canonical_json(case.settings)]
+            ground = None if grid is None else hashlib.sha256(grid.z_m.tobytes()).hexdigest()
+            drive = [pulses.times_s, pulses.widths_us]
             for engine, options in OPTIONS.items():
                 if engine != MUJOCO and case.sample >= yardstick:
                     continue
-                ground = None if grid is None else hashlib.sha256(grid.z_m.tobytes()).hexdigest()
-                drive = [pulses.times_s, pulses.widths_us]
-                key = result_key(engine, version, case.body, case.scene, ground, drive)
+                key = result_key(engine, version, case.body, case.scene, ground, drive, case.identity)
                 known = cache.get(key)
                 if known is not None:
                     results[engine][index] = known
                     done(1)
-                    continue
-                asked.append((engine, index, key))
-                yield Task(case.body, case.scene, pulses, grid, options)
+                elif case.beside is not None:
+                    beside.append((engine, index, key))
+                else:
+                    asked.append((engine, index, key))
+                    yield Task(case.body, case.scene, pulses, grid, options)
 
-    for number, result in run_all(missing(), jobs):
-        engine, index, key = asked[number]
+    def keep(engine: str, index: int, key: str, result: dict[str, Any]) -> None:
         results[engine][index] = result
         cache.put(key, engine, result)
         done(1)
+
+    for number, result in run_all(missing(), jobs):
+        keep(*asked[number], result)
+    for engine, options in OPTIONS.items():
+        keys = {index: key for one, index, key in beside if one == engine}
+        numbered = [(index, cases[index]) for index in keys]
+        for index, result in run_in_mujoco_beside_scenic(numbered, carsim, jobs, options):
+            keep(engine, index, keys[index], result)
 
 
 def _with_grids(cases: Iterable[Case], carsim: Carsim) -> Iterator[tuple[Case, HeightGrid | None]]:

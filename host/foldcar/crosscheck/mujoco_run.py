@@ -1,50 +1,22 @@
-"""One run in MuJoCo: the car of docs/carsim.md in a scene, driven by the firmware's pulses.
+"""A trial in MuJoCo: the car of docs/carsim.md in a scene, driven by the firmware's pulses.
 
 Input: body and scene, the pulses, the grid of the scene's smooth ground, the engine's options. Output:
-outcome, time and the rest as `carsim batch` gives them, but for the energy. Servos take their pulses at
+the result as `carsim batch` gives it, and where the car ends. Servos take their pulses at
 50 Hz, as the firmware writes them; that is also when states are looked at: between, the engine runs alone.
 """
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
-from foldcar.crosscheck.ending import Ending, State, distance_to_target_m
+from foldcar.crosscheck.ending import Ending, distance_to_target_m
+from foldcar.crosscheck.mujoco_car import DEFAULTS, EngineOptions, MujocoCar
 from foldcar.crosscheck.pulses import PulseTrain
-from foldcar.crosscheck.servo import drive_fraction
-from foldcar.errors import FoldcarError
-from foldcar.models.ground import SMOOTH_KINDS, HeightGrid
-from foldcar.models.mjcf import MjcfOptions, mjcf
-from foldcar.models.wheel_geometry import segment_name, wheel_name
+from foldcar.models.ground import HeightGrid
 
 TICK_S = 0.02
 # The firmware ticks with the first step after its period is over: a change stands up to one step late.
 STEP_LATE_S = 1 / 240
 SETTLING_S = 0.25
-FALL_M = 5e-4
-
-
-@dataclass(frozen=True)
-class EngineOptions:
-    """Time step, shape of the tyres (cylinder or ellipsoid), and the path's interval (0: no path)."""
-
-    timestep_s: float = 1e-3
-    tyre: str = "cylinder"
-    path_interval_s: float = 0.0
-
-
-DEFAULTS = EngineOptions()
-
-
-def import_mujoco() -> Any:
-    """The package, or a FoldcarError that says how to install it."""
-    try:
-        import mujoco
-    except ImportError as error:
-        message = f"the second engine cannot be loaded ({error}): pip install 'foldcar[crosscheck]'"
-        raise FoldcarError(message) from error
-    return mujoco
 
 
 def run_mujoco(
@@ -55,124 +27,77 @@ def run_mujoco(
     options: EngineOptions = DEFAULTS,
 ) -> dict[str, Any]:
     """The result of one run. FoldcarError if the simulation leaves the finite numbers."""
-    car = MujocoCar(body, scene, grid, options)
-    ticks_to_start = round(SETTLING_S / TICK_S - 0.5)
-    car.advance(0.5 * TICK_S)
-    for _ in range(ticks_to_start):
-        car.advance(TICK_S)
-    ending = Ending(scene, car.state())
-    elapsed_s, tick_s, next_path_s = 0.0, 0.5 * TICK_S, 0.0
-    max_roll = max_pitch = 0.0
+    trial = MujocoTrial(body, scene, pulses, grid, options)
     path = []
+    next_path_s = 0.0
     while True:
-        state = car.state()
-        max_roll, max_pitch = max(max_roll, abs(state.roll_rad)), max(max_pitch, abs(state.pitch_rad))
-        outcome = ending.check(state, elapsed_s)
-        if outcome is None and elapsed_s >= pulses.end_s:
-            outcome = "timeout"
-        if options.path_interval_s > 0 and (outcome or elapsed_s >= next_path_s - 1e-9):
-            angles = (state.heading_rad, state.pitch_rad, state.roll_rad)
-            path.append([elapsed_s, state.x_m, state.y_m, state.z_m, *angles])
+        if options.path_interval_s > 0 and (trial.outcome or trial.elapsed_s >= next_path_s - 1e-9):
+            path.append(trial.path_row())
             next_path_s += options.path_interval_s
-        if outcome:
+        if trial.outcome:
             break
-        car.drive(pulses.at(elapsed_s + STEP_LATE_S))
-        car.advance(tick_s)
-        elapsed_s, tick_s = round(elapsed_s + tick_s, 9), TICK_S
-    result = {
-        "outcome": outcome,
-        "elapsed_time_s": elapsed_s,
-        "distance_to_target_m": distance_to_target_m(scene, state),
-        "max_roll_rad": max_roll,
-        "max_pitch_rad": max_pitch,
-        "end": [state.x_m, state.y_m],
-    }
-    return {**result, "path": path} if options.path_interval_s > 0 else result
+        trial.tick()
+    return {**trial.result(), "path": path} if options.path_interval_s > 0 else trial.result()
 
 
-class MujocoCar:
-    """A car in a scene, put down on the ground at the start. It stands still until it is advanced."""
+class MujocoTrial:
+    """One trial, a tick at a time. It begins when the car has stood for SETTLING_S.
+
+    ``outcome`` is None until the trial is over; ``state`` is that at ``elapsed_s``.
+    """
 
     def __init__(
         self,
         body: Mapping[str, Any],
         scene: Mapping[str, Any],
+        pulses: PulseTrain,
         grid: HeightGrid | None = None,
         options: EngineOptions = DEFAULTS,
     ) -> None:
-        self._mujoco = import_mujoco()
-        text = mjcf(body, scene, grid, MjcfOptions(options.timestep_s, options.tyre))
-        self.model = self._mujoco.MjModel.from_xml_string(text)
-        self.data = self._mujoco.MjData(self.model)
-        self._servos = [wheel["servo"] for wheel in body["wheels"]]
-        self._channels = [wheel["channel"] for wheel in body["wheels"]]
-        gains, biases = self.model.actuator_gainprm[:, 0].tolist(), self.model.actuator_biasprm[:, 2].tolist()
-        self._torque_lines = list(zip(gains, biases, strict=True))
-        self._origin = self.model.body(segment_name(_main_segment(body))).id
+        self.car = MujocoCar(body, scene, grid, options)
+        self.elapsed_s = 0.0
+        self.consumed_energy_j = 0.0
         self._scene = scene
-        self._patches = [piece for piece in scene["terrain"] if piece["kind"] == "patch"]
-        self._grips = [
-            (self.model.geom(f"{wheel_name(wheel)}_tyre").id, wheel["grip"]) for wheel in body["wheels"]
-        ] + [
-            (self.model.geom(f"{segment_name(i)}_belly").id, segment["grip"])
-            for i, segment in enumerate(body["segments"])
-        ]
-        self.drive((0.0,) * 8)
-        self._put_down(grid)
+        self._pulses = pulses
+        self._tick_s = 0.5 * TICK_S
+        self._max_roll = self._max_pitch = 0.0
+        self.car.advance(0.5 * TICK_S)
+        for _ in range(round(SETTLING_S / TICK_S - 0.5)):
+            self.car.advance(TICK_S)
+        self.state = self.car.state()
+        self._ending = Ending(scene, self.state)
+        self.outcome: str | None = None
+        self._look()
 
-    def drive(self, widths_us: tuple[float, ...]) -> None:
-        """Give the servos their pulses; patches set the friction of what stands over them."""
-        for i, servo in enumerate(self._servos):
-            fraction = drive_fraction(servo, widths_us[self._channels[i]])
-            gain, bias = self._torque_lines[i] if fraction is not None else (0.0, 0.0)
-            self.model.actuator_gainprm[i, 0], self.model.actuator_biasprm[i, 2] = gain, bias
-            self.data.ctrl[i] = fraction or 0.0
-        if self._patches:
-            for geom, grip in self._grips:
-                x, y, _ = self.data.geom_xpos[geom]
-                self.model.geom_friction[geom, 0] = grip * self._friction(x, y)
+    def tick(self) -> None:
+        """Give the servos their pulses and go on to when they get the next ones."""
+        self.car.drive(self._pulses.at(self.elapsed_s + STEP_LATE_S))
+        self.car.advance(self._tick_s)
+        self.consumed_energy_j += self.car.power_w() * self._tick_s
+        self.elapsed_s, self._tick_s = round(self.elapsed_s + self._tick_s, 9), TICK_S
+        self.state = self.car.state()
+        self._look()
 
-    def advance(self, seconds: float) -> None:
-        """Let the engine run."""
-        self._mujoco.mj_step(self.model, self.data, round(seconds / self.model.opt.timestep))
-        if self.data.warning[self._mujoco.mjtWarning.mjWARN_BADQACC].number or not math.isfinite(
-            self.data.qpos[0]
-        ):
-            raise FoldcarError("MuJoCo: the simulation left the finite numbers")
+    def path_row(self) -> list[float]:
+        """A row of docs/carsim.md's ``path``."""
+        s = self.state
+        return [self.elapsed_s, s.x_m, s.y_m, s.z_m, s.heading_rad, s.pitch_rad, s.roll_rad]
 
-    def state(self) -> State:
-        """Where the car's origin is."""
-        x, y, z = self.data.xpos[self._origin].tolist()
-        r = self.data.xmat[self._origin].tolist()
-        pitch = math.asin(max(-1.0, min(1.0, r[6])))
-        return State(x, y, z, math.atan2(r[3], r[0]), pitch, math.atan2(r[7], r[8]), r[8])
+    def result(self) -> dict[str, Any]:
+        """As of now."""
+        return {
+            "outcome": self.outcome,
+            "elapsed_time_s": self.elapsed_s,
+            "distance_to_target_m": distance_to_target_m(self._scene, self.state),
+            "consumed_energy_j": self.consumed_energy_j,
+            "max_roll_rad": self._max_roll,
+            "max_pitch_rad": self._max_pitch,
+            "end": [self.state.x_m, self.state.y_m],
+        }
 
-    def _friction(self, x: float, y: float) -> float:
-        """The ground's friction at a point: the last patch over it counts."""
-        for patch in reversed(self._patches):
-            dx, dy = x - patch["x_m"], y - patch["y_m"]
-            cos, sin = math.cos(patch["heading_rad"]), math.sin(patch["heading_rad"])
-            along, across = dx * cos + dy * sin, dy * cos - dx * sin
-            if abs(along) <= patch["length_m"] / 2 and abs(across) <= patch["width_m"] / 2:
-                return float(patch["friction"])
-        return float(self._scene["friction"])
-
-    def _put_down(self, grid: HeightGrid | None) -> None:
-        """Set the level car down to where it all but touches the ground."""
-        level = float(self.data.qpos[2])
-        ground = (0.0, 0.0) if grid is None else (float(grid.z_m.min()), float(grid.z_m.max()))
-        tops = [p["height_m"] for p in self._scene["terrain"] if p["kind"] not in (*SMOOTH_KINDS, "patch")]
-        low, high = level + min(0.0, ground[0]) - 0.01, level + max(0.0, ground[1], *tops, 0.0) + 0.01
-        while high - low > 1e-5:
-            middle = (low + high) / 2
-            self.data.qpos[2] = middle
-            self._mujoco.mj_fwdPosition(self.model, self.data)
-            low, high = (middle, high) if self.data.ncon else (low, middle)
-        self.data.qpos[2] = high + FALL_M
-        self._mujoco.mj_forward(self.model, self.data)
-
-
-def _main_segment(body: Mapping[str, Any]) -> int:
-    """The segment that carries the car's origin: the first over it."""
-    distances = [max(0.0, abs(s["x_m"]) - s["length_m"] / 2) for s in body["segments"]]
-    return distances.index(min(distances))
+    def _look(self) -> None:
+        self._max_roll = max(self._max_roll, abs(self.state.roll_rad))
+        self._max_pitch = max(self._max_pitch, abs(self.state.pitch_rad))
+        self.outcome = self._ending.check(self.state, self.elapsed_s)
+        if self.outcome is None and self.elapsed_s >= self._pulses.end_s:
+            self.outcome = "timeout"

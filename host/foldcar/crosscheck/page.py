@@ -1,4 +1,8 @@
-"""A cross-check's files: a page in Markdown with its pictures, the runs as CSV, the numbers as JSON."""
+"""A cross-check's files: a page with its pictures, the runs as CSV, the numbers as JSON.
+
+Input: cases and the results of all engines. Output: index.html, success_N.png and worst_N.png of the Nth
+experiment, runs.csv, summary.json.
+"""
 
 import csv
 import io
@@ -8,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from foldcar.atomic_file import atomic_file
 from foldcar.carsim import Carsim
@@ -20,15 +25,21 @@ from foldcar.figures.output import save_figure
 from foldcar.figures.style import OUTCOME_LABELS, RC
 from foldcar.results import OUTCOMES
 
-PAGE, RUNS, NUMBERS = "crosscheck.md", "runs.csv", "summary.json"
+PAGE, RUNS, NUMBERS = "index.html", "runs.csv", "summary.json"
 WORST = 3
 PATH_INTERVAL_S = 0.02
+MOST_FAILURES = 10
+COLOURS = 256
 NAMES = {
     CARSIM: "carsim",
     MUJOCO: "MuJoCo",
     HALF_STEP: "MuJoCo, half the time step",
     ELLIPSOID: "MuJoCo, ellipsoid tyres",
 }
+BOTH = f"{NAMES[CARSIM]} – {NAMES[MUJOCO]}"
+COMPARISON_HEAD = ["engines", "runs", "alike %", "95 % interval", "r of rates", "RMSE", "bias"]
+EXPERIMENT_HEAD = ["experiment", "runs", "carsim passed %", "MuJoCo passed %", *COMPARISON_HEAD[2:]]
+YARDSTICK_HEAD = ["half step alike %", "ellipsoid alike %"]
 
 
 def pairs_of(cases: Sequence[Case], results: Results, first: str, second: str, samples: int) -> list[Pair]:
@@ -47,20 +58,45 @@ def write_page(
     everything = max(case.sample for case in cases) + 1
     pairs = pairs_of(cases, results, CARSIM, MUJOCO, everything)
     whole = agreement(pairs)
-    comparisons = [(f"{NAMES[CARSIM]} – {NAMES[MUJOCO]}", whole)]
+    comparisons = [(BOTH, whole)]
     few = min(yardstick, everything)
     if few:
         for engine in (CARSIM, HALF_STEP, ELLIPSOID):
             name = f"{NAMES[engine]} – {NAMES[MUJOCO]}, samples 0 to {few - 1}"
             comparisons.append((name, agreement(pairs_of(cases, results, engine, MUJOCO, few))))
+    selves = [pairs_of(cases, results, engine, MUJOCO, few) for engine in (HALF_STEP, ELLIPSOID) if few]
+    experiments = {
+        name: [agreement(_of(name, some)) for some in (pairs, *selves)]
+        for name in dict.fromkeys(case.experiment for case in cases)
+    }
     with matplotlib.rc_context(RC):
-        text = [f"# Cross-check of {title}", "", *_overview(comparisons), *_confusion(whole)]
-        for experiment in dict.fromkeys(case.experiment for case in cases):
-            own = [pair for pair in pairs if pair[0].experiment == experiment]
-            text += _experiment(folder, experiment, agreement(own), own, carsim)
-    _write(folder / PAGE, "\n".join(text) + "\n")
+        sections = [
+            _section(folder, number + 1, name, one, _of(name, pairs), carsim)
+            for number, (name, (one, *_)) in enumerate(experiments.items())
+        ]
+    environment = Environment(
+        loader=PackageLoader("foldcar.crosscheck", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    page = environment.get_template("page.html").render(
+        title=title,
+        comparisons=[COMPARISON_HEAD, *(comparison_row(name, one) for name, one in comparisons)],
+        by_experiment=experiment_table(experiments) if len(experiments) > 1 else [],
+        confusion=_confusion(whole),
+        kinds=[[OUTCOME_LABELS[a], OUTCOME_LABELS[b], str(count)] for (a, b), count in whole.kinds],
+        failures=_failures(cases, results),
+        sections=sections,
+    )
+    _write(folder / PAGE, page)
     _write(folder / RUNS, _runs_csv(cases, results))
-    _write(folder / NUMBERS, json.dumps({name: _numbers(one) for name, one in comparisons}, indent=2) + "\n")
+    numbers = {
+        "comparisons": {name: _numbers(one) for name, one in comparisons},
+        "by_experiment": experiment_table(experiments),
+    }
+    _write(folder / NUMBERS, json.dumps(numbers, indent=2, ensure_ascii=False) + "\n")
     return comparisons
 
 
@@ -78,42 +114,46 @@ def comparison_row(name: str, one: Agreement) -> list[str]:
     ]
 
 
-COMPARISON_HEAD = ["engines", "runs", "alike %", "95 % interval", "r of rates", "RMSE", "bias"]
+def experiment_table(experiments: Mapping[str, Sequence[Agreement]]) -> list[list[str]]:
+    """A row an experiment: both engines, and how far MuJoCo agrees with itself if it was asked; a head above."""
+    rows = []
+    for name, (one, *selves) in experiments.items():
+        _, runs, *cells = comparison_row(name, one)
+        passed = [sum(d.first for d in one.designs.values()), sum(d.second for d in one.designs.values())]
+        shares = [f"{100 * count / one.runs:.1f}" for count in passed]
+        rows.append([name, runs, *shares, *cells, *(f"{100 * other.share:.1f}" for other in selves)])
+    return [[*EXPERIMENT_HEAD, *(YARDSTICK_HEAD if rows and len(rows[0]) > len(EXPERIMENT_HEAD) else [])], *rows]
 
 
-def _overview(comparisons: Sequence[tuple[str, Agreement]]) -> list[str]:
-    return [
-        "Runs that end alike in pass or fail. Over the designs: correlation and root mean square difference",
-        "of the success rates, and the first engine's mean surplus of them (percentage points).",
-        "",
-        *_table(COMPARISON_HEAD, [comparison_row(name, one) for name, one in comparisons]),
-    ]
+def _of(experiment: str, pairs: Sequence[Pair]) -> list[Pair]:
+    return [pair for pair in pairs if pair[0].experiment == experiment]
 
 
-def _confusion(one: Agreement) -> list[str]:
+def _confusion(one: Agreement) -> list[list[str]]:
     seen = {outcome for pair in one.confusion for outcome in pair}
     names = [outcome for outcome in OUTCOMES if outcome in seen]
     rows = [[OUTCOME_LABELS[a], *(str(one.confusion.get((a, b), 0)) for b in names)] for a in names]
-    kinds = [[OUTCOME_LABELS[a], OUTCOME_LABELS[b], str(count)] for (a, b), count in one.kinds]
-    return [
-        "## Outcomes",
-        "",
-        "Rows: carsim; columns: MuJoCo.",
-        "",
-        *_table(["", *(OUTCOME_LABELS[name] for name in names)], rows),
-        "Disagreements of pass and fail by kind:" if kinds else "No run passes in one engine only.",
-        "",
-        *(_table(["carsim", "MuJoCo", "runs"], kinds) if kinds else []),
+    return [["", *(OUTCOME_LABELS[name] for name in names)], *rows]
+
+
+def _failures(cases: Sequence[Case], results: Results) -> list[str]:
+    found = [
+        f"{case.label}, {NAMES[engine]}: {result['message']}"
+        for engine in ENGINES
+        for case, result in zip(cases, results[engine], strict=True)
+        if result is not None and result["outcome"] == "failed"
     ]
+    more = [f"and {len(found) - MOST_FAILURES} more"] if len(found) > MOST_FAILURES else []
+    return found[:MOST_FAILURES] + more
 
 
-def _experiment(
-    folder: Path, experiment: str, one: Agreement, pairs: Sequence[Pair], carsim: Carsim
-) -> list[str]:
-    picture = f"success_{experiment}.png"
-    save_figure(success_figure(one, experiment), folder / picture)
-    first = next(iter(one.designs.values()))
-    keys = [key for key in first.columns if len({d.columns[key] for d in one.designs.values()}) > 1]
+def _section(
+    folder: Path, number: int, name: str, one: Agreement, pairs: Sequence[Pair], carsim: Carsim
+) -> dict[str, Any]:
+    chart, picture = f"success_{number}.png", f"worst_{number}.png"
+    save_figure(success_figure(one, name), folder / chart, colours=COLOURS)
+    design = next(iter(one.designs.values()))
+    keys = [key for key in design.columns if len({d.columns[key] for d in one.designs.values()}) > 1]
     rows = [
         [
             *(f"{d.columns[key]:g}" for key in keys),
@@ -123,26 +163,21 @@ def _experiment(
         ]
         for d in one.designs.values()
     ]
-    text = [
-        f"## Experiment {experiment}",
-        "",
-        *_table(COMPARISON_HEAD, [comparison_row(f"{NAMES[CARSIM]} – {NAMES[MUJOCO]}", one)]),
-        f"![Success by design in both engines]({picture})",
-        "",
-        *_table([*keys, "runs", "carsim passed %", "MuJoCo passed %"], rows),
-    ]
-    found = worst(pairs, WORST)
-    if found:
-        picture = f"worst_{experiment}.png"
-        drawn = [(case, *run_with_paths(case, carsim, PATH_INTERVAL_S)) for case, *_ in found]
-        save_figure(worst_figure(drawn, carsim_heights(carsim)), folder / picture)
-        text += ["Disagreements that end furthest apart:", "", f"![The worst disagreements]({picture})", ""]
-    return text
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    lines = [head, ["---"] * len(head), *rows]
-    return [*("| " + " | ".join(cells) + " |" for cells in lines), ""]
+    drawn = []
+    for case, *known in worst(pairs, WORST):
+        first, second = run_with_paths(case, known, carsim, PATH_INTERVAL_S)
+        drawn.append((case, first, second))
+    if drawn:
+        save_figure(worst_figure(drawn, carsim_heights(carsim)), folder / picture, colours=COLOURS)
+    else:
+        (folder / picture).unlink(missing_ok=True)
+    return {
+        "name": name,
+        "comparison": [COMPARISON_HEAD, comparison_row(BOTH, one)],
+        "chart": chart,
+        "designs": [[*keys, "runs", "carsim passed %", "MuJoCo passed %"], *rows],
+        "worst": picture if drawn else None,
+    }
 
 
 def _runs_csv(cases: Sequence[Case], results: Results) -> str:
@@ -150,15 +185,8 @@ def _runs_csv(cases: Sequence[Case], results: Results) -> str:
     writer = csv.writer(text, lineterminator="\n")
     parameters = list(dict.fromkeys(key for case in cases for key in case.columns))
     values = ("outcome", "elapsed_time_s", "distance_to_target_m", "max_roll_rad", "max_pitch_rad")
-    writer.writerow(
-        [
-            "experiment",
-            "design",
-            "sample",
-            *parameters,
-            *(f"{e}_{value}" for e in ENGINES for value in values),
-        ]
-    )
+    answers = (f"{engine}_{value}" for engine in ENGINES for value in values)
+    writer.writerow(["experiment", "design", "sample", *parameters, *answers])
     for index, case in enumerate(cases):
         row = [case.experiment, case.design + 1, case.sample, *(case.columns.get(key) for key in parameters)]
         for engine in ENGINES:

@@ -10,7 +10,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from dataclasses import dataclass
 from typing import Any
 
-from foldcar.crosscheck.mujoco_run import DEFAULTS, EngineOptions, import_mujoco, run_mujoco
+from foldcar.crosscheck.mujoco_car import DEFAULTS, EngineOptions, import_mujoco
+from foldcar.crosscheck.mujoco_run import run_mujoco
 from foldcar.crosscheck.pulses import PulseTrain
 from foldcar.errors import FoldcarError
 from foldcar.models.ground import HeightGrid

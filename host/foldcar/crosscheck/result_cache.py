@@ -7,7 +7,7 @@ import hashlib
 import json
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TextIO
+from typing import Any, BinaryIO
 
 from foldcar.errors import FoldcarError
 
@@ -23,7 +23,7 @@ class ResultCache:
     def __init__(self, file: Path) -> None:
         self._file = file
         self._results: dict[str, dict[str, Any]] = {}
-        self._open: TextIO | None = None
+        self._open: BinaryIO | None = None
 
     def __enter__(self) -> "ResultCache":
         torn = False
@@ -33,11 +33,12 @@ class ResultCache:
                 torn = bool(text) and not text.endswith("\n")
                 for line in text.splitlines():
                     self._read(line)
-            self._open = self._file.open("a", encoding="utf-8")
+            # Without a buffer, so that nothing is left to write after a write that failed.
+            self._open = self._file.open("ab", buffering=0)
         except (OSError, UnicodeDecodeError) as error:
             raise FoldcarError(f"{self._file}: cannot be used: {error}") from error
         if torn:
-            self._open.write("\n")
+            self._append("\n")
         return self
 
     def __exit__(
@@ -52,10 +53,18 @@ class ResultCache:
 
     def put(self, key: str, engine: str, result: dict[str, Any]) -> None:
         """Keep a result; ``engine`` is for readers of the file."""
-        assert self._open is not None
         self._results[key] = result
-        self._open.write(json.dumps({"key": key, "engine": engine, "result": result}) + "\n")
-        self._open.flush()
+        self._append(json.dumps({"key": key, "engine": engine, "result": result}) + "\n")
+
+    def _append(self, text: str) -> None:
+        assert self._open is not None
+        line = text.encode()
+        try:
+            written = self._open.write(line)
+        except OSError as error:
+            raise FoldcarError(f"{self._file}: cannot be written: {error.strerror}") from error
+        if written != len(line):
+            raise FoldcarError(f"{self._file}: cannot be written: the disk is full")
 
     def _read(self, line: str) -> None:
         try:

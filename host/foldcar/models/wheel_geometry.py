@@ -16,9 +16,9 @@ def wheel_name(wheel: Mapping[str, Any]) -> str:
 
 
 def wheel_inertia_kg_m2(wheel: Mapping[str, Any]) -> tuple[float, float]:
-    """Of a thin disc: about its axle and about a diameter."""
+    """Of a solid disc as wide as the tyre: about its axle and about a diameter."""
     spin = 0.5 * wheel["mass_kg"] * wheel["radius_m"] ** 2
-    return spin, 0.5 * spin
+    return spin, 0.5 * spin + wheel["mass_kg"] * wheel["width_m"] ** 2 / 12
 
 
 def tyre_center_m(wheel: Mapping[str, Any]) -> tuple[float, float, float]:

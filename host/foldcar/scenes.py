@@ -66,6 +66,10 @@ class SceneSource:
             raise
         except Exception as error:
             raise FoldcarError(f"{self.program}: sample {k}: {one_line(error, self.program)}") from error
+        # Scenic would check all again when the car has been put down, soft ones that this sample was let off too.
+        scene.temporalRequirements = tuple(
+            one for one in scene.temporalRequirements if one.proposition.has_temporal_operator
+        )
         return scene
 
     def describe(self, scene: Any, k: int) -> dict[str, Any]:

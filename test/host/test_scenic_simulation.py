@@ -237,6 +237,24 @@ def test_violated_requirements_are_results(run: Run, statement: str, outcome: st
     assert result["distance_to_target_m"] is not None
 
 
+def test_requirements_on_the_sample_are_none_on_the_run(tmp_path: Path, stepped: SteppedCarsim) -> None:
+    """A soft one is drawn once a sample: those that were let off run like the others."""
+    program = tmp_path / "program.scenic"
+    program.write_text(
+        "model model\nego = new Robot at (Range(0, 0.02), 0), facing -90 deg\nterminate after 0.5 seconds\n"
+        "require[0.5] ego.position.x > 0.01\nrequire ego.position.x < 0.019\n"
+    )
+    source = open_environment(program, {}, 1)
+    scenes = [source.scenic_scene(k) for k in range(40)]
+    let_off = [scene for scene in scenes if scene.egoObject.position.x <= 0.01]
+    # A quarter, within five standard deviations.
+    assert 0 < len(let_off) < 40 * (0.25 + 5 * math.sqrt(0.25 * 0.75 / 40))
+    assert all(scene.egoObject.position.x < 0.019 for scene in scenes)
+    for k in (scenes.index(let_off[0]), scenes.index(let_off[-1])):
+        text = json.dumps(source.describe(scenes[k], k))
+        assert CarSimulator(stepped, *car(), lambda _, text=text: text).run(scenes[k])["outcome"] == "terminated"
+
+
 def test_a_monitor_ends_the_run_at_its_time_step(run: Run) -> None:
     monitor = "monitor Stop():\n    while ego.position.x < 0.4:\n        wait\n    terminate simulation\n"
     result = run(f"{HEAD}{monitor}require monitor Stop()\nterminate after 9 seconds\n")

@@ -9,7 +9,7 @@ namespace {
 
 // What a chord may miss along s, and two lines what rises between them.
 constexpr double kChordError_m = 0.0001;
-constexpr double kLineError_m = 0.00006;
+constexpr double kLineError_m = 0.00009;
 // The belly is a wide strip, and its ground seldom touched: lines enough for the hills, no more for the roughest.
 constexpr std::size_t kMostLines = 33;
 // Stations lie on multiples of this, or evenly between them.

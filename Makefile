@@ -17,17 +17,18 @@ CARSIM := .pio/build/carsim/program
 CARSIM_SOURCES := $(shell find firmware/lib sim2d platformio.ini tools/build_id.py tools/simulation_digest.py)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup study test test-native test-host lint bench clean system-packages platformio
+.PHONY: help setup study fidelity test test-native test-host lint bench clean system-packages platformio
 .DELETE_ON_ERROR:
 
 help:
-	@echo 'make setup   install what is missing (system packages, .venv, PlatformIO) and build the simulator'
-	@echo 'make study   set up, run the width study and write its report to out/$(STUDY)'
-	@echo 'make test    set up and run every test'
-	@echo 'make bench   set up and measure the speed'
-	@echo 'make lint    set up and check the Python sources only'
-	@echo 'make clean   remove everything that was built or installed here; results in out/ stay'
-	@echo 'PYTHON=...   the Python (3.10 or newer) that .venv is made with; now $(PYTHON)'
+	@echo 'make setup     install what is missing (system packages, .venv, PlatformIO) and build the simulator'
+	@echo 'make study     set up, run the width study and write its report to out/$(STUDY)'
+	@echo 'make test      set up and run every test'
+	@echo 'make bench     set up and measure the speed'
+	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
+	@echo 'make lint      set up and check the Python sources only'
+	@echo 'make clean     remove everything that was built or installed here; results in out/ stay'
+	@echo 'PYTHON=...     the Python (3.10 or newer) that .venv is made with; now $(PYTHON)'
 
 setup: $(CARSIM)
 
@@ -36,6 +37,11 @@ study: setup
 	$(BIN)/foldcar sweep scenarios/$(STUDY).json --store out/$(STUDY).db
 	$(BIN)/foldcar report out/$(STUDY).db -o out/$(STUDY)
 	@echo "The report is $(CURDIR)/out/$(STUDY)/index.html"
+
+fidelity: setup
+	@mkdir -p out
+	$(BIN)/foldcar crosscheck scenarios/fidelity.json --yardstick 5 -o out/fidelity
+	$(BIN)/python tools/fidelity.py out/fidelity docs/fidelity.md
 
 # One after the other, also under make -j, so that what fails stands last.
 test: setup
@@ -68,7 +74,7 @@ system-packages:
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
 	  echo 'make: PYTHON=$(PYTHON) is missing or older than Python 3.10; name a newer one' >&2; exit 2; }
 	"$(PYTHON)" -m venv .venv
-	$(BIN)/pip install --quiet --editable 'host[dev]'
+	$(BIN)/pip install --quiet --editable 'host[dev,crosscheck]'
 	@touch $@
 
 # Quick where all is there already; see the script for when it does something.

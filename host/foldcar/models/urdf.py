@@ -25,6 +25,8 @@ from foldcar.models.xml_elements import add, document, numbers
 def urdf(body: Mapping[str, Any], name: str) -> str:
     """The description of the car."""
     robot = Element("robot", name=name)
+    # MuJoCo alone reads this: it would count what does not move against the root as part of the world.
+    add(add(robot, "mujoco"), "compiler", fusestatic="false")
     add(robot, "link", name="base_link")
     for index, segment in enumerate(body["segments"]):
         link = add(robot, "link", name=segment_name(index))

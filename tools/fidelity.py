@@ -1,0 +1,116 @@
+"""Brings docs/fidelity.md up to date with a cross-check of scenarios/fidelity.json: its table and its pictures.
+
+Usage: fidelity.py CROSSCHECK_DIR PAGE. Reads runs.csv and pictures of the folder; replaces what stands between
+the marks in the page, and the pictures in the folder of the page's name beside it.
+"""
+
+import csv
+import shutil
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from foldcar.atomic_file import atomic_file
+from foldcar.crosscheck.agreement import Pair, agreement
+from foldcar.crosscheck.cases import Case
+from foldcar.crosscheck.charts import FIRST, LOOKS
+from foldcar.crosscheck.compare import CARSIM, ELLIPSOID, HALF_STEP, MUJOCO
+from foldcar.crosscheck.page import experiment_table
+from foldcar.figures.output import save_figure
+from foldcar.figures.style import RC
+
+BEGIN, END = "<!-- table of tools/fidelity.py -->", "<!-- end of table -->"
+# What experiments are called on the page, by how their ids begin; those of one name are one row.
+NAMES = (
+    ("width", "widths 65 to 245 mm, friction 0.6"),
+    ("friction_0.3", "friction 0.3"),
+    ("friction_0.4", "friction 0.4"),
+    ("friction_0.5", "friction 0.5"),
+    ("friction_0.7", "friction 0.7"),
+    ("friction_0.8", "friction 0.8"),
+    ("radius", "wheels of 30, 40, 50 mm radius"),
+    ("tyre", "tyres 8, 16, 20 mm wide"),
+    ("bumps", "bumps of 6 to 30 mm, radius 36 to 60 mm"),
+    ("hills", "Gaussian hills"),
+)
+EVERYTHING = "all"
+# Pictures of the cross-check (numbered as the listing's experiments) and what they are called here.
+PICTURES = {"success_1.png": "width.png", "worst_1.png": "worst_width.png", "worst_18.png": "worst_hills.png"}
+
+
+def main(folder: Path, page: Path) -> None:
+    """Update the page and its pictures."""
+    with (folder / "runs.csv").open(encoding="utf-8") as lines:
+        rows = list(csv.DictReader(lines))
+    names = [name for _, name in NAMES] + [EVERYTHING]
+    groups = {
+        name: [
+            agreement(pairs)
+            for engine in (CARSIM, HALF_STEP, ELLIPSOID)
+            if (pairs := pairs_of([row for row in rows if name in (name_of(row), EVERYTHING)], engine))
+        ]
+        for name in names
+    }
+    table = experiment_table(groups)
+    text = page.read_text(encoding="utf-8")
+    before, rest = text.split(BEGIN)
+    _, after = rest.split(END)
+    with atomic_file(page) as binary:
+        binary.write(f"{before}{BEGIN}\n{markdown(table)}{END}{after}".encode())
+    pictures = page.with_suffix("")
+    pictures.mkdir(exist_ok=True)
+    for picture, name in PICTURES.items():
+        shutil.copyfile(folder / picture, pictures / name)
+    with matplotlib.rc_context(RC):
+        save_figure(overview(table), pictures / "overview.png", colours=64)
+
+
+def name_of(row: Mapping[str, str]) -> str:
+    """The page's name of a run's experiment."""
+    return next(name for start, name in NAMES if row["experiment"].startswith(start))
+
+
+def pairs_of(rows: Sequence[Mapping[str, str]], engine: str) -> list[Pair]:
+    """The outcomes of an engine and of MuJoCo, of the runs that both have made."""
+    return [
+        (
+            Case(row["experiment"], int(row["design"]), int(row["sample"]), {}, {}, {}, {}),
+            {"outcome": row[f"{engine}_outcome"]},
+            {"outcome": row[f"{MUJOCO}_outcome"]},
+        )
+        for row in rows
+        if row[f"{engine}_outcome"] and row[f"{MUJOCO}_outcome"]
+    ]
+
+
+def markdown(table: Sequence[Sequence[str]]) -> str:
+    """A table with its head in the first row."""
+    lines = [table[0], ["---"] * len(table[0]), *table[1:]]
+    return "".join("| " + " | ".join(cells) + " |\n" for cells in lines)
+
+
+def overview(table: Sequence[Sequence[str]]) -> Any:
+    """Success in both engines, a line a row of the table."""
+    rows = table[1:]
+    figure = Figure(figsize=(7.2, 0.32 * len(rows) + 1.0), layout="constrained")
+    axes = figure.subplots()
+    places = range(len(rows), 0, -1)
+    rates = [[float(row[2]), float(row[3])] for row in rows]
+    axes.hlines(places, [min(pair) for pair in rates], [max(pair) for pair in rates], color="#999999", zorder=1)
+    for name, colour, marker, _ in LOOKS:
+        values = [pair[0 if name == FIRST else 1] for pair in rates]
+        axes.plot(values, places, marker, color=colour, markersize=6, label=name, zorder=2)
+    axes.set_yticks(places, [row[0] for row in rows])
+    axes.set_xlim(-2, 102)
+    axes.set_xlabel("runs passed (%)")
+    axes.set_title("Success in both engines")
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -1,8 +1,8 @@
 """Measures the width study's speed and says where the time goes; run it with `make bench`.
 
 Everything is measured in one go on this machine: the study by `foldcar sweep` with one and two jobs, its
-report, then the same runs in one `carsim` process that times itself. Nothing is asserted: numbers are for
-reading.
+report, then the same runs in one `carsim` process that times itself; cutting terrain in a field of hills, and what
+Scenic costs (see scenic_way). Nothing is asserted: numbers are for reading.
 """
 
 import json
@@ -17,11 +17,13 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
+from scenic_way import OBJECTS, RUN_S, sampling_ms, scenic_run_ms
 
 from foldcar.experiments import read_study
 
 PROJECT = Path(__file__).resolve().parents[1]
 LISTING = PROJECT / "scenarios" / "width_study.json"
+HILLS = PROJECT / "scenarios" / "gaussian_hills.json"
 CARSIM = PROJECT / ".pio" / "build" / "carsim" / "program"
 FOLDCAR = Path(sys.executable).with_name("foldcar")
 
@@ -46,10 +48,10 @@ def run(*arguments: str | Path) -> Timed:
     return Timed(time.perf_counter() - start_s, usage.ru_maxrss / 1024)
 
 
-def sweep(store: Path, jobs: int, environments: int | None = None) -> Timed:
-    """The study into a new store."""
+def sweep(store: Path, jobs: int, environments: int | None = None, listing: Path = LISTING) -> Timed:
+    """The study, or another listing, into a new store."""
     more = () if environments is None else ("--environments", str(environments))
-    return run("sweep", LISTING, "--store", store, "--jobs", str(jobs), *more)
+    return run("sweep", listing, "--store", store, "--jobs", str(jobs), *more)
 
 
 def batch_lines(store: Path) -> str:
@@ -109,8 +111,15 @@ def main() -> None:
         timing = carsim_timing(lines, 1)
         timing_two = carsim_timing(lines, 2)
         runs = lines.count('{"run"')
+        status.update("a field of hills")
+        hills_store = Path(folder, "hills.db")
+        sweep(hills_store, 2, listing=HILLS)
+        hills = carsim_timing(batch_lines(hills_store), 1)
         status.update("Scenic alone")
         scenic_s = scenic_seconds(100)
+        many_ms = sampling_ms()
+        status.update("Scenic beside the simulation")
+        beside_ms = scenic_run_ms(CARSIM)
 
     wall_s = timing["wall_s"]
     outside = 1 - timing["physics_s"] / wall_s
@@ -122,6 +131,7 @@ def main() -> None:
         ("share of everything else", f"{100 * outside:.1f} %"),
         ("  of which cutting terrain", f"{100 * timing['terrain_s'] / wall_s:.1f} %"),
         ("  of which the firmware", f"{100 * timing['firmware_s'] / wall_s:.2f} %"),
+        ("cutting terrain among 20 hills", f"{100 * hills['terrain_s'] / hills['wall_s']:.1f} %"),
         ("carsim alone, 2 jobs against 1", f"{wall_s / timing_two['wall_s']:.2f} ×"),
         ("whole study, 1 job", f"{one.wall_s:.1f} s, {runs / one.wall_s:.0f} runs/s"),
         ("whole study, 2 jobs", f"{two.wall_s:.1f} s, {runs / two.wall_s:.0f} runs/s"),
@@ -129,6 +139,8 @@ def main() -> None:
         ("the same study again, nothing to run", f"{again.wall_s:.1f} s"),
         ("Scenic: import, compile, sample 100 scenes", f"{scenic_s:.1f} s"),
         ("  share of the whole study, 2 jobs", f"{100 * scenic_s / two.wall_s:.0f} %"),
+        (f"Scenic: sample a scene of {OBJECTS} objects", f"{many_ms:.1f} ms"),
+        (f"Scenic beside a run of {RUN_S:g} s, without the physics", f"{beside_ms:.0f} ms"),
         ("report", f"{report.wall_s:.1f} s"),
         ("peak memory of the host, whole study", f"{two.peak_mb:.0f} MB"),
         ("peak memory of the host, a quarter of it", f"{quarter.peak_mb:.0f} MB"),

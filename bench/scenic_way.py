@@ -1,0 +1,90 @@
+"""What Scenic costs: a run of 120 s beside the simulation against the same run without it, and sampling many objects.
+
+Input: the simulator. Output: milliseconds of this process' processor time, which the simulator's process, the physics,
+is no part of; each the least of several measured in turn, since whatever else the machine does only adds.
+"""
+
+import json
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from foldcar.body import body_json
+from foldcar.carsim_step import SteppedCarsim
+from foldcar.controller import controller_parameters
+from foldcar.design import compose
+from foldcar.scenes import open_environment
+from foldcar.scenic_simulator import CarSimulator
+
+RUN_S = 120.0
+REPEATS = 7
+OBJECTS = 50
+# Slow enough to stay on the course; a condition to end the run and a record.
+SPEED_M_S = 0.1
+LONG_WAY = """model model
+param course_x_max = 20
+ego = new Robot at (0, 0), facing -90 deg
+terminate when ego.position.x > 19
+record final ego.position.x as way
+"""
+MANY = f"""model model
+ego = new Robot at (0, 0), facing -90 deg
+new Goal at (1.8, 0), facing -90 deg
+for _ in range({OBJECTS - 2}):
+    new Bump at (Range(0.3, 1.5), Range(-0.8, 0.8)), facing Range(0, 180) deg, with height Range(0.005, 0.02)
+"""
+
+
+def scenic_run_ms(binary: Path) -> float:
+    """What Scenic adds to a run of 120 s."""
+    source = _source(LONG_WAY)
+    scene = source.scenic_scene(0)
+    text = json.dumps(source.describe(scene, 0))
+    design = compose("W_B_W", {})
+    body = body_json(design)
+    settings = {
+        "speed_m_s": SPEED_M_S,
+        "yaw_rate_rad_s": 0.0,
+        "time_limit_s": RUN_S,
+        "parameters": {**controller_parameters(design, body), "TRIAL_MAX_S": RUN_S},
+    }
+    car = json.dumps(body), json.dumps(settings)
+    with SteppedCarsim(binary) as carsim:
+        simulator = CarSimulator(carsim, *car, lambda _: text)
+
+        def alone() -> Any:
+            carsim.start(car[0], text, car[1])
+            return carsim.advance(2 * RUN_S).result
+
+        beside = simulator.run(scene)
+        assert {**beside, "recorded": {}} == {**alone(), "recorded": {}}
+        assert beside["elapsed_time_s"] >= RUN_S
+        with_scenic, without = _least_ms(lambda: simulator.run(scene), alone)
+    return with_scenic - without
+
+
+def sampling_ms() -> float:
+    """Sampling one scene of 50 objects, without the JSON made of it."""
+    source = _source(MANY)
+    samples = iter(range(10_000))
+    (least,) = _least_ms(lambda: source.scenic_scene(next(samples)))
+    return least
+
+
+def _source(text: str) -> Any:
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder, "program.scenic")
+        program.write_text(text)
+        return open_environment(program, {}, 1)
+
+
+def _least_ms(*actions: Callable[[], Any]) -> list[float]:
+    least = [float("inf")] * len(actions)
+    for _ in range(REPEATS):
+        for i, action in enumerate(actions):
+            start_s = time.process_time()
+            action()
+            least[i] = min(least[i], 1000 * (time.process_time() - start_s))
+    return least

@@ -30,12 +30,13 @@ def box(
 
 
 def wheel(side: str, x_m: float) -> dict[str, Any]:
-    return {"side": side, "x_m": x_m, "radius_m": 0.06, "width_m": 0.012}
+    return {"side": side, "segment": 0, "x_m": x_m, "radius_m": 0.06, "width_m": 0.012}
 
 
 BODY = {
     "id": "w95",
     "segments": [{"x_m": 0.0, "length_m": 0.2, "width_m": 0.095, "height_m": 0.05, "center_z_m": 0.0}],
+    "hinges": [],
     "track_m": 0.111,
     "wheels": [wheel(side, x_m) for x_m in (0.07, -0.07) for side in ("left", "right")],
 }

@@ -74,7 +74,7 @@ system-packages:
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
 	  echo 'make: PYTHON=$(PYTHON) is missing or older than Python 3.10; name a newer one' >&2; exit 2; }
 	"$(PYTHON)" -m venv .venv
-	$(BIN)/pip install --quiet --editable 'host[dev,crosscheck]'
+	$(BIN)/pip install --quiet --editable 'host[dev]'
 	@touch $@
 
 # Quick where all is there already; see the script for when it does something.

@@ -13,7 +13,7 @@ from foldcar.figures.gallery import draw_gallery
 from foldcar.figures.ground import Extent, HeightMap, Heights, carsim_heights, height_map
 from foldcar.figures.height_colours import height_scale, shaded
 from foldcar.figures.profile import ACROSS, driven_line, strip_heights_m, travelled_m
-from foldcar.figures.run import draw_run, poses_to_draw
+from foldcar.figures.run import draw_run, poses_to_draw, segment_places
 from foldcar.figures.scenes import draw_scenes
 from foldcar.figures.top_view import view_of
 
@@ -30,12 +30,13 @@ def box(
 
 
 def wheel(side: str, x_m: float) -> dict[str, Any]:
-    return {"side": side, "x_m": x_m, "radius_m": 0.06, "width_m": 0.012}
+    return {"side": side, "segment": 0, "x_m": x_m, "radius_m": 0.06, "width_m": 0.012}
 
 
 BODY = {
     "id": "w95",
     "segments": [{"x_m": 0.0, "length_m": 0.2, "width_m": 0.095, "height_m": 0.05, "center_z_m": 0.0}],
+    "hinges": [],
     "track_m": 0.111,
     "wheels": [wheel(side, x_m) for x_m in (0.07, -0.07) for side in ("left", "right")],
 }
@@ -247,3 +248,23 @@ def test_a_gallery_shows_equal_scenes_once(tmp_path: Path, heights: Heights) -> 
     draw_gallery([{**SCENE, "id": f"4/{k}"} for k in range(3)], tmp_path / "g.svg", heights, "bumps")
     text = (tmp_path / "g.svg").read_text()
     assert ["scene 4/0" in text, "scene 4/1" in text] == [True, False]
+
+
+def test_segments_hang_together_in_their_hinges_and_fold_as_the_path_says() -> None:
+    segments = [{"x_m": x, "length_m": 0.09} for x in (0.1, 0.0, -0.1)]
+    hinges = [{"x_m": 0.05, "z_m": 0.01}, {"x_m": -0.05, "z_m": -0.02}]
+    folds = (-0.3, 0.2)
+    row = [1.0, 0.5, 0.0, 0.06, 0.0, 0.1, 0.0, *folds]
+
+    places = segment_places({"segments": segments, "hinges": hinges}, row)
+
+    # The main segment is the middle one: it lies as the path says, without a way of its own.
+    assert places[1][1] == pytest.approx([0.0, 0.0])
+    forwards = [numpy.array([1.0, 0.0]) @ turn for turn, _ in places]
+    pitches = [math.atan2(z, x) for x, z in forwards]
+    assert pitches[1] == pytest.approx(0.1)
+    assert [pitches[0] - pitches[1], pitches[1] - pitches[2]] == pytest.approx(folds)
+    for index, hinge in enumerate(hinges):
+        joint = numpy.array([hinge["x_m"], hinge["z_m"]])
+        (a, at_a), (b, at_b) = places[index : index + 2]
+        assert joint @ a + at_a == pytest.approx(joint @ b + at_b)

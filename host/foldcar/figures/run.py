@@ -40,7 +40,7 @@ def draw_run(
     """Draw a run into ``file`` (.png, .svg, .pdf).
 
     ``body``, ``scene`` and ``result`` are the objects of docs/carsim.md (ids may be missing); ``path`` has
-    rows of time, x, y, z, heading, pitch, roll in s, m and rad. Raises FoldcarError.
+    rows of time, x, y, z, heading, pitch, roll and hinge angles in s, m and rad. Raises FoldcarError.
     """
     check_format(file)
     if not len(path):
@@ -72,6 +72,35 @@ def poses_to_draw(travelled: Sequence[float], spacing_m: float) -> list[int]:
     while len(chosen) > 1 and abs(travelled[last] - travelled[chosen[-1]]) < spacing_m * 0.8:
         chosen.pop()
     return chosen if last == 0 else [*chosen, last]
+
+
+def segment_places(body: Mapping[str, Any], row: Any) -> list[tuple[Any, Any]]:
+    """How each segment lies at a row of the path, seen from the right.
+
+    A 2x2 matrix ``turn`` and a place ``origin`` from the car's origin (m): the point (x, z) of the car with
+    its hinges flat is at ``(x, z) @ turn + origin``.
+    """
+    segments, hinges = body["segments"], body["hinges"]
+    gaps = [max(0.0, abs(s["x_m"]) - s["length_m"] / 2) for s in segments]
+    main = gaps.index(min(gaps))
+    folds = [float(angle) for angle in row[7 : 7 + len(hinges)]]
+    places: dict[int, tuple[Any, Any]] = {main: (_turn(float(row[5])), numpy.zeros(2))}
+    pitches = {main: float(row[5])}
+    for near, far, hinge in [
+        *((i, i + 1, i) for i in range(main, len(segments) - 1)),
+        *((i, i - 1, i - 1) for i in range(main, 0, -1)),
+    ]:
+        # Positive with the front one's nose up.
+        pitches[far] = pitches[near] + (folds[hinge] if far < near else -folds[hinge])
+        turn, origin = places[near]
+        joint = numpy.array([hinges[hinge]["x_m"], hinges[hinge]["z_m"]])
+        far_turn = _turn(pitches[far])
+        places[far] = far_turn, joint @ turn + origin - joint @ far_turn
+    return [places[index] for index in range(len(segments))]
+
+
+def _turn(pitch: float) -> Any:
+    return numpy.array([[numpy.cos(pitch), numpy.sin(pitch)], [-numpy.sin(pitch), numpy.cos(pitch)]])
 
 
 def _fit_height(figure: Figure, side: Axes, above: Axes) -> None:
@@ -142,15 +171,16 @@ def _draw_side(
 
 def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, colour: str) -> float:
     """Draw the car at a row of the path; returns the height of its highest point (m)."""
-    z, pitch, roll = float(row[3]), float(row[5]), float(row[6])
-    turn = numpy.array([[numpy.cos(pitch), numpy.sin(pitch)], [-numpy.sin(pitch), numpy.cos(pitch)]])
+    z, roll = float(row[3]), float(row[6])
+    places = segment_places(body, row)
     top = z
     for wheel in sorted(
         body["wheels"], key=lambda w: str(w["side"])
     ):  # left wheels first: they are the far ones
         near = wheel["side"] == "right"
         lift = body["track_m"] / 2 * numpy.sin(roll) * (-1.0 if near else 1.0)
-        x, height = numpy.array([wheel["x_m"], 0.0]) @ turn + [distance_m, z + lift]
+        turn, origin = places[wheel["segment"]]
+        x, height = numpy.array([wheel["x_m"], 0.0]) @ turn + origin + [distance_m, z + lift]
         top = max(top, height + wheel["radius_m"])
         axes.add_patch(
             Circle(
@@ -163,11 +193,10 @@ def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, 
                 zorder=6 if near else 4,
             )
         )
-    # The path says how the main segment lies; the others are drawn with their hinges flat.
-    for box in body["segments"]:
+    for box, (turn, origin) in zip(body["segments"], places, strict=True):
         half_length, half_height = box["length_m"] / 2, box["height_m"] / 2
         corners = numpy.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * [half_length, half_height]
-        outline = (corners + numpy.array([box["x_m"], box["center_z_m"]])) @ turn + [distance_m, z]
+        outline = (corners + numpy.array([box["x_m"], box["center_z_m"]])) @ turn + origin + [distance_m, z]
         axes.add_patch(Polygon(outline, facecolor=colour, alpha=0.35, edgecolor="none", zorder=5))
         axes.add_patch(Polygon(outline, fill=False, edgecolor=colour, linewidth=1.0, zorder=7))
         top = max(top, outline[:, 1].max())

@@ -12,9 +12,11 @@
 namespace foldcar {
 namespace {
 
-PathRow path_row(const Snapshot& at) {
-  const CarState& car = at.car;
-  return {at.elapsed_time_s, car.x_m, car.y_m, car.z_m, car.heading_rad, car.pitch_rad, car.roll_rad};
+PathRow path_row(const Trial& trial, std::size_t hinges) {
+  const CarState& car = trial.now().car;
+  PathRow row = {trial.now().elapsed_time_s, car.x_m, car.y_m, car.z_m, car.heading_rad, car.pitch_rad, car.roll_rad};
+  for (std::size_t hinge = 0; hinge < hinges; ++hinge) row.push_back(trial.hinge_rad(hinge));
+  return row;
 }
 
 }  // namespace
@@ -47,6 +49,7 @@ class Trial::Simulation {
 
   double now_s() const { return static_cast<double>(steps_) * car_.step_s(); }
   double step_s() const { return car_.step_s(); }
+  double hinge_rad(std::size_t hinge) const { return car_.hinge_rad(hinge); }
   Application& application() { return application_; }
   const CarState& state() const { return car_.state(); }
   std::optional<Ending> ending;  // from the start of the trial on
@@ -92,6 +95,8 @@ Trial::~Trial() = default;
 
 double Trial::step_s() const { return simulation_->step_s(); }
 
+double Trial::hinge_rad(std::size_t hinge) const { return simulation_->hinge_rad(hinge); }
+
 void Trial::step() {
   simulation_->step();
   look();
@@ -129,7 +134,7 @@ TrialResult run_trial(const BodySpec& body, const SceneSpec& scene, const TrialS
   for (;;) {
     const std::optional<Outcome> outcome = trial.outcome();
     if (spec.path_interval_s > 0 && (outcome || trial.now().elapsed_time_s >= next_path_s - 1e-9)) {
-      path.push_back(path_row(trial.now()));
+      path.push_back(path_row(trial, body.hinges.size()));
       next_path_s += spec.path_interval_s;
     }
     if (outcome) {

@@ -31,8 +31,8 @@ struct TrialSpec {
   Parameters parameters;
 };
 
-// time, x, y, z (of the car's origin), heading, pitch, roll
-using PathRow = std::array<double, 7>;
+// time, x, y, z (of the car's origin), heading, pitch, roll, then the angle of each hinge from front to back
+using PathRow = std::vector<double>;
 
 struct TrialResult {
   Outcome outcome = Outcome::kTimeout;
@@ -73,6 +73,7 @@ class Trial {
   std::optional<Outcome> outcome() const { return outcome_; }
   const Snapshot& now() const { return now_; }
   double step_s() const;
+  double hinge_rad(std::size_t hinge) const;
   // The result of a trial that ended at that moment in that way; without a path.
   TrialResult result(const Snapshot& at, Outcome outcome) const;
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import resource
 import signal
 import subprocess
 import sys
@@ -177,3 +178,54 @@ def test_without_mujoco_one_line_says_how_to_get_it(
     assert done.returncode == 2
     assert "pip install 'foldcar[crosscheck]'" in done.stderr and done.stderr.count("\n") == 1
     assert not (tmp_path / "check").exists()
+
+
+def test_a_program_with_dynamics_decides_in_both_engines(
+    foldcar: Callable[..., "subprocess.CompletedProcess[str]"],
+    tmp_path: Path,
+    write_listing: Any,
+    listing_data: Any,
+) -> None:
+    (tmp_path / "drive.scenic").write_text(
+        "model model\n"
+        "ego = new Robot at (0, 0), facing -90 deg\n"
+        "terminate when ego.position.x > 0.8\n"
+        "record final ego.position.x > 0.8 as passed\n"
+    )
+    listing_data["environments"]["1"]["scenic_filename"] = "drive.scenic"
+    file = write_listing(listing_data)
+    done = foldcar("crosscheck", file, "--environments", "1", "--yardstick", "1", "--jobs", "2", "-o", "check")
+
+    assert done.returncode == 0, done.stderr
+    with (tmp_path / "check" / "runs.csv").open() as lines:
+        rows = list(csv.DictReader(lines))
+    results = [json.loads(line) for line in (tmp_path / "check" / "results.jsonl").read_text().splitlines()]
+    assert len(rows) == 2 and len(results) == 8
+    for row in rows:
+        assert row["carsim_outcome"] == row["mujoco_outcome"] == row["mujoco_half_step_outcome"] == "passed"
+        times = [float(row[f"{engine}_elapsed_time_s"]) for engine in ("carsim", "mujoco")]
+        assert times[0] == pytest.approx(times[1], rel=0.03)
+    for one in results:
+        # A tick is 14 mm of way, of which the end is the first beyond the limit.
+        assert 0.8 < one["result"]["end"][0] < 0.815
+
+
+def test_a_full_disk_is_one_line_and_the_command_goes_on_when_there_is_room(
+    tmp_path: Path, write_listing: Any, listing_data: Any
+) -> None:
+    command = [sys.executable, "-c", "from foldcar.cli import main; main()", "crosscheck"]
+    command += [str(write_listing(listing_data)), "--environments", "1", "--yardstick", "0", "-o", "check"]
+    limit = 700  # one result's line and a part of the next
+    full = subprocess.run(
+        command,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )
+
+    assert full.returncode == 2
+    assert "check/results.jsonl: cannot be written" in full.stderr and full.stderr.count("\n") == 1
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "check" / "index.html").read_text().rstrip().endswith("</html>")

@@ -1,5 +1,6 @@
 """The second engine against closed forms, and both engines against the same sums where both can run them."""
 
+import itertools
 import json
 import math
 from typing import Any
@@ -11,6 +12,7 @@ from foldcar.carsim import Carsim, RunRequest
 from foldcar.controller import CHANNELS
 from foldcar.crosscheck.mujoco_car import EngineOptions, MujocoCar
 from foldcar.crosscheck.mujoco_run import run_mujoco
+from foldcar.crosscheck.mujoco_step import SteppedMujoco
 from foldcar.crosscheck.pulses import PulseTrain, ask_pulses
 from foldcar.crosscheck.servo import drive_fraction
 from foldcar.models.ground import height_grid
@@ -123,6 +125,11 @@ def test_a_stalled_servo_gives_its_stall_torque_at_the_supply_voltage() -> None:
 
     stall = body["wheels"][0]["servo"]["stall_torque_n_m"] * 2.6 / body["wheels"][0]["servo"]["rated_v"]
     assert car.data.actuator_force == pytest.approx(numpy.full(4, stall), rel=1e-3)
+    servo = body["wheels"][0]["servo"]
+    rise_a = servo["stall_current_a"] - servo["no_load_current_a"]
+    assert car.power_w() == pytest.approx(
+        4 * 2.6 * (servo["no_load_current_a"] + rise_a * 2.6 / servo["rated_v"]), rel=1e-3
+    )
 
 
 def test_a_car_with_blocked_wheels_slides_to_a_halt_by_friction() -> None:
@@ -211,3 +218,25 @@ def ray_height_m(car: MujocoCar, piece: dict[str, Any], along: float, across: fl
     geom = numpy.zeros(1, dtype=numpy.int32)
     origin, down = numpy.array([x, y, 2.0]), numpy.array([0.0, 0.0, -1.0])
     return 2.0 - float(mujoco.mj_ray(car.model, car.data, origin, down, None, True, -1, geom))
+
+
+def test_a_trial_advanced_in_steps_is_the_trial_run_at_once(carsim_binary: Any) -> None:
+    body, scene = car_body(), empty_scene(goal_x_m=0.6)
+    settings = {"speed_m_s": 0.6, "time_limit_s": 10.0}
+    (pulses,) = ask_pulses(Carsim(carsim_binary), [settings])
+    whole = run_mujoco(body, scene, pulses)
+
+    stepped = SteppedMujoco(carsim_binary, EngineOptions())
+    advanced = stepped.start(json.dumps(body), json.dumps(scene), json.dumps(settings))
+    rows = [advanced.state]
+    while advanced.result is None:
+        advanced = stepped.advance(rows[-1].t_s + 0.11)
+        rows += stepped.rows()
+
+    assert advanced.result == whole
+    assert whole["consumed_energy_j"] > 0
+    for before, after in itertools.pairwise(rows[10:]):
+        # The speed between two ticks, whose mean the way is.
+        mean = (before.speed_m_s + after.speed_m_s) / 2
+        assert after.x_m - before.x_m == pytest.approx(mean * (after.t_s - before.t_s), abs=5e-4)
+    assert stepped.end(0)["outcome"] == "terminated"

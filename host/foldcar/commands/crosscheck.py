@@ -84,7 +84,11 @@ def _print(comparisons: "list[tuple[str, Agreement]]") -> None:
         console = Console(highlight=False, width=160)
     table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
     for index, head in enumerate(COMPARISON_HEAD):
-        table.add_column(head, justify="right" if index else "left", no_wrap=True)
+        # On a narrow terminal the names wrap, and no number is cut off.
+        if index:
+            table.add_column(head, justify="right", no_wrap=True, min_width=len(head))
+        else:
+            table.add_column(head, min_width=12)
     for name, one in comparisons:
         table.add_row(*comparison_row(name, one))
     console.print(table)

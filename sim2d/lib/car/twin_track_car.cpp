@@ -21,7 +21,7 @@ constexpr double kInertiaTolerance = 0.02;
 constexpr double kTrackTolerance_m = 3e-5;
 
 // Impulses take this many times the iterations through a chain of segments; with fewer, loads flicker between wheels.
-constexpr int kHingedRounds = 2;
+constexpr int kHingedRounds = 3;
 
 double filter_gain(double step_s, double time_constant_s) { return 1 - std::exp(-step_s / time_constant_s); }
 

@@ -21,7 +21,7 @@ constexpr double kInertiaTolerance = 0.02;
 constexpr double kTrackTolerance_m = 3e-5;
 
 // Impulses take this many times the iterations through a chain of segments; with fewer, loads flicker between wheels.
-constexpr int kHingedRounds = 2;
+constexpr int kHingedRounds = 3;
 
 double filter_gain(double step_s, double time_constant_s) { return 1 - std::exp(-step_s / time_constant_s); }
 
@@ -102,6 +102,7 @@ void TwinTrackCar::put_down(const PoseSpec& start) {
     axle_z_m = std::max(axle_z_m, resting_axle_height_m(ground_.belly(), segment, reference_m));
   }
   car_ = build_mechanism(world_, body_, constants_, friction_, axle_z_m + options_.drop_m, q);
+  tyre_load_n_ = constants_.mass_kg * kGravity_m_s2;
   last_s_m_ = to_metres(car_.chassis->GetPosition().x);
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
     take_friction(i, to_metres(car_.wheel[i]->GetPosition().x));

@@ -34,10 +34,17 @@ class PartData(BaseModel):
 class BoxPart(PartData):
     """A part that takes a box: length along the car unless turned, width across, height up."""
 
+    cost_usd: Quantity
     mass_kg: Quantity
     length_mm: Quantity
     width_mm: Quantity
     height_mm: Quantity
+
+
+class Caster(BoxPart):
+    """A ball under a flange with two screws."""
+
+    hole_spacing_mm: Quantity
 
 
 class Battery(BoxPart):
@@ -72,6 +79,7 @@ class ServoLine(BaseModel):
 class Servo(PartData):
     """A wheel servo: length along the car, width up, depth across from the wall inwards."""
 
+    cost_usd: Quantity
     mass_kg: Quantity
     length_mm: Quantity
     width_mm: Quantity
@@ -101,8 +109,31 @@ class Servo(PartData):
         )
 
 
+class Horn(PartData):
+    """What a servo turns a wheel with; it comes with the servo, and its mass is in that of a wheel."""
+
+    length_mm: Quantity
+    hub_diameter_mm: Quantity
+    thickness_mm: Quantity
+    hole_diameter_mm: Quantity
+    spline_diameter_mm: Quantity
+    spline_height_mm: Quantity
+
+
+class Screw(PartData):
+    """A screw and its nut, ``length_mm`` from under the head; their mass is in that of the wiring."""
+
+    cost_usd: Quantity
+    mass_kg: Quantity
+    diameter_mm: Quantity
+    length_mm: Quantity
+    head_diameter_mm: Quantity
+
+
 class Film(PartData):
     """The sheet everything is folded from."""
+
+    cost_usd_m2: Quantity
 
     thickness_mm: Quantity
     density_kg_m3: Quantity
@@ -134,6 +165,9 @@ class Catalogue(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     servo: Servo
+    horn: Horn
+    screw: Screw
+    caster: Caster
     feather: BoxPart
     featherwing: BoxPart
     lipo: BoxPart
@@ -152,6 +186,9 @@ def catalogue() -> Catalogue:
 
     return Catalogue(
         servo=Servo.model_validate_json(text("fs90r.json")),
+        horn=Horn.model_validate_json(text("horn.json")),
+        screw=Screw.model_validate_json(text("screw_m2.json")),
+        caster=Caster.model_validate_json(text("caster.json")),
         feather=BoxPart.model_validate_json(text("feather_huzzah32.json")),
         featherwing=BoxPart.model_validate_json(text("servo_featherwing.json")),
         lipo=BoxPart.model_validate_json(text("lipo_500mah.json")),

@@ -34,6 +34,7 @@ class PartData(BaseModel):
 class BoxPart(PartData):
     """A part that takes a box: length along the car unless turned, width across, height up."""
 
+    cost_usd: Quantity
     mass_kg: Quantity
     length_mm: Quantity
     width_mm: Quantity
@@ -46,6 +47,12 @@ class Board(BoxPart):
     hole_spacing_length_mm: Quantity
     hole_spacing_width_mm: Quantity
     hole_mm: Quantity
+
+
+class Caster(BoxPart):
+    """A ball under a flange with two screws."""
+
+    hole_spacing_mm: Quantity
 
 
 class Battery(BoxPart):
@@ -80,6 +87,7 @@ class ServoLine(BaseModel):
 class Servo(PartData):
     """A wheel servo: length along the car, width up, depth across. Ears at ``ear_underside_mm`` above its bottom."""
 
+    cost_usd: Quantity
     mass_kg: Quantity
     length_mm: Quantity
     width_mm: Quantity
@@ -113,8 +121,31 @@ class Servo(PartData):
         )
 
 
+class Horn(PartData):
+    """What a servo turns a wheel with; it comes with the servo, and its mass is in that of a wheel."""
+
+    length_mm: Quantity
+    hub_diameter_mm: Quantity
+    thickness_mm: Quantity
+    hole_diameter_mm: Quantity
+    spline_diameter_mm: Quantity
+    spline_height_mm: Quantity
+
+
+class Screw(PartData):
+    """A screw and its nut, ``length_mm`` from under the head; their mass is in that of the wiring."""
+
+    cost_usd: Quantity
+    mass_kg: Quantity
+    diameter_mm: Quantity
+    length_mm: Quantity
+    head_diameter_mm: Quantity
+
+
 class Film(PartData):
     """The sheet everything is folded from."""
+
+    cost_usd_m2: Quantity
 
     thickness_mm: Quantity
     density_kg_m3: Quantity
@@ -161,6 +192,9 @@ class Catalogue(BaseModel):
 
     servo: Servo
     feather: Board
+    horn: Horn
+    screw: Screw
+    caster: Caster
     featherwing: BoxPart
     lipo: BoxPart
     battery: Battery
@@ -179,6 +213,9 @@ def catalogue() -> Catalogue:
     return Catalogue(
         servo=Servo.model_validate_json(text("fs90r.json")),
         feather=Board.model_validate_json(text("feather_huzzah32.json")),
+        horn=Horn.model_validate_json(text("horn.json")),
+        screw=Screw.model_validate_json(text("screw_m2.json")),
+        caster=Caster.model_validate_json(text("caster.json")),
         featherwing=BoxPart.model_validate_json(text("servo_featherwing.json")),
         lipo=BoxPart.model_validate_json(text("lipo_500mah.json")),
         battery=Battery.model_validate_json(text("battery_4xaa.json")),

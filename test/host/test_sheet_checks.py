@@ -159,7 +159,7 @@ def test_the_study_car_encloses_its_box() -> None:
          "slot", "inside the slot"),
         (with_mount_moved("front left servo", -3, 0, 0), "parts", "is cut by"),
         (with_mount_moved("500 mAh LiPo", 0, 0, 4), "parts", "is cut by"),
-        (with_mount_moved("4xAA holder", 0, 0, -7), "parts", "runs 1.00 mm into 8-channel Servo FeatherWing"),
+        (with_mount_moved("4xAA holder", 0, 0, -7), "parts", "runs 1.00 mm into 4xAA holder"),
         (with_axle_moved("wheel2", 20, 0), "wheels", "is 0.00 mm from wheel2"),
         (with_axle_moved("wheel1", 0, 6.5), "wheels", "runs into front right servo"),
         (with_axle_moved("wheel1", 0, 15), "wheels", "runs into beam: right"),

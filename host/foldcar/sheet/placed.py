@@ -62,8 +62,9 @@ class PlacedFace:
 
 
 def polygon(face: Face) -> shapely.Polygon:
-    """A face with its holes, flat."""
-    return shapely.Polygon(face.outline_mm, [hole.outline_mm for hole in face.holes])
+    """A face with its holes, flat; mended where its outlines cross, which check_flat finds."""
+    shape = shapely.Polygon(face.outline_mm, [hole.outline_mm for hole in face.holes])
+    return shape if shape.is_valid else shape.buffer(0)
 
 
 def place(car: FoldedCar) -> dict[str, list[PlacedFace]]:

@@ -182,25 +182,9 @@ def test_every_parameter_says_what_it_is() -> None:
         assert declared.least <= declared.default_value <= declared.maximum
 
 
-TAIL = '''
-from foldcar.compiler.component import Sub
-from foldcar.compiler.library.caster import Caster
-from foldcar.compiler.library.module import Module
-from foldcar.compiler.parameter import Parameter
-
-
-class Tail(Module):
-    letter = "Tail"
-    title = "tail: a caster under the floor"
-    parameters = (*Module.parameters, Parameter("offset", 5, 0, 50, "of the caster from the middle", "the middle"))
-
-    def subcomponents(self):
-        return (*super().subcomponents(), Sub("caster", Caster))
-
-    def build(self, shape):
-        width = shape.face_size_mm("beam.floor")[1]
-        Caster.attach(shape, "caster", "beam.floor", (self["length"] / 2 - self["offset"], width / 2))
-'''
+# The example of docs/compiler.md.
+DOC = (Path(__file__).parents[2] / "docs" / "compiler.md").read_text(encoding="utf-8")
+TAIL = "\n" + DOC[DOC.index("from foldcar.compiler.component import Sub") :].partition("```")[0]
 
 
 @pytest.fixture(autouse=True)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -263,3 +264,25 @@ def test_a_module_that_cannot_be_built_is_named_with_file_and_line(
 def test_a_file_that_is_not_there_is_named() -> None:
     with pytest.raises(FoldcarError, match=r"^--components nowhere.py: is no Python file$"):
         load_components(Path("nowhere.py"))
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "answer"),
+    [
+        (("", ""), 0, "FoldcarV.urdf\n"),
+        (("import Caster", "import Castor"), 2, "foldcar: error: own.py:3: ImportError: cannot import name 'Castor'"),
+        (('"beam.floor")[1]', '"beam.flor")[1]'), 2, "foldcar: error: cars.json: vehicles.V.type: Tail2: has no face"),
+    ],
+)  # fmt: skip
+def test_commands_take_modules_of_ones_own(
+    tmp_path: Path, foldcar: Any, change: tuple[str, str], code: int, answer: str
+) -> None:
+    (tmp_path / "own.py").write_text(TAIL.replace(*change))
+    (tmp_path / "cars.json").write_text('{"vehicles": {"V": {"type": "W_B_Tail", "params": [{"Tail": {"offset": 4}}]}}}')
+
+    said = foldcar("model", "cars.json", "--vehicle", "V", "--components", "own.py", "--to", "urdf", "-o", "out")
+
+    assert said.returncode == code
+    assert (said.stdout if code == 0 else said.stderr).startswith("out/" + answer if code == 0 else answer)
+    assert said.stderr.count("\n") == (code != 0)
+    assert (tmp_path / "out").exists() == (code == 0)

@@ -164,6 +164,8 @@ def test_the_study_car_encloses_its_box() -> None:
         (with_face("deck", "shelf", lambda f: replace(f, outline_mm=tuple((x, min(y, 94.0)) for x, y in f.outline_mm))),
          "slot", "inside the slot"),
         (with_mount_moved("front left servo", -3, 0, 0), "parts", "is cut by"),
+        (with_holes_moved("deck", "shelf", "screw", 0.5), "parts", "Feather: is 0.50 mm off the middle of its holes"),
+        (with_holes_moved("beam", "left", "screw", 1.0), "parts", "servo: is 0.67 mm off the middle of its holes"),
         (with_mount_moved("500 mAh LiPo", 0, 0, 4), "parts", "is cut by"),
         (with_mount_moved("4xAA holder", 0, 0, -7), "parts", "runs 1.00 mm into 4xAA holder"),
         (with_axle_moved("wheel2", 20, 0), "wheels", "is 0.00 mm from wheel2"),

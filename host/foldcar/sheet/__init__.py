@@ -1,0 +1,1 @@
+"""What a car is cut from: faces, creases and joins of film, flat and folded."""

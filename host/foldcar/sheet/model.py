@@ -1,0 +1,168 @@
+"""A car's film and everything fixed to it: the immutable data that every exporter reads.
+
+Lengths in millimetres, angles in radians. A face has a frame of its own: its outline lies in the plane z = 0, the
+printed side looks to +z. Folding turns a child face about the edge it shares with its parent; a positive angle
+lifts the child towards the parent's +z (a valley fold seen from the printed side), a negative one is a mountain.
+The faces are the film's middle surface. The car's frame: x forward, y left, z up, from the middle of its length at axle
+height, hinges flat. Poses are 4x4 row-major homogeneous matrices as nested tuples.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Point = tuple[float, float]
+Pose = tuple[tuple[float, float, float, float], ...]
+
+HoleKind = Literal["opening", "screw", "slot", "slit", "axle", "vent"]
+JoinKind = Literal["lap", "tab", "tab_slot", "laminate", "rim"]
+
+
+@dataclass(frozen=True, slots=True)
+class Hole:
+    """A closed cut inside a face, counter-clockwise in the face's frame; ``diameter_mm`` if it is a circle."""
+
+    name: str
+    kind: HoleKind
+    outline_mm: tuple[Point, ...]
+    diameter_mm: float | None = None
+    center_mm: Point | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """One flat polygon of film. ``role`` is panel, tab or rim; edge i runs from outline point i to i + 1."""
+
+    name: str
+    outline_mm: tuple[Point, ...]
+    holes: tuple[Hole, ...] = ()
+    role: Literal["panel", "tab", "rim"] = "panel"
+    label: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeRef:
+    """Edge ``index`` of the face of that name."""
+
+    face: str
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class Crease:
+    """Two faces of a piece that share an edge; the child's edge runs against the parent's in the flat.
+
+    ``angle_rad`` is the assembled angle. A flexure bends in use, between ``min_rad`` and ``max_rad``.
+    """
+
+    name: str
+    parent: EdgeRef
+    child: EdgeRef
+    angle_rad: float
+    flexure: bool = False
+    min_rad: float | None = None
+    max_rad: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A connected part cut from one sheet: ``faces[0]`` is the root of the tree that the creases make."""
+
+    name: str
+    label: str
+    faces: tuple[Face, ...]
+    creases: tuple[Crease, ...]
+    thickness_mm: float
+    count: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedPiece:
+    """One copy of a piece in the car: the pose of its root face. ``body`` is ``segment0`` … or ``wheel0`` …"""
+
+    piece: str
+    copy: int
+    body: str
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Join:
+    """What is put together by hand; ``number`` is printed on both sides, joins that share one are one seam.
+
+    tab, lap, rim: edge 0 of tab ``a`` and the edge ``b`` meet, the tab is glued to the inside of b's face; lap within
+    one piece, rim around a wheel. laminate: face ``a`` lies on face ``b``. tab_slot: edge ``a`` is a tongue's tip, put
+    through hole ``slot`` of b's face.
+    """
+
+    number: int
+    kind: JoinKind
+    piece_a: str
+    a: EdgeRef
+    piece_b: str
+    b: EdgeRef
+    length_mm: float
+    slot: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """A bought part in its place: ``part`` names the catalogue's entry, ``pose`` that of the middle of its box."""
+
+    part: str
+    name: str
+    body: str
+    pose: Pose
+    size_mm: tuple[float, float, float]
+    mass_kg: float
+    face: str | None = None
+    holes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Axle:
+    """A wheel's joint: servo ``servo`` (a mount's name) on ``channel`` turns body ``wheel`` about +y at ``center_mm``."""
+
+    wheel: str
+    body: str
+    servo: str
+    channel: int
+    side: Literal["left", "right"]
+    direction: int
+    center_mm: tuple[float, float, float]
+    radius_mm: float
+    tyre_width_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class HingeJoint:
+    """A flexure between two segments: pitch about +y at ``center_mm``."""
+
+    front: str
+    rear: str
+    center_mm: tuple[float, float, float]
+    stiffness_n_m_rad: float
+    min_rad: float
+    max_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """A connection: from one terminal (``FeatherWing.3``) to another (``front left servo``); what it carries."""
+
+    a: str
+    b: str
+    carries: Literal["signal", "supply", "stack", "usb"]
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FoldedCar:
+    """Everything that is cut, bought, fixed and wired of one car."""
+
+    pieces: tuple[Piece, ...]
+    placed: tuple[PlacedPiece, ...]
+    joins: tuple[Join, ...]
+    mounts: tuple[Mount, ...]
+    axles: tuple[Axle, ...]
+    hinges: tuple[HingeJoint, ...]
+    wires: tuple[Wire, ...]

@@ -86,7 +86,7 @@ def _lines(shape: Shape, seen: Sequence[Seen], view: Camera, size: float) -> lis
     texts = []
     for kind, (colour, dashes, width) in LINES.items():
         pieces = [part for line in by_kind.get(kind, ()) for part in shapely.get_parts(line)]
-        d = "".join(_polyline(part) for part in pieces if part.geom_type == "LineString")
+        d = "".join(_polyline(part) for part in pieces if part.length > 0)
         if d:
             thick = size * width / 100
             dashed = "" if dashes is None else ' stroke-dasharray="' + " ".join(f"{n * thick:.3f}" for n in dashes) + '"'

@@ -45,7 +45,7 @@ def _wing(rows_end: float) -> list[str]:
         _box(left, TOP_MM - 6, right - left, rows_end - TOP_MM + 16, "board"),
         _text((left + right) / 2, TOP_MM - 1.5, catalogue().featherwing.name, 3),
         _box(left + 10, rows_end + 1, right - left - 20, 7, "other"),
-        _text((left + right) / 2, rows_end + 5.6, "terminal block  −  +", 3),
+        _text((left + right) / 2, rows_end + 5.6, "terminal block  +  −", 3),
     ]
 
 
@@ -80,8 +80,8 @@ def _supply(rows_end: float) -> list[str]:
         _box(5, y - 8, SERVO_MM, 16, "battery"),
         _text(5 + SERVO_MM / 2, y - 1, parts.battery.name, 3.4, bold=True),
         _text(5 + SERVO_MM / 2, y + 4, volts, 3),
-        f'<path d="M{5 + SERVO_MM:g},{y - 2:g}H{middle + 12:g}V{rows_end + 8:g}" stroke="#c2272d" stroke-width="1.2" fill="none"/>',
-        f'<path d="M{5 + SERVO_MM:g},{y + 2:g}H{middle + 4:g}V{rows_end + 8:g}" stroke="{INK}" stroke-width="1.2" fill="none"/>',
+        f'<path d="M{5 + SERVO_MM:g},{y - 2:g}H{middle + 4:g}V{rows_end + 8:g}" stroke="#c2272d" stroke-width="1.2" fill="none"/>',
+        f'<path d="M{5 + SERVO_MM:g},{y + 2:g}H{middle + 12:g}V{rows_end + 8:g}" stroke="{INK}" stroke-width="1.2" fill="none"/>',
         _text(5 + SERVO_MM + 3, y - 3.4, "+", 3.4),
         _text(5 + SERVO_MM + 3, y + 5.8, "−", 3.4),
         _box(left, y + 10, right - left, 20, "board"),

@@ -41,6 +41,14 @@ class BoxPart(PartData):
     height_mm: Quantity
 
 
+class Board(BoxPart):
+    """A board with four holes at the corners of a rectangle."""
+
+    hole_spacing_length_mm: Quantity
+    hole_spacing_width_mm: Quantity
+    hole_mm: Quantity
+
+
 class Caster(BoxPart):
     """A ball under a flange with two screws."""
 
@@ -77,7 +85,7 @@ class ServoLine(BaseModel):
 
 
 class Servo(PartData):
-    """A wheel servo: length along the car, width up, depth across from the wall inwards."""
+    """A wheel servo: length along the car, width up, depth across. Ears at ``ear_underside_mm`` above its bottom."""
 
     cost_usd: Quantity
     mass_kg: Quantity
@@ -85,6 +93,10 @@ class Servo(PartData):
     width_mm: Quantity
     depth_mm: Quantity
     axis_from_end_mm: Quantity
+    ear_span_mm: Quantity
+    ear_thickness_mm: Quantity
+    ear_underside_mm: Quantity
+    screw_spacing_mm: Quantity
     operating_points: tuple[OperatingPoint, OperatingPoint]
     rotor_inertia_kg_m2: Quantity
     neutral_us: Quantity
@@ -154,6 +166,20 @@ class Assembly(PartData):
     hub_layers: Quantity
     hub_radius_share: Quantity
     horn_mass_kg: Quantity
+    hub_hole_mm: Quantity
+    horn_hole_mm: Quantity
+    horn_screw_radius_mm: Quantity
+    screw_hole_mm: Quantity
+    doubler_margin_mm: Quantity
+    cap_tab_mm: Quantity
+    cable_slit_mm: Quantity
+    cable_slit_length_mm: Quantity
+    shelf_clearance_mm: Quantity
+    flange_mm: Quantity
+    tongue_mm: Quantity
+    tongue_reach_mm: Quantity
+    slot_clearance_mm: Quantity
+    hinge_glue_mm: Quantity
     tyre_grip: Quantity
     belly_friction: Quantity
     tyre_friction: Quantity
@@ -165,10 +191,10 @@ class Catalogue(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     servo: Servo
+    feather: Board
     horn: Horn
     screw: Screw
     caster: Caster
-    feather: BoxPart
     featherwing: BoxPart
     lipo: BoxPart
     battery: Battery
@@ -186,10 +212,10 @@ def catalogue() -> Catalogue:
 
     return Catalogue(
         servo=Servo.model_validate_json(text("fs90r.json")),
+        feather=Board.model_validate_json(text("feather_huzzah32.json")),
         horn=Horn.model_validate_json(text("horn.json")),
         screw=Screw.model_validate_json(text("screw_m2.json")),
         caster=Caster.model_validate_json(text("caster.json")),
-        feather=BoxPart.model_validate_json(text("feather_huzzah32.json")),
         featherwing=BoxPart.model_validate_json(text("servo_featherwing.json")),
         lipo=BoxPart.model_validate_json(text("lipo_500mah.json")),
         battery=Battery.model_validate_json(text("battery_4xaa.json")),

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from foldcar.assembly.hidden_surfaces import Facet, Vector
-from foldcar.assembly.poses import Matrix, edge_points, face_poses, moved
+from foldcar.assembly.poses import Matrix, face_poses, glued_offset_mm, moved
 from foldcar.assembly.solids import mount_material
 from foldcar.sheet.model import Mount, Piece
 
@@ -48,7 +48,7 @@ def together(shapes: Iterable[Shape]) -> Shape:
 def film_shape(
     piece: Piece,
     pose: Matrix,
-    fraction: float | Mapping[str, float] = 1.0,
+    fraction: float = 1.0,
     prefix: str = "",
     tabs: bool = True,
     creases: bool = True,
@@ -57,19 +57,19 @@ def film_shape(
     poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
     facets, lines = [], []
     kinds = _edge_kinds(piece) if creases else {}
+    offsets = glued_offset_mm(piece)
     shown = [face for face in piece.faces if tabs or face.role != "tab"]
     for face in shown:
-        at, key = poses[face.name], prefix + face.name
-        rings = [face.outline_mm, *(hole.outline_mm for hole in face.holes)]
-        placed = tuple(moved(at, np.array(ring)) for ring in rings)
-        facets.append(Facet(key, placed, at[:3, 2], layer=-1 if face.role == "tab" else 0))
-        for i in range(len(face.outline_mm)):
-            kind = kinds.get((face.name, i), "cut")
-            lines.append(EdgeLine(key, moved(at, np.array(edge_points(face, i))), kind))
-        for ring in placed[1:]:
-            lines += [
-                EdgeLine(key, np.array([a, b]), "cut") for a, b in zip(ring, np.roll(ring, -1, 0), strict=True)
-            ]
+        at, key = poses[face.name].copy(), prefix + face.name
+        at[:3, 3] += offsets.get(face.name, 0.0) * at[:3, 2]
+        rings = tuple(
+            moved(at, np.array(ring)) for ring in (face.outline_mm, *(hole.outline_mm for hole in face.holes))
+        )
+        facets.append(Facet(key, rings, at[:3, 2]))
+        for number, ring in enumerate(rings):
+            for i, ends in enumerate(zip(ring, np.roll(ring, -1, 0), strict=True)):
+                kind = "cut" if number else kinds.get((face.name, i), "cut")
+                lines.append(EdgeLine(key, np.array(ends), kind))
     rim = any(face.role == "rim" for face in piece.faces)
     return Shape(tuple(facets), tuple(lines), {f.key: "tyre" if rim else "film" for f in facets})
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from shapely import Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 
-# Faces nearer to each other than this lie on each other: the one of the higher layer hides the other.
+# Faces nearer to each other than this touch: neither hides the other.
 TOUCHING_MM = 0.05
 LEAST_AREA_MM2 = 0.02
 # Without a grid, outlines that touch to within rounding can make wrong intersections.
@@ -28,13 +28,12 @@ Vector = NDArray[np.float64]
 class Facet:
     """A flat polygon: ``rings_mm[0]`` is the outline (n, 3), the others are holes; any order of its points.
 
-    ``key`` says what it is, to whoever draws it. ``layer`` decides which of two touching facets hides the other.
+    ``key`` says what it is, to whoever draws it.
     """
 
     key: str
     rings_mm: tuple[Vector, ...]
     normal: Vector
-    layer: int = 0
 
 
 @dataclass(frozen=True)
@@ -83,8 +82,7 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
     wide = shapely.area(shared) > LEAST_AREA_MM2
     for a, b, region in zip(first[wide], second[wide], shared[wide], strict=True):
         for one, other in ((a, b), (b, a)):
-            above = facets[kept[other]].layer > facets[kept[one]].layer
-            part = _nearer(region, planes[other] - planes[one], -TOUCHING_MM if above else TOUCHING_MM)
+            part = _nearer(region, planes[other] - planes[one])
             if part is not None:
                 hidden[one].append(part)
     found = []
@@ -94,7 +92,7 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
             region = shapely.difference(region, shapely.union_all(hidden[place], grid_size=GRID_MM), grid_size=GRID_MM)
         if region.area > LEAST_AREA_MM2:
             found.append(_seen(facets[index], region, view))
-    return sorted(found, key=lambda seen: (seen.facet.layer, _mean_depth(seen.facet, view)))
+    return sorted(found, key=lambda seen: _mean_depth(seen.facet, view))
 
 
 def _depth(facet: Facet, view: Camera) -> Vector:
@@ -106,10 +104,10 @@ def _depth(facet: Facet, view: Camera) -> Vector:
     return np.array([point @ view.toward - a * (point @ view.right) - b * (point @ view.up), a, b])
 
 
-def _nearer(region: BaseGeometry, ahead: Vector, least_mm: float) -> BaseGeometry | None:
-    """The part of a region where ``ahead``, the depth by which a facet is nearer, is above the least."""
+def _nearer(region: BaseGeometry, ahead: Vector) -> BaseGeometry | None:
+    """The part of a region where ``ahead``, the depth by which a facet is nearer, is more than touching."""
     corners = shapely.get_coordinates(region)
-    lead = ahead[0] + corners @ ahead[1:] - least_mm
+    lead = ahead[0] + corners @ ahead[1:] - TOUCHING_MM
     if (lead <= 0).all():
         return None
     if (lead > 0).all():
@@ -119,7 +117,7 @@ def _nearer(region: BaseGeometry, ahead: Vector, least_mm: float) -> BaseGeometr
     along = np.array([-ahead[2], ahead[1]]) / slope
     inward = np.array([ahead[1], ahead[2]]) / slope
     middle = corners.mean(axis=0)
-    middle = middle - inward * (ahead[0] + middle @ ahead[1:] - least_mm) / slope
+    middle = middle - inward * (ahead[0] + middle @ ahead[1:] - TOUCHING_MM) / slope
     size = 4 * (np.ptp(corners, axis=0).sum() + abs(lead).max() / slope)
     square = [middle + s * size * along + t * size * inward for s, t in ((-1, 0), (1, 0), (1, 1), (-1, 1))]
     return shapely.intersection(region, Polygon(square), grid_size=GRID_MM)

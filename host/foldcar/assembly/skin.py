@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.assembly.poses import Matrix, edge_points, face_poses, moved
+from foldcar.assembly.poses import Matrix, face_poses, moved
 from foldcar.assembly.triangles import face_points, face_triangles
-from foldcar.sheet.model import Crease, Face, Piece
+from foldcar.sheet.folding import edge
+from foldcar.sheet.model import Crease, Piece, Point
 
 SHARPEST_MITRE_RAD = math.radians(150)
 SAME_LENGTH_MM = 1e-6
@@ -71,9 +72,7 @@ def film_solid(piece: Piece, pose: Matrix, fraction: float = 1.0) -> Mesh:
 
 def _is_welded(piece: Piece, crease: Crease, fraction: float) -> bool:
     faces = {face.name: face for face in piece.faces}
-    lengths = [
-        math.dist(*edge_points(faces[edge.face], edge.index)) for edge in (crease.parent, crease.child)
-    ]
+    lengths = [math.dist(*edge(faces, reference)) for reference in (crease.parent, crease.child)]
     return (
         abs(fraction * crease.angle_rad) < SHARPEST_MITRE_RAD and abs(lengths[0] - lengths[1]) < SAME_LENGTH_MM
     )
@@ -138,13 +137,9 @@ def _offset(normals: list[NDArray[np.float64]], distance_mm: float) -> NDArray[n
 
 def piece_area_mm2(piece: Piece) -> float:
     """Film in one copy of the piece."""
-    return sum(_ring_area_mm2(face) - sum(_area(hole.outline_mm) for hole in face.holes) for face in piece.faces)
+    return sum(_area(face.outline_mm) - sum(_area(hole.outline_mm) for hole in face.holes) for face in piece.faces)
 
 
-def _ring_area_mm2(face: Face) -> float:
-    return _area(face.outline_mm)
-
-
-def _area(ring: tuple[tuple[float, float], ...]) -> float:
+def _area(ring: tuple[Point, ...]) -> float:
     x, y = np.array(ring).T
     return float(abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2)

@@ -82,7 +82,7 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
     wide = shapely.area(shared) > LEAST_AREA_MM2
     for a, b, region in zip(first[wide], second[wide], shared[wide], strict=True):
         for one, other in ((a, b), (b, a)):
-            part = _nearer(region, planes[other] - planes[one])
+            part = _nearer(_polygons(region), planes[other] - planes[one])
             if part is not None:
                 hidden[one].append(part)
     found = []
@@ -120,7 +120,14 @@ def _nearer(region: BaseGeometry, ahead: Vector) -> BaseGeometry | None:
     middle = middle - inward * (ahead[0] + middle @ ahead[1:] - TOUCHING_MM) / slope
     size = 4 * (np.ptp(corners, axis=0).sum() + abs(lead).max() / slope)
     square = [middle + s * size * along + t * size * inward for s, t in ((-1, 0), (1, 0), (1, 1), (-1, 1))]
-    return shapely.intersection(region, Polygon(square), grid_size=GRID_MM)
+    return _polygons(shapely.intersection(region, Polygon(square), grid_size=GRID_MM))
+
+
+def _polygons(geometry: BaseGeometry) -> BaseGeometry:
+    """Without the points and lines in which outlines only touch."""
+    if geometry.geom_type in ("Polygon", "MultiPolygon"):
+        return geometry
+    return shapely.multipolygons([part for part in shapely.get_parts(geometry) if part.geom_type == "Polygon"])
 
 
 def _seen(facet: Facet, region: BaseGeometry, view: Camera) -> Seen:

@@ -61,7 +61,7 @@ def film_shape(
     shown = [face for face in piece.faces if tabs or face.role != "tab"]
     for face in shown:
         at, key = poses[face.name].copy(), prefix + face.name
-        at[:3, 3] += offsets.get(face.name, 0.0) * at[:3, 2]
+        at[:3, 3] += fraction * offsets.get(face.name, 0.0) * at[:3, 2]
         rings = tuple(
             moved(at, np.array(ring)) for ring in (face.outline_mm, *(hole.outline_mm for hole in face.holes))
         )

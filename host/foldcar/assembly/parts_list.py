@@ -9,7 +9,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from foldcar.assembly.skin import piece_area_mm2
-from foldcar.parts import BoxPart, Quantity, Servo, catalogue
+from foldcar.parts import BoxPart, Servo, catalogue
 from foldcar.sheet.model import FoldedCar
 
 SCREWS_PER_SERVO = 2
@@ -107,9 +107,8 @@ def _bought(folded: FoldedCar) -> list[Row]:
     masses: dict[str, float] = {}
     for mount in folded.mounts:
         masses[mount.part] = masses.get(mount.part, 0.0) + mount.mass_kg
-    costs = _costs()
     return [
-        Row(name, count, "", masses[name], costs[name].value * count if name in costs else None)
+        Row(name, count, "", masses[name], *_cost(name, count))
         for name, count in counts.items()
     ]
 
@@ -118,18 +117,20 @@ def _small(folded: FoldedCar) -> list[Row]:
     parts = catalogue()
     servos = sum(mount.part == parts.servo.name for mount in folded.mounts)
     screws = SCREWS_PER_SERVO * servos
-    horns = len(folded.axles)
     return [
         Row(parts.screw.name, screws, "", None, screws * parts.screw.cost_usd.value,
             f"{SCREWS_PER_SERVO} a servo; their mass is in {parts.wiring.name}"),
-        Row(parts.horn.name, horns, "", horns * parts.assembly.horn_mass_kg.value, None, "comes with the servo"),
     ]  # fmt: skip
 
 
-def _costs() -> dict[str, Quantity]:
+def _cost(name: str, count: int) -> tuple[float | None, str]:
+    """What so many cost, and a note."""
     parts = catalogue()
-    bought = (getattr(parts, name) for name in type(parts).model_fields)
-    return {part.name: part.cost_usd for part in bought if isinstance(part, BoxPart | Servo)}
+    if name == parts.horn.name:
+        return None, "come with the servos"
+    bought = (getattr(parts, field) for field in type(parts).model_fields)
+    costs = {part.name: part.cost_usd.value for part in bought if isinstance(part, BoxPart | Servo)}
+    return (costs[name] * count, "") if name in costs else (None, "no price known")
 
 
 def _amount(row: Row) -> str:

@@ -1,6 +1,6 @@
 """A piece of film as a closed solid of its thickness, folded.
 
-Input: a Piece, how far it is folded, the pose of its root face. Output: a Mesh in millimetres. Faces that share a
+Input: a Piece and how far it is folded. Output: a Mesh in millimetres. Faces that share a
 crease share its vertices, which stand half a thickness off both faces on either side: folds come out mitred and a piece
 is one shell without gaps. A crease folded almost back on itself has no mitre: there the faces stay shells of their own.
 """
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.assembly.poses import Matrix, face_poses, moved
+from foldcar.assembly.poses import face_poses, moved
 from foldcar.assembly.triangles import face_points, face_triangles
 from foldcar.sheet.folding import edge
 from foldcar.sheet.model import Crease, Piece, Point
@@ -41,8 +41,8 @@ def joined(meshes: list[Mesh]) -> Mesh:
     return Mesh(np.concatenate([mesh.vertices_mm for mesh in meshes]), np.concatenate(triangles))
 
 
-def film_solid(piece: Piece, pose: Matrix, fraction: float = 1.0) -> Mesh:
-    """The solid of one copy of the piece with its root face at ``pose``."""
+def film_solid(piece: Piece, fraction: float = 1.0) -> Mesh:
+    """The solid of the piece in its root face's frame."""
     poses = face_poses(piece, fraction)
     welded = [crease for crease in piece.creases if _is_welded(piece, crease, fraction)]
     names = shared_vertices(piece, welded)
@@ -52,7 +52,7 @@ def film_solid(piece: Piece, pose: Matrix, fraction: float = 1.0) -> Mesh:
     inner = {(crease.parent.face, crease.parent.index) for crease in welded}
     inner |= {(crease.child.face, crease.child.index) for crease in welded}
     for face in piece.faces:
-        at = pose @ poses[face.name]
+        at = poses[face.name]
         points, ends = face_points(face)
         vertex = names[face.name]
         for index, point in zip(vertex, moved(at, points), strict=True):

@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 
+from foldcar.assembly.poses import moved
 from foldcar.assembly.skin import Mesh, film_solid, joined
 from foldcar.sheet.model import FoldedCar, Mount
 
@@ -24,13 +25,15 @@ class Solid:
 def film_solids(folded: FoldedCar) -> list[Solid]:
     """Every piece of film where it ends up."""
     pieces = {piece.name: piece for piece in folded.pieces}
+    shapes = {piece.name: film_solid(piece) for piece in folded.pieces}
     found = []
     for placed in folded.placed:
         piece = pieces[placed.piece]
         name = piece.name if piece.count == 1 else f"{piece.name} {placed.copy + 1}"
         material: Material = "tyre" if any(face.role == "rim" for face in piece.faces) else "film"
-        mesh = film_solid(piece, np.array(placed.pose))
-        found.append(Solid(f"{name} ({placed.body})", placed.body, material, mesh))
+        mesh = shapes[piece.name]
+        vertices = moved(np.array(placed.pose), mesh.vertices_mm)
+        found.append(Solid(f"{name} ({placed.body})", placed.body, material, Mesh(vertices, mesh.triangles)))
     return found
 
 

@@ -15,7 +15,6 @@
   const canvas = document.getElementById("model");
   const renderer = new THREE.WebGLRenderer({canvas, antialias: true, preserveDrawingBuffer: true});
   renderer.setPixelRatio(window.devicePixelRatio);
-  renderer.outputEncoding = THREE.sRGBEncoding;
   renderer.shadowMap.enabled = true;
   renderer.shadowMap.type = THREE.PCFSoftShadowMap;
   const scene = new THREE.Scene();
@@ -209,6 +208,7 @@
     const box = filmBox();
     document.body.dataset.fold = t.toFixed(3);
     document.body.dataset.box = [...box.min.toArray(), ...box.max.toArray()].map(v => v.toFixed(3)).join(" ");
+    for (const part of bought) box.expandByPoint(part.group.position);
     return box;
   }
 
@@ -223,8 +223,9 @@
   }));
   const direction = new THREE.Vector3(1.0, 0.85, 0.95).normalize();
   function look(t) {
-    const target = views[0].target.clone().lerp(views[1].target, smooth(t));
-    const size = views[0].size.clone().lerp(views[1].size, smooth(t));
+    const share = smooth(Math.max(0, (t - FOLDED_AT) / (1 - FOLDED_AT)));
+    const target = views[0].target.clone().lerp(views[1].target, share);
+    const size = views[0].size.clone().lerp(views[1].size, share);
     // Far enough for the larger of width and height, seen along the direction.
     const across = (size.x * direction.y + size.y * direction.x) / Math.hypot(direction.x, direction.y);
     const upright = size.z * Math.hypot(direction.x, direction.y) +

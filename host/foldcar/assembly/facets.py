@@ -53,10 +53,10 @@ def film_shape(
     tabs: bool = True,
     creases: bool = True,
 ) -> Shape:
-    """One copy of a piece. Keys are the faces' names after ``prefix``; ``creases`` draws folds as folds."""
+    """One copy of a piece. Keys are the faces' names after ``prefix``; ``creases`` draws folds as folds, not as edges."""
     poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
     facets, lines = [], []
-    kinds = _edge_kinds(piece) if creases else {}
+    kinds = _edge_kinds(piece)
     offsets = glued_offset_mm(piece)
     shown = [face for face in piece.faces if tabs or face.role != "tab"]
     for face in shown:
@@ -69,7 +69,8 @@ def film_shape(
         for number, ring in enumerate(rings):
             for i, ends in enumerate(zip(ring, np.roll(ring, -1, 0), strict=True)):
                 kind = "cut" if number else kinds.get((face.name, i), "cut")
-                lines.append(EdgeLine(key, np.array(ends), kind))
+                if kind is not None:
+                    lines.append(EdgeLine(key, np.array(ends), kind if creases else "cut"))
     rim = any(face.role == "rim" for face in piece.faces)
     return Shape(tuple(facets), tuple(lines), {f.key: "tyre" if rim else "film" for f in facets})
 
@@ -94,9 +95,14 @@ def mount_shape(mount: Mount) -> Shape:
     return Shape(tuple(facets), tuple(lines), {facet.key: mount_material(mount) for facet in facets})
 
 
-def _edge_kinds(piece: Piece) -> dict[tuple[str, int], LineKind]:
-    kinds: dict[tuple[str, int], LineKind] = {}
+def _edge_kinds(piece: Piece) -> dict[tuple[str, int], LineKind | None]:
+    kinds: dict[tuple[str, int], LineKind | None] = {}
+    rims = {face.name for face in piece.faces if face.role == "rim"}
     for crease in piece.creases:
+        if {crease.parent.face, crease.child.face} <= rims:
+            # A rim bends evenly and has no folds between its sides.
+            kinds[crease.parent.face, crease.parent.index] = kinds[crease.child.face, crease.child.index] = None
+            continue
         kind: LineKind = "valley" if crease.angle_rad > 0 else "mountain" if crease.angle_rad < 0 else "flat"
         kinds[crease.parent.face, crease.parent.index] = kind
         kinds[crease.child.face, crease.child.index] = kind

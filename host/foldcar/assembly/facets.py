@@ -75,9 +75,10 @@ def film_shape(
     return Shape(tuple(facets), tuple(lines), {f.key: "tyre" if rim else "film" for f in facets})
 
 
-def mount_shape(mount: Mount) -> Shape:
-    """A bought part's box."""
-    pose, half = np.array(mount.pose), np.array(mount.size_mm) / 2
+def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
+    """A bought part's box, at its place in the car or at ``pose``."""
+    pose = np.array(mount.pose) if pose is None else pose
+    half = np.array(mount.size_mm) / 2
     facets, lines = [], []
     for axis in range(3):
         for sign in (-1.0, 1.0):

@@ -12,7 +12,9 @@ import numpy as np
 from foldcar.assembly.hidden_surfaces import Facet, Vector
 from foldcar.assembly.poses import Matrix, face_poses, glued_offset_mm, moved
 from foldcar.assembly.solids import mount_material
-from foldcar.sheet.model import Mount, Piece
+from foldcar.sheet.model import Hole, Mount, Piece
+
+SMALL_HOLE_MM = 4.0
 
 LineKind = Literal["cut", "mountain", "valley", "flat"]
 
@@ -62,9 +64,7 @@ def film_shape(
     for face in shown:
         at, key = poses[face.name].copy(), prefix + face.name
         at[:3, 3] += fraction * offsets.get(face.name, 0.0) * at[:3, 2]
-        rings = tuple(
-            moved(at, np.array(ring)) for ring in (face.outline_mm, *(hole.outline_mm for hole in face.holes))
-        )
+        rings = tuple(moved(at, ring) for ring in (np.array(face.outline_mm), *map(_hole_ring, face.holes)))
         facets.append(Facet(key, rings, at[:3, 2]))
         for number, ring in enumerate(rings):
             for i, ends in enumerate(zip(ring, np.roll(ring, -1, 0), strict=True)):
@@ -89,11 +89,19 @@ def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
             corners[:, v] = np.array([-1, -1, 1, 1]) * half[v]
             ring = moved(pose, corners)
             key = f"{mount.name} {axis}{sign:+g}"
-            facets.append(Facet(key, (ring,), sign * pose[:3, axis]))
+            facets.append(Facet(key, (ring,), sign * pose[:3, axis], closed=True))
             lines += [
                 EdgeLine(key, np.array([a, b]), "cut") for a, b in zip(ring, np.roll(ring, -1, 0), strict=True)
             ]
     return Shape(tuple(facets), tuple(lines), {facet.key: mount_material(mount) for facet in facets})
+
+
+def _hole_ring(hole: Hole) -> Vector:
+    """The hole's outline; circles with as many corners as a picture shows."""
+    if hole.diameter_mm is None or hole.center_mm is None:
+        return np.array(hole.outline_mm)
+    turns = np.linspace(0, 2 * np.pi, 16 if hole.diameter_mm > SMALL_HOLE_MM else 10, endpoint=False)
+    return np.array(hole.center_mm) + hole.diameter_mm / 2 * np.column_stack([np.cos(turns), np.sin(turns)])
 
 
 def _edge_kinds(piece: Piece) -> dict[tuple[str, int], LineKind | None]:

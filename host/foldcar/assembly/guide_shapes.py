@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from foldcar.assembly.facets import Shape, film_shape, mount_shape
-from foldcar.assembly.hidden_surfaces import Vector
+from foldcar.assembly.facets import Shape, film_shape, mount_shape, together
+from foldcar.assembly.hidden_surfaces import Camera, Vector
 from foldcar.assembly.poses import Matrix, face_poses
 from foldcar.assembly.skin import piece_area_mm2
 from foldcar.sheet.model import FoldedCar, Mount, Piece, PlacedPiece, Pose
@@ -79,20 +79,25 @@ def key(placed: PlacedPiece) -> str:
     return f"{placed.piece} {placed.copy} "
 
 
-def whole_car(folded: FoldedCar, apart_mm: float = 0.0) -> list[Shape]:
-    """All film without tabs, and bought parts; wheels moved sideways by ``apart_mm``."""
+def outside(shape: Shape, view: Camera) -> Shape:
+    """What an onlooker can see of closed film, whose printed side is inside: the faces that turn their back to us."""
+    facets = tuple(facet for facet in shape.facets if facet.normal @ view.toward < 0)
+    return Shape(facets, shape.lines, shape.materials)
+
+
+def whole_car(folded: FoldedCar, view: Camera, apart_mm: float = 0.0) -> Shape:
+    """The closed car from outside: film without tabs, servos; wheels moved sideways by ``apart_mm``."""
     pieces = {piece.name: piece for piece in folded.pieces}
     sides = {axle.wheel: 1.0 if axle.side == "left" else -1.0 for axle in folded.axles}
     shapes = []
     for placed in folded.placed:
         pose = np.array(placed.pose)
         pose[1, 3] += apart_mm * sides.get(placed.body, 0.0)
-        shapes.append(film_shape(pieces[placed.piece], pose, 1.0, key(placed), tabs=False, creases=False))
-    for mount in folded.mounts:
-        pose = np.array(mount.pose)
-        pose[1, 3] += apart_mm * sides.get(mount.body, 0.0)
-        shapes.append(mount_shape(mount, pose))
-    return shapes
+        film = film_shape(pieces[placed.piece], pose, 1.0, key(placed), tabs=False, creases=False)
+        shapes.append(outside(film, view))
+    driving = {axle.servo for axle in folded.axles}
+    shapes += [mount_shape(mount) for mount in folded.mounts if mount.name in driving]
+    return together(shapes)
 
 
 def same_shapes(pieces: Iterable[Piece]) -> list[list[Piece]]:

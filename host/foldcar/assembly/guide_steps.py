@@ -12,7 +12,7 @@ import numpy as np
 
 from foldcar.assembly.drawing import Mark, picture
 from foldcar.assembly.facets import Shape, film_shape, mount_shape, together
-from foldcar.assembly.guide_shapes import Body, key, same_shapes, whole_car
+from foldcar.assembly.guide_shapes import Body, key, outside, same_shapes, whole_car
 from foldcar.assembly.hidden_surfaces import camera
 from foldcar.assembly.join_marks import join_marks
 from foldcar.parts import catalogue
@@ -23,7 +23,7 @@ ASLANT = camera(-55, 32)
 FROM_FRONT = camera(38, 30)
 EXPLODED_MM = 45.0
 SERVOS_SEEN = 0.55
-LID_OPEN = 0.78
+LID_OPEN = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +59,15 @@ def steps(folded: FoldedCar) -> list[Step]:
 
 def finished(folded: FoldedCar) -> Picture:
     """The whole car."""
-    return Picture(picture(together(whole_car(folded)), FROM_FRONT, "The finished car"), "the finished car")
+    return Picture(picture(whole_car(folded, FROM_FRONT), FROM_FRONT, "The finished car"), "the finished car")
 
 
 def _cut(folded: FoldedCar) -> Step:
     pictures = []
     for piece in folded.pieces:
-        svg = picture(film_shape(piece, np.eye(4), 0.0), ABOVE, piece.label, join_marks(folded, piece, np.eye(4), 0.0))
+        rim = any(face.role == "rim" for face in piece.faces)
+        marks = [] if rim else join_marks(folded, piece, np.eye(4), 0.0)
+        svg = picture(film_shape(piece, np.eye(4), 0.0), ABOVE, piece.label, marks, enlarged=2.0)
         times = f", {piece.count} times" if piece.count > 1 else ""
         pictures.append(Picture(svg, f"{piece.label}{times}"))
     lines = (
@@ -141,21 +143,15 @@ def _doublings(folded: FoldedCar, body: Body, flat: list[PlacedPiece], of: str) 
     shape = together([body.base_shape(0.0), *(body.piece_shape(placed, 0.0) for placed in flat)])
     numbers = sorted({join.number for join in folded.joins if join.kind == "laminate" and join.piece_b == body.base.piece})
     names = ", ".join(f"{count} × {name}" for name, count in Counter(placed.piece for placed in flat).items())
-    view = _flat_view(body)
     lines = (
         f"Glue onto the printed side of the flat {body.base_piece.label}: {names}. Join {_numbers(numbers)}.",
         "Openings and screw holes must lie on each other: put screws through them while the glue sets.",
     )
-    marks = [
-        Mark(str(numbers[0]), body.follow(body.face_of(placed), placed.pose, 0.0)[:3, 3], key(placed) + face.name)
-        for placed in flat
-        for face in body.pieces[placed.piece].faces[:1]
-    ]
-    return Step(f"Double the walls{of}", lines, (Picture(picture(shape, view, "Doublings", marks), "printed side up"),))
-
-
-def _flat_view(body: Body):  # type: ignore[no-untyped-def]
-    return camera(-90, 50)
+    marks: list[Mark] = []
+    for placed in flat:
+        pose = body.follow(body.face_of(placed), placed.pose, 0.0)
+        marks += join_marks(folded, body.pieces[placed.piece], pose, 0.0, key(placed))
+    return Step(f"Double the walls{of}", lines, (Picture(picture(shape, camera(-75, 50), "Doublings", marks), "printed side up"),))
 
 
 def _servos(folded: FoldedCar, body: Body, flat: list[PlacedPiece], of: str) -> Step:
@@ -165,7 +161,7 @@ def _servos(folded: FoldedCar, body: Body, flat: list[PlacedPiece], of: str) -> 
     lines = [
         "Before you build a servo in, give it pulses of 1500 µs and turn its potentiometer until it stands still.",
         "Put each servo in from outside until its ears lie on the wall; the shaft is at the end nearer to the car's end. "
-        f"Two {catalogue().screw.name}s each.",
+        f"Each is held by two screws ({catalogue().screw.name}).",
         "Mark the leads: " + "; ".join(f"{axle.servo}: output {axle.channel}" for axle in axles) + ".",
     ]
     pictures = (
@@ -183,7 +179,7 @@ def _inside(folded: FoldedCar, body: Body, film: list[PlacedPiece], of: str) -> 
         piece = body.pieces[placed.piece]
         numbers = sorted({j.number for j in folded.joins if j.piece_a == piece.name and j.kind == "tab_slot"})
         if numbers:
-            lines.append(f"Put the folded {piece.label} in: its tongues go through the slots, join {_numbers(numbers)}.")
+            lines.append(f"Put the folded {piece.label} in: its tongues go through the slots, joins {_numbers(numbers)}.")
     fixed = [m for m in body.mounts if m.part not in (catalogue().servo.name, catalogue().wiring.name)]
     for mount in fixed:
         how = f"with {len(mount.holes)} screws" if mount.holes else "with double-sided tape or on its headers"
@@ -239,16 +235,17 @@ def _wheel(folded: FoldedCar, body: Body, count: int) -> Step:
     axle = next(axle for axle in folded.axles if axle.wheel == body.name)
     outward = 1.0 if axle.side == "left" else -1.0
     order = sorted(body.placed, key=lambda placed: (outward * _middle_y(body, placed), placed.copy))
+    view = camera(35 if outward > 0 else -35, 18)
     apart, whole = [], []
     for place, placed in enumerate(order):
         shift = np.array([0.0, outward * place * 0.5 * axle.radius_mm, 0.0])
         pose = np.array(placed.pose)
-        whole.append(film_shape(body.pieces[placed.piece], pose, 1.0, key(placed), creases=False))
+        film = film_shape(body.pieces[placed.piece], pose, 1.0, key(placed), tabs=False, creases=False)
+        whole.append(outside(film, view))
         pose[:3, 3] += shift
         apart.append(film_shape(body.pieces[placed.piece], pose, 1.0, key(placed), creases=False))
     for mount in body.mounts:
         pose = np.array(mount.pose)
-        whole.append(mount_shape(mount))
         pose[1, 3] -= outward * 0.5 * axle.radius_mm
         apart.append(mount_shape(mount, pose))
     names = [piece.name for piece in (body.pieces[placed.piece] for placed in order)]
@@ -261,7 +258,6 @@ def _wheel(folded: FoldedCar, body: Body, count: int) -> Step:
         if numbers:
             lines.append(text.format(_numbers(numbers)))
     lines.append(f"Screw the {catalogue().horn.name} to the disc with the small holes before you close the wheel.")
-    view = camera(35 if outward > 0 else -35, 18)
     pictures = (
         Picture(picture(together(apart), view, "A wheel's layers"), "the layers, horn first"),
         Picture(picture(together(whole), view, "A wheel"), "the wheel, from its outer side"),
@@ -270,7 +266,7 @@ def _wheel(folded: FoldedCar, body: Body, count: int) -> Step:
 
 
 def _wheels_on(folded: FoldedCar) -> Step:
-    shape = together(whole_car(folded, EXPLODED_MM))
+    shape = whole_car(folded, FROM_FRONT, EXPLODED_MM)
     lines = (
         "Press each wheel's horn onto its servo and drive the servo's own screw in through the hole of the outer disc.",
         "Turn every wheel by hand: it must not touch the wall, nor its neighbour.",

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from foldcar.commands.components_option import Components
+
 
 def view(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing or design (JSON).")],
@@ -16,6 +18,7 @@ def view(
         list[str] | None,
         typer.Option("--set", metavar="NAME=MM", help="Choose a design parameter, e.g. width=95 or W.length=60."),
     ] = None,
+    components: Components = None,
 ) -> None:
     """Write a page that shows a car flat, folding and assembled; it opens in a browser, without a network."""
     from foldcar.assembly.view_page import view_page

@@ -52,7 +52,7 @@ def register(kind: type[Module]) -> None:
         raise ComponentError(kind.__name__, f'letter "{letter}" is that of {_MODULES[letter].__name__} already')
     known = {key: parameter.declared for key, parameter in parameters().items()}
     for parameter in kind.parameters:
-        if parameter.shared and known.get(parameter.name, parameter) != parameter:
+        if known.get(parameter.name, parameter) != parameter:
             raise ComponentError(
                 kind.__name__, f'its parameter "{parameter.name}" is declared otherwise than that of the whole car'
             )

@@ -5,8 +5,9 @@ Input: a FoldedCar. Output: Steps in order. Words and numbers follow from the de
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from foldcar.assembly.guide_shapes import Body, key, outside, same_shapes, whole
 from foldcar.assembly.hidden_surfaces import camera
 from foldcar.assembly.join_marks import join_marks
 from foldcar.parts import catalogue
-from foldcar.sheet.model import FoldedCar, Join, Piece, PlacedPiece
+from foldcar.sheet.model import FoldedCar, Piece, PlacedPiece
 
 ABOVE = camera(-90, 90)
 ASLANT = camera(-55, 32)
@@ -50,8 +51,9 @@ def steps(folded: FoldedCar) -> list[Step]:
     found = [_cut(folded), *_folds(folded)]
     for body in segments:
         found += _segment(folded, body, f" of segment {segments.index(body) + 1}" if len(segments) > 1 else "")
-    if folded.hinges:
-        found.append(_hinges(folded))
+    left = [(body, placed) for body in segments for placed in body.others if _part_of(body, placed) == "left"]
+    if left:
+        found.append(_left(folded, segments, left))
     if wheels:
         found += [_wheel(folded, wheels[0], len(wheels)), _wheels_on(folded)]
     return found
@@ -79,10 +81,10 @@ def _cut(folded: FoldedCar) -> Step:
 
 
 def _folds(folded: FoldedCar) -> Iterator[Step]:
-    for group in same_shapes(piece for piece in folded.pieces if piece.creases):
+    for group in same_shapes(piece for piece in folded.pieces if any(crease.angle_rad for crease in piece.creases)):
         piece = group[0]
         rim = any(face.role == "rim" for face in piece.faces)
-        names = " and ".join(one.label for one in group)
+        names = _listed([one.label for one in group])
         times = f" ({piece.count} times)" if piece.count > 1 else ""
         states = ((0.5, "half folded"), (1.0, "folded")) if rim else ((0.0, "flat"), (0.5, "half folded"), (1.0, "folded"))
         view = camera(-70, 25) if rim else ASLANT
@@ -96,7 +98,10 @@ def _folds(folded: FoldedCar) -> Iterator[Step]:
             )
             for share, state in states
         )  # fmt: skip
-        yield Step(f"Fold the {names}{times}", tuple(_fold_lines(folded, piece, rim)), pictures)
+        lines = [*_fold_lines(folded, piece, rim)]
+        if len(group) > 1:
+            lines.append(f"The numbers in the pictures are those of the {piece.label}; see step 1 for the others.")
+        yield Step(f"Fold the {names}{times}", tuple(lines), pictures)
 
 
 def _fold_lines(folded: FoldedCar, piece: Piece, rim: bool) -> Iterator[str]:
@@ -112,8 +117,6 @@ def _fold_lines(folded: FoldedCar, piece: Piece, rim: bool) -> Iterator[str]:
         )
         for (kind, degrees), count in folds.items():
             yield f"{count} {kind} fold{'s' if count > 1 else ''} of {degrees}°. Crease each fully once, then let go."
-        if any(crease.flexure for crease in piece.creases):
-            yield "Do not crease the flexure (grey): it bends when the car drives."
     own = sorted({join.number for join in folded.joins if join.piece_a == join.piece_b == piece.name})
     if own and rim:
         yield f"Glue the ends together: join {_numbers(own)}."
@@ -123,25 +126,32 @@ def _fold_lines(folded: FoldedCar, piece: Piece, rim: bool) -> Iterator[str]:
 
 def _segment(folded: FoldedCar, body: Body, of: str) -> Iterator[Step]:
     """The beam of one segment: doublings, servos, boards, seam, caps."""
-    base = body.base_piece
-    flat = [placed for placed in body.others if body.face_of(placed) and not body.pieces[placed.piece].creases]
-    if flat:
-        yield _doublings(folded, body, flat, of)
+    parts = {kind: [p for p in body.others if _part_of(body, p) == kind] for kind in ("doubling", "inside", "cap")}
+    if parts["doubling"]:
+        yield _doublings(folded, body, parts["doubling"], of)
     servos = [mount for mount in body.mounts if mount.part == catalogue().servo.name]
     if servos:
-        yield _servos(folded, body, flat, of)
-    inside = [placed for placed in body.others if placed not in flat and not _is_cap(folded, placed, base)]
-    bought = [m for m in body.mounts if m not in servos and m.part != catalogue().wiring.name]
-    if bought or inside:
-        yield _inside(folded, body, [*flat, *inside], of)
-    caps = [placed for placed in body.others if _is_cap(folded, placed, base)]
-    own = sorted({join.number for join in folded.joins if join.piece_a == join.piece_b == base.name})
-    yield _close(folded, body, caps, own, of)
+        yield _servos(folded, body, parts["doubling"], of)
+    if parts["inside"] or len(body.mounts) > len(servos):
+        yield _inside(folded, body, [*parts["doubling"], *parts["inside"]], of)
+    yield _close(folded, body, parts["cap"], of)
+
+
+def _part_of(body: Body, placed: PlacedPiece) -> Literal["doubling", "inside", "cap", "left"]:
+    """What a piece is to the base of its body: a layer on a wall, something put into it, its end, or none of these."""
+    name, base = placed.piece, body.base_piece.name
+    kinds = {j.kind for j in body.folded.joins if j.piece_a == name and j.piece_b == base}
+    if "tab" in kinds:
+        return "cap"
+    if "tab_slot" in kinds:
+        return "inside"
+    return "doubling" if body.face_of(placed) and not body.pieces[name].creases else "left"
 
 
 def _doublings(folded: FoldedCar, body: Body, flat: list[PlacedPiece], of: str) -> Step:
     shape = together([body.base_shape(0.0), *(body.piece_shape(placed, 0.0) for placed in flat)])
-    numbers = sorted({join.number for join in folded.joins if join.kind == "laminate" and join.piece_b == body.base.piece})
+    pieces = {placed.piece for placed in flat}
+    numbers = sorted({j.number for j in folded.joins if j.piece_a in pieces and j.piece_b == body.base.piece})
     names = ", ".join(f"{count} × {name}" for name, count in Counter(placed.piece for placed in flat).items())
     lines = (
         f"Glue onto the printed side of the flat {body.base_piece.label}: {names}. Join {_numbers(numbers)}.",
@@ -189,11 +199,13 @@ def _inside(folded: FoldedCar, body: Body, film: list[PlacedPiece], of: str) -> 
     return Step(f"Build in boards and batteries{of}", tuple(lines), (own,))
 
 
-def _close(folded: FoldedCar, body: Body, caps: list[PlacedPiece], own: list[int], of: str) -> Step:
+def _close(folded: FoldedCar, body: Body, caps: list[PlacedPiece], of: str) -> Step:
     lines, marks = [], []
+    base = body.base_piece
+    own = sorted({join.number for join in folded.joins if join.piece_a == join.piece_b == base.name})
     if own:
         lines.append(f"Close the beam and glue its seam from inside: join {_numbers(own)}.")
-    shapes = [body.base_shape(creases=False), *(body.piece_shape(p) for p in body.others if p not in caps)]
+    shapes = [body.base_shape(creases=False), *(body.piece_shape(p) for p in body.others if _part_of(body, p) in ("doubling", "inside"))]
     shapes += body.mount_shapes()
     middle = np.array([placed.pose for placed in caps])[:, 0, 3].mean() if caps else 0.0
     for cap in caps:
@@ -204,30 +216,36 @@ def _close(folded: FoldedCar, body: Body, caps: list[PlacedPiece], own: list[int
         marks += join_marks(folded, body.pieces[cap.piece], pose, 1.0, key(cap))
         numbers = sorted({join.number for join in folded.joins if join.piece_a == cap.piece})
         lines.append(f"Glue the {body.pieces[cap.piece].label} in, its tabs inside the walls: joins {_numbers(numbers)}.")
-    marks += join_marks(folded, body.base_piece, np.array(body.base.pose), 1.0, key(body.base))
+    marks += join_marks(folded, base, np.array(body.base.pose), 1.0, key(body.base))
     views = ((FROM_FRONT, "from the front"), (camera(218, 30), "from the rear"))
     pictures = tuple(Picture(picture(together(shapes), view, f"Caps, {text}", marks), text) for view, text in views)
     return Step(f"Close the beam{of}", tuple(lines), pictures)
 
 
-def _hinges(folded: FoldedCar) -> Step:
-    between = [join for join in folded.joins if _body_of(folded, join, "a") != _body_of(folded, join, "b")]
-    shapes = [shape for name in _bodies(folded, "segment") for shape in _body_shapes(Body(folded, name))]
-    lines = [
-        f"Join {join.number}: {join.piece_a} to {join.piece_b}." for join in {join.number: join for join in between}.values()
-    ]
-    lines.append("The hinge's strip stays flat and uncreased; it must bend freely between the segments.")
-    lines += [
-        f"It may pitch from {math.degrees(hinge.min_rad):.0f}° to {math.degrees(hinge.max_rad):.0f}°."
-        for hinge in folded.hinges[:1]
-    ]
-    return Step("Join the segments", tuple(lines), (Picture(picture(together(shapes), FROM_FRONT, "Segments"), "joined"),))
+def _left(folded: FoldedCar, bodies: list[Body], left: list[tuple[Body, PlacedPiece]]) -> Step:
+    """What is glued onto closed beams: hinges between segments, and pieces of modules of one's own."""
+    names = {placed.piece for _, placed in left}
+    joins = [join for join in folded.joins if join.piece_a in names]
+    lines = list(dict.fromkeys(
+        f"Join {j.number}: glue the {j.piece_a}, {j.a.face}, to the {j.piece_b}, {j.b.face}." for j in joins
+    ))  # fmt: skip
+    if folded.hinges:
+        low, high = (math.degrees(limit) for limit in (folded.hinges[0].min_rad, folded.hinges[0].max_rad))
+        lines.append(
+            "A hinge's strip stays flat and uncreased between the segments. When the glue is dry, the segments pitch "
+            f"freely from {low:.0f}° (nose down) to {high:.0f}° (nose up) against each other."
+        )
+    shape = together([one for body in bodies for one in _body_shapes(body)])
+    views = ((FROM_FRONT, "from above"), (camera(38, -28), "from below"))
+    pictures = tuple(Picture(picture(shape, view, f"Segments {text}"), text) for view, text in views)
+    title = "Join the segments" if len(bodies) > 1 else f"Glue on the {_listed(sorted(names))}"
+    return Step(title, tuple(lines), pictures)
 
 
 def _body_shapes(body: Body) -> list[Shape]:
-    return [
-        body.base_shape(creases=False), *(body.piece_shape(placed, tabs=False) for placed in body.others), *body.mount_shapes(),
-    ]  # fmt: skip
+    driving = {axle.servo for axle in body.folded.axles}
+    pieces = [body.piece_shape(placed, tabs=False) for placed in body.others if _part_of(body, placed) in ("cap", "left")]
+    return [body.base_shape(creases=False), *pieces, *body.mount_shapes(wanted=lambda mount: mount.name in driving)]
 
 
 def _wheel(folded: FoldedCar, body: Body, count: int) -> Step:
@@ -283,14 +301,9 @@ def _bodies(folded: FoldedCar, kind: str) -> list[str]:
     return sorted({placed.body for placed in folded.placed if placed.body.startswith(kind)})
 
 
-def _body_of(folded: FoldedCar, join: Join, side: str) -> str:
-    name = join.piece_a if side == "a" else join.piece_b
-    return next(placed.body for placed in folded.placed if placed.piece == name)
-
-
-def _is_cap(folded: FoldedCar, placed: PlacedPiece, base: Piece) -> bool:
-    """Whether a piece is glued to the base by tabs of its own."""
-    return any(j.kind == "tab" and j.piece_a == placed.piece and j.piece_b == base.name for j in folded.joins)
+def _listed(names: Sequence[str]) -> str:
+    """``a, b and c``."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def _numbers(numbers: Iterable[int]) -> str:

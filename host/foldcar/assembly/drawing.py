@@ -115,7 +115,8 @@ def _marks(marks: Sequence[Mark], seen: Sequence[Seen], view: Camera, size: floa
             continue
         r = size * (0.017 if len(mark.text) < 3 else 0.023)
         texts.append(
-            f'<circle cx="{u:.2f}" cy="{-v:.2f}" r="{r:.2f}" fill="#ffffff" stroke="#222222" stroke-width="{r * 0.12:.3f}"/>'
+            f'<circle cx="{u:.2f}" cy="{-v:.2f}" r="{r:.2f}" fill="#ffffff" stroke="#222222" '
+            f'stroke-width="{r * 0.12:.3f}"/>'
             f'<text x="{u:.2f}" y="{-v:.2f}" font-size="{size * 0.024:.2f}" text-anchor="middle" dy=".35em" '
             f'fill="#222222">{escape(mark.text)}</text>'
         )

@@ -35,4 +35,5 @@ def listed_design(listing: Path, vehicle: str | None, settings: Sequence[str]) -
 def design_title(design: Design) -> str:
     """A design's name for people: its type and size."""
     values = design.values
-    return f"{design.type}, {values['width']:g} mm wide, {design.length_mm:g} mm long, wheels of radius {values['radius']:g} mm"
+    size = f"{values['width']:g} mm wide, {design.length_mm:g} mm long"
+    return f"{design.type}, {size}, wheels of radius {values['radius']:g} mm"

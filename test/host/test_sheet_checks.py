@@ -43,6 +43,11 @@ def stretched(dx: float, dy: float) -> Callable[[Face], Face]:
     return lambda face: replace(face, outline_mm=tuple((x + dx * (x > 0), y + dy * (y > 0)) for x, y in face.outline_mm))
 
 
+def reversed_outline(face: Face) -> Face:
+    """The face with its points the other way round."""
+    return replace(face, outline_mm=face.outline_mm[::-1])
+
+
 def with_angle(piece: str, crease: str, degrees: float) -> Spoil:
     """The car with one fold of another angle."""
 
@@ -73,7 +78,8 @@ def with_holes_moved(piece: str, face: str, kind: str, dx: float) -> Spoil:
 def with_mount_moved(name: str, x: float, y: float, z: float) -> Spoil:
     """The car with a part shifted."""
     return lambda car: replace(
-        car, mounts=tuple(replace(m, pose=chain(translation(x, y, z), m.pose)) if m.name == name else m for m in car.mounts)
+        car,
+        mounts=tuple(replace(m, pose=chain(translation(x, y, z), m.pose)) if m.name == name else m for m in car.mounts),
     )
 
 
@@ -151,7 +157,7 @@ def test_the_study_car_encloses_its_box() -> None:
         (with_face("deck", "front flange", stretched(0, 200)), "crossing", "runs through"),
         (with_piece("deck", with_a_face_cut_twice), "overlap", "overlaps twin"),
         (with_piece("deck", with_a_face_cut_twice), "duplicate", "shares a cut with front flange"),
-        (with_face("wheel inner disc", "inner", lambda f: replace(f, outline_mm=f.outline_mm[::-1])), "outline", "clockwise"),
+        (with_face("wheel inner disc", "inner", reversed_outline), "outline", "clockwise"),
         (with_holes_moved("beam", "left", "slot", 5.0), "slot", "do not go through"),
         (with_holes_moved("beam", "left", "slot", 5.0), "crossing", "deck: shelf"),
         (with_holes_moved("servo doubler", "doubler", "opening", 2.0), "laminate", "holes on holes"),

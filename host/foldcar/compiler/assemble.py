@@ -1,7 +1,7 @@
 """From faces and connections to pieces, and each piece to its place in the car.
 
-Input: a graph that components have built. Output: pieces (trees of faces), their poses, joins, mounts and axles with their
-poses. A loop of folds, or a face that nothing is joined to, is a ComponentError.
+Input: a graph that components have built. Output: pieces (trees of faces), their poses, joins, mounts and axles with
+their poses. A loop of folds, or a face that nothing is joined to, is a ComponentError.
 """
 
 import re
@@ -48,17 +48,16 @@ def assemble(graph: Graph) -> Assembly:
         for first, one in fused.items()
         for path in one.poses
     }
-    joins = _joins(graph, fused, owner, tabs, home, pieces, names)
-    pieces, placed, joins = _counted(pieces, [(fused[sheet[0]].first.body, roots[i]) for i, sheet in enumerate(sheets)], joins)
+    found_joins = _joins(graph, fused, owner, tabs, home, pieces, names)
+    places = [(fused[sheet[0]].first.body, root) for sheet, root in zip(sheets, roots, strict=True)]
+    kept, placed, joins = _counted(pieces, places, found_joins)
     mounts = tuple(
         Mount(part.part, part.name, graph.atoms[part.on].body, compose(world[part.on], part.pose), part.size_mm,
               part.mass_kg, names[owner[part.on]], part.holes)
         for part in graph.parts
     )  # fmt: skip
-    axles = tuple(
-        (axle, graph.atoms[axle.on].body, apply(world[axle.on], *axle.center_mm)) for axle in graph.axles
-    )
-    return Assembly(tuple(pieces), tuple(placed), tuple(joins), mounts, axles)
+    axles = tuple((axle, graph.atoms[axle.on].body, apply(world[axle.on], *axle.center_mm)) for axle in graph.axles)
+    return Assembly(tuple(kept), tuple(placed), tuple(joins), mounts, axles)
 
 
 class _Tab:
@@ -172,10 +171,10 @@ def _root_poses(
     for placement in graph.placements:
         a, b = owner[placement.on], owner[placement.face]
         add(a, b, compose(fused[a].poses[placement.on], placement.pose, inverse(fused[b].poses[placement.face])))
-    for link, a, b, _ in found:
-        if link.kind == "tab" and home[a[0]] != home[b[0]]:
-            ends = [edge({e[0]: fused[e[0]].face}, EdgeRef(e[0], e[1])) for e in (a, b)]
-            add(a[0], b[0], across_crease(ends[0], ends[1], link.angle_rad))
+    for link, edge_a, edge_b, _ in found:
+        if link.kind == "tab" and home[edge_a[0]] != home[edge_b[0]]:
+            ends = [edge({e[0]: fused[e[0]].face}, EdgeRef(e[0], e[1])) for e in (edge_a, edge_b)]
+            add(edge_a[0], edge_b[0], across_crease(ends[0], ends[1], link.angle_rad))
     path, pose = graph.origin or (next(iter(graph.atoms)), IDENTITY)
     first = owner[path]
     start = compose(pose, inverse(fused[first].poses[path]), inverse(local(first)))

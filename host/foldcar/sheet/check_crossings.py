@@ -28,7 +28,7 @@ def check_crossings(faces: Sequence[PlacedFace]) -> Iterator[Finding]:
     for i, face in enumerate(faces):
         near = (low[i + 1 :] <= high[i]).all(axis=1) & (high[i + 1 :] >= low[i]).all(axis=1)
         near &= np.linalg.norm(np.cross(normals[i + 1 :], normals[i]), axis=1) > PARALLEL
-        for k in np.flatnonzero(near) + i + 1:
+        for k in (int(place) + i + 1 for place in np.flatnonzero(near)):
             length = _crossing_mm(face, faces[k])
             if length > LEAST_MM:
                 yield Finding("crossing", face.title, f"runs through {faces[k].title} over {length:.2f} mm")
@@ -48,7 +48,7 @@ def _crossing_mm(a: PlacedFace, b: PlacedFace) -> float:
     values = np.array([a.normal @ origin_a, b.normal @ origin_b, direction @ origin_a])
     through = np.linalg.solve(equations, values)
     first, second = (_inside(face, through, direction) for face in (a, b))
-    return float(first.intersection(second).length)
+    return float(shapely.length(shapely.intersection(first, second)))
 
 
 def _inside(face: PlacedFace, through: NDArray[np.float64], direction: NDArray[np.float64]) -> shapely.Geometry:
@@ -58,6 +58,8 @@ def _inside(face: PlacedFace, through: NDArray[np.float64], direction: NDArray[n
     line = shapely.LineString(ends)
     shape = face.polygon.buffer(-SHRINK_MM)
     parts = shapely.get_parts(line.intersection(shape))
-    spans = [sorted(line.project(shapely.Point(p)) - reach for p in part.coords[:: len(part.coords) - 1]) for part in parts
-             if part.length > 0]  # fmt: skip
-    return shapely.union_all([shapely.LineString([(start, 0), (end, 0)]) for start, end in spans])
+    # Distances from the line's middle, which is the same point for both faces.
+    spans = [
+        [(line.project(shapely.Point(part.coords[i])) - reach, 0.0) for i in (0, -1)] for part in parts if part.length > 0
+    ]
+    return shapely.union_all([shapely.LineString(span) for span in spans])

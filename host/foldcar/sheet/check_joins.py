@@ -86,7 +86,9 @@ def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
     # A lap on the next facet of a rim follows its curve.
     limit = CLOSURE_MM if b.face.role != "rim" else 1.0
     if height > limit:
-        yield Finding("tab", place, f"the tab stands {height:.3f} mm off the face it is glued to, the limit is {limit:g} mm")
+        yield Finding(
+            "tab", place, f"the tab stands {height:.3f} mm off the face it is glued to, the limit is {limit:g} mm"
+        )
         return
     over = shapely.Polygon(local[:, :2]).difference(b.polygon)
     # What film without area is: a tab as wide as its face.
@@ -139,4 +141,7 @@ def _lies_on(a: PlacedFace, b: PlacedFace) -> bool:
     if shared.area < 1:
         return False
     # What one has as a hole the other one must have too, but for other pieces' holes.
-    return mine.intersection(shared).difference(b.polygon).area < 1 and b.polygon.intersection(shared).difference(mine).area < 1
+    return (
+        mine.intersection(shared).difference(b.polygon).area < 1
+        and b.polygon.intersection(shared).difference(mine).area < 1
+    )

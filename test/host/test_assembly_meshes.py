@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from folded_box import HEIGHT_MM, LENGTH_MM, THICKNESS_MM, WIDTH_MM, beam, cap, folded_box
 from numpy.typing import NDArray
 
 from foldcar.assembly.fold_file import fold_text
@@ -20,6 +19,7 @@ from foldcar.assembly.stl import stl_bytes
 from foldcar.compiler.car import folded_car
 from foldcar.design import compose
 from foldcar.sheet.model import FoldedCar, Piece
+from folded_box import HEIGHT_MM, LENGTH_MM, THICKNESS_MM, WIDTH_MM, beam, cap, folded_box
 
 
 def cars() -> list[FoldedCar]:

@@ -96,7 +96,7 @@ def with_axle_moved(wheel: str, x: float, y: float) -> Spoil:
 def with_a_tab_that_is_long(car: FoldedCar) -> FoldedCar:
     """The front cap's tab on the left side reaches over the servo's opening."""
     return with_face(
-        "front cap", "cap 3 tab to left", lambda f: replace(f, outline_mm=tuple((x, y * 3) for x, y in f.outline_mm))
+        "front cap", "cap tab to left", lambda f: replace(f, outline_mm=tuple((x, y * 3) for x, y in f.outline_mm))
     )(car)
 
 
@@ -148,7 +148,7 @@ def test_the_study_car_encloses_its_box() -> None:
         (with_face("beam", "lid", stretched(0, 1.5)), "closure", "apart"),
         (with_angle("beam", "left to lid", 85), "closure", "apart"),
         (with_angle("beam", "left to lid", 85), "skin", "meets no other face"),
-        (with_angle("front cap", "cap 2 tab to lid", 85), "tab", "off the face it is glued to"),
+        (with_angle("front cap", "cap tab to lid", 85), "tab", "off the face it is glued to"),
         (with_hole("beam", "lid", (-50, 0.5)), "hole", "mm from a fold, the limit is 2 mm"),
         (with_hole("beam", "lid", (-50, 0.5)), "outline", "the hole is not inside its face"),
         (with_hole("beam", "lid", (-50, 3)), "hole", "is 1.50 mm from a fold, the limit is 2 mm"),

@@ -5,7 +5,7 @@ their poses. A loop of folds, or a face that nothing is joined to, is a Componen
 """
 
 import re
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -39,6 +39,8 @@ def assemble(graph: Graph) -> Assembly:
     home = {first: index for index, sheet in enumerate(sheets) for first in sheet}
     names = _names(fused, sheets)
     tabs = {seam[2]: _Tab(seam, names, home) for seam in found if seam[0].kind == "tab"}
+    for index in range(len(sheets)):
+        _tell_apart([tab for edge_b, tab in tabs.items() if home[edge_b[0]] == index])
     pieces = [_piece(sheet, fused, found, tabs, names) for sheet in sheets]
 
     shapes = [folded(piece) for piece in pieces]
@@ -70,11 +72,17 @@ class _Tab:
         outline = ((0.0, 0.0), (self.length, 0.0), (self.length - inset, depth), (inset, depth))
         if inset == 0:
             outline = ((0.0, 0.0), (self.length, 0.0), (self.length, depth), (0.0, depth))
-        other = f"{names[self.a[0]]} {self.a[1]}" if home[self.a[0]] == home[self.b[0]] else names[self.a[0]]
-        self.face = Face(f"{names[self.b[0]]} {self.b[1]} tab to {other}", outline, (), "tab")
+        self.face = Face(f"{names[self.b[0]]} tab to {names[self.a[0]]}", outline, (), "tab")
         # It lies where the other face would be, were that one folded from here.
         self.angle_rad = link.angle_rad
         self.own_piece = home[self.a[0]] == home[self.b[0]]
+
+
+def _tell_apart(tabs: list[_Tab]) -> None:
+    """Tabs of one piece between the same two faces get numbers."""
+    titles = _titles([tab.face.name for tab in tabs])
+    for tab, title in zip(tabs, titles, strict=True):
+        tab.face = replace(tab.face, name=title)
 
 
 def _sheets(fused: dict[str, Fused], folds: list[Seam]) -> list[list[str]]:
@@ -283,9 +291,10 @@ def _without_names(face: Face) -> Face:
 
 def _titles(labels: list[str]) -> list[str]:
     """Labels that stand more than once get a number."""
-    seen: dict[str, int] = {}
+    counts = Counter(labels)
+    seen: Counter[str] = Counter()
     titles = []
     for label in labels:
-        seen[label] = seen.get(label, 0) + 1
-        titles.append(f"{label} {seen[label]}" if labels.count(label) > 1 else label)
+        seen[label] += 1
+        titles.append(f"{label} {seen[label]}" if counts[label] > 1 else label)
     return titles

@@ -53,8 +53,8 @@ def parts_list_text(folded: FoldedCar, title: str) -> str:
     lines += [
         f"| **together** | | **{total_mass_kg(rows) * 1e3:.1f}** | **{total_cost_usd(rows):.2f}** | |",
         "",
-        "Prices are guides: see the tolerances and sources in the parts' data. Besides you need glue or double-sided tape "
-        "for film, and headers for the two boards.",
+        "Prices are guides: see the tolerances and sources in the parts' data. Besides you need glue or double-sided "
+        "tape for film, and headers for the two boards.",
         "",
         "## Pieces to cut",
         "| piece | copies | area cm² each | film mm | folds |",

@@ -34,10 +34,25 @@ class PartData(BaseModel):
 class BoxPart(PartData):
     """A part that takes a box: length along the car unless turned, width across, height up."""
 
+    cost_usd: Quantity
     mass_kg: Quantity
     length_mm: Quantity
     width_mm: Quantity
     height_mm: Quantity
+
+
+class Board(BoxPart):
+    """A board with four holes at the corners of a rectangle."""
+
+    hole_spacing_length_mm: Quantity
+    hole_spacing_width_mm: Quantity
+    hole_mm: Quantity
+
+
+class Caster(BoxPart):
+    """A ball under a flange with two screws."""
+
+    hole_spacing_mm: Quantity
 
 
 class Battery(BoxPart):
@@ -70,13 +85,18 @@ class ServoLine(BaseModel):
 
 
 class Servo(PartData):
-    """A wheel servo: length along the car, width up, depth across from the wall inwards."""
+    """A wheel servo: length along the car, width up, depth across. Ears at ``ear_underside_mm`` above its bottom."""
 
+    cost_usd: Quantity
     mass_kg: Quantity
     length_mm: Quantity
     width_mm: Quantity
     depth_mm: Quantity
     axis_from_end_mm: Quantity
+    ear_span_mm: Quantity
+    ear_thickness_mm: Quantity
+    ear_underside_mm: Quantity
+    screw_spacing_mm: Quantity
     operating_points: tuple[OperatingPoint, OperatingPoint]
     rotor_inertia_kg_m2: Quantity
     neutral_us: Quantity
@@ -101,8 +121,31 @@ class Servo(PartData):
         )
 
 
+class Horn(PartData):
+    """What a servo turns a wheel with; it comes with the servo, and its mass is in that of a wheel."""
+
+    length_mm: Quantity
+    hub_diameter_mm: Quantity
+    thickness_mm: Quantity
+    hole_diameter_mm: Quantity
+    spline_diameter_mm: Quantity
+    spline_height_mm: Quantity
+
+
+class Screw(PartData):
+    """A screw and its nut, ``length_mm`` from under the head; their mass is in that of the wiring."""
+
+    cost_usd: Quantity
+    mass_kg: Quantity
+    diameter_mm: Quantity
+    length_mm: Quantity
+    head_diameter_mm: Quantity
+
+
 class Film(PartData):
     """The sheet everything is folded from."""
+
+    cost_usd_m2: Quantity
 
     thickness_mm: Quantity
     density_kg_m3: Quantity
@@ -123,6 +166,20 @@ class Assembly(PartData):
     hub_layers: Quantity
     hub_radius_share: Quantity
     horn_mass_kg: Quantity
+    hub_hole_mm: Quantity
+    horn_hole_mm: Quantity
+    horn_screw_radius_mm: Quantity
+    screw_hole_mm: Quantity
+    doubler_margin_mm: Quantity
+    cap_tab_mm: Quantity
+    cable_slit_mm: Quantity
+    cable_slit_length_mm: Quantity
+    shelf_clearance_mm: Quantity
+    flange_mm: Quantity
+    tongue_mm: Quantity
+    tongue_reach_mm: Quantity
+    slot_clearance_mm: Quantity
+    hinge_glue_mm: Quantity
     tyre_grip: Quantity
     belly_friction: Quantity
     tyre_friction: Quantity
@@ -134,7 +191,10 @@ class Catalogue(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     servo: Servo
-    feather: BoxPart
+    feather: Board
+    horn: Horn
+    screw: Screw
+    caster: Caster
     featherwing: BoxPart
     lipo: BoxPart
     battery: Battery
@@ -152,7 +212,10 @@ def catalogue() -> Catalogue:
 
     return Catalogue(
         servo=Servo.model_validate_json(text("fs90r.json")),
-        feather=BoxPart.model_validate_json(text("feather_huzzah32.json")),
+        feather=Board.model_validate_json(text("feather_huzzah32.json")),
+        horn=Horn.model_validate_json(text("horn.json")),
+        screw=Screw.model_validate_json(text("screw_m2.json")),
+        caster=Caster.model_validate_json(text("caster.json")),
         featherwing=BoxPart.model_validate_json(text("servo_featherwing.json")),
         lipo=BoxPart.model_validate_json(text("lipo_500mah.json")),
         battery=Battery.model_validate_json(text("battery_4xaa.json")),

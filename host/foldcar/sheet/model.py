@@ -87,7 +87,12 @@ class PlacedPiece:
 
 @dataclass(frozen=True, slots=True)
 class Join:
-    """Edges that meet when folded (``a``, ``b``), or a tab's face glued to another; ``number`` is printed on both."""
+    """What is put together by hand; ``number`` is printed on both sides, joins that share one are one seam.
+
+    tab, lap, rim: edge 0 of tab ``a`` and the edge ``b`` meet, the tab is glued to the inside of b's face; lap within one
+    piece, rim around a wheel. laminate: face ``a`` lies on face ``b``. tab_slot: edge ``a`` is a tongue's tip, put through
+    hole ``slot`` of b's face.
+    """
 
     number: int
     kind: JoinKind
@@ -96,6 +101,7 @@ class Join:
     piece_b: str
     b: EdgeRef
     length_mm: float
+    slot: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,170 @@
+"""Components: parameters, subcomponents and the rules between them, solved from the top down.
+
+A component declares its parameters, its subcomponents and what must be equal or follow from what; ``build`` then
+makes its faces and connects them (see shape.py). A parameter of a subcomponent is the parent's own one of the
+same name (``inherit``), the parent's as ``prefix.name`` (``prefix``), or set by a number or an expression of the
+parent's parameters (``settings``). Two sources that disagree are an error that names both.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+from foldcar.compiler.parameter import Parameter
+from foldcar.errors import FoldcarError
+
+if TYPE_CHECKING:
+    from foldcar.compiler.shape import Shape
+
+Expression = Callable[["Component"], float]
+# Numbers that differ by rounding only.
+SAME = 1e-9
+
+
+class ComponentError(FoldcarError):
+    """A component that cannot be made. ``slot`` is the parameter at fault, if it is one."""
+
+    def __init__(self, path: str, message: str, slot: "Slot | None" = None) -> None:
+        super().__init__(f"{path}: {message}" if path else message)
+        self.message = message
+        self.slot = slot
+
+
+@dataclass(frozen=True)
+class Sub:
+    """A subcomponent. The one with ``root`` is built first: its first face is where the parent begins."""
+
+    name: str
+    kind: "type[Component]"
+    inherit: tuple[str, ...] = ()
+    prefix: str | None = None
+    root: bool = False
+    settings: Mapping[str, float | Expression] = field(default_factory=dict)
+    body: str | None = None
+
+
+@dataclass(frozen=True)
+class Equal:
+    """Two parameters, by their paths below the component, that have one value."""
+
+    a: str
+    b: str
+
+
+class Slot:
+    """The place of one parameter's value; places that were united share it."""
+
+    def __init__(self, parameter: Parameter, path: str) -> None:
+        self.parameter, self.path = parameter, path
+        self._value: float | None = None
+        self._source = ""
+        self._same: Slot | None = None
+
+    @property
+    def head(self) -> "Slot":
+        """The slot that holds the value of all that were united with this one."""
+        return self if self._same is None else self._same.head
+
+    def unite(self, other: "Slot") -> None:
+        """From now on both have one value, by default this one's."""
+        mine, others = self.head, other.head
+        if mine is others:
+            return
+        if others._value is not None:
+            mine.assign(others._value, others._source)
+        others._same = mine
+
+    def assign(self, value: float, source: str) -> None:
+        """ComponentError if the slot has another value already."""
+        head = self.head
+        if head._value is not None and abs(head._value - value) > SAME:
+            raise ComponentError(self.path, f"{value:g} from {source}, but {head._value:g} from {head._source}", self)
+        head._value, head._source = value, source
+
+    def read(self) -> float:
+        """The value, or the default; ComponentError outside the limits of this slot's own parameter."""
+        head = self.head
+        if head._value is None:
+            head._value, head._source = head.parameter.default_value, f"the default of {head.path}"
+        complaint = self.parameter.complaint(head._value)
+        if complaint:
+            raise ComponentError(self.path, complaint, self)
+        return head._value
+
+
+class Component:
+    """Something that is folded, cut or bought: subclass it, declare, and build."""
+
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+
+    def __init__(self, path: str = "", body: str = "") -> None:
+        self.path, self.body = path, body
+        self.slots = {parameter.name: Slot(parameter, self._under(parameter.name)) for parameter in self.parameters}
+        self._subs = sorted(self.subcomponents(), key=lambda sub: not sub.root)
+        self.children: dict[str, Component] = {}
+        for sub in self._subs:
+            if sub.name in self.children:
+                raise ComponentError(path, f'two subcomponents are called "{sub.name}"')
+            self.children[sub.name] = sub.kind(self._under(sub.name), sub.body or body)
+            self._bind(sub, self.children[sub.name])
+        for rule in self.constraints():
+            self.slot(rule.a).unite(self.slot(rule.b))
+
+    def subcomponents(self) -> Sequence[Sub]:
+        """What the component consists of, besides its own faces."""
+        return ()
+
+    def constraints(self) -> Sequence[Equal]:
+        """Parameters of its subcomponents that must agree."""
+        return ()
+
+    def build(self, shape: "Shape") -> None:
+        """Make faces and connect them; subcomponents are built already, parameters are final."""
+
+    def __getitem__(self, name: str) -> float:
+        """A parameter's value, checked against its limits."""
+        return self.slot(name).read()
+
+    def slot(self, path: str) -> Slot:
+        """The slot of a parameter by its path below this component: ``length``, ``beam.length``."""
+        if path in self.slots:
+            return self.slots[path]
+        child, dot, rest = path.partition(".")
+        if dot and child in self.children:
+            return self.children[child].slot(rest)
+        raise ComponentError(self.path, f'has no parameter "{path}"; it has {", ".join(self.slots) or "none"}')
+
+    def solve(self, values: Mapping[str, float], source: str = "the design") -> None:
+        """Give the parameters these values and every other one what follows from them."""
+        for name, value in values.items():
+            self.slot(name).assign(value, source)
+        self._settle()
+
+    def misfit(self, name: str, message: str) -> ComponentError:
+        """An error that blames the parameter ``name``."""
+        return ComponentError(self._under(name), message, self.slot(name))
+
+    def _settle(self) -> None:
+        for name in self.slots:
+            self.slots[name].read()
+        for sub in self._subs:
+            child = self.children[sub.name]
+            for name, setting in sub.settings.items():
+                value = setting(self) if callable(setting) else setting
+                child.slot(name).assign(float(value), f"{self.path or type(self).__name__}, which sets {child._under(name)}")
+            child._settle()
+
+    def _bind(self, sub: Sub, child: "Component") -> None:
+        for name in (*sub.inherit, *sub.settings):
+            child.slot(name)
+        for name, slot in child.slots.items():
+            if name in sub.settings or not (name in sub.inherit or sub.prefix is not None):
+                continue
+            mine = name if name in sub.inherit else f"{sub.prefix}.{name}"
+            if mine in self.slots:
+                self.slots[mine].unite(slot)
+            else:
+                self.slots[mine] = slot
+
+    def _under(self, name: str) -> str:
+        return f"{self.path}.{name}" if self.path else name

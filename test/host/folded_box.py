@@ -66,18 +66,18 @@ def disc(radius: float) -> Piece:
 
 
 def rim(radius: float, width: float = 12.0, teeth: int = 40) -> Piece:
-    """A strip once around the disc, with teeth along both sides."""
-    pitch = 2 * math.pi * radius / teeth
-    lower = [(i * pitch, 0.0) for i in range(teeth + 1)]
-    upper = [(i * pitch, width) for i in range(teeth, -1, -1)]
-    strip = Face("strip", (*lower, *upper), role="rim")
-    faces, creases = [strip], []
-    for i in range(2 * teeth + 1):
-        if i == teeth:  # the strip's right end
-            continue
-        tooth = Face(f"tooth {i}", tab(pitch, 2.0), role="tab")
-        faces.append(tooth)
-        creases.append(Crease(f"tooth {i}", EdgeRef("strip", i), EdgeRef(tooth.name, 0), RIGHT_ANGLE))
+    """A strip once around the disc: facets in a row, each with a tooth at both sides."""
+    facet = 2 * radius * math.sin(math.pi / teeth)
+    faces = [Face(f"rim {i}", rectangle(facet, width), role="rim") for i in range(teeth)]
+    creases = [
+        Crease(f"bend {i}", EdgeRef(f"rim {i}", 1), EdgeRef(f"rim {i + 1}", 3), 2 * math.pi / teeth)
+        for i in range(teeth - 1)
+    ]
+    for i in range(teeth):
+        for edge in (0, 2):
+            tooth = Face(f"tooth {i} {edge}", tab(facet, 2.0), role="tab")
+            faces.append(tooth)
+            creases.append(Crease(tooth.name, EdgeRef(f"rim {i}", edge), EdgeRef(tooth.name, 0), RIGHT_ANGLE))
     return Piece("rim", "rim", tuple(faces), tuple(creases), THICKNESS, count=2)
 
 
@@ -89,4 +89,7 @@ def folded_box(radius: float = 40.0) -> FoldedCar:
         joins.append(
             Join(number, "tab", "cap", EdgeRef(f"tab {index}", 0), "beam", EdgeRef(face, 1), (WIDTH, HEIGHT)[index % 2])
         )
+    joins += [
+        Join(6, "rim", "rim", EdgeRef(f"tooth {i} 0", 0), "disc", EdgeRef("disc", i), 1.0) for i in range(40)
+    ]
     return FoldedCar((beam(), cap(), disc(radius), rim(radius)), (), tuple(joins), (), (), (), ())

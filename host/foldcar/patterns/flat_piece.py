@@ -1,12 +1,12 @@
 """A piece unfolded for cutting: one outline, its openings and folds.
 
-Input: a Piece of the folded car and Options. Output: a FlatPiece in millimetres, printed side up, in the frame of its root
-face. Bends shorten the flat (bend deduction), the free edges of tabs step back by the tab clearance. Kerf is not in
+Input: a Piece of the folded car and Options. Output: a FlatPiece in millimetres, printed side up, in the frame of its
+root face. Bends shorten the flat (bend deduction), the free edges of tabs step back by the tab clearance. Kerf is not in
 it: it widens every cut when the sheets are drawn.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -29,6 +29,7 @@ SHORTEST_SLIT_MM = 0.05
 LARGEST_BEND_RAD = math.radians(150)
 
 FoldKind = Literal["mountain", "valley", "flexure"]
+Edge = tuple[Point, Point]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,17 +43,24 @@ class Fold:
 
 @dataclass(frozen=True, slots=True)
 class FlatFace:
-    """A face's place in the flat: where labels go. ``edges`` holds its edges by the face's own numbering."""
+    """A face's place in the flat: where labels go. ``edges`` has its edges by the face's numbering, ``holes`` those of holes.
+
+    Edges run counter-clockwise, those of holes clockwise: the film is on their left.
+    """
 
     name: str
     role: str
     outline: Polygon
-    edges: Mapping[int, tuple[Point, Point]]
+    edges: Mapping[int, Edge]
+    holes: Mapping[str, tuple[Edge, ...]]
 
 
 @dataclass(frozen=True, slots=True)
 class FlatPiece:
-    """``outline`` has the polygonal openings as its holes; ``circles`` are (middle, diameter); ``slits`` are open cuts."""
+    """``outline`` has the polygonal openings as its holes; ``circles`` are (middle, diameter); ``slits`` are open cuts.
+
+    ``origin`` is the piece of the car that it is, or is a part of; ``marks`` are lines to lay another part against.
+    """
 
     name: str
     label: str
@@ -61,6 +69,7 @@ class FlatPiece:
     slits: tuple[tuple[Point, ...], ...]
     folds: tuple[Fold, ...]
     faces: tuple[FlatFace, ...]
+    origin: str
     count: int = 1
     marks: tuple[tuple[Point, Point], ...] = ()
 
@@ -98,12 +107,13 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
     placings = _placings(piece, thickness, chosen)
     flat = tuple(_flat_face(face, corners[face.name], placings[face.name]) for face in piece.faces)
     by_name = {face.name: face for face in flat}
-    folds = tuple(fold for crease in piece.creases if (fold := _fold(crease, by_name)) is not None)
+    lines = [(_fold(crease, by_name), _bent(crease, faces)) for crease in piece.creases]
+    folds = tuple(fold for fold, bent in lines if fold is not None and not bent)
     outline = shapely.union_all([face.outline for face in flat], grid_size=GRID_MM)
     outline = shapely.simplify(outline, STRAIGHT_MM)
     if not isinstance(outline, Polygon):
         raise ValueError(f"piece {piece.name} is not one connected area")
-    slits = _slits(outline, flat, folds)
+    slits = _slits(outline, flat, [fold for fold, _ in lines if fold is not None])
     circles, openings = [], []
     for face in piece.faces:
         place = placings[face.name]
@@ -121,6 +131,7 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
         slits,
         folds,
         flat,
+        piece.name,
         piece.count,
     )
 
@@ -180,7 +191,16 @@ def _flat_face(face: Face, corners: list[list[Point]], place: _Placing) -> FlatF
     points = [[place.apply(p) for p in corner] for corner in corners]
     edges = {i: (points[i][-1], points[(i + 1) % len(points)][0]) for i in range(len(points))}
     outline = Polygon([p for corner in points for p in corner])
-    return FlatFace(face.name, face.role, outline, edges)
+    holes = {}
+    for hole in face.holes:
+        corner_points = [place.apply(p) for p in reversed(hole.outline_mm)]
+        holes[hole.name] = tuple(zip(corner_points, [*corner_points[1:], corner_points[0]], strict=True))
+    return FlatFace(face.name, face.role, outline, edges, holes)
+
+
+def _bent(crease: Crease, faces: Mapping[str, Face]) -> bool:
+    """Whether it stands for a part of an even bend: a rim's facets are not folded against each other."""
+    return faces[crease.parent.face].role == "rim" and faces[crease.child.face].role == "rim"
 
 
 def _fold(crease: Crease, faces: dict[str, FlatFace]) -> Fold | None:
@@ -202,7 +222,7 @@ def _fold(crease: Crease, faces: dict[str, FlatFace]) -> Fold | None:
 
 
 def _slits(
-    outline: Polygon, faces: tuple[FlatFace, ...], folds: tuple[Fold, ...]
+    outline: Polygon, faces: Sequence[FlatFace], folds: Sequence[Fold]
 ) -> tuple[tuple[Point, ...], ...]:
     """Where two faces touch without a fold between them, the film is cut."""
     edges = shapely.union_all([face.outline.exterior for face in faces], grid_size=GRID_MM)
@@ -230,6 +250,7 @@ def moved_to_origin(flat: FlatPiece) -> FlatPiece:
                 face,
                 outline=shapely.affinity.translate(face.outline, dx, dy),
                 edges={i: (move(a), move(b)) for i, (a, b) in face.edges.items()},
+                holes={name: tuple((move(a), move(b)) for a, b in ring) for name, ring in face.holes.items()},
             )
             for face in flat.faces
         ),

@@ -4,11 +4,12 @@ Input: a FlatPiece and its marks. Output: strokes on LABEL in the piece's frame,
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import shapely
-from shapely.geometry import LineString, Point as ShapelyPoint, Polygon
+from shapely.geometry import LineString, Polygon
+from shapely.geometry import Point as ShapelyPoint
 
 from foldcar.patterns.drawing import Path, Point
 from foldcar.patterns.flat_piece import FlatPiece
@@ -25,16 +26,17 @@ DESCENT = 0.35
 
 @dataclass(frozen=True, slots=True)
 class EdgeMark:
-    """A number that stands beside an edge of a face, on the face's inside."""
+    """A number that stands beside one of some edges, the first that has room on its left."""
 
     text: str
-    face: str
-    a: Point
-    b: Point
+    edges: tuple[tuple[Point, Point], ...]
 
 
-def label_paths(flat: FlatPiece, name: str, marks: Iterable[EdgeMark]) -> tuple[list[Path], list[str]]:
-    """Strokes of the name and the numbers; the texts that nowhere fit."""
+def label_paths(
+    flat: FlatPiece, name: str, marks: Iterable[EdgeMark], quarter_turns: int
+) -> tuple[list[Path], list[str]]:
+    """Strokes of the name and the numbers, upright once the piece is turned; the texts that nowhere fit."""
+    turn = quarter_turns * math.pi / 2
     taken = [LineString([f.a, f.b]) for f in flat.folds]
     taken += [LineString(slit) for slit in flat.slits]
     taken += [ShapelyPoint(p).buffer(d / 2) for p, d in flat.circles]
@@ -45,13 +47,13 @@ def label_paths(flat: FlatPiece, name: str, marks: Iterable[EdgeMark]) -> tuple[
 
     # Numbers first: they have few places, the name has many.
     for mark in marks:
-        found = _first_fit(free, mark.text, _beside_edge(flat, mark), NUMBER_HEIGHTS_MM)
+        found = _first_fit(free, mark.text, _beside_edge(mark, turn), NUMBER_HEIGHTS_MM)
         if found is None:
             missing.append(mark.text)
             continue
         free = free.difference(found[1].buffer(CLEAR_MM, join_style="mitre"))
         paths += found[0]
-    found = _first_fit(free, name, _in_faces(flat), NAME_HEIGHTS_MM)
+    found = _first_fit(free, name, _in_faces(flat, turn), NAME_HEIGHTS_MM)
     if found is None:
         missing.append(name)
     else:
@@ -59,14 +61,13 @@ def label_paths(flat: FlatPiece, name: str, marks: Iterable[EdgeMark]) -> tuple[
     return paths, missing
 
 
-# Where a text may be put: its middle by height and width, and its angle.
+@dataclass(frozen=True, slots=True)
 class _Place:
-    """Base line middle is found from the text's size: ``point`` is where the text's box touches or centres."""
+    """Where a text may stand: its box is centred on ``point`` or, with ``inward``, touches it and lies on that side."""
 
-    __slots__ = ("angle", "centered", "inward", "point")
-
-    def __init__(self, point: Point, angle: float, inward: Point = (0.0, 0.0), centered: bool = True) -> None:
-        self.point, self.angle, self.inward, self.centered = point, angle, inward, centered
+    point: Point
+    angle: float
+    inward: Point | None = None
 
 
 def _first_fit(
@@ -80,9 +81,10 @@ def _first_fit(
         strokes, width = text_strokes(text, height)
         tall = height * (1 + DESCENT)
         for place in places:
-            depth = 0.0 if place.centered else CLEAR_MM + tall / 2
-            x = place.point[0] + place.inward[0] * depth
-            y = place.point[1] + place.inward[1] * depth
+            x, y = place.point
+            if place.inward is not None:
+                depth = CLEAR_MM + tall / 2
+                x, y = x + place.inward[0] * depth, y + place.inward[1] * depth
             cos, sin = math.cos(place.angle), math.sin(place.angle)
 
             def put(
@@ -100,17 +102,24 @@ def _first_fit(
 
 
 def _upright(angle: float) -> float:
-    """The direction of a line in which its text is not upside down."""
+    """The direction of a line in which its text is not upside down; upright lines are read from the right."""
     angle = math.remainder(angle, math.pi)
-    return math.pi / 2 if math.isclose(angle, -math.pi / 2) else angle
+    return angle + math.pi if angle < -math.pi / 2 + 1e-6 else angle
 
 
-def _beside_edge(flat: FlatPiece, mark: EdgeMark) -> list[_Place]:
-    """Places along the edge, from its middle outwards; then a little further in."""
-    (ax, ay), (bx, by) = mark.a, mark.b
+def _beside_edge(mark: EdgeMark, turn: float) -> list[_Place]:
+    """Places along each edge, from its middle outwards; then a little further in."""
+    places = []
+    for edge in mark.edges:
+        places += _beside(edge, turn)
+    return places
+
+
+def _beside(edge: tuple[Point, Point], turn: float) -> list[_Place]:
+    (ax, ay), (bx, by) = edge
     length = math.hypot(bx - ax, by - ay)
     inward = (-(by - ay) / length, (bx - ax) / length)
-    angle = _upright(math.atan2(by - ay, bx - ax))
+    angle = _upright(math.atan2(by - ay, bx - ax) + turn) - turn
     places = []
     for deeper in (0.0, 2.0, 5.0):
         for share in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9):
@@ -118,11 +127,11 @@ def _beside_edge(flat: FlatPiece, mark: EdgeMark) -> list[_Place]:
                 ax + share * (bx - ax) + deeper * inward[0],
                 ay + share * (by - ay) + deeper * inward[1],
             )
-            places.append(_Place(point, angle, inward, centered=False))
+            places.append(_Place(point, angle, inward))
     return places
 
 
-def _in_faces(flat: FlatPiece) -> list[_Place]:
+def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
     """Places over the faces, largest face first, from the middle outwards, along its longer side first."""
     places = []
     for face in sorted(flat.faces, key=lambda face: -float(face.outline.area))[:4]:
@@ -132,14 +141,5 @@ def _in_faces(flat: FlatPiece) -> list[_Place]:
         grid.sort(key=lambda p: (round(math.dist(p, middle), 6), p))
         wide = x1 - x0 >= y1 - y0
         for angle in (0.0, math.pi / 2) if wide else (math.pi / 2, 0.0):
-            places += [_Place(p, angle) for p in grid]
+            places += [_Place(p, _upright(angle + turn) - turn) for p in grid]
     return places
-
-
-def number_runs(marks: Iterable[EdgeMark]) -> Iterator[EdgeMark]:
-    """One mark a number and face: a number whose join has many edges in one face is written once."""
-    seen = set()
-    for mark in marks:
-        if (mark.text, mark.face) not in seen:
-            seen.add((mark.text, mark.face))
-            yield mark

@@ -38,7 +38,7 @@ class Layer:
 LAYERS: dict[LayerName, Layer] = {
     layer.name: layer
     for layer in (
-        Layer("LABEL", (128, 128, 128), 8, 0.13),
+        Layer("LABEL", (96, 96, 96), 8, 0.13),
         Layer("SCORE", (255, 128, 0), 30, 0.18),
         Layer("FOLD_MOUNTAIN", (255, 0, 0), 1, 0.18),
         Layer("FOLD_VALLEY", (0, 0, 255), 5, 0.18),

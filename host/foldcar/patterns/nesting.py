@@ -1,8 +1,8 @@
 """Lays pieces onto as few sheets as it can, turned by quarter turns, into notches and gaps of others where they fit.
 
-Input: outlines in millimetres and how many of each, the sheet's size, margin and gap. Output: for every copy its sheet and
-motion. Largest first, each as low and then as far left as it goes. What is taken of a sheet is kept as a raster; where
-a piece fits is the correlation of both, computed by FFT. The same input gives the same sheets.
+Input: outlines in millimetres and how many of each, the sheet's size, margin and gap. Output: for every copy its sheet
+and motion. Largest first, each as low and then as far left as it goes. What is taken of a sheet is kept as a raster;
+where a piece fits is the correlation of both, computed by FFT. The same input gives the same sheets.
 """
 
 import math

@@ -16,10 +16,10 @@ FOLD_LAYERS: dict[str, LayerName] = {"mountain": "FOLD_MOUNTAIN", "valley": "FOL
 
 
 def piece_shapes(
-    flat: FlatPiece, chosen: Options, marks: Iterable[EdgeMark]
+    flat: FlatPiece, chosen: Options, marks: Iterable[EdgeMark], quarter_turns: int = 0
 ) -> tuple[list[Shape], list[str]]:
-    """The piece's shapes in its own frame; warnings in words."""
-    labels, missing = label_paths(flat, flat.label, marks)
+    """The piece's shapes in its own frame, texts upright after the quarter turns; warnings in words."""
+    labels, missing = label_paths(flat, flat.label, marks, quarter_turns)
     warnings = [f'{flat.label}: no room for the label "{text}"' for text in missing]
     shapes: list[Shape] = list(labels)
     shapes += [Path("LABEL", mark) for mark in flat.marks]
@@ -34,13 +34,18 @@ def cut_shapes(flat: FlatPiece, kerf_mm: float) -> list[Shape]:
     half = kerf_mm / 2
     shapes: list[Shape] = [Circle("CUT_INNER", middle, diameter / 2 - half) for middle, diameter in flat.circles]
     shapes += [Path("CUT_INNER", slit) for slit in flat.slits]
-    grown = Polygon(flat.outline.exterior).buffer(half, join_style="mitre", mitre_limit=3) if half else flat.outline
     for ring in flat.outline.interiors:
         hole = Polygon(ring).buffer(-half, join_style="mitre", mitre_limit=3) if half else Polygon(ring)
         # An opening narrower than the kerf falls apart into nothing: the cut itself is wider.
         shapes += [_closed("CUT_INNER", part.exterior) for part in shapely.get_parts(hole) if not part.is_empty]
-    shapes.append(_closed("CUT_OUTER", grown.exterior))
+    shapes.append(_closed("CUT_OUTER", outer_cut(flat, kerf_mm).exterior))
     return shapes
+
+
+def outer_cut(flat: FlatPiece, kerf_mm: float) -> Polygon:
+    """What the cut around the piece encloses."""
+    outer = Polygon(flat.outline.exterior)
+    return outer.buffer(kerf_mm / 2, join_style="mitre", mitre_limit=3) if kerf_mm else outer
 
 
 def _closed(layer: LayerName, ring: shapely.LinearRing) -> Path:

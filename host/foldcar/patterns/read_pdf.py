@@ -1,7 +1,7 @@
 """Reads a pattern's PDF back with pypdf: what each page draws, in millimetres of paper.
 
-Layers are told by their colours. Only what patterns contain is understood: stroked lines and circles in device colours, one
-clipping rectangle a page; text is skipped.
+Layers are told by their colours. Only what patterns contain is understood: stroked lines and circles in device colours,
+one clipping rectangle a page; text is skipped.
 """
 
 import io

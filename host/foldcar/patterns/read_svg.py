@@ -1,11 +1,10 @@
-"""Reads a cutting sheet's SVG back with svgelements: the shapes in millimetres by layer, as any other program sees them."""
+"""Reads a cutting sheet's SVG back with svgelements: the shapes in millimetres by layer, as other programs see them."""
 
 import io
 import math
 import re
 
 import svgelements
-
 
 from foldcar.patterns.drawing import Circle, Path, Point, Shape, Sheet
 from foldcar.patterns.layers import LAYERS, LayerName

@@ -3,22 +3,21 @@
 Input: a FoldedCar, Options, a title. Output: a Pattern. NestingError if a piece fits no sheet.
 """
 
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from shapely.geometry import Polygon
 
 from foldcar.patterns.drawing import Path, Point, Shape, Sheet
 from foldcar.patterns.flat_piece import FlatPiece, flat_piece
-from foldcar.patterns.labels import EdgeMark, number_runs
+from foldcar.patterns.join_marks import join_marks
+from foldcar.patterns.layers import LAYERS
 from foldcar.patterns.nesting import nest
 from foldcar.patterns.options import Options
-from foldcar.patterns.piece_shapes import piece_shapes
-from foldcar.patterns.layers import LAYERS
+from foldcar.patterns.piece_shapes import outer_cut, piece_shapes
 from foldcar.patterns.split import split_to_fit
 from foldcar.patterns.stroke_font import text_strokes
-from foldcar.sheet.model import FoldedCar, Join
+from foldcar.sheet.model import FoldedCar
 
 # Length of the bar that shows whether a sheet was cut or printed to scale.
 REFERENCE_MM = 100.0
@@ -57,39 +56,51 @@ class Pattern:
 def pattern(folded: FoldedCar, chosen: Options, title: str) -> Pattern:
     """The car's sheets."""
     pieces = [part for piece in folded.pieces for part in split_to_fit(flat_piece(piece, chosen), chosen)]
-    shapes: list[list[Shape]] = []
-    warnings: list[str] = []
-    for piece in pieces:
-        drawn, missing = piece_shapes(piece, chosen, number_runs(_marks(piece, folded.joins)))
-        shapes.append(drawn)
-        warnings += missing
-    sheets, unmarked = lay_out([p.label for p in pieces], shapes, [p.count for p in pieces], chosen, title)
-    return Pattern(title, tuple(pieces), sheets, (*warnings, *unmarked), chosen)
+    missing: dict[str, None] = {}
+
+    def draw(index: int, turn: int) -> list[Shape]:
+        piece = pieces[index]
+        shapes, unlabelled = piece_shapes(piece, chosen, join_marks(piece, folded.joins), turn)
+        missing.update(dict.fromkeys(unlabelled))
+        return shapes
+
+    laid = [LaidPiece(piece.label, outer_cut(piece, chosen.kerf_mm), piece.count) for piece in pieces]
+    sheets, unmarked = lay_out(laid, draw, chosen, title)
+    return Pattern(title, tuple(pieces), sheets, (*missing, *unmarked), chosen)
+
+
+@dataclass(frozen=True, slots=True)
+class LaidPiece:
+    """What is laid out: ``outline`` with the kerf, ``count`` copies."""
+
+    label: str
+    outline: Polygon
+    count: int
 
 
 def lay_out(
-    labels: Sequence[str],
-    shapes: Sequence[Sequence[Shape]],
-    counts: Sequence[int],
-    chosen: Options,
-    title: str,
+    pieces: Sequence[LaidPiece], draw: Callable[[int, int], list[Shape]], chosen: Options, title: str
 ) -> tuple[tuple[Sheet, ...], list[str]]:
-    """Pieces, given by their shapes, nested on sheets; warnings about sheets without a reference bar."""
-    outlines = [_outline(drawn) for drawn in shapes]
-    pieces = list(zip(labels, outlines, counts, strict=True))
+    """Pieces nested on sheets; warnings about sheets without a reference bar.
+
+    ``draw`` gives the shapes of the piece of that index in its own frame, texts upright after that many quarter turns.
+    """
     width, height = chosen.sheet_size_mm
-    nested = nest(pieces, (width, height), chosen.margin_mm, chosen.gap_mm, CORNER_MM)
+    listed = [(piece.label, piece.outline, piece.count) for piece in pieces]
+    nested = nest(listed, (width, height), chosen.margin_mm, chosen.gap_mm, CORNER_MM)
     on_sheets: list[list[Shape]] = [[] for _ in nested.reserved]
-    for drawn, copies in zip(shapes, nested.placements, strict=True):
+    drawn: dict[tuple[int, int], list[Shape]] = {}
+    for index, copies in enumerate(nested.placements):
         for copy in copies:
-            on_sheets[copy.sheet] += [shape.moved(copy.motion) for shape in drawn]
+            key = (index, copy.motion.quarter_turns)
+            if key not in drawn:
+                drawn[key] = draw(*key)
+            on_sheets[copy.sheet] += [shape.moved(copy.motion) for shape in drawn[key]]
     count = len(on_sheets)
     warnings = []
     for index, reserved in enumerate(nested.reserved):
         if reserved:
-            on_sheets[index] += corner_shapes(
-                f"{title}  sheet {index + 1} of {count}", chosen.margin_mm, chosen.margin_mm
-            )
+            on_sheets[index] += corner_shapes(f"{title}  sheet {index + 1} of {count}", chosen.margin_mm)
         else:
             warnings.append(f"sheet {index + 1}: no room for the {REFERENCE_MM:g} mm reference bar")
     sheets = tuple(
@@ -99,9 +110,9 @@ def lay_out(
     return sheets, warnings
 
 
-def corner_shapes(title: str, x: float, y: float) -> list[Shape]:
+def corner_shapes(title: str, margin_mm: float) -> list[Shape]:
     """The reference bar with a tick at both ends and every 10 mm, its length and the title over it."""
-    x, y = x + 1, y + 1
+    x = y = margin_mm + 1
     shapes: list[Shape] = [Path("LABEL", ((x, y), (x + REFERENCE_MM, y)))]
     for i in range(11):
         tall = TICK_MM if i in (0, 10) else TICK_MM / 2
@@ -113,24 +124,6 @@ def corner_shapes(title: str, x: float, y: float) -> list[Shape]:
     strokes, _ = text_strokes(text, height)
     shapes += [Path("LABEL", tuple((x + u, y + TICK_MM + 1 + v) for u, v in stroke)) for stroke in strokes]
     return shapes
-
-
-def _outline(drawn: Iterable[Shape]) -> Polygon:
-    return Polygon(next(s.points_mm for s in drawn if isinstance(s, Path) and s.layer == "CUT_OUTER"))
-
-
-def _marks(piece: FlatPiece, joins: Iterable[Join]) -> Iterable[EdgeMark]:
-    """The numbers of all joins that the piece takes part in."""
-    for join in joins:
-        for name, edge in ((join.piece_a, join.a), (join.piece_b, join.b)):
-            # Parts of a split piece keep its name in front.
-            if piece.name != name and piece.name.rpartition(" ")[0] != name:
-                continue
-            for face in piece.faces:
-                if face.name == edge.face and edge.index in face.edges:
-                    a, b = face.edges[edge.index]
-                    if math.dist(a, b) > 0:
-                        yield EdgeMark(str(join.number), face.name, a, b)
 
 
 def _rounded(shapes: Iterable[Shape]) -> Iterable[Shape]:

@@ -8,10 +8,11 @@ import math
 from dataclasses import replace
 
 import shapely
-from shapely.geometry import LineString, Point as ShapelyPoint, Polygon, box
+from shapely.geometry import LineString, Polygon, box
+from shapely.geometry import Point as ShapelyPoint
 
 from foldcar.patterns.drawing import Point
-from foldcar.patterns.flat_piece import FlatFace, FlatPiece, Fold, moved_to_origin
+from foldcar.patterns.flat_piece import FlatPiece, Fold, moved_to_origin
 from foldcar.patterns.nesting import fits
 from foldcar.patterns.options import Options
 
@@ -27,15 +28,14 @@ def split_to_fit(flat: FlatPiece, chosen: Options) -> tuple[FlatPiece, ...]:
     x0, y0, x1, y1 = flat.outline.bounds
     if fits((x1 - x0, y1 - y0), chosen.sheet_size_mm, chosen.margin_mm):
         return (flat,)
-    strip = next((face for face in flat.faces if face.role == "rim"), None)
-    if strip is None or x1 - x0 < y1 - y0:
+    strip = [face.outline.bounds for face in flat.faces if face.role == "rim"]
+    if not strip or x1 - x0 < y1 - y0:
         return (flat,)
+    band = (min(low for _, low, _, _ in strip), max(high for _, _, _, high in strip))
     limit = max(side - 2 * chosen.margin_mm for side in chosen.sheet_size_mm) - OVERLAP_MM
     count = math.ceil((x1 - x0) / limit)
     ends = [x0, *(_gap_near(flat, x0 + (x1 - x0) * i / count, limit) for i in range(1, count)), x1]
-    return tuple(
-        _part(flat, strip, ends[i], ends[i + 1], i, count) for i in range(count)
-    )
+    return tuple(_part(flat, band, ends[i], ends[i + 1], i, count) for i in range(count))
 
 
 def _gap_near(flat: FlatPiece, wanted: float, limit: float) -> float:
@@ -48,8 +48,10 @@ def _gap_near(flat: FlatPiece, wanted: float, limit: float) -> float:
     return min(free, key=lambda x: (abs(x - wanted), x), default=wanted)
 
 
-def _part(flat: FlatPiece, strip: FlatFace, left: float, right: float, index: int, count: int) -> FlatPiece:
-    low, high = strip.outline.bounds[1], strip.outline.bounds[3]
+def _part(
+    flat: FlatPiece, band: tuple[float, float], left: float, right: float, index: int, count: int
+) -> FlatPiece:
+    low, high = band
     window = box(left, flat.outline.bounds[1] - 1, right, flat.outline.bounds[3] + 1)
     outline = flat.outline.intersection(window)
     marks: tuple[tuple[Point, Point], ...] = ()
@@ -72,8 +74,8 @@ def _part(flat: FlatPiece, strip: FlatFace, left: float, right: float, index: in
     return moved_to_origin(
         replace(
             flat,
-            name=f"{flat.name} {index + 1}",
-            label=f"{flat.label} {index + 1} of {count}",
+            name=f"{flat.name}, part {index + 1}",
+            label=f"{flat.label}, {index + 1} of {count}",
             outline=shapely.geometry.polygon.orient(outline),
             circles=tuple((p, d) for p, d in flat.circles if window.contains(ShapelyPoint(p))),
             slits=tuple(s for s in flat.slits if window.contains(LineString(s))),

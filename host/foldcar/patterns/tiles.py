@@ -1,7 +1,7 @@
 """How a sheet is spread over the pages of a printer: windows that overlap, and marks to lay them together by.
 
-A sheet no larger than the paper is one page without marks. Otherwise windows of the printable area overlap, and crosses stand
-in the middle of each overlap, on both pages.
+A sheet no larger than the paper is one page without marks. Otherwise windows of the printable area overlap, and crosses
+stand in the middle of each overlap, on both pages.
 """
 
 import itertools
@@ -60,11 +60,11 @@ def _grid(sheet: Sheet, page: Point) -> tuple[Tile, ...]:
     columns, rows = _starts(sheet.width_mm, page[0]), _starts(sheet.height_mm, page[1])
     width = min(_window(page[0]), sheet.width_mm)
     height = min(_window(page[1]), sheet.height_mm)
-    # Each seam has two crosses for every page along it.
+    # Between two crossings of seams, and from the last one to the edge, every seam has two crosses.
     seams_x = [(b + a + width) / 2 for a, b in itertools.pairwise(columns)]
     seams_y = [(b + a + height) / 2 for a, b in itertools.pairwise(rows)]
-    marks = [(x, y + share * height) for x in seams_x for y in rows for share in (0.2, 0.8)]
-    marks += [(x + share * width, y) for y in seams_y for x in columns for share in (0.2, 0.8)]
+    marks = [(x, y) for x in seams_x for y in _quarters([0.0, *seams_y, sheet.height_mm])]
+    marks += [(x, y) for y in seams_y for x in _quarters([0.0, *seams_x, sheet.width_mm])]
     found = []
     for row, y in reversed(list(enumerate(rows))):
         for column, x in enumerate(columns):
@@ -75,3 +75,7 @@ def _grid(sheet: Sheet, page: Point) -> tuple[Tile, ...]:
             name = f"{sheet.name} page {chr(ord('A') + column)}{len(rows) - row}"
             found.append(Tile(name, page, low, high, (BLANK_MM - x, BLANK_MM - y), inside))
     return tuple(found)
+
+
+def _quarters(bounds: list[float]) -> list[float]:
+    return [a + share * (b - a) for a, b in itertools.pairwise(bounds) for share in (0.25, 0.75)]

@@ -10,8 +10,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from foldcar.compiler.library.wheel_module import tyre_gap_mm
+from foldcar.compiler.modules import REQUIRED_MODULES, modules, parameters
 from foldcar.errors import FoldcarError
-from foldcar.modules import MODULES, REQUIRED_MODULES, parameters
 from foldcar.parts import catalogue
 
 # Wheels are driven one by one by the eight outputs of the servo driver.
@@ -111,20 +112,19 @@ class Design:
     @property
     def track_mm(self) -> float:
         """Distance between the middles of the left and the right tyres."""
-        gap = catalogue().assembly.tyre_gap_mm.value
-        return self.values["width"] + self.values["W.tire_thickness"] + 2 * gap
+        return self.values["width"] + self.values["W.tire_thickness"] + 2 * tyre_gap_mm()
 
 
 def modules_of(type_string: str) -> tuple[str, ...]:
     """The module letters of a type string; DesignError if it is no car."""
     letters = tuple(type_string.split("_"))
     for letter in letters:
-        if letter not in MODULES:
-            known = ", ".join(f"{known} ({text})" for known, text in MODULES.items())
+        if letter not in modules():
+            known = ", ".join(f"{known} ({kind.title})" for known, kind in modules().items())
             raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known}')
     for letter in REQUIRED_MODULES:
         if letter not in letters:
-            raise DesignError(None, f'"{type_string}" has no module {letter} ({MODULES[letter]})')
+            raise DesignError(None, f'"{type_string}" has no module {letter} ({modules()[letter].title})')
     if letters.count("W") > MAX_AXLES:
         raise DesignError(
             None, f'"{type_string}" has {letters.count("W")} axles, the servo driver serves {MAX_AXLES}'
@@ -151,9 +151,9 @@ def compose(type_string: str, values: Mapping[str, float]) -> Design:
     """The design with these values and the defaults of all others; DesignError if it cannot be built."""
     letters = modules_of(type_string)
     complete = {
-        key: float(values.get(key, parameter.default))
+        key: float(values.get(key, parameter.declared.default_value))
         for key, parameter in parameters().items()
-        if any(letter in letters for letter in parameter.modules)
+        if not parameter.modules.isdisjoint(letters)
     }
     for key in values:
         if key not in complete:
@@ -166,13 +166,9 @@ def compose(type_string: str, values: Mapping[str, float]) -> Design:
 
 def _check_limits(design: Design) -> None:
     for key, value in design.values.items():
-        limits = parameters()[key]
-        if not value >= limits.minimum:
-            raise DesignError(
-                key, f"{value:g} is below the minimum {limits.minimum:g} ({limits.minimum_reason})"
-            )
-        if not value <= limits.maximum:
-            raise DesignError(key, f"{value:g} is above the maximum {limits.maximum:g}")
+        complaint = parameters()[key].declared.complaint(value)
+        if complaint:
+            raise DesignError(key, complaint)
 
 
 def _check_wheels(design: Design) -> None:
@@ -200,15 +196,26 @@ def _check_wheels(design: Design) -> None:
 
 
 def _folded_distance_mm(design: Design, front_mm: float, rear_mm: float) -> float:
-    """How close two axles come when all hinges between them fold as far as they can."""
+    """How close two axles come when all hinges between them fold as far as they can, down or up.
+
+    Hinges are at the floor, half a height below the axles.
+    """
     between = [x for x in design.hinges_mm if rear_mm < x < front_mm]
     if not between:
         return front_mm - rear_mm
-    fold_rad = math.radians(max(design.values["H.fold_down"], design.values["H.fold_up"]))
-    lengths = [a - b for a, b in itertools.pairwise([front_mm, *between, rear_mm])]
-    forward = sum(length * math.cos(i * fold_rad) for i, length in enumerate(lengths))
-    upward = sum(length * math.sin(i * fold_rad) for i, length in enumerate(lengths))
-    return math.hypot(forward, upward)
+    drop = design.values["height"] / 2
+    distances = []
+    for fold_deg in (0.0, -design.values["H.fold_down"], design.values["H.fold_up"]):
+        # From the rear axle forwards, nose down negative.
+        x, z, pitch = 0.0, 0.0, 0.0
+        places = [rear_mm, *reversed(between), front_mm]
+        for i, (behind, ahead) in enumerate(itertools.pairwise(places)):
+            pitch += math.radians(fold_deg) if i else 0.0
+            along, up = ahead - behind, drop * ((i == len(places) - 2) - (i == 0))
+            x += along * math.cos(pitch) - up * math.sin(pitch)
+            z += along * math.sin(pitch) + up * math.cos(pitch)
+        distances.append(math.hypot(x, z))
+    return min(distances)
 
 
 def _lengths(design: Design) -> str:

@@ -10,10 +10,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from foldcar.compiler.car import folded_car
 from foldcar.design import Design, DesignError, compose, modules_of
-from foldcar.layout import layout
 from foldcar.listing import ListedVehicle, ListingError
-from foldcar.modules import find_parameter, names_in, parameters
+from foldcar.compiler.modules import find_parameter, names_in, parameters
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Family:
         for values in itertools.product(*self.choices.values()):
             try:
                 design = compose(self.type, dict(zip(self.choices, values, strict=True)))
-                layout(design)
+                folded_car(design)
             except DesignError as error:
                 raise ListingError(f"{self._origin(error.parameter)}: {error.message}") from error
             yield design
@@ -48,9 +48,9 @@ class Family:
         """The family with these parameters set (keys as ``width`` or ``W.length``)."""
         choices, origins = dict(self.choices), dict(self.origins)
         for key, value in settings.items():
-            if key not in parameters() or not set(parameters()[key].modules) & set(self.type.split("_")):
+            if key not in parameters() or not parameters()[key].modules & set(self.type.split("_")):
                 known = [
-                    name for name, p in parameters().items() if set(p.modules) & set(self.type.split("_"))
+                    name for name, p in parameters().items() if p.modules & set(self.type.split("_"))
                 ]
                 raise ListingError(
                     f"--set {key}: {self.type} has no such parameter; it has {', '.join(known)}"

@@ -276,7 +276,7 @@ def _counted(
 
 
 def _without_names(face: Face) -> Face:
-    return replace(face, holes=tuple(replace(hole, name=re.sub(r".*\.", "", hole.name)) for hole in face.holes))
+    return replace(face, name="", holes=tuple(replace(hole, name=re.sub(r".*\.", "", hole.name)) for hole in face.holes))
 
 
 def _titles(labels: list[str]) -> list[str]:

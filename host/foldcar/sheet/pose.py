@@ -14,9 +14,7 @@ def translation(x_mm: float, y_mm: float, z_mm: float) -> Pose:
 
 def rotation(axis: str, angle_rad: float) -> Pose:
     """A right-handed turn about x, y or z."""
-    c, s = math.cos(angle_rad), math.sin(angle_rad)
-    # Quarter turns stay exact.
-    c, s = (round(c), round(s)) if abs(c * s) < 1e-12 else (c, s)
+    c, s = _cos_sin(angle_rad)
     if axis == "x":
         rows = ((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c))
     elif axis == "y":
@@ -68,7 +66,7 @@ def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle
     dx, dy = (parent[1][0] - parent[0][0]) / length, (parent[1][1] - parent[0][1]) / length
     length = math.dist(*child)
     ex, ey = (child[1][0] - child[0][0]) / length, (child[1][1] - child[0][1]) / length
-    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    c, s = _cos_sin(angle_rad)
     # The child's edge direction goes to -d, its inward normal to where the fold takes the parent's outward one.
     ux, uy = -dx, -dy
     vx, vy, vz = dy * c, -dx * c, s
@@ -82,3 +80,9 @@ def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle
     qx, qy = (child[0][0] + child[1][0]) / 2, (child[0][1] + child[1][1]) / 2
     shift = (px, py, 0.0)
     return (*((a, b, w, t - a * qx - b * qy) for (a, b, w), t in zip(rows, shift, strict=True)), IDENTITY[3])
+
+
+def _cos_sin(angle_rad: float) -> tuple[float, float]:
+    """Quarter turns are exact, so that what is flush stays flush."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return (float(round(c)), float(round(s))) if abs(c * s) < 1e-12 else (c, s)

@@ -55,7 +55,8 @@ class EndCap(Component):
     def build(self, shape: Shape) -> None:
         """Seen from inside, x to the right for the front cap and to the left for the rear one."""
         width, height = wall_mm(self["width"]), wall_mm(self["height"])
-        shape.rectangle("cap", width, height, piece="end cap")
+        # "front cap 1" is the one of segment 1.
+        shape.rectangle("cap", width, height, piece=shape.name.rpartition(" ")[0] or "end cap")
         if self["slit"] > 0:
             slit = catalogue().assembly.cable_slit_mm.value
             shape.rectangular_hole("cap", "slit", "slit", (width / 2, height / 2), self["slit"], slit)

@@ -25,7 +25,7 @@ class Deck(Component):
         assembly = catalogue().assembly
         length, inside = self["length"], self._inside_mm()
         a, b = (length - assembly.tongue_mm.value) / 2, (length + assembly.tongue_mm.value) / 2
-        out = self._gap_mm() + catalogue().film.thickness_mm.value / 2 + assembly.tongue_reach_mm.value
+        out = self.gap_mm + catalogue().film.thickness_mm.value / 2 + assembly.tongue_reach_mm.value
         outline = (
             (0.0, 0.0), (a, 0.0), (a, -out), (b, -out), (b, 0.0), (length, 0.0),
             (length, inside), (b, inside), (b, inside + out), (a, inside + out), (a, inside), (0.0, inside),
@@ -52,13 +52,14 @@ class Deck(Component):
         heights = (z_mm, shape.face_size_mm(right)[1] - z_mm)
         for side, y in zip(sides, heights, strict=True):
             shape.rectangular_hole(side, f"{side} slot", "slot", (x, y), slot_length, slot_width)
-        pose = translation(x_mm, self._gap_mm(), z_mm)
+        pose = translation(x_mm, self.gap_mm, z_mm)
         tongues = {"right tongue": (right, f"{right} slot"), "left tongue": (left, f"{left} slot")}
         shape.put_through(f"{deck}.shelf", floor, pose, tongues)
 
-    def _gap_mm(self) -> float:
+    @property
+    def gap_mm(self) -> float:
         """From the wall's middle plane to the shelf's edge."""
         return catalogue().film.thickness_mm.value / 2 + catalogue().assembly.slot_clearance_mm.value
 
     def _inside_mm(self) -> float:
-        return wall_mm(self["width"]) - 2 * self._gap_mm()
+        return wall_mm(self["width"]) - 2 * self.gap_mm

@@ -1,0 +1,31 @@
+"""What a type string is made of: modules. Each one but a hinge is a length of box beam with something in or on it.
+
+A module of one's own is a subclass with a ``letter`` (or a name, without underscores) and a ``title``; see docs/compiler.md.
+"""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from foldcar.compiler.component import Component, Sub
+from foldcar.compiler.library.box_beam import BoxBeam
+from foldcar.compiler.library.dimensions import HEIGHT, WIDTH
+from foldcar.compiler.parameter import Parameter
+
+# Set by the car: whether the middle of the segment lies towards the front (1) or the rear (-1).
+TOWARDS_MIDDLE = Parameter("towards_middle", 1, -1, 1, "where the segment's middle is", "rear", "", internal=True)
+
+
+class Module(Component):
+    """A length of the car's body: a subcomponent ``beam`` as long, wide and high as the module."""
+
+    letter: ClassVar[str]
+    title: ClassVar[str]
+    parameters = (
+        WIDTH,
+        HEIGHT,
+        Parameter("length", 80, 10, 400, "length of the module", "a strip that can be folded"),
+    )
+
+    def subcomponents(self) -> Sequence[Sub]:
+        """The beam; add to it with ``(*super().subcomponents(), Sub(…))``."""
+        return (Sub("beam", BoxBeam, inherit=("length", "width", "height"), root=True),)

@@ -8,6 +8,7 @@ it: it widens every cut when the sheets are drawn.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Literal
 
 import shapely
@@ -17,6 +18,7 @@ from shapely.geometry import LineString, Polygon
 from foldcar.patterns.drawing import Point
 from foldcar.patterns.edge_offset import offset_edges
 from foldcar.patterns.options import Options
+from foldcar.sheet.folding import edge, folded
 from foldcar.sheet.model import Crease, Face, Piece
 
 # Outlines are joined on a grid of a tenth of a micrometre, so that corners of two faces become one point.
@@ -94,6 +96,7 @@ class _Placing:
         )
 
 
+@lru_cache(maxsize=256)
 def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
     """The piece in the flat."""
     thickness = chosen.thickness_mm if chosen.thickness_mm is not None else piece.thickness_mm
@@ -153,38 +156,26 @@ def _free_edge_mm(face: Face, chosen: Options) -> float:
     return chosen.tab_clearance_mm if face.role == "tab" else 0.0
 
 
-def _edge(face: Face, index: int) -> tuple[Point, Point]:
-    return face.outline_mm[index], face.outline_mm[(index + 1) % len(face.outline_mm)]
-
-
 def _placings(piece: Piece, thickness_mm: float, chosen: Options) -> dict[str, _Placing]:
-    """Each face's motion into the flat: children against their parent's edge, moved over it by the bend deduction."""
+    """Each face's motion into the flat, children moved over their parent's edge by the bend deduction."""
     faces = {face.name: face for face in piece.faces}
-    children: dict[str, list[Crease]] = {}
+    poses = folded(piece, 0.0)
+    shifts = {piece.faces[0].name: (0.0, 0.0)}
+    # Parents come before their children.
     for crease in piece.creases:
-        children.setdefault(crease.parent.face, []).append(crease)
-    placings = {piece.faces[0].name: _Placing(1.0, 0.0, (0.0, 0.0))}
-    waiting = [piece.faces[0].name]
-    while waiting:
-        parent = waiting.pop()
-        for crease in children.get(parent, []):
-            a, b = (placings[parent].apply(p) for p in _edge(faces[parent], crease.parent.index))
-            # The child's edge runs from b to a.
-            c, d = _edge(faces[crease.child.face], crease.child.index)
-            turn = math.atan2(a[1] - b[1], a[0] - b[0]) - math.atan2(d[1] - c[1], d[0] - c[0])
-            cos, sin = math.cos(turn), math.sin(turn)
-            middle = ((c[0] + d[0]) / 2, (c[1] + d[1]) / 2)
-            turned = (cos * middle[0] - sin * middle[1], sin * middle[0] + cos * middle[1])
-            saved = bend_deduction_mm(crease.angle_rad, thickness_mm, chosen)
-            length = math.dist(a, b)
-            inward = (-(b[1] - a[1]) / length * saved, (b[0] - a[0]) / length * saved)
-            shift = (
-                (a[0] + b[0]) / 2 - turned[0] + inward[0],
-                (a[1] + b[1]) / 2 - turned[1] + inward[1],
-            )
-            placings[crease.child.face] = _Placing(cos, sin, shift)
-            waiting.append(crease.child.face)
-    return placings
+        pose = poses[crease.parent.face]
+        a, b = edge(faces, crease.parent)
+        saved = bend_deduction_mm(crease.angle_rad, thickness_mm, chosen) / math.dist(a, b)
+        x, y = -(b[1] - a[1]) * saved, (b[0] - a[0]) * saved
+        before = shifts[crease.parent.face]
+        shifts[crease.child.face] = (
+            before[0] + pose[0][0] * x + pose[0][1] * y,
+            before[1] + pose[1][0] * x + pose[1][1] * y,
+        )
+    return {
+        name: _Placing(pose[0][0], pose[1][0], (pose[0][3] + shifts[name][0], pose[1][3] + shifts[name][1]))
+        for name, pose in poses.items()
+    }
 
 
 def _flat_face(face: Face, corners: list[list[Point]], place: _Placing) -> FlatFace:

@@ -18,8 +18,9 @@ from foldcar.patterns.stroke_font import text_strokes
 # Capital heights that are tried, largest first: 1.6 mm can just be read and drawn with a fine pen.
 NAME_HEIGHTS_MM = (6.0, 5.0, 4.0, 3.2, 2.5, 2.0, 1.6)
 NUMBER_HEIGHTS_MM = (3.2, 2.5, 2.0, 1.6)
-# Film between a stroke and the nearest cut, fold or other stroke.
+# Film between a stroke and the nearest cut or fold; and between two texts, so that they are not read as one.
 CLEAR_MM = 0.6
+APART_MM = 2.5
 # Letters reach this share of their height under the base line.
 DESCENT = 0.35
 
@@ -51,7 +52,7 @@ def label_paths(
         if found is None:
             missing.append(mark.text)
             continue
-        free = free.difference(found[1].buffer(CLEAR_MM, join_style="mitre"))
+        free = free.difference(found[1].buffer(APART_MM, join_style="mitre"))
         paths += found[0]
     found = _first_fit(free, name, _in_faces(flat, turn), NAME_HEIGHTS_MM)
     if found is None:
@@ -132,10 +133,16 @@ def _beside(edge: tuple[Point, Point], turn: float) -> list[_Place]:
 
 
 def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
-    """Places over the faces, largest face first, from the middle outwards, along its longer side first."""
+    """Places over the faces, largest face first, from the middle outwards, along its longer side first.
+
+    A strip, which bends evenly, counts as one face.
+    """
+    areas = [face.outline for face in sorted(flat.faces, key=lambda face: -float(face.outline.area))[:4]]
+    if any(face.role == "rim" for face in flat.faces):
+        areas = [flat.outline]
     places = []
-    for face in sorted(flat.faces, key=lambda face: -float(face.outline.area))[:4]:
-        x0, y0, x1, y1 = face.outline.bounds
+    for area in areas:
+        x0, y0, x1, y1 = area.bounds
         middle = ((x0 + x1) / 2, (y0 + y1) / 2)
         grid = [(x0 + (x1 - x0) * i / 12, y0 + (y1 - y0) * j / 12) for i in range(1, 12) for j in range(1, 12)]
         grid.sort(key=lambda p: (round(math.dist(p, middle), 6), p))

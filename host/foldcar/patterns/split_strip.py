@@ -4,6 +4,7 @@ Input: a FlatPiece and the sheet's usable area. Output: one FlatPiece, or severa
 (faces with the role rim) are cut across; their teeth stay whole.
 """
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -32,13 +33,27 @@ def split_to_fit(flat: FlatPiece, chosen: Options) -> tuple[FlatPiece, ...]:
     if not strip or x1 - x0 < y1 - y0:
         return (flat,)
     band = (min(low for _, low, _, _ in strip), max(high for _, _, _, high in strip))
-    limit = max(side - 2 * chosen.margin_mm for side in chosen.sheet_size_mm) - OVERLAP_MM
-    count = math.ceil((x1 - x0) / limit)
-    ends = [x0, *(_gap_near(flat, x0 + (x1 - x0) * i / count, limit) for i in range(1, count)), x1]
+    limit = max(side - 2 * chosen.margin_mm for side in chosen.sheet_size_mm) - chosen.kerf_mm
+    ends = _ends(flat, x0, x1, limit)
+    if ends is None:
+        return (flat,)
+    count = len(ends) - 1
     return tuple(_part(flat, band, ends[i], ends[i + 1], i, count) for i in range(count))
 
 
-def _gap_near(flat: FlatPiece, wanted: float, limit: float) -> float:
+def _ends(flat: FlatPiece, x0: float, x1: float, limit: float) -> list[float] | None:
+    """Where the parts begin and end, each of them and its overlap within the limit; None if that cannot be."""
+    least = math.ceil((x1 - x0 - OVERLAP_MM) / max(limit - OVERLAP_MM, 1.0))
+    # Cuts move to the next gap between teeth, which may ask for one part more.
+    for count in range(least, least + 3):
+        ends = [x0, *(_gap_near(flat, x0 + (x1 - x0) * i / count) for i in range(1, count)), x1]
+        lengths = [b - a + (OVERLAP_MM if b < x1 else 0.0) for a, b in itertools.pairwise(ends)]
+        if max(lengths) <= limit and min(lengths) > OVERLAP_MM:
+            return ends
+    return None
+
+
+def _gap_near(flat: FlatPiece, wanted: float) -> float:
     """The place nearest to ``wanted`` where no tooth is cut."""
     teeth = sorted((f.outline.bounds[0], f.outline.bounds[2]) for f in flat.faces if f.role == "tab")
     edges = [wanted]

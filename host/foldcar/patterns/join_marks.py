@@ -40,7 +40,8 @@ def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[E
     if slot is not None and slot in face.holes:
         return list(face.holes[slot])
     if join.kind == "laminate":
-        return list(face.edges.values())
+        # Doublings are laid hole on hole.
+        return [edge for ring in face.holes.values() for edge in ring] or list(face.edges.values())
     if ref.index not in face.edges:
         return []
     a, b = face.edges[ref.index]

@@ -122,7 +122,7 @@ def _beside(edge: tuple[Point, Point], turn: float) -> list[_Place]:
     inward = (-(by - ay) / length, (bx - ax) / length)
     angle = _upright(math.atan2(by - ay, bx - ax) + turn) - turn
     places = []
-    for deeper in (0.0, 2.0, 5.0):
+    for deeper in (1.2, 0.0, 3.0, 6.0):
         for share in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9):
             point = (
                 ax + share * (bx - ax) + deeper * inward[0],
@@ -146,7 +146,7 @@ def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
         middle = ((x0 + x1) / 2, (y0 + y1) / 2)
         grid = [(x0 + (x1 - x0) * i / 12, y0 + (y1 - y0) * j / 12) for i in range(1, 12) for j in range(1, 12)]
         grid.sort(key=lambda p: (round(math.dist(p, middle), 6), p))
-        wide = x1 - x0 >= y1 - y0
-        for angle in (0.0, math.pi / 2) if wide else (math.pi / 2, 0.0):
+        tall = y1 - y0 > 1.2 * (x1 - x0)
+        for angle in (math.pi / 2, 0.0) if tall else (0.0, math.pi / 2):
             places += [_Place(p, _upright(angle + turn) - turn) for p in grid]
     return places

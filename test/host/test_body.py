@@ -6,20 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
+import trimesh
 
-from foldcar.body import (
-    body_json,
-    full_speed_m_s,
-    hinge_stiffness_n_m_rad,
-    segment_properties,
-    wheel_mass_kg,
-)
+from foldcar.body import body_json, full_speed_m_s
 from foldcar.carsim import Carsim, RunRequest
+from foldcar.compiler.car import folded_car
 from foldcar.controller import TableRow, check_parameters, controller_parameters
 from foldcar.design import Design, compose
 from foldcar.errors import FoldcarError
-from foldcar.layout import film_panels, layout
 from foldcar.mass import assemble, box_properties
+from foldcar.sheet.weight import body_mass_kg, body_properties, faces_of
 from foldcar.store_writer import canonical_json
 
 FLAT_SCENE = (
@@ -33,31 +30,47 @@ def study_car(width: float = 95) -> Design:
     return compose("W_B_W", {"width": width})
 
 
-def midpoints(design: Design, steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) in m and point masses (n,) in kg that stand for every box by the midpoint rule."""
-    fractions = (np.arange(steps) + 0.5) / steps - 0.5
-    grid = np.stack(np.meshgrid(fractions, fractions, fractions, indexing="ij"), axis=-1).reshape(-1, 3)
-    boxes = layout(design)
-    points = np.concatenate([(grid * box.size_mm + box.center_mm) / 1000 for box in boxes])
-    masses = np.concatenate([np.full(len(grid), box.mass_kg / len(grid)) for box in boxes])
-    return points, masses
+def solids(design: Design, body: str) -> list[trimesh.Trimesh]:
+    """Every face of the body extruded to its thickness, and every part as a box, in metres and of their density."""
+    car = folded_car(design)
+    meshes = []
+    for face, piece, pose in faces_of(car, body):
+        polygon = shapely.Polygon(face.outline_mm, [hole.outline_mm for hole in face.holes])
+        mesh = trimesh.creation.extrude_polygon(polygon, piece.thickness_mm)
+        mesh.apply_translation((0, 0, -piece.thickness_mm / 2))
+        mesh.apply_transform(np.array(pose))
+        mesh.apply_scale(1e-3)
+        mesh.density = 1390
+        meshes.append(mesh)
+    for mount in car.mounts:
+        if mount.body == body:
+            mesh = trimesh.creation.box(mount.size_mm, np.array(mount.pose))
+            mesh.apply_scale(1e-3)
+            mesh.density = mount.mass_kg / mesh.volume
+            meshes.append(mesh)
+    return meshes
 
 
-@pytest.mark.parametrize("type_string", ["W_B_W", "W_B_W_W"])
-def test_inertia_agrees_with_numeric_integration(type_string: str) -> None:
+@pytest.mark.parametrize(
+    ("type_string", "body"),
+    [("W_B_W", "segment0"), ("W_B_W_W", "segment0"), ("W_B_H_W", "segment1"), ("W_B_W", "wheel1")],
+)
+def test_mass_center_and_inertia_agree_with_the_integrals_over_meshes(type_string: str, body: str) -> None:
     design = compose(type_string, {"W.length": 130})
-    points, masses = midpoints(design, 24)
-    center = masses @ points / masses.sum()
-    x, y, z = (points - center).T
-    numeric = np.array([masses @ (y**2 + z**2), masses @ (x**2 + z**2), masses @ (x**2 + y**2)])
+    meshes = solids(design, body)
+    mass = sum(mesh.mass for mesh in meshes)
+    center = sum(mesh.mass * mesh.center_mass for mesh in meshes) / mass
+    inertia = np.zeros((3, 3))
+    for mesh in meshes:
+        offset = mesh.center_mass - center
+        inertia += mesh.moment_inertia + mesh.mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
 
-    chassis = segment_properties(design, 0)
+    properties = body_properties(folded_car(design), body)
 
-    assert chassis.mass_kg == pytest.approx(masses.sum(), rel=1e-12)
-    assert chassis.center_m == pytest.approx(center, abs=1e-9)
-    # The midpoint rule is short by 1/24² of each box's own share.
-    assert np.diag(chassis.inertia_kg_m2) == pytest.approx(numeric, rel=1 / 24**2)
-    assert chassis.inertia_kg_m2[0, 2] == pytest.approx(-(masses @ (x * z)), abs=1e-9)
+    assert properties.mass_kg == pytest.approx(mass, rel=1e-9)
+    assert properties.mass_kg == pytest.approx(body_mass_kg(folded_car(design), body), rel=1e-12)
+    assert properties.center_m == pytest.approx(center, abs=1e-9)
+    assert properties.inertia_kg_m2 == pytest.approx(inertia, rel=1e-6, abs=1e-12)
 
 
 def test_a_box_has_the_textbook_inertia() -> None:
@@ -75,26 +88,30 @@ def test_a_box_cut_in_two_is_the_same_box() -> None:
     assert halves.inertia_kg_m2 == pytest.approx(whole.inertia_kg_m2)
 
 
-def test_the_film_weighs_its_area() -> None:
-    film_kg = sum(panel.mass_kg for panel in film_panels(study_car()))
-
-    area_m2 = 0.2 * 2 * (0.095 + 0.05) + 0.2 * 0.01 + 2 * 0.095 * 0.05
-    assert film_kg == pytest.approx(area_m2 * 0.25e-3 * 1390)
-
-
 def test_the_chassis_weighs_its_film_and_parts() -> None:
-    film_kg = sum(panel.mass_kg for panel in film_panels(study_car()))
-
+    # The beam: a strip 2 · (94.75 + 49.75) + 10 wide and 200 long; two caps with mitred tabs of 8 mm; four layers
+    # of 31.9 × 25 behind the servos; the deck, 54 long and 94.75 less a wall and two gaps wide, with flanges and tongues.
+    opening, screw = 23.4 * 12.7, math.pi * 1.1**2
+    beam = 200 * (2 * (94.75 + 49.75) + 10) - 4 * (opening + 2 * screw) - 2 * 30.6 * 0.8
+    caps = 2 * (94.75 * 49.75 + 2 * (94.75 - 8) * 8 + 2 * (49.75 - 8) * 8)
+    doublers = 4 * (31.9 * 25 - opening - 2 * screw)
+    inside = 94.75 - 0.25 - 0.6
+    deck = 53.3 * inside + 2 * (inside - 4) * 4 + 2 * 30 * (0.125 + 0.3 + 0.125 + 2) - 4 * math.pi * 1.25**2
+    film_kg = (beam + caps + doublers + deck) * 1e-6 * 0.25e-3 * 1390
     parts_kg = 4 * 0.009 + 0.007 + 0.009 + 0.0105 + 0.110 + 0.006
-    assert segment_properties(study_car(), 0).mass_kg == pytest.approx(film_kg + parts_kg)
+
+    (chassis,) = body_json(study_car())["segments"]
+
+    assert chassis["mass_kg"] == pytest.approx(film_kg + parts_kg, rel=1e-5)
 
 
 def test_the_study_car_is_balanced_and_its_battery_high() -> None:
     (chassis,) = body_json(study_car())["segments"]
 
-    assert chassis["com_x_m"] == 0
+    assert chassis["com_x_m"] == pytest.approx(0, abs=1e-9)
     assert 0 < chassis["com_z_m"] < 0.01
-    assert abs(segment_properties(study_car(), 0).center_m[1]) < 1e-12
+    # The seam's flap lies to the right.
+    assert -0.0003 < chassis["com_y_m"] < 0
 
 
 def test_inertias_obey_the_triangle_inequality_and_grow_with_width() -> None:
@@ -108,11 +125,14 @@ def test_inertias_obey_the_triangle_inequality_and_grow_with_width() -> None:
 
 
 def test_a_wheel_weighs_its_film_and_horn() -> None:
-    # Two discs of 60 mm, two hub layers of 30 mm, a rim of 12 mm, a horn of half a gram.
-    area_m2 = 2 * math.pi * 0.06**2 + 2 * math.pi * 0.03**2 + 2 * math.pi * 0.06 * 0.012
+    # Two discs of 60 mm, two hub layers of 30 mm, a rim of 12 mm with tabs of 6 mm along both edges, a horn of half a gram.
+    discs_m2 = 2 * math.pi * 0.06**2 + 2 * math.pi * 0.03**2 - 4 * math.pi * 0.0037**2 - 6 * math.pi * 0.0006**2
+    facet = 2 * math.pi * 0.06 / 63
+    rim_m2 = 64 * facet * 0.012 + 2 * 63 * 0.006 * 0.75 * facet
 
-    assert wheel_mass_kg(0.06, 0.012) == pytest.approx(area_m2 * 0.25e-3 * 1390 + 0.0005)
-    assert wheel_mass_kg(0.06, 0.012) == pytest.approx(0.012, abs=0.001)
+    wheel = body_json(study_car())["wheels"][0]
+
+    assert wheel["mass_kg"] == pytest.approx((discs_m2 + rim_m2) * 0.25e-3 * 1390 + 0.0005, rel=2e-3)
 
 
 def test_the_servo_line_lies_between_the_published_points() -> None:
@@ -139,13 +159,13 @@ def test_wheels_stand_front_to_back_left_then_right_and_mirrored() -> None:
         (2, "left", -0.07, 1),
         (3, "right", -0.07, -1),
     ]
-    assert body["track_m"] == 0.111
+    assert body["track_m"] == pytest.approx(0.1232)
 
 
 def test_the_controller_is_set_for_the_same_car() -> None:
     values = controller_parameters(study_car())
 
-    assert values["TRACK_M"] == 0.111
+    assert values["TRACK_M"] == pytest.approx(0.1232)
     assert values["WHEEL_RADIUS_M"] == 0.06
     assert [values[f"CH{n}_SIDE"] for n in range(1, 9)] == [1, 2, 1, 2, 0, 0, 0, 0]
     assert [values[f"CH{n}_DIRECTION"] for n in range(1, 5)] == [1, -1, 1, -1]
@@ -170,9 +190,12 @@ def test_the_same_modules_weigh_the_same_with_hinges_between() -> None:
         sum(segment["mass_kg"] for segment in body_json(design)["segments"]) for design in (rigid, hinged)
     ]
 
-    # Two strips of 6 mm and two pairs of end caps more.
-    film_m2 = 2 * 0.006 * 0.095 + 4 * 0.095 * 0.05
-    assert weights[1] - weights[0] == pytest.approx(film_m2 * 0.25e-3 * 1390)
+    # Two strips of 6 mm glued over 10 mm at either end, two stops of five faces, two pairs of end caps, which have
+    # slits for cables.
+    strips = 2 * 26 * 94.75
+    stops = 2 * 94.75 / 3 * (2 * 12 * 0.45 + 2 * (6 - 2 * 0.25) + 12)
+    caps = 4 * (94.75 * 49.75 + 2 * (94.75 - 8) * 8 + 2 * (49.75 - 8) * 8 - 12 * 4)
+    assert weights[1] - weights[0] == pytest.approx((strips + stops + caps) * 1e-6 * 0.25e-3 * 1390)
 
 
 def test_segments_and_hinges_stand_where_the_modules_do() -> None:
@@ -197,21 +220,23 @@ def test_segments_and_hinges_stand_where_the_modules_do() -> None:
 def test_a_hinge_is_as_stiff_as_a_clamped_strip() -> None:
     design = compose("W_B_H_W", {"H.length": 10, "H.thickness": 0.25, "width": 100, "W.length": 80})
 
-    # 4.5 GPa · 100 mm · (0.25 mm)³ / 12 / 10 mm.
-    assert hinge_stiffness_n_m_rad(design) == pytest.approx(4.5e9 * 0.1 * 0.25e-3**3 / 12 / 0.01)
     (hinge,) = body_json(design)["hinges"]
-    assert hinge["stiffness_n_m_rad"] == pytest.approx(0.0586, abs=0.0001)
+
+    # 4.5 GPa · 100 mm · (0.25 mm)³ / 12 / 10 mm.
+    assert hinge["stiffness_n_m_rad"] == pytest.approx(4.5e9 * 0.1 * 0.25e-3**3 / 12 / 0.01)
+    # Glued under the floors, its middle half a film and half a strip below that of the floor.
+    assert hinge["z_m"] == pytest.approx(-0.025 - 0.000125)
     # The loss factor's damping at its frequency: three hundredths of the stiffness over the angular rate.
     assert hinge["damping_n_m_s_rad"] == pytest.approx(0.03 * 0.0586 / (2 * math.pi * 5), rel=1e-3)
 
 
 def test_fold_limits_are_the_designs() -> None:
-    design = compose("W_B_H_W", {"W.length": 80, "H.fold_down": 45, "H.fold_up": 10})
+    design = compose("W_B_H_W", {"W.length": 80, "H.fold_down": 45, "H.fold_up": 6})
 
     (hinge,) = body_json(design)["hinges"]
 
     assert hinge["min_rad"] == pytest.approx(-math.pi / 4)
-    assert hinge["max_rad"] == pytest.approx(math.pi / 18)
+    assert hinge["max_rad"] == pytest.approx(math.radians(6))
 
 
 @pytest.mark.parametrize(

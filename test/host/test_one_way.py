@@ -10,9 +10,10 @@ PACKAGE = Path(foldcar.__file__).parent
 # Upstream first. A module may import from its own group and from any group above it in this list.
 STREAM = (
     {"errors", "results", "atomic_file", "time_limit", "recorded_values"},
-    {"parts"},
-    {"modules", "design", "mass"},
-    {"body", "controller", "layout", "variation"},
+    {"parts", "mass"},
+    {"sheet"},
+    {"compiler", "design"},
+    {"body", "controller", "variation"},
     {"listing", "family", "experiments"},
     {"scene_reading", "scene_terrain", "scene_checks"},
     {"program_globals", "conditioning", "scenic_program", "scene_json", "scenes", "fingerprint"},

@@ -17,6 +17,9 @@ from foldcar.sheet.pose import translation
 
 RECTANGLE_EDGES = ("near", "front", "far", "rear")
 CIRCLE_POINTS = 48
+_CIRCLE = [
+    (math.cos(2 * math.pi * i / CIRCLE_POINTS), math.sin(2 * math.pi * i / CIRCLE_POINTS)) for i in range(CIRCLE_POINTS)
+]
 # Edges that are to be joined may differ by this.
 LENGTH_TOLERANCE_MM = 1e-6
 
@@ -184,9 +187,8 @@ class Shape:
     def round_hole(self, face: str, name: str, kind: HoleKind, center_mm: Point, diameter_mm: float) -> str:
         """A circle; returns its full name."""
         x, y = center_mm
-        turns = [2 * math.pi * i / CIRCLE_POINTS for i in range(CIRCLE_POINTS)]
         r = diameter_mm / 2
-        outline = tuple((x + r * math.cos(turn), y + r * math.sin(turn)) for turn in turns)
+        outline = tuple((x + r * c, y + r * s) for c, s in _CIRCLE)
         return self._hole(face, Hole(self._path(name), kind, outline, diameter_mm, center_mm))
 
     def connect(

@@ -1,0 +1,1 @@
+"""What is made of a folded car besides its sheets: meshes, FOLD, lists, wiring, guide and view."""

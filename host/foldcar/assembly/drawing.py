@@ -1,0 +1,126 @@
+"""A picture of faces in space as SVG: hidden parts left out, faces shaded, folds dashed, marks with numbers.
+
+Input: a Shape, a Camera, marks. Output: an SVG element as text, in millimetres of the picture, without other files.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from xml.sax.saxutils import escape
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from foldcar.assembly.facets import Shape
+from foldcar.assembly.hidden_surfaces import GRID_MM, Camera, Seen, Vector, seen_facets
+
+# Printed side, other side; 0..255.
+COLOURS = {
+    "film": ((250, 246, 235), (205, 217, 230)),
+    "tyre": ((118, 122, 130), (96, 100, 108)),
+    "servo": ((88, 138, 196), (88, 138, 196)),
+    "board": ((92, 160, 110), (92, 160, 110)),
+    "battery": ((214, 172, 92), (214, 172, 92)),
+    "other": ((190, 190, 190), (190, 190, 190)),
+}
+# Colour, dashes in line widths, width in hundredths of the picture's larger side.
+LINES = {
+    "cut": ("#222222", None, 0.28),
+    "mountain": ("#c2272d", (5, 2, 1, 2), 0.32),
+    "valley": ("#0b62a8", (3.5, 2), 0.32),
+    "flat": ("#777777", (1, 2), 0.24),
+}
+# Visible regions end where other faces begin; lines along shared edges lie just on them.
+EDGE_SLACK_MM = 0.08
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A number or a few letters at a point of a facet, shown if that point is seen."""
+
+    text: str
+    at_mm: Vector
+    key: str
+
+
+def picture(shape: Shape, view: Camera, title: str, marks: Sequence[Mark] = (), margin: float = 0.04) -> str:
+    """The SVG element; its viewBox fits what is shown with ``margin`` as a share of the larger side around it."""
+    seen = seen_facets(shape.facets, view)
+    left, low, right, high = shapely.total_bounds([one.region for one in seen])
+    size = max(right - left, high - low)
+    edge = margin * size
+    box = f"{left - edge:.2f} {-high - edge:.2f} {right - left + 2 * edge:.2f} {high - low + 2 * edge:.2f}"
+    body = [_face(one, shape.materials[one.facet.key], size) for one in seen]
+    body += _lines(shape, seen, view, size)
+    body += _marks(marks, seen, view, size)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" role="img"><title>{escape(title)}</title>'
+        + "".join(body)
+        + "</svg>"
+    )
+
+
+def _face(seen: Seen, material: str, size: float) -> str:
+    base = np.array(COLOURS[material][0 if seen.front else 1])
+    red, green, blue = (base * (0.72 + 0.28 * seen.lit)).astype(int)
+    colour = f"#{red:02x}{green:02x}{blue:02x}"
+    # The thin stroke closes the hairlines that renderers leave between neighbours.
+    return (
+        f'<path d="{_path(seen.region)}" fill="{colour}" fill-rule="evenodd" '
+        f'stroke="{colour}" stroke-width="{size * 0.0008:.3f}"/>'
+    )
+
+
+def _lines(shape: Shape, seen: Sequence[Seen], view: Camera, size: float) -> list[str]:
+    regions = {one.facet.key: one.region.buffer(EDGE_SLACK_MM) for one in seen}
+    by_kind: dict[str, list[BaseGeometry]] = {}
+    for line in shape.lines:
+        if line.key in regions:
+            ends = view.flat(line.ends_mm)
+            if np.ptp(ends, axis=0).max() > EDGE_SLACK_MM:
+                # Both faces of a fold have the line: the same one way round, so that one hides the other.
+                ends = ends[np.lexsort(ends.T[::-1])]
+                by_kind.setdefault(line.kind, []).append(
+                    shapely.intersection(shapely.LineString(ends), regions[line.key], grid_size=GRID_MM)
+                )
+    texts = []
+    for kind, (colour, dashes, width) in LINES.items():
+        pieces = [part for line in by_kind.get(kind, ()) for part in shapely.get_parts(line)]
+        d = "".join(_polyline(part) for part in pieces if part.length > 0)
+        if d:
+            thick = size * width / 100
+            dashed = "" if dashes is None else ' stroke-dasharray="' + " ".join(f"{n * thick:.3f}" for n in dashes) + '"'
+            texts.append(
+                f'<path d="{d}" fill="none" stroke="{colour}" stroke-width="{thick:.3f}" stroke-linecap="round"{dashed}/>'
+            )
+    return texts
+
+
+def _marks(marks: Sequence[Mark], seen: Sequence[Seen], view: Camera, size: float) -> list[str]:
+    regions = {one.facet.key: one.region for one in seen}
+    texts = []
+    for mark in marks:
+        (u, v) = view.flat(mark.at_mm[None, :])[0]
+        region = regions.get(mark.key)
+        if region is None or not region.buffer(EDGE_SLACK_MM).covers(shapely.Point(u, v)):
+            continue
+        r = size * (0.017 if len(mark.text) < 3 else 0.023)
+        texts.append(
+            f'<circle cx="{u:.2f}" cy="{-v:.2f}" r="{r:.2f}" fill="#ffffff" stroke="#222222" stroke-width="{r * 0.12:.3f}"/>'
+            f'<text x="{u:.2f}" y="{-v:.2f}" font-size="{size * 0.024:.2f}" text-anchor="middle" dy=".35em" '
+            f'fill="#222222">{escape(mark.text)}</text>'
+        )
+    return texts
+
+
+def _path(region: BaseGeometry) -> str:
+    rings = []
+    for polygon in shapely.get_parts(region):
+        if polygon.geom_type == "Polygon":
+            rings += [polygon.exterior, *polygon.interiors]
+    return "".join(_polyline(ring) + "Z" for ring in rings)
+
+
+def _polyline(line: BaseGeometry) -> str:
+    points = shapely.get_coordinates(line)
+    return "M" + "L".join(f"{u:.2f},{-v:.2f}" for u, v in points)

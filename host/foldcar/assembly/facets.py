@@ -1,0 +1,103 @@
+"""The faces of film and bought parts as facets to be drawn, in the car's frame.
+
+Input: pieces with their poses and how far they are folded, mounts. Output: Facets and the lines along their edges.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from foldcar.assembly.hidden_surfaces import Facet, Vector
+from foldcar.assembly.poses import Matrix, face_poses, glued_offset_mm, moved
+from foldcar.assembly.solids import mount_material
+from foldcar.sheet.model import Mount, Piece
+
+LineKind = Literal["cut", "mountain", "valley", "flat"]
+
+
+@dataclass(frozen=True)
+class EdgeLine:
+    """A line along a facet's edge, to be drawn where the facet of that key is seen."""
+
+    key: str
+    ends_mm: Vector
+    kind: LineKind
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What one picture shows: facets, their lines, and by the facet's key what each is made of."""
+
+    facets: tuple[Facet, ...]
+    lines: tuple[EdgeLine, ...]
+    materials: Mapping[str, str]
+
+
+def together(shapes: Iterable[Shape]) -> Shape:
+    """Several shapes in one picture. Their keys must differ."""
+    several = list(shapes)
+    return Shape(
+        tuple(facet for shape in several for facet in shape.facets),
+        tuple(line for shape in several for line in shape.lines),
+        {key: material for shape in several for key, material in shape.materials.items()},
+    )
+
+
+def film_shape(
+    piece: Piece,
+    pose: Matrix,
+    fraction: float = 1.0,
+    prefix: str = "",
+    tabs: bool = True,
+    creases: bool = True,
+) -> Shape:
+    """One copy of a piece. Keys are the faces' names after ``prefix``; ``creases`` draws folds as folds."""
+    poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
+    facets, lines = [], []
+    kinds = _edge_kinds(piece) if creases else {}
+    offsets = glued_offset_mm(piece)
+    shown = [face for face in piece.faces if tabs or face.role != "tab"]
+    for face in shown:
+        at, key = poses[face.name].copy(), prefix + face.name
+        at[:3, 3] += fraction * offsets.get(face.name, 0.0) * at[:3, 2]
+        rings = tuple(
+            moved(at, np.array(ring)) for ring in (face.outline_mm, *(hole.outline_mm for hole in face.holes))
+        )
+        facets.append(Facet(key, rings, at[:3, 2]))
+        for number, ring in enumerate(rings):
+            for i, ends in enumerate(zip(ring, np.roll(ring, -1, 0), strict=True)):
+                kind = "cut" if number else kinds.get((face.name, i), "cut")
+                lines.append(EdgeLine(key, np.array(ends), kind))
+    rim = any(face.role == "rim" for face in piece.faces)
+    return Shape(tuple(facets), tuple(lines), {f.key: "tyre" if rim else "film" for f in facets})
+
+
+def mount_shape(mount: Mount) -> Shape:
+    """A bought part's box."""
+    pose, half = np.array(mount.pose), np.array(mount.size_mm) / 2
+    facets, lines = [], []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            u, v = (axis + 1) % 3, (axis + 2) % 3
+            corners = np.zeros((4, 3))
+            corners[:, axis] = sign * half[axis]
+            corners[:, u] = np.array([-1, 1, 1, -1]) * half[u]
+            corners[:, v] = np.array([-1, -1, 1, 1]) * half[v]
+            ring = moved(pose, corners)
+            key = f"{mount.name} {axis}{sign:+g}"
+            facets.append(Facet(key, (ring,), sign * pose[:3, axis]))
+            lines += [
+                EdgeLine(key, np.array([a, b]), "cut") for a, b in zip(ring, np.roll(ring, -1, 0), strict=True)
+            ]
+    return Shape(tuple(facets), tuple(lines), {facet.key: mount_material(mount) for facet in facets})
+
+
+def _edge_kinds(piece: Piece) -> dict[tuple[str, int], LineKind]:
+    kinds: dict[tuple[str, int], LineKind] = {}
+    for crease in piece.creases:
+        kind: LineKind = "valley" if crease.angle_rad > 0 else "mountain" if crease.angle_rad < 0 else "flat"
+        kinds[crease.parent.face, crease.parent.index] = kind
+        kinds[crease.child.face, crease.child.index] = kind
+    return kinds

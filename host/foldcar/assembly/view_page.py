@@ -1,0 +1,79 @@
+"""The view page: one HTML file with the flat sheets and a model that folds; works without a network.
+
+Input: a FoldedCar, drawings of its flat sheets. Output: the page's text. Its 3D library, three.js, is taken from the
+installed package jupyter_threejs_sage when the page is written.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from foldcar.assembly.drawing import picture
+from foldcar.assembly.facets import film_shape
+from foldcar.assembly.hidden_surfaces import camera
+from foldcar.assembly.parts_list import film_area_mm2, parts_list, total_cost_usd, total_mass_kg
+from foldcar.assembly.view_data import view_data
+from foldcar.sheet.model import FoldedCar
+
+THREE_PACKAGE = "jupyter_threejs_sage"
+THREE_FILE = "static/r130/three.min.js"
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """An SVG element and what is written under it."""
+
+    svg: str
+    caption: str
+
+
+def view_page(folded: FoldedCar, title: str, sheets: Sequence[Drawing] = ()) -> str:
+    """The page; without ``sheets`` it shows each piece flat."""
+    environment = Environment(
+        loader=PackageLoader("foldcar.assembly", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    drawings = list(sheets) or flat_pieces(folded)
+    return environment.get_template("view.html").render(
+        title=title,
+        facts=facts(folded),
+        flat_heading="Sheets" if sheets else "Flat pieces",
+        drawings=[{"svg": Markup(drawing.svg), "caption": drawing.caption} for drawing in drawings],
+        library=_script(files(THREE_PACKAGE).joinpath(THREE_FILE).read_text(encoding="utf-8")),
+        data=_script(json.dumps(view_data(folded), separators=(",", ":"))),
+        program=_script(files("foldcar.assembly").joinpath("view.js").read_text(encoding="utf-8")),
+    )
+
+
+def facts(folded: FoldedCar) -> str:
+    """The car in a line."""
+    rows = parts_list(folded)
+    count = sum(piece.count for piece in folded.pieces)
+    return (
+        f"{total_mass_kg(rows) * 1e3:.0f} g, {count} pieces of film with {film_area_mm2(folded) / 100:.0f} cm², "
+        f"{len(folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts"
+    )
+
+
+def flat_pieces(folded: FoldedCar) -> list[Drawing]:
+    """Each piece flat, seen from its printed side."""
+    return [
+        Drawing(
+            picture(film_shape(piece, np.eye(4), 0.0), camera(-90, 90), piece.label or piece.name),
+            (piece.label or piece.name) + (f", {piece.count} times" if piece.count > 1 else ""),
+        )
+        for piece in folded.pieces
+    ]
+
+
+def _script(text: str) -> Markup:
+    """Text that may stand in a script element."""
+    return Markup(text.replace("</", "<\\/"))

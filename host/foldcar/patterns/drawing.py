@@ -76,16 +76,24 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """One sheet of film with everything drawn on it."""
+    """One sheet of film. ``groups`` holds together what is moved together: a piece with its labels."""
 
     name: str
     width_mm: float
     height_mm: float
-    shapes: tuple[Shape, ...]
+    groups: tuple[tuple[Shape, ...], ...]
 
-    def on(self, layer: LayerName) -> Iterator[Shape]:
-        """The shapes of one layer, in order."""
-        return (shape for shape in self.shapes if shape.layer == layer)
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Everything drawn on it."""
+        return tuple(itertools.chain.from_iterable(self.groups))
+
+    def on(self, layer: LayerName) -> Iterator[tuple[Shape, ...]]:
+        """Each group's shapes on one layer, in order."""
+        for group in self.groups:
+            shapes = tuple(shape for shape in group if shape.layer == layer)
+            if shapes:
+                yield shapes
 
 
 def bounds(shapes: Iterable[Shape]) -> tuple[float, float, float, float]:

@@ -1,6 +1,7 @@
 """Writes a sheet as DXF R2010 in millimetres."""
 
 import io
+import itertools
 
 import ezdxf
 from ezdxf import units
@@ -31,7 +32,7 @@ def dxf(sheet: Sheet) -> str:
         space.reset_extents((0, 0, 0), (sheet.width_mm, sheet.height_mm, 0))
         space.reset_limits((0, 0), (sheet.width_mm, sheet.height_mm))
         for name in LAYERS:
-            for shape in sheet.on(name):
+            for shape in itertools.chain.from_iterable(sheet.on(name)):
                 if isinstance(shape, Circle):
                     space.add_circle(shape.center_mm, shape.radius_mm, dxfattribs={"layer": name})
                 else:

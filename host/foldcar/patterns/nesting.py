@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.fft
 import shapely
 from numpy.typing import NDArray
 from shapely.geometry import Polygon
@@ -48,7 +47,7 @@ class _Turned:
 
     turn: int
     cells: NDArray[np.bool_]
-    spectrum: NDArray[np.complex64]
+    spectrum: NDArray[np.complex128]
     corner_mm: tuple[float, float]
 
 
@@ -64,7 +63,7 @@ class _Area:
         self.reach_mm = gap_mm / 2 + math.hypot(*self.cell_mm) / 2
         self.apron = math.ceil(self.reach_mm / min(self.cell_mm))
         self.shape = (self.counts[1] + 2 * self.apron, self.counts[0] + 2 * self.apron)
-        self.padded = tuple(scipy.fft.next_fast_len(side, real=True) for side in self.shape)
+        self.padded = (_fast_length(self.shape[0]), _fast_length(self.shape[1]))
 
     def turned(self, outline: Polygon) -> list[_Turned]:
         """The piece in every turn that fits the empty area."""
@@ -88,9 +87,9 @@ class _Area:
                 found.append(_Turned(turn, cells, self.spectrum(cells), (x0, y0)))
         return found
 
-    def spectrum(self, cells: NDArray[np.bool_]) -> NDArray[np.complex64]:
+    def spectrum(self, cells: NDArray[np.bool_]) -> NDArray[np.complex128]:
         """The cells' Fourier transform, padded to the area."""
-        result: NDArray[np.complex64] = scipy.fft.rfft2(cells.astype(np.float32), self.padded)
+        result: NDArray[np.complex128] = np.fft.rfft2(cells, self.padded)
         return result
 
     def motion(self, turned: _Turned, row: int, column: int) -> Motion:
@@ -100,13 +99,26 @@ class _Area:
         return Motion(turned.turn, (x, y))
 
 
+def _fast_length(least: int) -> int:
+    """The next length whose only factors are 2, 3 and 5: FFTs of it are quick."""
+    length = least
+    while True:
+        rest = length
+        for factor in (2, 3, 5):
+            while rest % factor == 0:
+                rest //= factor
+        if rest == 1:
+            return length
+        length += 1
+
+
 class _Sheet:
     """What is taken of one sheet."""
 
     def __init__(self, area: _Area) -> None:
         self.area = area
         self.taken = np.zeros(area.shape, dtype=bool)
-        self._spectrum: NDArray[np.complex64] | None = None
+        self._spectrum: NDArray[np.complex128] | None = None
 
     def lowest(self, turned: _Turned) -> tuple[int, int] | None:
         """The lowest row and in it the leftmost column where the piece meets nothing; None if nowhere."""
@@ -115,7 +127,7 @@ class _Sheet:
         if self._spectrum is None:
             self._spectrum = self.area.spectrum(self.taken)
         # Places that reach round the raster's end are cut off, so circular correlation is exact for the rest.
-        meets = scipy.fft.irfft2(self._spectrum * turned.spectrum.conj(), self.area.padded)[:rows, :columns]
+        meets = np.fft.irfft2(self._spectrum * turned.spectrum.conj(), self.area.padded)[:rows, :columns]
         free = np.flatnonzero(meets.ravel() < 0.5)
         return None if free.size == 0 else divmod(int(free[0]), columns)
 

@@ -24,10 +24,15 @@ def pdf(sheets: Sequence[Sheet], paper: str, title: str) -> bytes:
     # Viewers that honour it print without fitting to the page.
     canvas.setViewerPreference("PrintScaling", "None")
     for sheet in sheets:
-        for tile in tiles(sheet, paper):
+        for tile in printed(sheet, paper):
             _page(canvas, sheet, tile)
     canvas.save()
     return binary.getvalue()
+
+
+def printed(sheet: Sheet, paper: str) -> list[Tile]:
+    """The pages of the sheet on which there is anything."""
+    return [tile for tile in tiles(sheet, paper) if any(touches(shape, tile) for shape in sheet.shapes)]
 
 
 def _page(canvas: Canvas, sheet: Sheet, tile: Tile) -> None:
@@ -51,9 +56,8 @@ def _page(canvas: Canvas, sheet: Sheet, tile: Tile) -> None:
     for layer in LAYERS.values():
         canvas.setStrokeColorRGB(*(value / 255 for value in layer.rgb))
         canvas.setLineWidth(layer.width_mm * mm)
-        for shape in sheet.on(layer.name):
-            if touches(shape, tile):
-                _draw(canvas, shape)
+        for group in sheet.on(layer.name):
+            _draw(canvas, [shape for shape in group if touches(shape, tile)])
     canvas.setStrokeColorRGB(*(value / 255 for value in MARK_RGB))
     canvas.setLineWidth(MARK_WIDTH_MM * mm)
     half = MARK_MM / 2
@@ -72,15 +76,19 @@ def touches(shape: Shape, tile: Tile) -> bool:
     )
 
 
-def _draw(canvas: Canvas, shape: Shape) -> None:
-    if isinstance(shape, Circle):
-        canvas.circle(shape.center_mm[0] * mm, shape.center_mm[1] * mm, shape.radius_mm * mm)
+def _draw(canvas: Canvas, shapes: Sequence[Shape]) -> None:
+    """All of them as one path: pages stay small."""
+    if not shapes:
         return
     path = canvas.beginPath()
-    first, *others = shape.points_mm
-    path.moveTo(first[0] * mm, first[1] * mm)
-    for x, y in others:
-        path.lineTo(x * mm, y * mm)
-    if shape.closed:
-        path.close()
+    for shape in shapes:
+        if isinstance(shape, Circle):
+            path.circle(shape.center_mm[0] * mm, shape.center_mm[1] * mm, shape.radius_mm * mm)
+            continue
+        first, *others = shape.points_mm
+        path.moveTo(first[0] * mm, first[1] * mm)
+        for x, y in others:
+            path.lineTo(x * mm, y * mm)
+        if shape.closed:
+            path.close()
     canvas.drawPath(path, stroke=1, fill=0)

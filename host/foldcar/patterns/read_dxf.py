@@ -40,4 +40,4 @@ def read_dxf(text: str) -> Sheet:
     low, high = space.dxf.limmin, space.dxf.limmax
     if (low[0], low[1]) != (0, 0):
         raise ReadingError(f"the sheet's corner is at {low[0]:g}, {low[1]:g}")
-    return Sheet("", float(high[0]), float(high[1]), tuple(shapes))
+    return Sheet("", float(high[0]), float(high[1]), (tuple(shapes),))

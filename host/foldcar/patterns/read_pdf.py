@@ -12,7 +12,6 @@ from typing import Any
 
 from pypdf import PdfReader
 from pypdf.errors import PyPdfError
-from pypdf.generic import ContentStream
 
 from foldcar.patterns.drawing import Circle, Path, Point, Shape
 from foldcar.patterns.layers import LAYERS, LayerName
@@ -40,7 +39,7 @@ def read_pdf(binary: bytes) -> list[Page]:
     """The pages; ReadingError if they hold something else than a pattern."""
     try:
         reader = PdfReader(io.BytesIO(binary), strict=True)
-        return [_Interpreter(page, reader).page() for page in reader.pages]
+        return [_Interpreter(page).page() for page in reader.pages]
     except PyPdfError as error:
         raise ReadingError(f"is not PDF: {error}") from error
 
@@ -60,10 +59,10 @@ def _times(a: Matrix, b: Matrix) -> Matrix:
 class _Interpreter:
     """Follows one page's operators."""
 
-    def __init__(self, page: Any, reader: PdfReader) -> None:
+    def __init__(self, page: Any) -> None:
         box = page.mediabox
         self.size = (float(box.width) / POINTS_PER_MM, float(box.height) / POINTS_PER_MM)
-        self.operations = ContentStream(page.get_contents(), reader).operations
+        self.words = page.get_contents().get_data().decode("latin-1").split()
         self.matrix: Matrix = (1 / POINTS_PER_MM, 0.0, 0.0, 1 / POINTS_PER_MM, 0.0, 0.0)
         self.colour = (0, 0, 0)
         self.stack: list[tuple[Matrix, tuple[int, int, int]]] = []
@@ -75,25 +74,30 @@ class _Interpreter:
     def page(self) -> Page:
         """What the page draws."""
         text = False
-        for operands, operator in self.operations:
-            name = operator.decode("ascii")
-            if name in ("BT", "ET"):
-                text = name == "BT"
-            elif not text:
-                self._follow(name, operands)
+        operands: list[float] = []
+        for word in self.words:
+            if word in ("BT", "ET"):
+                text, operands = word == "BT", []
+            elif text:
+                continue
+            elif word[0] in "+-.0123456789":
+                operands.append(float(word))
+            elif word[0] not in "/[]":
+                self._follow(word, operands)
+                operands = []
         return Page(*self.size, self.clip, tuple(self.shapes), tuple(self.marks))
 
-    def _follow(self, name: str, operands: Any) -> None:
+    def _follow(self, name: str, operands: list[float]) -> None:
         if name == "q":
             self.stack.append((self.matrix, self.colour))
         elif name == "Q":
             self.matrix, self.colour = self.stack.pop()
         elif name == "cm":
-            a, b, c, d, e, f = (float(value) for value in operands)
+            a, b, c, d, e, f = operands
             self.matrix = _times((a, b, c, d, e, f), self.matrix)
         elif name in ("RG", "rg"):
             if name == "RG":
-                red, green, blue = (round(255 * float(value)) for value in operands)
+                red, green, blue = (round(255 * value) for value in operands)
                 self.colour = (red, green, blue)
         elif name in ("m", "l", "c"):
             points = [self._point(operands[i], operands[i + 1]) for i in range(0, len(operands), 2)]
@@ -103,7 +107,7 @@ class _Interpreter:
         elif name == "h":
             self.parts[-1].append(("h", []))
         elif name == "re":
-            x, y, width, height = (float(value) for value in operands)
+            x, y, width, height = operands
             self.parts.append([("re", [self._point(x, y), self._point(x + width, y + height)])])
         elif name in ("W", "W*"):
             (low, high) = self.parts[-1][0][1] if len(self.parts) == 1 else (None, None)
@@ -118,9 +122,9 @@ class _Interpreter:
         elif name not in ("w", "J", "j", "M", "d", "i", "gs"):
             raise ReadingError(f'has the operator "{name}"')
 
-    def _point(self, x: Any, y: Any) -> Point:
+    def _point(self, x: float, y: float) -> Point:
         a, b, c, d, e, f = self.matrix
-        return a * float(x) + c * float(y) + e, b * float(x) + d * float(y) + f
+        return a * x + c * y + e, b * x + d * y + f
 
     def _stroke(self, part: list[Any]) -> None:
         kinds = [kind for kind, _ in part]

@@ -39,7 +39,7 @@ def read_svg(text: str) -> Sheet:
         for element in group:
             if isinstance(element, svgelements.Shape):
                 shapes += _shapes(element, LAYERS[name].name, height)
-    return Sheet("", float(drawing.width), height, tuple(shapes))
+    return Sheet("", float(drawing.width), height, (tuple(shapes),))
 
 
 def _shapes(element: svgelements.Shape, layer: LayerName, height: float) -> list[Shape]:

@@ -90,23 +90,24 @@ def lay_out(
     width, height = chosen.sheet_size_mm
     listed = [(piece.label, piece.outline, piece.count) for piece in pieces]
     nested = nest(listed, (width, height), chosen.margin_mm, chosen.gap_mm, CORNER_MM)
-    on_sheets: list[list[Shape]] = [[] for _ in nested.reserved]
+    on_sheets: list[list[Iterable[Shape]]] = [[] for _ in nested.reserved]
     drawn: dict[tuple[int, int], list[Shape]] = {}
     for index, copies in enumerate(nested.placements):
         for copy in copies:
             key = (index, copy.motion.quarter_turns)
             if key not in drawn:
                 drawn[key] = draw(*key)
-            on_sheets[copy.sheet] += [shape.moved(copy.motion) for shape in drawn[key]]
+            on_sheets[copy.sheet].append([shape.moved(copy.motion) for shape in drawn[key]])
     count = len(on_sheets)
     warnings = []
     for index, reserved in enumerate(nested.reserved):
         if reserved:
-            on_sheets[index] += corner_shapes(f"{title}  sheet {index + 1} of {count}", chosen.margin_mm)
+            title_and_bar = corner_shapes(f"{title}  sheet {index + 1} of {count}", chosen.margin_mm)
+            on_sheets[index].append(title_and_bar)
         else:
             warnings.append(f"sheet {index + 1}: no room for the {REFERENCE_MM:g} mm reference bar")
     sheets = tuple(
-        Sheet(f"sheet_{index + 1}", width, height, tuple(_rounded(on_sheet)))
+        Sheet(f"sheet_{index + 1}", width, height, tuple(tuple(_rounded(group)) for group in on_sheet))
         for index, on_sheet in enumerate(on_sheets)
     )
     return sheets, warnings

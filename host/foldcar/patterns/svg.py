@@ -1,5 +1,6 @@
 """Writes a sheet as SVG in true millimetres, its layers as Inkscape's."""
 
+from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import quoteattr
 
 from foldcar.patterns.drawing import Circle, Path, Point, Shape, Sheet
@@ -7,7 +8,10 @@ from foldcar.patterns.layers import LAYERS
 
 
 def svg(sheet: Sheet) -> str:
-    """The file's text: one path a layer and shape kind, width and height in mm and a viewBox of the same numbers."""
+    """The file's text: width and height in mm and a viewBox of the same numbers.
+
+    A piece's open lines on one layer, dashes and letters, are one path; outlines and circles are elements of their own.
+    """
     width, height = _number(sheet.width_mm), _number(sheet.height_mm)
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
@@ -20,17 +24,25 @@ def svg(sheet: Sheet) -> str:
             f'<g id="{layer.name}" inkscape:groupmode="layer" inkscape:label={quoteattr(layer.name)} fill="none" '
             f'stroke="{layer.hex}" stroke-width="{layer.width_mm:g}" stroke-linecap="round" stroke-linejoin="round">'
         )
-        lines += [_element(shape, sheet.height_mm) for shape in sheet.on(layer.name)]
+        for group in sheet.on(layer.name):
+            lines += _elements(group, sheet.height_mm)
         lines.append("</g>")
     return "\n".join([*lines, "</svg>", ""])
 
 
-def _element(shape: Shape, height: float) -> str:
+def _elements(group: Sequence[Shape], height: float) -> Iterator[str]:
     """SVG's y runs down."""
-    if isinstance(shape, Circle):
-        x, y = shape.center_mm
-        return f'<circle cx="{_number(x)}" cy="{_number(height - y)}" r="{_number(shape.radius_mm)}"/>'
-    return f'<path d="{_path(shape, height)}"/>'
+    lines = []
+    for shape in group:
+        if isinstance(shape, Circle):
+            x, y = shape.center_mm
+            yield f'<circle cx="{_number(x)}" cy="{_number(height - y)}" r="{_number(shape.radius_mm)}"/>'
+        elif shape.closed:
+            yield f'<path d="{_path(shape, height)}"/>'
+        else:
+            lines.append(_path(shape, height))
+    if lines:
+        yield f'<path d="{"".join(lines)}"/>'
 
 
 def _path(path: Path, height: float) -> str:

@@ -8,13 +8,13 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from foldcar.patterns.drawing import Circle, Path, Shape, Sheet, bounds
 from foldcar.patterns.layers import LAYERS
 from foldcar.patterns.options import Options
-from foldcar.patterns.pdf import touches
+from foldcar.patterns.pdf import printed, touches
 from foldcar.patterns.read_dxf import read_dxf
 from foldcar.patterns.read_pdf import Page, read_pdf
 from foldcar.patterns.read_svg import read_svg
@@ -88,7 +88,7 @@ def check_pdf(meant: Sequence[Sheet], binary: bytes, chosen: Options) -> list[st
         pages = read_pdf(binary)
     except ReadingError as error:
         return [str(error)]
-    planned = [(sheet, tile) for sheet in meant for tile in tiles(sheet, chosen.paper)]
+    planned = [(sheet, tile) for sheet in meant for tile in printed(sheet, chosen.paper)]
     if len(pages) != len(planned):
         return [f"has {len(pages)} pages, should have {len(planned)}"]
     findings = []
@@ -179,11 +179,20 @@ def _differences(meant: Iterable[Shape], read: Iterable[Shape], what: str = "lin
     for have, other, word in ((wanted, found, "is missing"), (found, wanted, "is too much")):
         if not len(have):
             continue
-        near = cKDTree(other).query(have)[0] if len(other) else np.full(len(have), np.inf)
-        findings += [_row(row, what, word) for row in have[near > 2 * TOLERANCE_MM]]
+        findings += [_row(row, what, word) for row in have[~_matched(have, other)]]
     if not findings and len(wanted) != len(found):
         findings.append(f"has {len(found)} {what}s, should have {len(wanted)}")
     return _short(findings)
+
+
+def _matched(have: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """For each row whether the other ones have it within the tolerance."""
+    matched = np.zeros(len(have), dtype=bool)
+    tree = shapely.STRtree(shapely.points(other[:, 1:3]))
+    mine, theirs = tree.query(shapely.points(have[:, 1:3]), predicate="dwithin", distance=TOLERANCE_MM)
+    same = np.abs(have[mine] - other[theirs]).max(axis=1, initial=0.0) <= TOLERANCE_MM
+    matched[mine[same]] = True
+    return matched
 
 
 def _row(row: NDArray[np.float64], what: str, word: str) -> str:

@@ -51,7 +51,7 @@ class _Part:
 
 
 def _parts(piece: Piece, chosen: Options, numbers: "itertools.count[int]") -> list[_Part]:
-    """The parts of a piece, each named after it and numbered if there are several."""
+    """The parts of a piece, each named after it and numbered; the whole piece if it fits or parting does not help."""
     waiting, done = [_Part(piece, None)], []
     while waiting:
         part = waiting.pop(0)
@@ -64,8 +64,8 @@ def _parts(piece: Piece, chosen: Options, numbers: "itertools.count[int]") -> li
             next(numbers), "tab", "", EdgeRef(_tab_name(crease), 0), "", crease.child, _length_mm(part.piece, crease)
         )
         waiting += [_Part(rest, part.join), _Part(taken, join)]
-    if len(done) == 1:
-        return done
+    if len(done) == 1 or not all(_fits(part.piece, chosen) for part in done):
+        return [_Part(piece, None)]
     count = len(done)
     return [
         replace(

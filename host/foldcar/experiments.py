@@ -80,6 +80,8 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
     Every design is composed once, so a family with an impossible member is refused here.
     """
     listing, text = read_listing(file)
+    if not listing.experiments:
+        raise ListingError(f"{file}: experiments: is missing")
     if experiment is not None and experiment not in listing.experiments:
         raise ListingError(
             f'{file}: experiments: has no "{experiment}"; known: {", ".join(listing.experiments)}'

@@ -132,11 +132,11 @@ class ListedEnvironment(Strict):
 
 
 class Listing(Strict):
-    """A whole file."""
+    """A whole file. One without experiments holds designs only, to be built or looked at."""
 
-    experiments: dict[str, ListedExperiment] = Field(min_length=1)
-    vehicles: dict[str, ListedVehicle]
-    environments: dict[str, ListedEnvironment]
+    experiments: dict[str, ListedExperiment] = Field({}, min_length=1)
+    vehicles: dict[str, ListedVehicle] = Field(min_length=1)
+    environments: dict[str, ListedEnvironment] = {}
 
 
 def read_listing(file: Path) -> tuple[Listing, str]:

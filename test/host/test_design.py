@@ -139,6 +139,12 @@ def test_wheels_may_come_as_close_as_the_limit() -> None:
     assert compose("W_B_W", {"radius": 68.5}).axles_mm == (70, -70)
 
 
+def test_a_lone_wheel_module_has_room_for_servo_and_tabs() -> None:
+    # From the axis to the end of the layer behind the servo: 5.7 + (27.5 + 2.2 + 2.2) / 2; the tab is 8 mm deep.
+    with pytest.raises(DesignError, match=r"^W.length: 59 is below the minimum 59.3 \(a segment of its own"):
+        folded_car(compose("B_H_W", {"W.length": 59}))
+
+
 @pytest.mark.parametrize(
     ("values", "parameter", "message"),
     [

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from foldcar.commands.components_option import Components
+
 if TYPE_CHECKING:
     from foldcar.crosscheck.agreement import Agreement
 
@@ -27,6 +29,7 @@ def crosscheck(
     jobs: Annotated[
         int | None, typer.Option(metavar="N", min=1, max=256, help="Processes; one a processor if not given.")
     ] = None,
+    components: Components = None,
 ) -> None:
     """Run every car in every environment in a second engine too. Stop it any time: it goes on from there."""
     from rich.console import Console

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import design_settings
 from foldcar.errors import FoldcarError
 
@@ -30,6 +31,7 @@ def model(
         str | None, typer.Option(metavar="ID", help="Environment of the listing to put around the car.")
     ] = None,
     sample: Annotated[int, typer.Option(metavar="K", min=0, help="Which sample of the environment.")] = 0,
+    components: Components = None,
 ) -> None:
     """Write one car as MJCF, URDF or a Webots PROTO with its world."""
     from foldcar.atomic_file import atomic_file

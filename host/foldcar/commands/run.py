@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import design_settings
 from foldcar.errors import FoldcarError
 
@@ -31,6 +32,7 @@ def run(
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Picture to draw (.png, .svg, .pdf).")
     ] = None,
+    components: Components = None,
 ) -> None:
     """Run one car in one environment and say how it went."""
     from foldcar.body import body_json

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from foldcar.commands.components_option import Components
+
 
 def sweep(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
@@ -21,6 +23,7 @@ def sweep(
         typer.Option(metavar="N", min=1, max=256, help="Simulators at once; one a processor if not given."),
     ] = None,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
+    components: Components = None,
 ) -> None:
     """Run whatever the store does not have yet. Stop it any time: the same command goes on from there."""
     from foldcar.carsim import Carsim

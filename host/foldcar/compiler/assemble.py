@@ -73,15 +73,9 @@ class _Tab:
             outline = ((0.0, 0.0), (self.length, 0.0), (self.length, depth), (0.0, depth))
         other = f"{names[self.a[0]]} {self.a[1]}" if home[self.a[0]] == home[self.b[0]] else names[self.a[0]]
         self.face = Face(f"{names[self.b[0]]} {self.b[1]} tab to {other}", outline, (), "tab")
-        self.angle_rad = _half_turn_less(link.angle_rad)
+        # It lies where the other face would be, were that one folded from here.
+        self.angle_rad = link.angle_rad
         self.own_piece = home[self.a[0]] == home[self.b[0]]
-
-
-def _half_turn_less(angle_rad: float) -> float:
-    """How a tab is folded that lies flat on the inside of a face its owner meets at that angle."""
-    from math import pi
-
-    return pi - angle_rad if angle_rad >= 0 else -pi - angle_rad
 
 
 def _sheets(fused: dict[str, Fused], folds: list[Seam]) -> list[list[str]]:
@@ -267,12 +261,21 @@ def _counted(
     numbered: list[Join] = []
     numbers: dict[tuple[object, ...], int] = {}
     for join, a, b in joins:
-        named = replace(join, piece_a=kept[index_of[a]].name, piece_b=kept[index_of[b]].name)
+        named = replace(
+            join, piece_a=kept[index_of[a]].name, a=_same_face(join.a, pieces[a], kept[index_of[a]]),
+            piece_b=kept[index_of[b]].name, b=_same_face(join.b, pieces[b], kept[index_of[b]]),
+        )  # fmt: skip
         # Copies of one piece have the same number, and numbers follow one another.
         key = ("laminate", named.piece_a) if join.kind == "laminate" else (join.kind, join.number)
         numbers.setdefault(key, len(numbers) + 1)
         numbered.append(replace(named, number=numbers[key]))
     return kept, placed, numbered
+
+
+def _same_face(ref: EdgeRef, piece: Piece, copied: Piece) -> EdgeRef:
+    """The edge of a piece on the equal one that is cut instead."""
+    place = next(i for i, face in enumerate(piece.faces) if face.name == ref.face)
+    return EdgeRef(copied.faces[place].name, ref.index)
 
 
 def _without_names(face: Face) -> Face:

@@ -13,7 +13,8 @@ from foldcar.compiler.library.brain_module import ElectronicsModule
 from foldcar.compiler.library.hinge_module import HingeModule, stiffness_n_m_rad
 from foldcar.compiler.library.wheel import Wheel
 from foldcar.compiler.modules import HINGE, declared, modules
-from foldcar.compiler.shape import PlacedAxle, Shape, build
+from foldcar.compiler.shape import Graph, PlacedAxle, Shape, build
+from foldcar.compiler.user_file import place_of
 from foldcar.design import Design, DesignError
 from foldcar.parts import catalogue
 from foldcar.sheet.folding import edge, folded
@@ -40,7 +41,8 @@ class Car(Component):
         for i, letter in enumerate(self.design.modules):
             kind: type[Component] = ElectronicsModule if i == electronics else modules()[letter]
             shared = tuple(parameter.name for parameter in declared(kind) if parameter.shared)
-            settings = {p.name: self._towards_middle(i) for p in kind.parameters if p.name == "towards_middle"}
+            given = {"towards_middle": self._towards_middle(i), "tab_there": self._tab_there(i)}
+            settings = {p.name: given[p.name] for p in kind.parameters if p.name in given}
             body = f"segment{self.design.segment_at(i)}"
             subs.append(Sub(self.names[i], kind, shared, letter, i == 0, settings, body))
         for index, segment in enumerate(self.design.segments):
@@ -79,6 +81,11 @@ class Car(Component):
         middle = self.design.segments[self.design.segment_at(module)].center_mm
         return -1.0 if self.design.module_centers_mm[module] > middle else 1.0
 
+    def _tab_there(self, module: int) -> float:
+        """The depth of the caps' tabs, if the module's end towards the middle of its segment is one of the segment's."""
+        alone = len(self.design.segments[self.design.segment_at(module)].modules) == 1
+        return catalogue().assembly.cap_tab_mm.value if alone else 0.0
+
     def _close(self, shape: Shape, cap: str, end: str, module: str) -> None:
         depth = catalogue().assembly.cap_tab_mm.value
         for panel, cap_edge in CAP_EDGES.items():
@@ -94,14 +101,7 @@ def folded_car(design: Design) -> FoldedCar:
 @lru_cache(maxsize=64)
 def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...]) -> FoldedCar:
     design = Design(letters, dict(values))
-    car = Car(design)
-    try:
-        car.solve(design.values)
-        graph = build(car)
-    except ComponentError as error:
-        key = car.key_of(error.slot) if error.slot is not None else None
-        raise DesignError(key, error.message if key else str(error)) from error
-    frame = assemble(graph)
+    graph, frame = _frame(design)
     wheel = _wheel(design.values["radius"], design.values["W.tire_thickness"])
     count = len(frame.axles)
     titles = {axle.servo: _servo_title(channel, count, axle.side) for channel, (axle, _, _) in enumerate(frame.axles)}
@@ -124,6 +124,26 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...])
         hinges=tuple(_hinges(frame)),
         wires=(*graph.wires, *_servo_wires(axles)),
     )
+
+
+def _frame(design: Design) -> tuple[Graph, Assembly]:
+    """The car without its wheels; a mistake in a user's component is named with its file and line."""
+    car = None
+    try:
+        car = Car(design)
+        car.solve(design.values)
+        graph = build(car)
+        return graph, assemble(graph)
+    except ComponentError as error:
+        key = car.key_of(error.slot) if car is not None and error.slot is not None else None
+        place = place_of(error)
+        message = error.message if key else str(error)
+        raise DesignError(key, f"{message} [{place}]" if place else message) from error
+    except Exception as error:
+        place = place_of(error)
+        if place is None:
+            raise
+        raise DesignError(None, f"{place}: {type(error).__name__}: {error}") from error
 
 
 @lru_cache(maxsize=8)

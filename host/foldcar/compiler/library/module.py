@@ -13,6 +13,8 @@ from foldcar.compiler.parameter import Parameter
 
 # Set by the car: whether the middle of the segment lies towards the front (1) or the rear (-1).
 TOWARDS_MIDDLE = Parameter("towards_middle", 1, -1, 1, "where the segment's middle is", "rear", "", internal=True)
+# Set by the car: the depth of the tab on the side walls at the end where the segment's middle is.
+TAB_THERE = Parameter("tab_there", 0, 0, 100, "depth of an end cap's tab", "none", internal=True)
 
 
 class Module(Component):

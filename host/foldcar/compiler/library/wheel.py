@@ -64,9 +64,9 @@ class Wheel(Component):
         for i in range(teeth):
             if i + 1 < teeth:
                 shape.connect(f"rim {i}.next", f"rim {i + 1}.last", "fold", turn)
-            shape.connect(f"inner.{i}", f"rim {i}.inner", "tab", 90, depth_mm=depth, mitre=0.25)
-            # Seen from inside the wheel the outer disc runs the other way round.
-            shape.connect(f"outer.{-i % teeth}", f"rim {i}.outer", "tab", 90, depth_mm=depth, mitre=0.25)
+            # Both discs are seen from inside the wheel, so the rim runs along one of them and against the other.
+            shape.connect(f"inner.{-i % teeth}", f"rim {i}.inner", "tab", 90, depth_mm=depth, mitre=0.25)
+            shape.connect(f"outer.{i}", f"rim {i}.outer", "tab", 90, depth_mm=depth, mitre=0.25)
         shape.connect("rim 0.last", f"rim {teeth - 1}.next", "tab", turn, depth_mm=facet, mitre=0)
 
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from foldcar.compiler.component import Component, Sub
 from foldcar.compiler.library.box_beam import wall_mm
 from foldcar.compiler.library.dimensions import HEIGHT, RADIUS, WHEEL_MODULE_LENGTH, WIDTH
-from foldcar.compiler.library.module import TOWARDS_MIDDLE, Module
-from foldcar.compiler.library.servo_mount import ServoMount
+from foldcar.compiler.library.module import TAB_THERE, TOWARDS_MIDDLE, Module
+from foldcar.compiler.library.servo_mount import ServoMount, doubler_length_mm
 from foldcar.compiler.library.wheel import TYRE_WIDTH
 from foldcar.compiler.shape import Shape
 from foldcar.parts import catalogue
@@ -23,7 +23,7 @@ class WheelModule(Module):
 
     letter = "W"
     title = "wheel module: one axle, two servos and their wheels"
-    parameters = (WIDTH, HEIGHT, RADIUS, WHEEL_MODULE_LENGTH, TYRE_WIDTH, TOWARDS_MIDDLE)
+    parameters = (WIDTH, HEIGHT, RADIUS, WHEEL_MODULE_LENGTH, TYRE_WIDTH, TOWARDS_MIDDLE, TAB_THERE)
 
     def subcomponents(self) -> Sequence[Sub]:
         """The beam and a servo mount in either side."""
@@ -32,6 +32,7 @@ class WheelModule(Module):
 
     def build(self, shape: Shape) -> None:
         """Servos lie with their long side towards the middle of the segment."""
+        self._check_length()
         thickness = catalogue().film.thickness_mm.value
         axis = (self["length"] / 2, wall_mm(self["height"]) / 2)
         out = -(thickness / 2 + tyre_gap_mm() + self["tire_thickness"] / 2)
@@ -39,6 +40,15 @@ class WheelModule(Module):
             wall = f"beam.{side}"
             servo = ServoMount.cut(shape, f"{side} servo", wall, axis, self["towards_middle"])
             shape.axle(wall, servo, side, (*axis, out), self["radius"], self["tire_thickness"])
+
+    def _check_length(self) -> None:
+        """The layer behind a servo must not run under the tab of a cap."""
+        servo = catalogue().servo
+        reach = servo.length_mm.value / 2 - servo.axis_from_end_mm.value + doubler_length_mm() / 2
+        least = 2 * (reach + self["tab_there"])
+        if self["tab_there"] > 0 and self["length"] < least:
+            why = f"a segment of its own: one {servo.name} and the cap's tabs"
+            raise self.misfit("length", f"{self['length']:g} is below the minimum {least:g} ({why})")
 
 
 def _doubler_height(module: Component) -> float:

@@ -1,0 +1,25 @@
+"""`--components FILE`: modules of one's own, for every command that reads designs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def _load(files: Sequence[Path] | None) -> Sequence[Path] | None:
+    """They are registered before the command reads its listing."""
+    if files:
+        from foldcar.compiler.user_file import load_components
+
+        for file in files:
+            load_components(file)
+    return files
+
+
+Components = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--components", metavar="FILE", callback=_load, help="Python file with modules of your own for type strings."
+    ),
+]

@@ -1,0 +1,66 @@
+"""The verification of a folded car: every check, and a short report.
+
+Input: a FoldedCar and what it should enclose. Output: findings (none, if it can be built) and what was measured.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from foldcar.parts import catalogue
+from foldcar.sheet.check_crossings import check_crossings
+from foldcar.sheet.check_flat import check_flat
+from foldcar.sheet.check_joins import CLOSURE_MM, check_joins, worst_gap_mm
+from foldcar.sheet.check_parts import check_parts
+from foldcar.sheet.check_skin import check_skin, skin_of, volume_mm3
+from foldcar.sheet.finding import Finding
+from foldcar.sheet.model import FoldedCar
+from foldcar.sheet.placed import place
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What the checks found and measured."""
+
+    findings: tuple[Finding, ...]
+    faces: int
+    folds: int
+    joins: int
+    worst_gap_mm: float
+    volumes_mm3: Mapping[str, float]
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing was found."""
+        return not self.findings
+
+    def lines(self) -> list[str]:
+        """A short report for people."""
+        volumes = ", ".join(f"{body} {volume / 1000:.1f} cm³" for body, volume in self.volumes_mm3.items())
+        measured = [
+            f"{self.faces} faces, {self.folds} folds, {self.joins} joins; edges meet within {self.worst_gap_mm:.3f} mm "
+            f"(limit {CLOSURE_MM:g})",
+            f"enclosed: {volumes}",
+        ]
+        if self.passed:
+            return [*measured, "flat, folded, parts, wheels: nothing found"]
+        return [*measured, *(str(finding) for finding in self.findings)]
+
+
+def check_design(car: FoldedCar, volumes_mm3: Mapping[str, float] | None = None) -> Verification:
+    """Verify a car; ``volumes_mm3`` is what each body should enclose, as far as that is known."""
+    bodies = place(car)
+    assembly, soft = catalogue().assembly, catalogue().wiring.name
+    findings = [finding for piece in car.pieces for finding in check_flat(piece, assembly.fold_distance_mm.value)]
+    findings += check_joins(car, bodies)
+    findings += check_skin(car, bodies, volumes_mm3 or {})
+    for faces in bodies.values():
+        findings += check_crossings(faces)
+    findings += check_parts(car, bodies, soft, assembly.wheel_distance_mm.value)
+    return Verification(
+        tuple(findings),
+        sum(len(piece.faces) * piece.count for piece in car.pieces),
+        sum(len(piece.creases) * piece.count for piece in car.pieces),
+        len({join.number for join in car.joins}),
+        worst_gap_mm(car, bodies),
+        {body: volume_mm3(skin_of(car, faces)) for body, faces in bodies.items()},
+    )

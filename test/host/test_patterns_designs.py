@@ -1,0 +1,31 @@
+"""The designs in patterns/ are cars that can be built."""
+
+from pathlib import Path
+
+import pytest
+
+from foldcar.compiler.verify import verify
+from foldcar.family import read_family
+from foldcar.listing import read_listing
+
+PATTERNS = Path(__file__).parents[2] / "patterns"
+
+
+@pytest.mark.parametrize("file", sorted(PATTERNS.glob("*.json")), ids=lambda file: file.stem)
+def test_every_design_passes_the_verification(file: Path) -> None:
+    listing, _ = read_listing(file)
+
+    for name, vehicle in listing.vehicles.items():
+        verification = verify(read_family(file, name, vehicle).single())
+
+        assert verification.findings == (), name
+
+
+def test_the_published_cars_are_there() -> None:
+    file = PATTERNS / "published_cars.json"
+    listing, _ = read_listing(file)
+
+    cars = [read_family(file, name, vehicle).single() for name, vehicle in listing.vehicles.items()]
+
+    assert [car.values["width"] for car in cars] == [65, 95, 115, 180]
+    assert {(car.length_mm, car.values["radius"]) for car in cars} == {(200, 60)}

@@ -19,6 +19,7 @@ from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import sample
 from foldcar.commands.sweep import sweep
+from foldcar.commands.view import view
 from foldcar.errors import FoldcarError
 
 app = typer.Typer(
@@ -29,7 +30,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (sweep, run, sample, gallery, report, export, crosscheck, model, pattern):
+for command in (sweep, run, sample, gallery, report, export, crosscheck, model, pattern, view):
     app.command()(command)
 
 

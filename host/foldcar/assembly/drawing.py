@@ -32,6 +32,8 @@ LINES = {
 }
 # Visible regions end where other faces begin; lines along shared edges lie just on them.
 EDGE_SLACK_MM = 0.08
+# Around what is shown, of its larger side.
+MARGIN = 0.04
 
 
 @dataclass(frozen=True)
@@ -43,16 +45,18 @@ class Mark:
     key: str
 
 
-def picture(shape: Shape, view: Camera, title: str, marks: Sequence[Mark] = (), margin: float = 0.04) -> str:
-    """The SVG element; its viewBox fits what is shown with ``margin`` as a share of the larger side around it."""
+def picture(
+    shape: Shape, view: Camera, title: str, marks: Sequence[Mark] = (), enlarged: float = 1.0
+) -> str:
+    """The SVG element; its viewBox fits what is shown. ``enlarged`` marks suit a picture that is shown small."""
     seen = seen_facets(shape.facets, view)
     left, low, right, high = shapely.total_bounds([one.region for one in seen])
     size = max(right - left, high - low)
-    edge = margin * size
+    edge = MARGIN * size
     box = f"{left - edge:.2f} {-high - edge:.2f} {right - left + 2 * edge:.2f} {high - low + 2 * edge:.2f}"
     body = [_face(one, shape.materials[one.facet.key], size) for one in seen]
     body += _lines(shape, seen, view, size)
-    body += _marks(marks, seen, view, size)
+    body += _marks(marks, seen, view, size * enlarged)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" role="img"><title>{escape(title)}</title>'
         + "".join(body)
@@ -72,26 +76,29 @@ def _face(seen: Seen, material: str, size: float) -> str:
 
 
 def _lines(shape: Shape, seen: Sequence[Seen], view: Camera, size: float) -> list[str]:
-    regions = {one.facet.key: one.region.buffer(EDGE_SLACK_MM) for one in seen}
-    by_kind: dict[str, list[BaseGeometry]] = {}
+    visible = {one.facet.key: one for one in seen}
+    groups: dict[tuple[str, str], list[Vector]] = {}
     for line in shape.lines:
-        if line.key in regions:
-            ends = view.flat(line.ends_mm)
-            if np.ptp(ends, axis=0).max() > EDGE_SLACK_MM:
-                # Both faces of a fold have the line: the same one way round, so that one hides the other.
-                ends = ends[np.lexsort(ends.T[::-1])]
-                by_kind.setdefault(line.kind, []).append(
-                    shapely.intersection(shapely.LineString(ends), regions[line.key], grid_size=GRID_MM)
-                )
+        if line.key in visible:
+            groups.setdefault((line.kind, line.key), []).append(line.ends_mm)
+    drawn: dict[str, list[str]] = {kind: [] for kind in LINES}
+    for (kind, key), lines in groups.items():
+        ends = view.flat(np.concatenate(lines)).reshape(-1, 2, 2)
+        ends = ends[np.ptp(ends, axis=1).max(axis=1) > EDGE_SLACK_MM]
+        if visible[key].whole:
+            drawn[kind] += [_polyline(line) for line in ends]
+            continue
+        region = visible[key].region.buffer(EDGE_SLACK_MM, quad_segs=1)
+        kept = shapely.intersection(shapely.multilinestrings(shapely.linestrings(ends)), region, grid_size=GRID_MM)
+        drawn[kind] += [_polyline(shapely.get_coordinates(part)) for part in shapely.get_parts(kept) if part.length > 0]
     texts = []
     for kind, (colour, dashes, width) in LINES.items():
-        pieces = [part for line in by_kind.get(kind, ()) for part in shapely.get_parts(line)]
-        d = "".join(_polyline(part) for part in pieces if part.length > 0)
-        if d:
-            thick = size * width / 100
-            dashed = "" if dashes is None else ' stroke-dasharray="' + " ".join(f"{n * thick:.3f}" for n in dashes) + '"'
+        thick = size * width / 100
+        dashed = "" if dashes is None else ' stroke-dasharray="' + " ".join(f"{n * thick:.3f}" for n in dashes) + '"'
+        if drawn[kind]:
             texts.append(
-                f'<path d="{d}" fill="none" stroke="{colour}" stroke-width="{thick:.3f}" stroke-linecap="round"{dashed}/>'
+                f'<path d="{"".join(drawn[kind])}" fill="none" stroke="{colour}" stroke-width="{thick:.3f}" '
+                f'stroke-linecap="round"{dashed}/>'
             )
     return texts
 
@@ -118,9 +125,8 @@ def _path(region: BaseGeometry) -> str:
     for polygon in shapely.get_parts(region):
         if polygon.geom_type == "Polygon":
             rings += [polygon.exterior, *polygon.interiors]
-    return "".join(_polyline(ring) + "Z" for ring in rings)
+    return "".join(_polyline(shapely.get_coordinates(ring)) + "Z" for ring in rings)
 
 
-def _polyline(line: BaseGeometry) -> str:
-    points = shapely.get_coordinates(line)
-    return "M" + "L".join(f"{u:.2f},{-v:.2f}" for u, v in points)
+def _polyline(points: Vector) -> str:
+    return "M" + "L".join(f"{u:.2f},{-v:.2f}" for u, v in points.tolist())

@@ -12,7 +12,9 @@ import numpy as np
 from foldcar.assembly.hidden_surfaces import Facet, Vector
 from foldcar.assembly.poses import Matrix, face_poses, glued_offset_mm, moved
 from foldcar.assembly.solids import mount_material
-from foldcar.sheet.model import Mount, Piece
+from foldcar.sheet.model import Hole, Mount, Piece
+
+SMALL_HOLE_MM = 4.0
 
 LineKind = Literal["cut", "mountain", "valley", "flat"]
 
@@ -53,30 +55,30 @@ def film_shape(
     tabs: bool = True,
     creases: bool = True,
 ) -> Shape:
-    """One copy of a piece. Keys are the faces' names after ``prefix``; ``creases`` draws folds as folds."""
+    """One copy of a piece. Keys are the faces' names after ``prefix``; ``creases`` draws folds as folds, not as edges."""
     poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
     facets, lines = [], []
-    kinds = _edge_kinds(piece) if creases else {}
+    kinds = _edge_kinds(piece)
     offsets = glued_offset_mm(piece)
     shown = [face for face in piece.faces if tabs or face.role != "tab"]
     for face in shown:
         at, key = poses[face.name].copy(), prefix + face.name
         at[:3, 3] += fraction * offsets.get(face.name, 0.0) * at[:3, 2]
-        rings = tuple(
-            moved(at, np.array(ring)) for ring in (face.outline_mm, *(hole.outline_mm for hole in face.holes))
-        )
+        rings = tuple(moved(at, ring) for ring in (np.array(face.outline_mm), *map(_hole_ring, face.holes)))
         facets.append(Facet(key, rings, at[:3, 2]))
         for number, ring in enumerate(rings):
             for i, ends in enumerate(zip(ring, np.roll(ring, -1, 0), strict=True)):
                 kind = "cut" if number else kinds.get((face.name, i), "cut")
-                lines.append(EdgeLine(key, np.array(ends), kind))
+                if kind is not None:
+                    lines.append(EdgeLine(key, np.array(ends), kind if creases else "cut"))
     rim = any(face.role == "rim" for face in piece.faces)
     return Shape(tuple(facets), tuple(lines), {f.key: "tyre" if rim else "film" for f in facets})
 
 
-def mount_shape(mount: Mount) -> Shape:
-    """A bought part's box."""
-    pose, half = np.array(mount.pose), np.array(mount.size_mm) / 2
+def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
+    """A bought part's box, at its place in the car or at ``pose``."""
+    pose = np.array(mount.pose) if pose is None else pose
+    half = np.array(mount.size_mm) / 2
     facets, lines = [], []
     for axis in range(3):
         for sign in (-1.0, 1.0):
@@ -87,16 +89,29 @@ def mount_shape(mount: Mount) -> Shape:
             corners[:, v] = np.array([-1, -1, 1, 1]) * half[v]
             ring = moved(pose, corners)
             key = f"{mount.name} {axis}{sign:+g}"
-            facets.append(Facet(key, (ring,), sign * pose[:3, axis]))
+            facets.append(Facet(key, (ring,), sign * pose[:3, axis], closed=True))
             lines += [
                 EdgeLine(key, np.array([a, b]), "cut") for a, b in zip(ring, np.roll(ring, -1, 0), strict=True)
             ]
     return Shape(tuple(facets), tuple(lines), {facet.key: mount_material(mount) for facet in facets})
 
 
-def _edge_kinds(piece: Piece) -> dict[tuple[str, int], LineKind]:
-    kinds: dict[tuple[str, int], LineKind] = {}
+def _hole_ring(hole: Hole) -> Vector:
+    """The hole's outline; circles with as many corners as a picture shows."""
+    if hole.diameter_mm is None or hole.center_mm is None:
+        return np.array(hole.outline_mm)
+    turns = np.linspace(0, 2 * np.pi, 16 if hole.diameter_mm > SMALL_HOLE_MM else 10, endpoint=False)
+    return np.array(hole.center_mm) + hole.diameter_mm / 2 * np.column_stack([np.cos(turns), np.sin(turns)])
+
+
+def _edge_kinds(piece: Piece) -> dict[tuple[str, int], LineKind | None]:
+    kinds: dict[tuple[str, int], LineKind | None] = {}
+    rims = {face.name for face in piece.faces if face.role == "rim"}
     for crease in piece.creases:
+        if {crease.parent.face, crease.child.face} <= rims:
+            # A rim bends evenly and has no folds between its sides.
+            kinds[crease.parent.face, crease.parent.index] = kinds[crease.child.face, crease.child.index] = None
+            continue
         kind: LineKind = "valley" if crease.angle_rad > 0 else "mountain" if crease.angle_rad < 0 else "flat"
         kinds[crease.parent.face, crease.parent.index] = kind
         kinds[crease.child.face, crease.child.index] = kind

@@ -28,12 +28,13 @@ Vector = NDArray[np.float64]
 class Facet:
     """A flat polygon: ``rings_mm[0]`` is the outline (n, 3), the others are holes; any order of its points.
 
-    ``key`` says what it is, to whoever draws it.
+    ``key`` says what it is, to whoever draws it. ``closed``: it is the outside of a solid, its back is never seen.
     """
 
     key: str
     rings_mm: tuple[Vector, ...]
     normal: Vector
+    closed: bool = False
 
 
 @dataclass(frozen=True)
@@ -51,10 +52,14 @@ class Camera:
 
 @dataclass(frozen=True)
 class Seen:
-    """A facet with what is seen of it on the picture; ``lit`` from 0 to 1, ``front`` if its normal looks at us."""
+    """A facet with what is seen of it on the picture, ``whole`` if nothing is hidden.
+
+    ``lit`` from 0 to 1, ``front`` if its normal looks at us.
+    """
 
     facet: Facet
     region: BaseGeometry
+    whole: bool
     lit: float
     front: bool
 
@@ -69,6 +74,7 @@ def camera(azimuth_deg: float, elevation_deg: float) -> Camera:
 
 def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
     """The facets of which something is seen, farthest first."""
+    facets = [facet for facet in facets if not facet.closed or facet.normal @ view.toward > 0]
     outlines = [Polygon(view.flat(f.rings_mm[0]), [view.flat(hole) for hole in f.rings_mm[1:]]) for f in facets]
     kept = [i for i, outline in enumerate(outlines) if outline.area > LEAST_AREA_MM2]
     # Rounding can let holes touch the outlines of faces that are seen from the edge.
@@ -89,9 +95,9 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
     for place, index in enumerate(kept):
         region = shapes[place]
         if hidden[place]:
-            region = shapely.difference(region, shapely.union_all(hidden[place], grid_size=GRID_MM), grid_size=GRID_MM)
+            region = shapely.difference(region, shapely.union_all(hidden[place]), grid_size=GRID_MM)
         if region.area > LEAST_AREA_MM2:
-            found.append(_seen(facets[index], region, view))
+            found.append(_seen(facets[index], region, not hidden[place], view))
     return sorted(found, key=lambda seen: _mean_depth(seen.facet, view))
 
 
@@ -130,11 +136,11 @@ def _polygons(geometry: BaseGeometry) -> BaseGeometry:
     return shapely.multipolygons([part for part in shapely.get_parts(geometry) if part.geom_type == "Polygon"])
 
 
-def _seen(facet: Facet, region: BaseGeometry, view: Camera) -> Seen:
+def _seen(facet: Facet, region: BaseGeometry, whole: bool, view: Camera) -> Seen:
     front = bool(facet.normal @ view.toward > 0)
     normal = facet.normal if front else -facet.normal
     light = view.toward + 0.6 * view.up - 0.35 * view.right
-    return Seen(facet, region, float(max(0.0, normal @ light / np.linalg.norm(light))), front)
+    return Seen(facet, region, whole, float(max(0.0, normal @ light / np.linalg.norm(light))), front)
 
 
 def _mean_depth(facet: Facet, view: Camera) -> float:

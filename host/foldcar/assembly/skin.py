@@ -18,6 +18,8 @@ from foldcar.sheet.model import Crease, Piece, Point
 
 SHARPEST_MITRE_RAD = math.radians(150)
 SAME_LENGTH_MM = 1e-6
+# Layers that are glued together stay this far apart: programs that merge equal corners then keep them whole.
+AIR_MM = 2e-4
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ def film_solid(piece: Piece, fraction: float = 1.0) -> Mesh:
                 for i in range(len(ring))
                 if start or (face.name, i) not in inner
             ]
-    return _thickened(middle, normals, np.concatenate(triangles), walls, piece.thickness_mm)
+    return _thickened(middle, normals, np.concatenate(triangles), walls, piece.thickness_mm - AIR_MM)
 
 
 def _is_welded(piece: Piece, crease: Crease, fraction: float) -> bool:

@@ -35,7 +35,7 @@
 
   function materials(name) {
     return COLOURS[name].map((color, back) => new THREE.MeshLambertMaterial({
-      color, side: back ? THREE.BackSide : THREE.FrontSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
+      color, side: back ? THREE.BackSide : THREE.FrontSide, polygonOffset: true, polygonOffsetFactor: 0.1, polygonOffsetUnits: 1,
     }));
   }
   const painted = {};
@@ -96,7 +96,7 @@
           }
           start = end;
         });
-        if (face.fold) {
+        if (face.fold && face.fold.drawn) {
           const n = face.rings[0], i = face.fold.edge;
           this.segments[face.fold.angle > 0 ? "valley" : "mountain"].push([f, i, (i + 1) % n]);
         }
@@ -177,6 +177,12 @@
   const bought = data.mounts.map(mount => new Bought(mount));
   const smooth = t => t * t * (3 - 2 * t);
 
+  // The body's film first, then what is in it, then the wheels.
+  function wave(part) {
+    if (/^wheel/.test(part.placed.body)) return 2;
+    return part instanceof Film ? 0 : 1;
+  }
+
   // From lying on the floor to its place, by a share from 0 to 1.
   function place(part, low, share) {
     const [x, y, turn] = part.placed.flat;
@@ -202,8 +208,11 @@
 
   let shown = -1;
   function show(t) {
-    const fraction = Math.min(1, t / FOLDED_AT), share = smooth(Math.max(0, (t - FOLDED_AT) / (1 - FOLDED_AT)));
-    for (const part of [...films, ...bought]) place(part, part.fold(fraction), share);
+    const fraction = Math.min(1, t / FOLDED_AT), done = Math.max(0, (t - FOLDED_AT) / (1 - FOLDED_AT));
+    for (const part of [...films, ...bought]) {
+      const share = Math.min(1, Math.max(0, 2 * done - 0.5 * wave(part)));
+      place(part, part.fold(fraction), smooth(share));
+    }
     shown = t;
     const box = filmBox();
     document.body.dataset.fold = t.toFixed(3);
@@ -226,12 +235,15 @@
     const share = smooth(Math.max(0, (t - FOLDED_AT) / (1 - FOLDED_AT)));
     const target = views[0].target.clone().lerp(views[1].target, share);
     const size = views[0].size.clone().lerp(views[1].size, share);
-    // Far enough for the larger of width and height, seen along the direction.
-    const across = (size.x * direction.y + size.y * direction.x) / Math.hypot(direction.x, direction.y);
-    const upright = size.z * Math.hypot(direction.x, direction.y) +
-      (size.x * direction.x + size.y * direction.y) / Math.hypot(direction.x, direction.y) * direction.z;
-    const half = Math.tan(camera.fov * Math.PI / 360);
-    const away = 0.56 * Math.max(upright, across / camera.aspect) / half + 0.35 * across;
+    // Just far enough for every corner of the box.
+    const right = new THREE.Vector3(0, 0, 1).cross(direction).normalize(), up = direction.clone().cross(right);
+    const high = Math.tan(camera.fov * Math.PI / 360) * 0.94, wide = high * camera.aspect;
+    let away = 0;
+    for (const x of [-0.5, 0.5]) for (const y of [-0.5, 0.5]) for (const z of [-0.5, 0.5]) {
+      const corner = new THREE.Vector3(x * size.x, y * size.y, z * size.z);
+      const aside = Math.max(Math.abs(corner.dot(right)) / wide, Math.abs(corner.dot(up)) / high);
+      away = Math.max(away, corner.dot(direction) + aside);
+    }
     camera.position.copy(target).addScaledVector(direction, away);
     controls.target.copy(target);
     controls.update();

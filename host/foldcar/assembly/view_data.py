@@ -36,6 +36,7 @@ def view_data(folded: FoldedCar) -> dict[str, Any]:
             {
                 "name": mount.name,
                 "part": mount.part,
+                "body": mount.body,
                 "material": mount_material(mount),
                 "size": list(mount.size_mm),
                 "pose": _numbers(mount.pose),
@@ -69,6 +70,8 @@ def _piece(piece: Piece) -> dict[str, Any]:
                 "own": [*edge(faces, crease.child)[0], *edge(faces, crease.child)[1]],
                 "edge": crease.child.index,
                 "angle": crease.angle_rad,
+                # A rim bends evenly and has no folds between its sides.
+                "drawn": not (face.role == "rim" and faces[crease.parent.face].role == "rim"),
             }
         described.append(entry)
     tyre = any(face.role == "rim" for face in piece.faces)
@@ -86,23 +89,29 @@ def _flat_extent(piece: Piece) -> tuple[float, float, float, float]:
 def _side_by_side(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
     """Where origins go, [x, y, turn], so that all lie in rows next to each other around the middle, none overlapping.
 
-    What is longer across than along is turned by a quarter, so that rows are low.
+    What is longer across than along is turned by a quarter, so that rows are low; the tallest come first, each in
+    the first row that has room.
     """
-    sizes = [(max(e[2], e[3]), min(e[2], e[3])) for e in extents]
-    area = sum((a + GAP_MM) * (b + GAP_MM) for a, b in sizes)
-    width = max(1.3 * math.sqrt(area), max(a for a, _ in sizes))
-    places: list[list[float]] = [[] for _ in extents]
-    x = y = row = 0.0
+    sizes = [(max(e[2], e[3]) + GAP_MM, min(e[2], e[3]) + GAP_MM) for e in extents]
+    width = max(1.15 * math.sqrt(sum(a * b for a, b in sizes)), max(a for a, _ in sizes))
+    rows: list[list[float]] = []  # y, height, x that is taken
+    corners = [(0.0, 0.0)] * len(extents)
     for i in sorted(range(len(extents)), key=lambda i: (-sizes[i][1], i)):
-        low_x, low_y, along, across = extents[i]
-        a, b = sizes[i]
-        if x > 0 and x + a > width:
-            x, y, row = 0.0, y + row + GAP_MM, 0.0
+        along, across = sizes[i]
+        row = next((row for row in rows if row[2] + along <= width), None)
+        if row is None:
+            row = [rows[-1][0] + rows[-1][1] if rows else 0.0, across, 0.0]
+            rows.append(row)
+        corners[i] = (row[2] - width / 2, row[0])
+        row[2] += along
+    middle = (rows[-1][0] + rows[-1][1]) / 2
+    places = []
+    for (x, y), (low_x, low_y, along, across) in zip(corners, extents, strict=True):
         # A quarter turn takes (x, y) to (-y, x).
-        places[i] = [x + low_y + across, y - low_x, math.pi / 2] if across > along else [x - low_x, y - low_y, 0.0]
-        x, row = x + a + GAP_MM, max(row, b)
-    height = y + row
-    return [[round(px - width / 2, 3), round(py - height / 2, 3), turn] for px, py, turn in places]
+        turned = across > along
+        at = (x + low_y + across, y - low_x) if turned else (x - low_x, y - low_y)
+        places.append([round(at[0], 3), round(at[1] - middle, 3), math.pi / 2 if turned else 0.0])
+    return places
 
 
 def _ground_mm(folded: FoldedCar) -> float:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foldcar.commands.components_option import Components
-from foldcar.commands.design_settings import design_settings
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -36,18 +35,14 @@ def model(
     """Write one car as MJCF, URDF or a Webots PROTO with its world."""
     from foldcar.atomic_file import atomic_file
     from foldcar.body import body_json
-    from foldcar.family import read_family
-    from foldcar.listing import read_listing
+    from foldcar.commands.listed_design import listed_family
 
     if to not in FORMATS:
         raise FoldcarError(f"--to {to}: is none of {', '.join(FORMATS)}")
     if to == "urdf" and environment is not None:
         raise FoldcarError("--environment: URDF describes robots only; leave it out or choose mjcf or webots")
-    listed, _ = read_listing(listing)
-    if vehicle not in listed.vehicles:
-        raise FoldcarError(f'{listing}: vehicles: has no "{vehicle}"; known: {", ".join(listed.vehicles)}')
-    family = read_family(listing, vehicle, listed.vehicles[vehicle])
-    design = family.narrowed(design_settings(settings or [])).single()
+    listed, family = listed_family(listing, vehicle, settings or [])
+    design = family.single()
     body = body_json(design)
     scene, grid = _ground(listing, listed, environment, sample)
     described = f"{design.type} " + " ".join(f"{key}={value:g}" for key, value in design.values.items())

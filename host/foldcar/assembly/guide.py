@@ -1,0 +1,41 @@
+"""The assembly guide: one HTML page with numbered steps and pictures, to read on a screen or to print.
+
+Input: a FoldedCar. Output: the page's text; it needs no other file.
+"""
+
+from dataclasses import replace
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from foldcar.assembly.guide_steps import Picture, finished, steps
+from foldcar.assembly.parts_list import parts_list
+from foldcar.assembly.view_page import facts
+from foldcar.assembly.wiring_drawing import wiring_drawing
+from foldcar.sheet.model import FoldedCar
+
+
+def guide_page(folded: FoldedCar, title: str) -> str:
+    """The page."""
+    environment = Environment(
+        loader=PackageLoader("foldcar.assembly", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("guide.html").render(
+        title=title,
+        facts=facts(folded),
+        rows=parts_list(folded),
+        finished=_marked_up(finished(folded)),
+        steps=[
+            replace(step, pictures=tuple(_marked_up(one) for one in step.pictures)) for step in steps(folded)
+        ],
+        wiring=Markup(wiring_drawing(folded, title)),
+    )
+
+
+def _marked_up(picture: Picture) -> Picture:
+    """The drawing as what it is, so that it is not escaped."""
+    return replace(picture, svg=Markup(picture.svg))

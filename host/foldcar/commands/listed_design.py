@@ -1,0 +1,38 @@
+"""A car that a command names: vehicle of a listing, with values set on the command line."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from foldcar.commands.design_settings import design_settings
+from foldcar.design import Design
+from foldcar.errors import FoldcarError
+from foldcar.family import Family, read_family
+from foldcar.listing import Listing, read_listing
+
+
+def listed_family(listing: Path, vehicle: str | None, settings: Sequence[str]) -> tuple[Listing, Family]:
+    """The listing, and of its vehicle all designs that the settings (NAME=MM) leave.
+
+    ``vehicle`` may be left out where the listing has only one; FoldcarError if there is no such vehicle or value.
+    """
+    listed, _ = read_listing(listing)
+    known = ", ".join(listed.vehicles)
+    if vehicle is None:
+        if len(listed.vehicles) != 1:
+            raise FoldcarError(f"{listing}: vehicles: has several; choose one with --vehicle: {known}")
+        (vehicle,) = listed.vehicles
+    if vehicle not in listed.vehicles:
+        raise FoldcarError(f'{listing}: vehicles: has no "{vehicle}"; known: {known}')
+    family = read_family(listing, vehicle, listed.vehicles[vehicle])
+    return listed, family.narrowed(design_settings(settings))
+
+
+def listed_design(listing: Path, vehicle: str | None, settings: Sequence[str]) -> Design:
+    """The one design that is left; FoldcarError naming the parameters that still have several values."""
+    return listed_family(listing, vehicle, settings)[1].single()
+
+
+def design_title(design: Design) -> str:
+    """A design's name for people: its type and size."""
+    values = design.values
+    return f"{design.type}, {values['width']:g} mm wide, {design.length_mm:g} mm long, wheels of radius {values['radius']:g} mm"

@@ -9,13 +9,16 @@ from dataclasses import dataclass, fields
 
 from foldcar import __version__
 from foldcar.assembly.fold_file import fold_text
+from foldcar.assembly.guide import guide_page
 from foldcar.assembly.obj import mtl_text, obj_text
 from foldcar.assembly.parts_list import parts_list, parts_list_csv, parts_list_text, total_cost_usd, total_mass_kg
 from foldcar.assembly.solids import film_mesh, film_solids, mount_solids
 from foldcar.assembly.stl import stl_bytes
+from foldcar.assembly.view_page import Drawing, view_page
 from foldcar.assembly.wiring import wiring_text
 from foldcar.assembly.wiring_drawing import wiring_drawing
 from foldcar.atomic_folder import MANIFEST
+from foldcar.body import body_json
 from foldcar.compiler.car import folded_car
 from foldcar.design import Design
 from foldcar.errors import FoldcarError
@@ -27,6 +30,7 @@ from foldcar.patterns.pdf import pdf
 from foldcar.patterns.sheets import Pattern, pattern
 from foldcar.patterns.svg import svg
 from foldcar.patterns.verify import check_dxf, check_pdf, check_sheet, check_svg
+from foldcar.sheet.check import check_design
 from foldcar.sheet.model import FoldedCar
 
 
@@ -54,13 +58,19 @@ def make_car(design: Design, chosen: Options) -> MadeCar:
     thickness = max(piece.thickness_mm for piece in folded.pieces)
     trial = coupon(chosen, chosen.thickness_mm or thickness)
     drawings = drawing_files(cut, trial)
-    findings = check_drawings(cut, trial, drawings)
+    verified = check_design(folded)
+    findings = [*(str(finding) for finding in verified.findings), *check_drawings(cut, trial, drawings)]
     if findings:
         more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
         raise CheckError(f"{title}: {findings[0]}{more}")
-    files = {**drawings, **_shape_files(folded, title), **_list_files(folded, title)}
+    files = {
+        **drawings,
+        **_shape_files(folded, title),
+        **_page_files(folded, title, cut, drawings),
+        "body.json": (json.dumps(body_json(design), indent=2) + "\n").encode(),
+    }
     rows = parts_list(folded)
-    made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), files, (_checked(cut),))
+    made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), files, (*verified.lines(), _checked(cut)))
     files[MANIFEST] = _manifest(design, made).encode()
     return made
 
@@ -115,13 +125,22 @@ def _shape_files(folded: FoldedCar, title: str) -> dict[str, bytes]:
     return files
 
 
-def _list_files(folded: FoldedCar, title: str) -> dict[str, bytes]:
+def _page_files(folded: FoldedCar, title: str, cut: Pattern, drawings: Mapping[str, bytes]) -> dict[str, bytes]:
+    """What people read: guide, model to look at, wiring, parts."""
+    sheets = [Drawing(_element(drawings[f"{sheet.name}.svg"].decode()), sheet.name) for sheet in cut.sheets]
     return {
+        "assembly.html": guide_page(folded, title).encode(),
+        "view.html": view_page(folded, title, sheets).encode(),
         "wiring.md": wiring_text(folded, title).encode(),
         "wiring.svg": wiring_drawing(folded, title).encode(),
         "parts.md": parts_list_text(folded, title).encode(),
         "parts.csv": parts_list_csv(folded).encode(),
     }
+
+
+def _element(text: str) -> str:
+    """An SVG file without its XML declaration, to stand in a page."""
+    return text[text.index("<svg") :]
 
 
 def _manifest(design: Design, made: MadeCar) -> str:

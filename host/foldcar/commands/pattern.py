@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.design_settings import design_settings
-from foldcar.errors import FoldcarError
+from foldcar.commands.components_option import Components
 
 if TYPE_CHECKING:
     from foldcar.design import Design
@@ -49,9 +48,11 @@ def pattern(
     ] = None,
     margin: Annotated[float | None, typer.Option(metavar="MM", help="Blank edge of a sheet.")] = None,
     gap: Annotated[float | None, typer.Option(metavar="MM", help="Film between two pieces.")] = None,
+    components: Components = None,
 ) -> None:
-    """Make sheets (SVG, DXF, PDF), FOLD, STL, OBJ, wiring and parts lists of a car, checked as written."""
+    """Make sheets (SVG, DXF, PDF), FOLD, STL, OBJ, guide, wiring and parts list of a car, checked as written."""
     from foldcar.atomic_folder import MANIFEST, atomic_folder
+    from foldcar.commands.listed_design import listed_family
     from foldcar.making import make_car
     from foldcar.patterns.options import options
 
@@ -60,7 +61,7 @@ def pattern(
         dash_bridge_mm=dash_bridge, bend_radius_mm=bend_radius, k_factor=k_factor, thickness_mm=thickness,
         margin_mm=margin, gap_mm=gap,
     )  # fmt: skip
-    family = _family(listing, vehicle).narrowed(design_settings(settings or []))
+    family = listed_family(listing, vehicle, settings or [])[1]
     designs = list(family) if every else [family.single()]
     with atomic_folder(output) as folder:
         listed = []
@@ -77,21 +78,6 @@ def pattern(
             (folder / MANIFEST).write_text(json.dumps({"files": [*listed, MANIFEST]}, indent=2) + "\n", encoding="utf-8")
     if every:
         typer.echo(f"{len(designs)} cars in {output}")
-
-
-def _family(listing: Path, vehicle: str | None) -> "Family":
-    from foldcar.family import read_family
-    from foldcar.listing import read_listing
-
-    listed, _ = read_listing(listing)
-    known = ", ".join(listed.vehicles)
-    if vehicle is None:
-        if len(listed.vehicles) != 1:
-            raise FoldcarError(f"{listing}: vehicles: has several ({known}); choose one with --vehicle ID")
-        (vehicle,) = listed.vehicles
-    if vehicle not in listed.vehicles:
-        raise FoldcarError(f'{listing}: vehicles: has no "{vehicle}"; known: {known}')
-    return read_family(listing, vehicle, listed.vehicles[vehicle])
 
 
 def _with_progress(designs: "list[Design]") -> "Iterator[Design]":

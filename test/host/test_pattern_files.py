@@ -89,7 +89,7 @@ def test_svg_layers_are_inkscape_layers_with_their_colours(made: Made) -> None:
 
 def first_outline(text: str) -> re.Match[str]:
     """The first closed path of CUT_OUTER."""
-    found = re.compile(r'<path d="M[^"]*Z"/>\n').search(text, text.index('id="CUT_OUTER"'))
+    found = re.compile(r'<path d="M[^"]*z"/>\n').search(text, text.index('id="CUT_OUTER"'))
     assert found is not None
     return found
 
@@ -103,11 +103,11 @@ def outline_twice(text: str) -> str:
 
 
 def outline_open(text: str) -> str:
-    return text.replace(first_outline(text)[0], first_outline(text)[0].replace("Z", ""), 1)
+    return text.replace(first_outline(text)[0], first_outline(text)[0].replace("z", ""), 1)
 
 
 def outline_moved(text: str) -> str:
-    """The first corner half a tenth of a millimetre to the right."""
+    """The outline half a tenth of a millimetre to the right."""
     path = first_outline(text)[0]
     x = re.search(r"M([0-9.]+)", path)
     assert x is not None

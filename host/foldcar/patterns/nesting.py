@@ -160,33 +160,52 @@ def nest(
     """
     area = _Area(size_mm, margin_mm, gap_mm)
     corner = area.turned(shapely.box(0, 0, *corner_mm))[:1] if fits(corner_mm, size_mm, margin_mm) else []
+    turns = [area.turned(outline) for _, outline, _ in pieces]
+    for (name, outline, _), turned in zip(pieces, turns, strict=True):
+        if not turned:
+            raise NestingError(too_large(name, outline, size_mm, margin_mm))
+    tries = [_lay(area, corner, turns, [count for *_, count in pieces], order) for order in _orders(pieces)]
+    return min(tries, key=lambda found: (len(found[0].reserved), found[1]))[0]
+
+
+def _orders(pieces: Sequence[tuple[str, Polygon, int]]) -> list[list[int]]:
+    """Orders to try: largest box first, longest first."""
+    boxes = [outline.bounds for _, outline, _ in pieces]
+    sides = [(x1 - x0, y1 - y0) for x0, y0, x1, y1 in boxes]
+    indices = range(len(pieces))
+    return [
+        sorted(indices, key=lambda i: (-sides[i][0] * sides[i][1], i)),
+        sorted(indices, key=lambda i: (-max(sides[i]), i)),
+    ]
+
+
+def _lay(
+    area: _Area, corner: Sequence[_Turned], turns: Sequence[Sequence[_Turned]], counts: Sequence[int], order: Sequence[int]
+) -> tuple[Nest, int]:
+    """The pieces laid out in that order, and how many cells of the last sheet are taken."""
     sheets: list[_Sheet] = []
     reserved: list[bool] = []
-    placed: list[tuple[Placement, ...]] = [()] * len(pieces)
-    for index in sorted(range(len(pieces)), key=lambda i: (-pieces[i][1].envelope.area, i)):
-        name, outline, count = pieces[index]
-        turns = area.turned(outline)
-        if not turns:
-            raise NestingError(too_large(name, outline, size_mm, margin_mm))
+    placed: list[tuple[Placement, ...]] = [()] * len(turns)
+    for index in order:
         first = 0
         copies = []
-        for _ in range(count):
+        for _ in range(counts[index]):
             motion = None
             while motion is None:
                 if first == len(sheets):
                     if first == MAX_SHEETS:
-                        raise NestingError(f"{name}: the pieces need more than {MAX_SHEETS} sheets")
+                        raise NestingError(f"--sheet: the pieces need more than {MAX_SHEETS} sheets")
                     sheets.append(_Sheet(area))
                     reserved.append(bool(corner) and sheets[-1].place(corner) is not None)
-                    motion = sheets[-1].place(turns)
+                    motion = sheets[-1].place(turns[index])
                     if motion is None:
                         sheets[-1], reserved[-1] = _Sheet(area), False
-                motion = motion or sheets[first].place(turns)
+                motion = motion or sheets[first].place(turns[index])
                 # What does not fit once does not fit later: sheets only get fuller.
                 first += motion is None
             copies.append(Placement(first, motion))
         placed[index] = tuple(copies)
-    return Nest(tuple(placed), tuple(reserved))
+    return Nest(tuple(placed), tuple(reserved)), int(sheets[-1].taken.sum()) if sheets else 0
 
 
 def fits(extent_mm: tuple[float, float], size_mm: tuple[float, float], margin_mm: float) -> bool:

@@ -130,14 +130,14 @@ def corner_shapes(title: str, margin_mm: float) -> list[Shape]:
 
 
 def _rounded(shapes: Iterable[Shape]) -> Iterable[Shape]:
-    """Coordinates to a tenth of a micrometre, as files hold them."""
+    """Coordinates to a micrometre, as files hold them."""
     for shape in shapes:
         if isinstance(shape, Path):
             yield Path(shape.layer, tuple(_round(p) for p in shape.points_mm), shape.closed)
         else:
-            yield type(shape)(shape.layer, _round(shape.center_mm), round(shape.radius_mm, 4))
+            yield type(shape)(shape.layer, _round(shape.center_mm), round(shape.radius_mm, 3))
 
 
 def _round(p: Point) -> Point:
-    return round(p[0], 4) + 0.0, round(p[1], 4) + 0.0
+    return round(p[0], 3) + 0.0, round(p[1], 3) + 0.0
 

@@ -1,10 +1,14 @@
 """Writes a sheet as SVG in true millimetres, its layers as Inkscape's."""
 
+import itertools
 from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import quoteattr
 
 from foldcar.patterns.drawing import Circle, Path, Point, Shape, Sheet
 from foldcar.patterns.layers import LAYERS
+
+# Files hold micrometres.
+DECIMALS = 3
 
 
 def svg(sheet: Sheet) -> str:
@@ -46,11 +50,13 @@ def _elements(group: Sequence[Shape], height: float) -> Iterator[str]:
 
 
 def _path(path: Path, height: float) -> str:
-    def pair(p: Point) -> str:
-        return f"{_number(p[0])} {_number(height - p[1])}"
-
-    return "M" + "L".join(pair(p) for p in path.points_mm) + ("Z" if path.closed else "")
+    """Relative steps, half as long; they are differences of rounded places, so that no error adds up."""
+    places = [(round(x, DECIMALS), round(height - y, DECIMALS)) for x, y in path.points_mm]
+    first, *_ = places
+    steps = [f"{_number(b[0] - a[0])} {_number(b[1] - a[1])}" for a, b in itertools.pairwise(places)]
+    return f"M{_number(first[0])} {_number(first[1])}l{' '.join(steps)}" + ("z" if path.closed else "")
 
 
 def _number(value: float) -> str:
-    return f"{value:.4f}".rstrip("0").rstrip(".")
+    # Adding nothing turns -0 into 0.
+    return f"{round(value, DECIMALS) + 0.0:.{DECIMALS}f}".rstrip("0").rstrip(".")

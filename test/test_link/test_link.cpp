@@ -3,8 +3,8 @@
 
 #include <cmath>
 #include <cstdint>
+#include <map>
 #include <random>
-#include <set>
 #include <string>
 
 #include "../mavlink_host.h"
@@ -130,14 +130,15 @@ void the_parameter_list_is_that_of_the_table() {
   }
 }
 
-// Only whole packets count: of a request 4 % arrive, of the values 0.03 %. The host asks until it has all.
+// Of a request 4 % arrive, of the values 0.03 %; the host asks until it has all. Of so many damaged packets a few
+// pass a checksum of 16 bits, hence a value counts when it has come twice.
 void the_parameter_list_is_complete_over_a_link_that_drops_a_fifth_of_the_bytes() {
   Bench bench;
   std::mt19937_64 random(1);
   PacketParser reader;  // the reference parser loses whole packets behind each damaged one
-  std::set<int> known;
-  int polls = 0;
-  for (; known.size() < kParameterCount && polls < 5000000; ++polls) {
+  std::map<std::string, int> times_seen;
+  std::map<int, std::string> known;
+  for (int polls = 0; known.size() < kParameterCount && polls < 5000000; ++polls) {
     bench.board.link.incoming += through(bench.host.request_list(), 0.2, random);
     bench.board.clock.time_us += 4000;
     bench.firmware.poll();
@@ -152,14 +153,18 @@ void the_parameter_list_is_complete_over_a_link_that_drops_a_fifth_of_the_bytes(
         if (message.msgid != MAVLINK_MSG_ID_PARAM_VALUE) continue;
         mavlink_param_value_t value;
         mavlink_msg_param_value_decode(&message, &value);
-        const auto& info = parameter_table()[value.param_index];
-        TEST_ASSERT_EQUAL_STRING_LEN(info.name, value.param_id, 16);
-        TEST_ASSERT_TRUE(value.param_value == info.default_value);
-        known.insert(value.param_index);
+        const std::string content(reinterpret_cast<const char*>(&value), sizeof value);
+        if (++times_seen[content] == 2) known[value.param_index] = content;
       }
     }
   }
   TEST_ASSERT_EQUAL_UINT(kParameterCount, known.size());
+  for (std::size_t i = 0; i < kParameterCount; ++i) {
+    mavlink_param_value_t value;
+    std::memcpy(&value, known[static_cast<int>(i)].data(), sizeof value);
+    TEST_ASSERT_EQUAL_STRING_LEN(parameter_table()[i].name, value.param_id, 16);
+    TEST_ASSERT_TRUE(value.param_value == parameter_table()[i].default_value);
+  }
 }
 
 void a_parameter_is_set_or_the_value_that_holds_comes_back_with_the_reason() {
@@ -498,7 +503,7 @@ void a_link_that_takes_little_gets_whole_packets_and_answers_first() {
   Bench bench;
   bench.run(1000);
   bench.host.heard.clear();
-  bench.board.link.room = 10;  // 2500 bytes a second are fewer than the telemetry
+  bench.board.link.room = 5;  // 1250 bytes a second are fewer than the telemetry
   bench.board.imu.fitted = true;
   bench.board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
   for (int i = 0; i < 50; ++i) bench.run(100, bench.host.command(MAV_CMD_FOLDCAR_STOP_TRIAL, {}));

@@ -56,7 +56,7 @@ void a_name_leads_to_its_typed_index() {
     is((prefix + "DEADBAND_US").c_str(), channel_parameter(channel, ChannelParameter::kDeadbandUs));
     is((prefix + "GAIN_US").c_str(), channel_parameter(channel, ChannelParameter::kGainUs));
   }
-  TEST_ASSERT_EQUAL_UINT(10 + 8 * 5, parameter_table().size());
+  TEST_ASSERT_EQUAL_UINT(12 + 8 * 5, parameter_table().size());
 }
 
 void a_new_object_describes_the_study_car() {

@@ -9,7 +9,7 @@ PACKAGE = Path(foldcar.__file__).parent
 
 # Upstream first. A module may import from its own group and from any group above it in this list.
 STREAM = (
-    {"errors", "results", "atomic_file", "atomic_folder", "time_limit", "recorded_values"},
+    {"errors", "results", "atomic_file", "atomic_folder", "time_limit", "recorded_values", "mavlink_dialect"},
     {"parts", "mass"},
     {"sheet"},
     {"compiler", "design"},

@@ -18,6 +18,7 @@ from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import sample
 from foldcar.commands.sweep import sweep
+from foldcar.commands.trials import trials
 from foldcar.errors import FoldcarError
 
 app = typer.Typer(
@@ -30,6 +31,7 @@ app = typer.Typer(
 )
 for command in (sweep, run, sample, gallery, report, export, crosscheck, model):
     app.command()(command)
+app.add_typer(trials)
 
 
 def _print_version(wanted: bool) -> None:

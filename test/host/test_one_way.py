@@ -9,7 +9,7 @@ PACKAGE = Path(foldcar.__file__).parent
 
 # Upstream first. A module may import from its own group and from any group above it in this list.
 STREAM = (
-    {"errors", "results", "atomic_file", "time_limit", "recorded_values"},
+    {"errors", "results", "trial_records", "atomic_file", "time_limit", "recorded_values"},
     {"parts"},
     {"modules", "design", "mass"},
     {"body", "controller", "layout", "variation"},
@@ -19,8 +19,9 @@ STREAM = (
     {"carsim", "carsim_step"},
     {"models"},
     {"scenic_ego", "scenic_runner", "scenic_simulator", "scenic_worker"},
-    {"store_info", "store_schema", "store", "store_writer"},
+    {"store_info", "store_schema", "store_connection", "store", "store_writer", "trial_writer"},
     {"environments", "chunks", "sweep"},
+    {"trials"},
     {"export", "figures", "report"},
     {"crosscheck"},
     {"commands"},

@@ -22,7 +22,7 @@ STREAM = (
     {"store_info", "store_schema", "store_connection", "store", "store_writer", "trial_writer"},
     {"environments", "chunks", "sweep"},
     {"trials"},
-    {"export", "figures", "report"},
+    {"export", "export_trials", "figures", "report"},
     {"crosscheck"},
     {"commands"},
     {"cli", "__init__"},

@@ -28,5 +28,5 @@ except Box2dError as error:
     sys.exit(f"build_id: {error}")
 
 folder = Path(env.subst("$PROJECT_WORKSPACE_DIR/build_id/$PIOENV"))
-write_header(folder / "build_id.h", digest)
+write_header(folder / "build_id.h", "FOLDCAR_BUILD_ID", digest)
 env.Append(CPPPATH=[str(folder)])

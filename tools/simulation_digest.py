@@ -38,14 +38,23 @@ def source_files(root: Path) -> list[Path]:
     return sorted(file for folder in folders for file in _files(folder))
 
 
+def firmware_digest(root: Path) -> str:
+    """What a car runs, as 16 hexadecimal digits: the firmware with its board's part, and the MAVLink dialect."""
+    digest = hashlib.sha256()
+    folders = (root / "firmware" / "lib", root / "firmware" / "src", root / "host" / "foldcar" / "mavlink_dialect")
+    for name, content in _contents(root, sorted(file for folder in folders for file in _files(folder))):
+        _add(digest, name, content)
+    return digest.hexdigest()[:16]
+
+
 def compiler_version(compiler: str) -> str:
     """The compiler's target and version, as it states them."""
     return _ask(compiler, "-dumpmachine") + _ask(compiler, "--version")
 
 
-def write_header(file: Path, digest: str) -> None:
-    """Writes the header that defines FOLDCAR_BUILD_ID, unless it stands there already."""
-    text = f'#pragma once\n#define FOLDCAR_BUILD_ID "{digest}"\n'
+def write_header(file: Path, name: str, digest: str) -> None:
+    """Writes the header that defines the macro ``name``, unless it stands there already."""
+    text = f'#pragma once\n#define {name} "{digest}"\n'
     if not file.is_file() or file.read_text(encoding="utf-8") != text:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")

@@ -58,8 +58,8 @@ def test_the_build_id_ignores_what_carsim_is_not_built_from(tmp_path: Path, file
 
 def test_the_header_is_rewritten_only_when_the_id_changes(tmp_path: Path) -> None:
     header = tmp_path / "build_id" / "build_id.h"
-    simulation_digest.write_header(header, "0123456789abcdef")
+    simulation_digest.write_header(header, "FOLDCAR_BUILD_ID", "0123456789abcdef")
     first = header.stat().st_mtime_ns
-    simulation_digest.write_header(header, "0123456789abcdef")
+    simulation_digest.write_header(header, "FOLDCAR_BUILD_ID", "0123456789abcdef")
     assert header.stat().st_mtime_ns == first
     assert '#define FOLDCAR_BUILD_ID "0123456789abcdef"' in header.read_text(encoding="utf-8")

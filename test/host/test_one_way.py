@@ -9,7 +9,7 @@ PACKAGE = Path(foldcar.__file__).parent
 
 # Upstream first. A module may import from its own group and from any group above it in this list.
 STREAM = (
-    {"errors", "results", "trial_records", "atomic_file", "time_limit", "recorded_values"},
+    {"errors", "results", "trial_records", "atomic_file", "time_limit", "recorded_values", "mavlink_dialect"},
     {"parts"},
     {"modules", "design", "mass"},
     {"body", "controller", "layout", "variation"},
@@ -17,6 +17,7 @@ STREAM = (
     {"scene_reading", "scene_terrain", "scene_checks"},
     {"program_globals", "conditioning", "scenic_program", "scene_json", "scenes", "fingerprint"},
     {"carsim", "carsim_step"},
+    {"link"},
     {"models"},
     {"scenic_ego", "scenic_runner", "scenic_simulator", "scenic_worker"},
     {"store_info", "store_schema", "store_connection", "store", "store_writer", "trial_writer"},

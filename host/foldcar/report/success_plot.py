@@ -69,7 +69,8 @@ def _draw_trials(axes: Axes, axis: ParameterAxis, trials: Mapping[float, TrialTa
         return
     errors = [error_bar_percent(trials[value]) for value in shown]
     axes.errorbar(
-        [axis.place(value) for value in shown],
+        # Beside the middle, where the runs' intervals stand.
+        [axis.place(value) + 0.25 * axis.bar_width for value in shown],
         [100 * trials[value].success for value in shown],
         yerr=[list(side) for side in zip(*errors, strict=True)],
         fmt="D",

@@ -13,6 +13,7 @@ from foldcar import __version__
 from foldcar.commands.crosscheck import crosscheck
 from foldcar.commands.export import export
 from foldcar.commands.gallery import gallery
+from foldcar.commands.log import log
 from foldcar.commands.model import model
 from foldcar.commands.report import report
 from foldcar.commands.run import run
@@ -29,7 +30,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (sweep, run, sample, gallery, report, export, crosscheck, model):
+for command in (sweep, run, sample, gallery, report, export, crosscheck, model, log):
     app.command()(command)
 app.add_typer(trials)
 

@@ -13,6 +13,7 @@ STREAM = (
     {"parts"},
     {"modules", "design", "mass"},
     {"body", "controller", "layout", "variation"},
+    {"car_file"},
     {"listing", "family", "experiments"},
     {"scene_reading", "scene_terrain", "scene_checks"},
     {"program_globals", "conditioning", "scenic_program", "scene_json", "scenes", "fingerprint"},

@@ -23,7 +23,8 @@ SHORTEST_HEARTBEAT_S = 0.002
 class Connection:
     """Made by :func:`connect`. ``latest`` holds the last message of each type that the car sent, by its name.
 
-    ``log``, if set, gets every packet of both directions. ``damaged`` counts what was received and is no packet.
+    ``log``, if set, gets every packet of both directions. ``received``, ``lost`` and ``damaged`` count
+    the car's packets, those that are missing between them, and what was received and is no packet.
     """
 
     def __init__(self, stream: Stream) -> None:
@@ -32,12 +33,14 @@ class Connection:
         self.latest: dict[str, Any] = {}
         self.log: TlogWriter | None = None
         self.received = 0
+        self.lost = 0
         self.damaged = 0
         self.last_received_s = time.monotonic()
         self._mav = self.dialect.MAVLink(None, srcSystem=HOST_SYSTEM, srcComponent=HOST_COMPONENT)
         self._mav.robust_parsing = True
         self._heartbeat_at_s = 0.0
         self._clock_rate = CarClockRate()
+        self._sequences: dict[int, int] = {}
 
     def send(self, message: Any) -> None:
         """Send a message of the dialect; LinkLostError, LogError."""
@@ -66,7 +69,7 @@ class Connection:
                 self.log.write(bytes(message.get_msgbuf()))
             if message.get_srcSystem() != CAR_SYSTEM:
                 continue
-            self.received += 1
+            self._count(message)
             self.last_received_s = time.monotonic()
             self.latest[message.get_type()] = message
             if message.get_type() == "FOLDCAR_TRIAL":
@@ -90,6 +93,13 @@ class Connection:
     def close(self) -> None:
         """Close the port."""
         self.stream.close()
+
+    def _count(self, message: Any) -> None:
+        """Each component of a car numbers its packets from 0 to 255, over and over."""
+        component, sequence = message.get_srcComponent(), message.get_seq()
+        self.lost += (sequence - self._sequences.get(component, sequence - 1) - 1) % 256
+        self._sequences[component] = sequence
+        self.received += 1
 
     def _beat(self) -> None:
         now_s = time.monotonic()

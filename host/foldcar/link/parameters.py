@@ -23,7 +23,9 @@ BURST = 4
 
 def read_parameters(car: Car, report: Callable[[int, int], None] = lambda there, count: None) -> dict[str, float]:
     """All parameters by name, in the car's order; what a bad link swallows is asked for again. FoldcarError."""
-    d, found, names = car.dialect, {}, {}
+    d = car.dialect
+    found: dict[int, float] = {}
+    names: dict[int, str] = {}
     count: int | None = None
     car.connection.send(d.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
     end_s = time.monotonic() + LIST_S

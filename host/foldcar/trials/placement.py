@@ -1,8 +1,8 @@
 """Where to put obstacles and car for a trial, in words and numbers, and where they were put instead.
 
 Input: a scene of docs/carsim.md. Output: obstacles with letters, lines of instruction (mm and degrees, as people
-measure), and the scene moved by measured deviations. Everything is measured from the planned start of the car,
-marked on the floor: forward along its heading, to the left of it.
+measure), and the scene moved by measured deviations. Everything is measured in the scene's frame, which is marked
+on the floor: a point for its origin, a line for x, y to the left of it, turned counter-clockwise.
 """
 
 import copy
@@ -45,23 +45,23 @@ def obstacles(scene: Mapping[str, Any]) -> list[Obstacle]:
     ]
 
 
-def instructions(scene: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
-    """Rows of name, place, what it is: the obstacles, the goal, the floor. The car's start is the origin."""
+def instructions(scene: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str, str]]:
+    """Rows of name, x (mm), y (mm), turned (°), what it is: the car, the obstacles, the goal, the floor."""
     start = scene["start"]
+    yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "its middle"
     for thing in obstacles(scene):
-        pieces = [scene["terrain"][index] for index in thing.pieces]
-        turned = _degrees(thing.heading_rad - start["heading_rad"])
-        place = f"{_place_text(start, thing.x_m, thing.y_m)}, turned {turned:.1f}°"
-        yield thing.letter, place, "; ".join(_piece_text(piece) for piece in pieces)
+        what = "; ".join(_piece_text(scene["terrain"][index]) for index in thing.pieces)
+        yield thing.letter, *_place(thing.x_m, thing.y_m, thing.heading_rad), what
     goal = scene["goal"]
     if goal is not None:
-        what = "a line across" if goal["kind"] == "line" else f"a disc of radius {1000 * goal['radius_m']:.0f} mm"
-        yield "goal", _place_text(start, goal["x_m"], goal["y_m"]), what
-    yield "floor", "", f"friction {scene['friction']:g} in the simulation"
+        line = goal["kind"] == "line"
+        what = "a line across, to be crossed" if line else f"a disc of radius {1000 * goal['radius_m']:.0f} mm"
+        yield "goal", *_place(goal["x_m"], goal["y_m"], goal.get("heading_rad", 0.0)), what
+    yield "floor", "", "", "", f"friction {scene['friction']:g} in the simulation"
 
 
 def parse_deviation(text: str, names: list[str]) -> tuple[str, tuple[float, float, float]]:
-    """``"A 5 -3 1.5"`` → ("A", (0.005, -0.003, 0.026…)): forward mm, left mm, turned degrees; FoldcarError."""
+    """``"A 5 -3 1.5"`` → ("A", (0.005, -0.003, 0.026…)): x mm, y mm, turned degrees; FoldcarError."""
     words = text.split()
     if not words or words[0] not in names:
         raise FoldcarError(f'deviation "{text}": begins with none of {", ".join(names)}')
@@ -71,26 +71,25 @@ def parse_deviation(text: str, names: list[str]) -> tuple[str, tuple[float, floa
         numbers = []
     if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
         raise FoldcarError(
-            f'deviation "{text}": is not NAME FORWARD_MM LEFT_MM [TURNED_DEG], as in "{names[0]} 5 -3 1.5"'
+            f'deviation "{text}": is not NAME X_MM Y_MM [TURNED_DEG], as in "{names[0]} 5 -3 1.5"'
         )
     limits = ((MOST_DEVIATION_MM, "mm"), (MOST_DEVIATION_MM, "mm"), (180.0, "°"))
     for number, (limit, unit) in zip(numbers, limits, strict=False):
         if abs(number) > limit:
             raise FoldcarError(f'deviation "{text}": {number:g} is beyond ±{limit:g} {unit}')
-    forward, left, turned = (*numbers, 0.0)[:3]
-    return words[0], (forward / 1000, left / 1000, math.radians(turned))
+    x_mm, y_mm, turned_deg = (*numbers, 0.0)[:3]
+    return words[0], (x_mm / 1000, y_mm / 1000, math.radians(turned_deg))
 
 
 def placed(scene: Mapping[str, Any], deviations: Deviations) -> dict[str, Any]:
-    """The scene as it stood on the floor: car and obstacles moved along and across the planned start's heading."""
+    """The scene as it stood on the floor: car and obstacles moved by ``deviations``, obstacles as a whole."""
     moved: dict[str, Any] = copy.deepcopy(dict(scene))
-    heading = scene["start"]["heading_rad"]
     things = {CAR: [moved["start"]]}
     things |= {o.letter: [moved["terrain"][index] for index in o.pieces] for o in obstacles(scene)}
-    for name, (forward_m, left_m, turned_rad) in deviations.items():
+    for name, (x_m, y_m, turned_rad) in deviations.items():
         for thing in things[name]:
-            thing["x_m"] += forward_m * math.cos(heading) - left_m * math.sin(heading)
-            thing["y_m"] += forward_m * math.sin(heading) + left_m * math.cos(heading)
+            thing["x_m"] += x_m
+            thing["y_m"] += y_m
             if "heading_rad" in thing:
                 thing["heading_rad"] += turned_rad
     return moved
@@ -101,12 +100,8 @@ def names_of(scene: Mapping[str, Any]) -> list[str]:
     return [CAR, *(obstacle.letter for obstacle in obstacles(scene))]
 
 
-def _place_text(start: Mapping[str, float], x_m: float, y_m: float) -> str:
-    dx, dy, heading = x_m - start["x_m"], y_m - start["y_m"], start["heading_rad"]
-    forward = 1000 * (dx * math.cos(heading) + dy * math.sin(heading))
-    left = 1000 * (dy * math.cos(heading) - dx * math.sin(heading))
-    side = "left" if left >= 0 else "right"
-    return f"{forward:.0f} mm forward, {abs(left):.0f} mm {side}"
+def _place(x_m: float, y_m: float, heading_rad: float) -> tuple[str, str, str]:
+    return f"{1000 * x_m:.0f}", f"{1000 * y_m:.0f}", f"{_degrees(heading_rad):.1f}"
 
 
 def _piece_text(piece: Mapping[str, Any]) -> str:

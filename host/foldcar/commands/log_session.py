@@ -6,7 +6,7 @@ loses at most the answer being typed.
 
 import hashlib
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from foldcar.environments import Environment
 from foldcar.errors import FoldcarError
 from foldcar.experiments import read_study
 from foldcar.link.car import Car, CarIdentity, greet
+from foldcar.link.parameters import read_parameters
 from foldcar.link.ports import choose_port
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import TlogWriter
@@ -138,15 +139,17 @@ class LogSession:
         typer.echo(f"Countdown {self.options.countdown_s} s, then {settings['time_limit_s']:g} s at most. Ctrl-C stops.")
         try:
             car.connection.log = TlogWriter(log)
+            # The log says by itself who drove, and set to what.
             for message in ("FOLDCAR_DESIGN", "AUTOPILOT_VERSION", "SYS_STATUS"):
                 car.request(message)
-        except FoldcarError as error:
-            return DriveEnd("log could not be begun", "aborted", None, error)
-        also = INPUT if self._answers.is_terminal else None
-        try:
+            read_parameters(car)
+            also = INPUT if self._answers.is_terminal else None
             with self._answers.keys() as pressed, LogView(settings["time_limit_s"], pressed, also) as view:
                 end = drive(car, settings, number, self.options.countdown_s, view, self.options.untethered)
-            return DriveEnd(end.ending, "passed", end.elapsed_time_s) if view.passed and end.outcome is None else end
+            return replace(end, outcome="passed") if view.passed and end.outcome is None else end
+        except FoldcarError as error:
+            ending = "link lost before the start" if isinstance(error, LinkLostError) else "not begun"
+            return DriveEnd(ending, "aborted", None, error)
         finally:
             if car.connection.log is not None:
                 car.connection.log.close()

@@ -31,12 +31,13 @@ def draw_placement(
     scale = height_scale([ground])
     long_m, wide_m = extent.size_m
     with matplotlib.rc_context(RC):
-        figure = Figure(figsize=(WIDTH_IN, min(9.0, WIDTH_IN * wide_m / long_m + 1.2)), layout="constrained")
+        figure = Figure(figsize=(WIDTH_IN, min(9.0, WIDTH_IN * wide_m / long_m + 0.8)), layout="constrained")
         axes = figure.subplots()
         draw_top_view(axes, scene, ground, scale)
         _draw_car(axes, scene["start"], length_m, width_m)
         for thing in obstacles(scene):
             place = (thing.x_m, thing.y_m)
+            axes.plot(*place, "+", color="white", markersize=9, markeredgewidth=3, zorder=7)
             axes.plot(*place, "+", color=INK, markersize=7, zorder=7)
             axes.annotate(thing.letter, place, (10, 10), textcoords="offset points", bbox=LETTER, ha="center",
                           va="center", fontsize=9, zorder=8)  # fmt: skip

@@ -127,6 +127,51 @@ def replay(
         typer.echo(f"picture: {plot}")
 
 
+@trials.command()
+def export(
+    store: StoreFile,
+    number: Number,
+    mcap: Annotated[Path, typer.Option(metavar="FILE", help="MCAP file to write, for Foxglove and PlotJuggler.")],
+) -> None:
+    """Convert a trial's log. The log itself, a .tlog, opens in MAVLink's own tools."""
+    from foldcar.link.mcap_export import export_mcap
+    from foldcar.store import Store
+
+    with Store.open(store) as opened:
+        trial = opened.trial(number)
+    if trial.log is None:
+        raise FoldcarError(f"{store}: trial {number} was imported: it has no log")
+    facts = {
+        "trial": str(trial.id),
+        "experiment": trial.experiment,
+        "design": " ".join(f"{name}={value:g}" for name, value in trial.design.items()),
+        "sample": str(trial.sample),
+        "outcome": trial.outcome,
+        "note": trial.note,
+    }
+    count = export_mcap(store.parent / trial.log, mcap, facts)
+    typer.echo(f"{mcap}: {count} messages")
+
+
+@trials.command()
+def dialect(
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder to write v1.0/foldcar.xml in.")],
+) -> None:
+    """Write the MAVLink dialect, with which other programs name our own messages too."""
+    from foldcar.atomic_file import atomic_file
+    from foldcar.mavlink_dialect.generation import DialectError, dialect_xml
+
+    try:
+        text = dialect_xml()
+    except DialectError as error:
+        raise FoldcarError(str(error)) from None
+    file = output / "v1.0" / "foldcar.xml"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_file(file) as binary:
+        binary.write(text.encode())
+    typer.echo(f"{file}")
+
+
 def _print_trials(found: "list[Trial]") -> None:
     from rich.box import SIMPLE_HEAD
     from rich.console import Console

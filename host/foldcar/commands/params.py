@@ -28,14 +28,14 @@ def get(
     port: Port = None,
 ) -> None:
     """Show parameters and their values."""
-    from foldcar.link.parameters import read_parameters
+    from foldcar.link.parameters import read_parameters, value_text
 
     with _car(port) as car:
         values = read_parameters(car)
     for name in names or values:
         if name not in values:
             raise FoldcarError(f"{name}: the car has no such parameter")
-        typer.echo(f"{name:<16} {values[name]:.9g}")
+        typer.echo(f"{name:<16} {value_text(values[name])}")
 
 
 @params.command("set")
@@ -45,11 +45,11 @@ def set_one(
     port: Port = None,
 ) -> None:
     """Set one parameter and save it in the car."""
-    from foldcar.link.parameters import set_parameter
+    from foldcar.link.parameters import set_parameter, value_text
 
     with _car(port) as car:
         set_parameter(car, name, value)
-    typer.echo(f"{name:<16} {value:.9g}")
+    typer.echo(f"{name:<16} {value_text(value)}")
 
 
 @params.command()
@@ -68,7 +68,7 @@ def save(file: ParameterFile, port: Port = None) -> None:
 @params.command()
 def load(file: ParameterFile, port: Port = None) -> None:
     """Set the car's parameters to what a file says, where they differ."""
-    from foldcar.link.parameters import differences, read_file, read_parameters, set_parameter
+    from foldcar.link.parameters import differences, read_file, read_parameters, set_parameter, value_text
 
     wanted = read_file(file)
     refused = []
@@ -81,7 +81,7 @@ def load(file: ParameterFile, port: Port = None) -> None:
         for name, _, _ in rows:
             try:
                 set_parameter(car, name, wanted[name])
-                typer.echo(f"{name:<16} {wanted[name]:.9g}")
+                typer.echo(f"{name:<16} {value_text(wanted[name])}")
             except FoldcarError as error:
                 refused.append(str(error))
                 typer.echo(f"{error}", err=True)
@@ -118,4 +118,6 @@ def _car(port: str | None) -> Iterator["Car"]:
 
 
 def _text(value: float | None) -> str:
-    return "-" if value is None else f"{value:.9g}"
+    from foldcar.link.parameters import value_text
+
+    return "-" if value is None else value_text(value)

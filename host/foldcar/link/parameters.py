@@ -71,6 +71,11 @@ def same(a: float, b: float) -> bool:
     return struct.pack("<f", a) == struct.pack("<f", b)
 
 
+def value_text(value: float) -> str:
+    """The shortest number that is the same 32-bit number: 3.4, not 3.4000001."""
+    return next(text for digits in range(1, 10) if same(float(text := f"{value:.{digits}g}"), value))
+
+
 def differences(
     car: Mapping[str, float], other: Mapping[str, float]
 ) -> list[tuple[str, float | None, float | None]]:
@@ -108,7 +113,7 @@ def read_file(file: Path) -> dict[str, float]:
 
 def write_file(file: Path, values: Mapping[str, float], head: str) -> None:
     """Write parameters, whole or not at all; ``head`` is a comment on top."""
-    lines = [f"# {head}", *(f"{name:<16} {value:.9g}" for name, value in values.items())]
+    lines = [f"# {head}", *(f"{name:<16} {value_text(value)}" for name, value in values.items())]
     with atomic_file(file) as binary:
         binary.write(("\n".join(lines) + "\n").encode())
 

@@ -62,6 +62,60 @@ struct RecordingStorage : Storage {
     if (accepts) values[name] = value;
     return accepts;
   }
+  bool clear() override {
+    if (accepts) values.clear();
+    return accepts;
+  }
+};
+
+struct RecordingImu : Imu {
+  bool fitted = false;
+  bool answers = true;
+  ImuSample now;
+  bool present() const override { return fitted; }
+  bool read(ImuSample& sample) override {
+    if (fitted && answers) sample = now;
+    return fitted && answers;
+  }
+};
+
+struct RecordingLogs : LogStorage {
+  std::map<std::uint16_t, std::string> logs;
+  std::uint16_t open = 0;
+  bool accepts = true;
+  bool present() const override { return true; }
+  bool create(std::uint16_t id) override {
+    open = id;
+    if (accepts) logs[id].clear();
+    return accepts;
+  }
+  bool append(const std::uint8_t* data, std::size_t size) override {
+    if (accepts) logs[open].append(reinterpret_cast<const char*>(data), size);
+    return accepts;
+  }
+  bool close() override {
+    open = 0;
+    return accepts;
+  }
+  std::size_t size(std::uint16_t id) override { return logs.count(id) == 0 ? 0 : logs[id].size(); }
+  std::size_t read(std::uint16_t id, std::size_t offset, std::uint8_t* data, std::size_t size) override {
+    if (logs.count(id) == 0 || offset >= logs[id].size()) return 0;
+    return logs[id].copy(reinterpret_cast<char*>(data), size, offset);
+  }
+  bool remove(std::uint16_t id) override { return logs.erase(id) > 0; }
+  bool range(std::uint16_t& first, std::uint16_t& last) override {
+    if (logs.empty()) return false;
+    first = logs.begin()->first;
+    last = logs.rbegin()->first;
+    return true;
+  }
+};
+
+struct RecordingBoard : Board {
+  ResetReason reason = ResetReason::kPowerOn;
+  int restart_count = 0;
+  ResetReason reset_reason() const override { return reason; }
+  void restart() override { ++restart_count; }
 };
 
 struct RecordingHal {
@@ -70,7 +124,10 @@ struct RecordingHal {
   RecordingBattery battery;
   RecordingLink link;
   RecordingStorage storage;
-  Hal hal() { return {clock, servos, battery, link, storage}; }
+  RecordingImu imu;
+  RecordingLogs logs;
+  RecordingBoard board;
+  Hal hal() { return {clock, servos, battery, link, storage, imu, logs, board}; }
 };
 
 }  // namespace foldcar

@@ -1,6 +1,7 @@
 #include "application.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace foldcar {
 namespace {
@@ -16,9 +17,15 @@ static_assert(kNoPulse == 0.0f, "kAllOff relies on it");
 Application::Application(const Hal& hal, Parameters& parameters)
     : hal_(hal), parameters_(parameters), supervisor_(parameters) {}
 
-void Application::begin() {
+void Application::begin(const DesignResult& design) {
   write_off();
-  if (parameters_.load(hal_.storage) > 0) supervisor_.report(Fault::kStoredParameter);
+  design_ = design;
+  report_reset();
+  if (design_.source == DesignSource::kRefused) {
+    supervisor_.refuse_design();
+    supervisor_.report(Fault::kDesign);
+  }
+  if (configure(parameters_, design_, hal_.storage) > 0) supervisor_.report(Fault::kStoredParameter);
   last_tick_us_ = hal_.clock.now_us();
   battery_v_ = hal_.battery.voltage_v();
 }
@@ -28,9 +35,10 @@ void Application::tick() {
   const auto step_us = static_cast<std::uint32_t>(std::min(now_us - last_tick_us_, kLongestStepUs));
   last_tick_us_ = now_us;
   battery_v_ = hal_.battery.voltage_v();
-  supervisor_.tick({now_us, battery_v_});
+  const bool imu_lost = !read_imu(step_us);
+  supervisor_.tick({now_us, battery_v_, imu_lost, attitude_.known ? tilt_rad(attitude_) : 0.0f});
   if (supervisor_.pulses_enabled()) {
-    write(drive(calibration_, drive_state_, set_point_, step_us));
+    write(pulses(step_us));
   } else {
     write_off();
   }
@@ -51,10 +59,32 @@ Refusal Application::start(const TrialRequest& request) {
   const std::uint64_t now_us = hal_.clock.now_us();
   const Refusal refusal = supervisor_.start(request, now_us);
   if (refusal != Refusal::kNone) return refusal;
-  calibration_ = calibrate(parameters_);
-  drive_state_ = DriveState{};
+  take_over_parameters(now_us);
   set_point_ = {request.speed_m_s, request.yaw_rate_rad_s};
-  last_tick_us_ = now_us;
+  return refusal;
+}
+
+Refusal Application::drive_by_hand(float forward, float left) {
+  if (!(std::fabs(forward) <= 1.0f && std::fabs(left) <= 1.0f)) return Refusal::kNotANumber;
+  const std::uint64_t now_us = hal_.clock.now_us();
+  const bool was_manual = supervisor_.state() == State::kManual;
+  const Refusal refusal = supervisor_.drive_by_hand(forward != 0.0f || left != 0.0f, now_us);
+  if (refusal != Refusal::kNone || supervisor_.state() != State::kManual) return refusal;
+  if (!was_manual) take_over_parameters(now_us);
+  const float fastest_m_s = calibration_.wheel_max_rad_s * calibration_.wheel_radius_m;
+  set_point_ = {forward * fastest_m_s, left * fastest_m_s / calibration_.half_track_m};
+  return refusal;
+}
+
+Refusal Application::test(std::size_t channel, float pulse_us, float time_s) {
+  const bool fits = pulse_us == kNoPulse || (pulse_us >= kShortestPulseUs && pulse_us <= kLongestPulseUs);
+  if (channel >= kChannelCount || !fits) return Refusal::kTest;
+  battery_v_ = hal_.battery.voltage_v();
+  const Refusal refusal = supervisor_.test(time_s, battery_v_, hal_.clock.now_us());
+  if (refusal != Refusal::kNone) return refusal;
+  test_pulses_us_ = kAllOff;
+  test_pulses_us_[channel] = pulse_us;
+  if (!supervisor_.pulses_enabled()) write_off();
   return refusal;
 }
 
@@ -68,19 +98,66 @@ Refusal Application::acknowledge() { return supervisor_.acknowledge(); }
 
 Refusal Application::refresh_command() { return supervisor_.refresh_command(hal_.clock.now_us()); }
 
+SetResult Application::set_parameter(Parameter parameter, float value, bool& saved) {
+  const SetResult result = parameters_.set(parameter, value);
+  saved = result == SetResult::kOk && parameters_.save(hal_.storage, parameter);
+  return result;
+}
+
+bool Application::forget_parameters() {
+  if (!hal_.storage.clear()) return false;
+  parameters_ = Parameters();
+  configure(parameters_, design_, hal_.storage);
+  return true;
+}
+
 Status Application::status() const {
   return {supervisor_.state(), supervisor_.fault(), supervisor_.trial_elapsed_us(), battery_v_, pulses_us_};
+}
+
+// Wheels that turned when the board was reset may have been the cause: someone should look.
+void Application::report_reset() {
+  switch (hal_.board.reset_reason()) {
+    case ResetReason::kBrownOut: return supervisor_.report(Fault::kBrownOut);
+    case ResetReason::kCrash:
+    case ResetReason::kInterruptWatchdog:
+    case ResetReason::kTaskWatchdog:
+    case ResetReason::kOtherWatchdog: return supervisor_.report(Fault::kWatchdog);
+    case ResetReason::kUnknown:
+    case ResetReason::kPowerOn:
+    case ResetReason::kSoftware: return;
+  }
+}
+
+bool Application::read_imu(std::uint32_t step_us) {
+  if (!hal_.imu.present()) return true;
+  if (!hal_.imu.read(imu_sample_)) return false;
+  attitude_ = updated(attitude_, imu_sample_, 1e-6f * static_cast<float>(step_us));
+  return true;
+}
+
+PulsesUs Application::pulses(std::uint32_t step_us) {
+  if (supervisor_.state() == State::kTesting) return test_pulses_us_;
+  return drive(calibration_, drive_state_, set_point_, step_us);
+}
+
+void Application::take_over_parameters(std::uint64_t now_us) {
+  calibration_ = calibrate(parameters_);
+  drive_state_ = DriveState{};
+  last_tick_us_ = now_us;
 }
 
 // Every tick anew, as a driver that has not taken it once may take it now.
 void Application::write_off() {
   pulses_us_ = kAllOff;
-  if (!hal_.servos.write_pulses(kAllOff)) supervisor_.report(Fault::kBus);
+  servos_answer_ = hal_.servos.write_pulses(kAllOff);
+  if (!servos_answer_) supervisor_.report(Fault::kBus);
 }
 
 void Application::write(const PulsesUs& pulses_us) {
   pulses_us_ = pulses_us;
-  if (hal_.servos.write_pulses(pulses_us)) return;
+  servos_answer_ = hal_.servos.write_pulses(pulses_us);
+  if (servos_answer_) return;
   supervisor_.report(Fault::kBus);
   write_off();
 }

@@ -39,6 +39,8 @@ enum class Parameter : std::uint8_t {
   kBattLowMs,
   kCmdTimeoutMs,
   kTrialMaxS,
+  kTiltMaxRad,
+  kTiltMs,
   kPwmOscHz,
   kCount
 };

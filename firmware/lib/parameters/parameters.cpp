@@ -25,6 +25,7 @@ const char* text(SetResult result) {
     case SetResult::kAboveMaximum: return "is above its maximum";
     case SetResult::kNotAnInteger: return "is not a whole number";
     case SetResult::kNotASign: return "is neither -1 nor 1";
+    case SetResult::kFixed: return "is set by car.json";
   }
   return "?";
 }
@@ -34,7 +35,8 @@ Parameters::Parameters() {
 }
 
 SetResult Parameters::set(Parameter parameter, float value) {
-  const SetResult result = check(parameter_info(parameter), value);
+  const SetResult result =
+      fixed_[static_cast<std::size_t>(parameter)] ? SetResult::kFixed : check(parameter_info(parameter), value);
   if (result == SetResult::kOk) values_[static_cast<std::size_t>(parameter)] = value;
   return result;
 }
@@ -44,21 +46,24 @@ SetResult Parameters::set(const char* name, float value) {
   return parameter ? set(*parameter, value) : SetResult::kUnknownName;
 }
 
+SetResult Parameters::fix(Parameter parameter, float value) {
+  const SetResult result = set(parameter, value);
+  if (result == SetResult::kOk) fixed_[static_cast<std::size_t>(parameter)] = true;
+  return result;
+}
+
 std::size_t Parameters::load(Storage& storage) {
   std::size_t refused_count = 0;
   for (std::size_t i = 0; i < kParameterCount; ++i) {
     float value = 0.0f;
-    if (!storage.load(parameter_table()[i].name, value)) continue;
+    if (fixed_[i] || !storage.load(parameter_table()[i].name, value)) continue;
     if (set(static_cast<Parameter>(i), value) != SetResult::kOk) ++refused_count;
   }
   return refused_count;
 }
 
-bool Parameters::save(Storage& storage) const {
-  for (std::size_t i = 0; i < kParameterCount; ++i) {
-    if (!storage.save(parameter_table()[i].name, values_[i])) return false;
-  }
-  return true;
+bool Parameters::save(Storage& storage, Parameter parameter) const {
+  return storage.save(parameter_info(parameter).name, get(parameter));
 }
 
 }  // namespace foldcar

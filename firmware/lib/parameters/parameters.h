@@ -20,7 +20,8 @@ enum class SetResult : std::uint8_t {
   kBelowMinimum,
   kAboveMaximum,
   kNotAnInteger,
-  kNotASign
+  kNotASign,
+  kFixed
 };
 
 // Completes the sentence "NAME …", as in "TRACK_M is below its minimum".
@@ -39,14 +40,19 @@ class Parameters {
   SetResult set(Parameter parameter, float value);
   SetResult set(const char* name, float value);
 
-  // Takes every value that storage has. Returns how many of them were refused; those keep their value.
+  // Sets a value that only another car.json changes: every later set is refused.
+  SetResult fix(Parameter parameter, float value);
+
+  // Takes every value that storage has, of those that are not fixed. Returns how many of them were refused;
+  // those keep their value.
   std::size_t load(Storage& storage);
 
-  // Saves every value. False if storage did not take one.
-  bool save(Storage& storage) const;
+  // Saves one value. False if storage did not take it.
+  bool save(Storage& storage, Parameter parameter) const;
 
  private:
   std::array<float, kParameterCount> values_;
+  std::array<bool, kParameterCount> fixed_{};
 };
 
 }  // namespace foldcar

@@ -19,26 +19,27 @@ bool has_wheel_on(const Parameters& parameters, Side side) {
 
 Refusal Supervisor::arm(float battery_v) {
   if (state_ == State::kFault) return Refusal::kFaultLatched;
-  if (state_ == State::kRunning) return Refusal::kRunning;
-  if (std::isnan(battery_v)) return Refusal::kBatteryUnreadable;
-  if (battery_v < parameters_.get(Parameter::kBattMinV)) return Refusal::kBatteryLow;
-  state_ = State::kArmed;
-  return Refusal::kNone;
+  if (pulses_enabled()) return Refusal::kRunning;
+  if (design_refused_) return Refusal::kDesign;
+  const Refusal refusal = check_battery(battery_v);
+  if (refusal == Refusal::kNone) state_ = State::kArmed;
+  return refusal;
 }
 
 Refusal Supervisor::disarm() {
   if (state_ == State::kFault) return Refusal::kFaultLatched;
-  state_ = State::kDisarmed;
+  leave(State::kDisarmed, TrialEnd::kDisarmed);
   return Refusal::kNone;
 }
 
 Refusal Supervisor::start(const TrialRequest& request, std::uint64_t now_us) {
   if (state_ == State::kFault) return Refusal::kFaultLatched;
-  if (state_ == State::kRunning) return Refusal::kRunning;
+  if (pulses_enabled()) return Refusal::kRunning;
   if (state_ != State::kArmed) return Refusal::kNotArmed;
   const Refusal refusal = check(request);
   if (refusal != Refusal::kNone) return refusal;
-  untethered_ = request.untethered;
+  trial_ = request;
+  trial_end_ = TrialEnd::kNone;
   trial_started_us_ = now_us;
   trial_elapsed_us_ = 0;
   trial_limit_us_ = static_cast<std::uint64_t>(1e6 * static_cast<double>(request.time_limit_s));
@@ -47,8 +48,36 @@ Refusal Supervisor::start(const TrialRequest& request, std::uint64_t now_us) {
   return Refusal::kNone;
 }
 
+Refusal Supervisor::drive_by_hand(bool moves, std::uint64_t now_us) {
+  if (state_ == State::kFault) return Refusal::kFaultLatched;
+  if (state_ == State::kRunning || state_ == State::kTesting) return Refusal::kRunning;
+  if (state_ != State::kArmed && state_ != State::kManual) return Refusal::kNotArmed;
+  if (state_ == State::kArmed && !moves) return Refusal::kNone;
+  refreshed_us_ = now_us;
+  state_ = State::kManual;
+  return Refusal::kNone;
+}
+
+Refusal Supervisor::test(float time_s, float battery_v, std::uint64_t now_us) {
+  if (state_ == State::kFault) return Refusal::kFaultLatched;
+  if (state_ == State::kRunning || state_ == State::kManual) return Refusal::kRunning;
+  if (state_ == State::kArmed) return Refusal::kNotDisarmed;
+  if (design_refused_) return Refusal::kDesign;
+  if (!(time_s >= 0.0f && time_s <= kLongestTestS)) return Refusal::kTest;
+  const Refusal refusal = check_battery(battery_v);
+  if (refusal != Refusal::kNone) return refusal;
+  refreshed_us_ = now_us;
+  test_until_us_ = now_us + from_ms(1000.0f * time_s);
+  state_ = time_s > 0.0f ? State::kTesting : State::kDisarmed;
+  return Refusal::kNone;
+}
+
 Refusal Supervisor::stop() {
-  if (state_ == State::kRunning) state_ = State::kFinished;
+  if (state_ == State::kRunning) {
+    leave(State::kFinished, TrialEnd::kStopped);
+  } else if (pulses_enabled()) {
+    state_ = State::kDisarmed;
+  }
   return Refusal::kNone;
 }
 
@@ -61,7 +90,7 @@ Refusal Supervisor::acknowledge() {
 
 Refusal Supervisor::refresh_command(std::uint64_t now_us) {
   if (state_ == State::kFault) return Refusal::kFaultLatched;
-  if (state_ != State::kRunning) return Refusal::kNotRunning;
+  if (!pulses_enabled()) return Refusal::kNotRunning;
   refreshed_us_ = now_us;
   return Refusal::kNone;
 }
@@ -69,24 +98,31 @@ Refusal Supervisor::refresh_command(std::uint64_t now_us) {
 void Supervisor::report(Fault fault) {
   if (state_ == State::kFault) return;
   fault_ = fault;
-  state_ = State::kFault;
+  leave(State::kFault, TrialEnd::kFault);
 }
 
 void Supervisor::tick(const SupervisorInputs& inputs) {
   const bool battery_low = battery_low_for_long(inputs);
-  if (state_ != State::kArmed && state_ != State::kRunning) return;
+  const bool tilted = tilted_for_long(inputs);
+  if (state_ != State::kArmed && !pulses_enabled()) return;
   if (std::isnan(inputs.battery_v)) return report(Fault::kBatteryUnreadable);
   if (battery_low) return report(Fault::kBatteryLow);
-  if (state_ != State::kRunning) return;
+  if (inputs.imu_lost) return report(Fault::kImu);
+  if (state_ == State::kArmed) return;
+  if (tilted && state_ != State::kTesting) return report(Fault::kTilt);
 
-  trial_elapsed_us_ = inputs.now_us - trial_started_us_;
-  if (trial_elapsed_us_ >= trial_limit_us_) {
-    state_ = State::kFinished;
+  if (state_ == State::kRunning) {
+    trial_elapsed_us_ = inputs.now_us - trial_started_us_;
+    if (trial_elapsed_us_ >= trial_limit_us_) return leave(State::kFinished, TrialEnd::kTimeLimit);
+    if (trial_.untethered) return;
+  }
+  if (state_ == State::kTesting && inputs.now_us >= test_until_us_) {
+    state_ = State::kDisarmed;
     return;
   }
   const std::uint64_t silent_us = inputs.now_us - refreshed_us_;
   const std::uint64_t longest_us = from_ms(parameters_.get(Parameter::kCmdTimeoutMs));
-  if (!untethered_ && silent_us > longest_us) report(Fault::kCommandStale);
+  if (silent_us > longest_us) report(Fault::kCommandStale);
 }
 
 Refusal Supervisor::check(const TrialRequest& request) const {
@@ -102,12 +138,30 @@ Refusal Supervisor::check(const TrialRequest& request) const {
   return drivable ? Refusal::kNone : Refusal::kNoWheels;
 }
 
+Refusal Supervisor::check_battery(float battery_v) const {
+  if (std::isnan(battery_v)) return Refusal::kBatteryUnreadable;
+  return battery_v < parameters_.get(Parameter::kBattMinV) ? Refusal::kBatteryLow : Refusal::kNone;
+}
+
 // Servos that start pull the voltage down for a moment; only a lasting dip means an empty battery.
 bool Supervisor::battery_low_for_long(const SupervisorInputs& inputs) {
   const bool low = inputs.battery_v < parameters_.get(Parameter::kBattMinV);
   if (low && !battery_low_) battery_low_since_us_ = inputs.now_us;
   battery_low_ = low;
   return low && inputs.now_us - battery_low_since_us_ >= from_ms(parameters_.get(Parameter::kBattLowMs));
+}
+
+// A bump shakes the estimate for a moment; only a lasting tilt means a car on its side.
+bool Supervisor::tilted_for_long(const SupervisorInputs& inputs) {
+  const bool tilted = inputs.tilt_rad > parameters_.get(Parameter::kTiltMaxRad);
+  if (tilted && !tilted_) tilted_since_us_ = inputs.now_us;
+  tilted_ = tilted;
+  return tilted && inputs.now_us - tilted_since_us_ >= from_ms(parameters_.get(Parameter::kTiltMs));
+}
+
+void Supervisor::leave(State state, TrialEnd end) {
+  if (state_ == State::kRunning) trial_end_ = end;
+  state_ = state;
 }
 
 }  // namespace foldcar

@@ -1,7 +1,7 @@
 // The supervisor: decides whether the wheels may be driven. Nothing else enables pulses.
 //
-// Input: requests (arm, start, …), faults reported by the application, and once a tick time and battery
-// voltage. Output: the state, and with it pulses_enabled(). docs/firmware.md holds the whole table of
+// Input: requests (arm, start, …), faults reported by the application, and once a tick time, battery
+// voltage and tilt. Output: the state, and with it pulses_enabled(). docs/firmware.md holds the whole table of
 // transitions and refusals. It has no clock and no hardware.
 #pragma once
 
@@ -11,7 +11,8 @@
 
 namespace foldcar {
 
-enum class State : std::uint8_t { kDisarmed, kArmed, kRunning, kFinished, kFault };
+// The values of these enums are those of the MAVLink dialect and of docs/link.md.
+enum class State : std::uint8_t { kDisarmed, kArmed, kRunning, kFinished, kFault, kManual, kTesting };
 
 // Latched until acknowledged; the first one stays.
 enum class Fault : std::uint8_t {
@@ -20,8 +21,16 @@ enum class Fault : std::uint8_t {
   kBatteryUnreadable,
   kBatteryLow,         // for longer than BATT_LOW_MS
   kCommandStale,       // the host was silent for longer than CMD_TIMEOUT_MS
-  kStoredParameter     // flash holds a parameter outside its limits
+  kStoredParameter,    // flash holds a parameter outside its limits
+  kDesign,             // car.json is refused
+  kWatchdog,           // a watchdog or a crash has reset the board
+  kBrownOut,           // a dip of the supply has reset the board
+  kTilt,               // beyond TILT_MAX_RAD for longer than TILT_MS
+  kImu                 // an IMU that was there no longer answers
 };
+
+// How the last trial ended; kNone before the first and while one runs.
+enum class TrialEnd : std::uint8_t { kNone, kTimeLimit, kStopped, kDisarmed, kFault };
 
 // Why a request changed nothing; kNone if it was accepted.
 enum class Refusal : std::uint8_t {
@@ -37,7 +46,11 @@ enum class Refusal : std::uint8_t {
   kNotANumber,
   kSpeedLimit,
   kYawRateLimit,
-  kTimeLimit
+  kTimeLimit,
+  kDesign,
+  kTest,
+  kMessage,
+  kNotDisarmed
 };
 
 const char* text(State state);
@@ -48,16 +61,22 @@ const char* text(Refusal refusal);
 constexpr float kSpeedLimitMS = 5.0f;
 constexpr float kYawRateLimitRadS = 100.0f;
 
+// Longest test of an output, as MAVLink has it.
+constexpr float kLongestTestS = 3.0f;
+
 struct TrialRequest {
   float speed_m_s = 0.0f;
   float yaw_rate_rad_s = 0.0f;
   float time_limit_s = 0.0f;
   bool untethered = false;  // drives on without refresh_command, as on the floor without a cable
+  std::uint32_t id = 0;     // the host's; told back to it
 };
 
 struct SupervisorInputs {
   std::uint64_t now_us = 0;
   float battery_v = 0.0f;
+  bool imu_lost = false;
+  float tilt_rad = 0.0f;  // between the car's up axis and the vertical; 0 without an IMU
 };
 
 class Supervisor {
@@ -65,9 +84,17 @@ class Supervisor {
   // The parameters must outlive the supervisor; it reads them whenever it decides.
   explicit Supervisor(const Parameters& parameters) : parameters_(parameters) {}
 
+  // A car whose car.json is refused neither arms nor tests.
+  void refuse_design() { design_refused_ = true; }
+
   Refusal arm(float battery_v);
   Refusal disarm();
   Refusal start(const TrialRequest& request, std::uint64_t now_us);
+  // Asks for driving by hand, and keeps it going; moves is false as long as the stick rests.
+  Refusal drive_by_hand(bool moves, std::uint64_t now_us);
+  // Asks for pulses on an output of a car that is not armed, for at most that long. 0 ends them.
+  Refusal test(float time_s, float battery_v, std::uint64_t now_us);
+  // Ends whatever drives the wheels.
   Refusal stop();
   Refusal acknowledge();
   Refusal refresh_command(std::uint64_t now_us);
@@ -77,23 +104,36 @@ class Supervisor {
 
   void tick(const SupervisorInputs& inputs);
 
-  bool pulses_enabled() const { return state_ == State::kRunning; }
+  bool pulses_enabled() const {
+    return state_ == State::kRunning || state_ == State::kManual || state_ == State::kTesting;
+  }
   State state() const { return state_; }
   Fault fault() const { return fault_; }
 
   // Of the trial that runs, else of the last one.
   std::uint64_t trial_elapsed_us() const { return trial_elapsed_us_; }
+  const TrialRequest& trial() const { return trial_; }
+  TrialEnd trial_end() const { return trial_end_; }
 
  private:
   Refusal check(const TrialRequest& request) const;
+  Refusal check_battery(float battery_v) const;
   bool battery_low_for_long(const SupervisorInputs& inputs);
+  bool tilted_for_long(const SupervisorInputs& inputs);
+  // Leaves a trial, if one runs, for another state.
+  void leave(State state, TrialEnd end);
 
   const Parameters& parameters_;
   State state_ = State::kDisarmed;
   Fault fault_ = Fault::kNone;
-  bool untethered_ = false;
+  bool design_refused_ = false;
+  TrialRequest trial_;
+  TrialEnd trial_end_ = TrialEnd::kNone;
   bool battery_low_ = false;
   std::uint64_t battery_low_since_us_ = 0;
+  bool tilted_ = false;
+  std::uint64_t tilted_since_us_ = 0;
+  std::uint64_t test_until_us_ = 0;
   std::uint64_t trial_started_us_ = 0;
   std::uint64_t trial_elapsed_us_ = 0;
   std::uint64_t trial_limit_us_ = 0;

@@ -10,6 +10,8 @@ const char* text(State state) {
     case State::kRunning: return "running";
     case State::kFinished: return "finished";
     case State::kFault: return "fault";
+    case State::kManual: return "manual";
+    case State::kTesting: return "testing";
   }
   return "?";
 }
@@ -22,6 +24,11 @@ const char* text(Fault fault) {
     case Fault::kBatteryLow: return "battery low";
     case Fault::kCommandStale: return "no command from the host";
     case Fault::kStoredParameter: return "stored parameter out of range";
+    case Fault::kDesign: return "car.json is refused";
+    case Fault::kWatchdog: return "reset by a watchdog or a crash";
+    case Fault::kBrownOut: return "reset by a dip of the supply";
+    case Fault::kTilt: return "tilted too far";
+    case Fault::kImu: return "IMU does not answer";
   }
   return "?";
 }
@@ -41,6 +48,10 @@ const char* text(Refusal refusal) {
     case Refusal::kSpeedLimit: return "speed beyond its limit";
     case Refusal::kYawRateLimit: return "yaw rate beyond its limit";
     case Refusal::kTimeLimit: return "time limit not above 0 or above TRIAL_MAX_S";
+    case Refusal::kDesign: return "car.json is refused";
+    case Refusal::kTest: return "no such output, value or time-out";
+    case Refusal::kMessage: return "no such message, or an interval below 20 ms";
+    case Refusal::kNotDisarmed: return "not disarmed";
   }
   return "?";
 }

@@ -1,0 +1,40 @@
+#include "firmware.h"
+
+#include <algorithm>
+
+namespace foldcar {
+
+Firmware::Firmware(const Hal& hal, const char* build)
+    : hal_(hal), application_(hal, parameters_), link_(hal, application_, loop_, build) {}
+
+void Firmware::begin(const DesignResult& design) {
+  application_.begin(design);
+  deadline_us_ = hal_.clock.now_us();
+}
+
+void Firmware::poll() {
+  const std::uint64_t now_us = hal_.clock.now_us();
+  link_.receive();
+  if (now_us >= deadline_us_) tick(now_us);
+  link_.flush();
+}
+
+// The next deadline counts from this one, so ticks do not drift; ticks that were missed are left out.
+void Firmware::tick(std::uint64_t now_us) {
+  deadline_us_ += kTickUs;
+  if (deadline_us_ <= now_us) {
+    const std::uint64_t missed = (now_us - deadline_us_) / kTickUs + 1;
+    loop_.missed_count += static_cast<std::uint32_t>(missed);
+    deadline_us_ += missed * kTickUs;
+  }
+  application_.tick();
+  link_.run();
+  ++loop_.tick_count;
+  loop_.last_us = static_cast<std::uint32_t>(hal_.clock.now_us() - now_us);
+  loop_.worst_us = std::max(loop_.worst_us, loop_.last_us);
+  if (!link_.restart_is_due()) return;
+  link_.flush();
+  hal_.board.restart();
+}
+
+}  // namespace foldcar

@@ -1,0 +1,197 @@
+#include "car_messages.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+
+#include "outbox.h"
+
+namespace foldcar {
+namespace {
+
+std::uint32_t boot_ms(const CarView& car) { return static_cast<std::uint32_t>(car.hal.clock.now_us() / 1000); }
+
+std::int16_t to_int16(float value) {
+  return static_cast<std::int16_t>(std::clamp(std::round(value), -32768.0f, 32767.0f));
+}
+
+mavlink_heartbeat_t heartbeat(const CarView& car) {
+  const Status status = car.application.status();
+  mavlink_heartbeat_t content{};
+  content.type = MAV_TYPE_GROUND_ROVER;
+  content.autopilot = MAV_AUTOPILOT_GENERIC;
+  content.base_mode = MAV_MODE_FLAG_CUSTOM_MODE_ENABLED;
+  const bool armed = status.state == State::kArmed || car.application.is_driving();
+  if (armed) content.base_mode |= MAV_MODE_FLAG_SAFETY_ARMED;
+  content.custom_mode = static_cast<std::uint32_t>(status.state);
+  content.system_status = armed ? MAV_STATE_ACTIVE : MAV_STATE_STANDBY;
+  if (status.state == State::kFault) content.system_status = MAV_STATE_CRITICAL;
+  content.mavlink_version = 3;
+  return content;
+}
+
+mavlink_servo_output_raw_t servo_output(const CarView& car) {
+  const PulsesUs pulses_us = car.application.status().pulses_us;
+  mavlink_servo_output_raw_t content{};
+  const auto raw = [&pulses_us](std::size_t i) { return static_cast<std::uint16_t>(std::lround(pulses_us[i])); };
+  static_assert(kChannelCount == 8, "a field for each output");
+  content.time_usec = static_cast<std::uint32_t>(car.hal.clock.now_us());
+  content.servo1_raw = raw(0);
+  content.servo2_raw = raw(1);
+  content.servo3_raw = raw(2);
+  content.servo4_raw = raw(3);
+  content.servo5_raw = raw(4);
+  content.servo6_raw = raw(5);
+  content.servo7_raw = raw(6);
+  content.servo8_raw = raw(7);
+  return content;
+}
+
+mavlink_foldcar_trial_t trial(const CarView& car) {
+  const Status status = car.application.status();
+  const TrialRequest& request = car.application.trial();
+  mavlink_foldcar_trial_t content{};
+  content.time_boot_ms = boot_ms(car);
+  content.trial_id = request.id;
+  content.elapsed_ms = static_cast<std::uint32_t>(status.trial_elapsed_us / 1000);
+  content.time_limit_ms = static_cast<std::uint32_t>(std::lround(1000.0f * request.time_limit_s));
+  content.speed = request.speed_m_s;
+  content.yaw_rate = request.yaw_rate_rad_s;
+  content.state = static_cast<std::uint8_t>(status.state);
+  content.end = static_cast<std::uint8_t>(car.application.trial_end());
+  content.fault = static_cast<std::uint8_t>(status.fault);
+  content.flags = request.untethered ? FOLDCAR_TRIAL_FLAGS_UNTETHERED : 0;
+  return content;
+}
+
+mavlink_sys_status_t system_status(const CarView& car) {
+  const float battery_v = car.application.status().battery_v;
+  const Fault fault = car.application.status().fault;
+  mavlink_sys_status_t content{};
+  constexpr std::uint32_t kImu = MAV_SYS_STATUS_SENSOR_3D_GYRO | MAV_SYS_STATUS_SENSOR_3D_ACCEL;
+  std::uint32_t present = MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS | MAV_SYS_STATUS_SENSOR_BATTERY;
+  if (car.hal.imu.present()) present |= kImu;
+  if (car.hal.logs.present()) present |= MAV_SYS_STATUS_LOGGING;
+  content.onboard_control_sensors_present = present;
+  content.onboard_control_sensors_enabled = present;
+  if (!car.application.servos_answer()) present &= ~MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS;
+  if (std::isnan(battery_v)) present &= ~MAV_SYS_STATUS_SENSOR_BATTERY;
+  if (fault == Fault::kImu) present &= ~kImu;
+  content.onboard_control_sensors_health = present;
+  content.load = static_cast<std::uint16_t>(std::min<std::uint32_t>(1000, car.loop.last_us / (kTickUs / 1000)));
+  content.voltage_battery =
+      std::isnan(battery_v) ? UINT16_MAX : static_cast<std::uint16_t>(std::clamp(1000.0f * battery_v, 0.0f, 65534.0f));
+  content.current_battery = -1;
+  content.battery_remaining = -1;
+  content.errors_comm = static_cast<std::uint16_t>(std::min<std::uint32_t>(car.link.bad_count, UINT16_MAX));
+  return content;
+}
+
+// MAVLink's axes are forward, right, down.
+mavlink_attitude_t attitude(const CarView& car) {
+  const Attitude& attitude = car.application.attitude();
+  const ImuSample& sample = car.application.imu_sample();
+  mavlink_attitude_t content{};
+  content.time_boot_ms = boot_ms(car);
+  content.roll = roll_rad(attitude);
+  content.pitch = pitch_rad(attitude);
+  content.yaw = -attitude.yaw_rad;
+  content.rollspeed = sample.rate_rad_s[0];
+  content.pitchspeed = -sample.rate_rad_s[1];
+  content.yawspeed = -sample.rate_rad_s[2];
+  return content;
+}
+
+mavlink_scaled_imu_t scaled_imu(const CarView& car) {
+  constexpr float kMilliGInMS2 = 0.00980665f;
+  const ImuSample& sample = car.application.imu_sample();
+  mavlink_scaled_imu_t content{};
+  content.time_boot_ms = boot_ms(car);
+  content.xacc = to_int16(sample.acceleration_m_s2[0] / kMilliGInMS2);
+  content.yacc = to_int16(-sample.acceleration_m_s2[1] / kMilliGInMS2);
+  content.zacc = to_int16(-sample.acceleration_m_s2[2] / kMilliGInMS2);
+  content.xgyro = to_int16(1000.0f * sample.rate_rad_s[0]);
+  content.ygyro = to_int16(-1000.0f * sample.rate_rad_s[1]);
+  content.zgyro = to_int16(-1000.0f * sample.rate_rad_s[2]);
+  return content;
+}
+
+mavlink_foldcar_loop_t loop(const CarView& car) {
+  mavlink_foldcar_loop_t content{};
+  content.time_boot_ms = boot_ms(car);
+  content.tick_count = car.loop.tick_count;
+  content.missed_count = car.loop.missed_count;
+  content.worst_us = car.loop.worst_us;
+  content.last_us = car.loop.last_us;
+  content.received_count = car.link.received_count;
+  content.bad_count = car.link.bad_count;
+  content.unsent_count = car.link.unsent_count;
+  content.reset_reason = static_cast<std::uint8_t>(car.hal.board.reset_reason());
+  return content;
+}
+
+mavlink_foldcar_design_t design(const CarView& car) {
+  const DesignResult& design = car.application.design();
+  const Parameters& parameters = car.application.parameters();
+  mavlink_foldcar_design_t content{};
+  content.wheel_radius = parameters.get(Parameter::kWheelRadiusM);
+  content.track = parameters.get(Parameter::kTrackM);
+  content.source = static_cast<std::uint8_t>(design.source);
+  for (std::size_t i = 0; i < kChannelCount; ++i) {
+    if (parameters.get(i, ChannelParameter::kSide) != 0.0f) ++content.wheel_count;
+  }
+  std::memcpy(content.name, design.design.name, sizeof content.name);
+  std::memcpy(content.hash, design.design.hash, sizeof content.hash);
+  std::memcpy(content.build, car.build, std::min(std::strlen(car.build), sizeof content.build));
+  return content;
+}
+
+// Eight bytes of 16 hexadecimal digits.
+void to_bytes(const char* digits, std::uint8_t (&bytes)[8]) {
+  for (std::size_t i = 0; i < sizeof bytes && std::strlen(digits) >= 2 * sizeof bytes; ++i) {
+    const char pair[] = {digits[2 * i], digits[2 * i + 1], '\0'};
+    bytes[i] = static_cast<std::uint8_t>(std::strtoul(pair, nullptr, 16));
+  }
+}
+
+mavlink_autopilot_version_t version(const CarView& car) {
+  mavlink_autopilot_version_t content{};
+  content.capabilities = MAV_PROTOCOL_CAPABILITY_MAVLINK2 | MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST;
+  to_bytes(car.build, content.flight_custom_version);
+  to_bytes(car.application.design().design.hash, content.middleware_custom_version);
+  return content;
+}
+
+mavlink_system_time_t system_time(const CarView& car) {
+  mavlink_system_time_t content{};
+  content.time_boot_ms = boot_ms(car);
+  return content;
+}
+
+}  // namespace
+
+bool compose(std::uint32_t message_id, const CarView& car, mavlink_status_t& numbering, mavlink_message_t& message) {
+  const auto pack = [&](auto encode, const auto& content) {
+    encode(kCarSystem, kCarComponent, &numbering, &message, &content);
+    return true;
+  };
+  const bool has_imu = car.hal.imu.present();
+  switch (message_id) {
+    case MAVLINK_MSG_ID_HEARTBEAT: return pack(mavlink_msg_heartbeat_encode_status, heartbeat(car));
+    case MAVLINK_MSG_ID_SERVO_OUTPUT_RAW:
+      return pack(mavlink_msg_servo_output_raw_encode_status, servo_output(car));
+    case MAVLINK_MSG_ID_FOLDCAR_TRIAL: return pack(mavlink_msg_foldcar_trial_encode_status, trial(car));
+    case MAVLINK_MSG_ID_SYS_STATUS: return pack(mavlink_msg_sys_status_encode_status, system_status(car));
+    case MAVLINK_MSG_ID_ATTITUDE: return has_imu && pack(mavlink_msg_attitude_encode_status, attitude(car));
+    case MAVLINK_MSG_ID_SCALED_IMU: return has_imu && pack(mavlink_msg_scaled_imu_encode_status, scaled_imu(car));
+    case MAVLINK_MSG_ID_SYSTEM_TIME: return pack(mavlink_msg_system_time_encode_status, system_time(car));
+    case MAVLINK_MSG_ID_FOLDCAR_LOOP: return pack(mavlink_msg_foldcar_loop_encode_status, loop(car));
+    case MAVLINK_MSG_ID_FOLDCAR_DESIGN: return pack(mavlink_msg_foldcar_design_encode_status, design(car));
+    case MAVLINK_MSG_ID_AUTOPILOT_VERSION:
+      return pack(mavlink_msg_autopilot_version_encode_status, version(car));
+    default: return false;
+  }
+}
+
+}  // namespace foldcar

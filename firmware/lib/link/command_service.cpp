@@ -1,0 +1,151 @@
+#include "command_service.h"
+
+#include <cmath>
+#include <cstring>
+
+namespace foldcar {
+namespace {
+
+constexpr float kLargestTrialId = 16777215.0f;  // the largest run of whole numbers that a float holds
+constexpr float kLargestMessageId = 16777215.0f;
+
+MAV_RESULT result_of(Refusal refusal) {
+  switch (refusal) {
+    case Refusal::kNone: return MAV_RESULT_ACCEPTED;
+    case Refusal::kNoWheels:
+    case Refusal::kNotANumber:
+    case Refusal::kSpeedLimit:
+    case Refusal::kYawRateLimit:
+    case Refusal::kTimeLimit:
+    case Refusal::kTest:
+    case Refusal::kMessage: return MAV_RESULT_DENIED;
+    default: return MAV_RESULT_TEMPORARILY_REJECTED;
+  }
+}
+
+bool is_whole(float value, float largest) { return value >= 0.0f && value <= largest && value == std::floor(value); }
+
+}  // namespace
+
+void CommandService::obey(const mavlink_command_long_t& command, std::uint8_t sender_system,
+                          std::uint8_t sender_component, const CarView& car, std::uint8_t& driver_system) {
+  if (!is_repeated(command, sender_system)) {
+    const bool was_driving = application_.is_driving();
+    last_answer_ = carry_out(command, car);
+    if (application_.is_driving() && (!was_driving || command.command == MAV_CMD_ACTUATOR_TEST)) {
+      driver_system = sender_system;
+    }
+    last_ = command;
+    last_sender_ = sender_system;
+    any_ = true;
+    if (last_answer_.refusal != Refusal::kNone) {
+      status_text_.send(MAV_SEVERITY_WARNING, "refused:", text(last_answer_.refusal));
+    }
+  }
+  mavlink_command_ack_t ack{};
+  ack.command = command.command;
+  ack.result = static_cast<std::uint8_t>(last_answer_.result);
+  ack.result_param2 = static_cast<std::int32_t>(last_answer_.refusal);
+  ack.target_system = sender_system;
+  ack.target_component = sender_component;
+  outbox_.send(mavlink_msg_command_ack_encode_status, ack, Priority::kAnswer);
+}
+
+CommandService::Answer CommandService::carry_out(const mavlink_command_long_t& command, const CarView& car) {
+  const auto answer = [](Refusal refusal) { return Answer{result_of(refusal), refusal}; };
+  switch (command.command) {
+    case MAV_CMD_COMPONENT_ARM_DISARM: return arm_or_disarm(command.param1);
+    case MAV_CMD_FOLDCAR_START_TRIAL: return start(command);
+    case MAV_CMD_FOLDCAR_STOP_TRIAL: return answer(application_.stop());
+    case MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT: return answer(application_.acknowledge());
+    case MAV_CMD_ACTUATOR_TEST: return test(command);
+    case MAV_CMD_SET_MESSAGE_INTERVAL: {
+      if (!is_whole(command.param1, kLargestMessageId)) return answer(Refusal::kMessage);
+      const auto message_id = static_cast<std::uint32_t>(command.param1);
+      const bool known = telemetry_.set_interval(message_id, command.param2, hal_.clock.now_us());
+      return answer(known ? Refusal::kNone : Refusal::kMessage);
+    }
+    case MAV_CMD_GET_MESSAGE_INTERVAL: return tell_interval(command.param1);
+    case MAV_CMD_REQUEST_MESSAGE:
+      if (!is_whole(command.param1, kLargestMessageId)) return answer(Refusal::kMessage);
+      return send_message(static_cast<std::uint32_t>(command.param1), car);
+    case MAV_CMD_PREFLIGHT_STORAGE: return reset_parameters(command.param1);
+    case MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: return restart(command.param1);
+    default: return {MAV_RESULT_UNSUPPORTED, Refusal::kNone};
+  }
+}
+
+CommandService::Answer CommandService::arm_or_disarm(float wish) {
+  if (wish != 0.0f && wish != 1.0f) return {MAV_RESULT_DENIED, Refusal::kNotANumber};
+  const Refusal refusal = wish == 1.0f ? application_.arm() : application_.disarm();
+  return {result_of(refusal), refusal};
+}
+
+// The standard's range of -1 to 1 is that of the pulses, so that the pulse does not depend on any parameter.
+CommandService::Answer CommandService::test(const mavlink_command_long_t& command) {
+  constexpr float kFirst = ACTUATOR_OUTPUT_FUNCTION_SERVO1;
+  const float output = command.param5 - kFirst;
+  if (!is_whole(output, kChannelCount - 1)) return {MAV_RESULT_DENIED, Refusal::kTest};
+  const float value = command.param1;
+  if (std::fabs(value) > 1.0f) return {MAV_RESULT_DENIED, Refusal::kTest};
+  const float pulse_us = std::isnan(value) ? kNoPulse : 1500.0f + 500.0f * value;
+  const Refusal refusal = application_.test(static_cast<std::size_t>(output), pulse_us, command.param2);
+  return {result_of(refusal), refusal};
+}
+
+CommandService::Answer CommandService::start(const mavlink_command_long_t& command) {
+  const bool whole = is_whole(command.param4, FOLDCAR_TRIAL_FLAGS_UNTETHERED) && is_whole(command.param5, kLargestTrialId);
+  if (!whole) return {MAV_RESULT_DENIED, Refusal::kNotANumber};
+  TrialRequest request;
+  request.speed_m_s = command.param1;
+  request.yaw_rate_rad_s = command.param2;
+  request.time_limit_s = command.param3;
+  request.untethered = command.param4 != 0.0f;
+  request.id = static_cast<std::uint32_t>(command.param5);
+  const Refusal refusal = application_.start(request);
+  return {result_of(refusal), refusal};
+}
+
+CommandService::Answer CommandService::send_message(std::uint32_t message_id, const CarView& car) {
+  mavlink_message_t message;
+  if (!compose(message_id, car, outbox_.numbering(), message)) return {MAV_RESULT_DENIED, Refusal::kMessage};
+  outbox_.send(message, Priority::kAnswer);
+  const DesignResult& design = application_.design();
+  if (message_id == MAVLINK_MSG_ID_FOLDCAR_DESIGN && design.source == DesignSource::kRefused) {
+    status_text_.send(MAV_SEVERITY_ERROR, design.problem);
+  }
+  return {};
+}
+
+CommandService::Answer CommandService::tell_interval(float message_id) {
+  if (!is_whole(message_id, 65535.0f)) return {MAV_RESULT_DENIED, Refusal::kMessage};
+  mavlink_message_interval_t content{};
+  content.message_id = static_cast<std::uint16_t>(message_id);
+  content.interval_us = telemetry_.interval_us(content.message_id);
+  outbox_.send(mavlink_msg_message_interval_encode_status, content, Priority::kAnswer);
+  return {};
+}
+
+CommandService::Answer CommandService::reset_parameters(float wish) {
+  constexpr float kResetAll = 2.0f;
+  if (wish != kResetAll) return {MAV_RESULT_UNSUPPORTED, Refusal::kNone};
+  if (application_.is_driving()) return {MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kRunning};
+  return {application_.forget_parameters() ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED, Refusal::kNone};
+}
+
+CommandService::Answer CommandService::restart(float wish) {
+  if (wish != 1.0f) return {MAV_RESULT_UNSUPPORTED, Refusal::kNone};
+  if (application_.is_driving()) return {MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kRunning};
+  restart_is_due_ = true;
+  return {};
+}
+
+// Sent again because the answer was lost: the same in every other respect.
+bool CommandService::is_repeated(const mavlink_command_long_t& command, std::uint8_t sender_system) const {
+  if (!any_ || command.confirmation == 0 || sender_system != last_sender_) return false;
+  mavlink_command_long_t first = command;
+  first.confirmation = last_.confirmation;
+  return std::memcmp(&first, &last_, sizeof first) == 0;
+}
+
+}  // namespace foldcar

@@ -1,0 +1,35 @@
+// MAVLink's log protocol: lists the stored logs of untethered trials and sends them in parts.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "hal.h"
+#include "outbox.h"
+
+namespace foldcar {
+
+class LogService {
+ public:
+  LogService(LogStorage& storage, Outbox& outbox) : storage_(storage), outbox_(outbox) {}
+
+  // Each for a message meant for this car.
+  void list(const mavlink_log_request_list_t& request);
+  void data(const mavlink_log_request_data_t& request);
+  void erase();
+  void end();
+
+  // Sends what is left of a list or of a log, as far as there is room.
+  void run();
+
+ private:
+  void send_entry(std::uint16_t id);
+
+  LogStorage& storage_;
+  Outbox& outbox_;
+  std::uint32_t next_entry_ = 1, last_entry_ = 0;
+  std::uint16_t log_ = 0;
+  std::size_t offset_ = 0, end_ = 0;
+};
+
+}  // namespace foldcar

@@ -1,0 +1,39 @@
+#include "outbox.h"
+
+#include <algorithm>
+
+namespace foldcar {
+namespace {
+
+constexpr std::size_t kReserveForAnswers = 1536;
+
+}  // namespace
+
+bool Outbox::send(const mavlink_message_t& message, Priority priority) {
+  std::uint8_t packet[MAVLINK_MAX_PACKET_LEN];
+  const std::size_t size = mavlink_msg_to_send_buffer(packet, &message);
+  const std::size_t reserve = priority == Priority::kTelemetry ? kReserveForAnswers : 0;
+  if (size + reserve > room()) {
+    ++unsent_count_;
+    return false;
+  }
+  for (std::size_t i = 0; i < size; ++i) bytes_[(first_ + size_ + i) % bytes_.size()] = packet[i];
+  size_ += size;
+  return true;
+}
+
+bool Outbox::has_room_for(std::size_t packet_count) const {
+  return room() >= packet_count * MAVLINK_MAX_PACKET_LEN;
+}
+
+void Outbox::flush(ByteLink& link) {
+  while (size_ > 0) {
+    const std::size_t straight = std::min(size_, bytes_.size() - first_);
+    const std::size_t taken = link.write(bytes_.data() + first_, straight);
+    first_ = (first_ + taken) % bytes_.size();
+    size_ -= taken;
+    if (taken < straight) return;
+  }
+}
+
+}  // namespace foldcar

@@ -6,6 +6,7 @@ loses at most the answer being typed.
 
 import hashlib
 import shutil
+import time
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
@@ -31,11 +32,14 @@ from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import TlogWriter
 from foldcar.trial_records import Ending, TrialDesign
 from foldcar.trial_writer import CarFacts, Drive, TrialWriter, write_trials
-from foldcar.trials.driving import DriveEnd, drive
+from foldcar.trials.driving import DRIVES_ON, DriveEnd, drive
 from foldcar.trials.placement import placed
+from foldcar.trials.untethered import collect
 from foldcar.trials.who import least_tried
 
 LEAST_FREE_BYTES = 20_000_000
+# After its time limit a script waits so long for an untethered car.
+COMES_BACK_S = 60.0
 OUTCOME_KEYS = {
     "p": "passed",
     "t": "tipped",
@@ -128,6 +132,8 @@ class LogSession:
             str(log.relative_to(options.store.parent)), options.operator,
         )  # fmt: skip
         end = self._drive(settings, begun, log)
+        if end.ending == DRIVES_ON:
+            end = self._collect(begun, log, settings["time_limit_s"])
         self._tell(writer, begun, end, log)
         if end.error is not None:
             self._after_error(end.error)
@@ -154,6 +160,28 @@ class LogSession:
             if car.connection.log is not None:
                 car.connection.log.close()
             car.connection.log = None
+
+    def _collect(self, number: int, log: Path, time_limit_s: float) -> DriveEnd:
+        """Wait for an untethered car to come back, and fetch its log."""
+        assert self._car is not None
+        port, end_s = self._car.port, time.monotonic() + time_limit_s + COMES_BACK_S
+        while True:
+            question = "The car drives on by itself. Plug it in when it stands, and press Enter; q gives it up: "
+            if not self.options.yes and self._answers.line(question).lower() == "q":
+                return DriveEnd("did not come back", "aborted", None)
+            try:
+                self._car.connection.close()
+                self._car = greet(port)
+                if self._car.state() == self._car.dialect.FOLDCAR_STATE_RUNNING:
+                    raise LinkLostError("the car still drives")
+                return collect(self._car, number, log)
+            except FoldcarError as error:
+                gone = error
+            if self.options.yes and time.monotonic() > end_s:
+                return DriveEnd("did not come back", "aborted", None, gone)
+            if not self.options.yes:
+                typer.echo(f"{gone}", err=True)
+            time.sleep(1.0)
 
     def _tell(self, writer: TrialWriter, number: int, end: DriveEnd, log: Path) -> None:
         """Complete the row with what is known, then with what the person says."""

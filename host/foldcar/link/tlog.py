@@ -7,10 +7,11 @@ packet is handed to the system as it comes, so a program that is killed loses no
 import os
 import struct
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from foldcar.atomic_file import atomic_file
 from foldcar.errors import FoldcarError
 from foldcar.mavlink_dialect import load_dialect
 
@@ -60,20 +61,41 @@ def read_tlog(file: Path) -> Iterator[tuple[int, Any]]:
         data = file.read_bytes()
     except OSError as error:
         raise LogError(f"{file}: cannot be read: {error.strerror}") from error
+    yield from messages_of(records_of(data, str(file)))
+
+
+def messages_of(records: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, Any]]:
+    """The messages of records, damaged ones as BAD_DATA."""
     mav = load_dialect().MAVLink(None)
     mav.robust_parsing = True
+    for time_us, packet in records:
+        for message in mav.parse_buffer(packet) or []:
+            yield time_us, message
+
+
+def records_of(data: bytes, name: str) -> list[tuple[int, bytes]]:
+    """Times and packets of a log's bytes, the last one left out if it is cut off. LogError, with ``name``."""
+    records = []
     at = 0
     while at + STAMP.size + 3 <= len(data):
         (time_us,) = STAMP.unpack_from(data, at)
         at += STAMP.size
         length = _packet_bytes(data, at)
         if length is None:
-            raise LogError(f"{file}: byte {at}: no MAVLink packet where one should begin")
+            raise LogError(f"{name}: byte {at}: no MAVLink packet where one should begin")
         if at + length > len(data):
-            return
-        for message in mav.parse_buffer(data[at : at + length]) or []:
-            yield time_us, message
+            break
+        records.append((time_us, data[at : at + length]))
         at += length
+    return records
+
+
+def merge_records(file: Path, more: Iterable[tuple[int, bytes]]) -> None:
+    """Put more records into a log, in order of time; whole or not at all."""
+    records = records_of(file.read_bytes(), str(file))
+    with atomic_file(file) as binary:
+        for time_us, packet in sorted([*records, *more], key=lambda record: record[0]):
+            binary.write(STAMP.pack(time_us) + packet)
 
 
 def _packet_bytes(data: bytes, at: int) -> int | None:

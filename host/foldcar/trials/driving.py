@@ -18,6 +18,8 @@ from foldcar.link.tlog import LogError
 # The car itself stops after half a second without us; by then a pulled cable is no hiccup.
 SILENCE_S = 2.0
 AFTERWARDS_S = 0.3
+# How an untethered drive looks from here once the cable is pulled.
+DRIVES_ON = "drives on untethered"
 STEP_S = 0.05
 
 
@@ -47,7 +49,11 @@ class Watcher(Protocol):
 def drive(
     car: Car, settings: Mapping[str, Any], trial: int, countdown_s: int, watcher: Watcher, untethered: bool = False
 ) -> DriveEnd:
-    """Drive one trial. Never raises what the car, the cable, the disk or the user does: it is in the result."""
+    """Drive one trial. Never raises what the car, the cable, the disk or the user does: it is in the result.
+
+    An ``untethered`` drive whose cable is pulled ends here as DRIVES_ON, and is left alone.
+    """
+    started = left_alone = False
     try:
         with contextlib.suppress(CommandRefusedError):
             # What an earlier drive left behind; a car that refuses says why when it is armed.
@@ -59,8 +65,12 @@ def drive(
         car.start_trial(
             settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"], trial, untethered
         )
+        started = True
         return _watch(car, trial, watcher)
     except LinkLostError as error:
+        left_alone = untethered and started
+        if left_alone:
+            return DriveEnd(DRIVES_ON, None, None)
         return DriveEnd("link lost", "aborted", _elapsed_s(car, trial), error)
     except LogError as error:
         car.connection.log = None
@@ -72,7 +82,8 @@ def drive(
     except KeyboardInterrupt:
         return DriveEnd("Ctrl-C", "aborted", _elapsed_s(car, trial), FoldcarError("stopped by Ctrl-C"))
     finally:
-        _stand_still(car)
+        if not left_alone:
+            _stand_still(car)
 
 
 def _count_down(car: Car, countdown_s: int, watcher: Watcher) -> str | None:

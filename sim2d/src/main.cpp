@@ -10,6 +10,9 @@
 
 #include "batch.h"
 #include "build_id.h"
+#include "firmware_id.h"
+#include "link.h"
+#include "link_options.h"
 #include "parameter_table.h"
 #include "printed_number.h"
 #include "step.h"
@@ -19,6 +22,9 @@ namespace {
 constexpr char kUsage[] =
     "usage: carsim batch [--jobs N] [--timing]   bodies, scenes and runs in, results out (JSON Lines)\n"
     "       carsim step                          the same for one trial at a time, advanced by its caller\n"
+    "       carsim link (--pty | --tcp PORT | --replay FILE) --body FILE --scene FILE [--design FILE] [--params FILE]\n"
+    "                   [--speedup N] [--put-back] [--record FILE]\n"
+    "                                            a car with its whole firmware on a port, speaking MAVLink\n"
     "       carsim params                        the firmware's parameter table as JSON\n"
     "       carsim --version                     the build, which changes whenever results can\n"
     "       carsim --help\n";
@@ -57,6 +63,10 @@ int print_parameters() {
   return print(table, 1);
 }
 
+nlohmann::ordered_json version() {
+  return {{"program", "carsim"}, {"build", FOLDCAR_BUILD_ID}, {"firmware", FOLDCAR_FIRMWARE_ID}};
+}
+
 int batch(const std::vector<std::string>& words) {
   foldcar::BatchOptions options;
   for (std::size_t i = 0; i < words.size(); ++i) {
@@ -81,10 +91,11 @@ int run(const std::vector<std::string>& words) {
   if (words.empty()) return usage_error("no command");
   const std::string& command = words.front();
   if (command == "batch") return batch({words.begin() + 1, words.end()});
+  if (command == "link") return foldcar::run_link({words.begin() + 1, words.end()});
   if (words.size() > 1) return usage_error(command + " takes no further words");
   if (command == "step") return foldcar::run_step();
   if (command == "params") return print_parameters();
-  if (command == "--version") return print({{"program", "carsim"}, {"build", FOLDCAR_BUILD_ID}}, -1);
+  if (command == "--version") return print(version(), -1);
   if (command == "--help" || command == "-h") {
     std::fputs(kUsage, stdout);
     return 0;
@@ -97,6 +108,8 @@ int run(const std::vector<std::string>& words) {
 int main(int argc, char** argv) {
   try {
     return run({argv + 1, argv + argc});
+  } catch (const foldcar::LinkUsageError& error) {
+    return usage_error(error.what());
   } catch (const std::exception& error) {
     std::fprintf(stderr, "carsim: %s\n", error.what());
     return 2;

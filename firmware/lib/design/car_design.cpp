@@ -45,7 +45,8 @@ void CarDesignReader::number(const DesignPlace& place, double value) {
 
 void CarDesignReader::text(const DesignPlace& place, const char* value) {
   const bool top = place.section[0] == '\0';
-  if (same(place.section, "wheels") && same(place.key, "side") && place.index < static_cast<int>(kChannelCount)) {
+  const bool is_wheel = place.index >= 0 && place.index < static_cast<int>(kChannelCount);
+  if (same(place.section, "wheels") && same(place.key, "side") && is_wheel) {
     std::optional<Side>& side = wheels_[static_cast<std::size_t>(place.index)].side;
     if (same(value, "left")) side = Side::kLeft;
     if (same(value, "right")) side = Side::kRight;

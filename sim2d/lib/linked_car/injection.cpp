@@ -1,0 +1,33 @@
+#include "injection.h"
+
+#include <algorithm>
+#include <array>
+
+namespace foldcar {
+namespace {
+
+constexpr Limits kVolts{0, 30};
+constexpr Limits kShare{0, 1};
+constexpr Limits kDuration_s{0, 3600};
+
+}  // namespace
+
+Injection read_injection(const nlohmann::json& line) {
+  using Kind = Injection::Kind;
+  const std::vector<std::string> names = {"battery", "battery_unreadable", "bus_error", "imu_error", "brown_out",
+                                          "watchdog", "unplug", "corrupt", "drop", "put_back"};
+  JsonReader reader(line, "line");
+  Injection injection;
+  injection.kind = static_cast<Kind>(reader.choice("inject", names));
+  if (injection.kind == Kind::kBattery) injection.value = reader.number("volts", kVolts);
+  if (injection.kind == Kind::kCorrupt || injection.kind == Kind::kDrop) {
+    injection.value = reader.number("share", kShare);
+  }
+  constexpr std::array<Kind, 3> kMomentary = {Kind::kBrownOut, Kind::kWatchdog, Kind::kPutBack};
+  const bool lasts = std::find(kMomentary.begin(), kMomentary.end(), injection.kind) == kMomentary.end();
+  if (lasts && reader.has("for_s")) injection.for_s = reader.number("for_s", kDuration_s);
+  reader.finish();
+  return injection;
+}
+
+}  // namespace foldcar

@@ -1,0 +1,34 @@
+#include "line_noise.h"
+
+namespace foldcar {
+
+void LineNoise::set(Kind kind, double share, std::uint64_t until_us) {
+  kind_ = kind;
+  share_ = share;
+  until_us_ = until_us;
+}
+
+std::vector<std::uint8_t> LineNoise::pass(const std::vector<std::uint8_t>& bytes, std::uint64_t now_us) {
+  if (now_us >= until_us_ || share_ <= 0) return bytes;
+  std::vector<std::uint8_t> arrived;
+  for (const std::uint8_t byte : bytes) {
+    const bool suffers = static_cast<double>(next() >> 11) < share_ * 9007199254740992.0;  // 2^53
+    if (!suffers) {
+      arrived.push_back(byte);
+    } else if (kind_ == Kind::kCorrupt) {
+      arrived.push_back(static_cast<std::uint8_t>(byte ^ (1 + next() % 255)));
+    }
+  }
+  return arrived;
+}
+
+// SplitMix64 (Steele, Lea, Flood: Fast splittable pseudorandom number generators, 2014).
+std::uint64_t LineNoise::next() {
+  state_ += 0x9E3779B97F4A7C15u;
+  std::uint64_t z = state_;
+  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
+  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
+  return z ^ (z >> 31);
+}
+
+}  // namespace foldcar

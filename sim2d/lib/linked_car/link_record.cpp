@@ -1,0 +1,93 @@
+#include "link_record.h"
+
+#include <istream>
+
+namespace foldcar {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+
+constexpr Limits kTime_us{0, 1e13};
+
+std::string to_hex(const std::vector<std::uint8_t>& bytes) {
+  constexpr char kDigits[] = "0123456789abcdef";
+  std::string text;
+  for (const std::uint8_t byte : bytes) {
+    text += kDigits[byte >> 4];
+    text += kDigits[byte & 15];
+  }
+  return text;
+}
+
+std::vector<std::uint8_t> from_hex(const JsonReader& reader, const std::string& text) {
+  if (text.size() % 2 != 0 || text.find_first_not_of("0123456789abcdef") != std::string::npos) {
+    reader.fail("to_car", "is not bytes in lower-case hexadecimal digits");
+  }
+  std::vector<std::uint8_t> bytes;
+  for (std::size_t i = 0; i < text.size(); i += 2) {
+    bytes.push_back(static_cast<std::uint8_t>(std::stoul(text.substr(i, 2), nullptr, 16)));
+  }
+  return bytes;
+}
+
+void step_to(std::uint64_t t_us, LinkedCar& car, LinkRecord& record) {
+  while (car.now_us() < t_us) {
+    const std::vector<std::uint8_t> sent = car.step();
+    record.from_car(car.now_us(), sent);
+  }
+}
+
+// True if it was the end.
+bool replay_line(const json& line, LinkedCar& car, LinkRecord& record) {
+  JsonReader reader(line, "line");
+  const auto t_us = static_cast<std::uint64_t>(reader.number("t_us", kTime_us));
+  if (reader.has("from_car")) return false;
+  if (t_us < car.now_us()) reader.fail("t_us", std::to_string(t_us) + " is before the line above it");
+  step_to(t_us, car, record);
+  if (reader.has("to_car")) {
+    const std::vector<std::uint8_t> bytes = from_hex(reader, reader.string("to_car"));
+    reader.finish();
+    record.to_car(t_us, bytes);
+    car.receive(bytes);
+    return false;
+  }
+  if (reader.has("end")) return true;
+  json injection = line;
+  injection.erase("t_us");
+  car.inject(read_injection(injection));
+  record.inject(t_us, injection);
+  return false;
+}
+
+}  // namespace
+
+void LinkRecord::to_car(std::uint64_t t_us, const std::vector<std::uint8_t>& bytes) {
+  if (!bytes.empty()) out_ << ordered_json{{"t_us", t_us}, {"to_car", to_hex(bytes)}}.dump() << '\n';
+}
+
+void LinkRecord::from_car(std::uint64_t t_us, const std::vector<std::uint8_t>& bytes) {
+  if (!bytes.empty()) out_ << ordered_json{{"t_us", t_us}, {"from_car", to_hex(bytes)}}.dump() << '\n';
+}
+
+void LinkRecord::inject(std::uint64_t t_us, const json& line) {
+  ordered_json stamped = {{"t_us", t_us}};
+  stamped.update(line);
+  out_ << stamped.dump() << '\n';
+}
+
+void LinkRecord::end(std::uint64_t t_us) { out_ << ordered_json{{"t_us", t_us}, {"end", true}}.dump() << '\n'; }
+
+void replay(std::istream& lines, LinkedCar& car, LinkRecord& record) {
+  std::string line;
+  for (std::size_t number = 1; std::getline(lines, line); ++number) {
+    try {
+      if (replay_line(parse_object(line), car, record)) return record.end(car.now_us());
+    } catch (const InputError& error) {
+      throw InputError("line " + std::to_string(number) + ": " + error.what());
+    }
+  }
+  throw InputError("the record has no end");
+}
+
+}  // namespace foldcar

@@ -1,0 +1,177 @@
+#include "linked_car.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "outbox.h"
+#include "trial_start.h"
+
+namespace foldcar {
+namespace {
+
+constexpr std::uint64_t kTruthPeriodUs = 20000;
+constexpr std::uint8_t kTruthComponent = MAV_COMP_ID_USER1;
+// From reset to the first line of the firmware, about what an ESP32 takes. The servo driver knows nothing of it.
+constexpr std::uint64_t kBootUs = 300000;
+// 115200 baud, ten bits a byte, through the chip's FIFO of 128 bytes.
+constexpr double kBytesPerS = 11520;
+constexpr double kFifoBytes = 128;
+
+std::uint8_t code_of(const std::optional<Outcome>& outcome) {
+  if (!outcome) return FOLDCAR_OUTCOME_NONE;
+  switch (*outcome) {
+    case Outcome::kPassed: return FOLDCAR_OUTCOME_PASSED;
+    case Outcome::kTipped: return FOLDCAR_OUTCOME_TIPPED;
+    case Outcome::kStuck: return FOLDCAR_OUTCOME_STUCK;
+    case Outcome::kOffCourse: return FOLDCAR_OUTCOME_OFF_COURSE;
+    default: return FOLDCAR_OUTCOME_NONE;  // time-outs and faults are the car's own to tell
+  }
+}
+
+}  // namespace
+
+LinkedCar::LinkedCar(const BodySpec& body, const SceneSpec& scene, const LinkedCarOptions& options,
+                     std::string firmware_id)
+    : body_(body),
+      scene_(scene),
+      options_(options),
+      firmware_id_(std::move(firmware_id)),
+      terrain_(scene.terrain),
+      hal_(kLogicBattery_v) {
+  hal_.imu.fitted = true;
+  hal_.logs.fitted = true;
+  for (const auto& [name, value] : options.stored_parameters) hal_.storage.save(name.c_str(), value);
+  put_down();
+  firmware_ = std::make_unique<Firmware>(hal_.hal(), firmware_id_.c_str());
+  firmware_->begin(options_.design);
+}
+
+void LinkedCar::receive(const std::vector<std::uint8_t>& bytes) {
+  if (!plugged_in() || booting_) return;
+  const std::vector<std::uint8_t> arrived = to_car_noise_.pass(bytes, now_us_);
+  hal_.link.to_car.insert(hal_.link.to_car.end(), arrived.begin(), arrived.end());
+}
+
+void LinkedCar::inject(const Injection& injection) {
+  const std::uint64_t until_us = injection.for_s ? now_us_ + to_us(*injection.for_s) : UINT64_MAX;
+  switch (injection.kind) {
+    case Injection::Kind::kBattery:
+      hal_.battery.set_v(injection.value);
+      battery_until_us_ = until_us;
+      break;
+    case Injection::Kind::kBatteryUnreadable:
+      hal_.battery.set_v(std::numeric_limits<double>::quiet_NaN());
+      battery_until_us_ = until_us;
+      break;
+    case Injection::Kind::kBusError: bus_until_us_ = until_us; break;
+    case Injection::Kind::kImuError: imu_until_us_ = until_us; break;
+    case Injection::Kind::kBrownOut: restart(ResetReason::kBrownOut); break;
+    case Injection::Kind::kWatchdog: restart(ResetReason::kTaskWatchdog); break;
+    case Injection::Kind::kUnplug: unplugged_until_us_ = until_us; break;
+    case Injection::Kind::kCorrupt:
+    case Injection::Kind::kDrop: {
+      const auto noise = injection.kind == Injection::Kind::kDrop ? LineNoise::Kind::kDrop : LineNoise::Kind::kCorrupt;
+      to_car_noise_.set(noise, injection.value, until_us);
+      from_car_noise_.set(noise, injection.value, until_us);
+      break;
+    }
+    case Injection::Kind::kPutBack: put_down(); break;
+  }
+}
+
+std::vector<std::uint8_t> LinkedCar::step() {
+  apply_faults();
+  hal_.clock.advance_to_us(now_us_ - booted_us_);
+  baud_room_ = std::min(baud_room_ + kBytesPerS * car_->step_s(), kFifoBytes);
+  hal_.link.room = static_cast<std::size_t>(baud_room_);
+  if (booting_ && now_us_ >= booted_us_) {
+    booting_ = false;
+    firmware_ = std::make_unique<Firmware>(hal_.hal(), firmware_id_.c_str());
+    firmware_->begin(options_.design);
+  }
+  if (!booting_) firmware_->poll();
+  baud_room_ -= static_cast<double>(hal_.link.from_car.size());
+  if (hal_.board.restart_is_asked) restart(ResetReason::kSoftware);
+  watch_trial();
+  tell_truth();
+
+  car_->step(hal_.servos.pulses_us());
+  if (!car_->finite()) throw std::runtime_error("the simulation left the finite numbers");
+  hal_.imu.now = motion_sensor_.observe(car_->state(), car_->step_s());
+  ++steps_;
+  now_us_ = to_us(static_cast<double>(steps_) * car_->step_s());
+
+  std::vector<std::uint8_t> sent = from_car_noise_.pass(hal_.link.from_car, now_us_);
+  hal_.link.from_car.clear();
+  if (!plugged_in()) sent.clear();
+  return sent;
+}
+
+void LinkedCar::put_down() {
+  car_ = std::make_unique<TwinTrackCar>(body_, scene_.friction, terrain_, scene_.start, StepOptions{}, nullptr);
+  motion_sensor_ = MotionSensor();
+}
+
+// The servo driver keeps its pulses until the firmware is up again.
+void LinkedCar::restart(ResetReason reason) {
+  hal_.board.reason = reason;
+  hal_.board.restart_is_asked = false;
+  hal_.link.to_car.clear();
+  booting_ = true;
+  booted_us_ = now_us_ + kBootUs;
+}
+
+void LinkedCar::apply_faults() {
+  if (battery_until_us_ != 0 && now_us_ >= battery_until_us_) {
+    hal_.battery.set_v(kLogicBattery_v);
+    battery_until_us_ = 0;
+  }
+  hal_.servos.answers = now_us_ >= bus_until_us_;
+  hal_.imu.answers = now_us_ >= imu_until_us_;
+}
+
+void LinkedCar::watch_trial() {
+  const State state = booting_ ? State::kDisarmed : firmware_->application().status().state;
+  if (options_.put_back && state == State::kArmed && seen_state_ != State::kArmed) put_down();
+  const double now_s = 1e-6 * static_cast<double>(now_us_);
+  if (state == State::kRunning && seen_state_ != State::kRunning) {
+    ending_.emplace(scene_, car_->state());
+    trial_started_s_ = now_s;
+    outcome_.reset();
+  }
+  seen_state_ = state;
+  if (state != State::kRunning || outcome_) return;
+  outcome_s_ = now_s - trial_started_s_;
+  outcome_ = ending_->check(car_->state(), outcome_s_);
+}
+
+void LinkedCar::tell_truth() {
+  if (now_us_ < next_truth_us_) return;
+  next_truth_us_ += kTruthPeriodUs;
+  if (booting_) return;
+  const CarState& car = car_->state();
+  mavlink_foldcar_truth_t truth{};
+  truth.time_usec = hal_.clock.now_us();
+  truth.x = static_cast<float>(car.x_m);
+  truth.y = static_cast<float>(car.y_m);
+  truth.z = static_cast<float>(car.z_m);
+  truth.heading = static_cast<float>(car.heading_rad);
+  truth.pitch = static_cast<float>(car.pitch_rad);
+  truth.roll = static_cast<float>(car.roll_rad);
+  truth.speed = static_cast<float>(car.speed_m_s);
+  truth.yaw_rate = static_cast<float>(car.yaw_rate_rad_s);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  truth.distance_to_target = static_cast<float>(distance_to_target_m(scene_, car).value_or(nan));
+  truth.trial_id = firmware_->application().trial().id;
+  truth.outcome = code_of(outcome_);
+  truth.outcome_time = static_cast<float>(outcome_ ? outcome_s_ : nan);
+  mavlink_message_t message;
+  mavlink_msg_foldcar_truth_encode_status(kCarSystem, kTruthComponent, &truth_numbering_, &message, &truth);
+  std::uint8_t packet[MAVLINK_MAX_PACKET_LEN];
+  const std::size_t size = mavlink_msg_to_send_buffer(packet, &message);
+  hal_.link.from_car.insert(hal_.link.from_car.end(), packet, packet + size);
+}
+
+}  // namespace foldcar

@@ -1,0 +1,57 @@
+#include "motion_sensor.h"
+
+#include <cmath>
+
+namespace foldcar {
+namespace {
+
+constexpr double kGravity_m_s2 = 9.81;
+// The sensor's own low-pass filter, about 25 Hz.
+constexpr double kFilterTime_s = 0.006;
+
+using Vector = std::array<double, 3>;
+
+// From the world's axes into the car's: turned back by heading, then pitch (nose up), then roll (left side up).
+Vector into_car(const Vector& v, double heading_rad, double pitch_rad, double roll_rad) {
+  const double ch = std::cos(heading_rad), sh = std::sin(heading_rad);
+  const double cp = std::cos(pitch_rad), sp = std::sin(pitch_rad);
+  const double cr = std::cos(roll_rad), sr = std::sin(roll_rad);
+  const double ahead = ch * v[0] + sh * v[1], left = -sh * v[0] + ch * v[1];
+  const double forward = cp * ahead + sp * v[2], up = -sp * ahead + cp * v[2];
+  return {forward, cr * left + sr * up, -sr * left + cr * up};
+}
+
+}  // namespace
+
+ImuSample MotionSensor::observe(const CarState& car, double step_s) {
+  const Moment now{{car.x_m, car.y_m, car.z_m}, {car.heading_rad, car.pitch_rad, car.roll_rad}};
+  Vector acceleration{0, 0, kGravity_m_s2};
+  Vector angle_rate{};
+  if (seen_ > 0) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double velocity_m_s = (now.place_m[i] - last_.place_m[i]) / step_s;
+      if (seen_ > 1) acceleration[i] += (velocity_m_s - velocity_m_s_[i]) / step_s;
+      velocity_m_s_[i] = velocity_m_s;
+      angle_rate[i] = std::remainder(now.angles_rad[i] - last_.angles_rad[i], 2 * M_PI) / step_s;
+    }
+  }
+  last_ = now;
+  if (seen_ < 2) ++seen_;
+
+  const Vector force = into_car(acceleration, car.heading_rad, car.pitch_rad, car.roll_rad);
+  const auto [heading_rate, pitch_rate, roll_rate] = angle_rate;
+  const double cp = std::cos(car.pitch_rad), sp = std::sin(car.pitch_rad);
+  const double cr = std::cos(car.roll_rad), sr = std::sin(car.roll_rad);
+  const Vector rate = {roll_rate + heading_rate * sp, -pitch_rate * cr + heading_rate * cp * sr,
+                       pitch_rate * sr + heading_rate * cp * cr};
+  const double gain = seen_ < 2 ? 1 : step_s / (kFilterTime_s + step_s);
+  for (std::size_t i = 0; i < 3; ++i) {
+    float& a = sample_.acceleration_m_s2[i];
+    float& w = sample_.rate_rad_s[i];
+    a += static_cast<float>(gain * (force[i] - static_cast<double>(a)));
+    w += static_cast<float>(gain * (rate[i] - static_cast<double>(w)));
+  }
+  return sample_;
+}
+
+}  // namespace foldcar

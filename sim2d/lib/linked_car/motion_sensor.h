@@ -1,0 +1,28 @@
+// What an IMU in the simulated car measures, from how its pose changes.
+#pragma once
+
+#include <array>
+
+#include "hal.h"
+#include "twin_track_car.h"
+
+namespace foldcar {
+
+class MotionSensor {
+ public:
+  // The sample after a step that has led to this state.
+  ImuSample observe(const CarState& car, double step_s);
+
+ private:
+  struct Moment {
+    std::array<double, 3> place_m{};
+    std::array<double, 3> angles_rad{};  // heading, pitch, roll
+  };
+
+  int seen_ = 0;
+  Moment last_;
+  std::array<double, 3> velocity_m_s_{};
+  ImuSample sample_;
+};
+
+}  // namespace foldcar

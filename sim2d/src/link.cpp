@@ -1,0 +1,178 @@
+#include "link.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <fstream>
+#include <iostream>
+#include <optional>
+#include <sstream>
+#include <thread>
+
+#include "firmware_id.h"
+#include "link_options.h"
+#include "link_record.h"
+#include "linked_car.h"
+#include "port.h"
+
+namespace foldcar {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr auto kPause = std::chrono::milliseconds(2);
+// Whoever is further behind the wall clock gives the lost time up rather than hurrying after it.
+constexpr double kMostBehind_s = 0.2;
+// Between two looks at the port, however fast the simulation goes.
+constexpr std::uint64_t kLookEveryUs = 20000;
+constexpr std::size_t kMostBytes = 4096;
+// A fast simulation waits for a client that is slower; in real time the bytes of one are lost like on a cable.
+constexpr int kWaitMs = 2000;
+
+volatile std::sig_atomic_t stop_asked = 0;
+
+void ask_to_stop(int) { stop_asked = 1; }
+
+void listen_to_signals() {
+  struct sigaction action = {};
+  action.sa_handler = ask_to_stop;
+  sigaction(SIGTERM, &action, nullptr);
+  sigaction(SIGINT, &action, nullptr);
+  signal(SIGPIPE, SIG_IGN);
+}
+
+// Whole lines of standard input, without waiting for them.
+class InputLines {
+ public:
+  InputLines() { fcntl(STDIN_FILENO, F_SETFL, fcntl(STDIN_FILENO, F_GETFL) | O_NONBLOCK); }
+
+  std::optional<std::string> next() {
+    char bytes[1024];
+    ssize_t count = 0;
+    while (!ended_ && (count = ::read(STDIN_FILENO, bytes, sizeof bytes)) > 0) {
+      unread_.append(bytes, static_cast<std::size_t>(count));
+    }
+    ended_ = ended_ || count == 0;
+    const std::size_t end = unread_.find('\n');
+    if (end == std::string::npos) return std::nullopt;
+    std::string line = unread_.substr(0, end);
+    unread_.erase(0, end + 1);
+    return line;
+  }
+
+ private:
+  std::string unread_;
+  bool ended_ = false;
+};
+
+void say(const nlohmann::ordered_json& line) {
+  std::printf("%s\n", line.dump().c_str());
+  std::fflush(stdout);
+}
+
+void say_port(const Port& port) { say({{"port", port.name()}, {"firmware", FOLDCAR_FIRMWARE_ID}}); }
+
+class Session {
+ public:
+  Session(const LinkOptions& options, Port& port, LinkRecord* record)
+      : options_(options), port_(port), record_(record), car_(options.body, options.scene, options.car, FOLDCAR_FIRMWARE_ID) {}
+
+  void run() {
+    say_port(port_);
+    Clock::time_point started = Clock::now();
+    std::uint64_t next_look_us = 0;
+    while (stop_asked == 0) {
+      const double wall_s = std::chrono::duration<double>(Clock::now() - started).count();
+      const double due_s = wall_s * options_.speedup, now_s = 1e-6 * static_cast<double>(car_.now_us());
+      if (due_s - now_s > kMostBehind_s * std::max(1.0, options_.speedup)) {
+        started += std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>((due_s - now_s) / options_.speedup));
+      }
+      if (now_s >= due_s) {
+        look();
+        std::this_thread::sleep_for(kPause);
+        continue;
+      }
+      if (car_.now_us() >= next_look_us) {
+        look();
+        next_look_us = car_.now_us() + kLookEveryUs;
+      }
+      const std::vector<std::uint8_t> sent = car_.step();
+      if (record_ != nullptr) record_->from_car(car_.now_us(), sent);
+      if (!sent.empty()) port_.write(sent, options_.speedup > 1 ? kWaitMs : 0);
+    }
+    if (record_ != nullptr) record_->end(car_.now_us());
+  }
+
+ private:
+  // What has come in counts before the next step.
+  void look() {
+    while (const std::optional<std::string> line = input_.next()) obey(*line);
+    if (plugged_in_ != car_.plugged_in()) {
+      plugged_in_ = car_.plugged_in();
+      if (plugged_in_) {
+        port_.plug_in();
+        say_port(port_);
+      } else {
+        port_.unplug();
+      }
+    }
+    const std::vector<std::uint8_t> arrived = port_.read(kMostBytes);
+    if (arrived.empty()) return;
+    if (record_ != nullptr) record_->to_car(car_.now_us(), arrived);
+    car_.receive(arrived);
+  }
+
+  void obey(const std::string& line) {
+    try {
+      const nlohmann::json parsed = parse_object(line);
+      car_.inject(read_injection(parsed));
+      if (record_ != nullptr) record_->inject(car_.now_us(), parsed);
+      say({{"injected", parsed}, {"t_us", car_.now_us()}});
+    } catch (const InputError& error) {
+      say({{"error", error.what()}});
+    }
+  }
+
+  const LinkOptions& options_;
+  Port& port_;
+  LinkRecord* record_;
+  LinkedCar car_;
+  InputLines input_;
+  bool plugged_in_ = true;
+};
+
+int run_replay(const LinkOptions& options) {
+  std::ifstream lines(options.replay);
+  if (!lines) throw InputError(options.replay + ": cannot be read");
+  LinkedCar car(options.body, options.scene, options.car, FOLDCAR_FIRMWARE_ID);
+  LinkRecord record(std::cout);
+  try {
+    replay(lines, car, record);
+  } catch (const InputError& error) {
+    throw InputError(options.replay + ": " + error.what());
+  }
+  return std::cout.flush() ? 0 : 2;
+}
+
+}  // namespace
+
+int run_link(const std::vector<std::string>& words) {
+  const LinkOptions options = read_link_options(words);
+  if (!options.replay.empty()) return run_replay(options);
+  std::ofstream file;
+  if (!options.record.empty()) {
+    file.open(options.record);
+    if (!file) throw InputError(options.record + ": cannot be written");
+  }
+  LinkRecord record(file);
+  listen_to_signals();
+  const std::unique_ptr<Port> port = options.pty ? open_pseudo_terminal() : open_loopback_port(options.tcp_port);
+  Session(options, *port, file.is_open() ? &record : nullptr).run();
+  return file.is_open() && !file.flush() ? 2 : 0;
+}
+
+}  // namespace foldcar

@@ -1,13 +1,9 @@
-// The firmware of the real car: wires the portable application to the Feather's HAL and ticks it at 50 Hz.
+// The firmware of the real car: puts the portable firmware on the Feather's HAL.
 #include <Arduino.h>
-#include <esp_system.h>
 
-#include <cinttypes>
-#include <cstdio>
-
-#include "application.h"
-#include "console.h"
 #include "feather_hal.h"
+#include "firmware.h"
+#include "firmware_id.h"
 
 namespace {
 
@@ -15,24 +11,13 @@ constexpr std::uint32_t kBaud = 115200;
 
 struct Car {
   foldcar::FeatherHal board;
-  foldcar::Parameters parameters;
-  foldcar::Application application{board.hal(), parameters};
-  foldcar::Console console{application, board.link};
-  std::uint64_t deadline_us = 0;
+  foldcar::Firmware firmware{board.hal(), FOLDCAR_FIRMWARE_ID};
 };
 
 // Made at the first call, in setup(), when the core is up.
 Car& car() {
   static Car the_car;
   return the_car;
-}
-
-// A brown-out at the start of the servos is the usual failure and shows only here.
-void report_reset_reason(foldcar::ByteLink& link) {
-  char line[40];
-  const int size = std::snprintf(line, sizeof line, "\r\nfoldcar, reset reason %d\r\n",
-                                 static_cast<int>(esp_reset_reason()));
-  if (size > 0) link.write(reinterpret_cast<const std::uint8_t*>(line), static_cast<std::size_t>(size));
 }
 
 }  // namespace
@@ -43,23 +28,15 @@ void setup() {
   Car& me = car();
   me.board.servos.begin();
   me.board.link.begin(kBaud);
-  report_reset_reason(me.board.link);
+  me.board.imu.begin();
   me.board.storage.begin();
-  me.application.begin();
-  me.board.servos.set_oscillator_hz(me.parameters.get(foldcar::Parameter::kPwmOscHz));
-  me.deadline_us = me.board.clock.now_us();
+  me.board.logs.begin();
+  me.firmware.begin(foldcar::read_car_json());
+  me.board.servos.set_oscillator_hz(me.firmware.parameters().get(foldcar::Parameter::kPwmOscHz));
+  me.board.board.start_watchdog();
 }
 
 void loop() {
-  Car& me = car();
-  const std::uint64_t now_us = me.board.clock.now_us();
-  if (now_us < me.deadline_us) {
-    delay(1);
-    return;
-  }
-  // The next deadline counts from this one, so ticks do not drift; ticks that were missed are left out.
-  me.deadline_us += foldcar::kTickUs;
-  if (me.deadline_us <= now_us) me.deadline_us = now_us + foldcar::kTickUs;
-  me.application.tick();
-  me.console.poll(now_us);
+  car().firmware.poll();
+  delay(1);
 }

@@ -1,6 +1,9 @@
 #include "feather_board.h"
 
 #include <Arduino.h>
+#include <esp_idf_version.h>
+#include <esp_system.h>
+#include <esp_task_wdt.h>
 #include <esp_timer.h>
 
 #include <algorithm>
@@ -11,6 +14,9 @@ namespace {
 
 constexpr std::uint8_t kBatteryPin = 35;  // A13
 constexpr float kBatteryDivider = 2.0f;  // 100k over 100k
+constexpr std::uint32_t kWatchdogS = 1;
+// More than a host sends at once; a parameter set takes 37 bytes.
+constexpr std::size_t kReceiveBufferSize = 1024;
 
 }  // namespace
 
@@ -23,7 +29,10 @@ float FeatherBattery::voltage_v() {
   return kBatteryDivider * 0.001f * static_cast<float>(pin_mv);
 }
 
-void SerialLink::begin(std::uint32_t baud) { Serial.begin(baud); }
+void SerialLink::begin(std::uint32_t baud) {
+  Serial.setRxBufferSize(kReceiveBufferSize);  // has an effect only before begin
+  Serial.begin(baud);
+}
 
 std::size_t SerialLink::read(std::uint8_t* data, std::size_t size) {
   std::size_t count = 0;
@@ -38,19 +47,24 @@ std::size_t SerialLink::write(const std::uint8_t* data, std::size_t size) {
   return count == 0 ? 0 : Serial.write(data, count);
 }
 
-bool FlashStorage::begin() { return preferences_.begin("foldcar", false); }
-
-bool FlashStorage::load(const char* name, float& value) {
-  float stored = 0.0f;
-  // Asking first keeps the core from logging an error for each parameter that was never saved.
-  if (!preferences_.isKey(name)) return false;
-  if (preferences_.getBytes(name, &stored, sizeof stored) != sizeof stored) return false;
-  value = stored;
-  return true;
+void Esp32Board::start_watchdog() {
+#if ESP_IDF_VERSION_MAJOR >= 5
+  esp_task_wdt_config_t config = {};
+  config.timeout_ms = 1000 * kWatchdogS;
+  config.trigger_panic = true;
+  if (esp_task_wdt_reconfigure(&config) != ESP_OK) esp_task_wdt_init(&config);
+#else
+  esp_task_wdt_init(kWatchdogS, true);
+#endif
+  // The core feeds it after every loop().
+  enableLoopWDT();
 }
 
-bool FlashStorage::save(const char* name, float value) {
-  return preferences_.putBytes(name, &value, sizeof value) == sizeof value;
+ResetReason Esp32Board::reset_reason() const { return static_cast<ResetReason>(esp_reset_reason()); }
+
+void Esp32Board::restart() {
+  Serial.flush();
+  esp_restart();
 }
 
 }  // namespace foldcar

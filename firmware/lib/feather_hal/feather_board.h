@@ -1,7 +1,8 @@
-// The parts of the HUZZAH32 Feather other than the servos: clock, battery, USB serial, flash.
+// The ESP32 of the HUZZAH32 Feather: clock, battery, USB serial, reset.
 #pragma once
 
-#include <Preferences.h>
+#include <cstddef>
+#include <cstdint>
 
 #include "hal.h"
 
@@ -25,16 +26,14 @@ class SerialLink : public ByteLink {
   std::size_t write(const std::uint8_t* data, std::size_t size) override;
 };
 
-// Named numbers in the namespace "foldcar" of the flash. Without begin(), or after a failed one, there are
-// none and none can be saved.
-class FlashStorage : public Storage {
+// Why the ESP32 has started, its restart, and a watchdog that restarts it when loop() hangs: the servo driver would go on
+// with its pulses.
+class Esp32Board : public Board {
  public:
-  bool begin();
-  bool load(const char* name, float& value) override;
-  bool save(const char* name, float value) override;
-
- private:
-  Preferences preferences_;
+  // From here on loop() must come round at least once a second.
+  void start_watchdog();
+  ResetReason reset_reason() const override;
+  void restart() override;
 };
 
 }  // namespace foldcar

@@ -2,7 +2,10 @@
 #pragma once
 
 #include "feather_board.h"
+#include "feather_imu.h"
 #include "feather_servos.h"
+#include "flash_files.h"
+#include "flash_storage.h"
 #include "hal.h"
 
 namespace foldcar {
@@ -13,8 +16,11 @@ struct FeatherHal {
   FeatherBattery battery;
   SerialLink link;
   FlashStorage storage;
+  FeatherImu imu;
+  FlashLogs logs;
+  Esp32Board board;
 
-  Hal hal() { return {clock, servos, battery, link, storage}; }
+  Hal hal() { return {clock, servos, battery, link, storage, imu, logs, board}; }
 };
 
 }  // namespace foldcar

@@ -12,6 +12,8 @@ constexpr std::uint8_t kAddress = 0x40;
 constexpr int kSdaPin = 23;
 constexpr int kSclPin = 22;
 constexpr std::uint32_t kBusHz = 400000;
+// A write takes 0.2 ms; a bus that hangs must not hold the loop up.
+constexpr std::uint16_t kBusTimeOutMs = 10;
 constexpr float kPulseRateHz = 50.0f;
 constexpr std::uint16_t kTicksPerPeriod = 4096;
 
@@ -27,6 +29,7 @@ FeatherServos::FeatherServos() : driver_(kAddress, Wire) {}
 // here because a second begin() on a running bus changes neither pins nor frequency.
 bool FeatherServos::begin() {
   bus_open_ = Wire.begin(kSdaPin, kSclPin, kBusHz);
+  Wire.setTimeOut(kBusTimeOutMs);
   driver_begun_ = write_off() && driver_.begin();
   return driver_begun_;
 }

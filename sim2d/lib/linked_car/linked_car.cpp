@@ -1,6 +1,5 @@
 #include "linked_car.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -15,9 +14,6 @@ constexpr std::uint64_t kTruthPeriodUs = 20000;
 constexpr std::uint8_t kTruthComponent = MAV_COMP_ID_USER1;
 // From reset to the first line of the firmware, about what an ESP32 takes. The servo driver knows nothing of it.
 constexpr std::uint64_t kBootUs = 300000;
-// 115200 baud, ten bits a byte, through the chip's FIFO of 128 bytes.
-constexpr double kBytesPerS = 11520;
-constexpr double kFifoBytes = 128;
 
 std::uint8_t code_of(const std::optional<Outcome>& outcome) {
   if (!outcome) return FOLDCAR_OUTCOME_NONE;
@@ -84,15 +80,12 @@ void LinkedCar::inject(const Injection& injection) {
 std::vector<std::uint8_t> LinkedCar::step() {
   apply_faults();
   hal_.clock.advance_to_us(now_us_ - booted_us_);
-  baud_room_ = std::min(baud_room_ + kBytesPerS * car_->step_s(), kFifoBytes);
-  hal_.link.room = static_cast<std::size_t>(baud_room_);
   if (booting_ && now_us_ >= booted_us_) {
     booting_ = false;
     firmware_ = std::make_unique<Firmware>(hal_.hal(), firmware_id_.c_str());
     firmware_->begin(options_.design);
   }
   if (!booting_) firmware_->poll();
-  baud_room_ -= static_cast<double>(hal_.link.from_car.size());
   if (hal_.board.restart_is_asked) restart(ResetReason::kSoftware);
   watch_trial();
   tell_truth();

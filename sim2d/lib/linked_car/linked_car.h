@@ -67,7 +67,6 @@ class LinkedCar {
   std::uint64_t now_us_ = 0;
   std::uint64_t booted_us_ = 0;  // when the firmware runs after a restart
   bool booting_ = false;
-  double baud_room_ = 0;
   std::uint64_t battery_until_us_ = 0, bus_until_us_ = 0, imu_until_us_ = 0;
   std::uint64_t unplugged_until_us_ = 0;
   State seen_state_ = State::kDisarmed;

@@ -22,10 +22,8 @@ std::size_t SimLink::read(std::uint8_t* data, std::size_t size) {
 }
 
 std::size_t SimLink::write(const std::uint8_t* data, std::size_t size) {
-  const std::size_t count = std::min(size, room);
-  from_car.insert(from_car.end(), data, data + count);
-  if (room != SIZE_MAX) room -= count;
-  return count;
+  from_car.insert(from_car.end(), data, data + size);
+  return size;
 }
 
 bool SimStorage::load(const char* name, float& value) {

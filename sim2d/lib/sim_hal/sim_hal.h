@@ -43,15 +43,13 @@ class SimBattery : public Battery {
   float voltage_v_ = 0;
 };
 
-// Bytes to and from whoever plays the other end: to_car is read by the firmware, from_car was written by it. The
-// firmware can write as many bytes as there is room for.
+// Bytes to and from whoever plays the other end: to_car is read by the firmware, from_car was written by it.
 class SimLink : public ByteLink {
  public:
   std::size_t read(std::uint8_t* data, std::size_t size) override;
   std::size_t write(const std::uint8_t* data, std::size_t size) override;
   std::vector<std::uint8_t> to_car;
   std::vector<std::uint8_t> from_car;
-  std::size_t room = SIZE_MAX;
 };
 
 // Flash that lives as long as the object.

@@ -1,0 +1,55 @@
+#include "feather_imu.h"
+
+#include <Arduino.h>
+#include <Wire.h>
+
+namespace foldcar {
+namespace {
+
+// Registers and sensitivities of the LSM6DSOX data sheet (ST DS12814).
+constexpr std::uint8_t kWhoAmI = 0x0F;
+constexpr std::uint8_t kIdentity = 0x6C;
+constexpr std::uint8_t kFirstOutput = 0x22;  // six of the gyroscope, then six of the accelerometer
+constexpr std::uint8_t kSettings[][2] = {
+    {0x12, 0x44},  // CTRL3_C: no update while it is read; the address counts up
+    {0x10, 0x58},  // CTRL1_XL: 208 Hz, +-4 g
+    {0x11, 0x54},  // CTRL2_G: 208 Hz, +-500 degrees/s
+};
+constexpr float kAccelerationPerBit = 0.122e-3f * 9.80665f;             // m/s2
+constexpr float kRatePerBit = 17.5e-3f * 3.14159265f / 180.0f;          // rad/s
+
+bool set_up(Adafruit_I2CDevice& device) {
+  std::uint8_t identity = 0;
+  if (!device.begin() || !device.write_then_read(&kWhoAmI, 1, &identity, 1) || identity != kIdentity) return false;
+  for (const auto& setting : kSettings) {
+    if (!device.write(setting, sizeof setting)) return false;
+  }
+  return true;
+}
+
+float value_at(const std::uint8_t* bytes) {
+  return static_cast<float>(static_cast<std::int16_t>(bytes[0] | (bytes[1] << 8)));
+}
+
+}  // namespace
+
+FeatherImu::FeatherImu() : at_6a_(0x6A, &Wire), at_6b_(0x6B, &Wire) {}
+
+bool FeatherImu::begin() {
+  for (Adafruit_I2CDevice* device : {&at_6a_, &at_6b_}) {
+    if (device_ == nullptr && set_up(*device)) device_ = device;
+  }
+  return device_ != nullptr;
+}
+
+bool FeatherImu::read(ImuSample& sample) {
+  std::uint8_t bytes[12];
+  if (device_ == nullptr || !device_->write_then_read(&kFirstOutput, 1, bytes, sizeof bytes)) return false;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    sample.rate_rad_s[axis] = kRatePerBit * value_at(bytes + 2 * axis);
+    sample.acceleration_m_s2[axis] = kAccelerationPerBit * value_at(bytes + 6 + 2 * axis);
+  }
+  return true;
+}
+
+}  // namespace foldcar

@@ -147,7 +147,7 @@ class Carsim:
         """The id of all that results depend on, and that of the firmware in it, which a car has too."""
         try:
             told = json.loads(self._output("--version"))
-            build, firmware = told["build"], told.get("firmware", "")
+            build, firmware = told["build"], told["firmware"]
         except (ValueError, TypeError, KeyError) as error:
             raise CarsimError(
                 f"{self.binary}: is no carsim (`--version` does not print its build)"

@@ -22,10 +22,12 @@ def link(
         float, typer.Option(metavar="N", min=0.01, max=1000, help="How much faster than the clock.")
     ] = 1.0,
     tcp: Annotated[
-        int | None, typer.Option(metavar="PORT", min=1, max=65535, help="A loopback TCP port, not a terminal.")
+        int | None,
+        typer.Option(metavar="PORT", min=0, max=65535, help="A loopback TCP port, not a terminal; 0: any free one."),
     ] = None,
 ) -> None:
-    """Pose as a car on USB until Ctrl-C. The first line printed is the port."""
+    """Pose as a car on USB until Ctrl-C. The first line printed is the port; faults may be typed (docs/carsim.md)."""
+    import json
     import sys
 
     from foldcar.body import body_json
@@ -50,9 +52,12 @@ def link(
         ) as car:
             typer.echo(car.port)
             typer.echo(f"{design.type} in sample {sample}; Ctrl-C ends", err=True)
-            code = car.process.wait()
-            assert car.process.stderr is not None
+            assert car.process.stdout is not None and car.process.stderr is not None
+            for line in car.process.stdout:
+                # Another port after a pulled cable; what became of a fault that was typed.
+                typer.echo(json.loads(line).get("port", line.rstrip("\n")))
             said = car.process.stderr.read().strip().splitlines()
+            code = car.process.wait()
         if code != 0:
             raise CarsimError(f"{carsim.binary} link: {said[-1] if said else f'exit code {code}'}")
     except KeyboardInterrupt:

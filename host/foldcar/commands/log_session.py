@@ -144,6 +144,7 @@ class LogSession:
         assert car is not None
         typer.echo(f"Countdown {self.options.countdown_s} s, then {settings['time_limit_s']:g} s at most. Ctrl-C stops.")
         try:
+            car.connection.catch_up()
             car.connection.log = TlogWriter(log)
             # The log says by itself who drove, and set to what.
             for message in ("FOLDCAR_DESIGN", "AUTOPILOT_VERSION", "SYS_STATUS"):
@@ -164,14 +165,14 @@ class LogSession:
     def _collect(self, number: int, log: Path, time_limit_s: float) -> DriveEnd:
         """Wait for an untethered car to come back, and fetch its log."""
         assert self._car is not None
-        port, end_s = self._car.port, time.monotonic() + time_limit_s + COMES_BACK_S
+        end_s = time.monotonic() + time_limit_s + COMES_BACK_S
+        question = "The car drives on. When it stands, plug it in and press Enter, or type its port; q gives it up: "
         while True:
-            question = "The car drives on by itself. Plug it in when it stands, and press Enter; q gives it up: "
-            if not self.options.yes and self._answers.line(question).lower() == "q":
+            typed = "" if self.options.yes else self._answers.line(question)
+            if typed.lower() == "q":
                 return DriveEnd("did not come back", "aborted", None)
             try:
-                self._car.connection.close()
-                self._car = greet(port)
+                self._greet_again(typed)
                 if self._car.state() == self._car.dialect.FOLDCAR_STATE_RUNNING:
                     raise LinkLostError("the car still drives")
                 return collect(self._car, number, log)
@@ -212,19 +213,26 @@ class LogSession:
         options = self.options
         if options.yes or not self._answers.is_terminal or not isinstance(error, LinkLostError):
             raise error
-        assert self._car is not None
-        port = self._car.port
         typer.echo(f"{error}", err=True)
         while True:
-            if self._answers.line("Plug the car in and press Enter, q ends: ").lower() == "q":
+            typed = self._answers.line("Plug the car in and press Enter, or type its port; q ends: ")
+            if typed.lower() == "q":
                 raise error
             try:
-                self._car.connection.close()
-                self._car = greet(port)
+                self._greet_again(typed)
                 self._welcome()
                 return
             except FoldcarError as again:
                 typer.echo(f"{again}", err=True)
+
+    def _greet_again(self, typed: str) -> None:
+        """Greet the car where it was, or where it is now: a port may have another name after the cable was pulled."""
+        assert self._car is not None
+        port = typed or self._car.port
+        if not typed and port.startswith("/dev/tty") and not Path(port).exists():
+            port = choose_port(None)
+        self._car.connection.close()
+        self._car = greet(port)
 
     def _placement(self, writer: TrialWriter, sample: int, design: Design) -> Placement:
         if sample not in self._samples:

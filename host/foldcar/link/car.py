@@ -82,8 +82,9 @@ class Car:
     def request(self, name: str) -> Any:
         """The message of that name, asked for; NoCarError if it does not come."""
         number = getattr(self.dialect, f"MAVLINK_MSG_ID_{name}")
-        for repetition in range(TRIES):
-            self._send_command(self.dialect.MAV_CMD_REQUEST_MESSAGE, (number,), repetition)
+        for _ in range(TRIES):
+            # Never as a repetition, which a car that obeyed the first one would only acknowledge.
+            self._send_command(self.dialect.MAV_CMD_REQUEST_MESSAGE, (number,), 0)
             message = self.connection.wait_for(lambda m: m.get_type() == name, ANSWER_S)
             if message is not None:
                 return message

@@ -18,6 +18,7 @@ CAR_SYSTEM, CAR_COMPONENT = 1, 1
 # Between heartbeats, by the car's clock: well within its time-out.
 HEARTBEAT_S = 0.1
 SHORTEST_HEARTBEAT_S = 0.002
+CATCH_UP_S = 1.0
 
 
 class Connection:
@@ -62,7 +63,8 @@ class Connection:
             return []
         messages = []
         for message in self._mav.parse_buffer(self.stream.read()) or []:
-            if message.get_type() == "BAD_DATA":
+            # What the dialect does not know has no checksum that could be checked: it is noise as well.
+            if message.get_type() == "BAD_DATA" or message.get_type().startswith("UNKNOWN"):
                 self.damaged += 1
                 continue
             if self.log is not None:
@@ -76,6 +78,12 @@ class Connection:
                 self._clock_rate.add(message.time_boot_ms / 1000, self.last_received_s)
             messages.append(message)
         return messages
+
+    def catch_up(self) -> None:
+        """Take in what has piled up while nobody was receiving, so that what comes next is new."""
+        end_s = time.monotonic() + CATCH_UP_S
+        while self.receive(0.0) and time.monotonic() < end_s:
+            pass
 
     def wait_for(self, wanted: Callable[[Any], bool], timeout_s: float) -> Any | None:
         """The first message that is ``wanted``; None if ``timeout_s`` passes without."""

@@ -35,14 +35,23 @@ def simulated_car(
     tcp_port: int | None = None,
     stdin: int | None = None,
 ) -> Iterator[SimulatedCar]:
-    """A simulated car that ends with the block. ``stdin`` is where its faults on command come from."""
+    """A simulated car that ends with the block. ``stdin`` is where its faults on command come from.
+
+    What it prints after the port is left to be read from the process.
+    """
     with tempfile.TemporaryDirectory(prefix="foldcar-link-") as folder:
         command = [str(binary), "link", *(["--tcp", str(tcp_port)] if tcp_port is not None else ["--pty"])]
-        for name, content in (("body", {"id": "car", **body}), ("scene", {"id": "scene", **scene}), ("design", design)):
+        contents = {
+            "body": {"body": {"id": "car", **body}},
+            "scene": {"scene": {"id": "scene", **scene}},
+            "design": design,
+        }
+        for name, content in contents.items():
             file = Path(folder) / ("car.json" if name == "design" else f"{name}.json")
             file.write_text(json.dumps(content), encoding="utf-8")
             command += [f"--{name}", str(file)]
-        command += ["--speedup", f"{speedup:g}"]
+        # The next trial begins at the start again, as if someone had carried the car there.
+        command += ["--speedup", f"{speedup:g}", "--put-back"]
         # A session of its own keeps Ctrl-C from it: the caller ends it.
         process = subprocess.Popen(
             command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True

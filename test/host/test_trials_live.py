@@ -8,6 +8,7 @@ import pty
 import resource
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -35,7 +36,7 @@ from typist import Typist
 PROGRAM = """
 model model
 ego = new Robot at (0, 0), facing -90 deg
-block = new Box at (0.5, 0.6), facing -90 deg, with length 0.1, with width 0.1, with height 0.02
+block = new Bump at (0.5, 0.6), facing -90 deg
 goal = new Goal at (1.0, 0), facing -90 deg
 """
 
@@ -55,7 +56,7 @@ def listing(tmp_path: Path) -> Path:
 
 @contextlib.contextmanager
 def car_at_port(
-    binary: Path, width: float = 95.0, goal_x_m: float | None = 1.0, speedup: float = 1.0, tcp: bool = False, **servo: float
+    binary: Path, width: float = 95.0, goal_x_m: float | None = 1.0, tcp: bool = False, **servo: float
 ) -> Iterator[SimulatedCar]:
     """A simulated car with its goal at ``goal_x_m``; ``servo`` is how its servos really are."""
     design = compose("W_B_W", {"width": width})
@@ -64,7 +65,7 @@ def car_at_port(
         wheel["servo"].update(servo)
     scene = empty_scene(goal_x_m=goal_x_m)
     port = 0 if tcp else None
-    with simulated_car(binary, body, scene, car_json(design), speedup, port, subprocess.PIPE) as car:
+    with simulated_car(binary, body, scene, car_json(design), 1.0, port, subprocess.PIPE) as car:
         yield car
 
 
@@ -348,14 +349,19 @@ def test_the_simulated_firmware_is_recognised(carsim_binary: Path) -> None:
         check_build(identity, "ffff")
 
 
-@pytest.mark.parametrize(("noise", "said"), [(b"", "says nothing"), (b"hello\xfd\x00 world\n", "sends what is no MAVLink")])
+@pytest.mark.parametrize(
+    ("noise", "said"), [(b"", "says nothing"), (b"hello, this is no car\r\n" * 20, "sends what is no MAVLink")]
+)
 def test_a_port_that_is_no_car_is_told(noise: bytes, said: str) -> None:
     ours, theirs = pty.openpty()
+    # Opening a port throws away what came before.
+    typed = threading.Timer(0.3, os.write, (ours, noise))
+    typed.start()
     try:
-        os.write(ours, noise)
-        with pytest.raises(FoldcarError, match=f"is no car: it {said} for 0.5 s; .*foldcar flash"):
-            greet(os.ttyname(theirs), 0.5)
+        with pytest.raises(FoldcarError, match=f"is no car: it {said} for 1 s; .*foldcar flash"):
+            greet(os.ttyname(theirs), 1.0)
     finally:
+        typed.join()
         os.close(ours)
         os.close(theirs)
 
@@ -375,7 +381,8 @@ def test_parameters_are_saved_compared_and_restored(tmp_path: Path, carsim_binar
     saved = read_file(tmp_path / "p.parm")
     assert len(saved) >= 50 and saved["CH1_NEUTRAL_US"] == 1500
     assert "CH1_NEUTRAL_US           1512         1500" in differing and "1 of" in differing
-    for answer, why in ((refused, "it stays 1512"), (fixed, "is set by car.json"), (unknown, "NO_SUCH: the car refuses 2")):
+    reasons = ("it stays 1512", "is set by car.json", "NO_SUCH: the car refuses 2")
+    for answer, why in zip((refused, fixed, unknown), reasons, strict=True):
         assert answer.returncode == 2 and why in answer.stderr and answer.stderr.count("\n") == 1, answer.stderr
     assert restored.stdout.splitlines()[0].split() == ["CH1_NEUTRAL_US", "1500"]
     assert same.startswith("0 of")
@@ -390,17 +397,10 @@ def test_a_servo_is_calibrated_by_looking_at_it(tmp_path: Path, carsim_binary: P
         Typist(tmp_path, *words, "--port", car.port) as person,
     ):
         person.sees("Output 2, right")
-        while True:
-            question = person.sees(" µs: f, b or n? ") if "CH2_DEADBAND_US" not in person.said else ""
-            if not question:
-                break
-            pulse = int(question.split(" µs")[0].split()[-1])
+        while "saved" not in person.sees_one_of(" µs: f, b or n? ", "saved in the car"):
+            pulse = int(person.said.rpartition(" µs: f")[0].split()[-1])
             # A right wheel's servo is mounted mirrored: it drives forward below its neutral.
-            way = "n" if abs(pulse - neutral) <= deadband else "b" if pulse > neutral else "f"
-            person.types(f"{way}\n")
-            wait_until(lambda: person._read(0.05) or person.said.rstrip().endswith("n?") or "saved" in person.said)
-            if "saved in the car" in person.said:
-                break
+            person.types("n\n" if abs(pulse - neutral) <= deadband else "b\n" if pulse > neutral else "f\n")
         assert person.ends() == 0
         connected = greet(car.port)
         found = values_of(connected, "CH2_NEUTRAL_US", "CH2_DEADBAND_US")

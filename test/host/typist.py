@@ -38,14 +38,18 @@ class Typist:
         self.process.wait()
         os.close(self._terminal)
 
-    def sees(self, text: str, timeout_s: float = WAIT_S) -> str:
+    def sees(self, text: str) -> str:
         """Wait for ``text`` after what was seen before; gives all that came up to its end."""
-        end_s = time.monotonic() + timeout_s
-        while text not in self.said[self._read_to :]:
-            if not self._read(end_s - time.monotonic()):
-                raise AssertionError(f"{text!r} did not come; what came: {self.said[self._read_to :]}")
+        return self.sees_one_of(text)
+
+    def sees_one_of(self, *texts: str) -> str:
+        """Wait for whichever of ``texts`` comes first."""
+        end_s = time.monotonic() + WAIT_S
         start = self._read_to
-        self._read_to = self.said.index(text, start) + len(text)
+        while not any(text in self.said[start:] for text in texts):
+            if not self._read(end_s - time.monotonic()):
+                raise AssertionError(f"none of {texts} came, but {self.said[start:]}")
+        self._read_to = min(self.said.index(text, start) + len(text) for text in texts if text in self.said[start:])
         return self.said[start : self._read_to]
 
     def types(self, text: str) -> None:

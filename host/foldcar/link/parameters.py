@@ -73,7 +73,8 @@ def same(a: float, b: float) -> bool:
 
 def value_text(value: float) -> str:
     """The shortest number that is the same 32-bit number: 3.4, not 3.4000001."""
-    return next(text for digits in range(1, 10) if same(float(text := f"{value:.{digits}g}"), value))
+    shortest = next(x for digits in range(1, 10) if same(x := float(f"{value:.{digits}g}"), value))
+    return f"{shortest:.9g}"
 
 
 def differences(

@@ -72,7 +72,7 @@ class Carsim:
     def __init__(self, binary: Path | None = None) -> None:
         self.binary = binary if binary is not None else find_carsim()
         self._running: set[subprocess.Popen[str]] = set()
-        self.build = self._ask_build()
+        self.build, self.firmware = self._ask_builds()
 
     def stop(self) -> None:
         """End every chunk that runs at the moment; its `run` raises CarsimError."""
@@ -143,14 +143,16 @@ class Carsim:
         result: dict[str, Any] = answer
         return result
 
-    def _ask_build(self) -> str:
+    def _ask_builds(self) -> tuple[str, str]:
+        """The id of all that results depend on, and that of the firmware in it, which a car has too."""
         try:
-            build = json.loads(self._output("--version"))["build"]
+            told = json.loads(self._output("--version"))
+            build, firmware = told["build"], told["firmware"]
         except (ValueError, TypeError, KeyError) as error:
             raise CarsimError(
                 f"{self.binary}: is no carsim (`--version` does not print its build)"
             ) from error
-        return str(build)
+        return str(build), str(firmware)
 
     def _output(self, argument: str) -> str:
         answer = self._start([argument], "")

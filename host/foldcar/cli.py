@@ -10,15 +10,21 @@ from typing import Annotated
 import typer
 
 from foldcar import __version__
+from foldcar.commands.calibrate_servos import calibrate_servos
 from foldcar.commands.crosscheck import crosscheck
 from foldcar.commands.export import export
+from foldcar.commands.flash import flash
 from foldcar.commands.gallery import gallery
+from foldcar.commands.link import link
+from foldcar.commands.log import log
 from foldcar.commands.model import model
 from foldcar.commands.pattern import pattern
+from foldcar.commands.params import params
 from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import sample
 from foldcar.commands.sweep import sweep
+from foldcar.commands.trials import trials
 from foldcar.commands.view import view
 from foldcar.errors import FoldcarError
 
@@ -30,8 +36,11 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (sweep, run, sample, gallery, report, export, crosscheck, model, pattern, view):
+for command in (sweep, run, sample, gallery, report, export, crosscheck, model, pattern, view, link, log, flash):
     app.command()(command)
+app.command("calibrate-servos")(calibrate_servos)
+app.add_typer(trials)
+app.add_typer(params)
 
 
 def _print_version(wanted: bool) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from foldcar.results import Recorded, Result
 from foldcar.store_info import ExperimentInfo, StudyInfo
 from foldcar.store_schema import StoreError, open_reading, store_errors
+from foldcar.trial_records import Correction, Trial
 
 __all__ = ["ExperimentInfo", "Store", "StoreError", "StudyInfo"]
 
@@ -52,6 +53,43 @@ class Store:
             ):
                 named = {key: Recorded(**value) for key, value in json.loads(recorded).items()}
                 yield Result(*(*values, json.loads(parameters), named))
+
+    def trials(self, experiment: str | None = None) -> Iterator[Trial]:
+        """Trials of built cars in their order; of one experiment if it is named."""
+        for number, named, vehicle_type, design, sample, deviations, *rest in self._rows(
+            "SELECT id, experiment, vehicle_type, design, sample, deviations, outcome, ending, elapsed_time_s, note, "
+            "operator, started_utc, ended_utc, firmware_build, design_hash, log, log_sha256, source, "
+            "(SELECT count(*) FROM correction c WHERE c.trial_id = t.id) FROM trial t "
+            "WHERE ?1 IS NULL OR experiment = ?1 ORDER BY id",
+            experiment,
+        ):
+            moved = {name: (x, y, heading) for name, (x, y, heading) in json.loads(deviations).items()}
+            yield Trial(number, named, vehicle_type, json.loads(design), sample, moved, *rest)
+
+    def trial(self, number: int) -> Trial:
+        """The trial of that number; StoreError if there is none."""
+        found = next((trial for trial in self.trials() if trial.id == number), None)
+        if found is None:
+            raise StoreError(f"{self.path}: has no trial {number}")
+        return found
+
+    def corrections(self, trial: int) -> list[Correction]:
+        """What was changed of a trial, oldest first."""
+        rows = self._rows(
+            "SELECT trial_id, corrected_utc, field, before, after, reason, operator FROM correction "
+            "WHERE trial_id = ? ORDER BY id",
+            trial,
+        )
+        return [Correction(*row) for row in rows]
+
+    def trial_drive(self, number: int) -> tuple[str, str, str] | None:
+        """Body, settings and scene (as placed) of a trial as JSON; None if they are not known."""
+        rows = self._rows(
+            "SELECT b.json, s.json, c.json FROM trial t JOIN body b ON b.id = t.body_id "
+            "JOIN settings s ON s.id = t.settings_id JOIN scene c ON c.id = t.scene_id WHERE t.id = ?",
+            number,
+        )
+        return next(((str(body), str(settings), str(scene)) for body, settings, scene in rows), None)
 
     def design_columns(self) -> list[str]:
         """Names of all design parameters in the store (``width_mm``, …), in order of appearance."""

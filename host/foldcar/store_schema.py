@@ -15,7 +15,7 @@ from foldcar.errors import FoldcarError
 
 # "Fcar" in ASCII: tells a store from other SQLite files.
 APPLICATION_ID = 0x46636172
-VERSION = 2
+VERSION = 3
 
 SCHEMA = (
     "CREATE TABLE study (key TEXT PRIMARY KEY, value TEXT NOT NULL)",
@@ -54,6 +54,17 @@ SCHEMA = (
         settings_id INTEGER NOT NULL, variation_id INTEGER NOT NULL,
         name TEXT NOT NULL, kind TEXT NOT NULL, value TEXT NOT NULL,
         PRIMARY KEY (build_id, body_id, scene_id, settings_id, variation_id, name)) WITHOUT ROWID""",
+    # What a trial was driven with is NULL where nobody knows it: in trials that come from elsewhere.
+    """CREATE TABLE trial (
+        id INTEGER PRIMARY KEY, experiment TEXT NOT NULL, vehicle_type TEXT NOT NULL, design TEXT NOT NULL,
+        body_id INTEGER REFERENCES body, settings_id INTEGER REFERENCES settings,
+        environment_id INTEGER REFERENCES environment, sample INTEGER, scene_id INTEGER REFERENCES scene,
+        deviations TEXT NOT NULL, outcome TEXT NOT NULL, ending TEXT NOT NULL, elapsed_time_s REAL,
+        note TEXT NOT NULL, operator TEXT NOT NULL, started_utc TEXT, ended_utc TEXT,
+        firmware_build TEXT, design_hash TEXT, port TEXT, log TEXT, log_sha256 TEXT, source TEXT)""",
+    """CREATE TABLE correction (
+        id INTEGER PRIMARY KEY, trial_id INTEGER NOT NULL REFERENCES trial, corrected_utc TEXT NOT NULL,
+        field TEXT NOT NULL, before, after, reason TEXT NOT NULL, operator TEXT NOT NULL)""",
     """CREATE VIEW result AS
         SELECT e.position AS experiment_position, e.id AS experiment, e.vehicle, e.environment,
             d.position AS design_position, d.parameters, s.sample, r.outcome, r.elapsed_time_s,
@@ -140,7 +151,7 @@ def writer_lock(path: Path) -> Iterator[None]:
         except BlockingIOError:
             current = False
         if not current:
-            raise StoreError(f"{path}: another sweep is writing this store; wait for it or use another store")
+            raise StoreError(f"{path}: another sweep or trial is writing this store; wait for it or use another store")
         try:
             yield
         finally:

@@ -6,7 +6,6 @@ environment's fingerprint, variations by that of the spread they are drawn from.
 """
 
 import contextlib
-import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from sqlite3 import Connection
 from typing import Any
 
 from foldcar.results import NUMBERS, outcome_of
-from foldcar.store_schema import StoreError, close_writing, open_writing, store_errors, writer_lock
+from foldcar.store_connection import StoreConnection, writing
 
 PAGE_ROWS = 1000
 INSERT_RUN = "INSERT OR IGNORE INTO run VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
@@ -57,12 +56,11 @@ class PlannedExperiment:
     facts: Mapping[str, Any]
 
 
-class StoreWriter:
+class StoreWriter(StoreConnection):
     """A store opened for a sweep. Made by :func:`write_store`; all methods raise StoreError."""
 
     def __init__(self, path: Path, connection: Connection) -> None:
-        self.path = path
-        self._connection = connection
+        super().__init__(path, connection)
         self._build_id = 0
 
     def begin_study(self, facts: Mapping[str, str], build: str) -> None:
@@ -178,48 +176,12 @@ class StoreWriter:
                     value = json.dumps(recorded["value"], allow_nan=False)
                     self._run(INSERT_RECORDED, *key, name, recorded["kind"], value)
 
-    def _put_text(self, table: str, text: str, identity: str = "") -> int:
-        digest = hashlib.sha256((text + identity).encode()).hexdigest()
-        self._run(f"INSERT OR IGNORE INTO {table} (hash, json) VALUES (?, ?)", digest, text)
-        return self._id_of(table, "hash", digest)
-
-    def _identify(self, table: str, column: str, value: str) -> int:
-        self._run(f"INSERT OR IGNORE INTO {table} ({column}) VALUES (?)", value)
-        return self._id_of(table, column, value)
-
-    def _id_of(self, table: str, column: str, value: str) -> int:
-        (row_id,) = self._run(f"SELECT id FROM {table} WHERE {column} = ?", value).fetchone()
-        return int(row_id)
-
-    def _run(self, statement: str, *values: Any) -> Any:
-        with store_errors(self.path):
-            return self._connection.execute(statement, values)
-
-    @contextlib.contextmanager
-    def _transaction(self) -> Iterator[None]:
-        self._run("BEGIN IMMEDIATE")
-        try:
-            yield
-            self._run("COMMIT")
-        finally:
-            # Still open only if something went wrong: then nothing of it counts.
-            if self._connection.in_transaction:
-                with contextlib.suppress(Exception):
-                    self._connection.execute("ROLLBACK")
-
 
 @contextlib.contextmanager
 def write_store(path: Path) -> Iterator[StoreWriter]:
     """The store at ``path`` for one sweep; made, with its folder, if need be. StoreError if it is in use."""
-    if path.is_dir():
-        raise StoreError(f"{path}: is a folder, not a store")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with writer_lock(path):
-        connection = open_writing(path)
-        try:
-            yield StoreWriter(path, connection)
-        finally:
-            close_writing(path, connection)
+    with writing(path) as connection:
+        yield StoreWriter(path, connection)
 
 
 def canonical_json(value: Mapping[str, Any]) -> str:

@@ -220,7 +220,7 @@ def test_a_second_writer_is_refused_and_a_reader_is_not(tmp_path: Path) -> None:
     with write_store(path) as writer:
         writer.begin_study(STUDY, "b1")
         with (
-            pytest.raises(StoreError, match=r"s\.db: another sweep is writing this store"),
+            pytest.raises(StoreError, match=r"s\.db: another sweep or trial is writing this store"),
             write_store(path),
         ):
             pass

@@ -15,13 +15,17 @@ def export(
         Path | None, typer.Option(metavar="FILE", help="CSV file to write; - for standard output.")
     ] = None,
     parquet: Annotated[Path | None, typer.Option(metavar="FILE", help="Parquet file to write.")] = None,
+    trials: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="CSV file to write the trials of built cars to.")
+    ] = None,
 ) -> None:
     """Write every run of a store as a row: outcome, measures, design parameters, recorded values."""
     from foldcar.export import export_csv, export_parquet, write_csv
+    from foldcar.export_trials import export_trials
     from foldcar.store import Store
 
-    if csv is None and parquet is None:
-        raise FoldcarError("export: say what to write: --csv FILE or --parquet FILE")
+    if csv is None and parquet is None and trials is None:
+        raise FoldcarError("export: say what to write: --csv FILE, --parquet FILE or --trials FILE")
     with Store.open(store) as opened:
         if csv is not None and str(csv) == "-":
             write_csv(opened, sys.stdout)
@@ -29,3 +33,5 @@ def export(
             typer.echo(f"{csv}: {export_csv(opened, csv)} runs", err=True)
         if parquet is not None:
             typer.echo(f"{parquet}: {export_parquet(opened, parquet)} runs", err=True)
+        if trials is not None:
+            typer.echo(f"{trials}: {export_trials(opened, trials)} trials", err=True)

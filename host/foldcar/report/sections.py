@@ -10,6 +10,7 @@ from foldcar.report.outcome_plot import draw_outcomes
 from foldcar.report.series import Summary, summarise
 from foldcar.report.success_plot import draw_success
 from foldcar.report.time_plot import draw_times
+from foldcar.report.trial_series import TrialSummary, summarise_trials
 from foldcar.store import Store
 from foldcar.store_info import ExperimentInfo
 
@@ -29,6 +30,7 @@ class Section:
 
     info: ExperimentInfo
     summary: Summary
+    trials: TrialSummary
     remarks: list[str]
     drawings: list[Drawing]
 
@@ -36,10 +38,11 @@ class Section:
 def read_section(store: Store, info: ExperimentInfo) -> Section:
     """Count the experiment's runs and draw its figures. Matplotlib's settings are the caller's."""
     summary = summarise(store.results(info.id), info.varied)
-    return Section(info, summary, _remarks(info, summary), _drawings(info, summary))
+    trials = summarise_trials(store.trials(info.id), info)
+    return Section(info, summary, trials, _remarks(info, summary, trials), _drawings(info, summary, trials))
 
 
-def _remarks(info: ExperimentInfo, summary: Summary) -> list[str]:
+def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> list[str]:
     remarks = []
     stored = summary.total.runs
     if stored < info.planned_runs:
@@ -64,10 +67,12 @@ def _remarks(info: ExperimentInfo, summary: Summary) -> list[str]:
             f"{len(names)} parameters vary ({', '.join(names)}): each is shown by itself, over all values of "
             "the others; times in one environment are drawn only where a single parameter varies."
         )
+    if trials.strangers:
+        remarks.append(f"{trials.strangers} trials are of cars that are not of this family; they are not shown.")
     return remarks
 
 
-def _drawings(info: ExperimentInfo, summary: Summary) -> list[Drawing]:
+def _drawings(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> list[Drawing]:
     drawings = []
     start = "experiment_" + re.sub(r"[^A-Za-z0-9-]+", "_", info.id)
     for series in summary.series:
@@ -79,7 +84,10 @@ def _drawings(info: ExperimentInfo, summary: Summary) -> list[Drawing]:
             caption = f"Time to cross by {label} in one environment. Runs that did not pass are red."
             drawings.append(Drawing(f"{start}_time_by_{parameter}", caption, figure))
         caption = f"Mean success by {label} over all environments, with Wilson 95 % intervals."
-        drawings.append(Drawing(f"{start}_success_by_{parameter}", caption, draw_success(series)))
+        driven = trials.series[parameter]
+        if any(tally.counted for tally in driven.values()):
+            caption += " Diamonds: trials of built cars, with theirs."
+        drawings.append(Drawing(f"{start}_success_by_{parameter}", caption, draw_success(series, driven)))
         caption = f"Outcomes by {label}, as shares of the runs."
         drawings.append(Drawing(f"{start}_outcomes_by_{parameter}", caption, draw_outcomes(series)))
     return drawings

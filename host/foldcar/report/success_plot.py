@@ -1,12 +1,17 @@
 """Mean success by a design parameter, in three colours, with Wilson 95 % intervals."""
 
+from collections.abc import Mapping
+from typing import Any
+
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
-from foldcar.figures.style import INK
+from foldcar.figures.style import FAILURE, INK
 from foldcar.report.axis import ParameterAxis
 from foldcar.report.series import Series, Tally
+from foldcar.report.trial_series import TrialTally
 
 GREEN, BLUE, NAVY = "#62b85f", "#3f7fd0", "#14265c"
 LEGEND = ((GREEN, "above 75 %"), (BLUE, "50 to 75 %"), (NAVY, "below 50 %"))
@@ -19,14 +24,15 @@ def success_colour(success: float) -> str:
     return BLUE if success >= 0.5 else NAVY
 
 
-def error_bar_percent(tally: Tally) -> tuple[float, float]:
+def error_bar_percent(tally: Tally | TrialTally) -> tuple[float, float]:
     """How far the 95 % interval reaches below and above the success, in percentage points."""
     low, high = tally.interval
     # The interval's ends meet 0 and 1 within rounding only, and a negative bar is refused.
     return max(0.0, 100 * (tally.success - low)), max(0.0, 100 * (high - tally.success))
 
 
-def draw_success(series: Series) -> Figure:
+def draw_success(series: Series, trials: Mapping[float, TrialTally]) -> Figure:
+    """Bars for the runs; a diamond for the trials of each value that the runs have too."""
     axis = ParameterAxis(list(series.tallies))
     figure = Figure(figsize=(7.2, 3.7), layout="constrained")
     axes = figure.subplots()
@@ -43,13 +49,37 @@ def draw_success(series: Series) -> Figure:
             yerr=[[below], [above]],
             error_kw=error_bar,
         )
+    _draw_trials(axes, axis, {value: tally for value, tally in trials.items() if tally.counted})
     for threshold in (50, 75):
         axes.axhline(threshold, color=INK, linewidth=0.7, linestyle=":")
     axes.set_ylim(0, 103)
-    axes.set_ylabel("runs passed (%)")
+    axes.set_ylabel("passed (%)")
     axes.set_title("Mean success over all environments, Wilson 95 % intervals")
     axes.grid(axis="x", visible=False)
     axis.label(axes, series.parameter)
-    patches = [Patch(color=colour, label=label) for colour, label in LEGEND]
-    figure.legend(handles=patches, loc="outside lower center", ncols=3)
+    handles: list[Any] = [Patch(color=colour, label=label) for colour, label in LEGEND]
+    handles += axes.get_legend_handles_labels()[0]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4)
     return figure
+
+
+def _draw_trials(axes: Axes, axis: ParameterAxis, trials: Mapping[float, TrialTally]) -> None:
+    shown = [value for value in trials if value in axis.values]
+    if not shown:
+        return
+    errors = [error_bar_percent(trials[value]) for value in shown]
+    axes.errorbar(
+        # Beside the middle, where the runs' intervals stand.
+        [axis.place(value) + 0.25 * axis.bar_width for value in shown],
+        [100 * trials[value].success for value in shown],
+        yerr=[list(side) for side in zip(*errors, strict=True)],
+        fmt="D",
+        markersize=5.5,
+        color=FAILURE,
+        markeredgecolor="white",
+        elinewidth=1.4,
+        capsize=3.0,
+        clip_on=False,
+        zorder=5,
+        label="trials",
+    )

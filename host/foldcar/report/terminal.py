@@ -1,6 +1,6 @@
 """The report's summary on the terminal: a table per experiment, without ornament where it is piped."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -10,6 +10,7 @@ from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.report.axis import extent_text, parameter_label, value_text
 from foldcar.report.sections import Section
 from foldcar.report.series import Tally
+from foldcar.report.trial_series import TrialTally
 
 PIPED_WIDTH = 160
 
@@ -38,6 +39,22 @@ def print_summary(sections: Sequence[Section]) -> None:
             console.print(_table(console, first, rows, total.seen[1:]))
             if total.recorded:
                 console.print(_recorded_table(console, first, rows, list(total.recorded)))
+        for parameter, driven in section.trials.series.items():
+            if driven:
+                console.print(_trial_table(console, parameter_label(parameter), driven))
+
+
+def _trial_table(console: Console, first: str, driven: Mapping[float, TrialTally]) -> Table:
+    table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
+    for column in (first, "trials", "passed %", "95 % interval", "aborted"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for value, tally in driven.items():
+        shares = ("-", "-")
+        if tally.counted:
+            low, high = tally.interval
+            shares = (f"{100 * tally.success:.1f}", f"{100 * low:.1f} - {100 * high:.1f}")
+        table.add_row(value_text(value), str(tally.counted), *shares, str(tally.aborted))
+    return table
 
 
 def _recorded_table(

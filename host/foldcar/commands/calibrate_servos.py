@@ -1,0 +1,88 @@
+"""`foldcar calibrate-servos`: neutral and deadband of each wheel's servo, found by watching the wheel."""
+
+import contextlib
+import time
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from foldcar.errors import FoldcarError
+
+if TYPE_CHECKING:
+    from foldcar.link.car import Car
+
+# The car ends a test by itself after this long; it is renewed while a person looks.
+PULSE_S = 1.5
+RENEW_S = 0.7
+
+
+def calibrate_servos(
+    port: Annotated[
+        str | None,
+        typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; found if not given."),
+    ] = None,
+    output: Annotated[
+        list[int] | None,
+        typer.Option(metavar="N", min=1, max=8, help="Only this output; may be repeated; all with a wheel if not."),
+    ] = None,
+) -> None:
+    """Find each servo's neutral and deadband. Lift the car: its wheels turn."""
+    from foldcar.commands.typed_answers import TypedAnswers
+    from foldcar.link.car import greet
+    from foldcar.link.parameters import read_parameters, set_parameter
+    from foldcar.link.ports import choose_port
+    from foldcar.trials.servo_edges import find_edges
+
+    car = greet(choose_port(port))
+    try:
+        values = read_parameters(car)
+        wheels = [n for n in range(1, 9) if values.get(f"CH{n}_SIDE")]
+        for number in output or []:
+            if number not in wheels:
+                raise FoldcarError(f"--output {number}: has no wheel; those with one are {', '.join(map(str, wheels))}")
+        shown: list[tuple[int, int, float]] = []
+
+        def renew() -> None:
+            """While a person looks at the wheel it goes on turning."""
+            car.connection.receive(0.0)
+            if shown and time.monotonic() > shown[0][2]:
+                _show(*shown[0][:2])
+
+        def _show(number: int, pulse_us: int) -> None:
+            car.test_output(number, pulse_us, PULSE_S)
+            shown[:] = [(number, pulse_us, time.monotonic() + RENEW_S)]
+
+        answers = TypedAnswers(renew)
+        typer.echo("Lift the car so that its wheels turn freely. For each pulse say how the wheel turns, seen as")
+        typer.echo("driving: (f)orward, (b)ackward, (n)ot at all. Ctrl-C stops the wheel.")
+        for number in output or wheels:
+            side = {1: "left", 2: "right"}[int(values[f"CH{number}_SIDE"])]
+            direction = int(values[f"CH{number}_DIRECTION"])
+            typer.echo(f"\nOutput {number}, {side}")
+
+            def turns(pulse_us: int, number: int = number, direction: int = direction) -> int:
+                _show(number, pulse_us)
+                ways = {"f": "forward", "b": "backward", "n": "not"}
+                way = answers.choice(f"  {pulse_us} µs: f, b or n? ", ways, None)
+                return {"forward": 1, "backward": -1, "not": 0}[way] * direction
+
+            edges = find_edges(turns)
+            shown.clear()
+            car.stop_trial()
+            found = {"NEUTRAL_US": edges.neutral_us, "DEADBAND_US": edges.deadband_us}
+            for name, value in found.items():
+                set_parameter(car, f"CH{number}_{name}", value)
+                typer.echo(f"  CH{number}_{name} = {value:g} (was {values[f'CH{number}_{name}']:g})")
+    except KeyboardInterrupt:
+        typer.echo("\nstopped: what was found for the outputs before is saved", err=True)
+        raise typer.Exit(130) from None
+    finally:
+        _still(car)
+    typer.echo("\nsaved in the car; `foldcar params save FILE` keeps a copy")
+
+
+def _still(car: "Car") -> None:
+    """No pulse, as well as it can be done: the car itself ends a test that is not renewed."""
+    with contextlib.suppress(FoldcarError):
+        car.stop_trial()
+    car.connection.close()

@@ -1,0 +1,78 @@
+"""`foldcar flash`: firmware and design onto a car, through PlatformIO."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foldcar.commands.design_settings import design_settings
+from foldcar.errors import FoldcarError
+
+CAR_FILE = "car.json"
+
+
+def flash(
+    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
+    experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=MM", help="Choose a design parameter, e.g. width=95 or W.length=60."),
+    ] = None,
+    port: Annotated[
+        str | None, typer.Option(metavar="PORT", help="Serial port; PlatformIO finds it if not given.")
+    ] = None,
+    design_only: Annotated[bool, typer.Option("--design-only", help="Leave the firmware as it is.")] = False,
+    file: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the design's car.json there, and load nothing.")
+    ] = None,
+) -> None:
+    """Load the firmware and a design's car.json onto the board that is plugged in."""
+    from foldcar.atomic_file import atomic_file
+    from foldcar.car_file import car_json
+    from foldcar.experiments import read_study
+
+    (chosen,) = read_study(listing, experiment).experiments
+    content = car_json(chosen.family.narrowed(design_settings(settings or [])).single())
+    text = json.dumps(content, indent=2) + "\n"
+    if file is not None:
+        with atomic_file(file) as binary:
+            binary.write(text.encode())
+        typer.echo(f"{file}: {content['name']} ({content['hash']})")
+        return
+    if port is not None and not port.startswith("/dev/tty") and not port.startswith("COM"):
+        raise FoldcarError(f"--port {port}: is no serial port of a board; a simulated car is started by `foldcar link`")
+    project = _project()
+    with tempfile.TemporaryDirectory(prefix="foldcar-flash-") as folder:
+        (Path(folder) / CAR_FILE).write_text(text, encoding="utf-8")
+        if not design_only:
+            _pio(project, "upload", port, folder)
+        _pio(project, "uploadfs", port, folder)
+    typer.echo(f"loaded {content['name']} ({content['hash']}){' (design only)' if design_only else ''}")
+
+
+def _project() -> Path:
+    """The project's folder, which holds the firmware's sources; this package alone does not bring them."""
+    project = Path(__file__).resolve().parents[3]
+    if not (project / "platformio.ini").is_file():
+        raise FoldcarError("flash: the firmware's sources are not beside this package: use a checkout of the project")
+    return project
+
+
+def _pio(project: Path, target: str, port: str | None, data_folder: str) -> None:
+    beside = Path(sys.executable).with_name("pio")
+    program = str(beside) if beside.is_file() else shutil.which("pio")
+    if program is None:
+        raise FoldcarError("flash: PlatformIO's `pio` is missing: run `make setup`")
+    command = [program, "run", "-d", str(project), "-e", "featheresp32", "-t", target]
+    if port is not None:
+        command += ["--upload-port", port]
+    environment = {**os.environ, "PLATFORMIO_DATA_DIR": data_folder}
+    if subprocess.run(command, env=environment, check=False).returncode != 0:
+        what = "the firmware" if target == "upload" else "the design"
+        raise FoldcarError(f"flash: {what} was not loaded: PlatformIO says why above")

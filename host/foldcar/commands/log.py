@@ -1,0 +1,86 @@
+"""`foldcar log`: trials of a built car over USB, each logged and kept in the store beside the simulated runs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foldcar.errors import FoldcarError
+
+MOST_COUNTDOWN_S = 60
+
+
+def log(
+    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
+    experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
+    port: Annotated[
+        str | None,
+        typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; found if not given."),
+    ] = None,
+    store: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Store for the trials; LISTING's name with .db if not given.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=MM", help="Insist on a design; the car tells which it is if not given."),
+    ] = None,
+    sample: Annotated[
+        int | None,
+        typer.Option(metavar="K", min=0, help="Sampled environment; the one with the fewest trials if not given."),
+    ] = None,
+    trials: Annotated[int | None, typer.Option(metavar="N", min=1, help="Stop after N trials.")] = None,
+    parameters: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Compare the car's parameters with this file.")
+    ] = None,
+    deviation: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TEXT", help='Measured deviation, "NAME X_MM Y_MM [TURNED_DEG]"; may be repeated.'),
+    ] = None,
+    outcome: Annotated[str | None, typer.Option(metavar="OUTCOME", help="Do not ask how trials went.")] = None,
+    note: Annotated[str | None, typer.Option(metavar="TEXT", help="Do not ask for a note.")] = None,
+    operator: Annotated[str, typer.Option(metavar="NAME", help="Who drives; kept with each trial.")] = "",
+    countdown: Annotated[
+        int, typer.Option(metavar="S", min=0, max=MOST_COUNTDOWN_S, help="Seconds before the start.")
+    ] = 3,
+    untethered: Annotated[
+        bool, typer.Option("--untethered", help="Drive without the cable; the car keeps the log.")
+    ] = False,
+    any_build: Annotated[
+        bool, typer.Option("--any-build", help="Drive with another firmware than the simulated one.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: answer every question with its default.")] = False,
+) -> None:
+    """Drive trials with a car on USB. The car moves only after the countdown, and stops if anything fails."""
+    from foldcar.commands.log_session import LogOptions, LogSession
+    from foldcar.link.parameters import read_file
+    from foldcar.trial_records import TRIAL_OUTCOMES
+
+    if outcome is not None and outcome not in TRIAL_OUTCOMES:
+        raise FoldcarError(f"--outcome {outcome}: is none of {', '.join(TRIAL_OUTCOMES)}")
+    if parameters is not None:
+        read_file(parameters)
+    session = LogSession(
+        listing,
+        experiment,
+        LogOptions(
+            store=store or Path(f"{listing.stem}.db"),
+            settings=settings or [],
+            sample=sample,
+            trials=trials,
+            parameters=parameters,
+            deviations=deviation,
+            outcome=outcome,
+            note=note,
+            operator=operator,
+            countdown_s=countdown,
+            untethered=untethered,
+            any_build=any_build,
+            yes=yes,
+        ),
+    )
+    try:
+        driven = session.run(port)
+    except KeyboardInterrupt:
+        typer.echo(f"stopped: what was driven is in {session.options.store}", err=True)
+        raise typer.Exit(130) from None
+    typer.echo(f"{driven} trials; store: {session.options.store}")

@@ -1,0 +1,74 @@
+"""How to place car and obstacles for a trial: a table, a picture, and the question where they stand instead."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from foldcar.carsim import Carsim
+from foldcar.commands.typed_answers import TypedAnswers
+from foldcar.design import Design
+from foldcar.errors import FoldcarError
+from foldcar.trials.placement import instructions, names_of, parse_deviation
+
+
+@dataclass
+class Placement:
+    """A sample's scene for a design; its picture is drawn the first time it is shown."""
+
+    scene: dict[str, Any]
+    sample: int
+    design: Design
+    picture: Path
+    carsim: Carsim
+    _drawn: bool = field(default=False)
+
+    def show(self) -> None:
+        """Print the table and where the picture is."""
+        console = Console(highlight=False)
+        if not console.is_terminal:
+            console = Console(highlight=False, width=120)
+        table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
+        for head in ("place", "x (mm)", "y (mm)", "turned (°)", ""):
+            table.add_column(head, justify="left" if head in ("place", "") else "right")
+        for row in instructions(self.scene):
+            table.add_row(*row)
+        console.print(table)
+        if not self._drawn:
+            self._draw()
+        typer.echo(f"picture: {self.picture}")
+
+    def _draw(self) -> None:
+        from foldcar.figures.ground import carsim_heights
+        from foldcar.figures.placement import draw_placement
+
+        self.picture.parent.mkdir(parents=True, exist_ok=True)
+        length_m, width_m = self.design.length_mm / 1000, self.design.values["width"] / 1000
+        title = f"Sample {self.sample}: where to put car and obstacles"
+        draw_placement(self.scene, length_m, width_m, carsim_heights(self.carsim), self.picture, title)
+        self._drawn = True
+
+
+def ask_deviations(
+    answers: TypedAnswers, scene: dict[str, Any], given: list[str] | None, yes: bool
+) -> dict[str, tuple[float, float, float]]:
+    """Measured deviations by name: those ``given``, else those typed; none if nothing is to be asked."""
+    names = names_of(scene)
+    if given is not None:
+        return dict(parse_deviation(text, names) for text in given)
+    found: dict[str, tuple[float, float, float]] = {}
+    if yes:
+        return found
+    typer.echo("Measured deviations, one a line: NAME X_MM Y_MM [TURNED_DEG]; Enter when there are no more.")
+    while typed := answers.line("deviation: "):
+        try:
+            name, by = parse_deviation(typed, names)
+        except FoldcarError as error:
+            typer.echo(f"  {error}")
+            continue
+        found[name] = by
+    return found

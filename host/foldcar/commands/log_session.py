@@ -1,0 +1,272 @@
+"""A session of trials with one car: who it is, then trial after trial - place, arm, drive, tell, keep.
+
+The row of a trial is in the store before the car is armed, and completed step by step: whatever is killed or pulled
+loses at most the answer being typed.
+"""
+
+import hashlib
+import shutil
+import time
+from dataclasses import dataclass, replace
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from foldcar.body import body_json
+from foldcar.carsim import Carsim
+from foldcar.commands.design_settings import design_settings
+from foldcar.commands.log_placement import Placement, ask_deviations
+from foldcar.commands.log_view import LogView
+from foldcar.commands.log_welcome import welcome
+from foldcar.commands.typed_answers import INPUT, TypedAnswers
+from foldcar.design import Design
+from foldcar.environments import Environment
+from foldcar.errors import FoldcarError
+from foldcar.experiments import read_study
+from foldcar.link.car import Car, CarIdentity, greet
+from foldcar.link.parameters import read_parameters
+from foldcar.link.ports import choose_port
+from foldcar.link.stream import LinkLostError
+from foldcar.link.tlog import TlogWriter
+from foldcar.trial_records import Ending, TrialDesign
+from foldcar.trial_writer import CarFacts, Drive, TrialWriter, write_trials
+from foldcar.trials.driving import DRIVES_ON, DriveEnd, drive
+from foldcar.trials.placement import placed
+from foldcar.trials.untethered import collect
+from foldcar.trials.who import least_tried
+
+LEAST_FREE_BYTES = 20_000_000
+# After its time limit a script waits so long for an untethered car.
+COMES_BACK_S = 60.0
+OUTCOME_KEYS = {
+    "p": "passed",
+    "t": "tipped",
+    "s": "stuck",
+    "o": "off_course",
+    "i": "timeout",
+    "n": "not_passed",
+    "a": "aborted",
+}
+OUTCOME_QUESTION = "Outcome: (p)assed, (t)ipped, (s)tuck, (o)ff course, t(i)me limit, (a)borted"
+
+
+@dataclass(frozen=True)
+class LogOptions:
+    """What the command line says; None is asked for, or found out."""
+
+    store: Path
+    settings: list[str]
+    sample: int | None
+    trials: int | None
+    parameters: Path | None
+    deviations: list[str] | None
+    outcome: str | None
+    note: str | None
+    operator: str
+    countdown_s: int
+    untethered: bool
+    any_build: bool
+    yes: bool
+
+
+class LogSession:
+    """``run`` does it all. Everything but the port and the store is read before either is touched."""
+
+    def __init__(self, listing: Path, experiment: str, options: LogOptions) -> None:
+        self.options = options
+        (self._experiment,) = read_study(listing, experiment).experiments
+        self._family = self._experiment.family.narrowed(design_settings(options.settings))
+        self._carsim = Carsim()
+        self._environment = Environment(self._experiment)
+        self._answers = TypedAnswers(self._idle)
+        self._car: Car | None = None
+        self._samples: dict[int, Placement] = {}
+
+    def run(self, named_port: str | None) -> int:
+        """Drive trials until there are enough; gives their number. FoldcarError."""
+        options = self.options
+        self._car = greet(choose_port(named_port))
+        try:
+            with write_trials(options.store) as writer:
+                self._complete_interrupted(writer)
+                identity, design = self._welcome()
+                driven = 0
+                while options.trials is None or driven < options.trials:
+                    if not self._trial(writer, identity, design):
+                        break
+                    driven += 1
+                    if options.trials is None and options.yes:
+                        break
+                return driven
+        finally:
+            self._car.connection.close()
+
+    def _welcome(self) -> tuple[CarIdentity, Design]:
+        assert self._car is not None
+        return welcome(self._car, self._experiment, self._family, self._carsim, self.options, self._answers)
+
+    def _trial(self, writer: TrialWriter, identity: CarIdentity, design: Design) -> bool:
+        """One trial; false if the person wants no more."""
+        options = self.options
+        told = TrialDesign(design.type, design.columns)
+        fingerprint = self._environment.fingerprint
+        counts = writer.trial_counts(self._experiment.id, told, fingerprint)
+        sample = options.sample if options.sample is not None else least_tried(self._experiment.environments, counts)
+        number = writer.next_number()
+        placement = self._placement(writer, sample, design)
+        typer.echo(f"\nTrial {number}: sample {sample} of experiment {self._experiment.id}")
+        placement.show()
+        deviations = ask_deviations(self._answers, placement.scene, options.deviations, options.yes)
+        if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
+            return False
+        body = body_json(design)
+        settings = self._experiment.settings(design, body, self._carsim.parameter_table())
+        log = self._log_file(number)
+        assert self._car is not None
+        facts = CarFacts(identity.build, identity.hash, self._car.port)
+        scene = placed(placement.scene, deviations)
+        begun = writer.begin(
+            self._experiment.id, told, Drive(body, settings, scene, fingerprint, sample), deviations, facts,
+            str(log.relative_to(options.store.parent)), options.operator,
+        )  # fmt: skip
+        end = self._drive(settings, begun, log)
+        if end.ending == DRIVES_ON:
+            end = self._collect(begun, log, settings["time_limit_s"])
+        self._tell(writer, begun, end, log)
+        if end.error is not None:
+            self._after_error(end.error)
+        return True
+
+    def _drive(self, settings: dict[str, Any], number: int, log: Path) -> DriveEnd:
+        car = self._car
+        assert car is not None
+        typer.echo(f"Countdown {self.options.countdown_s} s, then {settings['time_limit_s']:g} s at most. Ctrl-C stops.")
+        try:
+            car.connection.catch_up()
+            car.connection.log = TlogWriter(log)
+            # The log says by itself who drove, and set to what.
+            for message in ("FOLDCAR_DESIGN", "AUTOPILOT_VERSION", "SYS_STATUS"):
+                car.request(message)
+            read_parameters(car)
+            also = INPUT if self._answers.is_terminal else None
+            with self._answers.keys() as pressed, LogView(settings["time_limit_s"], pressed, also) as view:
+                end = drive(car, settings, number, self.options.countdown_s, view, self.options.untethered)
+            return replace(end, outcome="passed") if view.passed and end.outcome is None else end
+        except FoldcarError as error:
+            ending = "link lost before the start" if isinstance(error, LinkLostError) else "not begun"
+            return DriveEnd(ending, "aborted", None, error)
+        finally:
+            if car.connection.log is not None:
+                car.connection.log.close()
+            car.connection.log = None
+
+    def _collect(self, number: int, log: Path, time_limit_s: float) -> DriveEnd:
+        """Wait for an untethered car to come back, and fetch its log."""
+        assert self._car is not None
+        end_s = time.monotonic() + time_limit_s + COMES_BACK_S
+        question = "The car drives on. When it stands, plug it in and press Enter, or type its port; q gives it up: "
+        while True:
+            typed = "" if self.options.yes else self._answers.line(question)
+            if typed.lower() == "q":
+                return DriveEnd("did not come back", "aborted", None)
+            try:
+                self._greet_again(typed)
+                if self._car.state() == self._car.dialect.FOLDCAR_STATE_RUNNING:
+                    raise LinkLostError("the car still drives")
+                return collect(self._car, number, log)
+            except FoldcarError as error:
+                gone = error
+            if self.options.yes and time.monotonic() > end_s:
+                return DriveEnd("did not come back", "aborted", None, gone)
+            if not self.options.yes:
+                typer.echo(f"{gone}", err=True)
+            time.sleep(1.0)
+
+    def _tell(self, writer: TrialWriter, number: int, end: DriveEnd, log: Path) -> None:
+        """Complete the row with what is known, then with what the person says."""
+        options = self.options
+        digest = hashlib.sha256(log.read_bytes()).hexdigest() if log.is_file() else None
+        outcome = end.outcome or "aborted"
+        ending = end.ending if end.outcome else f"{end.ending}; outcome not told"
+        writer.complete(number, Ending(outcome, ending, end.elapsed_time_s, "", digest))
+        drove = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
+        typer.echo(f"Ended{drove}: {end.ending}")
+        note = options.note or ""
+        if end.error is not None:
+            outcome = "aborted"
+        elif options.outcome is not None:
+            outcome = options.outcome
+        elif not options.yes:
+            suggested = f" [{end.outcome}]" if end.outcome else ""
+            outcome = self._answers.choice(f"{OUTCOME_QUESTION}{suggested}: ", OUTCOME_KEYS, end.outcome)
+        elif end.outcome is None:
+            raise FoldcarError(f"trial {number}: {end.ending}: its outcome is not plain; use --outcome with --yes")
+        if options.note is None and not options.yes and end.error is None:
+            note = self._answers.line("Note (Enter for none): ")
+        writer.complete(number, Ending(outcome, end.ending, end.elapsed_time_s, note, digest))
+        typer.echo(f"Trial {number}: {outcome}; log: {log}")
+
+    def _after_error(self, error: FoldcarError) -> None:
+        """A lost car may come back; everything else, and whatever a script does, ends the session."""
+        options = self.options
+        if options.yes or not self._answers.is_terminal or not isinstance(error, LinkLostError):
+            raise error
+        typer.echo(f"{error}", err=True)
+        while True:
+            typed = self._answers.line("Plug the car in and press Enter, or type its port; q ends: ")
+            if typed.lower() == "q":
+                raise error
+            try:
+                self._greet_again(typed)
+                self._welcome()
+                return
+            except FoldcarError as again:
+                typer.echo(f"{again}", err=True)
+
+    def _greet_again(self, typed: str) -> None:
+        """Greet the car where it was, or where it is now: a port may have another name after the cable was pulled."""
+        assert self._car is not None
+        port = typed or self._car.port
+        if not typed and port.startswith("/dev/tty") and not Path(port).exists():
+            port = choose_port(None)
+        self._car.connection.close()
+        self._car = greet(port)
+
+    def _placement(self, writer: TrialWriter, sample: int, design: Design) -> Placement:
+        if sample not in self._samples:
+            scene = writer.scene(self._environment.fingerprint, sample)
+            if scene is None:
+                scene = self._environment.sample(sample)
+            picture = self._logs() / f"place-{self._experiment.id}-{sample}.png"
+            self._samples[sample] = Placement(scene, sample, design, picture, self._carsim)
+        return self._samples[sample]
+
+    def _logs(self) -> Path:
+        store = self.options.store
+        return store.with_name(f"{store.stem}-logs")
+
+    def _log_file(self, number: int) -> Path:
+        folder = self._logs()
+        folder.mkdir(parents=True, exist_ok=True)
+        free = shutil.disk_usage(folder).free
+        if free < LEAST_FREE_BYTES:
+            raise FoldcarError(f"{folder}: only {free / 1e6:.0f} MB are free for the log; make room first")
+        now = datetime.now(timezone.utc).strftime("%Y%m%dT%H%M%SZ")
+        return folder / f"trial-{number:04d}-{now}.tlog"
+
+    def _complete_interrupted(self, writer: TrialWriter) -> None:
+        for number, log in writer.unfinished():
+            file = self.options.store.parent / log
+            digest = hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else None
+            writer.complete(number, Ending("aborted", "the program was ended", None, "", digest))
+            typer.echo(f"Trial {number} was interrupted: it counts as aborted; its log is kept")
+
+    def _idle(self) -> None:
+        """While a person thinks: keep the link going. A cable that is pulled now is noticed when it matters."""
+        if self._car is not None:
+            try:
+                self._car.connection.receive(0.0)
+            except LinkLostError:
+                return

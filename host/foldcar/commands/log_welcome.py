@@ -1,0 +1,67 @@
+"""Who is at the port, shown and checked before any trial: design, firmware, battery, faults, parameters."""
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from foldcar.body import body_json
+from foldcar.carsim import Carsim
+from foldcar.commands.typed_answers import TypedAnswers
+from foldcar.design import Design
+from foldcar.errors import FoldcarError
+from foldcar.experiments import TRIAL_LIMIT, Experiment
+from foldcar.family import Family
+from foldcar.link.car import Car, CarIdentity
+from foldcar.link.parameters import read_file, read_parameters, set_parameter
+from foldcar.trials.who import check_build, design_of, is_calibrated, unexpected
+
+if TYPE_CHECKING:
+    from foldcar.commands.log_session import LogOptions
+
+
+def welcome(
+    car: Car, experiment: Experiment, family: Family, carsim: Carsim, options: "LogOptions", answers: TypedAnswers
+) -> tuple[CarIdentity, Design]:
+    """Show the car; FoldcarError with a way on if it is not fit for the experiment's trials."""
+    identity = car.identity()
+    battery = car.battery_v()
+    typer.echo(f"car       {identity.name or 'without a design'} ({identity.hash or 'no car.json'}) at {car.port}")
+    typer.echo(f"firmware  {identity.build}")
+    typer.echo(f"battery   {'unreadable' if battery is None else f'{battery:.2f} V'}")
+    design = design_of(identity, experiment, family)
+    if not options.any_build:
+        check_build(identity, carsim.firmware)
+    _clear_fault(car, options, answers)
+    values = read_parameters(car)
+    table = carsim.parameter_table()
+    settings = experiment.settings(design, body_json(design), table)
+    expected = {name: row.default for name, row in table.items()} | settings["parameters"]
+    _fit_time_limit(car, values, settings["time_limit_s"])
+    if options.parameters is not None:
+        expected = read_file(options.parameters)
+    against = options.parameters or "the design"
+    differing = [row for row in unexpected(values, expected) if row[0] != TRIAL_LIMIT]
+    if differing:
+        typer.echo(f"parameters that differ from {against}:")
+    for name, has, wanted in differing:
+        typer.echo(f"  {name:<16} {has:g} instead of {wanted:g}{'  (calibrated)' if is_calibrated(name) else ''}")
+    if not differing:
+        typer.echo(f"parameters as in {against}")
+    return identity, design
+
+
+def _clear_fault(car: Car, options: "LogOptions", answers: TypedAnswers) -> None:
+    fault = car.fault_text()
+    if fault is None:
+        return
+    typer.echo(f"fault     {fault}")
+    if not options.yes and answers.line("Acknowledge it? [Y/n] ").lower() not in ("", "y", "yes"):
+        raise FoldcarError(f"the car has a fault that is not acknowledged: {fault}")
+    car.acknowledge_fault()
+
+
+def _fit_time_limit(car: Car, values: dict[str, float], time_limit_s: float) -> None:
+    """The car's own limit must allow the experiment's."""
+    if values.get(TRIAL_LIMIT, time_limit_s) < time_limit_s:
+        set_parameter(car, TRIAL_LIMIT, time_limit_s)
+        typer.echo(f"{TRIAL_LIMIT} set from {values[TRIAL_LIMIT]:g} to {time_limit_s:g} s for this experiment")

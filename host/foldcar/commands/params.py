@@ -1,0 +1,123 @@
+"""`foldcar params`: a car's parameters - shown, set, saved to a file, loaded from one, compared with one."""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from foldcar.errors import FoldcarError
+
+if TYPE_CHECKING:
+    from foldcar.link.car import Car
+
+Port = Annotated[
+    str | None, typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; found if not given.")
+]
+ParameterFile = Annotated[Path, typer.Argument(metavar="FILE", help="Lines of NAME VALUE, comments behind #.")]
+
+params = typer.Typer(name="params", help="Parameters of a car.", no_args_is_help=True, rich_markup_mode=None)
+
+
+@params.command()
+def get(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Which ones; all if none is named.")
+    ] = None,
+    port: Port = None,
+) -> None:
+    """Show parameters and their values."""
+    from foldcar.link.parameters import read_parameters, value_text
+
+    with _car(port) as car:
+        values = read_parameters(car)
+    for name in names or values:
+        if name not in values:
+            raise FoldcarError(f"{name}: the car has no such parameter")
+        typer.echo(f"{name:<16} {value_text(values[name])}")
+
+
+@params.command("set")
+def set_one(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The parameter.")],
+    value: Annotated[float, typer.Argument(metavar="VALUE", help="What it is to be.")],
+    port: Port = None,
+) -> None:
+    """Set one parameter and save it in the car."""
+    from foldcar.link.parameters import set_parameter, value_text
+
+    with _car(port) as car:
+        set_parameter(car, name, value)
+    typer.echo(f"{name:<16} {value_text(value)}")
+
+
+@params.command()
+def save(file: ParameterFile, port: Port = None) -> None:
+    """Write all parameters of the car to a file."""
+    from foldcar.link.parameters import read_parameters, write_file
+
+    with _car(port) as car:
+        identity = car.identity()
+        values = read_parameters(car)
+    who = identity.name or "a car without a design"
+    write_file(file, values, f"parameters of {who} ({identity.hash or 'no car.json'}), firmware {identity.build}")
+    typer.echo(f"{file}: {len(values)} parameters")
+
+
+@params.command()
+def load(file: ParameterFile, port: Port = None) -> None:
+    """Set the car's parameters to what a file says, where they differ."""
+    from foldcar.link.parameters import differences, read_file, read_parameters, set_parameter, value_text
+
+    wanted = read_file(file)
+    refused = []
+    with _car(port) as car:
+        values = read_parameters(car)
+        unknown = [name for name in wanted if name not in values]
+        if unknown:
+            raise FoldcarError(f"{file}: {unknown[0]}: the car has no such parameter; nothing was set")
+        rows = [row for row in differences(values, wanted) if row[0] in wanted]
+        for name, _, _ in rows:
+            try:
+                set_parameter(car, name, wanted[name])
+                typer.echo(f"{name:<16} {value_text(wanted[name])}")
+            except FoldcarError as error:
+                refused.append(str(error))
+                typer.echo(f"{error}", err=True)
+    typer.echo(f"{len(rows) - len(refused)} parameters set, {len(wanted) - len(rows)} were so already")
+    if refused:
+        raise FoldcarError(f"{file}: {len(refused)} of {len(wanted)} parameters were refused, the first is {refused[0]}")
+
+
+@params.command()
+def diff(file: ParameterFile, port: Port = None) -> None:
+    """Show where the car's parameters differ from a file's."""
+    from foldcar.link.parameters import differences, read_file, read_parameters
+
+    wanted = read_file(file)
+    with _car(port) as car:
+        rows = differences(read_parameters(car), wanted)
+    if rows:
+        typer.echo(f"{'':<16} {'car':>12} {'file':>12}")
+    for name, has, value in rows:
+        typer.echo(f"{name:<16} {_text(has):>12} {_text(value):>12}")
+    typer.echo(f"{len(rows)} of {len(wanted)} parameters differ")
+
+
+@contextlib.contextmanager
+def _car(port: str | None) -> Iterator["Car"]:
+    from foldcar.link.car import greet
+    from foldcar.link.ports import choose_port
+
+    car = greet(choose_port(port))
+    try:
+        yield car
+    finally:
+        car.connection.close()
+
+
+def _text(value: float | None) -> str:
+    from foldcar.link.parameters import value_text
+
+    return "-" if value is None else value_text(value)

@@ -1,0 +1,226 @@
+"""`foldcar trials`: the trials in a store - listed, corrected, imported, exported, simulated again as pairs."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from foldcar.errors import FoldcarError
+
+if TYPE_CHECKING:
+    from foldcar.trial_records import Correction, Trial
+
+StoreFile = Annotated[Path, typer.Argument(metavar="STORE", help="The store that holds the trials.")]
+Number = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="The trial's number, as `trials list` shows it.")]
+
+trials = typer.Typer(
+    name="trials", help="Trials of built cars in a store.", no_args_is_help=True, rich_markup_mode=None
+)
+
+
+@trials.command("list")
+def list_trials(
+    store: StoreFile,
+    experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
+) -> None:
+    """Show trials, one a line, and what was corrected of them."""
+    from foldcar.store import Store
+
+    with Store.open(store) as opened:
+        found = list(opened.trials(experiment))
+        trail = [one for trial in found if trial.corrections for one in opened.corrections(trial.id)]
+    _print_trials(found)
+    for one in trail:
+        typer.echo(_correction_text(one))
+
+
+@trials.command()
+def correct(
+    store: StoreFile,
+    number: Number,
+    reason: Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept with the correction.")],
+    outcome: Annotated[str | None, typer.Option(metavar="OUTCOME", help="The outcome it should have.")] = None,
+    note: Annotated[str | None, typer.Option(metavar="TEXT", help="The note it should have.")] = None,
+    elapsed_time: Annotated[
+        float | None, typer.Option(metavar="S", min=0, help="How long it drove, in seconds.")
+    ] = None,
+    operator: Annotated[str, typer.Option(metavar="NAME", help="Who corrects it.")] = "",
+) -> None:
+    """Change what a trial says. What stood there is kept, with the reason."""
+    from foldcar.store import Store
+    from foldcar.trial_writer import write_trials
+
+    changes = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time}
+    if all(value is None for value in changes.values()):
+        raise FoldcarError("trials correct: say what to change: --outcome, --note or --elapsed-time")
+    if not reason.strip():
+        raise FoldcarError("trials correct: --reason: is empty")
+    # A store that is not there, or no store, is refused without making one.
+    Store.open(store).__exit__(None, None, None)
+    with write_trials(store) as writer:
+        writer.correct(number, {k: v for k, v in changes.items() if v is not None}, reason, operator)
+    with Store.open(store) as opened:
+        for one in opened.corrections(number):
+            typer.echo(_correction_text(one))
+
+
+@trials.command("import")
+def import_file(
+    store: StoreFile,
+    file: Annotated[Path, typer.Argument(metavar="CSV", help="Trials as docs/trials.md describes them.")],
+    experiment: Annotated[
+        str | None, typer.Option(metavar="ID", help="The experiment of rows that name none.")
+    ] = None,
+) -> None:
+    """Take over trials from a CSV file, all of them or none."""
+    from foldcar.trial_writer import write_trials
+    from foldcar.trials.csv_import import read_trials
+
+    found = read_trials(file, experiment)
+    with write_trials(store) as writer:
+        for source in dict.fromkeys(trial["source"] for trial in found):
+            if writer.source_is_there(source):
+                raise FoldcarError(f'{file}: source: trials of "{source}" are in {store} already')
+        numbers = writer.import_trials(found)
+    typer.echo(f"{len(numbers)} trials imported, {numbers[0]} to {numbers[-1]}; store: {store}")
+
+
+@trials.command()
+def replay(
+    store: StoreFile,
+    number: Number,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Picture of the scene as it stood (.png, .svg, .pdf).")
+    ] = None,
+) -> None:
+    """Simulate a trial again as it was placed, and show both."""
+    from foldcar.carsim import Carsim
+    from foldcar.figures.output import check_format
+    from foldcar.results import outcome_of
+    from foldcar.store import Store
+    from foldcar.trials.replay import agree, simulate_pair
+
+    if plot is not None:
+        check_format(plot)
+    carsim = Carsim()
+    with Store.open(store) as opened:
+        trial = opened.trial(number)
+        pair = simulate_pair(opened, number, carsim)
+    answer = pair.answer
+    outcome = outcome_of(answer)
+    simulated_s = answer.get("elapsed_time_s")
+    typer.echo(f"{'':<10}{'outcome':<12}{'time (s)':>9}")
+    typer.echo(f"{'trial':<10}{trial.outcome:<12}{_seconds(trial.elapsed_time_s):>9}")
+    typer.echo(f"{'simulated':<10}{outcome:<12}{_seconds(simulated_s):>9}")
+    typer.echo(
+        "the trial was aborted: nothing to compare"
+        if not trial.counts
+        else "both agree" if agree(trial.outcome, outcome) else "they disagree"
+    )
+    if plot is not None:
+        from foldcar.figures.ground import carsim_heights
+        from foldcar.figures.run import draw_run
+
+        if "path" not in answer:
+            raise FoldcarError(f"{plot}: a failed run has no picture")
+        draw_run(pair.body, pair.scene, answer, answer["path"], carsim_heights(carsim), plot)
+        typer.echo(f"picture: {plot}")
+
+
+@trials.command()
+def export(
+    store: StoreFile,
+    number: Number,
+    mcap: Annotated[Path, typer.Option(metavar="FILE", help="MCAP file to write, for Foxglove and PlotJuggler.")],
+) -> None:
+    """Convert a trial's log. The log itself, a .tlog, opens in MAVLink's own tools."""
+    from foldcar.link.mcap_export import export_mcap
+    from foldcar.store import Store
+
+    with Store.open(store) as opened:
+        trial = opened.trial(number)
+    if trial.log is None:
+        raise FoldcarError(f"{store}: trial {number} was imported: it has no log")
+    facts = {
+        "trial": str(trial.id),
+        "experiment": trial.experiment,
+        "design": " ".join(f"{name}={value:g}" for name, value in trial.design.items()),
+        "sample": str(trial.sample),
+        "outcome": trial.outcome,
+        "note": trial.note,
+    }
+    count = export_mcap(store.parent / trial.log, mcap, facts)
+    typer.echo(f"{mcap}: {count} messages")
+
+
+@trials.command()
+def dialect(
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder to write v1.0/foldcar.xml in.")],
+) -> None:
+    """Write the MAVLink dialect, with which other programs name our own messages too."""
+    from foldcar.atomic_file import atomic_file
+    from foldcar.mavlink_dialect.generation import DialectError, dialect_xml
+
+    try:
+        text = dialect_xml()
+    except DialectError as error:
+        raise FoldcarError(str(error)) from None
+    file = output / "v1.0" / "foldcar.xml"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_file(file) as binary:
+        binary.write(text.encode())
+    typer.echo(f"{file}")
+
+
+def _print_trials(found: "list[Trial]") -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=200)
+    table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
+    shown = _varying(found)
+    for head in ("trial", "experiment", *shown, "sample", "outcome", "time (s)", "ending", "started (UTC)", "note"):
+        table.add_column(head, justify="left" if head in ("outcome", "ending", "note") else "right")
+    for trial in found:
+        corrected = "*" if trial.corrections else ""
+        table.add_row(
+            f"{trial.id}{corrected}",
+            trial.experiment,
+            *(f"{trial.design[name]:g}" if name in trial.design else "-" for name in shown),
+            "-" if trial.sample is None else str(trial.sample),
+            trial.outcome,
+            _seconds(trial.elapsed_time_s),
+            trial.ending,
+            (trial.started_utc or "-").removesuffix("+00:00").replace("T", " "),
+            trial.note or (trial.source or ""),
+        )
+    console.print(table)
+    counted = [trial for trial in found if trial.counts]
+    passed = sum(trial.outcome == "passed" for trial in counted)
+    aborted = len(found) - len(counted)
+    console.print(f"{len(found)} trials, {passed} of {len(counted)} passed, {aborted} aborted", markup=False)
+
+
+def _varying(found: "list[Trial]") -> list[str]:
+    """The design parameters in which the trials differ; width if they do not."""
+    names = dict.fromkeys(name for trial in found for name in trial.design)
+    return [name for name in names if len({trial.design.get(name) for trial in found}) > 1] or list(names)[:1]
+
+
+def _correction_text(one: "Correction") -> str:
+    by = f" by {one.operator}" if one.operator else ""
+    return (
+        f"* trial {one.trial}: {one.field} {_quoted(one.before)} -> {_quoted(one.after)} "
+        f"on {one.corrected_utc[:10]}{by}: {one.reason}"
+    )
+
+
+def _quoted(value: object) -> str:
+    return '"' + value + '"' if isinstance(value, str) else f"{value:g}" if isinstance(value, float) else "none"
+
+
+def _seconds(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"

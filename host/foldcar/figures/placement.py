@@ -1,0 +1,61 @@
+"""A picture of where to put car and obstacles for a trial, with the letters and places that the text has."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from matplotlib.transforms import Affine2D
+
+from foldcar.figures.ground import Heights, height_map
+from foldcar.figures.height_colours import height_scale
+from foldcar.figures.output import check_format, save_figure
+from foldcar.figures.style import ACCENT, INK, RC
+from foldcar.figures.top_view import draw_top_view, view_of
+from foldcar.trials.placement import CAR, obstacles
+
+WIDTH_IN = 10.0
+CELLS = 600
+LETTER = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": INK, "linewidth": 0.8}
+
+
+def draw_placement(
+    scene: Mapping[str, Any], length_m: float, width_m: float, heights: Heights, file: Path, title: str
+) -> None:
+    """Draw ``scene`` (docs/carsim.md) and the outline of a car of that size into ``file``. FoldcarError."""
+    check_format(file)
+    extent = view_of([scene])
+    ground = height_map(heights, scene, extent, CELLS)
+    scale = height_scale([ground])
+    long_m, wide_m = extent.size_m
+    with matplotlib.rc_context(RC):
+        figure = Figure(figsize=(WIDTH_IN, min(9.0, WIDTH_IN * wide_m / long_m + 0.8)), layout="constrained")
+        axes = figure.subplots()
+        draw_top_view(axes, scene, ground, scale)
+        _draw_car(axes, scene["start"], length_m, width_m)
+        for thing in obstacles(scene):
+            place = (thing.x_m, thing.y_m)
+            axes.plot(*place, "+", color="white", markersize=9, markeredgewidth=3, zorder=7)
+            axes.plot(*place, "+", color=INK, markersize=7, zorder=7)
+            axes.annotate(thing.letter, place, (10, 10), textcoords="offset points", bbox=LETTER, ha="center",
+                          va="center", fontsize=9, zorder=8)  # fmt: skip
+            text = f"{1000 * thing.x_m:.0f}, {1000 * thing.y_m:.0f} mm"
+            axes.annotate(text, place, (0, -9), textcoords="offset points", ha="center", va="top", fontsize=8,
+                          zorder=8, bbox={"facecolor": "#ffffffcc", "edgecolor": "none", "pad": 1})  # fmt: skip
+        axes.plot([0], [0], "x", color=ACCENT, markersize=8, zorder=7, label="origin on the floor")
+        axes.set_title(title)
+        if scene["terrain"]:
+            figure.colorbar(scale, ax=axes, label="height (mm)", shrink=0.7, aspect=25)
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        save_figure(figure, file)
+
+
+def _draw_car(axes: Any, start: Mapping[str, float], length_m: float, width_m: float) -> None:
+    half, side = length_m / 2, width_m / 2
+    corners = [(half, side), (half, -side), (-half, -side), (-half, side)]
+    place = Affine2D().rotate(start["heading_rad"]).translate(start["x_m"], start["y_m"])
+    outline = Polygon(place.transform(corners), closed=True, fill=False, edgecolor=INK, linewidth=1.2, zorder=6)
+    axes.add_patch(outline)
+    axes.annotate(CAR, place.transform([(-half, 0)])[0], (-4, 0), textcoords="offset points", ha="right", va="center")

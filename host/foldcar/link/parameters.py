@@ -1,0 +1,124 @@
+"""A car's parameters over the link, and files of them.
+
+A file has a line ``NAME value`` each, comments behind #: the form that MAVProxy and Mission Planner read. Values
+travel as 32-bit numbers: two are the same if they are so as such.
+"""
+
+import math
+import struct
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from foldcar.atomic_file import atomic_file
+from foldcar.errors import FoldcarError
+from foldcar.link.car import ANSWER_S, TRIES, Car
+from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
+
+LIST_S = 20.0
+QUIET_S = 0.4
+# Asked for at once: a car's receive buffer is small.
+BURST = 4
+
+
+def read_parameters(car: Car, report: Callable[[int, int], None] = lambda there, count: None) -> dict[str, float]:
+    """All parameters by name, in the car's order; what a bad link swallows is asked for again. FoldcarError."""
+    d = car.dialect
+    found: dict[int, float] = {}
+    names: dict[int, str] = {}
+    count: int | None = None
+    car.connection.send(d.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
+    end_s = time.monotonic() + LIST_S
+    while count is None or len(found) < count:
+        if time.monotonic() > end_s:
+            has = f"{len(found)} of {count} parameters" if count else "no parameter"
+            raise FoldcarError(f"{car.port}: the car has sent {has} in {LIST_S:g} s; is the cable good?")
+        message = car.connection.wait_for(lambda m: m.get_type() == "PARAM_VALUE", QUIET_S)
+        if message is not None:
+            count = message.param_count
+            found[message.param_index], names[message.param_index] = message.param_value, message.param_id
+            report(len(found), count)
+        elif count is None:
+            car.connection.send(d.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
+        else:
+            for index in [i for i in range(count) if i not in found][:BURST]:
+                car.connection.send(d.MAVLink_param_request_read_message(CAR_SYSTEM, CAR_COMPONENT, b"", index))
+    return {names[index]: found[index] for index in sorted(found)}
+
+
+def set_parameter(car: Car, name: str, value: float) -> None:
+    """Set and save one parameter; FoldcarError with the car's reason if it does not take it."""
+    d = car.dialect
+    car.connection.latest.pop("STATUSTEXT", None)
+    for _ in range(TRIES):
+        car.connection.send(
+            d.MAVLink_param_set_message(
+                CAR_SYSTEM, CAR_COMPONENT, name.encode(), value, d.MAV_PARAM_TYPE_REAL32
+            )
+        )
+        answer = car.connection.wait_for(lambda m: m.get_type() == "PARAM_VALUE" and m.param_id == name, ANSWER_S)
+        if answer is not None:
+            if same(answer.param_value, value):
+                return
+            raise FoldcarError(f"{name}: the car refuses {value:g}{_reason(car)}; it stays {answer.param_value:g}")
+        if "STATUSTEXT" in car.connection.latest:
+            raise FoldcarError(f"{name}: the car refuses {value:g}{_reason(car)}")
+    raise FoldcarError(f"{name}: the car does not answer")
+
+
+def same(a: float, b: float) -> bool:
+    """Whether two values are the same 32-bit number."""
+    return struct.pack("<f", a) == struct.pack("<f", b)
+
+
+def value_text(value: float) -> str:
+    """The shortest number that is the same 32-bit number: 3.4, not 3.4000001."""
+    shortest = next(x for digits in range(1, 10) if same(x := float(f"{value:.{digits}g}"), value))
+    return f"{shortest:.9g}"
+
+
+def differences(
+    car: Mapping[str, float], other: Mapping[str, float]
+) -> list[tuple[str, float | None, float | None]]:
+    """Name, the car's value and the other one where they differ; None where a side has no such parameter."""
+    names = dict.fromkeys([*car, *other])
+    rows = [(name, car.get(name), other.get(name)) for name in names]
+    return [(name, a, b) for name, a, b in rows if a is None or b is None or not same(a, b)]
+
+
+def read_file(file: Path) -> dict[str, float]:
+    """The parameters in a file; FoldcarError naming file and line."""
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "is no text"
+        raise FoldcarError(f"{file}: cannot be read: {reason}") from error
+    values: dict[str, float] = {}
+    for number, line in enumerate(lines, 1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        try:
+            name, value = words[0], float(words[1])
+        except (IndexError, ValueError):
+            value = math.nan
+        if len(words) != 2 or not math.isfinite(value):
+            raise FoldcarError(f"{file}: line {number}: is not NAME VALUE: {line.strip()}")
+        if name in values:
+            raise FoldcarError(f"{file}: line {number}: {name} stands there twice")
+        values[name] = value
+    if not values:
+        raise FoldcarError(f"{file}: holds no parameters")
+    return values
+
+
+def write_file(file: Path, values: Mapping[str, float], head: str) -> None:
+    """Write parameters, whole or not at all; ``head`` is a comment on top."""
+    lines = [f"# {head}", *(f"{name:<16} {value_text(value)}" for name, value in values.items())]
+    with atomic_file(file) as binary:
+        binary.write(("\n".join(lines) + "\n").encode())
+
+
+def _reason(car: Car) -> str:
+    said = car.connection.latest.get("STATUSTEXT")
+    return f" ({said.text})" if said is not None else ""

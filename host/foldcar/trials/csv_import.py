@@ -1,0 +1,100 @@
+"""Trials from elsewhere, from a CSV file: one row a trial, or a row for ``count`` equal ones.
+
+Columns: ``outcome``, ``source`` and ``vehicle_type`` are needed; ``experiment``, ``sample``, ``count``,
+``elapsed_time_s``, ``note``, ``operator``, ``started_utc`` and parameters of the design (``width_mm``, …) may be
+there. Output: rows for :meth:`TrialWriter.import_trials`. Lines that begin with # are comments.
+"""
+
+import csv
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from foldcar.design import DesignError, compose
+from foldcar.errors import FoldcarError
+from foldcar.modules import parameters
+from foldcar.trial_records import TRIAL_OUTCOMES
+
+NEEDED = ("vehicle_type", "outcome", "source")
+MOST_COUNT = 100_000
+
+
+def read_trials(file: Path, experiment: str | None) -> list[dict[str, Any]]:
+    """The trials in ``file``, of ``experiment`` where a row names none. FoldcarError naming line and column."""
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "is no UTF-8 text"
+        raise FoldcarError(f"{file}: cannot be read: {reason}") from error
+    kept = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
+    if not kept:
+        raise FoldcarError(f"{file}: holds no trials")
+    header = [name.strip() for name in next(csv.reader([kept[0][1]]))]
+    _check_header(file, header)
+    trials = []
+    for number, line in kept[1:]:
+        cells = [cell.strip() for cell in next(csv.reader([line]))]
+        if len(cells) != len(header):
+            raise FoldcarError(f"{file}: line {number}: has {len(cells)} cells, the header {len(header)}")
+        row = {name: cell for name, cell in zip(header, cells, strict=True) if cell}
+        trials.extend(_trials(f"{file}: line {number}", row, experiment))
+    if not trials:
+        raise FoldcarError(f"{file}: holds no trials")
+    return trials
+
+
+def _check_header(file: Path, header: list[str]) -> None:
+    design = [parameter.column for parameter in parameters().values()]
+    known = [*NEEDED, "experiment", "count", "sample", "elapsed_time_s", "note", "operator", "started_utc", *design]
+    for name in header:
+        if name not in known:
+            raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known)}')
+        if header.count(name) > 1:
+            raise FoldcarError(f'{file}: column "{name}" stands there twice')
+    for name in NEEDED:
+        if name not in header:
+            raise FoldcarError(f'{file}: has no column "{name}"')
+
+
+def _trials(place: str, row: Mapping[str, str], experiment: str | None) -> list[dict[str, Any]]:
+    for name in NEEDED:
+        if name not in row:
+            raise FoldcarError(f"{place}: {name}: is empty")
+    if row["outcome"] not in TRIAL_OUTCOMES:
+        raise FoldcarError(f'{place}: outcome: "{row["outcome"]}" is none of {", ".join(TRIAL_OUTCOMES)}')
+    named = row.get("experiment", experiment)
+    if named is None:
+        raise FoldcarError(f"{place}: experiment: is empty; fill it or use --experiment ID")
+    keys = {parameter.column: key for key, parameter in parameters().items()}
+    values = {keys[name]: _number(place, row, name, float) for name in row if name in keys}
+    try:
+        design = compose(row["vehicle_type"], values)
+    except DesignError as error:
+        raise FoldcarError(f"{place}: {error}") from error
+    trial: dict[str, Any] = {
+        "experiment": named,
+        "vehicle_type": design.type,
+        "design": design.columns,
+        "outcome": row["outcome"],
+        "source": row["source"],
+        **{name: row[name] for name in ("note", "operator", "started_utc") if name in row},
+    }
+    if "sample" in row:
+        trial["sample"] = _number(place, row, "sample", int)
+    if "elapsed_time_s" in row:
+        trial["elapsed_time_s"] = _number(place, row, "elapsed_time_s", float)
+    count = _number(place, row, "count", int) if "count" in row else 1
+    if count > MOST_COUNT:
+        raise FoldcarError(f"{place}: count: {count} is above the maximum {MOST_COUNT}")
+    return [trial] * int(count)
+
+
+def _number(place: str, row: Mapping[str, str], name: str, kind: Callable[[str], float]) -> float:
+    try:
+        value = kind(row[name])
+    except ValueError:
+        raise FoldcarError(f'{place}: {name}: "{row[name]}" is no {"whole " if kind is int else ""}number') from None
+    if not math.isfinite(value) or value < 0:
+        raise FoldcarError(f"{place}: {name}: {value:g} is below the minimum 0 or no finite number")
+    return value

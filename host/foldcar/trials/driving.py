@@ -1,0 +1,170 @@
+"""One drive of a car: arm, start, watch, stop. Whatever goes wrong, the car stops, and what is known is told.
+
+Input: a greeted car and the set-point of docs/carsim.md's run. Output: how the drive ended, and what it was worth
+where that is plain. Nothing here asks or prints.
+"""
+
+import contextlib
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from foldcar.errors import FoldcarError
+from foldcar.link.car import Car, CommandRefusedError
+from foldcar.link.stream import LinkLostError
+from foldcar.link.tlog import LogError
+
+# The car itself stops after half a second without us; by then a pulled cable is no hiccup.
+SILENCE_S = 2.0
+AFTERWARDS_S = 0.3
+# How an untethered drive looks from here once the cable is pulled.
+DRIVES_ON = "drives on untethered"
+STEP_S = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class DriveEnd:
+    """``ending`` in words; ``outcome`` if it follows, else None: a person must say; ``error`` if it was broken off."""
+
+    ending: str
+    outcome: str | None
+    elapsed_time_s: float | None
+    error: FoldcarError | None = None
+
+
+class Watcher(Protocol):
+    """Who watches a drive: looks at the messages as they come, and may want it to stop."""
+
+    # A file that `select` can wait for beside the link, or None.
+    also: Any
+
+    def look(self, car: Car) -> None:
+        """Show what is there; called a few times a second."""
+
+    def wants_stop(self) -> str | None:
+        """Why the drive is to stop, in words; None: it goes on."""
+
+
+def drive(
+    car: Car, settings: Mapping[str, Any], trial: int, countdown_s: int, watcher: Watcher, untethered: bool = False
+) -> DriveEnd:
+    """Drive one trial. Never raises what the car, the cable, the disk or the user does: it is in the result.
+
+    An ``untethered`` drive whose cable is pulled ends here as DRIVES_ON, and is left alone.
+    """
+    started = left_alone = False
+    try:
+        with contextlib.suppress(CommandRefusedError):
+            # What an earlier drive left behind; a car that refuses says why when it is armed.
+            car.stop_trial()
+        car.arm()
+        stop = _count_down(car, countdown_s, watcher)
+        if stop is not None:
+            return DriveEnd(f"{stop} before the start", "aborted", None)
+        car.start_trial(
+            settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"], trial, untethered
+        )
+        started = True
+        return _watch(car, trial, watcher)
+    except LinkLostError as error:
+        left_alone = untethered and started
+        if left_alone:
+            return DriveEnd(DRIVES_ON, None, None)
+        return DriveEnd("link lost", "aborted", _elapsed_s(car, trial), error)
+    except LogError as error:
+        car.connection.log = None
+        return DriveEnd("log could not be written", "aborted", _elapsed_s(car, trial), error)
+    except CommandRefusedError as error:
+        fault = car.fault_text()
+        why = f" ({fault}); see what is wrong, then acknowledge it" if fault else ""
+        return DriveEnd("refused by the car", "aborted", None, FoldcarError(f"{error}{why}"))
+    except KeyboardInterrupt:
+        return DriveEnd("Ctrl-C", "aborted", _elapsed_s(car, trial), FoldcarError("stopped by Ctrl-C"))
+    finally:
+        if not left_alone:
+            _stand_still(car)
+
+
+def _count_down(car: Car, countdown_s: int, watcher: Watcher) -> str | None:
+    end_s = time.monotonic() + countdown_s
+    while (left_s := end_s - time.monotonic()) > 0:
+        car.connection.receive(min(STEP_S, left_s), watcher.also)
+        watcher.look(car)
+        stop = watcher.wants_stop()
+        if stop is not None:
+            return stop
+    return None
+
+
+def _watch(car: Car, trial: int, watcher: Watcher) -> DriveEnd:
+    dialect, connection = car.dialect, car.connection
+    booted_ms = 0
+    while True:
+        for message in connection.receive(STEP_S, watcher.also):
+            kind = message.get_type()
+            if kind == "FOLDCAR_TRIAL":
+                if message.time_boot_ms < booted_ms:
+                    return DriveEnd("the car restarted", "aborted", None)
+                booted_ms = message.time_boot_ms
+                if message.trial_id == trial and message.state != dialect.FOLDCAR_STATE_RUNNING:
+                    return _car_ended(car, message)
+            elif kind == "FOLDCAR_TRUTH" and message.trial_id == trial and message.outcome:
+                return _simulator_saw(car, message)
+        watcher.look(car)
+        stop = watcher.wants_stop()
+        if stop is not None:
+            car.stop_trial()
+            _await_end(car, trial)
+            return DriveEnd(stop, None, _elapsed_s(car, trial))
+        if connection.silence_s() > SILENCE_S:
+            raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
+
+
+def _car_ended(car: Car, message: Any) -> DriveEnd:
+    elapsed_s = message.elapsed_ms / 1000
+    if message.end == car.dialect.FOLDCAR_END_TIME_LIMIT:
+        return DriveEnd("time limit", "timeout", elapsed_s)
+    if message.end == car.dialect.FOLDCAR_END_FAULT:
+        fault = car.fault_text() or "fault"
+        return DriveEnd(fault, "aborted", elapsed_s, FoldcarError(f"the car stopped: {fault}"))
+    return DriveEnd("stopped by another host", None, elapsed_s)
+
+
+def _simulator_saw(car: Car, message: Any) -> DriveEnd:
+    car.stop_trial()
+    dialect = car.dialect
+    outcome = {
+        dialect.FOLDCAR_OUTCOME_PASSED: "passed",
+        dialect.FOLDCAR_OUTCOME_TIPPED: "tipped",
+        dialect.FOLDCAR_OUTCOME_STUCK: "stuck",
+        dialect.FOLDCAR_OUTCOME_OFF_COURSE: "off_course",
+    }.get(message.outcome)
+    ending = "goal" if outcome == "passed" else f"simulator saw {outcome}"
+    return DriveEnd(ending, outcome, message.outcome_time)
+
+
+def _await_end(car: Car, trial: int) -> None:
+    """Wait for the message that says how long the car drove."""
+
+    def ended(message: Any) -> bool:
+        if message.get_type() != "FOLDCAR_TRIAL" or message.trial_id != trial:
+            return False
+        return bool(message.state != car.dialect.FOLDCAR_STATE_RUNNING)
+
+    car.connection.wait_for(ended, 1.0)
+
+
+def _elapsed_s(car: Car, trial: int) -> float | None:
+    last = car.connection.latest.get("FOLDCAR_TRIAL")
+    return last.elapsed_ms / 1000 if last is not None and last.trial_id == trial else None
+
+
+def _stand_still(car: Car) -> None:
+    """Stop and disarm as well as it can be done; a car in a fault is still, and refuses."""
+    with contextlib.suppress(FoldcarError, KeyboardInterrupt):
+        car.stop_trial()
+    with contextlib.suppress(FoldcarError, KeyboardInterrupt):
+        car.disarm()
+    with contextlib.suppress(FoldcarError, KeyboardInterrupt):
+        car.connection.wait_for(lambda message: False, AFTERWARDS_S)

@@ -1,0 +1,216 @@
+"""Parts of trials by themselves: places and deviations, a servo's edges, parameter files, logs, car.json."""
+
+import json
+import math
+import resource
+import signal
+import struct
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.car_file import car_json, design_hash, design_name
+from foldcar.design import compose
+from foldcar.errors import FoldcarError
+from foldcar.link.parameters import differences, read_file, same, value_text, write_file
+from foldcar.link.stream import open_stream
+from foldcar.link.tlog import LogError, TlogWriter, read_tlog
+from foldcar.mavlink_dialect import load_dialect
+from foldcar.trials.placement import instructions, names_of, obstacles, parse_deviation, placed
+from foldcar.trials.servo_edges import find_edges
+from foldcar.trials.who import least_tried
+from study_car import empty_scene
+
+BOX = {"kind": "box", "heading_rad": 0.1, "length_m": 0.2, "width_m": 0.3, "height_m": 0.02}
+PYRAMID = [{**BOX, "x_m": 0.45, "y_m": 0.05}, {**BOX, "x_m": 0.45, "y_m": 0.05, "length_m": 0.1, "width_m": 0.1}]
+HOLE = {"kind": "pothole", "x_m": 0.9, "y_m": -0.05, "radius_m": 0.1, "depth_m": 0.02, "edge_m": 0.01}
+
+
+def test_what_stands_on_one_middle_is_one_obstacle() -> None:
+    scene = empty_scene([*PYRAMID, HOLE], goal_x_m=1.3)
+
+    assert [(o.letter, o.pieces) for o in obstacles(scene)] == [("A", (0, 1)), ("B", (2,))]
+    assert names_of(scene) == ["car", "A", "B"]
+    rows = {row[0]: row[1:] for row in instructions(scene)}
+    assert rows["car"][:3] == ("0", "0", "0.0")
+    assert rows["A"] == ("450", "50", "5.7", "box 200 × 300 × 20.0 mm; box 100 × 100 × 20.0 mm")
+    assert rows["B"] == ("900", "-50", "0.0", "hole 20.0 mm deep, radius 100 mm")
+    assert rows["goal"][0] == "1300"
+
+
+def test_the_27th_obstacle_is_AA() -> None:  # noqa: N802
+    scene = empty_scene([{**BOX, "x_m": k / 10, "y_m": 0.0} for k in range(28)])
+
+    assert [o.letter for o in obstacles(scene)][24:] == ["Y", "Z", "AA", "AB"]
+
+
+def test_deviations_move_an_obstacle_as_a_whole() -> None:
+    scene = empty_scene([*PYRAMID, HOLE])
+    moves = dict(parse_deviation(text, names_of(scene)) for text in ("A 10 -5 90", "car -2.5 0", "B 1 1 45"))
+
+    moved = placed(scene, moves)
+
+    for before, after in zip(scene["terrain"][:2], moved["terrain"][:2], strict=True):
+        assert after["x_m"] - before["x_m"] == pytest.approx(0.010)
+        assert after["y_m"] - before["y_m"] == pytest.approx(-0.005)
+        assert after["heading_rad"] - before["heading_rad"] == pytest.approx(math.pi / 2)
+    assert moved["terrain"][2]["x_m"] == pytest.approx(0.901) and "heading_rad" not in moved["terrain"][2]
+    assert moved["start"]["x_m"] == pytest.approx(-0.0025)
+    assert scene["terrain"][0]["x_m"] == 0.45
+
+
+@pytest.mark.parametrize(
+    "text", ["", "C 1 2", "A", "A 1", "A x 2", "A 1 2 3 4", "A nan 1", "A 2000 1", "A 1 1 200", "A inf 1"]
+)
+def test_a_bad_deviation_says_what_is_wrong(text: str) -> None:
+    with pytest.raises(FoldcarError, match=r'^deviation "'):
+        parse_deviation(text, ["car", "A", "B"])
+
+
+@pytest.mark.parametrize(("neutral", "deadband"), [(1500, 45), (1487, 5), (1531, 90), (1440.5, 22)])
+def test_a_servos_edges_are_found_within_the_drivers_step(neutral: float, deadband: float) -> None:
+    asked = []
+
+    def turns(pulse_us: int) -> int:
+        asked.append(pulse_us)
+        return 0 if abs(pulse_us - neutral) <= deadband else int(math.copysign(1, pulse_us - neutral))
+
+    edges = find_edges(turns)
+
+    assert edges.neutral_us == pytest.approx(neutral, abs=2) and edges.deadband_us == pytest.approx(deadband, abs=2)
+    assert len(asked) <= 20 and len(set(asked)) == len(asked)
+
+
+@pytest.mark.parametrize("turns", [lambda pulse: 0, lambda pulse: -1, lambda pulse: 1 if pulse < 1500 else -1])
+def test_a_servo_that_is_wired_wrong_is_told(turns: Any) -> None:
+    with pytest.raises(FoldcarError, match="µs the wheel does not turn as it should"):
+        find_edges(turns)
+
+
+def test_the_least_tried_sample_comes_next() -> None:
+    assert least_tried(3, {}) == 0
+    assert least_tried(3, {0: 1, 1: 1}) == 2
+    assert least_tried(3, {0: 2, 1: 1, 2: 2, 7: 0}) == 1
+
+
+def test_a_parameter_file_reads_back_to_the_same_32_bit_numbers(tmp_path: Path) -> None:
+    values = {f"P{k}": struct.unpack("<f", struct.pack("<f", x))[0] for k, x in enumerate((0.1, 3.4, 25e6, -1 / 3, 0))}
+
+    write_file(tmp_path / "p.parm", values, "of a car")
+
+    read = read_file(tmp_path / "p.parm")
+    assert all(same(read[name], value) for name, value in values.items()) and len(read) == 5
+    assert value_text(values["P1"]) == "3.4" and value_text(values["P2"]) == "25000000"
+    assert differences(read, values) == []
+    differing = differences({"A": 1.0, "B": 2.0}, {"B": 3.0, "C": 4.0})
+    assert differing == [("A", 1.0, None), ("B", 2.0, 3.0), ("C", None, 4.0)]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "holds no parameters"),
+        ("A 1\nB\n", "line 2: is not NAME VALUE: B"),
+        ("A x\n", "line 1: is not NAME VALUE: A x"),
+        ("A nan\n", "line 1: is not NAME VALUE"),
+        ("A 1 2\n", "line 1: is not NAME VALUE"),
+        ("A 1\n# c\nA 2 # again\n", "line 3: A stands there twice"),
+    ],
+)
+def test_a_bad_parameter_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "p.parm").write_text(text)
+
+    with pytest.raises(FoldcarError, match=f"p.parm: {message}"):
+        read_file(tmp_path / "p.parm")
+
+
+def heartbeats(count: int) -> list[bytes]:
+    d = load_dialect()
+    mav = d.MAVLink(None, srcSystem=1, srcComponent=1)
+    packets = []
+    for k in range(count):
+        mav.seq = k % 256
+        packets.append(d.MAVLink_heartbeat_message(10, 0, 0, k, 4, 3).pack(mav))
+    return packets
+
+
+def test_a_log_is_whole_up_to_where_it_was_cut(tmp_path: Path) -> None:
+    log = TlogWriter(tmp_path / "logs" / "t.tlog")
+    for k, packet in enumerate(heartbeats(5)):
+        log.write(packet, 1_000_000 + k)
+    data = log.file.read_bytes()
+
+    assert [(t, m.custom_mode) for t, m in read_tlog(log.file)] == [(1_000_000 + k, k) for k in range(5)]
+    for cut in (1, 8, 20, len(data) // 5 - 1):
+        log.file.write_bytes(data[:-cut])
+        assert len(list(read_tlog(log.file))) == 4
+    log.file.write_bytes(data + b"12345678nonsense")
+    with pytest.raises(LogError, match=f"byte {len(data) + 8}: no MAVLink packet"):
+        list(read_tlog(log.file))
+    log.close()
+
+
+def test_a_log_is_never_overwritten(tmp_path: Path) -> None:
+    TlogWriter(tmp_path / "t.tlog").close()
+
+    with pytest.raises(LogError, match="is there already"):
+        TlogWriter(tmp_path / "t.tlog")
+
+
+def test_a_full_disk_is_told_and_leaves_whole_packets(tmp_path: Path) -> None:
+    """A limit on the file's size cuts a packet short, as the end of a disk does."""
+    packet = heartbeats(1)[0]
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    log = TlogWriter(tmp_path / "t.tlog")
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2 * (8 + len(packet)) + 10, before[1]))
+        log.write(packet)
+        log.write(packet)
+        with pytest.raises(LogError, match="cannot be written: No space left on device"):
+            log.write(packet)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, ignored)
+    log.close()
+    assert len(list(read_tlog(log.file))) == 2
+
+
+def test_car_json_tells_the_firmware_what_the_simulator_is_told() -> None:
+    design = compose("W_B_W", {"width": 95.0})
+
+    content = car_json(design)
+
+    assert [content[key] for key in ("format", "wheel_radius_m", "length_m", "width_m")] == [1, 0.06, 0.2, 0.095]
+    assert [(w["channel"], w["side"], w["direction"]) for w in content["wheels"]] == [
+        (1, "left", 1), (2, "right", -1), (3, "left", 1), (4, "right", -1),
+    ]  # fmt: skip
+    assert not any(name.endswith(("_SIDE", "_DIRECTION")) or name == "TRACK_M" for name in content["parameters"])
+    assert len(content["hash"]) == 16 and int(content["hash"], 16)
+    assert len(json.dumps(content, indent=2)) < 8192
+
+
+def test_every_design_has_a_hash_and_a_short_name_of_its_own() -> None:
+    designs = [compose("W_B_W", {"width": float(w)}) for w in range(65, 250, 5)]
+    designs += [compose("W_B_H_W_H_W", {"radius": 30.0, "W.length": 80.0, "H.fold_up": up}) for up in (0.0, 5.0)]
+
+    assert len({design_hash(design) for design in designs}) == len(designs)
+    assert all(0 < len(design_name(design).encode()) <= 32 for design in designs)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("/dev/no-such-port", "/dev/no-such-port: no such port"),
+        ("/etc/passwd", "/etc/passwd: is no serial port"),
+        ("tcp:localhost", "tcp:localhost: is not tcp:HOST:PORT"),
+        ("tcp:localhost:99999", "tcp:localhost:99999: is not tcp:HOST:PORT"),
+        ("tcp:localhost:1", "tcp:localhost:1: cannot be reached: Connection refused"),
+    ],
+)
+def test_a_port_that_cannot_be_opened_is_told(name: str, message: str) -> None:
+    with pytest.raises(FoldcarError) as error:
+        open_stream(name)
+
+    assert str(error.value) == message

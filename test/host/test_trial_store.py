@@ -1,0 +1,222 @@
+"""Trials in the store: kept beside runs, imported, corrected with a trail, exported, shown in the report."""
+
+import csv
+import json
+import re
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.report.trial_series import summarise_trials
+from foldcar.store import Store
+from foldcar.store_schema import StoreError
+from foldcar.store_writer import write_store
+from foldcar.trial_records import Ending, TrialDesign
+from foldcar.trial_writer import CarFacts, Drive, TrialWriter, write_trials
+from test_report_command import FACTS, add_experiment, width_outcome
+
+PUBLISHED = Path(__file__).resolve().parents[2] / "scenarios" / "published_trials.csv"
+HEADER = "vehicle_type,width_mm,outcome,count,source\n"
+
+
+def begin(writer: TrialWriter, width_mm: float = 95, sample: int = 2) -> int:
+    drive = Drive({"id": "b"}, {"time_limit_s": 120}, {"friction": 0.6}, "fingerprint", sample)
+    moved = {"A": (0.01, -0.02, 0.5)}
+    facts = CarFacts("0123", "abcd", "/dev/pts/7")
+    return writer.begin("1", TrialDesign("W_B_W", {"width_mm": width_mm}), drive, moved, facts, "logs/t.tlog", "Ada")
+
+
+def test_a_trial_is_aborted_until_it_is_completed(tmp_path: Path) -> None:
+    with write_trials(tmp_path / "s.db") as writer:
+        number = begin(writer)
+        assert writer.unfinished() == [(number, "logs/t.tlog")]
+
+    with Store.open(tmp_path / "s.db") as store:
+        trial = store.trial(number)
+    assert (trial.outcome, trial.ending, trial.counts) == ("aborted", "running", False)
+    assert (trial.experiment, trial.sample, trial.operator, trial.log) == ("1", 2, "Ada", "logs/t.tlog")
+    assert trial.deviations == {"A": (0.01, -0.02, 0.5)}
+
+    with write_trials(tmp_path / "s.db") as writer:
+        writer.complete(number, Ending("passed", "goal", 2.5, "fine", "ff"))
+        assert writer.unfinished() == []
+    with Store.open(tmp_path / "s.db") as store:
+        trial = store.trial(number)
+        assert store.trial_drive(number) == ('{"id":"b"}', '{"time_limit_s":120}', '{"friction":0.6}')
+    assert (trial.outcome, trial.ending, trial.elapsed_time_s, trial.note) == ("passed", "goal", 2.5, "fine")
+    assert trial.counts and trial.log_sha256 == "ff" and trial.ended_utc is not None
+
+
+def test_the_least_tried_sample_can_be_told(tmp_path: Path) -> None:
+    with write_trials(tmp_path / "s.db") as writer:
+        for sample, outcome in ((0, "passed"), (0, "tipped"), (1, "stuck"), (1, "aborted")):
+            writer.complete(begin(writer, sample=sample), Ending(outcome, "", None, "", None))
+
+        counts = writer.trial_counts("1", TrialDesign("W_B_W", {"width_mm": 95}), "fingerprint")
+
+        assert counts == {0: 2, 1: 1}
+        assert writer.trial_counts("1", TrialDesign("W_B_W", {"width_mm": 96}), "fingerprint") == {}
+
+
+def test_corrections_leave_a_trail(tmp_path: Path, foldcar: Any) -> None:
+    with write_trials(tmp_path / "s.db") as writer:
+        writer.complete(begin(writer), Ending("passed", "goal", 2.5, "", None))
+
+    answer = foldcar(
+        "trials", "correct", "s.db", "1", "--outcome", "tipped", "--elapsed-time", "1.5",
+        "--reason", "seen on film", "--operator", "Bo",
+    )  # fmt: skip
+    again = foldcar("trials", "correct", "s.db", "1", "--outcome", "stuck", "--reason", "no, stuck")
+
+    assert (answer.returncode, again.returncode) == (0, 0), answer.stderr + again.stderr
+    with Store.open(tmp_path / "s.db") as store:
+        trial, trail = store.trial(1), store.corrections(1)
+    assert (trial.outcome, trial.elapsed_time_s, trial.corrections) == ("stuck", 1.5, 3)
+    assert [(c.field, c.before, c.after, c.reason, c.operator) for c in trail] == [
+        ("outcome", "passed", "tipped", "seen on film", "Bo"),
+        ("elapsed_time_s", 2.5, 1.5, "seen on film", "Bo"),
+        ("outcome", "tipped", "stuck", "no, stuck", ""),
+    ]
+    assert 'outcome "passed" -> "tipped"' in foldcar("trials", "list", "s.db").stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("correct", "s.db", "1", "--reason", "r"), "trials correct: say what to change"),
+        (("correct", "s.db", "1", "--reason", " ", "--note", "n"), "trials correct: --reason: is empty"),
+        (("correct", "s.db", "9", "--reason", "r", "--note", "n"), "s.db: has no trial 9"),
+        (("correct", "s.db", "1", "--reason", "r", "--outcome", "flew"), 's.db: outcome "flew" is none of passed'),
+        (("correct", "none.db", "1", "--reason", "r", "--note", "n"), "none.db: no such store"),
+        (("list", "none.db"), "none.db: no such store"),
+        (("replay", "s.db", "9"), "s.db: has no trial 9"),
+        (("export", "s.db", "1", "--mcap", "x.mcap"), "logs/t.tlog: cannot be read: No such file or directory"),
+    ],
+)
+def test_mistakes_are_one_line(tmp_path: Path, foldcar: Any, words: tuple[str, ...], message: str) -> None:
+    with write_trials(tmp_path / "s.db") as writer:
+        writer.complete(begin(writer), Ending("passed", "goal", 2.5, "", None))
+
+    answer = foldcar("trials", *words)
+
+    assert (answer.returncode, answer.stdout) == (2, "")
+    assert answer.stderr.startswith(f"foldcar: error: {message}") and answer.stderr.count("\n") == 1
+    with Store.open(tmp_path / "s.db") as store:
+        assert store.trial(1).outcome == "passed" and store.corrections(1) == []
+
+
+def test_the_published_table_is_imported_once(tmp_path: Path, foldcar: Any) -> None:
+    first = foldcar("trials", "import", "s.db", PUBLISHED)
+    second = foldcar("trials", "import", "s.db", PUBLISHED)
+
+    assert first.stdout == "44 trials imported, 1 to 44; store: s.db\n", first.stderr
+    assert second.returncode == 2 and "are in s.db already" in second.stderr
+    counts: dict[float, list[int]] = {}
+    with Store.open(tmp_path / "s.db") as store:
+        for trial in store.trials():
+            assert trial.design["radius_mm"] == 60 and trial.source is not None
+            assert sum(trial.design[f"{part}_length_mm"] * n for part, n in (("W", 2), ("B", 1))) == 200
+            counts.setdefault(trial.design["width_mm"], [0, 0])[trial.outcome != "passed"] += 1
+    # The paper's Table 1: width, passed, failed.
+    assert counts == {65: [0, 10], 95: [7, 3], 115: [3, 9], 180: [0, 12]}
+    answer = foldcar("trials", "replay", "s.db", "1")
+    assert answer.returncode == 2 and "trial 1 was imported: its scene is not known" in answer.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "holds no trials"),
+        (HEADER, "holds no trials"),
+        ("vehicle_type,outcome\nW_B_W,passed\n", 'has no column "source"'),
+        ("vehicle_type,outcome,source,colour\n", 'unknown column "colour"; known: vehicle_type'),
+        (HEADER + "W_B_W,95,passed,1\n", "line 2: has 4 cells, the header 5"),
+        (HEADER + "# a comment\nW_B_W,95,flew,1,me\n", 'line 3: outcome: "flew" is none of passed, '),
+        (HEADER + "W_B_W,95,passed,x,me\n", 'line 2: count: "x" is no whole number'),
+        (HEADER + "W_B_W,95,passed,200000,me\n", "line 2: count: 200000 is above the maximum 100000"),
+        (HEADER + "W_B_W,95,passed,-1,me\n", "line 2: count: -1 is below the minimum 0"),
+        (HEADER + "W_B_W,20,passed,1,me\n", "line 2: width: 20 is below the minimum 44.5"),
+        (HEADER + "W_X,95,passed,1,me\n", 'line 2: "W_X" has unknown module "X"'),
+        (HEADER + "W_B_W,95,passed,1,\n", "line 2: source: is empty"),
+    ],
+)
+def test_bad_csv_is_refused_whole(tmp_path: Path, foldcar: Any, text: str, message: str) -> None:
+    (tmp_path / "t.csv").write_text(text)
+
+    answer = foldcar("trials", "import", "s.db", "t.csv", "--experiment", "1")
+
+    assert answer.returncode == 2
+    assert answer.stderr.startswith(f"foldcar: error: t.csv: {message}"), answer.stderr
+    assert not (tmp_path / "s.db").exists()
+
+
+def test_export_has_a_row_for_each_trial(tmp_path: Path, foldcar: Any) -> None:
+    with write_trials(tmp_path / "s.db") as writer:
+        writer.complete(begin(writer), Ending("passed", "goal", 2.5, 'a "note"', "ff"))
+        begin(writer, width_mm=120.5)
+
+    answer = foldcar("export", "s.db", "--trials", "t.csv")
+
+    assert answer.returncode == 0, answer.stderr
+    with (tmp_path / "t.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["trial"], row["width_mm"], row["outcome"], row["note"]) for row in rows] == [
+        ("1", "95", "passed", 'a "note"'),
+        ("2", "120.5", "aborted", ""),
+    ]
+    assert json.loads(rows[0]["deviations"]) == {"A": [0.01, -0.02, 0.5]}
+
+
+def test_a_sweep_and_a_session_keep_out_of_each_others_way(tmp_path: Path) -> None:
+    with (
+        write_trials(tmp_path / "s.db"),
+        pytest.raises(StoreError, match="another sweep or trial is writing"),
+        write_trials(tmp_path / "s.db"),
+    ):
+        pass
+
+
+def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> None:
+    with write_store(tmp_path / "s.db") as study:
+        study.begin_study(FACTS, "build-7")
+        add_experiment(study, "1", {"width_mm": (95.0, 115.0)}, 3, 3, width_outcome)
+    rows = [(95.0, "passed", 7), (95.0, "stuck", 3), (95.0, "aborted", 2), (97.0, "tipped", 1)]
+    with write_trials(tmp_path / "s.db") as writer:
+        for width, outcome, count in rows:
+            design = {"width_mm": width, "height_mm": 50.0}
+            writer.import_trials(
+                [{"experiment": "1", "vehicle_type": "W_B_W", "design": design, "outcome": outcome, "source": "me"}]
+                * count
+            )
+        stranger = {"design": {"width_mm": 95.0, "height_mm": 60.0}, "source": "me"}
+        writer.import_trials([{"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", **stranger}])
+
+    answer = foldcar("report", "s.db", "-o", "out")
+
+    assert answer.returncode == 0, answer.stderr
+    with Store.open(tmp_path / "s.db") as store:
+        summary = summarise_trials(store.trials("1"), store.info().experiments["1"])
+    tally = summary.series["width_mm"][95.0]
+    assert (tally.counted, tally.passed, tally.aborted, summary.strangers) == (10, 7, 2, 1)
+    # Wilson's score interval of 7 in 10 at z = 1.959964, solved by hand.
+    z, n, p = 1.959964, 10, 0.7
+    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * (p * (1 - p) / n + z * z / (4 * n * n)) ** 0.5
+    assert tally.interval == pytest.approx((middle - half, middle + half), abs=1e-6)
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert f"{100 * (middle - half):.1f} – {100 * (middle + half):.1f}" in page
+    assert "1 trials are of cars that are not of this family" in page
+    assert re.search(r"trials\s+passed %", answer.stdout)
+
+
+def test_trials_alone_are_no_study(tmp_path: Path, foldcar: Any) -> None:
+    foldcar("trials", "import", "s.db", PUBLISHED)
+
+    answer = foldcar("report", "s.db", "-o", "out")
+
+    assert answer.returncode == 2 and "holds no study yet" in answer.stderr
+    assert sqlite3.connect(tmp_path / "s.db").execute("SELECT count(*) FROM trial").fetchone() == (44,)
+
+

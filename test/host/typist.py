@@ -1,0 +1,74 @@
+"""A person at a terminal: starts a command on a pseudo-terminal of its own, waits for what it says, types."""
+
+import os
+import pty
+import re
+import select
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import TracebackType
+
+WAIT_S = 60.0
+COMMAND = [sys.executable, "-c", "from foldcar.cli import main; main()"]
+COLOURS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+
+
+class Typist:
+    """``with Typist(folder, "log", …) as person``; ``said`` is what the command has printed."""
+
+    def __init__(self, folder: Path, *words: object) -> None:
+        self._terminal, inner = pty.openpty()
+        self.said = ""
+        self._read_to = 0
+        self.process = subprocess.Popen(
+            [*COMMAND, *map(str, words)], cwd=folder, stdin=inner, stdout=inner, stderr=inner, start_new_session=True,
+            env={**os.environ, "TERM": "xterm", "COLUMNS": "160"},
+        )  # fmt: skip
+        os.close(inner)
+
+    def __enter__(self) -> "Typist":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.process.kill()
+        self.process.wait()
+        os.close(self._terminal)
+
+    def sees(self, text: str) -> str:
+        """Wait for ``text`` after what was seen before; gives all that came up to its end."""
+        return self.sees_one_of(text)
+
+    def sees_one_of(self, *texts: str) -> str:
+        """Wait for whichever of ``texts`` comes first."""
+        end_s = time.monotonic() + WAIT_S
+        start = self._read_to
+        while not any(text in self.said[start:] for text in texts):
+            if not self._read(end_s - time.monotonic()):
+                raise AssertionError(f"none of {texts} came, but {self.said[start:]}")
+        self._read_to = min(self.said.index(text, start) + len(text) for text in texts if text in self.said[start:])
+        return self.said[start : self._read_to]
+
+    def types(self, text: str) -> None:
+        """Type ``text``, without a line's end of its own."""
+        os.write(self._terminal, text.encode())
+
+    def ends(self, timeout_s: float = WAIT_S) -> int:
+        """Wait for the end of the command; gives its exit code."""
+        end_s = time.monotonic() + timeout_s
+        while self._read(max(0.1, end_s - time.monotonic())):
+            pass
+        return self.process.wait(timeout_s)
+
+    def _read(self, timeout_s: float) -> bool:
+        if timeout_s <= 0 or not select.select([self._terminal], [], [], timeout_s)[0]:
+            return False
+        try:
+            data = os.read(self._terminal, 65536)
+        except OSError:
+            return False
+        self.said += COLOURS.sub("", data.decode(errors="replace").replace("\r", ""))
+        return bool(data)

@@ -18,8 +18,8 @@ from foldcar.commands.gallery import gallery
 from foldcar.commands.link import link
 from foldcar.commands.log import log
 from foldcar.commands.model import model
-from foldcar.commands.pattern import pattern
 from foldcar.commands.params import params
+from foldcar.commands.pattern import pattern
 from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import sample

@@ -13,7 +13,7 @@ from typing import Any
 
 from foldcar.design import DesignError, compose
 from foldcar.errors import FoldcarError
-from foldcar.modules import parameters
+from foldcar.compiler.modules import parameters
 from foldcar.trial_records import TRIAL_OUTCOMES
 
 NEEDED = ("vehicle_type", "outcome", "source")

@@ -11,9 +11,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from foldcar.compiler.modules import parameters
 from foldcar.design import DesignError, compose
 from foldcar.errors import FoldcarError
-from foldcar.compiler.modules import parameters
 from foldcar.trial_records import TRIAL_OUTCOMES
 
 NEEDED = ("vehicle_type", "outcome", "source")

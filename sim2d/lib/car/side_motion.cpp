@@ -40,9 +40,10 @@ void SideMotion::step(double step_s, const PlaneRates& plane, std::vector<Ground
     for (GroundContact& contact : contacts) {
       const double slip_m_s = slide + contact.ahead_m * turn + (contact.depth_m - com_height_m_) * plane.roll_rate_rad_s;
       const double per_impulse = 1 / mass_kg_ + contact.ahead_m * contact.ahead_m / inertia_kg_m2;
-      // Friction opposes the slip as a whole: both directions' wishes are shortened alike to what it can give.
+      // Friction opposes the slip as a whole: both directions' wishes, in one measure, are shortened alike to what it
+      // can give. A contact that goes on sliding comes to give in the proportion of its slips.
       const double side_wish = contact.side_n_s - slip_m_s / per_impulse;
-      const double tangent_wish = contact.tangent_n_s + contact.slip_mass_kg * contact.slip_m_s;
+      const double tangent_wish = contact.tangent_n_s + contact.slip_m_s / per_impulse;
       const double wish = std::hypot(side_wish, tangent_wish);
       const double share = wish > contact.limit_n_s ? contact.limit_n_s / wish : 1;
       const double side = share * side_wish;

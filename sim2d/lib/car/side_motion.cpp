@@ -7,7 +7,7 @@ namespace foldcar {
 namespace {
 
 // Sequential impulses over a handful of contacts with two unknowns: more rounds change nothing.
-constexpr int kRounds = 8;
+constexpr int kRounds = 20;
 
 }  // namespace
 
@@ -48,7 +48,9 @@ void SideMotion::step(double step_s, const PlaneRates& plane, std::vector<Ground
       const double wish = std::hypot(side_wish, tangent_wish);
       const double share = wish > contact.limit_n_s ? contact.limit_n_s / wish : 1;
       const double side = share * side_wish;
-      const double tangent = way * std::min(way * contact.tangent_n_s, share * tangent_wish);
+      // A belly's edge that holds in the plane is left to hold.
+      const double tangent =
+          contact.rolls ? way * std::min(way * contact.tangent_n_s, share * tangent_wish) : contact.tangent_n_s;
       const double given = side - contact.side_n_s;
       slide += given / mass_kg_;
       turn += (contact.ahead_m * given -

@@ -268,6 +268,7 @@ void TwinTrackCar::enter_contact(b2Body& body, const b2Body* ground, const b2Wor
   GroundContact contact;
   contact.ahead_m = to_metres(from_com.x) + main_.com_x_m - constants_.com_x_m;
   contact.left_m = left_m;
+  contact.rolls = ground != nullptr;
   contact.depth_m = to_metres(std::sin(pitch_rad) * from_com.x - std::cos(pitch_rad) * from_com.y);
   contact.limit_n_s = friction * to_metres(impulses.normalImpulse);
   contact.tangent_n_s = to_metres(impulses.tangentImpulse);

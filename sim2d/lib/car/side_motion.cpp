@@ -7,7 +7,7 @@ namespace foldcar {
 namespace {
 
 // Sequential impulses over a handful of contacts with two unknowns: more rounds change nothing.
-constexpr int kRounds = 8;
+constexpr int kRounds = 20;
 
 }  // namespace
 
@@ -40,14 +40,17 @@ void SideMotion::step(double step_s, const PlaneRates& plane, std::vector<Ground
     for (GroundContact& contact : contacts) {
       const double slip_m_s = slide + contact.ahead_m * turn + (contact.depth_m - com_height_m_) * plane.roll_rate_rad_s;
       const double per_impulse = 1 / mass_kg_ + contact.ahead_m * contact.ahead_m / inertia_kg_m2;
-      // Friction opposes the slip as a whole: both directions' wishes are shortened alike to what it can give.
+      // Friction opposes the slip as a whole: both directions' wishes, in one measure, are shortened alike to what it
+      // can give. A contact that goes on sliding comes to give in the proportion of its slips.
       const double side_wish = contact.side_n_s - slip_m_s / per_impulse;
-      const double tangent_wish = contact.tangent_n_s + contact.slip_mass_kg * contact.slip_m_s;
+      const double way = contact.tangent_n_s < 0 ? -1 : 1;
+      const double tangent_wish = way * contact.tangent_n_s + std::max(0.0, way * contact.slip_m_s / per_impulse);
       const double wish = std::hypot(side_wish, tangent_wish);
       const double share = wish > contact.limit_n_s ? contact.limit_n_s / wish : 1;
       const double side = share * side_wish;
-      const double tangent = std::clamp(share * tangent_wish, std::min(0.0, contact.tangent_n_s),
-                                        std::max(0.0, contact.tangent_n_s));
+      // A belly's edge that holds in the plane is left to hold.
+      const double tangent =
+          contact.rolls ? way * std::min(way * contact.tangent_n_s, share * tangent_wish) : contact.tangent_n_s;
       const double given = side - contact.side_n_s;
       slide += given / mass_kg_;
       turn += (contact.ahead_m * given -

@@ -21,8 +21,8 @@ struct GroundContact {
   double limit_n_s = 0;    // friction times the step's normal impulse
   double tangent_n_s = 0;  // friction's impulse on the car in the plane, as the plane's solver left it
   double tangent_x = 1;    // forward share of the direction it is counted in
+  bool rolls = true;       // a wheel's, not a belly's
   double slip_m_s = 0;     // of the ground against the car, in that direction
-  double slip_mass_kg = 0;  // impulse that changes this slip by 1 m/s
   // Results.
   double side_n_s = 0;          // impulse on the car, to the left
   double kept_tangent_n_s = 0;  // what the friction circle leaves of tangent_n_s

@@ -260,8 +260,7 @@ std::optional<std::size_t> TwinTrackCar::belly_of(const b2Body* a, const b2Body*
 // Enters a contact point of the plane for share_friction(). into_car is the manifold's sign: +1 if its normal points
 // into the car's body.
 void TwinTrackCar::enter_contact(b2Body& body, const b2Body* ground, const b2WorldManifold& where, int point,
-                                 const b2ManifoldPoint& impulses, float into_car, double left_m, double friction,
-                                 double slip_mass_kg) {
+                                 const b2ManifoldPoint& impulses, float into_car, double left_m, double friction) {
   const b2Vec2 place = where.points[point];
   const b2Vec2 tangent = into_car * b2Cross(where.normal, 1.0f);
   const b2Vec2 from_com = place - car_.chassis->GetPosition();
@@ -269,6 +268,7 @@ void TwinTrackCar::enter_contact(b2Body& body, const b2Body* ground, const b2Wor
   GroundContact contact;
   contact.ahead_m = to_metres(from_com.x) + main_.com_x_m - constants_.com_x_m;
   contact.left_m = left_m;
+  contact.rolls = ground != nullptr;
   contact.depth_m = to_metres(std::sin(pitch_rad) * from_com.x - std::cos(pitch_rad) * from_com.y);
   contact.limit_n_s = friction * to_metres(impulses.normalImpulse);
   contact.tangent_n_s = to_metres(impulses.tangentImpulse);
@@ -276,7 +276,6 @@ void TwinTrackCar::enter_contact(b2Body& body, const b2Body* ground, const b2Wor
   b2Vec2 slip = -body.GetLinearVelocityFromWorldPoint(place);
   if (ground != nullptr) slip += ground->GetLinearVelocity();
   contact.slip_m_s = to_metres(b2Dot(slip, tangent));
-  contact.slip_mass_kg = slip_mass_kg;
   contacts_.push_back(contact);
   touching_.push_back({&body, place, tangent});
 }
@@ -313,11 +312,8 @@ void TwinTrackCar::read_contacts() {
           const WheelSpec& spec = body_.wheels[i];
           const std::size_t side = static_cast<std::size_t>(spec.side);
           const double left_m = (side == 0 ? 0.5 : -0.5) * body_.track_m * cos_roll(q);
-          const double spin_kg_m2 = 0.5 * spec.mass_kg * spec.radius_m * spec.radius_m +
-                                    spec.servo.rotor_inertia_kg_m2;
           enter_contact(*car_.wheel[i], car_.track[side], where, j, point, into_car, left_m,
-                        wheels_[i].friction * spec.grip,
-                        1 / (1 / constants_.mass_kg + spec.radius_m * spec.radius_m / spin_kg_m2));
+                        wheels_[i].friction * spec.grip);
         }
         if (!terrain_.has_patches()) continue;
         take_friction(i, to_metres(where.points[0].x));
@@ -339,7 +335,7 @@ void TwinTrackCar::read_contacts() {
       belly_yaw_n_m -= force.x * y_m;
       const double friction = friction_at(contact_s_m, y_m);
       if (terrain_.has_patches()) contact->SetFriction(static_cast<float>(friction * grip));
-      enter_contact(chassis, nullptr, where, j, point, into_car, y_m, friction * grip, 0);
+      enter_contact(chassis, nullptr, where, j, point, into_car, y_m, friction * grip);
     }
   }
   belly_roll_couple_n_m_ += belly_gain_ * (belly_roll_n_m - belly_roll_couple_n_m_);

@@ -77,8 +77,7 @@ class TwinTrackCar {
   void take_belly_friction();
   void share_friction();
   void enter_contact(b2Body& body, const b2Body* ground, const b2WorldManifold& where, int point,
-                     const b2ManifoldPoint& impulses, float into_car, double left_m, double friction,
-                     double slip_mass_kg);
+                     const b2ManifoldPoint& impulses, float into_car, double left_m, double friction);
   b2Vec2 chassis_velocity() const;  // m/s, of the main segment's centre of mass
   void update_state();
 

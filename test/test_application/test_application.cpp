@@ -1,4 +1,4 @@
-// The application's tick and console over a recording HAL: order, pulses by state, bus faults, many cars.
+// The application's tick over a recording HAL: order, pulses by state, bus faults, many cars.
 #include <unity.h>
 
 #include <cmath>
@@ -9,7 +9,6 @@
 #include "../hal_contract.h"
 #include "../recording_hal.h"
 #include "application.h"
-#include "console.h"
 
 using namespace foldcar;
 
@@ -18,7 +17,7 @@ void tearDown() {}
 
 namespace {
 
-constexpr TrialRequest kTrial{0.69f, 0.0f, 5.0f, true};
+constexpr TrialRequest kTrial{0.69f, 0.0f, 5.0f, true, 1};
 constexpr PulsesUs kOff{};
 
 struct Bench {
@@ -61,7 +60,8 @@ void outputs_are_off_before_parameters_are_loaded() {
   storage.servos = &board.servos;
   storage.values["TRACK_M"] = 0.25f;
   Parameters parameters;
-  Application application({board.clock, board.servos, board.battery, board.link, storage}, parameters);
+  Application application(
+      {board.clock, board.servos, board.battery, board.link, storage, board.imu, board.logs, board.board}, parameters);
 
   application.begin();
 
@@ -153,7 +153,7 @@ void after_a_long_gap_the_ramp_does_not_jump() {
 
 void a_late_tick_does_not_lengthen_the_trial() {
   Bench bench;
-  bench.run({0.1f, 0.0f, 1.0f, true});
+  bench.run({0.1f, 0.0f, 1.0f, true, 0});
   bench.tick(1500000);
   TEST_ASSERT_TRUE(bench.application.status().state == State::kFinished);
   TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
@@ -231,7 +231,7 @@ void many_applications_do_not_influence_each_other() {
     const float n = static_cast<float>(number);
     bench->parameters.set("TRACK_M", 0.08f + 0.005f * n);
     bench->parameters.set("STAGGER_MS", 3.0f * n);
-    bench->run({0.1f + 0.01f * n, 0.2f * n - 4.0f, 0.5f + 0.02f * n, true});
+    bench->run({0.1f + 0.01f * n, 0.2f * n - 4.0f, 0.5f + 0.02f * n, true, 0});
     return bench;
   };
   std::vector<std::unique_ptr<Bench>> together;
@@ -247,47 +247,121 @@ void many_applications_do_not_influence_each_other() {
   }
 }
 
-void the_console_prints_one_line_a_second_and_obeys_letters() {
-  Bench bench;
-  Console console(bench.application, bench.board.link);
-  bench.application.begin();
-  std::string& text = bench.board.link.outgoing;
-  for (int i = 0; i < 150; ++i) {
-    bench.tick();
-    console.poll(bench.board.clock.time_us);
-  }
-  const std::string line = "disarmed, fault: none, trial 0 ms, battery 4000 mV, last command: ok\r\n";
-  TEST_ASSERT_TRUE(text == line + line + line);
-
-  const auto state_after = [&](const char* letters) {
-    bench.board.link.incoming = letters;
-    console.poll(bench.board.clock.time_us);
-    return bench.application.status().state;
+void a_reset_by_a_watchdog_or_a_brown_out_is_a_fault() {
+  const auto fault_after = [](ResetReason reason) {
+    Bench bench;
+    bench.board.board.reason = reason;
+    bench.application.begin();
+    return bench.application.status().fault;
   };
-  TEST_ASSERT_TRUE(state_after("g\r\n") == State::kDisarmed);
-  TEST_ASSERT_TRUE(state_after("a") == State::kArmed);
-  TEST_ASSERT_TRUE(state_after("g") == State::kRunning);
-  TEST_ASSERT_TRUE(state_after("s") == State::kFinished);
-  TEST_ASSERT_TRUE(state_after("d") == State::kDisarmed);
-  bench.board.servos.answers = false;
-  bench.tick();
-  bench.board.servos.answers = true;
-  TEST_ASSERT_TRUE(state_after("a") == State::kFault);
-  TEST_ASSERT_TRUE(state_after("c") == State::kDisarmed);
+  TEST_ASSERT_TRUE(fault_after(ResetReason::kPowerOn) == Fault::kNone);
+  TEST_ASSERT_TRUE(fault_after(ResetReason::kSoftware) == Fault::kNone);
+  TEST_ASSERT_TRUE(fault_after(ResetReason::kBrownOut) == Fault::kBrownOut);
+  for (const ResetReason reason : {ResetReason::kCrash, ResetReason::kInterruptWatchdog, ResetReason::kTaskWatchdog,
+                                   ResetReason::kOtherWatchdog}) {
+    TEST_ASSERT_TRUE(fault_after(reason) == Fault::kWatchdog);
+  }
 }
 
-void a_slow_link_gets_whole_lines_without_anyone_waiting() {
+void a_refused_design_keeps_the_car_from_moving_even_when_acknowledged() {
   Bench bench;
-  Console console(bench.application, bench.board.link);
+  DesignResult design;
+  design.source = DesignSource::kRefused;
+  bench.application.begin(design);
+  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kDesign);
+  TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNone);
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kDesign);
+  TEST_ASSERT_TRUE(bench.application.test(0, 1500.0f, 1.0f) == Refusal::kDesign);
+}
+
+void a_car_that_lies_on_its_side_stops_if_it_has_an_imu() {
+  Bench bench;
+  bench.board.imu.fitted = true;
+  bench.board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
+  bench.run();
+  for (int i = 0; i < 10; ++i) bench.tick();
+  TEST_ASSERT_TRUE(bench.application.status().state == State::kRunning);
+  bench.board.imu.now.acceleration_m_s2 = {0.0f, 9.81f, 0.0f};
+  int ticks = 0;
+  for (; ticks < 200 && bench.application.is_driving(); ++ticks) bench.tick();
+  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kTilt);
+  TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
+  // Gravity turns the estimate with a time constant of 0.5 s; then 0.3 s must pass.
+  TEST_ASSERT_TRUE(ticks > 15 && ticks < 80);
+}
+
+void an_imu_that_stops_answering_stops_the_car() {
+  Bench bench;
+  bench.board.imu.fitted = true;
+  bench.board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
+  bench.run();
+  bench.tick();
+  bench.board.imu.answers = false;
+  bench.tick();
+  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kImu);
+  TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
+}
+
+// Full stick ahead is WHEEL_MAX_RAD_S: 1500 + 45 + 155 us forward at the default gain, mirrored on the right.
+void the_stick_drives_an_armed_car() {
+  Bench bench;
   bench.application.begin();
-  bench.board.battery.volts = NAN;
-  bench.board.link.room = 3;
-  for (int i = 0; i < 49; ++i) {
+  TEST_ASSERT_TRUE(bench.application.drive_by_hand(1.0f, 0.0f) == Refusal::kNotArmed);
+  bench.application.arm();
+  TEST_ASSERT_TRUE(bench.application.drive_by_hand(0.0f, 0.0f) == Refusal::kNone);
+  bench.tick();
+  TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
+  for (int i = 0; i < 50; ++i) {
+    bench.application.drive_by_hand(1.0f, 0.0f);
     bench.tick();
-    console.poll(bench.board.clock.time_us);
   }
-  TEST_ASSERT_EQUAL_STRING("disarmed, fault: none, trial 0 ms, battery -1 mV, last command: ok\r\n",
-                           bench.board.link.outgoing.c_str());
+  TEST_ASSERT_TRUE(bench.application.status().state == State::kManual);
+  TEST_ASSERT_FLOAT_WITHIN(0.1f, 1700.0f, bench.last_us()[0]);
+  TEST_ASSERT_FLOAT_WITHIN(0.1f, 1300.0f, bench.last_us()[1]);
+  for (int i = 0; i < 50; ++i) {
+    bench.application.drive_by_hand(0.0f, 1.0f);
+    bench.tick();
+  }
+  TEST_ASSERT_FLOAT_WITHIN(0.1f, 1300.0f, bench.last_us()[0]);  // left wheels backward, right ones forward
+  TEST_ASSERT_FLOAT_WITHIN(0.1f, 1300.0f, bench.last_us()[1]);
+  for (int i = 0; i < 26; ++i) bench.tick();
+  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kCommandStale);
+  TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
+  TEST_ASSERT_TRUE(bench.application.drive_by_hand(NAN, 0.0f) == Refusal::kNotANumber);
+  TEST_ASSERT_TRUE(bench.application.drive_by_hand(1.1f, 0.0f) == Refusal::kNotANumber);
+}
+
+void a_test_puts_its_pulse_on_one_output_only_and_ends() {
+  Bench bench;
+  bench.application.begin();
+  TEST_ASSERT_TRUE(bench.application.test(2, 1480.0f, 0.2f) == Refusal::kNone);
+  for (int i = 0; i < 9; ++i) {
+    bench.tick();
+    PulsesUs expected{};
+    expected[2] = 1480.0f;
+    TEST_ASSERT_TRUE(bench.last_us() == expected);
+  }
+  bench.tick();
+  TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
+  TEST_ASSERT_TRUE(bench.application.status().state == State::kDisarmed);
+  TEST_ASSERT_TRUE(bench.application.test(8, 1500.0f, 0.2f) == Refusal::kTest);
+  TEST_ASSERT_TRUE(bench.application.test(0, 999.0f, 0.2f) == Refusal::kTest);
+  TEST_ASSERT_TRUE(bench.application.test(0, 2001.0f, 0.2f) == Refusal::kTest);
+  TEST_ASSERT_TRUE(bench.application.test(0, NAN, 0.2f) == Refusal::kTest);
+}
+
+void a_parameter_that_is_set_is_saved_and_forgotten_on_request() {
+  Bench bench;
+  bench.application.begin();
+  bool saved = false;
+  TEST_ASSERT_TRUE(bench.application.set_parameter(Parameter::kTrackM, 0.2f, saved) == SetResult::kOk);
+  TEST_ASSERT_TRUE(saved);
+  TEST_ASSERT_EQUAL_FLOAT(0.2f, bench.board.storage.values["TRACK_M"]);
+  TEST_ASSERT_TRUE(bench.application.set_parameter(Parameter::kTrackM, -1.0f, saved) == SetResult::kBelowMinimum);
+  TEST_ASSERT_FALSE(saved);
+  TEST_ASSERT_TRUE(bench.application.forget_parameters());
+  TEST_ASSERT_TRUE(bench.board.storage.values.empty());
+  TEST_ASSERT_EQUAL_FLOAT(0.111f, bench.parameters.get(Parameter::kTrackM));
 }
 
 int main() {
@@ -306,8 +380,13 @@ int main() {
   RUN_TEST(parameters_changed_in_a_trial_drive_the_next_one);
   RUN_TEST(status_tells_the_state_the_time_and_the_pulses);
   RUN_TEST(many_applications_do_not_influence_each_other);
-  RUN_TEST(the_console_prints_one_line_a_second_and_obeys_letters);
-  RUN_TEST(a_slow_link_gets_whole_lines_without_anyone_waiting);
+  RUN_TEST(a_reset_by_a_watchdog_or_a_brown_out_is_a_fault);
+  RUN_TEST(a_refused_design_keeps_the_car_from_moving_even_when_acknowledged);
+  RUN_TEST(a_car_that_lies_on_its_side_stops_if_it_has_an_imu);
+  RUN_TEST(an_imu_that_stops_answering_stops_the_car);
+  RUN_TEST(the_stick_drives_an_armed_car);
+  RUN_TEST(a_test_puts_its_pulse_on_one_output_only_and_ends);
+  RUN_TEST(a_parameter_that_is_set_is_saved_and_forgotten_on_request);
   UNITY_END();
   return 0;
 }

@@ -56,7 +56,7 @@ void a_name_leads_to_its_typed_index() {
     is((prefix + "DEADBAND_US").c_str(), channel_parameter(channel, ChannelParameter::kDeadbandUs));
     is((prefix + "GAIN_US").c_str(), channel_parameter(channel, ChannelParameter::kGainUs));
   }
-  TEST_ASSERT_EQUAL_UINT(10 + 8 * 5, parameter_table().size());
+  TEST_ASSERT_EQUAL_UINT(12 + 8 * 5, parameter_table().size());
 }
 
 void a_new_object_describes_the_study_car() {
@@ -115,7 +115,9 @@ void values_survive_storage() {
   Parameters written;
   written.set("TRACK_M", 0.2f);
   written.set("CH3_NEUTRAL_US", 1512.5f);
-  TEST_ASSERT_TRUE(written.save(storage));
+  TEST_ASSERT_TRUE(written.save(storage, Parameter::kTrackM));
+  TEST_ASSERT_TRUE(written.save(storage, channel_parameter(2, ChannelParameter::kNeutralUs)));
+  TEST_ASSERT_EQUAL_UINT(2, storage.values.size());
 
   Parameters read;
   TEST_ASSERT_EQUAL_UINT(0, read.load(storage));
@@ -145,7 +147,19 @@ void stored_values_beyond_the_limits_are_counted_and_not_taken() {
 void a_storage_that_takes_nothing_is_noticed() {
   RecordingStorage storage;
   storage.accepts = false;
-  TEST_ASSERT_FALSE(Parameters().save(storage));
+  TEST_ASSERT_FALSE(Parameters().save(storage, Parameter::kTrackM));
+}
+
+void a_fixed_value_is_neither_set_nor_loaded() {
+  RecordingStorage storage;
+  storage.values = {{"TRACK_M", 0.3f}};
+  Parameters parameters;
+  TEST_ASSERT_TRUE(parameters.fix(Parameter::kTrackM, -1.0f) == SetResult::kBelowMinimum);
+  TEST_ASSERT_TRUE(parameters.set("TRACK_M", 0.25f) == SetResult::kOk);
+  TEST_ASSERT_TRUE(parameters.fix(Parameter::kTrackM, 0.2f) == SetResult::kOk);
+  TEST_ASSERT_TRUE(parameters.set("TRACK_M", 0.25f) == SetResult::kFixed);
+  TEST_ASSERT_EQUAL_UINT(0, parameters.load(storage));
+  TEST_ASSERT_EQUAL_FLOAT(0.2f, parameters.get(Parameter::kTrackM));
 }
 
 void objects_do_not_share_values() {
@@ -168,6 +182,7 @@ int main() {
   RUN_TEST(empty_storage_leaves_values_alone);
   RUN_TEST(stored_values_beyond_the_limits_are_counted_and_not_taken);
   RUN_TEST(a_storage_that_takes_nothing_is_noticed);
+  RUN_TEST(a_fixed_value_is_neither_set_nor_loaded);
   RUN_TEST(objects_do_not_share_values);
   UNITY_END();
   return 0;

@@ -18,17 +18,19 @@ namespace {
 
 constexpr float kGoodV = 4.0f;
 constexpr float kLowV = 3.0f;
-constexpr TrialRequest kTrial{0.2f, 0.0f, 10.0f, false};
-constexpr TrialRequest kUntethered{0.2f, 0.0f, 10.0f, true};
+constexpr TrialRequest kTrial{0.2f, 0.0f, 10.0f, false, 1};
+constexpr TrialRequest kUntethered{0.2f, 0.0f, 10.0f, true, 2};
 
 constexpr std::uint64_t ms(std::uint64_t time_ms) { return 1000 * time_ms; }
 
 // All by legal events at time 0.
 void bring_to(State state, Supervisor& supervisor) {
   if (state == State::kDisarmed) return;
+  if (state == State::kTesting) return static_cast<void>(supervisor.test(3.0f, kGoodV, 0));
   supervisor.arm(kGoodV);
   if (state == State::kArmed) return;
   if (state == State::kFault) return supervisor.report(Fault::kBus);
+  if (state == State::kManual) return static_cast<void>(supervisor.drive_by_hand(true, 0));
   supervisor.start(kTrial, 0);
   if (state == State::kFinished) supervisor.stop();
 }
@@ -41,11 +43,12 @@ struct Expected {
 struct Event {
   const char* name;
   std::function<Refusal(Supervisor&)> happen;
-  Expected expected[5];  // in the order of State
+  Expected expected[7];  // in the order of State
 };
 
-Refusal tick(Supervisor& supervisor, std::uint64_t now_us, float battery_v) {
-  supervisor.tick({now_us, battery_v});
+Refusal tick(Supervisor& supervisor, std::uint64_t now_us, float battery_v, bool imu_lost = false,
+             float tilt_rad = 0.0f) {
+  supervisor.tick({now_us, battery_v, imu_lost, tilt_rad});
   return Refusal::kNone;
 }
 
@@ -54,86 +57,134 @@ constexpr State kArmed = State::kArmed;
 constexpr State kRunning = State::kRunning;
 constexpr State kFinished = State::kFinished;
 constexpr State kFault = State::kFault;
+constexpr State kManual = State::kManual;
+constexpr State kTesting = State::kTesting;
+constexpr Refusal kBusy = Refusal::kRunning;
+constexpr Refusal kLatched = Refusal::kFaultLatched;
+constexpr float kTooFarRad = 1.2f;
 constexpr Refusal kOk = Refusal::kNone;
 
 // docs/firmware.md holds this table in words.
 const std::vector<Event> kTable = {
     {"arm", [](Supervisor& s) { return s.arm(kGoodV); },
-     {{kArmed, kOk},
-      {kArmed, kOk},
-      {kRunning, Refusal::kRunning},
-      {kArmed, kOk},
-      {kFault, Refusal::kFaultLatched}}},
+     {{kArmed, kOk}, {kArmed, kOk}, {kRunning, kBusy}, {kArmed, kOk}, {kFault, kLatched}, {kManual, kBusy},
+      {kTesting, kBusy}}},
     {"arm with a low battery", [](Supervisor& s) { return s.arm(kLowV); },
-     {{kDisarmed, Refusal::kBatteryLow},
-      {kArmed, Refusal::kBatteryLow},
-      {kRunning, Refusal::kRunning},
-      {kFinished, Refusal::kBatteryLow},
-      {kFault, Refusal::kFaultLatched}}},
+     {{kDisarmed, Refusal::kBatteryLow}, {kArmed, Refusal::kBatteryLow}, {kRunning, kBusy},
+      {kFinished, Refusal::kBatteryLow}, {kFault, kLatched}, {kManual, kBusy}, {kTesting, kBusy}}},
     {"arm with an unreadable battery", [](Supervisor& s) { return s.arm(NAN); },
-     {{kDisarmed, Refusal::kBatteryUnreadable},
-      {kArmed, Refusal::kBatteryUnreadable},
-      {kRunning, Refusal::kRunning},
-      {kFinished, Refusal::kBatteryUnreadable},
-      {kFault, Refusal::kFaultLatched}}},
+     {{kDisarmed, Refusal::kBatteryUnreadable}, {kArmed, Refusal::kBatteryUnreadable}, {kRunning, kBusy},
+      {kFinished, Refusal::kBatteryUnreadable}, {kFault, kLatched}, {kManual, kBusy}, {kTesting, kBusy}}},
+    {"arm with car.json refused",
+     [](Supervisor& s) {
+       s.refuse_design();
+       return s.arm(kGoodV);
+     },
+     {{kDisarmed, Refusal::kDesign}, {kArmed, Refusal::kDesign}, {kRunning, kBusy}, {kFinished, Refusal::kDesign},
+      {kFault, kLatched}, {kManual, kBusy}, {kTesting, kBusy}}},
     {"disarm", [](Supervisor& s) { return s.disarm(); },
-     {{kDisarmed, kOk},
-      {kDisarmed, kOk},
-      {kDisarmed, kOk},
-      {kDisarmed, kOk},
-      {kFault, Refusal::kFaultLatched}}},
-    {"start", [](Supervisor& s) { return s.start(kTrial, ms(50)); },
-     {{kDisarmed, Refusal::kNotArmed},
-      {kRunning, kOk},
-      {kRunning, Refusal::kRunning},
-      {kFinished, Refusal::kNotArmed},
-      {kFault, Refusal::kFaultLatched}}},
-    {"start with a bad request", [](Supervisor& s) { return s.start({NAN, 0.0f, 10.0f, false}, ms(50)); },
-     {{kDisarmed, Refusal::kNotArmed},
-      {kArmed, Refusal::kNotANumber},
-      {kRunning, Refusal::kRunning},
-      {kFinished, Refusal::kNotArmed},
-      {kFault, Refusal::kFaultLatched}}},
-    {"stop", [](Supervisor& s) { return s.stop(); },
-     {{kDisarmed, kOk}, {kArmed, kOk}, {kFinished, kOk}, {kFinished, kOk}, {kFault, kOk}}},
-    {"acknowledge", [](Supervisor& s) { return s.acknowledge(); },
-     {{kDisarmed, Refusal::kNoFault},
-      {kArmed, Refusal::kNoFault},
-      {kRunning, Refusal::kNoFault},
-      {kFinished, Refusal::kNoFault},
+     {{kDisarmed, kOk}, {kDisarmed, kOk}, {kDisarmed, kOk}, {kDisarmed, kOk}, {kFault, kLatched}, {kDisarmed, kOk},
       {kDisarmed, kOk}}},
-    {"refresh the command", [](Supervisor& s) { return s.refresh_command(ms(50)); },
-     {{kDisarmed, Refusal::kNotRunning},
-      {kArmed, Refusal::kNotRunning},
-      {kRunning, kOk},
-      {kFinished, Refusal::kNotRunning},
-      {kFault, Refusal::kFaultLatched}}},
+    {"start", [](Supervisor& s) { return s.start(kTrial, ms(50)); },
+     {{kDisarmed, Refusal::kNotArmed}, {kRunning, kOk}, {kRunning, kBusy}, {kFinished, Refusal::kNotArmed},
+      {kFault, kLatched}, {kManual, kBusy}, {kTesting, kBusy}}},
+    {"start with a bad request", [](Supervisor& s) { return s.start({NAN, 0.0f, 10.0f, false, 0}, ms(50)); },
+     {{kDisarmed, Refusal::kNotArmed}, {kArmed, Refusal::kNotANumber}, {kRunning, kBusy},
+      {kFinished, Refusal::kNotArmed}, {kFault, kLatched}, {kManual, kBusy}, {kTesting, kBusy}}},
+    {"the stick moves", [](Supervisor& s) { return s.drive_by_hand(true, ms(50)); },
+     {{kDisarmed, Refusal::kNotArmed}, {kManual, kOk}, {kRunning, kBusy}, {kFinished, Refusal::kNotArmed},
+      {kFault, kLatched}, {kManual, kOk}, {kTesting, kBusy}}},
+    {"the stick rests", [](Supervisor& s) { return s.drive_by_hand(false, ms(50)); },
+     {{kDisarmed, Refusal::kNotArmed}, {kArmed, kOk}, {kRunning, kBusy}, {kFinished, Refusal::kNotArmed},
+      {kFault, kLatched}, {kManual, kOk}, {kTesting, kBusy}}},
+    {"test an output", [](Supervisor& s) { return s.test(1.0f, kGoodV, ms(50)); },
+     {{kTesting, kOk}, {kArmed, Refusal::kNotDisarmed}, {kRunning, kBusy}, {kTesting, kOk}, {kFault, kLatched},
+      {kManual, kBusy}, {kTesting, kOk}}},
+    {"test an output for no time", [](Supervisor& s) { return s.test(0.0f, kGoodV, ms(50)); },
+     {{kDisarmed, kOk}, {kArmed, Refusal::kNotDisarmed}, {kRunning, kBusy}, {kDisarmed, kOk}, {kFault, kLatched},
+      {kManual, kBusy}, {kDisarmed, kOk}}},
+    {"test an output for too long", [](Supervisor& s) { return s.test(3.1f, kGoodV, ms(50)); },
+     {{kDisarmed, Refusal::kTest}, {kArmed, Refusal::kNotDisarmed}, {kRunning, kBusy}, {kFinished, Refusal::kTest},
+      {kFault, kLatched}, {kManual, kBusy}, {kTesting, Refusal::kTest}}},
+    {"test an output for no number of seconds", [](Supervisor& s) { return s.test(NAN, kGoodV, ms(50)); },
+     {{kDisarmed, Refusal::kTest}, {kArmed, Refusal::kNotDisarmed}, {kRunning, kBusy}, {kFinished, Refusal::kTest},
+      {kFault, kLatched}, {kManual, kBusy}, {kTesting, Refusal::kTest}}},
+    {"test an output with a low battery", [](Supervisor& s) { return s.test(1.0f, kLowV, ms(50)); },
+     {{kDisarmed, Refusal::kBatteryLow}, {kArmed, Refusal::kNotDisarmed}, {kRunning, kBusy},
+      {kFinished, Refusal::kBatteryLow}, {kFault, kLatched}, {kManual, kBusy}, {kTesting, Refusal::kBatteryLow}}},
+    {"test an output with car.json refused",
+     [](Supervisor& s) {
+       s.refuse_design();
+       return s.test(1.0f, kGoodV, ms(50));
+     },
+     {{kDisarmed, Refusal::kDesign}, {kArmed, Refusal::kNotDisarmed}, {kRunning, kBusy},
+      {kFinished, Refusal::kDesign}, {kFault, kLatched}, {kManual, kBusy}, {kTesting, Refusal::kDesign}}},
+    {"stop", [](Supervisor& s) { return s.stop(); },
+     {{kDisarmed, kOk}, {kArmed, kOk}, {kFinished, kOk}, {kFinished, kOk}, {kFault, kOk}, {kDisarmed, kOk},
+      {kDisarmed, kOk}}},
+    {"acknowledge", [](Supervisor& s) { return s.acknowledge(); },
+     {{kDisarmed, Refusal::kNoFault}, {kArmed, Refusal::kNoFault}, {kRunning, Refusal::kNoFault},
+      {kFinished, Refusal::kNoFault}, {kDisarmed, kOk}, {kManual, Refusal::kNoFault}, {kTesting, Refusal::kNoFault}}},
+    {"the host is heard", [](Supervisor& s) { return s.refresh_command(ms(50)); },
+     {{kDisarmed, Refusal::kNotRunning}, {kArmed, Refusal::kNotRunning}, {kRunning, kOk},
+      {kFinished, Refusal::kNotRunning}, {kFault, kLatched}, {kManual, kOk}, {kTesting, kOk}}},
     {"a fault is reported",
      [](Supervisor& s) {
        s.report(Fault::kBus);
        return kOk;
      },
-     {{kFault, kOk}, {kFault, kOk}, {kFault, kOk}, {kFault, kOk}, {kFault, kOk}}},
+     {{kFault, kOk}, {kFault, kOk}, {kFault, kOk}, {kFault, kOk}, {kFault, kOk}, {kFault, kOk}, {kFault, kOk}}},
     {"a tick without anything", [](Supervisor& s) { return tick(s, ms(100), kGoodV); },
-     {{kDisarmed, kOk}, {kArmed, kOk}, {kRunning, kOk}, {kFinished, kOk}, {kFault, kOk}}},
-    {"the time limit passes", [](Supervisor& s) { return tick(s, ms(10000), kGoodV); },
-     {{kDisarmed, kOk}, {kArmed, kOk}, {kFinished, kOk}, {kFinished, kOk}, {kFault, kOk}}},
+     {{kDisarmed, kOk}, {kArmed, kOk}, {kRunning, kOk}, {kFinished, kOk}, {kFault, kOk}, {kManual, kOk},
+      {kTesting, kOk}}},
+    {"the trial's time limit passes",
+     [](Supervisor& s) {
+       s.refresh_command(ms(9900));
+       return tick(s, ms(10000), kGoodV);
+     },
+     {{kDisarmed, kOk}, {kArmed, kOk}, {kFinished, kOk}, {kFinished, kOk}, {kFault, kOk}, {kManual, kOk},
+      {kDisarmed, kOk}}},
+    {"the test's time-out passes",
+     [](Supervisor& s) {
+       s.refresh_command(ms(2900));
+       return tick(s, ms(3000), kGoodV);
+     },
+     {{kDisarmed, kOk}, {kArmed, kOk}, {kRunning, kOk}, {kFinished, kOk}, {kFault, kOk}, {kManual, kOk},
+      {kDisarmed, kOk}}},
     {"the host is silent", [](Supervisor& s) { return tick(s, ms(501), kGoodV); },
-     {{kDisarmed, kOk}, {kArmed, kOk}, {kFault, kOk}, {kFinished, kOk}, {kFault, kOk}}},
+     {{kDisarmed, kOk}, {kArmed, kOk}, {kFault, kOk}, {kFinished, kOk}, {kFault, kOk}, {kFault, kOk}, {kFault, kOk}}},
     {"the battery dips",
      [](Supervisor& s) {
        tick(s, ms(20), kLowV);
+       s.refresh_command(ms(100));
        return tick(s, ms(499), kLowV);
      },
-     {{kDisarmed, kOk}, {kArmed, kOk}, {kRunning, kOk}, {kFinished, kOk}, {kFault, kOk}}},
+     {{kDisarmed, kOk}, {kArmed, kOk}, {kRunning, kOk}, {kFinished, kOk}, {kFault, kOk}, {kManual, kOk},
+      {kTesting, kOk}}},
     {"the battery stays low",
      [](Supervisor& s) {
        tick(s, ms(0), kLowV);
        return tick(s, ms(500), kLowV);
      },
-     {{kDisarmed, kOk}, {kFault, kOk}, {kFault, kOk}, {kFinished, kOk}, {kFault, kOk}}},
+     {{kDisarmed, kOk}, {kFault, kOk}, {kFault, kOk}, {kFinished, kOk}, {kFault, kOk}, {kFault, kOk}, {kFault, kOk}}},
     {"the battery becomes unreadable", [](Supervisor& s) { return tick(s, ms(20), NAN); },
-     {{kDisarmed, kOk}, {kFault, kOk}, {kFault, kOk}, {kFinished, kOk}, {kFault, kOk}}},
+     {{kDisarmed, kOk}, {kFault, kOk}, {kFault, kOk}, {kFinished, kOk}, {kFault, kOk}, {kFault, kOk}, {kFault, kOk}}},
+    {"the IMU no longer answers", [](Supervisor& s) { return tick(s, ms(20), kGoodV, true); },
+     {{kDisarmed, kOk}, {kFault, kOk}, {kFault, kOk}, {kFinished, kOk}, {kFault, kOk}, {kFault, kOk}, {kFault, kOk}}},
+    {"a bump tilts the car",
+     [](Supervisor& s) {
+       tick(s, ms(20), kGoodV, false, kTooFarRad);
+       return tick(s, ms(319), kGoodV, false, kTooFarRad);
+     },
+     {{kDisarmed, kOk}, {kArmed, kOk}, {kRunning, kOk}, {kFinished, kOk}, {kFault, kOk}, {kManual, kOk},
+      {kTesting, kOk}}},
+    {"the car stays tilted",
+     [](Supervisor& s) {
+       tick(s, ms(20), kGoodV, false, kTooFarRad);
+       return tick(s, ms(320), kGoodV, false, kTooFarRad);
+     },
+     {{kDisarmed, kOk}, {kArmed, kOk}, {kFault, kOk}, {kFinished, kOk}, {kFault, kOk}, {kFault, kOk},
+      {kTesting, kOk}}},
 };
 
 Refusal answer(const TrialRequest& request, const Parameters& parameters = Parameters()) {
@@ -149,7 +200,7 @@ Refusal answer(const TrialRequest& request, const Parameters& parameters = Param
 void every_event_in_every_state_does_what_the_table_says() {
   const Parameters parameters;
   for (const Event& event : kTable) {
-    for (const State from : {kDisarmed, kArmed, kRunning, kFinished, kFault}) {
+    for (const State from : {kDisarmed, kArmed, kRunning, kFinished, kFault, kManual, kTesting}) {
       Supervisor supervisor(parameters);
       bring_to(from, supervisor);
       char name[80];
@@ -161,7 +212,9 @@ void every_event_in_every_state_does_what_the_table_says() {
       const Expected& expected = event.expected[static_cast<std::size_t>(from)];
       TEST_ASSERT_EQUAL_STRING_MESSAGE(text(expected.state), text(supervisor.state()), name);
       TEST_ASSERT_EQUAL_STRING_MESSAGE(text(expected.refusal), text(refusal), name);
-      TEST_ASSERT_TRUE_MESSAGE(supervisor.pulses_enabled() == (supervisor.state() == kRunning), name);
+      const State now = supervisor.state();
+      const bool drives = now == kRunning || now == kManual || now == kTesting;
+      TEST_ASSERT_TRUE_MESSAGE(supervisor.pulses_enabled() == drives, name);
       TEST_ASSERT_TRUE_MESSAGE((supervisor.fault() != Fault::kNone) == (supervisor.state() == kFault), name);
     }
   }
@@ -169,24 +222,24 @@ void every_event_in_every_state_does_what_the_table_says() {
 
 void a_request_beyond_the_limits_is_refused_with_its_reason() {
   const float infinity = std::numeric_limits<float>::infinity();
-  TEST_ASSERT_TRUE(answer({NAN, 0.0f, 1.0f}) == Refusal::kNotANumber);
-  TEST_ASSERT_TRUE(answer({0.1f, NAN, 1.0f}) == Refusal::kNotANumber);
-  TEST_ASSERT_TRUE(answer({0.1f, 0.0f, NAN}) == Refusal::kNotANumber);
-  TEST_ASSERT_TRUE(answer({5.0f, 100.0f, 1.0f}) == Refusal::kNone);
-  TEST_ASSERT_TRUE(answer({-5.0f, -100.0f, 1.0f}) == Refusal::kNone);
-  TEST_ASSERT_TRUE(answer({5.001f, 0.0f, 1.0f}) == Refusal::kSpeedLimit);
-  TEST_ASSERT_TRUE(answer({-infinity, 0.0f, 1.0f}) == Refusal::kSpeedLimit);
-  TEST_ASSERT_TRUE(answer({0.1f, -100.1f, 1.0f}) == Refusal::kYawRateLimit);
-  TEST_ASSERT_TRUE(answer({0.1f, 0.0f, 0.0f}) == Refusal::kTimeLimit);
-  TEST_ASSERT_TRUE(answer({0.1f, 0.0f, -1.0f}) == Refusal::kTimeLimit);
-  TEST_ASSERT_TRUE(answer({0.1f, 0.0f, infinity}) == Refusal::kTimeLimit);
+  TEST_ASSERT_TRUE(answer({NAN, 0.0f, 1.0f, false, 0}) == Refusal::kNotANumber);
+  TEST_ASSERT_TRUE(answer({0.1f, NAN, 1.0f, false, 0}) == Refusal::kNotANumber);
+  TEST_ASSERT_TRUE(answer({0.1f, 0.0f, NAN, false, 0}) == Refusal::kNotANumber);
+  TEST_ASSERT_TRUE(answer({5.0f, 100.0f, 1.0f, false, 0}) == Refusal::kNone);
+  TEST_ASSERT_TRUE(answer({-5.0f, -100.0f, 1.0f, false, 0}) == Refusal::kNone);
+  TEST_ASSERT_TRUE(answer({5.001f, 0.0f, 1.0f, false, 0}) == Refusal::kSpeedLimit);
+  TEST_ASSERT_TRUE(answer({-infinity, 0.0f, 1.0f, false, 0}) == Refusal::kSpeedLimit);
+  TEST_ASSERT_TRUE(answer({0.1f, -100.1f, 1.0f, false, 0}) == Refusal::kYawRateLimit);
+  TEST_ASSERT_TRUE(answer({0.1f, 0.0f, 0.0f, false, 0}) == Refusal::kTimeLimit);
+  TEST_ASSERT_TRUE(answer({0.1f, 0.0f, -1.0f, false, 0}) == Refusal::kTimeLimit);
+  TEST_ASSERT_TRUE(answer({0.1f, 0.0f, infinity, false, 0}) == Refusal::kTimeLimit);
 }
 
 void the_longest_trial_is_a_parameter() {
   Parameters parameters;
   parameters.set("TRIAL_MAX_S", 20.0f);
-  TEST_ASSERT_TRUE(answer({0.1f, 0.0f, 20.0f}, parameters) == Refusal::kNone);
-  TEST_ASSERT_TRUE(answer({0.1f, 0.0f, 20.01f}, parameters) == Refusal::kTimeLimit);
+  TEST_ASSERT_TRUE(answer({0.1f, 0.0f, 20.0f, false, 0}, parameters) == Refusal::kNone);
+  TEST_ASSERT_TRUE(answer({0.1f, 0.0f, 20.01f, false, 0}, parameters) == Refusal::kTimeLimit);
 }
 
 void a_car_without_a_wheel_on_a_side_does_not_start() {
@@ -203,13 +256,13 @@ void a_trial_ends_at_its_time_limit_and_not_before() {
   const Parameters parameters;
   Supervisor supervisor(parameters);
   supervisor.arm(kGoodV);
-  supervisor.start({0.1f, 0.0f, 2.5f, true}, ms(1000));
-  supervisor.tick({ms(3500) - 1, kGoodV});
+  supervisor.start({0.1f, 0.0f, 2.5f, true, 0}, ms(1000));
+  tick(supervisor, ms(3500) - 1, kGoodV);
   TEST_ASSERT_TRUE(supervisor.state() == kRunning);
-  supervisor.tick({ms(3500), kGoodV});
+  tick(supervisor, ms(3500), kGoodV);
   TEST_ASSERT_TRUE(supervisor.state() == kFinished);
   TEST_ASSERT_EQUAL_UINT64(ms(2500), supervisor.trial_elapsed_us());
-  supervisor.tick({ms(9000), kGoodV});
+  tick(supervisor, ms(9000), kGoodV);
   TEST_ASSERT_EQUAL_UINT64(ms(2500), supervisor.trial_elapsed_us());
 }
 
@@ -220,12 +273,12 @@ void refreshing_keeps_a_tethered_trial_alive() {
   supervisor.start(kTrial, 0);
   for (std::uint64_t time_ms = 400; time_ms <= 4000; time_ms += 400) {
     supervisor.refresh_command(ms(time_ms));
-    supervisor.tick({ms(time_ms + 390), kGoodV});
+    tick(supervisor, ms(time_ms + 390), kGoodV);
     TEST_ASSERT_TRUE(supervisor.state() == kRunning);
   }
-  supervisor.tick({ms(4500), kGoodV});
+  tick(supervisor, ms(4450), kGoodV);
   TEST_ASSERT_TRUE(supervisor.state() == kRunning);
-  supervisor.tick({ms(4501), kGoodV});
+  tick(supervisor, ms(4451), kGoodV);
   TEST_ASSERT_TRUE(supervisor.fault() == Fault::kCommandStale);
 }
 
@@ -234,7 +287,7 @@ void an_untethered_trial_needs_no_refresh() {
   Supervisor supervisor(parameters);
   supervisor.arm(kGoodV);
   supervisor.start(kUntethered, 0);
-  supervisor.tick({ms(9999), kGoodV});
+  tick(supervisor, ms(9999), kGoodV);
   TEST_ASSERT_TRUE(supervisor.state() == kRunning);
 }
 
@@ -244,9 +297,9 @@ void a_battery_that_recovers_starts_the_count_anew() {
   supervisor.arm(kGoodV);
   supervisor.start(kUntethered, 0);
   for (std::uint64_t time_ms = 0; time_ms < 9000; time_ms += 500) {
-    supervisor.tick({ms(time_ms), kLowV});
-    supervisor.tick({ms(time_ms + 480), kLowV});
-    supervisor.tick({ms(time_ms + 490), kGoodV});
+    tick(supervisor, ms(time_ms), kLowV);
+    tick(supervisor, ms(time_ms + 480), kLowV);
+    tick(supervisor, ms(time_ms + 490), kGoodV);
     TEST_ASSERT_TRUE(supervisor.state() == kRunning);
   }
 }
@@ -257,8 +310,8 @@ void a_minimum_of_zero_volts_allows_any_battery() {
   Supervisor supervisor(parameters);
   TEST_ASSERT_TRUE(supervisor.arm(0.0f) == Refusal::kNone);
   supervisor.start(kUntethered, 0);
-  supervisor.tick({ms(0), 0.0f});
-  supervisor.tick({ms(5000), 0.0f});
+  tick(supervisor, ms(0), 0.0f);
+  tick(supervisor, ms(5000), 0.0f);
   TEST_ASSERT_TRUE(supervisor.state() == kRunning);
 }
 
@@ -267,13 +320,34 @@ void the_first_fault_stays_until_it_is_acknowledged() {
   Supervisor supervisor(parameters);
   supervisor.arm(kGoodV);
   supervisor.start(kTrial, 0);
-  supervisor.tick({ms(501), kGoodV});
+  tick(supervisor, ms(501), kGoodV);
   supervisor.report(Fault::kBus);
-  supervisor.tick({ms(600), NAN});
+  tick(supervisor, ms(600), NAN);
   TEST_ASSERT_TRUE(supervisor.fault() == Fault::kCommandStale);
   TEST_ASSERT_TRUE(supervisor.acknowledge() == Refusal::kNone);
   TEST_ASSERT_TRUE(supervisor.fault() == Fault::kNone);
   TEST_ASSERT_TRUE(supervisor.state() == kDisarmed);
+}
+
+void how_a_trial_ended_is_kept_until_the_next_one_starts() {
+  const Parameters parameters;
+  const auto end_after = [&parameters](const std::function<void(Supervisor&)>& event) {
+    Supervisor supervisor(parameters);
+    bring_to(kRunning, supervisor);
+    TEST_ASSERT_TRUE(supervisor.trial_end() == TrialEnd::kNone);
+    event(supervisor);
+    const TrialEnd end = supervisor.trial_end();
+    if (supervisor.state() == kFault) supervisor.acknowledge();
+    supervisor.arm(kGoodV);
+    TEST_ASSERT_TRUE(supervisor.trial_end() == end);
+    supervisor.start(kUntethered, ms(20000));
+    TEST_ASSERT_TRUE(supervisor.trial_end() == TrialEnd::kNone);
+    return end;
+  };
+  TEST_ASSERT_TRUE(end_after([](Supervisor& s) { s.stop(); }) == TrialEnd::kStopped);
+  TEST_ASSERT_TRUE(end_after([](Supervisor& s) { s.disarm(); }) == TrialEnd::kDisarmed);
+  TEST_ASSERT_TRUE(end_after([](Supervisor& s) { tick(s, ms(501), kGoodV); }) == TrialEnd::kFault);
+  TEST_ASSERT_TRUE(end_after([](Supervisor& s) { tick(s, ms(10000), kGoodV); }) == TrialEnd::kTimeLimit);
 }
 
 void a_second_trial_counts_its_own_time() {
@@ -281,11 +355,11 @@ void a_second_trial_counts_its_own_time() {
   Supervisor supervisor(parameters);
   supervisor.arm(kGoodV);
   supervisor.start(kUntethered, 0);
-  supervisor.tick({ms(10000), kGoodV});
+  tick(supervisor, ms(10000), kGoodV);
   supervisor.arm(kGoodV);
   supervisor.start(kUntethered, ms(20000));
   TEST_ASSERT_EQUAL_UINT64(0, supervisor.trial_elapsed_us());
-  supervisor.tick({ms(29999), kGoodV});
+  tick(supervisor, ms(29999), kGoodV);
   TEST_ASSERT_TRUE(supervisor.state() == kRunning);
 }
 
@@ -301,6 +375,7 @@ int main() {
   RUN_TEST(a_battery_that_recovers_starts_the_count_anew);
   RUN_TEST(a_minimum_of_zero_volts_allows_any_battery);
   RUN_TEST(the_first_fault_stays_until_it_is_acknowledged);
+  RUN_TEST(how_a_trial_ended_is_kept_until_the_next_one_starts);
   RUN_TEST(a_second_trial_counts_its_own_time);
   UNITY_END();
   return 0;

@@ -1,0 +1,122 @@
+// A host for tests: packs what it sends and reads what the car sends with MAVLink's own reference parser.
+#pragma once
+
+#include <cstring>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "mavlink_packets.h"
+
+namespace foldcar {
+
+class MavlinkHost {
+ public:
+  explicit MavlinkHost(std::uint8_t system = 255) : system_(system) {}
+
+  // The bytes of a message: content as a generated struct, encode as its mavlink_msg_…_encode_status.
+  template <typename Content, typename Encode>
+  std::string pack(Encode encode, const Content& content) {
+    mavlink_message_t message;
+    encode(system_, 190, &numbering_, &message, &content);
+    std::uint8_t bytes[MAVLINK_MAX_PACKET_LEN];
+    const std::size_t size = mavlink_msg_to_send_buffer(bytes, &message);
+    return {bytes, bytes + size};
+  }
+
+  std::string heartbeat() {
+    mavlink_heartbeat_t content{};
+    content.type = MAV_TYPE_GCS;
+    content.autopilot = MAV_AUTOPILOT_INVALID;
+    return pack(mavlink_msg_heartbeat_encode_status, content);
+  }
+
+  std::string command(std::uint16_t command, std::vector<float> parameters, std::uint8_t confirmation = 0) {
+    parameters.resize(7);
+    mavlink_command_long_t content{};
+    content.param1 = parameters[0];
+    content.param2 = parameters[1];
+    content.param3 = parameters[2];
+    content.param4 = parameters[3];
+    content.param5 = parameters[4];
+    content.param6 = parameters[5];
+    content.param7 = parameters[6];
+    content.command = command;
+    content.target_system = content.target_component = 1;
+    content.confirmation = confirmation;
+    return pack(mavlink_msg_command_long_encode_status, content);
+  }
+
+  std::string request_list() {
+    mavlink_param_request_list_t content{};
+    content.target_system = content.target_component = 1;
+    return pack(mavlink_msg_param_request_list_encode_status, content);
+  }
+
+  std::string set_parameter(const char* name, float value) {
+    mavlink_param_set_t content{};
+    content.target_system = content.target_component = 1;
+    std::memcpy(content.param_id, name, std::min(std::strlen(name), sizeof content.param_id));
+    content.param_value = value;
+    content.param_type = MAV_PARAM_TYPE_REAL32;
+    return pack(mavlink_msg_param_set_encode_status, content);
+  }
+
+  // Takes in bytes of the car and keeps the messages.
+  void hear(const std::string& bytes) {
+    for (const char byte : bytes) {
+      mavlink_message_t message;
+      mavlink_status_t status;
+      const std::uint8_t framing =
+          mavlink_frame_char_buffer(&buffer_, &parsing_, static_cast<std::uint8_t>(byte), &message, &status);
+      if (framing == MAVLINK_FRAMING_OK) heard.push_back(message);
+      if (framing == MAVLINK_FRAMING_BAD_CRC) ++bad_count;
+    }
+  }
+
+  // The messages of one kind, decoded.
+  template <typename Content, typename Decode>
+  std::vector<Content> all(std::uint32_t message_id, Decode decode) const {
+    std::vector<Content> contents;
+    for (const mavlink_message_t& message : heard) {
+      if (message.msgid != message_id) continue;
+      contents.emplace_back();
+      decode(&message, &contents.back());
+    }
+    return contents;
+  }
+
+  std::vector<mavlink_command_ack_t> acks() const {
+    return all<mavlink_command_ack_t>(MAVLINK_MSG_ID_COMMAND_ACK, mavlink_msg_command_ack_decode);
+  }
+  std::vector<mavlink_param_value_t> parameters() const {
+    return all<mavlink_param_value_t>(MAVLINK_MSG_ID_PARAM_VALUE, mavlink_msg_param_value_decode);
+  }
+  std::vector<mavlink_foldcar_trial_t> trials() const {
+    return all<mavlink_foldcar_trial_t>(MAVLINK_MSG_ID_FOLDCAR_TRIAL, mavlink_msg_foldcar_trial_decode);
+  }
+  // The lines for people, put together from their parts.
+  std::vector<std::string> texts() const {
+    std::vector<std::string> lines;
+    for (const auto& part : all<mavlink_statustext_t>(MAVLINK_MSG_ID_STATUSTEXT, mavlink_msg_statustext_decode)) {
+      const std::string text(part.text, strnlen(part.text, sizeof part.text));
+      if (part.chunk_seq == 0) {
+        lines.push_back(text);
+      } else {
+        lines.back() += text;
+      }
+    }
+    return lines;
+  }
+
+  std::vector<mavlink_message_t> heard;
+  int bad_count = 0;
+
+ private:
+  std::uint8_t system_;
+  mavlink_status_t numbering_{};
+  mavlink_status_t parsing_{};
+  mavlink_message_t buffer_{};
+};
+
+}  // namespace foldcar

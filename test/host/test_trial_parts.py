@@ -17,6 +17,7 @@ import pytest
 from foldcar.car_file import car_json, design_hash, design_name
 from foldcar.design import compose
 from foldcar.errors import FoldcarError
+from foldcar.link.connection import Connection
 from foldcar.link.parameters import differences, read_file, same, value_text, write_file
 from foldcar.link.ports import choose_port
 from foldcar.link.stream import open_stream, permission_text
@@ -266,3 +267,22 @@ def test_a_port_that_is_not_plain_is_asked_for(monkeypatch: pytest.MonkeyPatch, 
 
     with pytest.raises(FoldcarError, match=message):
         choose_port(None)
+
+
+def test_messages_that_come_together_are_all_read() -> None:
+    ours, theirs = pty.openpty()
+    connection = Connection(open_stream(os.ttyname(theirs)))
+    try:
+        os.write(ours, b"".join(heartbeats(5)))
+
+        found = [connection.wait_for(lambda m: m.get_type() == "HEARTBEAT", 5.0) for _ in range(5)]
+
+        assert [message.custom_mode for message in found if message is not None] == [0, 1, 2, 3, 4]
+        assert (connection.received, connection.lost, connection.damaged) == (5, 0, 0)
+        os.write(ours, heartbeats(9)[8])
+        connection.wait_for(lambda m: m.custom_mode == 8, 5.0)
+        assert (connection.received, connection.lost) == (6, 3)
+    finally:
+        connection.close()
+        os.close(ours)
+        os.close(theirs)

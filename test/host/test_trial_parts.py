@@ -1,11 +1,15 @@
 """Parts of trials by themselves: places and deviations, a servo's edges, parameter files, logs, car.json."""
 
+import grp
 import json
 import math
+import os
+import pty
 import resource
 import signal
 import struct
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,8 +17,10 @@ import pytest
 from foldcar.car_file import car_json, design_hash, design_name
 from foldcar.design import compose
 from foldcar.errors import FoldcarError
+from foldcar.link.connection import Connection
 from foldcar.link.parameters import differences, read_file, same, value_text, write_file
-from foldcar.link.stream import open_stream
+from foldcar.link.ports import choose_port
+from foldcar.link.stream import open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, read_tlog
 from foldcar.mavlink_dialect import load_dialect
 from foldcar.trials.placement import instructions, names_of, obstacles, parse_deviation, placed
@@ -214,3 +220,69 @@ def test_a_port_that_cannot_be_opened_is_told(name: str, message: str) -> None:
         open_stream(name)
 
     assert str(error.value) == message
+
+
+def test_no_permission_names_the_group_to_join() -> None:
+    group = grp.getgrgid(Path("/dev/tty").stat().st_gid).gr_name
+
+    assert f"belongs to group {group}; `sudo usermod -aG {group} $USER`" in permission_text("/dev/tty")
+
+
+def test_a_port_that_another_program_uses_is_told() -> None:
+    ours, theirs = pty.openpty()
+    first = open_stream(os.ttyname(theirs))
+    try:
+        with pytest.raises(FoldcarError, match="another program uses this port"):
+            open_stream(os.ttyname(theirs))
+    finally:
+        first.close()
+        os.close(ours)
+        os.close(theirs)
+
+
+def ports(monkeypatch: pytest.MonkeyPatch, *found: tuple[str, int | None, int | None]) -> None:
+    """The machine's serial ports, as pyserial lists them."""
+    listed = [SimpleNamespace(device=d, vid=vid, pid=pid, description="a thing") for d, vid, pid in found]
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: listed)
+
+
+def test_the_only_board_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    ports(monkeypatch, ("/dev/ttyS0", None, None), ("/dev/ttyACM0", 1, 2), ("/dev/ttyUSB1", 0x10C4, 0xEA60))
+
+    assert choose_port(None) == "/dev/ttyUSB1"
+    assert choose_port("/dev/pts/3") == "/dev/pts/3"
+
+
+@pytest.mark.parametrize(
+    ("found", "message"),
+    [
+        ([], "no car is plugged in"),
+        ([("/dev/ttyS0", None, None)], "no car is plugged in"),
+        ([("/dev/ttyACM0", 1, 2)], "no port with a Feather's USB bridge.*--port /dev/ttyACM0 "),
+        ([("/dev/a", 0x1A86, 0x55D4), ("/dev/b", 0x10C4, 0xEA60)], "/dev/a .*, /dev/b .*; choose one with --port"),
+    ],
+)
+def test_a_port_that_is_not_plain_is_asked_for(monkeypatch: pytest.MonkeyPatch, found: Any, message: str) -> None:
+    ports(monkeypatch, *found)
+
+    with pytest.raises(FoldcarError, match=message):
+        choose_port(None)
+
+
+def test_messages_that_come_together_are_all_read() -> None:
+    ours, theirs = pty.openpty()
+    connection = Connection(open_stream(os.ttyname(theirs)))
+    try:
+        os.write(ours, b"".join(heartbeats(5)))
+
+        found = [connection.wait_for(lambda m: m.get_type() == "HEARTBEAT", 5.0) for _ in range(5)]
+
+        assert [message.custom_mode for message in found if message is not None] == [0, 1, 2, 3, 4]
+        assert (connection.received, connection.lost, connection.damaged) == (5, 0, 0)
+        os.write(ours, heartbeats(9)[8])
+        connection.wait_for(lambda m: m.custom_mode == 8, 5.0)
+        assert (connection.received, connection.lost) == (6, 3)
+    finally:
+        connection.close()
+        os.close(ours)
+        os.close(theirs)

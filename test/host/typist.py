@@ -7,10 +7,12 @@ import select
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
-WAIT_S = 60.0
+WAIT_S = 100.0
 COMMAND = [sys.executable, "-c", "from foldcar.cli import main; main()"]
 COLOURS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
@@ -51,6 +53,13 @@ class Typist:
                 raise AssertionError(f"none of {texts} came, but {self.said[start:]}")
         self._read_to = min(self.said.index(text, start) + len(text) for text in texts if text in self.said[start:])
         return self.said[start : self._read_to]
+
+    def watches_until(self, true: Callable[[], Any]) -> None:
+        """Wait until ``true()``, reading on: a terminal that nobody reads holds the command up."""
+        end_s = time.monotonic() + WAIT_S
+        while not true():
+            assert time.monotonic() < end_s, self.said
+            self._read(0.02)
 
     def types(self, text: str) -> None:
         """Type ``text``, without a line's end of its own."""

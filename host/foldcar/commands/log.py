@@ -51,7 +51,8 @@ def log(
     yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: answer every question with its default.")] = False,
 ) -> None:
     """Drive trials with a car on USB. The car moves only after the countdown, and stops if anything fails."""
-    from foldcar.commands.log_session import LogOptions, LogSession
+    from foldcar.commands.log_options import LogOptions
+    from foldcar.commands.log_session import LogSession
     from foldcar.link.parameters import read_file
     from foldcar.trial_records import TRIAL_OUTCOMES
 

@@ -4,10 +4,9 @@ The row of a trial is in the store before the car is armed, and completed step b
 loses at most the answer being typed.
 """
 
-import hashlib
 import shutil
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,11 @@ from typing import Any
 import typer
 
 from foldcar.body import body_json
+from foldcar.car_file import design_name
 from foldcar.carsim import Carsim
 from foldcar.commands.design_settings import design_settings
+from foldcar.commands.log_options import LogOptions
+from foldcar.commands.log_outcome import log_hash, tell
 from foldcar.commands.log_placement import Placement, ask_deviations
 from foldcar.commands.log_view import LogView
 from foldcar.commands.log_welcome import welcome
@@ -40,35 +42,6 @@ from foldcar.trials.who import least_tried
 LEAST_FREE_BYTES = 20_000_000
 # After its time limit a script waits so long for an untethered car.
 COMES_BACK_S = 60.0
-OUTCOME_KEYS = {
-    "p": "passed",
-    "t": "tipped",
-    "s": "stuck",
-    "o": "off_course",
-    "i": "timeout",
-    "n": "not_passed",
-    "a": "aborted",
-}
-OUTCOME_QUESTION = "Outcome: (p)assed, (t)ipped, (s)tuck, (o)ff course, t(i)me limit, (a)borted"
-
-
-@dataclass(frozen=True)
-class LogOptions:
-    """What the command line says; None is asked for, or found out."""
-
-    store: Path
-    settings: list[str]
-    sample: int | None
-    trials: int | None
-    parameters: Path | None
-    deviations: list[str] | None
-    outcome: str | None
-    note: str | None
-    operator: str
-    countdown_s: int
-    untethered: bool
-    any_build: bool
-    yes: bool
 
 
 class LogSession:
@@ -82,21 +55,24 @@ class LogSession:
         self._environment = Environment(self._experiment)
         self._answers = TypedAnswers(self._idle)
         self._car: Car | None = None
-        self._samples: dict[int, Placement] = {}
+        self._placements: dict[tuple[int, str], Placement] = {}
 
     def run(self, named_port: str | None) -> int:
         """Drive trials until there are enough; gives their number. FoldcarError."""
         options = self.options
         self._car = greet(choose_port(named_port))
         try:
+            identity, design = self._welcome()
             with write_trials(options.store) as writer:
                 self._complete_interrupted(writer)
-                identity, design = self._welcome()
                 driven = 0
                 while options.trials is None or driven < options.trials:
-                    if not self._trial(writer, identity, design):
+                    end = self._trial(writer, identity, design)
+                    if end is None:
                         break
                     driven += 1
+                    if end.error is not None:
+                        identity, design = self._after_error(end.error)
                     if options.trials is None and options.yes:
                         break
                 return driven
@@ -107,8 +83,8 @@ class LogSession:
         assert self._car is not None
         return welcome(self._car, self._experiment, self._family, self._carsim, self.options, self._answers)
 
-    def _trial(self, writer: TrialWriter, identity: CarIdentity, design: Design) -> bool:
-        """One trial; false if the person wants no more."""
+    def _trial(self, writer: TrialWriter, identity: CarIdentity, design: Design) -> DriveEnd | None:
+        """One trial; None if the person wants no more."""
         options = self.options
         told = TrialDesign(design.type, design.columns)
         fingerprint = self._environment.fingerprint
@@ -120,7 +96,7 @@ class LogSession:
         placement.show()
         deviations = ask_deviations(self._answers, placement.scene, options.deviations, options.yes)
         if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
-            return False
+            return None
         body = body_json(design)
         settings = self._experiment.settings(design, body, self._carsim.parameter_table())
         log = self._log_file(number)
@@ -134,10 +110,8 @@ class LogSession:
         end = self._drive(settings, begun, log)
         if end.ending == DRIVES_ON:
             end = self._collect(begun, log, settings["time_limit_s"])
-        self._tell(writer, begun, end, log)
-        if end.error is not None:
-            self._after_error(end.error)
-        return True
+        tell(writer, begun, end, log, options, self._answers)
+        return end
 
     def _drive(self, settings: dict[str, Any], number: int, log: Path) -> DriveEnd:
         car = self._car
@@ -184,32 +158,8 @@ class LogSession:
                 typer.echo(f"{gone}", err=True)
             time.sleep(1.0)
 
-    def _tell(self, writer: TrialWriter, number: int, end: DriveEnd, log: Path) -> None:
-        """Complete the row with what is known, then with what the person says."""
-        options = self.options
-        digest = hashlib.sha256(log.read_bytes()).hexdigest() if log.is_file() else None
-        outcome = end.outcome or "aborted"
-        ending = end.ending if end.outcome else f"{end.ending}; outcome not told"
-        writer.complete(number, Ending(outcome, ending, end.elapsed_time_s, "", digest))
-        drove = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
-        typer.echo(f"Ended{drove}: {end.ending}")
-        note = options.note or ""
-        if end.error is not None:
-            outcome = "aborted"
-        elif options.outcome is not None:
-            outcome = options.outcome
-        elif not options.yes:
-            suggested = f" [{end.outcome}]" if end.outcome else ""
-            outcome = self._answers.choice(f"{OUTCOME_QUESTION}{suggested}: ", OUTCOME_KEYS, end.outcome)
-        elif end.outcome is None:
-            raise FoldcarError(f"trial {number}: {end.ending}: its outcome is not plain; use --outcome with --yes")
-        if options.note is None and not options.yes and end.error is None:
-            note = self._answers.line("Note (Enter for none): ")
-        writer.complete(number, Ending(outcome, end.ending, end.elapsed_time_s, note, digest))
-        typer.echo(f"Trial {number}: {outcome}; log: {log}")
-
-    def _after_error(self, error: FoldcarError) -> None:
-        """A lost car may come back; everything else, and whatever a script does, ends the session."""
+    def _after_error(self, error: FoldcarError) -> tuple[CarIdentity, Design]:
+        """A lost car, or another, may come; everything else, and all errors in a script, end the session."""
         options = self.options
         if options.yes or not self._answers.is_terminal or not isinstance(error, LinkLostError):
             raise error
@@ -220,8 +170,7 @@ class LogSession:
                 raise error
             try:
                 self._greet_again(typed)
-                self._welcome()
-                return
+                return self._welcome()
             except FoldcarError as again:
                 typer.echo(f"{again}", err=True)
 
@@ -235,13 +184,14 @@ class LogSession:
         self._car = greet(port)
 
     def _placement(self, writer: TrialWriter, sample: int, design: Design) -> Placement:
-        if sample not in self._samples:
+        key = (sample, design_name(design))
+        if key not in self._placements:
             scene = writer.scene(self._environment.fingerprint, sample)
             if scene is None:
                 scene = self._environment.sample(sample)
             picture = self._logs() / f"place-{self._experiment.id}-{sample}.png"
-            self._samples[sample] = Placement(scene, sample, design, picture, self._carsim)
-        return self._samples[sample]
+            self._placements[key] = Placement(scene, sample, design, picture, self._carsim)
+        return self._placements[key]
 
     def _logs(self) -> Path:
         store = self.options.store
@@ -259,8 +209,7 @@ class LogSession:
     def _complete_interrupted(self, writer: TrialWriter) -> None:
         for number, log in writer.unfinished():
             file = self.options.store.parent / log
-            digest = hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else None
-            writer.complete(number, Ending("aborted", "the program was ended", None, "", digest))
+            writer.complete(number, Ending("aborted", "the program was ended", None, "", log_hash(file)))
             typer.echo(f"Trial {number} was interrupted: it counts as aborted; its log is kept")
 
     def _idle(self) -> None:

@@ -1,11 +1,10 @@
 """Who is at the port, shown and checked before any trial: design, firmware, battery, faults, parameters."""
 
-from typing import TYPE_CHECKING
-
 import typer
 
 from foldcar.body import body_json
 from foldcar.carsim import Carsim
+from foldcar.commands.log_options import LogOptions
 from foldcar.commands.typed_answers import TypedAnswers
 from foldcar.design import Design
 from foldcar.errors import FoldcarError
@@ -15,12 +14,9 @@ from foldcar.link.car import Car, CarIdentity
 from foldcar.link.parameters import read_file, read_parameters, set_parameter
 from foldcar.trials.who import check_build, design_of, is_calibrated, unexpected
 
-if TYPE_CHECKING:
-    from foldcar.commands.log_session import LogOptions
-
 
 def welcome(
-    car: Car, experiment: Experiment, family: Family, carsim: Carsim, options: "LogOptions", answers: TypedAnswers
+    car: Car, experiment: Experiment, family: Family, carsim: Carsim, options: LogOptions, answers: TypedAnswers
 ) -> tuple[CarIdentity, Design]:
     """Show the car; FoldcarError with a way on if it is not fit for the experiment's trials."""
     identity = car.identity()
@@ -50,7 +46,7 @@ def welcome(
     return identity, design
 
 
-def _clear_fault(car: Car, options: "LogOptions", answers: TypedAnswers) -> None:
+def _clear_fault(car: Car, options: LogOptions, answers: TypedAnswers) -> None:
     fault = car.fault_text()
     if fault is None:
         return

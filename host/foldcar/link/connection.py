@@ -42,6 +42,7 @@ class Connection:
         self._heartbeat_at_s = 0.0
         self._clock_rate = CarClockRate()
         self._sequences: dict[int, int] = {}
+        self._unread: list[Any] = []
 
     def send(self, message: Any) -> None:
         """Send a message of the dialect; LinkLostError, LogError."""
@@ -57,6 +58,9 @@ class Connection:
         Messages of any sender are logged, those of the car returned and kept as ``latest``.
         """
         self._beat()
+        if self._unread:
+            unread, self._unread = self._unread, []
+            return unread
         until = min(timeout_s, max(0.0, self._heartbeat_at_s - time.monotonic()))
         waiting = [self.stream] if also is None else [self.stream, also]
         if self.stream not in select.select(waiting, [], [], until)[0]:
@@ -86,11 +90,13 @@ class Connection:
             pass
 
     def wait_for(self, wanted: Callable[[Any], bool], timeout_s: float) -> Any | None:
-        """The first message that is ``wanted``; None if ``timeout_s`` passes without."""
+        """The first message that is ``wanted``; None if ``timeout_s`` passes without. What came with it stays."""
         end_s = time.monotonic() + timeout_s
         while (left_s := end_s - time.monotonic()) > 0:
-            for message in self.receive(left_s):
+            messages = self.receive(left_s)
+            for index, message in enumerate(messages):
                 if wanted(message):
+                    self._unread = messages[index + 1 :]
                     return message
         return None
 

@@ -121,14 +121,19 @@ def _open_serial(name: str) -> Stream:
     except (OSError, serial.SerialException) as error:
         number = getattr(error, "errno", None)
         if number == errno.EACCES:
-            raise FoldcarError(_permission_text(name)) from error
+            raise FoldcarError(permission_text(name)) from error
         if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in str(error):
             raise FoldcarError(f"{name}: another program uses this port; close it first") from error
         raise FoldcarError(f"{name}: cannot be opened: {error}") from error
 
 
-def _permission_text(name: str) -> str:
-    group = grp.getgrgid(Path(name).stat().st_gid).gr_name
+def permission_text(name: str) -> str:
+    """What to do about a port that belongs to others."""
+    number = Path(name).stat().st_gid
+    try:
+        group = grp.getgrgid(number).gr_name
+    except KeyError:
+        group = str(number)
     return (
         f"{name}: no permission: the port belongs to group {group}; "
         f"`sudo usermod -aG {group} $USER`, then log out and in again"

@@ -1,0 +1,59 @@
+"""How a trial went: kept at once as far as it is known, then asked for, and kept again."""
+
+import hashlib
+from pathlib import Path
+
+import typer
+
+from foldcar.commands.log_options import LogOptions
+from foldcar.commands.typed_answers import TypedAnswers
+from foldcar.errors import FoldcarError
+from foldcar.trial_records import Ending
+from foldcar.trial_writer import TrialWriter
+from foldcar.trials.driving import DriveEnd
+
+OUTCOME_KEYS = {
+    "p": "passed",
+    "t": "tipped",
+    "s": "stuck",
+    "o": "off_course",
+    "i": "timeout",
+    "n": "not_passed",
+    "a": "aborted",
+}
+OUTCOME_QUESTION = "Outcome: (p)assed, (t)ipped, (s)tuck, (o)ff course, t(i)me limit, (a)borted"
+
+
+def tell(
+    writer: TrialWriter, number: int, end: DriveEnd, log: Path, options: LogOptions, answers: TypedAnswers
+) -> None:
+    """Complete the row of trial ``number``; FoldcarError if nobody can say its outcome."""
+    digest = log_hash(log)
+    ending = end.ending if end.outcome else f"{end.ending}; outcome not told"
+    writer.complete(number, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
+    drove = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
+    typer.echo(f"Ended{drove}: {end.ending}")
+    outcome = _outcome(number, end, options, answers)
+    note = options.note or ""
+    if options.note is None and not options.yes and end.error is None:
+        note = answers.line("Note (Enter for none): ")
+    writer.complete(number, Ending(outcome, end.ending, end.elapsed_time_s, note, digest))
+    typer.echo(f"Trial {number}: {outcome}; log: {log}")
+
+
+def log_hash(log: Path) -> str | None:
+    """SHA-256 of a log; None if there is none."""
+    return hashlib.sha256(log.read_bytes()).hexdigest() if log.is_file() else None
+
+
+def _outcome(number: int, end: DriveEnd, options: LogOptions, answers: TypedAnswers) -> str:
+    if end.error is not None:
+        return "aborted"
+    if options.outcome is not None:
+        return options.outcome
+    if not options.yes:
+        suggested = f" [{end.outcome}]" if end.outcome else ""
+        return answers.choice(f"{OUTCOME_QUESTION}{suggested}: ", OUTCOME_KEYS, end.outcome)
+    if end.outcome is None:
+        raise FoldcarError(f"trial {number}: {end.ending}: its outcome is not plain; use --outcome with --yes")
+    return end.outcome

@@ -14,10 +14,18 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 CARSIM := .pio/build/carsim/program
 # Folders are among the prerequisites so that a removed file counts as a change.
-CARSIM_SOURCES := $(shell find firmware/lib sim2d platformio.ini tools/build_id.py tools/simulation_digest.py)
+CARSIM_SOURCES := $(shell find firmware/lib firmware/src sim2d platformio.ini host/foldcar/mavlink_dialect -not -name '*.pyc' \
+  -not -name __pycache__) tools/build_id.py tools/firmware_id.py tools/mavlink_headers.py tools/simulation_digest.py
+
+# Random and damaged bytes for the firmware's link.
+FUZZ_BYTES := 100000000
+FUZZ_SEED := 1
+FUZZ_SOURCES := test/fuzz/fuzz_link.cpp $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp))
+FUZZ_FLAGS := -std=gnu++17 -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -isystem .pio/mavlink \
+  $(addprefix -I,$(wildcard firmware/lib/*))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup study fidelity test test-native test-host lint bench clean system-packages platformio
+.PHONY: help setup study fidelity test test-native test-host lint bench fuzz clean system-packages platformio
 .DELETE_ON_ERROR:
 
 help:
@@ -25,6 +33,7 @@ help:
 	@echo 'make study     set up, run the width study and write its report to out/$(STUDY)'
 	@echo 'make test      set up and run every test'
 	@echo 'make bench     set up and measure the speed'
+	@echo 'make fuzz      feed the car'"'"'s link with $(FUZZ_BYTES) random and damaged bytes (FUZZ_BYTES=, FUZZ_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
 	@echo 'make lint      set up and check the Python sources only'
 	@echo 'make clean     remove everything that was built or installed here; results in out/ stay'
@@ -62,6 +71,13 @@ test-host: setup
 
 bench: setup
 	$(BIN)/python bench/bench.py
+
+fuzz: .pio/fuzz/fuzz_link
+	.pio/fuzz/fuzz_link $(FUZZ_BYTES) $(FUZZ_SEED)
+
+.pio/fuzz/fuzz_link: $(FUZZ_SOURCES) $(wildcard firmware/lib/*/*.h test/*.h) | setup
+	@mkdir -p $(@D)
+	$(CXX) $(FUZZ_FLAGS) $(FUZZ_SOURCES) -o $@
 
 clean:
 	rm -rf .venv .pio .pio-core platformio.local.ini host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache

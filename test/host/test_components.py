@@ -222,9 +222,11 @@ def test_a_module_of_ones_own_is_part_of_the_car(tmp_path: Path) -> None:
         (('letter = "Tail"', 'letter = "a_b"'), ':8: Tail: letter "a_b" is not made of letters and digits'),
         (('letter = "Tail"', "letter = 3"), ':8: Tail has no text "letter"'),
         (('"offset", 5, 0, 50, "of', '"width", 5, 0, 50, "of'), ':8: Tail: its parameter "width" is declared otherwise'),
+        (("class Tail(Module):", "from foldcar.compiler.library.wheel_module import *\nclass Tail(WheelModule):"),
+         ":9: Tail: carries wheels or electronics"),
         (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.compiler"),
     ],
-)
+)  # fmt: skip
 def test_a_file_with_an_error_is_one_line_with_file_and_line(
     tmp_path: Path, change: tuple[str, str], message: str
 ) -> None:

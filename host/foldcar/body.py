@@ -1,7 +1,7 @@
 """The simulator's body of a design: exactly the ``body`` object of docs/carsim.md, without its id.
 
-Input: a Design, compiled to its folded car (millimetres). Output: plain JSON in SI units, rounded to nine significant digits so that the
-same car has the same bytes on every machine.
+Input: a Design, compiled to its folded car (millimetres). Output: plain JSON in SI units, rounded to
+nine significant digits so that the same car has the same bytes on every machine.
 """
 
 import math

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from foldcar.compiler.car import folded_car
+from foldcar.compiler.modules import find_parameter, names_in, parameters
 from foldcar.design import Design, DesignError, compose, modules_of
 from foldcar.listing import ListedVehicle, ListingError
-from foldcar.compiler.modules import find_parameter, names_in, parameters
 
 
 @dataclass(frozen=True)

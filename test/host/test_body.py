@@ -125,7 +125,7 @@ def test_inertias_obey_the_triangle_inequality_and_grow_with_width() -> None:
 
 
 def test_a_wheel_weighs_its_film_and_horn() -> None:
-    # Two discs of 60 mm, two hub layers of 30 mm, a rim of 12 mm with tabs of 6 mm along both edges, a horn of half a gram.
+    # Two discs of 60 mm, two hub layers of 30 mm, a rim of 12 mm with tabs of 6 mm at both edges, a horn of .5 g.
     discs_m2 = 2 * math.pi * 0.06**2 + 2 * math.pi * 0.03**2 - 4 * math.pi * 0.0037**2 - 6 * math.pi * 0.0006**2
     facet = 2 * math.pi * 0.06 / 63
     rim_m2 = 64 * facet * 0.012 + 2 * 63 * 0.006 * 0.75 * facet

@@ -55,7 +55,7 @@ def test_columns_carry_module_and_unit() -> None:
             {"W.length": 38},
             "W.length",
             # Axis to screw hole: 11.6 - 5.9 + 27.5 / 2 + 2.2 / 2, and 2 mm to the module's end.
-            "38 is below the minimum 45.1 (the opening and screws of one FS90R servo)",
+            "38 is below the minimum 45.1 (the opening and screws of one servo)",
         ),
         (
             "W_B_W",

@@ -43,6 +43,11 @@ def stretched(dx: float, dy: float) -> Callable[[Face], Face]:
     return lambda face: replace(face, outline_mm=tuple((x + dx * (x > 0), y + dy * (y > 0)) for x, y in face.outline_mm))
 
 
+def reversed_outline(face: Face) -> Face:
+    """The face with its points the other way round."""
+    return replace(face, outline_mm=face.outline_mm[::-1])
+
+
 def with_angle(piece: str, crease: str, degrees: float) -> Spoil:
     """The car with one fold of another angle."""
 
@@ -73,7 +78,8 @@ def with_holes_moved(piece: str, face: str, kind: str, dx: float) -> Spoil:
 def with_mount_moved(name: str, x: float, y: float, z: float) -> Spoil:
     """The car with a part shifted."""
     return lambda car: replace(
-        car, mounts=tuple(replace(m, pose=chain(translation(x, y, z), m.pose)) if m.name == name else m for m in car.mounts)
+        car,
+        mounts=tuple(replace(m, pose=chain(translation(x, y, z), m.pose)) if m.name == name else m for m in car.mounts),
     )
 
 
@@ -90,7 +96,7 @@ def with_axle_moved(wheel: str, x: float, y: float) -> Spoil:
 def with_a_tab_that_is_long(car: FoldedCar) -> FoldedCar:
     """The front cap's tab on the left side reaches over the servo's opening."""
     return with_face(
-        "front cap", "cap 3 tab to left", lambda f: replace(f, outline_mm=tuple((x, y * 3) for x, y in f.outline_mm))
+        "front cap", "cap tab to left", lambda f: replace(f, outline_mm=tuple((x, y * 3) for x, y in f.outline_mm))
     )(car)
 
 
@@ -142,7 +148,7 @@ def test_the_study_car_encloses_its_box() -> None:
         (with_face("beam", "lid", stretched(0, 1.5)), "closure", "apart"),
         (with_angle("beam", "left to lid", 85), "closure", "apart"),
         (with_angle("beam", "left to lid", 85), "skin", "meets no other face"),
-        (with_angle("front cap", "cap 2 tab to lid", 85), "tab", "off the face it is glued to"),
+        (with_angle("front cap", "cap tab to lid", 85), "tab", "off the face it is glued to"),
         (with_hole("beam", "lid", (-50, 0.5)), "hole", "mm from a fold, the limit is 2 mm"),
         (with_hole("beam", "lid", (-50, 0.5)), "outline", "the hole is not inside its face"),
         (with_hole("beam", "lid", (-50, 3)), "hole", "is 1.50 mm from a fold, the limit is 2 mm"),
@@ -151,13 +157,15 @@ def test_the_study_car_encloses_its_box() -> None:
         (with_face("deck", "front flange", stretched(0, 200)), "crossing", "runs through"),
         (with_piece("deck", with_a_face_cut_twice), "overlap", "overlaps twin"),
         (with_piece("deck", with_a_face_cut_twice), "duplicate", "shares a cut with front flange"),
-        (with_face("wheel inner disc", "inner", lambda f: replace(f, outline_mm=f.outline_mm[::-1])), "outline", "clockwise"),
+        (with_face("wheel inner disc", "inner", reversed_outline), "outline", "clockwise"),
         (with_holes_moved("beam", "left", "slot", 5.0), "slot", "do not go through"),
         (with_holes_moved("beam", "left", "slot", 5.0), "crossing", "deck: shelf"),
         (with_holes_moved("servo doubler", "doubler", "opening", 2.0), "laminate", "holes on holes"),
         (with_face("deck", "shelf", lambda f: replace(f, outline_mm=tuple((x, min(y, 94.0)) for x, y in f.outline_mm))),
          "slot", "inside the slot"),
         (with_mount_moved("front left servo", -3, 0, 0), "parts", "is cut by"),
+        (with_holes_moved("deck", "shelf", "screw", 0.5), "parts", "Feather: is 0.50 mm off the middle of its holes"),
+        (with_holes_moved("beam", "left", "screw", 1.0), "parts", "servo: is 0.67 mm off the middle of its holes"),
         (with_mount_moved("500 mAh LiPo", 0, 0, 4), "parts", "is cut by"),
         (with_mount_moved("4xAA holder", 0, 0, -7), "parts", "runs 1.00 mm into 4xAA holder"),
         (with_axle_moved("wheel2", 20, 0), "wheels", "is 0.00 mm from wheel2"),
@@ -171,6 +179,36 @@ def test_broken_designs_are_found(spoil: Spoil, check: str, words: str) -> None:
     findings = check_design(car).findings
 
     assert any(one.check == check and words in str(one) for one in findings), "\n".join(map(str, findings))
+
+
+def with_hinge(**changes: float) -> FoldedCar:
+    """A hinged car whose joint is not what its geometry allows."""
+    car = folded_car(compose("W_B_H_W", {"W.length": 70, "radius": 36}))
+    return replace(car, hinges=tuple(replace(hinge, **changes) for hinge in car.hinges))
+
+
+def test_hinges_are_checked_at_their_limits() -> None:
+    assert check_design(with_hinge()).findings == ()
+    # The stop reaches to the other cap; the lids, 6 mm apart and 49.75 mm above the strip, meet at 6.9 degrees.
+    stopped = check_design(with_hinge(max_rad=math.radians(4))).findings
+    assert stopped and all("folded by 4.0 degrees: hinge stop: side" in str(one) for one in stopped)
+    met = check_design(with_hinge(max_rad=math.radians(9))).findings
+    assert any("folded by 9.0 degrees: rear cap 1: cap runs through front cap 2: cap" in str(one) for one in met)
+    # At axle height the strip would let the floors run into each other over a crest.
+    down = check_design(with_hinge(center_mm=(-40.0, 0.0, 0.0))).findings
+    assert any("folded by -60.0 degrees: beam 1: floor runs through" in str(one) for one in down)
+
+
+def test_wheels_are_checked_at_the_limits_of_hinges() -> None:
+    car = folded_car(compose("B_W_H_W", {"W.length": 120, "radius": 60.3, "H.fold_up": 5}))
+    assert check_design(car).findings == ()
+
+    up = replace(car, hinges=tuple(replace(hinge, max_rad=math.radians(6)) for hinge in car.hinges))
+
+    # 2 · (63 · cos 3° - 25.1 · sin 3°) = 123.2, less 120.6.
+    assert [str(one) for one in check_design(up).findings if "wheel0" in str(one)] == [
+        "hinge: between segment0 and segment1, folded by 6.0 degrees: wheel0 is 2.60 mm from wheel2, the limit is 3 mm",
+    ]
 
 
 def test_a_box_of_another_size_than_designed_is_found() -> None:

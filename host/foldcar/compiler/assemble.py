@@ -1,15 +1,15 @@
 """From faces and connections to pieces, and each piece to its place in the car.
 
-Input: a graph that components have built. Output: pieces (trees of faces), their poses, joins, mounts and axles with their
-poses. A loop of folds, or a face that nothing is joined to, is a ComponentError.
+Input: a graph that components have built. Output: pieces (trees of faces), their poses, joins, mounts and axles with
+their poses. A loop of folds, or a face that nothing is joined to, is a ComponentError.
 """
 
-import re
 from collections import deque
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from foldcar.compiler.component import ComponentError
+from foldcar.compiler.copies import counted, titles
 from foldcar.compiler.fuse import Edge, Fused, fuse, seams
 from foldcar.compiler.shape import Graph, Link, PlacedAxle
 from foldcar.sheet.folding import edge, folded
@@ -39,6 +39,8 @@ def assemble(graph: Graph) -> Assembly:
     home = {first: index for index, sheet in enumerate(sheets) for first in sheet}
     names = _names(fused, sheets)
     tabs = {seam[2]: _Tab(seam, names, home) for seam in found if seam[0].kind == "tab"}
+    for index in range(len(sheets)):
+        _tell_apart([tab for edge_b, tab in tabs.items() if home[edge_b[0]] == index])
     pieces = [_piece(sheet, fused, found, tabs, names) for sheet in sheets]
 
     shapes = [folded(piece) for piece in pieces]
@@ -48,17 +50,16 @@ def assemble(graph: Graph) -> Assembly:
         for first, one in fused.items()
         for path in one.poses
     }
-    joins = _joins(graph, fused, owner, tabs, home, pieces, names)
-    pieces, placed, joins = _counted(pieces, [(fused[sheet[0]].first.body, roots[i]) for i, sheet in enumerate(sheets)], joins)
+    found_joins = _joins(graph, fused, owner, tabs, home, pieces, names)
+    places = [(fused[sheet[0]].first.body, root) for sheet, root in zip(sheets, roots, strict=True)]
+    kept, placed, joins = counted(pieces, places, found_joins)
     mounts = tuple(
         Mount(part.part, part.name, graph.atoms[part.on].body, compose(world[part.on], part.pose), part.size_mm,
               part.mass_kg, names[owner[part.on]], part.holes)
         for part in graph.parts
     )  # fmt: skip
-    axles = tuple(
-        (axle, graph.atoms[axle.on].body, apply(world[axle.on], *axle.center_mm)) for axle in graph.axles
-    )
-    return Assembly(tuple(pieces), tuple(placed), tuple(joins), mounts, axles)
+    axles = tuple((axle, graph.atoms[axle.on].body, apply(world[axle.on], *axle.center_mm)) for axle in graph.axles)
+    return Assembly(tuple(kept), tuple(placed), tuple(joins), mounts, axles)
 
 
 class _Tab:
@@ -71,11 +72,16 @@ class _Tab:
         outline = ((0.0, 0.0), (self.length, 0.0), (self.length - inset, depth), (inset, depth))
         if inset == 0:
             outline = ((0.0, 0.0), (self.length, 0.0), (self.length, depth), (0.0, depth))
-        other = f"{names[self.a[0]]} {self.a[1]}" if home[self.a[0]] == home[self.b[0]] else names[self.a[0]]
-        self.face = Face(f"{names[self.b[0]]} {self.b[1]} tab to {other}", outline, (), "tab")
+        self.face = Face(f"{names[self.b[0]]} tab to {names[self.a[0]]}", outline, (), "tab")
         # It lies where the other face would be, were that one folded from here.
         self.angle_rad = link.angle_rad
         self.own_piece = home[self.a[0]] == home[self.b[0]]
+
+
+def _tell_apart(tabs: list[_Tab]) -> None:
+    """Tabs of one piece between the same two faces get numbers."""
+    for tab, title in zip(tabs, titles([tab.face.name for tab in tabs]), strict=True):
+        tab.face = replace(tab.face, name=title)
 
 
 def _sheets(fused: dict[str, Fused], folds: list[Seam]) -> list[list[str]]:
@@ -172,10 +178,10 @@ def _root_poses(
     for placement in graph.placements:
         a, b = owner[placement.on], owner[placement.face]
         add(a, b, compose(fused[a].poses[placement.on], placement.pose, inverse(fused[b].poses[placement.face])))
-    for link, a, b, _ in found:
-        if link.kind == "tab" and home[a[0]] != home[b[0]]:
-            ends = [edge({e[0]: fused[e[0]].face}, EdgeRef(e[0], e[1])) for e in (a, b)]
-            add(a[0], b[0], across_crease(ends[0], ends[1], link.angle_rad))
+    for link, edge_a, edge_b, _ in found:
+        if link.kind == "tab" and home[edge_a[0]] != home[edge_b[0]]:
+            ends = [edge({e[0]: fused[e[0]].face}, EdgeRef(e[0], e[1])) for e in (edge_a, edge_b)]
+            add(edge_a[0], edge_b[0], across_crease(ends[0], ends[1], link.angle_rad))
     path, pose = graph.origin or (next(iter(graph.atoms)), IDENTITY)
     first = owner[path]
     start = compose(pose, inverse(fused[first].poses[path]), inverse(local(first)))
@@ -230,63 +236,3 @@ def _joins(
             join = Join(number, "laminate", pieces[pair[0]].name, refs[0], pieces[pair[1]].name, refs[1], 0.0)
             joins.append((join, *pair))
     return joins
-
-
-def _counted(
-    pieces: list[Piece], places: list[tuple[str, Pose]], joins: list[tuple[Join, int, int]]
-) -> tuple[list[Piece], list[PlacedPiece], list[Join]]:
-    """Equal pieces that are only laminated are cut several times; every other one has a name of its own."""
-    bound = {index for join, *pair in joins for index in pair if join.kind != "laminate"}
-    bound |= {pair[1] for join, *pair in joins}
-    kept: list[Piece] = []
-    index_of: dict[int, int] = {}
-    same: dict[Piece, int] = {}
-    for i, piece in enumerate(pieces):
-        anonymous = replace(piece, faces=tuple(_without_names(face) for face in piece.faces))
-        if i not in bound and anonymous in same:
-            index_of[i] = same[anonymous]
-            kept[same[anonymous]] = replace(kept[same[anonymous]], count=kept[same[anonymous]].count + 1)
-            continue
-        if i not in bound:
-            same[anonymous] = len(kept)
-        index_of[i] = len(kept)
-        kept.append(piece)
-    titles = _titles([piece.label for piece in kept])
-    kept = [replace(piece, name=title, label=title) for piece, title in zip(kept, titles, strict=True)]
-    placed, copies = [], dict[int, int]()
-    for i, (body, pose) in enumerate(places):
-        index = index_of[i]
-        placed.append(PlacedPiece(kept[index].name, copies.get(index, 0), body, pose))
-        copies[index] = copies.get(index, 0) + 1
-    numbered: list[Join] = []
-    numbers: dict[tuple[object, ...], int] = {}
-    for join, a, b in joins:
-        named = replace(
-            join, piece_a=kept[index_of[a]].name, a=_same_face(join.a, pieces[a], kept[index_of[a]]),
-            piece_b=kept[index_of[b]].name, b=_same_face(join.b, pieces[b], kept[index_of[b]]),
-        )  # fmt: skip
-        # Copies of one piece have the same number, and numbers follow one another.
-        key = ("laminate", named.piece_a) if join.kind == "laminate" else (join.kind, join.number)
-        numbers.setdefault(key, len(numbers) + 1)
-        numbered.append(replace(named, number=numbers[key]))
-    return kept, placed, numbered
-
-
-def _same_face(ref: EdgeRef, piece: Piece, copied: Piece) -> EdgeRef:
-    """The edge of a piece on the equal one that is cut instead."""
-    place = next(i for i, face in enumerate(piece.faces) if face.name == ref.face)
-    return EdgeRef(copied.faces[place].name, ref.index)
-
-
-def _without_names(face: Face) -> Face:
-    return replace(face, name="", holes=tuple(replace(hole, name=re.sub(r".*\.", "", hole.name)) for hole in face.holes))
-
-
-def _titles(labels: list[str]) -> list[str]:
-    """Labels that stand more than once get a number."""
-    seen: dict[str, int] = {}
-    titles = []
-    for label in labels:
-        seen[label] = seen.get(label, 0) + 1
-        titles.append(f"{label} {seen[label]}" if labels.count(label) > 1 else label)
-    return titles

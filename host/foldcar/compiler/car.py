@@ -3,6 +3,7 @@
 Input: a design. Output: the immutable FoldedCar that every exporter and the simulator's body read.
 """
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -66,8 +67,8 @@ class Car(Component):
         for i, name in enumerate(self.names):
             hinge = self.children[name]
             if isinstance(hinge, HingeModule):
-                segment = self.design.segment_at(i)
-                caps = (f"rear cap {segment + 1}", f"front cap {segment + 2}")
+                before = self.design.segment_at(i)
+                caps = (f"rear cap {before + 1}", f"front cap {before + 2}")
                 hinge.join(shape, name, (self.names[i - 1], self.names[i + 1]), caps)
         rear_of_first = self.design.length_mm / 2 - shape.face_size_mm(f"{self.names[0]}.beam.floor")[0]
         corner = translation(rear_of_first, -wall_mm(self["width"]) / 2, -wall_mm(self["height"]) / 2)
@@ -178,7 +179,7 @@ def _wheels(wheel: Assembly, axles: list[Axle]) -> tuple[tuple[PlacedPiece, ...]
     for n, axle in enumerate(axles):
         pose: Pose = translation(*axle.center_mm)
         if axle.side == "right":
-            pose = compose(pose, rotation("z", 3.141592653589793))
+            pose = compose(pose, rotation("z", math.pi))
         for one in wheel.placed:
             copy = n * counts[one.piece] + one.copy
             placed.append(PlacedPiece(one.piece, copy, axle.wheel, compose(pose, one.pose)))

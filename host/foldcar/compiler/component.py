@@ -70,22 +70,21 @@ class Slot:
         mine, others = self.head, other.head
         if mine is others:
             return
-        if others._value is not None:
-            mine.assign(others._value, others._source)
         others._same = mine
 
-    def assign(self, value: float, source: str) -> None:
-        """ComponentError if the slot has another value already."""
+    def assign(self, value: float, origin: str = "") -> None:
+        """ComponentError if the slot, or one that was united with it, has another value already."""
         head = self.head
         if head._value is not None and abs(head._value - value) > SAME:
-            raise ComponentError(self.path, f"{value:g} from {source}, but {head._value:g} from {head._source}", self)
-        head._value, head._source = value, source
+            there = f"{head._value:g} at {head._source}"
+            raise ComponentError(self.path, f"{value:g} here{origin}, but {there}; they must be equal", self)
+        head._value, head._source = value, f"{self.path}{origin}"
 
     def read(self) -> float:
         """The value, or the default; ComponentError outside the limits of this slot's own parameter."""
         head = self.head
         if head._value is None:
-            head._value, head._source = head.parameter.default_value, f"the default of {head.path}"
+            head._value, head._source = head.parameter.default_value, f"{head.path} (its default)"
         complaint = self.parameter.complaint(head._value)
         if complaint:
             raise ComponentError(self.path, complaint, self)
@@ -134,10 +133,10 @@ class Component:
             return self.children[child].slot(rest)
         raise ComponentError(self.path, f'has no parameter "{path}"; it has {", ".join(self.slots) or "none"}')
 
-    def solve(self, values: Mapping[str, float], source: str = "the design") -> None:
+    def solve(self, values: Mapping[str, float]) -> None:
         """Give the parameters these values and every other one what follows from them."""
         for name, value in values.items():
-            self.slot(name).assign(value, source)
+            self.slot(name).assign(value)
         self._settle()
 
     def misfit(self, name: str, message: str) -> ComponentError:
@@ -151,7 +150,7 @@ class Component:
             child = self.children[sub.name]
             for name, setting in sub.settings.items():
                 value = setting(self) if callable(setting) else setting
-                child.slot(name).assign(float(value), f"{self.path or type(self).__name__}, which sets {child._under(name)}")
+                child.slot(name).assign(float(value), f" (set by {self.path or type(self).__name__})")
             child._settle()
 
     def _bind(self, sub: Sub, child: "Component") -> None:

@@ -1,7 +1,7 @@
 """Faces that were connected rigidly become one: its outline, its holes, and where every old edge went.
 
-Input: a graph of atoms and links. Output: fused faces with their outlines; atom edges map to edges of fused faces. Neighbouring
-edges in one line that are connected to the same face in the same way become one edge.
+Input: a graph of atoms and links. Output: fused faces with their outlines; atom edges map to edges of fused faces.
+Neighbouring edges in one line that are connected to the same face in the same way become one edge.
 """
 
 import math
@@ -82,9 +82,7 @@ def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner
     else:
         ring = _ring(graph, poses, inner)
     outline, edges = _merge(ring, tags)
-    holes = tuple(
-        _moved(hole, pose) for path, pose in poses.items() for hole in graph.atoms[path].holes
-    )
+    holes = tuple(_moved(hole, pose) for path, pose in poses.items() for hole in graph.atoms[path].holes)
     return Fused(Face(first.path, outline, holes, first.role), first, poses, edges)
 
 
@@ -171,5 +169,3 @@ def seams(links: Iterable[Link], fused: dict[str, Fused]) -> list[tuple[Link, Ed
 
 def _length(face: Face, index: int) -> float:
     return math.dist(face.outline_mm[index], face.outline_mm[(index + 1) % len(face.outline_mm)])
-
-

@@ -1,7 +1,7 @@
 """A user's own modules: the Python file that ``--components FILE`` names.
 
-Input: a file that defines subclasses of ``foldcar.compiler.library.module.Module``. Output: they are known in type strings.
-Any error in it is one line with file and line.
+Input: a file that defines subclasses of ``foldcar.compiler.library.module.Module``. Output: they are known in type
+strings. Any error in it is one line with file and line.
 """
 
 import importlib.util

@@ -51,16 +51,16 @@ def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
     if not outline.is_valid or not shapely.is_ccw(outline.exterior):
         yield Finding("outline", place, "its outline crosses itself or runs clockwise")
         return
-    taken = shapely.Polygon()
+    taken: shapely.Geometry = shapely.Polygon()
     for hole in face.holes:
         shape = shapely.Polygon(hole.outline_mm)
         if not shape.is_valid or shape.area <= 0:
             yield Finding("outline", f"{place}: {hole.name}", "the hole's outline crosses itself")
         elif not outline.contains(shape):
             yield Finding("outline", f"{place}: {hole.name}", "the hole is not inside its face")
-        elif taken.intersects(shape):
+        elif shape.intersects(taken):
             yield Finding("outline", f"{place}: {hole.name}", "the hole runs into another one")
-        taken = taken.union(shape)
+        taken = shapely.union(taken, shape)
 
 
 def _creases(piece: Piece) -> Iterator[Finding]:

@@ -32,7 +32,9 @@ def check_skin(
         expected = volumes_mm3.get(body)
         if expected is not None and abs(volume - expected) > VOLUME_TOLERANCE * expected:
             yield Finding(
-                "volume", body, f"encloses {volume:.0f} mm³ instead of {expected:.0f}, the limit is {VOLUME_TOLERANCE:.1%}"
+                "volume",
+                body,
+                f"encloses {volume:.0f} mm³ instead of {expected:.0f}, the limit is {VOLUME_TOLERANCE:.1%}",
             )
 
 

@@ -89,9 +89,9 @@ class PlacedPiece:
 class Join:
     """What is put together by hand; ``number`` is printed on both sides, joins that share one are one seam.
 
-    tab, lap, rim: edge 0 of tab ``a`` and the edge ``b`` meet, the tab is glued to the inside of b's face; lap within one
-    piece, rim around a wheel. laminate: face ``a`` lies on face ``b``. tab_slot: edge ``a`` is a tongue's tip, put through
-    hole ``slot`` of b's face.
+    tab, lap, rim: edge 0 of tab ``a`` and the edge ``b`` meet, the tab is glued to the inside of b's face; lap within
+    one piece, rim around a wheel. laminate: face ``a`` lies on face ``b``. tab_slot: edge ``a`` is a tongue's tip, put
+    through hole ``slot`` of b's face.
     """
 
     number: int

@@ -53,8 +53,9 @@ class PlacedFace:
 
     def in_car(self, points: Iterable[Point]) -> NDArray[np.float64]:
         """Points of the face's plane in the car's frame, (n, 3)."""
-        flat = np.array(list(points))
-        return flat @ self.matrix[:3, :2].T + self.matrix[:3, 3]
+        flat = np.array(list(points), dtype=np.float64)
+        moved: NDArray[np.float64] = flat @ self.matrix[:3, :2].T + self.matrix[:3, 3]
+        return moved
 
     def in_face(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points of the car, (n, 3), in the face's frame: z is their height over the printed side."""
@@ -85,6 +86,5 @@ def place(car: FoldedCar) -> dict[str, list[PlacedFace]]:
 
 def _faces(piece: Piece, placed: PlacedPiece, poses: dict[str, Pose]) -> list[PlacedFace]:
     return [
-        PlacedFace(piece, placed.copy, placed.body, face, compose(placed.pose, poses[face.name]))
-        for face in piece.faces
+        PlacedFace(piece, placed.copy, placed.body, face, compose(placed.pose, poses[face.name])) for face in piece.faces
     ]

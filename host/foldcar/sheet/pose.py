@@ -28,15 +28,17 @@ def compose(*poses: Pose) -> Pose:
     """The product: the last one acts first."""
     product = poses[0]
     for pose in poses[1:]:
-        product = tuple(
+        (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = pose
+        rows = (
             (
-                a * pose[0][0] + b * pose[1][0] + c * pose[2][0],
-                a * pose[0][1] + b * pose[1][1] + c * pose[2][1],
-                a * pose[0][2] + b * pose[1][2] + c * pose[2][2],
-                a * pose[0][3] + b * pose[1][3] + c * pose[2][3] + d,
+                p * a + q * d + r * g,
+                p * b + q * e + r * h,
+                p * c + q * f + r * i,
+                p * x + q * y + r * z + s,
             )
-            for a, b, c, d in product[:3]
-        ) + (IDENTITY[3],)
+            for p, q, r, s in product[:3]
+        )
+        product = (*rows, IDENTITY[3])
     return product
 
 

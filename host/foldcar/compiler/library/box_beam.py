@@ -4,6 +4,8 @@ Faces of the beam: ``floor``, ``left``, ``lid``, ``right``, each with x forward;
 what neighbouring beams are fused along. ``width`` and ``height`` are outer measures: faces are the film's middle.
 """
 
+from itertools import pairwise
+
 from foldcar.compiler.component import Component
 from foldcar.compiler.library.dimensions import HEIGHT, WIDTH
 from foldcar.compiler.parameter import Parameter
@@ -41,7 +43,7 @@ class BoxBeam(Component):
         """Walls one after the other; each one's far edge folds to the next one's near edge."""
         for name, size in zip(PANELS, (self["width"], self["height"]) * 2, strict=True):
             shape.rectangle(name, self["length"], wall_mm(size), piece="beam")
-        for one, following in zip(PANELS, PANELS[1:], strict=False):
+        for one, following in pairwise(PANELS):
             shape.connect(f"{one}.far", f"{following}.near", "fold", 90)
         flap = catalogue().assembly.lap_flap_mm.value
         shape.connect("floor.near", "right.far", "tab", 90, depth_mm=flap, mitre=0)

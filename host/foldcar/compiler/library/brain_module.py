@@ -1,7 +1,7 @@
 """The body module B; the first one of a car carries the electronics.
 
-The LiPo lies on the floor under a deck, the board stack stands on the deck. The servos' battery hangs under the lid, where
-its cells can be changed; where the car is too low for that, it lies on the floor behind the boards.
+The LiPo lies on the floor under a deck, the board stack stands on the deck. The servos' battery hangs under the lid,
+where its cells can be changed; where the car is too low for that, it lies on the floor behind the boards.
 """
 
 from collections.abc import Sequence
@@ -32,10 +32,13 @@ class ElectronicsModule(BrainModule):
 
     def subcomponents(self) -> Sequence[Sub]:
         """The beam and the deck, as long as the boards."""
-        return (*super().subcomponents(), Sub("deck", Deck, inherit=("width",), settings={"length": lambda _: stack_length_mm()}))
+        return (
+            *super().subcomponents(),
+            Sub("deck", Deck, inherit=("width",), settings={"length": lambda _: stack_length_mm()}),
+        )
 
     def build(self, shape: Shape) -> None:
-        """Parts are placed in the floor's frame: x from the module's rear, y from the right wall, z from the film's middle."""
+        """Parts are placed in the floor's frame: x from the rear, y from the right wall, z from the film's middle."""
         parts = catalogue()
         film, assembly = parts.film.thickness_mm.value, parts.assembly
         room, across = self["length"], wall_mm(self["width"])
@@ -71,7 +74,7 @@ class ElectronicsModule(BrainModule):
         ]  # fmt: skip
 
     def _arrange(self) -> tuple[float, float, bool, bool]:
-        """x of the battery and of the boards from the rear, whether the battery hangs from the lid, whether it is turned."""
+        """x of battery and boards from the rear, whether the battery hangs from the lid, whether it is turned."""
         parts = catalogue()
         film = parts.film.thickness_mm.value
         battery = parts.battery
@@ -119,7 +122,12 @@ def _power_wires() -> list[Wire]:
     return [
         Wire(f"{feather} headers", f"{wing} headers", "stack", "the wing sits on the Feather: I2C on SDA 23 and SCL 22"),
         Wire(f"{parts.lipo.name}", f"{feather} JST", "supply", "3.7 V for the processor"),
-        Wire(f"{parts.battery.name} +", f"{wing} terminal +", "supply", f"{parts.battery.supply_v.value:g} V for the servos"),
+        Wire(
+            f"{parts.battery.name} +",
+            f"{wing} terminal +",
+            "supply",
+            f"{parts.battery.supply_v.value:g} V for the servos",
+        ),
         Wire(f"{parts.battery.name} -", f"{wing} terminal -", "supply", "ground"),
         Wire(f"{feather} USB", "computer", "usb", "to flash, and for trials by cable"),
     ]

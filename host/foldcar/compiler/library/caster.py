@@ -3,6 +3,8 @@
 The simulator knows wheels and bellies only: for it the caster is weight, not a support.
 """
 
+import math
+
 from foldcar.compiler.component import Component
 from foldcar.compiler.shape import Shape
 from foldcar.parts import catalogue
@@ -22,13 +24,13 @@ class Caster(Component):
 
     @staticmethod
     def attach(shape: Shape, mount: str, floor: str, at_mm: tuple[float, float]) -> None:
-        """Hang the caster of the subcomponent ``mount`` under the face ``floor`` of the caller, its middle at that point."""
+        """Hang the caster of the subcomponent ``mount`` under the caller's face ``floor``, its middle at that point."""
         caster, film = catalogue().caster, catalogue().film.thickness_mm.value
         holes = _holes(shape, floor, f"{mount}.", at_mm)
         shape.laminate(f"{mount}.plate", floor, translation(*at_mm, film))
         under = translation(*at_mm, -(film + caster.height_mm.value) / 2)
         size = (caster.length_mm.value, caster.width_mm.value, caster.height_mm.value)
-        pose = compose(under, rotation("x", 3.141592653589793))
+        pose = compose(under, rotation("x", math.pi))
         shape.box(caster.name, f"{shape.name}.{mount}", floor, pose, size, caster.mass_kg.value, holes)
 
 

@@ -22,14 +22,14 @@ def _least_wheel_module(parts: Catalogue) -> float:
 
 WIDTH = Parameter(
     "width", 95, lambda parts: 2 * (parts.servo.ear_underside_mm.value + parts.film.thickness_mm.value), 500,
-    "outer width of the body", "two FS90R servos tail to tail between its walls", shared=True,
+    "outer width of the body", "two servos tail to tail between its walls", shared=True,
 )  # fmt: skip
 HEIGHT = Parameter(
     "height", 50, _least_height, 200, "outer height of the body; axles stand at half of it",
-    "the opening of one FS90R servo and 2 mm to the folds", shared=True,
+    "the opening of one servo and film to the folds", shared=True,
 )  # fmt: skip
 RADIUS = Parameter("radius", 60, 13, 150, "wheel radius", "the servo's horn and a rim", shared=True)
 WHEEL_MODULE_LENGTH = Parameter(
     "length", 60, _least_wheel_module, 400, "length of a wheel module, its axle in the middle",
-    "the opening and screws of one FS90R servo",
+    "the opening and screws of one servo",
 )  # fmt: skip

@@ -46,14 +46,17 @@ class HingeModule(Component):
     title = "hinge: a strip of film that lets the segments before and after it pitch against each other"
     parameters = (
         WIDTH, HEIGHT,
-        Parameter("length", 6, 1, 60, "length of a hinge's strip, the gap between two segments", "a strip that bends evenly"),
+        Parameter(
+            "length", 6, 1, 60, "length of a hinge's strip, the gap between two segments", "a strip that bends evenly"
+        ),
         THICKNESS,
-        Parameter("fold_down", 60, 0, 90, "how far the front segment may pitch nose down against the rear one", "flat", "deg"),
+        Parameter("fold_down", 60, 0, 90, "how far the front segment may pitch nose down against the rear one",
+                  "flat", "deg"),
         Parameter("fold_up", 0, 0, 90, "how far it may pitch nose up, which lets the car sag", "flat", "deg"),
     )  # fmt: skip
 
     def build(self, shape: Shape) -> None:
-        """The faces ``front half`` and ``rear half``, y to the left, the flexure at their common edge; the stop, if any."""
+        """The faces ``front half`` and ``rear half``, y to the left, the flexure at their common edge; the stop."""
         limit = fold_up_limit_rad(self["length"], wall_mm(self["height"]))
         if math.radians(self["fold_up"]) > limit:
             meet = f"where the lids meet at H.length {self['length']:g} and height {self['height']:g}"

@@ -1,6 +1,7 @@
 """What a type string is made of: modules. Each one but a hinge is a length of box beam with something in or on it.
 
-A module of one's own is a subclass with a ``letter`` (or a name, without underscores) and a ``title``; see docs/compiler.md.
+A module of one's own is a subclass with a ``letter`` (or a name, without underscores) and a ``title``; see
+docs/compiler.md.
 """
 
 from collections.abc import Sequence
@@ -22,7 +23,7 @@ class Module(Component):
 
     letter: ClassVar[str]
     title: ClassVar[str]
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         WIDTH,
         HEIGHT,
         Parameter("length", 80, 10, 400, "length of the module", "a strip that can be folded"),

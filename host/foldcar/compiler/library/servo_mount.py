@@ -1,7 +1,10 @@
 """A servo in a wall: its opening, its screw holes, and a second layer of film behind them.
 
-The servo is put in from outside until its ears lie on the wall: its shaft points outwards, its length runs along the wall.
+The servo is put in from outside until its ears lie on the wall: its shaft points outwards, its length runs along
+the wall.
 """
+
+import math
 
 from foldcar.compiler.component import Component
 from foldcar.compiler.parameter import Parameter
@@ -19,9 +22,7 @@ def doubler_length_mm() -> float:
 class ServoMount(Component):
     """The layer behind the wall; the parent calls :meth:`cut` to put the servo into a wall."""
 
-    parameters = (
-        Parameter("height", 12, 1, 200, "of the second layer", "the servo's opening", internal=True),
-    )
+    parameters = (Parameter("height", 12, 1, 200, "of the second layer", "the servo's opening", internal=True),)
 
     def build(self, shape: Shape) -> None:
         """The face ``doubler``, its origin in the middle of the opening."""
@@ -33,7 +34,7 @@ class ServoMount(Component):
     def cut(shape: Shape, mount: str, wall: str, axis_mm: tuple[float, float], inward: float) -> str:
         """Put the servo of the subcomponent ``mount`` into the face ``wall`` of the caller.
 
-        ``axis_mm``: where its axis passes the wall; ``inward`` is 1 if its long side lies towards +x of the wall, else -1.
+        ``axis_mm``: where its axis passes the wall; ``inward`` is 1 if its long side lies towards +x, else -1.
         Returns the mount's name.
         """
         servo, wall_mm = catalogue().servo, catalogue().film.thickness_mm.value
@@ -44,7 +45,7 @@ class ServoMount(Component):
         # The ears' undersides lie on the outside of the wall.
         depth = servo.ear_underside_mm.value - servo.depth_mm.value / 2 - wall_mm / 2
         # Length along the wall, depth through it, width along it; the shaft's end of the length where the axis is.
-        turn = rotation("z", 0.0 if inward > 0 else 3.141592653589793)
+        turn = rotation("z", 0.0 if inward > 0 else math.pi)
         size = (servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value)
         name = f"{shape.name}.{mount}"
         shape.box(servo.name, name, wall, compose(translation(x, y, depth), turn), size, servo.mass_kg.value, holes)

@@ -1,0 +1,290 @@
+"""The component model: parameters that flow, edges that must agree, faces that fold to bodies, modules of one's own."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.compiler import modules as module_table
+from foldcar.compiler.assemble import Assembly, assemble
+from foldcar.compiler.car import folded_car
+from foldcar.compiler.component import Component, ComponentError, Equal, Sub
+from foldcar.compiler.library.box_beam import Panel
+from foldcar.compiler.parameter import Parameter
+from foldcar.compiler.shape import Shape, build
+from foldcar.compiler.user_file import load_components
+from foldcar.compiler.verify import verify
+from foldcar.design import compose
+from foldcar.errors import FoldcarError
+from foldcar.sheet.folding import folded
+from foldcar.sheet.pose import apply
+
+SIZE = Parameter("size", 30, 5, 100, "edge of a cube", "glue")
+
+
+def made(component: Component, **values: float) -> Assembly:
+    """The solved and assembled component."""
+    component.solve({name.replace("__", "."): value for name, value in values.items()})
+    return assemble(build(component))
+
+
+class Cube(Component):
+    """Six panels; the cross of a cube, glued along the other seven edges."""
+
+    parameters = (SIZE,)
+    sides = ("bottom", "a", "b", "c", "d", "top")
+
+    def subcomponents(self) -> Sequence[Sub]:
+        """All as large as the cube."""
+        size = {"length": lambda cube: cube["size"], "width": lambda cube: cube["size"]}
+        return [Sub(name, Panel, settings=size) for name in self.sides]
+
+    def build(self, shape: Shape) -> None:
+        """Edges of a panel: near, front, far, rear."""
+        for side, edge in zip("abcd", ("near", "front", "far", "rear"), strict=True):
+            shape.connect(f"bottom.panel.{edge}", f"{side}.panel.near", "fold", 90)
+        shape.connect("a.panel.far", "top.panel.near", "fold", 90)
+        for side, following in ("ab", "bc", "cd", "da"):
+            shape.connect(f"{side}.panel.front", f"{following}.panel.rear", "tab", 90, depth_mm=4)
+        for edge, side in (("front", "d"), ("far", "c"), ("rear", "b")):
+            shape.connect(f"{side}.panel.far", f"top.panel.{edge}", "tab", 90, depth_mm=4)
+
+
+class Pair(Component):
+    """Two panels whose lengths must be equal."""
+
+    def subcomponents(self) -> Sequence[Sub]:
+        return (Sub("one", Panel, prefix="one"), Sub("other", Panel, prefix="other"))
+
+    def constraints(self) -> Sequence[Equal]:
+        return (Equal("one.length", "other.length"),)
+
+    def build(self, shape: Shape) -> None:
+        shape.connect("one.panel.front", "other.panel.rear", "rigid")
+
+
+def test_a_cross_of_squares_folds_to_a_cube() -> None:
+    assembly = made(Cube(), size=20)
+
+    (piece,) = assembly.pieces
+    assert len(piece.creases) == 5 + 7
+    poses = folded(piece)
+    corners = {
+        tuple(round(c, 9) + 0.0 for c in apply(poses[face.name], *point))
+        for face in piece.faces
+        if face.role == "panel"
+        for point in face.outline_mm
+    }
+    assert corners == {(x, y, z) for x in (0, 20) for y in (0, 20) for z in (0, 20)}
+    # Half folded it is open: the lid's far edge has not come down to z = 20 yet.
+    half = folded(piece, 0.5)
+    assert apply(half["top.panel"], 0, 20)[2] != pytest.approx(20, abs=1)
+    # Flat, all faces lie in one plane.
+    flat = folded(piece, 0)
+    assert all(abs(apply(flat[f.name], *point)[2]) < 1e-12 for f in piece.faces for point in f.outline_mm)
+
+
+def test_parameters_flow_down_and_defaults_are_the_parents() -> None:
+    cube = Cube()
+
+    cube.solve({})
+
+    assert cube["size"] == 30
+    assert cube.children["top"]["length"] == 30
+
+
+def test_equal_parameters_take_each_others_value() -> None:
+    pair = Pair()
+
+    pair.solve({"other.length": 12})
+
+    assert pair.children["one"]["length"] == 12
+
+
+def test_fused_panels_are_one_face() -> None:
+    (piece,) = made(Pair(), one__length=12).pieces
+
+    (face,) = piece.faces
+    assert len(face.outline_mm) == 4
+    xs, ys = zip(*face.outline_mm, strict=True)
+    assert (max(xs) - min(xs), max(ys) - min(ys)) == (24, 10)
+
+
+def test_conflicting_values_are_named_with_both_paths() -> None:
+    with pytest.raises(ComponentError, match=r"^other.length: 7 here, but 5 at one.length; they must be equal$"):
+        Pair().solve({"one.length": 5, "other.length": 7})
+
+    class Fixed(Component):
+        parameters = (SIZE,)
+
+        def subcomponents(self) -> Sequence[Sub]:
+            return (Sub("panel", Panel, settings={"length": lambda fixed: fixed["size"] / 2}),)
+
+    with pytest.raises(ComponentError, match=r"^panel.length: 15 here \(set by Fixed\), but 20 at panel.length; they"):
+        Fixed().solve({"panel.length": 20})
+
+
+def test_limits_are_named_with_path_value_limit_and_reason() -> None:
+    with pytest.raises(ComponentError, match=r"^size: 4 is below the minimum 5 \(glue\)$"):
+        Cube().solve({"size": 4})
+    with pytest.raises(ComponentError, match=r"^size: nan is below"):
+        Cube().solve({"size": math.nan})
+    with pytest.raises(ComponentError, match=r'has no parameter "colour"; it has size'):
+        Cube().solve({"colour": 1})
+
+
+class Wrong(Component):
+    """Two panels connected in some wrong way."""
+
+    connections: tuple[tuple[str, str, str], ...] = ()
+
+    def subcomponents(self) -> Sequence[Sub]:
+        return [Sub(name, Panel, settings={"length": length}) for name, length in (("p", 60), ("q", 41), ("r", 60))]
+
+    def build(self, shape: Shape) -> None:
+        for a, b, kind in self.connections:
+            shape.connect(a, b, kind, 90, depth_mm=3)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("connections", "message"),
+    [
+        ((("p.panel.near", "q.panel.far", "fold"),), "p.panel.near: is 60 mm long, q.panel.far is 41 mm: a fold joins"),
+        ((("p.panel.near", "q.panel.far", "tab"),), "p.panel.near: is 60 mm long, q.panel.far is 41 mm: a tab joins"),
+        ((("p.panel.near", "q.panel.left", "fold"),), 'q.panel: has no edge "left"; it has near, front, far, rear'),
+        ((("p.panel.near", "q.side.far", "fold"),), 'has no face "q.side"'),
+        (
+            (("p.panel.front", "q.panel.rear", "fold"), ("r.panel.front", "q.panel.rear", "fold")),
+            "q.panel.rear: is connected to r.panel.front and p.panel.front",
+        ),
+        (
+            (("p.panel.near", "r.panel.far", "fold"), ("p.panel.far", "r.panel.near", "fold")),
+            "p.panel: is in a loop of 2 folds, which no flat sheet has; make one of them a tab",
+        ),
+        ((("p.panel.front", "q.panel.rear", "fold"),), "r.panel: is joined to nothing"),
+    ],
+)
+def test_wrong_connections_are_named(connections: tuple[tuple[str, str, str], ...], message: str) -> None:
+    wrong = Wrong()
+    wrong.connections = connections
+
+    with pytest.raises(ComponentError) as caught:
+        made(wrong)
+
+    assert str(caught.value).startswith(message)
+
+
+def test_every_parameter_says_what_it_is() -> None:
+    for parameter in module_table.parameters().values():
+        declared = parameter.declared
+        assert declared.help and declared.reason and declared.unit in ("mm", "deg")
+        assert declared.least <= declared.default_value <= declared.maximum
+
+
+# The example of docs/compiler.md.
+DOC = (Path(__file__).parents[2] / "docs" / "compiler.md").read_text(encoding="utf-8")
+TAIL = "\n" + DOC[DOC.index("from foldcar.compiler.component import Sub") :].partition("```")[0]
+
+
+@pytest.fixture(autouse=True)
+def forget_own_modules() -> object:
+    """Modules of one's own are known to one test only."""
+    before = dict(module_table.modules())
+    yield
+    for letter in set(module_table.modules()) - set(before):
+        del module_table._MODULES[letter]
+    module_table.parameters.cache_clear()
+
+
+def test_a_module_of_ones_own_is_part_of_the_car(tmp_path: Path) -> None:
+    file = tmp_path / "tail.py"
+    file.write_text(TAIL)
+
+    assert load_components(file) == ["Tail"]
+
+    design = compose("W_B_Tail", {"Tail.length": 50})
+    assert design.columns["Tail_offset_mm"] == 5
+    assert verify(design).findings == ()
+    (caster,) = [mount for mount in folded_car(design).mounts if "caster" in mount.name]
+    # Front to rear 60, 80, 50: the tail's middle is 70 behind the car's, the caster 5 further back.
+    assert [caster.pose[i][3] for i in range(2)] == pytest.approx([-75, 0])
+    assert caster.pose[2][3] < -25
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("class Tail(Module):", "class Tail(Module)"), ":8: expected ':'"),
+        (("import Caster", "import Castor"), ":3: ImportError: cannot import name 'Castor'"),
+        (('letter = "Tail"', 'letter = "W"'), ':8: Tail: letter "W" is that of WheelModule already'),
+        (('letter = "Tail"', 'letter = "a_b"'), ':8: Tail: letter "a_b" is not made of letters and digits'),
+        (('letter = "Tail"', "letter = 3"), ':8: Tail has no text "letter"'),
+        (('"offset", 5, 0, 50, "of', '"width", 5, 0, 50, "of'), ':8: Tail: its parameter "width" is declared otherwise'),
+        (("class Tail(Module):", "from foldcar.compiler.library.wheel_module import *\nclass Tail(WheelModule):"),
+         ":9: Tail: carries wheels or electronics"),
+        (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.compiler"),
+    ],
+)  # fmt: skip
+def test_a_file_with_an_error_is_one_line_with_file_and_line(
+    tmp_path: Path, change: tuple[str, str], message: str
+) -> None:
+    file = tmp_path / "tail.py"
+    assert change[0] in TAIL
+    file.write_text(TAIL.replace(*change))
+
+    with pytest.raises(FoldcarError) as caught:
+        load_components(file)
+
+    assert str(caught.value).startswith(f"{file}{message}"), str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (('"beam.floor")[1]', '"beam.flor")[1]'), 'Tail2: has no face "beam.flor" [{file}:17]'),
+        (('self["offset"]', 'self["offsets"]'), 'Tail2: has no parameter "offsets"; it has'),
+        (("width / 2)", "width / 0)"), "{file}:18: ZeroDivisionError: float division by zero"),
+    ],
+)
+def test_a_module_that_cannot_be_built_is_named_with_file_and_line(
+    tmp_path: Path, change: tuple[str, str], message: str
+) -> None:
+    file = tmp_path / "tail.py"
+    assert change[0] in TAIL
+    file.write_text(TAIL.replace(*change))
+    load_components(file)
+
+    with pytest.raises(FoldcarError) as caught:
+        folded_car(compose("W_B_Tail", {}))
+
+    assert str(caught.value).startswith(message.format(file=file)), str(caught.value)
+    assert f"{file}:1" in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_named() -> None:
+    with pytest.raises(FoldcarError, match=r"^--components nowhere.py: is no Python file$"):
+        load_components(Path("nowhere.py"))
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "answer"),
+    [
+        (("", ""), 0, "FoldcarV.urdf\n"),
+        (("import Caster", "import Castor"), 2, "foldcar: error: own.py:3: ImportError: cannot import name 'Castor'"),
+        (('"beam.floor")[1]', '"beam.flor")[1]'), 2, "foldcar: error: cars.json: vehicles.V.type: Tail2: has no face"),
+    ],
+)  # fmt: skip
+def test_commands_take_modules_of_ones_own(
+    tmp_path: Path, foldcar: Any, change: tuple[str, str], code: int, answer: str
+) -> None:
+    (tmp_path / "own.py").write_text(TAIL.replace(*change))
+    (tmp_path / "cars.json").write_text('{"vehicles": {"V": {"type": "W_B_Tail", "params": [{"Tail": {"offset": 4}}]}}}')
+
+    said = foldcar("model", "cars.json", "--vehicle", "V", "--components", "own.py", "--to", "urdf", "-o", "out")
+
+    assert said.returncode == code
+    assert (said.stdout if code == 0 else said.stderr).startswith("out/" + answer if code == 0 else answer)
+    assert said.stderr.count("\n") == (code != 0)
+    assert (tmp_path / "out").exists() == (code == 0)

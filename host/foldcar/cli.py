@@ -14,6 +14,7 @@ from foldcar.commands.crosscheck import crosscheck
 from foldcar.commands.export import export
 from foldcar.commands.gallery import gallery
 from foldcar.commands.model import model
+from foldcar.commands.pattern import pattern
 from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import sample
@@ -29,7 +30,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (sweep, run, sample, gallery, report, export, crosscheck, model, view):
+for command in (sweep, run, sample, gallery, report, export, crosscheck, model, pattern, view):
     app.command()(command)
 
 

@@ -9,7 +9,7 @@ PACKAGE = Path(foldcar.__file__).parent
 
 # Upstream first. A module may import from its own group and from any group above it in this list.
 STREAM = (
-    {"errors", "results", "atomic_file", "time_limit", "recorded_values"},
+    {"errors", "results", "atomic_file", "atomic_folder", "time_limit", "recorded_values"},
     {"parts", "mass"},
     {"sheet"},
     {"compiler", "design"},
@@ -23,6 +23,9 @@ STREAM = (
     {"store_info", "store_schema", "store", "store_writer"},
     {"environments", "chunks", "sweep"},
     {"export", "figures", "report"},
+    {"patterns"},
+    {"assembly"},
+    {"making"},
     {"crosscheck"},
     {"commands"},
     {"cli", "__init__"},

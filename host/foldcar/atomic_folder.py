@@ -1,0 +1,60 @@
+"""Writes folders whole or not at all: into a temporary neighbour first, which then takes the folder's place.
+
+A folder is replaced only if all it holds was written this way: its manifest names every file. Nothing of a user's is lost.
+"""
+
+import contextlib
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+from foldcar.errors import FoldcarError
+
+MANIFEST = "pattern.json"
+
+
+@contextlib.contextmanager
+def atomic_folder(folder: Path) -> Iterator[Path]:
+    """A new folder that becomes ``folder`` when the block ends well and vanishes when it does not.
+
+    The block writes a manifest into it, a JSON object whose ``files`` are relative paths. FoldcarError, naming the
+    folder, if it cannot be written or holds something else.
+    """
+    folder = Path(os.path.abspath(folder))
+    _check_replaceable(folder)
+    temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    old = folder.with_name(f".{folder.name}.{os.getpid()}.old")
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        temporary.mkdir()
+    except OSError as error:
+        raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    try:
+        yield temporary
+        if folder.exists():
+            folder.rename(old)
+        temporary.rename(folder)
+    except OSError as error:
+        if old.exists() and not folder.exists():
+            old.rename(folder)
+        raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    finally:
+        for leftover in (temporary, old):
+            shutil.rmtree(leftover, ignore_errors=True)
+
+
+def _check_replaceable(folder: Path) -> None:
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise FoldcarError(f"{folder}: is no folder")
+    try:
+        held = {str(file.relative_to(folder)) for file in folder.rglob("*") if not file.is_dir()}
+        listed = set(json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]) if held else set()
+    except (OSError, ValueError, KeyError, TypeError):
+        raise FoldcarError(f"{folder}: holds other files; choose another folder") from None
+    foreign = sorted(held - listed - {MANIFEST})
+    if foreign:
+        raise FoldcarError(f"{folder}: holds {foreign[0]}, which is none of its files; choose another folder")

@@ -1,0 +1,44 @@
+"""Writes a sheet as DXF R2010 in millimetres."""
+
+import io
+import itertools
+
+import ezdxf
+from ezdxf import units
+
+from foldcar.patterns.drawing import Circle, Sheet
+from foldcar.patterns.layers import LAYERS
+
+
+def dxf(sheet: Sheet) -> str:
+    """The file's text: LWPOLYLINEs and CIRCLEs on named layers, $INSUNITS 4, the sheet's limits set."""
+    # Fixed dates and ids: the same sheet gives the same bytes.
+    fixed, ezdxf.options.write_fixed_meta_data_for_testing = (
+        ezdxf.options.write_fixed_meta_data_for_testing,
+        True,
+    )
+    try:
+        document = ezdxf.new("R2010", units=units.MM)
+        document.header["$MEASUREMENT"] = 1
+        for layer in LAYERS.values():
+            # True colours beside the index, for programs that show them; line weights are hundredths of a millimetre.
+            document.layers.add(
+                layer.name,
+                color=layer.aci,
+                true_color=ezdxf.colors.rgb2int(layer.rgb),
+                lineweight=round(100 * layer.width_mm),
+            )
+        space = document.modelspace()
+        space.reset_extents((0, 0, 0), (sheet.width_mm, sheet.height_mm, 0))
+        space.reset_limits((0, 0), (sheet.width_mm, sheet.height_mm))
+        for name in LAYERS:
+            for shape in itertools.chain.from_iterable(sheet.on(name)):
+                if isinstance(shape, Circle):
+                    space.add_circle(shape.center_mm, shape.radius_mm, dxfattribs={"layer": name})
+                else:
+                    space.add_lwpolyline(shape.points_mm, close=shape.closed, dxfattribs={"layer": name})
+        text = io.StringIO()
+        document.write(text)
+        return text.getvalue()
+    finally:
+        ezdxf.options.write_fixed_meta_data_for_testing = fixed

@@ -1,0 +1,48 @@
+"""Which number stands where: every join is written beside both of its edges.
+
+A rim is glued to a disc by many teeth under one number: it is written once on each piece, on the strip and not on a tooth.
+"""
+
+from collections.abc import Iterable, Iterator
+
+from foldcar.patterns.drawing import Point
+from foldcar.patterns.flat_piece import FlatFace, FlatPiece
+from foldcar.patterns.labels import EdgeMark
+from foldcar.sheet.model import EdgeRef, Join
+
+Edge = tuple[Point, Point]
+
+
+def join_marks(piece: FlatPiece, joins: Iterable[Join]) -> Iterator[EdgeMark]:
+    """The numbers of all joins that the piece takes part in."""
+    faces = {face.name: face for face in piece.faces}
+    seen: set[tuple[int, str]] = set()
+    around: dict[int, list[Edge]] = {}
+    for join in joins:
+        for name, ref, slot in ((join.piece_a, join.a, None), (join.piece_b, join.b, join.slot)):
+            if name != piece.origin or ref.face not in faces:
+                continue
+            edges = _edges(faces[ref.face], ref, join, slot)
+            if not edges:
+                continue
+            if join.kind == "rim":
+                around.setdefault(join.number, []).extend(edges)
+            elif (join.number, ref.face) not in seen:
+                seen.add((join.number, ref.face))
+                yield EdgeMark(str(join.number), tuple(edges))
+    for number, edges in around.items():
+        half = len(edges) // 2
+        yield EdgeMark(str(number), (*edges[half:], *edges[:half]))
+
+
+def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[Edge]:
+    """The edges beside which the number may stand, their film on the left."""
+    if slot is not None and slot in face.holes:
+        return list(face.holes[slot])
+    if join.kind == "laminate":
+        # Doublings are laid hole on hole.
+        return [edge for ring in face.holes.values() for edge in ring] or list(face.edges.values())
+    if ref.index not in face.edges:
+        return []
+    a, b = face.edges[ref.index]
+    return [(b, a)] if join.kind == "rim" and face.role == "tab" else [(a, b)]

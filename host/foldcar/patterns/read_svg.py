@@ -1,0 +1,63 @@
+"""Reads a cutting sheet's SVG back with svgelements: the shapes in millimetres by layer, as other programs see them."""
+
+import io
+import math
+import re
+
+import svgelements
+
+from foldcar.patterns.drawing import Circle, Path, Point, Shape, Sheet
+from foldcar.patterns.layers import LAYERS, LayerName
+from foldcar.patterns.reading_error import ReadingError
+
+# The reader's own unit is the pixel; at this resolution it is a millimetre.
+PIXELS_PER_INCH = 25.4
+INKSCAPE_LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
+
+
+
+
+def read_svg(text: str) -> Sheet:
+    """The sheet that is drawn in the file; ReadingError if it cannot be measured."""
+    try:
+        drawing = svgelements.SVG.parse(io.StringIO(text), ppi=PIXELS_PER_INCH, reify=True)
+    except (ValueError, SyntaxError) as error:
+        raise ReadingError(f"is not SVG: {error}") from error
+    # Without a unit every program chooses its own size.
+    root = re.search(r"<svg\b[^>]*>", text)
+    sizes = [re.search(rf'\b{side}="[0-9.]+mm"', root[0]) if root else None for side in ("width", "height")]
+    if not all(sizes):
+        raise ReadingError("width and height are not given in mm")
+    height = float(drawing.height)
+    shapes: list[Shape] = []
+    for group in drawing:
+        if not isinstance(group, svgelements.Group):
+            continue
+        name = group.values.get(INKSCAPE_LABEL) or group.id
+        if name not in LAYERS:
+            raise ReadingError(f'has a layer "{name}"')
+        for element in group:
+            if isinstance(element, svgelements.Shape):
+                shapes += _shapes(element, LAYERS[name].name, height)
+    return Sheet("", float(drawing.width), height, (tuple(shapes),))
+
+
+def _shapes(element: svgelements.Shape, layer: LayerName, height: float) -> list[Shape]:
+    if isinstance(element, svgelements.Circle | svgelements.Ellipse):
+        if not math.isclose(element.rx, element.ry, rel_tol=1e-6):
+            raise ReadingError(f"has an ellipse on {layer}")
+        return [Circle(layer, (float(element.cx), height - float(element.cy)), float(element.rx))]
+    found: list[Shape] = []
+    for part in svgelements.Path(element).as_subpaths():
+        points: list[Point] = []
+        closed = False
+        for segment in part:
+            if isinstance(segment, svgelements.Close):
+                closed = True
+            elif isinstance(segment, svgelements.Move | svgelements.Line):
+                points.append((float(segment.end.x), height - float(segment.end.y)))
+            else:
+                raise ReadingError(f"has a curve on {layer}")
+        if len(points) > 1:
+            found.append(Path(layer, tuple(points), closed))
+    return found

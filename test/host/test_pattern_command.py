@@ -1,0 +1,102 @@
+"""`foldcar pattern` as a user types it: a folder of files, a report, one line for every mistake, nothing half-written."""
+
+import io
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import ezdxf
+import pytest
+
+from foldcar.patterns.read_svg import read_svg
+
+Command = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture
+def listing(write_listing: Callable[[Any], Path], listing_data: dict[str, Any]) -> Path:
+    return write_listing(listing_data)
+
+
+def test_a_car_becomes_a_folder_of_files(foldcar: Command, listing: Path, tmp_path: Path) -> None:
+    done = foldcar("pattern", listing, "--vehicle", "1", "--set", "width=95", "-o", "car")
+
+    assert (done.returncode, done.stderr) == (0, "")
+    for word in ("sheets", "cut", "mass", "cost", "checked"):
+        assert f"  {word} " in done.stdout
+    folder = tmp_path / "car"
+    manifest = json.loads((folder / "pattern.json").read_text())
+    written = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
+    assert written == set(manifest["files"])
+    assert {"sheet_1.svg", "sheet_1.dxf", "sheets.pdf", "coupon.svg", "car.stl", "wiring.md", "parts.csv"} <= written
+    assert (manifest["type"], manifest["parameters"]["width"]) == ("W_B_W", 95)
+    sheet = read_svg((folder / "sheet_1.svg").read_text())
+    assert (sheet.width_mm, sheet.height_mm) == pytest.approx((304.8, 304.8))
+    assert ezdxf.read(io.StringIO((folder / "sheet_1.dxf").read_text())).audit().errors == []
+
+
+def test_a_family_becomes_a_folder_each(foldcar: Command, listing: Path, tmp_path: Path) -> None:
+    done = foldcar("pattern", listing, "--all", "--machine", "laser", "-o", "cars")
+
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "2 cars in cars" in done.stdout
+    for width in (95, 245):
+        assert (tmp_path / "cars" / f"width_{width}" / "sheet_1.svg").is_file()
+    again = foldcar("pattern", listing, "--all", "--machine", "laser", "-o", "cars")
+    assert again.returncode == 0
+
+
+def test_a_folder_is_made_anew_but_never_over_other_files(foldcar: Command, listing: Path, tmp_path: Path) -> None:
+    words = ("pattern", listing, "--set", "width=95", "--machine", "laser", "-o", "car")
+    assert foldcar(*words).returncode == 0
+    before = (tmp_path / "car" / "sheet_1.svg").read_bytes()
+    assert foldcar(*words).returncode == 0
+    assert (tmp_path / "car" / "sheet_1.svg").read_bytes() == before
+
+    (tmp_path / "car" / "notes.txt").write_text("mine")
+    done = foldcar(*words)
+
+    assert done.returncode == 2
+    assert "holds notes.txt" in done.stderr
+    assert (tmp_path / "car" / "notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--set", "width=95", "--sheet", "150x150"), "--sheet: beam is "),
+        (("--set", "width=95", "--sheet", "huge"), "--sheet huge: is none of a4, letter, 12in"),
+        (("--set", "width=95", "--machine", "axe"), "--machine axe: is none of silhouette, cricut, laser, scissors"),
+        (("--set", "width=95", "--kerf", "3"), "--kerf 3: is not 0 to 1 mm"),
+        (("--set", "width=95", "--dash-cut", "0"), "--dash-cut 0: is not 0.3 to 50 mm"),
+        (("--set", "width=95", "--fold", "bite"), "--fold bite: is none of dash, score"),
+        (("--set", "width=95", "--paper", "a5"), "--paper a5: is none of a4, letter"),
+        (("--set", "width=95", "--margin", "40", "--sheet", "60x60"), "--margin 40: leaves nothing"),
+        (("--set", "width=95", "--vehicle", "7"), 'vehicles: has no "7"; known: 1'),
+        (("--set", "width=20"), "--set width: 20 is below the minimum"),
+        ((), "has 2 values (95, 245); choose one"),
+    ],
+)
+def test_mistakes_are_one_line_and_leave_no_folder(
+    foldcar: Command, listing: Path, tmp_path: Path, words: tuple[str, ...], said: str
+) -> None:
+    done = foldcar("pattern", listing, "-o", "car", *words)
+
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert {file.name for file in tmp_path.iterdir()} == {"listing.json"}
+
+
+def test_a_file_in_the_folders_place_is_refused(foldcar: Command, listing: Path, tmp_path: Path) -> None:
+    (tmp_path / "car").write_text("a file")
+
+    done = foldcar("pattern", listing, "--set", "width=95", "-o", "car")
+    below = foldcar("pattern", listing, "--set", "width=95", "-o", "car/below")
+
+    assert (done.returncode, below.returncode) == (2, 2)
+    assert "is no folder" in done.stderr
+    assert "cannot be written" in below.stderr
+    assert (tmp_path / "car").read_text() == "a file"

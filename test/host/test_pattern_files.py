@@ -1,0 +1,319 @@
+"""The written SVG, DXF and PDF: true millimetres for independent readers, and damage that the checks must find."""
+
+import io
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import ezdxf
+import pytest
+from cut_samples import folded_box
+from pypdf import PdfReader, PdfWriter, Transformation
+
+from foldcar.patterns.coupon import coupon
+from foldcar.patterns.drawing import Circle, Motion, Path, Sheet, bounds
+from foldcar.patterns.dxf import dxf
+from foldcar.patterns.layers import LAYERS
+from foldcar.patterns.options import options
+from foldcar.patterns.pdf import pdf
+from foldcar.patterns.read_dxf import read_dxf
+from foldcar.patterns.read_pdf import read_pdf
+from foldcar.patterns.read_svg import read_svg
+from foldcar.patterns.sheets import pattern
+from foldcar.patterns.svg import svg
+from foldcar.patterns.verify import check_dxf, check_pdf, check_sheet, check_svg
+
+
+@dataclass(frozen=True)
+class Made:
+    """One sheet of the sample, as meant and as written."""
+
+    sheet: Sheet
+    svg: str
+    dxf: str
+    pdf: bytes
+
+
+CHOSEN = options("laser", sheet="300x200")
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    sheet = pattern(folded_box(40.0), CHOSEN, "sample").sheets[0]
+    return Made(sheet, svg(sheet), dxf(sheet), pdf([sheet], "a4", "sample"))
+
+
+def test_what_is_written_is_found_well(made: Made) -> None:
+    assert check_sheet(made.sheet, CHOSEN.margin_mm) == []
+    assert check_svg(made.sheet, made.svg, CHOSEN) == []
+    assert check_dxf(made.sheet, made.dxf, CHOSEN) == []
+    assert check_pdf([made.sheet], made.pdf, CHOSEN) == []
+
+
+def test_the_same_sheet_gives_the_same_bytes(made: Made) -> None:
+    assert (svg(made.sheet), dxf(made.sheet)) == (made.svg, made.dxf)
+    assert pdf([made.sheet], "a4", "sample") == made.pdf
+
+
+def reference_bars(sheet: Sheet) -> list[float]:
+    """Lengths of the straight label lines of more than 90 mm."""
+    return [s.length_mm for s in sheet.shapes if isinstance(s, Path) and s.layer == "LABEL" and s.length_mm > 90]
+
+
+def test_the_reference_bar_is_100_mm_in_every_format(made: Made) -> None:
+    assert reference_bars(read_svg(made.svg)) == [pytest.approx(100.0, abs=1e-3)]
+    assert reference_bars(read_dxf(made.dxf)) == [pytest.approx(100.0, abs=1e-3)]
+    pages = [Sheet("", 0, 0, (page.shapes,)) for page in read_pdf(made.pdf)]
+    bars = {round(bar, 3) for page in pages for bar in reference_bars(page)}
+    assert bars == {100.0}
+
+
+def test_dxf_has_named_layers_with_their_colours_and_passes_the_audit(made: Made) -> None:
+    document = ezdxf.read(io.StringIO(made.dxf))
+
+    assert (document.dxfversion, document.header["$INSUNITS"]) == ("AC1024", 4)
+    assert document.audit().errors == []
+    for layer in LAYERS.values():
+        assert document.layers.get(layer.name).color == layer.aci
+        assert document.layers.get(layer.name).rgb == layer.rgb
+        assert document.layers.get(layer.name).dxf.lineweight == round(100 * layer.width_mm)
+
+
+def test_svg_layers_are_inkscape_layers_with_their_colours(made: Made) -> None:
+    for layer in LAYERS.values():
+        group = re.search(rf'<g id="{layer.name}"[^>]*>', made.svg)
+        assert group is not None
+        assert 'inkscape:groupmode="layer"' in group[0]
+        assert f'stroke="{layer.hex}"' in group[0]
+
+
+def first_outline(text: str) -> re.Match[str]:
+    """The first closed path of CUT_OUTER."""
+    found = re.compile(r'<path d="M[^"]*z"/>\n').search(text, text.index('id="CUT_OUTER"'))
+    assert found is not None
+    return found
+
+
+def without_outline(text: str) -> str:
+    return text.replace(first_outline(text)[0], "", 1)
+
+
+def outline_twice(text: str) -> str:
+    return text.replace(first_outline(text)[0], 2 * first_outline(text)[0], 1)
+
+
+def outline_open(text: str) -> str:
+    return text.replace(first_outline(text)[0], first_outline(text)[0].replace("z", ""), 1)
+
+
+def outline_moved(text: str) -> str:
+    """The outline half a tenth of a millimetre to the right."""
+    path = first_outline(text)[0]
+    x = re.search(r"M([0-9.]+)", path)
+    assert x is not None
+    return text.replace(path, path.replace(x[0], f"M{float(x[1]) + 0.05:.4f}", 1), 1)
+
+
+def folds_swapped(text: str) -> str:
+    return text.replace("FOLD_VALLEY", "~").replace("FOLD_MOUNTAIN", "FOLD_VALLEY").replace("~", "FOLD_MOUNTAIN")
+
+
+def in_pixels(text: str) -> str:
+    return text.replace('width="300mm" height="200mm"', 'width="300" height="200"')
+
+
+def at_96_dpi(text: str) -> str:
+    return text.replace('viewBox="0 0 300 200"', 'viewBox="0 0 1133.858 755.906"')
+
+
+def off_the_sheet(text: str) -> str:
+    return text.replace('id="LABEL"', 'id="LABEL" transform="translate(-20 0)"')
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (without_outline, "a line on CUT_OUTER .* is missing"),
+        (outline_twice, "lines on each other"),
+        (outline_open, "is not closed"),
+        (outline_moved, "a line on CUT_OUTER .* is missing"),
+        (folds_swapped, "a line on FOLD_.* is missing"),
+        (in_pixels, "not given in mm"),
+        (at_96_dpi, "is missing"),
+        (off_the_sheet, "leave the usable part"),
+        (lambda text: text.replace("LABEL", "Layer 1"), 'has a layer "Layer 1"'),
+        (lambda text: text[: len(text) // 2], "is not SVG"),
+        (lambda text: text.replace('<circle cx="', '<circle cx="1', 1), "CUT_INNER"),
+    ],
+)
+def test_a_damaged_svg_is_found(made: Made, damage: Callable[[str], str], said: str) -> None:
+    damaged = damage(made.svg)
+
+    assert damaged != made.svg
+    assert re.search(said, "\n".join(check_svg(made.sheet, damaged, CHOSEN)))
+
+
+def edited(change: Callable[[ezdxf.document.Drawing], None]) -> Callable[[str], str]:
+    """A damage done through ezdxf."""
+
+    def damage(text: str) -> str:
+        document = ezdxf.read(io.StringIO(text))
+        change(document)
+        written = io.StringIO()
+        document.write(written)
+        return written.getvalue()
+
+    return damage
+
+
+def drop_circle(document: ezdxf.document.Drawing) -> None:
+    space = document.modelspace()
+    space.delete_entity(space.query("CIRCLE")[0])
+
+
+def move_polyline(document: ezdxf.document.Drawing) -> None:
+    document.modelspace().query("LWPOLYLINE[layer=='CUT_OUTER']")[0].translate(0.05, 0, 0)
+
+
+def open_polyline(document: ezdxf.document.Drawing) -> None:
+    document.modelspace().query("LWPOLYLINE[layer=='CUT_OUTER']")[0].closed = False
+
+
+def in_inches(document: ezdxf.document.Drawing) -> None:
+    document.units = ezdxf.units.IN
+
+
+def bulge(document: ezdxf.document.Drawing) -> None:
+    document.modelspace().query("LWPOLYLINE[layer=='CUT_OUTER']")[0].set_points([(0, 0, 0, 0, 1), (9, 9, 0, 0, 0)])
+
+
+def copy_fold(document: ezdxf.document.Drawing) -> None:
+    space = document.modelspace()
+    space.add_entity(space.query("LWPOLYLINE[layer=='FOLD_VALLEY']")[0].copy())
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (edited(drop_circle), "a line on CUT_INNER .* is missing"),
+        (edited(move_polyline), "a line on CUT_OUTER .* is missing"),
+        (edited(open_polyline), "is not closed"),
+        (edited(in_inches), r"\$INSUNITS is 1"),
+        (edited(bulge), "has a LWPOLYLINE on CUT_OUTER"),
+        (edited(copy_fold), "lines on each other"),
+        (lambda text: text[: len(text) // 2], "is not DXF|audit"),
+    ],
+)
+def test_a_damaged_dxf_is_found(made: Made, damage: Callable[[str], str], said: str) -> None:
+    assert re.search(said, "\n".join(check_dxf(made.sheet, damage(made.dxf), CHOSEN)))
+
+
+def rewritten(change: Callable[[PdfWriter], None]) -> Callable[[bytes], bytes]:
+    """A damage done through pypdf."""
+
+    def damage(binary: bytes) -> bytes:
+        writer = PdfWriter(clone_from=io.BytesIO(binary))
+        change(writer)
+        written = io.BytesIO()
+        writer.write(written)
+        return written.getvalue()
+
+    return damage
+
+
+def fit_to_page(writer: PdfWriter) -> None:
+    """What printer drivers like to do."""
+    writer.pages[0].add_transformation(Transformation().scale(0.97))
+
+
+def shift_page(writer: PdfWriter) -> None:
+    writer.pages[1].add_transformation(Transformation().translate(0.2, 0))
+
+
+def drop_page(writer: PdfWriter) -> None:
+    writer.remove_page(0)
+
+
+def recolour(writer: PdfWriter) -> None:
+    page = writer.pages[0]
+    content = page.get_contents()
+    assert content is not None
+    content.set_data(content.get_data().replace(b"0 0 0 RG", b"1 0 0 RG"))
+    page.replace_contents(content)
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (rewritten(fit_to_page), "page 1: "),
+        (rewritten(shift_page), "page 2: "),
+        (rewritten(drop_page), "has 1 pages, should have 2"),
+        (rewritten(recolour), "page 1: a line on CUT_OUTER .* is missing"),
+        (lambda binary: binary[:200], "is not PDF"),
+    ],
+)
+def test_a_damaged_pdf_is_found(made: Made, damage: Callable[[bytes], bytes], said: str) -> None:
+    assert re.search(said, "\n".join(check_pdf([made.sheet], damage(made.pdf), CHOSEN)))
+
+
+def test_pages_of_paper_show_neighbouring_crosses_at_the_same_place(made: Made) -> None:
+    left, right = read_pdf(made.pdf)
+
+    # On paper the same cross lies at different places: by as much as the pages show different parts of the sheet.
+    moved_mm = {round(a[0][0] - b[0][0], 2) for a, b in zip(left.marks, right.marks, strict=True)}
+    assert len(left.marks) == 4
+    assert len(moved_mm) == 1
+    reader = PdfReader(io.BytesIO(made.pdf))
+    assert [round(float(page.mediabox.width) / 72 * 25.4, 1) for page in reader.pages] == [210.0, 210.0]
+    outline = max((s for s in made.sheet.shapes if isinstance(s, Path)), key=lambda s: s.length_mm)
+    (shown_left,) = (s for s in left.shapes if isinstance(s, Path) and s.length_mm > outline.length_mm - 0.01)
+    (shown_right,) = (s for s in right.shapes if isinstance(s, Path) and s.length_mm > outline.length_mm - 0.01)
+    assert shown_left.points_mm[0][0] - shown_right.points_mm[0][0] == pytest.approx(moved_mm.pop(), abs=0.01)
+
+
+def test_a_sheet_of_paper_size_is_printed_on_one_page() -> None:
+    sheet = pattern(folded_box(30.0), options("scissors"), "sample").sheets[0]
+
+    (page,) = read_pdf(pdf([sheet], "a4", "sample"))
+
+    assert (round(page.width_mm, 2), round(page.height_mm, 2)) == (210.0, 297.0)
+    assert page.marks == ()
+
+
+def test_a_sheet_that_a_cutter_would_stumble_over_is_found(made: Made) -> None:
+    (first, *others) = made.sheet.groups
+    outline = next(s for s in first if isinstance(s, Path) and s.layer == "CUT_OUTER")
+
+    def with_more(*shapes: Path | Circle) -> Sheet:
+        return replace(made.sheet, groups=((*first, *shapes), *others))
+
+    assert "lines on each other" in check_sheet(with_more(Path("CUT_INNER", outline.points_mm[:2])), 5.0)[0]
+    assert "is not closed" in check_sheet(with_more(Path("CUT_OUTER", ((50, 50), (60, 60)))), 5.0)[0]
+    assert "no length" in check_sheet(with_more(Path("SCORE", ((50, 50), (50, 50)))), 5.0)[0]
+    assert "leave the usable part" in check_sheet(with_more(Circle("CUT_INNER", (298, 100), 4)), 5.0)[0]
+
+
+@pytest.mark.parametrize("machine", ["silhouette", "cricut", "laser", "scissors"])
+def test_the_coupon_holds_its_tests_within_a_corner_of_the_sheet(machine: str) -> None:
+    chosen = options(machine)
+
+    sheet = coupon(chosen, 0.25)
+
+    assert check_sheet(sheet, chosen.margin_mm) == []
+    outlines = [s for s in sheet.shapes if isinstance(s, Path) and s.layer == "CUT_OUTER"]
+    sizes = sorted(round(max(b - a for a, b in _sides(outline)), 2) for outline in outlines)
+    assert round(100 + chosen.kerf_mm, 2) in sizes
+    assert len(outlines) == 6
+    slots = [s for s in sheet.shapes if isinstance(s, Path) and s.layer == "CUT_INNER"]
+    # A slot takes two films and 0.2 mm.
+    narrow = [round(min(b - a for a, b in _sides(slot)) + chosen.kerf_mm, 2) for slot in slots]
+    assert sorted(narrow) == [0.7] * 5 + [20.0]
+
+
+def _sides(path: Path) -> list[tuple[float, float]]:
+    x0, y0, x1, y1 = bounds([path])
+    return [(x0, x1), (y0, y1)]
+
+
+def test_quarter_turns_are_exact() -> None:
+    assert [Motion(turn, (1, 1)).apply((2.0, 1.0)) for turn in range(4)] == [(3, 2), (0, 3), (-1, 0), (2, -1)]

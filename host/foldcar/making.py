@@ -111,7 +111,7 @@ def check_drawings(cut: Pattern, trial: Sheet, files: Mapping[str, bytes]) -> li
 def _checked(cut: Pattern) -> str:
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
     return (
-        f"{lines} lines on {len(cut.sheets)} sheets read back from SVG, DXF and PDF: as meant within {TOLERANCE_MM:g} mm, "
+        f"{lines} lines on {len(cut.sheets)} sheets read back from SVG, DXF, PDF: as meant within {TOLERANCE_MM:g} mm, "
         "inside their sheets, outlines closed, none twice"
     )
 

@@ -1,5 +1,6 @@
 """A small folded car made by hand, for tests that know its every number: a box beam with two caps and one servo."""
 
+import itertools
 import math
 
 import numpy as np
@@ -46,7 +47,7 @@ def beam() -> Piece:
     )
     creases = tuple(
         Crease(f"fold {i}", EdgeRef(a.name, 2), EdgeRef(b.name, 0), QUARTER)
-        for i, (a, b) in enumerate(zip(faces, faces[1:], strict=False))
+        for i, (a, b) in enumerate(itertools.pairwise(faces))
     )
     return Piece("beam", "Beam", faces, creases, THICKNESS_MM)
 

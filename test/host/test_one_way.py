@@ -18,7 +18,7 @@ STREAM = (
     {"scene_reading", "scene_terrain", "scene_checks"},
     {"program_globals", "conditioning", "scenic_program", "scene_json", "scenes", "fingerprint"},
     {"carsim", "carsim_step"},
-    {"models"},
+    {"models", "assembly"},
     {"scenic_ego", "scenic_runner", "scenic_simulator", "scenic_worker"},
     {"store_info", "store_schema", "store", "store_writer"},
     {"environments", "chunks", "sweep"},

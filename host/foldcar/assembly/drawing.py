@@ -71,25 +71,27 @@ def _face(seen: Seen, material: str, size: float) -> str:
     # The thin stroke closes the hairlines that renderers leave between neighbours.
     return (
         f'<path d="{_path(seen.region)}" fill="{colour}" fill-rule="evenodd" '
-        f'stroke="{colour}" stroke-width="{size * 0.0008:.3f}"/>'
+        f'stroke="{colour}" stroke-width="{size * 0.0015:.3f}"/>'
     )
 
 
 def _lines(shape: Shape, seen: Sequence[Seen], view: Camera, size: float) -> list[str]:
     visible = {one.facet.key: one for one in seen}
-    groups: dict[tuple[str, str], list[Vector]] = {}
+    groups: dict[tuple[str, tuple[str, ...]], list[Vector]] = {}
     for line in shape.lines:
-        if line.key in visible:
-            groups.setdefault((line.kind, line.key), []).append(line.ends_mm)
+        keys = tuple(key for key in line.keys if key in visible)
+        if keys:
+            groups.setdefault((line.kind, keys), []).append(line.ends_mm)
     drawn: dict[str, list[str]] = {kind: [] for kind in LINES}
-    for (kind, key), lines in groups.items():
+    for (kind, keys), lines in groups.items():
         ends = view.flat(np.concatenate(lines)).reshape(-1, 2, 2)
         ends = ends[np.ptp(ends, axis=1).max(axis=1) > EDGE_SLACK_MM]
-        if visible[key].whole:
+        if any(visible[key].whole for key in keys):
             drawn[kind] += [_polyline(line) for line in ends]
             continue
-        region = visible[key].region.buffer(EDGE_SLACK_MM, quad_segs=1)
-        kept = shapely.intersection(shapely.multilinestrings(shapely.linestrings(ends)), region, grid_size=GRID_MM)
+        regions = [visible[key].region.buffer(EDGE_SLACK_MM, quad_segs=1) for key in keys]
+        lines_there = shapely.multilinestrings(shapely.linestrings(ends))
+        kept = shapely.intersection(lines_there, shapely.union_all(regions), grid_size=GRID_MM)
         drawn[kind] += [_polyline(shapely.get_coordinates(part)) for part in shapely.get_parts(kept) if part.length > 0]
     texts = []
     for kind, (colour, dashes, width) in LINES.items():
@@ -113,7 +115,8 @@ def _marks(marks: Sequence[Mark], seen: Sequence[Seen], view: Camera, size: floa
             continue
         r = size * (0.017 if len(mark.text) < 3 else 0.023)
         texts.append(
-            f'<circle cx="{u:.2f}" cy="{-v:.2f}" r="{r:.2f}" fill="#ffffff" stroke="#222222" stroke-width="{r * 0.12:.3f}"/>'
+            f'<circle cx="{u:.2f}" cy="{-v:.2f}" r="{r:.2f}" fill="#ffffff" stroke="#222222" '
+            f'stroke-width="{r * 0.12:.3f}"/>'
             f'<text x="{u:.2f}" y="{-v:.2f}" font-size="{size * 0.024:.2f}" text-anchor="middle" dy=".35em" '
             f'fill="#222222">{escape(mark.text)}</text>'
         )

@@ -21,9 +21,9 @@ LineKind = Literal["cut", "mountain", "valley", "flat"]
 
 @dataclass(frozen=True)
 class EdgeLine:
-    """A line along a facet's edge, to be drawn where the facet of that key is seen."""
+    """A line along a facet's edge, to be drawn where one of the facets of these keys is seen: a fold has two."""
 
-    key: str
+    keys: tuple[str, ...]
     ends_mm: Vector
     kind: LineKind
 
@@ -58,19 +58,22 @@ def film_shape(
     """One copy of a piece. Keys are the faces' names after ``prefix``; ``creases`` draws folds as folds, not as edges."""
     poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
     facets, lines = [], []
-    kinds = _edge_kinds(piece)
     offsets = glued_offset_mm(piece)
-    shown = [face for face in piece.faces if tabs or face.role != "tab"]
-    for face in shown:
+    shown = {face.name for face in piece.faces if tabs or face.role != "tab"}
+    folds = _folded_edges(piece, shown)
+    for face in piece.faces:
+        if face.name not in shown:
+            continue
         at, key = poses[face.name].copy(), prefix + face.name
         at[:3, 3] += fraction * offsets.get(face.name, 0.0) * at[:3, 2]
         rings = tuple(moved(at, ring) for ring in (np.array(face.outline_mm), *map(_hole_ring, face.holes)))
         facets.append(Facet(key, rings, at[:3, 2]))
         for number, ring in enumerate(rings):
             for i, ends in enumerate(zip(ring, np.roll(ring, -1, 0), strict=True)):
-                kind = "cut" if number else kinds.get((face.name, i), "cut")
+                kind, others = ("cut", ()) if number else folds.get((face.name, i), ("cut", ()))
                 if kind is not None:
-                    lines.append(EdgeLine(key, np.array(ends), kind if creases else "cut"))
+                    keys = (key, *(prefix + other for other in others))
+                    lines.append(EdgeLine(keys, np.array(ends), kind if creases else "cut"))
     rim = any(face.role == "rim" for face in piece.faces)
     return Shape(tuple(facets), tuple(lines), {f.key: "tyre" if rim else "film" for f in facets})
 
@@ -91,7 +94,7 @@ def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
             key = f"{mount.name} {axis}{sign:+g}"
             facets.append(Facet(key, (ring,), sign * pose[:3, axis], closed=True))
             lines += [
-                EdgeLine(key, np.array([a, b]), "cut") for a, b in zip(ring, np.roll(ring, -1, 0), strict=True)
+                EdgeLine((key,), np.array([a, b]), "cut") for a, b in zip(ring, np.roll(ring, -1, 0), strict=True)
             ]
     return Shape(tuple(facets), tuple(lines), {facet.key: mount_material(mount) for facet in facets})
 
@@ -104,15 +107,17 @@ def _hole_ring(hole: Hole) -> Vector:
     return np.array(hole.center_mm) + hole.diameter_mm / 2 * np.column_stack([np.cos(turns), np.sin(turns)])
 
 
-def _edge_kinds(piece: Piece) -> dict[tuple[str, int], LineKind | None]:
-    kinds: dict[tuple[str, int], LineKind | None] = {}
+def _folded_edges(piece: Piece, shown: set[str]) -> dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]]:
+    """What is drawn along edges that two shown faces share, and the other face; None for nothing.
+
+    The parent's edge stands for both. A rim bends evenly and has no folds between its sides.
+    """
+    edges: dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]] = {}
     rims = {face.name for face in piece.faces if face.role == "rim"}
     for crease in piece.creases:
-        if {crease.parent.face, crease.child.face} <= rims:
-            # A rim bends evenly and has no folds between its sides.
-            kinds[crease.parent.face, crease.parent.index] = kinds[crease.child.face, crease.child.index] = None
-            continue
-        kind: LineKind = "valley" if crease.angle_rad > 0 else "mountain" if crease.angle_rad < 0 else "flat"
-        kinds[crease.parent.face, crease.parent.index] = kind
-        kinds[crease.child.face, crease.child.index] = kind
-    return kinds
+        if {crease.parent.face, crease.child.face} <= shown:
+            kind: LineKind = "valley" if crease.angle_rad > 0 else "mountain" if crease.angle_rad < 0 else "flat"
+            even = {crease.parent.face, crease.child.face} <= rims
+            edges[crease.parent.face, crease.parent.index] = (None if even else kind, (crease.child.face,))
+            edges[crease.child.face, crease.child.index] = (None, ())
+    return edges

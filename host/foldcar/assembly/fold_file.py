@@ -2,11 +2,14 @@
 
 Input: a Piece. Output: JSON text in millimetres, angles in degrees. Faces are triangles, because programs that
 read FOLD know no faces with holes; the edges between the triangles of one face are flat ones (F). The frame
-with the folded form inherits all but the vertices' places. https://github.com/edemaine/fold/blob/main/doc/spec.md
+with the folded form inherits all but the vertices' places. Small holes and slits are left out: they mean nothing to a
+fold, and the slender triangles around them make simulations of folding burst. The sheets have them.
+https://github.com/edemaine/fold/blob/main/doc/spec.md
 """
 
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,10 +22,12 @@ from foldcar.sheet.model import EdgeRef, Piece
 
 SPEC = 1.1
 DECIMALS = 6
+HOLES = ("opening", "vent")
 
 
 def fold_text(piece: Piece, car: str) -> str:
     """The file's text. ``car`` tells which car the piece belongs to."""
+    piece = plain(piece)
     names = shared_vertices(piece, list(piece.creases))
     order = {name: i for i, name in enumerate(dict.fromkeys(n for ring in names.values() for n in ring))}
     numbers = {face: [order[name] for name in ring] for face, ring in names.items()}
@@ -36,6 +41,7 @@ def fold_text(piece: Piece, car: str) -> str:
         "file_spec": SPEC,
         "file_creator": "foldcar",
         "file_title": f"{car}: {title}",
+        "file_description": "Openings are in it, screw holes, slots and slits are not. The printed side is up.",
         "file_classes": ["singleModel"],
         "frame_title": f"{title}, flat",
         "frame_classes": ["creasePattern"],
@@ -60,6 +66,12 @@ def fold_text(piece: Piece, car: str) -> str:
         ],
     }
     return json.dumps(document, separators=(",", ":")) + "\n"
+
+
+def plain(piece: Piece) -> Piece:
+    """The piece without the holes that FOLD files leave out."""
+    faces = (replace(face, holes=tuple(hole for hole in face.holes if hole.kind in HOLES)) for face in piece.faces)
+    return replace(piece, faces=tuple(faces))
 
 
 def _edges(

@@ -8,7 +8,8 @@ from dataclasses import replace
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from foldcar.assembly.guide_steps import Picture, finished, steps
+from foldcar.assembly.guide_step import Picture
+from foldcar.assembly.guide_steps import finished, steps
 from foldcar.assembly.parts_list import parts_list
 from foldcar.assembly.view_page import facts
 from foldcar.assembly.wiring_drawing import wiring_drawing

@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from foldcar.assembly.facets import Shape, film_shape, mount_shape, together
-from foldcar.assembly.hidden_surfaces import Camera, Vector
+from foldcar.assembly.hidden_surfaces import Camera, Vector, camera
 from foldcar.assembly.poses import Matrix, face_poses
 from foldcar.assembly.skin import piece_area_mm2
 from foldcar.sheet.model import FoldedCar, Mount, Piece, PlacedPiece, Pose
 
 PARALLEL = 0.999
+FROM_FRONT = camera(38, 30)
 
 
 class Body:
@@ -38,7 +39,9 @@ class Body:
         """The base piece."""
         return film_shape(self.base_piece, self._flat_to_car, fraction, key(self.base), creases=creases)
 
-    def piece_shape(self, placed: PlacedPiece, fraction: float = 1.0, apart: Vector | None = None, tabs: bool = True) -> Shape:
+    def piece_shape(
+        self, placed: PlacedPiece, fraction: float = 1.0, apart: Vector | None = None, tabs: bool = True
+    ) -> Shape:
         """Another piece, folded, where it is when the base is folded that far; ``apart`` shifts it."""
         pose = self.follow(self.face_of(placed), placed.pose, fraction)
         if apart is not None:

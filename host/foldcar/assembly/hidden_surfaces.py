@@ -20,6 +20,7 @@ TOUCHING_MM = 0.05
 LEAST_AREA_MM2 = 0.02
 # Without a grid, outlines that touch to within rounding can make wrong intersections.
 GRID_MM = 1e-4
+SLIVER_MM = 0.02
 
 Vector = NDArray[np.float64]
 
@@ -96,6 +97,8 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
         region = shapes[place]
         if hidden[place]:
             region = shapely.difference(region, shapely.union_all(hidden[place]), grid_size=GRID_MM)
+            # Where hiding faces meet, rounding leaves slivers between them.
+            region = region.buffer(-SLIVER_MM, join_style="mitre").buffer(SLIVER_MM, join_style="mitre")
         if region.area > LEAST_AREA_MM2:
             found.append(_seen(facets[index], region, not hidden[place], view))
     return sorted(found, key=lambda seen: _mean_depth(seen.facet, view))
@@ -133,7 +136,7 @@ def _polygons(geometry: BaseGeometry) -> BaseGeometry:
     """Without the points and lines in which outlines only touch."""
     if geometry.geom_type in ("Polygon", "MultiPolygon"):
         return geometry
-    return shapely.multipolygons([part for part in shapely.get_parts(geometry) if part.geom_type == "Polygon"])
+    return shapely.MultiPolygon([part for part in shapely.get_parts(geometry) if part.geom_type == "Polygon"])
 
 
 def _seen(facet: Facet, region: BaseGeometry, whole: bool, view: Camera) -> Seen:

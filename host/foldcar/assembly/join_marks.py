@@ -45,7 +45,8 @@ def _place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | None:
         return None
     if join.kind == "tab_slot" and side == "b":
         hole = next((hole for hole in face.holes if hole.name == join.slot), None)
-        return None if hole is None else (face.name, np.array(hole.outline_mm).mean(axis=0) + [0.0, BESIDE_EDGE_MM])
+        middle = None if hole is None else np.array(hole.outline_mm).mean(axis=0)
+        return None if middle is None else (face.name, middle + np.array([0.0, BESIDE_EDGE_MM]))
     if side == "a" and join.kind in ("tab", "lap", "rim"):
         return face.name, outline.mean(axis=0)
     a, b = (np.array(point) for point in edge(faces, reference))

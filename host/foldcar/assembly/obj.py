@@ -1,4 +1,4 @@
-"""Wavefront OBJ with a group and a material for every part, in millimetres; z is up."""
+"""Wavefront OBJ: an object with a material for every part, a group for every rigid body; millimetres, z is up."""
 
 from collections.abc import Sequence
 
@@ -20,7 +20,7 @@ def obj_text(solids: Sequence[Solid], material_file: str) -> str:
     lines = ["# foldcar, millimetres, x forward, y left, z up", f"mtllib {material_file}"]
     first = 1
     for solid in solids:
-        lines += [f"g {solid.name.replace(' ', '_')}", f"usemtl {solid.material}"]
+        lines += [f"o {solid.name.replace(' ', '_')}", f"g {solid.body}", f"usemtl {solid.material}"]
         lines += [f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in solid.mesh.vertices_mm.tolist()]
         lines += [f"f {a + first} {b + first} {c + first}" for a, b, c in solid.mesh.triangles.tolist()]
         first += len(solid.mesh.vertices_mm)

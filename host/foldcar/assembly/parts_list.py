@@ -47,21 +47,22 @@ def parts_list_text(folded: FoldedCar, title: str) -> str:
     rows = parts_list(folded)
     lines = [f"# Parts of {title}", "", "| part | quantity | mass g | cost USD | |", "|---|---:|---:|---:|---|"]
     lines += [
-        f"| {row.name} | {_amount(row)} | {_grams(row.mass_kg)} | {_dollars(row.cost_usd)} | {row.note} |" for row in rows
+        f"| {row.name} | {_amount(row)} | {_grams(row.mass_kg)} | {_dollars(row.cost_usd)} | {row.note} |"
+        for row in rows
     ]
     lines += [
         f"| **together** | | **{total_mass_kg(rows) * 1e3:.1f}** | **{total_cost_usd(rows):.2f}** | |",
         "",
-        "Prices are guides: see the tolerances and sources in the parts' data. Besides you need glue or double-sided tape "
-        "for film, and headers for the two boards.",
+        "Prices are guides: see the tolerances and sources in the parts' data. Besides you need glue or double-sided "
+        "tape for film, and headers for the two boards.",
         "",
         "## Pieces to cut",
         "| piece | copies | area cm² each | film mm | folds |",
         "|---|---:|---:|---:|---:|",
     ]
     lines += [
-        f"| {piece.label or piece.name} | {piece.count} | {piece_area_mm2(piece) / 100:.1f} | {piece.thickness_mm:g} | "
-        f"{len(piece.creases)} |"
+        f"| {piece.label or piece.name} | {piece.count} | {piece_area_mm2(piece) / 100:.1f} "
+        f"| {piece.thickness_mm:g} | {len(piece.creases)} |"
         for piece in folded.pieces
     ]
     return "\n".join([*lines, ""])

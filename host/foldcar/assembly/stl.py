@@ -17,4 +17,4 @@ def stl_bytes(mesh: Mesh, title: str) -> bytes:
     records["normal"] = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
     records["corners"] = corners
     header = f"foldcar, millimetres: {title}".encode("ascii", "replace")[:HEADER_BYTES].ljust(HEADER_BYTES)
-    return header + np.uint32(len(records)).tobytes() + records.tobytes()
+    return b"".join((header, np.uint32(len(records)).tobytes(), records.tobytes()))

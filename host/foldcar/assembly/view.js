@@ -6,6 +6,8 @@
 (function () {
   const data = window.foldcar;
   const FOLDED_AT = 0.6;
+  // What lies on the inside of a wall stands off a little more than it does: lines must not show through the wall.
+  const APART_MM = 1.0;
   const COLOURS = {
     film: [0xfbf5e6, 0xc3d3e4], tyre: [0x54585f, 0x3d4046], servo: [0x3d77b8, 0x3d77b8], board: [0x2f7d4f, 0x2f7d4f],
     battery: [0xd2a04a, 0xd2a04a], other: [0x9a9a9a, 0x9a9a9a],
@@ -35,7 +37,7 @@
 
   function materials(name) {
     return COLOURS[name].map((color, back) => new THREE.MeshLambertMaterial({
-      color, side: back ? THREE.BackSide : THREE.FrontSide, polygonOffset: true, polygonOffsetFactor: 0.1, polygonOffsetUnits: 1,
+      color, side: back ? THREE.BackSide : THREE.FrontSide, polygonOffset: true, polygonOffsetFactor: 0.3, polygonOffsetUnits: 1,
     }));
   }
   const painted = {};
@@ -129,7 +131,7 @@
       const corners = this.piece.faces.map((face, f) => {
         const points = [];
         for (let i = 0; i < face.points.length; i += 2) {
-          const lift = fraction * face.offset;
+          const lift = fraction * APART_MM * Math.sign(face.offset);
           points.push(new THREE.Vector3(face.points[i], face.points[i + 1], lift).applyMatrix4(poses[f]));
         }
         return points;
@@ -163,7 +165,7 @@
       this.placed = mount;
       this.group = new THREE.Group();
       this.group.name = `${mount.name} (${mount.part})`;
-      const box = new THREE.BoxGeometry(...mount.size);
+      const box = new THREE.BoxGeometry(...mount.size.map(size => Math.max(0.5, size - APART_MM)));
       const mesh = new THREE.Mesh(box, painted[mount.material][0]);
       mesh.castShadow = true;
       this.group.add(mesh, new THREE.LineSegments(new THREE.EdgesGeometry(box), inked.cut));
@@ -195,6 +197,7 @@
     part.group.position.lerpVectors(ends[0].p, ends[1].p, share);
     part.group.position.z += 60 * Math.sin(Math.PI * share);
     part.group.quaternion.copy(ends[0].q).slerp(ends[1].q, share);
+    if (part.placed.layer) part.group.translateZ(share * APART_MM);
     part.group.updateMatrixWorld(true);
   }
 

@@ -21,6 +21,8 @@ DECIMALS = 4
 
 def view_data(folded: FoldedCar) -> dict[str, Any]:
     """The JSON object that view.js reads."""
+    # What is laminated lies on the printed, inner side.
+    layers = {join.piece_a for join in folded.joins if join.kind == "laminate"}
     index = {piece.name: i for i, piece in enumerate(folded.pieces)}
     extents = [_flat_extent(folded.pieces[index[placed.piece]]) for placed in folded.placed]
     extents += [(-mount.size_mm[0] / 2, -mount.size_mm[1] / 2, *mount.size_mm[:2]) for mount in folded.mounts]
@@ -29,7 +31,13 @@ def view_data(folded: FoldedCar) -> dict[str, Any]:
     return {
         "pieces": [_piece(piece) for piece in folded.pieces],
         "placed": [
-            {"piece": index[placed.piece], "body": placed.body, "pose": _numbers(placed.pose), "flat": flat}
+            {
+                "piece": index[placed.piece],
+                "body": placed.body,
+                "pose": _numbers(placed.pose),
+                "flat": flat,
+                "layer": placed.piece in layers,
+            }
             for placed, flat in zip(folded.placed, film, strict=True)
         ],
         "mounts": [

@@ -34,8 +34,8 @@ def wiring_text(folded: FoldedCar, title: str) -> str:
     lines += [
         "",
         "## Supply",
-        f"- Servos: {battery.name} ({battery.supply_v.value:g} V) to the terminal block of the {wing}, and to nothing else; "
-        f"{SUPPLY_V[0]:g} to {SUPPLY_V[1]:g} V, so one LiPo cell is too low. Mind the polarity.",
+        f"- Servos: {battery.name} ({battery.supply_v.value:g} V) to the terminal block of the {wing}, and to "
+        f"nothing else; {SUPPLY_V[0]:g} to {SUPPLY_V[1]:g} V, so one LiPo cell is too low. Mind the polarity.",
         f"- Board: {catalogue().lipo.name} to the JST socket of the {catalogue().feather.name}, or USB.",
         "- Ground is common through the boards' headers.",
     ]
@@ -47,7 +47,8 @@ def wiring_text(folded: FoldedCar, title: str) -> str:
         "",
         "## Before the first drive",
         "1. Set every servo's neutral: with pulses of 1500 µs it must stand still; turn its potentiometer until it does.",
-        "2. Lift the car and drive it forward slowly: every wheel must turn forward. One that turns backward is on a wrong output.",
+        "2. Lift the car and drive it forward slowly: every wheel must turn forward. One that turns backward is on a "
+        "wrong output.",
         "",
     ]
     return "\n".join(lines)

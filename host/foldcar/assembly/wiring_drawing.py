@@ -15,7 +15,7 @@ BOARD_MM = (70.0, 120.0)
 SERVO_MM = 50.0
 # Lead colours of the kit's servos would all be alike; neighbours differ in lightness.
 WIRES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#a65628", "#e69f00", "#555555")
-INK = "#222222"
+INK, PLUS = "#222222", "#c2272d"
 
 
 def wiring_drawing(folded: FoldedCar, title: str) -> str:
@@ -62,7 +62,7 @@ def _output(output: int, axle: Axle | None) -> list[str]:
     pulse = "longer" if axle.direction > 0 else "shorter"
     x = min(near, far)
     return [
-        f'<path d="M{middle + side * 3:g},{y:g}H{near:g}" stroke="{colour}" stroke-width="1.2" fill="none"/>',
+        _wire(f"M{middle + side * 3:g},{y:g}H{near:g}", colour),
         _pin(middle, y, colour),
         _text(edge - side * 9, y - 1.4, f"{output} · CH{output + 1}", 3),
         _box(x, y - 6.5, SERVO_MM, 13, "servo"),
@@ -80,8 +80,8 @@ def _supply(rows_end: float) -> list[str]:
         _box(5, y - 8, SERVO_MM, 16, "battery"),
         _text(5 + SERVO_MM / 2, y - 1, parts.battery.name, 3.4, bold=True),
         _text(5 + SERVO_MM / 2, y + 4, volts, 3),
-        f'<path d="M{5 + SERVO_MM:g},{y - 2:g}H{middle + 4:g}V{rows_end + 8:g}" stroke="#c2272d" stroke-width="1.2" fill="none"/>',
-        f'<path d="M{5 + SERVO_MM:g},{y + 2:g}H{middle + 12:g}V{rows_end + 8:g}" stroke="{INK}" stroke-width="1.2" fill="none"/>',
+        _wire(f"M{5 + SERVO_MM:g},{y - 2:g}H{middle + 4:g}V{rows_end + 8:g}", PLUS),
+        _wire(f"M{5 + SERVO_MM:g},{y + 2:g}H{middle + 12:g}V{rows_end + 8:g}", INK),
         _text(5 + SERVO_MM + 3, y - 3.4, "+", 3.4),
         _text(5 + SERVO_MM + 3, y + 5.8, "−", 3.4),
         _box(left, y + 10, right - left, 20, "board"),
@@ -90,11 +90,11 @@ def _supply(rows_end: float) -> list[str]:
         _box(5, y + 13, SERVO_MM, 14, "battery"),
         _text(5 + SERVO_MM / 2, y + 19, parts.lipo.name, 3.4, bold=True),
         _text(5 + SERVO_MM / 2, y + 24, "board only", 3),
-        f'<path d="M{5 + SERVO_MM:g},{y + 20:g}H{left:g}" stroke="#c2272d" stroke-width="1.2"/>',
+        _wire(f"M{5 + SERVO_MM:g},{y + 20:g}H{left:g}", PLUS),
         _text((5 + SERVO_MM + left) / 2, y + 18.4, "JST", 3),
         _box(WIDTH_MM - SERVO_MM - 5, y + 13, SERVO_MM, 14, "other"),
         _text(WIDTH_MM - 5 - SERVO_MM / 2, y + 21.2, "computer", 3.4, bold=True),
-        f'<path d="M{right:g},{y + 20:g}H{WIDTH_MM - SERVO_MM - 5:g}" stroke="{INK}" stroke-width="1.2"/>',
+        _wire(f"M{right:g},{y + 20:g}H{WIDTH_MM - SERVO_MM - 5:g}", INK),
         _text((right + WIDTH_MM - SERVO_MM - 5) / 2, y + 18.4, "USB", 3),
     ]
 
@@ -108,7 +108,12 @@ def _box(x: float, y: float, width: float, height: float, material: str) -> str:
 
 
 def _pin(x: float, y: float, colour: str) -> str:
-    return f'<rect x="{x - 3:g}" y="{y - 1.6:g}" width="6" height="3.2" fill="{colour}" stroke="{INK}" stroke-width="0.3"/>'
+    place = f'x="{x - 3:g}" y="{y - 1.6:g}" width="6" height="3.2"'
+    return f'<rect {place} fill="{colour}" stroke="{INK}" stroke-width="0.3"/>'
+
+
+def _wire(path: str, colour: str) -> str:
+    return f'<path d="{path}" stroke="{colour}" stroke-width="1.2" fill="none"/>'
 
 
 def _text(x: float, y: float, text: str, size: float, anchor: str = "middle", bold: bool = False) -> str:

@@ -1,0 +1,81 @@
+"""The guide's first steps: cut all pieces, fold each.
+
+Input: a FoldedCar. Output: Steps with pictures of each piece flat, half folded and folded.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+
+from foldcar.assembly.drawing import picture
+from foldcar.assembly.facets import film_shape
+from foldcar.assembly.guide_shapes import same_shapes
+from foldcar.assembly.guide_step import Picture, Step, listed, numbers
+from foldcar.assembly.hidden_surfaces import camera
+from foldcar.assembly.join_marks import join_marks
+from foldcar.sheet.model import FoldedCar, Piece
+
+ABOVE = camera(-90, 90)
+ASLANT = camera(-55, 32)
+
+
+def cut(folded: FoldedCar) -> Step:
+    pictures = []
+    for piece in folded.pieces:
+        rim = any(face.role == "rim" for face in piece.faces)
+        marks = [] if rim else join_marks(folded, piece, np.eye(4), 0.0)
+        svg = picture(film_shape(piece, np.eye(4), 0.0), ABOVE, piece.label, marks, enlarged=2.0)
+        times = f", {piece.count} times" if piece.count > 1 else ""
+        pictures.append(Picture(svg, f"{piece.label}{times}"))
+    lines = (
+        "Cut all pieces from the sheets. Score the folds or cut them as dashes; do not fold yet.",
+        "Pictures show the printed side. Numbers in circles are joins: the same number stands on both sides of a join.",
+        "Fold valleys (blue, dashed) towards you and mountains (red, dash-dotted) away from you, the printed side up.",
+    )
+    return Step("Cut the pieces", lines, tuple(pictures))
+
+
+def folds(folded: FoldedCar) -> Iterator[Step]:
+    for group in same_shapes(piece for piece in folded.pieces if any(crease.angle_rad for crease in piece.creases)):
+        piece = group[0]
+        rim = any(face.role == "rim" for face in piece.faces)
+        names = listed([one.label for one in group])
+        times = f" ({piece.count} times)" if piece.count > 1 else ""
+        states = ((0.0, "flat"), (0.5, "half folded"), (1.0, "folded"))[1 if rim else 0 :]
+        view = camera(-70, 25) if rim else ASLANT
+        pictures = tuple(
+            Picture(
+                picture(
+                    film_shape(piece, np.eye(4), share), view, f"{names}, {state}",
+                    [] if rim else join_marks(folded, piece, np.eye(4), share),
+                ),
+                state,
+            )
+            for share, state in states
+        )  # fmt: skip
+        lines = [*_fold_lines(folded, piece, rim)]
+        if len(group) > 1:
+            lines.append(f"The numbers in the pictures are those of the {piece.label}; see step 1 for the others.")
+        yield Step(f"Fold the {names}{times}", tuple(lines), pictures)
+
+
+def _fold_lines(folded: FoldedCar, piece: Piece, rim: bool) -> Iterator[str]:
+    if rim:
+        tabs = sum(face.role == "tab" for face in piece.faces)
+        yield f"Bend the {tabs} teeth to the printed side by 90°; roll the strip evenly to a ring, printed side inside."
+    else:
+        rims = {face.name for face in piece.faces if face.role == "rim"}
+        folds = Counter(
+            ("valley" if c.angle_rad > 0 else "mountain", round(math.degrees(abs(c.angle_rad))))
+            for c in piece.creases
+            if c.child.face not in rims and not c.flexure and c.angle_rad
+        )
+        for (kind, degrees), count in folds.items():
+            yield f"{count} {kind} fold{'s' if count > 1 else ''} of {degrees}°. Crease each fully once, then let go."
+    own = sorted({join.number for join in folded.joins if join.piece_a == join.piece_b == piece.name})
+    if own and rim:
+        yield f"Glue the ends together: join {numbers(own)}."
+    elif own:
+        yield f"Its own seam, join {numbers(own)}, is glued later."

@@ -1,0 +1,243 @@
+"""Lists, wiring, guide and view of folded cars: what they say follows from the design; pages open in a browser."""
+
+import csv
+import io
+import re
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from foldcar.assembly.facets import mount_shape, together
+from foldcar.assembly.guide import guide_page
+from foldcar.assembly.guide_shapes import Body, whole_car
+from foldcar.assembly.guide_steps import steps
+from foldcar.assembly.hidden_surfaces import Facet, camera, seen_facets
+from foldcar.assembly.parts_list import parts_list, parts_list_csv, total_mass_kg
+from foldcar.assembly.poses import face_poses, glued_offset_mm, moved
+from foldcar.assembly.view_page import view_page
+from foldcar.assembly.wiring import wiring_text
+from foldcar.assembly.wiring_drawing import wiring_drawing
+from foldcar.body import body_json
+from foldcar.compiler.car import folded_car
+from foldcar.design import Design, compose
+from foldcar.sheet.model import FoldedCar
+from folded_box import folded_box
+
+Command = Callable[..., "subprocess.CompletedProcess[str]"]
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+HINGED = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.length": 80.0}
+
+
+def designs() -> list[Design]:
+    return [compose("W_B_W", {}), compose("W_B_H_W_H_W", HINGED)]
+
+
+@pytest.mark.parametrize("design", designs(), ids=lambda design: design.type)
+def test_parts_weigh_what_the_simulated_car_weighs(design: Design) -> None:
+    body = body_json(design)
+
+    rows = parts_list(folded_car(design))
+
+    simulated = sum(part["mass_kg"] for part in (*body["segments"], *body["wheels"]))
+    assert total_mass_kg(rows) == pytest.approx(simulated, rel=1e-6)
+
+
+def test_parts_as_csv_count_servos_screws_and_horns() -> None:
+    rows = {row["part"]: row for row in csv.DictReader(io.StringIO(parts_list_csv(folded_car(designs()[0]))))}
+
+    assert float(rows["FS90R servo"]["quantity"]) == 4
+    assert float(rows["FS90R servo"]["mass_g"]) == pytest.approx(36)
+    assert float(rows["M2x8 screw with nut"]["quantity"]) == 8
+    assert float(rows["servo horn"]["quantity"]) == 4
+
+
+def test_wiring_names_every_servo_with_its_output_and_direction() -> None:
+    folded = folded_car(designs()[0])
+
+    text = wiring_text(folded, "a car")
+    drawn = "".join(ET.fromstring(wiring_drawing(folded, "a car")).itertext())
+
+    for axle in folded.axles:
+        (line,) = (line for line in text.splitlines() if line.startswith(f"| {axle.channel} |"))
+        assert f"CH{axle.channel + 1}_DIRECTION {axle.direction:+d}" in line and axle.servo in line
+        assert axle.servo in drawn and f"{axle.channel} · CH{axle.channel + 1}" in drawn
+    assert "Outputs 4, 5, 6, 7 stay empty" in text
+
+
+def test_hidden_surfaces_agree_with_rays() -> None:
+    body = Body(folded_car(designs()[0]), "segment0")
+    film = [body.base_shape(0.6), *(body.piece_shape(placed, 0.6) for placed in body.others)]
+    facets = list(together([*film, *body.mount_shapes(0.6)]).facets)
+    view = camera(-55, 32)
+    seen = {one.facet.key: one for one in seen_facets(facets, view)}
+    low_u, low_v, high_u, high_v = shapely.total_bounds([one.region for one in seen.values()])
+    points = np.random.default_rng(1).uniform((low_u, low_v), (high_u, high_v), (1500, 2))
+
+    disagreeing = compared = 0
+    for u, v in points:
+        point = shapely.Point(u, v)
+        nearest = hit_by_ray(facets, view.right * u + view.up * v, view.toward)
+        if nearest is None or any(one.region.boundary.distance(point) < 0.5 for one in seen.values()):
+            continue
+        compared += 1
+        disagreeing += not seen[nearest].region.covers(point)
+
+    assert compared > 300
+    assert disagreeing == 0
+
+
+def hit_by_ray(facets: list[Facet], origin: np.ndarray, toward: np.ndarray) -> str | None:
+    """The facet nearest to the onlooker on the line through ``origin``, by intersecting the line with each plane."""
+    best: tuple[float, str] | None = None
+    for facet in facets:
+        slope = facet.normal @ toward
+        if abs(slope) < 1e-9 or (facet.closed and slope < 0):
+            continue
+        depth = facet.normal @ (facet.rings_mm[0][0] - origin) / slope
+        # In the plane's own axes.
+        x = facet.rings_mm[0][1] - facet.rings_mm[0][0]
+        x = x / np.linalg.norm(x)
+        y = np.cross(facet.normal, x)
+        rings = [np.column_stack([ring @ x, ring @ y]) for ring in facet.rings_mm]
+        at = origin + depth * toward
+        inside = shapely.Polygon(rings[0], rings[1:]).covers(shapely.Point(at @ x, at @ y))
+        if inside and (best is None or depth > best[0]):
+            best = (depth, facet.key)
+    return best[1] if best else None
+
+
+@pytest.mark.parametrize("design", designs(), ids=lambda design: design.type)
+def test_guide_shows_every_piece_and_tells_every_join(design: Design) -> None:
+    folded = folded_car(design)
+
+    found = steps(folded)
+
+    text = " ".join(line for step in found for line in step.lines)
+    told: set[int] = set()
+    for first, last in re.findall(r"(\d+)(?: to (\d+))?", " ".join(re.findall(r"[Jj]oins? ([\d, to]+)", text))):
+        told |= set(range(int(first), int(last or first) + 1))
+    assert told == {join.number for join in folded.joins}
+    captions = [picture.caption for picture in found[0].pictures]
+    assert len(captions) == len(folded.pieces)
+    assert all(step.pictures for step in found)
+    for picture in (picture for step in found for picture in step.pictures):
+        assert list(ET.fromstring(picture.svg).iter("{http://www.w3.org/2000/svg}path"))
+
+
+def test_guide_is_one_page_that_needs_no_other_file() -> None:
+    guide = guide_page(folded_car(designs()[0]), "a <car>")
+
+    HTMLParser().feed(guide)
+    assert "a &lt;car&gt;" in guide and "<car>" not in guide
+    assert not re.search(r'(src|href)="', guide)
+
+
+def test_whole_car_is_drawn_without_what_is_inside() -> None:
+    folded = folded_car(designs()[0])
+    view = camera(38, 30)
+
+    keys = {one.facet.key for one in seen_facets(whole_car(folded, view).facets, view)}
+
+    assert any(key.startswith("beam") for key in keys) and any(key.startswith("wheel rim") for key in keys)
+    assert not any("deck" in key or "LiPo" in key for key in keys)
+
+
+def test_box_of_a_mount_has_three_visible_sides() -> None:
+    (servo,) = folded_box().mounts
+
+    seen = seen_facets(mount_shape(servo).facets, camera(30, 30))
+
+    assert len(seen) == 3
+    width, depth, height = servo.size_mm
+    assert sum(one.region.area for one in seen) == pytest.approx(
+        depth * height * np.cos(np.pi / 6) ** 2
+        + width * height * np.sin(np.pi / 6) * np.cos(np.pi / 6)
+        + width * depth * np.sin(np.pi / 6),
+        rel=1e-3,
+    )
+
+
+def test_view_page_is_one_file() -> None:
+    page = view_page(folded_box(), "a box")
+
+    assert "</script><" not in page.replace("</script>\n", "")
+    assert not re.search(r'<(script|link|img)[^>]*(src|href)=', page)
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium here")
+@pytest.mark.parametrize("fold", [0, 1])
+def test_view_folds_to_the_place_that_the_design_says(tmp_path: Path, fold: int) -> None:
+    folded = folded_car(designs()[0])
+
+    shown = shown_by_browser(folded, tmp_path, fold)
+
+    box = np.array([float(value) for value in shown["box"].split()])
+    if fold == 1:
+        assert box == pytest.approx(film_box(folded), abs=2e-3)
+    else:
+        assert box[5] - box[2] == pytest.approx(0, abs=1e-3)
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium here")
+def test_view_command_writes_a_page_that_draws(tmp_path: Path, foldcar: Command) -> None:
+    from PIL import Image
+
+    design = Path(__file__).resolve().parents[2] / "patterns" / "hinged.json"
+    done = foldcar("view", design, "-o", tmp_path / "car.html")
+    assert done.returncode == 0, done.stderr
+
+    browse(tmp_path / "car.html", 0.5, f"--screenshot={tmp_path / 'car.png'}")
+
+    stage = np.asarray(Image.open(tmp_path / "car.png").convert("RGB"))[120:640, 40:1000]
+    assert 0.03 < (stage != stage[0, 0]).any(axis=2).mean() < 0.9
+
+
+def test_view_command_refuses_what_it_cannot_show(tmp_path: Path, foldcar: Command) -> None:
+    design = Path(__file__).resolve().parents[2] / "patterns" / "published_cars.json"
+
+    several = foldcar("view", design, "-o", tmp_path / "x.html")
+    unknown = foldcar("view", design, "--vehicle", "w66", "-o", tmp_path / "x.html")
+    narrow = foldcar("view", design, "--vehicle", "w65", "--set", "width=30", "-o", tmp_path / "x.html")
+
+    for done, word in ((several, "--vehicle"), (unknown, "w66"), (narrow, "width")):
+        assert done.returncode == 2 and word in done.stderr and len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "x.html").exists()
+
+
+def shown_by_browser(folded: FoldedCar, folder: Path, fold: float) -> dict[str, str]:
+    """What the page says it shows."""
+    page = folder / "car.html"
+    page.write_text(view_page(folded, "a car"), encoding="utf-8")
+    shown = dict(re.findall(r'data-(\w+)="([^"]*)"', browse(page, fold, "--dump-dom")))
+    assert shown.get("state") == "ready"
+    return shown
+
+
+def browse(page: Path, fold: float, *options: str) -> str:
+    """The browser's standard output."""
+    assert BROWSER is not None
+    flags = ["--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    flags += ["--virtual-time-budget=3000", "--window-size=1100,900"]
+    command = [BROWSER, *flags, *options, f"{page.as_uri()}#fold={fold}"]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+
+
+def film_box(folded: FoldedCar) -> np.ndarray:
+    """Least and greatest coordinates of the assembled film's faces, glued tabs standing off by their thickness."""
+    pieces = {piece.name: piece for piece in folded.pieces}
+    points = []
+    for placed in folded.placed:
+        piece = pieces[placed.piece]
+        offsets = glued_offset_mm(piece)
+        for face in piece.faces:
+            outline = np.array([(x, y, offsets.get(face.name, 0.0)) for x, y in face.outline_mm])
+            points.append(moved(np.array(placed.pose) @ face_poses(piece)[face.name], outline))
+    together_mm = np.concatenate(points)
+    return np.concatenate([together_mm.min(axis=0), together_mm.max(axis=0)])

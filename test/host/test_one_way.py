@@ -24,7 +24,6 @@ STREAM = (
     {"environments", "chunks", "sweep"},
     {"export", "figures", "report"},
     {"patterns"},
-    {"assembly"},
     {"making"},
     {"crosscheck"},
     {"commands"},

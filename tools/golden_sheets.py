@@ -8,7 +8,7 @@ import json
 import shutil
 from pathlib import Path
 
-from foldcar.commands.listed_design import listed_design
+from foldcar.commands.listed_design import listed_family
 from foldcar.compiler.car import folded_car
 from foldcar.making import car_title
 from foldcar.patterns.drawing import Sheet
@@ -29,7 +29,7 @@ def cars() -> dict[str, dict[str, str]]:
 def sheets_of(vehicle: str) -> tuple[Sheet, ...]:
     """The sheets as they are made now."""
     car = cars()[vehicle]
-    design = listed_design(PATTERNS / car["listing"], vehicle, [])
+    design = listed_family(PATTERNS / car["listing"], vehicle, [])[1].single()
     return pattern(folded_car(design), options(car["machine"]), car_title(design)).sheets
 
 

@@ -36,7 +36,6 @@ STREAM = (
     {"trials"},
     {"export", "export_trials", "figures", "report"},
     {"patterns"},
-    {"assembly"},
     {"making"},
     {"crosscheck"},
     {"commands"},

@@ -26,7 +26,7 @@ THREE_FILE = "static/r130/three.min.js"
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """An SVG element and what is written under it."""
+    """An SVG file or element, and what is written under it."""
 
     svg: str
     caption: str
@@ -46,7 +46,8 @@ def view_page(folded: FoldedCar, title: str, sheets: Sequence[Drawing] = ()) -> 
         title=title,
         facts=facts(folded),
         flat_heading="Sheets" if sheets else "Flat pieces",
-        drawings=[{"svg": Markup(drawing.svg), "caption": drawing.caption} for drawing in drawings],
+        # A file's XML declaration cannot stand in a page.
+        drawings=[{"svg": Markup(one.svg[one.svg.index("<svg") :]), "caption": one.caption} for one in drawings],
         library=_script(files(THREE_PACKAGE).joinpath(THREE_FILE).read_text(encoding="utf-8")),
         data=_script(json.dumps(view_data(folded), separators=(",", ":"))),
         program=_script(files("foldcar.assembly").joinpath("view.js").read_text(encoding="utf-8")),

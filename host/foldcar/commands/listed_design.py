@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from foldcar.commands.design_settings import design_settings
-from foldcar.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.family import Family, read_family
 from foldcar.listing import Listing, read_listing
@@ -25,15 +24,3 @@ def listed_family(listing: Path, vehicle: str | None, settings: Sequence[str]) -
         raise FoldcarError(f'{listing}: vehicles: has no "{vehicle}"; known: {known}')
     family = read_family(listing, vehicle, listed.vehicles[vehicle])
     return listed, family.narrowed(design_settings(settings))
-
-
-def listed_design(listing: Path, vehicle: str | None, settings: Sequence[str]) -> Design:
-    """The one design that is left; FoldcarError naming the parameters that still have several values."""
-    return listed_family(listing, vehicle, settings)[1].single()
-
-
-def design_title(design: Design) -> str:
-    """A design's name for people: its type and size."""
-    values = design.values
-    size = f"{values['width']:g} mm wide, {design.length_mm:g} mm long"
-    return f"{design.type}, {size}, wheels of radius {values['radius']:g} mm"

@@ -1,4 +1,4 @@
-"""`foldcar view`: one page with a car's flat pieces and a model of it that folds."""
+"""`foldcar view`: one page with a car's sheets and a model of it that folds."""
 
 from pathlib import Path
 from typing import Annotated
@@ -18,16 +18,26 @@ def view(
         list[str] | None,
         typer.Option("--set", metavar="NAME=MM", help="Choose a design parameter, e.g. width=95 or W.length=60."),
     ] = None,
+    machine: Annotated[
+        str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: how the sheets are drawn.")
+    ] = "silhouette",
+    sheet: Annotated[str | None, typer.Option(metavar="SIZE", help="a4, letter, 12in or WIDTHxHEIGHT in mm.")] = None,
     components: Components = None,
 ) -> None:
-    """Write a page that shows a car flat, folding and assembled; it opens in a browser, without a network."""
-    from foldcar.assembly.view_page import view_page
+    """Write a page that shows a car as sheets, folding and assembled; it opens in a browser, without a network."""
+    from foldcar.assembly.view_page import Drawing, view_page
     from foldcar.atomic_file import atomic_file
-    from foldcar.commands.listed_design import design_title, listed_design
+    from foldcar.commands.listed_design import listed_family
     from foldcar.compiler.car import folded_car
+    from foldcar.making import car_title
+    from foldcar.patterns.options import options
+    from foldcar.patterns.sheets import pattern
+    from foldcar.patterns.svg import svg
 
-    design = listed_design(listing, vehicle, settings or [])
-    page = view_page(folded_car(design), design_title(design))
+    design = listed_family(listing, vehicle, settings or [])[1].single()
+    folded, title = folded_car(design), car_title(design)
+    sheets = [Drawing(svg(one), one.name) for one in pattern(folded, options(machine, sheet=sheet), title).sheets]
+    page = view_page(folded, title, sheets)
     with atomic_file(output) as binary:
         binary.write(page.encode())
     typer.echo(str(output))

@@ -11,6 +11,8 @@ from foldcar.patterns.labels import EdgeMark
 from foldcar.sheet.model import EdgeRef, Join
 
 Edge = tuple[Point, Point]
+# Of many edges that would do, so many are tried.
+PLACES = 8
 
 
 def join_marks(piece: FlatPiece, joins: Iterable[Join]) -> Iterator[EdgeMark]:
@@ -32,7 +34,7 @@ def join_marks(piece: FlatPiece, joins: Iterable[Join]) -> Iterator[EdgeMark]:
                 yield EdgeMark(str(join.number), tuple(edges))
     for number, edges in around.items():
         half = len(edges) // 2
-        yield EdgeMark(str(number), tuple(sorted((*edges[half:], *edges[:half]), key=_slant)))
+        yield EdgeMark(str(number), tuple(sorted((*edges[half:], *edges[:half]), key=_slant)[:PLACES]))
 
 
 def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[Edge]:
@@ -42,7 +44,7 @@ def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[E
     if join.kind == "laminate":
         # Doublings are laid hole on hole.
         edges = [edge for ring in face.holes.values() for edge in ring] or list(face.edges.values())
-        return sorted(edges, key=_slant)
+        return sorted(edges, key=_slant)[:PLACES]
     if ref.index not in face.edges:
         return []
     a, b = face.edges[ref.index]

@@ -118,6 +118,7 @@ class _Sheet:
     def __init__(self, area: _Area) -> None:
         self.area = area
         self.taken = np.zeros(area.shape, dtype=bool)
+        self.free_cells = self.taken.size
         self._spectrum: NDArray[np.complex128] | None = None
 
     def lowest(self, turned: _Turned) -> tuple[int, int] | None:
@@ -135,6 +136,8 @@ class _Sheet:
         """Put the piece where its top comes out lowest; None if it fits in no turn."""
         places = []
         for turned in turns:
+            if turned.cells.sum() > self.free_cells:
+                continue
             found = self.lowest(turned)
             if found is not None:
                 places.append((found[0] + turned.cells.shape[0], found[1], turned.turn, found[0], turned))
@@ -143,6 +146,7 @@ class _Sheet:
         _, column, _, row, turned = min(places, key=lambda place: place[:3])
         rows, columns = turned.cells.shape
         self.taken[row : row + rows, column : column + columns] |= turned.cells
+        self.free_cells -= int(turned.cells.sum())
         self._spectrum = None
         return self.area.motion(turned, row, column)
 

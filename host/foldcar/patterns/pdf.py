@@ -3,6 +3,7 @@
 import io
 from collections.abc import Sequence
 
+from reportlab import rl_config
 from reportlab.lib.units import mm
 from reportlab.pdfgen.canvas import Canvas
 
@@ -17,6 +18,8 @@ MARK_WIDTH_MM = 0.2
 
 def pdf(sheets: Sequence[Sheet], paper: str, title: str) -> bytes:
     """The file's bytes: the pages of one sheet after those of the other."""
+    # Streams are binary anyway once they are compressed.
+    rl_config.useA85 = 0
     binary = io.BytesIO()
     canvas = Canvas(binary, invariant=1, pageCompression=1)
     canvas.setTitle(title)

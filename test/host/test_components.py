@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -221,9 +222,11 @@ def test_a_module_of_ones_own_is_part_of_the_car(tmp_path: Path) -> None:
         (('letter = "Tail"', 'letter = "a_b"'), ':8: Tail: letter "a_b" is not made of letters and digits'),
         (('letter = "Tail"', "letter = 3"), ':8: Tail has no text "letter"'),
         (('"offset", 5, 0, 50, "of', '"width", 5, 0, 50, "of'), ':8: Tail: its parameter "width" is declared otherwise'),
+        (("class Tail(Module):", "from foldcar.compiler.library.wheel_module import *\nclass Tail(WheelModule):"),
+         ":9: Tail: carries wheels or electronics"),
         (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.compiler"),
     ],
-)
+)  # fmt: skip
 def test_a_file_with_an_error_is_one_line_with_file_and_line(
     tmp_path: Path, change: tuple[str, str], message: str
 ) -> None:
@@ -263,3 +266,25 @@ def test_a_module_that_cannot_be_built_is_named_with_file_and_line(
 def test_a_file_that_is_not_there_is_named() -> None:
     with pytest.raises(FoldcarError, match=r"^--components nowhere.py: is no Python file$"):
         load_components(Path("nowhere.py"))
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "answer"),
+    [
+        (("", ""), 0, "FoldcarV.urdf\n"),
+        (("import Caster", "import Castor"), 2, "foldcar: error: own.py:3: ImportError: cannot import name 'Castor'"),
+        (('"beam.floor")[1]', '"beam.flor")[1]'), 2, "foldcar: error: cars.json: vehicles.V.type: Tail2: has no face"),
+    ],
+)  # fmt: skip
+def test_commands_take_modules_of_ones_own(
+    tmp_path: Path, foldcar: Any, change: tuple[str, str], code: int, answer: str
+) -> None:
+    (tmp_path / "own.py").write_text(TAIL.replace(*change))
+    (tmp_path / "cars.json").write_text('{"vehicles": {"V": {"type": "W_B_Tail", "params": [{"Tail": {"offset": 4}}]}}}')
+
+    said = foldcar("model", "cars.json", "--vehicle", "V", "--components", "own.py", "--to", "urdf", "-o", "out")
+
+    assert said.returncode == code
+    assert (said.stdout if code == 0 else said.stderr).startswith("out/" + answer if code == 0 else answer)
+    assert said.stderr.count("\n") == (code != 0)
+    assert (tmp_path / "out").exists() == (code == 0)

@@ -164,6 +164,8 @@ def test_the_study_car_encloses_its_box() -> None:
         (with_face("deck", "shelf", lambda f: replace(f, outline_mm=tuple((x, min(y, 94.0)) for x, y in f.outline_mm))),
          "slot", "inside the slot"),
         (with_mount_moved("front left servo", -3, 0, 0), "parts", "is cut by"),
+        (with_holes_moved("deck", "shelf", "screw", 0.5), "parts", "Feather: is 0.50 mm off the middle of its holes"),
+        (with_holes_moved("beam", "left", "screw", 1.0), "parts", "servo: is 0.67 mm off the middle of its holes"),
         (with_mount_moved("500 mAh LiPo", 0, 0, 4), "parts", "is cut by"),
         (with_mount_moved("4xAA holder", 0, 0, -7), "parts", "runs 1.00 mm into 4xAA holder"),
         (with_axle_moved("wheel2", 20, 0), "wheels", "is 0.00 mm from wheel2"),
@@ -177,6 +179,36 @@ def test_broken_designs_are_found(spoil: Spoil, check: str, words: str) -> None:
     findings = check_design(car).findings
 
     assert any(one.check == check and words in str(one) for one in findings), "\n".join(map(str, findings))
+
+
+def with_hinge(**changes: float) -> FoldedCar:
+    """A hinged car whose joint is not what its geometry allows."""
+    car = folded_car(compose("W_B_H_W", {"W.length": 70, "radius": 36}))
+    return replace(car, hinges=tuple(replace(hinge, **changes) for hinge in car.hinges))
+
+
+def test_hinges_are_checked_at_their_limits() -> None:
+    assert check_design(with_hinge()).findings == ()
+    # The stop reaches to the other cap; the lids, 6 mm apart and 49.75 mm above the strip, meet at 6.9 degrees.
+    stopped = check_design(with_hinge(max_rad=math.radians(4))).findings
+    assert stopped and all("folded by 4.0 degrees: hinge stop: side" in str(one) for one in stopped)
+    met = check_design(with_hinge(max_rad=math.radians(9))).findings
+    assert any("folded by 9.0 degrees: rear cap 1: cap runs through front cap 2: cap" in str(one) for one in met)
+    # At axle height the strip would let the floors run into each other over a crest.
+    down = check_design(with_hinge(center_mm=(-40.0, 0.0, 0.0))).findings
+    assert any("folded by -60.0 degrees: beam 1: floor runs through" in str(one) for one in down)
+
+
+def test_wheels_are_checked_at_the_limits_of_hinges() -> None:
+    car = folded_car(compose("B_W_H_W", {"W.length": 120, "radius": 60.3, "H.fold_up": 5}))
+    assert check_design(car).findings == ()
+
+    up = replace(car, hinges=tuple(replace(hinge, max_rad=math.radians(6)) for hinge in car.hinges))
+
+    # 2 · (63 · cos 3° - 25.1 · sin 3°) = 123.2, less 120.6.
+    assert [str(one) for one in check_design(up).findings if "wheel0" in str(one)] == [
+        "hinge: between segment0 and segment1, folded by 6.0 degrees: wheel0 is 2.60 mm from wheel2, the limit is 3 mm",
+    ]
 
 
 def test_a_box_of_another_size_than_designed_is_found() -> None:

@@ -4,12 +4,12 @@ Input: a graph that components have built. Output: pieces (trees of faces), thei
 their poses. A loop of folds, or a face that nothing is joined to, is a ComponentError.
 """
 
-import re
-from collections import Counter, deque
+from collections import deque
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from foldcar.compiler.component import ComponentError
+from foldcar.compiler.copies import counted, titles
 from foldcar.compiler.fuse import Edge, Fused, fuse, seams
 from foldcar.compiler.shape import Graph, Link, PlacedAxle
 from foldcar.sheet.folding import edge, folded
@@ -52,7 +52,7 @@ def assemble(graph: Graph) -> Assembly:
     }
     found_joins = _joins(graph, fused, owner, tabs, home, pieces, names)
     places = [(fused[sheet[0]].first.body, root) for sheet, root in zip(sheets, roots, strict=True)]
-    kept, placed, joins = _counted(pieces, places, found_joins)
+    kept, placed, joins = counted(pieces, places, found_joins)
     mounts = tuple(
         Mount(part.part, part.name, graph.atoms[part.on].body, compose(world[part.on], part.pose), part.size_mm,
               part.mass_kg, names[owner[part.on]], part.holes)
@@ -80,8 +80,7 @@ class _Tab:
 
 def _tell_apart(tabs: list[_Tab]) -> None:
     """Tabs of one piece between the same two faces get numbers."""
-    titles = _titles([tab.face.name for tab in tabs])
-    for tab, title in zip(tabs, titles, strict=True):
+    for tab, title in zip(tabs, titles([tab.face.name for tab in tabs]), strict=True):
         tab.face = replace(tab.face, name=title)
 
 
@@ -237,64 +236,3 @@ def _joins(
             join = Join(number, "laminate", pieces[pair[0]].name, refs[0], pieces[pair[1]].name, refs[1], 0.0)
             joins.append((join, *pair))
     return joins
-
-
-def _counted(
-    pieces: list[Piece], places: list[tuple[str, Pose]], joins: list[tuple[Join, int, int]]
-) -> tuple[list[Piece], list[PlacedPiece], list[Join]]:
-    """Equal pieces that are only laminated are cut several times; every other one has a name of its own."""
-    bound = {index for join, *pair in joins for index in pair if join.kind != "laminate"}
-    bound |= {pair[1] for join, *pair in joins}
-    kept: list[Piece] = []
-    index_of: dict[int, int] = {}
-    same: dict[Piece, int] = {}
-    for i, piece in enumerate(pieces):
-        anonymous = replace(piece, faces=tuple(_without_names(face) for face in piece.faces))
-        if i not in bound and anonymous in same:
-            index_of[i] = same[anonymous]
-            kept[same[anonymous]] = replace(kept[same[anonymous]], count=kept[same[anonymous]].count + 1)
-            continue
-        if i not in bound:
-            same[anonymous] = len(kept)
-        index_of[i] = len(kept)
-        kept.append(piece)
-    titles = _titles([piece.label for piece in kept])
-    kept = [replace(piece, name=title, label=title) for piece, title in zip(kept, titles, strict=True)]
-    placed, copies = [], dict[int, int]()
-    for i, (body, pose) in enumerate(places):
-        index = index_of[i]
-        placed.append(PlacedPiece(kept[index].name, copies.get(index, 0), body, pose))
-        copies[index] = copies.get(index, 0) + 1
-    numbered: list[Join] = []
-    numbers: dict[tuple[object, ...], int] = {}
-    for join, a, b in joins:
-        named = replace(
-            join, piece_a=kept[index_of[a]].name, a=_same_face(join.a, pieces[a], kept[index_of[a]]),
-            piece_b=kept[index_of[b]].name, b=_same_face(join.b, pieces[b], kept[index_of[b]]),
-        )  # fmt: skip
-        # Copies of one piece have the same number, and numbers follow one another.
-        key = ("laminate", named.piece_a) if join.kind == "laminate" else (join.kind, join.number)
-        numbers.setdefault(key, len(numbers) + 1)
-        numbered.append(replace(named, number=numbers[key]))
-    return kept, placed, numbered
-
-
-def _same_face(ref: EdgeRef, piece: Piece, copied: Piece) -> EdgeRef:
-    """The edge of a piece on the equal one that is cut instead."""
-    place = next(i for i, face in enumerate(piece.faces) if face.name == ref.face)
-    return EdgeRef(copied.faces[place].name, ref.index)
-
-
-def _without_names(face: Face) -> Face:
-    return replace(face, name="", holes=tuple(replace(hole, name=re.sub(r".*\.", "", hole.name)) for hole in face.holes))
-
-
-def _titles(labels: list[str]) -> list[str]:
-    """Labels that stand more than once get a number."""
-    counts = Counter(labels)
-    seen: Counter[str] = Counter()
-    titles = []
-    for label in labels:
-        seen[label] += 1
-        titles.append(f"{label} {seen[label]}" if counts[label] > 1 else label)
-    return titles

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from foldcar.compiler.component import Component, ComponentError
-from foldcar.compiler.library.brain_module import BrainModule
+from foldcar.compiler.library.brain_module import BrainModule, ElectronicsModule
 from foldcar.compiler.library.hinge_module import HingeModule
 from foldcar.compiler.library.module import Module
 from foldcar.compiler.library.wheel_module import WheelModule
@@ -50,6 +50,8 @@ def register(kind: type[Module]) -> None:
         raise ComponentError(kind.__name__, f'letter "{letter}" is not made of letters and digits')
     if letter in _MODULES:
         raise ComponentError(kind.__name__, f'letter "{letter}" is that of {_MODULES[letter].__name__} already')
+    if issubclass(kind, WheelModule | ElectronicsModule):
+        raise ComponentError(kind.__name__, "carries wheels or electronics, which W and B do; derive it from Module")
     known = {key: parameter.declared for key, parameter in parameters().items()}
     for parameter in kind.parameters:
         if known.get(parameter.name, parameter) != parameter:

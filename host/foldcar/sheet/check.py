@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from foldcar.parts import catalogue
 from foldcar.sheet.check_crossings import check_crossings
 from foldcar.sheet.check_flat import check_flat
+from foldcar.sheet.check_hinges import check_hinges
 from foldcar.sheet.check_joins import CLOSURE_MM, check_joins, worst_gap_mm
 from foldcar.sheet.check_parts import check_parts
 from foldcar.sheet.check_skin import check_skin, skin_of, volume_mm3
@@ -55,6 +56,7 @@ def check_design(car: FoldedCar, volumes_mm3: Mapping[str, float] | None = None)
     findings += check_skin(car, bodies, volumes_mm3 or {})
     for faces in bodies.values():
         findings += check_crossings(faces)
+    findings += check_hinges(car, bodies, assembly.wheel_distance_mm.value)
     findings += check_parts(car, bodies, soft, assembly.wheel_distance_mm.value)
     return Verification(
         tuple(findings),

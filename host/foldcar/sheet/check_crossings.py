@@ -16,22 +16,34 @@ from foldcar.sheet.placed import PlacedFace
 SHRINK_MM = 0.3
 LEAST_MM = 0.2
 PARALLEL = 1e-3
+TOUCH_MM = 1e-6
 
 
 def check_crossings(faces: Sequence[PlacedFace]) -> Iterator[Finding]:
     """Each pair of faces that crosses, once."""
-    low = np.array([face.corners_mm.min(axis=0) for face in faces]) + SHRINK_MM / 2
-    high = np.array([face.corners_mm.max(axis=0) for face in faces]) - SHRINK_MM / 2
-    # Flat boxes stay as they are.
-    low, high = np.minimum(low, high), np.maximum(low, high)
-    normals = np.array([face.normal for face in faces])
-    for i, face in enumerate(faces):
-        near = (low[i + 1 :] <= high[i]).all(axis=1) & (high[i + 1 :] >= low[i]).all(axis=1)
-        near &= np.linalg.norm(np.cross(normals[i + 1 :], normals[i]), axis=1) > PARALLEL
-        for k in (int(place) + i + 1 for place in np.flatnonzero(near)):
-            length = _crossing_mm(face, faces[k])
+    for one, other, length in crossings(faces, faces):
+        yield Finding("crossing", one.title, f"runs through {other.title} over {length:.2f} mm")
+
+
+def crossings(
+    first: Sequence[PlacedFace], second: Sequence[PlacedFace]
+) -> Iterator[tuple[PlacedFace, PlacedFace, float]]:
+    """A face of either group, and over what length in mm they cross; of a group with itself each pair once."""
+    if not first or not second:
+        return
+    low, high = (np.array([pick(face.corners_mm, axis=0) for face in second]) for pick in (np.min, np.max))
+    normals = np.array([face.normal for face in second])
+    for i, face in enumerate(first):
+        corners = face.corners_mm
+        near = (low <= corners.max(axis=0) + TOUCH_MM).all(axis=1) & (high >= corners.min(axis=0) - TOUCH_MM).all(axis=1)
+        near &= np.linalg.norm(np.cross(normals, face.normal), axis=1) > PARALLEL
+        if first is second:
+            near[: i + 1] = False
+        for k in np.flatnonzero(near):
+            other = second[int(k)]
+            length = _crossing_mm(face, other)
             if length > LEAST_MM:
-                yield Finding("crossing", face.title, f"runs through {faces[k].title} over {length:.2f} mm")
+                yield face, other, length
 
 
 def _crossing_mm(a: PlacedFace, b: PlacedFace) -> float:

@@ -21,10 +21,7 @@ Index = Mapping[tuple[str, str], Sequence[PlacedFace]]
 
 def check_joins(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> Iterator[Finding]:
     """Every join, in each body that has both its faces."""
-    index: dict[tuple[str, str], list[PlacedFace]] = {}
-    for faces in bodies.values():
-        for face in faces:
-            index.setdefault((face.piece.name, face.face.name), []).append(face)
+    index = _index(bodies)
     for join in car.joins:
         first = index.get((join.piece_a, join.a.face), [])
         second = index.get((join.piece_b, join.b.face), [])
@@ -41,10 +38,7 @@ def check_joins(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> I
 
 def worst_gap_mm(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> float:
     """The widest gap of all edges that should meet."""
-    index: dict[tuple[str, str], list[PlacedFace]] = {}
-    for faces in bodies.values():
-        for face in faces:
-            index.setdefault((face.piece.name, face.face.name), []).append(face)
+    index = _index(bodies)
     return max(
         (
             _gap_mm(a, join.a, b, join.b)
@@ -54,6 +48,14 @@ def worst_gap_mm(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> 
         ),
         default=0.0,
     )
+
+
+def _index(bodies: Mapping[str, Sequence[PlacedFace]]) -> dict[tuple[str, str], list[PlacedFace]]:
+    """All copies of a face by the names of its piece and its own."""
+    index: dict[tuple[str, str], list[PlacedFace]] = {}
+    for face in (face for faces in bodies.values() for face in faces):
+        index.setdefault((face.piece.name, face.face.name), []).append(face)
+    return index
 
 
 def _pairs(first: Sequence[PlacedFace], second: Sequence[PlacedFace]) -> Iterator[tuple[PlacedFace, PlacedFace]]:

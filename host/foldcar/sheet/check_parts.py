@@ -18,6 +18,8 @@ from foldcar.sheet.placed import PlacedFace
 TOUCH_MM = 0.1
 # Film that gives way: less than this of a face inside a part is contact.
 FILM_MM2 = 0.5
+# Screws go in with this.
+FIT_MM = 0.3
 
 
 def check_parts(
@@ -34,11 +36,7 @@ def check_parts(
             area = _film_inside_mm2(mount, face)
             if area > FILM_MM2:
                 yield Finding("parts", mount.name, f"is cut by {area:.1f} mm² of {face.title}")
-    holes = {hole.name for piece in car.pieces for face in piece.faces for hole in face.holes}
-    for mount in firm:
-        for name in mount.holes:
-            if name not in holes:
-                yield Finding("parts", mount.name, f"there is no hole {name}")
+        yield from _holes(mount, bodies.get(mount.body, ()))
     yield from _wheels(car, bodies, firm, wheel_distance_mm)
 
 
@@ -80,6 +78,24 @@ def _film_inside_mm2(mount: Mount, face: PlacedFace) -> float:
     if len(section) < 3:
         return 0.0
     return float(shapely.MultiPoint(section).convex_hull.intersection(face.polygon).area)
+
+
+def _holes(mount: Mount, faces: Sequence[PlacedFace]) -> Iterator[Finding]:
+    """The holes of a part are there, their middle where the part's is."""
+    found = {hole.name: (face, hole) for face in faces for hole in face.face.holes}
+    middles = []
+    for name in mount.holes:
+        if name not in found:
+            yield Finding("parts", mount.name, f"there is no hole {name}")
+            return
+        face, hole = found[name]
+        center, _, _ = _box(mount)
+        x, y = shapely.Polygon(hole.outline_mm).centroid.coords[0]
+        middles.append(np.array((x, y)) - face.in_face(center[None])[0, :2])
+    if middles:
+        off = float(np.linalg.norm(np.mean(middles, axis=0)))
+        if off > FIT_MM:
+            yield Finding("parts", mount.name, f"is {off:.2f} mm off the middle of its holes, the limit is {FIT_MM:g} mm")
 
 
 def _wheels(

@@ -1,6 +1,6 @@
 """Writes folders whole or not at all: into a temporary neighbour first, which then takes the folder's place.
 
-A folder is replaced only if all it holds was written this way: its manifest names every file. Nothing of a user's is lost.
+A folder is replaced only if its manifest names every file in it. Nothing of a user's is lost.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ def atomic_folder(folder: Path) -> Iterator[Path]:
     The block writes a manifest into it, a JSON object whose ``files`` are relative paths. FoldcarError, naming the
     folder, if it cannot be written or holds something else.
     """
-    folder = Path(os.path.abspath(folder))
+    folder = folder.absolute()
     _check_replaceable(folder)
     temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     old = folder.with_name(f".{folder.name}.{os.getpid()}.old")

@@ -1,6 +1,6 @@
 """Everything that is made of one car: the files of its folder by name, checked before anybody sees them.
 
-Input: a Design and Options. Output: a MadeCar. Findings of the checks are a CheckError: nothing is made of a car that fails.
+Input: a Design and Options. Output: a MadeCar. Findings of the checks are a CheckError: a car that fails has no files.
 """
 
 import json
@@ -29,7 +29,7 @@ from foldcar.patterns.options import Options
 from foldcar.patterns.pdf import pdf
 from foldcar.patterns.sheets import Pattern, pattern
 from foldcar.patterns.svg import svg
-from foldcar.patterns.verify import check_dxf, check_pdf, check_sheet, check_svg
+from foldcar.patterns.verify import TOLERANCE_MM, check_dxf, check_pdf, check_sheet, check_svg
 from foldcar.sheet.check import check_design
 from foldcar.sheet.model import FoldedCar
 
@@ -111,8 +111,8 @@ def check_drawings(cut: Pattern, trial: Sheet, files: Mapping[str, bytes]) -> li
 def _checked(cut: Pattern) -> str:
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
     return (
-        f"{lines} lines on {len(cut.sheets)} sheets read back from SVG, DXF and PDF: the same within 0.01 mm, inside their "
-        "sheets, outlines closed, none twice"
+        f"{lines} lines on {len(cut.sheets)} sheets read back from SVG, DXF and PDF: as meant within {TOLERANCE_MM:g} mm, "
+        "inside their sheets, outlines closed, none twice"
     )
 
 

@@ -1,5 +1,6 @@
 """A small folded thing that has everything a car's sheets have, written down by hand: a beam, caps, discs, a rim."""
 
+import itertools
 import math
 
 from foldcar.sheet.model import Crease, EdgeRef, Face, FoldedCar, Hole, Join, Piece, Point
@@ -40,7 +41,7 @@ def beam() -> Piece:
     names = [face.name for face in faces]
     creases = tuple(
         Crease(f"{a} {b}", EdgeRef(a, 2), EdgeRef(b, 0), RIGHT_ANGLE)
-        for a, b in zip(names, names[1:], strict=False)
+        for a, b in itertools.pairwise(names)
     )
     return Piece("beam", "beam", faces, creases, THICKNESS)
 

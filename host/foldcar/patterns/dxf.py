@@ -3,8 +3,9 @@
 import io
 import itertools
 
-import ezdxf
-from ezdxf import units
+from ezdxf import colors, units
+from ezdxf._options import options
+from ezdxf.filemanagement import new
 
 from foldcar.patterns.drawing import Circle, Sheet
 from foldcar.patterns.layers import LAYERS
@@ -13,19 +14,17 @@ from foldcar.patterns.layers import LAYERS
 def dxf(sheet: Sheet) -> str:
     """The file's text: LWPOLYLINEs and CIRCLEs on named layers, $INSUNITS 4, the sheet's limits set."""
     # Fixed dates and ids: the same sheet gives the same bytes.
-    fixed, ezdxf.options.write_fixed_meta_data_for_testing = (
-        ezdxf.options.write_fixed_meta_data_for_testing,
-        True,
-    )
+    fixed = options.write_fixed_meta_data_for_testing
+    options.write_fixed_meta_data_for_testing = True
     try:
-        document = ezdxf.new("R2010", units=units.MM)
+        document = new("R2010", units=units.MM)
         document.header["$MEASUREMENT"] = 1
         for layer in LAYERS.values():
             # True colours beside the index, for programs that show them; line weights are hundredths of a millimetre.
             document.layers.add(
                 layer.name,
                 color=layer.aci,
-                true_color=ezdxf.colors.rgb2int(layer.rgb),
+                true_color=colors.rgb2int(layer.rgb),
                 lineweight=round(100 * layer.width_mm),
             )
         space = document.modelspace()
@@ -41,4 +40,4 @@ def dxf(sheet: Sheet) -> str:
         document.write(text)
         return text.getvalue()
     finally:
-        ezdxf.options.write_fixed_meta_data_for_testing = fixed
+        options.write_fixed_meta_data_for_testing = fixed

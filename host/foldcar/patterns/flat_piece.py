@@ -45,7 +45,7 @@ class Fold:
 
 @dataclass(frozen=True, slots=True)
 class FlatFace:
-    """A face's place in the flat: where labels go. ``edges`` has its edges by the face's numbering, ``holes`` those of holes.
+    """A face's place in the flat: where labels go. ``edges`` are numbered as in the face, ``holes`` are holes' edges.
 
     Edges run counter-clockwise, those of holes clockwise: the film is on their left.
     """

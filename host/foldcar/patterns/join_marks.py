@@ -1,6 +1,6 @@
 """Which number stands where: every join is written beside both of its edges.
 
-A rim is glued to a disc by many teeth under one number: it is written once on each piece, on the strip and not on a tooth.
+A rim is glued to a disc by many teeth under one number: it is written once on each piece, on the strip, not on a tooth.
 """
 
 from collections.abc import Iterable, Iterator
@@ -32,7 +32,7 @@ def join_marks(piece: FlatPiece, joins: Iterable[Join]) -> Iterator[EdgeMark]:
                 yield EdgeMark(str(join.number), tuple(edges))
     for number, edges in around.items():
         half = len(edges) // 2
-        yield EdgeMark(str(number), (*edges[half:], *edges[:half]))
+        yield EdgeMark(str(number), tuple(sorted((*edges[half:], *edges[:half]), key=_slant)))
 
 
 def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[Edge]:
@@ -41,8 +41,15 @@ def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[E
         return list(face.holes[slot])
     if join.kind == "laminate":
         # Doublings are laid hole on hole.
-        return [edge for ring in face.holes.values() for edge in ring] or list(face.edges.values())
+        edges = [edge for ring in face.holes.values() for edge in ring] or list(face.edges.values())
+        return sorted(edges, key=_slant)
     if ref.index not in face.edges:
         return []
     a, b = face.edges[ref.index]
     return [(b, a)] if join.kind == "rim" and face.role == "tab" else [(a, b)]
+
+
+def _slant(edge: Edge) -> float:
+    """0 for an edge along x or y: numbers beside it are easiest to read."""
+    (ax, ay), (bx, by) = edge
+    return round(min(abs(bx - ax), abs(by - ay)) / (abs(bx - ax) + abs(by - ay)), 3)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import shapely
 from shapely.geometry import LineString, Polygon
 from shapely.geometry import Point as ShapelyPoint
+from shapely.geometry.base import BaseGeometry
 
 from foldcar.patterns.drawing import Path, Point
 from foldcar.patterns.flat_piece import FlatPiece
@@ -38,11 +39,11 @@ def label_paths(
 ) -> tuple[list[Path], list[str]]:
     """Strokes of the name and the numbers, upright once the piece is turned; the texts that nowhere fit."""
     turn = quarter_turns * math.pi / 2
-    taken = [LineString([f.a, f.b]) for f in flat.folds]
+    taken: list[BaseGeometry] = [LineString([f.a, f.b]) for f in flat.folds]
     taken += [LineString(slit) for slit in flat.slits]
     taken += [ShapelyPoint(p).buffer(d / 2) for p, d in flat.circles]
     blocked = shapely.union_all([line.buffer(CLEAR_MM, quad_segs=2) for line in taken])
-    free = flat.outline.buffer(-CLEAR_MM, quad_segs=2).difference(blocked)
+    free: BaseGeometry = flat.outline.buffer(-CLEAR_MM, quad_segs=2).difference(blocked)
     paths: list[Path] = []
     missing: list[str] = []
 
@@ -72,7 +73,7 @@ class _Place:
 
 
 def _first_fit(
-    free: shapely.Geometry, text: str, places: list[_Place], heights: tuple[float, ...]
+    free: BaseGeometry, text: str, places: list[_Place], heights: tuple[float, ...]
 ) -> tuple[list[Path], Polygon] | None:
     """The text at the greatest height that fits at one of the places, with its box."""
     if free.is_empty:

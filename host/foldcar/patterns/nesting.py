@@ -70,7 +70,7 @@ class _Area:
         found: list[_Turned] = []
         for turn in range(4):
             motion = Motion(turn)
-            moved = shapely.transform(outline, lambda xy, m=motion: np.array([m.apply((x, y)) for x, y in xy]))
+            moved = Polygon([motion.apply((x, y)) for x, y in outline.exterior.coords])
             x0, y0, x1, y1 = moved.bounds
             columns, rows = (
                 math.ceil(length / cell - 1e-6)
@@ -82,7 +82,7 @@ class _Area:
             ys = y0 + (np.arange(-self.apron, rows + self.apron) + 0.5) * self.cell_mm[1]
             grown = moved.buffer(self.reach_mm, quad_segs=4)
             shapely.prepare(grown)
-            cells: NDArray[np.bool_] = shapely.contains_xy(grown, *np.meshgrid(xs, ys))
+            cells = np.asarray(shapely.contains_xy(grown, *np.meshgrid(xs, ys)))
             if not any(np.array_equal(cells, other.cells) for other in found):
                 found.append(_Turned(turn, cells, self.spectrum(cells), (x0, y0)))
         return found
@@ -180,7 +180,11 @@ def _orders(pieces: Sequence[tuple[str, Polygon, int]]) -> list[list[int]]:
 
 
 def _lay(
-    area: _Area, corner: Sequence[_Turned], turns: Sequence[Sequence[_Turned]], counts: Sequence[int], order: Sequence[int]
+    area: _Area,
+    corner: Sequence[_Turned],
+    turns: Sequence[Sequence[_Turned]],
+    counts: Sequence[int],
+    order: Sequence[int],
 ) -> tuple[Nest, int]:
     """The pieces laid out in that order, and how many cells of the last sheet are taken."""
     sheets: list[_Sheet] = []

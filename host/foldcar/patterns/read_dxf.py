@@ -2,10 +2,11 @@
 
 import io
 
-import ezdxf
 from ezdxf import units
 from ezdxf.entities.circle import Circle as DxfCircle
 from ezdxf.entities.lwpolyline import LWPolyline
+from ezdxf.filemanagement import read
+from ezdxf.lldxf.const import DXFError
 
 from foldcar.patterns.drawing import Circle, Path, Shape, Sheet
 from foldcar.patterns.layers import LAYERS
@@ -15,8 +16,8 @@ from foldcar.patterns.reading_error import ReadingError
 def read_dxf(text: str) -> Sheet:
     """The sheet that is drawn in the file, its size taken from the limits; ReadingError if it has none."""
     try:
-        document = ezdxf.read(io.StringIO(text))
-    except (OSError, ezdxf.DXFError) as error:
+        document = read(io.StringIO(text))
+    except (OSError, DXFError) as error:
         raise ReadingError(f"is not DXF: {error}") from error
     problems = document.audit().errors
     if problems:

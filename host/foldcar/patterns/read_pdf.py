@@ -40,7 +40,7 @@ def read_pdf(binary: bytes) -> list[Page]:
     try:
         reader = PdfReader(io.BytesIO(binary), strict=True)
         return [_Interpreter(page).page() for page in reader.pages]
-    except PyPdfError as error:
+    except (PyPdfError, ValueError, IndexError, AttributeError) as error:
         raise ReadingError(f"is not PDF: {error}") from error
 
 
@@ -110,10 +110,10 @@ class _Interpreter:
             x, y, width, height = operands
             self.parts.append([("re", [self._point(x, y), self._point(x + width, y + height)])])
         elif name in ("W", "W*"):
-            (low, high) = self.parts[-1][0][1] if len(self.parts) == 1 else (None, None)
-            if low is None or self.parts[-1][0][0] != "re":
+            if len(self.parts) != 1 or self.parts[0][0][0] != "re":
                 raise ReadingError("clips with something else than a rectangle")
-            self.clip = (*low, *high)
+            (x0, y0), (x1, y1) = self.parts[0][0][1]
+            self.clip = (x0, y0, x1, y1)
         elif name in ("n", "S", "s"):
             if name != "n":
                 for part in self.parts:

@@ -7,6 +7,7 @@ Input: a FlatPiece and the sheet's usable area. Output: one FlatPiece, or severa
 import itertools
 import math
 from dataclasses import replace
+from typing import Any
 
 import shapely
 from shapely.geometry import LineString, Polygon, box
@@ -68,7 +69,7 @@ def _part(
 ) -> FlatPiece:
     low, high = band
     window = box(left, flat.outline.bounds[1] - 1, right, flat.outline.bounds[3] + 1)
-    outline = flat.outline.intersection(window)
+    outline: Any = flat.outline.intersection(window)
     marks: tuple[tuple[Point, Point], ...] = ()
     if index < count - 1:
         lap = box(right - 1e-3, low + OVERLAP_STEP_MM, right + OVERLAP_MM, high - OVERLAP_STEP_MM)
@@ -78,8 +79,8 @@ def _part(
     for fold in flat.folds:
         line = LineString([fold.a, fold.b]).intersection(window)
         if isinstance(line, LineString) and line.length > 0.05:
-            a, b = line.coords
-            folds.append(Fold(fold.kind, a, b))
+            (ax, ay), (bx, by) = line.coords
+            folds.append(Fold(fold.kind, (ax, ay), (bx, by)))
     faces = []
     for face in flat.faces:
         kept = face.outline.intersection(window)

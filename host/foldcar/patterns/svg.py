@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import quoteattr
 
-from foldcar.patterns.drawing import Circle, Path, Point, Shape, Sheet
+from foldcar.patterns.drawing import Circle, Path, Shape, Sheet
 from foldcar.patterns.layers import LAYERS
 
 # Files hold micrometres.

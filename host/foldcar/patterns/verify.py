@@ -6,6 +6,7 @@ Input: the sheets as meant and the text or bytes of the written files. Output: f
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import shapely
@@ -152,9 +153,9 @@ def _keys(shapes: Iterable[Shape]) -> list[tuple[float, ...]]:
 
 
 def _vectors(shapes: Iterable[Shape]) -> NDArray[np.float64]:
-    """(n, 5): layer's index · 1000, then middle of the segment and half its extent, its direction without a sign.
+    """(n, 5): layer's index · 1000, then middle of the segment and half of its extent from either end.
 
-    A circle stands as its middle, its radius and -1.
+    A circle stands as its middle, its radius and a number that no segment has.
     """
     names = list(LAYERS)
     rows = []
@@ -164,11 +165,7 @@ def _vectors(shapes: Iterable[Shape]) -> NDArray[np.float64]:
             rows.append((layer, *shape.center_mm, shape.radius_mm, -1e4))
             continue
         for (ax, ay), (bx, by) in shape.segments:
-            dx, dy = (bx - ax) / 2, (by - ay) / 2
-            # Of the two directions the one to the right; upright ones, up.
-            if dx < -TOLERANCE_MM or (abs(dx) <= TOLERANCE_MM and dy < 0):
-                dx, dy = -dx, -dy
-            rows.append((layer, (ax + bx) / 2, (ay + by) / 2, dx, dy))
+            rows.append((layer, (ax + bx) / 2, (ay + by) / 2, (bx - ax) / 2, (by - ay) / 2))
     return np.array(rows, dtype=np.float64).reshape(-1, 5)
 
 
@@ -188,10 +185,13 @@ def _differences(meant: Iterable[Shape], read: Iterable[Shape], what: str = "lin
 def _matched(have: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.bool_]:
     """For each row whether the other ones have it within the tolerance."""
     matched = np.zeros(len(have), dtype=bool)
-    tree = shapely.STRtree(shapely.points(other[:, 1:3]))
+    places: Any = shapely.points(other[:, 1:3])
+    tree = shapely.STRtree(places)
     mine, theirs = tree.query(shapely.points(have[:, 1:3]), predicate="dwithin", distance=TOLERANCE_MM)
-    same = np.abs(have[mine] - other[theirs]).max(axis=1, initial=0.0) <= TOLERANCE_MM
-    matched[mine[same]] = True
+    # Lines have no direction.
+    for sign in (1.0, -1.0):
+        apart = have[mine] - other[theirs] * (1.0, 1.0, 1.0, sign, sign)
+        matched[mine[np.abs(apart).max(axis=1, initial=0.0) <= TOLERANCE_MM]] = True
     return matched
 
 

@@ -1,0 +1,48 @@
+"""Writes the sheets of the published cars anew: patterns/sheets/CAR/sheet_N.svg for every car of its cars.json.
+
+Run it after a change that is meant to change them, look at what `git diff --stat` names, and commit them with the
+change: the tests compare what is made with what is there.
+"""
+
+import json
+import shutil
+from pathlib import Path
+
+from foldcar.commands.listed_design import listed_design
+from foldcar.compiler.car import folded_car
+from foldcar.making import car_title
+from foldcar.patterns.drawing import Sheet
+from foldcar.patterns.options import options
+from foldcar.patterns.sheets import pattern
+from foldcar.patterns.svg import svg
+
+PATTERNS = Path(__file__).resolve().parents[1] / "patterns"
+SHEETS = PATTERNS / "sheets"
+
+
+def cars() -> dict[str, dict[str, str]]:
+    """Listing and machine of each car, by its vehicle's id."""
+    listed: dict[str, dict[str, str]] = json.loads((SHEETS / "cars.json").read_text(encoding="utf-8"))
+    return listed
+
+
+def sheets_of(vehicle: str) -> tuple[Sheet, ...]:
+    """The sheets as they are made now."""
+    car = cars()[vehicle]
+    design = listed_design(PATTERNS / car["listing"], vehicle, [])
+    return pattern(folded_car(design), options(car["machine"]), car_title(design)).sheets
+
+
+def main() -> None:
+    """Replace all of them."""
+    for vehicle in cars():
+        folder = SHEETS / vehicle
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        for sheet in sheets_of(vehicle):
+            (folder / f"{sheet.name}.svg").write_text(svg(sheet), encoding="utf-8")
+        print(f"{folder.relative_to(PATTERNS.parent)}: {len(list(folder.iterdir()))} sheets")
+
+
+if __name__ == "__main__":
+    main()

@@ -17,7 +17,7 @@ constexpr double kYawRateFilter_s = 0.019;
 
 // The tracks' mass follows the pitched car's inertia in steps of this share.
 constexpr double kInertiaTolerance = 0.02;
-// A change of yaw that moves the tracks more than this within its step is made good at once.
+// The tracks are moved once they have come this far from where the heading wants them.
 constexpr double kTrackTolerance_m = 3e-5;
 
 // Impulses take this many times the iterations through a chain of segments; with fewer, loads flicker between wheels.
@@ -236,17 +236,20 @@ void TwinTrackCar::share_friction() {
     touching_[i].body->ApplyLinearImpulse(to_units(lost_n_s) * touching_[i].tangent, touching_[i].place, true);
   }
   const double d_rate_m_s = (side_.yaw_rate_rad_s() - plane.yaw_rate_rad_s) * body_.track_m;
-  const bool moves = std::abs(d_rate_m_s) * step_s_ > kTrackTolerance_m;
+  // The step moved with the rate it had before: heading is put right at once, the tracks once it is worth it.
+  heading_rad_ += d_rate_m_s * step_s_ / body_.track_m;
+  track_error_m_ += d_rate_m_s * step_s_;
+  const bool moves = std::abs(track_error_m_) > kTrackTolerance_m;
   for (int k = 0; k < 2; ++k) {
-    const float change = to_units((k == 0 ? 0.5 : -0.5) * d_rate_m_s);
-    car_.track[k]->SetLinearVelocity(car_.track[k]->GetLinearVelocity() + b2Vec2(change, 0));
+    const double sign = k == 0 ? 0.5 : -0.5;
+    car_.track[k]->SetLinearVelocity(car_.track[k]->GetLinearVelocity() + b2Vec2(to_units(sign * d_rate_m_s), 0));
     if (!moves) continue;
-    const b2Vec2 shift(change * static_cast<float>(step_s_), 0);
+    const b2Vec2 shift(to_units(sign * track_error_m_), 0);
     car_.track[k]->SetTransform(car_.track[k]->GetPosition() + shift, 0);
   }
   if (moves) {
-    last_yaw_m_ += d_rate_m_s * step_s_;
-    heading_rad_ += d_rate_m_s * step_s_ / body_.track_m;
+    last_yaw_m_ = to_metres(car_.track[0]->GetPosition().x - car_.track[1]->GetPosition().x);
+    track_error_m_ = 0;
   }
 }
 

@@ -103,6 +103,7 @@ class TwinTrackCar {
   // Pose of the centre of mass in the world, and what of the plane it has been integrated from.
   double com_x_m_ = 0, com_y_m_ = 0, heading_rad_ = 0;
   double last_s_m_ = 0, last_yaw_m_ = 0;
+  double track_error_m_ = 0;  // how much further apart the tracks should stand
   double yaw_rate_rad_s_ = 0;  // filtered
 
   // The contacts of the last step, and where in the plane each acts on the car.

@@ -20,9 +20,12 @@ CARSIM_SOURCES := $(shell find firmware/lib firmware/src sim2d platformio.ini ho
 # Random and damaged bytes for the firmware's link.
 FUZZ_BYTES := 100000000
 FUZZ_SEED := 1
-FUZZ_SOURCES := test/fuzz/fuzz_link.cpp $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp))
-FUZZ_FLAGS := -std=gnu++17 -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -isystem .pio/mavlink \
-  $(addprefix -I,$(wildcard firmware/lib/*))
+FUZZ_FLAGS := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all
+
+# The portable firmware, for programs that need nothing else.
+FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp))
+FIRMWARE_FLAGS := -std=gnu++17 -isystem .pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*))
+FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h test/*.h)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup study fidelity test test-native test-host lint bench fuzz clean system-packages platformio
@@ -69,15 +72,20 @@ test-native: setup
 test-host: setup
 	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . test/host
 
-bench: setup
+bench: setup .pio/bench/firmware_tick
+	.pio/bench/firmware_tick
 	$(BIN)/python bench/bench.py
 
 fuzz: .pio/fuzz/fuzz_link
 	.pio/fuzz/fuzz_link $(FUZZ_BYTES) $(FUZZ_SEED)
 
-.pio/fuzz/fuzz_link: $(FUZZ_SOURCES) $(wildcard firmware/lib/*/*.h test/*.h) | setup
+.pio/fuzz/fuzz_link: test/fuzz/fuzz_link.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
 	@mkdir -p $(@D)
-	$(CXX) $(FUZZ_FLAGS) $(FUZZ_SOURCES) -o $@
+	$(CXX) $(FIRMWARE_FLAGS) $(FUZZ_FLAGS) $(filter %.cpp,$^) -o $@
+
+.pio/bench/firmware_tick: bench/firmware_tick.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
+	@mkdir -p $(@D)
+	$(CXX) $(FIRMWARE_FLAGS) -O2 $(filter %.cpp,$^) -o $@
 
 clean:
 	rm -rf .venv .pio .pio-core platformio.local.ini host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache

@@ -34,7 +34,7 @@ from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import TlogWriter
 from foldcar.trial_records import Ending, TrialDesign
 from foldcar.trial_writer import CarFacts, Drive, TrialWriter, write_trials
-from foldcar.trials.driving import DRIVES_ON, DriveEnd, drive
+from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
 from foldcar.trials.placement import placed
 from foldcar.trials.untethered import collect
 from foldcar.trials.who import least_tried
@@ -71,6 +71,8 @@ class LogSession:
                     if end is None:
                         break
                     driven += 1
+                    if end.ending == CTRL_C:
+                        raise KeyboardInterrupt
                     if end.error is not None:
                         identity, design = self._after_error(end.error)
                     if options.trials is None and options.yes:

@@ -119,9 +119,11 @@ class LogSession:
         car = self._car
         assert car is not None
         typer.echo(f"Countdown {self.options.countdown_s} s, then {settings['time_limit_s']:g} s at most. Ctrl-C stops.")
+        writer = None
         try:
+            writer = TlogWriter(log)
             car.connection.catch_up()
-            car.connection.log = TlogWriter(log)
+            car.connection.log = writer
             # The log says by itself who drove, and set to what.
             for message in ("FOLDCAR_DESIGN", "AUTOPILOT_VERSION", "SYS_STATUS"):
                 car.request(message)
@@ -134,9 +136,9 @@ class LogSession:
             ending = "link lost before the start" if isinstance(error, LinkLostError) else "not begun"
             return DriveEnd(ending, "aborted", None, error)
         finally:
-            if car.connection.log is not None:
-                car.connection.log.close()
             car.connection.log = None
+            if writer is not None:
+                writer.close()
 
     def _collect(self, number: int, log: Path, time_limit_s: float) -> DriveEnd:
         """Wait for an untethered car to come back, and fetch its log."""

@@ -14,10 +14,21 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 CARSIM := .pio/build/carsim/program
 # Folders are among the prerequisites so that a removed file counts as a change.
-CARSIM_SOURCES := $(shell find firmware/lib sim2d platformio.ini tools/build_id.py tools/simulation_digest.py)
+CARSIM_SOURCES := $(shell find firmware/lib firmware/src sim2d platformio.ini host/foldcar/mavlink_dialect -not -name '*.pyc' \
+  -not -name __pycache__) tools/build_id.py tools/firmware_id.py tools/mavlink_headers.py tools/simulation_digest.py
+
+# Random and damaged bytes for the firmware's link.
+FUZZ_BYTES := 100000000
+FUZZ_SEED := 1
+FUZZ_FLAGS := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all
+
+# The portable firmware, for programs that need nothing else.
+FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp))
+FIRMWARE_FLAGS := -std=gnu++17 -isystem .pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*))
+FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h test/*.h)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup study test test-native test-host lint bench clean system-packages platformio
+.PHONY: help setup study test test-native test-host lint bench fuzz clean system-packages platformio
 .DELETE_ON_ERROR:
 
 help:
@@ -25,6 +36,7 @@ help:
 	@echo 'make study   set up, run the width study and write its report to out/$(STUDY)'
 	@echo 'make test    set up and run every test'
 	@echo 'make bench   set up and measure the speed'
+	@echo 'make fuzz    feed the car'"'"'s link with $(FUZZ_BYTES) random and damaged bytes (FUZZ_BYTES=, FUZZ_SEED=)'
 	@echo 'make lint    set up and check the Python sources only'
 	@echo 'make clean   remove everything that was built or installed here; results in out/ stay'
 	@echo 'PYTHON=...   the Python (3.10 or newer) that .venv is made with; now $(PYTHON)'
@@ -54,8 +66,20 @@ test-native: setup
 test-host: setup
 	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . test/host
 
-bench: setup
+bench: setup .pio/bench/firmware_tick
+	.pio/bench/firmware_tick
 	$(BIN)/python bench/bench.py
+
+fuzz: .pio/fuzz/fuzz_link
+	.pio/fuzz/fuzz_link $(FUZZ_BYTES) $(FUZZ_SEED)
+
+.pio/fuzz/fuzz_link: test/fuzz/fuzz_link.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
+	@mkdir -p $(@D)
+	$(CXX) $(FIRMWARE_FLAGS) $(FUZZ_FLAGS) $(filter %.cpp,$^) -o $@
+
+.pio/bench/firmware_tick: bench/firmware_tick.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
+	@mkdir -p $(@D)
+	$(CXX) $(FIRMWARE_FLAGS) -O2 $(filter %.cpp,$^) -o $@
 
 clean:
 	rm -rf .venv .pio .pio-core platformio.local.ini host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache

@@ -21,7 +21,7 @@ from generation import PYMAVLINK, DialectError, write_headers  # noqa: E402
 def has_pymavlink() -> bool:
     """Whether this Python has the version that the dialect is cut from."""
     try:
-        return version("pymavlink") == PYMAVLINK
+        return bool(version("pymavlink") == PYMAVLINK)
     except PackageNotFoundError:
         return False
 

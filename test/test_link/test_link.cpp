@@ -7,6 +7,7 @@
 #include <random>
 #include <string>
 
+#include "../link_fuzz.h"
 #include "../mavlink_host.h"
 #include "../recording_hal.h"
 #include "firmware.h"
@@ -42,10 +43,11 @@ struct Bench {
     host.hear(board.link.outgoing);
     board.link.outgoing.clear();
   }
+  // The host shows itself first, as one does that sends heartbeats.
   mavlink_command_ack_t answer(std::uint16_t command, const std::vector<float>& parameters,
                                std::uint8_t confirmation = 0) {
     const std::size_t before = host.acks().size();
-    run(20, host.command(command, parameters, confirmation));
+    run(20, host.heartbeat() + host.command(command, parameters, confirmation));
     TEST_ASSERT_EQUAL_UINT_MESSAGE(before + 1, host.acks().size(), "one answer to a command");
     return host.acks().back();
   }
@@ -268,7 +270,7 @@ void every_enum_of_the_firmware_has_the_dialects_values() {
   TEST_ASSERT_EQUAL_INT(FOLDCAR_DESIGN_SOURCE_REFUSED, static_cast<int>(DesignSource::kRefused));
   // docs/link.md names the last of the reasons by these numbers.
   TEST_ASSERT_EQUAL_INT(12, static_cast<int>(Refusal::kTimeLimit));
-  TEST_ASSERT_EQUAL_INT(16, static_cast<int>(Refusal::kNotDisarmed));
+  TEST_ASSERT_EQUAL_INT(17, static_cast<int>(Refusal::kStranger));
 }
 
 void a_repeated_command_is_answered_again_and_not_obeyed_twice() {
@@ -373,6 +375,26 @@ void the_stick_drives_and_its_silence_stops() {
   TEST_ASSERT_EQUAL_FLOAT(1500.0f, bench.last_us()[0]);
   bench.run(500);
   TEST_ASSERT_TRUE(bench.state() == State::kFault);
+  TEST_ASSERT_TRUE(bench.last_us() == kOff);
+}
+
+void a_single_packet_sets_nothing_in_motion() {
+  Bench bench;
+  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
+  bench.run(2100);
+  bench.run(40, bench.host.command(MAV_CMD_FOLDCAR_START_TRIAL, kStart));
+  TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kStranger), bench.host.acks().back().result_param2);
+  TEST_ASSERT_TRUE(bench.last_us() == kOff);
+  mavlink_manual_control_t stick{};
+  stick.target = 1;
+  stick.x = 500;
+  bench.run(2100);
+  bench.run(40, bench.host.pack(mavlink_msg_manual_control_encode_status, stick));
+  TEST_ASSERT_TRUE(bench.last_us() == kOff);
+  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {0});
+  bench.run(2100);
+  bench.run(40, bench.host.command(MAV_CMD_ACTUATOR_TEST, {0, 1, 0, 0, ACTUATOR_OUTPUT_FUNCTION_SERVO1}));
+  TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kStranger), bench.host.acks().back().result_param2);
   TEST_ASSERT_TRUE(bench.last_us() == kOff);
 }
 
@@ -576,6 +598,13 @@ void an_unfinished_packet_does_not_hold_up_the_next_for_long() {
   TEST_ASSERT_EQUAL_UINT32(MAVLINK_MSG_ID_HEARTBEAT, message.msgid);
 }
 
+// `make fuzz` feeds a hundred times as many, with the compiler's checks of addresses and undefined behaviour.
+void a_million_random_and_damaged_bytes_move_nothing() {
+  LinkFuzz fuzz(1);
+  TEST_ASSERT_TRUE(fuzz.run(1000000));
+  TEST_ASSERT_TRUE(fuzz.fed() >= 1000000);
+}
+
 int main() {
   UNITY_BEGIN();
   RUN_TEST(messages_come_at_their_intervals_without_drift);
@@ -592,6 +621,7 @@ int main() {
   RUN_TEST(pulses_are_off_within_half_a_second_of_link_loss_a_thousand_times);
   RUN_TEST(only_the_host_that_drives_keeps_a_trial_alive);
   RUN_TEST(the_stick_drives_and_its_silence_stops);
+  RUN_TEST(a_single_packet_sets_nothing_in_motion);
   RUN_TEST(an_output_is_tested_by_the_standard_command);
   RUN_TEST(clocks_are_compared_and_pings_answered);
   RUN_TEST(an_untethered_trial_is_recorded_and_can_be_fetched);
@@ -602,6 +632,7 @@ int main() {
   RUN_TEST(the_board_restarts_on_request_but_not_while_it_drives);
   RUN_TEST(packets_are_found_among_noise_and_behind_false_starts);
   RUN_TEST(an_unfinished_packet_does_not_hold_up_the_next_for_long);
+  RUN_TEST(a_million_random_and_damaged_bytes_move_nothing);
   UNITY_END();
   return 0;
 }

@@ -27,16 +27,16 @@ bool is_whole(float value, float largest) { return value >= 0.0f && value <= lar
 
 }  // namespace
 
-void CommandService::obey(const mavlink_command_long_t& command, std::uint8_t sender_system,
-                          std::uint8_t sender_component, const CarView& car, std::uint8_t& driver_system) {
-  if (!is_repeated(command, sender_system)) {
+void CommandService::obey(const mavlink_command_long_t& command, const mavlink_message_t& packet, bool known_host,
+                          const CarView& car, std::uint8_t& driver_system) {
+  if (!is_repeated(command, packet.sysid)) {
     const bool was_driving = application_.is_driving();
-    last_answer_ = carry_out(command, car);
+    last_answer_ = carry_out(command, known_host, car);
     if (application_.is_driving() && (!was_driving || command.command == MAV_CMD_ACTUATOR_TEST)) {
-      driver_system = sender_system;
+      driver_system = packet.sysid;
     }
     last_ = command;
-    last_sender_ = sender_system;
+    last_sender_ = packet.sysid;
     any_ = true;
     if (last_answer_.refusal != Refusal::kNone) {
       status_text_.send(MAV_SEVERITY_WARNING, "refused:", text(last_answer_.refusal));
@@ -46,13 +46,16 @@ void CommandService::obey(const mavlink_command_long_t& command, std::uint8_t se
   ack.command = command.command;
   ack.result = static_cast<std::uint8_t>(last_answer_.result);
   ack.result_param2 = static_cast<std::int32_t>(last_answer_.refusal);
-  ack.target_system = sender_system;
-  ack.target_component = sender_component;
+  ack.target_system = packet.sysid;
+  ack.target_component = packet.compid;
   outbox_.send(mavlink_msg_command_ack_encode_status, ack, Priority::kAnswer);
 }
 
-CommandService::Answer CommandService::carry_out(const mavlink_command_long_t& command, const CarView& car) {
+CommandService::Answer CommandService::carry_out(const mavlink_command_long_t& command, bool known_host,
+                                                         const CarView& car) {
   const auto answer = [](Refusal refusal) { return Answer{result_of(refusal), refusal}; };
+  const bool moves = command.command == MAV_CMD_FOLDCAR_START_TRIAL || command.command == MAV_CMD_ACTUATOR_TEST;
+  if (moves && !known_host) return answer(Refusal::kStranger);
   switch (command.command) {
     case MAV_CMD_COMPONENT_ARM_DISARM: return arm_or_disarm(command.param1);
     case MAV_CMD_FOLDCAR_START_TRIAL: return start(command);

@@ -16,8 +16,9 @@ class CommandService {
   CommandService(Application& application, Hal& hal, Telemetry& telemetry, Outbox& outbox, StatusText& status_text)
       : application_(application), hal_(hal), telemetry_(telemetry), outbox_(outbox), status_text_(status_text) {}
 
-  // A command meant for this car. driver_system becomes the sender if it sets wheels in motion.
-  void obey(const mavlink_command_long_t& command, std::uint8_t sender_system, std::uint8_t sender_component,
+  // A command meant for this car, and the packet it came in. Wheels are set in motion for known hosts only;
+  // driver_system becomes the one that did it.
+  void obey(const mavlink_command_long_t& command, const mavlink_message_t& packet, bool known_host,
             const CarView& car, std::uint8_t& driver_system);
 
   // A restart that was asked for, once its answer is on its way.
@@ -29,7 +30,7 @@ class CommandService {
     Refusal refusal = Refusal::kNone;
   };
 
-  Answer carry_out(const mavlink_command_long_t& command, const CarView& car);
+  Answer carry_out(const mavlink_command_long_t& command, bool known_host, const CarView& car);
   Answer arm_or_disarm(float wish);
   Answer test(const mavlink_command_long_t& command);
   Answer start(const mavlink_command_long_t& command);

@@ -4,6 +4,7 @@
 // link. Rate: receive() and flush() as often as one likes, run() after every tick. No heap, nothing waits.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "application.h"
@@ -34,7 +35,9 @@ class Link {
 
  private:
   void understand(const mavlink_message_t& message);
-  void drive_by_hand(const mavlink_message_t& message);
+  // Notes that a host is there; true if it was heard shortly before, too.
+  bool is_known(std::uint8_t system);
+  void drive_by_hand(const mavlink_message_t& message, bool known_host);
   void answer_timesync(const mavlink_message_t& message);
   void answer_ping(const mavlink_message_t& message);
   void tell_changes();
@@ -53,6 +56,7 @@ class Link {
   TrialLog trial_log_{hal_.logs, status_text_};
   LogService logs_{hal_.logs, outbox_};
   std::uint8_t driver_system_ = 0;  // the host that set the wheels in motion
+  std::array<std::uint32_t, 256> heard_ms_{};  // by system; 0 never
   Fault told_fault_ = Fault::kNone;
 };
 

@@ -50,7 +50,8 @@ enum class Refusal : std::uint8_t {
   kDesign,
   kTest,
   kMessage,
-  kNotDisarmed
+  kNotDisarmed,
+  kStranger
 };
 
 const char* text(State state);

@@ -1,0 +1,317 @@
+"""`carsim link` as a program: a car to any MAVLink client, repeatable to the byte, with faults on request."""
+
+import contextlib
+import json
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.carsim import Carsim
+from foldcar.controller import controller_parameters
+from foldcar.design import compose
+from foldcar.mavlink_dialect import load_dialect
+from study_car import car_body, empty_scene
+
+mavlink = load_dialect()
+
+from pymavlink import mavutil  # noqa: E402
+
+SERVO_FIELDS = [f"servo{n}_raw" for n in range(1, 9)]
+GOAL_X_M = 0.6
+
+
+class Car:
+    """A running `carsim link`, the files it was given, and a client on its port."""
+
+    def __init__(self, carsim: Path, files: Path, *options: str) -> None:
+        self.words = [str(carsim), "link", "--body", str(files / "body.json"), "--scene", str(files / "scene.json")]
+        self.words += ["--params", str(files / "params.json")]
+        self.process = subprocess.Popen(
+            [*self.words, *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        self.port = str(self.line()["port"])
+        self.client: Any = None
+
+    def line(self) -> dict[str, Any]:
+        """The next line that the program prints."""
+        assert self.process.stdout is not None
+        answer: dict[str, Any] = json.loads(self.process.stdout.readline())
+        return answer
+
+    def inject(self, **what: Any) -> dict[str, Any]:
+        """Do something to the car; the program's answer."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(json.dumps(what) + "\n")
+        self.process.stdin.flush()
+        return self.line()
+
+    def connect(self) -> Any:
+        """A new client, once the car has been heard."""
+        if self.client is not None:
+            self.client.close()
+        self.client = mavutil.mavlink_connection(self.port, source_system=255, dialect="foldcar")
+        assert self.client.wait_heartbeat(timeout=10) is not None
+        return self.client
+
+    def show_life(self) -> None:
+        self.client.mav.heartbeat_send(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 0)
+
+    def command(self, command: int, *parameters: float) -> int:
+        """Send a command; its result."""
+        self.show_life()
+        filled = [*parameters, *[0.0] * (7 - len(parameters))]
+        self.client.mav.command_long_send(1, 1, command, 0, *filled)
+        return int(self.wait_for("COMMAND_ACK", lambda ack: ack.command == command, timeout_s=10).result)
+
+    def wait_for(self, kind: str, condition: Callable[[Any], bool], alive: bool = True, timeout_s: float = 20) -> Any:
+        """The first such message that meets the condition, the host showing life meanwhile if it is alive."""
+        end_s, shown_s = time.monotonic() + timeout_s, 0.0
+        while time.monotonic() < end_s:
+            if alive and time.monotonic() - shown_s > 0.1:
+                self.show_life()
+                shown_s = time.monotonic()
+            message = self.client.recv_match(type=kind, blocking=True, timeout=0.05)
+            if message is not None and condition(message):
+                return message
+        raise AssertionError(f"no such {kind} within {timeout_s} s")
+
+    def drive(self, *start: float) -> None:
+        """Arm and start a trial."""
+        assert self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) == mavlink.MAV_RESULT_ACCEPTED
+        assert self.command(mavlink.MAV_CMD_FOLDCAR_START_TRIAL, *start) == mavlink.MAV_RESULT_ACCEPTED
+
+    def end(self) -> int:
+        """Terminate it; its exit code."""
+        if self.client is not None:
+            self.client.close()
+        self.process.send_signal(signal.SIGTERM)
+        code = self.process.wait(timeout=10)
+        for stream in (self.process.stdin, self.process.stdout, self.process.stderr):
+            assert stream is not None
+            with contextlib.suppress(BrokenPipeError):
+                stream.close()
+        return code
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """The study car's files, and a scene with a bump on the way to its goal."""
+    place = {"x_m": 0.35, "y_m": 0.0, "heading_rad": 0.0}
+    bump = {"kind": "box", **place, "length_m": 0.05, "width_m": 1.0, "height_m": 0.01}
+    scene = empty_scene(terrain=[bump], goal_x_m=GOAL_X_M)
+    (tmp_path / "body.json").write_text(json.dumps({"body": {"id": "car", **car_body()}}))
+    (tmp_path / "scene.json").write_text(json.dumps({"scene": {"id": "bump", **scene}}))
+    (tmp_path / "params.json").write_text(json.dumps(controller_parameters(compose("W_B_W", {}))))
+    return tmp_path
+
+
+@pytest.fixture
+def start(carsim_binary: Path, files: Path) -> Iterator[Callable[..., Car]]:
+    """Starts cars that are gone after the test."""
+    cars: list[Car] = []
+
+    def begin(*options: str) -> Car:
+        cars.append(Car(carsim_binary, files, *options))
+        return cars[-1]
+
+    yield begin
+    for car in cars:
+        if car.process.poll() is None:
+            assert car.end() == 0
+
+
+def has_pulses(message: Any) -> bool:
+    return any(getattr(message, field) for field in SERVO_FIELDS)
+
+
+def test_a_client_gets_every_parameter_and_what_it_sets(start: Callable[..., Car], carsim_binary: Path) -> None:
+    car = start("--pty")
+    client = car.connect()
+    client.param_fetch_all()
+    values: dict[str, float] = {}
+    table = Carsim(carsim_binary).parameter_table()
+    while len(values) < len(table):
+        message = client.recv_match(type="PARAM_VALUE", blocking=True, timeout=5)
+        assert message is not None, f"only {len(values)} of {len(table)}"
+        values[message.param_id] = message.param_value
+    assert set(values) == set(table)
+
+    client.param_set_send("STAGGER_MS", 55.0)
+    assert client.recv_match(type="PARAM_VALUE", blocking=True, timeout=5).param_value == 55.0
+    client.param_set_send("STAGGER_MS", -1.0)
+    assert client.recv_match(type="PARAM_VALUE", blocking=True, timeout=5).param_value == 55.0
+
+
+def test_a_trial_ends_like_the_same_run_in_a_batch(start: Callable[..., Car], carsim_binary: Path, files: Path) -> None:
+    car = start("--pty", "--put-back")
+    car.connect()
+    settings = {"id": "r", "body": "car", "scene": "bump", "speed_m_s": 0.3, "time_limit_s": 20}
+    run = {"run": {**settings, "parameters": json.loads((files / "params.json").read_text())}}
+    lines = [(files / "body.json").read_text(), (files / "scene.json").read_text(), json.dumps(run)]
+    batch = subprocess.run([carsim_binary, "batch"], input="\n".join(lines), capture_output=True, text=True, check=True)
+    expected = json.loads(batch.stdout)
+    assert expected["outcome"] == "passed"
+
+    for trial in (3, 4):
+        car.drive(0.3, 0.0, 20.0, 0, trial)
+        truth = car.wait_for("FOLDCAR_TRUTH", lambda message: message.outcome != 0)
+        assert truth.trial_id == trial
+        assert truth.outcome == mavlink.FOLDCAR_OUTCOME_PASSED
+        # The commands come at any moment of the tick and of the car's coming to rest.
+        assert truth.outcome_time == pytest.approx(expected["elapsed_time_s"], abs=0.1)
+        assert car.command(mavlink.MAV_CMD_FOLDCAR_STOP_TRIAL) == mavlink.MAV_RESULT_ACCEPTED
+        state = car.wait_for("FOLDCAR_TRIAL", lambda message: message.state == mavlink.FOLDCAR_STATE_FINISHED)
+        assert state.end == mavlink.FOLDCAR_END_STOPPED and state.trial_id == trial
+
+
+def test_pulses_stop_within_half_a_second_of_link_loss(start: Callable[..., Car]) -> None:
+    car = start("--pty")
+    car.connect()
+    car.drive(0.2, 0.0, 20.0, 0, 1)
+    car.wait_for("SERVO_OUTPUT_RAW", has_pulses)
+    car.show_life()
+    last_with_pulses = car.wait_for("SERVO_OUTPUT_RAW", has_pulses, alive=False)
+    first_off = car.wait_for("SERVO_OUTPUT_RAW", lambda message: not has_pulses(message), alive=False)
+    assert 0 < first_off.time_usec - last_with_pulses.time_usec <= 520_000  # a tick for the last sign of life
+    trial = car.wait_for("FOLDCAR_TRIAL", lambda message: message.state == mavlink.FOLDCAR_STATE_FAULT)
+    assert trial.fault == mavlink.FOLDCAR_FAULT_COMMAND_STALE
+
+
+def test_faults_stop_the_car_and_are_told(start: Callable[..., Car]) -> None:
+    car = start("--pty")
+    car.connect()
+    for injection, fault in [
+        ({"inject": "bus_error", "for_s": 0.1}, mavlink.FOLDCAR_FAULT_BUS),
+        ({"inject": "battery", "volts": 3.0, "for_s": 1.0}, mavlink.FOLDCAR_FAULT_BATTERY_LOW),
+        ({"inject": "battery_unreadable", "for_s": 0.5}, mavlink.FOLDCAR_FAULT_BATTERY_UNREADABLE),
+        ({"inject": "imu_error", "for_s": 0.1}, mavlink.FOLDCAR_FAULT_IMU),
+        ({"inject": "brown_out"}, mavlink.FOLDCAR_FAULT_BROWN_OUT),
+        ({"inject": "watchdog"}, mavlink.FOLDCAR_FAULT_WATCHDOG),
+    ]:
+        car.drive(0.05, 0.0, 20.0, 0, 1)
+        car.wait_for("SERVO_OUTPUT_RAW", has_pulses)
+        assert "injected" in car.inject(**injection)
+        state = car.wait_for("FOLDCAR_TRIAL", lambda message: message.state == mavlink.FOLDCAR_STATE_FAULT)
+        assert state.fault == fault
+        car.wait_for("SERVO_OUTPUT_RAW", lambda message: not has_pulses(message))
+        time.sleep(1.1)  # until the battery is itself again
+        assert car.command(mavlink.MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT) == mavlink.MAV_RESULT_ACCEPTED
+
+
+def test_a_client_may_go_and_another_one_come(start: Callable[..., Car]) -> None:
+    car = start("--pty")
+    for _ in range(3):
+        client = car.connect()
+        client.close()
+        time.sleep(0.2)
+    client = car.connect()
+    first = client.recv_match(type="SERVO_OUTPUT_RAW", blocking=True, timeout=5)
+    second = client.recv_match(type="SERVO_OUTPUT_RAW", blocking=True, timeout=5)
+    assert 0 < second.time_usec - first.time_usec < 25_000
+
+
+def test_an_unplugged_cable_comes_back_under_another_name(start: Callable[..., Car]) -> None:
+    car = start("--pty")
+    car.connect()
+    car.inject(inject="unplug", for_s=0.5)
+    car.port = str(car.line()["port"])
+    car.connect()
+
+
+def test_a_wrong_line_is_answered_and_the_car_goes_on(start: Callable[..., Car]) -> None:
+    car = start("--pty")
+    assert car.inject(inject="earthquake")["error"].startswith("line.inject: ")
+    assert "volts" in car.inject(inject="battery")["error"]
+    assert "share" in car.inject(inject="drop", share=2)["error"]
+    car.connect()
+
+
+def test_a_record_replays_to_the_same_bytes(start: Callable[..., Car], files: Path) -> None:
+    record = files / "record.jsonl"
+    car = start("--pty", "--record", str(record))
+    car.connect()
+    car.drive(0.3, 0.2, 20.0, 1, 5)
+    car.inject(inject="corrupt", share=0.05, for_s=0.5)
+    car.wait_for("FOLDCAR_TRUTH", lambda message: message.x > 0.2)
+    car.inject(inject="brown_out")
+    car.wait_for("FOLDCAR_TRIAL", lambda message: message.fault == mavlink.FOLDCAR_FAULT_BROWN_OUT)
+    words = car.words
+    assert car.end() == 0
+
+    again = subprocess.run([*words, "--replay", str(record)], capture_output=True, check=True)
+
+    assert again.stdout == record.read_bytes()
+    assert again.stdout.count(b"from_car") > 30
+
+
+def test_ten_minutes_of_telemetry_lose_nothing_over_tcp(start: Callable[..., Car]) -> None:
+    car = start("--tcp", "0", "--speedup", "1000")
+    _, host, port = car.port.split(":")
+    pulses_us: list[int] = []
+    numbers: dict[int, int] = {}
+    with socket.create_connection((host, int(port)), timeout=60) as link:
+        stream = link.makefile("rb")
+        while len(pulses_us) < 10 * 60 * 50:
+            assert stream.read(1) == b"\xfd"
+            size, _, _, number, _, component = header = stream.read(6)
+            rest = stream.read(3 + size + 2)
+            assert len(header) == 6 and len(rest) == size + 5
+            assert number == (numbers.get(component, number - 1) + 1) % 256
+            numbers[component] = number
+            if int.from_bytes(rest[:3], "little") == mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW:
+                pulses_us.append(int.from_bytes(rest[3 : 3 + min(size, 4)], "little"))
+    steps = {later - earlier for earlier, later in pairwise(pulses_us)}
+    assert min(steps) > 16_000 and max(steps) < 24_200  # a tick comes at the first step of 1/240 s that is due
+    assert pulses_us[-1] - pulses_us[0] == pytest.approx(20_000 * (len(pulses_us) - 1), abs=5_000)
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        ([], "needs one of --pty, --tcp PORT and --replay FILE"),
+        (["--pty", "--tcp", "0"], "needs one of --pty, --tcp PORT and --replay FILE"),
+        (["--tcp", "70000"], "--tcp: 70000 is not a number from 0"),
+        (["--pty", "--speedup", "0"], "--speedup: 0 is not a number from"),
+        (["--pty", "--colour", "red"], "unknown option --colour"),
+        (["--pty", "--design"], "--design needs a value"),
+        (["--pty", "--design", "none.json"], "none.json: cannot be read"),
+        (["--replay", "none.jsonl"], "none.jsonl: cannot be read"),
+        (["--pty", "--record", "/nowhere/record"], "/nowhere/record: cannot be written"),
+    ],
+)
+def test_wrong_options_are_refused_in_one_line(
+    carsim_binary: Path, files: Path, options: list[str], problem: str
+) -> None:
+    words = [carsim_binary, "link", "--body", files / "body.json", "--scene", files / "scene.json", *options]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=20, check=False)
+    assert done.returncode == 2
+    assert problem in done.stderr.splitlines()[0]
+    assert done.stdout == ""
+
+
+def test_a_wrong_file_is_named_with_its_key(carsim_binary: Path, files: Path) -> None:
+    (files / "params.json").write_text('{"TRACK_M": 9}')
+    words = [carsim_binary, "link", "--pty", "--body", files / "body.json", "--scene", files / "scene.json"]
+    done = subprocess.run([*words, "--params", files / "params.json"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == f"carsim: {files / 'params.json'}: TRACK_M is above its maximum: 9\n"
+
+
+def test_a_refused_design_is_told_and_keeps_the_car_from_moving(start: Callable[..., Car], files: Path) -> None:
+    (files / "car.json").write_text('{"format": 1, "name": "w95"')
+    car = start("--pty", "--design", str(files / "car.json"))
+    client = car.connect()
+    car.show_life()
+    wish = [mavlink.MAVLINK_MSG_ID_FOLDCAR_DESIGN, 0, 0, 0, 0, 0, 0]
+    client.mav.command_long_send(1, 1, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, *wish)
+    text = car.wait_for("STATUSTEXT", lambda message: "car.json" in message.text)
+    assert text.text == "car.json: is not a JSON object"
+    assert car.command(mavlink.MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT) == mavlink.MAV_RESULT_ACCEPTED
+    assert car.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED

@@ -5,6 +5,7 @@ import json
 import math
 import os
 import pty
+import re
 import resource
 import signal
 import struct
@@ -17,6 +18,7 @@ import pytest
 from foldcar.car_file import car_json, design_hash, design_name
 from foldcar.design import compose
 from foldcar.errors import FoldcarError
+from foldcar.link.car import REASONS
 from foldcar.link.connection import Connection
 from foldcar.link.parameters import differences, read_file, same, value_text, write_file
 from foldcar.link.ports import choose_port
@@ -286,3 +288,12 @@ def test_messages_that_come_together_are_all_read() -> None:
         connection.close()
         os.close(ours)
         os.close(theirs)
+
+
+def test_every_reason_of_a_refusal_has_words() -> None:
+    header = Path(__file__).resolve().parents[2] / "firmware" / "lib" / "supervisor" / "supervisor.h"
+    listed = re.search(r"enum class Refusal[^{]*\{([^}]*)\}", header.read_text())
+
+    assert listed is not None
+    names = re.findall(r"\bk[A-Z]\w*", re.sub(r"//.*", "", listed[1]))
+    assert len(REASONS) == len(names) and len(set(REASONS)) == len(REASONS)

@@ -5,6 +5,7 @@ import hashlib
 import json
 import os
 import pty
+import signal
 import subprocess
 import sys
 import threading
@@ -426,17 +427,33 @@ def test_an_untethered_car_brings_its_log_home(
     assert max(offsets) - min(offsets) < 0.5
 
 
-def test_posing_as_a_car_ends_clean(tmp_path: Path, listing: Path, carsim_binary: Path) -> None:
-    import signal
-
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_posing_as_a_car_ends_clean(
+    tmp_path: Path, listing: Path, carsim_binary: Path, end: signal.Signals
+) -> None:
     words = ("link", "l.json", "--experiment", "1", "--set", "width=120", "--tcp", "0", "--speedup", "4")
     with Typist(tmp_path, *words) as person:
-        port = person.sees("tcp:127.0.0.1:") + person.sees("\n").strip()
+        port = "tcp:127.0.0.1:" + person.sees_one_of("Ctrl-C ends").split("tcp:127.0.0.1:")[1].split()[0]
         car = greet(port)
         assert car.identity().name == "W_B_W 120x200 r60"
         car.connection.close()
-        person.process.send_signal(signal.SIGINT)
+        person.process.send_signal(end)
         assert person.ends() == 0 and "Traceback" not in person.said
 
     with pytest.raises(FoldcarError, match="Connection refused"):
         greet(port)
+
+
+def test_ctrl_c_stops_the_car_and_aborts_the_trial(tmp_path: Path, listing: Path, carsim_binary: Path) -> None:
+    with car_at_port(carsim_binary, goal_x_m=None) as car:
+        with Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes") as person:
+            person.watches_until(lambda: moving(tmp_path))
+            person.process.send_signal(signal.SIGINT)
+            assert person.ends() == 130 and "Traceback" not in person.said
+        watcher = greet(car.port)
+        state, pulses = watcher.state(), watcher.request("SERVO_OUTPUT_RAW").servo1_raw
+        watcher.connection.close()
+
+    assert state == watcher.dialect.FOLDCAR_STATE_DISARMED and pulses == 0
+    (trial,) = trials_in(tmp_path / "s.db")
+    assert (trial.outcome, trial.ending) == ("aborted", "Ctrl-C") and trial.log_sha256 is not None

@@ -33,6 +33,7 @@ def link(
     from foldcar.body import body_json
     from foldcar.car_file import car_json
     from foldcar.carsim import Carsim, CarsimError
+    from foldcar.commands.end_signals import end_like_ctrl_c
     from foldcar.environments import Environment
     from foldcar.experiments import read_study
     from foldcar.link.simulated_car import simulated_car
@@ -46,6 +47,7 @@ def link(
     body = apply(nominal, variation) if variation else nominal
     carsim = Carsim()
     scene = environment.sample(sample)
+    end_like_ctrl_c()
     try:
         with simulated_car(
             carsim.binary, body, scene, car_json(design), speedup, tcp, sys.stdin.fileno()

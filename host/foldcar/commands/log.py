@@ -51,6 +51,7 @@ def log(
     yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: answer every question with its default.")] = False,
 ) -> None:
     """Drive trials with a car on USB. The car moves only after the countdown, and stops if anything fails."""
+    from foldcar.commands.end_signals import end_like_ctrl_c
     from foldcar.commands.log_options import LogOptions
     from foldcar.commands.log_session import LogSession
     from foldcar.link.parameters import read_file
@@ -79,6 +80,7 @@ def log(
             yes=yes,
         ),
     )
+    end_like_ctrl_c()
     try:
         driven = session.run(port)
     except KeyboardInterrupt:

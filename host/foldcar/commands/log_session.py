@@ -34,7 +34,7 @@ from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import TlogWriter
 from foldcar.trial_records import Ending, TrialDesign
 from foldcar.trial_writer import CarFacts, Drive, TrialWriter, write_trials
-from foldcar.trials.driving import DRIVES_ON, DriveEnd, drive
+from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
 from foldcar.trials.placement import placed
 from foldcar.trials.untethered import collect
 from foldcar.trials.who import least_tried
@@ -71,6 +71,8 @@ class LogSession:
                     if end is None:
                         break
                     driven += 1
+                    if end.ending == CTRL_C:
+                        raise KeyboardInterrupt
                     if end.error is not None:
                         identity, design = self._after_error(end.error)
                     if options.trials is None and options.yes:
@@ -117,9 +119,11 @@ class LogSession:
         car = self._car
         assert car is not None
         typer.echo(f"Countdown {self.options.countdown_s} s, then {settings['time_limit_s']:g} s at most. Ctrl-C stops.")
+        writer = None
         try:
+            writer = TlogWriter(log)
             car.connection.catch_up()
-            car.connection.log = TlogWriter(log)
+            car.connection.log = writer
             # The log says by itself who drove, and set to what.
             for message in ("FOLDCAR_DESIGN", "AUTOPILOT_VERSION", "SYS_STATUS"):
                 car.request(message)
@@ -132,9 +136,9 @@ class LogSession:
             ending = "link lost before the start" if isinstance(error, LinkLostError) else "not begun"
             return DriveEnd(ending, "aborted", None, error)
         finally:
-            if car.connection.log is not None:
-                car.connection.log.close()
             car.connection.log = None
+            if writer is not None:
+                writer.close()
 
     def _collect(self, number: int, log: Path, time_limit_s: float) -> DriveEnd:
         """Wait for an untethered car to come back, and fetch its log."""

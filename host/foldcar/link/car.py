@@ -35,6 +35,7 @@ REASONS = (
     "there is no such output, value or time-out",
     "there is no such message, or the interval is too short",
     "it is not disarmed",
+    "it has heard nothing of this host in the 2 s before",
 )
 
 

@@ -52,10 +52,8 @@ def simulated_car(
             command += [f"--{name}", str(file)]
         # The next trial begins at the start again, as if someone had carried the car there.
         command += ["--speedup", f"{speedup:g}", "--put-back"]
-        # A session of its own keeps Ctrl-C from it: the caller ends it.
-        process = subprocess.Popen(
-            command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-        )
+        # It belongs to the caller's terminal, and ends with it whatever becomes of the caller.
+        process = subprocess.Popen(command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:
             yield SimulatedCar(_port(binary, process), process)
         finally:

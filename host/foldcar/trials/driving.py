@@ -20,6 +20,7 @@ SILENCE_S = 2.0
 AFTERWARDS_S = 0.3
 # How an untethered drive looks from here once the cable is pulled.
 DRIVES_ON = "drives on untethered"
+CTRL_C = "Ctrl-C"
 STEP_S = 0.05
 
 
@@ -80,7 +81,7 @@ def drive(
         why = f" ({fault}); see what is wrong, then acknowledge it" if fault else ""
         return DriveEnd("refused by the car", "aborted", None, FoldcarError(f"{error}{why}"))
     except KeyboardInterrupt:
-        return DriveEnd("Ctrl-C", "aborted", _elapsed_s(car, trial), FoldcarError("stopped by Ctrl-C"))
+        return DriveEnd(CTRL_C, "aborted", _elapsed_s(car, trial), FoldcarError("stopped by Ctrl-C"))
     finally:
         if not left_alone:
             _stand_still(car)

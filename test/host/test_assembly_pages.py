@@ -21,7 +21,7 @@ from foldcar.assembly.guide_steps import steps
 from foldcar.assembly.hidden_surfaces import Facet, camera, seen_facets
 from foldcar.assembly.parts_list import parts_list, parts_list_csv, total_mass_kg
 from foldcar.assembly.poses import face_poses, glued_offset_mm, moved
-from foldcar.assembly.view_page import view_page
+from foldcar.assembly.view_page import Drawing, view_page
 from foldcar.assembly.wiring import wiring_text
 from foldcar.assembly.wiring_drawing import wiring_drawing
 from foldcar.body import body_json
@@ -165,10 +165,11 @@ def test_box_of_a_mount_has_three_visible_sides() -> None:
 
 
 def test_view_page_is_one_file() -> None:
-    page = view_page(folded_box(), "a box")
+    page = view_page(folded_box(), "a box", [Drawing("<?xml?><svg></svg>", "sheet")])
 
     assert "</script><" not in page.replace("</script>\n", "")
     assert not re.search(r'<(script|link|img)[^>]*(src|href)=', page)
+    assert "<?xml" not in page and "<svg></svg>" in page
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium here")
@@ -214,7 +215,7 @@ def test_view_command_refuses_what_it_cannot_show(tmp_path: Path, foldcar: Comma
 def shown_by_browser(folded: FoldedCar, folder: Path, fold: float) -> dict[str, str]:
     """What the page says it shows."""
     page = folder / "car.html"
-    page.write_text(view_page(folded, "a car"), encoding="utf-8")
+    page.write_text(view_page(folded, "a car", []), encoding="utf-8")
     shown = dict(re.findall(r'data-(\w+)="([^"]*)"', browse(page, fold, "--dump-dom")))
     assert shown.get("state") == "ready"
     return shown

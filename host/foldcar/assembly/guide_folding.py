@@ -65,6 +65,7 @@ def _fold_lines(folded: FoldedCar, piece: Piece, rim: bool) -> Iterator[str]:
     if rim:
         tabs = sum(face.role == "tab" for face in piece.faces)
         yield f"Bend the {tabs} teeth to the printed side by 90°; roll the strip evenly to a ring, printed side inside."
+        yield "If the strip was cut in parts, glue them end to end first, each one's tongue under the next."
     else:
         rims = {face.name for face in piece.faces if face.role == "rim"}
         folds = Counter(

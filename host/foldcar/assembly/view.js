@@ -125,7 +125,7 @@
         Math.abs(other.fold.on[2] - p[2 * j]) < 1e-3 && Math.abs(other.fold.on[3] - p[2 * j + 1]) < 1e-3);
     }
 
-    // Fills the buffers in the first face's frame; returns the least height over that frame's plane.
+    // Fills the buffers in the first face's frame; returns the middle of the piece over that frame's plane and its least height.
     fold(fraction) {
       const poses = facePoses(this.piece, fraction);
       const corners = this.piece.faces.map((face, f) => {
@@ -156,7 +156,8 @@
         line.needsUpdate = true;
       }
       this.corners = corners;
-      return Math.min(0, ...corners.flat().map(point => point.z));
+      const box = new THREE.Box3().setFromPoints(corners.flat());
+      return new THREE.Vector3((box.min.x + box.max.x) / 2, (box.min.y + box.max.y) / 2, Math.min(0, box.min.z));
     }
   }
 
@@ -172,11 +173,12 @@
       scene.add(this.group);
     }
 
-    fold() { return -this.placed.size[2] / 2; }
+    fold() { return new THREE.Vector3(0, 0, -this.placed.size[2] / 2); }
   }
 
   const films = data.placed.map(placed => new Film(placed));
   const bought = data.mounts.map(mount => new Bought(mount));
+  for (const part of [...films, ...bought]) part.middle = part.fold(0);
   const smooth = t => t * t * (3 - 2 * t);
 
   // The body's film first, then what is in it, then the wheels.
@@ -186,9 +188,11 @@
   }
 
   // From lying on the floor to its place, by a share from 0 to 1.
-  function place(part, low, share) {
+  function place(part, middle, share) {
     const [x, y, turn] = part.placed.flat;
-    const flat = new THREE.Matrix4().makeRotationZ(turn).setPosition(x, y, data.ground - low);
+    const flat = new THREE.Matrix4().makeRotationZ(turn).setPosition(x, y, data.ground - middle.z);
+    // What folds stays where it lay.
+    flat.multiply(new THREE.Matrix4().makeTranslation(part.middle.x - middle.x, part.middle.y - middle.y, 0));
     const ends = [flat, matrix(part.placed.pose)].map(m => {
       const end = {p: new THREE.Vector3(), q: new THREE.Quaternion(), s: new THREE.Vector3()};
       m.decompose(end.p, end.q, end.s);

@@ -9,13 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from foldcar.assembly.drawing import picture
-from foldcar.assembly.facets import film_shape
-from foldcar.assembly.hidden_surfaces import camera
 from foldcar.assembly.parts_list import film_area_mm2, parts_list, total_cost_usd, total_mass_kg
 from foldcar.assembly.view_data import view_data
 from foldcar.sheet.model import FoldedCar
@@ -32,8 +28,8 @@ class Drawing:
     caption: str
 
 
-def view_page(folded: FoldedCar, title: str, sheets: Sequence[Drawing] = ()) -> str:
-    """The page; without ``sheets`` it shows each piece flat."""
+def view_page(folded: FoldedCar, title: str, sheets: Sequence[Drawing]) -> str:
+    """The page."""
     environment = Environment(
         loader=PackageLoader("foldcar.assembly", "."),
         autoescape=True,
@@ -41,13 +37,11 @@ def view_page(folded: FoldedCar, title: str, sheets: Sequence[Drawing] = ()) -> 
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    drawings = list(sheets) or flat_pieces(folded)
     return environment.get_template("view.html").render(
         title=title,
         facts=facts(folded),
-        flat_heading="Sheets" if sheets else "Flat pieces",
         # A file's XML declaration cannot stand in a page.
-        drawings=[{"svg": Markup(one.svg[one.svg.index("<svg") :]), "caption": one.caption} for one in drawings],
+        drawings=[{"svg": Markup(one.svg[one.svg.index("<svg") :]), "caption": one.caption} for one in sheets],
         library=_script(files(THREE_PACKAGE).joinpath(THREE_FILE).read_text(encoding="utf-8")),
         data=_script(json.dumps(view_data(folded), separators=(",", ":"))),
         program=_script(files("foldcar.assembly").joinpath("view.js").read_text(encoding="utf-8")),
@@ -62,17 +56,6 @@ def facts(folded: FoldedCar) -> str:
         f"{total_mass_kg(rows) * 1e3:.0f} g, {count} pieces of film with {film_area_mm2(folded) / 100:.0f} cm², "
         f"{len(folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts"
     )
-
-
-def flat_pieces(folded: FoldedCar) -> list[Drawing]:
-    """Each piece flat, seen from its printed side."""
-    return [
-        Drawing(
-            picture(film_shape(piece, np.eye(4), 0.0), camera(-90, 90), piece.label or piece.name),
-            (piece.label or piece.name) + (f", {piece.count} times" if piece.count > 1 else ""),
-        )
-        for piece in folded.pieces
-    ]
 
 
 def _script(text: str) -> Markup:

@@ -200,7 +200,8 @@ def _same_in_order(wanted: NDArray[np.float64], found: NDArray[np.float64]) -> b
 def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n,): how far rows differ. Lines have no direction."""
     both = [np.abs(a - b * (1.0, 1.0, 1.0, sign, sign)).max(axis=1, initial=0.0) for sign in (1.0, -1.0)]
-    return np.minimum(both[0], both[1])
+    nearer: NDArray[np.float64] = np.minimum(both[0], both[1])
+    return nearer
 
 
 def _matched(have: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.bool_]:

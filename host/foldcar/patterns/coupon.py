@@ -6,16 +6,15 @@ clearance that lets it in without bulging is the tab clearance. "kerf": the squa
 if the kerf is right, and the bar is 100.0 mm long.
 """
 
-from dataclasses import replace
-
 from shapely.geometry import Polygon, box
 
 from foldcar.patterns.dashes import dashes
-from foldcar.patterns.drawing import Path, Point, Shape, Sheet
+from foldcar.patterns.drawing import Motion, Path, Point, Shape, Sheet
 from foldcar.patterns.flat_piece import FlatPiece
+from foldcar.patterns.nesting import NestingError, fits, too_large
 from foldcar.patterns.options import Options
-from foldcar.patterns.piece_shapes import cut_shapes, outer_cut
-from foldcar.patterns.sheets import LaidPiece, lay_out
+from foldcar.patterns.piece_shapes import cut_shapes
+from foldcar.patterns.sheets import CORNER_MM, corner_shapes, rounded
 from foldcar.patterns.stroke_font import text_strokes
 
 # Cut and bridge lengths to choose from.
@@ -27,15 +26,23 @@ TEXT_MM = 2.0
 
 def coupon(chosen: Options, thickness_mm: float) -> Sheet:
     """The coupon for film of that thickness."""
-    drawn = [_folds(chosen), _slots(chosen, thickness_mm), _tongue(), _window(), _square(), _bar()]
-    pieces = [LaidPiece(flat.label, outer_cut(flat, chosen.kerf_mm), 1) for flat, _ in drawn]
-
-    def draw(index: int, turn: int) -> list[Shape]:
-        flat, marks = drawn[index]
-        return [*marks, *cut_shapes(flat, chosen.kerf_mm)]
-
-    sheets, _ = lay_out(pieces, draw, chosen, f"coupon  {chosen.machine}")
-    return replace(sheets[0], name="coupon")
+    rows = [[_bar()], [_slots(chosen, thickness_mm), _square()], [_folds(chosen), _tongue()], [_window()]]
+    margin = chosen.margin_mm
+    groups: list[tuple[Shape, ...]] = [tuple(corner_shapes(f"coupon  {chosen.machine}", margin))]
+    y, right = margin + CORNER_MM[1] + chosen.gap_mm, margin
+    for row in rows:
+        x, top = margin + chosen.kerf_mm, y
+        for flat, marks in row:
+            motion = Motion(0, (x, y))
+            groups.append(tuple(shape.moved(motion) for shape in (*marks, *cut_shapes(flat, chosen.kerf_mm))))
+            _, _, width, height = flat.outline.bounds
+            x, top, right = x + width + chosen.gap_mm + chosen.kerf_mm, max(top, y + height), max(right, x + width)
+        y = top + chosen.gap_mm + chosen.kerf_mm
+    taken = Polygon(box(margin, margin, right, y).exterior)
+    if not fits((right - margin, y - margin), chosen.sheet_size_mm, margin):
+        raise NestingError(too_large("calibration coupon", taken, chosen.sheet_size_mm, margin))
+    size = chosen.sheet_size_mm if right + margin <= chosen.sheet_size_mm[0] else chosen.sheet_size_mm[::-1]
+    return Sheet("coupon", *size, tuple(tuple(rounded(group)) for group in groups))
 
 
 def _piece(label: str, outline: Polygon) -> FlatPiece:

@@ -22,7 +22,7 @@ def piece_shapes(
     labels, missing = label_paths(flat, flat.label, marks, quarter_turns)
     warnings = [f'{flat.label}: no room for the label "{text}"' for text in missing]
     shapes: list[Shape] = list(labels)
-    shapes += [Path("LABEL", mark) for mark in flat.marks]
+    shapes += [Path("SCORE", mark) for mark in flat.marks]
     for fold in flat.folds:
         shapes += _fold(fold, chosen)
     shapes += cut_shapes(flat, chosen.kerf_mm)

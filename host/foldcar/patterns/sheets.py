@@ -107,7 +107,7 @@ def lay_out(
         else:
             warnings.append(f"sheet {index + 1}: no room for the {REFERENCE_MM:g} mm reference bar")
     sheets = tuple(
-        Sheet(f"sheet_{index + 1}", width, height, tuple(tuple(_rounded(group)) for group in on_sheet))
+        Sheet(f"sheet_{index + 1}", width, height, tuple(tuple(rounded(group)) for group in on_sheet))
         for index, on_sheet in enumerate(on_sheets)
     )
     return sheets, warnings
@@ -129,7 +129,7 @@ def corner_shapes(title: str, margin_mm: float) -> list[Shape]:
     return shapes
 
 
-def _rounded(shapes: Iterable[Shape]) -> Iterable[Shape]:
+def rounded(shapes: Iterable[Shape]) -> Iterable[Shape]:
     """Coordinates to a micrometre, as files hold them."""
     for shape in shapes:
         if isinstance(shape, Path):

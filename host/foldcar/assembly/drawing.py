@@ -12,7 +12,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from foldcar.assembly.facets import Shape
-from foldcar.assembly.hidden_surfaces import GRID_MM, Camera, Seen, Vector, seen_facets
+from foldcar.assembly.hidden_surfaces import Camera, Seen, Vector, seen_facets
 
 # Printed side, other side; 0..255.
 COLOURS = {
@@ -91,7 +91,7 @@ def _lines(shape: Shape, seen: Sequence[Seen], view: Camera, size: float) -> lis
             continue
         regions = [visible[key].region.buffer(EDGE_SLACK_MM, quad_segs=1) for key in keys]
         lines_there = shapely.multilinestrings(shapely.linestrings(ends))
-        kept = shapely.intersection(lines_there, shapely.union_all(regions), grid_size=GRID_MM)
+        kept = shapely.intersection(lines_there, shapely.union_all(regions))
         drawn[kind] += [_polyline(shapely.get_coordinates(part)) for part in shapely.get_parts(kept) if part.length > 0]
     texts = []
     for kind, (colour, dashes, width) in LINES.items():

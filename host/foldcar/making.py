@@ -19,6 +19,7 @@ from foldcar.assembly.wiring import wiring_text
 from foldcar.assembly.wiring_drawing import wiring_drawing
 from foldcar.atomic_folder import MANIFEST
 from foldcar.body import body_json
+from foldcar.car_file import car_json
 from foldcar.compiler.car import folded_car
 from foldcar.design import Design
 from foldcar.errors import FoldcarError
@@ -68,6 +69,7 @@ def make_car(design: Design, chosen: Options) -> MadeCar:
         **_shape_files(folded, title),
         **_page_files(folded, title, cut, drawings),
         "body.json": (json.dumps(body_json(design), indent=2) + "\n").encode(),
+        "car.json": (json.dumps(car_json(design), indent=2) + "\n").encode(),
     }
     rows = parts_list(folded)
     made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), files, (*verified.lines(), _checked(cut)))

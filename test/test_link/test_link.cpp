@@ -279,6 +279,8 @@ void a_repeated_command_is_answered_again_and_not_obeyed_twice() {
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart).result);
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart, 1).result);
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart).result);
+  for (int i = 0; i < 26; ++i) bench.run(200, bench.host.heartbeat());
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart, 1).result);
 }
 
 void what_the_car_does_not_know_is_unsupported_and_what_is_for_others_is_left_alone() {

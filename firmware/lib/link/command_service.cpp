@@ -100,7 +100,8 @@ CommandService::Answer CommandService::test(const mavlink_command_long_t& comman
 }
 
 CommandService::Answer CommandService::start(const mavlink_command_long_t& command) {
-  const bool whole = is_whole(command.param4, FOLDCAR_TRIAL_FLAGS_UNTETHERED) && is_whole(command.param5, kLargestTrialId);
+  const bool whole =
+      is_whole(command.param4, FOLDCAR_TRIAL_FLAGS_UNTETHERED) && is_whole(command.param5, kLargestTrialId);
   if (!whole) return {MAV_RESULT_DENIED, Refusal::kNotANumber};
   TrialRequest request;
   request.speed_m_s = command.param1;

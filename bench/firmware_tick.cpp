@@ -37,6 +37,7 @@ int main() {
     slowest_us = std::max(slowest_us, elapsed.count() / kTicks);
   }
   const bool ran = firmware.application().is_driving();
-  std::printf("one tick of the firmware: %.2f us, at worst %.2f us%s\n", mean_us, slowest_us, ran ? "" : ", BUT NO TRIAL RAN");
+  const char* problem = ran ? "" : ", BUT NO TRIAL RAN";
+  std::printf("one tick of the firmware: %.2f us, at worst %.2f us%s\n", mean_us, slowest_us, problem);
   return ran ? 0 : 1;
 }

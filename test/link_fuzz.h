@@ -116,7 +116,8 @@ class LinkFuzz {
     reader_.heard.clear();
     reader_.hear(bytes);
     for (const mavlink_message_t& message : reader_.heard) {
-      accepted_count_ += message.msgid == MAVLINK_MSG_ID_COMMAND_ACK || message.msgid == MAVLINK_MSG_ID_PARAM_VALUE ? 1 : 0;
+      const std::uint32_t id = message.msgid;
+      if (id == MAVLINK_MSG_ID_COMMAND_ACK || id == MAVLINK_MSG_ID_PARAM_VALUE) ++accepted_count_;
     }
   }
 

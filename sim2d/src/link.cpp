@@ -79,7 +79,10 @@ void say_port(const Port& port) { say({{"port", port.name()}, {"firmware", FOLDC
 class Session {
  public:
   Session(const LinkOptions& options, Port& port, LinkRecord* record)
-      : options_(options), port_(port), record_(record), car_(options.body, options.scene, options.car, FOLDCAR_FIRMWARE_ID) {}
+      : options_(options),
+        port_(port),
+        record_(record),
+        car_(options.body, options.scene, options.car, FOLDCAR_FIRMWARE_ID) {}
 
   void run() {
     say_port(port_);
@@ -89,7 +92,8 @@ class Session {
       const double wall_s = std::chrono::duration<double>(Clock::now() - started).count();
       const double due_s = wall_s * options_.speedup, now_s = 1e-6 * static_cast<double>(car_.now_us());
       if (due_s - now_s > kMostBehind_s * std::max(1.0, options_.speedup)) {
-        started += std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>((due_s - now_s) / options_.speedup));
+        const std::chrono::duration<double> behind((due_s - now_s) / options_.speedup);
+        started += std::chrono::duration_cast<Clock::duration>(behind);
       }
       if (now_s >= due_s) {
         look();

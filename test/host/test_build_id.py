@@ -63,3 +63,18 @@ def test_the_header_is_rewritten_only_when_the_id_changes(tmp_path: Path) -> Non
     simulation_digest.write_header(header, "FOLDCAR_BUILD_ID", "0123456789abcdef")
     assert header.stat().st_mtime_ns == first
     assert '#define FOLDCAR_BUILD_ID "0123456789abcdef"' in header.read_text(encoding="utf-8")
+
+
+def test_the_firmware_id_stands_for_the_firmware_with_its_board_and_the_dialect(tmp_path: Path) -> None:
+    checkout = make_checkout(tmp_path)
+    files = ("firmware/src/main.cpp", "host/foldcar/mavlink_dialect/foldcar.xml")
+    for name in files:
+        (checkout / name).parent.mkdir(parents=True)
+        (checkout / name).write_text("first", encoding="utf-8")
+    seen = {simulation_digest.firmware_digest(checkout)}
+    for name in ("firmware/lib/board/board.cpp", "firmware/lib/control/control.cpp", *files):
+        (checkout / name).write_text("changed", encoding="utf-8")
+        seen.add(simulation_digest.firmware_digest(checkout))
+    assert len(seen) == 5
+    (checkout / "sim2d/lib/car/car.cpp").write_text("changed", encoding="utf-8")
+    assert simulation_digest.firmware_digest(checkout) in seen

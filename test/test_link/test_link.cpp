@@ -3,7 +3,9 @@
 
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <map>
+#include <new>
 #include <random>
 #include <string>
 
@@ -14,6 +16,20 @@
 #include "packet_parser.h"
 
 using namespace foldcar;
+
+namespace {
+std::size_t allocation_count = 0;
+}
+
+// Counts what takes memory from the heap, and otherwise does what the standard's own does. Inlined, the compiler would
+// take malloc and delete for a wrong pair.
+__attribute__((noinline)) void* operator new(std::size_t size) {
+  ++allocation_count;
+  if (void* memory = std::malloc(size)) return memory;
+  throw std::bad_alloc();
+}
+__attribute__((noinline)) void operator delete(void* memory) noexcept { std::free(memory); }
+__attribute__((noinline)) void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 void setUp() {}
 void tearDown() {}
@@ -278,6 +294,8 @@ void a_repeated_command_is_answered_again_and_not_obeyed_twice() {
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart).result);
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart, 1).result);
+  for (int i = 0; i < 26; ++i) bench.run(200, bench.host.heartbeat());
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart, 1).result);
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart).result);
 }
 
@@ -567,6 +585,32 @@ void the_board_restarts_on_request_but_not_while_it_drives() {
   TEST_ASSERT_TRUE(bench.board.board.restart_count > 0);
 }
 
+void after_set_up_nothing_is_taken_from_the_heap() {
+  Bench bench;
+  bench.board.imu.fitted = true;
+  bench.board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
+  bench.board.servos.writes.reserve(100000);
+  bench.board.link.outgoing.reserve(1000000);
+  bench.board.link.incoming.reserve(10000);
+  bench.board.storage.values["TRACK_M"] = 0.1f;
+  const std::string requests = bench.host.heartbeat() + bench.host.request_list() +
+                               bench.host.set_parameter("TRACK_M", 0.2f) + bench.host.set_parameter("TRACK_M", -1.0f) +
+                               bench.host.command(MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_FOLDCAR_DESIGN}) +
+                               bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}) +
+                               bench.host.command(MAV_CMD_FOLDCAR_START_TRIAL, kStart);
+  const std::string heartbeat = bench.host.heartbeat();
+  const std::size_t before = allocation_count;
+  bench.board.link.incoming += requests;
+  for (int poll = 0; poll < 5500; ++poll) {
+    if (poll % 50 == 0) bench.board.link.incoming += heartbeat;
+    bench.board.clock.time_us += 4000;
+    bench.firmware.poll();
+  }
+  TEST_ASSERT_EQUAL_UINT(before, allocation_count);
+  TEST_ASSERT_TRUE(bench.firmware.application().trial_end() == TrialEnd::kTimeLimit);
+  TEST_ASSERT_EQUAL_FLOAT(0.2f, bench.board.storage.values["TRACK_M"]);
+}
+
 void packets_are_found_among_noise_and_behind_false_starts() {
   MavlinkHost host;
   const std::string packet = host.heartbeat();
@@ -630,6 +674,7 @@ int main() {
   RUN_TEST(a_link_that_takes_little_gets_whole_packets_and_answers_first);
   RUN_TEST(a_refused_design_is_told_in_full_and_other_designs_by_name);
   RUN_TEST(the_board_restarts_on_request_but_not_while_it_drives);
+  RUN_TEST(after_set_up_nothing_is_taken_from_the_heap);
   RUN_TEST(packets_are_found_among_noise_and_behind_false_starts);
   RUN_TEST(an_unfinished_packet_does_not_hold_up_the_next_for_long);
   RUN_TEST(a_million_random_and_damaged_bytes_move_nothing);

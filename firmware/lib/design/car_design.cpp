@@ -53,7 +53,8 @@ void CarDesignReader::text(const DesignPlace& place, const char* value) {
     if (!side) fail(place, "is neither left nor right");
   } else if (top && same(place.key, "name")) {
     if (!first(place, Key::kName)) return;
-    if (value[0] == '\0' || std::strlen(value) > kDesignNameLength) return fail(place, "is empty or longer than 32 bytes");
+    const std::size_t length = std::strlen(value);
+    if (length == 0 || length > kDesignNameLength) return fail(place, "is empty or longer than 32 bytes");
     std::strcpy(design_.name, value);
   } else if (top && same(place.key, "hash")) {
     if (!first(place, Key::kHash)) return;

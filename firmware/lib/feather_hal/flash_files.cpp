@@ -15,7 +15,9 @@ constexpr const char* kDesignFile = "/car.json";
 constexpr const char* kLogPrefix = "log_";
 
 struct LogPath {
-  explicit LogPath(std::uint16_t id) { std::snprintf(text, sizeof text, "/%s%05u", kLogPrefix, static_cast<unsigned>(id)); }
+  explicit LogPath(std::uint16_t id) {
+    std::snprintf(text, sizeof text, "/%s%05u", kLogPrefix, static_cast<unsigned>(id));
+  }
   char text[16];
 };
 

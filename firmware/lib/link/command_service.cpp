@@ -8,6 +8,8 @@ namespace {
 
 constexpr float kLargestTrialId = 16777215.0f;  // the largest run of whole numbers that a float holds
 constexpr float kLargestMessageId = 16777215.0f;
+// Hosts that miss an answer repeat the command within this time; later ones mean another.
+constexpr std::uint64_t kRepetitionUs = 5000000;
 
 MAV_RESULT result_of(Refusal refusal) {
   switch (refusal) {
@@ -37,6 +39,7 @@ void CommandService::obey(const mavlink_command_long_t& command, const mavlink_m
     }
     last_ = command;
     last_sender_ = packet.sysid;
+    last_us_ = hal_.clock.now_us();
     any_ = true;
     if (last_answer_.refusal != Refusal::kNone) {
       status_text_.send(MAV_SEVERITY_WARNING, "refused:", text(last_answer_.refusal));
@@ -97,7 +100,8 @@ CommandService::Answer CommandService::test(const mavlink_command_long_t& comman
 }
 
 CommandService::Answer CommandService::start(const mavlink_command_long_t& command) {
-  const bool whole = is_whole(command.param4, FOLDCAR_TRIAL_FLAGS_UNTETHERED) && is_whole(command.param5, kLargestTrialId);
+  const bool whole =
+      is_whole(command.param4, FOLDCAR_TRIAL_FLAGS_UNTETHERED) && is_whole(command.param5, kLargestTrialId);
   if (!whole) return {MAV_RESULT_DENIED, Refusal::kNotANumber};
   TrialRequest request;
   request.speed_m_s = command.param1;
@@ -146,6 +150,7 @@ CommandService::Answer CommandService::restart(float wish) {
 // Sent again because the answer was lost: the same in every other respect.
 bool CommandService::is_repeated(const mavlink_command_long_t& command, std::uint8_t sender_system) const {
   if (!any_ || command.confirmation == 0 || sender_system != last_sender_) return false;
+  if (hal_.clock.now_us() - last_us_ > kRepetitionUs) return false;
   mavlink_command_long_t first = command;
   first.confirmation = last_.confirmation;
   return std::memcmp(&first, &last_, sizeof first) == 0;

@@ -49,6 +49,7 @@ class CommandService {
   bool any_ = false;
   mavlink_command_long_t last_{};
   std::uint8_t last_sender_ = 0;
+  std::uint64_t last_us_ = 0;
   Answer last_answer_;
 };
 

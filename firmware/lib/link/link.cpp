@@ -120,7 +120,9 @@ bool Link::is_known(std::uint8_t system) {
 void Link::drive_by_hand(const mavlink_message_t& message, bool known_host) {
   const auto stick = decoded<mavlink_manual_control_t>(mavlink_msg_manual_control_decode, message);
   if (stick.target != kCarSystem || !known_host) return;
-  const auto axis = [](std::int16_t value) { return std::abs(value) <= 1000 ? 0.001f * static_cast<float>(value) : 0.0f; };
+  const auto axis = [](std::int16_t value) {
+    return std::abs(value) <= 1000 ? 0.001f * static_cast<float>(value) : 0.0f;
+  };
   const bool was_driving = application_.is_driving();
   application_.drive_by_hand(axis(stick.x), axis(stick.r));
   if (!was_driving && application_.is_driving()) driver_system_ = message.sysid;

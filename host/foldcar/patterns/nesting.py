@@ -47,7 +47,7 @@ class _Turned:
 
     turn: int
     cells: NDArray[np.bool_]
-    spectrum: NDArray[np.complex128]
+    spectrum: NDArray[np.complexfloating]
     corner_mm: tuple[float, float]
 
 
@@ -87,9 +87,10 @@ class _Area:
                 found.append(_Turned(turn, cells, self.spectrum(cells), (x0, y0)))
         return found
 
-    def spectrum(self, cells: NDArray[np.bool_]) -> NDArray[np.complex128]:
+    def spectrum(self, cells: NDArray[np.bool_]) -> NDArray[np.complexfloating]:
         """The cells' Fourier transform, padded to the area."""
-        result: NDArray[np.complex128] = np.fft.rfft2(cells, self.padded)
+        # Counts of cells are exact enough in single precision, which is twice as fast.
+        result: NDArray[np.complexfloating] = np.fft.rfft2(cells.astype(np.float32), self.padded)
         return result
 
     def motion(self, turned: _Turned, row: int, column: int) -> Motion:
@@ -119,7 +120,7 @@ class _Sheet:
         self.area = area
         self.taken = np.zeros(area.shape, dtype=bool)
         self.free_cells = self.taken.size
-        self._spectrum: NDArray[np.complex128] | None = None
+        self._spectrum: NDArray[np.complexfloating] | None = None
 
     def lowest(self, turned: _Turned) -> tuple[int, int] | None:
         """The lowest row and in it the leftmost column where the piece meets nothing; None if nowhere."""

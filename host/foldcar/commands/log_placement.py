@@ -27,8 +27,8 @@ class Placement:
     carsim: Carsim
     _drawn: bool = field(default=False)
 
-    def show(self) -> None:
-        """Print the table and where the picture is."""
+    def show(self, with_picture: bool) -> None:
+        """Print the table and, if wanted, where the picture is."""
         console = Console(highlight=False)
         if not console.is_terminal:
             console = Console(highlight=False, width=120)
@@ -38,9 +38,10 @@ class Placement:
         for row in instructions(self.scene):
             table.add_row(*row)
         console.print(table)
-        if not self._drawn:
-            self._draw()
-        typer.echo(f"picture: {self.picture}")
+        if with_picture:
+            if not self._drawn:
+                self._draw()
+            typer.echo(f"picture: {self.picture}")
 
     def _draw(self) -> None:
         from foldcar.figures.ground import carsim_heights

@@ -95,7 +95,8 @@ class LogSession:
         number = writer.next_number()
         placement = self._placement(writer, sample, design)
         typer.echo(f"\nTrial {number}: sample {sample} of experiment {self._experiment.id}")
-        placement.show()
+        # Where nothing is asked, nobody looks either.
+        placement.show(with_picture=not options.yes)
         deviations = ask_deviations(self._answers, placement.scene, options.deviations, options.yes)
         if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
             return None

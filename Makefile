@@ -70,7 +70,7 @@ test-native: setup
 	$(BIN)/pio test -e native
 
 test-host: setup
-	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . test/host
+	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . -n 2 --dist loadfile test/host
 
 bench: setup .pio/bench/firmware_tick
 	.pio/bench/firmware_tick

@@ -36,6 +36,7 @@ STREAM = (
     {"trials"},
     {"export", "export_trials", "figures", "report"},
     {"patterns"},
+    {"assembly"},
     {"making"},
     {"crosscheck"},
     {"commands"},

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace foldcar {
 namespace {
@@ -36,28 +37,33 @@ void SideMotion::step(double step_s, const PlaneRates& plane, std::vector<Ground
     contact.side_n_s = 0;
     contact.kept_tangent_n_s = contact.tangent_n_s;
   }
+  double limits_n_s = std::numeric_limits<double>::min();  // no division by zero where the ground is ice
+  for (const GroundContact& contact : contacts) limits_n_s += contact.limit_n_s;
   for (int round = 0; round < kRounds; ++round) {
+    double push_n_s = 0, twist_n_m_s = 0;
     for (GroundContact& contact : contacts) {
       const double slip_m_s = slide + contact.ahead_m * turn + (contact.depth_m - com_height_m_) * plane.roll_rate_rad_s;
-      const double per_impulse = 1 / mass_kg_ + contact.ahead_m * contact.ahead_m / inertia_kg_m2;
+      const double mass_kg = contact.limit_n_s / limits_n_s /
+                             (1 / mass_kg_ + contact.ahead_m * contact.ahead_m / inertia_kg_m2);
       // Friction opposes the slip as a whole: both directions' wishes, in one measure, are shortened alike to what it
       // can give. A contact that goes on sliding comes to give in the proportion of its slips.
-      const double side_wish = contact.side_n_s - slip_m_s / per_impulse;
+      const double side_wish = contact.side_n_s - mass_kg * slip_m_s;
       const double way = contact.tangent_n_s < 0 ? -1 : 1;
-      const double tangent_wish = way * contact.tangent_n_s + std::max(0.0, way * contact.slip_m_s / per_impulse);
+      const double tangent_wish = way * contact.tangent_n_s + std::max(0.0, way * contact.slip_m_s * mass_kg);
       const double wish = std::hypot(side_wish, tangent_wish);
       const double share = wish > contact.limit_n_s ? contact.limit_n_s / wish : 1;
       const double side = share * side_wish;
       // A belly's edge that holds in the plane is left to hold.
       const double tangent =
           contact.rolls ? way * std::min(way * contact.tangent_n_s, share * tangent_wish) : contact.tangent_n_s;
-      const double given = side - contact.side_n_s;
-      slide += given / mass_kg_;
-      turn += (contact.ahead_m * given -
-               contact.left_m * contact.tangent_x * (tangent - contact.kept_tangent_n_s)) / inertia_kg_m2;
+      push_n_s += side - contact.side_n_s;
+      twist_n_m_s += contact.ahead_m * (side - contact.side_n_s) -
+                     contact.left_m * contact.tangent_x * (tangent - contact.kept_tangent_n_s);
       contact.side_n_s = side;
       contact.kept_tangent_n_s = tangent;
     }
+    slide += push_n_s / mass_kg_;
+    turn += twist_n_m_s / inertia_kg_m2;
   }
   double tilt_n_m_s = 0, grip_n_m_s = 0;
   for (const GroundContact& contact : contacts) {

@@ -82,6 +82,14 @@ TwinTrackCar::TwinTrackCar(const BodySpec& body, double friction, const Terrain&
   world_.SetAllowSleeping(false);
   world_.SetWarmStarting(true);
   put_down(start);
+  for (std::size_t i = 0; i < body.wheels.size(); ++i) {
+    for (std::size_t j = 0; j < body.wheels.size(); ++j) {
+      const WheelSpec &left = body.wheels[i], &right = body.wheels[j];
+      const bool pair = left.side == CarSide::kLeft && right.side == CarSide::kRight &&
+                        left.segment == right.segment && left.x_m == right.x_m;
+      if (pair) axles_.emplace_back(i, j);
+    }
+  }
 }
 
 void TwinTrackCar::put_down(const PoseSpec& start) {
@@ -138,6 +146,7 @@ void TwinTrackCar::step(const PulsesUs& pulses_us) {
   advance_pose();
   read_contacts();
   share_friction();
+  untwist_loads();
   update_state();
 }
 
@@ -285,7 +294,10 @@ void TwinTrackCar::enter_contact(b2Body& body, const b2Body* ground, const b2Wor
 
 void TwinTrackCar::read_contacts() {
   const double to_newton = 1 / (step_s_ * kUnitsPerMetre);
-  for (WheelState& wheel : wheels_) wheel.load_n = 0;
+  for (WheelState& wheel : wheels_) {
+    wheel.load_n = 0;
+    wheel.support = nullptr;
+  }
   tyre_load_n_ = 0;
   contacts_.clear();
   touching_.clear();
@@ -297,7 +309,7 @@ void TwinTrackCar::read_contacts() {
     if (!contact->IsTouching()) continue;
     b2Body* a = contact->GetFixtureA()->GetBody();
     b2Body* b = contact->GetFixtureB()->GetBody();
-    const b2Manifold& manifold = *contact->GetManifold();
+    b2Manifold& manifold = *contact->GetManifold();
     const std::optional<std::size_t> touching = belly_of(a, b);
     b2WorldManifold where;
     contact->GetWorldManifold(&where);
@@ -306,8 +318,9 @@ void TwinTrackCar::read_contacts() {
         if (car_.wheel[i] != a && car_.wheel[i] != b) continue;
         const float into_car = car_.wheel[i] == b ? 1.0f : -1.0f;
         for (int j = 0; j < manifold.pointCount; ++j) {
-          const b2ManifoldPoint& point = manifold.points[j];
+          b2ManifoldPoint& point = manifold.points[j];
           if (point.normalImpulse <= 0) continue;
+          wheels_[i].support = wheels_[i].load_n > 0 ? nullptr : &point;
           wheels_[i].load_n += point.normalImpulse * to_newton;
           const b2Vec2 force = point.normalImpulse * where.normal +
                                point.tangentImpulse * b2Cross(where.normal, 1.0f);
@@ -343,6 +356,24 @@ void TwinTrackCar::read_contacts() {
   }
   belly_roll_couple_n_m_ += belly_gain_ * (belly_roll_n_m - belly_roll_couple_n_m_);
   belly_yaw_couple_n_m_ += belly_gain_ * (belly_yaw_n_m - belly_yaw_couple_n_m_);
+}
+
+// On stiff ground nothing says how axles share a difference of load between left and right: the solver, which takes
+// contacts in turn, lets it build up with opposite signs. Tyres would share it alike. What the solver starts its
+// next step from is evened out so; it still makes every contact hold.
+void TwinTrackCar::untwist_loads() {
+  float mean = 0;
+  for (const auto& [left, right] : axles_) {
+    const b2ManifoldPoint *a = wheels_[left].support, *b = wheels_[right].support;
+    if (a == nullptr || b == nullptr) return;
+    mean += 0.5f * (a->normalImpulse - b->normalImpulse) / static_cast<float>(axles_.size());
+  }
+  for (const auto& [left, right] : axles_) {
+    float &a = wheels_[left].support->normalImpulse, &b = wheels_[right].support->normalImpulse;
+    const float shift = std::clamp(mean - 0.5f * (a - b), -a, b);
+    a += shift;
+    b -= shift;
+  }
 }
 
 double TwinTrackCar::friction_at(double s_m, double y_m) const {

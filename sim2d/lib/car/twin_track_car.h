@@ -61,6 +61,7 @@ class TwinTrackCar {
     double acceleration_rad_s2 = 0;  // filtered
     double load_n = 0;
     double friction = 0;             // of the ground under it
+    double rim_mass_kg = 0;          // that a push along the ground spins, the car standing
     b2ManifoldPoint* support = nullptr;  // what carries it, if that is one point
   };
 
@@ -80,7 +81,8 @@ class TwinTrackCar {
   void share_friction();
   void untwist_loads();
   void enter_contact(b2Body& body, const b2Body* ground, const b2WorldManifold& where, int point,
-                     const b2ManifoldPoint& impulses, float into_car, double left_m, double friction);
+                     const b2ManifoldPoint& impulses, float into_car, double left_m, double friction,
+                     double plane_mass_kg);
   b2Vec2 chassis_velocity() const;  // m/s, of the main segment's centre of mass
   void update_state();
 

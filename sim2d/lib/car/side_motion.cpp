@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace foldcar {
 namespace {
 
-// Sequential impulses over a handful of contacts with two unknowns: more rounds change nothing.
+// All contacts at once, each for its share of the load, so that their order, left or right first, does not matter:
+// a handful with two unknowns; more rounds change nothing.
 constexpr int kRounds = 20;
 
 }  // namespace
@@ -36,28 +38,37 @@ void SideMotion::step(double step_s, const PlaneRates& plane, std::vector<Ground
     contact.side_n_s = 0;
     contact.kept_tangent_n_s = contact.tangent_n_s;
   }
+  double limits_n_s = std::numeric_limits<double>::min();  // no division by zero where the ground is ice
+  for (const GroundContact& contact : contacts) limits_n_s += contact.limit_n_s;
   for (int round = 0; round < kRounds; ++round) {
+    double push_n_s = 0, twist_n_m_s = 0;
     for (GroundContact& contact : contacts) {
       const double slip_m_s = slide + contact.ahead_m * turn + (contact.depth_m - com_height_m_) * plane.roll_rate_rad_s;
-      const double per_impulse = 1 / mass_kg_ + contact.ahead_m * contact.ahead_m / inertia_kg_m2;
-      // Friction opposes the slip as a whole: both directions' wishes, in one measure, are shortened alike to what it
-      // can give. A contact that goes on sliding comes to give in the proportion of its slips.
-      const double side_wish = contact.side_n_s - slip_m_s / per_impulse;
+      const double mass_kg = contact.limit_n_s / limits_n_s /
+                             (1 / mass_kg_ + contact.ahead_m * contact.ahead_m / inertia_kg_m2);
+      // Friction opposes the slip as a whole: what would take it away in either direction, in one measure, is shortened
+      // to what the contact can give. One that goes on sliding comes to give in the proportion of its slips, of which
+      // the one in the plane grows as its friction is shortened.
+      const double side_wish = contact.side_n_s - mass_kg * slip_m_s;
       const double way = contact.tangent_n_s < 0 ? -1 : 1;
-      const double tangent_wish = way * contact.tangent_n_s + std::max(0.0, way * contact.slip_m_s / per_impulse);
+      const double lost_n_s = contact.tangent_n_s - contact.kept_tangent_n_s;
+      const double plane_slip_m_s = way * (contact.slip_m_s + lost_n_s / contact.plane_mass_kg);
+      const double tangent_wish =
+          way * contact.kept_tangent_n_s + std::min(mass_kg, contact.plane_mass_kg) * std::max(0.0, plane_slip_m_s);
       const double wish = std::hypot(side_wish, tangent_wish);
       const double share = wish > contact.limit_n_s ? contact.limit_n_s / wish : 1;
       const double side = share * side_wish;
       // A belly's edge that holds in the plane is left to hold.
       const double tangent =
           contact.rolls ? way * std::min(way * contact.tangent_n_s, share * tangent_wish) : contact.tangent_n_s;
-      const double given = side - contact.side_n_s;
-      slide += given / mass_kg_;
-      turn += (contact.ahead_m * given -
-               contact.left_m * contact.tangent_x * (tangent - contact.kept_tangent_n_s)) / inertia_kg_m2;
+      push_n_s += side - contact.side_n_s;
+      twist_n_m_s += contact.ahead_m * (side - contact.side_n_s) -
+                     contact.left_m * contact.tangent_x * (tangent - contact.kept_tangent_n_s);
       contact.side_n_s = side;
       contact.kept_tangent_n_s = tangent;
     }
+    slide += push_n_s / mass_kg_;
+    turn += twist_n_m_s / inertia_kg_m2;
   }
   double tilt_n_m_s = 0, grip_n_m_s = 0;
   for (const GroundContact& contact : contacts) {

@@ -23,6 +23,7 @@ struct GroundContact {
   double tangent_x = 1;    // forward share of the direction it is counted in
   bool rolls = true;       // a wheel's, not a belly's
   double slip_m_s = 0;     // of the ground against the car, in that direction
+  double plane_mass_kg = 1;  // that an impulse in that direction moves
   // Results.
   double side_n_s = 0;          // impulse on the car, to the left
   double kept_tangent_n_s = 0;  // what the friction circle leaves of tangent_n_s

@@ -22,6 +22,8 @@ constexpr double kTrackTolerance_m = 3e-5;
 
 // Impulses take this many times the iterations through a chain of segments; with fewer, loads flicker between wheels.
 constexpr int kHingedRounds = 3;
+// Share of a twist of loads that is evened out each step; all of it at once jerks a car that climbs.
+constexpr float kUntwist = 0.5f;
 
 double filter_gain(double step_s, double time_constant_s) { return 1 - std::exp(-step_s / time_constant_s); }
 
@@ -81,7 +83,20 @@ TwinTrackCar::TwinTrackCar(const BodySpec& body, double friction, const Terrain&
   world_.SetContinuousPhysics(false);
   world_.SetAllowSleeping(false);
   world_.SetWarmStarting(true);
+  for (std::size_t i = 0; i < wheels_.size(); ++i) {
+    const WheelSpec& spec = body.wheels[i];
+    const double spin_kg_m2 = 0.5 * spec.mass_kg * spec.radius_m * spec.radius_m + spec.servo.rotor_inertia_kg_m2;
+    wheels_[i].rim_mass_kg = spin_kg_m2 / (spec.radius_m * spec.radius_m);
+  }
   put_down(start);
+  for (std::size_t i = 0; i < body.wheels.size(); ++i) {
+    for (std::size_t j = 0; j < body.wheels.size(); ++j) {
+      const WheelSpec &left = body.wheels[i], &right = body.wheels[j];
+      const bool pair = left.side == CarSide::kLeft && right.side == CarSide::kRight &&
+                        left.segment == right.segment && left.x_m == right.x_m;
+      if (pair) axles_.emplace_back(i, j);
+    }
+  }
 }
 
 void TwinTrackCar::put_down(const PoseSpec& start) {
@@ -138,6 +153,7 @@ void TwinTrackCar::step(const PulsesUs& pulses_us) {
   advance_pose();
   read_contacts();
   share_friction();
+  untwist_loads();
   update_state();
 }
 
@@ -263,7 +279,8 @@ std::optional<std::size_t> TwinTrackCar::belly_of(const b2Body* a, const b2Body*
 // Enters a contact point of the plane for share_friction(). into_car is the manifold's sign: +1 if its normal points
 // into the car's body.
 void TwinTrackCar::enter_contact(b2Body& body, const b2Body* ground, const b2WorldManifold& where, int point,
-                                 const b2ManifoldPoint& impulses, float into_car, double left_m, double friction) {
+                                 const b2ManifoldPoint& impulses, float into_car, double left_m, double friction,
+                                 double plane_mass_kg) {
   const b2Vec2 place = where.points[point];
   const b2Vec2 tangent = into_car * b2Cross(where.normal, 1.0f);
   const b2Vec2 from_com = place - car_.chassis->GetPosition();
@@ -279,13 +296,17 @@ void TwinTrackCar::enter_contact(b2Body& body, const b2Body* ground, const b2Wor
   b2Vec2 slip = -body.GetLinearVelocityFromWorldPoint(place);
   if (ground != nullptr) slip += ground->GetLinearVelocity();
   contact.slip_m_s = to_metres(b2Dot(slip, tangent));
+  contact.plane_mass_kg = plane_mass_kg;
   contacts_.push_back(contact);
   touching_.push_back({&body, place, tangent});
 }
 
 void TwinTrackCar::read_contacts() {
   const double to_newton = 1 / (step_s_ * kUnitsPerMetre);
-  for (WheelState& wheel : wheels_) wheel.load_n = 0;
+  for (WheelState& wheel : wheels_) {
+    wheel.load_n = 0;
+    wheel.support = nullptr;
+  }
   tyre_load_n_ = 0;
   contacts_.clear();
   touching_.clear();
@@ -297,7 +318,7 @@ void TwinTrackCar::read_contacts() {
     if (!contact->IsTouching()) continue;
     b2Body* a = contact->GetFixtureA()->GetBody();
     b2Body* b = contact->GetFixtureB()->GetBody();
-    const b2Manifold& manifold = *contact->GetManifold();
+    b2Manifold& manifold = *contact->GetManifold();
     const std::optional<std::size_t> touching = belly_of(a, b);
     b2WorldManifold where;
     contact->GetWorldManifold(&where);
@@ -306,8 +327,9 @@ void TwinTrackCar::read_contacts() {
         if (car_.wheel[i] != a && car_.wheel[i] != b) continue;
         const float into_car = car_.wheel[i] == b ? 1.0f : -1.0f;
         for (int j = 0; j < manifold.pointCount; ++j) {
-          const b2ManifoldPoint& point = manifold.points[j];
+          b2ManifoldPoint& point = manifold.points[j];
           if (point.normalImpulse <= 0) continue;
+          wheels_[i].support = wheels_[i].load_n > 0 ? nullptr : &point;
           wheels_[i].load_n += point.normalImpulse * to_newton;
           const b2Vec2 force = point.normalImpulse * where.normal +
                                point.tangentImpulse * b2Cross(where.normal, 1.0f);
@@ -316,7 +338,7 @@ void TwinTrackCar::read_contacts() {
           const std::size_t side = static_cast<std::size_t>(spec.side);
           const double left_m = (side == 0 ? 0.5 : -0.5) * body_.track_m * cos_roll(q);
           enter_contact(*car_.wheel[i], car_.track[side], where, j, point, into_car, left_m,
-                        wheels_[i].friction * spec.grip);
+                        wheels_[i].friction * spec.grip, wheels_[i].rim_mass_kg);
         }
         if (!terrain_.has_patches()) continue;
         take_friction(i, to_metres(where.points[0].x));
@@ -338,11 +360,29 @@ void TwinTrackCar::read_contacts() {
       belly_yaw_n_m -= force.x * y_m;
       const double friction = friction_at(contact_s_m, y_m);
       if (terrain_.has_patches()) contact->SetFriction(static_cast<float>(friction * grip));
-      enter_contact(chassis, nullptr, where, j, point, into_car, y_m, friction * grip);
+      enter_contact(chassis, nullptr, where, j, point, into_car, y_m, friction * grip, constants_.mass_kg);
     }
   }
   belly_roll_couple_n_m_ += belly_gain_ * (belly_roll_n_m - belly_roll_couple_n_m_);
   belly_yaw_couple_n_m_ += belly_gain_ * (belly_yaw_n_m - belly_yaw_couple_n_m_);
+}
+
+// On stiff ground nothing says how axles share a difference of load between left and right: the solver, which takes
+// contacts in turn, lets it build up with opposite signs. Tyres would share it alike. What the solver starts its
+// next step from is evened out so; it still makes every contact hold.
+void TwinTrackCar::untwist_loads() {
+  float mean = 0;
+  for (const auto& [left, right] : axles_) {
+    const b2ManifoldPoint *a = wheels_[left].support, *b = wheels_[right].support;
+    if (a == nullptr || b == nullptr) return;
+    mean += 0.5f * (a->normalImpulse - b->normalImpulse) / static_cast<float>(axles_.size());
+  }
+  for (const auto& [left, right] : axles_) {
+    float &a = wheels_[left].support->normalImpulse, &b = wheels_[right].support->normalImpulse;
+    const float shift = std::clamp(kUntwist * (mean - 0.5f * (a - b)), -a, b);
+    a += shift;
+    b -= shift;
+  }
 }
 
 double TwinTrackCar::friction_at(double s_m, double y_m) const {

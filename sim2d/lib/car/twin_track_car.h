@@ -5,6 +5,7 @@
 #pragma once
 
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "body_spec.h"
@@ -60,6 +61,8 @@ class TwinTrackCar {
     double acceleration_rad_s2 = 0;  // filtered
     double load_n = 0;
     double friction = 0;             // of the ground under it
+    double rim_mass_kg = 0;          // that a push along the ground spins, the car standing
+    b2ManifoldPoint* support = nullptr;  // what carries it, if that is one point
   };
 
   void put_down(const PoseSpec& start);
@@ -76,8 +79,10 @@ class TwinTrackCar {
   void take_friction(std::size_t wheel, double s_m);
   void take_belly_friction();
   void share_friction();
+  void untwist_loads();
   void enter_contact(b2Body& body, const b2Body* ground, const b2WorldManifold& where, int point,
-                     const b2ManifoldPoint& impulses, float into_car, double left_m, double friction);
+                     const b2ManifoldPoint& impulses, float into_car, double left_m, double friction,
+                     double plane_mass_kg);
   b2Vec2 chassis_velocity() const;  // m/s, of the main segment's centre of mass
   void update_state();
 
@@ -96,6 +101,7 @@ class TwinTrackCar {
   double track_inertia_kg_m2_;  // that the tracks' mass was last set for
   Mechanism car_;
   std::vector<WheelState> wheels_;
+  std::vector<std::pair<std::size_t, std::size_t>> axles_;  // left and right wheels of one place
 
   // Filters' gains a step, from their time constants.
   double rotor_gain_, belly_gain_, yaw_rate_gain_;

@@ -1,11 +1,10 @@
-// The terms of the model on their own: servo line, roll couples, sliding sideways and turning.
+// The terms of the model on their own: servo line, roll couples, friction circle, Euler angles.
 #include <unity.h>
 
 #include <cmath>
 
 #include "../study_car.h"
 #include "servo_model.h"
-#include "side_motion.h"
 #include "side_view_terms.h"
 
 using namespace foldcar;
@@ -75,82 +74,33 @@ void test_the_weight_couple_is_that_of_a_point_mass_over_the_tyres_edge() {
   const double mass_kg = 0.2, height_m = 0.063, tyre_m = 0.012, roll_rad = 0.4;
   const double lever_m = height_m * std::tan(roll_rad) - tyre_m / 2;
   TEST_ASSERT_DOUBLE_WITHIN(1e-9, mass_kg * 9.81 * lever_m,
-                            load_roll_couple_n_m(mass_kg * 9.81, height_m, tyre_m, std::sin(roll_rad)));
+                            weight_roll_couple_n_m(mass_kg, height_m, tyre_m, std::sin(roll_rad)));
   TEST_ASSERT_DOUBLE_WITHIN(1e-9, -mass_kg * 9.81 * lever_m,
-                            load_roll_couple_n_m(mass_kg * 9.81, height_m, tyre_m, -std::sin(roll_rad)));
+                            weight_roll_couple_n_m(mass_kg, height_m, tyre_m, -std::sin(roll_rad)));
 }
 
 void test_turning_left_presses_the_right_side_down() {
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.2 * 0.063 * 0.6 * 1.5, turning_roll_couple_n_m(0.2, 0.063, 0.6, 1.5));
 }
 
-namespace {
-
-// Below the middle of a car of 0.25 kg, height 0.06 m, pressed on for one step by 0.6 N at friction 0.5.
-GroundContact contact_at(double ahead_m, double tangent_n_s) {
-  GroundContact contact;
-  contact.ahead_m = ahead_m;
-  contact.depth_m = 0.06;
-  contact.limit_n_s = 0.5 * 0.6 / 240;
-  contact.tangent_n_s = tangent_n_s;
-  return contact;
-}
-
-constexpr double kStep_s = 1.0 / 240;
-
-SideMotion motion() { return SideMotion(0.25, 0.06, 5e-4, 1.3e-3); }
-
-}  // namespace
-
-void test_a_slide_is_braked_by_friction_and_then_holds() {
-  SideMotion side = motion();
-  std::vector<GroundContact> contacts{contact_at(0.07, 0), contact_at(-0.07, 0)};
-  PlaneRates plane;
-  plane.roll_rate_rad_s = 5;  // rolling up all at once pushes the contacts outwards, at 0.3 m/s
-  side.step(kStep_s, plane, contacts);
-  const double lost_m_s = 2 * contacts[0].limit_n_s / 0.25;
-  TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0.3 - lost_m_s, side.side_speed_m_s());
-  for (int i = 0; i < 60; ++i) side.step(kStep_s, plane, contacts);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0, side.side_speed_m_s());
-}
-
 void test_driving_and_sliding_share_one_friction_circle() {
-  SideMotion side = motion();
-  const double limit_n_s = contact_at(0, 0).limit_n_s;
-  std::vector<GroundContact> contacts{contact_at(0.07, limit_n_s), contact_at(-0.07, -limit_n_s)};
-  PlaneRates plane;
-  plane.yaw_rate_rad_s = 3;
-  side.step(kStep_s, plane, contacts);
-  for (const GroundContact& contact : contacts) {
-    TEST_ASSERT_DOUBLE_WITHIN(1e-9, limit_n_s, std::hypot(contact.side_n_s, contact.kept_tangent_n_s));
-    TEST_ASSERT_TRUE(std::abs(contact.kept_tangent_n_s) < limit_n_s && contact.side_n_s * contact.ahead_m < 0);
-  }
+  TEST_ASSERT_EQUAL_DOUBLE(1, friction_circle(0));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.6, friction_circle(0.8));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.2, friction_circle(1));
 }
 
-void test_scrub_brakes_a_turn_by_its_couple() {
-  SideMotion side = motion();
-  std::vector<GroundContact> contacts{contact_at(0.07, 0), contact_at(-0.07, 0)};
-  PlaneRates plane;
-  plane.yaw_rate_rad_s = 3;
-  side.step(kStep_s, plane, contacts);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-9, 3 - 2 * 0.07 * contacts[0].limit_n_s / 1.3e-3, side.yaw_rate_rad_s());
-  TEST_ASSERT_DOUBLE_WITHIN(1e-9, 2 * 0.07 * contacts[0].limit_n_s / kStep_s, side.grip_n_m());
-}
-
-// Angular momentum about the vertical of a body that nothing touches: its forward axis leans by pitch, so roll has a
-// part of it.
-void test_a_pitched_car_that_starts_to_roll_turns_back() {
-  SideMotion side = motion();
-  std::vector<GroundContact> none;
-  PlaneRates plane;
-  plane.pitch_rad = 0.5;
-  plane.roll_rate_rad_s = 3;
-  side.step(kStep_s, plane, none);
-  const double forward[2] = {std::cos(0.5), std::sin(0.5)}, up[2] = {-std::sin(0.5), std::cos(0.5)};
-  // Rates about the body's own axes, then their momenta's vertical part.
-  const double about_forward = 3 + side.yaw_rate_rad_s() * forward[1], about_up = side.yaw_rate_rad_s() * up[1];
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0, 5e-4 * about_forward * forward[1] + 1.3e-3 * about_up * up[1]);
-  TEST_ASSERT_TRUE(side.yaw_rate_rad_s() < -0.1);
+// A rolled and pitched body turns by small angles about its own left and up axes; its forward axis then tells
+// heading and pitch.
+void test_a_heading_step_is_that_of_the_rotated_body() {
+  const double pitch = 0.3, roll = -0.4, about_up = 1e-6, about_left = 3e-6;
+  const double forward[3] = {std::cos(pitch), 0, std::sin(pitch)};
+  const double left[3] = {-std::sin(pitch) * std::sin(roll), std::cos(roll), std::cos(pitch) * std::sin(roll)};
+  const double up[3] = {-std::sin(pitch) * std::cos(roll), -std::sin(roll), std::cos(pitch) * std::cos(roll)};
+  double turned[3];
+  for (int i = 0; i < 3; ++i) turned[i] = forward[i] + about_up * left[i] - about_left * up[i];
+  const double d_heading = std::atan2(turned[1], turned[0]);
+  const double d_pitch = std::atan2(turned[2], std::hypot(turned[0], turned[1])) - pitch;
+  TEST_ASSERT_DOUBLE_WITHIN(1e-11, d_heading, heading_step_rad(about_up, d_pitch, pitch, std::sin(roll)));
 }
 
 int main() {
@@ -165,9 +115,7 @@ int main() {
   RUN_TEST(test_the_weight_couple_is_that_of_a_point_mass_over_the_tyres_edge);
   RUN_TEST(test_turning_left_presses_the_right_side_down);
   RUN_TEST(test_driving_and_sliding_share_one_friction_circle);
-  RUN_TEST(test_a_slide_is_braked_by_friction_and_then_holds);
-  RUN_TEST(test_scrub_brakes_a_turn_by_its_couple);
-  RUN_TEST(test_a_pitched_car_that_starts_to_roll_turns_back);
+  RUN_TEST(test_a_heading_step_is_that_of_the_rotated_body);
   UNITY_END();
   return 0;
 }

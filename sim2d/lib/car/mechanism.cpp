@@ -6,15 +6,11 @@
 namespace foldcar {
 namespace {
 
-// How a segment is divided: each frame carries a tenth of its mass and of its pitch inertia, its wheels' axles up to
-// four tenths of its mass between them. The split changes nothing rigid: the frames cannot pitch against the box, and the
-// box keeps what makes the whole right. But an impact must travel from a wheel through its frame to the box, and
-// a light wheel before a heavy car takes many iterations to pass it on: the car rears up until it has.
-constexpr double kFrameMassShare = 0.1;
-constexpr double kFramePitchShare = 0.1;
-constexpr double kAxleMassShare = 0.4;
-// What a box and the flywheel keep of pitch and roll inertia, at least.
-constexpr double kLeastBoxShare = 0.05;
+// How a segment is divided: each frame carries a quarter of its mass and a twentieth of its pitch inertia.
+// The split changes nothing rigid (the frames cannot pitch against the box); it sets how much of the
+// roll inertia stands in the frames, and keeps the mass ratios of the joints mild.
+constexpr double kFrameMassShare = 0.25;
+constexpr double kFramePitchShare = 0.05;
 // Below this the flywheel is too light for its gears to be solved in a few iterations.
 constexpr double kLeastFlywheel_kg_m2 = 2e-5;
 
@@ -69,54 +65,11 @@ void add_belly(b2Body& chassis, const SegmentSpec& spec, double friction) {
   chassis.CreateFixture(&fixture);
 }
 
-// What is left of a segment for its box when its axles carry axle_mass_kg each: mass, place of its centre from the
-// segment's, pitch inertia about that place.
-struct BoxMass {
-  double mass_kg, x_m, z_m, inertia_kg_m2;
-};
-
-BoxMass box_mass(const BodySpec& body, std::size_t segment, double axle_mass_kg) {
-  const SegmentSpec& spec = body.segments[segment];
-  BoxMass box{(1 - 2 * kFrameMassShare) * spec.mass_kg, 0, 0, (1 - 2 * kFramePitchShare) * spec.pitch_inertia_kg_m2};
-  for (const WheelSpec& wheel : body.wheels) {
-    if (static_cast<std::size_t>(wheel.segment) != segment) continue;
-    const double dx = wheel.x_m - spec.com_x_m, dz = -spec.com_z_m;
-    box.mass_kg -= axle_mass_kg;
-    box.x_m -= axle_mass_kg * dx;
-    box.z_m -= axle_mass_kg * dz;
-    box.inertia_kg_m2 -= axle_mass_kg * (dx * dx + dz * dz);
-  }
-  box.x_m /= box.mass_kg;
-  box.z_m /= box.mass_kg;
-  box.inertia_kg_m2 -= box.mass_kg * (box.x_m * box.x_m + box.z_m * box.z_m);
-  return box;
-}
-
-// Mass that each of a segment's axles carries: as much as leaves the box and, at half_track_m, the flywheel enough.
-double axle_mass_kg(const BodySpec& body, std::size_t segment, double most_in_axles_kg) {
-  const SegmentSpec& spec = body.segments[segment];
-  const auto axles = std::count_if(body.wheels.begin(), body.wheels.end(), [segment](const WheelSpec& wheel) {
-    return static_cast<std::size_t>(wheel.segment) == segment;
-  });
-  if (axles == 0) return 0;
-  double each_kg = std::min(kAxleMassShare * spec.mass_kg, most_in_axles_kg) / static_cast<double>(axles);
-  while (box_mass(body, segment, each_kg).inertia_kg_m2 < kLeastBoxShare * spec.pitch_inertia_kg_m2) each_kg *= 0.5;
-  return each_kg;
-}
-
-b2Body* add_chassis(b2World& world, const BodySpec& body, std::size_t segment, double friction, double axle_z_m,
-                    double axle_mass_kg) {
-  const SegmentSpec& spec = body.segments[segment];
+b2Body* add_chassis(b2World& world, const SegmentSpec& spec, double friction, double axle_z_m) {
   b2Body* chassis = add_body(world, b2_dynamicBody, spec.com_x_m, axle_z_m + spec.com_z_m, 1);
   add_belly(*chassis, spec, friction);
-  const BoxMass box = box_mass(body, segment, axle_mass_kg);
-  b2MassData data;
-  data.mass = static_cast<float>(box.mass_kg);
-  data.center = to_units(box.x_m, box.z_m);
-  // Box2D wants it about the body's origin.
-  data.I = static_cast<float>(
-      (box.inertia_kg_m2 + box.mass_kg * (box.x_m * box.x_m + box.z_m * box.z_m)) * kTorqueScale);
-  chassis->SetMassData(&data);
+  set_mass(*chassis, (1 - 2 * kFrameMassShare) * spec.mass_kg,
+           (1 - 2 * kFramePitchShare) * spec.pitch_inertia_kg_m2);
   return chassis;
 }
 
@@ -142,8 +95,7 @@ b2Body* add_frame(b2World& world, b2Body* chassis, const SegmentSpec& spec, b2Jo
   return frame;
 }
 
-void add_wheel(b2World& world, Mechanism& car, const BodySpec& body, const WheelSpec& wheel, double friction,
-               double axle_mass_kg) {
+void add_wheel(b2World& world, Mechanism& car, const BodySpec& body, const WheelSpec& wheel, double friction) {
   const int k = static_cast<int>(wheel.side);
   const std::size_t j = static_cast<std::size_t>(wheel.segment);
   b2Body* frame = car.segments[j].frame[k];
@@ -160,7 +112,7 @@ void add_wheel(b2World& world, Mechanism& car, const BodySpec& body, const Wheel
       contact_fixture(circle, friction * wheel.grip, category::kWheel[k], category::kTrack[k]);
   disc->CreateFixture(&fixture);
   // The rotor turns in the chassis, geared to the wheel: its inertia at the shaft is the wheel's to drive.
-  set_mass(*disc, wheel.mass_kg + axle_mass_kg,
+  set_mass(*disc, wheel.mass_kg,
            0.5 * wheel.mass_kg * wheel.radius_m * wheel.radius_m + wheel.servo.rotor_inertia_kg_m2);
   if (car.rotors_in_frames) {
     set_mass(*frame, frame->GetMass(), frame->GetInertia() / kTorqueScale + wheel.servo.rotor_inertia_kg_m2);
@@ -253,23 +205,10 @@ CarConstants::CarConstants(const BodySpec& body) {
   const double chassis_dx = chassis.com_x_m - com_x_m;
   yaw_inertia_kg_m2 = chassis.yaw_inertia_kg_m2 + chassis.mass_kg * chassis_dx * chassis_dx + wheels_yaw_kg_m2 +
                       wheels_own_kg_m2;
-  const double wheels_roll_kg_m2 = wheels_mass_kg * half_track_m * half_track_m + wheels_own_kg_m2;
-  roll_inertia_kg_m2 = chassis.roll_inertia_kg_m2 + wheels_roll_kg_m2;
-  // About the line of the contacts; the wheels' own masses stand in the mechanism's wheels.
-  const double to_place_kg_m2 =
-      chassis.roll_inertia_kg_m2 + wheels_own_kg_m2 + mass_kg * com_height_m * com_height_m;
-  const double at_track_kg = (1 - kLeastBoxShare) * to_place_kg_m2 / (half_track_m * half_track_m);
-  const double most_share =
-      std::max(0.0, std::min(kAxleMassShare, at_track_kg / chassis.mass_kg - 2 * kFrameMassShare));
-  double in_frames_kg = 2 * kFrameMassShare * chassis.mass_kg;
-  for (std::size_t j = 0; j < body.segments.size(); ++j) {
-    axle_mass_kg.push_back(foldcar::axle_mass_kg(body, j, most_share * body.segments[j].mass_kg));
-    for (const WheelSpec& wheel : body.wheels) {
-      if (static_cast<std::size_t>(wheel.segment) == j) in_frames_kg += axle_mass_kg[j];
-    }
-  }
+  const double in_frames_kg_m2 = 2 * kFrameMassShare * chassis.mass_kg * half_track_m * half_track_m;
   flywheel_inertia_kg_m2 =
-      std::max(kLeastFlywheel_kg_m2, to_place_kg_m2 - in_frames_kg * half_track_m * half_track_m);
+      std::max(kLeastFlywheel_kg_m2, chassis.roll_inertia_kg_m2 + wheels_own_kg_m2 +
+                                         mass_kg * com_height_m * com_height_m - in_frames_kg_m2);
   belly_width_m = 0;
   belly_clearance_m = wheel_radius_m;
   for (const SegmentSpec& segment : body.segments) {
@@ -290,8 +229,8 @@ Mechanism build_mechanism(b2World& world, const BodySpec& body, const CarConstan
   car.rotors_in_frames = !body.hinges.empty();
   b2Body* ground = add_body(world, b2_staticBody, 0, 0, 0);
   car.belly_ground = add_body(world, b2_staticBody, 0, 0, 0);
-  for (std::size_t j = 0; j < body.segments.size(); ++j) {
-    car.segments.push_back({add_chassis(world, body, j, friction, axle_z_m, constants.axle_mass_kg[j]), {}});
+  for (const SegmentSpec& segment : body.segments) {
+    car.segments.push_back({add_chassis(world, segment, friction, axle_z_m), {}});
   }
   car.chassis = car.segments[main_segment(body)].chassis;
   b2Joint* roll_joint = add_roll_flywheel(world, car, ground, constants.flywheel_inertia_kg_m2, q);
@@ -303,15 +242,11 @@ Mechanism build_mechanism(b2World& world, const BodySpec& body, const CarConstan
                                    axle_z_m, q);
     }
     car.track[k] = add_body(world, b2_dynamicBody, 0, 0, 0);
-    // Or wheels far along the track, whose load the slide holds in a few iterations only, would tilt it.
-    car.track[k]->SetFixedRotation(true);
     set_mass(*car.track[k], track_mass_kg(constants.yaw_inertia_kg_m2, body.track_m), 1);
     car.track_slide[k] = add_slide(world, ground, car.track[k], b2Vec2(1, 0), b2Vec2_zero, true);
   }
   add_gear(world, car.track_slide[0], car.track_slide[1], 1);
-  for (const WheelSpec& wheel : body.wheels) {
-    add_wheel(world, car, body, wheel, friction, constants.axle_mass_kg[static_cast<std::size_t>(wheel.segment)]);
-  }
+  for (const WheelSpec& wheel : body.wheels) add_wheel(world, car, body, wheel, friction);
   for (const HingeSpec& hinge : body.hinges) add_hinge(world, car, hinge, axle_z_m);
   return car;
 }

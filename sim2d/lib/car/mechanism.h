@@ -1,8 +1,8 @@
 // The twin-track car as Box2D bodies and joints in one vertical plane.
 //
-//   segment   a box with its belly and the larger part of its mass, and for each side a frame that slides along the
-//             box' z and carries that side's wheels; segments hang together in hinges
-//   wheel[i]  circles on revolute motors, one a wheel; each axle carries a part of its segment's mass
+//   segment   a box with its belly and half of its mass, and for each side a frame that slides along the box' z
+//             and carries that side's wheels; segments hang together in hinges
+//   wheel[i]  circles on revolute motors, one a wheel
 //   roll      a flywheel, geared to all frames: its angle is q = sin(roll), its inertia what the frames lack.
 //             The car is stiff against twist: all segments roll alike
 //   track[k]  the terrain under the left and right wheels, free to slide along x against each other: their
@@ -58,9 +58,7 @@ struct CarConstants {
   double tyre_width_m;         // the widest
   double wheel_radius_m;       // the mean
   double yaw_inertia_kg_m2;    // about the vertical through the centre of mass
-  double roll_inertia_kg_m2;   // about the line through the centre of mass
   double flywheel_inertia_kg_m2;
-  std::vector<double> axle_mass_kg;  // of a segment's mass, what stands in each of its wheels' axles
   double belly_width_m;        // the widest
   double belly_clearance_m;    // the lowest belly over the contacts
   double reach_m;              // farthest point of the car from the main segment's centre of mass, along x

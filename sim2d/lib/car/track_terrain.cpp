@@ -22,7 +22,7 @@ constexpr double kSpare_m = 0.04;
 // Vertices of smooth ground may be moved this far; farther and the chain is made anew.
 constexpr double kAdjust_m = 0.004;
 
-// Lines of smooth or level ground whose heights differ by less carry the belly together.
+// Lines of smooth ground whose heights differ by less carry the belly together.
 constexpr double kSameHeight_m = 0.0003;
 
 // The belly is felt along this many lines; fewer let narrow edges through.
@@ -137,8 +137,7 @@ void TrackTerrain::cut(const CutPose& pose) {
   const double low_side_m = std::copysign(0.5 * belly_width_m_, -tangent);
   const double ground_z_m = -low_side_m * cosine * tangent;
   const Piece under_wheels{span.s_min_m, span.s_max_m, 0, 0, 0};
-  const bool lies_flat = std::abs(ground_z_m) < kSameHeight_m;
-  const Piece under_belly{span.s_min_m, span.s_max_m, ground_z_m, ground_z_m, lies_flat ? 0 : low_side_m};
+  const Piece under_belly{span.s_min_m, span.s_max_m, ground_z_m, ground_z_m, tangent == 0 ? 0 : low_side_m};
   for (int k = 0; k < 3; ++k) {
     const std::vector<Piece>& pieces = k < 2 ? pieces_[k] : belly_pieces_;
     if (level) {

@@ -12,18 +12,18 @@ namespace {
 // Time constants of the couplings that lag a step behind the solver. Each is a few steps at 240 Hz: short
 // against the car's own motions (tenths of a second), long enough that feeding contact forces back stays stable.
 constexpr double kRotorFilter_s = 0.006;
+constexpr double kScrubFilter_s = 0.008;
+constexpr double kCentroidFilter_s = 0.019;
 constexpr double kBellyFilter_s = 0.006;
 constexpr double kYawRateFilter_s = 0.019;
 
-// The tracks' mass follows the pitched car's inertia in steps of this share.
-constexpr double kInertiaTolerance = 0.02;
-// The tracks are moved once they have come this far from where the heading wants them.
-constexpr double kTrackTolerance_m = 3e-5;
+// The tracks' mass follows the load's centroid in steps of this.
+constexpr double kCentroidTolerance_m = 0.002;
+// Below this share of the weight on the wheels the load has no centroid worth following.
+constexpr double kLeastLoadShare = 0.05;
 
 // Impulses take this many times the iterations through a chain of segments; with fewer, loads flicker between wheels.
-constexpr int kHingedRounds = 3;
-// Share of a twist of loads that is evened out each step; all of it at once jerks a car that climbs.
-constexpr float kUntwist = 0.5f;
+constexpr int kHingedRounds = 4;
 
 double filter_gain(double step_s, double time_constant_s) { return 1 - std::exp(-step_s / time_constant_s); }
 
@@ -73,30 +73,16 @@ TwinTrackCar::TwinTrackCar(const BodySpec& body, double friction, const Terrain&
       stopwatch_(stopwatch),
       world_(b2Vec2(0, -to_units(kGravity_m_s2))),
       ground_(terrain, body, constants_),
-      side_(constants_.mass_kg, constants_.com_height_m, constants_.roll_inertia_kg_m2,
-            constants_.yaw_inertia_kg_m2),
-      track_inertia_kg_m2_(constants_.yaw_inertia_kg_m2),
       wheels_(body.wheels.size()),
       rotor_gain_(filter_gain(step_s_, kRotorFilter_s)),
+      scrub_gain_(filter_gain(step_s_, kScrubFilter_s)),
+      centroid_gain_(filter_gain(step_s_, kCentroidFilter_s)),
       belly_gain_(filter_gain(step_s_, kBellyFilter_s)),
       yaw_rate_gain_(filter_gain(step_s_, kYawRateFilter_s)) {
   world_.SetContinuousPhysics(false);
   world_.SetAllowSleeping(false);
   world_.SetWarmStarting(true);
-  for (std::size_t i = 0; i < wheels_.size(); ++i) {
-    const WheelSpec& spec = body.wheels[i];
-    const double spin_kg_m2 = 0.5 * spec.mass_kg * spec.radius_m * spec.radius_m + spec.servo.rotor_inertia_kg_m2;
-    wheels_[i].rim_mass_kg = spin_kg_m2 / (spec.radius_m * spec.radius_m);
-  }
   put_down(start);
-  for (std::size_t i = 0; i < body.wheels.size(); ++i) {
-    for (std::size_t j = 0; j < body.wheels.size(); ++j) {
-      const WheelSpec &left = body.wheels[i], &right = body.wheels[j];
-      const bool pair = left.side == CarSide::kLeft && right.side == CarSide::kRight &&
-                        left.segment == right.segment && left.x_m == right.x_m;
-      if (pair) axles_.emplace_back(i, j);
-    }
-  }
 }
 
 void TwinTrackCar::put_down(const PoseSpec& start) {
@@ -106,10 +92,12 @@ void TwinTrackCar::put_down(const PoseSpec& start) {
   com_y_m_ = start.y_m + reference_m * std::sin(heading_rad_);
   ground_.cut({{com_x_m_, com_y_m_, heading_rad_}, reference_m, 0});
   double side_m[2] = {std::numeric_limits<double>::lowest(), std::numeric_limits<double>::lowest()};
+  double weight_moment = 0;
   for (const WheelSpec& wheel : body_.wheels) {
     const int k = static_cast<int>(wheel.side);
     const double s_m = wheel.x_m - reference_m;
     side_m[k] = std::max(side_m[k], axle_height_m(ground_.wheels(k), s_m, wheel));
+    weight_moment += std::abs(s_m);
   }
   const double q = sin_roll_limited((side_m[0] - side_m[1]) / body_.track_m);
   double axle_z_m = 0.5 * (side_m[0] + side_m[1]);
@@ -117,7 +105,8 @@ void TwinTrackCar::put_down(const PoseSpec& start) {
     axle_z_m = std::max(axle_z_m, resting_axle_height_m(ground_.belly(), segment, reference_m));
   }
   car_ = build_mechanism(world_, body_, constants_, friction_, axle_z_m + options_.drop_m, q);
-  tyre_load_n_ = constants_.mass_kg * kGravity_m_s2;
+  const double weight_n = constants_.mass_kg * kGravity_m_s2;
+  scrub_moment_n_m_ = friction_ * weight_n * weight_moment / static_cast<double>(body_.wheels.size());
   last_s_m_ = to_metres(car_.chassis->GetPosition().x);
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
     take_friction(i, to_metres(car_.wheel[i]->GetPosition().x));
@@ -152,8 +141,7 @@ void TwinTrackCar::step(const PulsesUs& pulses_us) {
   }
   advance_pose();
   read_contacts();
-  share_friction();
-  untwist_loads();
+  update_scrub();
   update_state();
 }
 
@@ -187,86 +175,52 @@ void TwinTrackCar::drive_wheels(const PulsesUs& pulses_us) {
 }
 
 void TwinTrackCar::apply_roll_couples() {
-  const double q = car_.roll->GetAngle() + step_s_ * car_.roll->GetAngularVelocity();
+  const double q = car_.roll->GetAngle();
+  const double speed_m_s = to_metres(car_.chassis->GetLinearVelocity().x);
   const double couple_n_m =
-      load_roll_couple_n_m(tyre_load_n_, constants_.com_height_m, constants_.tyre_width_m, q) +
-      turning_roll_couple_n_m(constants_.mass_kg, constants_.com_height_m, chassis_velocity().x, yaw_rate_rad_s_) +
-      offset_roll_couple_n_m(constants_.side_moment_kg_m) + belly_roll_couple_n_m_ + side_.roll_couple_n_m();
-  // A few times what could ever tip the car: contacts that meet in one step cannot throw it further.
-  const double most_n_m = 3 * constants_.mass_kg * kGravity_m_s2 * body_.track_m;
-  car_.roll->ApplyTorque(to_torque_units(std::clamp(couple_n_m, -most_n_m, most_n_m)), true);
+      weight_roll_couple_n_m(constants_.mass_kg, constants_.com_height_m, constants_.tyre_width_m, q) +
+      turning_roll_couple_n_m(constants_.mass_kg, constants_.com_height_m, speed_m_s, yaw_rate_rad_s_) +
+      offset_roll_couple_n_m(constants_.side_moment_kg_m) + belly_roll_couple_n_m_;
+  car_.roll->ApplyTorque(to_torque_units(couple_n_m), true);
 }
 
 void TwinTrackCar::apply_yaw_couples() {
-  const double inertia_kg_m2 = side_.heading_inertia_kg_m2(car_.chassis->GetAngle());
-  const bool stale = std::abs(inertia_kg_m2 - track_inertia_kg_m2_) > kInertiaTolerance * track_inertia_kg_m2_;
-  if (stale) track_inertia_kg_m2_ = inertia_kg_m2;
+  // Scrub opposes the change of heading; a rolled car that pitches turns its own axes without any.
+  const double q = sin_roll_limited(car_.roll->GetAngle());
+  const double rest_m_s = 0.5 * body_.track_m * car_.chassis->GetAngularVelocity() * q;
   for (int k = 0; k < 2; ++k) {
     const double sign = k == 0 ? 1 : -1;
-    if (stale) set_mass(*car_.track[k], track_mass_kg(inertia_kg_m2, body_.track_m), 1);
-    // What resisted turning in the last step does so within this one; share_friction() settles the difference.
-    car_.track_slide[k]->SetMaxMotorForce(to_units(side_.grip_n_m() / body_.track_m));
+    car_.track_slide[k]->SetMaxMotorForce(to_units(scrub_moment_n_m_ / body_.track_m));
+    car_.track_slide[k]->SetMotorSpeed(to_units(sign * rest_m_s));
     car_.track[k]->ApplyForceToCenter(to_units(sign * belly_yaw_couple_n_m_ / body_.track_m, 0), true);
+  }
+  if (std::abs(load_centroid_m_ - track_inertia_centroid_m_) > kCentroidTolerance_m) {
+    track_inertia_centroid_m_ = load_centroid_m_;
+    const double arm_m = load_centroid_m_ + main_.com_x_m - constants_.com_x_m;
+    const double inertia_kg_m2 = constants_.yaw_inertia_kg_m2 + constants_.mass_kg * arm_m * arm_m;
+    for (b2Body* track : car_.track) set_mass(*track, track_mass_kg(inertia_kg_m2, body_.track_m), 1);
   }
 }
 
 void TwinTrackCar::advance_pose() {
   const double s_m = to_metres(car_.chassis->GetPosition().x);
   const double yaw_m = to_metres(car_.track[0]->GetPosition().x - car_.track[1]->GetPosition().x);
+  const double pitch_rad = car_.chassis->GetAngle();
+  const double q = sin_roll_limited(car_.roll->GetAngle());
   const double d_s_m = s_m - last_s_m_;
-  const double d_heading_rad = (yaw_m - last_yaw_m_) / body_.track_m;
+  const double d_heading_rad =
+      heading_step_rad((yaw_m - last_yaw_m_) / body_.track_m, pitch_rad - last_pitch_rad_, pitch_rad, q);
   last_s_m_ = s_m;
   last_yaw_m_ = yaw_m;
+  last_pitch_rad_ = pitch_rad;
   yaw_rate_rad_s_ += yaw_rate_gain_ * (d_heading_rad / step_s_ - yaw_rate_rad_s_);
+  // The car turns about its load's centroid, not about its centre of mass.
   const double middle_rad = heading_rad_ + 0.5 * d_heading_rad;
   const double c = std::cos(middle_rad), s = std::sin(middle_rad);
-  // The sideways speed is that of the whole car's centre of mass; the pose is the main segment's.
-  const double sideways_m =
-      side_.side_speed_m_s() * step_s_ + (main_.com_x_m - constants_.com_x_m) * d_heading_rad;
+  const double sideways_m = -load_centroid_m_ * d_heading_rad;
   com_x_m_ += d_s_m * c - sideways_m * s;
   com_y_m_ += d_s_m * s + sideways_m * c;
   heading_rad_ += d_heading_rad;
-}
-
-b2Vec2 TwinTrackCar::chassis_velocity() const {
-  const b2Vec2 units = car_.chassis->GetLinearVelocityFromLocalPoint(b2Vec2_zero);
-  return (1 / static_cast<float>(kUnitsPerMetre)) * units;
-}
-
-// The plane's friction leaves out what a contact slides sideways: both are settled together, and the plane is corrected.
-void TwinTrackCar::share_friction() {
-  PlaneRates plane;
-  plane.pitch_rad = car_.chassis->GetAngle();
-  plane.speed_m_s = chassis_velocity().x;
-  plane.roll_rate_rad_s = car_.roll->GetAngularVelocity();
-  plane.yaw_rate_rad_s =
-      to_metres(car_.track[0]->GetLinearVelocity().x - car_.track[1]->GetLinearVelocity().x) / body_.track_m;
-  for (int k = 0; k < 2; ++k) {
-    const double force_n = to_metres(car_.track_slide[k]->GetMotorForce(static_cast<float>(1 / step_s_)));
-    plane.grip_n_m_s += (k == 0 ? 0.5 : -0.5) * body_.track_m * force_n * step_s_;
-  }
-  side_.step(step_s_, plane, contacts_);
-  for (std::size_t i = 0; i < contacts_.size(); ++i) {
-    const double lost_n_s = contacts_[i].kept_tangent_n_s - contacts_[i].tangent_n_s;
-    if (lost_n_s == 0) continue;
-    touching_[i].body->ApplyLinearImpulse(to_units(lost_n_s) * touching_[i].tangent, touching_[i].place, true);
-  }
-  const double d_rate_m_s = (side_.yaw_rate_rad_s() - plane.yaw_rate_rad_s) * body_.track_m;
-  // The step moved with the rate it had before: heading is put right at once, the tracks once it is worth it.
-  heading_rad_ += d_rate_m_s * step_s_ / body_.track_m;
-  track_error_m_ += d_rate_m_s * step_s_;
-  const bool moves = std::abs(track_error_m_) > kTrackTolerance_m;
-  for (int k = 0; k < 2; ++k) {
-    const double sign = k == 0 ? 0.5 : -0.5;
-    car_.track[k]->SetLinearVelocity(car_.track[k]->GetLinearVelocity() + b2Vec2(to_units(sign * d_rate_m_s), 0));
-    if (!moves) continue;
-    const b2Vec2 shift(to_units(sign * track_error_m_), 0);
-    car_.track[k]->SetTransform(car_.track[k]->GetPosition() + shift, 0);
-  }
-  if (moves) {
-    last_yaw_m_ = to_metres(car_.track[0]->GetPosition().x - car_.track[1]->GetPosition().x);
-    track_error_m_ = 0;
-  }
 }
 
 std::optional<std::size_t> TwinTrackCar::belly_of(const b2Body* a, const b2Body* b) const {
@@ -276,113 +230,56 @@ std::optional<std::size_t> TwinTrackCar::belly_of(const b2Body* a, const b2Body*
   return std::nullopt;
 }
 
-// Enters a contact point of the plane for share_friction(). into_car is the manifold's sign: +1 if its normal points
-// into the car's body.
-void TwinTrackCar::enter_contact(b2Body& body, const b2Body* ground, const b2WorldManifold& where, int point,
-                                 const b2ManifoldPoint& impulses, float into_car, double left_m, double friction,
-                                 double plane_mass_kg) {
-  const b2Vec2 place = where.points[point];
-  const b2Vec2 tangent = into_car * b2Cross(where.normal, 1.0f);
-  const b2Vec2 from_com = place - car_.chassis->GetPosition();
-  const double pitch_rad = car_.chassis->GetAngle();
-  GroundContact contact;
-  contact.ahead_m = to_metres(from_com.x) + main_.com_x_m - constants_.com_x_m;
-  contact.left_m = left_m;
-  contact.rolls = ground != nullptr;
-  contact.depth_m = to_metres(std::sin(pitch_rad) * from_com.x - std::cos(pitch_rad) * from_com.y);
-  contact.limit_n_s = friction * to_metres(impulses.normalImpulse);
-  contact.tangent_n_s = to_metres(impulses.tangentImpulse);
-  contact.tangent_x = tangent.x;
-  b2Vec2 slip = -body.GetLinearVelocityFromWorldPoint(place);
-  if (ground != nullptr) slip += ground->GetLinearVelocity();
-  contact.slip_m_s = to_metres(b2Dot(slip, tangent));
-  contact.plane_mass_kg = plane_mass_kg;
-  contacts_.push_back(contact);
-  touching_.push_back({&body, place, tangent});
-}
-
 void TwinTrackCar::read_contacts() {
   const double to_newton = 1 / (step_s_ * kUnitsPerMetre);
-  for (WheelState& wheel : wheels_) {
-    wheel.load_n = 0;
-    wheel.support = nullptr;
-  }
-  tyre_load_n_ = 0;
-  contacts_.clear();
-  touching_.clear();
-  double belly_roll_n_m = 0, belly_yaw_n_m = 0;
-  const double q = car_.roll->GetAngle();
-  const double belly_height_m = constants_.com_height_m - constants_.belly_clearance_m;
+  for (WheelState& wheel : wheels_) wheel.load_n = wheel.drive_force_n = 0;
+  belly_roll_now_n_m_ = belly_yaw_now_n_m_ = belly_scrub_n_m_ = 0;
+  const double s_m = to_metres(car_.chassis->GetPosition().x);
   if (terrain_.has_patches()) take_belly_friction();
   for (b2Contact* contact = world_.GetContactList(); contact != nullptr; contact = contact->GetNext()) {
     if (!contact->IsTouching()) continue;
     b2Body* a = contact->GetFixtureA()->GetBody();
     b2Body* b = contact->GetFixtureB()->GetBody();
-    b2Manifold& manifold = *contact->GetManifold();
+    const b2Manifold& manifold = *contact->GetManifold();
     const std::optional<std::size_t> touching = belly_of(a, b);
-    b2WorldManifold where;
-    contact->GetWorldManifold(&where);
     if (!touching) {
       for (std::size_t i = 0; i < wheels_.size(); ++i) {
         if (car_.wheel[i] != a && car_.wheel[i] != b) continue;
-        const float into_car = car_.wheel[i] == b ? 1.0f : -1.0f;
         for (int j = 0; j < manifold.pointCount; ++j) {
-          b2ManifoldPoint& point = manifold.points[j];
-          if (point.normalImpulse <= 0) continue;
-          wheels_[i].support = wheels_[i].load_n > 0 ? nullptr : &point;
-          wheels_[i].load_n += point.normalImpulse * to_newton;
-          const b2Vec2 force = point.normalImpulse * where.normal +
-                               point.tangentImpulse * b2Cross(where.normal, 1.0f);
-          tyre_load_n_ += into_car * force.y * to_newton;
-          const WheelSpec& spec = body_.wheels[i];
-          const std::size_t side = static_cast<std::size_t>(spec.side);
-          const double left_m = (side == 0 ? 0.5 : -0.5) * body_.track_m * cos_roll(q);
-          enter_contact(*car_.wheel[i], car_.track[side], where, j, point, into_car, left_m,
-                        wheels_[i].friction * spec.grip, wheels_[i].rim_mass_kg);
+          wheels_[i].load_n += manifold.points[j].normalImpulse * to_newton;
+          wheels_[i].drive_force_n += manifold.points[j].tangentImpulse * to_newton;
         }
         if (!terrain_.has_patches()) continue;
+        b2WorldManifold where;
+        contact->GetWorldManifold(&where);
         take_friction(i, to_metres(where.points[0].x));
         contact->ResetFriction();
       }
       continue;
     }
-    b2Body& chassis = *car_.segments[*touching].chassis;
-    const float into_car = b == &chassis ? 1.0f : -1.0f;  // the normal points from a to b
+    b2WorldManifold where;
+    contact->GetWorldManifold(&where);
+    const double sign = b == car_.segments[*touching].chassis ? 1 : -1;  // the normal points from a to b
     const double grip = body_.segments[*touching].grip;
+    const b2Vec2 tangent = b2Cross(where.normal, 1.0f);
     for (int j = 0; j < manifold.pointCount; ++j) {
-      const b2ManifoldPoint& point = manifold.points[j];
-      if (point.normalImpulse <= 0) continue;
-      const b2Vec2 force = static_cast<float>(into_car * to_newton) *
-                           (point.normalImpulse * where.normal + point.tangentImpulse * b2Cross(where.normal, 1.0f));
+      const double normal_n = manifold.points[j].normalImpulse * to_newton;
+      const double tangent_n = manifold.points[j].tangentImpulse * to_newton;
+      if (normal_n <= 0) continue;
+      const double forward_n = sign * (normal_n * where.normal.x + tangent_n * tangent.x);
+      const double upward_n = sign * (normal_n * where.normal.y + tangent_n * tangent.y);
       const double contact_s_m = to_metres(where.points[j].x);
       const double y_m = ground_.belly_contact_y_m(contact_s_m);
-      belly_roll_n_m += force.y * (y_m + belly_height_m * tan_roll(q));
-      belly_yaw_n_m -= force.x * y_m;
+      belly_roll_now_n_m_ += upward_n * y_m;
+      belly_yaw_now_n_m_ -= forward_n * y_m;
       const double friction = friction_at(contact_s_m, y_m);
       if (terrain_.has_patches()) contact->SetFriction(static_cast<float>(friction * grip));
-      enter_contact(chassis, nullptr, where, j, point, into_car, y_m, friction * grip, constants_.mass_kg);
+      belly_scrub_n_m_ +=
+          friction * grip * normal_n * std::abs(contact_s_m - s_m - load_centroid_m_);
     }
   }
-  belly_roll_couple_n_m_ += belly_gain_ * (belly_roll_n_m - belly_roll_couple_n_m_);
-  belly_yaw_couple_n_m_ += belly_gain_ * (belly_yaw_n_m - belly_yaw_couple_n_m_);
-}
-
-// On stiff ground nothing says how axles share a difference of load between left and right: the solver, which takes
-// contacts in turn, lets it build up with opposite signs. Tyres would share it alike. What the solver starts its
-// next step from is evened out so; it still makes every contact hold.
-void TwinTrackCar::untwist_loads() {
-  float mean = 0;
-  for (const auto& [left, right] : axles_) {
-    const b2ManifoldPoint *a = wheels_[left].support, *b = wheels_[right].support;
-    if (a == nullptr || b == nullptr) return;
-    mean += 0.5f * (a->normalImpulse - b->normalImpulse) / static_cast<float>(axles_.size());
-  }
-  for (const auto& [left, right] : axles_) {
-    float &a = wheels_[left].support->normalImpulse, &b = wheels_[right].support->normalImpulse;
-    const float shift = std::clamp(kUntwist * (mean - 0.5f * (a - b)), -a, b);
-    a += shift;
-    b -= shift;
-  }
+  belly_roll_couple_n_m_ += belly_gain_ * (belly_roll_now_n_m_ - belly_roll_couple_n_m_);
+  belly_yaw_couple_n_m_ += belly_gain_ * (belly_yaw_now_n_m_ - belly_yaw_couple_n_m_);
 }
 
 double TwinTrackCar::friction_at(double s_m, double y_m) const {
@@ -408,20 +305,38 @@ void TwinTrackCar::take_belly_friction() {
   }
 }
 
+void TwinTrackCar::update_scrub() {
+  double load_n = 0, moment_n_m = 0;
+  for (std::size_t i = 0; i < wheels_.size(); ++i) {
+    load_n += wheels_[i].load_n;
+    moment_n_m += wheels_[i].load_n * (body_.wheels[i].x_m - main_.com_x_m);
+  }
+  const double weight_n = constants_.mass_kg * kGravity_m_s2;
+  const double centroid_m = load_n > kLeastLoadShare * weight_n ? moment_n_m / load_n : 0;
+  load_centroid_m_ += centroid_gain_ * (centroid_m - load_centroid_m_);
+  double scrub_n_m = belly_scrub_n_m_;
+  for (std::size_t i = 0; i < wheels_.size(); ++i) {
+    const double limit_n = wheels_[i].friction * body_.wheels[i].grip * wheels_[i].load_n;
+    if (limit_n <= 0) continue;
+    const double arm_m = body_.wheels[i].x_m - main_.com_x_m - load_centroid_m_;
+    const double drive_ratio = std::min(1.0, std::abs(wheels_[i].drive_force_n) / limit_n);
+    scrub_n_m += limit_n * std::abs(arm_m) * friction_circle(drive_ratio);
+  }
+  scrub_moment_n_m_ += scrub_gain_ * (scrub_n_m - scrub_moment_n_m_);
+}
+
 void TwinTrackCar::update_state() {
   const double pitch_rad = car_.chassis->GetAngle();
   const double q = std::clamp(static_cast<double>(car_.roll->GetAngle()), -1.0, 1.0);
-  const double c = std::cos(pitch_rad), s = std::sin(pitch_rad);
+    const double c = std::cos(pitch_rad), s = std::sin(pitch_rad);
   const double back_m = main_.com_x_m * c - main_.com_z_m * s;
-  // Rolling about the contacts carries the axles, a wheel's radius over them, to the side that is down.
-  const double aside_m = -constants_.wheel_radius_m * q;
-  state_.x_m = com_x_m_ - back_m * std::cos(heading_rad_) - aside_m * std::sin(heading_rad_);
-  state_.y_m = com_y_m_ - back_m * std::sin(heading_rad_) + aside_m * std::cos(heading_rad_);
+  state_.x_m = com_x_m_ - back_m * std::cos(heading_rad_);
+  state_.y_m = com_y_m_ - back_m * std::sin(heading_rad_);
   state_.z_m = to_metres(car_.chassis->GetPosition().y) - main_.com_x_m * s - main_.com_z_m * c;
   state_.heading_rad = heading_rad_;
   state_.pitch_rad = pitch_rad;
   state_.roll_rad = std::asin(q);
-  state_.speed_m_s = chassis_velocity().x;
+  state_.speed_m_s = to_metres(car_.chassis->GetLinearVelocity().x);
   state_.yaw_rate_rad_s = yaw_rate_rad_s_;
   state_.up = c * std::sqrt(1 - q * q);
 }
@@ -438,9 +353,8 @@ double TwinTrackCar::mechanical_energy_j() const {
     if (body->GetType() != b2_dynamicBody) continue;
     const double speed_squared = body->GetLinearVelocity().LengthSquared();
     const double omega = body->GetAngularVelocity();
-    const double inertia = body->GetInertia() - body->GetMass() * body->GetLocalCenter().LengthSquared();
-    energy += 0.5 * body->GetMass() * speed_squared + 0.5 * inertia * omega * omega;
-    energy += body->GetMass() * body->GetGravityScale() * to_units(kGravity_m_s2) * body->GetWorldCenter().y;
+    energy += 0.5 * body->GetMass() * speed_squared + 0.5 * body->GetInertia() * omega * omega;
+    energy += body->GetMass() * body->GetGravityScale() * to_units(kGravity_m_s2) * body->GetPosition().y;
   }
   energy /= kTorqueScale;
   for (std::size_t j = 0; j < car_.hinge.size(); ++j) {

@@ -5,7 +5,6 @@
 #pragma once
 
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "body_spec.h"
@@ -13,7 +12,6 @@
 #include "mechanism.h"
 #include "scene_spec.h"
 #include "servo_model.h"
-#include "side_motion.h"
 #include "stopwatch.h"
 #include "track_terrain.h"
 
@@ -21,7 +19,7 @@ namespace foldcar {
 
 struct StepOptions {
   double rate_hz = 240;
-  int velocity_iterations = 12;
+  int velocity_iterations = 4;
   int position_iterations = 2;
   double drop_m = 0.0005;  // the car is put down from this height, so that contact is found by falling
 };
@@ -59,10 +57,9 @@ class TwinTrackCar {
   struct WheelState {
     double speed_rad_s = 0;
     double acceleration_rad_s2 = 0;  // filtered
+    double drive_force_n = 0;        // of the tyre on the ground, filtered by nothing
     double load_n = 0;
     double friction = 0;             // of the ground under it
-    double rim_mass_kg = 0;          // that a push along the ground spins, the car standing
-    b2ManifoldPoint* support = nullptr;  // what carries it, if that is one point
   };
 
   void put_down(const PoseSpec& start);
@@ -78,12 +75,7 @@ class TwinTrackCar {
   double friction_at(double s_m, double y_m) const;
   void take_friction(std::size_t wheel, double s_m);
   void take_belly_friction();
-  void share_friction();
-  void untwist_loads();
-  void enter_contact(b2Body& body, const b2Body* ground, const b2WorldManifold& where, int point,
-                     const b2ManifoldPoint& impulses, float into_car, double left_m, double friction,
-                     double plane_mass_kg);
-  b2Vec2 chassis_velocity() const;  // m/s, of the main segment's centre of mass
+  void update_scrub();
   void update_state();
 
   const BodySpec& body_;
@@ -97,30 +89,24 @@ class TwinTrackCar {
   unsigned steps_ = 0;  // counted for the stopwatch only
   b2World world_;
   TrackTerrain ground_;
-  SideMotion side_;
-  double track_inertia_kg_m2_;  // that the tracks' mass was last set for
   Mechanism car_;
   std::vector<WheelState> wheels_;
-  std::vector<std::pair<std::size_t, std::size_t>> axles_;  // left and right wheels of one place
 
   // Filters' gains a step, from their time constants.
-  double rotor_gain_, belly_gain_, yaw_rate_gain_;
+  double rotor_gain_, scrub_gain_, centroid_gain_, belly_gain_, yaw_rate_gain_;
 
   // Pose of the centre of mass in the world, and what of the plane it has been integrated from.
   double com_x_m_ = 0, com_y_m_ = 0, heading_rad_ = 0;
-  double last_s_m_ = 0, last_yaw_m_ = 0;
-  double track_error_m_ = 0;  // how much further apart the tracks should stand
+  double last_s_m_ = 0, last_yaw_m_ = 0, last_pitch_rad_ = 0;
   double yaw_rate_rad_s_ = 0;  // filtered
 
-  // The contacts of the last step, and where in the plane each acts on the car.
-  struct Touch {
-    b2Body* body;
-    b2Vec2 place, tangent;
-  };
-  std::vector<GroundContact> contacts_;
-  std::vector<Touch> touching_;
-  double tyre_load_n_ = 0;  // that the ground carries through the tyres
-  double belly_roll_couple_n_m_ = 0, belly_yaw_couple_n_m_ = 0;  // filtered
+  double load_centroid_m_ = 0;          // x of the wheels' load from the centre of mass, filtered
+  double track_inertia_centroid_m_ = 0;  // the centroid that the tracks' mass was last set for
+  double scrub_moment_n_m_ = 0;         // filtered
+  double belly_scrub_n_m_ = 0;
+  double belly_roll_couple_n_m_ = 0;  // filtered
+  double belly_yaw_couple_n_m_ = 0;   // filtered
+  double belly_roll_now_n_m_ = 0, belly_yaw_now_n_m_ = 0;
   CarState state_;
 };
 

@@ -242,6 +242,8 @@ Mechanism build_mechanism(b2World& world, const BodySpec& body, const CarConstan
                                    axle_z_m, q);
     }
     car.track[k] = add_body(world, b2_dynamicBody, 0, 0, 0);
+    // Or wheels far along the track, whose load the slide holds in a few iterations only, would tilt it.
+    car.track[k]->SetFixedRotation(true);
     set_mass(*car.track[k], track_mass_kg(constants.yaw_inertia_kg_m2, body.track_m), 1);
     car.track_slide[k] = add_slide(world, ground, car.track[k], b2Vec2(1, 0), b2Vec2_zero, true);
   }

@@ -103,6 +103,15 @@ void test_it_stands_on_its_wheels() {
   TEST_ASSERT_DOUBLE_WITHIN(0.002, 0, state.pitch_rad);
 }
 
+void test_it_neither_sinks_nor_slows_far_from_where_it_started() {
+  Drive drive(study_car(0.095), 0.6, kFlat, 1);
+  const CarState early = drive.run(5);
+  const CarState& late = drive.run(75);
+  TEST_ASSERT_TRUE(late.x_m > 40);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-4, early.z_m, late.z_m);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-3 * early.speed_m_s, early.speed_m_s, late.speed_m_s);
+}
+
 void test_top_speed_is_where_the_torque_line_ends() {
   for (const double fraction : {1.0, 0.5, -1.0}) {
     const BodySpec body = study_car(0.115);
@@ -307,6 +316,7 @@ int main() {
   UNITY_BEGIN();
   RUN_TEST(test_it_falls_as_bodies_do);
   RUN_TEST(test_it_stands_on_its_wheels);
+  RUN_TEST(test_it_neither_sinks_nor_slows_far_from_where_it_started);
   RUN_TEST(test_top_speed_is_where_the_torque_line_ends);
   RUN_TEST(test_a_load_slows_it_along_the_torque_line);
   RUN_TEST(test_it_stalls_where_the_slope_asks_for_more_than_stall_torque);

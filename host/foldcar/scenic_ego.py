@@ -30,13 +30,14 @@ class ShownEgo:
     def __init__(self, ego: Any, start: State) -> None:
         # The copy stands in for the ego while a simulation runs; its dictionary is written past Scenic's proxy.
         self._copy = object.__getattribute__(ego, "_dynamicProxy")
-        object.__setattr__(self._copy, "__class__", _shown_class(type(ego)))
+        own: Any = type(ego)
+        object.__setattr__(self._copy, "__class__", _shown_class(own))
         self._attributes = self._copy.__dict__
-        self._caches = {CACHE_PREFIX + name for name in type(ego)._cache_clearers}
+        self._caches = {CACHE_PREFIX + name for name in own._cache_clearers}
         self._z_offset_m = float(ego.position.z) - start.z_m
         parent = ego.parentOrientation
         self._parent = None if alwaysGlobalOrientation(parent) else parent
-        self._derives_more = not set(type(ego)._dynamicFinalProperties) <= DERIVED
+        self._derives_more = not set(own._dynamicFinalProperties) <= DERIVED
 
     @property
     def position(self) -> Any:

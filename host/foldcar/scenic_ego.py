@@ -4,9 +4,11 @@ Input: a state. Output: the ego's position (the middle of the car; its z is that
 risen since the start), orientation, speed, velocities and `consumedEnergy` (J).
 
 This happens some hundred times a run. Scenic's own updateObjects would check types, compute orientations through
-Euler angles and call every cache's clearer, which takes several times as long; tests compare with it.
+Euler angles and call every cache's clearer, which takes several times as long; tests compare with it. An orientation,
+which costs as much as all the rest and which few programs read, is made when it is read.
 """
 
+import functools
 import math
 from typing import Any
 
@@ -18,6 +20,8 @@ from foldcar.carsim_step import State
 # What Scenic derives from yaw, pitch and roll.
 DERIVED = {"orientation", "heading"}
 CACHE_PREFIX = "_cached_"
+# Where the ego keeps the angles that its orientation is made of.
+ANGLES = "_shown_angles_rad"
 
 
 class ShownEgo:
@@ -26,11 +30,14 @@ class ShownEgo:
     def __init__(self, ego: Any, start: State) -> None:
         # The copy stands in for the ego while a simulation runs; its dictionary is written past Scenic's proxy.
         self._copy = object.__getattribute__(ego, "_dynamicProxy")
+        own: Any = type(ego)
+        object.__setattr__(self._copy, "__class__", _shown_class(own))
         self._attributes = self._copy.__dict__
+        self._caches = {CACHE_PREFIX + name for name in own._cache_clearers}
         self._z_offset_m = float(ego.position.z) - start.z_m
         parent = ego.parentOrientation
         self._parent = None if alwaysGlobalOrientation(parent) else parent
-        self._derives_more = not set(type(ego)._dynamicFinalProperties) <= DERIVED
+        self._derives_more = not set(own._dynamicFinalProperties) <= DERIVED
 
     @property
     def position(self) -> Any:
@@ -40,10 +47,10 @@ class ShownEgo:
     def show(self, state: State) -> None:
         """Make ``state`` what the program sees."""
         yaw = math.remainder(state.heading_rad - math.pi / 2, 2 * math.pi)
-        orientation = _orientation(yaw, state.pitch_rad, state.roll_rad)
-        local: tuple[float, ...] = (yaw, state.pitch_rad, state.roll_rad)
+        angles = yaw, state.pitch_rad, state.roll_rad
+        local: tuple[float, ...] = angles
         if self._parent is not None:
-            local = tuple(map(float, self._parent.localAnglesFor(orientation)))
+            local = tuple(map(float, self._parent.localAnglesFor(_orientation(*angles))))
         cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
         attributes = self._attributes
         attributes.update(
@@ -51,7 +58,6 @@ class ShownEgo:
             yaw=local[0],
             pitch=local[1],
             roll=local[2],
-            orientation=orientation,
             heading=yaw,
             speed=state.speed_m_s,
             velocity=Vector(state.speed_m_s * cos, state.speed_m_s * sin, 0.0),
@@ -59,10 +65,30 @@ class ShownEgo:
             angularSpeed=abs(state.yaw_rate_rad_s),
             consumedEnergy=state.consumed_energy_j,
         )
+        attributes[ANGLES] = angles
+        attributes.pop("orientation", None)
         if self._derives_more:
             self._copy._recomputeDynamicFinals()
-        for name in [name for name in attributes if name.startswith(CACHE_PREFIX)]:
+        for name in self._caches.intersection(attributes):
             del attributes[name]
+
+
+class _OrientationWhenRead:
+    """An attribute of the shown ego, for as long as its dictionary has none of the name."""
+
+    def __get__(self, ego: Any, owner: type) -> Any:
+        if ego is None:
+            # Scenic refuses properties that its classes seem to have already.
+            raise AttributeError("orientation")
+        attributes = ego.__dict__
+        orientation = attributes["orientation"] = _orientation(*attributes[ANGLES])
+        return orientation
+
+
+@functools.lru_cache(maxsize=8)
+def _shown_class(own: Any) -> Any:
+    """The ego's class with orientations made when read. Having its defaults, it is none that Scenic works out anew."""
+    return type(own.__name__, (own,), {"_defaults": own._defaults, "orientation": _OrientationWhenRead()})
 
 
 def _orientation(yaw: float, pitch: float, roll: float) -> Any:

@@ -194,7 +194,7 @@ def test_a_program_with_dynamics_decides_in_both_engines(
     )
     listing_data["environments"]["1"]["scenic_filename"] = "drive.scenic"
     file = write_listing(listing_data)
-    done = foldcar("crosscheck", file, "--environments", "1", "--yardstick", "1", "--jobs", "2", "-o", "check")
+    done = foldcar("crosscheck", file, "--environments", "1", "--yardstick", "1", "--jobs", "1", "-o", "check")
 
     assert done.returncode == 0, done.stderr
     with (tmp_path / "check" / "runs.csv").open() as lines:

@@ -17,6 +17,7 @@ STREAM = (
         "atomic_folder",
         "time_limit",
         "recorded_values",
+        "page_template",
         "mavlink_dialect",
     },
     {"parts", "mass"},

@@ -348,7 +348,11 @@ def test_the_ego_is_shown_as_scenic_would(tmp_path: Path) -> None:
     enableDynamicProxyFor(ego)
     before = ego.left.position
     state = State(1.0, 0.3, -0.2, 0.09, 2.5, 0.3, -0.4, 0.5, -0.6, 7.0)
-    ShownEgo(ego, state._replace(z_m=0.06)).show(state)
+    shown = ShownEgo(ego, state._replace(z_m=0.06))
+    shown.show(state._replace(heading_rad=1.0, x_m=0.5))
+    assert ego.orientation.approxEq(Orientation.fromEuler(1.0 - math.pi / 2, 0.3, -0.4), tol=1e-9)
+    assert ego.left.position != before
+    shown.show(state)
 
     expected = Orientation.fromEuler(2.5 - math.pi / 2, 0.3, -0.4)
     assert expected.q == pytest.approx(_orientation(2.5 - math.pi / 2, 0.3, -0.4).q, abs=1e-15)

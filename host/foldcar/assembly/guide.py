@@ -5,7 +5,6 @@ Input: a FoldedCar. Output: the page's text; it needs no other file.
 
 from dataclasses import replace
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from foldcar.assembly.guide_step import Picture
@@ -13,19 +12,13 @@ from foldcar.assembly.guide_steps import finished, steps
 from foldcar.assembly.parts_list import parts_list
 from foldcar.assembly.view_page import facts
 from foldcar.assembly.wiring_drawing import wiring_drawing
+from foldcar.page_template import page_template
 from foldcar.sheet.model import FoldedCar
 
 
 def guide_page(folded: FoldedCar, title: str) -> str:
     """The page."""
-    environment = Environment(
-        loader=PackageLoader("foldcar.assembly", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("guide.html").render(
+    return page_template("foldcar.assembly", "guide.html").render(
         title=title,
         facts=facts(folded),
         rows=parts_list(folded),

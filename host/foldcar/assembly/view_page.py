@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from foldcar.assembly.parts_list import film_area_mm2, parts_list, total_cost_usd, total_mass_kg
 from foldcar.assembly.view_data import view_data
+from foldcar.page_template import page_template
 from foldcar.sheet.model import FoldedCar
 
 THREE_PACKAGE = "jupyter_threejs_sage"
@@ -30,14 +30,7 @@ class Drawing:
 
 def view_page(folded: FoldedCar, title: str, sheets: Sequence[Drawing]) -> str:
     """The page."""
-    environment = Environment(
-        loader=PackageLoader("foldcar.assembly", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("view.html").render(
+    return page_template("foldcar.assembly", "view.html").render(
         title=title,
         facts=facts(folded),
         # A file's XML declaration cannot stand in a page.

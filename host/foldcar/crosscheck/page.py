@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from foldcar.atomic_file import atomic_file
 from foldcar.carsim import Carsim
@@ -23,6 +22,7 @@ from foldcar.crosscheck.compare import CARSIM, ELLIPSOID, ENGINES, HALF_STEP, MU
 from foldcar.figures.ground import carsim_heights
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import OUTCOME_LABELS, RC
+from foldcar.page_template import page_template
 from foldcar.results import OUTCOMES
 
 PAGE, RUNS, NUMBERS = "index.html", "runs.csv", "summary.json"
@@ -74,14 +74,7 @@ def write_page(
             _section(folder, number + 1, name, one, _of(name, pairs), carsim)
             for number, (name, (one, *_)) in enumerate(experiments.items())
         ]
-    environment = Environment(
-        loader=PackageLoader("foldcar.crosscheck", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template("page.html").render(
+    page = page_template("foldcar.crosscheck", "page.html").render(
         title=title,
         comparisons=[COMPARISON_HEAD, *(comparison_row(name, one) for name, one in comparisons)],
         by_experiment=experiment_table(experiments) if len(experiments) > 1 else [],

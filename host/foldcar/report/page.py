@@ -1,12 +1,12 @@
 """The report's page: one HTML file that needs no other file and no network."""
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from foldcar.figures.style import OUTCOME_LABELS
+from foldcar.page_template import page_template
 from foldcar.report.axis import extent_text, parameter_label, value_text
 from foldcar.report.inline_svg import inline_svg
 from foldcar.report.sections import Section
@@ -17,14 +17,7 @@ def page_html(
     info: StudyInfo, sections: Sequence[Section], svgs: Mapping[str, str], report_command: Sequence[str]
 ) -> str:
     """The page. ``svgs`` holds each drawing's SVG file by the drawing's name."""
-    environment = Environment(
-        loader=PackageLoader("foldcar.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {
+    filters: dict[str, Callable[..., str]] = {
         "parameter_label": parameter_label,
         "value_text": value_text,
         "assignments": _assignments,
@@ -35,7 +28,7 @@ def page_html(
         for section in sections
         for drawing in section.drawings
     }
-    return environment.get_template("page.html").render(
+    return page_template("foldcar.report", "page.html", filters).render(
         info=info,
         sections=sections,
         svgs=inlined,

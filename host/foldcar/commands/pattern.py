@@ -53,7 +53,7 @@ def pattern(
     """Make sheets (SVG, DXF, PDF), FOLD, STL, OBJ, guide, wiring and parts list of a car, checked as written."""
     from foldcar.atomic_folder import MANIFEST, atomic_folder
     from foldcar.commands.listed_design import listed_family
-    from foldcar.making import make_car
+    from foldcar.making import make_cars
     from foldcar.patterns.options import options
 
     chosen = options(
@@ -65,8 +65,7 @@ def pattern(
     designs = list(family) if every else [family.single()]
     with atomic_folder(output) as folder:
         listed = []
-        for design in _with_progress(designs):
-            made = make_car(design, chosen)
+        for design, made in zip(designs, make_cars(_with_progress(designs), chosen), strict=True):
             name = _folder_name(family, design) if every else ""
             for file, content in made.files.items():
                 target = folder / name / file

@@ -1,51 +1,69 @@
-"""A car's sheets and its coupon as files, and the checks of the files as written.
+"""A car's sheets and its coupon as files, each read back and checked as written.
 
-Input: a Pattern and the coupon's Sheet. Output: contents by name; findings in words, none if all is well.
+Input: Sheets and Options. Output: WrittenFiles: contents by name, findings in words, none if all is well.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from foldcar.patterns.drawing import Sheet
-from foldcar.patterns.dxf import dxf
 from foldcar.patterns.options import Options
-from foldcar.patterns.pdf import pdf
-from foldcar.patterns.sheets import Pattern
-from foldcar.patterns.svg import svg
-from foldcar.patterns.verify import TOLERANCE_MM, check_dxf, check_pdf, check_sheet, check_svg
+
+# PDF files hold several sheets.
+COUPON = "coupon"
 
 
-def drawing_files(cut: Pattern, trial: Sheet) -> dict[str, bytes]:
-    """The sheets and the coupon as SVG, DXF and PDF."""
-    files = {}
-    for sheet in (*cut.sheets, trial):
-        files[f"{sheet.name}.svg"] = svg(sheet).encode()
-        files[f"{sheet.name}.dxf"] = dxf(sheet).encode()
-    files["sheets.pdf"] = pdf(cut.sheets, cut.options.paper, cut.title)
-    files["coupon.pdf"] = pdf([trial], cut.options.paper, "coupon")
-    return files
+@dataclass(frozen=True, slots=True)
+class WrittenFiles:
+    """Files and what is wrong with them; each finding begins with the file's name."""
+
+    files: dict[str, bytes]
+    findings: tuple[str, ...]
 
 
-def check_drawings(cut: Pattern, trial: Sheet, files: Mapping[str, bytes]) -> list[str]:
-    """Findings about the sheets as meant and about the files as written, each with the file's name."""
-    findings = []
-    for sheet in (*cut.sheets, trial):
-        findings += [f"{sheet.name}: {finding}" for finding in check_sheet(sheet, cut.options.margin_mm)]
-        checks: tuple[tuple[str, Callable[[Sheet, str, Options], list[str]]], ...] = (
-            ("svg", check_svg),
-            ("dxf", check_dxf),
-        )
-        for ending, check in checks:
-            name = f"{sheet.name}.{ending}"
-            findings += [f"{name}: {found}" for found in check(sheet, files[name].decode(), cut.options)]
-    for name, sheets in (("sheets.pdf", cut.sheets), ("coupon.pdf", (trial,))):
-        findings += [f"{name}: {found}" for found in check_pdf(sheets, files[name], cut.options)]
-    return findings
+def svg_files(sheets: Sequence[Sheet], chosen: Options) -> WrittenFiles:
+    """A file for each sheet."""
+    from foldcar.patterns.svg import svg
+    from foldcar.patterns.verify import check_svg
+
+    return _files("svg", sheets, svg, lambda sheet, text: check_svg(sheet, text, chosen))
 
 
-def checked(cut: Pattern) -> str:
-    """What the checks say of drawings that are well."""
-    lines = sum(len(sheet.shapes) for sheet in cut.sheets)
-    return (
-        f"{lines} lines on {len(cut.sheets)} sheets read back from SVG, DXF and PDF: as meant within "
-        f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed, none twice"
-    )
+def dxf_files(sheets: Sequence[Sheet], chosen: Options) -> WrittenFiles:
+    """A file for each sheet."""
+    from foldcar.patterns.dxf import dxf
+    from foldcar.patterns.verify import check_dxf
+
+    return _files("dxf", sheets, dxf, lambda sheet, text: check_dxf(sheet, text, chosen))
+
+
+def pdf_files(sheets: Sequence[Sheet], chosen: Options, title: str) -> WrittenFiles:
+    """One file for the coupon, one for all others."""
+    from foldcar.patterns.pdf import pdf
+    from foldcar.patterns.verify import check_pdf
+
+    files: dict[str, bytes] = {}
+    findings: list[str] = []
+    groups = {
+        "sheets.pdf": ([sheet for sheet in sheets if sheet.name != COUPON], title),
+        f"{COUPON}.pdf": ([sheet for sheet in sheets if sheet.name == COUPON], COUPON),
+    }
+    for name, (shown, heading) in groups.items():
+        files[name] = pdf(shown, chosen.paper, heading)
+        findings += [f"{name}: {found}" for found in check_pdf(shown, files[name], chosen)]
+    return WrittenFiles(files, tuple(findings))
+
+
+def _files(
+    ending: str,
+    sheets: Sequence[Sheet],
+    write: Callable[[Sheet], str],
+    check: Callable[[Sheet, str], list[str]],
+) -> WrittenFiles:
+    files: dict[str, bytes] = {}
+    findings: list[str] = []
+    for sheet in sheets:
+        name, text = f"{sheet.name}.{ending}", write(sheet)
+        files[name] = text.encode()
+        findings += [f"{name}: {found}" for found in check(sheet, text)]
+    return WrittenFiles(files, tuple(findings))

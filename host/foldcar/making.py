@@ -1,7 +1,7 @@
 """Everything that is made of one car: the files of its folder by name, checked before anybody sees them.
 
 Input: Designs and Options. Output: MadeCars. Findings of the checks are a CheckError: a car that fails has no files.
-A second process draws the guide while this one draws and checks the sheets.
+A second process draws the guide and makes DXF while this one lays out the sheets and makes the other files.
 """
 
 import json
@@ -10,17 +10,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
 
 from foldcar import __version__
 from foldcar.atomic_folder import MANIFEST
 from foldcar.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.patterns.options import Options
+from foldcar.patterns.sheets import Pattern, pattern
 from foldcar.sheet.model import FoldedCar
-
-if TYPE_CHECKING:
-    from foldcar.patterns.sheets import Pattern
 
 
 class CheckError(FoldcarError):
@@ -32,7 +29,7 @@ class MadeCar:
     """``files`` are relative paths and contents; ``checks`` says in words what was checked."""
 
     title: str
-    pattern: "Pattern"
+    pattern: Pattern
     mass_kg: float
     cost_usd: float
     files: Mapping[str, bytes]
@@ -42,13 +39,13 @@ class MadeCar:
 def make_cars(designs: Iterable[Design], chosen: Options) -> Iterator[MadeCar]:
     """Each car with all its files; CheckError if something is wrong with one, FoldcarError if it cannot be cut."""
     with ProcessPoolExecutor(1, initializer=_leave_interrupts_to_the_parent) as second:
-        # The process begins before this one imports what it alone needs, and before there are threads.
+        # It begins before this process imports what it alone needs, and before there are threads.
         second.submit(_assembled_files_module)
         for design in designs:
             try:
                 yield _made(design, chosen, second)
             except BrokenProcessPool:
-                raise FoldcarError(f"{car_title(design)}: the process that draws the guide was ended") from None
+                raise FoldcarError(f"{car_title(design)}: the second process was ended from outside") from None
 
 
 def car_title(design: Design) -> str:
@@ -66,28 +63,38 @@ def _made(design: Design, chosen: Options, second: Executor) -> MadeCar:
     title, folded = car_title(design), folded_car(design)
     assembled = second.submit(_assembled, folded, title)
 
-    from foldcar.drawing_files import check_drawings, checked, drawing_files
+    from foldcar.drawing_files import dxf_files, pdf_files, svg_files
     from foldcar.patterns.coupon import coupon
-    from foldcar.patterns.sheets import pattern
+    from foldcar.patterns.verify import TOLERANCE_MM, check_sheet
 
     cut = pattern(folded, chosen, title)
     thickness = max(piece.thickness_mm for piece in folded.pieces)
-    trial = coupon(chosen, chosen.thickness_mm or thickness)
-    drawings = drawing_files(cut, trial)
+    sheets = (*cut.sheets, coupon(chosen, chosen.thickness_mm or thickness))
+    in_dxf = second.submit(dxf_files, sheets, chosen)
     verified = verify(design)
-    findings = [*(str(finding) for finding in verified.findings), *check_drawings(cut, trial, drawings)]
+    in_svg = svg_files(sheets, chosen)
+    drawings = (in_svg, pdf_files(sheets, chosen, title), in_dxf.result())
+    findings = [str(finding) for finding in verified.findings]
+    findings += [f"{sheet.name}: {found}" for sheet in sheets for found in check_sheet(sheet, chosen.margin_mm)]
+    findings += [found for written in drawings for found in written.findings]
     if findings:
         more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
         raise CheckError(f"{title}: {findings[0]}{more}")
+    lines = sum(len(sheet.shapes) for sheet in cut.sheets)
+    checks = (
+        *verified.lines(),
+        f"{lines} lines on {len(cut.sheets)} sheets read back from SVG, DXF and PDF: as meant within "
+        f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed, none twice",
+    )
     files = {
-        **drawings,
-        "view.html": _view(folded, title, cut, drawings).encode(),
+        **{name: content for written in drawings for name, content in written.files.items()},
+        "view.html": _view(folded, title, cut, in_svg.files).encode(),
         "body.json": (json.dumps(body_json(design), indent=2) + "\n").encode(),
         "car.json": (json.dumps(car_json(design), indent=2) + "\n").encode(),
         **assembled.result(),
     }
     rows = parts_list(folded)
-    made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), files, (*verified.lines(), checked(cut)))
+    made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), files, checks)
     files[MANIFEST] = _manifest(design, made).encode()
     return made
 
@@ -107,7 +114,7 @@ def _leave_interrupts_to_the_parent() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _view(folded: FoldedCar, title: str, cut: "Pattern", drawings: Mapping[str, bytes]) -> str:
+def _view(folded: FoldedCar, title: str, cut: Pattern, drawings: Mapping[str, bytes]) -> str:
     """The model to look at, with the sheets as they are written."""
     from foldcar.assembly.view_page import Drawing, view_page
 

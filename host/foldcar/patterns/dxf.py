@@ -6,7 +6,7 @@ import itertools
 from ezdxf import colors, units
 from ezdxf._options import options
 from ezdxf.filemanagement import new
-from ezdxf.sections.classes import REQUIRED_CLASSES
+from ezdxf.sections.classes import REQ_R2004
 
 from foldcar.patterns.drawing import Circle, Sheet
 from foldcar.patterns.layers import LAYERS
@@ -21,7 +21,7 @@ def dxf(sheet: Sheet) -> str:
         document = new("R2010", units=units.MM)
         document.header["$MEASUREMENT"] = 1
         # ezdxf would add them in the order of a set, which is another one in each process.
-        for required in sorted(REQUIRED_CLASSES[document.dxfversion]):
+        for required in sorted(REQ_R2004):
             document.classes.add_class(required)
         for layer in LAYERS.values():
             # True colours beside the index, for programs that show them; line weights are hundredths of a millimetre.

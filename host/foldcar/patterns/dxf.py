@@ -6,7 +6,6 @@ import itertools
 from ezdxf import colors, units
 from ezdxf._options import options
 from ezdxf.filemanagement import new
-from ezdxf.sections.classes import REQ_R2004
 
 from foldcar.patterns.drawing import Circle, Sheet
 from foldcar.patterns.layers import LAYERS
@@ -20,9 +19,8 @@ def dxf(sheet: Sheet) -> str:
     try:
         document = new("R2010", units=units.MM)
         document.header["$MEASUREMENT"] = 1
-        # ezdxf would add them in the order of a set, which is another one in each process.
-        for required in sorted(REQ_R2004):
-            document.classes.add_class(required)
+        # They come in the order of a set, which is another one in each process.
+        document.classes.classes = dict(sorted(document.classes.classes.items()))
         for layer in LAYERS.values():
             # True colours beside the index, for programs that show them; line weights are hundredths of a millimetre.
             document.layers.add(

@@ -61,7 +61,7 @@ def _made(design: Design, chosen: Options, second: Executor) -> MadeCar:
     from foldcar.compiler.verify import verify
 
     title, folded = car_title(design), folded_car(design)
-    assembled = second.submit(_assembled, folded, title)
+    assembled = second.submit(_assembled, folded, chosen, title)
 
     from foldcar.drawing_files import dxf_files, pdf_files, svg_files
     from foldcar.patterns.coupon import coupon
@@ -99,11 +99,11 @@ def _made(design: Design, chosen: Options, second: Executor) -> MadeCar:
     return made
 
 
-def _assembled(folded: FoldedCar, title: str) -> dict[str, bytes]:
+def _assembled(folded: FoldedCar, chosen: Options, title: str) -> dict[str, bytes]:
     """In the second process."""
     from foldcar.assembled_files import assembled_files
 
-    return assembled_files(folded, title)
+    return assembled_files(folded, chosen, title)
 
 
 def _assembled_files_module() -> None:

@@ -1,6 +1,7 @@
 """The steps that make a car: what to do, in words, and pictures of each fold state.
 
-Input: a FoldedCar, and its pieces as they are cut. Output: Steps in order. Words and numbers follow from the design: its folds, joins, mounts and axles.
+Input: a FoldedCar, and its pieces as they are cut. Output: Steps in order. Words and numbers follow from the design:
+its folds, joins, mounts and axles.
 """
 
 import math

@@ -15,6 +15,7 @@ from foldcar import __version__
 from foldcar.atomic_folder import MANIFEST
 from foldcar.design import Design
 from foldcar.errors import FoldcarError
+from foldcar.patterns.nesting import NestingError
 from foldcar.patterns.options import Options
 from foldcar.patterns.sheets import Pattern, pattern
 from foldcar.sheet.model import FoldedCar
@@ -67,7 +68,10 @@ def _made(design: Design, chosen: Options, second: Executor) -> MadeCar:
     from foldcar.patterns.coupon import coupon
     from foldcar.patterns.verify import TOLERANCE_MM, check_sheet
 
-    cut = pattern(folded, chosen, title)
+    try:
+        cut = pattern(folded, chosen, title)
+    except NestingError as error:
+        raise NestingError(f"{error} ({title})") from error
     thickness = max(piece.thickness_mm for piece in folded.pieces)
     sheets = (*cut.sheets, coupon(chosen, chosen.thickness_mm or thickness))
     in_dxf = second.submit(dxf_files, sheets, chosen)

@@ -46,6 +46,10 @@ def test_a_family_becomes_a_folder_each(foldcar: Command, listing: Path, tmp_pat
         assert (tmp_path / "cars" / f"width_{width}" / "sheet_1.svg").is_file()
     again = foldcar("pattern", listing, "--all", "--machine", "laser", "-o", "cars")
     assert again.returncode == 0
+    refused = foldcar("pattern", listing, "--all", "--sheet", "240x240", "-o", "cars")
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert "width=245" in refused.stderr and "240 x 240 mm" in refused.stderr
+    assert (tmp_path / "cars" / "width_95" / "sheet_1.svg").is_file()
 
 
 def test_a_folder_is_made_anew_but_never_over_other_files(

@@ -64,7 +64,7 @@ def pattern(
     family = listed_family(listing, vehicle, settings or [])[1]
     designs = list(family) if every else [family.single()]
     with atomic_folder(output) as folder:
-        listed = []
+        listed, said = [], []
         for design, made in zip(designs, make_cars(_with_progress(designs), chosen), strict=True):
             name = _folder_name(family, design) if every else ""
             for file, content in made.files.items():
@@ -72,11 +72,11 @@ def pattern(
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_bytes(content)
                 listed.append(f"{name}/{file}" if name else file)
-            typer.echo(_family_line(name, made) if every else _report(made, chosen, output))
+            said.append(_family_line(name, made) if every else _report(made, chosen, output))
         if every:
             (folder / MANIFEST).write_text(json.dumps({"files": [*listed, MANIFEST]}, indent=2) + "\n", encoding="utf-8")
-    if every:
-        typer.echo(f"{len(designs)} cars in {output}")
+    # Only now is there anything in the folder.
+    typer.echo("\n".join([*said, f"{len(designs)} cars in {output}"] if every else said))
 
 
 def _with_progress(designs: "list[Design]") -> "Iterator[Design]":

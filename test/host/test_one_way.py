@@ -38,6 +38,7 @@ STREAM = (
     {"export", "export_trials", "figures", "report"},
     {"patterns"},
     {"assembly"},
+    {"drawing_files", "assembled_files"},
     {"making"},
     {"crosscheck"},
     {"commands"},

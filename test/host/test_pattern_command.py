@@ -46,14 +46,23 @@ def test_a_family_becomes_a_folder_each(foldcar: Command, listing: Path, tmp_pat
         assert (tmp_path / "cars" / f"width_{width}" / "sheet_1.svg").is_file()
     again = foldcar("pattern", listing, "--all", "--machine", "laser", "-o", "cars")
     assert again.returncode == 0
+    refused = foldcar("pattern", listing, "--all", "--sheet", "240x240", "-o", "cars")
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert "width=245" in refused.stderr and "240 x 240 mm" in refused.stderr
+    assert (tmp_path / "cars" / "width_95" / "sheet_1.svg").is_file()
 
 
-def test_a_folder_is_made_anew_but_never_over_other_files(foldcar: Command, listing: Path, tmp_path: Path) -> None:
+def test_a_folder_is_made_anew_but_never_over_other_files(
+    foldcar: Command, listing: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     words = ("pattern", listing, "--set", "width=95", "--machine", "laser", "-o", "car")
-    assert foldcar(*words).returncode == 0
-    before = (tmp_path / "car" / "sheet_1.svg").read_bytes()
-    assert foldcar(*words).returncode == 0
-    assert (tmp_path / "car" / "sheet_1.svg").read_bytes() == before
+    made = []
+    # Sets of words have another order in each.
+    for seed in ("0", "4"):
+        monkeypatch.setenv("PYTHONHASHSEED", seed)
+        assert foldcar(*words).returncode == 0
+        made.append({file: file.read_bytes() for file in (tmp_path / "car").rglob("*") if file.is_file()})
+    assert made[0] == made[1]
 
     (tmp_path / "car" / "notes.txt").write_text("mine")
     done = foldcar(*words)

@@ -18,7 +18,7 @@ from foldcar.patterns.nesting import NestingError, nest
 from foldcar.patterns.options import Options, options
 from foldcar.patterns.piece_shapes import cut_shapes
 from foldcar.patterns.sheets import pattern
-from foldcar.patterns.split_body import split_at_folds
+from foldcar.patterns.split_body import as_cut
 from foldcar.patterns.split_strip import OVERLAP_MM, split_to_fit
 from foldcar.sheet.model import Crease, EdgeRef, Face, Piece
 
@@ -171,7 +171,8 @@ def test_a_beam_too_large_for_the_sheet_is_parted_at_a_fold_and_joined_by_a_tab(
     chosen = options("silhouette", sheet="150x150", margin_mm=5)
     car = folded_box(40.0)
 
-    pieces, joins = split_at_folds(car, chosen)
+    cut = as_cut(car, chosen)
+    pieces, joins = cut.pieces, cut.joins
 
     parts = [piece for piece in pieces if piece.name.startswith("beam, part")]
     assert len(parts) >= 2
@@ -187,7 +188,7 @@ def test_a_beam_too_large_for_the_sheet_is_parted_at_a_fold_and_joined_by_a_tab(
 
 
 def test_a_fold_that_does_not_help_is_left_alone() -> None:
-    pieces, _ = split_at_folds(folded_box(40.0), options("silhouette", sheet="110x110", margin_mm=5))
+    pieces = as_cut(folded_box(40.0), options("silhouette", sheet="110x110", margin_mm=5)).pieces
 
     assert "beam" in [piece.name for piece in pieces]
 

@@ -1,6 +1,6 @@
 """The assembly guide: one HTML page with numbered steps and pictures, to read on a screen or to print.
 
-Input: a FoldedCar. Output: the page's text; it needs no other file.
+Input: a FoldedCar, and its pieces as they are cut. Output: the page's text; it needs no other file.
 """
 
 from dataclasses import replace
@@ -16,15 +16,16 @@ from foldcar.page_template import page_template
 from foldcar.sheet.model import FoldedCar
 
 
-def guide_page(folded: FoldedCar, title: str) -> str:
-    """The page."""
+def guide_page(folded: FoldedCar, as_cut: FoldedCar, title: str) -> str:
+    """The page; ``as_cut`` is the car with pieces parted as sheets ask for it (``patterns.split_body``)."""
     return page_template("foldcar.assembly", "guide.html").render(
         title=title,
         facts=facts(folded),
         rows=parts_list(folded),
         finished=_marked_up(finished(folded)),
         steps=[
-            replace(step, pictures=tuple(_marked_up(one) for one in step.pictures)) for step in steps(folded)
+            replace(step, pictures=tuple(_marked_up(one) for one in step.pictures))
+            for step in steps(folded, as_cut)
         ],
         wiring=Markup(wiring_drawing(folded, title)),
     )

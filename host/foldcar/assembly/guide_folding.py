@@ -1,6 +1,7 @@
 """The guide's first steps: cut all pieces, fold each.
 
-Input: a FoldedCar. Output: Steps with pictures of each piece flat, half folded and folded.
+Input: a FoldedCar, and its pieces as they are cut from sheets. Output: Steps with pictures of each piece flat, half
+folded and folded.
 """
 
 import math
@@ -21,11 +22,11 @@ ABOVE = camera(-90, 90)
 ASLANT = camera(-55, 32)
 
 
-def cut(folded: FoldedCar) -> Step:
+def cut(as_cut: FoldedCar) -> Step:
     pictures = []
-    for piece in folded.pieces:
+    for piece in as_cut.pieces:
         rim = any(face.role == "rim" for face in piece.faces)
-        marks = [] if rim else join_marks(folded, piece, np.eye(4), 0.0)
+        marks = [] if rim else join_marks(as_cut, piece, np.eye(4), 0.0)
         svg = picture(film_shape(piece, np.eye(4), 0.0), ABOVE, piece.label, marks, enlarged=2.0)
         times = f", {piece.count} times" if piece.count > 1 else ""
         pictures.append(Picture(svg, f"{piece.label}{times}"))
@@ -35,6 +36,35 @@ def cut(folded: FoldedCar) -> Step:
         "Fold valleys (blue, dashed) towards you and mountains (red, dash-dotted) away from you, the printed side up.",
     )
     return Step("Cut the pieces", lines, tuple(pictures))
+
+
+def parted(folded: FoldedCar, as_cut: FoldedCar) -> Iterator[Step]:
+    """How pieces that were too large for a sheet become whole."""
+    known = {join.number for join in folded.joins}
+    cut_names = {piece.name for piece in as_cut.pieces}
+    for piece in folded.pieces:
+        if piece.name in cut_names:
+            continue
+        parts = [part for part in as_cut.pieces if part.name.startswith(f"{piece.name}, part ")]
+        names = {part.name for part in parts}
+        new = {join.number for join in as_cut.joins if join.piece_a in names and join.number not in known}
+        times = f" ({piece.count} times)" if piece.count > 1 else ""
+        lines = (
+            f"The {piece.label} is too large for a sheet, so it is cut as {listed([part.label for part in parts])}.",
+            f"Fold each tab and glue it to the printed side of the panel with the same number: join {numbers(new)}.",
+            f"That corner is the fold there; from now on the pictures show the {piece.label} whole.",
+        )
+        pictures = tuple(
+            Picture(
+                picture(
+                    film_shape(part, np.eye(4), 0.5), ASLANT, f"{part.label}, half folded",
+                    [mark for mark in join_marks(as_cut, part, np.eye(4), 0.5) if int(mark.text) in new],
+                ),
+                part.label,
+            )
+            for part in parts
+        )  # fmt: skip
+        yield Step(f"Glue the parts of the {piece.label} together{times}", lines, pictures)
 
 
 def folds(folded: FoldedCar) -> Iterator[Step]:

@@ -1,6 +1,7 @@
 """The steps that make a car: what to do, in words, and pictures of each fold state.
 
-Input: a FoldedCar. Output: Steps in order. Words and numbers follow from the design: its folds, joins, mounts and axles.
+Input: a FoldedCar, and its pieces as they are cut. Output: Steps in order. Words and numbers follow from the design:
+its folds, joins, mounts and axles.
 """
 
 import math
@@ -12,7 +13,7 @@ import numpy as np
 
 from foldcar.assembly.drawing import Mark, picture
 from foldcar.assembly.facets import Shape, together
-from foldcar.assembly.guide_folding import ASLANT, cut, folds
+from foldcar.assembly.guide_folding import ASLANT, cut, folds, parted
 from foldcar.assembly.guide_shapes import FROM_FRONT, Body, key, whole_car
 from foldcar.assembly.guide_step import Picture, Step, listed, numbers
 from foldcar.assembly.guide_wheels import wheel, wheels_on
@@ -26,11 +27,11 @@ SERVOS_SEEN = 0.55
 LID_OPEN = 0.6
 
 
-def steps(folded: FoldedCar) -> list[Step]:
-    """All steps, from cutting to the finished car."""
+def steps(folded: FoldedCar, as_cut: FoldedCar) -> list[Step]:
+    """All steps, from cutting to the finished car; ``as_cut`` has the pieces and joins of the sheets."""
     segments = [Body(folded, name) for name in _bodies(folded, "segment")]
     wheels = [Body(folded, name) for name in _bodies(folded, "wheel")]
-    found = [cut(folded), *folds(folded)]
+    found = [cut(as_cut), *parted(folded, as_cut), *folds(folded)]
     for body in segments:
         found += _segment(folded, body, f" of segment {segments.index(body) + 1}" if len(segments) > 1 else "")
     left = [(body, placed) for body in segments for placed in body.others if _part_of(body, placed) == "left"]

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import design_settings
 from foldcar.errors import FoldcarError
 
@@ -31,6 +32,7 @@ def flash(
     file: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the design's car.json there, and load nothing.")
     ] = None,
+    components: Components = None,
 ) -> None:
     """Load the firmware and a design's car.json onto the board that is plugged in."""
     from foldcar.atomic_file import atomic_file

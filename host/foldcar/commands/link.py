@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import design_settings
 
 
@@ -25,6 +26,7 @@ def link(
         int | None,
         typer.Option(metavar="PORT", min=0, max=65535, help="A loopback TCP port, not a terminal; 0: any free one."),
     ] = None,
+    components: Components = None,
 ) -> None:
     """Pose as a car on USB until Ctrl-C. The first line printed is the port; faults may be typed (docs/carsim.md)."""
     import json

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from foldcar.commands.components_option import Components
 from foldcar.errors import FoldcarError
 
 MOST_COUNTDOWN_S = 60
@@ -49,6 +50,7 @@ def log(
         bool, typer.Option("--any-build", help="Drive with another firmware than the simulated one.")
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: answer every question with its default.")] = False,
+    components: Components = None,
 ) -> None:
     """Drive trials with a car on USB. The car moves only after the countdown, and stops if anything fails."""
     from foldcar.commands.end_signals import end_like_ctrl_c

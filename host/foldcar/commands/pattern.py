@@ -53,7 +53,7 @@ def pattern(
     """Make sheets (SVG, DXF, PDF), FOLD, STL, OBJ, guide, wiring and parts list of a car, checked as written."""
     from foldcar.atomic_folder import MANIFEST, atomic_folder
     from foldcar.commands.listed_design import listed_family
-    from foldcar.making import make_car
+    from foldcar.making import make_cars
     from foldcar.patterns.options import options
 
     chosen = options(
@@ -64,20 +64,19 @@ def pattern(
     family = listed_family(listing, vehicle, settings or [])[1]
     designs = list(family) if every else [family.single()]
     with atomic_folder(output) as folder:
-        listed = []
-        for design in _with_progress(designs):
-            made = make_car(design, chosen)
+        listed, said = [], []
+        for design, made in zip(designs, make_cars(_with_progress(designs), chosen), strict=True):
             name = _folder_name(family, design) if every else ""
             for file, content in made.files.items():
                 target = folder / name / file
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_bytes(content)
                 listed.append(f"{name}/{file}" if name else file)
-            typer.echo(_family_line(name, made) if every else _report(made, chosen, output))
+            said.append(_family_line(name, made) if every else _report(made, chosen, output))
         if every:
             (folder / MANIFEST).write_text(json.dumps({"files": [*listed, MANIFEST]}, indent=2) + "\n", encoding="utf-8")
-    if every:
-        typer.echo(f"{len(designs)} cars in {output}")
+    # Only now is there anything in the folder.
+    typer.echo("\n".join([*said, f"{len(designs)} cars in {output}"] if every else said))
 
 
 def _with_progress(designs: "list[Design]") -> "Iterator[Design]":

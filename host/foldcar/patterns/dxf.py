@@ -19,6 +19,9 @@ def dxf(sheet: Sheet) -> str:
     try:
         document = new("R2010", units=units.MM)
         document.header["$MEASUREMENT"] = 1
+        # They come in the order of a set, which is another one in each process.
+        document.classes.add_required_classes(document.dxfversion)
+        document.classes.classes = dict(sorted(document.classes.classes.items()))
         for layer in LAYERS.values():
             # True colours beside the index, for programs that show them; line weights are hundredths of a millimetre.
             document.layers.add(

@@ -15,7 +15,7 @@ from foldcar.patterns.layers import LAYERS
 from foldcar.patterns.nesting import nest
 from foldcar.patterns.options import Options
 from foldcar.patterns.piece_shapes import outer_cut, piece_shapes
-from foldcar.patterns.split_body import split_at_folds
+from foldcar.patterns.split_body import as_cut
 from foldcar.patterns.split_strip import split_to_fit
 from foldcar.patterns.stroke_font import text_strokes
 from foldcar.sheet.model import FoldedCar
@@ -56,13 +56,13 @@ class Pattern:
 
 def pattern(folded: FoldedCar, chosen: Options, title: str) -> Pattern:
     """The car's sheets."""
-    cut, joins = split_at_folds(folded, chosen)
-    pieces = [part for piece in cut for part in split_to_fit(flat_piece(piece, chosen), chosen)]
+    cut = as_cut(folded, chosen)
+    pieces = [part for piece in cut.pieces for part in split_to_fit(flat_piece(piece, chosen), chosen)]
     missing: dict[str, None] = {}
 
     def draw(index: int, turn: int) -> list[Shape]:
         piece = pieces[index]
-        shapes, unlabelled = piece_shapes(piece, chosen, join_marks(piece, joins), turn)
+        shapes, unlabelled = piece_shapes(piece, chosen, join_marks(piece, cut.joins), turn)
         missing.update(dict.fromkeys(unlabelled))
         return shapes
 

@@ -1,6 +1,6 @@
 """Parts a piece that no sheet can hold along a fold: a tab grows where the fold was, and the parts are glued there.
 
-Input: a piece, the car's joins, Options. Output: pieces that fit, as far as folds allow it, and the joins among them.
+Input: a FoldedCar, Options. Output: the car with pieces that fit, as far as folds allow it, and the joins among them.
 """
 
 import itertools
@@ -15,8 +15,8 @@ from foldcar.sheet.folding import edge
 from foldcar.sheet.model import Crease, EdgeRef, Face, FoldedCar, Join, Piece
 
 
-def split_at_folds(car: FoldedCar, chosen: Options) -> tuple[tuple[Piece, ...], tuple[Join, ...]]:
-    """The car's pieces and joins, those too large for a sheet parted."""
+def as_cut(car: FoldedCar, chosen: Options) -> FoldedCar:
+    """The car with the pieces too large for a sheet parted; its ``placed`` still name the whole ones."""
     pieces: list[Piece] = []
     joins = list(car.joins)
     numbers = itertools.count(max((join.number for join in joins), default=0) + 1)
@@ -39,7 +39,7 @@ def split_at_folds(car: FoldedCar, chosen: Options) -> tuple[tuple[Piece, ...], 
             for part in parts
             if part.join is not None
         ]
-    return tuple(pieces), tuple(joins)
+    return replace(car, pieces=tuple(pieces), joins=tuple(joins))
 
 
 @dataclass(frozen=True, slots=True)

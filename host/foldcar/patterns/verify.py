@@ -1,12 +1,13 @@
 """Checks written sheets in millimetres: what the files hold against what was meant, and what any cutter needs.
 
 Input: the sheets as meant and the text or bytes of the written files. Output: findings in words, none if all is well.
+Each reader is imported where it is needed: a process that checks one format loads one.
 """
 
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -16,11 +17,11 @@ from foldcar.patterns.drawing import Circle, Path, Shape, Sheet, bounds
 from foldcar.patterns.layers import LAYERS
 from foldcar.patterns.options import Options
 from foldcar.patterns.pdf import printed, touches
-from foldcar.patterns.read_dxf import read_dxf
-from foldcar.patterns.read_pdf import Page, read_pdf
-from foldcar.patterns.read_svg import read_svg
 from foldcar.patterns.reading_error import ReadingError
 from foldcar.patterns.tiles import MARK_MM, Tile, tiles
+
+if TYPE_CHECKING:
+    from foldcar.patterns.read_pdf import Page
 
 # A file's numbers have four decimals, PDF points six; a cutter repeats within 0.1 mm.
 TOLERANCE_MM = 0.01
@@ -67,11 +68,15 @@ def check_same(meant: Sheet, read: Sheet) -> list[str]:
 
 def check_svg(meant: Sheet, text: str, chosen: Options) -> list[str]:
     """Findings about a written SVG."""
+    from foldcar.patterns.read_svg import read_svg
+
     return _read_back(meant, lambda: read_svg(text), chosen)
 
 
 def check_dxf(meant: Sheet, text: str, chosen: Options) -> list[str]:
     """Findings about a written DXF."""
+    from foldcar.patterns.read_dxf import read_dxf
+
     return _read_back(meant, lambda: read_dxf(text), chosen)
 
 
@@ -85,6 +90,8 @@ def _read_back(meant: Sheet, read: Callable[[], Sheet], chosen: Options) -> list
 
 def check_pdf(meant: Sequence[Sheet], binary: bytes, chosen: Options) -> list[str]:
     """Findings about a written PDF: every page shows its window of the sheet at true scale, together they show all."""
+    from foldcar.patterns.read_pdf import read_pdf
+
     try:
         pages = read_pdf(binary)
     except ReadingError as error:
@@ -100,7 +107,7 @@ def check_pdf(meant: Sequence[Sheet], binary: bytes, chosen: Options) -> list[st
     return findings
 
 
-def _check_page(page: Page, sheet: Sheet, tile: Tile) -> list[str]:
+def _check_page(page: "Page", sheet: Sheet, tile: Tile) -> list[str]:
     dx, dy = tile.offset_mm
     window = (tile.low_mm[0] + dx, tile.low_mm[1] + dy, tile.high_mm[0] + dx, tile.high_mm[1] + dy)
     findings = []

@@ -143,7 +143,7 @@ def _lies_on(a: PlacedFace, b: PlacedFace) -> bool:
     if shared.area < 1:
         return False
     # What one has as a hole the other one must have too, but for other pieces' holes.
-    return (
+    return bool(
         mine.intersection(shared).difference(b.polygon).area < 1
         and b.polygon.intersection(shared).difference(mine).area < 1
     )

@@ -47,8 +47,8 @@ core_dir = {core_dir}
 lib_deps =
 flags = -lbox2d
 
-[reading]
-arduino_json =
+[env:native]
+lib_deps =
 
 [host]
 test_framework = custom

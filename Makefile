@@ -24,7 +24,7 @@ FUZZ_FLAGS := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all
 
 # The portable firmware, for programs that need nothing else.
 FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp))
-FIRMWARE_FLAGS := -std=gnu++17 -isystem .pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*))
+FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*))
 FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h test/*.h)
 
 .DEFAULT_GOAL := help

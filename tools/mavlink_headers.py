@@ -36,5 +36,5 @@ try:
     write_headers(folder)
 except (DialectError, OSError) as error:
     sys.exit(f"mavlink_headers: {error}")
-# Not ours to warn about.
-env.Append(CCFLAGS=["-isystem", str(folder)])
+# Not as system headers, which some compilers for boards take for C.
+env.Append(CPPPATH=[str(folder)])

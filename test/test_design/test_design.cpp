@@ -1,10 +1,16 @@
 // car.json: what is taken, what is refused with which words, what follows for the parameters.
+//
+// Where ArduinoJson is installed, as PlatformIO's registry has it, the board's reading is held to the simulator's.
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <string>
 
 #include "../recording_hal.h"
 #include "car_json.h"
+#if __has_include(<ArduinoJson.h>)
+#include "design_json.h"
+#define FOLDCAR_HAS_ARDUINO_JSON 1
+#endif
 // Its macros would break the JSON library.
 #include <unity.h>
 
@@ -24,8 +30,33 @@ json good() {
     "parameters": {"WHEEL_MAX_RAD_S": 9.5, "CH1_NEUTRAL_US": 1490}})");
 }
 
+// What the board makes of the same text, or a copy of the simulator's where it cannot be asked.
+DesignResult read_on_board(const std::string& text) {
+#ifdef FOLDCAR_HAS_ARDUINO_JSON
+  return read_design_json(text.data(), text.size());
+#else
+  return read_car_json(text);
+#endif
+}
+
+void expect_same_design(const DesignResult& one, const DesignResult& other) {
+  TEST_ASSERT_TRUE(one.source == other.source);
+  TEST_ASSERT_EQUAL_STRING(one.problem, other.problem);
+  TEST_ASSERT_EQUAL_STRING(one.design.name, other.design.name);
+  TEST_ASSERT_EQUAL_STRING(one.design.hash, other.design.hash);
+  TEST_ASSERT_EQUAL_FLOAT(one.design.wheel_radius_m, other.design.wheel_radius_m);
+  TEST_ASSERT_EQUAL_FLOAT(one.design.track_m, other.design.track_m);
+  TEST_ASSERT_TRUE(one.design.sides == other.design.sides);
+  TEST_ASSERT_TRUE(one.design.directions == other.design.directions);
+  for (std::size_t i = 0; i < kParameterCount; ++i) {
+    TEST_ASSERT_EQUAL(one.design.defaults[i].has_value(), other.design.defaults[i].has_value());
+    if (one.design.defaults[i]) TEST_ASSERT_EQUAL_FLOAT(*one.design.defaults[i], *other.design.defaults[i]);
+  }
+}
+
 void expect_refused(const json& file, const char* problem) {
   const DesignResult result = read_car_json(file.dump());
+  TEST_ASSERT_EQUAL_STRING(problem, read_on_board(file.dump()).problem);
   TEST_ASSERT_EQUAL_STRING(problem, result.problem);
   TEST_ASSERT_TRUE(result.source == DesignSource::kRefused);
   TEST_ASSERT_EQUAL_STRING("", result.design.name);
@@ -151,6 +182,33 @@ void damaged_files_are_refused_or_harmless() {
   TEST_ASSERT_EQUAL_STRING("car.json: is larger than 8192 bytes", read_car_json(std::string(9000, ' ')).problem);
 }
 
+// The board's reading of files that are no clean JSON.
+void the_board_reads_what_the_simulator_reads() {
+#ifndef FOLDCAR_HAS_ARDUINO_JSON
+  TEST_IGNORE_MESSAGE("ArduinoJson is not installed");
+#endif
+  const std::string text = good().dump();
+  expect_same_design(read_car_json(text), read_on_board(text));
+  expect_same_design(read_car_json(good().dump(2) + " \n"), read_on_board(good().dump(2) + " \n"));
+  for (std::size_t size = 0; size < text.size(); ++size) {
+    expect_same_design(read_car_json(text.substr(0, size)), read_on_board(text.substr(0, size)));
+  }
+  for (const std::string& damaged : {text + "}", text + text, text + "x", "[" + text + "]", "[1]" + text,
+                                     std::string("[1]"), std::string("null"), std::string(9000, ' '), std::string()}) {
+    expect_same_design(read_car_json(damaged), read_on_board(damaged));
+  }
+  // ArduinoJson forgives more, 007 for instance; what JSON allows, both must read alike.
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    for (int byte = 0; byte < 256; ++byte) {
+      std::string damaged = text;
+      damaged[i] = static_cast<char>(byte);
+      const DesignResult simulator = read_car_json(damaged), board = read_on_board(damaged);
+      TEST_ASSERT_TRUE((board.source == DesignSource::kRefused) == (board.problem[0] != '\0'));
+      if (std::strcmp(simulator.problem, "car.json: is not a JSON object") != 0) expect_same_design(simulator, board);
+    }
+  }
+}
+
 int main() {
   UNITY_BEGIN();
   RUN_TEST(a_good_file_is_taken_whole);
@@ -160,6 +218,7 @@ int main() {
   RUN_TEST(a_wrong_value_is_named_with_its_limit);
   RUN_TEST(wrong_wheels_are_named);
   RUN_TEST(damaged_files_are_refused_or_harmless);
+  RUN_TEST(the_board_reads_what_the_simulator_reads);
   UNITY_END();
   return 0;
 }

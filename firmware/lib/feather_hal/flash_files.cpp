@@ -1,12 +1,14 @@
 #include "flash_files.h"
 
 #include <Arduino.h>
-#include <ArduinoJson.h>
 #include <LittleFS.h>
 
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
+
+#include "design_json.h"
 
 namespace foldcar {
 namespace {
@@ -26,42 +28,6 @@ std::uint16_t log_id(const char* name) {
   if (name[0] == '/') ++name;
   if (std::strncmp(name, kLogPrefix, std::strlen(kLogPrefix)) != 0) return 0;
   return static_cast<std::uint16_t>(std::strtoul(name + std::strlen(kLogPrefix), nullptr, 10));
-}
-
-void take(CarDesignReader& reader, const DesignPlace& place, JsonVariantConst value) {
-  if (value.is<const char*>()) {
-    reader.text(place, value.as<const char*>());
-  } else if (value.is<double>()) {  // whole numbers too
-    reader.number(place, value.as<double>());
-  } else {
-    reader.other(place);
-  }
-}
-
-void take_section(CarDesignReader& reader, const char* section, int index, JsonObjectConst values) {
-  for (JsonPairConst pair : values) take(reader, {section, index, pair.key().c_str()}, pair.value());
-}
-
-void take_all(CarDesignReader& reader, JsonObjectConst root) {
-  for (JsonPairConst pair : root) {
-    const char* key = pair.key().c_str();
-    const JsonVariantConst value = pair.value();
-    if (value.is<JsonObjectConst>()) {
-      take_section(reader, key, -1, value.as<JsonObjectConst>());
-    } else if (value.is<JsonArrayConst>()) {
-      int index = 0;
-      for (JsonVariantConst element : value.as<JsonArrayConst>()) {
-        if (element.is<JsonObjectConst>()) {
-          take_section(reader, key, index, element.as<JsonObjectConst>());
-        } else {
-          take(reader, {key, index, ""}, element);
-        }
-        ++index;
-      }
-    } else {
-      take(reader, {"", -1, key}, value);
-    }
-  }
 }
 
 }  // namespace
@@ -151,14 +117,9 @@ DesignResult read_car_json() {
     reader.refuse("is larger than 8192 bytes");
     return reader.result();
   }
-  JsonDocument document;
-  const DeserializationError error = deserializeJson(document, file);
-  if (error || !document.is<JsonObjectConst>()) {
-    reader.refuse("is not a JSON object");
-  } else {
-    take_all(reader, document.as<JsonObjectConst>());
-  }
-  return reader.result();
+  const std::unique_ptr<char[]> text(new char[file.size()]);
+  const std::size_t size = file.read(reinterpret_cast<std::uint8_t*>(text.get()), file.size());
+  return read_design_json(text.get(), size);
 }
 
 }  // namespace foldcar

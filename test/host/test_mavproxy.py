@@ -1,0 +1,96 @@
+"""MAVProxy, a ground station that knows nothing of foldcar, on the port of `foldcar link`.
+
+It is not among foldcar's own requirements, as it brings several hundred megabytes: `pip install MAVProxy`.
+"""
+
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from foldcar.body import body_json
+from foldcar.car_file import car_json
+from foldcar.carsim import Carsim
+from foldcar.design import compose
+from foldcar.link.parameters import read_file
+from foldcar.link.simulated_car import simulated_car
+from study_car import empty_scene
+
+MAVPROXY = shutil.which("mavproxy.py", path=str(Path(sys.executable).parent)) or shutil.which("mavproxy.py")
+
+
+class Station:
+    """A running MAVProxy: what is typed into it, and what it says."""
+
+    def __init__(self, port: str, folder: Path) -> None:
+        assert MAVPROXY is not None
+        words = [MAVPROXY, f"--master={port}", f"--logfile={folder / 'mav.tlog'}", f"--state-basedir={folder}"]
+        self.process = subprocess.Popen(
+            [*words, "--default-modules=param,arm,link"],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )  # fmt: skip
+        self.said = ""
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self) -> None:
+        assert self.process.stdout is not None
+        while text := self.process.stdout.readline():
+            self.said += text
+
+    def types(self, line: str) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
+
+    def sees(self, text: str, timeout_s: float = 60) -> None:
+        """Wait until it has said so; what came before is forgotten."""
+        end_s = time.monotonic() + timeout_s
+        while text not in self.said:
+            assert time.monotonic() < end_s, f"no {text!r} in: {self.said}"
+            time.sleep(0.05)
+        self.said = self.said[self.said.index(text) + len(text) :]
+
+    def asks(self, line: str, text: str, times: int = 60) -> None:
+        """Type the line once a second until it has said the text."""
+        while text not in self.said:
+            assert (times := times - 1) > 0, f"no {text!r} in: {self.said}"
+            self.types(line)
+            time.sleep(1)
+        self.sees(text)
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.wait(timeout=10)
+
+
+@pytest.mark.skipif(MAVPROXY is None, reason="MAVProxy is not installed")
+def test_mavproxy_lists_sets_and_saves_parameters_and_arms(tmp_path: Path, carsim_binary: Path) -> None:
+    design = compose("W_B_W", {"width": 95.0})
+    table = Carsim(carsim_binary).parameter_table()
+    saved = tmp_path / "saved.parm"
+    with simulated_car(
+        carsim_binary, body_json(design), empty_scene(goal_x_m=1.0), car_json(design), 1.0, None, subprocess.PIPE
+    ) as car:
+        station = Station(car.port, tmp_path)
+        try:
+            station.sees("online system 1")
+            station.sees(f"Received {len(table)} parameters")
+            station.types("param set CH1_NEUTRAL_US 1511")
+            # It sends what is set at its leisure, and shows what the car answers.
+            station.asks("param show CH1_NEUTRAL_US", "CH1_NEUTRAL_US   1511.0")
+            station.types(f"param save {saved}")
+            station.sees(f"Saved {len(table)} parameters")
+            station.types("arm throttle")
+            station.sees("COMPONENT_ARM_DISARM: ACCEPTED")
+            station.sees("ARMED")
+            station.types("disarm")
+            station.sees("DISARMED")
+            assert "no link" not in station.said and "timeout" not in station.said
+        finally:
+            station.end()
+    values = read_file(saved)
+    assert set(values) == set(table) and values["CH1_NEUTRAL_US"] == 1511.0

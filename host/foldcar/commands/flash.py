@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -50,11 +49,13 @@ def flash(
     if port is not None and not port.startswith("/dev/tty") and not port.startswith("COM"):
         raise FoldcarError(f"--port {port}: is no serial port of a board; a simulated car is started by `foldcar link`")
     project = _project()
-    with tempfile.TemporaryDirectory(prefix="foldcar-flash-") as folder:
-        (Path(folder) / CAR_FILE).write_text(text, encoding="utf-8")
-        if not design_only:
-            _pio(project, "upload", port, folder)
-        _pio(project, "uploadfs", port, folder)
+    folder = project / ".pio" / "design"
+    folder.mkdir(parents=True, exist_ok=True)
+    with atomic_file(folder / CAR_FILE) as binary:
+        binary.write(text.encode())
+    if not design_only:
+        _pio(project, "upload", port, folder)
+    _pio(project, "uploadfs", port, folder)
     typer.echo(f"loaded {content['name']} ({content['hash']}){' (design only)' if design_only else ''}")
 
 
@@ -66,7 +67,7 @@ def _project() -> Path:
     return project
 
 
-def _pio(project: Path, target: str, port: str | None, data_folder: str) -> None:
+def _pio(project: Path, target: str, port: str | None, data_folder: Path) -> None:
     beside = Path(sys.executable).with_name("pio")
     program = str(beside) if beside.is_file() else shutil.which("pio")
     if program is None:
@@ -74,7 +75,9 @@ def _pio(project: Path, target: str, port: str | None, data_folder: str) -> None
     command = [program, "run", "-d", str(project), "-e", "featheresp32", "-t", target]
     if port is not None:
         command += ["--upload-port", port]
-    environment = {**os.environ, "PLATFORMIO_DATA_DIR": data_folder}
+    # PlatformIO empties the build folder when a setting changes: not the one that a running sweep's carsim is in.
+    own = {"PLATFORMIO_DATA_DIR": str(data_folder), "PLATFORMIO_BUILD_DIR": str(project / ".pio" / "flash")}
+    environment = {**os.environ, **own}
     if subprocess.run(command, env=environment, check=False).returncode != 0:
         what = "the firmware" if target == "upload" else "the design"
         raise FoldcarError(f"flash: {what} was not loaded: PlatformIO says why above")

@@ -26,17 +26,22 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    inside = True
+    inside, up = True, False
 
     def interrupt(number: int, frame: Any) -> None:
+        nonlocal up
         if inside:
+            up = True
             raise _TimeUpError
 
     previous = signal.signal(signal.SIGALRM, interrupt)
     outer_s, outer_repeat_s = signal.setitimer(signal.ITIMER_REAL, limit_s, REPEAT_S)
     try:
         yield
-    except _TimeUpError:
+    except (_TimeUpError, Exception):
+        # A library may have made an error of its own of the interruption: ctypes does.
+        if not up:
+            raise
         raise FoldcarError(f"{what} takes longer than the limit of {limit_s:g} s") from None
     finally:
         inside = False

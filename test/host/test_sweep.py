@@ -272,7 +272,7 @@ def test_a_simulator_that_breaks_down_is_named(
 
 
 # Runs carsim's batch, but shoots its worker down before the first run gets there.
-SHOOTING = """#!{python}
+SHOOTING = """#!/usr/bin/env python3
 import os, pathlib, signal, subprocess, sys, time
 
 def children(pid):
@@ -298,7 +298,7 @@ def test_a_run_that_crashes_is_a_result_and_the_rest_goes_on(
     tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path, foldcar: Any
 ) -> None:
     shooting = tmp_path / "shooting-carsim"
-    shooting.write_text(SHOOTING.format(python=sys.executable, carsim=str(carsim_binary)))
+    shooting.write_text(SHOOTING.format(carsim=str(carsim_binary)))
     shooting.chmod(0o755)
     words = ("sweep", write_listing(listing_data), "--store", "s.db", "--jobs", "1")
 

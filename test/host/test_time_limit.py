@@ -26,6 +26,17 @@ def test_a_loop_that_catches_exceptions_is_interrupted_in_time() -> None:
     assert 0.2 <= time.perf_counter() - start_s < 5
 
 
+def test_an_error_that_a_library_makes_of_the_interruption_is_the_limit_too() -> None:
+    def wrap() -> None:
+        try:
+            loop_that_catches(time.perf_counter() + 10)
+        except BaseException as error:
+            raise ValueError("argument 1") from error
+
+    with pytest.raises(FoldcarError, match=r"^wrapping takes longer"), time_limit(0.2, "wrapping"):
+        wrap()
+
+
 def test_what_ends_in_time_is_left_alone_and_the_timer_is_gone() -> None:
     handler = signal.getsignal(signal.SIGALRM)
     with time_limit(0.2, "nothing"):

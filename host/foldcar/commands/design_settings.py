@@ -1,8 +1,16 @@
 """What `--set` says: values of design parameters, NAME=MM."""
 
 from collections.abc import Sequence
+from typing import Annotated
+
+import typer
 
 from foldcar.errors import FoldcarError
+
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=MM", help="Choose a design parameter, e.g. width=95 or W.length=60."),
+]
 
 
 def design_settings(words: Sequence[str]) -> dict[str, float]:

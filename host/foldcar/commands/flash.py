@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.components_option import Components
-from foldcar.commands.design_settings import design_settings
+from foldcar.commands.design_settings import Settings, design_settings
 from foldcar.errors import FoldcarError
 
 CAR_FILE = "car.json"
@@ -20,10 +20,7 @@ CAR_FILE = "car.json"
 def flash(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
     experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=MM", help="Choose a design parameter, e.g. width=95 or W.length=60."),
-    ] = None,
+    settings: Settings = None,
     port: Annotated[
         str | None, typer.Option(metavar="PORT", help="Serial port; PlatformIO finds it if not given.")
     ] = None,

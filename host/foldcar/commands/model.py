@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foldcar.commands.components_option import Components
+from foldcar.commands.design_settings import Settings
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -20,12 +21,7 @@ def model(
     vehicle: Annotated[str, typer.Option(metavar="ID", help="Vehicle of the listing.")],
     to: Annotated[str, typer.Option(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the files.")],
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="NAME=MM", help="Choose a design parameter, e.g. width=95 or W.length=60."
-        ),
-    ] = None,
+    settings: Settings = None,
     environment: Annotated[
         str | None, typer.Option(metavar="ID", help="Environment of the listing to put around the car.")
     ] = None,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foldcar.commands.components_option import Components
+from foldcar.commands.design_settings import Settings
 
 if TYPE_CHECKING:
     from foldcar.design import Design
@@ -22,10 +23,7 @@ def pattern(
     vehicle: Annotated[
         str | None, typer.Option(metavar="ID", help="Vehicle of the listing; may be left out if it has only one.")
     ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=MM", help="Choose a design parameter, e.g. width=95 or W.length=60."),
-    ] = None,
+    settings: Settings = None,
     every: Annotated[bool, typer.Option("--all", help="Every car of a family, each in a folder of its own.")] = False,
     machine: Annotated[
         str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: presets of all that follows.")

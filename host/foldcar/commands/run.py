@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foldcar.commands.components_option import Components
-from foldcar.commands.design_settings import design_settings
+from foldcar.commands.design_settings import Settings, design_settings
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -21,12 +21,7 @@ LEAST_NAME_WIDTH = 22
 def run(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
     experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="NAME=MM", help="Choose a design parameter, e.g. width=95 or W.length=60."
-        ),
-    ] = None,
+    settings: Settings = None,
     sample: Annotated[
         int, typer.Option(metavar="K", min=0, help="Which sampled environment, and nearby car.")
     ] = 0,

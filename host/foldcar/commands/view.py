@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.components_option import Components
+from foldcar.commands.design_settings import Settings
 
 
 def view(
@@ -14,10 +15,7 @@ def view(
     vehicle: Annotated[
         str | None, typer.Option(metavar="ID", help="Vehicle of the listing, if it has several.")
     ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=MM", help="Choose a design parameter, e.g. width=95 or W.length=60."),
-    ] = None,
+    settings: Settings = None,
     machine: Annotated[
         str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: how the sheets are drawn.")
     ] = "silhouette",

@@ -69,11 +69,11 @@ def film_shape(
         rings = tuple(moved(at, ring) for ring in (np.array(face.outline_mm), *map(_hole_ring, face.holes)))
         facets.append(Facet(key, rings, at[:3, 2]))
         for number, ring in enumerate(rings):
-            for i, ends in enumerate(zip(ring, np.roll(ring, -1, 0), strict=True)):
+            for i, ends in enumerate(np.stack([ring, np.roll(ring, -1, 0)], axis=1)):
                 kind, others = ("cut", ()) if number else folds.get((face.name, i), ("cut", ()))
                 if kind is not None:
                     keys = (key, *(prefix + other for other in others))
-                    lines.append(EdgeLine(keys, np.array(ends), kind if creases else "cut"))
+                    lines.append(EdgeLine(keys, ends, kind if creases else "cut"))
     rim = any(face.role == "rim" for face in piece.faces)
     return Shape(tuple(facets), tuple(lines), {f.key: "tyre" if rim else "film" for f in facets})
 
@@ -93,9 +93,7 @@ def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
             ring = moved(pose, corners)
             key = f"{mount.name} {axis}{sign:+g}"
             facets.append(Facet(key, (ring,), sign * pose[:3, axis], closed=True))
-            lines += [
-                EdgeLine((key,), np.array([a, b]), "cut") for a, b in zip(ring, np.roll(ring, -1, 0), strict=True)
-            ]
+            lines += [EdgeLine((key,), ends, "cut") for ends in np.stack([ring, np.roll(ring, -1, 0)], axis=1)]
     return Shape(tuple(facets), tuple(lines), {facet.key: mount_material(mount) for facet in facets})
 
 

@@ -19,7 +19,8 @@ from shapely.geometry.base import BaseGeometry
 TOUCHING_MM = 0.05
 LEAST_AREA_MM2 = 0.02
 # Without a grid, outlines that touch to within rounding can make wrong intersections.
-GRID_MM = 1e-4
+GRID_DECIMALS = 4
+GRID_MM = 10**-GRID_DECIMALS
 SLIVER_MM = 0.02
 
 Vector = NDArray[np.float64]
@@ -76,32 +77,70 @@ def camera(azimuth_deg: float, elevation_deg: float) -> Camera:
 def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
     """The facets of which something is seen, farthest first."""
     facets = [facet for facet in facets if not facet.closed or facet.normal @ view.toward > 0]
-    outlines = [Polygon(view.flat(f.rings_mm[0]), [view.flat(hole) for hole in f.rings_mm[1:]]) for f in facets]
-    kept = [i for i, outline in enumerate(outlines) if outline.area > LEAST_AREA_MM2]
+    outlines = np.array([_outline(facet, view) for facet in facets], dtype=object)
+    kept = np.flatnonzero(shapely.area(outlines) > LEAST_AREA_MM2)
     # Rounding can let holes touch the outlines of faces that are seen from the edge.
-    shapes = shapely.set_precision(shapely.make_valid([outlines[i] for i in kept]), GRID_MM)
-    planes = [_depth(facets[i], view) for i in kept]
-    hidden: list[list[BaseGeometry]] = [[] for _ in kept]
-    first, second = STRtree(shapes).query(shapes, predicate="intersects")
-    once = first < second
-    first, second = first[once], second[once]
-    shared = shapely.intersection(shapes[first], shapes[second], grid_size=GRID_MM)
-    wide = shapely.area(shared) > LEAST_AREA_MM2
-    for a, b, region in zip(first[wide], second[wide], shared[wide], strict=True):
-        for one, other in ((a, b), (b, a)):
-            part = _nearer(_polygons(region), planes[other] - planes[one])
-            if part is not None:
-                hidden[one].append(part)
+    shapes = shapely.make_valid(outlines[kept])
+    hidden = _hidden(shapes, np.array([_depth(facets[i], view) for i in kept]).reshape(-1, 3))
     found = []
     for place, index in enumerate(kept):
-        region = shapes[place]
-        if hidden[place]:
-            region = shapely.difference(region, shapely.union_all(hidden[place]), grid_size=GRID_MM)
+        region, rest = shapes[place], shapes[place]
+        for part in hidden[place]:
+            rest = _polygons(shapely.difference(rest, part, grid_size=GRID_MM))
+            if rest.is_empty:
+                break
+        whole = region.area - rest.area < LEAST_AREA_MM2
+        if not whole:
             # Where hiding faces meet, rounding leaves slivers between them.
-            region = region.buffer(-SLIVER_MM, join_style="mitre").buffer(SLIVER_MM, join_style="mitre")
+            region = rest.buffer(-SLIVER_MM, join_style="mitre").buffer(SLIVER_MM, join_style="mitre")
         if region.area > LEAST_AREA_MM2:
-            found.append(_seen(facets[index], region, not hidden[place], view))
+            found.append(_seen(facets[index], region, whole, view))
     return sorted(found, key=lambda seen: _mean_depth(seen.facet, view))
+
+
+def _outline(facet: Facet, view: Camera) -> Polygon:
+    rings = [np.round(view.flat(ring), GRID_DECIMALS) for ring in facet.rings_mm]
+    return Polygon(rings[0], rings[1:])
+
+
+def _hidden(shapes: NDArray[np.object_], planes: Vector) -> list[list[BaseGeometry]]:
+    """For each outline what hides of it: outlines of nearer faces, or the parts of them that are nearer."""
+    hidden: list[list[BaseGeometry]] = [[] for _ in shapes]
+    behind, ahead, wholly = _overlapping(shapes, planes)
+    # What lies behind one face is not seen, and hides nothing that this one does not hide too.
+    covered = np.zeros(len(shapes), dtype=bool)
+    covered[behind[wholly][shapely.covers(shapes[ahead[wholly]], shapes[behind[wholly]])]] = True
+    for one in np.flatnonzero(covered):
+        hidden[one].append(shapes[one])
+    wanted = ~covered[behind] & ~covered[ahead]
+    for one, other, whole in zip(behind[wanted], ahead[wanted], wholly[wanted], strict=True):
+        part = shapes[other]
+        if not whole:
+            shared = _polygons(shapely.intersection(shapes[one], part, grid_size=GRID_MM))
+            part = _nearer(shared, planes[other] - planes[one])
+        if not part.is_empty:
+            hidden[one].append(part)
+    return hidden
+
+
+def _overlapping(
+    shapes: NDArray[np.object_], planes: Vector
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
+    """Pairs (n,) of outlines, the first somewhere behind the second where both are; whether it is so everywhere."""
+    shapely.prepare(shapes)
+    behind, ahead = STRtree(shapes).query(shapes, predicate="intersects")
+    corners, owners = shapely.get_coordinates(shapes, return_index=True)
+    depths = planes[:, :1] + planes[:, 1:2] * corners[:, 0] + planes[:, 2:] * corners[:, 1]
+    # By how much the plane of each face is nearer than the corners of each other face: least and greatest.
+    leads = depths - depths[owners, np.arange(len(corners))]
+    starts = np.searchsorted(owners, np.arange(len(shapes)))
+    least, greatest = (reduce.reduceat(leads, starts, axis=1) for reduce in (np.minimum, np.maximum))
+    # What both share lies between the corners of either.
+    somewhere = np.minimum(greatest[ahead, behind], -least[behind, ahead]) > TOUCHING_MM
+    everywhere = np.maximum(least[ahead, behind], -greatest[behind, ahead]) > -TOUCHING_MM
+    wanted = np.flatnonzero(somewhere)
+    wanted = wanted[~shapely.touches(shapes[behind[wanted]], shapes[ahead[wanted]])]
+    return behind[wanted], ahead[wanted], everywhere[wanted]
 
 
 def _depth(facet: Facet, view: Camera) -> Vector:
@@ -113,12 +152,12 @@ def _depth(facet: Facet, view: Camera) -> Vector:
     return np.array([point @ view.toward - a * (point @ view.right) - b * (point @ view.up), a, b])
 
 
-def _nearer(region: BaseGeometry, ahead: Vector) -> BaseGeometry | None:
+def _nearer(region: BaseGeometry, ahead: Vector) -> BaseGeometry:
     """The part of a region where ``ahead``, the depth by which a facet is nearer, is more than touching."""
     corners = shapely.get_coordinates(region)
     lead = ahead[0] + corners @ ahead[1:] - TOUCHING_MM
     if (lead <= 0).all():
-        return None
+        return Polygon()
     if (lead > 0).all():
         return region
     # The half plane, as a square on the line that is larger than the region.

@@ -2,7 +2,9 @@
 
 import io
 from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
 from reportlab import rl_config
 from reportlab.lib.units import mm
 from reportlab.pdfgen.canvas import Canvas
@@ -27,15 +29,25 @@ def pdf(sheets: Sequence[Sheet], paper: str, title: str) -> bytes:
     # Viewers that honour it print without fitting to the page.
     canvas.setViewerPreference("PrintScaling", "None")
     for sheet in sheets:
-        for tile in printed(sheet, paper):
-            _page(canvas, sheet, tile)
+        for tile, shown in printed(sheet, paper):
+            _page(canvas, shown, tile)
     canvas.save()
     return binary.getvalue()
 
 
-def printed(sheet: Sheet, paper: str) -> list[Tile]:
-    """The pages of the sheet on which there is anything."""
-    return [tile for tile in tiles(sheet, paper) if any(touches(shape, tile) for shape in sheet.shapes)]
+def printed(sheet: Sheet, paper: str) -> list[tuple[Tile, Sheet]]:
+    """The pages of the sheet on which there is anything, with what reaches into their windows by its box."""
+    boxes = np.array([bounds([shape]) for shape in sheet.shapes])
+    if not len(boxes):
+        return []
+    found = []
+    for tile in tiles(sheet, paper):
+        touches = ((boxes[:, :2] <= tile.high_mm) & (tile.low_mm <= boxes[:, 2:])).all(axis=1)
+        if touches.any():
+            kept = iter(touches.tolist())
+            groups = tuple(tuple(shape for shape in group if next(kept)) for group in sheet.groups)
+            found.append((tile, replace(sheet, groups=groups)))
+    return found
 
 
 def _page(canvas: Canvas, sheet: Sheet, tile: Tile) -> None:
@@ -60,7 +72,7 @@ def _page(canvas: Canvas, sheet: Sheet, tile: Tile) -> None:
         canvas.setStrokeColorRGB(*(value / 255 for value in layer.rgb))
         canvas.setLineWidth(layer.width_mm * mm)
         for group in sheet.on(layer.name):
-            _draw(canvas, [shape for shape in group if touches(shape, tile)])
+            _draw(canvas, group)
     canvas.setStrokeColorRGB(*(value / 255 for value in MARK_RGB))
     canvas.setLineWidth(MARK_WIDTH_MM * mm)
     half = MARK_MM / 2
@@ -71,18 +83,8 @@ def _page(canvas: Canvas, sheet: Sheet, tile: Tile) -> None:
     canvas.showPage()
 
 
-def touches(shape: Shape, tile: Tile) -> bool:
-    """Whether the shape's box reaches into the tile's window."""
-    x0, y0, x1, y1 = bounds([shape])
-    return (
-        x0 <= tile.high_mm[0] and tile.low_mm[0] <= x1 and y0 <= tile.high_mm[1] and tile.low_mm[1] <= y1
-    )
-
-
 def _draw(canvas: Canvas, shapes: Sequence[Shape]) -> None:
     """All of them as one path: pages stay small."""
-    if not shapes:
-        return
     path = canvas.beginPath()
     for shape in shapes:
         if isinstance(shape, Circle):

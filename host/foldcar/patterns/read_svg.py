@@ -15,8 +15,6 @@ PIXELS_PER_INCH = 25.4
 INKSCAPE_LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 
 
-
-
 def read_svg(text: str) -> Sheet:
     """The sheet that is drawn in the file; ReadingError if it cannot be measured."""
     try:
@@ -47,17 +45,23 @@ def _shapes(element: svgelements.Shape, layer: LayerName, height: float) -> list
         if not math.isclose(element.rx, element.ry, rel_tol=1e-6):
             raise ReadingError(f"has an ellipse on {layer}")
         return [Circle(layer, (float(element.cx), height - float(element.cy)), float(element.rx))]
+    path = element if isinstance(element, svgelements.Path) else svgelements.Path(element)
     found: list[Shape] = []
-    for part in svgelements.Path(element).as_subpaths():
-        points: list[Point] = []
-        closed = False
-        for segment in part:
-            if isinstance(segment, svgelements.Close):
-                closed = True
-            elif isinstance(segment, svgelements.Move | svgelements.Line):
-                points.append((float(segment.end.x), height - float(segment.end.y)))
-            else:
-                raise ReadingError(f"has a curve on {layer}")
+    points: list[Point] = []
+    for segment in path:
+        if isinstance(segment, svgelements.Line):
+            points.append(_point(segment, height))
+            continue
+        closed = isinstance(segment, svgelements.Close)
+        if not closed and not isinstance(segment, svgelements.Move):
+            raise ReadingError(f"has a curve on {layer}")
         if len(points) > 1:
             found.append(Path(layer, tuple(points), closed))
+        points = [] if segment.end is None else [_point(segment, height)]
+    if len(points) > 1:
+        found.append(Path(layer, tuple(points), False))
     return found
+
+
+def _point(segment: svgelements.PathSegment, height: float) -> Point:
+    return float(segment.end.x), height - float(segment.end.y)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from foldcar.patterns.drawing import Circle, Path, Shape, Sheet, bounds
 from foldcar.patterns.layers import LAYERS
 from foldcar.patterns.options import Options
-from foldcar.patterns.pdf import printed, touches
+from foldcar.patterns.pdf import printed
 from foldcar.patterns.reading_error import ReadingError
 from foldcar.patterns.tiles import MARK_MM, Tile, tiles
 
@@ -96,18 +96,18 @@ def check_pdf(meant: Sequence[Sheet], binary: bytes, chosen: Options) -> list[st
         pages = read_pdf(binary)
     except ReadingError as error:
         return [str(error)]
-    planned = [(sheet, tile) for sheet in meant for tile in printed(sheet, chosen.paper)]
+    planned = [page for sheet in meant for page in printed(sheet, chosen.paper)]
     if len(pages) != len(planned):
         return [f"has {len(pages)} pages, should have {len(planned)}"]
     findings = []
-    for number, (page, (sheet, tile)) in enumerate(zip(pages, planned, strict=True), 1):
-        findings += [f"page {number}: {finding}" for finding in _check_page(page, sheet, tile)]
+    for number, (page, (tile, shown)) in enumerate(zip(pages, planned, strict=True), 1):
+        findings += [f"page {number}: {finding}" for finding in _check_page(page, shown, tile)]
     for sheet in meant:
         findings += _check_cover(sheet, tiles(sheet, chosen.paper))
     return findings
 
 
-def _check_page(page: "Page", sheet: Sheet, tile: Tile) -> list[str]:
+def _check_page(page: "Page", shown: Sheet, tile: Tile) -> list[str]:
     dx, dy = tile.offset_mm
     window = (tile.low_mm[0] + dx, tile.low_mm[1] + dy, tile.high_mm[0] + dx, tile.high_mm[1] + dy)
     findings = []
@@ -115,8 +115,7 @@ def _check_page(page: "Page", sheet: Sheet, tile: Tile) -> list[str]:
         findings.append(f"is {page.width_mm:.2f} x {page.height_mm:.2f} mm large")
     if math.dist(page.clip_mm, window) > TOLERANCE_MM:
         findings.append("shows another part of the sheet")
-    meant = [shape for shape in sheet.shapes if touches(shape, tile)]
-    findings += _differences([_shifted(shape, dx, dy) for shape in meant], page.shapes)
+    findings += _differences([_shifted(shape, dx, dy) for shape in shown.shapes], page.shapes)
     half = MARK_MM / 2
     marks = [((x - half + dx, y + dy), (x + half + dx, y + dy)) for x, y in tile.marks_mm]
     marks += [((x + dx, y - half + dy), (x + dx, y + half + dy)) for x, y in tile.marks_mm]

@@ -4,14 +4,15 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from foldcar.atomic_file import atomic_file
 from foldcar.errors import FoldcarError
-from foldcar.figures.output import check_format
-from foldcar.scenes import SceneSource, open_environment
+
+if TYPE_CHECKING:
+    from foldcar.scenes import SceneSource
 
 
 def sample(
@@ -30,6 +31,9 @@ def sample(
     ] = None,
 ) -> None:
     """Sample scenes from an environment: scene K of seed S has the id S/K, whatever the count."""
+    from foldcar.figures.output import check_format
+    from foldcar.scenes import open_environment
+
     if plot is not None:
         check_format(plot)
     source = open_environment(scenario, dict(_parse_param(text) for text in param or []), seed)
@@ -49,7 +53,7 @@ def sample(
         draw_scenes(shown, plot, carsim_heights(Carsim()), title=f"{scenario.name}, seed {seed}")
 
 
-def _scenes(source: SceneSource, count: int, shown: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+def _scenes(source: "SceneSource", count: int, shown: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """Yield ``count`` scenes and keep the first ones in ``shown``."""
     for k in range(count):
         scene = {"id": f"{source.seed}/{k}", **source.sample(k)}

@@ -42,8 +42,8 @@ def printed(sheet: Sheet, paper: str) -> list[tuple[Tile, Sheet]]:
         return []
     found = []
     for tile in tiles(sheet, paper):
-        touches = ((boxes[:, :2] <= tile.high_mm) & (tile.low_mm <= boxes[:, 2:])).all(axis=1)
-        if touches.any():
+        touches = np.all((boxes[:, :2] <= tile.high_mm) & (tile.low_mm <= boxes[:, 2:]), axis=1)
+        if np.any(touches):
             kept = iter(touches.tolist())
             groups = tuple(tuple(shape for shape in group if next(kept)) for group in sheet.groups)
             found.append((tile, replace(sheet, groups=groups)))

@@ -1,7 +1,9 @@
 """The files about a car that show none of its sheets: its shape for other programs, guide, wiring and parts.
 
-Input: a FoldedCar, Options of its sheets, a title. Output: contents by relative path.
+Input: a FoldedCar, the same with its pieces as they are cut, a title. Output: contents by relative path.
 """
+
+from collections.abc import Mapping
 
 from foldcar.assembly.fold_file import fold_text
 from foldcar.assembly.guide import guide_page
@@ -11,18 +13,18 @@ from foldcar.assembly.solids import film_mesh, film_solids, mount_solids
 from foldcar.assembly.stl import stl_bytes
 from foldcar.assembly.wiring import wiring_text
 from foldcar.assembly.wiring_drawing import wiring_drawing
-from foldcar.patterns.options import Options
-from foldcar.patterns.split_body import as_cut
 from foldcar.sheet.model import FoldedCar
 
 
-def assembled_files(folded: FoldedCar, chosen: Options, title: str) -> dict[str, bytes]:
-    """FOLD, STL and OBJ; pages that people read."""
+def assembled_files(
+    folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], title: str
+) -> dict[str, bytes]:
+    """FOLD, STL and OBJ; pages that people read. ``as_cut`` and ``strips`` are a CutCar's."""
     texts = {
         **{f"fold/{piece.name}.fold": fold_text(piece, title) for piece in folded.pieces},
         "car.obj": obj_text([*film_solids(folded), *mount_solids(folded)], "car.mtl"),
         "car.mtl": mtl_text(),
-        "assembly.html": guide_page(folded, as_cut(folded, chosen), title),
+        "assembly.html": guide_page(folded, as_cut, strips, title),
         "wiring.md": wiring_text(folded, title),
         "wiring.svg": wiring_drawing(folded, title),
         "parts.md": parts_list_text(folded, title),

@@ -17,7 +17,7 @@ from foldcar.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.patterns.nesting import NestingError
 from foldcar.patterns.options import Options
-from foldcar.patterns.sheets import Pattern, pattern
+from foldcar.patterns.sheets import Pattern, cut_car, pattern_of
 from foldcar.sheet.model import FoldedCar
 
 
@@ -62,14 +62,15 @@ def _made(design: Design, chosen: Options, second: Executor) -> MadeCar:
     from foldcar.compiler.verify import verify
 
     title, folded = car_title(design), folded_car(design)
-    assembled = second.submit(_assembled, folded, chosen, title)
+    pieces = cut_car(folded, chosen)
+    assembled = second.submit(_assembled, folded, pieces.car, pieces.strips, title)
 
     from foldcar.drawing_files import dxf_files, pdf_files, svg_files
     from foldcar.patterns.coupon import coupon
     from foldcar.patterns.verify import TOLERANCE_MM, check_sheet
 
     try:
-        cut = pattern(folded, chosen, title)
+        cut = pattern_of(pieces, chosen, title)
     except NestingError as error:
         raise NestingError(f"{error} ({title})") from error
     thickness = max(piece.thickness_mm for piece in folded.pieces)
@@ -103,11 +104,11 @@ def _made(design: Design, chosen: Options, second: Executor) -> MadeCar:
     return made
 
 
-def _assembled(folded: FoldedCar, chosen: Options, title: str) -> dict[str, bytes]:
+def _assembled(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], title: str) -> dict[str, bytes]:
     """In the second process."""
     from foldcar.assembled_files import assembled_files
 
-    return assembled_files(folded, chosen, title)
+    return assembled_files(folded, as_cut, strips, title)
 
 
 def _assembled_files_module() -> None:

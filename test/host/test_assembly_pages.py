@@ -28,7 +28,7 @@ from foldcar.body import body_json
 from foldcar.compiler.car import folded_car
 from foldcar.design import Design, compose
 from foldcar.patterns.options import options
-from foldcar.patterns.split_body import as_cut
+from foldcar.patterns.sheets import cut_car
 from foldcar.sheet.model import FoldedCar
 from folded_box import folded_box
 
@@ -121,9 +121,10 @@ def hit_by_ray(facets: list[Facet], origin: np.ndarray, toward: np.ndarray) -> s
 )
 def test_guide_shows_every_piece_and_tells_every_join(design: Design, parted: int) -> None:
     folded = folded_car(design)
-    cut = as_cut(folded, options("silhouette"))
+    pieces = cut_car(folded, options("silhouette"))
+    cut = pieces.car
 
-    found = steps(folded, cut)
+    found = steps(folded, cut, pieces.strips)
 
     text = " ".join(line for step in found for line in step.lines)
     told: set[int] = set()
@@ -138,10 +139,24 @@ def test_guide_shows_every_piece_and_tells_every_join(design: Design, parted: in
         assert list(ET.fromstring(picture.svg).iter("{http://www.w3.org/2000/svg}path"))
 
 
+# A rim of the 60 mm wheel is longer than a 12 inch sheet, and shorter than one of half a metre.
+@pytest.mark.parametrize(("sheet", "glued"), [("12in", ["Glue the 2 parts of the strip"]), ("500x500", [])])
+def test_guide_glues_a_rim_together_if_the_sheets_have_it_in_parts(sheet: str, glued: list[str]) -> None:
+    folded = folded_car(designs()[0])
+    pieces = cut_car(folded, options("silhouette", sheet=sheet))
+
+    found = steps(folded, pieces.car, pieces.strips)
+
+    text = " ".join(line for step in found for line in step.lines)
+    assert re.findall(r"Glue the \d+ parts of the strip", text) == glued
+    rims = [flat for flat in pieces.pieces if "rim" in flat.origin]
+    assert len(rims) == (2 if glued else 1)
+
+
 def test_guide_is_one_page_that_needs_no_other_file() -> None:
     folded = folded_car(designs()[0])
 
-    guide = guide_page(folded, folded, "a <car>")
+    guide = guide_page(folded, folded, {}, "a <car>")
 
     HTMLParser().feed(guide)
     assert "a &lt;car&gt;" in guide and "<car>" not in guide

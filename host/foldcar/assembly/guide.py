@@ -3,6 +3,7 @@
 Input: a FoldedCar, and its pieces as they are cut. Output: the page's text; it needs no other file.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from markupsafe import Markup
@@ -16,8 +17,11 @@ from foldcar.page_template import page_template
 from foldcar.sheet.model import FoldedCar
 
 
-def guide_page(folded: FoldedCar, as_cut: FoldedCar, title: str) -> str:
-    """The page; ``as_cut`` is the car with pieces parted as sheets ask for it (``patterns.split_body``)."""
+def guide_page(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], title: str) -> str:
+    """The page; ``as_cut`` is the car with pieces parted as sheets ask for it (``patterns.split_body``).
+
+    ``strips`` says of those that are cut across in how many parts, by their pieces' names.
+    """
     return page_template("foldcar.assembly", "guide.html").render(
         title=title,
         facts=facts(folded),
@@ -25,7 +29,7 @@ def guide_page(folded: FoldedCar, as_cut: FoldedCar, title: str) -> str:
         finished=_marked_up(finished(folded)),
         steps=[
             replace(step, pictures=tuple(_marked_up(one) for one in step.pictures))
-            for step in steps(folded, as_cut)
+            for step in steps(folded, as_cut, strips)
         ],
         wiring=Markup(wiring_drawing(folded, title)),
     )

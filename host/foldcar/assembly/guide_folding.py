@@ -6,7 +6,7 @@ folded and folded.
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -67,7 +67,8 @@ def parted(folded: FoldedCar, as_cut: FoldedCar) -> Iterator[Step]:
         yield Step(f"Glue the parts of the {piece.label} together{times}", lines, pictures)
 
 
-def folds(folded: FoldedCar) -> Iterator[Step]:
+def folds(folded: FoldedCar, strips: Mapping[str, int]) -> Iterator[Step]:
+    """How each piece is folded; ``strips`` says of strips that are cut across in how many parts."""
     for group in same_shapes(piece for piece in folded.pieces if any(crease.angle_rad for crease in piece.creases)):
         piece = group[0]
         rim = any(face.role == "rim" for face in piece.faces)
@@ -85,17 +86,18 @@ def folds(folded: FoldedCar) -> Iterator[Step]:
             )
             for share, state in states
         )  # fmt: skip
-        lines = [*_fold_lines(folded, piece, rim)]
+        lines = [*_fold_lines(folded, piece, rim, strips.get(piece.name, 1))]
         if len(group) > 1:
             lines.append(f"The numbers in the pictures are those of the {piece.label}; see step 1 for the others.")
         yield Step(f"Fold the {names}{times}", tuple(lines), pictures)
 
 
-def _fold_lines(folded: FoldedCar, piece: Piece, rim: bool) -> Iterator[str]:
+def _fold_lines(folded: FoldedCar, piece: Piece, rim: bool, parts: int) -> Iterator[str]:
     if rim:
+        if parts > 1:
+            yield f"Glue the {parts} parts of the strip end to end, each one's tongue under the next."
         tabs = sum(face.role == "tab" for face in piece.faces)
         yield f"Bend the {tabs} teeth to the printed side by 90°; roll the strip evenly to a ring, printed side inside."
-        yield "If the strip was cut in parts, glue them end to end first, each one's tongue under the next."
     else:
         rims = {face.name for face in piece.faces if face.role == "rim"}
         folds = Counter(

@@ -6,7 +6,7 @@ its folds, joins, mounts and axles.
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 import numpy as np
@@ -27,11 +27,14 @@ SERVOS_SEEN = 0.55
 LID_OPEN = 0.6
 
 
-def steps(folded: FoldedCar, as_cut: FoldedCar) -> list[Step]:
-    """All steps, from cutting to the finished car; ``as_cut`` has the pieces and joins of the sheets."""
+def steps(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int]) -> list[Step]:
+    """All steps, from cutting to the finished car; ``as_cut`` has the pieces and joins of the sheets.
+
+    ``strips`` says of those that are cut across in how many parts, by their pieces' names.
+    """
     segments = [Body(folded, name) for name in _bodies(folded, "segment")]
     wheels = [Body(folded, name) for name in _bodies(folded, "wheel")]
-    found = [cut(as_cut), *parted(folded, as_cut), *folds(folded)]
+    found = [cut(as_cut), *parted(folded, as_cut), *folds(folded, strips)]
     for body in segments:
         found += _segment(folded, body, f" of segment {segments.index(body) + 1}" if len(segments) > 1 else "")
     left = [(body, placed) for body in segments for placed in body.others if _part_of(body, placed) == "left"]

@@ -3,6 +3,7 @@
 Input: a FoldedCar, Options, a title. Output: a Pattern. NestingError if a piece fits no sheet.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -54,21 +55,43 @@ class Pattern:
         return sum(piece.area_mm2 * piece.count for piece in self.pieces)
 
 
+@dataclass(frozen=True, slots=True)
+class CutCar:
+    """A car as sheets ask for it: ``car`` with pieces parted along folds, ``pieces`` flat, strips cut across too."""
+
+    car: FoldedCar
+    pieces: tuple[FlatPiece, ...]
+
+    @property
+    def strips(self) -> dict[str, int]:
+        """In how many parts each strip is that is cut across, by its piece's name."""
+        return {name: count for name, count in Counter(piece.origin for piece in self.pieces).items() if count > 1}
+
+
+def cut_car(folded: FoldedCar, chosen: Options) -> CutCar:
+    """The car's pieces, as far as they can be made to fit the sheet."""
+    car = as_cut(folded, chosen)
+    return CutCar(car, tuple(part for piece in car.pieces for part in split_to_fit(flat_piece(piece, chosen), chosen)))
+
+
 def pattern(folded: FoldedCar, chosen: Options, title: str) -> Pattern:
     """The car's sheets."""
-    cut = as_cut(folded, chosen)
-    pieces = [part for piece in cut.pieces for part in split_to_fit(flat_piece(piece, chosen), chosen)]
+    return pattern_of(cut_car(folded, chosen), chosen, title)
+
+
+def pattern_of(cut: CutCar, chosen: Options, title: str) -> Pattern:
+    """The sheets of a car whose pieces are known."""
     missing: dict[str, None] = {}
 
     def draw(index: int, turn: int) -> list[Shape]:
-        piece = pieces[index]
-        shapes, unlabelled = piece_shapes(piece, chosen, join_marks(piece, cut.joins), turn)
+        piece = cut.pieces[index]
+        shapes, unlabelled = piece_shapes(piece, chosen, join_marks(piece, cut.car.joins), turn)
         missing.update(dict.fromkeys(unlabelled))
         return shapes
 
-    laid = [LaidPiece(piece.label, outer_cut(piece, chosen.kerf_mm), piece.count) for piece in pieces]
+    laid = [LaidPiece(piece.label, outer_cut(piece, chosen.kerf_mm), piece.count) for piece in cut.pieces]
     sheets, unmarked = lay_out(laid, draw, chosen, title)
-    return Pattern(title, tuple(pieces), sheets, (*missing, *unmarked), chosen)
+    return Pattern(title, cut.pieces, sheets, (*missing, *unmarked), chosen)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
-"""The files about a car that show none of its sheets: its shape for other programs, guide, wiring and parts.
+"""The files about a car that show none of its sheets: its shape for other programs; guide, wiring and parts for people.
 
-Input: a FoldedCar, the same with its pieces as they are cut, a title. Output: contents by relative path.
+Input: a FoldedCar, for the guide the same with its pieces as they are cut, a title. Output: contents by relative path.
 """
 
 from collections.abc import Mapping
@@ -16,18 +16,27 @@ from foldcar.assembly.wiring_drawing import wiring_drawing
 from foldcar.sheet.model import FoldedCar
 
 
-def assembled_files(
-    folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], title: str
-) -> dict[str, bytes]:
-    """FOLD, STL and OBJ; pages that people read. ``as_cut`` and ``strips`` are a CutCar's."""
+def shape_files(folded: FoldedCar, title: str) -> dict[str, bytes]:
+    """FOLD, STL and OBJ."""
     texts = {
         **{f"fold/{piece.name}.fold": fold_text(piece, title) for piece in folded.pieces},
         "car.obj": obj_text([*film_solids(folded), *mount_solids(folded)], "car.mtl"),
         "car.mtl": mtl_text(),
+    }
+    return {"car.stl": stl_bytes(film_mesh(folded), title), **_encoded(texts)}
+
+
+def pages(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], title: str) -> dict[str, bytes]:
+    """Guide, wiring and parts list. ``as_cut`` and ``strips`` are a CutCar's."""
+    texts = {
         "assembly.html": guide_page(folded, as_cut, strips, title),
         "wiring.md": wiring_text(folded, title),
         "wiring.svg": wiring_drawing(folded, title),
         "parts.md": parts_list_text(folded, title),
         "parts.csv": parts_list_csv(folded),
     }
-    return {"car.stl": stl_bytes(film_mesh(folded), title), **{name: text.encode() for name, text in texts.items()}}
+    return _encoded(texts)
+
+
+def _encoded(texts: Mapping[str, str]) -> dict[str, bytes]:
+    return {name: text.encode() for name, text in texts.items()}

@@ -1,12 +1,12 @@
 """Everything that is made of one car: the files of its folder by name, checked before anybody sees them.
 
 Input: Designs and Options. Output: MadeCars. Findings of the checks are a CheckError: a car that fails has no files.
-A second process draws the guide and makes DXF while this one lays out the sheets and makes the other files.
+A second process draws the guide and makes DXF, which takes half of the time; this one makes all the rest meanwhile.
 """
 
 import json
 import signal
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, fields
@@ -41,7 +41,7 @@ def make_cars(designs: Iterable[Design], chosen: Options) -> Iterator[MadeCar]:
     """Each car with all its files; CheckError if something is wrong with one, FoldcarError if it cannot be cut."""
     with ProcessPoolExecutor(1, initializer=_leave_interrupts_to_the_parent) as second:
         # It begins before this process imports what it alone needs, and before there are threads.
-        second.submit(_assembled_files_module)
+        second.submit(_pages_module)
         for design in designs:
             try:
                 yield _made(design, chosen, second)
@@ -63,8 +63,9 @@ def _made(design: Design, chosen: Options, second: Executor) -> MadeCar:
 
     title, folded = car_title(design), folded_car(design)
     pieces = cut_car(folded, chosen)
-    assembled = second.submit(_assembled, folded, pieces.car, pieces.strips, title)
+    pages = second.submit(_pages, folded, pieces.car, pieces.strips, title)
 
+    from foldcar.assembled_files import shape_files
     from foldcar.drawing_files import dxf_files, pdf_files, svg_files
     from foldcar.patterns.coupon import coupon
     from foldcar.patterns.verify import TOLERANCE_MM, check_sheet
@@ -77,14 +78,17 @@ def _made(design: Design, chosen: Options, second: Executor) -> MadeCar:
     sheets = (*cut.sheets, coupon(chosen, chosen.thickness_mm or thickness))
     in_dxf = second.submit(dxf_files, sheets, chosen)
     verified = verify(design)
-    in_svg = svg_files(sheets, chosen)
-    drawings = (in_svg, pdf_files(sheets, chosen, title), in_dxf.result())
+    in_svg, in_pdf = svg_files(sheets, chosen), pdf_files(sheets, chosen, title)
     findings = [str(finding) for finding in verified.findings]
     findings += [f"{sheet.name}: {found}" for sheet in sheets for found in check_sheet(sheet, chosen.margin_mm)]
-    findings += [found for written in drawings for found in written.findings]
-    if findings:
-        more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
-        raise CheckError(f"{title}: {findings[0]}{more}")
+    _refuse(title, [*findings, *in_svg.findings, *in_pdf.findings])
+    made_here = {
+        "view.html": _view(folded, title, cut, in_svg.files).encode(),
+        "body.json": (json.dumps(body_json(design), indent=2) + "\n").encode(),
+        "car.json": (json.dumps(car_json(design), indent=2) + "\n").encode(),
+        **shape_files(folded, title),
+    }
+    _refuse(title, in_dxf.result().findings)
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
     checks = (
         *verified.lines(),
@@ -92,11 +96,11 @@ def _made(design: Design, chosen: Options, second: Executor) -> MadeCar:
         f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed, none twice",
     )
     files = {
-        **{name: content for written in drawings for name, content in written.files.items()},
-        "view.html": _view(folded, title, cut, in_svg.files).encode(),
-        "body.json": (json.dumps(body_json(design), indent=2) + "\n").encode(),
-        "car.json": (json.dumps(car_json(design), indent=2) + "\n").encode(),
-        **assembled.result(),
+        **in_svg.files,
+        **in_pdf.files,
+        **in_dxf.result().files,
+        **made_here,
+        **pages.result(),
     }
     rows = parts_list(folded)
     made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), files, checks)
@@ -104,14 +108,20 @@ def _made(design: Design, chosen: Options, second: Executor) -> MadeCar:
     return made
 
 
-def _assembled(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], title: str) -> dict[str, bytes]:
+def _refuse(title: str, findings: Sequence[str]) -> None:
+    if findings:
+        more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
+        raise CheckError(f"{title}: {findings[0]}{more}")
+
+
+def _pages(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], title: str) -> dict[str, bytes]:
     """In the second process."""
-    from foldcar.assembled_files import assembled_files
+    from foldcar.assembled_files import pages
 
-    return assembled_files(folded, as_cut, strips, title)
+    return pages(folded, as_cut, strips, title)
 
 
-def _assembled_files_module() -> None:
+def _pages_module() -> None:
     import foldcar.assembled_files  # noqa: F401
 
 

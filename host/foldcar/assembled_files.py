@@ -6,7 +6,6 @@ Input: a FoldedCar, for the guide the same with its pieces as they are cut, a ti
 from collections.abc import Mapping
 
 from foldcar.assembly.fold_file import fold_text
-from foldcar.assembly.guide import guide_page
 from foldcar.assembly.obj import mtl_text, obj_text
 from foldcar.assembly.parts_list import parts_list_csv, parts_list_text
 from foldcar.assembly.solids import film_mesh, film_solids, mount_solids
@@ -28,6 +27,9 @@ def shape_files(folded: FoldedCar, title: str) -> dict[str, bytes]:
 
 def pages(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], title: str) -> dict[str, bytes]:
     """Guide, wiring and parts list. ``as_cut`` and ``strips`` are a CutCar's."""
+    # It alone needs this, in a process of its own.
+    from foldcar.assembly.guide import guide_page
+
     texts = {
         "assembly.html": guide_page(folded, as_cut, strips, title),
         "wiring.md": wiring_text(folded, title),

@@ -122,7 +122,8 @@ def _pages(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], titl
 
 
 def _pages_module() -> None:
-    import foldcar.assembled_files  # noqa: F401
+    import foldcar.assembled_files
+    import foldcar.assembly.guide  # noqa: F401
 
 
 def _leave_interrupts_to_the_parent() -> None:

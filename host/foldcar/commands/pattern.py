@@ -79,12 +79,14 @@ def pattern(
 
 def _with_progress(designs: "list[Design]") -> "Iterator[Design]":
     """The designs, with a bar on a terminal if there are several."""
+    if len(designs) < 2:
+        yield from designs
+        return
     from rich.console import Console
     from rich.progress import track
 
     console = Console(stderr=True)
-    hidden = len(designs) < 2 or not console.is_terminal
-    yield from track(designs, "pattern", console=console, disable=hidden, transient=True)
+    yield from track(designs, "pattern", console=console, disable=not console.is_terminal, transient=True)
 
 
 def _folder_name(family: "Family", design: "Design") -> str:

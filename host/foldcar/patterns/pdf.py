@@ -2,16 +2,14 @@
 
 import io
 from collections.abc import Sequence
-from dataclasses import replace
 
-import numpy as np
 from reportlab import rl_config
 from reportlab.lib.units import mm
 from reportlab.pdfgen.canvas import Canvas
 
-from foldcar.patterns.drawing import Circle, Shape, Sheet, bounds
+from foldcar.patterns.drawing import Circle, Shape, Sheet
 from foldcar.patterns.layers import LAYERS
-from foldcar.patterns.tiles import BLANK_MM, MARK_MM, Tile, tiles
+from foldcar.patterns.tiles import BLANK_MM, MARK_MM, Tile, printed
 
 # No layer has this colour.
 MARK_RGB = (230, 0, 126)
@@ -33,21 +31,6 @@ def pdf(sheets: Sequence[Sheet], paper: str, title: str) -> bytes:
             _page(canvas, shown, tile)
     canvas.save()
     return binary.getvalue()
-
-
-def printed(sheet: Sheet, paper: str) -> list[tuple[Tile, Sheet]]:
-    """The pages of the sheet on which there is anything, with what reaches into their windows by its box."""
-    boxes = np.array([bounds([shape]) for shape in sheet.shapes])
-    if not len(boxes):
-        return []
-    found = []
-    for tile in tiles(sheet, paper):
-        touches = np.all((boxes[:, :2] <= tile.high_mm) & (tile.low_mm <= boxes[:, 2:]), axis=1)
-        if np.any(touches):
-            kept = iter(touches.tolist())
-            groups = tuple(tuple(shape for shape in group if next(kept)) for group in sheet.groups)
-            found.append((tile, replace(sheet, groups=groups)))
-    return found
 
 
 def _page(canvas: Canvas, sheet: Sheet, tile: Tile) -> None:

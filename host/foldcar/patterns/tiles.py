@@ -6,9 +6,11 @@ stand in the middle of each overlap, on both pages.
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from foldcar.patterns.drawing import Point, Sheet
+import numpy as np
+
+from foldcar.patterns.drawing import Point, Sheet, bounds
 from foldcar.patterns.options import SHEETS
 
 # What home printers leave blank, and by how much two pages overlap.
@@ -42,6 +44,21 @@ def tiles(sheet: Sheet, paper: str) -> tuple[Tile, ...]:
             return (Tile(sheet.name, page, (0.0, 0.0), size, (0.0, 0.0), ()),)
     page = min((upright, upright[::-1]), key=lambda p: len(_starts(size[0], p[0])) * len(_starts(size[1], p[1])))
     return _grid(sheet, page)
+
+
+def printed(sheet: Sheet, paper: str) -> list[tuple[Tile, Sheet]]:
+    """The pages of the sheet on which there is anything, with what reaches into their windows by its box."""
+    boxes = np.array([bounds([shape]) for shape in sheet.shapes])
+    if not len(boxes):
+        return []
+    found = []
+    for tile in tiles(sheet, paper):
+        touches = np.all((boxes[:, :2] <= tile.high_mm) & (tile.low_mm <= boxes[:, 2:]), axis=1)
+        if np.any(touches):
+            kept = iter(touches.tolist())
+            groups = tuple(tuple(shape for shape in group if next(kept)) for group in sheet.groups)
+            found.append((tile, replace(sheet, groups=groups)))
+    return found
 
 
 def _window(page_side: float) -> float:

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from foldcar.patterns.drawing import Circle, Path, Shape, Sheet, bounds
 from foldcar.patterns.layers import LAYERS
 from foldcar.patterns.options import Options
-from foldcar.patterns.pdf import printed
 from foldcar.patterns.reading_error import ReadingError
-from foldcar.patterns.tiles import MARK_MM, Tile, tiles
+from foldcar.patterns.tiles import MARK_MM, Tile, printed, tiles
 
 if TYPE_CHECKING:
     from foldcar.patterns.read_pdf import Page

@@ -3,9 +3,9 @@
 Input: a Shape, a Camera, marks. Output: an SVG element as text, in millimetres of the picture, without other files.
 """
 
+import html
 from collections.abc import Sequence
 from dataclasses import dataclass
-from xml.sax.saxutils import escape
 
 import numpy as np
 import shapely
@@ -58,7 +58,7 @@ def picture(
     body += _lines(shape, seen, view, size)
     body += _marks(marks, seen, view, size * enlarged)
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" role="img"><title>{escape(title)}</title>'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" role="img"><title>{html.escape(title)}</title>'
         + "".join(body)
         + "</svg>"
     )
@@ -118,7 +118,7 @@ def _marks(marks: Sequence[Mark], seen: Sequence[Seen], view: Camera, size: floa
             f'<circle cx="{u:.2f}" cy="{-v:.2f}" r="{r:.2f}" fill="#ffffff" stroke="#222222" '
             f'stroke-width="{r * 0.12:.3f}"/>'
             f'<text x="{u:.2f}" y="{-v:.2f}" font-size="{size * 0.024:.2f}" text-anchor="middle" dy=".35em" '
-            f'fill="#222222">{escape(mark.text)}</text>'
+            f'fill="#222222">{html.escape(mark.text)}</text>'
         )
     return texts
 

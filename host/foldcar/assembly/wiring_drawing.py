@@ -3,7 +3,7 @@
 Input: a FoldedCar. Output: SVG text, in millimetres of a page; the car's front is up.
 """
 
-from xml.sax.saxutils import escape
+import html
 
 from foldcar.assembly.drawing import COLOURS
 from foldcar.parts import catalogue
@@ -35,7 +35,7 @@ def wiring_drawing(folded: FoldedCar, title: str) -> str:
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH_MM:g}mm" height="{height:g}mm" '
         f'viewBox="0 0 {WIDTH_MM:g} {height:g}" font-family="DejaVu Sans, Arial, Helvetica, sans-serif" fill="{INK}">'
-        f"<title>Wiring of {escape(title)}</title>\n" + "\n".join(body) + "\n</svg>\n"
+        f"<title>Wiring of {html.escape(title)}</title>\n" + "\n".join(body) + "\n</svg>\n"
     )
 
 
@@ -118,4 +118,4 @@ def _wire(path: str, colour: str) -> str:
 
 def _text(x: float, y: float, text: str, size: float, anchor: str = "middle", bold: bool = False) -> str:
     weight = ' font-weight="bold"' if bold else ""
-    return f'<text x="{x:g}" y="{y:g}" font-size="{size:g}" text-anchor="{anchor}"{weight}>{escape(text)}</text>'
+    return f'<text x="{x:g}" y="{y:g}" font-size="{size:g}" text-anchor="{anchor}"{weight}>{html.escape(text)}</text>'

@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Iterator, Sequence
-from xml.sax.saxutils import quoteattr
 
 from foldcar.patterns.drawing import Circle, Path, Shape, Sheet
 from foldcar.patterns.layers import LAYERS
@@ -25,7 +24,7 @@ def svg(sheet: Sheet) -> str:
     ]
     for layer in LAYERS.values():
         lines.append(
-            f'<g id="{layer.name}" inkscape:groupmode="layer" inkscape:label={quoteattr(layer.name)} fill="none" '
+            f'<g id="{layer.name}" inkscape:groupmode="layer" inkscape:label="{layer.name}" fill="none" '
             f'stroke="{layer.hex}" stroke-width="{layer.width_mm:g}" stroke-linecap="round" stroke-linejoin="round">'
         )
         for group in sheet.on(layer.name):

@@ -4,6 +4,7 @@ Exit codes: 0 done, 1 the reader of the output went away, 2 a mistake in input o
 was stopped by Ctrl-C. What takes long to import is imported inside the commands, so that help comes at once.
 """
 
+import atexit
 import gc
 import sys
 from typing import Annotated
@@ -67,6 +68,8 @@ def main() -> None:
     # Most of what a command makes lives until it ends: looking through it for rubbish as often as by default is a
     # tenth of the time that a car's files take.
     gc.set_threshold(GARBAGE_THRESHOLD)
+    # A process that ends need not look through it at all.
+    atexit.register(gc.freeze)
     try:
         app()
     except FoldcarError as error:

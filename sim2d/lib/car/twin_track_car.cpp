@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "side_view_terms.h"
+#include "standing_height.h"
 
 namespace foldcar {
 namespace {
@@ -26,38 +27,6 @@ constexpr double kLeastLoadShare = 0.05;
 constexpr int kHingedRounds = 4;
 
 double filter_gain(double step_s, double time_constant_s) { return 1 - std::exp(-step_s / time_constant_s); }
-
-// Height that a wheel's axle needs at axle_s_m of the outline for the tyre to stand on it.
-double axle_height_m(const Profile& profile, double axle_s_m, const WheelSpec& wheel) {
-  const double radius_m = wheel.radius_m;
-  const double x_m = axle_s_m + wheel.eccentricity_m * std::cos(wheel.eccentricity_phase_rad);
-  double height_m = std::numeric_limits<double>::lowest();
-  for (const ProfileSegment& segment : profile) {
-    const double lo = std::max(segment.s0_m, x_m - radius_m), hi = std::min(segment.s1_m, x_m + radius_m);
-    if (hi < lo) continue;
-    const double nearest = std::clamp(x_m, lo, hi);
-    for (const double s_m : {lo, nearest, hi}) {
-      const double run = segment.s1_m - segment.s0_m;
-      const double z_m =
-          run > 0 ? segment.z0_m + (segment.z1_m - segment.z0_m) * (s_m - segment.s0_m) / run : segment.z0_m;
-      const double dx = s_m - x_m;
-      height_m = std::max(height_m, z_m + std::sqrt(std::max(0.0, radius_m * radius_m - dx * dx)));
-    }
-  }
-  return height_m - wheel.eccentricity_m * std::sin(wheel.eccentricity_phase_rad);
-}
-
-// Height of the axles at which a segment's belly, put down inside an obstacle, rests on it.
-double resting_axle_height_m(const Profile& ground, const SegmentSpec& segment, double reference_m) {
-  const double middle_m = segment.x_m - reference_m;
-  const double bottom_m = segment.center_z_m - 0.5 * segment.height_m;
-  double height_m = std::numeric_limits<double>::lowest();
-  for (const ProfileSegment& piece : ground) {
-    if (piece.s1_m < middle_m - 0.5 * segment.length_m || piece.s0_m > middle_m + 0.5 * segment.length_m) continue;
-    height_m = std::max(height_m, std::max(piece.z0_m, piece.z1_m) - bottom_m);
-  }
-  return height_m;
-}
 
 }  // namespace
 
@@ -328,7 +297,7 @@ void TwinTrackCar::update_scrub() {
 void TwinTrackCar::update_state() {
   const double pitch_rad = car_.chassis->GetAngle();
   const double q = std::clamp(static_cast<double>(car_.roll->GetAngle()), -1.0, 1.0);
-    const double c = std::cos(pitch_rad), s = std::sin(pitch_rad);
+  const double c = std::cos(pitch_rad), s = std::sin(pitch_rad);
   const double back_m = main_.com_x_m * c - main_.com_z_m * s;
   state_.x_m = com_x_m_ - back_m * std::cos(heading_rad_);
   state_.y_m = com_y_m_ - back_m * std::sin(heading_rad_);

@@ -1,4 +1,4 @@
-"""Brings docs/fidelity.md up to date with a cross-check of scenarios/fidelity.json: its table and its pictures.
+"""Brings docs/fidelity.md up to date with a cross-check of scenarios/fidelity.json: its tables and its pictures.
 
 Usage: fidelity.py CROSSCHECK_DIR PAGE. Reads runs.csv and pictures of the folder; replaces what stands between
 the marks in the page, and the pictures in the folder of the page's name beside it.
@@ -19,11 +19,18 @@ from foldcar.crosscheck.agreement import Pair, agreement
 from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.charts import FIRST, LOOKS
 from foldcar.crosscheck.compare import CARSIM, ELLIPSOID, HALF_STEP, MUJOCO
-from foldcar.crosscheck.page import experiment_table
+from foldcar.crosscheck.page import COMPARISON_HEAD, comparison_row, experiment_table
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import RC
 
+# The tables' marks: experiments in carsim and MuJoCo, and engines on step pyramids.
 BEGIN, END = "<!-- table of tools/fidelity.py -->", "<!-- end of table -->"
+BEGIN_ENGINES, END_ENGINES = "<!-- engines of tools/fidelity.py -->", "<!-- end of engines -->"
+ENGINES = {
+    "carsim": CARSIM,
+    "MuJoCo, half the time step": HALF_STEP,
+    "MuJoCo, tyres that touch in their middle (ellipsoids)": ELLIPSOID,
+}
 # What experiments are called on the page, by how their ids begin; those of one name are one row.
 NAMES = (
     ("width", "widths 65 to 245 mm, friction 0.6"),
@@ -38,6 +45,8 @@ NAMES = (
     ("hills", "Gaussian hills"),
 )
 EVERYTHING = "all"
+# Not on step pyramids: engines say the same there.
+EASY = ("bumps", "hills")
 # Pictures of the cross-check (numbered as the listing's experiments) and what they are called here.
 PICTURES = {"success_1.png": "width.png", "worst_1.png": "worst_width.png", "worst_18.png": "worst_hills.png"}
 
@@ -56,17 +65,29 @@ def main(folder: Path, page: Path) -> None:
         for name in names
     }
     table = experiment_table(groups)
-    text = page.read_text(encoding="utf-8")
-    before, rest = text.split(BEGIN)
-    _, after = rest.split(END)
+    pyramids = [row for row in rows if not row["experiment"].startswith(EASY)]
+    engines = [
+        comparison_row(name, agreement(pairs))
+        for name, engine in ENGINES.items()
+        if (pairs := pairs_of(pyramids, engine))
+    ]
+    text = replaced(page.read_text(encoding="utf-8"), BEGIN, END, markdown(table))
+    text = replaced(text, BEGIN_ENGINES, END_ENGINES, markdown([COMPARISON_HEAD, *engines]))
     with atomic_file(page) as binary:
-        binary.write(f"{before}{BEGIN}\n{markdown(table)}{END}{after}".encode())
+        binary.write(text.encode())
     pictures = page.with_suffix("")
     pictures.mkdir(exist_ok=True)
     for picture, name in PICTURES.items():
         shutil.copyfile(folder / picture, pictures / name)
     with matplotlib.rc_context(RC):
         save_figure(overview(table), pictures / "overview.png", colours=64)
+
+
+def replaced(text: str, begin: str, end: str, between: str) -> str:
+    """The text with what stands between two marks, each there once, replaced."""
+    before, rest = text.split(begin)
+    _, after = rest.split(end)
+    return f"{before}{begin}\n{between}{end}{after}"
 
 
 def name_of(row: Mapping[str, str]) -> str:

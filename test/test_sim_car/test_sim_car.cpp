@@ -239,8 +239,9 @@ void test_it_tips_where_its_weight_passes_the_outer_tyre() {
   }
 }
 
-// Steady turn of a car whose right side is weaker: both sides' wheels follow their torque lines, the difference
-// of their drives balances the tyres' scrub.
+// Steady turn of a car whose right side is weaker: both sides' wheels follow their torque lines, the difference of
+// their drives balances the tyres' scrub, and tyres that are dragged sideways creep along, for friction opposes their
+// slip as a whole: forward slip is to sideways slip as drive is to scrub.
 void test_a_weaker_side_turns_it_as_scrub_and_torque_lines_balance() {
   BodySpec body = study_car(0.115);
   for (WheelSpec& wheel : body.wheels) {
@@ -251,7 +252,9 @@ void test_a_weaker_side_turns_it_as_scrub_and_torque_lines_balance() {
   const double drive_n = scrub_drive_n(weight_n, friction, arm_m, body.track_m);
   const double loss = drive_n * radius_m / stall_n_m;
   const double left_rad_s = 11.5 * (1 - loss), right_rad_s = 0.65 * 11.5 * (1 + loss);
-  const double expected_rad_s = (right_rad_s - left_rad_s) * radius_m / body.track_m;
+  const double scrub_n = std::sqrt(std::pow(friction * weight_n / 4, 2) - drive_n * drive_n);
+  const double creep_m = arm_m * drive_n / scrub_n;  // of each side, for 1 rad/s
+  const double expected_rad_s = (right_rad_s - left_rad_s) * radius_m / (body.track_m + 2 * creep_m);
   Drive drive(body, friction, kFlat, 1);
   drive.run(2);
   TEST_ASSERT_TRUE(expected_rad_s < 0);

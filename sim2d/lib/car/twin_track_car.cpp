@@ -23,6 +23,9 @@ constexpr double kCentroidTolerance_m = 0.002;
 // Below this share of the weight on the wheels the load has no centroid worth following.
 constexpr double kLeastLoadShare = 0.05;
 
+// Share of its friction with which a tyre that creeps along scrubs, at least.
+constexpr double kLeastScrub = 0.5;
+
 // Impulses take this many times the iterations through a chain of segments; with fewer, loads flicker between wheels.
 constexpr int kHingedRounds = 4;
 
@@ -214,6 +217,7 @@ void TwinTrackCar::read_contacts() {
     if (!touching) {
       for (std::size_t i = 0; i < wheels_.size(); ++i) {
         if (car_.wheel[i] != a && car_.wheel[i] != b) continue;
+        contact->SetTangentSpeed(to_units(creep_m_s(i)));
         for (int j = 0; j < manifold.pointCount; ++j) {
           wheels_[i].load_n += manifold.points[j].normalImpulse * to_newton;
           wheels_[i].drive_force_n += manifold.points[j].tangentImpulse * to_newton;
@@ -274,6 +278,14 @@ void TwinTrackCar::take_belly_friction() {
   }
 }
 
+// Friction opposes the slip as a whole: a tyre that is dragged sideways creeps along too, in the proportion of its drive
+// to its scrub; one that spins or is locked slides in the plane as it is. Signs are the solver's: slip is against friction.
+double TwinTrackCar::creep_m_s(std::size_t wheel) const {
+  const double arm_m = body_.wheels[wheel].x_m - main_.com_x_m - load_centroid_m_;
+  const double ratio = wheels_[wheel].drive_ratio;
+  return -std::abs(yaw_rate_rad_s_ * arm_m) * ratio / std::max(kLeastScrub, friction_circle(ratio));
+}
+
 void TwinTrackCar::update_scrub() {
   double load_n = 0, moment_n_m = 0;
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
@@ -289,6 +301,8 @@ void TwinTrackCar::update_scrub() {
     if (limit_n <= 0) continue;
     const double arm_m = body_.wheels[i].x_m - main_.com_x_m - load_centroid_m_;
     const double drive_ratio = std::min(1.0, std::abs(wheels_[i].drive_force_n) / limit_n);
+    const double signed_ratio = std::copysign(drive_ratio, wheels_[i].drive_force_n);
+    wheels_[i].drive_ratio += scrub_gain_ * (signed_ratio - wheels_[i].drive_ratio);
     scrub_n_m += limit_n * std::abs(arm_m) * friction_circle(drive_ratio);
   }
   scrub_moment_n_m_ += scrub_gain_ * (scrub_n_m - scrub_moment_n_m_);

@@ -58,6 +58,7 @@ class TwinTrackCar {
     double speed_rad_s = 0;
     double acceleration_rad_s2 = 0;  // filtered
     double drive_force_n = 0;        // of the tyre on the ground, filtered by nothing
+    double drive_ratio = 0;          // of drive_force_n to what friction allows, filtered
     double load_n = 0;
     double friction = 0;             // of the ground under it
   };
@@ -75,6 +76,8 @@ class TwinTrackCar {
   double friction_at(double s_m, double y_m) const;
   void take_friction(std::size_t wheel, double s_m);
   void take_belly_friction();
+  // How fast a wheel that turns with the car slips along the ground.
+  double creep_m_s(std::size_t wheel) const;
   void update_scrub();
   void update_state();
 

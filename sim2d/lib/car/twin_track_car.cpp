@@ -18,9 +18,9 @@ constexpr double kCentroidFilter_s = 0.019;
 constexpr double kBellyFilter_s = 0.006;
 constexpr double kYawRateFilter_s = 0.019;
 
-// The tracks' mass follows the load's centroid in steps of this.
+// The tracks' mass follows the centroid of friction in steps of this.
 constexpr double kCentroidTolerance_m = 0.002;
-// Below this share of the weight on the wheels the load has no centroid worth following.
+// Below this share of what the whole weight could give, friction has no centroid worth following.
 constexpr double kLeastLoadShare = 0.05;
 
 // Share of its friction with which a tyre that creeps along scrubs, at least.
@@ -166,9 +166,9 @@ void TwinTrackCar::apply_yaw_couples() {
     car_.track_slide[k]->SetMotorSpeed(to_units(sign * rest_m_s));
     car_.track[k]->ApplyForceToCenter(to_units(sign * belly_yaw_couple_n_m_ / body_.track_m, 0), true);
   }
-  if (std::abs(load_centroid_m_ - track_inertia_centroid_m_) > kCentroidTolerance_m) {
-    track_inertia_centroid_m_ = load_centroid_m_;
-    const double arm_m = load_centroid_m_ + main_.com_x_m - constants_.com_x_m;
+  if (std::abs(grip_centroid_m_ - track_inertia_centroid_m_) > kCentroidTolerance_m) {
+    track_inertia_centroid_m_ = grip_centroid_m_;
+    const double arm_m = grip_centroid_m_ + main_.com_x_m - constants_.com_x_m;
     const double inertia_kg_m2 = constants_.yaw_inertia_kg_m2 + constants_.mass_kg * arm_m * arm_m;
     for (b2Body* track : car_.track) set_mass(*track, track_mass_kg(inertia_kg_m2, body_.track_m), 1);
   }
@@ -186,10 +186,10 @@ void TwinTrackCar::advance_pose() {
   last_yaw_m_ = yaw_m;
   last_pitch_rad_ = pitch_rad;
   yaw_rate_rad_s_ += yaw_rate_gain_ * (d_heading_rad / step_s_ - yaw_rate_rad_s_);
-  // The car turns about its load's centroid, not about its centre of mass.
+  // The car turns about the centroid of friction, not about its centre of mass.
   const double middle_rad = heading_rad_ + 0.5 * d_heading_rad;
   const double c = std::cos(middle_rad), s = std::sin(middle_rad);
-  const double sideways_m = -load_centroid_m_ * d_heading_rad;
+  const double sideways_m = -grip_centroid_m_ * d_heading_rad;
   com_x_m_ += d_s_m * c - sideways_m * s;
   com_y_m_ += d_s_m * s + sideways_m * c;
   heading_rad_ += d_heading_rad;
@@ -205,7 +205,7 @@ std::optional<std::size_t> TwinTrackCar::belly_of(const b2Body* a, const b2Body*
 void TwinTrackCar::read_contacts() {
   const double to_newton = 1 / (step_s_ * kUnitsPerMetre);
   for (WheelState& wheel : wheels_) wheel.load_n = wheel.drive_force_n = 0;
-  belly_roll_now_n_m_ = belly_yaw_now_n_m_ = belly_scrub_n_m_ = 0;
+  belly_roll_now_n_m_ = belly_yaw_now_n_m_ = belly_scrub_n_m_ = belly_grip_n_ = belly_grip_n_m_ = 0;
   const double s_m = to_metres(car_.chassis->GetPosition().x);
   if (terrain_.has_patches()) take_belly_friction();
   for (b2Contact* contact = world_.GetContactList(); contact != nullptr; contact = contact->GetNext()) {
@@ -248,7 +248,9 @@ void TwinTrackCar::read_contacts() {
       const double friction = friction_at(contact_s_m, y_m);
       if (terrain_.has_patches()) contact->SetFriction(static_cast<float>(friction * grip));
       belly_scrub_n_m_ +=
-          friction * grip * normal_n * std::abs(contact_s_m - s_m - load_centroid_m_);
+          friction * grip * normal_n * std::abs(contact_s_m - s_m - grip_centroid_m_);
+      belly_grip_n_ += friction * grip * normal_n;
+      belly_grip_n_m_ += friction * grip * normal_n * (contact_s_m - s_m);
     }
   }
   belly_roll_couple_n_m_ += belly_gain_ * (belly_roll_now_n_m_ - belly_roll_couple_n_m_);
@@ -281,25 +283,27 @@ void TwinTrackCar::take_belly_friction() {
 // Friction opposes the slip as a whole: a tyre that is dragged sideways creeps along too, in the proportion of its drive
 // to its scrub; one that spins or is locked slides in the plane as it is. Signs are the solver's: slip is against friction.
 double TwinTrackCar::creep_m_s(std::size_t wheel) const {
-  const double arm_m = body_.wheels[wheel].x_m - main_.com_x_m - load_centroid_m_;
+  const double arm_m = body_.wheels[wheel].x_m - main_.com_x_m - grip_centroid_m_;
   const double ratio = wheels_[wheel].drive_ratio;
   return -std::abs(yaw_rate_rad_s_ * arm_m) * ratio / std::max(kLeastScrub, friction_circle(ratio));
 }
 
 void TwinTrackCar::update_scrub() {
-  double load_n = 0, moment_n_m = 0;
+  // The centre about which turning meets the least friction, near enough.
+  double grip_n = belly_grip_n_, moment_n_m = belly_grip_n_m_;
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
-    load_n += wheels_[i].load_n;
-    moment_n_m += wheels_[i].load_n * (body_.wheels[i].x_m - main_.com_x_m);
+    const double limit_n = wheels_[i].friction * body_.wheels[i].grip * wheels_[i].load_n;
+    grip_n += limit_n;
+    moment_n_m += limit_n * (body_.wheels[i].x_m - main_.com_x_m);
   }
   const double weight_n = constants_.mass_kg * kGravity_m_s2;
-  const double centroid_m = load_n > kLeastLoadShare * weight_n ? moment_n_m / load_n : 0;
-  load_centroid_m_ += centroid_gain_ * (centroid_m - load_centroid_m_);
+  const double centroid_m = grip_n > kLeastLoadShare * friction_ * weight_n ? moment_n_m / grip_n : 0;
+  grip_centroid_m_ += centroid_gain_ * (centroid_m - grip_centroid_m_);
   double scrub_n_m = belly_scrub_n_m_;
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
     const double limit_n = wheels_[i].friction * body_.wheels[i].grip * wheels_[i].load_n;
     if (limit_n <= 0) continue;
-    const double arm_m = body_.wheels[i].x_m - main_.com_x_m - load_centroid_m_;
+    const double arm_m = body_.wheels[i].x_m - main_.com_x_m - grip_centroid_m_;
     const double drive_ratio = std::min(1.0, std::abs(wheels_[i].drive_force_n) / limit_n);
     const double signed_ratio = std::copysign(drive_ratio, wheels_[i].drive_force_n);
     wheels_[i].drive_ratio += scrub_gain_ * (signed_ratio - wheels_[i].drive_ratio);

@@ -103,10 +103,11 @@ class TwinTrackCar {
   double last_s_m_ = 0, last_yaw_m_ = 0, last_pitch_rad_ = 0;
   double yaw_rate_rad_s_ = 0;  // filtered
 
-  double load_centroid_m_ = 0;          // x of the wheels' load from the centre of mass, filtered
+  double grip_centroid_m_ = 0;          // x, from the centre of mass, of all that friction could give, filtered
   double track_inertia_centroid_m_ = 0;  // the centroid that the tracks' mass was last set for
   double scrub_moment_n_m_ = 0;         // filtered
   double belly_scrub_n_m_ = 0;
+  double belly_grip_n_ = 0, belly_grip_n_m_ = 0;  // friction that the bellies could give, and its moment about the centre of mass
   double belly_roll_couple_n_m_ = 0;  // filtered
   double belly_yaw_couple_n_m_ = 0;   // filtered
   double belly_roll_now_n_m_ = 0, belly_yaw_now_n_m_ = 0;

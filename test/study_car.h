@@ -93,6 +93,12 @@ inline double scrub_drive_n(double weight_n, double friction, double axle_m, dou
   return drive_n;
 }
 
+// How far (m) each side of that turn creeps along the ground for every radian of it, forward slip being to sideways slip
+// as drive is to scrub.
+inline double scrub_creep_m(double drive_n, double weight_n, double friction, double axle_m) {
+  return axle_m * drive_n / std::sqrt(std::pow(friction * weight_n / 4, 2) - drive_n * drive_n);
+}
+
 // A terrain of nothing but these.
 inline TerrainSpec blocks(std::vector<BlockSpec> list) {
   TerrainSpec terrain;

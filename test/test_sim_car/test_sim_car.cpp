@@ -252,8 +252,7 @@ void test_a_weaker_side_turns_it_as_scrub_and_torque_lines_balance() {
   const double drive_n = scrub_drive_n(weight_n, friction, arm_m, body.track_m);
   const double loss = drive_n * radius_m / stall_n_m;
   const double left_rad_s = 11.5 * (1 - loss), right_rad_s = 0.65 * 11.5 * (1 + loss);
-  const double scrub_n = std::sqrt(std::pow(friction * weight_n / 4, 2) - drive_n * drive_n);
-  const double creep_m = arm_m * drive_n / scrub_n;  // of each side, for 1 rad/s
+  const double creep_m = scrub_creep_m(drive_n, weight_n, friction, arm_m);
   const double expected_rad_s = (right_rad_s - left_rad_s) * radius_m / (body.track_m + 2 * creep_m);
   Drive drive(body, friction, kFlat, 1);
   drive.run(2);

@@ -184,9 +184,7 @@ void test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for() {
   const double weight_n = CarConstants(body).mass_kg * 9.81, radius_m = 0.06, stall_n_m = 0.134;
   const double drive_n = scrub_drive_n(weight_n, 0.6, 0.07, body.track_m);
   const double lost_rad_s = 11.5 * drive_n * radius_m / stall_n_m;
-  // Sliding sideways at 0.07 m an rad, the tyres creep along in the proportion of drive to scrub.
-  const double scrub_n = std::sqrt(std::pow(0.6 * weight_n / 4, 2) - drive_n * drive_n);
-  const double creep_m = 0.07 * drive_n / scrub_n;
+  const double creep_m = scrub_creep_m(drive_n, weight_n, 0.6, 0.07);
   const double expected_rad_s =
       (3.0 * body.track_m - 2 * lost_rad_s * radius_m) / (body.track_m + 2 * creep_m);
   TEST_ASSERT_TRUE(expected_rad_s > 0.5 && expected_rad_s < 2.5);

@@ -247,10 +247,10 @@ void TwinTrackCar::read_contacts() {
       belly_yaw_now_n_m_ -= forward_n * y_m;
       const double friction = friction_at(contact_s_m, y_m);
       if (terrain_.has_patches()) contact->SetFriction(static_cast<float>(friction * grip));
-      belly_scrub_n_m_ +=
-          friction * grip * normal_n * std::abs(contact_s_m - s_m - grip_centroid_m_);
-      belly_grip_n_ += friction * grip * normal_n;
-      belly_grip_n_m_ += friction * grip * normal_n * (contact_s_m - s_m);
+      const double limit_n = friction * grip * normal_n, ahead_m = contact_s_m - s_m;
+      belly_scrub_n_m_ += limit_n * std::abs(ahead_m - grip_centroid_m_);
+      belly_grip_n_ += limit_n;
+      belly_grip_n_m_ += limit_n * ahead_m;
     }
   }
   belly_roll_couple_n_m_ += belly_gain_ * (belly_roll_now_n_m_ - belly_roll_couple_n_m_);
@@ -280,34 +280,39 @@ void TwinTrackCar::take_belly_friction() {
   }
 }
 
+double TwinTrackCar::grip_n(std::size_t wheel) const {
+  return wheels_[wheel].friction * body_.wheels[wheel].grip * wheels_[wheel].load_n;
+}
+
+double TwinTrackCar::scrub_arm_m(std::size_t wheel) const {
+  return body_.wheels[wheel].x_m - main_.com_x_m - grip_centroid_m_;
+}
+
 // Friction opposes the slip as a whole: a tyre that is dragged sideways creeps along too, in the proportion of its drive
 // to its scrub; one that spins or is locked slides in the plane as it is. Signs are the solver's: slip is against friction.
 double TwinTrackCar::creep_m_s(std::size_t wheel) const {
-  const double arm_m = body_.wheels[wheel].x_m - main_.com_x_m - grip_centroid_m_;
   const double ratio = wheels_[wheel].drive_ratio;
-  return -std::abs(yaw_rate_rad_s_ * arm_m) * ratio / std::max(kLeastScrub, friction_circle(ratio));
+  return -std::abs(yaw_rate_rad_s_ * scrub_arm_m(wheel)) * ratio / std::max(kLeastScrub, friction_circle(ratio));
 }
 
 void TwinTrackCar::update_scrub() {
   // The centre about which turning meets the least friction, near enough.
-  double grip_n = belly_grip_n_, moment_n_m = belly_grip_n_m_;
+  double all_grip_n = belly_grip_n_, moment_n_m = belly_grip_n_m_;
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
-    const double limit_n = wheels_[i].friction * body_.wheels[i].grip * wheels_[i].load_n;
-    grip_n += limit_n;
-    moment_n_m += limit_n * (body_.wheels[i].x_m - main_.com_x_m);
+    all_grip_n += grip_n(i);
+    moment_n_m += grip_n(i) * (body_.wheels[i].x_m - main_.com_x_m);
   }
   const double weight_n = constants_.mass_kg * kGravity_m_s2;
-  const double centroid_m = grip_n > kLeastLoadShare * friction_ * weight_n ? moment_n_m / grip_n : 0;
+  const double centroid_m = all_grip_n > kLeastLoadShare * friction_ * weight_n ? moment_n_m / all_grip_n : 0;
   grip_centroid_m_ += centroid_gain_ * (centroid_m - grip_centroid_m_);
   double scrub_n_m = belly_scrub_n_m_;
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
-    const double limit_n = wheels_[i].friction * body_.wheels[i].grip * wheels_[i].load_n;
+    const double limit_n = grip_n(i);
     if (limit_n <= 0) continue;
-    const double arm_m = body_.wheels[i].x_m - main_.com_x_m - grip_centroid_m_;
     const double drive_ratio = std::min(1.0, std::abs(wheels_[i].drive_force_n) / limit_n);
     const double signed_ratio = std::copysign(drive_ratio, wheels_[i].drive_force_n);
     wheels_[i].drive_ratio += scrub_gain_ * (signed_ratio - wheels_[i].drive_ratio);
-    scrub_n_m += limit_n * std::abs(arm_m) * friction_circle(drive_ratio);
+    scrub_n_m += limit_n * std::abs(scrub_arm_m(i)) * friction_circle(drive_ratio);
   }
   scrub_moment_n_m_ += scrub_gain_ * (scrub_n_m - scrub_moment_n_m_);
 }

@@ -76,6 +76,10 @@ class TwinTrackCar {
   double friction_at(double s_m, double y_m) const;
   void take_friction(std::size_t wheel, double s_m);
   void take_belly_friction();
+  // Friction that the ground under a wheel could give.
+  double grip_n(std::size_t wheel) const;
+  // How far ahead of the centroid of friction, about which the car turns, a wheel stands.
+  double scrub_arm_m(std::size_t wheel) const;
   // How fast a wheel that turns with the car slips along the ground.
   double creep_m_s(std::size_t wheel) const;
   void update_scrub();

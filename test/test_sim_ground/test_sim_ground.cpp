@@ -167,20 +167,32 @@ void test_a_belly_slides_on_a_slippery_ramp() {
   TEST_ASSERT_DOUBLE_WITHIN(0.05 * expected, expected, (early_m_s - late_m_s) / 0.2);
 }
 
-// Drive, scrub and belly all take the patch's friction: it makes no difference what lies under it.
+// Drive, scrub and belly all take the patch's friction: it makes no difference what lies under it. The car is told to
+// turn at a bump and drags its belly, for it has one axle; nothing in that hangs on the last digit of a number.
 void test_a_patch_over_everything_is_the_ground() {
-  const BodySpec body = study_car(0.18);
-  SceneSpec slippery = pyramids(), patched = pyramids();
+  BodySpec body = study_car(0.115);
+  body.wheels.resize(2);
+  SceneSpec slippery;
+  slippery.terrain = blocks({{0.5, 0, 0.06, 2, 0.01, 0}});
+  slippery.course = {-0.5, 2, -1, 1};
+  SceneSpec bare = slippery, patched = slippery;
   slippery.friction = 0.35;
+  bare.friction = patched.friction = 0.6;
   patched.terrain.patches = {{0, 0, 0, 20, 20, 0.35}};
-  const TrialResult a = run_trial(body, slippery, full_speed(body)), b = run_trial(body, patched, full_speed(body));
-  const TrialResult other = run_trial(body, pyramids(), full_speed(body));
+  TrialSpec trial = full_speed(body);
+  trial.speed_m_s = 0.4;
+  trial.yaw_rate_rad_s = 3;
+  trial.time_limit_s = 3;
+  const TrialResult a = run_trial(body, slippery, trial), b = run_trial(body, patched, trial);
+  const TrialResult other = run_trial(body, bare, trial);
   TEST_ASSERT_EQUAL_STRING(text(a.outcome), text(b.outcome));
-  TEST_ASSERT_TRUE(std::abs(a.consumed_energy_j - other.consumed_energy_j) > 0.05);
   TEST_ASSERT_EQUAL_UINT(a.path.size(), b.path.size());
+  double apart = 0;
   for (std::size_t i = 0; i < a.path.size(); ++i) {
-    for (std::size_t j = 0; j < 7; ++j) TEST_ASSERT_DOUBLE_WITHIN(0.01, a.path[i][j], b.path[i][j]);
+    for (std::size_t j = 0; j < 7; ++j) TEST_ASSERT_DOUBLE_WITHIN(1e-4, a.path[i][j], b.path[i][j]);
+    if (i < other.path.size()) apart = std::max(apart, std::abs(a.path[i][1] - other.path[i][1]));
   }
+  TEST_ASSERT_TRUE(apart > 0.1);
 }
 
 void test_a_mirrored_hill_is_driven_as_a_mirror_image() {

@@ -246,8 +246,8 @@ void test_half_the_time_step_changes_little() {
 }
 
 void test_mirrored_ground_mirrors_the_way() {
-  const SceneTerrain left(blocks({{0.35, 0.06, 0.08, 0.08, 0.015, 0}}));
-  const SceneTerrain right(blocks({{0.35, -0.06, 0.08, 0.08, 0.015, 0}}));
+  const SceneTerrain left(blocks({{0.35, 0.06, 0.08, 0.08, 0.02, 0}}));
+  const SceneTerrain right(blocks({{0.35, -0.06, 0.08, 0.08, 0.02, 0}}));
   const BodySpec body = three_segments(0.1);
   Drive one(body, left, pulses_for(body, 0.6)), other(body, right, pulses_for(body, 0.6));
   const CarState& a = one.run(1.5);

@@ -19,7 +19,7 @@ def spread():
     return Range(globalParameters.narrowest, globalParameters.widest)
 
 for _ in range(globalParameters.hills):
-    new GaussianHill in field, facing Range(0, 180) deg,
+    new GaussianHill in field, with yaw Range(0, 180) deg,
         with height Range(globalParameters.lowest, globalParameters.highest),
         with sd_along spread(),
         with sd_across spread()

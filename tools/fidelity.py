@@ -9,6 +9,7 @@ import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from statistics import fmean, stdev
 from typing import Any
 
 import matplotlib
@@ -23,14 +24,17 @@ from foldcar.crosscheck.page import COMPARISON_HEAD, comparison_row, experiment_
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import RC
 
-# The tables' marks: experiments in carsim and MuJoCo, and engines on step pyramids.
+# The tables' marks: experiments in carsim and MuJoCo, engines on step pyramids, their bias by friction.
 BEGIN, END = "<!-- table of tools/fidelity.py -->", "<!-- end of table -->"
 BEGIN_ENGINES, END_ENGINES = "<!-- engines of tools/fidelity.py -->", "<!-- end of engines -->"
+BEGIN_FRICTIONS, END_FRICTIONS = "<!-- frictions of tools/fidelity.py -->", "<!-- end of frictions -->"
 ENGINES = {
     "carsim": CARSIM,
     "MuJoCo, half the time step": HALF_STEP,
     "MuJoCo, tyres that touch in their middle (ellipsoids)": ELLIPSOID,
 }
+# Experiments on step pyramids of one friction, by how their ids begin.
+FRICTIONS = {f"{friction:.1f}": f"friction_{friction:.1f}" for friction in (0.3, 0.4, 0.5, 0.7, 0.8)} | {"0.6": "width"}
 # What experiments are called on the page, by how their ids begin; those of one name are one row.
 NAMES = (
     ("width", "widths 65 to 245 mm, friction 0.6"),
@@ -43,12 +47,19 @@ NAMES = (
     ("tyre", "tyres 8, 16, 20 mm wide"),
     ("bumps", "bumps of 6 to 30 mm, radius 36 to 60 mm"),
     ("hills", "Gaussian hills"),
+    ("ten_bumps", "ten random bumps"),
+    ("course", "the obstacle course"),
 )
 EVERYTHING = "all"
-# Not on step pyramids: engines say the same there.
-EASY = ("bumps", "hills")
+# Not on step pyramids.
+ELSEWHERE = ("bumps", "hills", "ten_bumps", "course")
 # Pictures of the cross-check (numbered as the listing's experiments) and what they are called here.
-PICTURES = {"success_1.png": "width.png", "worst_1.png": "worst_width.png", "worst_18.png": "worst_hills.png"}
+PICTURES = {
+    "success_1.png": "width.png",
+    "worst_1.png": "worst_width.png",
+    "worst_18.png": "worst_hills.png",
+    "worst_20.png": "worst_course.png",
+}
 
 
 def main(folder: Path, page: Path) -> None:
@@ -65,7 +76,7 @@ def main(folder: Path, page: Path) -> None:
         for name in names
     }
     table = experiment_table(groups)
-    pyramids = [row for row in rows if not row["experiment"].startswith(EASY)]
+    pyramids = [row for row in rows if not row["experiment"].startswith(ELSEWHERE)]
     engines = [
         comparison_row(name, agreement(pairs))
         for name, engine in ENGINES.items()
@@ -73,6 +84,7 @@ def main(folder: Path, page: Path) -> None:
     ]
     text = replaced(page.read_text(encoding="utf-8"), BEGIN, END, markdown(table))
     text = replaced(text, BEGIN_ENGINES, END_ENGINES, markdown([COMPARISON_HEAD, *engines]))
+    text = replaced(text, BEGIN_FRICTIONS, END_FRICTIONS, markdown(bias_table(rows)))
     with atomic_file(page) as binary:
         binary.write(text.encode())
     pictures = page.with_suffix("")
@@ -81,6 +93,22 @@ def main(folder: Path, page: Path) -> None:
         shutil.copyfile(folder / picture, pictures / name)
     with matplotlib.rc_context(RC):
         save_figure(overview(table), pictures / "overview.png", colours=64)
+
+
+def bias_table(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
+    """Success of each engine minus MuJoCo's by friction, percentage points, with 95 % of the pairs' chance."""
+    table = [["friction", *ENGINES]]
+    for friction, start in sorted(FRICTIONS.items()):
+        mine = [row for row in rows if row["experiment"].startswith(start)]
+        table.append([friction, *(bias_cell(pairs_of(mine, engine)) for engine in ENGINES.values())])
+    return table
+
+
+def bias_cell(pairs: Sequence[Pair]) -> str:
+    """The mean difference in success of paired runs, with twice its standard error, and how many they are."""
+    differences = [100.0 * ((ours["outcome"] == "passed") - (theirs["outcome"] == "passed")) for _, ours, theirs in pairs]
+    error = stdev(differences) / len(differences) ** 0.5
+    return f"{fmean(differences):+.1f} ± {1.96 * error:.1f} ({len(differences)})"
 
 
 def replaced(text: str, begin: str, end: str, between: str) -> str:

@@ -195,6 +195,21 @@ void test_a_patch_over_everything_is_the_ground() {
   TEST_ASSERT_TRUE(apart > 0.1);
 }
 
+// A hill askew under one front wheel pushes it aside, which turns the car down the flank where friction is low. MuJoCo
+// turns the same car by 0.38 and 0.96 rad on ice, right and left, and by 0.06 on dry ground.
+void test_a_flank_turns_the_car_where_friction_is_low() {
+  const BodySpec body = study_car(0.245);
+  for (const double side : {1.0, -1.0}) {
+    SceneSpec scene = field(one_hill({0.5, side * 0.12, side * -0.5, 0.06, 0.1, 0.05}));
+    scene.friction = 0.6;
+    const double dry_rad = side * run_trial(body, scene, full_speed(body)).path.back()[4];
+    scene.friction = 0.25;
+    const double icy_rad = side * run_trial(body, scene, full_speed(body)).path.back()[4];
+    TEST_ASSERT_TRUE(dry_rad > 0 && dry_rad < 0.1);
+    TEST_ASSERT_TRUE(icy_rad > 0.3 && icy_rad < 1);
+  }
+}
+
 void test_a_mirrored_hill_is_driven_as_a_mirror_image() {
   const BodySpec body = study_car(0.115);
   const TrialResult left = run_trial(body, field(one_hill({0.5, 0.1, 0.4, 0.1, 0.07, 0.06})), full_speed(body));
@@ -203,7 +218,7 @@ void test_a_mirrored_hill_is_driven_as_a_mirror_image() {
   TEST_ASSERT_DOUBLE_WITHIN(0.02, left.elapsed_time_s, right.elapsed_time_s);
   const PathRow &a = left.path.back(), &b = right.path.back();
   TEST_ASSERT_TRUE(left.max_roll_rad > 0.1 && std::abs(a[2]) > 0.02);
-  TEST_ASSERT_DOUBLE_WITHIN(0.01, left.max_roll_rad, right.max_roll_rad);
+  TEST_ASSERT_DOUBLE_WITHIN(0.03, left.max_roll_rad, right.max_roll_rad);
   TEST_ASSERT_DOUBLE_WITHIN(0.005, a[2], -b[2]);
   TEST_ASSERT_DOUBLE_WITHIN(0.01, a[4], -b[4]);
 }
@@ -245,6 +260,7 @@ int main() {
   RUN_TEST(test_ice_under_one_side_brakes_half_and_turns_to_the_other);
   RUN_TEST(test_a_belly_slides_on_a_slippery_ramp);
   RUN_TEST(test_a_patch_over_everything_is_the_ground);
+  RUN_TEST(test_a_flank_turns_the_car_where_friction_is_low);
   RUN_TEST(test_a_mirrored_hill_is_driven_as_a_mirror_image);
   RUN_TEST(test_a_turned_hill_changes_nothing_but_the_direction);
   RUN_TEST(test_the_same_ground_gives_the_same_numbers_whoever_made_it);

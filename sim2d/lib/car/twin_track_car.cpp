@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "ground.h"
 #include "side_view_terms.h"
 #include "standing_height.h"
 
@@ -22,6 +23,9 @@ constexpr double kYawRateFilter_s = 0.019;
 constexpr double kCentroidTolerance_m = 0.002;
 // Below this share of what the whole weight could give, friction has no centroid worth following.
 constexpr double kLeastLoadShare = 0.05;
+
+// A wheel that touches this little over the smooth ground stands on it.
+constexpr double kOnGround_m = 0.002;
 
 // Share of its friction with which a tyre that creeps along scrubs, at least.
 constexpr double kLeastScrub = 0.5;
@@ -164,7 +168,7 @@ void TwinTrackCar::apply_yaw_couples() {
     const double sign = k == 0 ? 1 : -1;
     car_.track_slide[k]->SetMaxMotorForce(to_units(scrub_moment_n_m_ / body_.track_m));
     car_.track_slide[k]->SetMotorSpeed(to_units(sign * rest_m_s));
-    car_.track[k]->ApplyForceToCenter(to_units(sign * belly_yaw_couple_n_m_ / body_.track_m, 0), true);
+    car_.track[k]->ApplyForceToCenter(to_units(sign * contact_yaw_couple_n_m_ / body_.track_m, 0), true);
   }
   if (std::abs(grip_centroid_m_ - track_inertia_centroid_m_) > kCentroidTolerance_m) {
     track_inertia_centroid_m_ = grip_centroid_m_;
@@ -205,7 +209,7 @@ std::optional<std::size_t> TwinTrackCar::belly_of(const b2Body* a, const b2Body*
 void TwinTrackCar::read_contacts() {
   const double to_newton = 1 / (step_s_ * kUnitsPerMetre);
   for (WheelState& wheel : wheels_) wheel.load_n = wheel.drive_force_n = 0;
-  belly_roll_now_n_m_ = belly_yaw_now_n_m_ = belly_scrub_n_m_ = belly_grip_n_ = belly_grip_n_m_ = 0;
+  belly_roll_now_n_m_ = contact_yaw_now_n_m_ = belly_scrub_n_m_ = belly_grip_n_ = belly_grip_n_m_ = 0;
   const double s_m = to_metres(car_.chassis->GetPosition().x);
   if (terrain_.has_patches()) take_belly_friction();
   for (b2Contact* contact = world_.GetContactList(); contact != nullptr; contact = contact->GetNext()) {
@@ -218,14 +222,22 @@ void TwinTrackCar::read_contacts() {
       for (std::size_t i = 0; i < wheels_.size(); ++i) {
         if (car_.wheel[i] != a && car_.wheel[i] != b) continue;
         contact->SetTangentSpeed(to_units(creep_m_s(i)));
+        double normal_n = 0;
         for (int j = 0; j < manifold.pointCount; ++j) {
-          wheels_[i].load_n += manifold.points[j].normalImpulse * to_newton;
+          normal_n += manifold.points[j].normalImpulse * to_newton;
           wheels_[i].drive_force_n += manifold.points[j].tangentImpulse * to_newton;
         }
-        if (!terrain_.has_patches()) continue;
+        wheels_[i].load_n += normal_n;
+        if (!terrain_.has_patches() && terrain_.ground() == nullptr) continue;
         b2WorldManifold where;
         contact->GetWorldManifold(&where);
-        take_friction(i, to_metres(where.points[0].x));
+        const double contact_s_m = to_metres(where.points[0].x);
+        if (terrain_.ground() != nullptr && normal_n > 0) {
+          const double aside_n = -normal_n * std::abs(where.normal.y) * side_slope(i, contact_s_m, to_metres(where.points[0].y));
+          contact_yaw_now_n_m_ += aside_n * (contact_s_m - s_m - grip_centroid_m_);
+        }
+        if (!terrain_.has_patches()) continue;
+        take_friction(i, contact_s_m);
         contact->ResetFriction();
       }
       continue;
@@ -244,7 +256,7 @@ void TwinTrackCar::read_contacts() {
       const double contact_s_m = to_metres(where.points[j].x);
       const double y_m = ground_.belly_contact_y_m(contact_s_m);
       belly_roll_now_n_m_ += upward_n * y_m;
-      belly_yaw_now_n_m_ -= forward_n * y_m;
+      contact_yaw_now_n_m_ -= forward_n * y_m;
       const double friction = friction_at(contact_s_m, y_m);
       if (terrain_.has_patches()) contact->SetFriction(static_cast<float>(friction * grip));
       const double limit_n = friction * grip * normal_n, ahead_m = contact_s_m - s_m;
@@ -254,22 +266,42 @@ void TwinTrackCar::read_contacts() {
     }
   }
   belly_roll_couple_n_m_ += belly_gain_ * (belly_roll_now_n_m_ - belly_roll_couple_n_m_);
-  belly_yaw_couple_n_m_ += belly_gain_ * (belly_yaw_now_n_m_ - belly_yaw_couple_n_m_);
+  contact_yaw_couple_n_m_ += belly_gain_ * (contact_yaw_now_n_m_ - contact_yaw_couple_n_m_);
+}
+
+SliceFrame TwinTrackCar::place_of(double s_m, double y_m) const {
+  const double ahead_m = s_m - to_metres(car_.chassis->GetPosition().x);
+  const double c = std::cos(heading_rad_), s = std::sin(heading_rad_);
+  return {com_x_m_ + c * ahead_m - s * y_m, com_y_m_ + s * ahead_m + c * y_m, heading_rad_};
+}
+
+double TwinTrackCar::wheel_y_m(std::size_t wheel) const {
+  const double side = body_.wheels[wheel].side == CarSide::kLeft ? 0.5 : -0.5;
+  return side * body_.track_m * cos_roll(car_.roll->GetAngle());
 }
 
 double TwinTrackCar::friction_at(double s_m, double y_m) const {
   if (!terrain_.has_patches()) return friction_;
-  const double ahead_m = s_m - to_metres(car_.chassis->GetPosition().x);
-  const double c = std::cos(heading_rad_), s = std::sin(heading_rad_);
-  return terrain_.friction(com_x_m_ + c * ahead_m - s * y_m, com_y_m_ + s * ahead_m + c * y_m, friction_);
+  const SliceFrame place = place_of(s_m, y_m);
+  return terrain_.friction(place.x_m, place.y_m, friction_);
+}
+
+// From one edge of the tyre to the other. A wheel on something that stands on the ground feels none of it.
+double TwinTrackCar::side_slope(std::size_t wheel, double s_m, double z_m) const {
+  const double half_m = 0.5 * body_.wheels[wheel].width_m, y_m = wheel_y_m(wheel);
+  auto height_m = [&](double left_m) {
+    const SliceFrame place = place_of(s_m, left_m);
+    return terrain_.ground()->height_m(place.x_m, place.y_m);
+  };
+  const double left_m = height_m(y_m + half_m), right_m = height_m(y_m - half_m);
+  return z_m > std::max(left_m, right_m) + kOnGround_m ? 0 : (left_m - right_m) / (2 * half_m);
 }
 
 // Contacts that begin later start with their fixture's friction, so that is changed too.
 void TwinTrackCar::take_friction(std::size_t wheel, double s_m) {
-  const WheelSpec& spec = body_.wheels[wheel];
-  const double side = spec.side == CarSide::kLeft ? 0.5 : -0.5;
-  wheels_[wheel].friction = friction_at(s_m, side * body_.track_m * cos_roll(car_.roll->GetAngle()));
-  car_.wheel[wheel]->GetFixtureList()->SetFriction(fixture_friction(wheels_[wheel].friction * spec.grip));
+  wheels_[wheel].friction = friction_at(s_m, wheel_y_m(wheel));
+  car_.wheel[wheel]->GetFixtureList()->SetFriction(
+      fixture_friction(wheels_[wheel].friction * body_.wheels[wheel].grip));
 }
 
 void TwinTrackCar::take_belly_friction() {

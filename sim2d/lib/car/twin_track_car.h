@@ -72,7 +72,12 @@ class TwinTrackCar {
   void read_contacts();
   // The segment whose belly is one of two bodies in contact.
   std::optional<std::size_t> belly_of(const b2Body* a, const b2Body* b) const;
-  // Friction of the ground at a place of the plane, y across the car.
+  // A place of the plane, y across the car, in the world.
+  SliceFrame place_of(double s_m, double y_m) const;
+  double wheel_y_m(std::size_t wheel) const;
+  // How steeply the smooth ground under a wheel that touches at s and z rises to the left.
+  double side_slope(std::size_t wheel, double s_m, double z_m) const;
+  // Friction of the ground there.
   double friction_at(double s_m, double y_m) const;
   void take_friction(std::size_t wheel, double s_m);
   void take_belly_friction();
@@ -113,8 +118,8 @@ class TwinTrackCar {
   double belly_scrub_n_m_ = 0;
   double belly_grip_n_ = 0, belly_grip_n_m_ = 0;  // friction that the bellies could give, and its moment about the centre of mass
   double belly_roll_couple_n_m_ = 0;  // filtered
-  double belly_yaw_couple_n_m_ = 0;   // filtered
-  double belly_roll_now_n_m_ = 0, belly_yaw_now_n_m_ = 0;
+  double contact_yaw_couple_n_m_ = 0;  // of bellies that drag and of ground that falls to a side, filtered
+  double belly_roll_now_n_m_ = 0, contact_yaw_now_n_m_ = 0;
   CarState state_;
 };
 

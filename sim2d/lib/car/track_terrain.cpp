@@ -25,6 +25,9 @@ constexpr double kAdjust_m = 0.004;
 // Lines of smooth ground whose heights differ by less carry the belly together.
 constexpr double kSameHeight_m = 0.0003;
 
+// A wheel that touches this little over the smooth ground stands on it.
+constexpr double kOnGround_m = 0.002;
+
 // The belly is felt along this many lines; fewer let narrow edges through.
 constexpr int kBellyLines = 9;
 constexpr double kLineWidth_m = 0.001;
@@ -225,6 +228,13 @@ void TrackTerrain::replace_chain(int outline, b2Body& body, std::uint16_t catego
   if (fixtures_[outline] != nullptr) body.DestroyFixture(fixtures_[outline]);
   fixtures_[outline] = body.CreateFixture(&definition);
   if (body.GetType() == b2_dynamicBody) body.SetMassData(&mass);
+}
+
+double TrackTerrain::side_slope(int k, double s_m, double z_m) const {
+  if (terrain_.ground() == nullptr) return 0;
+  const GroundOutline::Ends edges = grounds_[k].ends(s_m);
+  if (z_m > std::max(edges.from_z_m, edges.to_z_m) + kOnGround_m) return 0;
+  return (edges.to_z_m - edges.from_z_m) / tyre_width_m_;
 }
 
 double TrackTerrain::belly_contact_y_m(double s_m) const {

@@ -32,6 +32,9 @@ class TrackTerrain {
   // Outline under the wheels of side k, and under the belly, of the last cut.
   const Profile& wheels(int k) const { return profiles_[k]; }
   const Profile& belly() const { return profiles_[2]; }
+  // How steeply the smooth ground under the wheels of side k rises to the left at s and z of the plane; 0 where there is
+  // none, and above it, where a wheel stands on something else.
+  double side_slope(int k, double s_m, double z_m) const;
   // Where across the car (y, metres) the belly touches at s_m of the plane.
   double belly_contact_y_m(double s_m) const;
 

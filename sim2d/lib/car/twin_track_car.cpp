@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "ground.h"
 #include "side_view_terms.h"
 #include "standing_height.h"
 
@@ -23,9 +22,6 @@ constexpr double kYawRateFilter_s = 0.019;
 constexpr double kCentroidTolerance_m = 0.002;
 // Below this share of what the whole weight could give, friction has no centroid worth following.
 constexpr double kLeastLoadShare = 0.05;
-
-// A wheel that touches this little over the smooth ground stands on it.
-constexpr double kOnGround_m = 0.002;
 
 // Share of its friction with which a tyre that creeps along scrubs, at least.
 constexpr double kLeastScrub = 0.5;
@@ -232,10 +228,10 @@ void TwinTrackCar::read_contacts() {
         b2WorldManifold where;
         contact->GetWorldManifold(&where);
         const double contact_s_m = to_metres(where.points[0].x);
-        if (terrain_.ground() != nullptr && normal_n > 0) {
-          const double aside_n = -normal_n * std::abs(where.normal.y) * side_slope(i, contact_s_m, to_metres(where.points[0].y));
-          contact_yaw_now_n_m_ += aside_n * (contact_s_m - s_m - grip_centroid_m_);
-        }
+        const double slope =
+            ground_.side_slope(static_cast<int>(body_.wheels[i].side), contact_s_m, to_metres(where.points[0].y));
+        const double aside_n = -slope * normal_n * std::abs(where.normal.y);
+        contact_yaw_now_n_m_ += aside_n * (contact_s_m - s_m - grip_centroid_m_);
         if (!terrain_.has_patches()) continue;
         take_friction(i, contact_s_m);
         contact->ResetFriction();
@@ -269,39 +265,19 @@ void TwinTrackCar::read_contacts() {
   contact_yaw_couple_n_m_ += belly_gain_ * (contact_yaw_now_n_m_ - contact_yaw_couple_n_m_);
 }
 
-SliceFrame TwinTrackCar::place_of(double s_m, double y_m) const {
-  const double ahead_m = s_m - to_metres(car_.chassis->GetPosition().x);
-  const double c = std::cos(heading_rad_), s = std::sin(heading_rad_);
-  return {com_x_m_ + c * ahead_m - s * y_m, com_y_m_ + s * ahead_m + c * y_m, heading_rad_};
-}
-
-double TwinTrackCar::wheel_y_m(std::size_t wheel) const {
-  const double side = body_.wheels[wheel].side == CarSide::kLeft ? 0.5 : -0.5;
-  return side * body_.track_m * cos_roll(car_.roll->GetAngle());
-}
-
 double TwinTrackCar::friction_at(double s_m, double y_m) const {
   if (!terrain_.has_patches()) return friction_;
-  const SliceFrame place = place_of(s_m, y_m);
-  return terrain_.friction(place.x_m, place.y_m, friction_);
-}
-
-// From one edge of the tyre to the other. A wheel on something that stands on the ground feels none of it.
-double TwinTrackCar::side_slope(std::size_t wheel, double s_m, double z_m) const {
-  const double half_m = 0.5 * body_.wheels[wheel].width_m, y_m = wheel_y_m(wheel);
-  auto height_m = [&](double left_m) {
-    const SliceFrame place = place_of(s_m, left_m);
-    return terrain_.ground()->height_m(place.x_m, place.y_m);
-  };
-  const double left_m = height_m(y_m + half_m), right_m = height_m(y_m - half_m);
-  return z_m > std::max(left_m, right_m) + kOnGround_m ? 0 : (left_m - right_m) / (2 * half_m);
+  const double ahead_m = s_m - to_metres(car_.chassis->GetPosition().x);
+  const double c = std::cos(heading_rad_), s = std::sin(heading_rad_);
+  return terrain_.friction(com_x_m_ + c * ahead_m - s * y_m, com_y_m_ + s * ahead_m + c * y_m, friction_);
 }
 
 // Contacts that begin later start with their fixture's friction, so that is changed too.
 void TwinTrackCar::take_friction(std::size_t wheel, double s_m) {
-  wheels_[wheel].friction = friction_at(s_m, wheel_y_m(wheel));
-  car_.wheel[wheel]->GetFixtureList()->SetFriction(
-      fixture_friction(wheels_[wheel].friction * body_.wheels[wheel].grip));
+  const WheelSpec& spec = body_.wheels[wheel];
+  const double side = spec.side == CarSide::kLeft ? 0.5 : -0.5;
+  wheels_[wheel].friction = friction_at(s_m, side * body_.track_m * cos_roll(car_.roll->GetAngle()));
+  car_.wheel[wheel]->GetFixtureList()->SetFriction(fixture_friction(wheels_[wheel].friction * spec.grip));
 }
 
 void TwinTrackCar::take_belly_friction() {

@@ -72,12 +72,7 @@ class TwinTrackCar {
   void read_contacts();
   // The segment whose belly is one of two bodies in contact.
   std::optional<std::size_t> belly_of(const b2Body* a, const b2Body* b) const;
-  // A place of the plane, y across the car, in the world.
-  SliceFrame place_of(double s_m, double y_m) const;
-  double wheel_y_m(std::size_t wheel) const;
-  // How steeply the smooth ground under a wheel that touches at s and z rises to the left.
-  double side_slope(std::size_t wheel, double s_m, double z_m) const;
-  // Friction of the ground there.
+  // Friction of the ground at a place of the plane, y across the car.
   double friction_at(double s_m, double y_m) const;
   void take_friction(std::size_t wheel, double s_m);
   void take_belly_friction();

@@ -108,4 +108,13 @@ void GroundOutline::cut(const SliceFrame& frame, double s_m, const Across& acros
   }
 }
 
+GroundOutline::Ends GroundOutline::ends(double s_m) const {
+  const auto next = std::clamp(std::upper_bound(station_m_.begin(), station_m_.end(), s_m), station_m_.begin() + 1,
+                               station_m_.end() - 1);
+  const auto i = static_cast<std::size_t>(next - station_m_.begin());
+  const double share = std::clamp((s_m - station_m_[i - 1]) / (station_m_[i] - station_m_[i - 1]), 0.0, 1.0);
+  auto height_m = [&](const std::vector<double>& z_m) { return z_m[i - 1] + share * (z_m[i] - z_m[i - 1]); };
+  return {height_m(line_z_m_.front()), height_m(line_z_m_.back())};
+}
+
 }  // namespace foldcar

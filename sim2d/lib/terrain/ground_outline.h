@@ -34,6 +34,11 @@ class GroundOutline {
   // The highest of all lines at every station; y of the segments is across, where lines are as high as the highest
   // within tolerance_m.
   void cut(const SliceFrame& frame, double s_m, const Across& across, double tolerance_m, Profile& profile);
+  // How high the outermost lines of the last cut are at s of the plane.
+  struct Ends {
+    double from_z_m, to_z_m;
+  };
+  Ends ends(double s_m) const;
   // The stations' span, counted from s_m of the plane.
   Span span(double s_m) const { return {station_m_.front() - s_m, station_m_.back() - s_m}; }
 

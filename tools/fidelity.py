@@ -105,7 +105,7 @@ def bias_table(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
 
 
 def bias_cell(pairs: Sequence[Pair]) -> str:
-    """The mean difference in success of paired runs, with twice its standard error, and how many they are."""
+    """The mean difference in success of paired runs, with 95 % of what chance does, and how many they are."""
     differences = [100.0 * ((ours["outcome"] == "passed") - (theirs["outcome"] == "passed")) for _, ours, theirs in pairs]
     error = stdev(differences) / len(differences) ** 0.5
     return f"{fmean(differences):+.1f} ± {1.96 * error:.1f} ({len(differences)})"

@@ -16,7 +16,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from foldcar.atomic_file import atomic_file
-from foldcar.crosscheck.agreement import Pair, agreement
+from foldcar.crosscheck.agreement import Pair, agreement, passes
 from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.charts import FIRST, LOOKS
 from foldcar.crosscheck.compare import CARSIM, ELLIPSOID, HALF_STEP, MUJOCO
@@ -33,8 +33,6 @@ ENGINES = {
     "MuJoCo, half the time step": HALF_STEP,
     "MuJoCo, tyres that touch in their middle (ellipsoids)": ELLIPSOID,
 }
-# Experiments on step pyramids of one friction, by how their ids begin.
-FRICTIONS = {f"{friction:.1f}": f"friction_{friction:.1f}" for friction in (0.3, 0.4, 0.5, 0.7, 0.8)} | {"0.6": "width"}
 # What experiments are called on the page, by how their ids begin; those of one name are one row.
 NAMES = (
     ("width", "widths 65 to 245 mm, friction 0.6"),
@@ -51,6 +49,8 @@ NAMES = (
     ("course", "the obstacle course"),
 )
 EVERYTHING = "all"
+# Experiments on step pyramids of one friction, which their names end with.
+FRICTIONS = sorted((name.split()[-1], start) for start, name in NAMES if "friction" in name)
 # Not on step pyramids.
 ELSEWHERE = ("bumps", "hills", "ten_bumps", "course")
 # Pictures of the cross-check (numbered as the listing's experiments) and what they are called here.
@@ -98,7 +98,7 @@ def main(folder: Path, page: Path) -> None:
 def bias_table(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
     """Success of each engine minus MuJoCo's by friction, percentage points, with 95 % of the pairs' chance."""
     table = [["friction", *ENGINES]]
-    for friction, start in sorted(FRICTIONS.items()):
+    for friction, start in FRICTIONS:
         mine = [row for row in rows if row["experiment"].startswith(start)]
         table.append([friction, *(bias_cell(pairs_of(mine, engine)) for engine in ENGINES.values())])
     return table
@@ -106,7 +106,7 @@ def bias_table(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
 
 def bias_cell(pairs: Sequence[Pair]) -> str:
     """The mean difference in success of paired runs, with 95 % of what chance does, and how many they are."""
-    differences = [100.0 * ((ours["outcome"] == "passed") - (theirs["outcome"] == "passed")) for _, ours, theirs in pairs]
+    differences = [100.0 * (passes(ours) - passes(theirs)) for _, ours, theirs in pairs]
     error = stdev(differences) / len(differences) ** 0.5
     return f"{fmean(differences):+.1f} ± {1.96 * error:.1f} ({len(differences)})"
 

@@ -81,10 +81,11 @@ def trials_in(store: Path) -> list[Trial]:
 
 
 def moving(folder: Path) -> bool:
-    """Whether the log of the trial that runs shows a wheel that turns."""
+    """Whether the log of the trial that runs shows a car on its way, for two tenths of a second or more."""
     for file in folder.glob("s-logs/*.tlog"):
-        messages = [m for _, m in read_tlog(file) if m.get_type() == "FOLDCAR_TRUTH"]
-        if messages and messages[-1].speed > 0.1:
+        log = list(read_tlog(file))
+        moved = [t for t, m in log if m.get_type() == "FOLDCAR_TRUTH" and m.speed > 0.1]
+        if moved and log[-1][0] - moved[0] >= 200_000:
             return True
     return False
 

@@ -1,10 +1,13 @@
-// The terms of the model on their own: servo line, roll couples, friction circle, Euler angles.
+// The terms of the model on their own: servo line, roll couples, sliding sideways and turning.
 #include <unity.h>
 
 #include <cmath>
 
 #include "../study_car.h"
+#include "footing.h"
+#include "scene_terrain.h"
 #include "servo_model.h"
+#include "side_motion.h"
 #include "side_view_terms.h"
 
 using namespace foldcar;
@@ -73,34 +76,138 @@ void test_current_runs_from_free_to_stall() {
 void test_the_weight_couple_is_that_of_a_point_mass_over_the_tyres_edge() {
   const double mass_kg = 0.2, height_m = 0.063, tyre_m = 0.012, roll_rad = 0.4;
   const double lever_m = height_m * std::tan(roll_rad) - tyre_m / 2;
-  TEST_ASSERT_DOUBLE_WITHIN(1e-9, mass_kg * 9.81 * lever_m,
-                            weight_roll_couple_n_m(mass_kg, height_m, tyre_m, std::sin(roll_rad)));
+  const CarriedLoad weight{mass_kg * 9.81 * height_m, 0, mass_kg * 9.81 * tyre_m};
+  TEST_ASSERT_DOUBLE_WITHIN(1e-9, mass_kg * 9.81 * lever_m, load_roll_couple_n_m(weight, std::sin(roll_rad)));
   TEST_ASSERT_DOUBLE_WITHIN(1e-9, -mass_kg * 9.81 * lever_m,
-                            weight_roll_couple_n_m(mass_kg, height_m, tyre_m, -std::sin(roll_rad)));
+                            load_roll_couple_n_m(weight, -std::sin(roll_rad)));
 }
 
-void test_turning_left_presses_the_right_side_down() {
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.2 * 0.063 * 0.6 * 1.5, turning_roll_couple_n_m(0.2, 0.063, 0.6, 1.5));
+// A box that ends 2 mm left of a tyre's middle carries its right part only; a wheel that stands beside it, all of it.
+void test_a_tyre_stands_on_as_much_as_an_edge_leaves() {
+  TerrainSpec spec;
+  BlockSpec box;
+  box.x_m = 1;
+  box.y_m = -0.1;
+  box.length_m = 0.4;
+  box.width_m = 0.2;
+  box.height_m = 0.02;
+  spec.blocks = {box};
+  const SceneTerrain terrain(spec);
+  StripContact contact{0.1, 0.02, 0, 1, -0.002, 0.012};
+  const double spacing_m = 0.002;  // of the lines that feel for the edge
+  const Footing partly = footing(terrain, {0.9, 0, 0}, contact).value();
+  TEST_ASSERT_DOUBLE_WITHIN(spacing_m, 0.008, partly.width_m);
+  TEST_ASSERT_DOUBLE_WITHIN(spacing_m / 2, -0.002, partly.middle_m);
+  // Seen from the other side, the same edge.
+  const Footing back = footing(terrain, {1.1, 0, 3.14159265}, {0.1, 0.02, 0, 1, 0.002, 0.012}).value();
+  TEST_ASSERT_DOUBLE_WITHIN(1e-9, -partly.middle_m, back.middle_m);
+  contact.middle_y_m = -0.05;
+  TEST_ASSERT_EQUAL_DOUBLE(0.012, footing(terrain, {0.9, 0, 0}, contact)->width_m);
+  contact.z_m = 0;
+  contact.middle_y_m = -0.002;
+  TEST_ASSERT_EQUAL_DOUBLE(0.012, footing(terrain, {0.5, 0, 0}, contact)->width_m);
+}
+
+namespace {
+
+// Below the middle of a car of 0.25 kg, height 0.06 m, pressed on for one step by 0.6 N at friction 0.5.
+GroundContact contact_at(double ahead_m, double tangent_n_s) {
+  GroundContact contact;
+  contact.ahead_m = ahead_m;
+  contact.depth_m = 0.06;
+  contact.limit_n_s = 0.5 * 0.6 / 240;
+  contact.tangent_n_s = tangent_n_s;
+  return contact;
+}
+
+constexpr double kStep_s = 1.0 / 240;
+
+PlaneRates level() {
+  PlaneRates plane;
+  plane.roll_inertia_kg_m2 = 5e-4;
+  return plane;
+}
+
+SideMotion motion() { return SideMotion({0.25, 0.06, 5e-4, 1.3e-3}); }
+
+}  // namespace
+
+// In a car whose roll nothing holds, a slide ends as all of it - sideways speed and what friction's couple makes it roll -
+// has come to rest at the contacts: the angular momentum about their line stays what the slide had.
+void test_a_slide_is_braked_by_friction_and_then_holds() {
+  SideMotion side = motion();
+  std::vector<GroundContact> contacts{contact_at(0.07, 0), contact_at(-0.07, 0)};
+  PlaneRates plane = level();
+  contacts[0].push_n_s = 0.25 * 0.3;  // to the left at 0.3 m/s
+  contacts[0].ahead_m = contacts[1].ahead_m = 0;
+  contacts[0].depth_m = contacts[1].depth_m = 0.06;
+  side.step(kStep_s, plane, contacts);
+  const double lost_m_s = 2 * contacts[0].limit_n_s / 0.25;
+  TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0.3 - lost_m_s, side.side_speed_m_s());
+  // The push's and friction's couple, for the plane to roll by.
+  TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0.06 * (0.25 * 0.3 - 2 * contacts[0].limit_n_s) / kStep_s, side.roll_couple_n_m());
+  contacts[0].push_n_s = 0;
+  for (int i = 0; i < 400; ++i) {
+    plane.roll_rate_rad_s += side.roll_couple_n_m() * kStep_s / 5e-4;
+    side.step(kStep_s, plane, contacts);
+  }
+  const double centre_m_s = side.side_speed_m_s() - 0.06 * plane.roll_rate_rad_s;
+  TEST_ASSERT_DOUBLE_WITHIN(1e-6, 0, side.side_speed_m_s());
+  TEST_ASSERT_DOUBLE_WITHIN(1e-6, 0, 0.06 * 0.25 * centre_m_s - 5e-4 * plane.roll_rate_rad_s);
+}
+
+// What the plane takes for roll inertia changes when a couple is felt, not what it comes to.
+void test_more_roll_inertia_in_the_plane_is_made_good() {
+  SideMotion side = motion();
+  std::vector<GroundContact> none;
+  PlaneRates plane;
+  plane.roll_inertia_kg_m2 = 1.1e-3;
+  double couple_n_m = 0.002;
+  for (int i = 0; i < 200; ++i) {
+    plane.roll_rate_rad_s += (couple_n_m + side.roll_couple_n_m()) * kStep_s / 1.1e-3;
+    side.step(kStep_s, plane, none);
+    couple_n_m = i < 20 ? 0.002 : 0;
+  }
+  TEST_ASSERT_DOUBLE_WITHIN(1e-6, 21 * 0.002 * kStep_s / 5e-4, plane.roll_rate_rad_s);
 }
 
 void test_driving_and_sliding_share_one_friction_circle() {
-  TEST_ASSERT_EQUAL_DOUBLE(1, friction_circle(0));
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.6, friction_circle(0.8));
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.2, friction_circle(1));
+  SideMotion side = motion();
+  const double limit_n_s = contact_at(0, 0).limit_n_s;
+  std::vector<GroundContact> contacts{contact_at(0.07, limit_n_s), contact_at(-0.07, -limit_n_s)};
+  PlaneRates plane = level();
+  plane.yaw_rate_rad_s = 3;
+  side.step(kStep_s, plane, contacts);
+  for (const GroundContact& contact : contacts) {
+    TEST_ASSERT_DOUBLE_WITHIN(1e-9, limit_n_s, std::hypot(contact.side_n_s, contact.kept_tangent_n_s));
+    TEST_ASSERT_TRUE(std::abs(contact.kept_tangent_n_s) < limit_n_s && contact.side_n_s * contact.ahead_m < 0);
+  }
 }
 
-// A rolled and pitched body turns by small angles about its own left and up axes; its forward axis then tells
-// heading and pitch.
-void test_a_heading_step_is_that_of_the_rotated_body() {
-  const double pitch = 0.3, roll = -0.4, about_up = 1e-6, about_left = 3e-6;
-  const double forward[3] = {std::cos(pitch), 0, std::sin(pitch)};
-  const double left[3] = {-std::sin(pitch) * std::sin(roll), std::cos(roll), std::cos(pitch) * std::sin(roll)};
-  const double up[3] = {-std::sin(pitch) * std::cos(roll), -std::sin(roll), std::cos(pitch) * std::cos(roll)};
-  double turned[3];
-  for (int i = 0; i < 3; ++i) turned[i] = forward[i] + about_up * left[i] - about_left * up[i];
-  const double d_heading = std::atan2(turned[1], turned[0]);
-  const double d_pitch = std::atan2(turned[2], std::hypot(turned[0], turned[1])) - pitch;
-  TEST_ASSERT_DOUBLE_WITHIN(1e-11, d_heading, heading_step_rad(about_up, d_pitch, pitch, std::sin(roll)));
+void test_scrub_brakes_a_turn_by_its_couple() {
+  SideMotion side = motion();
+  std::vector<GroundContact> contacts{contact_at(0.07, 0), contact_at(-0.07, 0)};
+  PlaneRates plane = level();
+  plane.yaw_rate_rad_s = 3;
+  side.step(kStep_s, plane, contacts);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-9, 3 - 2 * 0.07 * contacts[0].limit_n_s / 1.3e-3, side.yaw_rate_rad_s());
+  TEST_ASSERT_DOUBLE_WITHIN(1e-9, 2 * 0.07 * contacts[0].limit_n_s / kStep_s, side.grip_n_m());
+}
+
+// Angular momentum about the vertical of a body that nothing touches: its forward axis leans by pitch, so roll has a
+// part of it.
+void test_a_pitched_car_that_starts_to_roll_turns_back() {
+  SideMotion side = motion();
+  std::vector<GroundContact> none;
+  PlaneRates plane = level();
+  plane.pitch_rad = 0.5;
+  plane.roll_rate_rad_s = 3;
+  side.step(kStep_s, plane, none);
+  const double forward[2] = {std::cos(0.5), std::sin(0.5)}, up[2] = {-std::sin(0.5), std::cos(0.5)};
+  // Rates about the body's own axes, then their momenta's vertical part.
+  const double about_forward = 3 + side.yaw_rate_rad_s() * forward[1], about_up = side.yaw_rate_rad_s() * up[1];
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0, 5e-4 * about_forward * forward[1] + 1.3e-3 * about_up * up[1]);
+  TEST_ASSERT_TRUE(side.yaw_rate_rad_s() < -0.1);
 }
 
 int main() {
@@ -113,9 +220,12 @@ int main() {
   RUN_TEST(test_without_pulses_there_is_neither_torque_nor_current);
   RUN_TEST(test_current_runs_from_free_to_stall);
   RUN_TEST(test_the_weight_couple_is_that_of_a_point_mass_over_the_tyres_edge);
-  RUN_TEST(test_turning_left_presses_the_right_side_down);
+  RUN_TEST(test_a_tyre_stands_on_as_much_as_an_edge_leaves);
   RUN_TEST(test_driving_and_sliding_share_one_friction_circle);
-  RUN_TEST(test_a_heading_step_is_that_of_the_rotated_body);
+  RUN_TEST(test_a_slide_is_braked_by_friction_and_then_holds);
+  RUN_TEST(test_more_roll_inertia_in_the_plane_is_made_good);
+  RUN_TEST(test_scrub_brakes_a_turn_by_its_couple);
+  RUN_TEST(test_a_pitched_car_that_starts_to_roll_turns_back);
   UNITY_END();
   return 0;
 }

@@ -2,15 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace foldcar {
 namespace {
 
-// How a segment is divided: each frame carries a quarter of its mass and a twentieth of its pitch inertia.
-// The split changes nothing rigid (the frames cannot pitch against the box); it sets how much of the
-// roll inertia stands in the frames, and keeps the mass ratios of the joints mild.
-constexpr double kFrameMassShare = 0.25;
-constexpr double kFramePitchShare = 0.05;
+// How a segment is divided: each frame carries a tenth of its mass and of its pitch inertia. The split changes nothing
+// rigid (the frames cannot pitch against the box); it sets how much of the roll inertia stands in the frames.
+constexpr double kFrameMassShare = 0.1;
+constexpr double kFramePitchShare = 0.1;
 // Below this the flywheel is too light for its gears to be solved in a few iterations.
 constexpr double kLeastFlywheel_kg_m2 = 2e-5;
 
@@ -205,10 +205,9 @@ CarConstants::CarConstants(const BodySpec& body) {
   const double chassis_dx = chassis.com_x_m - com_x_m;
   yaw_inertia_kg_m2 = chassis.yaw_inertia_kg_m2 + chassis.mass_kg * chassis_dx * chassis_dx + wheels_yaw_kg_m2 +
                       wheels_own_kg_m2;
-  const double in_frames_kg_m2 = 2 * kFrameMassShare * chassis.mass_kg * half_track_m * half_track_m;
-  flywheel_inertia_kg_m2 =
-      std::max(kLeastFlywheel_kg_m2, chassis.roll_inertia_kg_m2 + wheels_own_kg_m2 +
-                                         mass_kg * com_height_m * com_height_m - in_frames_kg_m2);
+  const double wheels_roll_kg_m2 = wheels_mass_kg * half_track_m * half_track_m;
+  roll_inertia_kg_m2 = chassis.roll_inertia_kg_m2 + wheels_own_kg_m2 + wheels_roll_kg_m2;
+  frames_roll_kg_m2 = wheels_roll_kg_m2 + 2 * kFrameMassShare * chassis.mass_kg * half_track_m * half_track_m;
   belly_width_m = 0;
   belly_clearance_m = wheel_radius_m;
   for (const SegmentSpec& segment : body.segments) {
@@ -217,6 +216,16 @@ CarConstants::CarConstants(const BodySpec& body) {
         std::min(belly_clearance_m, wheel_radius_m + segment.center_z_m - 0.5 * segment.height_m);
     reach_m = std::max(reach_m, std::abs(segment.x_m - reference_x_m) + 0.5 * segment.length_m);
   }
+}
+
+double plane_roll_inertia_kg_m2(const BodySpec& body, const CarConstants& constants, double friction) {
+  const double lever_m = 0.5 * body.track_m, height_m = constants.com_height_m;
+  const double holding_kg_m2 = constants.roll_inertia_kg_m2 + constants.mass_kg * height_m * height_m;
+  // An impact under one side, of friction times its impulse across: what the push leaves of its lever turns the car.
+  const double left_m = lever_m - friction * height_m;
+  const double sliding_kg_m2 =
+      left_m > 0 ? constants.roll_inertia_kg_m2 * lever_m / left_m : std::numeric_limits<double>::infinity();
+  return std::max(std::min(holding_kg_m2, sliding_kg_m2), constants.frames_roll_kg_m2 + kLeastFlywheel_kg_m2);
 }
 
 double track_mass_kg(double yaw_inertia_kg_m2, double track_m) {
@@ -233,7 +242,8 @@ Mechanism build_mechanism(b2World& world, const BodySpec& body, const CarConstan
     car.segments.push_back({add_chassis(world, segment, friction, axle_z_m), {}});
   }
   car.chassis = car.segments[main_segment(body)].chassis;
-  b2Joint* roll_joint = add_roll_flywheel(world, car, ground, constants.flywheel_inertia_kg_m2, q);
+  b2Joint* roll_joint = add_roll_flywheel(
+      world, car, ground, plane_roll_inertia_kg_m2(body, constants, friction) - constants.frames_roll_kg_m2, q);
   for (int k = 0; k < 2; ++k) {
     const double sign = k == 0 ? 1 : -1;
     for (std::size_t j = 0; j < body.segments.size(); ++j) {

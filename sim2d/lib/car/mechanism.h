@@ -1,6 +1,6 @@
 // The twin-track car as Box2D bodies and joints in one vertical plane.
 //
-//   segment   a box with its belly and half of its mass, and for each side a frame that slides along the box' z
+//   segment   a box with its belly and four fifths of its mass, and for each side a frame that slides along the box' z
 //             and carries that side's wheels; segments hang together in hinges
 //   wheel[i]  circles on revolute motors, one a wheel
 //   roll      a flywheel, geared to all frames: its angle is q = sin(roll), its inertia what the frames lack.
@@ -58,7 +58,8 @@ struct CarConstants {
   double tyre_width_m;         // the widest
   double wheel_radius_m;       // the mean
   double yaw_inertia_kg_m2;    // about the vertical through the centre of mass
-  double flywheel_inertia_kg_m2;
+  double roll_inertia_kg_m2;   // about the line ahead through the centre of mass
+  double frames_roll_kg_m2;    // of it, what the mechanism's frames and wheels stand for
   double belly_width_m;        // the widest
   double belly_clearance_m;    // the lowest belly over the contacts
   double reach_m;              // farthest point of the car from the main segment's centre of mass, along x
@@ -67,6 +68,10 @@ struct CarConstants {
 // Builds the car in world with its axle line at height axle_z_m, rolled by asin(q).
 Mechanism build_mechanism(b2World& world, const BodySpec& body, const CarConstants& constants, double friction,
                           double axle_z_m, double q);
+
+// What the mechanism takes for roll inertia: the car's own and that of its mass, which rolling about the contacts drags
+// aside - all of it if they hold in an impact under one side, as much as friction can move if they slide.
+double plane_roll_inertia_kg_m2(const BodySpec& body, const CarConstants& constants, double friction);
 
 // The mass that makes the sliding tracks as hard to turn as a car of that yaw inertia.
 double track_mass_kg(double yaw_inertia_kg_m2, double track_m);

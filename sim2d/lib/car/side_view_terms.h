@@ -15,24 +15,24 @@ double sin_roll_limited(double q);
 double tan_roll(double q);
 double cos_roll(double q);
 
-// Couple about the roll axis (N·m) of the weight of a car of mass_kg whose centre of mass stands com_height_m
-// over the contacts. Tyres of width tyre_width_m move the support outwards by half their width once they
-// lean (over 0.02 in q), so the weight overturns the car only beyond atan((track + tyre) / (2 height)).
-double weight_roll_couple_n_m(double mass_kg, double com_height_m, double tyre_width_m, double q);
+// How far to the left (m) of the middle of what carries it, width_m wide, a tyre or belly rests: on the edge that is down
+// once the car leans over 0.02 in q.
+double leaning_m(double width_m, double q);
+
+// What the ground carries, summed over all that stands on it: each share (N) times the height of the centre of mass over
+// it, times how far left of the car's own plane it stands, and times the width on which it stands.
+struct CarriedLoad {
+  double height_n_m = 0;
+  double middle_n_m = 0;
+  double width_n_m = 0;
+};
+
+// Couple about the roll axis (N·m) of load: of the weight at rest, none in the air. Tyres on level ground lean on their
+// outer edges, so the weight overturns the car only beyond atan((track + tyre) / (2 height)).
+double load_roll_couple_n_m(const CarriedLoad& load, double q);
 
 // Couple about the roll axis (N·m) of masses off the middle; side_moment_kg_m is positive for more on the left.
 // Constant: q is the sine of roll, which their lever's shortening cancels.
 double offset_roll_couple_n_m(double side_moment_kg_m);
-
-// Couple about the roll axis (N·m) of turning at yaw_rate_rad_s while driving: outwards.
-double turning_roll_couple_n_m(double mass_kg, double com_height_m, double speed_m_s, double yaw_rate_rad_s);
-
-// Friction left for sliding sideways when drive_ratio of it (tangential force over its limit) is spent
-// on driving; some is always left.
-double friction_circle(double drive_ratio);
-
-// Change of heading (rad) of a step in which the car's own yaw angle changes by d_yaw and its pitch by
-// d_pitch, for a car that rolls (q) and pitches: the rates of the Euler angles.
-double heading_step_rad(double d_yaw_rad, double d_pitch_rad, double pitch_rad, double q);
 
 }  // namespace foldcar

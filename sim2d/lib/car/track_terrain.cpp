@@ -8,9 +8,9 @@
 namespace foldcar {
 namespace {
 
-// How far the car may move before its terrain is cut anew: a fraction of a millimetre at the wheels.
-constexpr double kHeadingTolerance_rad = 0.006;
-constexpr double kSidewaysTolerance_m = 0.0007;
+// How far the car may move before its terrain is cut anew: a millimetre at the wheels.
+constexpr double kHeadingTolerance_rad = 0.01;
+constexpr double kSidewaysTolerance_m = 0.001;
 constexpr double kRollTolerance = 0.02;
 constexpr double kAheadTolerance_m = 0.1;
 constexpr double kBehindTolerance_m = 0.02;
@@ -19,10 +19,10 @@ constexpr double kChainTolerance_m = 0.0001;
 // Terrain is cut this much further than the car may drive before the next cut, so that a chain can be kept
 // although the car has moved on.
 constexpr double kSpare_m = 0.04;
-// Vertices of smooth ground may be moved this far; farther and the chain is made anew.
-constexpr double kAdjust_m = 0.004;
+// Its vertices may be moved this far; farther and the chain is made anew.
+constexpr double kAdjust_m = 0.01;
 
-// Lines of smooth ground whose heights differ by less carry the belly together.
+// Lines of smooth or level ground whose heights differ by less carry the belly together.
 constexpr double kSameHeight_m = 0.0003;
 
 // A wheel that touches this little over the smooth ground stands on it.
@@ -140,7 +140,8 @@ void TrackTerrain::cut(const CutPose& pose) {
   const double low_side_m = std::copysign(0.5 * belly_width_m_, -tangent);
   const double ground_z_m = -low_side_m * cosine * tangent;
   const Piece under_wheels{span.s_min_m, span.s_max_m, 0, 0, 0};
-  const Piece under_belly{span.s_min_m, span.s_max_m, ground_z_m, ground_z_m, tangent == 0 ? 0 : low_side_m};
+  const bool lies_flat = std::abs(ground_z_m) < kSameHeight_m;
+  const Piece under_belly{span.s_min_m, span.s_max_m, ground_z_m, ground_z_m, lies_flat ? 0 : low_side_m};
   for (int k = 0; k < 3; ++k) {
     const std::vector<Piece>& pieces = k < 2 ? pieces_[k] : belly_pieces_;
     if (level) {
@@ -173,46 +174,48 @@ void TrackTerrain::make_vertices(const b2Body& body, const Profile& profile) {
   }
 }
 
-// A new chain costs more than the cut, and its contacts start without the impulses of the last step: one that is
-// right within kChainTolerance stays, as long as its ends reach as far as the car may drive before the next cut.
-bool TrackTerrain::fits(const std::vector<b2Vec2>& chain) const {
-  if (chain.size() != vertices_.size()) return false;
-  const float tolerance = to_units(kChainTolerance_m), spare = to_units(kSpare_m);
+// Whether a chain's ends lie as far out as the car may drive before the next cut.
+bool TrackTerrain::reaches(const std::vector<b2Vec2>& chain) const {
+  const float spare = to_units(kSpare_m);
+  return chain.front().x >= vertices_.front().x - spare && chain.back().x <= vertices_.back().x + spare;
+}
+
+// A new chain costs more than the cut, and its contacts start without the impulses of the last step: one whose vertices
+// lie within tolerance_m, and whose ends within it of the lines that the outer edges lie on now, serves on.
+bool TrackTerrain::fits(const std::vector<b2Vec2>& chain, double tolerance_m) const {
+  if (chain.size() != vertices_.size() || !reaches(chain)) return false;
+  const float tolerance = to_units(tolerance_m), closest = to_units(kProfileResolution_m);
   const std::size_t last = chain.size() - 1;
-  if (chain.front().x < vertices_.front().x - spare || chain.back().x > vertices_.back().x + spare) return false;
+  if (chain[0].x < vertices_[1].x + closest || chain[last].x > vertices_[last - 1].x - closest) return false;
   for (std::size_t i = 1; i < last; ++i) {
     if (std::abs(chain[i].x - vertices_[i].x) > tolerance) return false;
     if (std::abs(chain[i].y - vertices_[i].y) > tolerance) return false;
   }
-  // The outer edges end elsewhere but must lie on the same lines.
-  return std::abs(height_on_line(chain[0], chain[1], vertices_[0].x) - vertices_[0].y) <= tolerance &&
-         std::abs(height_on_line(chain[last], chain[last - 1], vertices_[last].x) - vertices_[last].y) <= tolerance;
+  return std::abs(height_on_line(vertices_[0], vertices_[1], chain[0].x) - chain[0].y) <= tolerance &&
+         std::abs(height_on_line(vertices_[last], vertices_[last - 1], chain[last].x) - chain[last].y) <= tolerance;
 }
 
-// Smooth ground changes with every cut, but little: moving a chain's vertices costs a tenth of a new chain, and its
-// contacts keep their impulses. False if it is not the same chain any more.
-bool TrackTerrain::adjust(int outline, b2Body& body) {
+// What changes little is moved: that costs a tenth of a new chain, and contacts keep their impulses. The ends stay
+// where they are along the plane.
+void TrackTerrain::adjust(int outline, b2Body& body) {
   const std::vector<b2Vec2>& chain = chains_[outline];
-  if (chain.size() != vertices_.size()) return false;
-  const float farthest = to_units(kAdjust_m);
-  for (std::size_t i = 0; i < chain.size(); ++i) {
-    if (std::abs(chain[i].x - vertices_[i].x) > farthest || std::abs(chain[i].y - vertices_[i].y) > farthest) return false;
-  }
+  const std::size_t last = chain.size() - 1;
+  vertices_[0] = {chain[0].x, height_on_line(vertices_[0], vertices_[1], chain[0].x)};
+  vertices_[last] = {chain[last].x, height_on_line(vertices_[last], vertices_[last - 1], chain[last].x)};
   auto& shape = *static_cast<b2ChainShape*>(fixtures_[outline]->GetShape());
   std::copy(vertices_.begin(), vertices_.end(), shape.m_vertices);
   shape.m_prevVertex = beyond(vertices_.front(), 1);
   shape.m_nextVertex = beyond(vertices_.back(), -1);
   // Box2D looks again where a body's fixtures are when it is told where the body is.
   body.SetTransform(body.GetPosition(), body.GetAngle());
-  return true;
+  chains_[outline] = vertices_;
 }
 
 void TrackTerrain::replace_chain(int outline, b2Body& body, std::uint16_t category, std::uint16_t meets) {
   make_vertices(body, profiles_[outline]);
-  if (fits(chains_[outline])) return;
-  const bool adjusted = terrain_.ground() != nullptr && adjust(outline, body);
+  if (fits(chains_[outline], kChainTolerance_m)) return;
+  if (fits(chains_[outline], kAdjust_m)) return adjust(outline, body);
   chains_[outline] = vertices_;
-  if (adjusted) return;
   b2ChainShape chain;
   chain.CreateChain(vertices_.data(), static_cast<int32>(vertices_.size()), beyond(vertices_.front(), 1),
                     beyond(vertices_.back(), -1));

@@ -45,9 +45,10 @@ class TrackTerrain {
   // Smooth ground's stations serve as long as the car stands on their span.
   bool beyond_plan(const CutPose& pose) const;
   void cut_ground(const CutPose& pose, const Span& span);
-  bool adjust(int outline, b2Body& body);
   void make_vertices(const b2Body& body, const Profile& profile);
-  bool fits(const std::vector<b2Vec2>& chain) const;
+  bool reaches(const std::vector<b2Vec2>& chain) const;
+  bool fits(const std::vector<b2Vec2>& chain, double tolerance_m) const;
+  void adjust(int outline, b2Body& body);
   void replace_chain(int outline, b2Body& body, std::uint16_t category, std::uint16_t meets);
 
   const Terrain& terrain_;

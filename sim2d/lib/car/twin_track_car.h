@@ -5,13 +5,17 @@
 #pragma once
 
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "body_spec.h"
+#include "footing.h"
 #include "hal.h"
 #include "mechanism.h"
 #include "scene_spec.h"
 #include "servo_model.h"
+#include "side_motion.h"
+#include "side_view_terms.h"
 #include "stopwatch.h"
 #include "track_terrain.h"
 
@@ -19,8 +23,9 @@ namespace foldcar {
 
 struct StepOptions {
   double rate_hz = 240;
-  int velocity_iterations = 4;
-  int position_iterations = 2;
+  int velocity_iterations = 8;
+  int struck_iterations = 24;  // while wheels are pressed hard
+  int position_iterations = 1;
   double drop_m = 0.0005;  // the car is put down from this height, so that contact is found by falling
 };
 
@@ -57,10 +62,10 @@ class TwinTrackCar {
   struct WheelState {
     double speed_rad_s = 0;
     double acceleration_rad_s2 = 0;  // filtered
-    double drive_force_n = 0;        // of the tyre on the ground, filtered by nothing
-    double drive_ratio = 0;          // of drive_force_n to what friction allows, filtered
     double load_n = 0;
     double friction = 0;             // of the ground under it
+    b2ManifoldPoint* support = nullptr;  // what carries it, if that is one point
+    double slip_mass_kg = 0;         // that a push along the ground moves, the car and the wheel's spin
   };
 
   void put_down(const PoseSpec& start);
@@ -76,13 +81,24 @@ class TwinTrackCar {
   double friction_at(double s_m, double y_m) const;
   void take_friction(std::size_t wheel, double s_m);
   void take_belly_friction();
-  // Friction that the ground under a wheel could give.
-  double grip_n(std::size_t wheel) const;
-  // How far ahead of the centroid of friction, about which the car turns, a wheel stands.
-  double scrub_arm_m(std::size_t wheel) const;
-  // How fast a wheel that turns with the car slips along the ground.
-  double creep_m_s(std::size_t wheel) const;
-  void update_scrub();
+  void share_friction();
+  void untwist_loads();
+  void read_tyre(std::size_t wheel, b2Contact& contact);
+  void read_belly(std::size_t segment, b2Contact& contact);
+  // A contact point of the last step.
+  struct Touch {
+    b2Body* body;
+    b2Vec2 place, normal, tangent;  // in the plane; the normal into the body
+    double z_m;
+    double normal_n_s, tangent_n_s;
+    double forward_n, up_n;  // on the body
+  };
+  Touch touch_of(b2Body& body, b2Contact& contact, int point) const;
+  // Where a strip across the car stands; z_m of the surface, the strip's middle left of that of the contacts.
+  std::optional<Footing> footing_at(const Touch& touch, double z_m, double middle_y_m, double width_m) const;
+  // left_m from the centre of mass; the track that a wheel's contact is felt on.
+  GroundContact& enter_contact(const Touch& touch, const b2Body* track, double left_m, double friction);
+  b2Vec2 chassis_velocity() const;  // m/s, of the main segment's centre of mass
   void update_state();
 
   const BodySpec& body_;
@@ -96,25 +112,27 @@ class TwinTrackCar {
   unsigned steps_ = 0;  // counted for the stopwatch only
   b2World world_;
   TrackTerrain ground_;
+  SideMotion side_;
+  double track_inertia_kg_m2_;  // that the tracks' mass was last set for
   Mechanism car_;
   std::vector<WheelState> wheels_;
+  std::vector<std::pair<std::size_t, std::size_t>> axles_;  // left and right wheels of one place
 
   // Filters' gains a step, from their time constants.
-  double rotor_gain_, scrub_gain_, centroid_gain_, belly_gain_, yaw_rate_gain_;
+  double rotor_gain_, yaw_rate_gain_;
 
   // Pose of the centre of mass in the world, and what of the plane it has been integrated from.
   double com_x_m_ = 0, com_y_m_ = 0, heading_rad_ = 0;
-  double last_s_m_ = 0, last_yaw_m_ = 0, last_pitch_rad_ = 0;
+  double last_s_m_ = 0, last_yaw_m_ = 0;
+  double track_error_m_ = 0;  // how much further apart the tracks should stand
   double yaw_rate_rad_s_ = 0;  // filtered
 
-  double grip_centroid_m_ = 0;          // x, from the centre of mass, of all that friction could give, filtered
-  double track_inertia_centroid_m_ = 0;  // the centroid that the tracks' mass was last set for
-  double scrub_moment_n_m_ = 0;         // filtered
-  double belly_scrub_n_m_ = 0;
-  double belly_grip_n_ = 0, belly_grip_n_m_ = 0;  // friction that the bellies could give, and its moment about the centre of mass
-  double belly_roll_couple_n_m_ = 0;  // filtered
-  double contact_yaw_couple_n_m_ = 0;  // of bellies that drag and of ground that falls to a side, filtered
-  double belly_roll_now_n_m_ = 0, contact_yaw_now_n_m_ = 0;
+  // The contacts of the last step, and where in the plane each acts on the car.
+  std::vector<GroundContact> contacts_;
+  std::vector<Touch> touching_;
+  CarriedLoad load_;
+  double contact_yaw_n_m_ = 0;  // couple of what pulls beside the centre of mass
+  bool struck_ = false;         // the last step pressed wheels hard
   CarState state_;
 };
 

@@ -5,7 +5,6 @@
 namespace foldcar {
 namespace {
 
-constexpr double kGravity_m_s2 = 9.81;
 // The sensor's own low-pass filter, about 25 Hz.
 constexpr double kFilterTime_s = 0.006;
 

@@ -1,0 +1,204 @@
+// What touches the ground after a step of the plane: loads, where they stand across the car, and friction's impulses.
+#include <algorithm>
+#include <cmath>
+
+#include "twin_track_car.h"
+
+namespace foldcar {
+namespace {
+
+// An impact has to travel from a light wheel through its frame to the box: a step after a wheel has been pressed this
+// hard (of the weight) on a face this steep (its normal's share ahead), or all of them on anything, is solved with more
+// iterations.
+constexpr double kStruckLoad = 0.2;
+constexpr double kStruckNormal = 0.3;
+constexpr double kStruckLoads = 1.5;
+
+// Share of a twist of loads that is evened out each step; all of it at once jerks a car that climbs.
+constexpr float kUntwist = 0.5f;
+
+}  // namespace
+
+std::optional<std::size_t> TwinTrackCar::belly_of(const b2Body* a, const b2Body* b) const {
+  for (std::size_t j = 0; j < car_.segments.size(); ++j) {
+    if (car_.segments[j].chassis == a || car_.segments[j].chassis == b) return j;
+  }
+  return std::nullopt;
+}
+
+void TwinTrackCar::read_contacts() {
+  for (WheelState& wheel : wheels_) {
+    wheel.load_n = 0;
+    wheel.support = nullptr;
+  }
+  load_ = CarriedLoad();
+  contacts_.clear();
+  touching_.clear();
+  contact_yaw_n_m_ = 0;
+  struck_ = false;
+  if (terrain_.has_patches()) take_belly_friction();
+  for (b2Contact* contact = world_.GetContactList(); contact != nullptr; contact = contact->GetNext()) {
+    if (!contact->IsTouching()) continue;
+    const b2Body* a = contact->GetFixtureA()->GetBody();
+    const b2Body* b = contact->GetFixtureB()->GetBody();
+    if (const std::optional<std::size_t> segment = belly_of(a, b)) {
+      read_belly(*segment, *contact);
+      continue;
+    }
+    for (std::size_t i = 0; i < wheels_.size(); ++i) {
+      if (car_.wheel[i] == a || car_.wheel[i] == b) read_tyre(i, *contact);
+    }
+  }
+  double loads_n = 0, friction = 0;
+  for (const WheelState& wheel : wheels_) {
+    loads_n += wheel.load_n;
+    friction += wheel.friction / static_cast<double>(wheels_.size());
+  }
+  if (loads_n > kStruckLoads * constants_.mass_kg * kGravity_m_s2) struck_ = true;
+  if (terrain_.has_patches()) {
+    set_mass(*car_.roll, car_.roll->GetMass(),
+             plane_roll_inertia_kg_m2(body_, constants_, friction) - constants_.frames_roll_kg_m2);
+  }
+}
+
+void TwinTrackCar::read_tyre(std::size_t wheel, b2Contact& contact) {
+  const WheelSpec& spec = body_.wheels[wheel];
+  const std::size_t side = static_cast<std::size_t>(spec.side);
+  const double q = sin_roll_limited(car_.roll->GetAngle());
+  const double tyre_y_m = (side == 0 ? 0.5 : -0.5) * body_.track_m * cos_roll(q);
+  // The plane turns by the difference of its tracks: what they pull together acts beside a centre of mass that leans.
+  const double aside_m = constants_.com_height_m * q;
+  for (int j = 0; j < contact.GetManifold()->pointCount; ++j) {
+    const Touch touch = touch_of(*car_.wheel[wheel], contact, j);
+    if (touch.normal_n_s <= 0) continue;
+    wheels_[wheel].support = wheels_[wheel].load_n > 0 ? nullptr : &contact.GetManifold()->points[j];
+    const double normal_n = touch.normal_n_s / step_s_;
+    const std::optional<Footing> foot = footing_at(touch, touch.z_m, tyre_y_m, spec.width_m);
+    wheels_[wheel].load_n += normal_n;
+    struck_ = struck_ || (std::abs(touch.normal.x) > kStruckNormal &&
+                          normal_n > kStruckLoad * constants_.mass_kg * kGravity_m_s2);
+    load_.height_n_m += touch.up_n * constants_.com_height_m;
+    load_.middle_n_m += touch.up_n * (foot ? foot->middle_m : 0);
+    load_.width_n_m += touch.up_n * (foot ? foot->width_m : spec.width_m);
+    contact_yaw_n_m_ -= touch.forward_n * aside_m;
+    GroundContact& ground = enter_contact(touch, car_.track[side], tyre_y_m + aside_m,
+                                          wheels_[wheel].friction * spec.grip);
+    ground.slip_mass_kg = wheels_[wheel].slip_mass_kg;
+    const double slope = ground_.side_slope(static_cast<int>(side), to_metres(touch.place.x), touch.z_m);
+    ground.push_n_s = -slope * touch.normal_n_s * std::abs(touch.normal.y);
+  }
+  if (!terrain_.has_patches()) return;
+  b2WorldManifold where;
+  contact.GetWorldManifold(&where);
+  take_friction(wheel, to_metres(where.points[0].x));
+  contact.ResetFriction();
+}
+
+void TwinTrackCar::read_belly(std::size_t segment, b2Contact& contact) {
+  const double q = sin_roll_limited(car_.roll->GetAngle());
+  const double height_m = constants_.com_height_m - constants_.belly_clearance_m;
+  const double aside_m = height_m * tan_roll(q);
+  const double middle_y_m = -constants_.belly_clearance_m * q, width_m = constants_.belly_width_m * cos_roll(q);
+  for (int j = 0; j < contact.GetManifold()->pointCount; ++j) {
+    const Touch touch = touch_of(*car_.segments[segment].chassis, contact, j);
+    if (touch.normal_n_s <= 0) continue;
+    // The outline is the highest of lines that are each lowered by what roll lifts the belly there.
+    const double line_y_m = ground_.belly_contact_y_m(to_metres(touch.place.x));
+    const Footing foot =
+        footing_at(touch, touch.z_m + line_y_m * q, middle_y_m, width_m).value_or(Footing{line_y_m, 0});
+    const double y_m = foot.middle_m + leaning_m(foot.width_m, q);
+    load_.height_n_m += touch.up_n * height_m;
+    load_.middle_n_m += touch.up_n * foot.middle_m;
+    load_.width_n_m += touch.up_n * foot.width_m;
+    contact_yaw_n_m_ -= touch.forward_n * (y_m + aside_m);
+    const double friction = friction_at(to_metres(touch.place.x), y_m) * body_.segments[segment].grip;
+    if (terrain_.has_patches()) contact.SetFriction(static_cast<float>(friction));
+    enter_contact(touch, nullptr, y_m + aside_m, friction);
+  }
+}
+
+TwinTrackCar::Touch TwinTrackCar::touch_of(b2Body& body, b2Contact& contact, int point) const {
+  b2WorldManifold where;
+  contact.GetWorldManifold(&where);
+  const b2ManifoldPoint& impulses = contact.GetManifold()->points[point];
+  const double to_newton = 1 / (step_s_ * kUnitsPerMetre);
+  Touch touch;
+  touch.body = &body;
+  touch.place = where.points[point];
+  touch.normal = contact.GetFixtureB()->GetBody() == &body ? where.normal : -where.normal;
+  touch.tangent = b2Cross(touch.normal, 1.0f);
+  touch.z_m = to_metres(touch.place.y);
+  touch.normal_n_s = to_metres(impulses.normalImpulse);
+  touch.tangent_n_s = to_metres(impulses.tangentImpulse);
+  const b2Vec2 impulse = impulses.normalImpulse * touch.normal + impulses.tangentImpulse * touch.tangent;
+  touch.forward_n = impulse.x * to_newton;
+  touch.up_n = impulse.y * to_newton;
+  return touch;
+}
+
+std::optional<Footing> TwinTrackCar::footing_at(const Touch& touch, double z_m, double middle_y_m, double width_m) const {
+  const double ahead_m = to_metres(touch.place.x - car_.chassis->GetPosition().x);
+  return footing(terrain_, {com_x_m_, com_y_m_, heading_rad_},
+                 {ahead_m, z_m, touch.normal.x, touch.normal.y, middle_y_m, width_m});
+}
+
+GroundContact& TwinTrackCar::enter_contact(const Touch& touch, const b2Body* track, double left_m, double friction) {
+  const b2Vec2 from_com = touch.place - car_.chassis->GetPosition();
+  const double pitch_rad = car_.chassis->GetAngle();
+  b2Vec2 slip = -touch.body->GetLinearVelocityFromWorldPoint(touch.place);
+  if (track != nullptr) slip += track->GetLinearVelocity();
+  GroundContact contact;
+  contact.ahead_m = to_metres(from_com.x) + main_.com_x_m - constants_.com_x_m;
+  contact.left_m = left_m;
+  contact.depth_m = to_metres(std::sin(pitch_rad) * from_com.x - std::cos(pitch_rad) * from_com.y);
+  contact.limit_n_s = friction * touch.normal_n_s;
+  contact.tangent_n_s = touch.tangent_n_s;
+  contact.tangent_x = touch.tangent.x;
+  contact.slip_m_s = to_metres(b2Dot(slip, touch.tangent));
+  contacts_.push_back(contact);
+  touching_.push_back(touch);
+  return contacts_.back();
+}
+
+// On stiff ground nothing says how axles share a difference of load between left and right: the solver, which takes
+// contacts in turn, lets it build up with opposite signs. Tyres would share it alike. What the solver starts its
+// next step from is evened out so; it still makes every contact hold.
+void TwinTrackCar::untwist_loads() {
+  float mean = 0;
+  for (const auto& [left, right] : axles_) {
+    const b2ManifoldPoint *a = wheels_[left].support, *b = wheels_[right].support;
+    if (a == nullptr || b == nullptr) return;
+    mean += 0.5f * (a->normalImpulse - b->normalImpulse) / static_cast<float>(axles_.size());
+  }
+  for (const auto& [left, right] : axles_) {
+    float &a = wheels_[left].support->normalImpulse, &b = wheels_[right].support->normalImpulse;
+    const float shift = std::clamp(kUntwist * (mean - 0.5f * (a - b)), -a, b);
+    a += shift;
+    b -= shift;
+  }
+}
+
+double TwinTrackCar::friction_at(double s_m, double y_m) const {
+  if (!terrain_.has_patches()) return friction_;
+  const double ahead_m = s_m - to_metres(car_.chassis->GetPosition().x);
+  const double c = std::cos(heading_rad_), s = std::sin(heading_rad_);
+  return terrain_.friction(com_x_m_ + c * ahead_m - s * y_m, com_y_m_ + s * ahead_m + c * y_m, friction_);
+}
+
+// Contacts that begin later start with their fixture's friction, so that is changed too.
+void TwinTrackCar::take_friction(std::size_t wheel, double s_m) {
+  const WheelSpec& spec = body_.wheels[wheel];
+  const double side = spec.side == CarSide::kLeft ? 0.5 : -0.5;
+  wheels_[wheel].friction = friction_at(s_m, side * body_.track_m * cos_roll(car_.roll->GetAngle()));
+  car_.wheel[wheel]->GetFixtureList()->SetFriction(fixture_friction(wheels_[wheel].friction * spec.grip));
+}
+
+void TwinTrackCar::take_belly_friction() {
+  for (std::size_t j = 0; j < car_.segments.size(); ++j) {
+    b2Body& chassis = *car_.segments[j].chassis;
+    const double friction = friction_at(to_metres(chassis.GetPosition().x), 0);
+    chassis.GetFixtureList()->SetFriction(fixture_friction(friction * body_.segments[j].grip));
+  }
+}
+
+}  // namespace foldcar

@@ -28,7 +28,6 @@ class Slope : public Terrain {
   double height_m(double x_m, double) const override { return std::max(0.0, rise_ * (x_m - kFoot_m)); }
   double friction(double, double, double elsewhere) const override { return elsewhere; }
   bool has_patches() const override { return false; }
-  bool has_blocks() const override { return false; }
   const Ground* ground() const override { return nullptr; }
   void slice(const SliceFrame& frame, const Span& span, const std::vector<Strip>& strips,
              std::vector<std::vector<Piece>>& pieces) const override {

@@ -4,8 +4,6 @@
 #include <cmath>
 
 #include "../study_car.h"
-#include "footing.h"
-#include "scene_terrain.h"
 #include "servo_model.h"
 #include "side_motion.h"
 #include "side_view_terms.h"
@@ -80,32 +78,6 @@ void test_the_weight_couple_is_that_of_a_point_mass_over_the_tyres_edge() {
   TEST_ASSERT_DOUBLE_WITHIN(1e-9, mass_kg * 9.81 * lever_m, load_roll_couple_n_m(weight, std::sin(roll_rad)));
   TEST_ASSERT_DOUBLE_WITHIN(1e-9, -mass_kg * 9.81 * lever_m,
                             load_roll_couple_n_m(weight, -std::sin(roll_rad)));
-}
-
-// A box that ends 2 mm left of a tyre's middle carries its right part only; a wheel that stands beside it, all of it.
-void test_a_tyre_stands_on_as_much_as_an_edge_leaves() {
-  TerrainSpec spec;
-  BlockSpec box;
-  box.x_m = 1;
-  box.y_m = -0.1;
-  box.length_m = 0.4;
-  box.width_m = 0.2;
-  box.height_m = 0.02;
-  spec.blocks = {box};
-  const SceneTerrain terrain(spec);
-  StripContact contact{0.1, 0.02, 0, 1, -0.002, 0.012};
-  const double spacing_m = 0.002;  // of the lines that feel for the edge
-  const Footing partly = footing(terrain, {0.9, 0, 0}, contact).value();
-  TEST_ASSERT_DOUBLE_WITHIN(spacing_m, 0.008, partly.width_m);
-  TEST_ASSERT_DOUBLE_WITHIN(spacing_m / 2, -0.002, partly.middle_m);
-  // Seen from the other side, the same edge.
-  const Footing back = footing(terrain, {1.1, 0, 3.14159265}, {0.1, 0.02, 0, 1, 0.002, 0.012}).value();
-  TEST_ASSERT_DOUBLE_WITHIN(1e-9, -partly.middle_m, back.middle_m);
-  contact.middle_y_m = -0.05;
-  TEST_ASSERT_EQUAL_DOUBLE(0.012, footing(terrain, {0.9, 0, 0}, contact)->width_m);
-  contact.z_m = 0;
-  contact.middle_y_m = -0.002;
-  TEST_ASSERT_EQUAL_DOUBLE(0.012, footing(terrain, {0.5, 0, 0}, contact)->width_m);
 }
 
 namespace {
@@ -220,7 +192,6 @@ int main() {
   RUN_TEST(test_without_pulses_there_is_neither_torque_nor_current);
   RUN_TEST(test_current_runs_from_free_to_stall);
   RUN_TEST(test_the_weight_couple_is_that_of_a_point_mass_over_the_tyres_edge);
-  RUN_TEST(test_a_tyre_stands_on_as_much_as_an_edge_leaves);
   RUN_TEST(test_driving_and_sliding_share_one_friction_circle);
   RUN_TEST(test_a_slide_is_braked_by_friction_and_then_holds);
   RUN_TEST(test_more_roll_inertia_in_the_plane_is_made_good);

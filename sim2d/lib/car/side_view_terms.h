@@ -20,7 +20,7 @@ double cos_roll(double q);
 double leaning_m(double width_m, double q);
 
 // What the ground carries, summed over all that stands on it: each share (N) times the height of the centre of mass over
-// it, times how far left of the car's own plane it stands, and times the width on which it stands.
+// it, times how far left of its part of the car's middle it stands, and times the width of the tyre that stands on it.
 struct CarriedLoad {
   double height_n_m = 0;
   double middle_n_m = 0;

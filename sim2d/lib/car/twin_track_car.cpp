@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "footing.h"
 #include "side_view_terms.h"
 #include "standing_height.h"
 

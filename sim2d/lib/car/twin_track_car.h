@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "body_spec.h"
-#include "footing.h"
 #include "hal.h"
 #include "mechanism.h"
 #include "scene_spec.h"
@@ -94,8 +93,6 @@ class TwinTrackCar {
     double forward_n, up_n;  // on the body
   };
   Touch touch_of(b2Body& body, b2Contact& contact, int point) const;
-  // Where a strip across the car stands; z_m of the surface, the strip's middle left of that of the contacts.
-  std::optional<Footing> footing_at(const Touch& touch, double z_m, double middle_y_m, double width_m) const;
   // left_m from the centre of mass; the track that a wheel's contact is felt on.
   GroundContact& enter_contact(const Touch& touch, const b2Body* track, double left_m, double friction);
   b2Vec2 chassis_velocity() const;  // m/s, of the main segment's centre of mass

@@ -1,4 +1,4 @@
-// What touches the ground after a step of the plane: loads, where they stand across the car, and friction's impulses.
+// What touches the ground after a step of the plane: loads, the couples of what pulls aside, friction's impulses.
 #include <algorithm>
 #include <cmath>
 
@@ -73,13 +73,11 @@ void TwinTrackCar::read_tyre(std::size_t wheel, b2Contact& contact) {
     if (touch.normal_n_s <= 0) continue;
     wheels_[wheel].support = wheels_[wheel].load_n > 0 ? nullptr : &contact.GetManifold()->points[j];
     const double normal_n = touch.normal_n_s / step_s_;
-    const std::optional<Footing> foot = footing_at(touch, touch.z_m, tyre_y_m, spec.width_m);
     wheels_[wheel].load_n += normal_n;
     struck_ = struck_ || (std::abs(touch.normal.x) > kStruckNormal &&
                           normal_n > kStruckLoad * constants_.mass_kg * kGravity_m_s2);
     load_.height_n_m += touch.up_n * constants_.com_height_m;
-    load_.middle_n_m += touch.up_n * (foot ? foot->middle_m : 0);
-    load_.width_n_m += touch.up_n * (foot ? foot->width_m : spec.width_m);
+    load_.width_n_m += touch.up_n * spec.width_m;
     contact_yaw_n_m_ -= touch.forward_n * aside_m;
     GroundContact& ground = enter_contact(touch, car_.track[side], tyre_y_m + aside_m,
                                           wheels_[wheel].friction * spec.grip);
@@ -95,21 +93,14 @@ void TwinTrackCar::read_tyre(std::size_t wheel, b2Contact& contact) {
 }
 
 void TwinTrackCar::read_belly(std::size_t segment, b2Contact& contact) {
-  const double q = sin_roll_limited(car_.roll->GetAngle());
   const double height_m = constants_.com_height_m - constants_.belly_clearance_m;
-  const double aside_m = height_m * tan_roll(q);
-  const double middle_y_m = -constants_.belly_clearance_m * q, width_m = constants_.belly_width_m * cos_roll(q);
+  const double aside_m = height_m * tan_roll(car_.roll->GetAngle());
   for (int j = 0; j < contact.GetManifold()->pointCount; ++j) {
     const Touch touch = touch_of(*car_.segments[segment].chassis, contact, j);
     if (touch.normal_n_s <= 0) continue;
-    // The outline is the highest of lines that are each lowered by what roll lifts the belly there.
-    const double line_y_m = ground_.belly_contact_y_m(to_metres(touch.place.x));
-    const Footing foot =
-        footing_at(touch, touch.z_m + line_y_m * q, middle_y_m, width_m).value_or(Footing{line_y_m, 0});
-    const double y_m = foot.middle_m + leaning_m(foot.width_m, q);
+    const double y_m = ground_.belly_contact_y_m(to_metres(touch.place.x));
     load_.height_n_m += touch.up_n * height_m;
-    load_.middle_n_m += touch.up_n * foot.middle_m;
-    load_.width_n_m += touch.up_n * foot.width_m;
+    load_.middle_n_m += touch.up_n * y_m;
     contact_yaw_n_m_ -= touch.forward_n * (y_m + aside_m);
     const double friction = friction_at(to_metres(touch.place.x), y_m) * body_.segments[segment].grip;
     if (terrain_.has_patches()) contact.SetFriction(static_cast<float>(friction));
@@ -134,12 +125,6 @@ TwinTrackCar::Touch TwinTrackCar::touch_of(b2Body& body, b2Contact& contact, int
   touch.forward_n = impulse.x * to_newton;
   touch.up_n = impulse.y * to_newton;
   return touch;
-}
-
-std::optional<Footing> TwinTrackCar::footing_at(const Touch& touch, double z_m, double middle_y_m, double width_m) const {
-  const double ahead_m = to_metres(touch.place.x - car_.chassis->GetPosition().x);
-  return footing(terrain_, {com_x_m_, com_y_m_, heading_rad_},
-                 {ahead_m, z_m, touch.normal.x, touch.normal.y, middle_y_m, width_m});
 }
 
 GroundContact& TwinTrackCar::enter_contact(const Touch& touch, const b2Body* track, double left_m, double friction) {

@@ -16,7 +16,6 @@ class SceneTerrain : public Terrain {
   double height_m(double x_m, double y_m) const override;
   double friction(double x_m, double y_m, double elsewhere) const override;
   bool has_patches() const override { return !patches_.empty(); }
-  bool has_blocks() const override { return !blocks_.empty(); }
   const Ground* ground() const override { return ground_.flat() ? nullptr : &ground_; }
   void slice(const SliceFrame& frame, const Span& span, const std::vector<Strip>& strips,
              std::vector<std::vector<Piece>>& pieces) const override;

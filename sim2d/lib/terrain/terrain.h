@@ -48,8 +48,6 @@ class Terrain {
   virtual double friction(double x_m, double y_m, double elsewhere) const = 0;
   // False if nothing anywhere sets a friction.
   virtual bool has_patches() const = 0;
-  // False if nothing stands on the ground.
-  virtual bool has_blocks() const = 0;
   // The ground that everything stands on; none if it is z = 0 throughout.
   virtual const Ground* ground() const = 0;
   // Appends to pieces[k] what stands on the ground in strips[k] within span, highest or not. Pieces that continue

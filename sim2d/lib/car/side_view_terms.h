@@ -15,10 +15,6 @@ double sin_roll_limited(double q);
 double tan_roll(double q);
 double cos_roll(double q);
 
-// How far to the left (m) of the middle of what carries it, width_m wide, a tyre or belly rests: on the edge that is down
-// once the car leans over 0.02 in q.
-double leaning_m(double width_m, double q);
-
 // What the ground carries, summed over all that stands on it: each share (N) times the height of the centre of mass over
 // it, times how far left of its part of the car's middle it stands, and times the width of the tyre that stands on it.
 struct CarriedLoad {
@@ -27,8 +23,8 @@ struct CarriedLoad {
   double width_n_m = 0;
 };
 
-// Couple about the roll axis (N·m) of load: of the weight at rest, none in the air. Tyres on level ground lean on their
-// outer edges, so the weight overturns the car only beyond atan((track + tyre) / (2 height)).
+// Couple about the roll axis (N·m) of load: of the weight at rest, none in the air. Tyres lean on the edge that is down
+// once the car leans over 0.02 in q, so the weight overturns the car only beyond atan((track + tyre) / (2 height)).
 double load_roll_couple_n_m(const CarriedLoad& load, double q);
 
 // Couple about the roll axis (N·m) of masses off the middle; side_moment_kg_m is positive for more on the left.

@@ -265,9 +265,8 @@ double TwinTrackCar::mechanical_energy_j() const {
     if (body->GetType() != b2_dynamicBody) continue;
     const double speed_squared = body->GetLinearVelocity().LengthSquared();
     const double omega = body->GetAngularVelocity();
-    const double inertia = body->GetInertia() - body->GetMass() * body->GetLocalCenter().LengthSquared();
-    energy += 0.5 * body->GetMass() * speed_squared + 0.5 * inertia * omega * omega;
-    energy += body->GetMass() * body->GetGravityScale() * to_units(kGravity_m_s2) * body->GetWorldCenter().y;
+    energy += 0.5 * body->GetMass() * speed_squared + 0.5 * body->GetInertia() * omega * omega;
+    energy += body->GetMass() * body->GetGravityScale() * to_units(kGravity_m_s2) * body->GetPosition().y;
   }
   energy /= kTorqueScale;
   for (std::size_t j = 0; j < car_.hinge.size(); ++j) {

@@ -226,8 +226,8 @@ void test_a_patch_over_everything_is_the_ground() {
   TEST_ASSERT_TRUE(apart > 0.05);
 }
 
-// A hill askew under one front wheel pushes it aside, which turns the car down the flank where friction is low. Over ten
-// such hills MuJoCo turns the same car by 0.2 to 1 rad on ice, 0.59 in the mean, and by 0.06 on dry ground.
+// A hill askew under one front wheel pushes it aside, which turns the car down the flank where friction is low. Over
+// ten such hills MuJoCo turns the same car by 0.2 to 1 rad on ice, 0.59 in the mean, and by 0.06 on dry ground.
 void test_a_flank_turns_the_car_where_friction_is_low() {
   const BodySpec body = study_car(0.245);
   constexpr int kHills = 5;

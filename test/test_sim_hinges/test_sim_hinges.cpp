@@ -153,7 +153,8 @@ void test_the_constants_of_unlike_segments_are_those_of_their_sum() {
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, x / mass_kg, constants.com_x_m);
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, y, constants.side_moment_kg_m);
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.06 + z / mass_kg, constants.com_height_m);
-  // Roll and yaw are taken about axes through the segments' own middle: that wheels stand beside and below it is left out.
+  // Roll and yaw are taken about axes through the segments' own middle: that wheels stand beside and below it is left
+  // out.
   const double yz = (segments_y * segments_y + segments_z * segments_z) / segments_kg;
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, roll - yz, constants.roll_inertia_kg_m2);
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, yaw - x * x / mass_kg - segments_y * segments_y / segments_kg,

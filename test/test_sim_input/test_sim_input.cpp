@@ -235,8 +235,8 @@ void test_a_later_definition_replaces_an_earlier_one() {
   TEST_ASSERT_TRUE(before != *session.answer(5, run().dump()));
 }
 
-// The numbers of a result are the rows of the metrics' table, in their order, after the outcome; one that a run does not
-// have is null.
+// The numbers of a result are the rows of the metrics' table, in their order, after the outcome; one that a run does
+// not have is null.
 void test_a_result_holds_the_metrics_of_the_table() {
   TrialResult result;
   double value = 0.5;

@@ -1,4 +1,5 @@
-// Terrain and outlines: cuts of every kind against dense sampling and closed forms, the envelope against its definition.
+// Terrain and outlines: cuts of every kind against dense sampling and closed forms, the envelope against its
+// definition.
 #include <unity.h>
 
 #include <algorithm>
@@ -36,7 +37,7 @@ double height_of(const Profile& profile, double s_m) {
 }
 
 // The highest of the surface, lowered by tilt times what is across, on a line over the car's frame at s.
-double highest_m(const Terrain& terrain, const CutPose& pose, double s_m, const Across& across) {
+double highest_m(const Terrain& terrain, const CutPose& pose, double s_m, const LateralSpan& across) {
   const double c = std::cos(pose.frame.heading_rad), s = std::sin(pose.frame.heading_rad);
   constexpr int kSamples = 100;
   double highest = -1e9;
@@ -49,7 +50,7 @@ double highest_m(const Terrain& terrain, const CutPose& pose, double s_m, const 
   return highest;
 }
 
-Across under_wheels(int k, double q) {
+LateralSpan under_wheels(int k, double q) {
   const double half_m = 0.5 * kBody.wheels[0].width_m, side = k == 0 ? 0.5 : -0.5;
   return {-half_m, half_m, side * kBody.track_m * std::sqrt(1 - q * q), 1, 0};
 }
@@ -208,8 +209,8 @@ void test_a_hill_is_the_gaussian_of_its_distances() {
 }
 
 // Along the line through a round hill's middle the second derivative is (r² - 1)·exp(-r²/2) of height/sd² at r standard
-// deviations; across that line it is -exp(-r²/2) of it. Its magnitude falls from 1 at the middle and has a second peak of
-// 2·exp(-3/2) at r = √3. The stations of an outline are as close as the largest of it within a disc asks for.
+// deviations; across that line it is -exp(-r²/2) of it. Its magnitude falls from 1 at the middle and has a second peak
+// of 2·exp(-3/2) at r = √3. The stations of an outline are as close as the largest of it within a disc asks for.
 void test_the_curvature_bound_of_a_hill_is_the_largest_second_derivative_in_the_disc() {
   constexpr double kHeight_m = 0.03, kSd_m = 0.05;
   for (const double height_m : {kHeight_m, -kHeight_m}) {

@@ -6,7 +6,7 @@
 namespace foldcar {
 namespace {
 
-// Roll (as q) at which a tyre stands on its edge: two hundredths are a tenth of a millimetre across 12 mm.
+// The q from which a tyre stands on its lower edge: 0.02 lifts the other edge of a 12 mm tyre by 0.24 mm.
 constexpr double kEdgeRoll = 0.02;
 
 }  // namespace

@@ -1,7 +1,7 @@
 // The metrics of a run: the numbers that describe how a trial went, declared once.
 //
-// A new metric is a field of Metrics, a row of kMetrics and its computation in Trial::observe() (trial.cpp). The protocol
-// writes the rows of this table, and `carsim metrics` prints them, so that no other program needs a list.
+// A new metric is a field of Metrics, a row of kMetrics and its computation in Trial::observe() (trial.cpp). The
+// protocol writes the rows of this table, and `carsim metrics` prints them, so that no other program needs a list.
 #pragma once
 
 #include <array>

@@ -37,7 +37,7 @@ class Trial::Simulation {
 
   void step() {
     if (hal_.clock.now_us() >= next_tick_us_) {
-      const Lap lap(stopwatch_ != nullptr ? &stopwatch_->firmware_s : nullptr);
+      const ScopedTimer timer(stopwatch_ != nullptr ? &stopwatch_->firmware_s : nullptr);
       application_.tick();
       next_tick_us_ += kTickUs;
     }

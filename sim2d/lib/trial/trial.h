@@ -15,7 +15,7 @@
 #include "metrics.h"
 #include "parameters.h"
 #include "scene_spec.h"
-#include "stopwatch.h"
+#include "scoped_timer.h"
 #include "twin_track_car.h"
 
 namespace foldcar {

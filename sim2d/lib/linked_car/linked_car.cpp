@@ -88,7 +88,7 @@ std::vector<std::uint8_t> LinkedCar::step() {
   if (!booting_) firmware_->poll();
   if (hal_.board.restart_is_asked) restart(ResetReason::kSoftware);
   watch_trial();
-  tell_truth();
+  send_truth();
 
   car_->step(hal_.servos.pulses_us());
   if (!car_->finite()) throw std::runtime_error("the simulation left the finite numbers");
@@ -140,7 +140,7 @@ void LinkedCar::watch_trial() {
   outcome_ = ending_->check(car_->state(), outcome_s_);
 }
 
-void LinkedCar::tell_truth() {
+void LinkedCar::send_truth() {
   if (now_us_ < next_truth_us_) return;
   next_truth_us_ += kTruthPeriodUs;
   if (booting_) return;

@@ -1,7 +1,7 @@
 // A simulated car that runs the whole firmware, its link included: what `carsim link` offers on a port.
 //
-// Input: body, scene, design; then, between steps, bytes from a host and faults to inject. Output: the car's bytes. Time
-// is that of the steps alone: the same inputs before the same steps give the same bytes.
+// Input: body, scene, design; then, between steps, bytes from a host and faults to inject. Output: the car's bytes.
+// Time is that of the steps alone: the same inputs before the same steps give the same bytes.
 #pragma once
 
 #include <cstdint>
@@ -51,7 +51,7 @@ class LinkedCar {
   void restart(ResetReason reason);
   void apply_faults();
   void watch_trial();
-  void tell_truth();
+  void send_truth();
 
   const BodySpec& body_;
   const SceneSpec& scene_;

@@ -387,6 +387,5 @@ int main() {
   RUN_TEST(the_stick_drives_an_armed_car);
   RUN_TEST(a_test_puts_its_pulse_on_one_output_only_and_ends);
   RUN_TEST(a_parameter_that_is_set_is_saved_and_forgotten_on_request);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -202,6 +202,5 @@ int main() {
   RUN_TEST(a_reversal_ramps_through_neutral);
   RUN_TEST(mirrored_set_points_give_mirrored_pulses_to_the_last_bit);
   RUN_TEST(the_same_input_gives_the_same_bits);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

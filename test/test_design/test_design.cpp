@@ -219,6 +219,5 @@ int main() {
   RUN_TEST(wrong_wheels_are_named);
   RUN_TEST(damaged_files_are_refused_or_harmless);
   RUN_TEST(the_board_reads_what_the_simulator_reads);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -678,6 +678,5 @@ int main() {
   RUN_TEST(packets_are_found_among_noise_and_behind_false_starts);
   RUN_TEST(an_unfinished_packet_does_not_hold_up_the_next_for_long);
   RUN_TEST(a_million_random_and_damaged_bytes_move_nothing);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

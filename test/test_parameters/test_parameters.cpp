@@ -184,6 +184,5 @@ int main() {
   RUN_TEST(a_storage_that_takes_nothing_is_noticed);
   RUN_TEST(a_fixed_value_is_neither_set_nor_loaded);
   RUN_TEST(objects_do_not_share_values);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -249,6 +249,5 @@ int main() {
   RUN_TEST(test_what_is_no_line_is_answered_too);
   RUN_TEST(test_a_run_may_only_name_what_is_known);
   RUN_TEST(test_a_later_definition_replaces_an_earlier_one);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -239,6 +239,5 @@ int main() {
   RUN_TEST(test_it_leaves_the_course_at_its_edge);
   RUN_TEST(test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for);
   RUN_TEST(test_a_refused_trial_says_why);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -377,6 +377,5 @@ int main() {
   RUN_TEST(the_first_fault_stays_until_it_is_acknowledged);
   RUN_TEST(how_a_trial_ended_is_kept_until_the_next_one_starts);
   RUN_TEST(a_second_trial_counts_its_own_time);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -42,17 +42,20 @@ bool any_pulse(const PulsesUs& pulses_us) { return pulses_us != kOff; }
 }  // namespace
 
 void the_recording_hal_keeps_the_contract() {
-  RecordingHal board;
-  check_hal_contract(board.hal(), [&board] { board.clock.time_us += 10; });
+  for (const bool with_imu : {false, true}) {
+    RecordingHal board;
+    board.imu.fitted = with_imu;
+    check_hal_contract(board.hal(), [&board] { board.clock.time_us += 10; });
+  }
 }
 
 void outputs_are_off_before_parameters_are_loaded() {
-  struct WatchingStorage : RecordingStorage {
+  struct WatchingStorage : SimStorage {
     const RecordingServos* servos = nullptr;
     bool off_came_first = true;
     bool load(const char* name, float& value) override {
       off_came_first = off_came_first && servos->writes.size() == 1 && servos->writes[0] == kOff;
-      return RecordingStorage::load(name, value);
+      return SimStorage::load(name, value);
     }
   };
   RecordingHal board;

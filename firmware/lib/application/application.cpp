@@ -125,7 +125,9 @@ void Application::report_reset() {
     case ResetReason::kOtherWatchdog: return supervisor_.report(Fault::kWatchdog);
     case ResetReason::kUnknown:
     case ResetReason::kPowerOn:
-    case ResetReason::kSoftware: return;
+    case ResetReason::kExternalPin:
+    case ResetReason::kSoftware:
+    case ResetReason::kDeepSleep: return;
   }
 }
 

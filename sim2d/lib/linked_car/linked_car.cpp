@@ -54,11 +54,11 @@ void LinkedCar::inject(const Injection& injection) {
   const std::uint64_t until_us = injection.for_s ? now_us_ + to_us(*injection.for_s) : UINT64_MAX;
   switch (injection.kind) {
     case Injection::Kind::kBattery:
-      hal_.battery.set_v(injection.value);
+      hal_.battery.volts = static_cast<float>(injection.value);
       battery_until_us_ = until_us;
       break;
     case Injection::Kind::kBatteryUnreadable:
-      hal_.battery.set_v(std::numeric_limits<double>::quiet_NaN());
+      hal_.battery.volts = std::numeric_limits<float>::quiet_NaN();
       battery_until_us_ = until_us;
       break;
     case Injection::Kind::kBusError: bus_until_us_ = until_us; break;
@@ -86,7 +86,7 @@ std::vector<std::uint8_t> LinkedCar::step() {
     firmware_->begin(options_.design);
   }
   if (!booting_) firmware_->poll();
-  if (hal_.board.restart_is_asked) restart(ResetReason::kSoftware);
+  if (hal_.board.restart_is_requested) restart(ResetReason::kSoftware);
   watch_trial();
   tell_truth();
 
@@ -110,7 +110,7 @@ void LinkedCar::put_down() {
 // The servo driver keeps its pulses until the firmware is up again.
 void LinkedCar::restart(ResetReason reason) {
   hal_.board.reason = reason;
-  hal_.board.restart_is_asked = false;
+  hal_.board.restart_is_requested = false;
   hal_.link.to_car.clear();
   booting_ = true;
   booted_us_ = now_us_ + kBootUs;
@@ -118,7 +118,7 @@ void LinkedCar::restart(ResetReason reason) {
 
 void LinkedCar::apply_faults() {
   if (battery_until_us_ != 0 && now_us_ >= battery_until_us_) {
-    hal_.battery.set_v(kLogicBattery_v);
+    hal_.battery.volts = static_cast<float>(kLogicBattery_v);
     battery_until_us_ = 0;
   }
   hal_.servos.answers = now_us_ >= bus_until_us_;

@@ -1,5 +1,5 @@
-// The board's HAL, compiled here against test/arduino_fakes: PlatformIO leaves a library for another platform out. Its reading
-// of car.json needs ArduinoJson, which only PlatformIO's registry has.
+// The board's HAL, compiled against test/arduino_fakes. PlatformIO leaves out a library of another platform, so its sources
+// are included here. Reading car.json needs ArduinoJson, which only PlatformIO's registry has.
 #include "../../firmware/lib/feather_hal/feather_board.cpp"
 #include "../../firmware/lib/feather_hal/feather_imu.cpp"
 #include "../../firmware/lib/feather_hal/feather_servos.cpp"

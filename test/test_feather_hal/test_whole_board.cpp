@@ -30,7 +30,7 @@ struct Car {
       std::size_t& waiting = fake_esp32.uart.transmit_fifo;
       waiting -= std::min<std::size_t>(waiting, 11);
     }
-    host.hear(fake_esp32.uart.transmitted);
+    host.receive(fake_esp32.uart.transmitted);
     fake_esp32.uart.transmitted.clear();
   }
   void start_trial(float untethered) {
@@ -77,7 +77,7 @@ void an_untethered_trial_leaves_a_log_in_flash() {
   MavlinkHost reader;
   for (std::size_t at = 8; at < log.size();) {
     const std::size_t size = 12 + static_cast<std::uint8_t>(log[at + 1]);
-    reader.hear(log.substr(at, size));
+    reader.receive(log.substr(at, size));
     at += size + 8;
   }
   TEST_ASSERT_EQUAL_INT(0, reader.bad_count);

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint64_t kTruthPeriodUs = 20000;
 constexpr std::uint8_t kTruthComponent = MAV_COMP_ID_USER1;
-// From reset to the first line of the firmware, about what an ESP32 takes. The servo driver knows nothing of it.
+// Time (µs) from a reset to the firmware's start, about that of an ESP32. The servo driver is not reset.
 constexpr std::uint64_t kBootUs = 300000;
 
 std::uint8_t code_of(const std::optional<Outcome>& outcome) {
@@ -22,7 +22,7 @@ std::uint8_t code_of(const std::optional<Outcome>& outcome) {
     case Outcome::kTipped: return FOLDCAR_OUTCOME_TIPPED;
     case Outcome::kStuck: return FOLDCAR_OUTCOME_STUCK;
     case Outcome::kOffCourse: return FOLDCAR_OUTCOME_OFF_COURSE;
-    default: return FOLDCAR_OUTCOME_NONE;  // time-outs and faults are the car's own to tell
+    default: return FOLDCAR_OUTCOME_NONE;  // the car itself reports time-outs and faults
   }
 }
 
@@ -39,7 +39,7 @@ LinkedCar::LinkedCar(const BodySpec& body, const SceneSpec& scene, const LinkedC
   hal_.imu.fitted = true;
   hal_.logs.fitted = true;
   for (const auto& [name, value] : options.stored_parameters) hal_.storage.save(name.c_str(), value);
-  put_down();
+  place_at_start();
   firmware_ = std::make_unique<Firmware>(hal_.hal(), firmware_id_.c_str());
   firmware_->begin(options_.design);
 }
@@ -73,7 +73,7 @@ void LinkedCar::inject(const Injection& injection) {
       from_car_noise_.set(noise, injection.value, until_us);
       break;
     }
-    case Injection::Kind::kPutBack: put_down(); break;
+    case Injection::Kind::kPutBack: place_at_start(); break;
   }
 }
 
@@ -87,8 +87,8 @@ std::vector<std::uint8_t> LinkedCar::step() {
   }
   if (!booting_) firmware_->poll();
   if (hal_.board.restart_is_requested) restart(ResetReason::kSoftware);
-  watch_trial();
-  tell_truth();
+  update_outcome();
+  send_truth();
 
   car_->step(hal_.servos.pulses_us());
   if (!car_->finite()) throw std::runtime_error("the simulation left the finite numbers");
@@ -102,12 +102,12 @@ std::vector<std::uint8_t> LinkedCar::step() {
   return sent;
 }
 
-void LinkedCar::put_down() {
+void LinkedCar::place_at_start() {
   car_ = std::make_unique<TwinTrackCar>(body_, scene_.friction, terrain_, scene_.start, StepOptions{}, nullptr);
   motion_sensor_ = MotionSensor();
 }
 
-// The servo driver keeps its pulses until the firmware is up again.
+// The servo driver keeps its pulses until the firmware has started again.
 void LinkedCar::restart(ResetReason reason) {
   hal_.board.reason = reason;
   hal_.board.restart_is_requested = false;
@@ -125,9 +125,9 @@ void LinkedCar::apply_faults() {
   hal_.imu.answers = now_us_ >= imu_until_us_;
 }
 
-void LinkedCar::watch_trial() {
+void LinkedCar::update_outcome() {
   const State state = booting_ ? State::kDisarmed : firmware_->application().status().state;
-  if (options_.put_back && state == State::kArmed && seen_state_ != State::kArmed) put_down();
+  if (options_.put_back && state == State::kArmed && seen_state_ != State::kArmed) place_at_start();
   const double now_s = 1e-6 * static_cast<double>(now_us_);
   if (state == State::kRunning && seen_state_ != State::kRunning) {
     ending_.emplace(scene_, car_->state());
@@ -140,7 +140,7 @@ void LinkedCar::watch_trial() {
   outcome_ = ending_->check(car_->state(), outcome_s_);
 }
 
-void LinkedCar::tell_truth() {
+void LinkedCar::send_truth() {
   if (now_us_ < next_truth_us_) return;
   next_truth_us_ += kTruthPeriodUs;
   if (booting_) return;

@@ -22,10 +22,10 @@ FUZZ_BYTES := 100000000
 FUZZ_SEED := 1
 FUZZ_FLAGS := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all
 
-# The portable firmware, for programs that need nothing else.
-FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp))
-FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*))
-FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h test/*.h)
+# The portable firmware on the simulated board, for programs that need nothing else.
+FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp)) sim2d/lib/sim_hal/sim_hal.cpp
+FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*)) -Isim2d/lib/sim_hal
+FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h sim2d/lib/sim_hal/*.h test/*.h)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup study fidelity test test-native test-host lint bench fuzz clean system-packages platformio

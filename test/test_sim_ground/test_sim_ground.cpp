@@ -312,6 +312,5 @@ int main() {
   RUN_TEST(test_a_mirrored_hill_is_driven_as_a_mirror_image);
   RUN_TEST(test_a_turned_hill_changes_nothing_but_the_direction);
   RUN_TEST(test_the_same_ground_gives_the_same_numbers_whoever_made_it);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -369,6 +369,5 @@ int main() {
   RUN_TEST(test_one_axle_pulls_its_belly_along);
   RUN_TEST(test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed);
   RUN_TEST(test_a_segment_lighter_than_its_rotors_drives_steadily);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -274,6 +274,5 @@ int main() {
   RUN_TEST(test_a_run_may_only_name_what_is_known);
   RUN_TEST(test_a_later_definition_replaces_an_earlier_one);
   RUN_TEST(test_a_result_holds_the_metrics_of_the_table);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -197,6 +197,5 @@ int main() {
   RUN_TEST(test_more_roll_inertia_in_the_plane_is_made_good);
   RUN_TEST(test_scrub_brakes_a_turn_by_its_couple);
   RUN_TEST(test_a_pitched_car_that_starts_to_roll_turns_back);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

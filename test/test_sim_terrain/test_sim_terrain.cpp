@@ -393,6 +393,5 @@ int main() {
   RUN_TEST(test_the_envelope_has_no_gaps_and_covers_the_span);
   RUN_TEST(test_sloping_pieces_cross_where_their_lines_do);
   RUN_TEST(test_strips_at_the_same_height_share_a_segment);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

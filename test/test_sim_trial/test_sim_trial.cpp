@@ -265,6 +265,5 @@ int main() {
   RUN_TEST(test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for);
   RUN_TEST(test_the_largest_tilt_counts_to_both_sides);
   RUN_TEST(test_a_refused_trial_says_why);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 from scenic_way import OBJECTS, RUN_S, TURNS, sampling_ms, scenic_run_ms
 
-from foldcar.experiments import read_study
+from foldcar.study.experiments import read_study
 
 PROJECT = Path(__file__).resolve().parents[1]
 LISTING = PROJECT / "scenarios" / "width_study.json"

@@ -11,12 +11,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from foldcar.body import body_json
-from foldcar.carsim_step import SteppedCarsim
-from foldcar.controller import controller_parameters
-from foldcar.design import compose
-from foldcar.scenes import open_environment
-from foldcar.scenic_simulator import CarSimulator
+from foldcar.car.body import body_json
+from foldcar.car.design import compose
+from foldcar.car.firmware_parameters import firmware_parameters
+from foldcar.scenes.source import open_environment
+from foldcar.simulation.carsim_step import SteppedCarsim
+from foldcar.simulation.scenic_simulator import CarSimulator
 
 RUN_S = 120.0
 REPEATS = 7
@@ -54,7 +54,7 @@ def scenic_run_ms(binary: Path) -> float:
         "speed_m_s": SPEED_M_S,
         "yaw_rate_rad_s": 0.0,
         "time_limit_s": RUN_S,
-        "parameters": {**controller_parameters(design, body), "TRIAL_MAX_S": RUN_S},
+        "parameters": {**firmware_parameters(design, body), "TRIAL_MAX_S": RUN_S},
     }
     car = json.dumps(body), json.dumps(settings)
     with SteppedCarsim(binary) as carsim:

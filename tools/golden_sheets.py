@@ -8,13 +8,13 @@ import json
 import shutil
 from pathlib import Path
 
+from foldcar.car.folded_car import folded_car
 from foldcar.commands.listed_design import listed_family
-from foldcar.compiler.car import folded_car
-from foldcar.making import car_title
-from foldcar.patterns.drawing import Sheet
-from foldcar.patterns.options import options
-from foldcar.patterns.sheets import pattern
-from foldcar.patterns.svg import svg
+from foldcar.fabrication.make_car import car_title
+from foldcar.fabrication.patterns.drawing import Sheet
+from foldcar.fabrication.patterns.options import options
+from foldcar.fabrication.patterns.sheets import pattern
+from foldcar.fabrication.patterns.svg import svg
 
 PATTERNS = Path(__file__).resolve().parents[1] / "patterns"
 SHEETS = PATTERNS / "sheets"

@@ -9,7 +9,7 @@ __version__ = "0.1.0"
 
 
 def condition(scenario: Any, scene: Any, objects: Any = None, params: Any = None) -> None:
-    """:func:`foldcar.conditioning.condition`, which needs Scenic: it is imported when first called."""
-    from foldcar.conditioning import condition as freeze
+    """:func:`foldcar.scenes.conditioning.condition`, which needs Scenic: it is imported when first called."""
+    from foldcar.scenes.conditioning import condition as freeze
 
     freeze(scenario, scene, objects, params)

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from foldcar.carsim import find_carsim
 from foldcar.errors import FoldcarError
+from foldcar.simulation.carsim import find_carsim
 
 PROJECT = Path(__file__).resolve().parents[2]
 STEP_PYRAMIDS = PROJECT / "scenarios" / "step_pyramids.scenic"

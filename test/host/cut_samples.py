@@ -3,7 +3,7 @@
 import itertools
 import math
 
-from foldcar.sheet.model import Crease, EdgeRef, Face, FoldedCar, Hole, Join, Piece, Point
+from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Hole, Join, Piece, Point
 
 LENGTH, WIDTH, HEIGHT, FLAP, TAB = 120.0, 60.0, 30.0, 10.0, 8.0
 RIGHT_ANGLE = math.pi / 2

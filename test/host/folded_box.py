@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from foldcar.sheet.model import (
+from foldcar.car.folded.model import (
     Crease,
     EdgeRef,
     Face,

@@ -3,8 +3,8 @@
 import copy
 from typing import Any
 
-from foldcar.body import body_json
-from foldcar.design import compose
+from foldcar.car.body import body_json
+from foldcar.car.design import compose
 
 
 def car_body(**changes: float) -> dict[str, Any]:

@@ -11,14 +11,14 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from foldcar.assembly.fold_file import fold_text, plain
-from foldcar.assembly.obj import mtl_text, obj_text
-from foldcar.assembly.skin import film_solid, piece_area_mm2
-from foldcar.assembly.solids import film_mesh, film_solids, mount_solids
-from foldcar.assembly.stl import stl_bytes
-from foldcar.compiler.car import folded_car
-from foldcar.design import compose
-from foldcar.sheet.model import FoldedCar, Piece
+from foldcar.car.design import compose
+from foldcar.car.folded.model import FoldedCar, Piece
+from foldcar.car.folded_car import folded_car
+from foldcar.fabrication.assembly.fold_file import fold_text, plain
+from foldcar.fabrication.assembly.obj import mtl_text, obj_text
+from foldcar.fabrication.assembly.skin import film_solid, piece_area_mm2
+from foldcar.fabrication.assembly.solids import film_mesh, film_solids, mount_solids
+from foldcar.fabrication.assembly.stl import stl_bytes
 from folded_box import HEIGHT_MM, LENGTH_MM, THICKNESS_MM, WIDTH_MM, beam, cap, folded_box
 
 

@@ -14,22 +14,22 @@ import numpy as np
 import pytest
 import shapely
 
-from foldcar.assembly.facets import mount_shape, together
-from foldcar.assembly.guide import guide_page
-from foldcar.assembly.guide_shapes import Body, whole_car
-from foldcar.assembly.guide_steps import steps
-from foldcar.assembly.hidden_surfaces import Facet, camera, seen_facets
-from foldcar.assembly.parts_list import parts_list, parts_list_csv, total_mass_kg
-from foldcar.assembly.poses import face_poses, glued_offset_mm, moved
-from foldcar.assembly.view_page import Drawing, view_page
-from foldcar.assembly.wiring import wiring_text
-from foldcar.assembly.wiring_drawing import wiring_drawing
-from foldcar.body import body_json
-from foldcar.compiler.car import folded_car
-from foldcar.design import Design, compose
-from foldcar.patterns.options import options
-from foldcar.patterns.sheets import cut_car
-from foldcar.sheet.model import FoldedCar
+from foldcar.car.body import body_json
+from foldcar.car.design import Design, compose
+from foldcar.car.folded.model import FoldedCar
+from foldcar.car.folded_car import folded_car
+from foldcar.fabrication.assembly.facets import mount_shape, together
+from foldcar.fabrication.assembly.guide import guide_page
+from foldcar.fabrication.assembly.guide_shapes import Body, whole_car
+from foldcar.fabrication.assembly.guide_steps import steps
+from foldcar.fabrication.assembly.hidden_surfaces import Facet, camera, seen_facets
+from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_csv, total_mass_kg
+from foldcar.fabrication.assembly.poses import face_poses, glued_offset_mm, moved
+from foldcar.fabrication.assembly.view_page import Drawing, view_page
+from foldcar.fabrication.assembly.wiring import wiring_text
+from foldcar.fabrication.assembly.wiring_drawing import wiring_drawing
+from foldcar.fabrication.patterns.options import options
+from foldcar.fabrication.patterns.sheets import cut_car
 from folded_box import folded_box
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]

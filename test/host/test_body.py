@@ -9,15 +9,15 @@ import pytest
 import shapely
 import trimesh
 
-from foldcar.body import body_json, full_speed_m_s
-from foldcar.carsim import Carsim, RunRequest
-from foldcar.compiler.car import folded_car
-from foldcar.controller import TableRow, check_parameters, controller_parameters
-from foldcar.design import Design, compose
+from foldcar.car.body import body_json, full_speed_m_s
+from foldcar.car.design import Design, compose
+from foldcar.car.firmware_parameters import TableRow, check_parameters, firmware_parameters
+from foldcar.car.folded.weight import body_mass_kg, body_properties, faces_of
+from foldcar.car.folded_car import folded_car
+from foldcar.car.parts.mass import assemble, box_properties
 from foldcar.errors import FoldcarError
-from foldcar.mass import assemble, box_properties
-from foldcar.sheet.weight import body_mass_kg, body_properties, faces_of
-from foldcar.store_writer import canonical_json
+from foldcar.simulation.carsim import Carsim, RunRequest
+from foldcar.store.writer import canonical_json
 
 FLAT_SCENE = (
     '{"friction":0.6,"terrain":[],"start":{"x_m":0,"y_m":0,"heading_rad":0},'
@@ -163,7 +163,7 @@ def test_wheels_stand_front_to_back_left_then_right_and_mirrored() -> None:
 
 
 def test_the_controller_is_set_for_the_same_car() -> None:
-    values = controller_parameters(study_car())
+    values = firmware_parameters(study_car())
 
     assert values["TRACK_M"] == pytest.approx(0.1232)
     assert values["WHEEL_RADIUS_M"] == 0.06
@@ -245,7 +245,7 @@ def test_fold_limits_are_the_designs() -> None:
 def test_the_simulator_takes_the_body_and_drives_it(carsim_binary: Path, type_string: str) -> None:
     carsim = Carsim(carsim_binary)
     design = compose(type_string, {"W.length": 140})
-    values = controller_parameters(design)
+    values = firmware_parameters(design)
     check_parameters(values, carsim.parameter_table())
     settings = {"speed_m_s": full_speed_m_s(design), "time_limit_s": 20.0, "parameters": values}
 

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from foldcar.body import body_json
-from foldcar.experiments import read_study
-from foldcar.scenes import open_environment
+from foldcar.car.body import body_json
+from foldcar.scenes.source import open_environment
+from foldcar.study.experiments import read_study
 
 WIDTHS = ("65", "115", "245")
 SAMPLES = 4

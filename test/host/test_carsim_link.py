@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
-from foldcar.carsim import Carsim
-from foldcar.controller import controller_parameters
-from foldcar.design import compose
+from foldcar.car.design import compose
+from foldcar.car.firmware_parameters import firmware_parameters
 from foldcar.mavlink_dialect import load_dialect
+from foldcar.simulation.carsim import Carsim
 from study_car import car_body, empty_scene
 
 mavlink = load_dialect()
@@ -108,7 +108,7 @@ def files(tmp_path: Path) -> Path:
     scene = empty_scene(terrain=[bump], goal_x_m=GOAL_X_M)
     (tmp_path / "body.json").write_text(json.dumps({"body": {"id": "car", **car_body()}}))
     (tmp_path / "scene.json").write_text(json.dumps({"scene": {"id": "bump", **scene}}))
-    (tmp_path / "params.json").write_text(json.dumps(controller_parameters(compose("W_B_W", {}))))
+    (tmp_path / "params.json").write_text(json.dumps(firmware_parameters(compose("W_B_W", {}))))
     return tmp_path
 
 

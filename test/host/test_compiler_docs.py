@@ -4,7 +4,7 @@ import re
 from importlib import import_module
 from pathlib import Path
 
-from foldcar.compiler.modules import parameters
+from foldcar.car.modules import parameters
 
 DOC = Path(__file__).parents[2] / "docs" / "compiler.md"
 
@@ -26,4 +26,4 @@ def test_the_components_are_where_it_says() -> None:
 
     assert len(found) == 10
     for name, module in found:
-        assert hasattr(import_module(f"foldcar.compiler.library.{module}"), name), name
+        assert hasattr(import_module(f"foldcar.car.components.{module}"), name), name

@@ -7,19 +7,20 @@ from typing import Any
 
 import pytest
 
-from foldcar.compiler import modules as module_table
-from foldcar.compiler.assemble import Assembly, assemble
-from foldcar.compiler.car import folded_car
-from foldcar.compiler.component import Component, ComponentError, Equal, Sub
-from foldcar.compiler.library.box_beam import Panel
-from foldcar.compiler.parameter import Parameter
-from foldcar.compiler.shape import Shape, build
-from foldcar.compiler.user_file import load_components
-from foldcar.compiler.verify import verify
-from foldcar.design import compose
+from foldcar.car.compiler import modules as module_table
+from foldcar.car.compiler.assemble import Assembly, assemble
+from foldcar.car.compiler.component import Component, Equal, Sub, build
+from foldcar.car.compiler.parameter import Parameter
+from foldcar.car.compiler.shape import Shape
+from foldcar.car.compiler.slot import ComponentError
+from foldcar.car.components.box_beam import Panel
+from foldcar.car.design import compose
+from foldcar.car.folded.folding import folded
+from foldcar.car.folded.pose import apply
+from foldcar.car.folded_car import folded_car
+from foldcar.car.user_modules import load_components
+from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
-from foldcar.sheet.folding import folded
-from foldcar.sheet.pose import apply
 
 SIZE = Parameter("size", 30, 5, 100, "edge of a cube", "glue")
 
@@ -185,7 +186,7 @@ def test_every_parameter_says_what_it_is() -> None:
 
 # The example of docs/compiler.md.
 DOC = (Path(__file__).parents[2] / "docs" / "compiler.md").read_text(encoding="utf-8")
-TAIL = "\n" + DOC[DOC.index("from foldcar.compiler.component import Sub") :].partition("```")[0]
+TAIL = "\n" + DOC[DOC.index("from foldcar.car.compiler.component import Sub") :].partition("```")[0]
 
 
 @pytest.fixture(autouse=True)
@@ -222,9 +223,9 @@ def test_a_module_of_ones_own_is_part_of_the_car(tmp_path: Path) -> None:
         (('letter = "Tail"', 'letter = "a_b"'), ':8: Tail: letter "a_b" is not made of letters and digits'),
         (('letter = "Tail"', "letter = 3"), ':8: Tail has no text "letter"'),
         (('"offset", 5, 0, 50, "of', '"width", 5, 0, 50, "of'), ':8: Tail: its parameter "width" is declared otherwise'),
-        (("class Tail(Module):", "from foldcar.compiler.library.wheel_module import *\nclass Tail(WheelModule):"),
+        (("class Tail(Module):", "from foldcar.car.components.wheel_module import *\nclass Tail(WheelModule):"),
          ":9: Tail: carries wheels or electronics"),
-        (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.compiler"),
+        (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.car.compiler"),
     ],
 )  # fmt: skip
 def test_a_file_with_an_error_is_one_line_with_file_and_line(

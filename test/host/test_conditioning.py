@@ -7,7 +7,7 @@ import pytest
 
 import foldcar
 from foldcar.errors import FoldcarError
-from foldcar.scenes import SceneSource, open_environment
+from foldcar.scenes.source import SceneSource, open_environment
 
 # Noise on an object, an object placed relative to another, a point, a list of objects, two parameters.
 PROGRAM = """model model

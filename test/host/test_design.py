@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from foldcar.compiler.car import folded_car
-from foldcar.design import DesignError, compose
+from foldcar.car.design import DesignError, compose
+from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
-from foldcar.family import Family, read_family
-from foldcar.listing import ListedVehicle
+from foldcar.study.family import Family, read_family
+from foldcar.study.listing import ListedVehicle
 
 
 def family(type_string: str, *params: object) -> Family:

@@ -8,9 +8,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from foldcar.errors import FoldcarError
-from foldcar.export import export_csv, export_parquet
-from foldcar.store import Store
-from foldcar.store_writer import PlannedRun
+from foldcar.report.export import export_csv, export_parquet
+from foldcar.store.reader import Store
+from foldcar.store.writer import PlannedRun
 from test_store import answer, fill
 
 COLUMNS = [

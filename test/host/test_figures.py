@@ -7,7 +7,6 @@ from typing import Any
 import numpy
 import pytest
 
-from foldcar.carsim import Carsim
 from foldcar.errors import FoldcarError
 from foldcar.figures.gallery import draw_gallery
 from foldcar.figures.ground import Extent, HeightMap, Heights, carsim_heights, height_map
@@ -16,6 +15,7 @@ from foldcar.figures.profile import ACROSS, driven_line, strip_heights_m, travel
 from foldcar.figures.run import draw_run, poses_to_draw, segment_places
 from foldcar.figures.scenes import draw_scenes
 from foldcar.figures.top_view import view_of
+from foldcar.simulation.carsim import Carsim
 
 FIRST_BYTES = {".png": b"\x89PNG\r\n\x1a\n", ".svg": b"<?xml", ".pdf": b"%PDF"}
 

@@ -5,8 +5,8 @@ import sys
 import pytest
 
 from conftest import PROJECT
-from foldcar.patterns.read_svg import read_svg
-from foldcar.patterns.verify import check_same
+from foldcar.fabrication.patterns.read_svg import read_svg
+from foldcar.fabrication.patterns.verify import check_same
 
 sys.path.insert(0, str(PROJECT / "tools"))
 from golden_sheets import SHEETS, cars, sheets_of

@@ -8,8 +8,8 @@ import pytest
 
 from conftest import PROJECT
 from foldcar.errors import FoldcarError
-from foldcar.experiments import read_study
-from foldcar.listing import read_listing
+from foldcar.study.experiments import read_study
+from foldcar.study.listing import read_listing
 
 PUBLISHED_STYLE = """{
   // as printed: comments, trailing commas, ids as numbers and as strings

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from foldcar.body import body_json
-from foldcar.car_file import car_json
-from foldcar.carsim import Carsim
-from foldcar.design import compose
+from foldcar.car.body import body_json
+from foldcar.car.car_file import car_json
+from foldcar.car.design import compose
 from foldcar.link.parameters import read_file
 from foldcar.link.simulated_car import simulated_car
+from foldcar.simulation.carsim import Carsim
 from study_car import empty_scene
 
 MAVPROXY = shutil.which("mavproxy.py", path=str(Path(sys.executable).parent)) or shutil.which("mavproxy.py")

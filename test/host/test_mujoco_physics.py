@@ -8,14 +8,14 @@ from typing import Any
 import numpy
 import pytest
 
-from foldcar.carsim import Carsim, RunRequest
-from foldcar.controller import CHANNELS
+from foldcar.car.firmware_parameters import CHANNELS
 from foldcar.crosscheck.mujoco_car import EngineOptions, MujocoCar
 from foldcar.crosscheck.mujoco_run import run_mujoco
 from foldcar.crosscheck.mujoco_step import SteppedMujoco
 from foldcar.crosscheck.pulses import PulseTrain, ask_pulses
 from foldcar.crosscheck.servo import drive_fraction
 from foldcar.models.ground import height_grid
+from foldcar.simulation.carsim import Carsim, RunRequest
 from study_car import car_body, empty_scene
 
 G_M_S2 = 9.81

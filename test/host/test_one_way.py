@@ -1,79 +1,59 @@
-"""Nothing imports against the stream: design → body; scenes; runs → store → export, report; commands."""
+"""Folders of the package import one way only: from their own and from those above them in docs/overview.md's table."""
 
 import ast
+import re
 from pathlib import Path
 
 import foldcar
 
 PACKAGE = Path(foldcar.__file__).parent
-
-# Upstream first. A module may import from its own group and from any group above it in this list.
-STREAM = (
-    {
-        "errors",
-        "results",
-        "trial_records",
-        "atomic_file",
-        "atomic_folder",
-        "time_limit",
-        "recorded_values",
-        "page_template",
-        "mavlink_dialect",
-    },
-    {"parts", "mass"},
-    {"sheet"},
-    {"compiler", "design"},
-    {"body", "controller", "variation"},
-    {"car_file"},
-    {"listing", "family", "experiments"},
-    {"scene_reading", "scene_terrain", "scene_checks"},
-    {"program_globals", "conditioning", "scenic_program", "scene_json", "scenes", "fingerprint"},
-    {"carsim", "carsim_step"},
-    {"link"},
-    {"models"},
-    {"scenic_ego", "scenic_runner", "scenic_simulator", "scenic_worker"},
-    {"store_info", "store_schema", "store_connection", "store", "store_writer", "trial_writer"},
-    {"environments", "chunks", "sweep"},
-    {"trials"},
-    {"export", "export_trials", "figures", "report"},
-    {"patterns"},
-    {"assembly"},
-    {"drawing_files", "assembled_files"},
-    {"making"},
-    {"crosscheck"},
-    {"commands"},
-    {"cli", "__init__"},
-)
+OVERVIEW = Path(__file__).resolve().parents[2] / "docs" / "overview.md"
 
 
-def group_of(name: str) -> int:
-    """Index in the stream of a module or of the folder it is in."""
-    top = name.split(".")[0]
-    return next(index for index, group in enumerate(STREAM) if top in group)
+def documented_rooms() -> list[str]:
+    """The folders of the table under "Rooms" in docs/overview.md, upstream first."""
+    section = OVERVIEW.read_text(encoding="utf-8").partition("\n## Rooms\n")[2].partition("\n## ")[0]
+    return re.findall(r"^\| `([a-z_/]+)/` \|", section, re.MULTILINE)
+
+
+def room_of(module: str) -> str:
+    """The folder that a module, named by its path below the package, stands in; its own name at the top."""
+    folder = (PACKAGE / module) if (PACKAGE / module).is_dir() else (PACKAGE / module).parent
+    return folder.relative_to(PACKAGE).as_posix() if folder != PACKAGE else module
 
 
 def imports_of(file: Path) -> set[str]:
-    """The foldcar modules that a file imports anywhere, function bodies included."""
+    """The foldcar modules that a file imports anywhere, function bodies included, as paths below the package."""
     names = set()
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("foldcar."):
-            names.add(node.module.removeprefix("foldcar."))
+            names.add(node.module)
         elif isinstance(node, ast.Import):
-            names.update(n.name.removeprefix("foldcar.") for n in node.names if n.name.startswith("foldcar."))
+            names.update(name.name for name in node.names if name.name.startswith("foldcar."))
         assert not (isinstance(node, ast.ImportFrom) and node.level), f"{file}: relative import"
-    return names
+    return {name.removeprefix("foldcar.").replace(".", "/") for name in names}
+
+
+def edges() -> set[tuple[str, str]]:
+    """(importing, imported) rooms of the package, those to the same room left out."""
+    found = set()
+    for file in PACKAGE.rglob("*.py"):
+        room = room_of(file.relative_to(PACKAGE).with_suffix("").as_posix())
+        found |= {(room, room_of(imported)) for imported in imports_of(file)}
+    return {(a, b) for a, b in found if a != b}
+
+
+def test_the_overview_names_every_room() -> None:
+    folders = {file.parent.relative_to(PACKAGE).as_posix() for file in PACKAGE.rglob("*.py")} - {"."}
+
+    assert sorted(documented_rooms()) == sorted(folders)
 
 
 def test_imports_go_one_way() -> None:
-    edges = {
-        (".".join(file.relative_to(PACKAGE).with_suffix("").parts), imported)
-        for file in PACKAGE.rglob("*.py")
-        for imported in imports_of(file)
-    }
+    # What stands at the top of the package is either for everybody, or imports everything.
+    order = ["errors", "atomic_file", "page_template", *documented_rooms(), "cli", "__init__"]
 
-    against = [
-        f"{name} imports {imported}" for name, imported in edges if group_of(imported) > group_of(name)
-    ]
+    against = [f"{a} imports {b}" for a, b in sorted(edges()) if order.index(b) > order.index(a)]
 
-    assert len(edges) > 50
+    assert len(edges()) > 50
     assert against == []

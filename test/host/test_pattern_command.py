@@ -10,7 +10,7 @@ from typing import Any
 import ezdxf
 import pytest
 
-from foldcar.patterns.read_svg import read_svg
+from foldcar.fabrication.patterns.read_svg import read_svg
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 

@@ -10,18 +10,18 @@ import pytest
 from cut_samples import folded_box
 from pypdf import PdfReader, PdfWriter, Transformation
 
-from foldcar.patterns.coupon import coupon
-from foldcar.patterns.drawing import Circle, Motion, Path, Sheet, bounds
-from foldcar.patterns.dxf import dxf
-from foldcar.patterns.layers import LAYERS
-from foldcar.patterns.options import options
-from foldcar.patterns.pdf import pdf
-from foldcar.patterns.read_dxf import read_dxf
-from foldcar.patterns.read_pdf import read_pdf
-from foldcar.patterns.read_svg import read_svg
-from foldcar.patterns.sheets import pattern
-from foldcar.patterns.svg import svg
-from foldcar.patterns.verify import check_dxf, check_pdf, check_sheet, check_svg
+from foldcar.fabrication.patterns.coupon import coupon
+from foldcar.fabrication.patterns.drawing import Circle, Motion, Path, Sheet, bounds
+from foldcar.fabrication.patterns.dxf import dxf
+from foldcar.fabrication.patterns.layers import LAYERS
+from foldcar.fabrication.patterns.options import options
+from foldcar.fabrication.patterns.pdf import pdf
+from foldcar.fabrication.patterns.read_dxf import read_dxf
+from foldcar.fabrication.patterns.read_pdf import read_pdf
+from foldcar.fabrication.patterns.read_svg import read_svg
+from foldcar.fabrication.patterns.sheets import pattern
+from foldcar.fabrication.patterns.svg import svg
+from foldcar.fabrication.patterns.verify import check_dxf, check_pdf, check_sheet, check_svg
 
 
 @dataclass(frozen=True)

@@ -8,19 +8,19 @@ import shapely
 from cut_samples import FLAP, HEIGHT, LENGTH, RIGHT_ANGLE, THICKNESS, WIDTH, beam, cap, disc, folded_box, rim
 from shapely.geometry import LineString, Polygon, box
 
-from foldcar.patterns.dashes import dashes
-from foldcar.patterns.drawing import Circle, Path
-from foldcar.patterns.edge_offset import offset_edges
-from foldcar.patterns.flat_piece import bend_deduction_mm, flat_piece
-from foldcar.patterns.join_marks import join_marks
-from foldcar.patterns.labels import label_paths
-from foldcar.patterns.nesting import NestingError, nest
-from foldcar.patterns.options import Options, options
-from foldcar.patterns.piece_shapes import cut_shapes
-from foldcar.patterns.sheets import pattern
-from foldcar.patterns.split_body import as_cut
-from foldcar.patterns.split_strip import OVERLAP_MM, split_to_fit
-from foldcar.sheet.model import Crease, EdgeRef, Face, Piece
+from foldcar.car.folded.model import Crease, EdgeRef, Face, Piece
+from foldcar.fabrication.patterns.dashes import dashes
+from foldcar.fabrication.patterns.drawing import Circle, Path
+from foldcar.fabrication.patterns.edge_offset import offset_edges
+from foldcar.fabrication.patterns.flat_piece import bend_deduction_mm, flat_piece
+from foldcar.fabrication.patterns.join_marks import join_marks
+from foldcar.fabrication.patterns.labels import label_paths
+from foldcar.fabrication.patterns.nesting import NestingError, nest
+from foldcar.fabrication.patterns.options import Options, options
+from foldcar.fabrication.patterns.piece_shapes import cut_shapes
+from foldcar.fabrication.patterns.sheets import pattern
+from foldcar.fabrication.patterns.split_body import as_cut
+from foldcar.fabrication.patterns.split_strip import OVERLAP_MM, split_to_fit
 
 
 def plain(**changes: object) -> Options:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from foldcar.compiler.verify import verify
-from foldcar.family import read_family
-from foldcar.listing import read_listing
+from foldcar.car.verify import verify
+from foldcar.study.family import read_family
+from foldcar.study.listing import read_listing
 
 PATTERNS = Path(__file__).parents[2] / "patterns"
 

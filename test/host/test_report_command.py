@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from foldcar.cli import main
-from foldcar.store_writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
+from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
 
 WIDTHS = tuple(float(width) for width in range(65, 250, 5))
 FACTS = {

@@ -10,7 +10,7 @@ from foldcar.report.inline_svg import inline_svg
 from foldcar.report.series import Extent, Tally, summarise
 from foldcar.report.success_plot import BLUE, GREEN, NAVY, error_bar_percent, success_colour
 from foldcar.report.wilson import wilson_interval
-from foldcar.results import Recorded, Result
+from foldcar.simulation.results import Recorded, Result
 
 
 def result(sample: int, outcome: str, time_s: float, **design: float | str) -> Result:

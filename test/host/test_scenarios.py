@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from foldcar.experiments import read_study
-from foldcar.scenes import open_environment
+from foldcar.scenes.source import open_environment
+from foldcar.study.experiments import read_study
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
-PROGRAMS = sorted(path.stem for path in SCENARIOS.glob("*.scenic") if path.name != "model.scenic")
+PROGRAMS = sorted(path.stem for path in SCENARIOS.glob("*.scenic"))
 LISTINGS = sorted(path.stem for path in SCENARIOS.glob("*.json"))
 KINDS = {"box", "ramp", "half_round", "hill", "pothole", "rough", "patch"}
 

@@ -5,9 +5,11 @@ from typing import Any
 
 import pytest
 
-from foldcar import scenes, scenic_program
 from foldcar.errors import FoldcarError
-from foldcar.scenes import open_environment
+from foldcar.scenes import program as scenic_program
+from foldcar.scenes import source
+from foldcar.scenes.program import VOCABULARY_DIR
+from foldcar.scenes.source import open_environment
 
 EGO = "ego = new Robot at (0, 0), facing -90 deg\n"
 GOAL = "goal = new Goal at (1, 0), facing -90 deg\n"
@@ -164,7 +166,7 @@ def test_a_program_that_loops_while_compiling(tmp_path: Path, monkeypatch: pytes
 
 
 def test_a_program_that_loops_while_sampling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scenes, "SAMPLE_LIMIT_S", 0.5)
+    monkeypatch.setattr(source, "SAMPLE_LIMIT_S", 0.5)
     loop = "def never(x):\n    while True:\n        x += 1\nrequire never(ego.position.x)\n"
     said = message(tmp_path, f"model model\n{EGO}{GOAL}{loop}")
     assert "sample 0 takes longer than the limit of 0.5 s" in said
@@ -173,7 +175,7 @@ def test_a_program_that_loops_while_sampling(tmp_path: Path, monkeypatch: pytest
 def test_a_terrain_that_loops_while_it_is_taken_apart(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(scenes, "SAMPLE_LIMIT_S", 0.5)
+    monkeypatch.setattr(source, "SAMPLE_LIMIT_S", 0.5)
     loop = f"{PIECES}        while True:\n            pass\nnew Own at (0.5, 0)\n"
     assert "sample 0 takes longer than the limit of 0.5 s" in message(
         tmp_path, f"model model\n{EGO}{GOAL}{loop}"
@@ -199,7 +201,7 @@ def test_missing_files(tmp_path: Path) -> None:
 
 
 def test_a_copy_of_the_model_beside_the_program_is_used(tmp_path: Path) -> None:
-    model = Path(__file__).resolve().parents[2] / "scenarios" / "model.scenic"
+    model = VOCABULARY_DIR / "model.scenic"
     (tmp_path / "model.scenic").write_text(model.read_text().replace("friction = 0.6", "friction = 0.3"))
     program = tmp_path / "own.scenic"
     program.write_text(f"model model\n{EGO}{GOAL}")

@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 from scenic.core.vectors import Orientation
 
-from foldcar.body import body_json, full_speed_m_s
-from foldcar.carsim import Carsim, RunRequest
-from foldcar.carsim_step import State, SteppedCarsim, TrialFailedError
-from foldcar.controller import controller_parameters
-from foldcar.design import compose
+from foldcar.car.body import body_json, full_speed_m_s
+from foldcar.car.design import compose
+from foldcar.car.firmware_parameters import firmware_parameters
 from foldcar.errors import FoldcarError
-from foldcar.scenes import open_environment
-from foldcar.scenic_ego import ShownEgo, _orientation
-from foldcar.scenic_simulator import CarSimulator
+from foldcar.scenes.source import open_environment
+from foldcar.simulation.carsim import Carsim, RunRequest
+from foldcar.simulation.carsim_step import State, SteppedCarsim, TrialFailedError
+from foldcar.simulation.scenic_ego import ShownEgo, _orientation
+from foldcar.simulation.scenic_simulator import CarSimulator
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 STEP_S = 1 / 240
@@ -41,7 +41,7 @@ def car(width_mm: float = 120, timeout_s: float = 20) -> tuple[str, str]:
         "speed_m_s": full_speed_m_s(design),
         "yaw_rate_rad_s": 0.0,
         "time_limit_s": timeout_s,
-        "parameters": controller_parameters(design, body),
+        "parameters": firmware_parameters(design, body),
     }
     return json.dumps(body), json.dumps(settings)
 

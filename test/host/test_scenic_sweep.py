@@ -9,15 +9,15 @@ from typing import Any
 
 import pytest
 
-from foldcar import scenic_worker
-from foldcar.body import body_json
-from foldcar.carsim import Carsim
-from foldcar.carsim_step import SteppedCarsim
-from foldcar.experiments import read_study
-from foldcar.results import Result
-from foldcar.scenes import open_environment
-from foldcar.store import Store
-from foldcar.sweep import Progress, sweep
+from foldcar.car.body import body_json
+from foldcar.scenes.source import open_environment
+from foldcar.simulation import scenic_worker
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.carsim_step import SteppedCarsim
+from foldcar.simulation.results import Result
+from foldcar.store.reader import Store
+from foldcar.study.experiments import read_study
+from foldcar.study.sweep import Progress, sweep
 
 WriteListing = Callable[[Any], Path]
 HEAD = "model model\nego = new Robot at (Range(0, 0.02), 0), facing -90 deg\n"

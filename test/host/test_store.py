@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from foldcar.errors import FoldcarError
-from foldcar.results import Recorded
-from foldcar.store import Store
-from foldcar.store_schema import APPLICATION_ID, VERSION, StoreError
-from foldcar.store_writer import PlannedDesign, PlannedExperiment, PlannedRun, StoreWriter, write_store
+from foldcar.simulation.results import Recorded
+from foldcar.store.reader import Store
+from foldcar.store.schema import APPLICATION_ID, VERSION, StoreError
+from foldcar.store.writer import PlannedDesign, PlannedExperiment, PlannedRun, StoreWriter, write_store
 
 STUDY = {
     "foldcar_version": "1",

@@ -16,15 +16,16 @@ from typing import Any
 
 import pytest
 
-from foldcar.body import body_json
-from foldcar.carsim import Carsim, RunRequest
-from foldcar.environments import Environment
+from foldcar.car.body import body_json
+from foldcar.car.variation.spread import draw, spread_named
+from foldcar.car.variation.vary_body import vary_body
 from foldcar.errors import FoldcarError
-from foldcar.experiments import read_study
-from foldcar.results import Result
-from foldcar.store import Store
-from foldcar.sweep import Progress, sweep
-from foldcar.variation import apply, draw, spread_named
+from foldcar.simulation.carsim import Carsim, RunRequest
+from foldcar.simulation.results import Result
+from foldcar.store.reader import Store
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import read_study
+from foldcar.study.sweep import Progress, sweep
 
 WriteListing = Callable[[Any], Path]
 
@@ -146,7 +147,7 @@ def test_a_sweep_does_with_a_nearby_car_what_carsim_does_with_its_body(
         body = body_json(design)
         settings = experiment.settings(design, body, carsim.parameter_table())
         for k in range(3):
-            car = apply(body, draw(spread_named("workshop", ""), 42, k))
+            car = vary_body(body, draw(spread_named("workshop", ""), 42, k))
             texts = [json.dumps(part) for part in (car, environment.sample(k), settings)]
             request = RunRequest("car", "scene", texts[2], "", k)
             expected += carsim.run({"car": texts[0]}, {"scene": texts[1]}, [request])

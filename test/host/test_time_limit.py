@@ -7,7 +7,7 @@ import time
 import pytest
 
 from foldcar.errors import FoldcarError
-from foldcar.time_limit import time_limit
+from foldcar.scenes.time_limit import time_limit
 
 
 def loop_that_catches(end_s: float) -> None:

@@ -15,8 +15,8 @@ from typing import Any
 
 import pytest
 
-from foldcar.car_file import car_json, design_hash, design_name
-from foldcar.design import compose
+from foldcar.car.car_file import car_json, design_hash, design_name
+from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
 from foldcar.link.car import REASONS
 from foldcar.link.connection import Connection
@@ -25,9 +25,9 @@ from foldcar.link.ports import choose_port
 from foldcar.link.stream import open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, read_tlog
 from foldcar.mavlink_dialect import load_dialect
+from foldcar.trials.identity import least_tried
 from foldcar.trials.placement import instructions, names_of, obstacles, parse_deviation, placed
 from foldcar.trials.servo_edges import find_edges
-from foldcar.trials.who import least_tried
 from study_car import empty_scene
 
 BOX = {"kind": "box", "heading_rad": 0.1, "length_m": 0.2, "width_m": 0.3, "height_m": 0.02}

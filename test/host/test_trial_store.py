@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from foldcar.report.trial_series import summarise_trials
-from foldcar.store import Store
-from foldcar.store_schema import StoreError
-from foldcar.store_writer import write_store
-from foldcar.trial_records import Ending, TrialDesign
-from foldcar.trial_writer import CarFacts, Drive, TrialWriter, write_trials
+from foldcar.store.reader import Store
+from foldcar.store.schema import StoreError
+from foldcar.store.trial_records import Ending, TrialDesign
+from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
+from foldcar.store.writer import write_store
 from test_report_command import FACTS, add_experiment, width_outcome
 
 PUBLISHED = Path(__file__).resolve().parents[2] / "scenarios" / "published_trials.csv"

@@ -17,18 +17,18 @@ from typing import Any
 
 import pytest
 
-from foldcar.body import body_json
-from foldcar.car_file import car_json
-from foldcar.design import compose
+from foldcar.car.body import body_json
+from foldcar.car.car_file import car_json
+from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
 from foldcar.link.car import Car, greet
 from foldcar.link.mcap_export import export_mcap
 from foldcar.link.parameters import read_file
 from foldcar.link.simulated_car import SimulatedCar, simulated_car
 from foldcar.link.tlog import read_tlog
-from foldcar.store import Store
-from foldcar.trial_records import Trial
-from foldcar.trials.who import check_build
+from foldcar.store.reader import Store
+from foldcar.store.trial_records import Trial
+from foldcar.trials.identity import check_build
 from study_car import empty_scene
 from typist import Typist
 
@@ -323,7 +323,7 @@ def test_another_design_is_refused_and_does_not_move(
 
 
 def test_the_simulated_firmware_is_recognised(carsim_binary: Path) -> None:
-    from foldcar.carsim import Carsim
+    from foldcar.simulation.carsim import Carsim
 
     with car_at_port(carsim_binary) as car:
         connected = greet(car.port)

@@ -8,13 +8,14 @@ from typing import Any
 
 import pytest
 
-from foldcar.body import body_json, full_speed_m_s
-from foldcar.carsim import Carsim, RunRequest
-from foldcar.controller import controller_parameters
-from foldcar.design import compose
+from foldcar.car.body import body_json, full_speed_m_s
+from foldcar.car.design import compose
+from foldcar.car.firmware_parameters import firmware_parameters
+from foldcar.car.variation.spread import draw, spread_named, workshop
+from foldcar.car.variation.vary_body import vary_body
 from foldcar.errors import FoldcarError
-from foldcar.store_writer import canonical_json
-from foldcar.variation import apply, draw, spread_named, workshop
+from foldcar.simulation.carsim import Carsim, RunRequest
+from foldcar.store.writer import canonical_json
 
 WORKSHOP = spread_named("workshop", "here")
 FLAT = (
@@ -78,7 +79,7 @@ def test_every_design_of_a_sample_differs_alike() -> None:
     narrow, wide = (body_json(compose("W_B_W", {"width": width})) for width in (65, 245))
 
     for nominal in (narrow, wide):
-        varied = apply(nominal, variation)
+        varied = vary_body(nominal, variation)
         ratios = [
             v["servo"]["no_load_speed_rad_s"] / n["servo"]["no_load_speed_rad_s"]
             for v, n in zip(varied["wheels"], nominal["wheels"], strict=True)
@@ -107,7 +108,7 @@ def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any]) -> None:
     }
     nominal = body["segments"][0]
 
-    varied = apply(body, variation)
+    varied = vary_body(body, variation)
 
     (segment,) = varied["segments"]
     assert segment["mass_kg"] == pytest.approx(1.1 * nominal["mass_kg"])
@@ -136,14 +137,14 @@ def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any]) -> None:
 def test_no_spread_is_no_change(body: dict[str, Any]) -> None:
     still = draw({name: 0.0 for name in workshop()}, 42, 0)
 
-    assert apply(body, still) == body
-    assert apply(body, {}) == body
+    assert vary_body(body, still) == body
+    assert vary_body(body, {}) == body
 
 
 def test_the_nominal_body_is_left_alone(body: dict[str, Any]) -> None:
     before = canonical_json(body)
 
-    apply(body, draw(WORKSHOP, 42, 0))
+    vary_body(body, draw(WORKSHOP, 42, 0))
 
     assert canonical_json(body) == before
 
@@ -154,7 +155,7 @@ def test_applying_takes_little_time(body: dict[str, Any]) -> None:
     def seconds() -> float:
         start = time.perf_counter()
         for _ in range(200):
-            apply(body, variation)
+            vary_body(body, variation)
         return (time.perf_counter() - start) / 200
 
     # 0.1 ms on an idle machine; the best of several tries, and room for a busy one.
@@ -199,10 +200,10 @@ def test_the_simulator_takes_every_nearby_car(carsim_binary: Path, type_string: 
         {
             "speed_m_s": full_speed_m_s(design),
             "time_limit_s": 0.5,
-            "parameters": controller_parameters(design, nominal),
+            "parameters": firmware_parameters(design, nominal),
         }
     )
-    bodies = {str(k): canonical_json(apply(nominal, draw(spread, 5, k))) for k in range(40)}
+    bodies = {str(k): canonical_json(vary_body(nominal, draw(spread, 5, k))) for k in range(40)}
 
     results = Carsim(carsim_binary).run(
         bodies, {"flat": FLAT}, [RunRequest(name, "flat", settings, name, 0) for name in bodies]

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from foldcar.scenes import open_environment
+from foldcar.scenes.source import open_environment
 
 PLACES = "ego = new Robot at (-0.3, 0), facing -90 deg\ngoal = new Goal at (1.8, 0), facing -90 deg\n"
 EAST = "at (0.5, 0.1), facing -90 deg"

@@ -10,7 +10,7 @@ import typer
 def _load(files: Sequence[Path] | None) -> Sequence[Path] | None:
     """They are registered before the command reads its listing."""
     if files:
-        from foldcar.compiler.user_file import load_components
+        from foldcar.car.user_modules import load_components
 
         for file in files:
             load_components(file)

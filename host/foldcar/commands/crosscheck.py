@@ -35,14 +35,14 @@ def crosscheck(
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from foldcar.carsim import Carsim
     from foldcar.crosscheck.cases import cases_of
     from foldcar.crosscheck.compare import compare, planned_runs
     from foldcar.crosscheck.mujoco_car import import_mujoco
     from foldcar.crosscheck.page import PAGE, write_page
     from foldcar.crosscheck.result_cache import ResultCache
     from foldcar.errors import FoldcarError
-    from foldcar.experiments import read_study
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.study.experiments import read_study
 
     import_mujoco()
     study = read_study(listing, experiment, environments)

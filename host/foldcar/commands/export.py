@@ -20,9 +20,9 @@ def export(
     ] = None,
 ) -> None:
     """Write every run of a store as a row: outcome, measures, design parameters, recorded values."""
-    from foldcar.export import export_csv, export_parquet, write_csv
-    from foldcar.export_trials import export_trials
-    from foldcar.store import Store
+    from foldcar.report.export import export_csv, export_parquet, write_csv
+    from foldcar.report.export_trials import export_trials
+    from foldcar.store.reader import Store
 
     if csv is None and parquet is None and trials is None:
         raise FoldcarError("export: say what to write: --csv FILE, --parquet FILE or --trials FILE")

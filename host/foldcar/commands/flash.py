@@ -32,8 +32,8 @@ def flash(
 ) -> None:
     """Load the firmware and a design's car.json onto the board that is plugged in."""
     from foldcar.atomic_file import atomic_file
-    from foldcar.car_file import car_json
-    from foldcar.experiments import read_study
+    from foldcar.car.car_file import car_json
+    from foldcar.study.experiments import read_study
 
     (chosen,) = read_study(listing, experiment).experiments
     content = car_json(chosen.family.narrowed(design_settings(settings or [])).single())

@@ -9,32 +9,28 @@ from foldcar.errors import FoldcarError
 
 
 def gallery(
+    scenarios: Annotated[
+        list[Path],
+        typer.Argument(metavar="SCENARIO...", help="Scenic programs"),
+    ],
     output: Annotated[
         Path, typer.Option("-o", "--output", help="folder for the pictures; made if there is none")
     ],
-    scenarios: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            metavar="[SCENARIO]...", help="Scenic programs; all of the project's if none is named"
-        ),
-    ] = None,
     seed: Annotated[int, typer.Option("--seed", help="the same seed gives the same pictures")] = 42,
 ) -> None:
     """Draw environments: NAME.png for each program NAME.scenic."""
-    from foldcar.carsim import Carsim
     from foldcar.figures.gallery import SAMPLES, draw_gallery
     from foldcar.figures.ground import carsim_heights
-    from foldcar.scenes import open_environment
-    from foldcar.scenic_program import VOCABULARY, VOCABULARY_DIR
+    from foldcar.scenes.source import open_environment
+    from foldcar.simulation.carsim import Carsim
 
-    programs = scenarios or sorted(p for p in VOCABULARY_DIR.glob("*.scenic") if p.name != VOCABULARY)
-    names = [program.stem for program in programs]
+    names = [program.stem for program in scenarios]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise FoldcarError(f"{output / twice}.png: two programs have this name")
     heights = carsim_heights(Carsim())
     output.mkdir(parents=True, exist_ok=True)
-    for program in programs:
+    for program in scenarios:
         source = open_environment(program, {}, seed)
         scenes = [{"id": f"{seed}/{k}", **source.sample(k)} for k in range(SAMPLES)]
         file = output / f"{program.stem}.png"

@@ -29,21 +29,21 @@ def link(
     import json
     import sys
 
-    from foldcar.body import body_json
-    from foldcar.car_file import car_json
-    from foldcar.carsim import Carsim, CarsimError
+    from foldcar.car.body import body_json
+    from foldcar.car.car_file import car_json
+    from foldcar.car.variation.vary_body import vary_body
     from foldcar.commands.end_signals import end_like_ctrl_c
-    from foldcar.environments import Environment
-    from foldcar.experiments import read_study
     from foldcar.link.simulated_car import simulated_car
-    from foldcar.variation import apply
+    from foldcar.simulation.carsim import Carsim, CarsimError
+    from foldcar.study.environments import Environment
+    from foldcar.study.experiments import read_study
 
     (chosen,) = read_study(listing, experiment).experiments
     design = chosen.family.narrowed(design_settings(settings or [])).single()
     environment = Environment(chosen)
     variation = environment.variation(sample)
     nominal = body_json(design)
-    body = apply(nominal, variation) if variation else nominal
+    body = vary_body(nominal, variation) if variation else nominal
     carsim = Carsim()
     scene = environment.sample(sample)
     end_like_ctrl_c()

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from foldcar.commands.design_settings import design_settings
 from foldcar.errors import FoldcarError
-from foldcar.family import Family, read_family
-from foldcar.listing import Listing, read_listing
+from foldcar.study.family import Family, read_family
+from foldcar.study.listing import Listing, read_listing
 
 
 def listed_family(listing: Path, vehicle: str | None, settings: Sequence[str]) -> tuple[Listing, Family]:

@@ -57,7 +57,7 @@ def log(
     from foldcar.commands.log_options import LogOptions
     from foldcar.commands.log_session import LogSession
     from foldcar.link.parameters import read_file
-    from foldcar.trial_records import TRIAL_OUTCOMES
+    from foldcar.store.trial_records import TRIAL_OUTCOMES
 
     if outcome is not None and outcome not in TRIAL_OUTCOMES:
         raise FoldcarError(f"--outcome {outcome}: is none of {', '.join(TRIAL_OUTCOMES)}")

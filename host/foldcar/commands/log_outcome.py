@@ -8,8 +8,8 @@ import typer
 from foldcar.commands.log_options import LogOptions
 from foldcar.commands.typed_answers import TypedAnswers
 from foldcar.errors import FoldcarError
-from foldcar.trial_records import Ending
-from foldcar.trial_writer import TrialWriter
+from foldcar.store.trial_records import Ending
+from foldcar.store.trial_writer import TrialWriter
 from foldcar.trials.driving import DriveEnd
 
 OUTCOME_KEYS = {

@@ -9,10 +9,10 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from foldcar.carsim import Carsim
+from foldcar.car.design import Design
 from foldcar.commands.typed_answers import TypedAnswers
-from foldcar.design import Design
 from foldcar.errors import FoldcarError
+from foldcar.simulation.carsim import Carsim
 from foldcar.trials.placement import instructions, names_of, parse_deviation
 
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import typer
 
-from foldcar.body import body_json
-from foldcar.car_file import design_name
-from foldcar.carsim import Carsim
+from foldcar.car.body import body_json
+from foldcar.car.car_file import design_name
+from foldcar.car.design import Design
 from foldcar.commands.design_settings import design_settings
 from foldcar.commands.log_options import LogOptions
 from foldcar.commands.log_outcome import log_hash, tell
@@ -23,21 +23,21 @@ from foldcar.commands.log_placement import Placement, ask_deviations
 from foldcar.commands.log_view import LogView
 from foldcar.commands.log_welcome import welcome
 from foldcar.commands.typed_answers import INPUT, TypedAnswers
-from foldcar.design import Design
-from foldcar.environments import Environment
 from foldcar.errors import FoldcarError
-from foldcar.experiments import read_study
 from foldcar.link.car import Car, CarIdentity, greet
 from foldcar.link.parameters import read_parameters
 from foldcar.link.ports import choose_port
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import TlogWriter
-from foldcar.trial_records import Ending, TrialDesign
-from foldcar.trial_writer import CarFacts, Drive, TrialWriter, write_trials
+from foldcar.simulation.carsim import Carsim
+from foldcar.store.trial_records import Ending, TrialDesign
+from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import read_study
 from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
+from foldcar.trials.identity import least_tried
 from foldcar.trials.placement import placed
 from foldcar.trials.untethered import collect
-from foldcar.trials.who import least_tried
 
 LEAST_FREE_BYTES = 20_000_000
 # After its time limit a script waits so long for an untethered car.

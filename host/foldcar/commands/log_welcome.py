@@ -2,17 +2,17 @@
 
 import typer
 
-from foldcar.body import body_json
-from foldcar.carsim import Carsim
+from foldcar.car.body import body_json
+from foldcar.car.design import Design
 from foldcar.commands.log_options import LogOptions
 from foldcar.commands.typed_answers import TypedAnswers
-from foldcar.design import Design
 from foldcar.errors import FoldcarError
-from foldcar.experiments import TRIAL_LIMIT, Experiment
-from foldcar.family import Family
 from foldcar.link.car import Car, CarIdentity
 from foldcar.link.parameters import read_file, read_parameters, set_parameter
-from foldcar.trials.who import check_build, design_of, is_calibrated, unexpected
+from foldcar.simulation.carsim import Carsim
+from foldcar.study.experiments import TRIAL_LIMIT, Experiment
+from foldcar.study.family import Family
+from foldcar.trials.identity import check_build, design_of, is_calibrated, unexpected
 
 
 def welcome(

@@ -11,7 +11,7 @@ from foldcar.commands.design_settings import Settings
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
-    from foldcar.listing import Listing
+    from foldcar.study.listing import Listing
 
 FORMATS = ("mjcf", "urdf", "webots")
 
@@ -30,7 +30,7 @@ def model(
 ) -> None:
     """Write one car as MJCF, URDF or a Webots PROTO with its world."""
     from foldcar.atomic_file import atomic_file
-    from foldcar.body import body_json
+    from foldcar.car.body import body_json
     from foldcar.commands.listed_design import listed_family
 
     if to not in FORMATS:
@@ -87,9 +87,9 @@ def _ground(
     """The sampled scene and the grid of its smooth ground."""
     if environment is None:
         return None, None
-    from foldcar.carsim import Carsim
     from foldcar.models.ground import smooth_ground
-    from foldcar.scenes import open_environment
+    from foldcar.scenes.source import open_environment
+    from foldcar.simulation.carsim import Carsim
 
     if environment not in listed.environments:
         known = ", ".join(listed.environments)

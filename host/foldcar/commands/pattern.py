@@ -11,10 +11,10 @@ from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings
 
 if TYPE_CHECKING:
-    from foldcar.design import Design
-    from foldcar.family import Family
-    from foldcar.making import MadeCar
-    from foldcar.patterns.options import Options
+    from foldcar.car.design import Design
+    from foldcar.fabrication.make_car import MadeCar
+    from foldcar.fabrication.patterns.options import Options
+    from foldcar.study.family import Family
 
 
 def pattern(
@@ -49,10 +49,10 @@ def pattern(
     components: Components = None,
 ) -> None:
     """Make sheets (SVG, DXF, PDF), FOLD, STL, OBJ, guide, wiring and parts list of a car, checked as written."""
-    from foldcar.atomic_folder import MANIFEST, atomic_folder
     from foldcar.commands.listed_design import listed_family
-    from foldcar.making import make_cars
-    from foldcar.patterns.options import options
+    from foldcar.fabrication.atomic_folder import MANIFEST, atomic_folder
+    from foldcar.fabrication.make_car import make_cars
+    from foldcar.fabrication.patterns.options import options
 
     chosen = options(
         machine, sheet=sheet, paper=paper, fold=fold, kerf_mm=kerf, tab_clearance_mm=tab_clearance, dash_cut_mm=dash_cut,

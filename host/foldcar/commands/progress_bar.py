@@ -8,7 +8,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.progress import Progress as RichProgress
 
 if TYPE_CHECKING:
-    from foldcar.sweep import Progress
+    from foldcar.study.sweep import Progress
 
 
 class ProgressBar:

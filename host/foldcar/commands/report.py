@@ -15,7 +15,7 @@ def report(
     """Draw the report of a study: DIR/index.html, and each figure as SVG and PNG."""
     from foldcar.report.terminal import print_summary
     from foldcar.report.write import PAGE, write_report
-    from foldcar.store import Store
+    from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
         sections = write_report(opened, output, ["foldcar", "report", str(store), "-o", str(output)])

@@ -12,7 +12,7 @@ from foldcar.commands.design_settings import Settings, design_settings
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
-    from foldcar.carsim import Carsim, Runner
+    from foldcar.simulation.carsim import Carsim, Runner
 
 PATH_INTERVAL_S = 0.02
 LEAST_NAME_WIDTH = 22
@@ -31,13 +31,13 @@ def run(
     components: Components = None,
 ) -> None:
     """Run one car in one environment and say how it went."""
-    from foldcar.body import body_json
-    from foldcar.carsim import Carsim
+    from foldcar.car.body import body_json
+    from foldcar.car.variation.vary_body import vary_body
     from foldcar.commands.run_text import answer_lines, variation_text
-    from foldcar.environments import Environment
-    from foldcar.experiments import read_study
     from foldcar.figures.output import check_format
-    from foldcar.variation import apply
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.study.environments import Environment
+    from foldcar.study.experiments import read_study
 
     if plot is not None:
         check_format(plot)
@@ -48,7 +48,7 @@ def run(
     variation = environment.variation(sample)
     one = _Run(
         label=f"experiment {experiment}, sample {sample}",
-        body=apply(nominal, variation) if variation else nominal,
+        body=vary_body(nominal, variation) if variation else nominal,
         scene=environment.sample(sample),
         settings=chosen.settings(design, nominal, carsim.parameter_table()),
         sample=sample,
@@ -90,8 +90,8 @@ class _Run:
 
     def by(self, runner: "Runner", **more: float) -> dict[str, Any]:
         """The runner's answer; ``more`` goes into the settings."""
-        from foldcar.carsim import RunRequest
-        from foldcar.store_writer import canonical_json
+        from foldcar.simulation.carsim import RunRequest
+        from foldcar.store.writer import canonical_json
 
         settings = canonical_json({**self.settings, **more})
         (answer,) = runner.run(

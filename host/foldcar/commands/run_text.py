@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from foldcar.results import NUMBERS, outcome_of
+from foldcar.simulation.results import NUMBERS, outcome_of
 
 
 def answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -12,7 +12,7 @@ from foldcar.atomic_file import atomic_file
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
-    from foldcar.scenes import SceneSource
+    from foldcar.scenes.source import SceneSource
 
 
 def sample(
@@ -32,7 +32,7 @@ def sample(
 ) -> None:
     """Sample scenes from an environment: scene K of seed S has the id S/K, whatever the count."""
     from foldcar.figures.output import check_format
-    from foldcar.scenes import open_environment
+    from foldcar.scenes.source import open_environment
 
     if plot is not None:
         check_format(plot)
@@ -46,9 +46,9 @@ def sample(
             for scene in _scenes(source, count, shown):
                 file.write(_line(scene).encode())
     if plot is not None:
-        from foldcar.carsim import Carsim
         from foldcar.figures.ground import carsim_heights
         from foldcar.figures.scenes import draw_scenes
+        from foldcar.simulation.carsim import Carsim
 
         draw_scenes(shown, plot, carsim_heights(Carsim()), title=f"{scenario.name}, seed {seed}")
 

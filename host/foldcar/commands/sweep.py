@@ -26,11 +26,11 @@ def sweep(
     components: Components = None,
 ) -> None:
     """Run whatever the store does not have yet. Stop it any time: the same command goes on from there."""
-    from foldcar.carsim import Carsim
     from foldcar.commands.progress_bar import ProgressBar
-    from foldcar.experiments import read_study
-    from foldcar.sweep import Progress, planned_total
-    from foldcar.sweep import sweep as run_sweep
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.study.experiments import read_study
+    from foldcar.study.sweep import Progress, planned_total
+    from foldcar.study.sweep import sweep as run_sweep
 
     study = read_study(listing, experiment, environments)
     carsim = Carsim()

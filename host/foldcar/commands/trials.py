@@ -8,7 +8,7 @@ import typer
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
-    from foldcar.trial_records import Correction, Trial
+    from foldcar.store.trial_records import Correction, Trial
 
 StoreFile = Annotated[Path, typer.Argument(metavar="STORE", help="The store that holds the trials.")]
 Number = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="The trial's number, as `trials list` shows it.")]
@@ -24,7 +24,7 @@ def list_trials(
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
 ) -> None:
     """Show trials, one a line, and what was corrected of them."""
-    from foldcar.store import Store
+    from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
         found = list(opened.trials(experiment))
@@ -47,8 +47,8 @@ def correct(
     operator: Annotated[str, typer.Option(metavar="NAME", help="Who corrects it.")] = "",
 ) -> None:
     """Change what a trial says. What stood there is kept, with the reason."""
-    from foldcar.store import Store
-    from foldcar.trial_writer import write_trials
+    from foldcar.store.reader import Store
+    from foldcar.store.trial_writer import write_trials
 
     changes = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time}
     if all(value is None for value in changes.values()):
@@ -73,7 +73,7 @@ def import_file(
     ] = None,
 ) -> None:
     """Take over trials from a CSV file, all of them or none."""
-    from foldcar.trial_writer import write_trials
+    from foldcar.store.trial_writer import write_trials
     from foldcar.trials.csv_import import read_trials
 
     found = read_trials(file, experiment)
@@ -94,10 +94,10 @@ def replay(
     ] = None,
 ) -> None:
     """Simulate a trial again as it was placed, and show both."""
-    from foldcar.carsim import Carsim
     from foldcar.figures.output import check_format
-    from foldcar.results import outcome_of
-    from foldcar.store import Store
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.results import outcome_of
+    from foldcar.store.reader import Store
     from foldcar.trials.replay import agree, simulate_pair
 
     if plot is not None:
@@ -135,7 +135,7 @@ def export(
 ) -> None:
     """Convert a trial's log. The log itself, a .tlog, opens in MAVLink's own tools."""
     from foldcar.link.mcap_export import export_mcap
-    from foldcar.store import Store
+    from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
         trial = opened.trial(number)

@@ -23,14 +23,14 @@ def view(
     components: Components = None,
 ) -> None:
     """Write a page that shows a car as sheets, folding and assembled; it opens in a browser, without a network."""
-    from foldcar.assembly.view_page import Drawing, view_page
     from foldcar.atomic_file import atomic_file
+    from foldcar.car.folded_car import folded_car
     from foldcar.commands.listed_design import listed_family
-    from foldcar.compiler.car import folded_car
-    from foldcar.making import car_title
-    from foldcar.patterns.options import options
-    from foldcar.patterns.sheets import pattern
-    from foldcar.patterns.svg import svg
+    from foldcar.fabrication.assembly.view_page import Drawing, view_page
+    from foldcar.fabrication.make_car import car_title
+    from foldcar.fabrication.patterns.options import options
+    from foldcar.fabrication.patterns.sheets import pattern
+    from foldcar.fabrication.patterns.svg import svg
 
     design = listed_family(listing, vehicle, settings or [])[1].single()
     folded, title = folded_car(design), car_title(design)

@@ -10,10 +10,10 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import groupby
 from typing import Any
 
-from foldcar.carsim import Carsim, Runner, RunRequest
 from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.mujoco_car import EngineOptions
-from foldcar.store_writer import canonical_json
+from foldcar.simulation.carsim import Carsim, Runner, RunRequest
+from foldcar.store.writer import canonical_json
 
 # Runs that one simulator process gets at a time, alone and with Scenic beside it.
 CHUNK, CHUNK_BESIDE = 24, 4

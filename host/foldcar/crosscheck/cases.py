@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from foldcar.body import body_json
-from foldcar.carsim import Carsim
-from foldcar.environments import Environment
-from foldcar.experiments import Study
-from foldcar.variation import apply
+from foldcar.car.body import body_json
+from foldcar.car.variation.vary_body import vary_body
+from foldcar.simulation.carsim import Carsim
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import Study
 
 
 @dataclass(frozen=True)
@@ -52,5 +52,5 @@ def cases_of(study: Study, carsim: Carsim) -> Iterator[Case]:
             scene, variation = environment.sample(sample), environment.variation(sample)
             identity = environment.scene_identity(sample, environment.dynamic)
             for index, (columns, body, settings) in enumerate(designs):
-                car = apply(body, variation) if variation else body
+                car = vary_body(body, variation) if variation else body
                 yield Case(experiment.id, index, sample, columns, car, scene, settings, beside, identity)

@@ -11,7 +11,6 @@ from typing import Any
 
 import foldcar.crosscheck
 import foldcar.models
-from foldcar.carsim import Carsim
 from foldcar.crosscheck.carsim_runs import ask, path_until, run_in_carsim, run_in_mujoco_beside_scenic
 from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.mujoco_car import EngineOptions, import_mujoco
@@ -19,7 +18,8 @@ from foldcar.crosscheck.pool import Task, run_all
 from foldcar.crosscheck.pulses import PulseTrain, ask_pulses
 from foldcar.crosscheck.result_cache import ResultCache, result_key
 from foldcar.models.ground import HeightGrid, smooth_ground
-from foldcar.store_writer import canonical_json
+from foldcar.simulation.carsim import Carsim
+from foldcar.store.writer import canonical_json
 
 CARSIM, MUJOCO, HALF_STEP, ELLIPSOID = "carsim", "mujoco", "mujoco_half_step", "mujoco_ellipsoid"
 OPTIONS = {

@@ -1,4 +1,4 @@
-"""`python -m foldcar.crosscheck.mujoco_worker`: foldcar.scenic_worker with MuJoCo instead of carsim.
+"""`python -m foldcar.crosscheck.mujoco_worker`: foldcar.simulation.scenic_worker with MuJoCo instead of carsim.
 
 Input and output: as there; "engine" has the fields of EngineOptions.
 """
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from foldcar.crosscheck.mujoco_car import EngineOptions
 from foldcar.crosscheck.mujoco_step import SteppedMujoco
-from foldcar.scenic_worker import serve
+from foldcar.simulation.scenic_worker import serve
 
 
 def main() -> None:

@@ -14,7 +14,6 @@ from typing import Any
 import matplotlib
 
 from foldcar.atomic_file import atomic_file
-from foldcar.carsim import Carsim
 from foldcar.crosscheck.agreement import Agreement, Pair, agreement, worst
 from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.charts import success_figure, worst_figure
@@ -23,7 +22,8 @@ from foldcar.figures.ground import carsim_heights
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import OUTCOME_LABELS, RC
 from foldcar.page_template import page_template
-from foldcar.results import OUTCOMES
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.results import OUTCOMES
 
 PAGE, RUNS, NUMBERS = "index.html", "runs.csv", "summary.json"
 WORST = 3

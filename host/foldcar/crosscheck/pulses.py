@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from foldcar.carsim import Carsim
+from foldcar.simulation.carsim import Carsim
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.carsim import Carsim
+from foldcar.simulation.carsim import Carsim
 
 Floats = NDArray[numpy.float64]
 # (scene, x_m, y_m) -> z_m: arrays of any one shape, in and out.

@@ -13,8 +13,8 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.carsim import Carsim
 from foldcar.errors import FoldcarError
+from foldcar.simulation.carsim import Carsim
 
 Floats = NDArray[numpy.float64]
 # Heights (m) at points: x and y in, z out.

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from foldcar.figures.style import OUTCOME_COLOURS, OUTCOME_LABELS
 from foldcar.report.axis import ParameterAxis
 from foldcar.report.series import Series
-from foldcar.results import OUTCOMES
+from foldcar.simulation.results import OUTCOMES
 
 
 def draw_outcomes(series: Series) -> Figure:

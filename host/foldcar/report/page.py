@@ -10,7 +10,7 @@ from foldcar.page_template import page_template
 from foldcar.report.axis import extent_text, parameter_label, value_text
 from foldcar.report.inline_svg import inline_svg
 from foldcar.report.sections import Section
-from foldcar.store_info import StudyInfo
+from foldcar.store.info import StudyInfo
 
 
 def page_html(

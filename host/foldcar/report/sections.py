@@ -11,8 +11,8 @@ from foldcar.report.series import Summary, summarise
 from foldcar.report.success_plot import draw_success
 from foldcar.report.time_plot import draw_times
 from foldcar.report.trial_series import TrialSummary, summarise_trials
-from foldcar.store import Store
-from foldcar.store_info import ExperimentInfo
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from foldcar.report.wilson import wilson_interval
-from foldcar.results import OUTCOMES, Result
+from foldcar.simulation.results import OUTCOMES, Result
 
 Value = float | str
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from foldcar.figures.style import ACCENT, FAILURE, OUTCOME_LABELS, OUTCOME_MARKERS
 from foldcar.report.axis import ParameterAxis
 from foldcar.report.series import TIMED_SAMPLE, TimedRun
-from foldcar.results import OUTCOMES
+from foldcar.simulation.results import OUTCOMES
 
 
 def draw_times(runs: Sequence[TimedRun], parameter: str, time_limit_s: float) -> Figure:

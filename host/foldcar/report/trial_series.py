@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from foldcar.report.wilson import wilson_interval
-from foldcar.store_info import ExperimentInfo
-from foldcar.trial_records import Trial
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.trial_records import Trial
 
 
 @dataclass

@@ -11,7 +11,7 @@ from foldcar.figures.output import save_figure
 from foldcar.figures.style import RC
 from foldcar.report.page import page_html
 from foldcar.report.sections import Section, read_section
-from foldcar.store import Store
+from foldcar.store.reader import Store
 
 PAGE = "index.html"
 

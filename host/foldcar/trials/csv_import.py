@@ -11,10 +11,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from foldcar.compiler.modules import parameters
-from foldcar.design import DesignError, compose
+from foldcar.car.design import DesignError, compose
+from foldcar.car.modules import parameters
 from foldcar.errors import FoldcarError
-from foldcar.trial_records import TRIAL_OUTCOMES
+from foldcar.store.trial_records import TRIAL_OUTCOMES
 
 NEEDED = ("vehicle_type", "outcome", "source")
 MOST_COUNT = 100_000

@@ -8,10 +8,10 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from foldcar.carsim import Carsim, RunRequest
 from foldcar.errors import FoldcarError
-from foldcar.store import Store
-from foldcar.store_writer import canonical_json
+from foldcar.simulation.carsim import Carsim, RunRequest
+from foldcar.store.reader import Store
+from foldcar.store.writer import canonical_json
 
 PATH_INTERVAL_S = 0.02
 

@@ -1,0 +1,238 @@
+"""From faces and connections to pieces, and each piece to its place in the car.
+
+Input: a graph that components have built. Output: pieces (trees of faces), their poses, joins, mounts and axles with
+their poses. A loop of folds, or a face that nothing is joined to, is a ComponentError.
+"""
+
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from foldcar.car.compiler.copies import counted, titles
+from foldcar.car.compiler.fuse import Edge, Fused, fuse, seams
+from foldcar.car.compiler.graph import Graph, Link, PlacedAxle
+from foldcar.car.compiler.slot import ComponentError
+from foldcar.car.folded.folding import edge, folded
+from foldcar.car.folded.model import Crease, EdgeRef, Face, Join, Mount, Piece, PlacedPiece, Pose
+from foldcar.car.folded.pose import IDENTITY, across_crease, apply, compose, inverse
+
+Seam = tuple[Link, Edge, Edge, float]
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A component's pieces in their places. An axle comes with the body that carries it and its place."""
+
+    pieces: tuple[Piece, ...]
+    placed: tuple[PlacedPiece, ...]
+    joins: tuple[Join, ...]
+    mounts: tuple[Mount, ...]
+    axles: tuple[tuple[PlacedAxle, str, tuple[float, float, float]], ...]
+
+
+def assemble(graph: Graph) -> Assembly:
+    """The assembly that begins with the face ``graph.origin`` names, or the first one."""
+    fused = fuse(graph)
+    found = seams(graph.links, fused)
+    owner = {path: first for first, one in fused.items() for path in one.poses}
+    sheets = _sheets(fused, [seam for seam in found if seam[0].kind in ("fold", "hinge")])
+    home = {first: index for index, sheet in enumerate(sheets) for first in sheet}
+    names = _names(fused, sheets)
+    tabs = {seam[2]: _Tab(seam, names, home) for seam in found if seam[0].kind == "tab"}
+    for index in range(len(sheets)):
+        _tell_apart([tab for edge_b, tab in tabs.items() if home[edge_b[0]] == index])
+    pieces = [_piece(sheet, fused, found, tabs, names) for sheet in sheets]
+
+    shapes = [folded(piece) for piece in pieces]
+    roots = _root_poses(graph, fused, owner, found, home, shapes, names)
+    world = {
+        path: compose(roots[home[first]], shapes[home[first]][names[first]], one.poses[path])
+        for first, one in fused.items()
+        for path in one.poses
+    }
+    found_joins = _joins(graph, fused, owner, tabs, home, pieces, names)
+    places = [(fused[sheet[0]].first.body, root) for sheet, root in zip(sheets, roots, strict=True)]
+    kept, placed, joins = counted(pieces, places, found_joins)
+    mounts = tuple(
+        Mount(part.part, part.name, graph.atoms[part.on].body, compose(world[part.on], part.pose), part.size_mm,
+              part.mass_kg, names[owner[part.on]], part.holes)
+        for part in graph.parts
+    )  # fmt: skip
+    axles = tuple((axle, graph.atoms[axle.on].body, apply(world[axle.on], *axle.center_mm)) for axle in graph.axles)
+    return Assembly(tuple(kept), tuple(placed), tuple(joins), mounts, axles)
+
+
+class _Tab:
+    """The tab that grows from edge ``b`` of a seam and is glued to the face of edge ``a``."""
+
+    def __init__(self, seam: Seam, names: dict[str, str], home: dict[str, int]) -> None:
+        link, self.a, self.b, self.length = seam
+        depth = link.depth_mm
+        inset = min(depth * link.mitre, self.length / 4)
+        outline = ((0.0, 0.0), (self.length, 0.0), (self.length - inset, depth), (inset, depth))
+        if inset == 0:
+            outline = ((0.0, 0.0), (self.length, 0.0), (self.length, depth), (0.0, depth))
+        self.face = Face(f"{names[self.b[0]]} tab to {names[self.a[0]]}", outline, (), "tab")
+        # It lies where the other face would be, were that one folded from here.
+        self.angle_rad = link.angle_rad
+        self.own_piece = home[self.a[0]] == home[self.b[0]]
+
+
+def _tell_apart(tabs: list[_Tab]) -> None:
+    """Tabs of one piece between the same two faces get numbers."""
+    for tab, title in zip(tabs, titles([tab.face.name for tab in tabs]), strict=True):
+        tab.face = replace(tab.face, name=title)
+
+
+def _sheets(fused: dict[str, Fused], folds: list[Seam]) -> list[list[str]]:
+    """The fused faces of each piece, the first one its root, parents before children."""
+    neighbours: dict[str, list[str]] = {}
+    for _, a, b, _ in folds:
+        neighbours.setdefault(a[0], []).append(b[0])
+        neighbours.setdefault(b[0], []).append(a[0])
+    sheets, done = [], set[str]()
+    for first in fused:
+        if first in done:
+            continue
+        sheet, queue = [first], deque([first])
+        done.add(first)
+        while queue:
+            for other in neighbours.get(queue.popleft(), ()):
+                if other not in done:
+                    done.add(other)
+                    sheet.append(other)
+                    queue.append(other)
+        sheets.append(sheet)
+    in_sheet = {first: i for i, sheet in enumerate(sheets) for first in sheet}
+    for i, sheet in enumerate(sheets):
+        mine = [seam for seam in folds if in_sheet[seam[1][0]] == i]
+        if len(mine) >= len(sheet) > 0 and mine:
+            raise ComponentError(
+                sheet[0], f"is in a loop of {len(mine)} folds, which no flat sheet has; make one of them a tab"
+            )
+    return sheets
+
+
+def _names(fused: dict[str, Fused], sheets: list[list[str]]) -> dict[str, str]:
+    """Face names, short where that is unambiguous within the piece."""
+    names = {}
+    for sheet in sheets:
+        short = {first: first.rpartition(".")[2] for first in sheet}
+        for first in sheet:
+            twice = sum(other == short[first] for other in short.values()) > 1
+            names[first] = first if twice else short[first]
+    return names
+
+
+def _piece(
+    sheet: list[str], fused: dict[str, Fused], found: list[Seam], tabs: dict[Edge, _Tab], names: dict[str, str]
+) -> Piece:
+    members = set(sheet)
+    order = {first: i for i, first in enumerate(sheet)}
+    creases = []
+    for link, a, b, _ in found:
+        if link.kind not in ("fold", "hinge") or a[0] not in members:
+            continue
+        parent, child = (a, b) if order[a[0]] < order[b[0]] else (b, a)
+        bends = link.kind == "hinge"
+        creases.append((
+            order[child[0]],
+            Crease(
+                f"{names[parent[0]]} to {names[child[0]]}", _ref(parent, names), _ref(child, names), link.angle_rad,
+                bends, link.min_rad if bends else None, link.max_rad if bends else None,
+            ),
+        ))  # fmt: skip
+    creases.sort(key=lambda pair: pair[0])
+    mine = [tab for edge_b, tab in tabs.items() if edge_b[0] in members]
+    folds = [
+        *(crease for _, crease in creases),
+        *(Crease(tab.face.name, _ref(tab.b, names), EdgeRef(tab.face.name, 0), tab.angle_rad) for tab in mine),
+    ]
+    faces = [replace(fused[first].face, name=names[first]) for first in sheet] + [tab.face for tab in mine]
+    first = fused[sheet[0]].first
+    label = first.piece or names[sheet[0]]
+    return Piece(label, label, tuple(faces), tuple(folds), first.thickness_mm)
+
+
+def _ref(edge_of: Edge, names: dict[str, str]) -> EdgeRef:
+    return EdgeRef(names[edge_of[0]], edge_of[1])
+
+
+def _root_poses(
+    graph: Graph, fused: dict[str, Fused], owner: dict[str, str], found: list[Seam], home: dict[str, int],
+    shapes: list[dict[str, Pose]], names: dict[str, str],
+) -> list[Pose]:  # fmt: skip
+    """Where the first face of each piece is in the car."""
+    # From piece to piece: the frame of the second one's first face in that of the first one's.
+    steps: dict[int, list[tuple[int, Pose]]] = {}
+
+    def local(first: str) -> Pose:
+        return shapes[home[first]][names[first]]
+
+    def add(a: str, b: str, relative: Pose) -> None:
+        """``relative``: the pose of fused face b in the frame of a."""
+        step = compose(local(a), relative, inverse(local(b)))
+        steps.setdefault(home[a], []).append((home[b], step))
+        steps.setdefault(home[b], []).append((home[a], inverse(step)))
+
+    for placement in graph.placements:
+        a, b = owner[placement.on], owner[placement.face]
+        add(a, b, compose(fused[a].poses[placement.on], placement.pose, inverse(fused[b].poses[placement.face])))
+    for link, edge_a, edge_b, _ in found:
+        if link.kind == "tab" and home[edge_a[0]] != home[edge_b[0]]:
+            ends = [edge({e[0]: fused[e[0]].face}, EdgeRef(e[0], e[1])) for e in (edge_a, edge_b)]
+            add(edge_a[0], edge_b[0], across_crease(ends[0], ends[1], link.angle_rad))
+    path, pose = graph.origin or (next(iter(graph.atoms)), IDENTITY)
+    first = owner[path]
+    start = compose(pose, inverse(fused[first].poses[path]), inverse(local(first)))
+    poses = {home[first]: start}
+    queue = deque([home[first]])
+    while queue:
+        here = queue.popleft()
+        for other, step in steps.get(here, ()):
+            if other not in poses:
+                poses[other] = compose(poses[here], step)
+                queue.append(other)
+    for first, sheet in home.items():
+        if sheet not in poses:
+            raise ComponentError(first, "is joined to nothing")
+    return [poses[i] for i in range(len(shapes))]
+
+
+def _joins(
+    graph: Graph, fused: dict[str, Fused], owner: dict[str, str], tabs: dict[Edge, _Tab], home: dict[str, int],
+    pieces: list[Piece], names: dict[str, str],
+) -> list[tuple[Join, int, int]]:  # fmt: skip
+    """Joins with the indices of their two pieces. What is glued all around a rim has one number."""
+    joins: list[tuple[Join, int, int]] = []
+    rims: dict[tuple[int, int], int] = {}
+    number = 0
+    for tab in tabs.values():
+        pair = (home[tab.b[0]], home[tab.a[0]])
+        around = fused[tab.b[0]].face.role == "rim" and not tab.own_piece
+        if not around or pair not in rims:
+            number += 1
+            rims[pair] = number
+        kind: Literal["rim", "lap", "tab"] = "rim" if around else "lap" if tab.own_piece else "tab"
+        a, b = EdgeRef(tab.face.name, 0), _ref(tab.a, names)
+        join = Join(rims[pair] if around else number, kind, pieces[pair[0]].name, a, pieces[pair[1]].name, b, tab.length)
+        joins.append((join, *pair))
+    for placement in graph.placements:
+        first, on = owner[placement.face], owner[placement.on]
+        pair = (home[first], home[on])
+        for path, index, through, slot in placement.slots:
+            number += 1
+            at = (owner[path], fused[owner[path]].edges[path, index])
+            other = owner[through]
+            length = graph.edge_length_mm((path, index))
+            b = EdgeRef(names[other], 0)
+            a = _ref(at, names)
+            names_of = (pieces[home[at[0]]].name, pieces[home[other]].name)
+            join = Join(number, "tab_slot", names_of[0], a, names_of[1], b, length, slot)
+            joins.append((join, home[at[0]], home[other]))
+        if placement.join == "laminate":
+            number += 1
+            refs = EdgeRef(names[first], 0), EdgeRef(names[on], 0)
+            join = Join(number, "laminate", pieces[pair[0]].name, refs[0], pieces[pair[1]].name, refs[1], 0.0)
+            joins.append((join, *pair))
+    return joins

@@ -1,0 +1,130 @@
+"""Components: parameters, subcomponents and the rules between them, solved from the top down.
+
+A component declares its parameters, its subcomponents and what must be equal or follow from what; ``build`` then
+makes its faces and connects them (see shape.py). A parameter of a subcomponent is the parent's own one of the
+same name (``inherit``), the parent's as ``prefix.name`` (``prefix``), or set by a number or an expression of the
+parent's parameters (``settings``).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from foldcar.car.compiler.graph import Graph
+from foldcar.car.compiler.parameter import Parameter
+from foldcar.car.compiler.shape import Shape
+from foldcar.car.compiler.slot import ComponentError, Slot
+
+Expression = Callable[["Component"], float]
+
+
+@dataclass(frozen=True)
+class Sub:
+    """A subcomponent. The one with ``root`` is built first: its first face is where the parent begins."""
+
+    name: str
+    kind: "type[Component]"
+    inherit: tuple[str, ...] = ()
+    prefix: str | None = None
+    root: bool = False
+    settings: Mapping[str, float | Expression] = field(default_factory=dict)
+    body: str | None = None
+
+
+@dataclass(frozen=True)
+class Equal:
+    """Two parameters, by their paths below the component, that have one value."""
+
+    a: str
+    b: str
+
+
+class Component:
+    """Something that is folded, cut or bought: subclass it, declare, and build."""
+
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+
+    def __init__(self, path: str = "", body: str = "") -> None:
+        self.path, self.body = path, body
+        self.slots = {parameter.name: Slot(parameter, self._under(parameter.name)) for parameter in self.parameters}
+        self._subs = sorted(self.subcomponents(), key=lambda sub: not sub.root)
+        self.children: dict[str, Component] = {}
+        for sub in self._subs:
+            if sub.name in self.children:
+                raise ComponentError(path, f'two subcomponents are called "{sub.name}"')
+            self.children[sub.name] = sub.kind(self._under(sub.name), sub.body or body)
+            self._bind(sub, self.children[sub.name])
+        for rule in self.constraints():
+            self.slot(rule.a).unite(self.slot(rule.b))
+
+    def subcomponents(self) -> Sequence[Sub]:
+        """What the component consists of, besides its own faces."""
+        return ()
+
+    def constraints(self) -> Sequence[Equal]:
+        """Parameters of its subcomponents that must agree."""
+        return ()
+
+    def build(self, shape: Shape) -> None:
+        """Make faces and connect them; subcomponents are built already, parameters are final."""
+
+    def __getitem__(self, name: str) -> float:
+        """A parameter's value, checked against its limits."""
+        return self.slot(name).read()
+
+    def slot(self, path: str) -> Slot:
+        """The slot of a parameter by its path below this component: ``length``, ``beam.length``."""
+        if path in self.slots:
+            return self.slots[path]
+        child, dot, rest = path.partition(".")
+        if dot and child in self.children:
+            return self.children[child].slot(rest)
+        raise ComponentError(self.path, f'has no parameter "{path}"; it has {", ".join(self.slots) or "none"}')
+
+    def solve(self, values: Mapping[str, float]) -> None:
+        """Give the parameters these values and every other one what follows from them."""
+        for name, value in values.items():
+            self.slot(name).assign(value)
+        self._settle()
+
+    def misfit(self, name: str, message: str) -> ComponentError:
+        """An error that blames the parameter ``name``."""
+        return ComponentError(self._under(name), message, self.slot(name))
+
+    def _settle(self) -> None:
+        for name in self.slots:
+            self.slots[name].read()
+        for sub in self._subs:
+            child = self.children[sub.name]
+            for name, setting in sub.settings.items():
+                value = setting(self) if callable(setting) else setting
+                child.slot(name).assign(float(value), f" (set by {self.path or type(self).__name__})")
+            child._settle()
+
+    def _bind(self, sub: Sub, child: "Component") -> None:
+        for name in (*sub.inherit, *sub.settings):
+            child.slot(name)
+        for name, slot in child.slots.items():
+            if name in sub.settings or not (name in sub.inherit or sub.prefix is not None):
+                continue
+            mine = name if name in sub.inherit else f"{sub.prefix}.{name}"
+            if mine in self.slots:
+                self.slots[mine].unite(slot)
+            else:
+                self.slots[mine] = slot
+
+    def _under(self, name: str) -> str:
+        return f"{self.path}.{name}" if self.path else name
+
+
+def build(component: Component) -> Graph:
+    """The faces and connections of a solved component and everything under it."""
+    graph = Graph()
+    _build(component, graph)
+    return graph
+
+
+def _build(component: Component, graph: Graph) -> None:
+    for child in component.children.values():
+        _build(child, graph)
+    component.build(Shape(component.path, component.body, graph))

@@ -1,0 +1,168 @@
+"""What components build with: faces with named edges, holes, connections, mounts, axles.
+
+Paths are relative to the component: ``floor`` is a face, ``beam.floor.front`` an edge of a subcomponent's face. A
+face's first point is its origin by habit; edge i runs from point i to i + 1, counter-clockwise; +z is the printed side,
+which looks inwards. Lengths in millimetres, angles in radians.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+from foldcar.car.compiler.graph import Atom, Graph, Link, LinkKind, PlacedAxle, PlacedPart, Placement
+from foldcar.car.compiler.slot import ComponentError
+from foldcar.car.folded.model import Hole, HoleKind, Point, Pose
+from foldcar.car.folded.pose import translation
+from foldcar.car.parts.catalogue import BoxPart, catalogue
+
+RECTANGLE_EDGES = ("near", "front", "far", "rear")
+CIRCLE_POINTS = 48
+_CIRCLE = [
+    (math.cos(2 * math.pi * i / CIRCLE_POINTS), math.sin(2 * math.pi * i / CIRCLE_POINTS)) for i in range(CIRCLE_POINTS)
+]
+# Edges that are to be joined may differ by this.
+LENGTH_TOLERANCE_MM = 1e-6
+
+class Shape:
+    """The graph as one component sees it: all paths are relative to it."""
+
+    def __init__(self, name: str, body: str, graph: Graph) -> None:
+        """``name`` is the component's path, ``body`` the rigid body that its faces belong to."""
+        self.name, self._body, self.graph = name, body, graph
+
+    def face(
+        self,
+        name: str,
+        outline_mm: Sequence[Point],
+        edges: Sequence[str] | None = None,
+        *,
+        piece: str = "",
+        role: Literal["panel", "rim"] = "panel",
+        thickness_mm: float | None = None,
+        body: str | None = None,
+    ) -> None:
+        """A polygon, counter-clockwise. ``piece`` names the part that is cut, if this is the face it begins with."""
+        path = self._path(name)
+        if path in self.graph.atoms:
+            raise ComponentError(path, "there is a face of that name already")
+        names = tuple(edges) if edges is not None else tuple(str(i) for i in range(len(outline_mm)))
+        if len(names) != len(outline_mm):
+            raise ComponentError(path, f"has {len(outline_mm)} edges and {len(names)} names for them")
+        if _area(outline_mm) <= 0:
+            raise ComponentError(path, "its outline does not run counter-clockwise around an area")
+        thickness = catalogue().film.thickness_mm.value if thickness_mm is None else thickness_mm
+        body = self._body if body is None else body
+        self.graph.atoms[path] = Atom(path, tuple(outline_mm), names, role, piece, thickness, body)
+
+    def rectangle(self, name: str, length_mm: float, width_mm: float, *, piece: str = "") -> None:
+        """x from 0 to length, y from 0 to width; edges near (y = 0), front (x = length), far and rear."""
+        outline = ((0.0, 0.0), (length_mm, 0.0), (length_mm, width_mm), (0.0, width_mm))
+        self.face(name, outline, RECTANGLE_EDGES, piece=piece)
+
+    def rectangular_hole(
+        self, face: str, name: str, kind: HoleKind, center_mm: Point, length_mm: float, width_mm: float
+    ) -> str:
+        """A hole along x and y of the face; returns its full name."""
+        (x, y), a, b = center_mm, length_mm / 2, width_mm / 2
+        outline = ((x - a, y - b), (x + a, y - b), (x + a, y + b), (x - a, y + b))
+        return self._hole(face, Hole(self._path(name), kind, outline, None, center_mm))
+
+    def round_hole(self, face: str, name: str, kind: HoleKind, center_mm: Point, diameter_mm: float) -> str:
+        """A circle; returns its full name."""
+        x, y = center_mm
+        r = diameter_mm / 2
+        outline = tuple((x + r * c, y + r * s) for c, s in _CIRCLE)
+        return self._hole(face, Hole(self._path(name), kind, outline, diameter_mm, center_mm))
+
+    def connect(
+        self,
+        a: str,
+        b: str,
+        kind: LinkKind,
+        angle_deg: float = 0.0,
+        *,
+        depth_mm: float = 0.0,
+        mitre: float = 1.0,
+        limits_rad: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Join two edges of equal length: folded by the angle, fused flat, hinged, or by a tab on ``b`` glued to ``a``.
+
+        ``mitre`` is how far a tab's ends slant in for each millimetre of its depth.
+        """
+        first, second = self._edge(a), self._edge(b)
+        lengths = [self.graph.edge_length_mm(edge) for edge in (first, second)]
+        if abs(lengths[0] - lengths[1]) > LENGTH_TOLERANCE_MM:
+            raise ComponentError(
+                self.graph.edge_path(first),
+                f"is {lengths[0]:g} mm long, {self.graph.edge_path(second)} is {lengths[1]:g} mm: "
+                f"a {kind} joins edges of equal length",
+            )
+        angle = math.radians(angle_deg)
+        self.graph.add(Link(kind, first, second, angle, depth_mm, mitre, *limits_rad))
+
+    def laminate(self, face: str, on: str, pose: Pose) -> None:
+        """Glue a face flat onto another one, at that pose in its frame."""
+        self.graph.placements.append(Placement(self._face(face), self._face(on), pose, "laminate"))
+
+    def put_through(self, face: str, on: str, pose: Pose, tongues: Mapping[str, tuple[str, str]]) -> None:
+        """Place a face by its tongues: edge of ``face`` → (face, slot) it passes through."""
+        slots = tuple(
+            (*self._edge(f"{face}.{edge}"), self._face(other), self._path(slot))
+            for edge, (other, slot) in tongues.items()
+        )
+        self.graph.placements.append(Placement(self._face(face), self._face(on), pose, "tab_slot", slots))
+
+    def part(self, part: BoxPart, name: str, on: str, center_mm: tuple[float, float, float], *,
+             turned: bool = False, holes: Sequence[str] = ()) -> None:  # fmt: skip
+        """A bought box, its height along the face's z; ``turned`` puts its length along y."""
+        sizes = (part.length_mm.value, part.width_mm.value, part.height_mm.value)
+        size = (sizes[1], sizes[0], sizes[2]) if turned else sizes
+        self.box(part.name, name, on, translation(*center_mm), size, part.mass_kg.value, holes)
+
+    def box(self, part: str, name: str, on: str, pose: Pose, size_mm: tuple[float, float, float],
+            mass_kg: float, holes: Sequence[str] = ()) -> None:  # fmt: skip
+        """A bought part of that size, the pose of its middle in the frame of the face ``on``."""
+        found = PlacedPart(part, name, self._face(on), pose, size_mm, mass_kg, tuple(holes))
+        self.graph.parts.append(found)
+
+    def axle(self, on: str, servo: str, side: Literal["left", "right"], center_mm: tuple[float, float, float],
+             radius_mm: float, tyre_width_mm: float) -> None:  # fmt: skip
+        """A wheel that the mount ``servo`` turns; the tyre's middle in the frame of the face ``on``."""
+        found = PlacedAxle(self._face(on), servo, side, center_mm, radius_mm, tyre_width_mm)
+        self.graph.axles.append(found)
+
+    def begin_at(self, face: str, pose: Pose) -> None:
+        """Put a face somewhere in the car; everything that is joined to it follows."""
+        self.graph.origin = (self._face(face), pose)
+
+    def face_size_mm(self, face: str) -> Point:
+        """How far a face reaches along x and y."""
+        outline = self.graph.atoms[self._face(face)].outline_mm
+        xs, ys = zip(*outline, strict=True)
+        return (max(xs) - min(xs), max(ys) - min(ys))
+
+    def _hole(self, face: str, hole: Hole) -> str:
+        self.graph.atoms[self._face(face)].holes.append(hole)
+        return hole.name
+
+    def _path(self, name: str) -> str:
+        return f"{self.name}.{name}" if self.name else name
+
+    def _face(self, name: str) -> str:
+        path = self._path(name)
+        if path not in self.graph.atoms:
+            raise ComponentError(self.name, f'has no face "{name}"')
+        return path
+
+    def _edge(self, name: str) -> tuple[str, int]:
+        face, _, edge = name.rpartition(".")
+        path = self._face(face)
+        edges = self.graph.atoms[path].edges
+        if edge not in edges:
+            raise ComponentError(path, f'has no edge "{edge}"; it has {", ".join(edges)}')
+        return path, edges.index(edge)
+
+
+def _area(outline: Sequence[Point]) -> float:
+    following = (*outline[1:], outline[0])
+    return sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(outline, following, strict=True)) / 2

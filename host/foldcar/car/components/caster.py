@@ -1,0 +1,42 @@
+"""A bought ball caster under a floor, for modules of one's own: `Sub("caster", Caster)` and `Caster.attach` in `build`.
+
+The simulator knows wheels and bellies only: for it the caster is weight, not a support.
+"""
+
+import math
+
+from foldcar.car.compiler.component import Component
+from foldcar.car.compiler.shape import Shape
+from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.parts.catalogue import catalogue
+
+
+class Caster(Component):
+    """A second layer of film behind the floor, and the caster's place under it."""
+
+    def build(self, shape: Shape) -> None:
+        """The face ``plate``, its origin in the middle."""
+        caster, margin = catalogue().caster, catalogue().assembly.doubler_margin_mm.value
+        a = caster.length_mm.value / 2 + margin
+        b = caster.width_mm.value / 2 + margin
+        shape.face("plate", ((-a, -b), (a, -b), (a, b), (-a, b)), piece="caster plate")
+        _holes(shape, "plate", "", (0.0, 0.0))
+
+    @staticmethod
+    def attach(shape: Shape, mount: str, floor: str, at_mm: tuple[float, float]) -> None:
+        """Hang the caster of the subcomponent ``mount`` under the caller's face ``floor``, its middle at that point."""
+        caster, film = catalogue().caster, catalogue().film.thickness_mm.value
+        holes = _holes(shape, floor, f"{mount}.", at_mm)
+        shape.laminate(f"{mount}.plate", floor, translation(*at_mm, film))
+        under = translation(*at_mm, -(film + caster.height_mm.value) / 2)
+        size = (caster.length_mm.value, caster.width_mm.value, caster.height_mm.value)
+        pose = compose(under, rotation("x", math.pi))
+        shape.box(caster.name, f"{shape.name}.{mount}", floor, pose, size, caster.mass_kg.value, holes)
+
+
+def _holes(shape: Shape, face: str, prefix: str, middle: tuple[float, float]) -> list[str]:
+    half, size = catalogue().caster.hole_spacing_mm.value / 2, catalogue().assembly.screw_hole_mm.value
+    return [
+        shape.round_hole(face, f"{prefix}screw {i + 1}", "screw", (middle[0] + x, middle[1]), size)
+        for i, x in enumerate((-half, half))
+    ]

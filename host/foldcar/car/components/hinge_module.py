@@ -1,0 +1,114 @@
+"""The hinge H: a strip of film under the floors of two segments, which pitch against each other about its middle.
+
+The strip is glued from below to the floors before and after the gap, so the segments open upwards over a crest; the other
+way, nose up, they may fold until their lids meet or a stop between the lids ends it.
+"""
+
+import math
+from itertools import pairwise
+
+from foldcar.car.compiler.component import Component
+from foldcar.car.compiler.parameter import Parameter
+from foldcar.car.compiler.shape import Shape
+from foldcar.car.components.box_beam import wall_mm
+from foldcar.car.components.dimensions import HEIGHT, WIDTH
+from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.parts.catalogue import catalogue
+
+THICKNESS = Parameter(
+    "thickness", lambda parts: parts.film.thickness_mm.value, 0.05, 1,
+    "thickness of a hinge's strip, as wide as the body", "the thinnest film there is",
+)  # fmt: skip
+
+# The stop is a square tube of film, some way below the lids.
+STOP_FROM_LID_MM = 2.0
+STOP_WEB_MM = 12.0
+LEAST_STOP_MM = 1.0
+STOP_SHARE = 1 / 3
+GLUE_SHARE = 0.45
+
+
+def fold_up_limit_rad(length_mm: float, height_mm: float) -> float:
+    """Where the lids of the two segments meet, both turned about the middle of the strip."""
+    return 2 * math.atan2(length_mm / 2, height_mm)
+
+
+def stiffness_n_m_rad(width_mm: float, thickness_mm: float, length_mm: float) -> float:
+    """The strip as a beam bent to a circular arc: E w t³ / 12 l."""
+    second_moment_m4 = width_mm * thickness_mm**3 / 12 * 1e-12
+    return catalogue().film.youngs_modulus_pa.value * second_moment_m4 / (length_mm * 1e-3)
+
+
+class HingeModule(Component):
+    """Two half strips with a flexure between them; the car glues them to its floors."""
+
+    letter = "H"
+    title = "hinge: a strip of film that lets the segments before and after it pitch against each other"
+    parameters = (
+        WIDTH, HEIGHT,
+        Parameter(
+            "length", 6, 1, 60, "length of a hinge's strip, the gap between two segments", "a strip that bends evenly"
+        ),
+        THICKNESS,
+        Parameter("fold_down", 60, 0, 90, "how far the front segment may pitch nose down against the rear one",
+                  "flat", "deg"),
+        Parameter("fold_up", 0, 0, 90, "how far it may pitch nose up, which lets the car sag", "flat", "deg"),
+    )  # fmt: skip
+
+    def build(self, shape: Shape) -> None:
+        """The faces ``front half`` and ``rear half``, y to the left, the flexure at their common edge; the stop."""
+        limit = fold_up_limit_rad(self["length"], wall_mm(self["height"]))
+        if math.radians(self["fold_up"]) > limit:
+            meet = f"where the lids meet at H.length {self['length']:g} and height {self['height']:g}"
+            raise self.misfit("fold_up", f"{self['fold_up']:g} is above the maximum {math.degrees(limit):.3g} ({meet})")
+        half = self["length"] / 2 + catalogue().assembly.hinge_glue_mm.value
+        width = wall_mm(self["width"])
+        outline = ((0.0, 0.0), (half, 0.0), (half, width), (0.0, width))
+        edges = ("near", "front", "far", "rear")
+        for name in ("front half", "rear half"):
+            shape.face(name, outline, edges, piece="hinge strip", thickness_mm=self["thickness"])
+        limits = (-math.radians(self["fold_down"]), math.radians(self["fold_up"]))
+        shape.connect("front half.rear", "rear half.front", "hinge", 0, limits_rad=limits)
+        if self._stop_mm() >= LEAST_STOP_MM:
+            self._stop(shape, self._stop_mm())
+
+    def join(self, shape: Shape, hinge: str, modules: tuple[str, str], caps: tuple[str, str]) -> None:
+        """Glue it under the floors of the modules before and behind, and the stop onto the cap before the gap.
+
+        What is behind the hinge follows its place.
+        """
+        glue, gap = catalogue().assembly.hinge_glue_mm.value, self["length"] / 2
+        front, rear = modules
+        film = catalogue().film.thickness_mm.value
+        under = -(film + self["thickness"]) / 2
+        shape.laminate(f"{hinge}.front half", f"{front}.beam.floor", translation(-gap, 0, under))
+        length = shape.face_size_mm(f"{rear}.beam.floor")[0]
+        shape.laminate(f"{hinge}.rear half", f"{rear}.beam.floor", translation(length - glue, 0, under))
+        if self._stop_mm() >= LEAST_STOP_MM:
+            width, height = shape.face_size_mm(f"{caps[0]}.cap")
+            glue = self._web_mm() * GLUE_SHARE
+            # Caps look inwards, the stop stands outside: it is turned over.
+            corner = translation(width * (1 + STOP_SHARE) / 2, height - STOP_FROM_LID_MM - glue, -film)
+            shape.laminate(f"{hinge}.glue 1", f"{caps[0]}.cap", compose(corner, rotation("y", math.pi)))
+
+    def _stop_mm(self) -> float:
+        """How far the stop reaches out of the front segment's cap to meet the other one at the upper limit."""
+        half, up = self["length"] / 2, math.radians(self["fold_up"])
+        gap = half + half / math.cos(up) - (wall_mm(self["height"]) - STOP_FROM_LID_MM) * math.tan(up)
+        # Between film and film lie half a thickness of either, and of the flaps by which the stop is glued on.
+        return gap - 2 * catalogue().film.thickness_mm.value
+
+    def _web_mm(self) -> float:
+        """Height of the stop: above the cables' slit."""
+        slit = catalogue().assembly.cable_slit_mm.value
+        return min(STOP_WEB_MM, wall_mm(self["height"]) / 2 - slit / 2 - STOP_FROM_LID_MM - 1)
+
+    def _stop(self, shape: Shape, reach_mm: float) -> None:
+        """A tube: two flaps glued to the cap, two sides of that reach, and what the other cap meets."""
+        width, web = wall_mm(self["width"]) * STOP_SHARE, self._web_mm()
+        sizes = {"glue 1": web * GLUE_SHARE, "side 1": reach_mm, "stop": web, "side 2": reach_mm,
+                 "glue 2": web * GLUE_SHARE}  # fmt: skip
+        for name, size in sizes.items():
+            shape.rectangle(name, width, size, piece="hinge stop")
+        for one, following in pairwise(sizes):
+            shape.connect(f"{one}.far", f"{following}.near", "fold", 90)

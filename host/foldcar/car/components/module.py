@@ -1,0 +1,34 @@
+"""What a type string is made of: modules. Each one but a hinge is a length of box beam with something in or on it.
+
+A module of one's own is a subclass with a ``letter`` (or a name, without underscores) and a ``title``; see
+docs/compiler.md.
+"""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from foldcar.car.compiler.component import Component, Sub
+from foldcar.car.compiler.parameter import Parameter
+from foldcar.car.components.box_beam import BoxBeam
+from foldcar.car.components.dimensions import HEIGHT, WIDTH
+
+# Set by the car: whether the middle of the segment lies towards the front (1) or the rear (-1).
+TOWARDS_MIDDLE = Parameter("towards_middle", 1, -1, 1, "where the segment's middle is", "rear", "", internal=True)
+# Set by the car: the depth of the tab on the side walls at the end where the segment's middle is.
+TAB_THERE = Parameter("tab_there", 0, 0, 100, "depth of an end cap's tab", "none", internal=True)
+
+
+class Module(Component):
+    """A length of the car's body: a subcomponent ``beam`` as long, wide and high as the module."""
+
+    letter: ClassVar[str]
+    title: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        WIDTH,
+        HEIGHT,
+        Parameter("length", 80, 10, 400, "length of the module", "a strip that can be folded"),
+    )
+
+    def subcomponents(self) -> Sequence[Sub]:
+        """The beam; add to it with ``(*super().subcomponents(), Sub(…))``."""
+        return (Sub("beam", BoxBeam, inherit=("length", "width", "height"), root=True),)

@@ -1,0 +1,222 @@
+"""A car's design: modules in a row from front to back and a value for every parameter.
+
+Input: a type string (``W_B_W``) and parameter values in millimetres and degrees by key (``width``,
+``W.length``). Output: an immutable Design; its geometry in millimetres, x forward from the middle of the
+car's length, hinges flat.
+"""
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from foldcar.car.components.wheel_module import tyre_gap_mm
+from foldcar.car.modules import REQUIRED_MODULES, modules, parameters
+from foldcar.car.parts.catalogue import catalogue
+from foldcar.errors import FoldcarError
+
+# Wheels are driven one by one by the eight outputs of the servo driver.
+MAX_AXLES = 4
+# What the simulator takes.
+MAX_SEGMENTS = 8
+
+
+class DesignError(FoldcarError):
+    """A value that no car can have. ``parameter`` is its key, or None where the type string is at fault."""
+
+    def __init__(self, parameter: str | None, message: str) -> None:
+        super().__init__(f"{parameter}: {message}" if parameter else message)
+        self.parameter = parameter
+        self.message = message
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A rigid part of a car: the modules between two hinges, by their indices; one box in millimetres."""
+
+    modules: tuple[int, ...]
+    center_mm: float
+    length_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """A car that can be built. ``values`` holds every parameter of its modules, in mm and degrees."""
+
+    modules: tuple[str, ...]
+    values: Mapping[str, float]
+
+    @property
+    def type(self) -> str:
+        """The type string, front to back."""
+        return "_".join(self.modules)
+
+    @property
+    def columns(self) -> dict[str, float]:
+        """The parameters by their names in results, units in the names."""
+        return {parameters()[key].column: value for key, value in self.values.items()}
+
+    @property
+    def length_mm(self) -> float:
+        """Length of the body, hinges flat."""
+        return sum(self.values[f"{letter}.length"] for letter in self.modules)
+
+    @property
+    def module_centers_mm(self) -> tuple[float, ...]:
+        """x of each module's middle, front to back."""
+        centers = []
+        front = self.length_mm / 2
+        for letter in self.modules:
+            length = self.values[f"{letter}.length"]
+            centers.append(front - length / 2)
+            front -= length
+        return tuple(centers)
+
+    @property
+    def axles_mm(self) -> tuple[float, ...]:
+        """x of each axle, front to back."""
+        return tuple(
+            x for letter, x in zip(self.modules, self.module_centers_mm, strict=True) if letter == "W"
+        )
+
+    @property
+    def axle_segments(self) -> tuple[int, ...]:
+        """The segment that carries each axle, front to back."""
+        return tuple(self.segment_at(i) for i, letter in enumerate(self.modules) if letter == "W")
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """The rigid parts, front to back."""
+        centers = self.module_centers_mm
+        found = []
+        for hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == "H"):
+            if hinge:
+                continue
+            indices = tuple(group)
+            lengths = [self.values[f"{self.modules[i]}.length"] for i in indices]
+            front = centers[indices[0]] + lengths[0] / 2
+            found.append(Segment(indices, front - sum(lengths) / 2, sum(lengths)))
+        return tuple(found)
+
+    @property
+    def hinges_mm(self) -> tuple[float, ...]:
+        """x of each hinge, front to back: the middle of its strip."""
+        return tuple(
+            x for letter, x in zip(self.modules, self.module_centers_mm, strict=True) if letter == "H"
+        )
+
+    def segment_at(self, module: int) -> int:
+        """Index of the segment that the module of that index belongs to."""
+        return self.modules[:module].count("H")
+
+    @property
+    def track_mm(self) -> float:
+        """Distance between the middles of the left and the right tyres."""
+        return self.values["width"] + self.values["W.tire_thickness"] + 2 * tyre_gap_mm()
+
+
+def modules_of(type_string: str) -> tuple[str, ...]:
+    """The module letters of a type string; DesignError if it is no car."""
+    letters = tuple(type_string.split("_"))
+    for letter in letters:
+        if letter not in modules():
+            known = ", ".join(f"{known} ({kind.title})" for known, kind in modules().items())
+            raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known}')
+    for letter in REQUIRED_MODULES:
+        if letter not in letters:
+            raise DesignError(None, f'"{type_string}" has no module {letter} ({modules()[letter].title})')
+    if letters.count("W") > MAX_AXLES:
+        raise DesignError(
+            None, f'"{type_string}" has {letters.count("W")} axles, the servo driver serves {MAX_AXLES}'
+        )
+    _check_hinges(type_string, letters)
+    return letters
+
+
+def _check_hinges(type_string: str, letters: tuple[str, ...]) -> None:
+    """Every hinge joins two segments, and there are no more of them than the simulator takes."""
+    if letters[0] == "H" or letters[-1] == "H":
+        where = "begins" if letters[0] == "H" else "ends"
+        raise DesignError(None, f'"{type_string}" {where} with a hinge (H), which must join two segments')
+    if ("H", "H") in itertools.pairwise(letters):
+        raise DesignError(None, f'"{type_string}" has two hinges (H) in a row, with no segment between them')
+    segments = letters.count("H") + 1
+    if segments > MAX_SEGMENTS:
+        raise DesignError(
+            None, f'"{type_string}" has {segments} segments, the simulator takes {MAX_SEGMENTS}'
+        )
+
+
+def compose(type_string: str, values: Mapping[str, float]) -> Design:
+    """The design with these values and the defaults of all others; DesignError if it cannot be built."""
+    letters = modules_of(type_string)
+    complete = {
+        key: float(values.get(key, parameter.declared.default_value))
+        for key, parameter in parameters().items()
+        if not parameter.modules.isdisjoint(letters)
+    }
+    for key in values:
+        if key not in complete:
+            raise DesignError(key, f"{type_string} has no such parameter; it has {', '.join(complete)}")
+    design = Design(letters, complete)
+    _check_limits(design)
+    _check_wheels(design)
+    return design
+
+
+def _check_limits(design: Design) -> None:
+    for key, value in design.values.items():
+        complaint = parameters()[key].declared.complaint(value)
+        if complaint:
+            raise DesignError(key, complaint)
+
+
+def _check_wheels(design: Design) -> None:
+    """Wheels must not meet their neighbours, and the belly must clear the ground."""
+    assembly = catalogue().assembly
+    radius = design.values["radius"]
+    # Axles stand at mid-height of the body.
+    least_radius = design.values["height"] / 2 + assembly.belly_clearance_mm.value
+    if radius < least_radius:
+        raise DesignError(
+            "radius",
+            f"{radius:g} is below the minimum {least_radius:g} (half of height {design.values['height']:g} "
+            f"and {assembly.belly_clearance_mm.value:g} under the belly)",
+        )
+    least_distance = 2 * radius + assembly.wheel_distance_mm.value
+    for front, rear in itertools.pairwise(design.axles_mm):
+        distance = _folded_distance_mm(design, front, rear)
+        if distance < least_distance:
+            folded = "" if distance == front - rear else ", folded to the limits of H"
+            raise DesignError(
+                "radius",
+                f"{radius:g} needs axles at least {least_distance:g} apart, or wheels touch, but "
+                f"{_lengths(design)} puts two of them {distance:.4g} apart{folded}",
+            )
+
+
+def _folded_distance_mm(design: Design, front_mm: float, rear_mm: float) -> float:
+    """How close two axles come when all hinges between them fold as far as they can, down or up.
+
+    Hinges are at the floor, half a height below the axles.
+    """
+    between = [x for x in design.hinges_mm if rear_mm < x < front_mm]
+    if not between:
+        return front_mm - rear_mm
+    drop = design.values["height"] / 2
+    distances = []
+    for fold_deg in (0.0, -design.values["H.fold_down"], design.values["H.fold_up"]):
+        # From the rear axle forwards, nose down negative.
+        x, z, pitch = 0.0, 0.0, 0.0
+        places = [rear_mm, *reversed(between), front_mm]
+        for i, (behind, ahead) in enumerate(itertools.pairwise(places)):
+            pitch += math.radians(fold_deg) if i else 0.0
+            along, up = ahead - behind, drop * ((i == len(places) - 2) - (i == 0))
+            x += along * math.cos(pitch) - up * math.sin(pitch)
+            z += along * math.sin(pitch) + up * math.cos(pitch)
+        distances.append(math.hypot(x, z))
+    return min(distances)
+
+
+def _lengths(design: Design) -> str:
+    return " and ".join(f"{key} {value:g}" for key, value in design.values.items() if key.endswith(".length"))

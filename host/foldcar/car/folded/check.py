@@ -1,0 +1,68 @@
+"""The verification of a folded car: every check, and a short report.
+
+Input: a FoldedCar and what it should enclose. Output: findings (none, if it can be built) and what was measured.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from foldcar.car.folded.check_crossings import check_crossings
+from foldcar.car.folded.check_flat import check_flat
+from foldcar.car.folded.check_hinges import check_hinges
+from foldcar.car.folded.check_joins import CLOSURE_MM, check_joins, worst_gap_mm
+from foldcar.car.folded.check_parts import check_parts
+from foldcar.car.folded.check_skin import check_skin, skin_of, volume_mm3
+from foldcar.car.folded.finding import Finding
+from foldcar.car.folded.model import FoldedCar
+from foldcar.car.folded.placed import place
+from foldcar.car.parts.catalogue import catalogue
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What the checks found and measured."""
+
+    findings: tuple[Finding, ...]
+    faces: int
+    folds: int
+    joins: int
+    worst_gap_mm: float
+    volumes_mm3: Mapping[str, float]
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing was found."""
+        return not self.findings
+
+    def lines(self) -> list[str]:
+        """A short report for people."""
+        volumes = ", ".join(f"{body} {volume / 1000:.1f} cm³" for body, volume in self.volumes_mm3.items())
+        measured = [
+            f"{self.faces} faces, {self.folds} folds, {self.joins} joins; edges meet within {self.worst_gap_mm:.3f} mm "
+            f"(limit {CLOSURE_MM:g})",
+            f"enclosed: {volumes}",
+        ]
+        if self.passed:
+            return [*measured, "flat, folded, parts, wheels: nothing found"]
+        return [*measured, *(str(finding) for finding in self.findings)]
+
+
+def check_design(car: FoldedCar, volumes_mm3: Mapping[str, float] | None = None) -> Verification:
+    """Verify a car; ``volumes_mm3`` is what each body should enclose, as far as that is known."""
+    bodies = place(car)
+    assembly, soft = catalogue().assembly, catalogue().wiring.name
+    findings = [finding for piece in car.pieces for finding in check_flat(piece, assembly.fold_distance_mm.value)]
+    findings += check_joins(car, bodies)
+    findings += check_skin(car, bodies, volumes_mm3 or {})
+    for faces in bodies.values():
+        findings += check_crossings(faces)
+    findings += check_hinges(car, bodies, assembly.wheel_distance_mm.value)
+    findings += check_parts(car, bodies, soft, assembly.wheel_distance_mm.value)
+    return Verification(
+        tuple(findings),
+        sum(len(piece.faces) * piece.count for piece in car.pieces),
+        sum(len(piece.creases) * piece.count for piece in car.pieces),
+        len({join.number for join in car.joins}),
+        worst_gap_mm(car, bodies),
+        {body: volume_mm3(skin_of(car, faces)) for body, faces in bodies.items()},
+    )

@@ -1,0 +1,77 @@
+"""Checks that no film runs through other film when the car is folded, except where a slot lets it.
+
+Input: placed faces of one body. Output: findings.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from foldcar.car.folded.finding import Finding
+from foldcar.car.folded.placed import PlacedFace
+
+# Faces that meet at edges are shrunk by this before they are looked at.
+SHRINK_MM = 0.3
+LEAST_MM = 0.2
+PARALLEL = 1e-3
+TOUCH_MM = 1e-6
+
+
+def check_crossings(faces: Sequence[PlacedFace]) -> Iterator[Finding]:
+    """Each pair of faces that crosses, once."""
+    for one, other, length in crossings(faces, faces):
+        yield Finding("crossing", one.title, f"runs through {other.title} over {length:.2f} mm")
+
+
+def crossings(
+    first: Sequence[PlacedFace], second: Sequence[PlacedFace]
+) -> Iterator[tuple[PlacedFace, PlacedFace, float]]:
+    """A face of either group, and over what length in mm they cross; of a group with itself each pair once."""
+    if not first or not second:
+        return
+    low, high = (np.array([pick(face.corners_mm, axis=0) for face in second]) for pick in (np.min, np.max))
+    normals = np.array([face.normal for face in second])
+    for i, face in enumerate(first):
+        corners = face.corners_mm
+        near = (low <= corners.max(axis=0) + TOUCH_MM).all(axis=1) & (high >= corners.min(axis=0) - TOUCH_MM).all(axis=1)
+        near &= np.linalg.norm(np.cross(normals, face.normal), axis=1) > PARALLEL
+        if first is second:
+            near[: i + 1] = False
+        for k in np.flatnonzero(near):
+            other = second[int(k)]
+            length = _crossing_mm(face, other)
+            if length > LEAST_MM:
+                yield face, other, length
+
+
+def _crossing_mm(a: PlacedFace, b: PlacedFace) -> float:
+    """Length of the line along which the insides of two faces cross."""
+    heights_a, heights_b = b.in_face(a.corners_mm)[:, 2], a.in_face(b.corners_mm)[:, 2]
+    # One that lies on one side of the other cannot cross it.
+    if any(h.min() > -SHRINK_MM or h.max() < SHRINK_MM for h in (heights_a, heights_b)):
+        return 0.0
+    direction = np.cross(a.normal, b.normal)
+    direction /= np.linalg.norm(direction)
+    # A point of both planes.
+    origin_a, origin_b = a.matrix[:3, 3], b.matrix[:3, 3]
+    equations = np.array([a.normal, b.normal, direction])
+    values = np.array([a.normal @ origin_a, b.normal @ origin_b, direction @ origin_a])
+    through = np.linalg.solve(equations, values)
+    first, second = (_inside(face, through, direction) for face in (a, b))
+    return float(shapely.length(shapely.intersection(first, second)))
+
+
+def _inside(face: PlacedFace, through: NDArray[np.float64], direction: NDArray[np.float64]) -> shapely.Geometry:
+    """Where along the line it is inside the shrunk face: intervals on an axis."""
+    reach = 2 * float(np.abs(face.corners_mm - through).max()) + 10
+    ends = face.in_face(np.array([through - reach * direction, through + reach * direction]))[:, :2]
+    line = shapely.LineString(ends)
+    shape = face.polygon.buffer(-SHRINK_MM)
+    parts = shapely.get_parts(line.intersection(shape))
+    # Distances from the line's middle, which is the same point for both faces.
+    spans = [
+        [(line.project(shapely.Point(part.coords[i])) - reach, 0.0) for i in (0, -1)] for part in parts if part.length > 0
+    ]
+    return shapely.union_all([shapely.LineString(span) for span in spans])

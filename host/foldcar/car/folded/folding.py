@@ -1,0 +1,35 @@
+"""Where the faces of a piece are: flat, folded, or anything between.
+
+Input: a piece and how far it is folded, from 0 (flat) to 1 (assembled). Output: poses by face name, in the frame of the
+piece's first face; at 0 they are the flat layout.
+"""
+
+from collections.abc import Mapping
+
+from foldcar.car.folded.model import EdgeRef, Face, FoldedCar, Piece, PlacedPiece, Point, Pose
+from foldcar.car.folded.pose import IDENTITY, across_crease, compose
+
+
+def folded(piece: Piece, fraction: float = 1.0, flexures_rad: Mapping[str, float] | None = None) -> dict[str, Pose]:
+    """The poses of all faces; flexures, by crease name, are at their assembled angle unless told otherwise."""
+    faces = {face.name: face for face in piece.faces}
+    poses = {piece.faces[0].name: IDENTITY}
+    for crease in piece.creases:
+        angle = crease.angle_rad * fraction
+        if flexures_rad and crease.flexure and crease.name in flexures_rad:
+            angle = flexures_rad[crease.name]
+        parent, child = edge(faces, crease.parent), edge(faces, crease.child)
+        poses[crease.child.face] = compose(poses[crease.parent.face], across_crease(parent, child, angle))
+    return poses
+
+
+def edge(faces: Mapping[str, Face], reference: EdgeRef) -> tuple[Point, Point]:
+    """An edge's ends in its face's frame."""
+    outline = faces[reference.face].outline_mm
+    return outline[reference.index], outline[(reference.index + 1) % len(outline)]
+
+
+def placed_faces(car: FoldedCar, placed: PlacedPiece, fraction: float = 1.0) -> dict[str, Pose]:
+    """The poses of a placed piece's faces in the car's frame."""
+    (piece,) = (piece for piece in car.pieces if piece.name == placed.piece)
+    return {name: compose(placed.pose, pose) for name, pose in folded(piece, fraction).items()}

@@ -1,0 +1,90 @@
+"""A folded car's faces in space, as the checks look at them: polygon, pose, corner points.
+
+Input: a FoldedCar. Output: placed faces by body; of wheels, which are alike, the first one stands for all.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from foldcar.car.folded.folding import folded
+from foldcar.car.folded.model import Face, FoldedCar, Piece, PlacedPiece, Point, Pose
+from foldcar.car.folded.pose import compose
+
+
+@dataclass(frozen=True)
+class PlacedFace:
+    """A face in the car."""
+
+    piece: Piece
+    copy: int
+    body: str
+    face: Face
+    pose: Pose
+
+    @property
+    def title(self) -> str:
+        """Its name for people."""
+        return f"{self.piece.name}: {self.face.name}"
+
+    @cached_property
+    def matrix(self) -> NDArray[np.float64]:
+        """The pose as (4, 4)."""
+        return np.array(self.pose)
+
+    @cached_property
+    def polygon(self) -> shapely.Polygon:
+        """Outline and holes in the face's frame."""
+        return polygon(self.face)
+
+    @cached_property
+    def corners_mm(self) -> NDArray[np.float64]:
+        """The outline's points in the car, (n, 3)."""
+        return self.in_car(self.face.outline_mm)
+
+    @property
+    def normal(self) -> NDArray[np.float64]:
+        """Where the printed side looks."""
+        return self.matrix[:3, 2]
+
+    def in_car(self, points: Iterable[Point]) -> NDArray[np.float64]:
+        """Points of the face's plane in the car's frame, (n, 3)."""
+        flat = np.array(list(points), dtype=np.float64)
+        moved: NDArray[np.float64] = flat @ self.matrix[:3, :2].T + self.matrix[:3, 3]
+        return moved
+
+    def in_face(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points of the car, (n, 3), in the face's frame: z is their height over the printed side."""
+        return (points - self.matrix[:3, 3]) @ self.matrix[:3, :3]
+
+
+def polygon(face: Face) -> shapely.Polygon:
+    """A face with its holes, flat; mended where its outlines cross, which check_flat finds."""
+    shape = shapely.Polygon(face.outline_mm, [hole.outline_mm for hole in face.holes])
+    return shape if shape.is_valid else shape.buffer(0)
+
+
+def place(car: FoldedCar) -> dict[str, list[PlacedFace]]:
+    """All faces of every segment and of the first wheel, by body."""
+    pieces = {piece.name: piece for piece in car.pieces}
+    wheels = {placed.body for placed in car.placed if placed.body.startswith("wheel")}
+    others = wheels - {min(wheels, default="")}
+    shapes: dict[str, dict[str, Pose]] = {}
+    bodies: dict[str, list[PlacedFace]] = {}
+    for placed in car.placed:
+        if placed.body in others:
+            continue
+        piece = pieces[placed.piece]
+        poses = shapes.setdefault(piece.name, folded(piece))
+        bodies.setdefault(placed.body, []).extend(_faces(piece, placed, poses))
+    return bodies
+
+
+def _faces(piece: Piece, placed: PlacedPiece, poses: dict[str, Pose]) -> list[PlacedFace]:
+    return [
+        PlacedFace(piece, placed.copy, placed.body, face, compose(placed.pose, poses[face.name])) for face in piece.faces
+    ]

@@ -1,0 +1,90 @@
+"""Poses as nested tuples: 4x4 homogeneous matrices, row-major, lengths in millimetres, angles in radians."""
+
+import math
+
+from foldcar.car.folded.model import Point, Pose
+
+IDENTITY: Pose = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def translation(x_mm: float, y_mm: float, z_mm: float) -> Pose:
+    """A shift."""
+    return ((1.0, 0.0, 0.0, x_mm), (0.0, 1.0, 0.0, y_mm), (0.0, 0.0, 1.0, z_mm), (0.0, 0.0, 0.0, 1.0))
+
+
+def rotation(axis: str, angle_rad: float) -> Pose:
+    """A right-handed turn about x, y or z."""
+    c, s = _cos_sin(angle_rad)
+    if axis == "x":
+        rows = ((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c))
+    elif axis == "y":
+        rows = ((c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c))
+    else:
+        rows = ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
+    return (*((*row, 0.0) for row in rows), (0.0, 0.0, 0.0, 1.0))
+
+
+def compose(*poses: Pose) -> Pose:
+    """The product: the last one acts first."""
+    product = poses[0]
+    for pose in poses[1:]:
+        (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = pose
+        rows = (
+            (
+                p * a + q * d + r * g,
+                p * b + q * e + r * h,
+                p * c + q * f + r * i,
+                p * x + q * y + r * z + s,
+            )
+            for p, q, r, s in product[:3]
+        )
+        product = (*rows, IDENTITY[3])
+    return product
+
+
+def inverse(pose: Pose) -> Pose:
+    """The inverse of a rigid motion."""
+    (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = pose
+    return (
+        (a, d, g, -(a * x + d * y + g * z)),
+        (b, e, h, -(b * x + e * y + h * z)),
+        (c, f, i, -(c * x + f * y + i * z)),
+        IDENTITY[3],
+    )
+
+
+def apply(pose: Pose, x_mm: float, y_mm: float, z_mm: float = 0.0) -> tuple[float, float, float]:
+    """Where a point goes."""
+    x, y, z = (a * x_mm + b * y_mm + c * z_mm + d for a, b, c, d in pose[:3])
+    return (x, y, z)
+
+
+def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle_rad: float) -> Pose:
+    """The child's frame in the parent's: the child's edge runs against the parent's, the child is folded by the angle.
+
+    The edges are given by their ends in counter-clockwise order of their own face. The middles of the edges meet.
+    """
+    length = math.dist(*parent)
+    dx, dy = (parent[1][0] - parent[0][0]) / length, (parent[1][1] - parent[0][1]) / length
+    length = math.dist(*child)
+    ex, ey = (child[1][0] - child[0][0]) / length, (child[1][1] - child[0][1]) / length
+    c, s = _cos_sin(angle_rad)
+    # The child's edge direction goes to -d, its inward normal to where the fold takes the parent's outward one.
+    ux, uy = -dx, -dy
+    vx, vy, vz = dy * c, -dx * c, s
+    wx, wy, wz = -dy * s, dx * s, c
+    rows = (
+        (ux * ex - vx * ey, ux * ey + vx * ex, wx),
+        (uy * ex - vy * ey, uy * ey + vy * ex, wy),
+        (-vz * ey, vz * ex, wz),
+    )
+    px, py = (parent[0][0] + parent[1][0]) / 2, (parent[0][1] + parent[1][1]) / 2
+    qx, qy = (child[0][0] + child[1][0]) / 2, (child[0][1] + child[1][1]) / 2
+    shift = (px, py, 0.0)
+    return (*((a, b, w, t - a * qx - b * qy) for (a, b, w), t in zip(rows, shift, strict=True)), IDENTITY[3])
+
+
+def _cos_sin(angle_rad: float) -> tuple[float, float]:
+    """Quarter turns are exact, so that what is flush stays flush."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return (float(round(c)), float(round(s))) if abs(c * s) < 1e-12 else (c, s)

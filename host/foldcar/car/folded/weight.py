@@ -1,0 +1,120 @@
+"""What a folded car's bodies weigh: film as plates of their thickness, bought parts as solid boxes.
+
+Input: a FoldedCar (millimetres). Output: mass, centre of mass and inertia of one body in SI units, in the car's frame.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foldcar.car.folded.folding import folded
+from foldcar.car.folded.model import Face, FoldedCar, Piece, Point, Pose
+from foldcar.car.folded.pose import compose
+from foldcar.car.parts.catalogue import catalogue
+from foldcar.car.parts.mass import MassProperties, assemble, box_properties
+
+MM = 1e-3
+
+
+def body_properties(car: FoldedCar, body: str) -> MassProperties:
+    """Film and parts of ``segment0`` … or ``wheel0`` … as one rigid body, hinges flat."""
+    film = (plate_properties(face, piece.thickness_mm, pose) for face, piece, pose in faces_of(car, body))
+    parts = (
+        _turned(box_properties(m.mass_kg, (m.size_mm[0] * MM, m.size_mm[1] * MM, m.size_mm[2] * MM), (0, 0, 0)), m.pose)
+        for m in car.mounts
+        if m.body == body
+    )
+    return assemble([*film, *parts])
+
+
+def body_mass_kg(car: FoldedCar, body: str) -> float:
+    """The mass alone."""
+    film = sum(film_mass_kg(face, piece.thickness_mm) for face, piece, _ in _faces(car, body, placed=False))
+    return film + sum(m.mass_kg for m in car.mounts if m.body == body)
+
+
+def faces_of(car: FoldedCar, body: str) -> Iterator[tuple[Face, Piece, Pose]]:
+    """Every face of a body with its piece and its pose in the car."""
+    return _faces(car, body, placed=True)
+
+
+def net_area_mm2(face: Face) -> float:
+    """The area of a face without its holes."""
+    return area_mm2(face.outline_mm) - sum(area_mm2(hole.outline_mm) for hole in face.holes)
+
+
+def film_mass_kg(face: Face, thickness_mm: float) -> float:
+    """What the film of a face weighs."""
+    return net_area_mm2(face) * thickness_mm * MM**3 * catalogue().film.density_kg_m3.value
+
+
+def area_mm2(outline: Sequence[Point]) -> float:
+    """The area of a polygon, positive if it runs counter-clockwise."""
+    x0, y0 = outline[-1]
+    doubled = 0.0
+    for x1, y1 in outline:
+        doubled += x0 * y1 - x1 * y0
+        x0, y0 = x1, y1
+    return doubled / 2
+
+
+def plate_properties(face: Face, thickness_mm: float, pose: Pose) -> MassProperties:
+    """A face as a plate of even thickness about its plane, in the frame that the pose leads to."""
+    moments = _moments(face.outline_mm) - sum((_moments(hole.outline_mm) for hole in face.holes), np.zeros(6))
+    area, first_x, first_y, xx, yy, xy = moments
+    x, y = first_x / area, first_y / area
+    xx, yy, xy = xx - area * x * x, yy - area * y * y, xy - area * x * y
+    density_kg_mm2 = thickness_mm * MM**3 * catalogue().film.density_kg_m3.value
+    through = area * thickness_mm**2 / 12
+    inertia = np.array([[yy + through, -xy, 0.0], [-xy, xx + through, 0.0], [0.0, 0.0, xx + yy]])
+    inertia *= density_kg_mm2 * MM**2
+    center = np.array([x * MM, y * MM, 0.0])
+    return _turned(MassProperties(area * density_kg_mm2, center, inertia), pose)
+
+
+def _moments(outline: Sequence[Point]) -> NDArray[np.float64]:
+    """Area, its first moments (x, y) and second ones (x², y², xy) by Green's theorem."""
+    x0, y0 = np.array(outline).T
+    x1, y1 = np.array((*outline[1:], outline[0])).T
+    cross = x0 * y1 - x1 * y0
+    return np.array([
+        cross.sum() / 2,
+        ((x0 + x1) * cross).sum() / 6,
+        ((y0 + y1) * cross).sum() / 6,
+        ((x0 * x0 + x0 * x1 + x1 * x1) * cross).sum() / 12,
+        ((y0 * y0 + y0 * y1 + y1 * y1) * cross).sum() / 12,
+        ((x0 * y1 + 2 * x0 * y0 + 2 * x1 * y1 + x1 * y0) * cross).sum() / 24,
+    ])  # fmt: skip
+
+
+def _turned(properties: MassProperties, pose: Pose) -> MassProperties:
+    """The same body moved by the pose (millimetres)."""
+    matrix = np.array(pose)
+    turn, shift = matrix[:3, :3], matrix[:3, 3] * MM
+    center = turn @ properties.center_m + shift
+    return MassProperties(properties.mass_kg, center, turn @ properties.inertia_kg_m2 @ turn.T)
+
+
+def _faces(car: FoldedCar, body: str, placed: bool) -> Iterator[tuple[Face, Piece, Pose]]:
+    pieces = {piece.name: piece for piece in car.pieces}
+    behind = {hinge.front: hinge.rear for hinge in car.hinges}
+    for one in car.placed:
+        piece = pieces[one.piece]
+        bends = any(crease.flexure for crease in piece.creases)
+        if one.body != body and not (bends and behind.get(one.body) == body):
+            continue
+        bodies = face_bodies(piece, one.body, behind) if bends else {}
+        poses = folded(piece) if placed else {}
+        for face in piece.faces:
+            if bodies.get(face.name, one.body) == body:
+                yield face, piece, compose(one.pose, poses[face.name]) if placed else one.pose
+
+
+def face_bodies(piece: Piece, root_body: str, behind: dict[str, str]) -> dict[str, str]:
+    """The body of each face: past a flexure it is the one behind (``behind``: front segment → rear segment)."""
+    bodies = {piece.faces[0].name: root_body}
+    for crease in piece.creases:
+        here = bodies[crease.parent.face]
+        bodies[crease.child.face] = behind[here] if crease.flexure else here
+    return bodies

@@ -1,0 +1,95 @@
+"""The modules that type strings may name, and the one table of their parameters.
+
+A shared parameter has one value for the whole car; the other ones belong to a module and hold for every module of that
+letter. In listings a parameter is found under its module (``{"W": {"length": 60}}``) or, if shared, under ``common``;
+its key here is ``width`` or ``W.length``.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+from foldcar.car.compiler.component import Component
+from foldcar.car.compiler.parameter import Parameter
+from foldcar.car.compiler.slot import ComponentError
+from foldcar.car.components.brain_module import BrainModule, ElectronicsModule
+from foldcar.car.components.hinge_module import HingeModule
+from foldcar.car.components.module import Module
+from foldcar.car.components.wheel_module import WheelModule
+
+HINGE = HingeModule.letter
+# What every car has, whatever else.
+REQUIRED_MODULES = (WheelModule.letter, BrainModule.letter)
+_MODULES: dict[str, type[Module] | type[HingeModule]] = {
+    kind.letter: kind for kind in (WheelModule, BrainModule, HingeModule)
+}
+
+
+@dataclass(frozen=True, slots=True)
+class DesignParameter:
+    """A parameter of the car: its key in designs, the modules that have it, its declaration."""
+
+    key: str
+    modules: frozenset[str]
+    declared: Parameter
+
+    @property
+    def column(self) -> str:
+        """Its name in results, with its unit."""
+        return f"{self.key.replace('.', '_')}_{self.declared.unit}"
+
+
+def modules() -> Mapping[str, type[Module] | type[HingeModule]]:
+    """Every known module by its letter or name."""
+    return _MODULES
+
+
+def register(kind: type[Module]) -> None:
+    """Make a module known; ComponentError if its letter is taken or its parameters contradict the known ones."""
+    letter = kind.letter
+    if not letter.isalnum() or letter == "common":
+        raise ComponentError(kind.__name__, f'letter "{letter}" is not made of letters and digits')
+    if letter in _MODULES:
+        raise ComponentError(kind.__name__, f'letter "{letter}" is that of {_MODULES[letter].__name__} already')
+    if issubclass(kind, WheelModule | ElectronicsModule):
+        raise ComponentError(kind.__name__, "carries wheels or electronics, which W and B do; derive it from Module")
+    known = {key: parameter.declared for key, parameter in parameters().items()}
+    for parameter in kind.parameters:
+        if known.get(parameter.name, parameter) != parameter:
+            raise ComponentError(
+                kind.__name__, f'its parameter "{parameter.name}" is declared otherwise than that of the whole car'
+            )
+    _MODULES[letter] = kind
+    parameters.cache_clear()
+
+
+@cache
+def parameters() -> dict[str, DesignParameter]:
+    """Every parameter by key, in the order of results' columns: shared ones first."""
+    having: dict[str, tuple[Parameter, set[str]]] = {}
+    for shared in (True, False):
+        for letter, kind in _MODULES.items():
+            for parameter in declared(kind):
+                if parameter.shared == shared:
+                    key = parameter.name if shared else f"{letter}.{parameter.name}"
+                    having.setdefault(key, (parameter, set()))[1].add(letter)
+    return {key: DesignParameter(key, frozenset(letters), one) for key, (one, letters) in having.items()}
+
+
+def declared(kind: type[Component]) -> list[Parameter]:
+    """The parameters people may set."""
+    return [parameter for parameter in kind.parameters if not parameter.internal]
+
+
+def find_parameter(group: str, name: str) -> DesignParameter | None:
+    """The parameter that ``{group: {name: …}}`` of a listing means; ``group`` is ``common`` or a letter."""
+    shared = parameters().get(name)
+    if shared is not None and (group == "common" or group in shared.modules):
+        return shared
+    return parameters().get(f"{group}.{name}")
+
+
+def names_in(group: str) -> list[str]:
+    """The parameter names that ``group`` (``common`` or a module letter) may set."""
+    names = {parameter.declared.name for parameter in parameters().values()}
+    return sorted(name for name in names if find_parameter(group, name) is not None)

@@ -1,0 +1,1 @@
+"""How built cars differ from their design: spreads, draws from them, bodies with them."""

@@ -1,0 +1,135 @@
+"""A picture of faces in space as SVG: hidden parts left out, faces shaded, folds dashed, marks with numbers.
+
+Input: a Shape, a Camera, marks. Output: an SVG element as text, in millimetres of the picture, without other files.
+"""
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from foldcar.fabrication.assembly.facets import Shape
+from foldcar.fabrication.assembly.hidden_surfaces import Camera, Seen, Vector, seen_facets
+
+# Printed side, other side; 0..255.
+COLOURS = {
+    "film": ((250, 246, 235), (205, 217, 230)),
+    "tyre": ((118, 122, 130), (96, 100, 108)),
+    "servo": ((88, 138, 196), (88, 138, 196)),
+    "board": ((92, 160, 110), (92, 160, 110)),
+    "battery": ((214, 172, 92), (214, 172, 92)),
+    "other": ((190, 190, 190), (190, 190, 190)),
+}
+# Colour, dashes in line widths, width in hundredths of the picture's larger side.
+LINES = {
+    "cut": ("#222222", None, 0.28),
+    "mountain": ("#c2272d", (5, 2, 1, 2), 0.32),
+    "valley": ("#0b62a8", (3.5, 2), 0.32),
+    "flat": ("#777777", (1, 2), 0.24),
+}
+# Visible regions end where other faces begin; lines along shared edges lie just on them.
+EDGE_SLACK_MM = 0.08
+# Around what is shown, of its larger side.
+MARGIN = 0.04
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A number or a few letters at a point of a facet, shown if that point is seen."""
+
+    text: str
+    at_mm: Vector
+    key: str
+
+
+def picture(
+    shape: Shape, view: Camera, title: str, marks: Sequence[Mark] = (), enlarged: float = 1.0
+) -> str:
+    """The SVG element; its viewBox fits what is shown. ``enlarged`` marks suit a picture that is shown small."""
+    seen = seen_facets(shape.facets, view)
+    left, low, right, high = shapely.total_bounds([one.region for one in seen])
+    size = max(right - left, high - low)
+    edge = MARGIN * size
+    box = f"{left - edge:.2f} {-high - edge:.2f} {right - left + 2 * edge:.2f} {high - low + 2 * edge:.2f}"
+    body = [_face(one, shape.materials[one.facet.key], size) for one in seen]
+    body += _lines(shape, seen, view, size)
+    body += _marks(marks, seen, view, size * enlarged)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" role="img"><title>{html.escape(title)}</title>'
+        + "".join(body)
+        + "</svg>"
+    )
+
+
+def _face(seen: Seen, material: str, size: float) -> str:
+    base = np.array(COLOURS[material][0 if seen.front else 1])
+    red, green, blue = (base * (0.72 + 0.28 * seen.lit)).astype(int)
+    colour = f"#{red:02x}{green:02x}{blue:02x}"
+    # The thin stroke closes the hairlines that renderers leave between neighbours.
+    return (
+        f'<path d="{_path(seen.region)}" fill="{colour}" fill-rule="evenodd" '
+        f'stroke="{colour}" stroke-width="{size * 0.0015:.3f}"/>'
+    )
+
+
+def _lines(shape: Shape, seen: Sequence[Seen], view: Camera, size: float) -> list[str]:
+    visible = {one.facet.key: one for one in seen}
+    groups: dict[tuple[str, tuple[str, ...]], list[Vector]] = {}
+    for line in shape.lines:
+        keys = tuple(key for key in line.keys if key in visible)
+        if keys:
+            groups.setdefault((line.kind, keys), []).append(line.ends_mm)
+    drawn: dict[str, list[str]] = {kind: [] for kind in LINES}
+    for (kind, keys), lines in groups.items():
+        ends = view.flat(np.concatenate(lines)).reshape(-1, 2, 2)
+        ends = ends[np.ptp(ends, axis=1).max(axis=1) > EDGE_SLACK_MM]
+        if any(visible[key].whole for key in keys):
+            drawn[kind] += [_polyline(line) for line in ends]
+            continue
+        regions = [visible[key].region.buffer(EDGE_SLACK_MM, quad_segs=1) for key in keys]
+        lines_there = shapely.multilinestrings(shapely.linestrings(ends))
+        kept = shapely.intersection(lines_there, shapely.union_all(regions))
+        drawn[kind] += [_polyline(shapely.get_coordinates(part)) for part in shapely.get_parts(kept) if part.length > 0]
+    texts = []
+    for kind, (colour, dashes, width) in LINES.items():
+        thick = size * width / 100
+        dashed = "" if dashes is None else ' stroke-dasharray="' + " ".join(f"{n * thick:.3f}" for n in dashes) + '"'
+        if drawn[kind]:
+            texts.append(
+                f'<path d="{"".join(drawn[kind])}" fill="none" stroke="{colour}" stroke-width="{thick:.3f}" '
+                f'stroke-linecap="round"{dashed}/>'
+            )
+    return texts
+
+
+def _marks(marks: Sequence[Mark], seen: Sequence[Seen], view: Camera, size: float) -> list[str]:
+    regions = {one.facet.key: one.region for one in seen}
+    texts = []
+    for mark in marks:
+        (u, v) = view.flat(mark.at_mm[None, :])[0]
+        region = regions.get(mark.key)
+        if region is None or not region.buffer(EDGE_SLACK_MM).covers(shapely.Point(u, v)):
+            continue
+        r = size * (0.017 if len(mark.text) < 3 else 0.023)
+        texts.append(
+            f'<circle cx="{u:.2f}" cy="{-v:.2f}" r="{r:.2f}" fill="#ffffff" stroke="#222222" '
+            f'stroke-width="{r * 0.12:.3f}"/>'
+            f'<text x="{u:.2f}" y="{-v:.2f}" font-size="{size * 0.024:.2f}" text-anchor="middle" dy=".35em" '
+            f'fill="#222222">{html.escape(mark.text)}</text>'
+        )
+    return texts
+
+
+def _path(region: BaseGeometry) -> str:
+    rings = []
+    for polygon in shapely.get_parts(region):
+        if polygon.geom_type == "Polygon":
+            rings += [polygon.exterior, *polygon.interiors]
+    return "".join(_polyline(shapely.get_coordinates(ring)) + "Z" for ring in rings)
+
+
+def _polyline(points: Vector) -> str:
+    return "M" + "L".join(f"{u:.2f},{-v:.2f}" for u, v in points.tolist())

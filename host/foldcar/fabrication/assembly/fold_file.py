@@ -1,0 +1,110 @@
+"""A piece as a FOLD 1.1 file: flat crease pattern as the key frame, folded form as the second one.
+
+Input: a Piece. Output: JSON text in millimetres, angles in degrees. Faces are triangles, because programs that
+read FOLD know no faces with holes; the edges between the triangles of one face are flat ones (F). The frame
+with the folded form inherits all but the vertices' places. Small holes and slits are left out: they mean nothing to a
+fold, and the slender triangles around them make simulations of folding burst. The sheets have them.
+https://github.com/edemaine/fold/blob/main/doc/spec.md
+"""
+
+import json
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foldcar.car.folded.model import EdgeRef, Piece
+from foldcar.fabrication.assembly.poses import face_poses, moved
+from foldcar.fabrication.assembly.skin import shared_vertices
+from foldcar.fabrication.assembly.triangles import face_points, face_triangles
+
+SPEC = 1.1
+DECIMALS = 6
+HOLES = ("opening", "vent")
+
+
+def fold_text(piece: Piece, car: str) -> str:
+    """The file's text. ``car`` tells which car the piece belongs to."""
+    piece = plain(piece)
+    names = shared_vertices(piece, list(piece.creases))
+    order = {name: i for i, name in enumerate(dict.fromkeys(n for ring in names.values() for n in ring))}
+    numbers = {face: [order[name] for name in ring] for face, ring in names.items()}
+    triangles = [
+        [numbers[face.name][i] for i in triangle] for face in piece.faces for triangle in face_triangles(face).tolist()
+    ]
+    edges, assignment, angles = _edges(piece, numbers, triangles)
+    flat = _coordinates(piece, numbers, len(order), 0.0)
+    title = piece.label or piece.name
+    document: dict[str, Any] = {
+        "file_spec": SPEC,
+        "file_creator": "foldcar",
+        "file_title": f"{car}: {title}",
+        "file_description": "Openings are in it, screw holes, slots and slits are not. The printed side is up.",
+        "file_classes": ["singleModel"],
+        "frame_title": f"{title}, flat",
+        "frame_classes": ["creasePattern"],
+        "frame_attributes": ["2D", "manifold", "orientable"],
+        "frame_unit": "mm",
+        "vertices_coords": np.round(flat[:, :2], DECIMALS).tolist(),
+        "edges_vertices": edges,
+        "edges_assignment": assignment,
+        "edges_foldAngle": angles,
+        "faces_vertices": triangles,
+        "file_frames": [
+            {
+                "frame_title": f"{title}, folded",
+                "frame_classes": ["foldedForm"],
+                "frame_attributes": ["3D", "manifold", "orientable"],
+                "frame_parent": 0,
+                "frame_inherit": True,
+                "vertices_coords": np.round(
+                    _coordinates(piece, numbers, len(order), 1.0), DECIMALS
+                ).tolist(),
+            }
+        ],
+    }
+    return json.dumps(document, separators=(",", ":")) + "\n"
+
+
+def plain(piece: Piece) -> Piece:
+    """The piece without the holes that FOLD files leave out."""
+    faces = (replace(face, holes=tuple(hole for hole in face.holes if hole.kind in HOLES)) for face in piece.faces)
+    return replace(piece, faces=tuple(faces))
+
+
+def _edges(
+    piece: Piece, numbers: dict[str, list[int]], triangles: list[list[int]]
+) -> tuple[list[list[int]], list[str], list[float]]:
+    """Every edge once: its ends, its assignment and its fold angle in degrees."""
+    sizes = {face.name: len(face.outline_mm) for face in piece.faces}
+
+    def ends(edge: EdgeRef) -> tuple[int, int]:
+        ring = numbers[edge.face]
+        return ring[edge.index % sizes[edge.face]], ring[(edge.index + 1) % sizes[edge.face]]
+
+    folds = {frozenset(ends(crease.parent)): math.degrees(crease.angle_rad) for crease in piece.creases}
+    sides: dict[frozenset[int], int] = {}
+    for triangle in triangles:
+        for i in range(3):
+            edge = frozenset((triangle[i], triangle[(i + 1) % 3]))
+            sides[edge] = sides.get(edge, 0) + 1
+    edges, assignment, angles = [], [], []
+    for edge, count in sides.items():
+        angle = round(folds.get(edge, 0.0), DECIMALS)
+        edges.append(sorted(edge))
+        assignment.append("B" if count == 1 else "V" if angle > 0 else "M" if angle < 0 else "F")
+        angles.append(angle)
+    return edges, assignment, angles
+
+
+def _coordinates(
+    piece: Piece, numbers: dict[str, list[int]], count: int, fraction: float
+) -> NDArray[np.float64]:
+    """Where the vertices are, (count, 3), in the root face's frame."""
+    poses = face_poses(piece, fraction)
+    points = np.zeros((count, 3))
+    for face in piece.faces:
+        points[numbers[face.name]] = moved(poses[face.name], face_points(face)[0])
+    return points

@@ -1,0 +1,55 @@
+"""Where a join's number stands on a piece: on the tab, and beside the edge that the tab is glued along."""
+
+import numpy as np
+
+from foldcar.car.folded.folding import edge
+from foldcar.car.folded.model import FoldedCar, Join, Piece
+from foldcar.fabrication.assembly.drawing import Mark
+from foldcar.fabrication.assembly.hidden_surfaces import Vector
+from foldcar.fabrication.assembly.poses import Matrix, face_poses, glued_offset_mm, moved
+
+BESIDE_EDGE_MM = 7.0
+
+
+def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: float, prefix: str = "") -> list[Mark]:
+    """The numbers on one copy of a piece; what is glued all around a rim has its number once on each side."""
+    poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
+    offsets = glued_offset_mm(piece)
+    marks: dict[tuple[int, str], Mark] = {}
+    for join in folded.joins:
+        for side in ("a", "b"):
+            if (join.piece_a if side == "a" else join.piece_b) != piece.name:
+                continue
+            found = _place(join, piece, side)
+            if found is None:
+                continue
+            face, at = found
+            once = (join.number, side if join.kind in ("rim", "laminate") else f"{side} {face}")
+            lift = fraction * offsets.get(face, 0.0)
+            point = moved(poses[face], np.array([[*at, lift]]))[0]
+            marks.setdefault(once, Mark(str(join.number), point, prefix + face))
+    return list(marks.values())
+
+
+def _place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | None:
+    """The face and the point on it; None where the number would say nothing."""
+    faces = {face.name: face for face in piece.faces}
+    reference = join.a if side == "a" else join.b
+    # Copies of one piece have their joins under names of their own.
+    face = faces.get(reference.face, piece.faces[0])
+    outline = np.array(face.outline_mm)
+    if join.kind == "laminate" and side == "a":
+        # Beside the middle, where hubs and openings are.
+        return face.name, outline.mean(axis=0) * 0.4 + outline[0] * 0.6
+    if join.kind == "laminate":
+        return None
+    if join.kind == "tab_slot" and side == "b":
+        hole = next((hole for hole in face.holes if hole.name == join.slot), None)
+        middle = None if hole is None else np.array(hole.outline_mm).mean(axis=0)
+        return None if middle is None else (face.name, middle + np.array([0.0, BESIDE_EDGE_MM]))
+    if side == "a" and join.kind in ("tab", "lap", "rim"):
+        return face.name, outline.mean(axis=0)
+    a, b = (np.array(point) for point in edge(faces, reference))
+    inward = np.array([a[1] - b[1], b[0] - a[0]]) / np.linalg.norm(b - a)
+    reach = min(BESIDE_EDGE_MM, float(((outline - a) @ inward).max()) / 2)
+    return face.name, (a + b) / 2 + inward * reach

@@ -1,0 +1,56 @@
+"""The view page: one HTML file with the flat sheets and a model that folds; works without a network.
+
+Input: a FoldedCar, drawings of its flat sheets. Output: the page's text. Its 3D library, three.js, is taken from the
+installed package jupyter_threejs_sage when the page is written.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+
+from markupsafe import Markup
+
+from foldcar.car.folded.model import FoldedCar
+from foldcar.fabrication.assembly.parts_list import film_area_mm2, parts_list, total_cost_usd, total_mass_kg
+from foldcar.fabrication.assembly.view_data import view_data
+from foldcar.page_template import page_template
+
+THREE_PACKAGE = "jupyter_threejs_sage"
+THREE_FILE = "static/r130/three.min.js"
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """An SVG file or element, and what is written under it."""
+
+    svg: str
+    caption: str
+
+
+def view_page(folded: FoldedCar, title: str, sheets: Sequence[Drawing]) -> str:
+    """The page."""
+    return page_template("foldcar.fabrication.assembly", "view.html").render(
+        title=title,
+        facts=facts(folded),
+        # A file's XML declaration cannot stand in a page.
+        drawings=[{"svg": Markup(one.svg[one.svg.index("<svg") :]), "caption": one.caption} for one in sheets],
+        library=_script(files(THREE_PACKAGE).joinpath(THREE_FILE).read_text(encoding="utf-8")),
+        data=_script(json.dumps(view_data(folded), separators=(",", ":"))),
+        program=_script(files("foldcar.fabrication.assembly").joinpath("view.js").read_text(encoding="utf-8")),
+    )
+
+
+def facts(folded: FoldedCar) -> str:
+    """The car in a line."""
+    rows = parts_list(folded)
+    count = sum(piece.count for piece in folded.pieces)
+    return (
+        f"{total_mass_kg(rows) * 1e3:.0f} g, {count} pieces of film with {film_area_mm2(folded) / 100:.0f} cm², "
+        f"{len(folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts"
+    )
+
+
+def _script(text: str) -> Markup:
+    """Text that may stand in a script element."""
+    return Markup(text.replace("</", "<\\/"))

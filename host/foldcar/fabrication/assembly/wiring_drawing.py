@@ -1,0 +1,121 @@
+"""The wiring as a drawing: outputs of the servo driver in the middle, servos where they are in the car, supply below.
+
+Input: a FoldedCar. Output: SVG text, in millimetres of a page; the car's front is up.
+"""
+
+import html
+
+from foldcar.car.folded.model import Axle, FoldedCar
+from foldcar.car.parts.catalogue import catalogue
+from foldcar.fabrication.assembly.drawing import COLOURS
+
+OUTPUTS = 8
+WIDTH_MM, ROW_MM, TOP_MM = 190.0, 11.0, 26.0
+BOARD_MM = (70.0, 120.0)
+SERVO_MM = 50.0
+# Lead colours of the kit's servos would all be alike; neighbours differ in lightness.
+WIRES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#a65628", "#e69f00", "#555555")
+INK, PLUS = "#222222", "#c2272d"
+
+
+def wiring_drawing(folded: FoldedCar, title: str) -> str:
+    """The drawing's SVG file."""
+    rows_end = TOP_MM + OUTPUTS * ROW_MM
+    height = rows_end + 62
+    body = [
+        f'<rect width="{WIDTH_MM:g}" height="{height:g}" fill="#ffffff"/>',
+        _text(WIDTH_MM / 2, 8, f"Wiring of {title}", 5, bold=True),
+        _text(WIDTH_MM / 2, 15, "front of the car ↑", 3.6),
+        *_wing(rows_end),
+    ]
+    axles = {axle.channel: axle for axle in folded.axles}
+    for output in range(OUTPUTS):
+        body += _output(output, axles.get(output))
+    body += _supply(rows_end)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH_MM:g}mm" height="{height:g}mm" '
+        f'viewBox="0 0 {WIDTH_MM:g} {height:g}" font-family="DejaVu Sans, Arial, Helvetica, sans-serif" fill="{INK}">'
+        f"<title>Wiring of {html.escape(title)}</title>\n" + "\n".join(body) + "\n</svg>\n"
+    )
+
+
+def _wing(rows_end: float) -> list[str]:
+    left, right = BOARD_MM
+    return [
+        _box(left, TOP_MM - 6, right - left, rows_end - TOP_MM + 16, "board"),
+        _text((left + right) / 2, TOP_MM - 1.5, catalogue().featherwing.name, 3),
+        _box(left + 10, rows_end + 1, right - left - 20, 7, "other"),
+        _text((left + right) / 2, rows_end + 5.6, "terminal block  +  −", 3),
+    ]
+
+
+def _output(output: int, axle: Axle | None) -> list[str]:
+    y = TOP_MM + (output + 0.5) * ROW_MM
+    left, right = BOARD_MM
+    middle = (left + right) / 2
+    if axle is None:
+        return [_pin(middle, y, "#ffffff"), _text(middle + 9, y + 1.2, f"{output}  empty", 3, "start")]
+    on_left = axle.side == "left"
+    edge, side = (left, -1) if on_left else (right, 1)
+    near, far = (SERVO_MM + 5, 5.0) if on_left else (WIDTH_MM - SERVO_MM - 5, WIDTH_MM - 5)
+    colour = WIRES[output]
+    pulse = "longer" if axle.direction > 0 else "shorter"
+    x = min(near, far)
+    return [
+        _wire(f"M{middle + side * 3:g},{y:g}H{near:g}", colour),
+        _pin(middle, y, colour),
+        _text(edge - side * 9, y - 1.4, f"{output} · CH{output + 1}", 3),
+        _box(x, y - 6.5, SERVO_MM, 13, "servo"),
+        _text(x + SERVO_MM / 2, y - 1.2, axle.servo, 3.4, bold=True),
+        _text(x + SERVO_MM / 2, y + 3.6, f"forward: {pulse} pulse", 3),
+    ]
+
+
+def _supply(rows_end: float) -> list[str]:
+    parts = catalogue()
+    left, right = BOARD_MM
+    middle, y = (left + right) / 2, rows_end + 26
+    volts = f"{parts.battery.supply_v.value:g} V, servos only"
+    return [
+        _box(5, y - 8, SERVO_MM, 16, "battery"),
+        _text(5 + SERVO_MM / 2, y - 1, parts.battery.name, 3.4, bold=True),
+        _text(5 + SERVO_MM / 2, y + 4, volts, 3),
+        _wire(f"M{5 + SERVO_MM:g},{y - 2:g}H{middle + 4:g}V{rows_end + 8:g}", PLUS),
+        _wire(f"M{5 + SERVO_MM:g},{y + 2:g}H{middle + 12:g}V{rows_end + 8:g}", INK),
+        _text(5 + SERVO_MM + 3, y - 3.4, "+", 3.4),
+        _text(5 + SERVO_MM + 3, y + 5.8, "−", 3.4),
+        _box(left, y + 10, right - left, 20, "board"),
+        _text(middle, y + 18, parts.feather.name, 3.4, bold=True),
+        _text(middle, y + 23.5, "under the wing, on its headers", 3),
+        _box(5, y + 13, SERVO_MM, 14, "battery"),
+        _text(5 + SERVO_MM / 2, y + 19, parts.lipo.name, 3.4, bold=True),
+        _text(5 + SERVO_MM / 2, y + 24, "board only", 3),
+        _wire(f"M{5 + SERVO_MM:g},{y + 20:g}H{left:g}", PLUS),
+        _text((5 + SERVO_MM + left) / 2, y + 18.4, "JST", 3),
+        _box(WIDTH_MM - SERVO_MM - 5, y + 13, SERVO_MM, 14, "other"),
+        _text(WIDTH_MM - 5 - SERVO_MM / 2, y + 21.2, "computer", 3.4, bold=True),
+        _wire(f"M{right:g},{y + 20:g}H{WIDTH_MM - SERVO_MM - 5:g}", INK),
+        _text((right + WIDTH_MM - SERVO_MM - 5) / 2, y + 18.4, "USB", 3),
+    ]
+
+
+def _box(x: float, y: float, width: float, height: float, material: str) -> str:
+    red, green, blue = (round(255 - (255 - value) * 0.45) for value in COLOURS[material][0])
+    return (
+        f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" rx="1.5" '
+        f'fill="#{red:02x}{green:02x}{blue:02x}" stroke="{INK}" stroke-width="0.4"/>'
+    )
+
+
+def _pin(x: float, y: float, colour: str) -> str:
+    place = f'x="{x - 3:g}" y="{y - 1.6:g}" width="6" height="3.2"'
+    return f'<rect {place} fill="{colour}" stroke="{INK}" stroke-width="0.3"/>'
+
+
+def _wire(path: str, colour: str) -> str:
+    return f'<path d="{path}" stroke="{colour}" stroke-width="1.2" fill="none"/>'
+
+
+def _text(x: float, y: float, text: str, size: float, anchor: str = "middle", bold: bool = False) -> str:
+    weight = ' font-weight="bold"' if bold else ""
+    return f'<text x="{x:g}" y="{y:g}" font-size="{size:g}" text-anchor="{anchor}"{weight}>{html.escape(text)}</text>'

@@ -1,0 +1,106 @@
+"""A calibration coupon: which fold dashes, slot clearance and kerf suit a film and a machine.
+
+Input: Options. Output: one sheet. "folds" is a comb whose tongues have dashes of cut over bridge as written on them: fold
+each and keep the one that bends cleanly and does not tear. "slots" takes the tongue of 10 mm: the slot of the least
+clearance that lets it in without bulging is the tab clearance. "kerf": the square of 20 mm fills its window without play
+if the kerf is right, and the bar is 100.0 mm long.
+"""
+
+from shapely.geometry import Polygon, box
+
+from foldcar.fabrication.patterns.dashes import dashes
+from foldcar.fabrication.patterns.drawing import Motion, Path, Point, Shape, Sheet
+from foldcar.fabrication.patterns.flat_piece import FlatPiece
+from foldcar.fabrication.patterns.nesting import NestingError, fits, too_large
+from foldcar.fabrication.patterns.options import Options
+from foldcar.fabrication.patterns.piece_shapes import cut_shapes
+from foldcar.fabrication.patterns.sheets import CORNER_MM, corner_shapes, rounded
+from foldcar.fabrication.patterns.stroke_font import text_strokes
+
+# Cut and bridge lengths to choose from.
+DASHES_MM = ((1.0, 1.0), (1.5, 1.0), (2.0, 1.0), (1.5, 0.6), (2.5, 0.8), (4.0, 1.0))
+CLEARANCES_MM = (0.0, 0.2, 0.3, 0.5, 0.8)
+TONGUE_MM = 10.0
+TEXT_MM = 2.0
+
+
+def coupon(chosen: Options, thickness_mm: float) -> Sheet:
+    """The coupon for film of that thickness."""
+    rows = [[_bar()], [_slots(chosen, thickness_mm), _square()], [_folds(chosen), _tongue()], [_window()]]
+    margin = chosen.margin_mm
+    groups: list[tuple[Shape, ...]] = [tuple(corner_shapes(f"coupon  {chosen.machine}", margin))]
+    y, right = margin + CORNER_MM[1] + chosen.gap_mm, margin
+    for row in rows:
+        x, top = margin + chosen.kerf_mm, y
+        for flat, marks in row:
+            motion = Motion(0, (x, y))
+            groups.append(tuple(shape.moved(motion) for shape in (*marks, *cut_shapes(flat, chosen.kerf_mm))))
+            _, _, width, height = flat.outline.bounds
+            x, top, right = x + width + chosen.gap_mm + chosen.kerf_mm, max(top, y + height), max(right, x + width)
+        y = top + chosen.gap_mm + chosen.kerf_mm
+    taken = Polygon(box(margin, margin, right, y).exterior)
+    if not fits((right - margin, y - margin), chosen.sheet_size_mm, margin):
+        raise NestingError(too_large("calibration coupon", taken, chosen.sheet_size_mm, margin))
+    size = chosen.sheet_size_mm if right + margin <= chosen.sheet_size_mm[0] else chosen.sheet_size_mm[::-1]
+    return Sheet("coupon", *size, tuple(tuple(rounded(group)) for group in groups))
+
+
+def _piece(label: str, outline: Polygon) -> FlatPiece:
+    return FlatPiece(label, label, outline, (), (), (), (), label)
+
+
+def _text(text: str, x: float, y: float, height: float = TEXT_MM) -> list[Shape]:
+    """A text with its middle at x, its base line at y."""
+    strokes, width = text_strokes(text, height)
+    return [Path("LABEL", tuple((x - width / 2 + u, y + v) for u, v in stroke)) for stroke in strokes]
+
+
+def _folds(chosen: Options) -> tuple[FlatPiece, list[Shape]]:
+    """Tongues of 10 x 16 mm on a strip; each one's fold is where it begins."""
+    pitch, base, tall = TONGUE_MM + 2, 8.0, 16.0
+    points: list[Point] = [(0.0, 0.0), (len(DASHES_MM) * pitch, 0.0)]
+    marks = _text("folds", len(DASHES_MM) * pitch / 2, 3.0)
+    for i, (cut, bridge) in reversed(list(enumerate(DASHES_MM))):
+        left, right = i * pitch + 1, (i + 1) * pitch - 1
+        points += [(right, base), (right, base + tall), (left, base + tall), (left, base)]
+        marks += [
+            Path("FOLD_VALLEY", d) for d in dashes((left, base), (right, base), cut, bridge, chosen.kerf_mm)
+        ]
+        marks += _text(f"{cut:g}", (left + right) / 2, base + 10.5) + _text(
+            f"{bridge:g}", (left + right) / 2, base + 6.0
+        )
+    points += [(0.0, base)]
+    points[2:2] = [(len(DASHES_MM) * pitch, base)]
+    return _piece("folds", Polygon(points)), marks
+
+
+def _slots(chosen: Options, thickness_mm: float) -> tuple[FlatPiece, list[Shape]]:
+    """Slots as wide as two films and 0.2 mm, as long as the tongue and the clearance written above them."""
+    pitch = TONGUE_MM + 5
+    outline = box(0, 0, len(CLEARANCES_MM) * pitch, 16)
+    wide = 2 * thickness_mm + 0.2
+    holes = []
+    marks = _text("slots", len(CLEARANCES_MM) * pitch / 2, 1.5)
+    for i, clearance in enumerate(CLEARANCES_MM):
+        middle, half = (i + 0.5) * pitch, (TONGUE_MM + clearance) / 2
+        holes.append(box(middle - half, 7, middle + half, 7 + wide).exterior)
+        marks += _text(f"+{clearance:g}", middle, 10.5)
+    return _piece("slots", Polygon(outline.exterior, holes)), marks
+
+
+def _tongue() -> tuple[FlatPiece, list[Shape]]:
+    grip = 8.0
+    points = [(0, 0), (30, 0), (30, grip), (20, grip), (20, grip + 12), (10, grip + 12), (10, grip), (0, grip)]
+    return _piece("tongue", Polygon(points)), _text("10 mm", 15, 3.0)
+
+
+def _window() -> tuple[FlatPiece, list[Shape]]:
+    return _piece("window", Polygon(box(0, 0, 30, 34).exterior, [box(5, 5, 25, 25).exterior])), _text("kerf", 15, 28.5)
+
+
+def _square() -> tuple[FlatPiece, list[Shape]]:
+    return _piece("square", box(0, 0, 20, 20)), _text("20 mm", 10, 9)
+
+
+def _bar() -> tuple[FlatPiece, list[Shape]]:
+    return _piece("bar", box(0, 0, 100, 8)), _text("100 mm", 50, 3)

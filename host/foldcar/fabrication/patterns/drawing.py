@@ -1,0 +1,109 @@
+"""What a sheet consists of: polylines and circles on layers, in millimetres, x right and y up from a corner.
+
+This is what writers write and what readers of the written files give back, so that both can be compared.
+"""
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+from foldcar.fabrication.patterns.layers import LayerName
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """A polyline; a closed one does not repeat its first point."""
+
+    layer: LayerName
+    points_mm: tuple[Point, ...]
+    closed: bool = False
+
+    @property
+    def segments(self) -> Iterator[tuple[Point, Point]]:
+        """Its straight parts in order."""
+        yield from itertools.pairwise(self.points_mm)
+        if self.closed:
+            yield self.points_mm[-1], self.points_mm[0]
+
+    @property
+    def length_mm(self) -> float:
+        """Length along the line."""
+        return sum(math.dist(a, b) for a, b in self.segments)
+
+    def moved(self, motion: "Motion") -> "Path":
+        """The same line elsewhere."""
+        return replace(self, points_mm=tuple(motion.apply(p) for p in self.points_mm))
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """A full circle."""
+
+    layer: LayerName
+    center_mm: Point
+    radius_mm: float
+
+    @property
+    def length_mm(self) -> float:
+        """Its circumference."""
+        return 2 * math.pi * self.radius_mm
+
+    def moved(self, motion: "Motion") -> "Circle":
+        """The same circle elsewhere."""
+        return replace(self, center_mm=motion.apply(self.center_mm))
+
+
+Shape = Path | Circle
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """A turn about the origin by ``quarter_turns`` · 90°, counter-clockwise, and then a shift."""
+
+    quarter_turns: int = 0
+    shift_mm: Point = (0.0, 0.0)
+
+    def apply(self, point: Point) -> Point:
+        """Where ``point`` comes to lie."""
+        x, y = point
+        for _ in range(self.quarter_turns % 4):
+            x, y = -y, x
+        return x + self.shift_mm[0], y + self.shift_mm[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """One sheet of film. ``groups`` holds together what is moved together: a piece with its labels."""
+
+    name: str
+    width_mm: float
+    height_mm: float
+    groups: tuple[tuple[Shape, ...], ...]
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Everything drawn on it."""
+        return tuple(itertools.chain.from_iterable(self.groups))
+
+    def on(self, layer: LayerName) -> Iterator[tuple[Shape, ...]]:
+        """Each group's shapes on one layer, in order."""
+        for group in self.groups:
+            shapes = tuple(shape for shape in group if shape.layer == layer)
+            if shapes:
+                yield shapes
+
+
+def bounds(shapes: Iterable[Shape]) -> tuple[float, float, float, float]:
+    """Least x and y, greatest x and y of the shapes."""
+    points = []
+    for shape in shapes:
+        if isinstance(shape, Circle):
+            (x, y), r = shape.center_mm, shape.radius_mm
+            points += [(x - r, y - r), (x + r, y + r)]
+        else:
+            points += shape.points_mm
+    xs, ys = zip(*points, strict=True)
+    return min(xs), min(ys), max(xs), max(ys)

@@ -1,0 +1,46 @@
+"""Writes a sheet as DXF R2010 in millimetres."""
+
+import io
+import itertools
+
+from ezdxf import colors, units
+from ezdxf._options import options
+from ezdxf.filemanagement import new
+
+from foldcar.fabrication.patterns.drawing import Circle, Sheet
+from foldcar.fabrication.patterns.layers import LAYERS
+
+
+def dxf(sheet: Sheet) -> str:
+    """The file's text: LWPOLYLINEs and CIRCLEs on named layers, $INSUNITS 4, the sheet's limits set."""
+    # Fixed dates and ids: the same sheet gives the same bytes.
+    fixed = options.write_fixed_meta_data_for_testing
+    options.write_fixed_meta_data_for_testing = True
+    try:
+        document = new("R2010", units=units.MM)
+        document.header["$MEASUREMENT"] = 1
+        # They come in the order of a set, which is another one in each process.
+        document.classes.add_required_classes(document.dxfversion)
+        document.classes.classes = dict(sorted(document.classes.classes.items()))
+        for layer in LAYERS.values():
+            # True colours beside the index, for programs that show them; line weights are hundredths of a millimetre.
+            document.layers.add(
+                layer.name,
+                color=layer.aci,
+                true_color=colors.rgb2int(layer.rgb),
+                lineweight=round(100 * layer.width_mm),
+            )
+        space = document.modelspace()
+        space.reset_extents((0, 0, 0), (sheet.width_mm, sheet.height_mm, 0))
+        space.reset_limits((0, 0), (sheet.width_mm, sheet.height_mm))
+        for name in LAYERS:
+            for shape in itertools.chain.from_iterable(sheet.on(name)):
+                if isinstance(shape, Circle):
+                    space.add_circle(shape.center_mm, shape.radius_mm, dxfattribs={"layer": name})
+                else:
+                    space.add_lwpolyline(shape.points_mm, close=shape.closed, dxfattribs={"layer": name})
+        text = io.StringIO()
+        document.write(text)
+        return text.getvalue()
+    finally:
+        options.write_fixed_meta_data_for_testing = fixed

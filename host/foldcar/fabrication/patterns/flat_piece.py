@@ -1,0 +1,249 @@
+"""A piece unfolded for cutting: one outline, its openings and folds.
+
+Input: a Piece of the folded car and Options. Output: a FlatPiece in millimetres, printed side up, in the frame of its
+root face. Bends shorten the flat (bend deduction), the free edges of tabs step back by the tab clearance. Kerf is not in
+it: it widens every cut when the sheets are drawn.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, Literal
+
+import shapely
+import shapely.affinity
+from shapely.geometry import LineString, Polygon
+
+from foldcar.car.folded.folding import edge, folded
+from foldcar.car.folded.model import Crease, Face, Piece
+from foldcar.fabrication.patterns.drawing import Point
+from foldcar.fabrication.patterns.edge_offset import offset_edges
+from foldcar.fabrication.patterns.options import Options
+
+# Outlines are joined on a grid of a tenth of a micrometre, so that corners of two faces become one point.
+GRID_MM = 1e-4
+# Corners that a line passes at less than this are no corners.
+STRAIGHT_MM = 1e-3
+# A leftover of a face's edge shorter than this is noise of the grid, not a cut between two faces.
+SHORTEST_SLIT_MM = 0.05
+# Beyond this fold angle faces lie on each other: there is no corner whose arc could be shorter.
+LARGEST_BEND_RAD = math.radians(150)
+
+FoldKind = Literal["mountain", "valley", "flexure"]
+Edge = tuple[Point, Point]
+
+
+@dataclass(frozen=True, slots=True)
+class Fold:
+    """A fold line. A flexure bends without being cut or scored."""
+
+    kind: FoldKind
+    a: Point
+    b: Point
+
+
+@dataclass(frozen=True, slots=True)
+class FlatFace:
+    """A face's place in the flat: where labels go. ``edges`` are numbered as in the face, ``holes`` are holes' edges.
+
+    Edges run counter-clockwise, those of holes clockwise: the film is on their left.
+    """
+
+    name: str
+    role: str
+    outline: Polygon
+    edges: Mapping[int, Edge]
+    holes: Mapping[str, tuple[Edge, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class FlatPiece:
+    """``outline`` has the polygonal openings as its holes; ``circles`` are (middle, diameter); ``slits`` are open cuts.
+
+    ``origin`` is the piece of the car that it is, or is a part of; ``marks`` are lines to lay another part against.
+    """
+
+    name: str
+    label: str
+    outline: Polygon
+    circles: tuple[tuple[Point, float], ...]
+    slits: tuple[tuple[Point, ...], ...]
+    folds: tuple[Fold, ...]
+    faces: tuple[FlatFace, ...]
+    origin: str
+    count: int = 1
+    marks: tuple[tuple[Point, Point], ...] = ()
+
+    @property
+    def area_mm2(self) -> float:
+        """Area of film that stays."""
+        return float(self.outline.area) - sum(math.pi / 4 * d * d for _, d in self.circles)
+
+
+@dataclass(frozen=True, slots=True)
+class _Placing:
+    """A rigid motion in the plane: a turn and then a shift."""
+
+    cos: float
+    sin: float
+    shift: Point
+
+    def apply(self, p: Point) -> Point:
+        return (
+            self.cos * p[0] - self.sin * p[1] + self.shift[0],
+            self.sin * p[0] + self.cos * p[1] + self.shift[1],
+        )
+
+
+@lru_cache(maxsize=256)
+def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
+    """The piece in the flat."""
+    thickness = chosen.thickness_mm if chosen.thickness_mm is not None else piece.thickness_mm
+    faces = {face.name: face for face in piece.faces}
+    inward = {face.name: [_free_edge_mm(face, chosen)] * len(face.outline_mm) for face in piece.faces}
+    for crease in piece.creases:
+        taken = bend_deduction_mm(crease.angle_rad, thickness, chosen) / 2
+        inward[crease.parent.face][crease.parent.index] = taken
+        inward[crease.child.face][crease.child.index] = taken
+    corners = {name: offset_edges(face.outline_mm, inward[name]) for name, face in faces.items()}
+    placings = _placings(piece, thickness, chosen)
+    flat = tuple(_flat_face(face, corners[face.name], placings[face.name]) for face in piece.faces)
+    by_name = {face.name: face for face in flat}
+    lines = [(_fold(crease, by_name), _bent(crease, faces)) for crease in piece.creases]
+    folds = tuple(fold for fold, bent in lines if fold is not None and not bent)
+    outline = shapely.union_all([face.outline for face in flat], grid_size=GRID_MM)
+    outline = shapely.simplify(outline, STRAIGHT_MM)
+    if not isinstance(outline, Polygon):
+        raise ValueError(f"piece {piece.name} is not one connected area")
+    slits = _slits(outline, flat, [fold for fold, _ in lines if fold is not None])
+    circles, openings = [], []
+    for face in piece.faces:
+        place = placings[face.name]
+        for hole in face.holes:
+            if hole.diameter_mm is not None and hole.center_mm is not None:
+                circles.append((place.apply(hole.center_mm), hole.diameter_mm))
+            else:
+                openings.append([place.apply(p) for p in hole.outline_mm])
+    outline = Polygon(outline.exterior, [*outline.interiors, *openings])
+    return FlatPiece(
+        piece.name,
+        piece.label or piece.name,
+        shapely.geometry.polygon.orient(outline),
+        tuple(circles),
+        slits,
+        folds,
+        flat,
+        piece.name,
+        piece.count,
+    )
+
+
+def bend_deduction_mm(angle_rad: float, thickness_mm: float, chosen: Options) -> float:
+    """What a bend of middle radius r + t/2 saves against the sharp corner of the middle surfaces.
+
+    The two setbacks 2 (r + t/2) tan(a/2) less the neutral line's arc a (r + k t); none where faces fold onto each other.
+    """
+    angle = abs(angle_rad)
+    if angle > LARGEST_BEND_RAD:
+        return 0.0
+    radius = chosen.bend_radius_mm
+    setbacks = 2 * (radius + thickness_mm / 2) * math.tan(angle / 2)
+    return setbacks - angle * (radius + chosen.k_factor * thickness_mm)
+
+
+def _free_edge_mm(face: Face, chosen: Options) -> float:
+    return chosen.tab_clearance_mm if face.role == "tab" else 0.0
+
+
+def _placings(piece: Piece, thickness_mm: float, chosen: Options) -> dict[str, _Placing]:
+    """Each face's motion into the flat, children moved over their parent's edge by the bend deduction."""
+    faces = {face.name: face for face in piece.faces}
+    poses = folded(piece, 0.0)
+    shifts = {piece.faces[0].name: (0.0, 0.0)}
+    # Parents come before their children.
+    for crease in piece.creases:
+        pose = poses[crease.parent.face]
+        a, b = edge(faces, crease.parent)
+        saved = bend_deduction_mm(crease.angle_rad, thickness_mm, chosen) / math.dist(a, b)
+        x, y = -(b[1] - a[1]) * saved, (b[0] - a[0]) * saved
+        before = shifts[crease.parent.face]
+        shifts[crease.child.face] = (
+            before[0] + pose[0][0] * x + pose[0][1] * y,
+            before[1] + pose[1][0] * x + pose[1][1] * y,
+        )
+    return {
+        name: _Placing(pose[0][0], pose[1][0], (pose[0][3] + shifts[name][0], pose[1][3] + shifts[name][1]))
+        for name, pose in poses.items()
+    }
+
+
+def _flat_face(face: Face, corners: list[list[Point]], place: _Placing) -> FlatFace:
+    points = [[place.apply(p) for p in corner] for corner in corners]
+    edges = {i: (points[i][-1], points[(i + 1) % len(points)][0]) for i in range(len(points))}
+    outline = Polygon([p for corner in points for p in corner])
+    holes = {}
+    for hole in face.holes:
+        corner_points = [place.apply(p) for p in reversed(hole.outline_mm)]
+        holes[hole.name] = tuple(zip(corner_points, [*corner_points[1:], corner_points[0]], strict=True))
+    return FlatFace(face.name, face.role, outline, edges, holes)
+
+
+def _bent(crease: Crease, faces: Mapping[str, Face]) -> bool:
+    """Whether it stands for a part of an even bend: a rim's facets are not folded against each other."""
+    return faces[crease.parent.face].role == "rim" and faces[crease.child.face].role == "rim"
+
+
+def _fold(crease: Crease, faces: dict[str, FlatFace]) -> Fold | None:
+    """The line where both edges lie on each other, which may be shorter than either; None if nothing does."""
+    a, b = faces[crease.parent.face].edges[crease.parent.index]
+    c, d = faces[crease.child.face].edges[crease.child.index]
+    length = math.dist(a, b)
+    along = ((b[0] - a[0]) / length, (b[1] - a[1]) / length)
+
+    def share(p: Point) -> float:
+        return (p[0] - a[0]) * along[0] + (p[1] - a[1]) * along[1]
+
+    low, high = max(0.0, min(share(c), share(d))), min(length, max(share(c), share(d)))
+    if high - low < SHORTEST_SLIT_MM:
+        return None
+    kind: FoldKind = "flexure" if crease.flexure else "valley" if crease.angle_rad > 0 else "mountain"
+    ends = [(a[0] + s * along[0], a[1] + s * along[1]) for s in (low, high)]
+    return Fold(kind, ends[0], ends[1])
+
+
+def _slits(
+    outline: Polygon, faces: Sequence[FlatFace], folds: Sequence[Fold]
+) -> tuple[tuple[Point, ...], ...]:
+    """Where two faces touch without a fold between them, the film is cut."""
+    edges = shapely.union_all([face.outline.exterior for face in faces], grid_size=GRID_MM)
+    kept: Any = shapely.union_all([outline.boundary, *(LineString([f.a, f.b]) for f in folds)])
+    left = shapely.difference(edges, shapely.buffer(kept, 2 * STRAIGHT_MM, quad_segs=1))
+    parts = shapely.get_parts(shapely.line_merge(left))
+    return tuple(tuple(part.coords) for part in parts if part.length > SHORTEST_SLIT_MM)
+
+
+def moved_to_origin(flat: FlatPiece) -> FlatPiece:
+    """The piece with its lower left corner at the origin."""
+    dx, dy = -flat.outline.bounds[0], -flat.outline.bounds[1]
+
+    def move(p: Point) -> Point:
+        return p[0] + dx, p[1] + dy
+
+    return replace(
+        flat,
+        outline=shapely.affinity.translate(flat.outline, dx, dy),
+        circles=tuple((move(p), d) for p, d in flat.circles),
+        slits=tuple(tuple(move(p) for p in slit) for slit in flat.slits),
+        folds=tuple(Fold(f.kind, move(f.a), move(f.b)) for f in flat.folds),
+        faces=tuple(
+            replace(
+                face,
+                outline=shapely.affinity.translate(face.outline, dx, dy),
+                edges={i: (move(a), move(b)) for i, (a, b) in face.edges.items()},
+                holes={name: tuple((move(a), move(b)) for a, b in ring) for name, ring in face.holes.items()},
+            )
+            for face in flat.faces
+        ),
+        marks=tuple((move(a), move(b)) for a, b in flat.marks),
+    )

@@ -1,0 +1,57 @@
+"""Which number stands where: every join is written beside both of its edges.
+
+A rim is glued to a disc by many teeth under one number: it is written once on each piece, on the strip, not on a tooth.
+"""
+
+from collections.abc import Iterable, Iterator
+
+from foldcar.car.folded.model import EdgeRef, Join
+from foldcar.fabrication.patterns.drawing import Point
+from foldcar.fabrication.patterns.flat_piece import FlatFace, FlatPiece
+from foldcar.fabrication.patterns.labels import EdgeMark
+
+Edge = tuple[Point, Point]
+# Of many edges that would do, so many are tried.
+PLACES = 8
+
+
+def join_marks(piece: FlatPiece, joins: Iterable[Join]) -> Iterator[EdgeMark]:
+    """The numbers of all joins that the piece takes part in."""
+    faces = {face.name: face for face in piece.faces}
+    seen: set[tuple[int, str]] = set()
+    around: dict[int, list[Edge]] = {}
+    for join in joins:
+        for name, ref, slot in ((join.piece_a, join.a, None), (join.piece_b, join.b, join.slot)):
+            if name != piece.origin or ref.face not in faces:
+                continue
+            edges = _edges(faces[ref.face], ref, join, slot)
+            if not edges:
+                continue
+            if join.kind == "rim":
+                around.setdefault(join.number, []).extend(edges)
+            elif (join.number, ref.face) not in seen:
+                seen.add((join.number, ref.face))
+                yield EdgeMark(str(join.number), tuple(edges))
+    for number, edges in around.items():
+        half = len(edges) // 2
+        yield EdgeMark(str(number), tuple(sorted((*edges[half:], *edges[:half]), key=_slant)[:PLACES]))
+
+
+def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[Edge]:
+    """The edges beside which the number may stand, their film on the left."""
+    if slot is not None and slot in face.holes:
+        return list(face.holes[slot])
+    if join.kind == "laminate":
+        # Doublings are laid hole on hole.
+        edges = [edge for ring in face.holes.values() for edge in ring] or list(face.edges.values())
+        return sorted(edges, key=_slant)[:PLACES]
+    if ref.index not in face.edges:
+        return []
+    a, b = face.edges[ref.index]
+    return [(b, a)] if join.kind == "rim" and face.role == "tab" else [(a, b)]
+
+
+def _slant(edge: Edge) -> float:
+    """0 for an edge along x or y: numbers beside it are easiest to read."""
+    (ax, ay), (bx, by) = edge
+    return round(min(abs(bx - ax), abs(by - ay)) / (abs(bx - ax) + abs(by - ay)), 3)

@@ -1,0 +1,64 @@
+"""A flat piece as shapes on layers: kerf-compensated cuts, fold dashes or score lines, labels."""
+
+from collections.abc import Iterable
+
+import shapely
+from shapely.geometry import Polygon
+
+from foldcar.fabrication.patterns.dashes import dashes
+from foldcar.fabrication.patterns.drawing import Circle, Path, Point, Shape
+from foldcar.fabrication.patterns.flat_piece import FlatPiece, Fold
+from foldcar.fabrication.patterns.labels import EdgeMark, label_paths
+from foldcar.fabrication.patterns.layers import LayerName
+from foldcar.fabrication.patterns.options import Options
+
+FOLD_LAYERS: dict[str, LayerName] = {"mountain": "FOLD_MOUNTAIN", "valley": "FOLD_VALLEY"}
+
+
+def piece_shapes(
+    flat: FlatPiece, chosen: Options, marks: Iterable[EdgeMark], quarter_turns: int = 0
+) -> tuple[list[Shape], list[str]]:
+    """The piece's shapes in its own frame, texts upright after the quarter turns; warnings in words."""
+    labels, missing = label_paths(flat, flat.label, marks, quarter_turns)
+    warnings = [f'{flat.label}: no room for the label "{text}"' for text in missing]
+    shapes: list[Shape] = list(labels)
+    shapes += [Path("SCORE", mark) for mark in flat.marks]
+    for fold in flat.folds:
+        shapes += _fold(fold, chosen)
+    shapes += cut_shapes(flat, chosen.kerf_mm)
+    return shapes, warnings
+
+
+def cut_shapes(flat: FlatPiece, kerf_mm: float) -> list[Shape]:
+    """Outline and openings, moved by half a kerf so that what stays has the piece's size."""
+    half = kerf_mm / 2
+    shapes: list[Shape] = [Circle("CUT_INNER", middle, diameter / 2 - half) for middle, diameter in flat.circles]
+    shapes += [Path("CUT_INNER", slit) for slit in flat.slits]
+    for ring in flat.outline.interiors:
+        hole = Polygon(ring).buffer(-half, join_style="mitre", mitre_limit=3) if half else Polygon(ring)
+        # An opening narrower than the kerf falls apart into nothing: the cut itself is wider.
+        shapes += [_closed("CUT_INNER", part.exterior) for part in shapely.get_parts(hole) if not part.is_empty]
+    shapes.append(_closed("CUT_OUTER", outer_cut(flat, kerf_mm).exterior))
+    return shapes
+
+
+def outer_cut(flat: FlatPiece, kerf_mm: float) -> Polygon:
+    """What the cut around the piece encloses."""
+    outer = Polygon(flat.outline.exterior)
+    return outer.buffer(kerf_mm / 2, join_style="mitre", mitre_limit=3) if kerf_mm else outer
+
+
+def _closed(layer: LayerName, ring: shapely.LinearRing) -> Path:
+    points: tuple[Point, ...] = tuple((float(x), float(y)) for x, y in ring.coords[:-1])
+    return Path(layer, points, closed=True)
+
+
+def _fold(fold: Fold, chosen: Options) -> list[Shape]:
+    # A flexure is neither cut nor scored, or it would not last: its line only shows where it is.
+    if fold.kind == "flexure":
+        return [Path("LABEL", (fold.a, fold.b))]
+    layer = FOLD_LAYERS[fold.kind]
+    if chosen.fold == "score":
+        return [Path(layer, (fold.a, fold.b))]
+    cuts = dashes(fold.a, fold.b, chosen.dash_cut_mm, chosen.dash_bridge_mm, chosen.kerf_mm)
+    return [Path(layer, cut) for cut in cuts]

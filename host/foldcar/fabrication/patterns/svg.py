@@ -1,0 +1,61 @@
+"""Writes a sheet as SVG in true millimetres, its layers as Inkscape's."""
+
+import itertools
+from collections.abc import Iterator, Sequence
+
+from foldcar.fabrication.patterns.drawing import Circle, Path, Shape, Sheet
+from foldcar.fabrication.patterns.layers import LAYERS
+
+# Files hold micrometres.
+DECIMALS = 3
+
+
+def svg(sheet: Sheet) -> str:
+    """The file's text: width and height in mm and a viewBox of the same numbers.
+
+    A piece's open lines on one layer, dashes and letters, are one path; outlines and circles are elements of their own.
+    """
+    width, height = _number(sheet.width_mm), _number(sheet.height_mm)
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" '
+        f'width="{width}mm" height="{height}mm" viewBox="0 0 {width} {height}">',
+        f"<title>{sheet.name}</title>",
+    ]
+    for layer in LAYERS.values():
+        lines.append(
+            f'<g id="{layer.name}" inkscape:groupmode="layer" inkscape:label="{layer.name}" fill="none" '
+            f'stroke="{layer.hex}" stroke-width="{layer.width_mm:g}" stroke-linecap="round" stroke-linejoin="round">'
+        )
+        for group in sheet.on(layer.name):
+            lines += _elements(group, sheet.height_mm)
+        lines.append("</g>")
+    return "\n".join([*lines, "</svg>", ""])
+
+
+def _elements(group: Sequence[Shape], height: float) -> Iterator[str]:
+    """SVG's y runs down."""
+    lines = []
+    for shape in group:
+        if isinstance(shape, Circle):
+            x, y = shape.center_mm
+            yield f'<circle cx="{_number(x)}" cy="{_number(height - y)}" r="{_number(shape.radius_mm)}"/>'
+        elif shape.closed:
+            yield f'<path d="{_path(shape, height)}"/>'
+        else:
+            lines.append(_path(shape, height))
+    if lines:
+        yield f'<path d="{"".join(lines)}"/>'
+
+
+def _path(path: Path, height: float) -> str:
+    """Relative steps, half as long; they are differences of rounded places, so that no error adds up."""
+    places = [(round(x, DECIMALS), round(height - y, DECIMALS)) for x, y in path.points_mm]
+    first, *_ = places
+    steps = [f"{_number(b[0] - a[0])} {_number(b[1] - a[1])}" for a, b in itertools.pairwise(places)]
+    return f"M{_number(first[0])} {_number(first[1])}l{' '.join(steps)}" + ("z" if path.closed else "")
+
+
+def _number(value: float) -> str:
+    # Adding nothing turns -0 into 0.
+    return f"{round(value, DECIMALS) + 0.0:.{DECIMALS}f}".rstrip("0").rstrip(".")

@@ -1,0 +1,98 @@
+"""How a sheet is spread over the pages of a printer: windows that overlap, and marks to lay them together by.
+
+A sheet no larger than the paper is one page without marks. Otherwise windows of the printable area overlap, and crosses
+stand in the middle of each overlap, on both pages.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from foldcar.fabrication.patterns.drawing import Point, Sheet, bounds
+from foldcar.fabrication.patterns.options import SHEETS
+
+# What home printers leave blank, and by how much two pages overlap.
+BLANK_MM = 8.0
+OVERLAP_MM = 12.0
+MARK_MM = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """One page of ``page_mm``: the window of the sheet from ``low_mm`` to ``high_mm``.
+
+    A sheet's point p is printed at p + ``offset_mm``, from the page's lower left corner. ``marks_mm`` are in the sheet's
+    coordinates.
+    """
+
+    name: str
+    page_mm: Point
+    low_mm: Point
+    high_mm: Point
+    offset_mm: Point
+    marks_mm: tuple[Point, ...]
+
+
+def tiles(sheet: Sheet, paper: str) -> tuple[Tile, ...]:
+    """The pages of a sheet, row by row from the top; upright or lying paper, whichever needs fewer."""
+    upright = SHEETS[paper]
+    size = (sheet.width_mm, sheet.height_mm)
+    for page in (upright, upright[::-1]):
+        if size[0] <= page[0] + 1e-6 and size[1] <= page[1] + 1e-6:
+            return (Tile(sheet.name, page, (0.0, 0.0), size, (0.0, 0.0), ()),)
+    page = min((upright, upright[::-1]), key=lambda p: len(_starts(size[0], p[0])) * len(_starts(size[1], p[1])))
+    return _grid(sheet, page)
+
+
+def printed(sheet: Sheet, paper: str) -> list[tuple[Tile, Sheet]]:
+    """The pages of the sheet on which there is anything, with what reaches into their windows by its box."""
+    boxes = np.array([bounds([shape]) for shape in sheet.shapes])
+    if not len(boxes):
+        return []
+    found = []
+    for tile in tiles(sheet, paper):
+        touches = np.all((boxes[:, :2] <= tile.high_mm) & (tile.low_mm <= boxes[:, 2:]), axis=1)
+        if np.any(touches):
+            kept = iter(touches.tolist())
+            groups = tuple(tuple(shape for shape in group if next(kept)) for group in sheet.groups)
+            found.append((tile, replace(sheet, groups=groups)))
+    return found
+
+
+def _window(page_side: float) -> float:
+    return page_side - 2 * BLANK_MM
+
+
+def _starts(length: float, page_side: float) -> list[float]:
+    """Where the windows along one side begin, spread evenly."""
+    window = _window(page_side)
+    count = max(1, math.ceil((length - OVERLAP_MM) / (window - OVERLAP_MM) - 1e-9))
+    step = (length - window) / (count - 1) if count > 1 else 0.0
+    return [i * step for i in range(count)]
+
+
+def _grid(sheet: Sheet, page: Point) -> tuple[Tile, ...]:
+    columns, rows = _starts(sheet.width_mm, page[0]), _starts(sheet.height_mm, page[1])
+    width = min(_window(page[0]), sheet.width_mm)
+    height = min(_window(page[1]), sheet.height_mm)
+    # Between two crossings of seams, and from the last one to the edge, every seam has two crosses.
+    seams_x = [(b + a + width) / 2 for a, b in itertools.pairwise(columns)]
+    seams_y = [(b + a + height) / 2 for a, b in itertools.pairwise(rows)]
+    marks = [(x, y) for x in seams_x for y in _quarters([0.0, *seams_y, sheet.height_mm])]
+    marks += [(x, y) for y in seams_y for x in _quarters([0.0, *seams_x, sheet.width_mm])]
+    found = []
+    for row, y in reversed(list(enumerate(rows))):
+        for column, x in enumerate(columns):
+            low, high = (x, y), (x + width, y + height)
+            inside = tuple(
+                m for m in marks if all(low[i] + MARK_MM / 2 < m[i] < high[i] - MARK_MM / 2 for i in (0, 1))
+            )
+            name = f"{sheet.name} page {chr(ord('A') + column)}{len(rows) - row}"
+            found.append(Tile(name, page, low, high, (BLANK_MM - x, BLANK_MM - y), inside))
+    return tuple(found)
+
+
+def _quarters(bounds: list[float]) -> list[float]:
+    return [a + share * (b - a) for a, b in itertools.pairwise(bounds) for share in (0.25, 0.75)]

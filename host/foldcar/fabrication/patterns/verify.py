@@ -1,0 +1,235 @@
+"""Checks written sheets in millimetres: what the files hold against what was meant, and what any cutter needs.
+
+Input: the sheets as meant and the text or bytes of the written files. Output: findings in words, none if all is well.
+Each reader is imported where it is needed: a process that checks one format loads one.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from foldcar.fabrication.patterns.drawing import Circle, Path, Shape, Sheet, bounds
+from foldcar.fabrication.patterns.layers import LAYERS
+from foldcar.fabrication.patterns.options import Options
+from foldcar.fabrication.patterns.reading_error import ReadingError
+from foldcar.fabrication.patterns.tiles import MARK_MM, Tile, printed, tiles
+
+if TYPE_CHECKING:
+    from foldcar.fabrication.patterns.read_pdf import Page
+
+# A file's numbers have four decimals, PDF points six; a cutter repeats within 0.1 mm.
+TOLERANCE_MM = 0.01
+# How many of a kind are named before the rest is counted.
+SHOWN = 3
+
+
+def check_sheet(sheet: Sheet, margin_mm: float) -> list[str]:
+    """What a cutter would stumble over: open outlines, lines twice, lines off the sheet, lines of no length."""
+    findings = []
+    for shape in sheet.shapes:
+        if isinstance(shape, Path) and shape.layer == "CUT_OUTER" and not shape.closed:
+            findings.append(f"an outline at {_at(shape)} is not closed")
+        if not shape.length_mm > TOLERANCE_MM:
+            findings.append(f"a line of no length on {shape.layer} at {_at(shape)}")
+    for key, count in Counter(_keys(s for s in sheet.shapes if s.layer != "LABEL")).items():
+        if count > 1:
+            findings.append(f"{count} lines on each other at {key[0]:.2f}, {key[1]:.2f}")
+    if sheet.shapes:
+        x0, y0, x1, y1 = bounds(sheet.shapes)
+        # Half a kerf may lie in the margin.
+        low, right, top = margin_mm - 0.5 - TOLERANCE_MM, sheet.width_mm - margin_mm, sheet.height_mm - margin_mm
+        if x0 < low or y0 < low or x1 > right + 0.5 + TOLERANCE_MM or y1 > top + 0.5 + TOLERANCE_MM:
+            findings.append(
+                f"lines from {x0:.1f}, {y0:.1f} to {x1:.1f}, {y1:.1f} leave the usable part of "
+                f"{sheet.width_mm:g} x {sheet.height_mm:g} mm"
+            )
+    return _short(findings)
+
+
+def check_same(meant: Sheet, read: Sheet) -> list[str]:
+    """Whether the sheet that was read is the one that was meant: size, and every segment on its layer."""
+    findings = []
+    if (
+        abs(read.width_mm - meant.width_mm) > TOLERANCE_MM
+        or abs(read.height_mm - meant.height_mm) > TOLERANCE_MM
+    ):
+        findings.append(
+            f"is {read.width_mm:.2f} x {read.height_mm:.2f} mm large, "
+            f"should be {meant.width_mm:g} x {meant.height_mm:g}"
+        )
+    return findings + _differences(meant.shapes, read.shapes)
+
+
+def check_svg(meant: Sheet, text: str, chosen: Options) -> list[str]:
+    """Findings about a written SVG."""
+    from foldcar.fabrication.patterns.read_svg import read_svg
+
+    return _read_back(meant, lambda: read_svg(text), chosen)
+
+
+def check_dxf(meant: Sheet, text: str, chosen: Options) -> list[str]:
+    """Findings about a written DXF."""
+    from foldcar.fabrication.patterns.read_dxf import read_dxf
+
+    return _read_back(meant, lambda: read_dxf(text), chosen)
+
+
+def _read_back(meant: Sheet, read: Callable[[], Sheet], chosen: Options) -> list[str]:
+    try:
+        found = read()
+    except ReadingError as error:
+        return [str(error)]
+    return [*check_same(meant, found), *check_sheet(found, chosen.margin_mm)]
+
+
+def check_pdf(meant: Sequence[Sheet], binary: bytes, chosen: Options) -> list[str]:
+    """Findings about a written PDF: every page shows its window of the sheet at true scale, together they show all."""
+    from foldcar.fabrication.patterns.read_pdf import read_pdf
+
+    try:
+        pages = read_pdf(binary)
+    except ReadingError as error:
+        return [str(error)]
+    planned = [page for sheet in meant for page in printed(sheet, chosen.paper)]
+    if len(pages) != len(planned):
+        return [f"has {len(pages)} pages, should have {len(planned)}"]
+    findings = []
+    for number, (page, (tile, shown)) in enumerate(zip(pages, planned, strict=True), 1):
+        findings += [f"page {number}: {finding}" for finding in _check_page(page, shown, tile)]
+    for sheet in meant:
+        findings += _check_cover(sheet, tiles(sheet, chosen.paper))
+    return findings
+
+
+def _check_page(page: "Page", shown: Sheet, tile: Tile) -> list[str]:
+    dx, dy = tile.offset_mm
+    window = (tile.low_mm[0] + dx, tile.low_mm[1] + dy, tile.high_mm[0] + dx, tile.high_mm[1] + dy)
+    findings = []
+    if math.dist((page.width_mm, page.height_mm), tile.page_mm) > TOLERANCE_MM:
+        findings.append(f"is {page.width_mm:.2f} x {page.height_mm:.2f} mm large")
+    if math.dist(page.clip_mm, window) > TOLERANCE_MM:
+        findings.append("shows another part of the sheet")
+    findings += _differences([_shifted(shape, dx, dy) for shape in shown.shapes], page.shapes)
+    half = MARK_MM / 2
+    marks = [((x - half + dx, y + dy), (x + half + dx, y + dy)) for x, y in tile.marks_mm]
+    marks += [((x + dx, y - half + dy), (x + dx, y + half + dy)) for x, y in tile.marks_mm]
+    findings += _differences(
+        [Path("LABEL", mark) for mark in marks], [Path("LABEL", mark) for mark in page.marks], "registration mark"
+    )
+    return findings
+
+
+def _check_cover(sheet: Sheet, windows: Sequence[Tile]) -> list[str]:
+    """Windows form a grid; each row and column of them must leave no strip uncovered."""
+    findings = []
+    for axis, length in enumerate((sheet.width_mm, sheet.height_mm)):
+        reached = 0.0
+        for low, high in sorted((t.low_mm[axis], t.high_mm[axis]) for t in windows):
+            if low > reached + 1e-6:
+                break
+            reached = max(reached, high)
+        if reached < length - 1e-6:
+            findings.append(f"{sheet.name}: the pages end at {reached:.1f} of {length:g} mm")
+    return findings
+
+
+def _shifted(shape: Shape, dx: float, dy: float) -> Shape:
+    if isinstance(shape, Circle):
+        return Circle(shape.layer, (shape.center_mm[0] + dx, shape.center_mm[1] + dy), shape.radius_mm)
+    return Path(shape.layer, tuple((x + dx, y + dy) for x, y in shape.points_mm), shape.closed)
+
+
+def _keys(shapes: Iterable[Shape]) -> list[tuple[float, ...]]:
+    """A segment by its ends, lower one first; a circle by its middle and radius."""
+    keys: list[tuple[float, ...]] = []
+    for shape in shapes:
+        if isinstance(shape, Circle):
+            keys.append((round(shape.center_mm[0], 2), round(shape.center_mm[1], 2), round(shape.radius_mm, 2)))
+        else:
+            for a, b in shape.segments:
+                low, high = sorted(((round(a[0], 2), round(a[1], 2)), (round(b[0], 2), round(b[1], 2))))
+                keys.append((*low, *high))
+    return keys
+
+
+def _vectors(shapes: Iterable[Shape]) -> NDArray[np.float64]:
+    """(n, 5): layer's index · 1000, then middle of the segment and half of its extent from either end.
+
+    A circle stands as its middle, its radius and a number that no segment has.
+    """
+    names = list(LAYERS)
+    rows = []
+    for shape in shapes:
+        layer = 1000.0 * names.index(shape.layer)
+        if isinstance(shape, Circle):
+            rows.append((layer, *shape.center_mm, shape.radius_mm, -1e4))
+            continue
+        for (ax, ay), (bx, by) in shape.segments:
+            rows.append((layer, (ax + bx) / 2, (ay + by) / 2, (bx - ax) / 2, (by - ay) / 2))
+    return np.array(rows, dtype=np.float64).reshape(-1, 5)
+
+
+def _differences(meant: Iterable[Shape], read: Iterable[Shape], what: str = "line") -> list[str]:
+    """Lines of one that the other does not have, within the tolerance, and differing numbers of them."""
+    wanted, found = _vectors(meant), _vectors(read)
+    if _same_in_order(wanted, found):
+        return []
+    findings = []
+    for have, other, word in ((wanted, found, "is missing"), (found, wanted, "is too much")):
+        if not len(have):
+            continue
+        findings += [_row(row, what, word) for row in have[~_matched(have, other)]]
+    if not findings and len(wanted) != len(found):
+        findings.append(f"has {len(found)} {what}s, should have {len(wanted)}")
+    return _short(findings)
+
+
+def _same_in_order(wanted: NDArray[np.float64], found: NDArray[np.float64]) -> bool:
+    """Whether both agree line by line once they are sorted: the quick answer for files that are well."""
+    if wanted.shape != found.shape:
+        return False
+    pair = []
+    for rows in (wanted, found):
+        coarse = np.round(rows, 2)
+        # Either direction of a line sorts alike.
+        keys = (np.abs(coarse[:, 4]), np.abs(coarse[:, 3]), coarse[:, 2], coarse[:, 1], coarse[:, 0])
+        pair.append(rows[np.lexsort(keys)])
+    return bool(np.all(_apart(pair[0], pair[1]) <= TOLERANCE_MM))
+
+
+def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n,): how far rows differ. Lines have no direction."""
+    both = [np.abs(a - b * (1.0, 1.0, 1.0, sign, sign)).max(axis=1, initial=0.0) for sign in (1.0, -1.0)]
+    nearer: NDArray[np.float64] = np.minimum(both[0], both[1])
+    return nearer
+
+
+def _matched(have: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """For each row whether the other ones have it within the tolerance."""
+    matched = np.zeros(len(have), dtype=bool)
+    places: Any = shapely.points(other[:, 1:3])
+    tree = shapely.STRtree(places)
+    mine, theirs = tree.query(shapely.points(have[:, 1:3]), predicate="dwithin", distance=TOLERANCE_MM)
+    matched[mine[_apart(have[mine], other[theirs]) <= TOLERANCE_MM]] = True
+    return matched
+
+
+def _row(row: NDArray[np.float64], what: str, word: str) -> str:
+    layer = list(LAYERS)[round(row[0] / 1000)]
+    return f"a {what} on {layer} at {row[1]:.2f}, {row[2]:.2f} {word}"
+
+
+def _at(shape: Shape) -> str:
+    x, y = shape.center_mm if isinstance(shape, Circle) else shape.points_mm[0]
+    return f"{x:.2f}, {y:.2f}"
+
+
+def _short(findings: list[str]) -> list[str]:
+    if len(findings) <= SHOWN:
+        return findings
+    return [*findings[:SHOWN], f"and {len(findings) - SHOWN} more"]

@@ -1,0 +1,128 @@
+"""A store's runs as CSV or Parquet: a row per run, in the store's order.
+
+There is a column for each design parameter and each recorded value. Values recorded as numbers, texts or
+truths stay so; series and all else are JSON text.
+
+Input: an open Store. Output: a file, written whole or not at all, or a text stream. Rows are streamed.
+"""
+
+import csv
+import io
+import itertools
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TextIO
+
+from foldcar.atomic_file import atomic_file
+from foldcar.simulation.results import Result
+from foldcar.store.reader import Store
+
+TEXT_COLUMNS = ("experiment", "vehicle", "environment")
+RESULT_COLUMNS = (
+    *TEXT_COLUMNS,
+    "sample",
+    "outcome",
+    "elapsed_time_s",
+    "distance_to_target_m",
+    "consumed_energy_j",
+    "max_roll_rad",
+    "max_pitch_rad",
+    "message",
+)
+RECORDED_PREFIX = "recorded_"
+BATCH_ROWS = 10_000
+
+# What a recorded value is in a file, by the types of all its values; whatever mixes or nests is JSON.
+RECORDED_KINDS = {
+    "number": {"integer", "real", "null"},
+    "text": {"text", "null"},
+    "truth": {"true", "false", "null"},
+}
+
+Cell = str | float | int | None
+
+
+def export_csv(store: Store, file: Path) -> int:
+    """Write ``file``; gives the number of rows. Numbers read back to the same values."""
+    with atomic_file(file) as binary:
+        text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
+        rows = write_csv(store, text)
+        text.detach()
+    return rows
+
+
+def write_csv(store: Store, text: TextIO) -> int:
+    """Write to an open text stream; gives the number of rows."""
+    writer = csv.writer(text, lineterminator="\n")
+    design, recorded = store.design_columns(), _recorded_kinds(store)
+    writer.writerow(_columns(design, recorded))
+    count = 0
+    for result in store.results():
+        writer.writerow([_csv_cell(cell) for cell in _cells(result, design, recorded)])
+        count += 1
+    text.flush()
+    return count
+
+
+def export_parquet(store: Store, file: Path) -> int:
+    """Write ``file``; gives the number of rows."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    design, recorded = store.design_columns(), _recorded_kinds(store)
+    of_kind = {"number": pa.float64(), "text": pa.string(), "truth": pa.bool_(), "json": pa.string()}
+    types = {
+        **dict.fromkeys((*TEXT_COLUMNS, "outcome", "message"), pa.string()),
+        "sample": pa.int64(),
+        **{f"{RECORDED_PREFIX}{name}": of_kind[kind] for name, kind in recorded.items()},
+    }
+    columns = _columns(design, recorded)
+    schema = pa.schema([(column, types.get(column, pa.float64())) for column in columns])
+    count = 0
+    with atomic_file(file) as binary, pq.ParquetWriter(binary, schema) as writer:
+        for batch in _batches(_cells(result, design, recorded) for result in store.results()):
+            writer.write_table(
+                pa.table(dict(zip(columns, zip(*batch, strict=True), strict=True)), schema=schema)
+            )
+            count += len(batch)
+    return count
+
+
+def _recorded_kinds(store: Store) -> dict[str, str]:
+    """The recorded values of a store: ``number``, ``text``, ``truth`` or ``json`` by name."""
+    return {
+        name: next((kind for kind, takes in RECORDED_KINDS.items() if types <= takes), "json")
+        for name, types in store.recorded_types().items()
+    }
+
+
+def _columns(design: list[str], recorded: Mapping[str, str]) -> list[str]:
+    return [*RESULT_COLUMNS, *design, *(f"{RECORDED_PREFIX}{name}" for name in recorded)]
+
+
+def _cells(result: Result, design: list[str], recorded: Mapping[str, str]) -> list[Cell]:
+    return [
+        *(getattr(result, column) for column in RESULT_COLUMNS),
+        *(result.design.get(column) for column in design),
+        *(_recorded_cell(result, name, kind) for name, kind in recorded.items()),
+    ]
+
+
+def _recorded_cell(result: Result, name: str, kind: str) -> Cell:
+    if name not in result.recorded:
+        return None
+    value = result.recorded[name].value
+    cell: Cell = json.dumps(value) if kind == "json" else value
+    return cell
+
+
+def _csv_cell(cell: Cell) -> Cell:
+    if isinstance(cell, bool):
+        return json.dumps(cell)
+    return repr(cell).removesuffix(".0") if isinstance(cell, float) else cell
+
+
+def _batches(rows: Iterator[list[Cell]]) -> Iterator[list[list[Cell]]]:
+    while batch := list(itertools.islice(rows, BATCH_ROWS)):
+        yield batch

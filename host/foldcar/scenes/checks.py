@@ -1,0 +1,147 @@
+"""What a scene must fulfil for a run of it to mean something: things on the course, a free start, a goal.
+
+Input: parts of the scene in the simulator's frame and the Scenic objects they come from. Each function raises
+UnusableError or returns nothing.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from foldcar.scenes.reading import UnusableError, finite
+from foldcar.scenes.terrain import reach_m
+
+# `on` and the like leave a gap of Scenic's contact tolerance.
+STANDING_TOLERANCE_M = 1e-3
+LEVEL_TOLERANCE_RAD = 1e-6
+BLOCKS = ("box", "ramp", "half_round")
+# The largest wheel a design may have. A wheel climbs no step higher than its radius.
+GREATEST_WHEEL_RADIUS_M = 0.15
+FARTHEST_M = 1000.0
+
+Pose = Mapping[str, Any]
+
+
+def check_standing(thing: Any) -> None:
+    """Everything stands upright on z = 0: no z is given, or that of the middle of a thing on the ground."""
+    z, height = finite("z", thing.position.z, thing), finite("height", thing.height, thing)
+    if abs(z) > STANDING_TOLERANCE_M and abs(z - height / 2) > STANDING_TOLERANCE_M:
+        raise UnusableError(f"z: {z} m: everything stands on the ground, give x and y only", thing)
+    for name, angle in (("pitch", thing.orientation.pitch), ("roll", thing.orientation.roll)):
+        if not abs(angle) <= LEVEL_TOLERANCE_RAD:
+            raise UnusableError(f"{name}: {float(angle):.4g} rad: everything stands upright", thing)
+
+
+def check_course(course: Mapping[str, float]) -> None:
+    """The course has an inside, and its sides are within what the simulator takes."""
+    for axis in ("x", "y"):
+        low, high = course[f"{axis}_min_m"], course[f"{axis}_max_m"]
+        for side, value in (("min", low), ("max", high)):
+            if abs(value) > FARTHEST_M:
+                raise UnusableError(f"param course_{axis}_{side}: {value} is beyond ±{FARTHEST_M:g} m")
+        if low >= high:
+            raise UnusableError(f"param course_{axis}_min: {low} is not below course_{axis}_max {high}")
+
+
+def check_inside(course: Mapping[str, float], place: Pose, thing: Any) -> None:
+    """The place of a start, a goal or a Marker is on the course."""
+    _check_overlap(course, place, 0.0, 0.0, thing)
+
+
+def check_on_course(course: Mapping[str, float], pieces: Iterable[Pose], thing: Any) -> None:
+    """Every piece of a Terrain object reaches the course: a car never meets what stands elsewhere."""
+    for piece in pieces:
+        along, across = reach_m(piece)
+        heading_rad = piece.get("heading_rad", 0.0)
+        cos, sin = abs(math.cos(heading_rad)), abs(math.sin(heading_rad))
+        _check_overlap(course, piece, along * cos + across * sin, along * sin + across * cos, thing)
+
+
+def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose]) -> None:
+    """The car is put down beside blocks or wholly on one, not across an edge, where it would hang."""
+    half = (finite("length", ego.length, ego) / 2, finite("width", ego.width, ego) / 2)
+    for piece in terrain:
+        if piece["kind"] not in BLOCKS:
+            continue
+        reach = reach_m(piece)
+        apart = math.hypot(piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"])
+        if apart > math.hypot(*reach) + math.hypot(*half):
+            continue
+        if _overlap(start, half, piece, reach) and not _contains(piece, reach, start, half):
+            what = f"{piece['kind']} at ({piece['x_m']:.4g}, {piece['y_m']:.4g})"
+            raise UnusableError(
+                f"the start is inside an obstacle: the car would stand across the edge of a {what}", ego
+            )
+
+
+def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: Any) -> None:
+    """The goal is not reached at the start already, lies ahead if it is a line, and no wall surrounds it."""
+    dx_m, dy_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
+    if goal["kind"] == "line":
+        if (
+            dx_m * math.cos(goal["heading_rad"]) + dy_m * math.sin(goal["heading_rad"])
+            <= STANDING_TOLERANCE_M
+        ):
+            raise UnusableError(
+                "the start is not before the goal line: the Goal has to face the way the car crosses it",
+                thing,
+            )
+        return
+    radius = goal["radius_m"]
+    if math.hypot(dx_m, dy_m) <= radius:
+        raise UnusableError(f"the start is within the goal's reach of {radius} m", thing)
+    for piece in terrain:
+        wall = piece["kind"] == "box" and piece["height_m"] > GREATEST_WHEEL_RADIUS_M
+        if wall and _contains(piece, reach_m(piece), {**goal, "heading_rad": 0.0}, (radius, radius)):
+            raise UnusableError(
+                f"no car can reach it: it is inside a box {piece['height_m']:g} m high, "
+                f"and no wheel climbs more than {GREATEST_WHEEL_RADIUS_M:g} m",
+                thing,
+            )
+
+
+def _check_overlap(
+    course: Mapping[str, float], place: Pose, reach_x: float, reach_y: float, thing: Any
+) -> None:
+    for axis, reach in (("x", reach_x), ("y", reach_y)):
+        value, low, high = place[f"{axis}_m"], course[f"{axis}_min_m"], course[f"{axis}_max_m"]
+        if not low - reach <= value <= high + reach:
+            raise UnusableError(
+                f"{axis}: {value} m is outside the course, {low} to {high} (param course_{axis}_…)", thing
+            )
+
+
+def _overlap(one: Pose, one_half: tuple[float, float], other: Pose, other_half: tuple[float, float]) -> bool:
+    """Whether two turned rectangles share an area: none of their four edge directions separates them."""
+    for place, half, second, second_half in (
+        (one, one_half, other, other_half),
+        (other, other_half, one, one_half),
+    ):
+        corners = _corners_in(place, second, second_half)
+        for axis in (0, 1):
+            values = [corner[axis] for corner in corners]
+            if min(values) >= half[axis] or max(values) <= -half[axis]:
+                return False
+    return True
+
+
+def _contains(
+    outer: Pose, outer_half: tuple[float, float], inner: Pose, inner_half: tuple[float, float]
+) -> bool:
+    return all(
+        abs(along) <= outer_half[0] and abs(across) <= outer_half[1]
+        for along, across in _corners_in(outer, inner, inner_half)
+    )
+
+
+def _corners_in(frame: Pose, place: Pose, half: tuple[float, float]) -> list[tuple[float, float]]:
+    """The corners of a rectangle in the frame of another: along its heading, to its left."""
+    cos, sin = math.cos(frame["heading_rad"]), math.sin(frame["heading_rad"])
+    dx, dy = place["x_m"] - frame["x_m"], place["y_m"] - frame["y_m"]
+    along, left = dx * cos + dy * sin, dy * cos - dx * sin
+    turn = place["heading_rad"] - frame["heading_rad"]
+    cos, sin = math.cos(turn), math.sin(turn)
+    return [
+        (along + a * half[0] * cos - b * half[1] * sin, left + a * half[0] * sin + b * half[1] * cos)
+        for a, b in ((-1, -1), (-1, 1), (1, -1), (1, 1))
+    ]

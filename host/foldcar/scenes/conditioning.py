@@ -1,0 +1,136 @@
+"""Freezes parts of an environment: what is named keeps the value it has in a scene, the rest is sampled anew.
+
+Input: a compiled Scenic scenario and a scene of it. Effect: later samples of the scenario. Scenic's own `conditionOn`
+re-draws the noise of mutated objects with every sample, moving the objects of the given scene too; it knows only
+Objects; and what was placed relative to a conditioned object does not follow it. Here frozen objects are copies
+without noise, Points can be frozen, and the random values that an object brought into the program are frozen with it.
+"""
+
+import copy
+from collections.abc import Collection, Iterator
+from typing import Any
+
+from scenic.core.distributions import ConstantSamplable, Samplable, needsSampling
+from scenic.core.object_types import Constructible, Object
+
+from foldcar.errors import FoldcarError
+from foldcar.scenes.program_globals import named_things
+
+
+def condition(
+    scenario: Any,
+    scene: Any,
+    objects: Collection[Any] | None = None,
+    params: Collection[str] | None = None,
+) -> None:
+    """Freeze parts of ``scenario`` as they are in ``scene``, for all scenes it generates from now on.
+
+    ``objects`` are objects of the scene, or names that the program gives to objects, points or lists of them;
+    ``params`` are names of global parameters. With neither, everything is frozen; with one of them, only what it
+    names. A random value that several objects depend on belongs to a parameter that it is the value of, else to
+    the object that is created first: it is frozen with that one, and the others follow.
+
+    Changes ``scenario`` in place, like Scenic's `conditionOn`, but never ``scene``. Raises FoldcarError for unknown
+    names, listing the known ones.
+    """
+    if objects is None and params is None:
+        _freeze(scenario.dependencies, scene.sample, taken=set())
+        return
+    things = _chosen_things(scenario, scene, objects or ())
+    names = _chosen_params(scenario, params or ())
+    owned = _ownership(scenario)
+    for name in names:
+        _freeze([scenario.params[name]], scene.sample, taken=set())
+    for thing in things:
+        taken = {node for node, owner in owned.items() if owner is not thing}
+        _freeze([thing], scene.sample, taken)
+
+
+def _freeze(roots: Collection[Any], sample: Any, taken: set[int]) -> None:
+    """Give the roots, and what they depend on but for ``taken`` (by identity), their values in ``sample``."""
+    for node in [node for root in roots for node in _reachable(root)]:
+        if id(node) in taken or node not in sample:
+            continue
+        value = sample[node]
+        if isinstance(node, Constructible):
+            node.conditionTo(_without_noise(value))
+        else:
+            node.conditionTo(ConstantSamplable(value))
+
+
+def _reachable(root: Any) -> Iterator[Any]:
+    """Every random value that ``root`` is computed from, itself included, each once."""
+    seen: set[int] = set()
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        if id(node) in seen or not isinstance(node, Samplable) or not needsSampling(node):
+            continue
+        seen.add(id(node))
+        # Scenic's pruning narrows distributions by conditioning them, before anybody else does.
+        waiting += [*node._dependencies, *node._conditioned._dependencies]
+        yield node
+
+
+def _ownership(scenario: Any) -> dict[int, Any]:
+    """Which parameter or object each random value belongs to: the first that depends on it."""
+    owners: dict[int, Any] = {}
+    for owner in [*scenario.params.values(), *scenario._instances]:
+        for node in _reachable(owner):
+            # An object belongs to nobody else, whoever is placed relative to it.
+            owners.setdefault(id(node), node if isinstance(node, Constructible) else owner)
+    return owners
+
+
+def _without_noise(thing: Any) -> Any:
+    """A copy of a sampled object to which mutation does nothing."""
+    twin = copy.copy(thing)
+    if isinstance(thing, Object):
+        # Scenic reads an object's attributes from its dynamic copy, which is itself outside simulations.
+        object.__setattr__(twin, "_dynamicProxy", twin)
+    object.__setattr__(twin, "_conditioned", twin)
+    object.__setattr__(twin, "mutationScale", 0)
+    return twin
+
+
+def _chosen_things(scenario: Any, scene: Any, chosen: Collection[Any]) -> list[Any]:
+    known = _named_instances(scenario)
+    of_sampled = {id(scene.sample[thing]): thing for thing in scenario._instances}
+    things: list[Any] = []
+    for one in chosen:
+        if isinstance(one, str):
+            if one not in known:
+                names = ", ".join(sorted(known)) or "none"
+                raise FoldcarError(f'condition: objects: no "{one}"; the program names: {names}')
+            things += known[one]
+        elif id(one) in of_sampled:
+            things.append(of_sampled[id(one)])
+        else:
+            raise FoldcarError(f"condition: objects: {one} is neither a name nor an object of the scene")
+    return things
+
+
+def _named_instances(scenario: Any) -> dict[str, list[Any]]:
+    """The objects and points that each name of the program stands for."""
+    own = {id(thing) for thing in scenario._instances}
+    known = {} if scenario.egoObject is None else {"ego": [scenario.egoObject]}
+    for name, value in named_things(scenario).items():
+        things = [_unsampled(thing) for thing in (value if isinstance(value, list | tuple) else [value])]
+        if things and all(id(thing) in own for thing in things):
+            known[name] = things
+    return known
+
+
+def _unsampled(thing: Any) -> Any:
+    """The scenario's object: Scenic leaves samples of it in the program's globals when it checks requirements."""
+    while isinstance(thing, Constructible) and thing._sampleParent is not None:
+        thing = thing._sampleParent
+    return thing
+
+
+def _chosen_params(scenario: Any, chosen: Collection[str]) -> list[str]:
+    for name in chosen:
+        if name not in scenario.params:
+            known = ", ".join(sorted(scenario.params)) or "none"
+            raise FoldcarError(f'condition: params: no "{name}"; the program\'s parameters are: {known}')
+    return list(chosen)

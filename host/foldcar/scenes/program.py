@@ -1,0 +1,116 @@
+"""Compiles a Scenic program, refuses in one line what cannot be sampled, and tells what it needs to be simulated.
+
+`model model` is looked up beside the program first and in foldcar's vocabulary/ next, so that a program
+may stand in any folder. Scenic takes most of a second to import: it is imported where it is used.
+"""
+
+import contextlib
+import math
+import sys
+import traceback
+import warnings
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from foldcar.errors import FoldcarError
+from foldcar.scenes.time_limit import time_limit
+
+COMPILE_LIMIT_S = 30.0
+MOST_OBJECTS = 10_000
+# A folder of its own: Scenic finds the vocabulary on sys.path, where no module of foldcar may stand.
+VOCABULARY_DIR = Path(__file__).resolve().parent / "vocabulary"
+
+
+def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
+    """The compiled scenario of ``program`` with ``params`` overriding its own. Raises FoldcarError."""
+    if not program.is_file():
+        raise FoldcarError(f"{program}: no such Scenic program")
+    if program.suffix != ".scenic":
+        raise FoldcarError(f"{program}: a Scenic program's name ends in .scenic")
+    scenario = _compile(program, {})
+    if params:
+        # Scenic takes any name as an override: only the program as it stands tells which ones it declares.
+        _check_params(program, params, scenario.params)
+        scenario = _compile(program, params)
+    if len(scenario.objects) > MOST_OBJECTS:
+        raise FoldcarError(
+            f"{program}: {len(scenario.objects)} objects are above the limit {MOST_OBJECTS} of a scene"
+        )
+    if scenario.egoObject is None:
+        raise FoldcarError(f"{program}: no ego: the program has to say `ego = new Robot …`")
+    if scenario.externalParams:
+        raise FoldcarError(f"{program}: an external sampler: its samples would depend on the ones before")
+    return scenario
+
+
+def ends_itself(scenario: Any) -> bool:
+    """Whether the program has conditions of its own that end a simulation: it needs no Goal then."""
+    dynamic = scenario.dynamicScenario
+    conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
+    return bool(conditions) or dynamic._timeLimit is not None or dynamic._compose is not None
+
+
+def is_dynamic(scenario: Any) -> bool:
+    """Whether the program asks for anything that Scenic evaluates while a simulation runs."""
+    dynamic = scenario.dynamicScenario
+    return (
+        ends_itself(scenario)
+        or bool(scenario.recordedExprs or scenario.recordedInitialExprs or scenario.recordedFinalExprs)
+        or bool(scenario.monitors or dynamic._agents)
+        or any(requirement.proposition.has_temporal_operator for requirement in scenario.requirements)
+    )
+
+
+def one_line(error: BaseException, program: Path) -> str:
+    """The error as one line that names the line of the program, if it tells."""
+    where = ""
+    lines = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__)]
+    file, line = getattr(error, "filename", None), getattr(error, "lineno", None)
+    if not (isinstance(file, str) and file.endswith(".scenic")):
+        file, line = next(((f, n) for f, n in reversed(lines) if f.endswith(".scenic")), (None, line))
+    if line is not None:
+        same = file is None or Path(file).resolve() == program.resolve()
+        where = f"line {line}: " if same else f"{file}: line {line}: "
+    kind = "" if type(error).__module__.startswith("scenic.") else f"{type(error).__name__}: "
+    return where + kind + (" ".join(str(error).split()) or "no message")
+
+
+def _compile(program: Path, params: Mapping[str, Any]) -> Any:
+    with warnings.catch_warnings():
+        # Scenic would show every uncaught error its own way, and warns if another library was there first.
+        warnings.filterwarnings("ignore", message="unable to install sys.excepthook")
+        import scenic
+
+    try:
+        with _vocabulary_found(), time_limit(COMPILE_LIMIT_S, f"{program}: compiling"):
+            return scenic.scenarioFromFile(str(program), params=dict(params))
+    except FoldcarError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise FoldcarError(f"{program}: {one_line(error, program)}") from error
+
+
+@contextlib.contextmanager
+def _vocabulary_found() -> Iterator[None]:
+    folder = str(VOCABULARY_DIR)
+    sys.path.append(folder)
+    try:
+        yield
+    finally:
+        sys.path.remove(folder)
+
+
+def _check_params(program: Path, params: Mapping[str, Any], declared: Mapping[str, Any]) -> None:
+    for name, value in params.items():
+        if name not in declared:
+            known = ", ".join(sorted(declared)) or "none"
+            raise FoldcarError(f"{program}: param {name}: unknown; the program's parameters are: {known}")
+        if _is_number(declared[name]) and not _is_number(value):
+            raise FoldcarError(f"{program}: param {name}: {value!r} is no number")
+        if _is_number(value) and not math.isfinite(value):
+            raise FoldcarError(f"{program}: param {name}: {value} is not finite")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

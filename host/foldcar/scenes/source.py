@@ -1,0 +1,136 @@
+"""Environments: a Scenic program, its parameters and a seed in, plain JSON scenes (docs/carsim.md) out.
+
+Sample k depends on nothing but (program, parameters, seed, what is frozen, k), so that every design meets the same scenes
+whatever number of them is asked for, in whatever order. The state of Python's and numpy's global generators,
+which Scenic draws from, is given back afterwards.
+"""
+
+import contextlib
+import hashlib
+import io
+import random
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from foldcar.errors import FoldcarError
+from foldcar.scenes.program import compile_program, ends_itself, is_dynamic, one_line
+from foldcar.scenes.scene_json import scene_object
+from foldcar.scenes.time_limit import time_limit
+
+# Scenic's own default: a program that fails this often has requirements that hardly ever hold.
+MAX_ITERATIONS = 2000
+SAMPLE_LIMIT_S = 10.0
+
+
+class SceneSource:
+    """A compiled environment. Made by :func:`open_environment`."""
+
+    def __init__(self, program: Path, scenario: Any, seed: int) -> None:
+        self.program = program
+        self.seed = seed
+        self.scenario = scenario
+
+    @property
+    def dynamic(self) -> bool:
+        """Whether a simulation of its scenes needs Scenic beside carsim: the program decides or records then."""
+        return is_dynamic(self.scenario)
+
+    def sample(self, k: int) -> dict[str, Any]:
+        """Sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
+
+        Lengths in metres, angles in radians, rounded to 1e-9. Raises FoldcarError if the program rejects
+        every sample, fails or takes longer than SAMPLE_LIMIT_S, or makes what the simulator cannot represent.
+        """
+        return self.describe(self.scenic_scene(k), k)
+
+    def scenic_scene(self, k: int) -> Any:
+        """Sample ``k`` as Scenic's own Scene. Raises FoldcarError like :meth:`sample`."""
+        from scenic.core.distributions import RejectionException
+
+        if k < 0:
+            raise FoldcarError(f"{self.program}: sample {k} is below the minimum 0")
+        try:
+            with (
+                seeded(f"{self.seed}/{k}"),
+                time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"),
+            ):
+                scene, _ = self.scenario.generate(maxIterations=MAX_ITERATIONS, verbosity=0)
+        except RejectionException:
+            raise FoldcarError(
+                f"{self.program}: sample {k}: Scenic rejected all {MAX_ITERATIONS} tries, "
+                f"the last because of {self._rejection_reason(k)}; loosen what the program requires"
+            ) from None
+        except FoldcarError:
+            raise
+        except Exception as error:
+            raise FoldcarError(f"{self.program}: sample {k}: {one_line(error, self.program)}") from error
+        # Scenic would check all again when the car has been put down, soft ones that this sample was let off too.
+        scene.temporalRequirements = tuple(
+            one for one in scene.temporalRequirements if one.proposition.has_temporal_operator
+        )
+        return scene
+
+    def describe(self, scene: Any, k: int) -> dict[str, Any]:
+        """The "scene" object of a Scene that is sample ``k``. Raises FoldcarError."""
+        with time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"):
+            return scene_object(scene, self.program, f"sample {k}", not ends_itself(self.scenario))
+
+    def _rejection_reason(self, k: int) -> str:
+        """What Scenic prints about a rejected try; it keeps the reason nowhere else."""
+        from scenic.core.distributions import RejectionException
+
+        said = io.StringIO()
+        with (
+            seeded(f"{self.seed}/{k}"),
+            contextlib.redirect_stdout(said),
+            contextlib.suppress(RejectionException),
+        ):
+            self.scenario.generate(maxIterations=1, verbosity=2)
+        return " ".join(said.getvalue().rpartition("because of")[2].split()) or "its requirements"
+
+
+def open_environment(
+    program: Path,
+    params: Mapping[str, Any],
+    seed: int,
+    condition: Mapping[str, Any] | None = None,
+) -> SceneSource:
+    """Compile ``program`` with ``params`` in place of its own parameters.
+
+    ``condition`` freezes parts of the environment as they are in one of its samples, for all samples:
+    {"sample": its number, "objects": names, "params": names}; without either names, everything.
+
+    Raises FoldcarError in one line if the file is missing or does not compile, if a parameter or a name is
+    unknown or of the wrong type, or if samples would depend on one another.
+    """
+    with seeded(f"{seed}/compile"):
+        scenario = compile_program(program, params)
+    source = SceneSource(program, scenario, seed)
+    if condition is not None:
+        from foldcar.scenes.conditioning import condition as freeze
+
+        scene = source.scenic_scene(condition["sample"])
+        try:
+            freeze(scenario, scene, condition.get("objects"), condition.get("params"))
+        except FoldcarError as error:
+            raise FoldcarError(f"{program}: {error}") from None
+    return source
+
+
+@contextlib.contextmanager
+def seeded(text: str) -> Iterator[None]:
+    """Seed the global generators from ``text`` for a while; what a program prints goes to stderr."""
+    import numpy
+
+    digest = hashlib.sha256(text.encode()).digest()
+    python_state, numpy_state = random.getstate(), numpy.random.get_state()
+    random.seed(digest)
+    numpy.random.seed(numpy.frombuffer(digest, dtype="<u4"))
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            yield
+    finally:
+        random.setstate(python_state)
+        numpy.random.set_state(numpy_state)

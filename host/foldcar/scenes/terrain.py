@@ -1,0 +1,138 @@
+"""Turns the Terrain objects of a sampled Scenic scene into the terrain pieces of docs/carsim.md.
+
+An object says by its method ``pieces`` what it is made of, in its own frame; here the pieces are put where
+the object is, and every size is held against the simulator's limits.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from foldcar.scenes.reading import UnusableError, finite, pose, rounded
+
+# Lengths below a millimetre vanish in the simulator's contacts. No wheel of a design is larger than 0.15 m:
+# nothing higher than 1 m tells cars apart, and such a height is surely one in millimetres or centimetres.
+SIDE_M = (0.001, 100.0)
+SPREAD_M = (0.005, 100.0)
+EDGE_M = (0.002, 100.0)
+HEIGHT_M = (0.0001, 1.0)
+PLACE_M = (-1000.0, 1000.0)
+TURN_RAD = (-100.0, 100.0)
+
+KINDS: Mapping[str, Mapping[str, tuple[float, float]]] = {
+    "box": {"length_m": SIDE_M, "width_m": SIDE_M, "height_m": HEIGHT_M},
+    "ramp": {"length_m": SIDE_M, "width_m": SIDE_M, "height_m": HEIGHT_M},
+    "half_round": {"length_m": SIDE_M, "width_m": SIDE_M, "height_m": HEIGHT_M},
+    "hill": {"sd_along_m": SPREAD_M, "sd_across_m": SPREAD_M, "height_m": (-HEIGHT_M[1], HEIGHT_M[1])},
+    "pothole": {"radius_m": EDGE_M, "depth_m": HEIGHT_M, "edge_m": EDGE_M},
+    "rough": {
+        "length_m": SIDE_M,
+        "width_m": SIDE_M,
+        "height_sd_m": (0.0, HEIGHT_M[1]),
+        "correlation_m": SIDE_M,
+        "seed": (0.0, 2.0**31 - 1),
+    },
+    "patch": {"length_m": SIDE_M, "width_m": SIDE_M, "friction": (0.0, 5.0)},
+}
+# A pothole is round, and has no heading.
+PLACE_KEYS = {"x_m": PLACE_M, "y_m": PLACE_M, "heading_rad": TURN_RAD}
+MOST_PIECES = 10_000
+# The simulator makes a grid of rough ground, of cells an eighth of its correlation length.
+GRID_FINENESS = 8
+MOST_NODES = 4_000_000
+
+
+def terrain_pieces(thing: Any) -> list[dict[str, Any]]:
+    """The pieces of a Terrain object, placed; metres and radians. Raises UnusableError."""
+    try:
+        parts = list(thing.pieces())
+    except Exception as error:
+        raise UnusableError(f"{type(error).__name__}: {error}", thing) from error
+    if not parts:
+        raise UnusableError("is made of no pieces", thing)
+    place = pose(thing)
+    return [_placed(_checked(part, thing), place) for part in parts]
+
+
+def reach_m(piece: Mapping[str, Any]) -> tuple[float, float]:
+    """How far a piece's ground reaches from its middle, along its heading and across (m)."""
+    if piece["kind"] == "hill":
+        return 4 * piece["sd_along_m"], 4 * piece["sd_across_m"]
+    if piece["kind"] == "pothole":
+        return piece["radius_m"], piece["radius_m"]
+    return piece["length_m"] / 2, piece["width_m"] / 2
+
+
+def _checked(part: Any, thing: Any) -> dict[str, Any]:
+    """A piece in its object's frame with all keys of its kind, each a number within its limits."""
+    if not isinstance(part, Mapping) or part.get("kind") not in KINDS:
+        raise UnusableError(
+            f"{part!r} is no piece of terrain; its kind has to be one of {', '.join(KINDS)}", thing
+        )
+    kind = part["kind"]
+    sizes = KINDS[kind]
+    unknown = [key for key in part if key != "kind" and key not in sizes and key not in PLACE_KEYS]
+    if unknown:
+        raise UnusableError(f"{kind}: unknown key {unknown[0]}; its keys are {', '.join(sizes)}", thing)
+    checked: dict[str, Any] = {"kind": kind}
+    for key, limits in {**PLACE_KEYS, **sizes}.items():
+        if key in PLACE_KEYS and key not in part:
+            checked[key] = 0.0
+            continue
+        if key not in part:
+            raise UnusableError(f"{kind}: {key} is missing", thing)
+        checked[key] = _within(f"{kind}: {key}", part[key], limits, thing)
+    if kind == "half_round":
+        _not_above(checked, "height_m", checked["length_m"] / 2, "half the length", thing)
+    elif kind == "pothole":
+        _not_above(checked, "edge_m", checked["radius_m"], "the radius", thing)
+    elif kind == "rough":
+        _check_rough(checked, thing)
+    return checked
+
+
+def _check_rough(piece: dict[str, Any], thing: Any) -> None:
+    length, width, correlation = piece["length_m"], piece["width_m"], piece["correlation_m"]
+    _not_above(piece, "correlation_m", min(length, width), "the shorter side", thing)
+    cells = GRID_FINENESS / correlation
+    nodes = (length * cells + 1) * (width * cells + 1)
+    if nodes > MOST_NODES:
+        raise UnusableError(
+            f"rough: correlation_m: {correlation:g} makes a grid of {nodes:.3g} heights, "
+            f"which is above the limit {MOST_NODES:.3g}; enlarge it or shrink the rectangle",
+            thing,
+        )
+    if piece["seed"] != int(piece["seed"]):
+        raise UnusableError(f"rough: seed: {piece['seed']:g} is no whole number", thing)
+    piece["seed"] = int(piece["seed"])
+
+
+def _not_above(piece: Mapping[str, Any], key: str, limit: float, what: str, thing: Any) -> None:
+    if piece[key] > limit:
+        raise UnusableError(f"{piece['kind']}: {key}: {piece[key]:g} is above {what}, {limit:g}", thing)
+
+
+def _within(name: str, value: Any, limits: tuple[float, float], thing: Any) -> float:
+    low, high = limits
+    read = finite(name, value, thing)
+    if read < low:
+        raise UnusableError(f"{name}: {value} is below the limit {low:g}", thing)
+    if read > high:
+        hint = "; lengths are in metres" if limits[1] == HEIGHT_M[1] else ""
+        raise UnusableError(f"{name}: {value} is above the limit {high:g}{hint}", thing)
+    return read
+
+
+def _placed(part: dict[str, Any], place: Mapping[str, float]) -> dict[str, Any]:
+    """The piece moved from its object's frame into the world's."""
+    cos, sin = math.cos(place["heading_rad"]), math.sin(place["heading_rad"])
+    ahead, left = part["x_m"], part["y_m"]
+    piece = {
+        **part,
+        "x_m": rounded(place["x_m"] + ahead * cos - left * sin),
+        "y_m": rounded(place["y_m"] + ahead * sin + left * cos),
+        "heading_rad": rounded(math.remainder(place["heading_rad"] + part["heading_rad"], 2 * math.pi)),
+    }
+    if piece["kind"] == "pothole":
+        del piece["heading_rad"]
+    return piece

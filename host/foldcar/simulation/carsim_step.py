@@ -1,0 +1,160 @@
+"""Client of `carsim step`: one trial at a time in a simulator process, advanced by the caller (docs/carsim.md).
+
+Input: a body, a scene and settings as JSON text, then times to advance to. Output: states and the result.
+"""
+
+import contextlib
+import json
+import subprocess
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, Protocol
+
+from foldcar.simulation.carsim import CarsimError
+
+
+class State(NamedTuple):
+    """The car at one step of a trial: time from its start, pose of the car's origin, motion, energy drawn."""
+
+    t_s: float
+    x_m: float
+    y_m: float
+    z_m: float
+    heading_rad: float
+    pitch_rad: float
+    roll_rad: float
+    speed_m_s: float
+    yaw_rate_rad_s: float
+    consumed_energy_j: float
+
+
+class Advanced(NamedTuple):
+    """Where an advance led: the state and, once the trial has ended there, its result."""
+
+    state: State
+    result: dict[str, Any] | None
+
+
+class TrialFailedError(CarsimError):
+    """The trial crashed, left the finite numbers or was refused by the firmware: this one run's failure."""
+
+
+class SteppedTrial(Protocol):
+    """What Scenic needs of an engine: SteppedCarsim's methods of these names."""
+
+    @property
+    def alive(self) -> bool: ...
+
+    def start(self, body: str, scene: str, settings: str) -> Advanced: ...
+
+    def advance(self, to_s: float) -> Advanced: ...
+
+    def rows(self) -> list[State]: ...
+
+    def end(self, row: int) -> dict[str, Any]: ...
+
+
+class SteppedCarsim:
+    """A simulator process. For one thread; a context manager, at whose end the process ends."""
+
+    def __init__(self, binary: Path) -> None:
+        self.binary = binary
+        self._process: subprocess.Popen[str] | None = None
+        self._known: dict[str, str] = {}
+        self._awaits_answer = False
+
+    def __enter__(self) -> "SteppedCarsim":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def alive(self) -> bool:
+        """Whether there is a process that has answered all it was asked."""
+        return self._process is not None and not self._awaits_answer
+
+    def start(self, body: str, scene: str, settings: str) -> Advanced:
+        """Put the car down and start the trial. The JSON objects are those of docs/carsim.md without ids.
+
+        Raises CarsimError if the simulator refuses them, TrialFailedError if the firmware does.
+        """
+        if not self.alive:
+            self.close()
+            self._process = self._spawn()
+            self._known = {}
+        lines = []
+        for kind, text in (("body", body), ("scene", scene)):
+            if self._known.get(kind) != text:
+                lines.append(f'{{"{kind}": {{"id": "{kind}", {text[1:]}}}')
+        lines.append(f'{{"run": {{"id": "run", "body": "body", "scene": "scene", {settings[1:]}}}')
+        answer = _advanced(self._ask(*lines))
+        self._known = {"body": body, "scene": scene}
+        return answer
+
+    def advance(self, to_s: float) -> Advanced:
+        """Advance to that time of the trial, or to its end if that comes first."""
+        return _advanced(self._ask(f'{{"advance": {{"to_s": {to_s!r}}}}}'))
+
+    def rows(self) -> list[State]:
+        """The states at every step of the last advance, its end included."""
+        return [State(*row) for row in self._ask('{"rows": {}}')["rows"]]
+
+    def end(self, row: int) -> dict[str, Any]:
+        """End the trial as of that row of the last advance; its result, with outcome "terminated"."""
+        result: dict[str, Any] = self._ask(f'{{"end": {{"row": {row}}}}}')["result"]
+        return result
+
+    def close(self) -> None:
+        """End the process."""
+        process, self._process = self._process, None
+        self._awaits_answer = False
+        if process is None:
+            return
+        for pipe in (process.stdin, process.stdout):
+            if pipe is not None:
+                with contextlib.suppress(BrokenPipeError):
+                    pipe.close()
+        process.wait()
+
+    def _spawn(self) -> subprocess.Popen[str]:
+        try:
+            return subprocess.Popen(
+                [str(self.binary), "step"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, encoding="utf-8"
+            )
+        except OSError as error:
+            raise CarsimError(f"{self.binary}: cannot be started: {error.strerror}") from error
+
+    def _ask(self, *lines: str) -> dict[str, Any]:
+        process = self._process
+        if process is None or process.stdin is None or process.stdout is None:
+            raise CarsimError(f"{self.binary}: no trial is under way")
+        # Stays set if an exception, such as a time limit's, comes in between.
+        self._awaits_answer = True
+        try:
+            process.stdin.write("\n".join(lines) + "\n")
+            process.stdin.flush()
+            line = process.stdout.readline()
+            if not line:
+                raise BrokenPipeError
+            answer: dict[str, Any] = json.loads(line)
+            self._awaits_answer = False
+        except (OSError, ValueError) as error:
+            self.close()
+            code = process.returncode
+            how = f"signal {-code}" if code < 0 else f"exit code {code}"
+            raise TrialFailedError(f"{self.binary}: the simulation crashed ({how})") from error
+        if "error" in answer:
+            problem = answer["error"]
+            # A refused body or scene is followed by answers about what builds on it.
+            self.close()
+            if problem.get("kind") == "simulation":
+                raise TrialFailedError(str(problem["message"]))
+            raise CarsimError(f"{self.binary} refuses: {problem['message']}")
+        return answer
+
+
+def _advanced(answer: dict[str, Any]) -> Advanced:
+    return Advanced(State(*answer["state"]), answer["result"])

@@ -1,0 +1,108 @@
+"""Shows the simulated car to a Scenic program: writes a state of carsim into the program's ego.
+
+Input: a state. Output: the ego's position (the middle of the car; its z is that of the scene plus what the car has
+risen since the start), orientation, speed, velocities and `consumedEnergy` (J).
+
+This happens some hundred times a run. Scenic's own updateObjects would check types, compute orientations through
+Euler angles and call every cache's clearer, which takes several times as long; tests compare with it. An orientation,
+which costs as much as all the rest and which few programs read, is made when it is read.
+"""
+
+import functools
+import math
+from typing import Any
+
+from scenic.core.vectors import Orientation, Vector, alwaysGlobalOrientation
+from scipy.spatial.transform import Rotation
+
+from foldcar.simulation.carsim_step import State
+
+# What Scenic derives from yaw, pitch and roll.
+DERIVED = {"orientation", "heading"}
+CACHE_PREFIX = "_cached_"
+# Where the ego keeps the angles that its orientation is made of.
+ANGLES = "_shown_angles_rad"
+
+
+class ShownEgo:
+    """The ego of a running simulation. Made after Scenic has created its dynamic copy."""
+
+    def __init__(self, ego: Any, start: State) -> None:
+        # The copy stands in for the ego while a simulation runs; its dictionary is written past Scenic's proxy.
+        self._copy = object.__getattribute__(ego, "_dynamicProxy")
+        own: Any = type(ego)
+        object.__setattr__(self._copy, "__class__", _shown_class(own))
+        self._attributes = self._copy.__dict__
+        self._caches = {CACHE_PREFIX + name for name in own._cache_clearers}
+        self._z_offset_m = float(ego.position.z) - start.z_m
+        parent = ego.parentOrientation
+        self._parent = None if alwaysGlobalOrientation(parent) else parent
+        self._derives_more = not set(own._dynamicFinalProperties) <= DERIVED
+
+    @property
+    def position(self) -> Any:
+        """Where the ego is shown, as a Scenic vector."""
+        return self._attributes["position"]
+
+    def show(self, state: State) -> None:
+        """Make ``state`` what the program sees."""
+        yaw = math.remainder(state.heading_rad - math.pi / 2, 2 * math.pi)
+        angles = yaw, state.pitch_rad, state.roll_rad
+        local: tuple[float, ...] = angles
+        if self._parent is not None:
+            local = tuple(map(float, self._parent.localAnglesFor(_orientation(*angles))))
+        cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
+        attributes = self._attributes
+        attributes.update(
+            position=Vector(state.x_m, state.y_m, state.z_m + self._z_offset_m),
+            yaw=local[0],
+            pitch=local[1],
+            roll=local[2],
+            heading=yaw,
+            speed=state.speed_m_s,
+            velocity=Vector(state.speed_m_s * cos, state.speed_m_s * sin, 0.0),
+            angularVelocity=Vector(0.0, 0.0, state.yaw_rate_rad_s),
+            angularSpeed=abs(state.yaw_rate_rad_s),
+            consumedEnergy=state.consumed_energy_j,
+        )
+        attributes[ANGLES] = angles
+        attributes.pop("orientation", None)
+        if self._derives_more:
+            self._copy._recomputeDynamicFinals()
+        for name in self._caches.intersection(attributes):
+            del attributes[name]
+
+
+class _OrientationWhenRead:
+    """An attribute of the shown ego, for as long as its dictionary has none of the name."""
+
+    def __get__(self, ego: Any, owner: type) -> Any:
+        if ego is None:
+            # Scenic refuses properties that its classes seem to have already.
+            raise AttributeError("orientation")
+        attributes = ego.__dict__
+        orientation = attributes["orientation"] = _orientation(*attributes[ANGLES])
+        return orientation
+
+
+@functools.lru_cache(maxsize=8)
+def _shown_class(own: Any) -> Any:
+    """The ego's class with orientations made when read. Having its defaults, it is none that Scenic works out anew."""
+    return type(own.__name__, (own,), {"_defaults": own._defaults, "orientation": _OrientationWhenRead()})
+
+
+def _orientation(yaw: float, pitch: float, roll: float) -> Any:
+    """Scenic's orientation: turned by yaw about z, then by pitch about its own x, then by roll about its own y."""
+    cz, sz = math.cos(yaw / 2), math.sin(yaw / 2)
+    cx, sx = math.cos(pitch / 2), math.sin(pitch / 2)
+    cy, sy = math.cos(roll / 2), math.sin(roll / 2)
+    return Orientation(
+        Rotation.from_quat(
+            [
+                cz * sx * cy - sz * cx * sy,
+                cz * cx * sy + sz * sx * cy,
+                cz * sx * sy + sz * cx * cy,
+                cz * cx * cy - sz * sx * sy,
+            ]
+        )
+    )

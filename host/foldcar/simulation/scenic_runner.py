@@ -1,0 +1,184 @@
+"""Runs of programs that need Scenic beside the simulation, in worker processes: the counterpart of carsim's batch.
+
+Input: bodies, scenes and settings as JSON text, and which sample each scene is. Output: one answer a run, in order: a
+result of carsim with "recorded" (see scenic_simulator), or ``{"error": message}`` for a run that failed. Scenic runs one
+simulation a process at a time, hence one worker for each call under way; each compiles the program once.
+"""
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from foldcar.simulation.carsim import CarsimError, RunRequest
+
+
+class ScenicRunner:
+    """Worker processes for one environment. `run` and `stop` may be called from several threads at once.
+
+    ``condition`` is the listing's, or None; ``binary`` the carsim program. ``worker`` is the module that runs, and
+    ``engine`` what that one must know besides.
+    """
+
+    def __init__(
+        self,
+        program: Path,
+        params: Mapping[str, Any],
+        seed: int,
+        condition: Mapping[str, Any] | None,
+        binary: Path,
+        worker: str = "foldcar.simulation.scenic_worker",
+        engine: Mapping[str, Any] | None = None,
+    ) -> None:
+        self._module = worker
+        self._opening = json.dumps(
+            {
+                "program": str(program),
+                "params": dict(params),
+                "seed": seed,
+                "condition": None if condition is None else dict(condition),
+                "binary": str(binary),
+                "engine": dict(engine or {}),
+            }
+        )
+        self._lock = threading.Lock()
+        self._idle: list[_Worker] = []
+        self._busy: set[_Worker] = set()
+
+    def run(
+        self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
+    ) -> list[dict[str, Any]]:
+        """Answers to ``requests`` in order. ``bodies`` and ``scenes`` map ids to JSON objects as text.
+
+        Raises CarsimError if the program cannot be opened, if the simulator refuses its input, or after `stop`.
+        """
+        answers = []
+        worker: _Worker | None = None
+        try:
+            for request in requests:
+                if worker is None:
+                    worker = self._take()
+                answer = worker.run(
+                    {
+                        "body": bodies[request.body],
+                        "scene": scenes[request.scene],
+                        "settings": request.settings,
+                        "sample": request.sample,
+                    }
+                )
+                if "refused" in answer:
+                    raise CarsimError(f"{request.label}: {answer['refused']}")
+                answers.append(answer["result"] if "result" in answer else {"error": str(answer["error"])})
+                if not worker.alive:
+                    self._drop(worker)
+                    worker = None
+        except BaseException:
+            if worker is not None:
+                self._drop(worker)
+                worker = None
+            raise
+        finally:
+            if worker is not None:
+                with self._lock:
+                    self._busy.discard(worker)
+                    self._idle.append(worker)
+        return answers
+
+    def stop(self) -> None:
+        """End every run that is under way; its `run` raises CarsimError."""
+        with self._lock:
+            for worker in self._busy:
+                worker.stop()
+
+    def close(self) -> None:
+        """End all processes. Nothing may be under way."""
+        with self._lock:
+            idle, self._idle = self._idle, []
+        for worker in idle:
+            worker.close()
+
+    def _take(self) -> "_Worker":
+        with self._lock:
+            worker = self._idle.pop() if self._idle else _Worker(self._module)
+            self._busy.add(worker)
+        try:
+            worker.open(self._opening)
+        except BaseException:
+            self._drop(worker)
+            raise
+        return worker
+
+    def _drop(self, worker: "_Worker") -> None:
+        with self._lock:
+            self._busy.discard(worker)
+        worker.stop()
+        worker.close()
+
+
+class _Worker:
+    """One worker process; for one thread, but for `stop`."""
+
+    def __init__(self, module: str) -> None:
+        self._stopped = False
+        self._opened = False
+        package = str(Path(__file__).resolve().parents[2])
+        path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH")]))
+        # A session of its own keeps Ctrl-C from it: the caller decides what is to end.
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", module],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            encoding="utf-8",
+            env={**os.environ, "PYTHONPATH": path},
+            start_new_session=True,
+        )
+
+    @property
+    def alive(self) -> bool:
+        return self._process.poll() is None and self._opened
+
+    def open(self, opening: str) -> None:
+        """Compile the program, if that has not been done."""
+        if self._opened:
+            return
+        answer = self._ask(opening)
+        if "ready" not in answer:
+            raise CarsimError(str(answer.get("refused") or answer.get("error")))
+        self._opened = True
+
+    def run(self, request: dict[str, Any]) -> dict[str, Any]:
+        """The answer to a run; a worker that dies of it is its error."""
+        return self._ask(json.dumps(request))
+
+    def stop(self) -> None:
+        self._stopped = True
+        self._process.kill()
+
+    def close(self) -> None:
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with contextlib.suppress(OSError):
+                    pipe.close()
+        self._process.wait()
+
+    def _ask(self, line: str) -> dict[str, Any]:
+        assert self._process.stdin is not None and self._process.stdout is not None
+        reply = ""
+        with contextlib.suppress(OSError):
+            self._process.stdin.write(line + "\n")
+            self._process.stdin.flush()
+            reply = self._process.stdout.readline()
+        if reply.endswith("\n"):
+            answer: dict[str, Any] = json.loads(reply)
+            return answer
+        self._opened = False
+        code = self._process.wait()
+        if self._stopped:
+            raise CarsimError("stopped")
+        how = f"signal {-code}" if code < 0 else f"exit code {code}"
+        return {"error": f"the process that simulates with Scenic died ({how})"}

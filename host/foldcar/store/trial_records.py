@@ -1,0 +1,88 @@
+"""What a trial of a built car gave: the row that the store keeps beside the simulated runs.
+
+A trial is told by a person, so its outcomes are not quite those of a run (:mod:`foldcar.simulation.results`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+# In the order of tables. ``not_passed`` is for trials from elsewhere of which no more is known; ``aborted`` ones
+# say nothing about the car and are left out of success rates.
+TRIAL_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "not_passed", "aborted")
+
+# What a row says from before the start until the trial is completed.
+RUNNING = "running"
+
+# What `foldcar trials correct` may change.
+CORRECTABLE = ("outcome", "elapsed_time_s", "note", "operator")
+
+
+@dataclass(frozen=True, slots=True)
+class TrialDesign:
+    """The car of a trial: its type string, and its parameters by their names in results (``width_mm``)."""
+
+    vehicle_type: str
+    columns: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """How a trial ended. ``ending`` says what ended it (goal, time limit, key, …), ``outcome`` what it was worth.
+
+    ``elapsed_time_s`` is the drive's time by the car's own clock, None if unknown; ``log_sha256`` is the hash of
+    the log's bytes, None if there is no log.
+    """
+
+    outcome: str
+    ending: str
+    elapsed_time_s: float | None
+    note: str
+    log_sha256: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One trial. ``deviations`` are those of car and obstacles from their planned places (:mod:`placement`).
+
+    ``deviations`` maps "car" and obstacles' letters to (x in m, y in m, heading in rad). None stands for what is
+    not known: ``sample``, times, builds and log of trials that come from elsewhere, whose ``source`` says where.
+    ``corrections`` counts what was changed afterwards.
+    """
+
+    id: int
+    experiment: str
+    vehicle_type: str
+    design: Mapping[str, float]
+    sample: int | None
+    deviations: Mapping[str, tuple[float, float, float]]
+    outcome: str
+    ending: str
+    elapsed_time_s: float | None
+    note: str
+    operator: str
+    started_utc: str | None
+    ended_utc: str | None
+    firmware_build: str | None
+    design_hash: str | None
+    log: str | None
+    log_sha256: str | None
+    source: str | None
+    corrections: int
+
+    @property
+    def counts(self) -> bool:
+        """Whether it says something about the car: it was completed, and not broken off."""
+        return self.outcome != "aborted"
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """One changed field of a trial: what stood there before, None for nothing, and what stands there since."""
+
+    trial: int
+    corrected_utc: str
+    field: str
+    before: str | float | None
+    after: str | float | None
+    reason: str
+    operator: str

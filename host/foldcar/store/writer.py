@@ -1,0 +1,189 @@
+"""The results store, written: by one sweep at a time, a transaction per chunk.
+
+A run's key is (build of carsim, body, scene, settings, variation), each told apart by the hash of its text:
+what is there under its key is never run again, whichever experiment asks. Scenes are kept by the
+environment's fingerprint, variations by that of the spread they are drawn from.
+"""
+
+import contextlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from sqlite3 import Connection
+from typing import Any
+
+from foldcar.simulation.results import NUMBERS, outcome_of
+from foldcar.store.connection import StoreConnection, writing
+
+PAGE_ROWS = 1000
+INSERT_RUN = "INSERT OR IGNORE INTO run VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+INSERT_RECORDED = "INSERT OR IGNORE INTO recorded VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRun:
+    """A run an experiment consists of; ``outcome`` is None if it has no result yet."""
+
+    design: int
+    sample: int
+    body_id: int
+    scene_id: int
+    settings_id: int
+    variation_id: int
+    outcome: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedDesign:
+    """A design of an experiment, with what it gives the simulator."""
+
+    columns: Mapping[str, float]
+    body: Mapping[str, Any]
+    settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedExperiment:
+    """An experiment as the store keeps it; ``facts`` are the fields of ExperimentInfo that have no column."""
+
+    id: str
+    vehicle: str
+    environment: str
+    environment_id: int
+    spread_id: int
+    environments: int
+    facts: Mapping[str, Any]
+
+
+class StoreWriter(StoreConnection):
+    """A store opened for a sweep. Made by :func:`write_store`; all methods raise StoreError."""
+
+    def __init__(self, path: Path, connection: Connection) -> None:
+        super().__init__(path, connection)
+        self._build_id = 0
+
+    def begin_study(self, facts: Mapping[str, str], build: str) -> None:
+        """Record what is swept and by which build; ``created_utc`` is kept from the first sweep."""
+        with self._transaction():
+            self._build_id = self._identify("build", "name", build)
+            for key, value in facts.items():
+                keep = "DO NOTHING" if key == "created_utc" else "DO UPDATE SET value = excluded.value"
+                self._run(f"INSERT INTO study VALUES (?, ?) ON CONFLICT (key) {keep}", key, value)
+
+    def put_experiment(self, plan: PlannedExperiment, designs: Iterable[PlannedDesign]) -> None:
+        """Record an experiment and its designs, in place of an earlier one with the same id. Runs stay."""
+        with self._transaction():
+            self._run("DELETE FROM design WHERE experiment = ?", plan.id)
+            self._run(
+                "INSERT INTO experiment VALUES (?, (SELECT count(*) FROM experiment), ?, ?, ?, ?, ?, ?, ?) "
+                "ON CONFLICT (id) DO UPDATE SET build_id = excluded.build_id, "
+                "environment_id = excluded.environment_id, spread_id = excluded.spread_id, "
+                "environments = excluded.environments, vehicle = excluded.vehicle, "
+                "environment = excluded.environment, facts = excluded.facts",
+                plan.id, self._build_id, plan.environment_id, plan.spread_id, plan.environments, plan.vehicle,
+                plan.environment, json.dumps(plan.facts),
+            )  # fmt: skip
+            for position, design in enumerate(designs):
+                body_id = self._put_text("body", canonical_json(design.body))
+                settings_id = self._put_text("settings", canonical_json(design.settings))
+                columns = json.dumps(design.columns)
+                self._run(
+                    "INSERT INTO design VALUES (?, ?, ?, ?, ?)",
+                    plan.id,
+                    position,
+                    columns,
+                    body_id,
+                    settings_id,
+                )
+
+    def environment(self, fingerprint: str) -> int:
+        """Id of the environment with this fingerprint."""
+        with self._transaction():
+            return self._identify("environment", "fingerprint", fingerprint)
+
+    def is_dynamic(self, environment_id: int) -> bool | None:
+        """Whether the environment's program has to run beside the simulation; None if nobody knows yet."""
+        (dynamic,) = self._run("SELECT dynamic FROM environment WHERE id = ?", environment_id).fetchone()
+        return None if dynamic is None else bool(dynamic)
+
+    def put_dynamic(self, environment_id: int, dynamic: bool) -> None:
+        """Store what :meth:`is_dynamic` tells."""
+        with self._transaction():
+            self._run("UPDATE environment SET dynamic = ? WHERE id = ?", dynamic, environment_id)
+
+    def spread(self, fingerprint: str) -> int:
+        """Id of the spread of cars with this fingerprint."""
+        with self._transaction():
+            return self._identify("spread", "fingerprint", fingerprint)
+
+    def sample_count(self, environment_id: int) -> int:
+        """How many samples of an environment are stored; samples 0 to that number less one."""
+        row = self._run("SELECT count(*) FROM sample WHERE environment_id = ?", environment_id).fetchone()
+        return int(row[0])
+
+    def draw_count(self, spread_id: int) -> int:
+        """How many samples of a spread are stored; samples 0 to that number less one."""
+        row = self._run("SELECT count(*) FROM draw WHERE spread_id = ?", spread_id).fetchone()
+        return int(row[0])
+
+    def put_sample(
+        self, environment_id: int, sample: int, scene: Mapping[str, Any], identity: str = ""
+    ) -> None:
+        """Store the scene of a sample; scenes of unequal ``identity`` differ whatever they look like."""
+        with self._transaction():
+            scene_id = self._put_text("scene", canonical_json(scene), identity)
+            self._run("INSERT OR IGNORE INTO sample VALUES (?, ?, ?)", environment_id, sample, scene_id)
+
+    def put_draw(self, spread_id: int, sample: int, variation: Mapping[str, Any], identity: str = "") -> None:
+        """Store the variation of a sample; ``identity`` as for :meth:`put_sample`."""
+        with self._transaction():
+            variation_id = self._put_text("variation", canonical_json(variation), identity)
+            self._run("INSERT OR IGNORE INTO draw VALUES (?, ?, ?)", spread_id, sample, variation_id)
+
+    def planned_runs(self, plan: PlannedExperiment, sample: int) -> Iterator[PlannedRun]:
+        """The runs of all designs in one stored sample, in the order of designs, read in pages."""
+        next_design = 0
+        while True:
+            rows = self._run(
+                "SELECT d.position, s.sample, d.body_id, s.scene_id, d.settings_id, w.variation_id, "
+                "r.outcome FROM design d JOIN sample s ON s.environment_id = ? AND s.sample = ? "
+                "JOIN draw w ON w.spread_id = ? AND w.sample = s.sample LEFT JOIN run r "
+                "ON r.build_id = ? AND r.body_id = d.body_id AND r.scene_id = s.scene_id "
+                "AND r.settings_id = d.settings_id AND r.variation_id = w.variation_id "
+                "WHERE d.experiment = ? AND d.position >= ? ORDER BY d.position LIMIT ?",
+                plan.environment_id, sample, plan.spread_id, self._build_id, plan.id, next_design, PAGE_ROWS,
+            ).fetchall()  # fmt: skip
+            yield from (PlannedRun(*row) for row in rows)
+            if len(rows) < PAGE_ROWS:
+                return
+            next_design = rows[-1][0] + 1
+
+    def text(self, table: str, row_id: int) -> str:
+        """The JSON text of a row of ``body``, ``scene``, ``settings`` or ``variation``."""
+        (text,) = self._run(f"SELECT json FROM {table} WHERE id = ?", row_id).fetchone()
+        return str(text)
+
+    def add_results(self, results: Iterable[tuple[PlannedRun, Mapping[str, Any]]]) -> None:
+        """Store a chunk: runs with their results as the simulator answered them (:mod:`foldcar.simulation.carsim`)."""
+        with self._transaction():
+            for run, result in results:
+                key = (self._build_id, run.body_id, run.scene_id, run.settings_id, run.variation_id)
+                message = result.get("error")
+                numbers = [result[name] if message is None else None for name in NUMBERS]
+                self._run(INSERT_RUN, *key, outcome_of(result), *numbers, message)
+                for name, recorded in result.get("recorded", {}).items():
+                    value = json.dumps(recorded["value"], allow_nan=False)
+                    self._run(INSERT_RECORDED, *key, name, recorded["kind"], value)
+
+
+@contextlib.contextmanager
+def write_store(path: Path) -> Iterator[StoreWriter]:
+    """The store at ``path`` for one sweep; made, with its folder, if need be. StoreError if it is in use."""
+    with writing(path) as connection:
+        yield StoreWriter(path, connection)
+
+
+def canonical_json(value: Mapping[str, Any]) -> str:
+    """One text for one value: keys sorted, no spaces."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)

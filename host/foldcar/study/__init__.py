@@ -1,0 +1,1 @@
+"""A listing's experiments: families of designs in environments, planned, split into chunks and swept."""

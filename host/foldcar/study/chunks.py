@@ -1,0 +1,189 @@
+"""Runs chunks in a few simulator processes at once: a bounded window, results as they come.
+
+Input: runs one by one. Output: finished chunks. Chunks grow until one takes about a second, and shrink at the
+end so that no process runs on alone.
+"""
+
+import contextlib
+import json
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+
+from foldcar.car.variation.vary_body import vary_body
+from foldcar.simulation.carsim import Runner, RunRequest
+from foldcar.store.writer import PlannedRun, StoreWriter, canonical_json
+
+TARGET_CHUNK_S = 0.7
+FIRST_CHUNK_RUNS = 8
+LEAST_CHUNK_RUNS = 4
+MAX_CHUNK_RUNS = 512
+
+Key = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class FinishedRun:
+    """A run with its answer; ``count`` runs of the study have that result."""
+
+    run: PlannedRun
+    answer: Mapping[str, Any]
+    count: int
+
+
+@dataclass(frozen=True)
+class _Chunk:
+    runner: Runner
+    runs: list[PlannedRun]
+    answers: list[dict[str, Any]]
+    seconds: float
+
+
+class ChunkPool:
+    """Workers that each wait for one simulator at a time; the store is read in the caller's thread.
+
+    Runs are given to the runner named by :meth:`using`.
+    """
+
+    def __init__(self, writer: StoreWriter, jobs: int) -> None:
+        self._writer = writer
+        self._jobs = jobs
+        self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="carsim")
+        self._futures: dict[Future[_Chunk], Runner] = {}
+        self._runner: Runner | None = None
+        self._chunk: list[PlannedRun] = []
+        self._chunk_runs = FIRST_CHUNK_RUNS
+        # How many runs of the study await each result that is under way.
+        self._in_flight: Counter[Key] = Counter()
+
+    def __enter__(self) -> "ChunkPool":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is not None:
+            self._abandon()
+        self._pool.shutdown()
+
+    @contextlib.contextmanager
+    def using(self, runner: Runner) -> Iterator[None]:
+        """Give what is added to ``runner``. Chunks may be left under way: see :meth:`finish`."""
+        if runner is not self._runner:
+            if self._chunk:
+                self._submit()
+            self._runner, self._chunk_runs = runner, FIRST_CHUNK_RUNS
+        try:
+            yield
+        except BaseException:
+            # Before the caller closes the runner.
+            self._abandon()
+            raise
+
+    def joins(self, run: PlannedRun) -> bool:
+        """Whether an equal run is under way already; then this one will have its result."""
+        if _key(run) not in self._in_flight:
+            return False
+        self._in_flight[_key(run)] += 1
+        return True
+
+    def add(self, run: PlannedRun, runs_left: int) -> Iterator[list[FinishedRun]]:
+        """Take a run; gives chunks that finished while this one had to wait for room.
+
+        ``runs_left`` counts the runs without result, those given to this pool included.
+        """
+        not_submitted = runs_left - len(self._in_flight) + len(self._chunk)
+        self._in_flight[_key(run)] = 1
+        self._chunk.append(run)
+        if len(self._chunk) >= min(
+            self._chunk_runs, max(LEAST_CHUNK_RUNS, not_submitted // (2 * self._jobs))
+        ):
+            self._submit()
+            # One chunk waits behind every running one, so that no worker idles while this thread writes.
+            while len(self._futures) >= 2 * self._jobs:
+                yield from self._collect()
+
+    def finish(self) -> Iterator[list[FinishedRun]]:
+        """Run what is left; gives the remaining chunks."""
+        if self._chunk:
+            self._submit()
+        while self._futures:
+            yield from self._collect()
+
+    def _submit(self) -> None:
+        runs, self._chunk = self._chunk, []
+        runner = self._runner
+        assert runner is not None, "runs are added inside `using`"
+        bodies = self._bodies(runs)
+        scenes = {f"s{key}": self._writer.text("scene", key) for key in {run.scene_id for run in runs}}
+        settings = {key: self._writer.text("settings", key) for key in {run.settings_id for run in runs}}
+        requests = [
+            RunRequest(
+                _body_name(run),
+                f"s{run.scene_id}",
+                settings[run.settings_id],
+                f"design {run.design + 1}, sample {run.sample}",
+                run.sample,
+            )
+            for run in runs
+        ]
+
+        def work() -> _Chunk:
+            start_s = time.perf_counter()
+            answers = runner.run(bodies, scenes, requests)
+            return _Chunk(runner, runs, answers, time.perf_counter() - start_s)
+
+        self._futures[self._pool.submit(work)] = runner
+
+    def _bodies(self, runs: list[PlannedRun]) -> dict[str, str]:
+        """The JSON of every car in a chunk by its name: designs as they are, or varied."""
+        designs = {key: self._writer.text("body", key) for key in {run.body_id for run in runs}}
+        variations = {
+            key: json.loads(self._writer.text("variation", key)) for key in {run.variation_id for run in runs}
+        }
+        if not any(variations.values()):
+            return {_body_name(run): designs[run.body_id] for run in runs}
+        parsed = {key: json.loads(text) for key, text in designs.items()}
+        cars = {_body_name(run): (run.body_id, run.variation_id) for run in runs}
+        return {
+            name: canonical_json(vary_body(parsed[body], variations[variation]))
+            if variations[variation]
+            else designs[body]
+            for name, (body, variation) in cars.items()
+        }
+
+    def _collect(self) -> Iterator[list[FinishedRun]]:
+        done, _ = wait(self._futures, return_when=FIRST_COMPLETED)
+        for future in done:
+            del self._futures[future]
+            chunk = future.result()
+            if chunk.runner is self._runner:
+                wanted = round(TARGET_CHUNK_S / max(chunk.seconds, 1e-6) * len(chunk.runs))
+                self._chunk_runs = max(1, min(wanted, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
+            yield [
+                FinishedRun(run, answer, self._in_flight[_key(run)])
+                for run, answer in zip(chunk.runs, chunk.answers, strict=True)
+            ]
+            for run in chunk.runs:
+                del self._in_flight[_key(run)]
+
+    def _abandon(self) -> None:
+        """End what runs, forget what waits."""
+        for future in self._futures:
+            future.cancel()
+        for runner in set(self._futures.values()):
+            runner.stop()
+        wait(self._futures)
+        self._futures.clear()
+
+
+def _key(run: PlannedRun) -> Key:
+    return run.body_id, run.scene_id, run.settings_id, run.variation_id
+
+
+def _body_name(run: PlannedRun) -> str:
+    return f"b{run.body_id}v{run.variation_id}"

@@ -1,0 +1,124 @@
+"""A listing's experiments, ready to run: families, the environment's program, set-points and time limits.
+
+Input: a listing file and what the command line changes. Output: Experiments, every design of theirs checked.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from foldcar.car.body import full_speed_m_s
+from foldcar.car.design import Design
+from foldcar.car.firmware_parameters import TableRow, check_parameters, firmware_parameters
+from foldcar.car.variation.spread import spread_named
+from foldcar.study.family import Family, read_family
+from foldcar.study.listing import ExperimentParams, ListingError, read_listing
+
+TRIAL_LIMIT = "TRIAL_MAX_S"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment: each design of the family in each of ``environments`` samples of the program.
+
+    ``condition`` says what is frozen of the program, as the listing does. ``variation`` maps what varies
+    from car to car to its spread; it is empty if cars are as designed.
+    """
+
+    id: str
+    family: Family
+    environment: str
+    program: Path
+    program_name: str
+    scenic_params: Mapping[str, Any]
+    seed: int
+    condition: Mapping[str, Any] | None
+    environments: int
+    timeout_s: float
+    speed_m_s: float | None
+    yaw_rate_rad_s: float
+    variation: Mapping[str, float]
+    variation_seed: int
+    place: str
+
+    def settings(
+        self, design: Design, body: Mapping[str, Any], table: Mapping[str, TableRow]
+    ) -> dict[str, Any]:
+        """What a run of this design is given beside body and scene: part of docs/carsim.md's ``run`` object.
+
+        FoldcarError if the firmware, whose parameter table is ``table``, cannot be set so.
+        """
+        values = firmware_parameters(design, body)
+        limit = table.get(TRIAL_LIMIT)
+        if limit is not None and self.timeout_s > limit.default:
+            if self.timeout_s > limit.maximum:
+                what = f"{self.timeout_s:g} is above the maximum {limit.maximum:g} s"
+                raise ListingError(f"{self.place}.params.timeout: {what} (the firmware's {TRIAL_LIMIT})")
+            values[TRIAL_LIMIT] = self.timeout_s
+        check_parameters(values, table)
+        return {
+            "speed_m_s": self.speed_m_s if self.speed_m_s is not None else full_speed_m_s(design),
+            "yaw_rate_rad_s": self.yaw_rate_rad_s,
+            "time_limit_s": self.timeout_s,
+            "parameters": values,
+        }
+
+
+@dataclass(frozen=True)
+class Study:
+    """A listing file: its name as typed, its text, and the experiments chosen from it."""
+
+    listing_name: str
+    listing_text: str
+    experiments: tuple[Experiment, ...]
+
+
+def read_study(file: Path, experiment: str | None = None, environments: int | None = None) -> Study:
+    """The study in a listing, or one experiment of it; ``environments`` overrides each one's number.
+
+    Every design is composed once, so a family with an impossible member is refused here.
+    """
+    listing, text = read_listing(file)
+    if not listing.experiments:
+        raise ListingError(f"{file}: experiments: is missing")
+    if experiment is not None and experiment not in listing.experiments:
+        raise ListingError(
+            f'{file}: experiments: has no "{experiment}"; known: {", ".join(listing.experiments)}'
+        )
+    chosen = []
+    for name, listed in listing.experiments.items():
+        if experiment is not None and name != experiment:
+            continue
+        environment = listing.environments[listed.env_id]
+        place = f"{file}: environments.{listed.env_id}.scenic_filename"
+        program = file.parent / environment.scenic_filename
+        if not program.is_file():
+            raise ListingError(f"{place}: {program} is no file")
+        params = listed.params
+        chosen.append(
+            Experiment(
+                id=name,
+                family=read_family(file, listed.veh_id, listing.vehicles[listed.veh_id]),
+                environment=listed.env_id,
+                program=program,
+                program_name=environment.scenic_filename,
+                scenic_params=environment.scenic_params,
+                seed=environment.seed,
+                condition=environment.condition.model_dump(exclude_none=True)
+                if environment.condition
+                else None,
+                environments=environments if environments is not None else params.environments,
+                timeout_s=params.timeout,
+                speed_m_s=params.speed,
+                yaw_rate_rad_s=params.yaw_rate,
+                variation=_variation(params, f"{file}: experiments.{name}.params.variation"),
+                variation_seed=environment.seed if params.variation_seed is None else params.variation_seed,
+                place=f"{file}: experiments.{name}",
+            )
+        )
+    return Study(str(file), text, tuple(chosen))
+
+
+def _variation(params: ExperimentParams, place: str) -> Mapping[str, float]:
+    return spread_named(params.variation, place) if params.variation is not None else {}

@@ -1,0 +1,193 @@
+"""A sweep: every design of every experiment in every environment, into the store; nothing is run twice.
+
+Input: a study, a store's path, a simulator. Output: rows in the store and their counts. Runs go sample by
+sample, all designs in one before the next, so that what is known early covers the whole family. The calling
+thread alone samples, plans and writes; workers only wait for simulator processes. Programs that need Scenic
+beside the simulation get it, all others go to carsim's batch.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from pathlib import Path
+
+from foldcar import __version__
+from foldcar.car.body import body_json
+from foldcar.car.firmware_parameters import TableRow
+from foldcar.scenes.fingerprint import scenic_version
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.results import outcome_of
+from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
+from foldcar.study.chunks import ChunkPool, FinishedRun
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import Experiment, Study
+
+
+@dataclass
+class Progress:
+    """Counts of a sweep as it goes; ``done`` runs are in the store or await the result of an equal one."""
+
+    total: int
+    new: int = 0
+    there: int = 0
+    passed: int = 0
+    failed: int = 0
+    started_s: float = field(default_factory=time.perf_counter)
+
+    @property
+    def done(self) -> int:
+        """Runs that need no more work."""
+        return self.new + self.there
+
+    @property
+    def seconds(self) -> float:
+        """Time since the sweep began."""
+        return time.perf_counter() - self.started_s
+
+    def count(self, outcome: str | None, runs: int = 1) -> None:
+        """Count ``runs`` runs of the study that ended so."""
+        self.passed += runs * (outcome == "passed")
+        self.failed += runs * (outcome == "failed")
+
+
+def sweep(
+    study: Study,
+    store: Path,
+    carsim: Carsim,
+    jobs: int,
+    command: str,
+    report: Callable[[Progress], None] = lambda progress: None,
+    progress: Progress | None = None,
+) -> Progress:
+    """Run what is missing; ``report`` is called after every step. ``progress``, if given, is counted in.
+
+    Nothing is created on disk before every design and, for a new store, every environment has been checked.
+    """
+    table = carsim.parameter_table()
+    counts = progress if progress is not None else Progress(total=planned_total(study))
+    for experiment in study.experiments:
+        for _ in _designs(experiment, table):
+            pass
+    environments = [Environment(experiment) for experiment in study.experiments]
+    if not store.exists():
+        for environment in environments:
+            environment.sample(0)
+    with write_store(store) as writer:
+        writer.begin_study(_facts(study, carsim, command), carsim.build)
+        plans = [
+            _plan(experiment, environment, writer, table)
+            for experiment, environment in zip(study.experiments, environments, strict=True)
+        ]
+        with ChunkPool(writer, jobs) as pool:
+            for plan, environment in zip(plans, environments, strict=True):
+                dynamic = _is_dynamic(plan, environment, writer)
+                with environment.runner(carsim, dynamic) as runner, pool.using(runner):
+                    for finished in _run_experiment(plan, environment, dynamic, writer, pool, counts, report):
+                        _keep(finished, writer, counts, report)
+                    if runner is not carsim:
+                        # This runner ends with its experiment.
+                        for finished in pool.finish():
+                            _keep(finished, writer, counts, report)
+            for finished in pool.finish():
+                _keep(finished, writer, counts, report)
+    return counts
+
+
+def planned_total(study: Study) -> int:
+    """Runs the study consists of, stored or not."""
+    return sum(len(experiment.family) * experiment.environments for experiment in study.experiments)
+
+
+def _run_experiment(
+    plan: PlannedExperiment,
+    environment: Environment,
+    dynamic: bool,
+    writer: StoreWriter,
+    pool: ChunkPool,
+    counts: Progress,
+    report: Callable[[Progress], None],
+) -> Iterator[list[FinishedRun]]:
+    samples, draws = writer.sample_count(plan.environment_id), writer.draw_count(plan.spread_id)
+    for sample in range(plan.environments):
+        if sample >= samples:
+            scene = environment.sample(sample)
+            writer.put_sample(plan.environment_id, sample, scene, environment.scene_identity(sample, dynamic))
+        if sample >= draws:
+            identity = environment.variation_identity()
+            writer.put_draw(plan.spread_id, sample, environment.variation(sample), identity)
+        for run in writer.planned_runs(plan, sample):
+            if run.outcome is not None or pool.joins(run):
+                counts.there += 1
+                counts.count(run.outcome)
+                continue
+            yield from pool.add(run, counts.total - counts.done)
+        report(counts)
+
+
+def _keep(
+    finished: list[FinishedRun], writer: StoreWriter, counts: Progress, report: Callable[[Progress], None]
+) -> None:
+    writer.add_results((one.run, one.answer) for one in finished)
+    counts.new += len(finished)
+    for one in finished:
+        counts.count(outcome_of(one.answer), one.count)
+    report(counts)
+
+
+def _is_dynamic(plan: PlannedExperiment, environment: Environment, writer: StoreWriter) -> bool:
+    """As the store says, or the program itself, which is compiled for that only once."""
+    dynamic = writer.is_dynamic(plan.environment_id)
+    if dynamic is None:
+        dynamic = environment.dynamic
+        writer.put_dynamic(plan.environment_id, dynamic)
+    return dynamic
+
+
+def _plan(
+    experiment: Experiment, environment: Environment, writer: StoreWriter, table: dict[str, TableRow]
+) -> PlannedExperiment:
+    first = next(iter(experiment.family))
+    varied = experiment.family.varied
+    plan = PlannedExperiment(
+        id=experiment.id,
+        vehicle=experiment.family.vehicle,
+        environment=experiment.environment,
+        environment_id=writer.environment(environment.fingerprint),
+        spread_id=writer.spread(environment.spread_fingerprint),
+        environments=experiment.environments,
+        facts={
+            "vehicle_type": experiment.family.type,
+            "varied": varied,
+            "fixed": {column: value for column, value in first.columns.items() if column not in varied},
+            "timeout_s": experiment.timeout_s,
+            "speed_m_s": experiment.speed_m_s,
+            "yaw_rate_rad_s": experiment.yaw_rate_rad_s,
+            "scenic_program": experiment.program_name,
+            "scenic_params": dict(experiment.scenic_params),
+            "seed": experiment.seed,
+            "condition": experiment.condition,
+            "variation": dict(experiment.variation),
+            "variation_seed": experiment.variation_seed,
+        },
+    )
+    writer.put_experiment(plan, _designs(experiment, table))
+    return plan
+
+
+def _designs(experiment: Experiment, table: dict[str, TableRow]) -> Iterator[PlannedDesign]:
+    for design in experiment.family:
+        body = body_json(design)
+        yield PlannedDesign(design.columns, body, experiment.settings(design, body, table))
+
+
+def _facts(study: Study, carsim: Carsim, command: str) -> dict[str, str]:
+    return {
+        "foldcar_version": __version__,
+        "scenic_version": scenic_version(),
+        "carsim_build": carsim.build,
+        "listing_name": study.listing_name,
+        "listing_text": study.listing_text,
+        "command": command,
+        "created_utc": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+    }

@@ -21,6 +21,10 @@ CARSIM := .pio/build/carsim/program
 CARSIM_SOURCES := $(shell find firmware/lib firmware/src sim2d platformio.ini host/foldcar/mavlink_dialect -not -name '*.pyc' \
   -not -name __pycache__) tools/build_id.py tools/firmware_id.py tools/mavlink_headers.py tools/simulation_digest.py
 
+# What `make fresh` tries, and on which release of Debian.
+SUITE := trixie
+TARGETS := study test
+
 # Random and damaged bytes for the firmware's link.
 FUZZ_BYTES := 100000000
 FUZZ_SEED := 1
@@ -32,7 +36,7 @@ FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware
 FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h test/*.h)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup study fidelity test test-native test-host lint bench fuzz clean lock system-packages platformio
+.PHONY: help setup study fidelity test test-native test-host lint bench fuzz fresh clean lock system-packages platformio
 .DELETE_ON_ERROR:
 
 help:
@@ -42,6 +46,7 @@ help:
 	@echo 'make bench     set up and measure the speed'
 	@echo 'make fuzz      feed the car'"'"'s link with $(FUZZ_BYTES) random and damaged bytes (FUZZ_BYTES=, FUZZ_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
+	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
 	@echo 'make lint      set up and check the Python sources only'
 	@echo 'make lock      renew $(LOCK) after a change of host/pyproject.toml (LOCK_FLAGS=--upgrade: newest versions)'
 	@echo 'make clean     remove everything that was built or installed here; results in out/ stay'
@@ -62,6 +67,7 @@ fidelity: setup
 
 # One after the other, also under make -j, so that what fails stands last.
 test: setup
+	@tools/install_system_packages.sh tests
 	$(MAKE) lint
 	$(MAKE) test-native
 	$(MAKE) test-host
@@ -83,6 +89,11 @@ bench: setup .pio/bench/firmware_tick
 
 fuzz: .pio/fuzz/fuzz_link
 	.pio/fuzz/fuzz_link $(FUZZ_BYTES) $(FUZZ_SEED)
+
+# Both commands, as a new user on a machine with nothing on it (as root).
+fresh:
+	@tools/install_system_packages.sh fresh
+	@tools/fresh.sh $(SUITE) $(TARGETS)
 
 .pio/fuzz/fuzz_link: test/fuzz/fuzz_link.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
 	@mkdir -p $(@D)

@@ -131,7 +131,7 @@ class MujocoCar:
     def _put_down(self, grid: HeightGrid | None) -> None:
         """Set the level car down to where it all but touches the ground."""
         level = float(self.data.qpos[2])
-        ground = (0.0, 0.0) if grid is None else (float(grid.z_m.min()), float(grid.z_m.max()))
+        ground = (0.0, 0.0) if grid is None else (float(numpy.min(grid.z_m)), float(numpy.max(grid.z_m)))
         tops = [p["height_m"] for p in self._scene["terrain"] if kind_of(p).form == "block"]
         low, high = level + min(0.0, ground[0]) - 0.01, level + max(0.0, ground[1], *tops, 0.0) + 0.01
         while high - low > 1e-5:

@@ -126,7 +126,7 @@ def _contoured(piece: Mapping[str, Any]) -> bool:
 
 
 def _draw_contours(axes: Axes, ground: HeightMap) -> None:
-    low, high = float(ground.z_m.min()), float(ground.z_m.max())
+    low, high = float(numpy.min(ground.z_m)), float(numpy.max(ground.z_m))
     steps = numpy.arange(numpy.ceil(low / CONTOUR_STEP_M), high / CONTOUR_STEP_M + 1)
     levels = steps[steps != 0] * CONTOUR_STEP_M
     rows, columns = ground.z_m.shape

@@ -73,8 +73,8 @@ def height_grid(
             if grid is None:
                 raise FoldcarError(f"terrain: {rows} x {columns} heights are above the limit {MOST_POINTS}")
             break
-        x = numpy.linspace(x_min, x_max, columns)
-        y = numpy.linspace(y_min, y_max, rows)
+        x = numpy.linspace(x_min, x_max, columns, dtype=float)
+        y = numpy.linspace(y_min, y_max, rows, dtype=float)
         z = _sample(x, y, heights)
         grid = HeightGrid(x_min, x_max, y_min, y_max, z)
         between = _sample((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2, heights)

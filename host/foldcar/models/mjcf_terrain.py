@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.etree.ElementTree import Element
 
+import numpy
+
 from foldcar.errors import FoldcarError
 from foldcar.models.ground import HeightGrid
 from foldcar.models.xml_elements import add, numbers
@@ -66,7 +68,7 @@ def add_terrain(
 
 
 def _add_height_field(world: Element, asset: Element, grid: HeightGrid) -> None:
-    low, high = float(grid.z_m.min()), float(grid.z_m.max())
+    low, high = float(numpy.min(grid.z_m)), float(numpy.max(grid.z_m))
     rise = max(high - low, LEAST_RISE_M)
     half_x, half_y = (grid.x_max_m - grid.x_min_m) / 2, (grid.y_max_m - grid.y_min_m) / 2
     middle_x, middle_y = (grid.x_max_m + grid.x_min_m) / 2, (grid.y_max_m + grid.y_min_m) / 2

@@ -30,8 +30,8 @@ BEGIN_ENGINES, END_ENGINES = "<!-- engines of tools/fidelity.py -->", "<!-- end 
 BEGIN_FRICTIONS, END_FRICTIONS = "<!-- frictions of tools/fidelity.py -->", "<!-- end of frictions -->"
 ENGINES = {
     "carsim": CARSIM,
-    "MuJoCo, half the time step": HALF_STEP,
-    "MuJoCo, tyres that touch in their middle (ellipsoids)": ELLIPSOID,
+    "MuJoCo, half step": HALF_STEP,
+    "MuJoCo, ellipsoid tyres": ELLIPSOID,
 }
 # What experiments are called on the page, by how their ids begin; those of one name are one row.
 NAMES = (

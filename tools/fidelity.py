@@ -9,14 +9,13 @@ import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from statistics import fmean, stdev
 from typing import Any
 
 import matplotlib
 from matplotlib.figure import Figure
 
 from foldcar.atomic_file import atomic_file
-from foldcar.crosscheck.agreement import Pair, agreement, passes
+from foldcar.crosscheck.agreement import Pair, agreement
 from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.charts import FIRST, LOOKS
 from foldcar.crosscheck.compare import CARSIM, ELLIPSOID, HALF_STEP, MUJOCO
@@ -24,14 +23,13 @@ from foldcar.crosscheck.page import COMPARISON_HEAD, comparison_row, experiment_
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import RC
 
-# The tables' marks: experiments in carsim and MuJoCo, engines on step pyramids, their bias by friction.
+# The tables' marks: experiments in carsim and MuJoCo, engines on step pyramids.
 BEGIN, END = "<!-- table of tools/fidelity.py -->", "<!-- end of table -->"
 BEGIN_ENGINES, END_ENGINES = "<!-- engines of tools/fidelity.py -->", "<!-- end of engines -->"
-BEGIN_FRICTIONS, END_FRICTIONS = "<!-- frictions of tools/fidelity.py -->", "<!-- end of frictions -->"
 ENGINES = {
     "carsim": CARSIM,
-    "MuJoCo, half the time step": HALF_STEP,
-    "MuJoCo, tyres that touch in their middle (ellipsoids)": ELLIPSOID,
+    "MuJoCo, half step": HALF_STEP,
+    "MuJoCo, ellipsoid tyres": ELLIPSOID,
 }
 # What experiments are called on the page, by how their ids begin; those of one name are one row.
 NAMES = (
@@ -49,8 +47,6 @@ NAMES = (
     ("course", "the obstacle course"),
 )
 EVERYTHING = "all"
-# Experiments on step pyramids of one friction, which their names end with.
-FRICTIONS = sorted((name.split()[-1], start) for start, name in NAMES if "friction" in name)
 # Not on step pyramids.
 ELSEWHERE = ("bumps", "hills", "ten_bumps", "course")
 # Pictures of the cross-check (numbered as the listing's experiments) and what they are called here.
@@ -84,7 +80,6 @@ def main(folder: Path, page: Path) -> None:
     ]
     text = replaced(page.read_text(encoding="utf-8"), BEGIN, END, markdown(table))
     text = replaced(text, BEGIN_ENGINES, END_ENGINES, markdown([COMPARISON_HEAD, *engines]))
-    text = replaced(text, BEGIN_FRICTIONS, END_FRICTIONS, markdown(bias_table(rows)))
     with atomic_file(page) as binary:
         binary.write(text.encode())
     pictures = page.with_suffix("")
@@ -93,22 +88,6 @@ def main(folder: Path, page: Path) -> None:
         shutil.copyfile(folder / picture, pictures / name)
     with matplotlib.rc_context(RC):
         save_figure(overview(table), pictures / "overview.png", colours=64)
-
-
-def bias_table(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
-    """Success of each engine minus MuJoCo's by friction, percentage points, with 95 % of the pairs' chance."""
-    table = [["friction", *ENGINES]]
-    for friction, start in FRICTIONS:
-        mine = [row for row in rows if row["experiment"].startswith(start)]
-        table.append([friction, *(bias_cell(pairs_of(mine, engine)) for engine in ENGINES.values())])
-    return table
-
-
-def bias_cell(pairs: Sequence[Pair]) -> str:
-    """The mean difference in success of paired runs, with 95 % of what chance does, and how many they are."""
-    differences = [100.0 * (passes(ours) - passes(theirs)) for _, ours, theirs in pairs]
-    error = stdev(differences) / len(differences) ** 0.5
-    return f"{fmean(differences):+.1f} ± {1.96 * error:.1f} ({len(differences)})"
 
 
 def replaced(text: str, begin: str, end: str, between: str) -> str:

@@ -1,7 +1,7 @@
 """What the view page draws: faces with their triangles, folds, places flat and assembled, bought parts.
 
 Input: a FoldedCar. Output: plain JSON in millimetres and radians; poses are 16 numbers, row-major. The page folds the
-pieces itself: docs/assembly.md says how.
+pieces itself: docs/patterns.md says how.
 """
 
 import math

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint64_t kTruthPeriodUs = 20000;
 constexpr std::uint8_t kTruthComponent = MAV_COMP_ID_USER1;
-// From reset to the first line of the firmware, about what an ESP32 takes. The servo driver knows nothing of it.
+// Time from a reset to the start of the firmware, about that of an ESP32. The servo driver keeps its pulses meanwhile.
 constexpr std::uint64_t kBootUs = 300000;
 
 std::uint8_t code_of(const std::optional<Outcome>& outcome) {

@@ -43,8 +43,6 @@ class LinkedCar {
   std::uint64_t now_us() const { return now_us_; }
   // Whether the cable is plugged in.
   bool plugged_in() const { return now_us_ >= unplugged_until_us_; }
-  const PulsesUs& pulses_us() const { return hal_.servos.pulses_us(); }
-  State state() const { return firmware_->application().status().state; }
 
  private:
   void put_down();

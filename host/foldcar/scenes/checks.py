@@ -9,12 +9,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from foldcar.scenes.reading import UnusableError, finite
-from foldcar.scenes.terrain import reach_m
+from foldcar.scenes.terrain_kinds import kind_of, reach_m
 
 # `on` and the like leave a gap of Scenic's contact tolerance.
 STANDING_TOLERANCE_M = 1e-3
 LEVEL_TOLERANCE_RAD = 1e-6
-BLOCKS = ("box", "ramp", "half_round")
 # The largest wheel a design may have. A wheel climbs no step higher than its radius.
 GREATEST_WHEEL_RADIUS_M = 0.15
 FARTHEST_M = 1000.0
@@ -61,7 +60,7 @@ def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose]) -> None:
     """The car is put down beside blocks or wholly on one, not across an edge, where it would hang."""
     half = (finite("length", ego.length, ego) / 2, finite("width", ego.width, ego) / 2)
     for piece in terrain:
-        if piece["kind"] not in BLOCKS:
+        if kind_of(piece).form != "block":
             continue
         reach = reach_m(piece)
         apart = math.hypot(piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"])

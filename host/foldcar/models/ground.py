@@ -1,7 +1,7 @@
-"""The smooth part of a scene's ground as a grid of heights, for engines that take height fields.
+"""The smooth part of a scene's ground as a grid of heights, for engines that support height fields.
 
-Input: a scene (docs/carsim.md) and carsim, which is asked for the heights: hills, potholes and rough ground
-are shaped in one place only. Output: a HeightGrid over what they cover, or None if the scene has none.
+Input: a scene (docs/carsim.md) and carsim, which computes the heights, so that the shapes of hills, potholes and
+rough ground are defined once. Output: a HeightGrid over their area, or None if the scene has none.
 """
 
 import json
@@ -17,15 +17,15 @@ from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 
 Floats = NDArray[numpy.float64]
-# Heights (m) at points: x and y in, z out.
+# Function from x and y of points, (n,) each, to their heights, (n,); all in m.
 Heights = Callable[[Floats, Floats], Floats]
 
 SMOOTH_KINDS = ("hill", "pothole", "rough")
 HILL_REACH_SD = 4.0
-# A car's length beyond the course: nothing drives farther.
+# The grid ends a car's length beyond the course, which no car leaves.
 MARGIN_M = 0.3
-# The grid is as coarse as this error at the middles of its cells allows: contacts cost time by the cell.
-# It is what carsim's own profiles keep to.
+# The grid is as coarse as this interpolation error at the cells' centres allows, because contacts cost time per
+# cell. carsim's own profiles have the same tolerance.
 ERROR_M = 2e-4
 SPACINGS_M = (0.02, 0.01, 0.005)
 MOST_POINTS = 4_000_000
@@ -33,7 +33,7 @@ MOST_POINTS = 4_000_000
 
 @dataclass(frozen=True)
 class HeightGrid:
-    """Heights ``z_m`` (rows along y, columns along x) over the rectangle from the first to the last point."""
+    """Heights ``z_m``, (rows, columns) along (y, x), at equidistant points of the rectangle, limits included (m)."""
 
     x_min_m: float
     x_max_m: float
@@ -43,7 +43,7 @@ class HeightGrid:
 
 
 def smooth_ground(scene: Mapping[str, Any], carsim: Carsim) -> HeightGrid | None:
-    """The grid of the scene's hills, potholes and rough ground. FoldcarError if it would be too large."""
+    """The grid of the scene's hills, potholes and rough ground; None without any. FoldcarError if it is too large."""
     pieces = [piece for piece in scene["terrain"] if piece["kind"] in SMOOTH_KINDS]
     if not pieces:
         return None
@@ -60,7 +60,10 @@ def smooth_ground(scene: Mapping[str, Any], carsim: Carsim) -> HeightGrid | None
 def height_grid(
     pieces: Sequence[Mapping[str, Any]], course: Mapping[str, float], heights: Heights
 ) -> HeightGrid:
-    """The coarsest of a few grids that is within ERROR_M at the cells' middles, else the finest."""
+    """The coarsest grid of SPACINGS_M whose error at the cells' centres is within ERROR_M, else the finest.
+
+    FoldcarError if even the coarsest has more than MOST_POINTS points.
+    """
     bounds = [_reach(piece) for piece in pieces]
     x_min = max(min(b[0] for b in bounds), course["x_min_m"] - MARGIN_M)
     x_max = min(max(b[1] for b in bounds), course["x_max_m"] + MARGIN_M)
@@ -92,7 +95,7 @@ def _sample(x: Floats, y: Floats, heights: Heights) -> Floats:
 
 
 def _reach(piece: Mapping[str, Any]) -> tuple[float, float, float, float]:
-    """x_min, x_max, y_min, y_max of what a piece shapes."""
+    """x_min, x_max, y_min, y_max of a piece's ground (m)."""
     if piece["kind"] == "pothole":
         dx = dy = piece["radius_m"]
     else:

@@ -1,7 +1,7 @@
-"""Brings docs/fidelity.md up to date with a cross-check of scenarios/fidelity.json: its tables and its pictures.
+"""Updates tables and pictures of docs/fidelity.md from a cross-check of scenarios/fidelity.json.
 
-Usage: fidelity.py CROSSCHECK_DIR PAGE. Reads runs.csv and pictures of the folder; replaces what stands between
-the marks in the page, and the pictures in the folder of the page's name beside it.
+Usage: fidelity.py CROSSCHECK_DIR PAGE. Input: runs.csv and pictures of the folder. Output: the page with the text
+between its marks replaced, and the pictures in the folder of the page's name beside it.
 """
 
 import csv
@@ -33,7 +33,7 @@ ENGINES = {
     "MuJoCo, half the time step": HALF_STEP,
     "MuJoCo, tyres that touch in their middle (ellipsoids)": ELLIPSOID,
 }
-# What experiments are called on the page, by how their ids begin; those of one name are one row.
+# Names of experiments on the page by the beginning of their ids; those with one name share a row.
 NAMES = (
     ("width", "widths 65 to 245 mm, friction 0.6"),
     ("friction_0.3", "friction 0.3"),
@@ -49,11 +49,11 @@ NAMES = (
     ("course", "the obstacle course"),
 )
 EVERYTHING = "all"
-# Experiments on step pyramids of one friction, which their names end with.
+# Frictions of the experiments on step pyramids, which end their names, and the beginnings of their ids.
 FRICTIONS = sorted((name.split()[-1], start) for start, name in NAMES if "friction" in name)
-# Not on step pyramids.
+# Experiments on other ground.
 ELSEWHERE = ("bumps", "hills", "ten_bumps", "course")
-# Pictures of the cross-check (numbered as the listing's experiments) and what they are called here.
+# Names here of the cross-check's pictures, which are numbered as the listing's experiments.
 PICTURES = {
     "success_1.png": "width.png",
     "worst_1.png": "worst_width.png",
@@ -96,7 +96,7 @@ def main(folder: Path, page: Path) -> None:
 
 
 def bias_table(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
-    """Success of each engine minus MuJoCo's by friction, percentage points, with 95 % of the pairs' chance."""
+    """Success of each engine minus MuJoCo's by friction, in percentage points with 95 % intervals of the paired runs."""
     table = [["friction", *ENGINES]]
     for friction, start in FRICTIONS:
         mine = [row for row in rows if row["experiment"].startswith(start)]
@@ -105,14 +105,14 @@ def bias_table(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
 
 
 def bias_cell(pairs: Sequence[Pair]) -> str:
-    """The mean difference in success of paired runs, with 95 % of what chance does, and how many they are."""
+    """The mean difference in success of paired runs (percentage points), its 95 % interval and the number of pairs."""
     differences = [100.0 * (passes(ours) - passes(theirs)) for _, ours, theirs in pairs]
     error = stdev(differences) / len(differences) ** 0.5
     return f"{fmean(differences):+.1f} ± {1.96 * error:.1f} ({len(differences)})"
 
 
 def replaced(text: str, begin: str, end: str, between: str) -> str:
-    """The text with what stands between two marks, each there once, replaced."""
+    """The text with the part between two marks, each of which occurs once, replaced."""
     before, rest = text.split(begin)
     _, after = rest.split(end)
     return f"{before}{begin}\n{between}{end}{after}"
@@ -124,7 +124,7 @@ def name_of(row: Mapping[str, str]) -> str:
 
 
 def pairs_of(rows: Sequence[Mapping[str, str]], engine: str) -> list[Pair]:
-    """The outcomes of an engine and of MuJoCo, of the runs that both have made."""
+    """The outcomes of an engine and of MuJoCo for the runs that both have."""
     return [
         (
             Case(row["experiment"], int(row["design"]), int(row["sample"]), {}, {}, {}, {}),
@@ -137,13 +137,13 @@ def pairs_of(rows: Sequence[Mapping[str, str]], engine: str) -> list[Pair]:
 
 
 def markdown(table: Sequence[Sequence[str]]) -> str:
-    """A table with its head in the first row."""
+    """A Markdown table; the first row is its head."""
     lines = [table[0], ["---"] * len(table[0]), *table[1:]]
     return "".join("| " + " | ".join(cells) + " |\n" for cells in lines)
 
 
 def overview(table: Sequence[Sequence[str]]) -> Any:
-    """Success in both engines, a line a row of the table."""
+    """A figure of the success in both engines, one line for each row of the table."""
     rows = table[1:]
     figure = Figure(figsize=(7.2, 0.32 * len(rows) + 1.0), layout="constrained")
     axes = figure.subplots()

@@ -53,8 +53,8 @@ def design_hash(design: Design) -> str:
 
 
 def _hash(design: Design, body: Mapping[str, Any]) -> str:
-    told = [design.type, dict(sorted(design.values.items())), _geometry(body)]
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:HASH_DIGITS]
+    content = [design.type, dict(sorted(design.values.items())), _geometry(body)]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:HASH_DIGITS]
 
 
 def _geometry(body: Mapping[str, Any]) -> dict[str, Any]:

@@ -44,8 +44,8 @@ class Car(Component):
         for i, letter in enumerate(self.design.modules):
             kind: type[Component] = ElectronicsModule if i == electronics else modules()[letter]
             shared = tuple(parameter.name for parameter in declared(kind) if parameter.shared)
-            given = {"towards_middle": self._towards_middle(i), "tab_there": self._tab_there(i)}
-            settings = {p.name: given[p.name] for p in kind.parameters if p.name in given}
+            from_segment = {"towards_middle": self._towards_middle(i), "tab_there": self._tab_there(i)}
+            settings = {p.name: from_segment[p.name] for p in kind.parameters if p.name in from_segment}
             body = f"segment{self.design.segment_at(i)}"
             subs.append(Sub(self.names[i], kind, shared, letter, i == 0, settings, body))
         for index, segment in enumerate(self.design.segments):

@@ -9,14 +9,13 @@ import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from statistics import fmean, stdev
 from typing import Any
 
 import matplotlib
 from matplotlib.figure import Figure
 
 from foldcar.atomic_file import atomic_file
-from foldcar.crosscheck.agreement import Pair, agreement, passes
+from foldcar.crosscheck.agreement import Pair, agreement
 from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.charts import FIRST, LOOKS
 from foldcar.crosscheck.compare import CARSIM, ELLIPSOID, HALF_STEP, MUJOCO
@@ -24,14 +23,13 @@ from foldcar.crosscheck.page import COMPARISON_HEAD, comparison_row, experiment_
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import RC
 
-# The tables' marks: experiments in carsim and MuJoCo, engines on step pyramids, their bias by friction.
+# The tables' marks: experiments in carsim and MuJoCo, engines on step pyramids.
 BEGIN, END = "<!-- table of tools/fidelity.py -->", "<!-- end of table -->"
 BEGIN_ENGINES, END_ENGINES = "<!-- engines of tools/fidelity.py -->", "<!-- end of engines -->"
-BEGIN_FRICTIONS, END_FRICTIONS = "<!-- frictions of tools/fidelity.py -->", "<!-- end of frictions -->"
 ENGINES = {
     "carsim": CARSIM,
-    "MuJoCo, half the time step": HALF_STEP,
-    "MuJoCo, tyres that touch in their middle (ellipsoids)": ELLIPSOID,
+    "MuJoCo, half step": HALF_STEP,
+    "MuJoCo, ellipsoid tyres": ELLIPSOID,
 }
 # Names of experiments on the page by the beginning of their ids; those with one name share a row.
 NAMES = (
@@ -49,8 +47,6 @@ NAMES = (
     ("course", "the obstacle course"),
 )
 EVERYTHING = "all"
-# Frictions of the experiments on step pyramids, which end their names, and the beginnings of their ids.
-FRICTIONS = sorted((name.split()[-1], start) for start, name in NAMES if "friction" in name)
 # Experiments on other ground.
 ELSEWHERE = ("bumps", "hills", "ten_bumps", "course")
 # Names here of the cross-check's pictures, which are numbered as the listing's experiments.
@@ -84,7 +80,6 @@ def main(folder: Path, page: Path) -> None:
     ]
     text = replaced(page.read_text(encoding="utf-8"), BEGIN, END, markdown(table))
     text = replaced(text, BEGIN_ENGINES, END_ENGINES, markdown([COMPARISON_HEAD, *engines]))
-    text = replaced(text, BEGIN_FRICTIONS, END_FRICTIONS, markdown(bias_table(rows)))
     with atomic_file(page) as binary:
         binary.write(text.encode())
     pictures = page.with_suffix("")
@@ -93,22 +88,6 @@ def main(folder: Path, page: Path) -> None:
         shutil.copyfile(folder / picture, pictures / name)
     with matplotlib.rc_context(RC):
         save_figure(overview(table), pictures / "overview.png", colours=64)
-
-
-def bias_table(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
-    """Success of each engine minus MuJoCo's by friction, in percentage points with 95 % intervals of the paired runs."""
-    table = [["friction", *ENGINES]]
-    for friction, start in FRICTIONS:
-        mine = [row for row in rows if row["experiment"].startswith(start)]
-        table.append([friction, *(bias_cell(pairs_of(mine, engine)) for engine in ENGINES.values())])
-    return table
-
-
-def bias_cell(pairs: Sequence[Pair]) -> str:
-    """The mean difference in success of paired runs (percentage points), its 95 % interval and the number of pairs."""
-    differences = [100.0 * (passes(ours) - passes(theirs)) for _, ours, theirs in pairs]
-    error = stdev(differences) / len(differences) ** 0.5
-    return f"{fmean(differences):+.1f} ± {1.96 * error:.1f} ({len(differences)})"
 
 
 def replaced(text: str, begin: str, end: str, between: str) -> str:

@@ -12,6 +12,8 @@ from platformio.dependencies import get_core_dependencies
 from seed_files import SeedError, run, whole_folder, write_if_changed
 
 NATIVE_VERSION = "1.2.1"
+# The hashes of what pip installs.
+LOCK = Path(__file__).resolve().parent.parent / "host" / "requirements.txt"
 
 PLATFORM_PY = '''"""The platform `native`, seeded: programs for this machine, built with its own compiler."""
 
@@ -83,7 +85,7 @@ def _seed_scons(folder: Path) -> None:
         return
     with whole_folder(folder) as part:
         pip = (sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(part))
-        run(f"SCons {version} from PyPI", *pip, f"scons=={version}")
+        run(f"SCons {version} from PyPI", *pip, "--require-hashes", "-c", str(LOCK), f"scons=={version}")
         _write_json(part / "package.json", {"name": "tool-scons", "version": named, "description": "SCons"})
         write_if_changed(part / "scons.py", SCONS_PY)
         _write_json(part / ".piopm", metadata)

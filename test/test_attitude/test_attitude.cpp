@@ -85,6 +85,5 @@ int main() {
   RUN_TEST(gravity_holds_the_drift_of_the_gyroscope);
   RUN_TEST(a_shock_does_not_tilt_the_estimate);
   RUN_TEST(yaw_counts_turns_to_the_left_and_wraps);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

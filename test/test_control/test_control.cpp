@@ -155,8 +155,8 @@ void a_reversal_ramps_through_neutral() {
   // From +155 to -155 us beyond the deadband at 20 us a tick.
   for (int i = 1; i <= 20; ++i) {
     const PulsesUs pulses_us = drive(calibration, state, {-0.69f, 0.0f}, kTick);
-    const float beyond_us = std::max(155.0f - 20.0f * static_cast<float>(i), -155.0f);
-    const float expected_us = 1500.0f + beyond_us + (beyond_us > 0.0f ? 45.0f : -45.0f);
+    const float excess_us = std::max(155.0f - 20.0f * static_cast<float>(i), -155.0f);
+    const float expected_us = 1500.0f + excess_us + (excess_us > 0.0f ? 45.0f : -45.0f);
     TEST_ASSERT_FLOAT_WITHIN(0.02f, expected_us, pulses_us[0]);
   }
 }
@@ -171,8 +171,8 @@ void mirrored_set_points_give_mirrored_pulses_to_the_last_bit() {
     const PulsesUs pulses_us = drive(calibration, state, {0.37f, 1.7f}, step_us);
     const PulsesUs mirrored_us = drive(calibration, mirrored_state, {0.37f, -1.7f}, step_us);
     for (const std::size_t left : {0u, 2u}) {
-      TEST_ASSERT_TRUE(state.beyond_us[left] == mirrored_state.beyond_us[left + 1]);
-      TEST_ASSERT_TRUE(state.beyond_us[left + 1] == mirrored_state.beyond_us[left]);
+      TEST_ASSERT_TRUE(state.excess_us[left] == mirrored_state.excess_us[left + 1]);
+      TEST_ASSERT_TRUE(state.excess_us[left + 1] == mirrored_state.excess_us[left]);
       TEST_ASSERT_FLOAT_WITHIN(1e-3f, pulses_us[left] - 1500.0f, 1500.0f - mirrored_us[left + 1]);
     }
   }
@@ -202,6 +202,5 @@ int main() {
   RUN_TEST(a_reversal_ramps_through_neutral);
   RUN_TEST(mirrored_set_points_give_mirrored_pulses_to_the_last_bit);
   RUN_TEST(the_same_input_gives_the_same_bits);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -82,7 +82,7 @@ void a_good_file_is_taken_whole() {
 }
 
 void the_design_comes_before_the_flash_where_it_must_and_behind_it_where_it_may() {
-  RecordingStorage storage;
+  SimStorage storage;
   storage.values = {{"TRACK_M", 0.3f}, {"WHEEL_MAX_RAD_S", 8.0f}, {"CH2_SIDE", 1.0f}};
   Parameters parameters;
   TEST_ASSERT_EQUAL_UINT(0, configure(parameters, read_car_json(good().dump()), storage));
@@ -99,7 +99,7 @@ void the_design_comes_before_the_flash_where_it_must_and_behind_it_where_it_may(
 }
 
 void without_a_design_the_parameters_hold() {
-  RecordingStorage storage;
+  SimStorage storage;
   storage.values = {{"TRACK_M", 0.3f}};
   Parameters parameters;
   configure(parameters, DesignResult{}, storage);
@@ -219,6 +219,5 @@ int main() {
   RUN_TEST(wrong_wheels_are_named);
   RUN_TEST(damaged_files_are_refused_or_harmless);
   RUN_TEST(the_board_reads_what_the_simulator_reads);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

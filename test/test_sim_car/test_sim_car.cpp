@@ -331,6 +331,5 @@ int main() {
   RUN_TEST(test_friction_and_impacts_never_give_energy);
   RUN_TEST(test_electrical_energy_covers_the_work);
   RUN_TEST(test_spinning_up_the_rotors_does_not_lift_the_nose);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -121,6 +121,46 @@ void test_cut_in_two_the_car_has_the_same_constants() {
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, whole.roll_inertia_kg_m2, halves.roll_inertia_kg_m2);
 }
 
+// Mass, moments and products about the car's origin simply add up; Steiner's theorem brings them to the centre of mass.
+void test_the_constants_of_unlike_segments_are_those_of_their_sum() {
+  BodySpec body = three_segments(1);
+  body.segments[0].com_z_m = 0.031;
+  body.segments[0].mass_kg = 0.05;
+  body.segments[1].com_z_m = -0.012;
+  body.segments[1].com_y_m = 0.017;
+  body.segments[1].mass_kg = 0.14;
+  body.segments[2].com_z_m = 0.008;
+  body.segments[2].com_x_m -= 0.015;
+  double mass_kg = 0, x = 0, y = 0, z = 0, roll = 0, yaw = 0;
+  auto add = [&](double m_kg, double x_m, double y_m, double z_m, double own_roll, double own_yaw) {
+    mass_kg += m_kg;
+    x += m_kg * x_m;
+    y += m_kg * y_m;
+    z += m_kg * z_m;
+    roll += own_roll + m_kg * (y_m * y_m + z_m * z_m);
+    yaw += own_yaw + m_kg * (x_m * x_m + y_m * y_m);
+  };
+  for (const SegmentSpec& s : body.segments) {
+    add(s.mass_kg, s.com_x_m, s.com_y_m, s.com_z_m, s.roll_inertia_kg_m2, s.yaw_inertia_kg_m2);
+  }
+  const double segments_kg = mass_kg, segments_y = y, segments_z = z;
+  for (const WheelSpec& w : body.wheels) {
+    const double disc = 0.25 * w.mass_kg * w.radius_m * w.radius_m;
+    add(w.mass_kg, w.x_m, w.side == CarSide::kLeft ? 0.5 * body.track_m : -0.5 * body.track_m, 0, disc, disc);
+  }
+  const CarConstants constants(body);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, mass_kg, constants.mass_kg);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, x / mass_kg, constants.com_x_m);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, y, constants.side_moment_kg_m);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.06 + z / mass_kg, constants.com_height_m);
+  // Roll and yaw are taken about axes through the segments' own middle: that wheels stand beside and below it is left
+  // out.
+  const double yz = (segments_y * segments_y + segments_z * segments_z) / segments_kg;
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, roll - yz, constants.roll_inertia_kg_m2);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, yaw - x * x / mass_kg - segments_y * segments_y / segments_kg,
+                            constants.yaw_inertia_kg_m2);
+}
+
 void test_a_hinge_sags_as_its_stiffness_lets_it() {
   for (const double stiffness : {0.05, 0.15, 0.5}) {
     BodySpec body = hinged_study_car(kWidth_m, stiffness);
@@ -316,6 +356,7 @@ void test_a_segment_lighter_than_its_rotors_drives_steadily() {
 int main() {
   UNITY_BEGIN();
   RUN_TEST(test_cut_in_two_the_car_has_the_same_constants);
+  RUN_TEST(test_the_constants_of_unlike_segments_are_those_of_their_sum);
   RUN_TEST(test_a_hinge_sags_as_its_stiffness_lets_it);
   RUN_TEST(test_a_hinge_swings_at_its_natural_frequency_without_gaining_energy);
   RUN_TEST(test_damping_takes_its_share_of_each_swing);
@@ -328,6 +369,5 @@ int main() {
   RUN_TEST(test_one_axle_pulls_its_belly_along);
   RUN_TEST(test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed);
   RUN_TEST(test_a_segment_lighter_than_its_rotors_drives_steadily);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

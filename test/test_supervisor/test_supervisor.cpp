@@ -30,7 +30,7 @@ void bring_to(State state, Supervisor& supervisor) {
   supervisor.arm(kGoodV);
   if (state == State::kArmed) return;
   if (state == State::kFault) return supervisor.report(Fault::kBus);
-  if (state == State::kManual) return static_cast<void>(supervisor.drive_by_hand(true, 0));
+  if (state == State::kManual) return static_cast<void>(supervisor.drive_manually(true, 0));
   supervisor.start(kTrial, 0);
   if (state == State::kFinished) supervisor.stop();
 }
@@ -91,10 +91,10 @@ const std::vector<Event> kTable = {
     {"start with a bad request", [](Supervisor& s) { return s.start({NAN, 0.0f, 10.0f, false, 0}, ms(50)); },
      {{kDisarmed, Refusal::kNotArmed}, {kArmed, Refusal::kNotANumber}, {kRunning, kBusy},
       {kFinished, Refusal::kNotArmed}, {kFault, kLatched}, {kManual, kBusy}, {kTesting, kBusy}}},
-    {"the stick moves", [](Supervisor& s) { return s.drive_by_hand(true, ms(50)); },
+    {"the stick moves", [](Supervisor& s) { return s.drive_manually(true, ms(50)); },
      {{kDisarmed, Refusal::kNotArmed}, {kManual, kOk}, {kRunning, kBusy}, {kFinished, Refusal::kNotArmed},
       {kFault, kLatched}, {kManual, kOk}, {kTesting, kBusy}}},
-    {"the stick rests", [](Supervisor& s) { return s.drive_by_hand(false, ms(50)); },
+    {"the stick rests", [](Supervisor& s) { return s.drive_manually(false, ms(50)); },
      {{kDisarmed, Refusal::kNotArmed}, {kArmed, kOk}, {kRunning, kBusy}, {kFinished, Refusal::kNotArmed},
       {kFault, kLatched}, {kManual, kOk}, {kTesting, kBusy}}},
     {"test an output", [](Supervisor& s) { return s.test(1.0f, kGoodV, ms(50)); },
@@ -377,6 +377,5 @@ int main() {
   RUN_TEST(the_first_fault_stays_until_it_is_acknowledged);
   RUN_TEST(how_a_trial_ended_is_kept_until_the_next_one_starts);
   RUN_TEST(a_second_trial_counts_its_own_time);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -23,8 +23,8 @@ LEAST_RANGE_MM = 1.0
 
 def height_scale(maps: Sequence[HeightMap]) -> ScalarMappable:
     """The scale (mm) over all heights of the maps, linear in height on both sides of 0."""
-    low = min((float(one.z_m.min()) for one in maps), default=0.0) * 1e3
-    high = max((float(one.z_m.max()) for one in maps), default=0.0) * 1e3
+    low = min((float(numpy.min(one.z_m)) for one in maps), default=0.0) * 1e3
+    high = max((float(numpy.max(one.z_m)) for one in maps), default=0.0) * 1e3
     low, high = min(low, 0.0), max(high, 0.0)
     high = max(high, LEAST_RANGE_MM + low)
     values = numpy.linspace(low, high, COLOURS)

@@ -42,7 +42,7 @@ def driven_line(path: Sequence[Sequence[float]], margin_m: float, spacing_m: flo
     furthest = numpy.maximum.accumulate(travelled)
     new = numpy.concatenate([[True], travelled[1:] > furthest[:-1]])
     s, x, y, heading = travelled[new], rows[new, 1], rows[new, 2], numpy.unwrap(rows[:, 4])[new]
-    first, last = min(travelled.min(), 0.0) - margin_m, s[-1] + margin_m
+    first, last = min(float(numpy.min(travelled)), 0.0) - margin_m, s[-1] + margin_m
     at = numpy.arange(first, last + spacing_m / 2, spacing_m)
     before, after = numpy.minimum(at - s[0], 0.0), numpy.maximum(at - s[-1], 0.0)
     return Line(
@@ -55,7 +55,7 @@ def driven_line(path: Sequence[Sequence[float]], margin_m: float, spacing_m: flo
 
 def straight_line(start: Mapping[str, Any], first_m: float, last_m: float, spacing_m: float = 1e-3) -> Line:
     """The straight line along a pose's heading, between two distances from it, with a point every ``spacing_m``."""
-    at = numpy.arange(first_m, last_m + spacing_m / 2, spacing_m)
+    at = numpy.arange(first_m, last_m + spacing_m / 2, spacing_m, dtype=float)
     heading = start["heading_rad"]
     x, y = start["x_m"] + at * numpy.cos(heading), start["y_m"] + at * numpy.sin(heading)
     return Line(at, x, y, numpy.full(len(at), heading))

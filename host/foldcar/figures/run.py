@@ -131,7 +131,7 @@ def _draw_side(
     for name, left, colour, order in (("left", 0.5, FAR_COLOUR, 1), ("right", -0.5, NEAR_COLOUR, 2)):
         tyre = max(wheel["width_m"] for wheel in wheels if wheel["side"] == name)
         strip = strip_heights_m(heights, scene, line, left * body["track_m"], tyre)
-        lowest, highest = min(lowest, float(strip.min())), max(highest, float(strip.max()))
+        lowest, highest = min(lowest, float(numpy.min(strip))), max(highest, float(numpy.max(strip)))
         axes.fill_between(
             line.distance_m,
             strip,

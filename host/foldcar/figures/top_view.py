@@ -1,5 +1,6 @@
 """Draws a scene from above: ground heights, patches, course, start, goal, optionally a car's path."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,11 +13,10 @@ from matplotlib.transforms import Affine2D
 from foldcar.figures.ground import Extent, HeightMap
 from foldcar.figures.height_colours import shaded
 from foldcar.figures.style import ACCENT, FAILURE, INK
+from foldcar.scenes.terrain_kinds import kind_of, reach_m
 
 ARROW_LENGTH_M = 0.2
 VIEW_MARGIN_M = 0.2
-# Kinds whose contour lines are drawn; those of sharp edges and of roughness would cover everything.
-CONTOURED = ("hill", "pothole", "patch")
 CONTOUR_STEP_M = 0.01
 PATCH_COLOUR = "#5b4a9c"
 OUTLINE = {"fill": False, "edgecolor": "#00000059", "linewidth": 0.5, "zorder": 2}
@@ -64,7 +64,7 @@ def draw_top_view(
     axes.imshow(shaded(ground, scale), origin="lower", extent=corners, interpolation="antialiased", zorder=0)
     for piece in scene["terrain"]:
         _draw_outline(axes, piece)
-    if scene["terrain"] and all(piece["kind"] in CONTOURED for piece in scene["terrain"]):
+    if scene["terrain"] and all(_contoured(piece) for piece in scene["terrain"]):
         _draw_contours(axes, ground)
     _draw_course(axes, scene["course"])
     if scene["goal"] is not None:
@@ -92,9 +92,8 @@ def draw_top_view(
 def _draw_outline(axes: Axes, piece: Mapping[str, Any]) -> None:
     """Draw the edges of a block, the rim of a hole or the hatched area of a patch; smooth ground has no outline."""
     place = (piece["x_m"], piece["y_m"])
-    if piece["kind"] == "pothole":
-        axes.add_patch(Circle(place, piece["radius_m"], **OUTLINE))
-    elif piece["kind"] == "patch":
+    kind = kind_of(piece)
+    if kind.form == "patch":
         look = {
             "fill": False,
             "edgecolor": PATCH_COLOUR,
@@ -115,12 +114,19 @@ def _draw_outline(axes: Axes, piece: Mapping[str, Any]) -> None:
             clip_on=True,
             zorder=3,
         )
-    elif piece["kind"] in ("box", "ramp", "half_round"):
+    elif kind.form == "block":
         axes.add_patch(_rectangle(axes, piece, OUTLINE))
+    elif kind.shape == "disc":
+        axes.add_patch(Circle(place, piece["radius_m"], **OUTLINE))
+
+
+def _contoured(piece: Mapping[str, Any]) -> bool:
+    """Whether contours show a piece; those of edges and of rough ground would hide it."""
+    return kind_of(piece).form != "block" and not kind_of(piece).is_floor
 
 
 def _draw_contours(axes: Axes, ground: HeightMap) -> None:
-    low, high = float(ground.z_m.min()), float(ground.z_m.max())
+    low, high = float(numpy.min(ground.z_m)), float(numpy.max(ground.z_m))
     steps = numpy.arange(numpy.ceil(low / CONTOUR_STEP_M), high / CONTOUR_STEP_M + 1)
     levels = steps[steps != 0] * CONTOUR_STEP_M
     rows, columns = ground.z_m.shape
@@ -142,11 +148,12 @@ def _draw_course(axes: Axes, course: Mapping[str, float]) -> None:
 
 
 def _half_diagonal_m(piece: Mapping[str, Any]) -> float:
-    if piece["kind"] == "hill":
-        return 2 * max(float(piece["sd_along_m"]), float(piece["sd_across_m"]))
-    if piece["kind"] == "pothole":
-        return float(piece["radius_m"])
-    return float((piece["length_m"] ** 2 + piece["width_m"] ** 2) ** 0.5 / 2)
+    along, across = reach_m(piece)
+    shape = kind_of(piece).shape
+    if shape == "rectangle":
+        return math.hypot(along, across)
+    # Half of where a hill ends is where it can be seen to rise.
+    return max(along, across) / 2 if shape == "bell" else along
 
 
 def _draw_goal(axes: Axes, scene: Mapping[str, Any]) -> None:

@@ -11,8 +11,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.etree.ElementTree import Element
 
+import numpy
+
+from foldcar.errors import FoldcarError
 from foldcar.models.ground import HeightGrid
 from foldcar.models.xml_elements import add, numbers
+from foldcar.scenes.terrain_kinds import kind_of
 
 # Ground collides with the car only, and the car with the ground only.
 GROUND_CONTACT = {"contype": "1", "conaffinity": "2"}
@@ -36,7 +40,7 @@ def add_terrain(
         _add_height_field(world, asset, grid)
     for index, piece in enumerate(terrain):
         name, kind = f"{piece['kind']}{index}", piece["kind"]
-        if kind not in ("box", "ramp", "half_round"):
+        if kind_of(piece).form != "block":
             continue
         half_length, half_width, height = piece["length_m"] / 2, piece["width_m"] / 2, piece["height_m"]
         x, y, heading = piece["x_m"], piece["y_m"], piece["heading_rad"]
@@ -53,16 +57,18 @@ def add_terrain(
             vertices = " ".join(numbers(*corner) for corner in corners)
             add(asset, "mesh", name=name, vertex=vertices)
             _geom(world, name, PIECE_RGBA, type="mesh", mesh=name, pos=numbers(x, y, 0), **turned)
-        else:
+        elif kind == "half_round":
             radius = (half_length**2 + height**2) / (2 * height)
             across = (math.sin(heading), -math.cos(heading), 0)
             ends = [(x - s * across[0] * half_width, y - s * across[1] * half_width) for s in (-1, 1)]
             fromto = " ".join(numbers(*end, height - radius) for end in ends)
             _geom(world, name, PIECE_RGBA, type="cylinder", size=numbers(radius), fromto=fromto)
+        else:
+            raise FoldcarError(f"terrain {index}: a {kind} cannot be written as MJCF")
 
 
 def _add_height_field(world: Element, asset: Element, grid: HeightGrid) -> None:
-    low, high = float(grid.z_m.min()), float(grid.z_m.max())
+    low, high = float(numpy.min(grid.z_m)), float(numpy.max(grid.z_m))
     rise = max(high - low, LEAST_RISE_M)
     half_x, half_y = (grid.x_max_m - grid.x_min_m) / 2, (grid.y_max_m - grid.y_min_m) / 2
     middle_x, middle_y = (grid.x_max_m + grid.x_min_m) / 2, (grid.y_max_m + grid.y_min_m) / 2

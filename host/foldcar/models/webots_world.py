@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy
 
+from foldcar.errors import FoldcarError
 from foldcar.models.ground import HeightGrid
 from foldcar.models.vrml import HEADER, Node, node_text, vector
 from foldcar.models.webots_car import contact_materials, placed, shape
+from foldcar.scenes.terrain_kinds import kind_of
 
 GROUND = "ground"
 STEP_MS = 4
@@ -60,7 +62,7 @@ def webots_world(
 
 def _blocks(scene: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
     terrain = scene["terrain"] if scene else ()
-    return [piece for piece in terrain if piece["kind"] in ("box", "ramp", "half_round")]
+    return [piece for piece in terrain if kind_of(piece).form == "block"]
 
 
 def _near(piece: Mapping[str, Any], start: Mapping[str, float]) -> bool:
@@ -111,10 +113,12 @@ def _block(piece: Mapping[str, Any], name: str) -> Node:
     if piece["kind"] == "box":
         geometry = Node("Box", {"size": vector(length, width, height + SUNK_M)})
         middle, turn = (0.0, 0.0, (height - SUNK_M) / 2), (0.0, 0.0, 1.0, 0.0)
-    else:
+    elif piece["kind"] == "half_round":
         radius = ((length / 2) ** 2 + height**2) / (2 * height)
         geometry = Node("Cylinder", {"radius": radius, "height": width})
         middle, turn = (0.0, 0.0, height - radius), (1.0, 0.0, 0.0, math.pi / 2)
+    else:
+        raise FoldcarError(f"{name}: a {piece['kind']} cannot be written for Webots")
     seen = placed(shape(geometry, PIECE_COLOUR), middle, turn)
     return _solid(name, seen, placed(geometry, middle, turn), **place)
 

@@ -9,12 +9,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from foldcar.scenes.reading import UnusableError, finite
-from foldcar.scenes.terrain import reach_m
+from foldcar.scenes.terrain_kinds import kind_of, reach_m
 
 # Scenic's specifiers such as `on` leave a gap of its contact tolerance.
 STANDING_TOLERANCE_M = 1e-3
 LEVEL_TOLERANCE_RAD = 1e-6
-BLOCKS = ("box", "ramp", "half_round")
 # The largest wheel radius of a design. A wheel cannot climb a step higher than its radius.
 GREATEST_WHEEL_RADIUS_M = 0.15
 FARTHEST_M = 1000.0
@@ -61,7 +60,7 @@ def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose]) -> None:
     """The start is outside each block or completely on it, not across its edge, where the car would not stand level."""
     half = (finite("length", ego.length, ego) / 2, finite("width", ego.width, ego) / 2)
     for piece in terrain:
-        if piece["kind"] not in BLOCKS:
+        if kind_of(piece).form != "block":
             continue
         reach = reach_m(piece)
         apart = math.hypot(piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"])

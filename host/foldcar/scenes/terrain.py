@@ -9,32 +9,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from foldcar.scenes.reading import UnusableError, finite, pose, rounded
+from foldcar.scenes.terrain_kinds import HEIGHT_M, KINDS, kind_of
 
-# Lengths below 1 mm are within the tolerance of the simulator's contacts. No wheel of a design is larger than 0.15 m,
-# so a height above 1 m is most likely a mistake of units.
-SIDE_M = (0.001, 100.0)
-SPREAD_M = (0.005, 100.0)
-EDGE_M = (0.002, 100.0)
-HEIGHT_M = (0.0001, 1.0)
 PLACE_M = (-1000.0, 1000.0)
 TURN_RAD = (-100.0, 100.0)
 
-KINDS: Mapping[str, Mapping[str, tuple[float, float]]] = {
-    "box": {"length_m": SIDE_M, "width_m": SIDE_M, "height_m": HEIGHT_M},
-    "ramp": {"length_m": SIDE_M, "width_m": SIDE_M, "height_m": HEIGHT_M},
-    "half_round": {"length_m": SIDE_M, "width_m": SIDE_M, "height_m": HEIGHT_M},
-    "hill": {"sd_along_m": SPREAD_M, "sd_across_m": SPREAD_M, "height_m": (-HEIGHT_M[1], HEIGHT_M[1])},
-    "pothole": {"radius_m": EDGE_M, "depth_m": HEIGHT_M, "edge_m": EDGE_M},
-    "rough": {
-        "length_m": SIDE_M,
-        "width_m": SIDE_M,
-        "height_sd_m": (0.0, HEIGHT_M[1]),
-        "correlation_m": SIDE_M,
-        "seed": (0.0, 2.0**31 - 1),
-    },
-    "patch": {"length_m": SIDE_M, "width_m": SIDE_M, "friction": (0.0, 5.0)},
-}
-# A pothole is round and has no heading.
 PLACE_KEYS = {"x_m": PLACE_M, "y_m": PLACE_M, "heading_rad": TURN_RAD}
 MOST_PIECES = 10_000
 # The simulator represents rough ground as a grid with cells of an eighth of the correlation length.
@@ -54,15 +33,6 @@ def terrain_pieces(thing: Any) -> list[dict[str, Any]]:
     return [_placed(_checked(part, thing), place) for part in parts]
 
 
-def reach_m(piece: Mapping[str, Any]) -> tuple[float, float]:
-    """Half the extent of a piece's ground along its heading and across (m)."""
-    if piece["kind"] == "hill":
-        return 4 * piece["sd_along_m"], 4 * piece["sd_across_m"]
-    if piece["kind"] == "pothole":
-        return piece["radius_m"], piece["radius_m"]
-    return piece["length_m"] / 2, piece["width_m"] / 2
-
-
 def _checked(part: Any, thing: Any) -> dict[str, Any]:
     """A piece in its object's frame with all keys of its kind, each checked to be a number within its limits."""
     if not isinstance(part, Mapping) or part.get("kind") not in KINDS:
@@ -70,7 +40,7 @@ def _checked(part: Any, thing: Any) -> dict[str, Any]:
             f"{part!r} is not a piece of terrain; its kind must be one of {', '.join(KINDS)}", thing
         )
     kind = part["kind"]
-    sizes = KINDS[kind]
+    sizes = KINDS[kind].sizes
     unknown = [key for key in part if key != "kind" and key not in sizes and key not in PLACE_KEYS]
     if unknown:
         raise UnusableError(f"{kind}: unknown key {unknown[0]}; its keys are {', '.join(sizes)}", thing)
@@ -133,6 +103,6 @@ def _placed(part: dict[str, Any], place: Mapping[str, float]) -> dict[str, Any]:
         "y_m": rounded(place["y_m"] + ahead * sin + left * cos),
         "heading_rad": rounded(math.remainder(place["heading_rad"] + part["heading_rad"], 2 * math.pi)),
     }
-    if piece["kind"] == "pothole":
+    if kind_of(piece).shape == "disc":
         del piece["heading_rad"]
     return piece

@@ -13,10 +13,9 @@ from string import ascii_uppercase
 from typing import Any
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes.terrain_kinds import description, kind_of
 
 CAR = "car"
-# Kinds of terrain that are the floor itself and cannot be misplaced.
-GROUND_KINDS = ("rough",)
 MOST_DEVIATION_MM = 1000.0
 
 Deviations = Mapping[str, tuple[float, float, float]]
@@ -37,7 +36,7 @@ def obstacles(scene: Mapping[str, Any]) -> list[Obstacle]:
     """The scene's obstacles in the order of its terrain, lettered A, B, …, Z, AA, …; pieces with one centre are one."""
     groups: dict[tuple[float, float], list[int]] = {}
     for index, piece in enumerate(scene["terrain"]):
-        if piece["kind"] not in GROUND_KINDS:
+        if not kind_of(piece).is_floor:
             groups.setdefault((piece["x_m"], piece["y_m"]), []).append(index)
     return [
         Obstacle(_letters(number), tuple(indices), x, y, scene["terrain"][indices[0]].get("heading_rad", 0.0))
@@ -50,7 +49,7 @@ def instructions(scene: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str,
     start = scene["start"]
     yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "its middle"
     for thing in obstacles(scene):
-        what = "; ".join(_piece_text(scene["terrain"][index]) for index in thing.pieces)
+        what = "; ".join(description(scene["terrain"][index]) for index in thing.pieces)
         yield thing.letter, *_place(thing.x_m, thing.y_m, thing.heading_rad), what
     goal = scene["goal"]
     if goal is not None:
@@ -105,18 +104,6 @@ def names_of(scene: Mapping[str, Any]) -> list[str]:
 
 def _place(x_m: float, y_m: float, heading_rad: float) -> tuple[str, str, str]:
     return f"{1000 * x_m:.0f}", f"{1000 * y_m:.0f}", f"{_degrees(heading_rad):.1f}"
-
-
-def _piece_text(piece: Mapping[str, Any]) -> str:
-    kind = piece["kind"].replace("_", "-")
-    if piece["kind"] == "hill":
-        return f"hill {1000 * piece['height_m']:.1f} mm high"
-    if piece["kind"] == "pothole":
-        return f"hole {1000 * piece['depth_m']:.1f} mm deep, radius {1000 * piece['radius_m']:.0f} mm"
-    size = f"{1000 * piece['length_m']:.0f} × {1000 * piece['width_m']:.0f}"
-    if piece["kind"] == "patch":
-        return f"patch {size} mm of friction {piece['friction']:g}"
-    return f"{kind} {size} × {1000 * piece['height_m']:.1f} mm"
 
 
 def _degrees(angle_rad: float) -> float:

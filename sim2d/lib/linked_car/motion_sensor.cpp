@@ -23,7 +23,7 @@ Vector into_car(const Vector& v, double heading_rad, double pitch_rad, double ro
 }  // namespace
 
 ImuSample MotionSensor::observe(const CarState& car, double step_s) {
-  const Moment now{{car.x_m, car.y_m, car.z_m}, {car.heading_rad, car.pitch_rad, car.roll_rad}};
+  const Pose now{{car.x_m, car.y_m, car.z_m}, {car.heading_rad, car.pitch_rad, car.roll_rad}};
   Vector acceleration{0, 0, kGravity_m_s2};
   Vector angle_rate{};
   if (seen_ > 0) {

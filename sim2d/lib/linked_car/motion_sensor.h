@@ -14,13 +14,13 @@ class MotionSensor {
   ImuSample observe(const CarState& car, double step_s);
 
  private:
-  struct Moment {
+  struct Pose {
     std::array<double, 3> place_m{};
     std::array<double, 3> angles_rad{};  // heading, pitch, roll
   };
 
   int seen_ = 0;
-  Moment last_;
+  Pose last_;
   std::array<double, 3> velocity_m_s_{};
   ImuSample sample_;
 };

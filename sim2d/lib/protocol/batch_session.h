@@ -7,7 +7,7 @@
 
 #include "batch_input.h"
 #include "scene_terrain.h"
-#include "stopwatch.h"
+#include "scoped_timer.h"
 
 namespace foldcar {
 

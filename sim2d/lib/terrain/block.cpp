@@ -146,11 +146,11 @@ void Block::slice(const SliceFrame& frame, double cosine, double sine, const Spa
 void Block::add_curve(const BlockCorners& corners, const AlongBlock& along, const Interval& within, const Strip& strip,
                       std::vector<Piece>& pieces) const {
   const bool ramp = spec_.kind == BlockSpec::Kind::kRamp;
-  constexpr int kMostBreaks = 24;
-  double breaks[kMostBreaks] = {within.min_m, within.max_m};
+  constexpr int kMaxBreaks = 24;
+  double breaks[kMaxBreaks] = {within.min_m, within.max_m};
   int count = 2;
   for_each_corner(corners, strip, [&](double at) {
-    if (at > within.min_m && at < within.max_m && count < kMostBreaks) breaks[count++] = at;
+    if (at > within.min_m && at < within.max_m && count < kMaxBreaks) breaks[count++] = at;
   });
   std::sort(breaks, breaks + count);
   auto crest_m = [&](const Interval& covered_along) {

@@ -19,7 +19,7 @@ constexpr double kPlanTurn_rad = 0.03;
 
 // Lines of the car's frame, parallel to s: that of across (in the car) runs at y = middle + scale·across and is seen
 // lowered by tilt·across.
-struct Across {
+struct LateralSpan {
   double from_m = 0;
   double to_m = 0;
   double middle_m = 0;
@@ -30,10 +30,10 @@ struct Across {
 class GroundOutline {
  public:
   // Chooses stations for the span, which counts from the frame's point; that point stands at s_m of the plane.
-  void plan(const Ground& ground, const SliceFrame& frame, double s_m, const Span& span, const Across& across);
+  void plan(const Ground& ground, const SliceFrame& frame, double s_m, const Span& span, const LateralSpan& across);
   // The highest of all lines at every station; y of the segments is across, where lines are as high as the highest
   // within tolerance_m.
-  void cut(const SliceFrame& frame, double s_m, const Across& across, double tolerance_m, Profile& profile);
+  void cut(const SliceFrame& frame, double s_m, const LateralSpan& across, double tolerance_m, Profile& profile);
   // How high the outermost lines of the last cut are at s of the plane.
   struct Ends {
     double from_z_m, to_z_m;

@@ -11,7 +11,7 @@ namespace {
 constexpr double kSameHeight = 0.4;
 
 // Stands for no ground at all under level pieces.
-constexpr double kNothing_m = std::numeric_limits<double>::lowest();
+constexpr double kNoGround_m = std::numeric_limits<double>::lowest();
 
 bool level(const Piece& piece) { return piece.z0_m == piece.z1_m; }
 
@@ -172,9 +172,9 @@ void raise_to_envelope(const std::vector<Piece>& pieces, double resolution_m, En
   find_level(pieces, scratch.level);
   if (!scratch.level.empty()) {
     const Span span{profile.front().s0_m, profile.back().s1_m};
-    const Piece nothing{span.s_min_m, span.s_max_m, kNothing_m, kNothing_m, 0};
+    const Piece nothing{span.s_min_m, span.s_max_m, kNoGround_m, kNoGround_m, 0};
     level_envelope(scratch.level, nothing, span, resolution_m, scratch.breaks, scratch.curve);
-    auto empty = [](const ProfileSegment& segment) { return segment.z0_m == kNothing_m; };
+    auto empty = [](const ProfileSegment& segment) { return segment.z0_m == kNoGround_m; };
     scratch.curve.erase(std::remove_if(scratch.curve.begin(), scratch.curve.end(), empty), scratch.curve.end());
     raise(scratch.curve, tolerance_m, scratch.before, profile);
   }

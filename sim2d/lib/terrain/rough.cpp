@@ -10,14 +10,14 @@ constexpr double kKernelReach = 4;  // standard deviations
 // Curvature is kept for blocks of so many cells by as many. All of it sits in the kinks between cells: chords about as
 // long as a cell miss more of them than of a surface bent evenly.
 constexpr std::size_t kBlockCells = 8;
-constexpr double kKinks = 1.4;
+constexpr double kKinkFactor = 1.4;
 
 double cells(double side_m, double correlation_m) {
   return std::max(1.0, std::ceil(side_m * kCellsPerCorrelation / correlation_m - 1e-9));
 }
 
 // The finaliser of SplitMix64 (Steele, Lea and Flood, 2014): every bit of the result depends on every bit.
-std::uint64_t mixed(std::uint64_t bits) {
+std::uint64_t hashed(std::uint64_t bits) {
   bits += 0x9e3779b97f4a7c15u;
   bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9u;
   bits = (bits ^ (bits >> 27)) * 0x94d049bb133111ebu;
@@ -26,9 +26,9 @@ std::uint64_t mixed(std::uint64_t bits) {
 
 // Uniform, of mean 0 and variance 1: the blur makes it Gaussian.
 double noise(int seed, std::int64_t column, std::int64_t row) {
-  std::uint64_t bits = mixed(static_cast<std::uint64_t>(seed));
-  bits = mixed(bits ^ static_cast<std::uint64_t>(column));
-  bits = mixed(bits ^ static_cast<std::uint64_t>(row));
+  std::uint64_t bits = hashed(static_cast<std::uint64_t>(seed));
+  bits = hashed(bits ^ static_cast<std::uint64_t>(column));
+  bits = hashed(bits ^ static_cast<std::uint64_t>(row));
   constexpr double kRoot12 = 3.4641016151377544;
   return (static_cast<double>(bits >> 11) * 0x1p-53 - 0.5) * kRoot12;
 }
@@ -142,7 +142,7 @@ void Rough::find_curvature() {
           (z[stride + 1] - z[stride - 1] - z[-stride + 1] + z[-stride - 1]) * 0.25 * per_m_along_ * per_m_across_;
       const double larger = std::abs(0.5 * (along + across)) + std::hypot(0.5 * (along - across), twist);
       float& block = block_curvature_1_m_[row / kBlockCells * blocks_along_ + column / kBlockCells];
-      block = std::max(block, static_cast<float>(kKinks * larger));
+      block = std::max(block, static_cast<float>(kKinkFactor * larger));
     }
   }
 }

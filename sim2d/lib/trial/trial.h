@@ -12,9 +12,10 @@
 #include <vector>
 
 #include "body_spec.h"
+#include "metrics.h"
 #include "parameters.h"
 #include "scene_spec.h"
-#include "stopwatch.h"
+#include "scoped_timer.h"
 #include "twin_track_car.h"
 
 namespace foldcar {
@@ -34,13 +35,9 @@ struct TrialSpec {
 // time, x, y, z (of the car's origin), heading, pitch, roll, then the angle of each hinge from front to back
 using PathRow = std::vector<double>;
 
-struct TrialResult {
+// The metrics at the end, how it ended and, if it was asked for, the path.
+struct TrialResult : Metrics {
   Outcome outcome = Outcome::kTimeout;
-  double elapsed_time_s = 0;
-  std::optional<double> distance_to_target_m;  // none without a goal
-  double consumed_energy_j = 0;
-  double max_roll_rad = 0;
-  double max_pitch_rad = 0;
   std::vector<PathRow> path;
 };
 
@@ -49,14 +46,13 @@ class TrialError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// What is known of a trial at one of its steps.
-struct Snapshot {
-  double elapsed_time_s = 0;
+// A trial at one of its steps: the metrics until then and the state of the car.
+struct Snapshot : Metrics {
   CarState car;
-  double consumed_energy_j = 0;  // since the start of the trial
-  double max_roll_rad = 0;       // until now
-  double max_pitch_rad = 0;
 };
+
+// The result of a trial that ended at that moment in that way; without a path.
+TrialResult result_at(const Snapshot& at, Outcome outcome);
 
 // A trial that its caller advances. Everything handed over must outlive it. terrain is the scene's; without one the
 // trial makes it.
@@ -74,13 +70,12 @@ class Trial {
   const Snapshot& now() const { return now_; }
   double step_s() const;
   double hinge_rad(std::size_t hinge) const;
-  // The result of a trial that ended at that moment in that way; without a path.
-  TrialResult result(const Snapshot& at, Outcome outcome) const;
 
  private:
   class Simulation;
 
-  void look();
+  // Takes the state after a step into the snapshot, and sees whether it ends the trial.
+  void observe();
 
   const SceneSpec& scene_;
   std::unique_ptr<Simulation> simulation_;

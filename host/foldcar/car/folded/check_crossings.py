@@ -50,9 +50,9 @@ def _crossing_mm(a: PlacedFace, b: PlacedFace) -> float:
     """Length of the line along which the interiors of two faces cross (mm)."""
     heights_a, heights_b = b.in_face(a.corners_mm)[:, 2], a.in_face(b.corners_mm)[:, 2]
     # A face that lies on one side of the other's plane cannot cross it.
-    if any(h.min() > -SHRINK_MM or h.max() < SHRINK_MM for h in (heights_a, heights_b)):
+    if any(np.min(h) > -SHRINK_MM or np.max(h) < SHRINK_MM for h in (heights_a, heights_b)):
         return 0.0
-    direction = np.cross(a.normal, b.normal)
+    direction: NDArray[np.float64] = np.cross(a.normal, b.normal).astype(np.float64)
     direction /= np.linalg.norm(direction)
     # A point that lies in both planes.
     origin_a, origin_b = a.matrix[:3, 3], b.matrix[:3, 3]

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from foldcar.car.folded.finding import Finding
 from foldcar.car.folded.model import EdgeRef, FoldedCar, Join
@@ -66,7 +67,7 @@ def _pairs(first: Sequence[PlacedFace], second: Sequence[PlacedFace]) -> Iterato
                 yield a, b
 
 
-def _edge(face: PlacedFace, ref: EdgeRef) -> np.ndarray:
+def _edge(face: PlacedFace, ref: EdgeRef) -> NDArray[np.float64]:
     corners = face.corners_mm
     return corners[[ref.index, (ref.index + 1) % len(corners)]]
 
@@ -74,7 +75,7 @@ def _edge(face: PlacedFace, ref: EdgeRef) -> np.ndarray:
 def _gap_mm(a: PlacedFace, edge_a: EdgeRef, b: PlacedFace, edge_b: EdgeRef) -> float:
     """The larger distance between the ends of two edges (mm), in the better of the two directions."""
     first, second = _edge(a, edge_a), _edge(b, edge_b)
-    ends = [np.linalg.norm(first - other, axis=1).max() for other in (second, second[::-1])]
+    ends = [np.max(np.linalg.norm(first - other, axis=1)) for other in (second, second[::-1])]
     return float(min(ends))
 
 
@@ -106,8 +107,9 @@ def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
         return
     tip = _edge(a, join.a)
     local = b.in_face(tip)
-    if local[:, 2].max() > -b.piece.thickness_mm / 2:
-        yield Finding("slot", place, f"the tongue ends {local[:, 2].max():.2f} mm inside the slot")
+    end_mm = float(np.max(local[:, 2]))
+    if end_mm > -b.piece.thickness_mm / 2:
+        yield Finding("slot", place, f"the tongue ends {end_mm:.2f} mm inside the slot")
         return
     half = a.piece.thickness_mm / 2
     section = shapely.LineString(local[:, :2]).buffer(half, cap_style="flat")

@@ -182,7 +182,7 @@ def _seen(facet: Facet, region: BaseGeometry, whole: bool, view: Camera) -> Seen
     front = bool(facet.normal @ view.toward > 0)
     normal = facet.normal if front else -facet.normal
     light = view.toward + 0.6 * view.up - 0.35 * view.right
-    return Seen(facet, region, whole, float(max(0.0, normal @ light / np.linalg.norm(light))), front)
+    return Seen(facet, region, whole, max(0.0, float(normal @ light / np.linalg.norm(light))), front)
 
 
 def _mean_depth(facet: Facet, view: Camera) -> float:

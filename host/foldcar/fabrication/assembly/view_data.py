@@ -1,7 +1,7 @@
 """The data of the view page: triangulated faces, folds, flat and assembled poses, bought parts.
 
 Input: a FoldedCar. Output: JSON in millimetres and radians; poses are 16 numbers, row-major. The page computes the
-folding (docs/assembly.md).
+folding (docs/patterns.md).
 """
 
 import math

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.migrations import VERSION, add_metrics, copy_beside, create_tables, migrate
+from foldcar.store.migrations import VERSION, add_metrics, copy_beside, create_tables, migrate, transaction
 from foldcar.store.tables import CHECKSUM, RUN
 from foldcar.store.writer_lock import check_journal, writer_lock
 
@@ -90,13 +90,21 @@ def store_version(path: Path, connection: sqlite3.Connection) -> int:
     return int(version)
 
 
+def fill_blank(path: Path, connection: sqlite3.Connection) -> None:
+    """Make an empty SQLite file an empty store of this version."""
+    with store_errors(path), transaction(connection):
+        create_tables(connection)
+        connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        connection.execute(f"PRAGMA user_version = {VERSION}")
+
+
 def _open_writing(path: Path) -> sqlite3.Connection:
     check_journal(path)
     with store_errors(path):
         connection = sqlite3.connect(path, isolation_level=None)
     try:
         if _is_blank(path, connection):
-            _create(path, connection)
+            fill_blank(path, connection)
         version = store_version(path, connection)
         backup = copy_beside(path, connection, version) if version < VERSION else None
     except BaseException:
@@ -147,12 +155,3 @@ def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
     except sqlite3.DatabaseError as error:
         raise StoreError(f"{path}: is no foldcar store ({error})") from error
     return bool(tables == 0 and application_id == 0)
-
-
-def _create(path: Path, connection: sqlite3.Connection) -> None:
-    with store_errors(path):
-        connection.execute("BEGIN IMMEDIATE")
-        create_tables(connection)
-        connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-        connection.execute(f"PRAGMA user_version = {VERSION}")
-        connection.execute("COMMIT")

@@ -73,7 +73,7 @@ def _text_table(name: str, meaning: str) -> Table:
     columns = (
         Column("id", "INTEGER", "number"),
         Column("hash", "TEXT", "SHA-256 of the JSON text and of what else tells it from an equal one"),
-        Column("json", "JSON", "the object, as docs/carsim.md describes it"),
+        Column("json", "JSON", "the object; the names in it end with their units"),
     )
     return Table(name, meaning, columns, unique="hash")
 

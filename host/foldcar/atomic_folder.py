@@ -12,18 +12,16 @@ from pathlib import Path
 
 from foldcar.errors import FoldcarError
 
-MANIFEST = "pattern.json"
-
 
 @contextlib.contextmanager
-def atomic_folder(folder: Path) -> Iterator[Path]:
+def atomic_folder(folder: Path, manifest: str) -> Iterator[Path]:
     """A new folder that becomes ``folder`` when the block ends well and vanishes when it does not.
 
-    The block writes a manifest into it, a JSON object whose ``files`` are relative paths. FoldcarError, naming the
-    folder, if it cannot be written or holds something else.
+    The block writes a file named ``manifest`` into it, a JSON object whose ``files`` are relative paths. FoldcarError,
+    naming the folder, if it cannot be written or holds something else.
     """
     folder = folder.absolute()
-    _check_replaceable(folder)
+    _check_replaceable(folder, manifest)
     temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     old = folder.with_name(f".{folder.name}.{os.getpid()}.old")
     try:
@@ -45,16 +43,16 @@ def atomic_folder(folder: Path) -> Iterator[Path]:
             shutil.rmtree(leftover, ignore_errors=True)
 
 
-def _check_replaceable(folder: Path) -> None:
+def _check_replaceable(folder: Path, manifest: str) -> None:
     if not folder.exists():
         return
     if not folder.is_dir():
         raise FoldcarError(f"{folder}: is no folder")
     try:
         held = {str(file.relative_to(folder)) for file in folder.rglob("*") if not file.is_dir()}
-        listed = set(json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]) if held else set()
+        listed = set(json.loads((folder / manifest).read_text(encoding="utf-8"))["files"]) if held else set()
     except (OSError, ValueError, KeyError, TypeError):
         raise FoldcarError(f"{folder}: holds other files; choose another folder") from None
-    foreign = sorted(held - listed - {MANIFEST})
+    foreign = sorted(held - listed - {manifest})
     if foreign:
         raise FoldcarError(f"{folder}: holds {foreign[0]}, which is none of its files; choose another folder")

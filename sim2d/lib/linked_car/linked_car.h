@@ -24,12 +24,14 @@
 
 namespace foldcar {
 
+// What a linked car has besides its body and scene.
 struct LinkedCarOptions {
   DesignResult design;
   std::vector<std::pair<std::string, float>> stored_parameters;  // as if saved in flash before
   bool put_back = false;  // at the scene's start again whenever it is armed
 };
 
+// A car, its firmware and its surroundings, advanced by the caller in steps of 1/240 s.
 class LinkedCar {
  public:
   // body and scene must outlive the car. firmware_id: 16 hexadecimal digits.

@@ -12,6 +12,7 @@
 
 namespace foldcar {
 
+// Time that the stepper sets.
 class SimClock : public Clock {
  public:
   std::uint64_t now_us() const override { return now_us_; }
@@ -21,6 +22,7 @@ class SimClock : public Clock {
   std::uint64_t now_us_ = 0;
 };
 
+// Keeps the last pulses (µs), for the simulated servos to read.
 class SimServos : public WheelServos {
  public:
   bool write_pulses(const PulsesUs& pulses_us) override;
@@ -91,6 +93,7 @@ class SimLogs : public LogStorage {
   std::uint16_t open_ = 0;
 };
 
+// A board that only notes that a restart is asked for.
 class SimBoard : public Board {
  public:
   ResetReason reset_reason() const override { return reason; }
@@ -99,6 +102,7 @@ class SimBoard : public Board {
   bool restart_is_asked = false;
 };
 
+// All devices of one car; battery_v is the voltage of the logic's cell.
 struct SimHal {
   explicit SimHal(double battery_v) : battery(battery_v) {}
   Hal hal() { return {clock, servos, battery, link, storage, imu, logs, board}; }

@@ -20,6 +20,7 @@ struct CutPose {
   double q = 0;
 };
 
+// Holds the outlines of the last cut and the chain fixtures made of them.
 class TrackTerrain {
  public:
   // terrain must outlive it.

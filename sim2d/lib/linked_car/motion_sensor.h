@@ -8,6 +8,7 @@
 
 namespace foldcar {
 
+// Derives acceleration and angular rate from successive poses, with the sensor's low-pass filter.
 class MotionSensor {
  public:
   // The sample after a step that has led to this state.

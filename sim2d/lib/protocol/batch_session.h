@@ -22,6 +22,7 @@ nlohmann::ordered_json result_object(const TrialResult& result);
 std::string error_reply(std::size_t line_number, const std::string& run_id, ErrorKind kind,
                         const std::string& message);
 
+// Remembers bodies and scenes by id and answers the other lines.
 class BatchSession {
  public:
   explicit BatchSession(bool timed) : timed_(timed) {}

@@ -4,6 +4,7 @@
 // feed an armed one with plain noise and with damaged packets that ask for no motion.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <random>
 #include <string>

@@ -1,6 +1,9 @@
 // A host for tests: packs what it sends and reads what the car sends with MAVLink's own reference parser.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <map>
 #include <string>

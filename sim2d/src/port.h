@@ -1,6 +1,7 @@
 // The port that a simulated car is offered on: a pseudo-terminal, or one client of a loopback TCP port. POSIX.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>

@@ -5,6 +5,7 @@
 // one process.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "attitude.h"

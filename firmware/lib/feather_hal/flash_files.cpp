@@ -3,6 +3,7 @@
 #include <Arduino.h>
 #include <LittleFS.h>
 
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>

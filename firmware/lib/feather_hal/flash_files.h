@@ -1,6 +1,9 @@
 // The file system in the ESP32's flash (LittleFS): the car's design, and the logs of its untethered trials.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+
 #include <FS.h>
 
 #include "car_design.h"

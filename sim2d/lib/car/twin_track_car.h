@@ -4,6 +4,7 @@
 // Rate: 240 Hz unless asked otherwise. No randomness, no clock: same inputs, same states.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <utility>
 #include <vector>

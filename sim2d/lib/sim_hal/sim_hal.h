@@ -3,6 +3,7 @@
 // One object a car; nothing is shared between cars.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <string>

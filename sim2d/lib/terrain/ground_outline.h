@@ -6,6 +6,7 @@
 // kPlanSideways and kPlanTurn.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "ground.h"

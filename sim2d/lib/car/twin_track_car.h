@@ -5,6 +5,7 @@
 // states.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <utility>
 #include <vector>

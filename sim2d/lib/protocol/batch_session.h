@@ -1,6 +1,7 @@
 // The serial batch: takes lines, remembers bodies and scenes, runs runs. A worker process is one of these.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <unordered_map>

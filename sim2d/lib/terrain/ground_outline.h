@@ -6,6 +6,7 @@
 // than kPlanSideways_m and kPlanTurn_rad.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "ground.h"

@@ -1,6 +1,8 @@
 // A Gaussian hill, or hollow: height · exp(-(a²/sd_along² + c²/sd_across²)/2), cut off at 4 standard deviations.
 #pragma once
 
+#include <vector>
+
 #include "ground_field.h"
 #include "scene_spec.h"
 

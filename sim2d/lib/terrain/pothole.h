@@ -1,6 +1,8 @@
 // A round hole: -depth · t²(3 - 2t) with t = (radius - r)/edge, at most 1, at the distance r from its middle.
 #pragma once
 
+#include <vector>
+
 #include "ground_field.h"
 #include "scene_spec.h"
 

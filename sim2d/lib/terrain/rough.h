@@ -5,6 +5,9 @@
 // Gaussian of correlation/√2. The surface is the bilinear interpolation of that grid.
 #pragma once
 
+#include <cstddef>
+#include <vector>
+
 #include "ground_field.h"
 #include "scene_spec.h"
 

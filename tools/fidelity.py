@@ -1,7 +1,7 @@
-"""Brings docs/fidelity.md up to date with a cross-check of scenarios/fidelity.json: its tables and its pictures.
+"""Updates tables and pictures of docs/fidelity.md from a cross-check of scenarios/fidelity.json.
 
-Usage: fidelity.py CROSSCHECK_DIR PAGE. Reads runs.csv and pictures of the folder; replaces what stands between
-the marks in the page, and the pictures in the folder of the page's name beside it.
+Usage: fidelity.py CROSSCHECK_DIR PAGE. Input: runs.csv and pictures of the folder. Output: the page with the text
+between its marks replaced, and the pictures in the folder of the page's name beside it.
 """
 
 import csv
@@ -31,7 +31,7 @@ ENGINES = {
     "MuJoCo, half step": HALF_STEP,
     "MuJoCo, ellipsoid tyres": ELLIPSOID,
 }
-# What experiments are called on the page, by how their ids begin; those of one name are one row.
+# Names of experiments on the page by the beginning of their ids; those with one name share a row.
 NAMES = (
     ("width", "widths 65 to 245 mm, friction 0.6"),
     ("friction_0.3", "friction 0.3"),
@@ -49,9 +49,9 @@ NAMES = (
 EVERYTHING = "all"
 # Columns of the cross-check's own table that the page leaves out.
 LEFT_OUT = ("95 % interval", "r of rates", "ellipsoid alike %")
-# Not on step pyramids.
+# Experiments on other ground.
 ELSEWHERE = ("bumps", "hills", "ten_bumps", "course")
-# Pictures of the cross-check (numbered as the listing's experiments) and what they are called here.
+# Names here of the cross-check's pictures, which are numbered as the listing's experiments.
 PICTURES = {
     "success_1.png": "width.png",
     "worst_1.png": "worst_width.png",
@@ -99,7 +99,7 @@ def without_columns(table: Sequence[Sequence[str]], names: Sequence[str]) -> lis
 
 
 def replaced(text: str, begin: str, end: str, between: str) -> str:
-    """The text with what stands between two marks, each there once, replaced."""
+    """The text with the part between two marks, each of which occurs once, replaced."""
     before, rest = text.split(begin)
     _, after = rest.split(end)
     return f"{before}{begin}\n{between}{end}{after}"
@@ -111,7 +111,7 @@ def name_of(row: Mapping[str, str]) -> str:
 
 
 def pairs_of(rows: Sequence[Mapping[str, str]], engine: str) -> list[Pair]:
-    """The outcomes of an engine and of MuJoCo, of the runs that both have made."""
+    """The outcomes of an engine and of MuJoCo for the runs that both have."""
     return [
         (
             Case(row["experiment"], int(row["design"]), int(row["sample"]), {}, {}, {}, {}),
@@ -124,13 +124,13 @@ def pairs_of(rows: Sequence[Mapping[str, str]], engine: str) -> list[Pair]:
 
 
 def markdown(table: Sequence[Sequence[str]]) -> str:
-    """A table with its head in the first row."""
+    """A Markdown table; the first row is its head."""
     lines = [table[0], ["---"] * len(table[0]), *table[1:]]
     return "".join("| " + " | ".join(cells) + " |\n" for cells in lines)
 
 
 def overview(table: Sequence[Sequence[str]]) -> Any:
-    """Success in both engines, a line a row of the table."""
+    """A figure of the success in both engines, one line for each row of the table."""
     rows = table[1:]
     figure = Figure(figsize=(7.2, 0.32 * len(rows) + 1.0), layout="constrained")
     axes = figure.subplots()

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from foldcar.car.compiler import modules as module_table
+from foldcar.car import modules as module_table
 from foldcar.car.compiler.assemble import Assembly, assemble
 from foldcar.car.compiler.component import Component, Equal, Sub, build
 from foldcar.car.compiler.parameter import Parameter

@@ -20,7 +20,7 @@ from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
 from foldcar.link.car import REASONS
 from foldcar.link.connection import Connection
-from foldcar.link.parameters import differences, read_file, same, value_text, write_file
+from foldcar.link.parameters import differences, equal_float32, read_file, value_text, write_file
 from foldcar.link.ports import choose_port
 from foldcar.link.stream import open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, read_tlog
@@ -108,7 +108,7 @@ def test_a_parameter_file_reads_back_to_the_same_32_bit_numbers(tmp_path: Path) 
     write_file(tmp_path / "p.parm", values, "of a car")
 
     read = read_file(tmp_path / "p.parm")
-    assert all(same(read[name], value) for name, value in values.items()) and len(read) == 5
+    assert all(equal_float32(read[name], value) for name, value in values.items()) and len(read) == 5
     assert value_text(values["P1"]) == "3.4" and value_text(values["P2"]) == "25000000"
     assert differences(read, values) == []
     differing = differences({"A": 1.0, "B": 2.0}, {"B": 3.0, "C": 4.0})
@@ -118,12 +118,12 @@ def test_a_parameter_file_reads_back_to_the_same_32_bit_numbers(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "holds no parameters"),
-        ("A 1\nB\n", "line 2: is not NAME VALUE: B"),
-        ("A x\n", "line 1: is not NAME VALUE: A x"),
-        ("A nan\n", "line 1: is not NAME VALUE"),
-        ("A 1 2\n", "line 1: is not NAME VALUE"),
-        ("A 1\n# c\nA 2 # again\n", "line 3: A stands there twice"),
+        ("", "contains no parameters"),
+        ("A 1\nB\n", "line 2: not NAME VALUE: B"),
+        ("A x\n", "line 1: not NAME VALUE: A x"),
+        ("A nan\n", "line 1: not NAME VALUE"),
+        ("A 1 2\n", "line 1: not NAME VALUE"),
+        ("A 1\n# c\nA 2 # again\n", "line 3: A occurs twice"),
     ],
 )
 def test_a_bad_parameter_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
@@ -162,7 +162,7 @@ def test_a_log_is_whole_up_to_where_it_was_cut(tmp_path: Path) -> None:
 def test_a_log_is_never_overwritten(tmp_path: Path) -> None:
     TlogWriter(tmp_path / "t.tlog").close()
 
-    with pytest.raises(LogError, match="is there already"):
+    with pytest.raises(LogError, match="exists already"):
         TlogWriter(tmp_path / "t.tlog")
 
 
@@ -211,13 +211,13 @@ def test_every_design_has_a_hash_and_a_short_name_of_its_own() -> None:
     ("name", "message"),
     [
         ("/dev/no-such-port", "/dev/no-such-port: no such port"),
-        ("/etc/passwd", "/etc/passwd: is no serial port"),
-        ("tcp:localhost", "tcp:localhost: is not tcp:HOST:PORT"),
-        ("tcp:localhost:99999", "tcp:localhost:99999: is not tcp:HOST:PORT"),
+        ("/etc/passwd", "/etc/passwd: not a serial port"),
+        ("tcp:localhost", "tcp:localhost: not tcp:HOST:PORT"),
+        ("tcp:localhost:99999", "tcp:localhost:99999: not tcp:HOST:PORT"),
         ("tcp:localhost:1", "tcp:localhost:1: cannot be reached: Connection refused"),
     ],
 )
-def test_a_port_that_cannot_be_opened_is_told(name: str, message: str) -> None:
+def test_a_port_that_cannot_be_opened_is_reported(name: str, message: str) -> None:
     with pytest.raises(FoldcarError) as error:
         open_stream(name)
 
@@ -230,7 +230,7 @@ def test_no_permission_names_the_group_to_join() -> None:
     assert f"belongs to group {group}; `sudo usermod -aG {group} $USER`" in permission_text("/dev/tty")
 
 
-def test_a_port_that_another_program_uses_is_told() -> None:
+def test_a_port_that_another_program_uses_is_reported() -> None:
     ours, theirs = pty.openpty()
     first = open_stream(os.ttyname(theirs))
     try:
@@ -264,7 +264,7 @@ def test_the_only_board_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
         ([("/dev/a", 0x1A86, 0x55D4), ("/dev/b", 0x10C4, 0xEA60)], "/dev/a .*, /dev/b .*; choose one with --port"),
     ],
 )
-def test_a_port_that_is_not_plain_is_asked_for(monkeypatch: pytest.MonkeyPatch, found: Any, message: str) -> None:
+def test_without_a_single_board_a_port_must_be_named(monkeypatch: pytest.MonkeyPatch, found: Any, message: str) -> None:
     ports(monkeypatch, *found)
 
     with pytest.raises(FoldcarError, match=message):

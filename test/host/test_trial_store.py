@@ -190,8 +190,8 @@ def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> No
                 [{"experiment": "1", "vehicle_type": "W_B_W", "design": design, "outcome": outcome, "source": "me"}]
                 * count
             )
-        stranger = {"design": {"width_mm": 95.0, "height_mm": 60.0}, "source": "me"}
-        writer.import_trials([{"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", **stranger}])
+        unknown_car = {"design": {"width_mm": 95.0, "height_mm": 60.0}, "source": "me"}
+        writer.import_trials([{"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", **unknown_car}])
 
     answer = foldcar("report", "s.db", "-o", "out")
 
@@ -199,7 +199,7 @@ def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> No
     with Store.open(tmp_path / "s.db") as store:
         summary = summarise_trials(store.trials("1"), store.info().experiments["1"])
     tally = summary.series["width_mm"][95.0]
-    assert (tally.counted, tally.passed, tally.aborted, summary.strangers) == (10, 7, 2, 1)
+    assert (tally.counted, tally.passed, tally.aborted, summary.unknown_cars) == (10, 7, 2, 1)
     # Wilson's score interval of 7 in 10 at z = 1.959964, solved by hand.
     z, n, p = 1.959964, 10, 0.7
     middle = (p + z * z / (2 * n)) / (1 + z * z / n)

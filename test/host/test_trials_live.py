@@ -331,20 +331,20 @@ def test_the_simulated_firmware_is_recognised(carsim_binary: Path) -> None:
         connected.connection.close()
 
     check_build(identity, Carsim(carsim_binary).firmware)
-    with pytest.raises(FoldcarError, match=f"build {identity.build}, simulated is ffff.*--any-build"):
+    with pytest.raises(FoldcarError, match=f"build {identity.build}, the simulated one is ffff.*--any-build"):
         check_build(identity, "ffff")
 
 
 @pytest.mark.parametrize(
-    ("noise", "said"), [(b"", "says nothing"), (b"hello, this is no car\r\n" * 20, "sends what is no MAVLink")]
+    ("noise", "sent"), [(b"", "nothing"), (b"hello, this is no car\r\n" * 20, "bytes that are not MAVLink")]
 )
-def test_a_port_that_is_no_car_is_told(noise: bytes, said: str) -> None:
+def test_a_port_without_a_car_is_reported(noise: bytes, sent: str) -> None:
     ours, theirs = pty.openpty()
     # Opening a port throws away what came before.
     typed = threading.Timer(0.3, os.write, (ours, noise))
     typed.start()
     try:
-        with pytest.raises(FoldcarError, match=f"is no car: it {said} for 1 s; .*foldcar flash"):
+        with pytest.raises(FoldcarError, match=f"not a car: it sent {sent} for 1 s; .*foldcar flash"):
             greet(os.ttyname(theirs), 1.0)
     finally:
         typed.join()

@@ -1,4 +1,4 @@
-"""Draws a scene from above: ground by height, patches, course, start, goal, and the path of a car, if any."""
+"""Draws a scene from above: ground heights, patches, course, start, goal, optionally a car's path."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ OUTLINE = {"fill": False, "edgecolor": "#00000059", "linewidth": 0.5, "zorder": 
 
 
 def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
-    """What is worth showing of several scenes: starts, goals, terrain, path; the course if no goal."""
+    """The extent to show of several scenes: starts, goals, terrain and path; the course if there is no goal."""
     x: list[float] = []
     y: list[float] = []
     for scene in scenes:
@@ -37,7 +37,7 @@ def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
         y += [place[1] for place in places]
         for piece in scene["terrain"]:
             reach = _half_diagonal_m(piece)
-            # A wall across the way says little about where the car may go.
+            # A long wall across the course is not shown to its ends.
             x += [piece["x_m"] - min(reach, 0.4), piece["x_m"] + min(reach, 0.4)]
             y += [piece["y_m"] - min(reach, 0.4), piece["y_m"] + min(reach, 0.4)]
     if len(path):
@@ -90,7 +90,7 @@ def draw_top_view(
 
 
 def _draw_outline(axes: Axes, piece: Mapping[str, Any]) -> None:
-    """The edges of a block, the rim of a hole, the hatched area of a patch; smooth ground has no outline."""
+    """Draw the edges of a block, the rim of a hole or the hatched area of a patch; smooth ground has no outline."""
     place = (piece["x_m"], piece["y_m"])
     kind = kind_of(piece)
     if kind.form == "patch":
@@ -172,7 +172,7 @@ def _draw_goal(axes: Axes, scene: Mapping[str, Any]) -> None:
 
 
 def _line_in_course(x: float, y: float, heading_rad: float, course: Mapping[str, float]) -> Any:
-    """The ends (2 × 2) of the line through the point across the heading, where it leaves the course."""
+    """The ends, (2, 2), of the line through the point across the heading, clipped to the course."""
     along = numpy.array([-numpy.sin(heading_rad), numpy.cos(heading_rad)])
     reach = []
     for position, slope, axis in ((x, along[0], "x"), (y, along[1], "y")):

@@ -1,8 +1,8 @@
-"""A Webots world (R2025a) with a car's PROTO in it.
+"""A Webots world (R2025a) that contains a car's PROTO.
 
-Input: a body and a scene of docs/carsim.md, the grid of the scene's smooth ground. Output: the text of a
-world file that lies in ``worlds/`` beside the PROTO's ``protos/``. Patches of friction are not in it: Webots
-has friction by material, and their ground is not a body of its own.
+Input: a body and a scene of docs/carsim.md, the grid of the scene's smooth ground. Output: the text of a world file
+for the folder ``worlds/`` beside the PROTO's ``protos/``. Friction patches are left out: Webots assigns friction to
+pairs of materials, and a patch is not a body of its own.
 """
 
 import math
@@ -28,7 +28,7 @@ EYE_M, LOOKS_AT_M = (-1.2, -1.6, 1.2), (0.6, 0.0, 0.0)
 def webots_world(
     body: Mapping[str, Any], proto: str, scene: Mapping[str, Any] | None, grid: HeightGrid | None
 ) -> str:
-    """The world; a level floor of friction 1 with the car at its origin if there is no scene."""
+    """The world file; without a scene a level floor with friction 1 and the car at its origin."""
     friction = scene["friction"] if scene else 1.0
     contacts = [
         Node(
@@ -38,7 +38,7 @@ def webots_world(
         for name, grip in contact_materials(body).items()
     ]
     start = scene["start"] if scene else {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
-    # The car is put down over the highest ground it may stand on, and falls into place.
+    # The car starts above the highest ground near its start and falls onto it.
     tops = [piece["height_m"] for piece in _blocks(scene) if _near(piece, start)]
     height_m = max(wheel["radius_m"] for wheel in body["wheels"]) + max([0.0, *tops])
     nodes = [
@@ -82,7 +82,7 @@ def _floor(grid: HeightGrid | None) -> list[Node]:
             "yDimension": rows,
             "xSpacing": (grid.x_max_m - grid.x_min_m) / (columns - 1),
             "ySpacing": (grid.y_max_m - grid.y_min_m) / (rows - 1),
-            # Half a hair is enough for a wheel: six digits keep files small.
+            # A resolution of 1 µm suffices for wheels and keeps the file small.
             "height": [round(float(z), 6) for z in grid.z_m.ravel()],
         },
     )
@@ -124,7 +124,7 @@ def _block(piece: Mapping[str, Any], name: str) -> Node:
 
 
 def _wedge(length: float, width: float, height: float) -> Node:
-    """A ramp as a solid with faces counter-clockwise from outside."""
+    """A ramp as a closed face set, faces counter-clockwise seen from outside."""
     x, y = length / 2, width / 2
     points = [(-x, -y, 0), (-x, y, 0), (x, -y, height), (x, y, height)]
     points += [(px, py, -SUNK_M) for px, py, _ in points]
@@ -140,7 +140,7 @@ def _solid(name: str, seen: Node, bounds: Node, **place: Any) -> Node:
 
 
 def _looking() -> tuple[float, float, float, float]:
-    """The turn (axis, angle) that takes x forward, y left, z up to the eye's directions."""
+    """The rotation (axis, angle in rad) from x forward, y left, z up to the axes of the viewpoint."""
     forward = numpy.subtract(LOOKS_AT_M, EYE_M)
     forward = forward / numpy.linalg.norm(forward)
     left = numpy.cross((0, 0, 1), forward)

@@ -1,7 +1,7 @@
-"""Turns the Terrain objects of a sampled Scenic scene into the terrain pieces of docs/carsim.md.
+"""Converts the Terrain objects of a sampled Scenic scene to the terrain pieces of docs/carsim.md.
 
-An object says by its method ``pieces`` what it is made of, in its own frame; here the pieces are put where
-the object is, and every size is held against the simulator's limits.
+Input: an object, whose method ``pieces`` returns its pieces in its own frame. Output: the pieces in the simulator's
+frame, with all values checked against the simulator's limits.
 """
 
 import math
@@ -16,28 +16,28 @@ TURN_RAD = (-100.0, 100.0)
 
 PLACE_KEYS = {"x_m": PLACE_M, "y_m": PLACE_M, "heading_rad": TURN_RAD}
 MOST_PIECES = 10_000
-# The simulator makes a grid of rough ground, of cells an eighth of its correlation length.
+# The simulator represents rough ground as a grid with cells of an eighth of the correlation length.
 GRID_FINENESS = 8
 MOST_NODES = 4_000_000
 
 
 def terrain_pieces(thing: Any) -> list[dict[str, Any]]:
-    """The pieces of a Terrain object, placed; metres and radians. Raises UnusableError."""
+    """The pieces of a Terrain object in the simulator's frame (m, rad). Raises UnusableError."""
     try:
         parts = list(thing.pieces())
     except Exception as error:
         raise UnusableError(f"{type(error).__name__}: {error}", thing) from error
     if not parts:
-        raise UnusableError("is made of no pieces", thing)
+        raise UnusableError("has no pieces", thing)
     place = pose(thing)
     return [_placed(_checked(part, thing), place) for part in parts]
 
 
 def _checked(part: Any, thing: Any) -> dict[str, Any]:
-    """A piece in its object's frame with all keys of its kind, each a number within its limits."""
+    """A piece in its object's frame with all keys of its kind, each checked to be a number within its limits."""
     if not isinstance(part, Mapping) or part.get("kind") not in KINDS:
         raise UnusableError(
-            f"{part!r} is no piece of terrain; its kind has to be one of {', '.join(KINDS)}", thing
+            f"{part!r} is not a piece of terrain; its kind must be one of {', '.join(KINDS)}", thing
         )
     kind = part["kind"]
     sizes = KINDS[kind].sizes
@@ -73,7 +73,7 @@ def _check_rough(piece: dict[str, Any], thing: Any) -> None:
             thing,
         )
     if piece["seed"] != int(piece["seed"]):
-        raise UnusableError(f"rough: seed: {piece['seed']:g} is no whole number", thing)
+        raise UnusableError(f"rough: seed: {piece['seed']:g} is not a whole number", thing)
     piece["seed"] = int(piece["seed"])
 
 
@@ -94,7 +94,7 @@ def _within(name: str, value: Any, limits: tuple[float, float], thing: Any) -> f
 
 
 def _placed(part: dict[str, Any], place: Mapping[str, float]) -> dict[str, Any]:
-    """The piece moved from its object's frame into the world's."""
+    """The piece in the world's frame; ``place`` is its object's pose."""
     cos, sin = math.cos(place["heading_rad"]), math.sin(place["heading_rad"])
     ahead, left = part["x_m"], part["y_m"]
     piece = {

@@ -1,9 +1,9 @@
-"""The kinds of terrain: everything but the simulator reads here what a kind is; pieces are those of docs/carsim.md.
+"""The table of terrain kinds, for everything but the simulator; pieces are those of docs/carsim.md.
 
-A kind's ``form`` says how it becomes ground: a ``block`` is a solid with edges, ``smooth`` ground is added to the
+A kind's ``form`` is its effect on the ground: a ``block`` is a solid with edges, ``smooth`` ground is added to the
 heights of the floor, a ``patch`` changes the friction only. Its ``shape`` in the ground plane is a ``rectangle``
 (length_m, width_m), a ``disc`` (radius_m, without a heading) or a ``bell`` (sd_along_m, sd_across_m). Limits are
-closed; lengths in metres.
+closed intervals; lengths in metres.
 """
 
 import math
@@ -13,21 +13,21 @@ from typing import Any, Literal
 
 Limits = tuple[float, float]
 
-# Lengths below a millimetre vanish in the simulator's contacts. No wheel of a design is larger than 0.15 m:
-# nothing higher than 1 m tells cars apart, and such a height is surely one in millimetres or centimetres.
+# Lengths below 1 mm are within the tolerance of the simulator's contacts. No wheel of a design is larger than 0.15 m,
+# so a height above 1 m is most likely a mistake of units.
 SIDE_M = (0.001, 100.0)
 SPREAD_M = (0.005, 100.0)
 EDGE_M = (0.002, 100.0)
 HEIGHT_M = (0.0001, 1.0)
-# A bell is cut off at this many standard deviations, where its height is 0.03 % of the middle's.
+# A bell is cut off at this many standard deviations, where its height is 0.03 % of its maximum.
 BELL_REACH_SD = 4.0
 
 
 @dataclass(frozen=True, slots=True)
 class TerrainKind:
-    """One kind: the limits of its sizes by key, and a description for people, to which lengths are given in mm.
+    """One kind: the limits of its sizes by key, and a format string of its description, with lengths in mm.
 
-    ``is_floor``: it shapes the floor itself and is no obstacle that somebody puts in its place.
+    ``is_floor``: it is part of the floor itself, not an obstacle to be placed.
     """
 
     form: Literal["block", "smooth", "patch"]
@@ -74,12 +74,12 @@ KINDS: Mapping[str, TerrainKind] = {
 
 
 def kind_of(piece: Mapping[str, Any]) -> TerrainKind:
-    """The kind of a piece that has been checked."""
+    """The kind of a checked piece."""
     return KINDS[piece["kind"]]
 
 
 def reach_m(piece: Mapping[str, Any]) -> tuple[float, float]:
-    """How far the ground of a piece reaches from its middle, along its heading and across (m)."""
+    """Half the extent of a piece's ground along its heading and across (m)."""
     shape = kind_of(piece).shape
     if shape == "bell":
         return BELL_REACH_SD * piece["sd_along_m"], BELL_REACH_SD * piece["sd_across_m"]
@@ -89,7 +89,7 @@ def reach_m(piece: Mapping[str, Any]) -> tuple[float, float]:
 
 
 def bounds_m(piece: Mapping[str, Any]) -> tuple[float, float, float, float]:
-    """x_min, x_max, y_min, y_max (m) of the ground of a placed piece."""
+    """x_min, x_max, y_min, y_max of a placed piece's ground (m)."""
     along, across = reach_m(piece)
     heading_rad = piece.get("heading_rad", 0.0)
     cos, sin = abs(math.cos(heading_rad)), abs(math.sin(heading_rad))
@@ -98,6 +98,6 @@ def bounds_m(piece: Mapping[str, Any]) -> tuple[float, float, float, float]:
 
 
 def description(piece: Mapping[str, Any]) -> str:
-    """What a person puts on the floor: the kind and its sizes in millimetres."""
+    """The kind and its sizes in mm, for the instructions of a trial."""
     in_mm = {key: 1000 * value if key.endswith("_m") else value for key, value in piece.items()}
     return kind_of(piece).description.format(**in_mm)

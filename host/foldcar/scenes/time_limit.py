@@ -1,7 +1,7 @@
-"""Interrupts Python code that takes too long, such as a Scenic program that loops.
+"""Interrupts Python code that takes too long, such as a Scenic program with an endless loop.
 
-Works in the main thread of a process, where Python delivers signals; in other threads there is no limit.
-What runs outside Python, in a library's C code, ends before it is interrupted.
+The limit works in the main thread only, to which Python delivers signals; other threads have none. C code of a
+library is interrupted when it returns to Python.
 """
 
 import contextlib
@@ -12,17 +12,17 @@ from typing import Any
 
 from foldcar.errors import FoldcarError
 
-# An `except` clause or a destructor of the code can swallow one interruption: there are more.
+# The interruption is repeated, because an `except` clause or a destructor can suppress one.
 REPEAT_S = 0.5
 
 
 class _TimeUpError(BaseException):
-    """Not an Exception, lest a program that handles errors goes on."""
+    """Raised by the signal's handler; a BaseException, which `except Exception` does not catch."""
 
 
 @contextlib.contextmanager
 def time_limit(limit_s: float, what: str) -> Iterator[None]:
-    """Raise FoldcarError, beginning with ``what``, if the block takes longer than ``limit_s``."""
+    """Raise a FoldcarError that begins with ``what`` if the block takes longer than ``limit_s``."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -39,7 +39,7 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
     try:
         yield
     except (_TimeUpError, Exception):
-        # A library may have made an error of its own of the interruption: ctypes does.
+        # Some libraries, such as ctypes, convert the interruption to another error.
         if not up:
             raise
         raise FoldcarError(f"{what} takes longer than the limit of {limit_s:g} s") from None

@@ -1,7 +1,7 @@
-"""An experiment's environment: its scenes, the nearby cars that meet them, and what simulates them.
+"""The environment of one experiment: its scenes, its built cars' variations, and the runner of its simulations.
 
-Compiling a program takes most of a second: it is done when first needed, and not at all where a store knows
-the answers.
+Input: an experiment. Output: scenes (sampled by scenes/source.py), variations, fingerprints, a runner. The Scenic program
+is compiled when first needed, which takes most of a second, and not at all if the store has all results.
 """
 
 import contextlib

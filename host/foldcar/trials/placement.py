@@ -1,8 +1,8 @@
-"""Where to put obstacles and car for a trial, in words and numbers, and where they were put instead.
+"""Placement of obstacles and car on the floor for a trial: instructions, and deviations from them.
 
-Input: a scene of docs/carsim.md. Output: obstacles with letters, lines of instruction (mm and degrees, as people
-measure), and the scene moved by measured deviations. Everything is measured in the scene's frame, which is marked
-on the floor: a point for its origin, a line for x, y to the left of it, turned counter-clockwise.
+Input: a scene of docs/carsim.md, measured deviations. Output: lettered obstacles, rows of instructions (mm and degrees),
+the scene with the deviations applied. Positions are measured in the scene's frame, which is marked on the floor by a
+point at its origin and a line along x; y is to the left of x, headings are counter-clockwise.
 """
 
 import copy
@@ -23,7 +23,7 @@ Deviations = Mapping[str, tuple[float, float, float]]
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """Pieces of terrain that stand on one middle, a thing to put on the floor: their indices in the scene."""
+    """One object to put on the floor: its pose, and the indices in the scene of its terrain pieces."""
 
     letter: str
     pieces: tuple[int, ...]
@@ -33,7 +33,7 @@ class Obstacle:
 
 
 def obstacles(scene: Mapping[str, Any]) -> list[Obstacle]:
-    """The scene's obstacles in the order of its terrain, lettered A, B, …, Z, AA, …"""
+    """The scene's obstacles in the order of its terrain, lettered A, B, …, Z, AA, …; pieces with one centre are one."""
     groups: dict[tuple[float, float], list[int]] = {}
     for index, piece in enumerate(scene["terrain"]):
         if not kind_of(piece).is_floor:
@@ -45,7 +45,7 @@ def obstacles(scene: Mapping[str, Any]) -> list[Obstacle]:
 
 
 def instructions(scene: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str, str]]:
-    """Rows of name, x (mm), y (mm), turned (°), what it is: the car, the obstacles, the goal, the floor."""
+    """Rows of name, x (mm), y (mm), heading (°) and description: the car, the obstacles, the goal, the floor."""
     start = scene["start"]
     yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "its middle"
     for thing in obstacles(scene):
@@ -60,17 +60,20 @@ def instructions(scene: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str,
 
 
 def parse_deviation(text: str, names: list[str]) -> tuple[str, tuple[float, float, float]]:
-    """``"A 5 -3 1.5"`` → ("A", (0.005, -0.003, 0.026…)): x mm, y mm, turned degrees; FoldcarError."""
+    """Parse a name and deviations in x (mm), y (mm) and heading (°) to (name, (m, m, rad)); FoldcarError.
+
+    ``"A 5 -3 1.5"`` gives ("A", (0.005, -0.003, 0.026…)).
+    """
     words = text.split()
     if not words or words[0] not in names:
-        raise FoldcarError(f'deviation "{text}": begins with none of {", ".join(names)}')
+        raise FoldcarError(f'deviation "{text}": does not begin with one of {", ".join(names)}')
     try:
         numbers = [float(word) for word in words[1:]]
     except ValueError:
         numbers = []
     if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
         raise FoldcarError(
-            f'deviation "{text}": is not NAME X_MM Y_MM [TURNED_DEG], as in "{names[0]} 5 -3 1.5"'
+            f'deviation "{text}": not NAME X_MM Y_MM [HEADING_DEG], as in "{names[0]} 5 -3 1.5"'
         )
     limits = ((MOST_DEVIATION_MM, "mm"), (MOST_DEVIATION_MM, "mm"), (180.0, "°"))
     for number, (limit, unit) in zip(numbers, limits, strict=False):
@@ -81,7 +84,7 @@ def parse_deviation(text: str, names: list[str]) -> tuple[str, tuple[float, floa
 
 
 def placed(scene: Mapping[str, Any], deviations: Deviations) -> dict[str, Any]:
-    """The scene as it stood on the floor: car and obstacles moved by ``deviations``, obstacles as a whole."""
+    """The scene as built on the floor: the car and each obstacle moved by its deviation (m, m, rad)."""
     moved: dict[str, Any] = copy.deepcopy(dict(scene))
     things = {CAR: [moved["start"]]}
     things |= {o.letter: [moved["terrain"][index] for index in o.pieces] for o in obstacles(scene)}
@@ -95,7 +98,7 @@ def placed(scene: Mapping[str, Any], deviations: Deviations) -> dict[str, Any]:
 
 
 def names_of(scene: Mapping[str, Any]) -> list[str]:
-    """What may deviate: the car and the obstacles' letters."""
+    """The names that may deviate: the car and the obstacles' letters."""
     return [CAR, *(obstacle.letter for obstacle in obstacles(scene))]
 
 
@@ -104,7 +107,7 @@ def _place(x_m: float, y_m: float, heading_rad: float) -> tuple[str, str, str]:
 
 
 def _degrees(angle_rad: float) -> float:
-    """The angle in degrees, -180 to 180; never -0."""
+    """The angle in degrees, from -180 to 180; never -0."""
     return round(math.degrees(math.remainder(angle_rad, math.tau)), 1) + 0.0
 
 

@@ -134,3 +134,10 @@ platformio: .venv/installed
 $(CARSIM): $(CARSIM_SOURCES) | platformio
 	$(BIN)/pio run -e carsim
 	@touch $@
+
+# Plants small faults in the C++ sources and sees whether the tests notice them: MUTANTS of each file, or all.
+MUTANTS := 10
+MUTATION_SEED := 1
+.PHONY: mutation
+mutation: setup
+	$(BIN)/python tools/mutation.py --mutants $(MUTANTS) --seed $(MUTATION_SEED)

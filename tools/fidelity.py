@@ -47,6 +47,8 @@ NAMES = (
     ("course", "the obstacle course"),
 )
 EVERYTHING = "all"
+# Columns of the cross-check's own table that the page leaves out.
+LEFT_OUT = ("95 % interval", "r of rates", "ellipsoid alike %")
 # Experiments on other ground.
 ELSEWHERE = ("bumps", "hills", "ten_bumps", "course")
 # Names here of the cross-check's pictures, which are numbered as the listing's experiments.
@@ -71,7 +73,7 @@ def main(folder: Path, page: Path) -> None:
         ]
         for name in names
     }
-    table = experiment_table(groups)
+    table = without_columns(experiment_table(groups), LEFT_OUT)
     pyramids = [row for row in rows if not row["experiment"].startswith(ELSEWHERE)]
     engines = [
         comparison_row(name, agreement(pairs))
@@ -88,6 +90,12 @@ def main(folder: Path, page: Path) -> None:
         shutil.copyfile(folder / picture, pictures / name)
     with matplotlib.rc_context(RC):
         save_figure(overview(table), pictures / "overview.png", colours=64)
+
+
+def without_columns(table: Sequence[Sequence[str]], names: Sequence[str]) -> list[list[str]]:
+    """The table without the columns that its first row gives these names."""
+    kept = [index for index, name in enumerate(table[0]) if name not in names]
+    return [[row[index] for index in kept] for row in table]
 
 
 def replaced(text: str, begin: str, end: str, between: str) -> str:

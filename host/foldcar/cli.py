@@ -13,12 +13,15 @@ import typer
 
 from foldcar import __version__
 from foldcar.commands.calibrate_servos import calibrate_servos
+from foldcar.commands.check import check
 from foldcar.commands.crosscheck import crosscheck
 from foldcar.commands.export import export
 from foldcar.commands.flash import flash
 from foldcar.commands.gallery import gallery
+from foldcar.commands.import_store import import_store
 from foldcar.commands.link import link
 from foldcar.commands.log import log
+from foldcar.commands.migrate import migrate
 from foldcar.commands.model import model
 from foldcar.commands.params import params
 from foldcar.commands.pattern import pattern
@@ -40,8 +43,11 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (sweep, run, sample, gallery, report, export, crosscheck, model, pattern, view, link, log, flash):
+for command in (
+    sweep, run, sample, gallery, report, export, check, migrate, crosscheck, model, pattern, view, link, log, flash
+):  # fmt: skip
     app.command()(command)
+app.command("import")(import_store)
 app.command("calibrate-servos")(calibrate_servos)
 app.add_typer(trials)
 app.add_typer(params)

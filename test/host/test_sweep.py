@@ -121,7 +121,7 @@ def test_nearby_cars_are_other_runs_and_the_same_for_every_design(
     assert run() == (0, 6)
     params["variation_seed"] = 7
     assert run() == (6, 0)
-    assert len({tuple(r.elapsed_time_s for r in some) for some in (nominal, varied, rows(store))}) == 3
+    assert len({tuple(r.metrics["elapsed_time_s"] for r in some) for some in (nominal, varied, rows(store))}) == 3
     connection = sqlite3.connect(store)
     (pairs,) = connection.execute(
         "SELECT count(DISTINCT sample || ' ' || variation_id) FROM result"
@@ -152,7 +152,8 @@ def test_a_sweep_does_with_a_nearby_car_what_carsim_does_with_its_body(
             request = RunRequest("car", "scene", texts[2], "", k)
             expected += carsim.run({"car": texts[0]}, {"scene": texts[1]}, [request])
 
-    assert [(r.outcome, r.elapsed_time_s, r.consumed_energy_j) for r in rows(tmp_path / "s.db")] == [
+    stored = [(r.outcome, r.metrics["elapsed_time_s"], r.metrics["consumed_energy_j"]) for r in rows(tmp_path / "s.db")]
+    assert stored == [
         (answer["outcome"], answer["elapsed_time_s"], answer["consumed_energy_j"]) for answer in expected
     ]
 

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from foldcar.report.trial_series import summarise_trials
+from foldcar.store.errors import StoreError
 from foldcar.store.reader import Store
-from foldcar.store.schema import StoreError
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.store.writer import write_store

@@ -30,6 +30,7 @@ from foldcar.link.ports import choose_port
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import TlogWriter
 from foldcar.simulation.carsim import Carsim
+from foldcar.store.log_files import log_file
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.study.environments import Environment
@@ -213,7 +214,7 @@ class LogSession:
 
     def _complete_interrupted(self, writer: TrialWriter) -> None:
         for number, log in writer.unfinished():
-            file = self.options.store.parent / log
+            file = log_file(self.options.store, log)
             writer.complete(number, Ending("aborted", "the program was ended", None, "", log_hash(file)))
             typer.echo(f"Trial {number} was interrupted: it counts as aborted; its log is kept")
 

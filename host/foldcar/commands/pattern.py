@@ -50,9 +50,9 @@ def pattern(
     components: Components = None,
 ) -> None:
     """Make sheets (SVG, DXF, PDF), FOLD, STL, OBJ, guide, wiring and parts list of a car, checked as written."""
+    from foldcar.atomic_folder import atomic_folder
     from foldcar.commands.listed_design import listed_family
-    from foldcar.fabrication.atomic_folder import MANIFEST, atomic_folder
-    from foldcar.fabrication.make_car import make_cars
+    from foldcar.fabrication.make_car import MANIFEST, make_cars
     from foldcar.fabrication.patterns.options import options
 
     chosen = options(
@@ -62,7 +62,7 @@ def pattern(
     )  # fmt: skip
     family = listed_family(listing, vehicle, settings or [])[1]
     designs = list(family) if every else [family.single()]
-    with atomic_folder(output) as folder:
+    with atomic_folder(output, MANIFEST) as folder:
         listed, said = [], []
         for design, made in zip(designs, make_cars(_with_progress(designs), chosen), strict=True):
             name = _folder_name(family, design) if every else ""

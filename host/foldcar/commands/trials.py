@@ -135,6 +135,7 @@ def export(
 ) -> None:
     """Convert a trial's log. The log itself, a .tlog, opens in MAVLink's own tools."""
     from foldcar.link.mcap_export import export_mcap
+    from foldcar.store.log_files import log_file
     from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
@@ -149,7 +150,7 @@ def export(
         "outcome": trial.outcome,
         "note": trial.note,
     }
-    count = export_mcap(store.parent / trial.log, mcap, facts)
+    count = export_mcap(log_file(store, trial.log), mcap, facts)
     typer.echo(f"{mcap}: {count} messages")
 
 

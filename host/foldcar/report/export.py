@@ -15,21 +15,11 @@ from pathlib import Path
 from typing import TextIO
 
 from foldcar.atomic_file import atomic_file
-from foldcar.simulation.results import Result
+from foldcar.simulation.results import NUMBERS, Result
 from foldcar.store.reader import Store
 
 TEXT_COLUMNS = ("experiment", "vehicle", "environment")
-RESULT_COLUMNS = (
-    *TEXT_COLUMNS,
-    "sample",
-    "outcome",
-    "elapsed_time_s",
-    "distance_to_target_m",
-    "consumed_energy_j",
-    "max_roll_rad",
-    "max_pitch_rad",
-    "message",
-)
+RESULT_COLUMNS = (*TEXT_COLUMNS, "sample", "outcome", *NUMBERS, "message")
 RECORDED_PREFIX = "recorded_"
 BATCH_ROWS = 10_000
 
@@ -103,7 +93,13 @@ def _columns(design: list[str], recorded: Mapping[str, str]) -> list[str]:
 
 def _cells(result: Result, design: list[str], recorded: Mapping[str, str]) -> list[Cell]:
     return [
-        *(getattr(result, column) for column in RESULT_COLUMNS),
+        result.experiment,
+        result.vehicle,
+        result.environment,
+        result.sample,
+        result.outcome,
+        *(result.metrics[name] for name in NUMBERS),
+        result.message,
         *(result.design.get(column) for column in design),
         *(_recorded_cell(result, name, kind) for name, kind in recorded.items()),
     ]

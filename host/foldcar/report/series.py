@@ -51,7 +51,7 @@ class Tally:
         """Count a run."""
         self.outcomes[result.outcome] += 1
         if result.outcome == "passed":
-            self.passed_time_s += result.elapsed_time_s or 0.0
+            self.passed_time_s += result.metrics["elapsed_time_s"] or 0.0
         for name, recorded in result.recorded.items():
             # Booleans count as 0 or 1: their mean is a share.
             if isinstance(recorded.value, int | float):
@@ -125,7 +125,7 @@ def summarise(results: Iterable[Result], varied: Mapping[str, Any]) -> Summary:
             by_value.setdefault(result.design[parameter], Tally()).add(result)
         if result.sample == TIMED_SAMPLE and len(tallies) == 1:
             (parameter,) = tallies
-            timed.append(TimedRun(result.design[parameter], result.outcome, result.elapsed_time_s))
+            timed.append(TimedRun(result.design[parameter], result.outcome, result.metrics["elapsed_time_s"]))
     series = [
         Series(name, {v: by_value[v] for v in sorted(by_value, key=_order)})
         for name, by_value in tallies.items()

@@ -24,11 +24,12 @@ namespace foldcar {
 enum class Outcome { kPassed, kTipped, kStuck, kOffCourse, kTimeout, kFault, kTerminated };
 const char* text(Outcome outcome);
 
+// Settings of a trial.
 struct TrialSpec {
   double speed_m_s = 0;
   double yaw_rate_rad_s = 0;
   double time_limit_s = 0;
-  double path_interval_s = 0;  // 0: no path
+  double path_interval_s = 0;  // time between the rows of the path; 0: no path
   Parameters parameters;
 };
 
@@ -41,7 +42,7 @@ struct TrialResult : Metrics {
   std::vector<PathRow> path;
 };
 
-// The firmware would not start the trial, or the simulation left the finite numbers; the message says why.
+// The firmware refused the trial, or a state of the simulation is not a finite number; the message says which.
 class TrialError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -54,8 +55,8 @@ struct Snapshot : Metrics {
 // The result of a trial that ended at that moment in that way; without a path.
 TrialResult result_at(const Snapshot& at, Outcome outcome);
 
-// A trial that its caller advances. Everything handed over must outlive it. terrain is the scene's; without one the
-// trial makes it.
+// A trial that its caller advances. All arguments must outlive it. terrain is the scene's; if it is null the trial
+// makes its own.
 class Trial {
  public:
   // Puts the car down, lets it come to rest and starts it. Throws TrialError.
@@ -85,8 +86,9 @@ class Trial {
   std::optional<Outcome> outcome_;
 };
 
-// A whole trial at once.
+// Runs a trial to its end. Arguments as of Trial. Throws TrialError.
 TrialResult run_trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& trial,
-                      const StepOptions& options = {}, Stopwatch* stopwatch = nullptr, const Terrain* terrain = nullptr);
+                      const StepOptions& options = {}, Stopwatch* stopwatch = nullptr,
+                      const Terrain* terrain = nullptr);
 
 }  // namespace foldcar

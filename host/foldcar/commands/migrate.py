@@ -1,0 +1,18 @@
+"""`foldcar migrate`: a store of an older version, brought up to this one."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def migrate(store: Annotated[Path, typer.Argument(metavar="STORE", help="The store to migrate.")]) -> None:
+    """Bring a store up to this version, in place; a copy as it was stays beside it. Writing commands do it too."""
+    from foldcar.store.migrations import VERSION
+    from foldcar.store.opening import writing
+    from foldcar.store.reader import Store
+
+    # A store that is not there, or no store, is refused without making one.
+    Store.open(store).__exit__(None, None, None)
+    with writing(store):
+        typer.echo(f"{store}: version {VERSION}")

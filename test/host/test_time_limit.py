@@ -1,4 +1,4 @@
-"""Code that takes too long is interrupted, whatever it catches; timers of the caller go on."""
+"""Code that takes too long is interrupted even if it catches exceptions; timers of the caller keep running."""
 
 import signal
 import threading

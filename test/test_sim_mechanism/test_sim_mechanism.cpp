@@ -31,8 +31,8 @@ Profile segment(double s0_m, double s1_m, double z0_m, double z1_m) { return {{s
 
 void test_an_axle_stands_a_radius_over_level_ground_and_a_radius_along_the_normal_over_a_slope() {
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.07, axle_height_m(segment(-1, 1, 0.01, 0.01), 0.3, wheel(0.06)));
-  // The centre of a circle on the line z = s·tan(a) is r/cos(a) over it. The line's own points are sampled at the ends of
-  // the wheel's reach and below its centre: a slope's touching point is between them, so a little height is missed.
+  // The centre of a circle on the line z = s·tan(a) is r/cos(a) over it. The line's own points are sampled at the ends
+  // of the wheel's reach and below its centre: a slope's touching point is between them, so a little height is missed.
   const double slope_rad = 0.1, rise = std::tan(slope_rad);
   const double height_m = axle_height_m(segment(-1, 1, -rise, rise), 0.2, wheel(0.06));
   TEST_ASSERT_DOUBLE_WITHIN(0.06 * (1 / std::cos(slope_rad) - 1) + 1e-12, 0.2 * rise + 0.06 / std::cos(slope_rad), height_m);
@@ -112,9 +112,9 @@ void test_frames_and_wheels_stand_for_their_part_of_the_roll_inertia() {
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, beside_kg * half_m * half_m, CarConstants(body).frames_roll_kg_m2);
 }
 
-// An impulse J under the left wheels lifts them by J·t over the roll inertia. If the contacts hold sideways, the centre of
-// mass is dragged along a circle of radius h about them: I + m·h². If they slide, friction μJ below the centre of mass
-// takes μJ·h from the couple.
+// An impulse J under the left wheels lifts them by J·t over the roll inertia. If the contacts hold sideways, the centre
+// of mass is dragged along a circle of radius h about them: I + m·h². If they slide, friction μJ below the centre of
+// mass takes μJ·h from the couple.
 void test_the_plane_rolls_with_the_inertia_of_held_or_of_sliding_contacts() {
   const BodySpec body = study_car(0.115);
   const CarConstants car(body);

@@ -25,7 +25,7 @@ struct RunLine {
   TrialSpec trial;
 };
 
-// Points of a scene whose ground is asked for.
+// Points of a scene at which the ground's height and friction are asked for.
 struct HeightsLine {
   std::string id;
   std::string scene;
@@ -33,7 +33,7 @@ struct HeightsLine {
   std::vector<double> y_m;
 };
 
-// What the firmware would put out in a trial.
+// A trial whose servo pulses are asked for.
 struct PulsesLine {
   std::string id;
   TrialSpec trial;

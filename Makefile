@@ -35,8 +35,16 @@ FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/
 FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*)) -Isim2d/lib/sim_hal
 FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h sim2d/lib/sim_hal/*.h test/*.h)
 
+# Every header but those that need the board's own libraries, and where they find each other's.
+HEADERS := $(filter-out firmware/lib/feather_hal/% firmware/lib/design_json/%,\
+  $(shell find firmware/lib sim2d test -name '*.h' | sort))
+HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNITY_INCLUDE_DOUBLE -Itest \
+  $(addprefix -I,$(wildcard firmware/lib/* sim2d/lib/*)) $(addprefix -isystem ,.pio/mavlink \
+  $(wildcard .pio-core/lib/Unity .pio/libdeps/native/*/include .pio/libdeps/native/*/src .pio/libdeps/native/*))
+HEADER_COMPILERS := g++ $(shell command -v clang++)
+
 .DEFAULT_GOAL := help
-.PHONY: help setup study fidelity test test-native test-host lint bench fuzz fresh clean lock system-packages platformio
+.PHONY: help setup study fidelity test test-native headers test-host lint bench fuzz fresh clean lock system-packages platformio
 .DELETE_ON_ERROR:
 
 help:
@@ -79,6 +87,13 @@ lint: .venv/installed
 
 test-native: setup
 	$(BIN)/pio test -e native
+	$(MAKE) headers
+
+# Each header compiles alone: what it needs it includes itself. After the tests' build, which fetches Unity.
+headers: setup
+	@for compiler in $(HEADER_COMPILERS); do printf '%s\n' $(HEADERS) | \
+	  xargs -P 2 -I '{}' $$compiler $(HEADER_FLAGS) -x c++ -include '{}' /dev/null || exit 1; \
+	  echo "$(words $(HEADERS)) headers compile alone with $$compiler"; done
 
 test-host: setup
 	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . -n 2 --dist loadfile test/host

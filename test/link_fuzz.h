@@ -4,6 +4,7 @@
 // included; the other half feed an armed car with noise and damaged packets that request no motion.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <random>
 #include <string>

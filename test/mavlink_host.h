@@ -1,6 +1,9 @@
 // A MAVLink host for tests: packs messages, and reads those of the car with MAVLink's reference parser.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <map>
 #include <string>

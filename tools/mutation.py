@@ -14,6 +14,7 @@ the suites cannot be built or fail without a mutant, 130 when interrupted.
 
 import argparse
 import random
+import signal
 import sys
 import time
 from collections import Counter
@@ -26,7 +27,10 @@ from mutation_build import BuildError, Workshop
 ROOT = Path(__file__).resolve().parent.parent
 WORK = ROOT / ".pio" / "mutation"
 EXPLAINED = ROOT / "tools" / "mutation_explained.txt"
-CAR = ["test_sim_terms", "test_sim_imperfect", "test_sim_hinges", "test_sim_ground", "test_sim_car", "test_sim_trial"]
+CAR = [
+    "test_sim_terms", "test_sim_mechanism", "test_sim_imperfect", "test_sim_hinges", "test_sim_car", "test_sim_ground",
+    "test_sim_trial",
+]  # fmt: skip
 # Sources, or folders of them, and the suites that concern them, the quick ones first. The first entry that fits counts.
 TARGETS = {
     "sim2d/lib/car/track_terrain.cpp": [*CAR, "test_sim_terrain"],
@@ -78,20 +82,22 @@ def stale_reasons(root: Path, reasons: dict[tuple[str, str, str], str]) -> list[
 
 
 def chosen(root: Path, only: str, most: int | None, seed: int) -> list[tuple[Path, Mutant]]:
-    """The sample: up to ``most`` mutants of each file, the same ones for the same seed; all if it is None."""
+    """The sample: up to ``most`` mutants of each file, all if it is None, the files taken in turn.
+
+    The same seed gives the same order, whatever ``most`` is: a larger sample contains the smaller one.
+    """
     sources = {root / target for target in TARGETS if target.endswith(".cpp")}
     sources |= {path for target in TARGETS for path in (root / target).glob("*.cpp")}
-    sample: list[tuple[Path, Mutant]] = []
+    sample: list[tuple[int, Path, Mutant]] = []
     for source in sorted(sources):
         name = source.relative_to(root).as_posix()
         if only not in name:
             continue
         mutants = mutants_of(source.read_text(encoding="utf-8"))
-        if most is not None and len(mutants) > most:
-            picks = random.Random(f"{seed}:{name}").sample(range(len(mutants)), most)
-            mutants = [mutants[i] for i in sorted(picks)]
-        sample += [(source, mutant) for mutant in mutants]
-    return sample
+        random.Random(f"{seed}:{name}").shuffle(mutants)
+        sample += [(turn, source, mutant) for turn, mutant in enumerate(mutants[:most])]
+    sample.sort(key=lambda choice: choice[:2])
+    return [(source, mutant) for _, source, mutant in sample]
 
 
 def main() -> int:
@@ -103,6 +109,9 @@ def main() -> int:
     options = parser.parse_args()
     if options.mutants != "all" and not options.mutants.isdecimal():
         parser.error(f"--mutants: {options.mutants} is neither a number nor 'all'")
+    # Also where the caller ignores Ctrl-C, as a shell does for what it starts in the background.
+    for interruption in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(interruption, signal.default_int_handler)
     start = time.monotonic()
     sample = chosen(ROOT, options.only, None if options.mutants == "all" else int(options.mutants), options.seed)
     if not sample:

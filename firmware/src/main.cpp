@@ -1,6 +1,8 @@
 // The firmware of the real car: the portable firmware on the Feather's HAL.
 #include <Arduino.h>
 
+#include <cstdint>
+
 #include "feather_hal.h"
 #include "firmware.h"
 #include "firmware_id.h"

@@ -1,6 +1,7 @@
 // The port on which a simulated car is offered: a pseudo-terminal, or a TCP port of this machine for one client. POSIX.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>

@@ -69,6 +69,7 @@ class TwoWire {
   std::uint8_t send() {
     FakeI2c& bus = fake_esp32.i2c;
     if (bus.bus_hangs) return 5;
+    if (bus.fails_at >= 0 && bus.fails_at-- == 0) return 2;
     const auto chip = bus.chips.find(bus.address);
     return chip != bus.chips.end() && chip->second->write(bus.sending) ? 0 : 2;
   }

@@ -24,6 +24,7 @@ struct FakeI2c {
   std::map<std::uint8_t, I2cChip*> chips;  // by their 7-bit address
   bool driver_fails = false;               // Wire.begin() fails
   bool bus_hangs = false;                  // a line is held low: every transfer ends with a time-out
+  int fails_at = -1;                       // one transfer fails after that many; -1: none
   bool begun = false;
   int sda = -1, scl = -1;
   std::uint32_t clock_hz = 0;

@@ -78,7 +78,7 @@ def test_obj_has_every_part_with_its_material_and_size(tmp_path: Path) -> None:
     names = [line[2:] for line in obj_text(solids, "x").splitlines() if line.startswith("o ")]
     assert names == [solid.name.replace(" ", "_") for solid in solids]
     assert len(set(names)) == len(names)
-    # The reader neither keeps the order nor the names of objects.
+    # trimesh keeps neither the order nor the names of objects.
     volumes = sorted(shape.volume for shape in scene.geometry.values())
     assert volumes == pytest.approx(sorted(solid.mesh.volume_mm3 for solid in solids), rel=1e-3)
     for mount in folded.mounts:

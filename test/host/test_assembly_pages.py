@@ -1,4 +1,4 @@
-"""Lists, wiring, guide and view of folded cars: what they say follows from the design; pages open in a browser."""
+"""Parts list, wiring, guide and view of folded cars: their content follows the design; pages open in a browser."""
 
 import csv
 import io
@@ -96,7 +96,7 @@ def test_hidden_surfaces_agree_with_rays() -> None:
 
 
 def hit_by_ray(facets: list[Facet], origin: np.ndarray, toward: np.ndarray) -> str | None:
-    """The facet nearest to the onlooker on the line through ``origin``, by intersecting the line with each plane."""
+    """The facet nearest to the camera on the line through ``origin``, by intersecting the line with each plane."""
     best: tuple[float, str] | None = None
     for facet in facets:
         slope = facet.normal @ toward
@@ -237,7 +237,7 @@ def test_view_command_refuses_what_it_cannot_show(tmp_path: Path, foldcar: Comma
 
 
 def shown_by_browser(folded: FoldedCar, folder: Path, fold: float) -> dict[str, str]:
-    """What the page says it shows."""
+    """The values that the page reports of its state."""
     page = folder / "car.html"
     page.write_text(view_page(folded, "a car", []), encoding="utf-8")
     shown = dict(re.findall(r'data-(\w+)="([^"]*)"', browse(page, fold, "--dump-dom")))
@@ -255,7 +255,7 @@ def browse(page: Path, fold: float, *options: str) -> str:
 
 
 def film_box(folded: FoldedCar) -> np.ndarray:
-    """Least and greatest coordinates of the assembled film's faces, glued tabs standing off by their thickness."""
+    """Minimum and maximum coordinates of the assembled film's faces, with glued tabs offset by their thickness."""
     pieces = {piece.name: piece for piece in folded.pieces}
     points = []
     for placed in folded.placed:

@@ -1,4 +1,4 @@
-"""The experiment listing: what people write is read, what is wrong is refused in one line."""
+"""The experiment listing: valid files are read, errors are one line."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Parts of trials by themselves: places and deviations, a servo's edges, parameter files, logs, car.json."""
+"""Units of trials: placement and deviations, a servo's deadband, parameter files, logs, ports, car.json."""
 
 import grp
 import json
@@ -167,7 +167,7 @@ def test_a_log_is_never_overwritten(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_is_told_and_leaves_whole_packets(tmp_path: Path) -> None:
-    """A limit on the file's size cuts a packet short, as the end of a disk does."""
+    """A limit on the file's size truncates a packet, as a full disk does."""
     packet = heartbeats(1)[0]
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

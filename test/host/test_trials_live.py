@@ -102,7 +102,7 @@ def test_a_person_drives_a_trial(tmp_path: Path, listing: Path, carsim_binary: P
         person.types("A 5 -3 90\n")
         person.sees("deviation: ")
         person.types("Z 1 2\n")
-        person.sees("begins with none of car, A")
+        person.sees("does not begin with one of car, A")
         person.types("\n")
         person.sees("Enter starts")
         person.types("\n")

@@ -1,4 +1,4 @@
-// The application's tick over a recording HAL: order, pulses by state, bus faults, many cars.
+// The application's tick over a recording HAL: order of writes, pulses in each state, faults, many cars in one process.
 #include <unity.h>
 
 #include <cmath>
@@ -226,7 +226,7 @@ void status_tells_the_state_the_time_and_the_pulses() {
   TEST_ASSERT_TRUE(status.pulses_us == bench.last_us());
 }
 
-// Each car alone, then all of them tick by tick in turn: the pulses are the same bits.
+// Cars that are ticked in turn write exactly the pulses that each writes alone.
 void many_applications_do_not_influence_each_other() {
   constexpr std::size_t kCarCount = 40;
   const auto make = [](std::size_t number) {
@@ -305,7 +305,7 @@ void an_imu_that_stops_answering_stops_the_car() {
   TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
 }
 
-// Full stick ahead is WHEEL_MAX_RAD_S: 1500 + 45 + 155 us forward at the default gain, mirrored on the right.
+// Full forward stick is WHEEL_MAX_RAD_S: 1500 + 45 + 155 us forward at the default gain, mirrored on the right.
 void the_stick_drives_an_armed_car() {
   Bench bench;
   bench.application.begin();

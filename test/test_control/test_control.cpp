@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::uint32_t kTick = 20000;
 
-// Long enough for every ramp and stagger the tests set.
+// The pulses after 10 s, when every ramp and stagger of the tests has ended.
 PulsesUs settled(const Parameters& parameters, const SetPoint& set_point) {
   const Calibration calibration = calibrate(parameters);
   DriveState state;
@@ -109,7 +109,7 @@ void pulses_stay_within_what_servos_understand() {
   TEST_ASSERT_TRUE(pulses_us[1] == 1000.0f);
 }
 
-// The n-th axle's ramp is slew × (time − n × stagger), whatever the length of the ticks.
+// The n-th axle's ramp is slew × (time − n × stagger) for any length of the ticks.
 void axles_start_one_after_the_other_and_ramp_at_the_slew_rate() {
   for (const std::uint32_t step_us : {5000u, 20000u, 33333u}) {
     Parameters parameters;

@@ -1,6 +1,6 @@
-// car.json: what is taken, what is refused with which words, what follows for the parameters.
+// car.json: what is accepted, what is refused with which message, and the parameters that follow.
 //
-// Where ArduinoJson is installed, as PlatformIO's registry has it, the board's reading is held to the simulator's.
+// Where ArduinoJson is installed, which PlatformIO's registry has, the board's reading is compared with the simulator's.
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -30,7 +30,7 @@ json good() {
     "parameters": {"WHEEL_MAX_RAD_S": 9.5, "CH1_NEUTRAL_US": 1490}})");
 }
 
-// What the board makes of the same text, or a copy of the simulator's where it cannot be asked.
+// The board's reading of a text; the simulator's where ArduinoJson is not installed.
 DesignResult read_on_board(const std::string& text) {
 #ifdef FOLDCAR_HAS_ARDUINO_JSON
   return read_design_json(text.data(), text.size());
@@ -163,7 +163,7 @@ void wrong_wheels_are_named() {
   expect_refused(file, "car.json: wheels[0]. is unknown or not of its type");
 }
 
-// No prefix of a good file, and no file with a byte changed, does anything but be refused or be read as good.
+// Every prefix of a valid file is refused; a file with a changed byte is either refused with a message or accepted.
 void damaged_files_are_refused_or_harmless() {
   const std::string text = good().dump();
   for (std::size_t size = 0; size < text.size(); ++size) {
@@ -182,7 +182,7 @@ void damaged_files_are_refused_or_harmless() {
   TEST_ASSERT_EQUAL_STRING("car.json: is larger than 8192 bytes", read_car_json(std::string(9000, ' ')).problem);
 }
 
-// The board's reading of files that are no clean JSON.
+// Both read damaged files alike, as far as they are JSON.
 void the_board_reads_what_the_simulator_reads() {
 #ifndef FOLDCAR_HAS_ARDUINO_JSON
   TEST_IGNORE_MESSAGE("ArduinoJson is not installed");

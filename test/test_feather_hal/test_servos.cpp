@@ -130,11 +130,25 @@ void no_pulse_is_written_before_the_oscillator_is_known() {
   TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
 }
 
-// The driver checks none of its reads and writes: a bus that fails then leaves the chip at 1 kHz.
-void a_rate_that_the_chip_does_not_confirm_allows_no_pulses() {
+// The library checks none of its transfers. Whichever of them fails while the rate is set, pulses are right or refused.
+void a_transfer_that_fails_while_the_rate_is_set_never_leads_to_wrong_pulses() {
+  int refused_count = 0;
+  for (int transfer = 0; transfer < 12; ++transfer) {
+    FeatherBench bench;
+    TEST_ASSERT_TRUE(bench.hal.servos.begin());
+    fake_esp32.i2c.fails_at = transfer;
+    const bool confirmed = bench.hal.servos.set_oscillator_hz(25e6f);
+    fake_esp32.i2c.fails_at = -1;
+    TEST_ASSERT_TRUE(confirmed == bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+    if (confirmed) TEST_ASSERT_FLOAT_WITHIN(2.5f, 1500.0f, static_cast<float>(bench.servo_chip.pulse_us(0)));
+    refused_count += confirmed ? 0 : 1;
+  }
+  TEST_ASSERT_TRUE(refused_count >= 3);  // off, sleep, prescaler
+}
+
+void a_rate_that_cannot_be_set_again_ends_the_pulses() {
   FeatherBench bench;
-  TEST_ASSERT_TRUE(bench.hal.servos.begin());
-  TEST_ASSERT_TRUE(bench.hal.servos.set_oscillator_hz(25e6f));
+  bench.begin();
   fake_esp32.i2c.bus_hangs = true;
   TEST_ASSERT_FALSE(bench.hal.servos.set_oscillator_hz(25e6f));
   fake_esp32.i2c.bus_hangs = false;
@@ -155,7 +169,8 @@ void run_servo_tests() {
   RUN_TEST(a_chip_that_was_missing_at_the_start_takes_no_writes);
   RUN_TEST(without_the_bus_nothing_is_written);
   RUN_TEST(no_pulse_is_written_before_the_oscillator_is_known);
-  RUN_TEST(a_rate_that_the_chip_does_not_confirm_allows_no_pulses);
+  RUN_TEST(a_transfer_that_fails_while_the_rate_is_set_never_leads_to_wrong_pulses);
+  RUN_TEST(a_rate_that_cannot_be_set_again_ends_the_pulses);
 }
 
 }  // namespace foldcar

@@ -1,4 +1,4 @@
-// A car and a host with a perfect cable between them.
+// The firmware on a recording HAL, and a host, connected by a cable that loses nothing.
 #pragma once
 
 #include <unity.h>
@@ -25,7 +25,7 @@ struct Bench {
     board.link.room = 100000;
     firmware.begin(design);
   }
-  // The host's bytes arrive, and the firmware is polled every 4 ms for as long.
+  // Gives the car the host's bytes, polls the firmware every 4 ms for time_ms, and gives the host the car's.
   void run(std::uint64_t time_ms, const std::string& bytes = "") {
     board.link.incoming += bytes;
     for (std::uint64_t t_ms = 0; t_ms < time_ms; t_ms += 4) {
@@ -35,7 +35,7 @@ struct Bench {
     host.receive(board.link.outgoing);
     board.link.outgoing.clear();
   }
-  // The host shows itself first, as one does that sends heartbeats.
+  // Sends a heartbeat, so that the host is known, and a command; returns the acknowledgement.
   mavlink_command_ack_t answer(std::uint16_t command, const std::vector<float>& parameters,
                                std::uint8_t confirmation = 0) {
     const std::size_t before = host.acks().size();

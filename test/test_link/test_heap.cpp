@@ -11,8 +11,8 @@ namespace {
 std::size_t allocation_count = 0;
 }
 
-// Counts what takes memory from the heap, and otherwise does what the standard's own does. Inlined, the compiler would
-// take malloc and delete for a wrong pair.
+// Counts allocations and otherwise does what the standard library's does. Not inlined, because the compiler would warn of a
+// mismatch of malloc and delete.
 __attribute__((noinline)) void* operator new(std::size_t size) {
   ++allocation_count;
   if (void* memory = std::malloc(size)) return memory;

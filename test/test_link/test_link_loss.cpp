@@ -9,7 +9,7 @@
 namespace foldcar {
 namespace {
 
-// A thousand trials, the host falls silent at any moment of any of them, also between two ticks.
+// In each of a thousand trials the host falls silent at a random time, between ticks too.
 void pulses_are_off_within_half_a_second_of_link_loss_a_thousand_times() {
   std::mt19937_64 random(2);
   std::uniform_int_distribution<std::uint64_t> any_us(0, 3000000);
@@ -91,7 +91,7 @@ void a_single_packet_sets_nothing_in_motion() {
   TEST_ASSERT_TRUE(bench.last_us() == kOff);
 }
 
-// `make fuzz` feeds a hundred times as many, with the compiler's checks of addresses and undefined behaviour.
+// `make fuzz` feeds a hundred times as many bytes, with the address and undefined-behaviour sanitizers.
 void a_million_random_and_damaged_bytes_move_nothing() {
   LinkFuzz fuzz(1);
   TEST_ASSERT_TRUE(fuzz.run(1000000));

@@ -27,7 +27,7 @@ void packets_are_found_among_noise_and_behind_false_starts() {
   }
 }
 
-// What began like a packet and stays unfinished gives way to what stood behind it.
+// A false start at the length of a packet is given up after 100 ms, and the packet behind it is found.
 void an_unfinished_packet_does_not_hold_up_the_next_for_long() {
   MavlinkHost host;
   const std::string start = std::string("\xfd\x21\x00\x00\x00\x01\x01\x4c\x00\x00", 10);  // a COMMAND_LONG of 33 bytes

@@ -13,7 +13,7 @@
 namespace foldcar {
 namespace {
 
-// Every byte is lost with that chance.
+// The bytes that arrive if each is lost with probability loss.
 std::string through(const std::string& bytes, double loss, std::mt19937_64& random) {
   std::bernoulli_distribution is_lost(loss);
   std::string arrived;
@@ -37,8 +37,8 @@ void the_parameter_list_is_that_of_the_table() {
   }
 }
 
-// Of a request 4 % arrive, of the values 0.03 %; the host asks until it has all. Of so many damaged packets a few
-// pass a checksum of 16 bits, hence a value counts when it has come twice.
+// 4 % of the requests and 0.03 % of the values arrive undamaged; the host repeats its request until it has all values. Some
+// of so many damaged packets pass a checksum of 16 bits, so a value counts when it has arrived twice.
 void the_parameter_list_is_complete_over_a_link_that_drops_a_fifth_of_the_bytes() {
   Bench bench;
   std::mt19937_64 random(1);

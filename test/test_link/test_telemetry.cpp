@@ -1,4 +1,4 @@
-// What the car sends by itself: intervals, order, what gives way on a slow link.
+// Telemetry: intervals, order, requested messages, and which packets a slow link leaves out.
 #include <unity.h>
 
 #include <cmath>

@@ -69,6 +69,9 @@ void test_current_runs_from_free_to_stall() {
   const ServoDrive full = servo_drive(kServo, 1700);
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.11, servo_current_a(kServo, full, 0));
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.70, servo_current_a(kServo, full, 0.134));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.70, servo_current_a(kServo, full, -0.134));  // braking draws as much
+  const ServoDrive half_back{true, -0.5};
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.055 + 0.5 * 0.59, servo_current_a(kServo, half_back, -0.067));
 }
 
 void test_the_weight_couple_is_that_of_a_point_mass_over_the_tyres_edge() {
@@ -78,6 +81,28 @@ void test_the_weight_couple_is_that_of_a_point_mass_over_the_tyres_edge() {
   TEST_ASSERT_DOUBLE_WITHIN(1e-9, mass_kg * 9.81 * lever_m, load_roll_couple_n_m(weight, std::sin(roll_rad)));
   TEST_ASSERT_DOUBLE_WITHIN(1e-9, -mass_kg * 9.81 * lever_m,
                             load_roll_couple_n_m(weight, -std::sin(roll_rad)));
+}
+
+void test_a_tyre_leans_on_its_edge_from_a_fiftieth_and_evenly_until_then() {
+  const CarriedLoad load{0, 0, 0.012};  // 1 N on a tyre of 12 mm
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.006, load_roll_couple_n_m(load, 0.02));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.003, load_roll_couple_n_m(load, 0.01));
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.006, load_roll_couple_n_m(load, -0.5));
+}
+
+void test_what_carries_or_weighs_beside_the_middle_rolls_by_its_lever() {
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.03, load_roll_couple_n_m({0, 0.03, 0}, 0.1));  // pushed up on the left
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.2 * 9.81 * 0.01, offset_roll_couple_n_m(0.2 * 0.01));
+}
+
+void test_the_angles_of_roll_are_those_of_its_sine_up_to_a_car_that_has_tipped() {
+  for (const double roll_rad : {-1.2, -0.3, 0.0, 0.7, 1.2}) {
+    TEST_ASSERT_DOUBLE_WITHIN(1e-12, std::sin(roll_rad), sin_roll_limited(std::sin(roll_rad)));
+    TEST_ASSERT_DOUBLE_WITHIN(1e-12, std::cos(roll_rad), cos_roll(std::sin(roll_rad)));
+    TEST_ASSERT_DOUBLE_WITHIN(1e-12, std::tan(roll_rad), tan_roll(std::sin(roll_rad)));
+  }
+  TEST_ASSERT_EQUAL_DOUBLE(kMaxSinRoll, sin_roll_limited(1.5));
+  TEST_ASSERT_EQUAL_DOUBLE(-kMaxSinRoll, sin_roll_limited(-1));
 }
 
 namespace {
@@ -192,6 +217,9 @@ int main() {
   RUN_TEST(test_without_pulses_there_is_neither_torque_nor_current);
   RUN_TEST(test_current_runs_from_free_to_stall);
   RUN_TEST(test_the_weight_couple_is_that_of_a_point_mass_over_the_tyres_edge);
+  RUN_TEST(test_a_tyre_leans_on_its_edge_from_a_fiftieth_and_evenly_until_then);
+  RUN_TEST(test_what_carries_or_weighs_beside_the_middle_rolls_by_its_lever);
+  RUN_TEST(test_the_angles_of_roll_are_those_of_its_sine_up_to_a_car_that_has_tipped);
   RUN_TEST(test_driving_and_sliding_share_one_friction_circle);
   RUN_TEST(test_a_slide_is_braked_by_friction_and_then_holds);
   RUN_TEST(test_more_roll_inertia_in_the_plane_is_made_good);

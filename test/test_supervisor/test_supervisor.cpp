@@ -23,7 +23,7 @@ constexpr TrialRequest kUntethered{0.2f, 0.0f, 10.0f, true, 2};
 
 constexpr std::uint64_t ms(std::uint64_t time_ms) { return 1000 * time_ms; }
 
-// All by legal events at time 0.
+// Brings a new supervisor into a state, by accepted requests at time 0.
 void bring_to(State state, Supervisor& supervisor) {
   if (state == State::kDisarmed) return;
   if (state == State::kTesting) return static_cast<void>(supervisor.test(3.0f, kGoodV, 0));
@@ -64,7 +64,7 @@ constexpr Refusal kLatched = Refusal::kFaultLatched;
 constexpr float kTooFarRad = 1.2f;
 constexpr Refusal kOk = Refusal::kNone;
 
-// docs/firmware.md holds this table in words.
+// docs/firmware.md has this table too.
 const std::vector<Event> kTable = {
     {"arm", [](Supervisor& s) { return s.arm(kGoodV); },
      {{kArmed, kOk}, {kArmed, kOk}, {kRunning, kBusy}, {kArmed, kOk}, {kFault, kLatched}, {kManual, kBusy},

@@ -4,6 +4,7 @@
 // HAL's clock, so a late tick changes no result. Nothing waits. Many applications fit in one process.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "attitude.h"

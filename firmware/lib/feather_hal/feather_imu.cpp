@@ -1,5 +1,7 @@
 #include "feather_imu.h"
 
+#include <cstdint>
+
 #include <Arduino.h>
 #include <Wire.h>
 

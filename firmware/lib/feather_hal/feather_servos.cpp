@@ -4,6 +4,7 @@
 #include <Wire.h>
 
 #include <cmath>
+#include <cstdint>
 
 namespace foldcar {
 namespace {

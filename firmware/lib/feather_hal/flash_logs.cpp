@@ -4,6 +4,7 @@
 #include <LittleFS.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>

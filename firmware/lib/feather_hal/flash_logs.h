@@ -1,6 +1,9 @@
 // Logs of trials as files of the ESP32's flash file system (LittleFS): /log_00001 to /log_65535.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+
 #include <FS.h>
 
 #include "hal.h"

@@ -50,6 +50,7 @@ struct LateralInertia {
   double yaw_kg_m2;
 };
 
+// The state of the lateral motion, advanced once a step.
 class LateralDynamics {
  public:
   explicit LateralDynamics(const LateralInertia& car) : car_(car) {}

@@ -6,6 +6,7 @@
 
 namespace foldcar {
 
+// Box2D's length units a metre, and its torque units a newton metre (mass and time unchanged).
 constexpr double kUnitsPerMetre = 20.0;
 constexpr double kTorqueScale = kUnitsPerMetre * kUnitsPerMetre;
 
@@ -16,6 +17,7 @@ constexpr double kWheelSkin_m = (b2_polygonRadius - 0.7 * b2_linearSlop) / kUnit
 // Profile details shorter than this are merged: Box2D aborts on chain vertices closer than its slop.
 constexpr double kProfileResolution_m = 3 * b2_linearSlop / kUnitsPerMetre;
 
+// Lengths, velocities and forces: SI to Box2D's units, and back.
 inline float to_units(double metres) { return static_cast<float>(metres * kUnitsPerMetre); }
 inline double to_metres(double units) { return units / kUnitsPerMetre; }
 inline float to_torque_units(double newton_metres) { return static_cast<float>(newton_metres * kTorqueScale); }

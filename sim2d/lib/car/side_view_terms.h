@@ -6,6 +6,7 @@
 
 namespace foldcar {
 
+// Acceleration of free fall.
 constexpr double kGravity_m_s2 = 9.81;
 
 // Largest |q| used in tan(roll); a car that far over has tipped.

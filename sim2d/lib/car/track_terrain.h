@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <vector>
 
 #include "ground_outline.h"
@@ -20,6 +21,7 @@ struct CutPose {
   double q = 0;
 };
 
+// Holds the outlines of the last cut and the chain fixtures made of them.
 class TrackTerrain {
  public:
   // terrain must outlive it.

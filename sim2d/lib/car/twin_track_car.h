@@ -5,6 +5,7 @@
 // states.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -42,6 +43,7 @@ struct CarState {
   double motor_work_j = 0;       // mechanical work of the servos
 };
 
+// One car on its terrain, in a Box2D world of its own.
 class TwinTrackCar {
  public:
   // Puts the car down at start, wheels on the ground, at rest. friction is the coefficient outside patches. body,

@@ -7,6 +7,7 @@
 
 namespace foldcar {
 
+// One fault.
 struct Injection {
   enum class Kind {
     kBattery,            // value: voltage (V)

@@ -6,6 +6,7 @@
 
 namespace foldcar {
 
+// One direction of the cable.
 class LineNoise {
  public:
   enum class Kind { kCorrupt, kDrop };

@@ -1,6 +1,7 @@
 // The serial batch: takes lines, remembers bodies and scenes, runs runs. A worker process is one of these.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -22,6 +23,7 @@ nlohmann::ordered_json result_object(const TrialResult& result);
 std::string error_reply(std::size_t line_number, const std::string& run_id, ErrorKind kind,
                         const std::string& message);
 
+// Remembers bodies and scenes by id and answers the other lines.
 class BatchSession {
  public:
   explicit BatchSession(bool timed) : timed_(timed) {}

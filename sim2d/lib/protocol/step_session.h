@@ -17,6 +17,7 @@
 
 namespace foldcar {
 
+// Remembers bodies and scenes by id and has at most one trial under way.
 class StepSession {
  public:
   // The reply to a line, if it calls for one. Never throws for bad input or a trial that breaks down.

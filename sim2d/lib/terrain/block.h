@@ -13,6 +13,7 @@ struct BlockCorners;
 struct AlongBlock;
 struct Interval;
 
+// One block, prepared for slicing.
 class Block {
  public:
   explicit Block(const BlockSpec& spec);

@@ -9,6 +9,7 @@
 
 namespace foldcar {
 
+// The fields of one scene.
 class Ground {
  public:
   explicit Ground(const TerrainSpec& spec);

@@ -23,11 +23,13 @@ struct Disc {
   double radius_m = 0;
 };
 
+// Whether two discs have points in common.
 inline bool overlap(const Disc& a, const Disc& b) {
   const double dx = a.x_m - b.x_m, dy = a.y_m - b.y_m, reach = a.radius_m + b.radius_m;
   return dx * dx + dy * dy < reach * reach;
 }
 
+// One field of heights; lengths in metres.
 class GroundField {
  public:
   virtual ~GroundField() = default;

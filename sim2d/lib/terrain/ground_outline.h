@@ -6,6 +6,7 @@
 // than kPlanSideways_m and kPlanTurn_rad.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "ground.h"
@@ -14,6 +15,7 @@
 
 namespace foldcar {
 
+// Largest lateral shift and turn of a cut's pose against that of the plan.
 constexpr double kPlanSideways_m = 0.005;
 constexpr double kPlanTurn_rad = 0.03;
 
@@ -27,6 +29,7 @@ struct LateralSpan {
   double tilt = 0;
 };
 
+// The plan for one wheel track or the belly, and its last cut.
 class GroundOutline {
  public:
   // Plans the stations of the span, which is counted from the frame's point, and the lines. That point is at s_m of the

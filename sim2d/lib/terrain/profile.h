@@ -18,6 +18,7 @@ struct ProfileSegment {
   double y_max_m = 0;
 };
 
+// An outline: segments in ascending s.
 using Profile = std::vector<ProfileSegment>;
 
 // Working memory of the functions below, kept by the caller so that they do not allocate.

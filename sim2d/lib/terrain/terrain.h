@@ -40,6 +40,7 @@ struct Piece {
   double y_m = 0;
 };
 
+// A surface over the plane; what it returns depends on its arguments alone.
 class Terrain {
  public:
   virtual ~Terrain() = default;

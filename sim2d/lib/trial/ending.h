@@ -10,6 +10,7 @@
 
 namespace foldcar {
 
+// Watches one trial.
 class Ending {
  public:
   // start: the state at the start of the trial. scene must outlive it.

@@ -19,6 +19,7 @@ struct Metrics {
   double max_pitch_rad = 0;                    // largest magnitude
 };
 
+// A row of the table: name and unit as the protocol has them, and the field that holds the value.
 struct MetricInfo {
   const char* name;  // ends with the unit
   const char* unit;

@@ -11,6 +11,7 @@ import pytest
 
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import find_carsim
+from live_car import write_free_course
 
 PROJECT = Path(__file__).resolve().parents[2]
 STEP_PYRAMIDS = PROJECT / "scenarios" / "step_pyramids.scenic"
@@ -56,3 +57,9 @@ def foldcar(tmp_path: Path) -> Callable[..., "subprocess.CompletedProcess[str]"]
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, **options)
 
     return run
+
+
+@pytest.fixture
+def free_course(tmp_path: Path) -> Path:
+    """The listing l.json of two widths on a course without obstacles, in the test's folder."""
+    return write_free_course(tmp_path)

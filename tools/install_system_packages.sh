@@ -10,8 +10,10 @@ set -eu
 packages='g++ make python3 python3-venv ca-certificates git libbox2d-dev nlohmann-json3-dev libgl1 libglib2.0-0 libxcb1'
 case ${1:-} in
 '') ;;
-# The browser in which tests open pages. Ubuntu has no such package, only a snap: there any Chrome will do.
-tests) command -v chromium chromium-browser google-chrome >/dev/null || packages="$packages chromium" ;;
+# The browser in which tests open pages. Ubuntu has no such package, only a snap that reads no temporary files.
+tests)
+  command -v google-chrome >/dev/null || grep -q '^ID=ubuntu$' /etc/os-release || packages="$packages chromium"
+  ;;
 fresh) packages="$packages debootstrap" ;;
 *) echo "install_system_packages: unknown purpose $1; it is tests or fresh" >&2 && exit 2 ;;
 esac

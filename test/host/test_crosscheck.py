@@ -18,6 +18,7 @@ from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.ending import Ending, State
 from foldcar.crosscheck.result_cache import ResultCache
 from foldcar.report.wilson import wilson_interval
+from shell_signals import like_a_shell
 from study_car import empty_scene
 
 
@@ -149,14 +150,14 @@ def test_an_interrupt_loses_nothing(tmp_path: Path, write_listing: Any, listing_
     command = [sys.executable, "-c", "from foldcar.cli import main; main()", "crosscheck"]
     command += [str(write_listing(listing_data)), "--environments", "40", "--jobs", "2", "-o", "check"]
     process = subprocess.Popen(
-        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=like_a_shell
     )
     file = tmp_path / "check" / "results.jsonl"
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 300
     while time.monotonic() < deadline and '"mujoco"' not in (file.read_text() if file.exists() else ""):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, message = process.communicate(timeout=60)
+    _, message = process.communicate(timeout=300)
 
     assert process.returncode == 130
     assert message == "stopped: finished runs are in check; the same command resumes\n"

@@ -26,6 +26,7 @@ from foldcar.store.reader import Store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import Progress, sweep
+from shell_signals import like_a_shell
 
 WriteListing = Callable[[Any], Path]
 
@@ -165,6 +166,7 @@ def start(listing: Path, store: Path, carsim: Path, environments: int) -> "subpr
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "FOLDCAR_CARSIM": str(carsim)},
+        preexec_fn=like_a_shell,
     )
 
 
@@ -208,7 +210,7 @@ def test_ctrl_c_stops_keeps_and_says_how_to_go_on(
         time.sleep(0.05)
 
     process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=10)
+    output, errors = process.communicate(timeout=100)
 
     assert process.returncode == 130
     stored = stored_runs(tmp_path / "s.db")

@@ -22,8 +22,8 @@ def test_a_loop_that_catches_exceptions_is_interrupted_in_time() -> None:
     start_s = time.perf_counter()
     message = r"^the loop takes longer than the limit of 0.2 s$"
     with pytest.raises(FoldcarError, match=message), time_limit(0.2, "the loop"):
-        loop_that_catches(start_s + 10)
-    assert 0.2 <= time.perf_counter() - start_s < 9
+        loop_that_catches(start_s + 100)
+    assert 0.2 <= time.perf_counter() - start_s < 50
 
 
 def test_an_error_that_a_library_makes_of_the_interruption_is_the_limit_too() -> None:

@@ -5,6 +5,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,7 @@ def test_a_killed_program_loses_nothing_it_received(
         before = log.read_bytes()
         assert (trial.outcome, trial.ending, trial.log_sha256) == ("aborted", "running", None)
         assert [m for _, m in read_tlog(log) if m.get_type() == "SERVO_OUTPUT_RAW"][-1].servo1_raw > 0
+        await_fault(car.port)
 
         again = foldcar(*LOG, "--port", car.port, "--countdown", "0", "--yes")
 
@@ -76,6 +78,36 @@ def test_a_killed_program_loses_nothing_it_received(
     assert (first.outcome, first.ending) == ("aborted", "the program was ended")
     assert first.log_sha256 == hashlib.sha256(before).hexdigest() and log.read_bytes() == before
     assert second.outcome == "timeout"
+
+
+def await_fault(port: str) -> None:
+    """Wait until the car has latched a fault: half a second of its clock after the last sign of a host's life."""
+    for _ in range(100):
+        # To look is a sign of life too.
+        time.sleep(1.0)
+        watcher = greet(port)
+        state = watcher.state()
+        watcher.connection.close()
+        if state == watcher.dialect.FOLDCAR_STATE_FAULT:
+            return
+    pytest.fail("the car does not notice that its host is gone")
+
+
+def test_a_car_that_still_drives_an_earlier_trial_is_stopped_first(
+    tmp_path: Path, free_course: Path, carsim_binary: Path, foldcar: Any
+) -> None:
+    with car_at_port(carsim_binary, goal_x_m=None) as car:
+        before = greet(car.port)
+        before.arm()
+        # Untethered, so that it drives on however long the next program takes to start.
+        before.start_trial(0.1, 0.0, 30.0, 77, untethered=True)
+        before.connection.close()
+        answer = foldcar(*LOG, "--port", car.port, "--countdown", "0", "--yes")
+
+    assert answer.returncode == 0, answer.stderr
+    assert "driving   an earlier trial, which is stopped now\n" in answer.stdout and "fault " not in answer.stdout
+    (trial,) = trials_in(tmp_path / "s.db")
+    assert (trial.outcome, trial.ending) == ("timeout", "time limit")
 
 
 def test_a_board_that_restarts_aborts_the_trial(

@@ -27,6 +27,7 @@ def welcome(
     design = design_of(identity, experiment, family)
     if not options.any_build:
         check_build(identity, carsim.firmware)
+    _end_earlier_trial(car)
     _clear_fault(car, options, answers)
     values = read_parameters(car)
     table = carsim.parameter_table()
@@ -44,6 +45,19 @@ def welcome(
     if not differing:
         typer.echo(f"parameters as in {against}")
     return identity, design
+
+
+def _end_earlier_trial(car: Car) -> None:
+    """Stop a car that drives on because the program before was ended, and learn its state as it is now.
+
+    Left alone, it would latch the fault of a silent host at our next long pause, after faults were asked for.
+    """
+    car.connection.catch_up()
+    if car.request("FOLDCAR_TRIAL").state == car.dialect.FOLDCAR_STATE_RUNNING:
+        car.stop_trial()
+        typer.echo("driving   an earlier trial, which is stopped now")
+        car.connection.catch_up()
+        car.request("FOLDCAR_TRIAL")
 
 
 def _clear_fault(car: Car, options: LogOptions, answers: TypedAnswers) -> None:

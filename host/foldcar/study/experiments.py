@@ -94,7 +94,7 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
         place = f"{file}: environments.{listed.env_id}.scenic_filename"
         program = file.parent / environment.scenic_filename
         if not program.is_file():
-            raise ListingError(f"{place}: {program} is no file")
+            raise ListingError(f"{place}: {program} is not a file")
         params = listed.params
         chosen.append(
             Experiment(

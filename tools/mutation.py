@@ -101,6 +101,7 @@ def chosen(root: Path, only: str, most: int | None, seed: int) -> list[tuple[Pat
 
 
 def main() -> int:
+    """Run the command line; returns the exit code."""
     parser = argparse.ArgumentParser(description="Plants faults in the C++ sources and sees whether the suites notice.")
     parser.add_argument("--mutants", default="10", help="mutants of each file, or 'all' (default %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="of the sample (default %(default)s)")

@@ -184,7 +184,7 @@ def test_pulses_stop_within_half_a_second_of_link_loss(start: Callable[..., Car]
     assert trial.fault == mavlink.FOLDCAR_FAULT_COMMAND_STALE
 
 
-def test_faults_stop_the_car_and_are_told(start: Callable[..., Car]) -> None:
+def test_faults_stop_the_car_and_are_reported(start: Callable[..., Car]) -> None:
     car = start("--pty")
     car.connect()
     for injection, fault in [

@@ -141,7 +141,7 @@ def test_a_sweep_ends_with_one_line(
     assert second.stdout.startswith("0 runs new, 6 there already, ")
 
 
-def test_a_reader_that_goes_away_is_no_news(tmp_path: Path) -> None:
+def test_a_closed_output_is_not_reported(tmp_path: Path) -> None:
     from test_store import fill
 
     fill(tmp_path / "s.db")

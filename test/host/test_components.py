@@ -225,7 +225,7 @@ def test_a_user_module_is_part_of_the_car(tmp_path: Path) -> None:
         (('"offset", 5, 0, 50, "of', '"width", 5, 0, 50, "of'), ':8: Tail: its parameter "width" is declared otherwise'),
         (("class Tail(Module):", "from foldcar.car.components.wheel_module import *\nclass Tail(WheelModule):"),
          ":9: Tail: carries wheels or electronics"),
-        (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.car.compiler"),
+        (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.car.components.module.Module"),
     ],
 )  # fmt: skip
 def test_a_file_with_an_error_is_one_line_with_file_and_line(

@@ -200,7 +200,7 @@ def test_a_mistake_is_named_with_file_key_value_and_limit(
         ("\x00", "is not JSON: "),
     ],
 )
-def test_what_is_no_listing_is_refused(write_listing: Callable[[Any], Path], text: str, message: str) -> None:
+def test_invalid_listings_are_refused(write_listing: Callable[[Any], Path], text: str, message: str) -> None:
     file = write_listing(text)
 
     with pytest.raises(FoldcarError) as caught:

@@ -63,7 +63,7 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
         (EGO + GOAL + "new Robot at (0, 0.5)\n", "line 4: Robot at (0, 0.5): is a second Robot"),
         (
             EGO + GOAL + "new Object at (0.5, 0), with allowCollisions True\n",
-            "Object at (0.5, 0): is none of",
+            "Object at (0.5, 0): is not one of",
         ),
         (
             EGO + GOAL + "new Bump at (0.5, 0), with height -0.1\n",
@@ -187,7 +187,7 @@ def test_parameters_are_checked(tmp_path: Path) -> None:
     assert "param near: unknown; the program's parameters are: course_x_max" in message(
         tmp_path, text, {"near": 1}
     )
-    assert "param far: 'x' is no number" in message(tmp_path, text, {"far": "x"})
+    assert "param far: 'x' is not a number" in message(tmp_path, text, {"far": "x"})
     assert "param far: nan is not finite" in message(tmp_path, text, {"far": float("nan")})
 
 

@@ -91,7 +91,7 @@ def test_a_servos_edges_are_found_within_the_drivers_step(neutral: float, deadba
 
 
 @pytest.mark.parametrize("turns", [lambda pulse: 0, lambda pulse: -1, lambda pulse: 1 if pulse < 1500 else -1])
-def test_a_servo_that_is_wired_wrong_is_told(turns: Any) -> None:
+def test_a_wrongly_wired_servo_is_reported(turns: Any) -> None:
     with pytest.raises(FoldcarError, match="µs the wheel does not turn as it should"):
         find_edges(turns)
 
@@ -185,7 +185,7 @@ def test_a_full_disk_is_told_and_leaves_whole_packets(tmp_path: Path) -> None:
     assert len(list(read_tlog(log.file))) == 2
 
 
-def test_car_json_tells_the_firmware_what_the_simulator_is_told() -> None:
+def test_car_json_agrees_with_the_simulators_body() -> None:
     design = compose("W_B_W", {"width": 95.0})
 
     content = car_json(design)

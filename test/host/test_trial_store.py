@@ -49,7 +49,7 @@ def test_a_trial_is_aborted_until_it_is_completed(tmp_path: Path) -> None:
     assert trial.counts and trial.log_sha256 == "ff" and trial.ended_utc is not None
 
 
-def test_the_least_tried_sample_can_be_told(tmp_path: Path) -> None:
+def test_trials_are_counted_by_sample(tmp_path: Path) -> None:
     with write_trials(tmp_path / "s.db") as writer:
         for sample, outcome in ((0, "passed"), (0, "tipped"), (1, "stuck"), (1, "aborted")):
             writer.complete(begin(writer, sample=sample), Ending(outcome, "", None, "", None))

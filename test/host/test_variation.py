@@ -134,7 +134,7 @@ def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any]) -> None:
     assert second["servo"]["rated_v"] == 5.2
 
 
-def test_no_spread_is_no_change(body: dict[str, Any]) -> None:
+def test_without_spread_nothing_changes(body: dict[str, Any]) -> None:
     still = draw({name: 0.0 for name in workshop()}, 42, 0)
 
     assert vary_body(body, still) == body

@@ -32,7 +32,7 @@ def record_outcome(
 ) -> None:
     """Complete the row of trial ``number``; FoldcarError if its outcome is unknown and may not be asked for."""
     digest = log_hash(log)
-    ending = end.ending if end.outcome else f"{end.ending}; outcome not told"
+    ending = end.ending if end.outcome else f"{end.ending}; outcome not entered"
     writer.complete(number, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
     drove = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
     typer.echo(f"Ended{drove}: {end.ending}")

@@ -89,14 +89,14 @@ class LogSession:
     def _trial(self, writer: TrialWriter, identity: CarIdentity, design: Design) -> DriveEnd | None:
         """Drive one trial; None if the person ends the session."""
         options = self.options
-        told = TrialDesign(design.type, design.columns)
+        trial_design = TrialDesign(design.type, design.columns)
         fingerprint = self._environment.fingerprint
-        counts = writer.trial_counts(self._experiment.id, told, fingerprint)
+        counts = writer.trial_counts(self._experiment.id, trial_design, fingerprint)
         sample = options.sample if options.sample is not None else least_tried(self._experiment.environments, counts)
         number = writer.next_number()
         placement = self._placement(writer, sample, design)
         typer.echo(f"\nTrial {number}: sample {sample} of experiment {self._experiment.id}")
-        # With --yes nobody looks at a picture.
+        # With --yes no picture is drawn.
         placement.show(with_picture=not options.yes)
         deviations = ask_deviations(self._answers, placement.scene, options.deviations, options.yes)
         if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
@@ -108,7 +108,7 @@ class LogSession:
         facts = CarFacts(identity.build, identity.hash, self._car.port)
         scene = placed(placement.scene, deviations)
         begun = writer.begin(
-            self._experiment.id, told, Drive(body, settings, scene, fingerprint, sample), deviations, facts,
+            self._experiment.id, trial_design, Drive(body, settings, scene, fingerprint, sample), deviations, facts,
             str(log.relative_to(options.store.parent)), options.operator,
         )  # fmt: skip
         end = self._drive(settings, begun, log)

@@ -82,7 +82,7 @@ def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: An
             <= STANDING_TOLERANCE_M
         ):
             raise UnusableError(
-                "the start is not before the goal line: the Goal has to face the way the car crosses it",
+                "the start is not before the goal line: the Goal must face the direction in which the car crosses it",
                 thing,
             )
         return

@@ -108,7 +108,7 @@ def _check_params(program: Path, params: Mapping[str, Any], declared: Mapping[st
             known = ", ".join(sorted(declared)) or "none"
             raise FoldcarError(f"{program}: param {name}: unknown; the program's parameters are: {known}")
         if _is_number(declared[name]) and not _is_number(value):
-            raise FoldcarError(f"{program}: param {name}: {value!r} is no number")
+            raise FoldcarError(f"{program}: param {name}: {value!r} is not a number")
         if _is_number(value) and not math.isfinite(value):
             raise FoldcarError(f"{program}: param {name}: {value} is not finite")
 

@@ -29,7 +29,7 @@ def finite(name: str, value: Any, thing: Any = None) -> float:
     try:
         value_read = float(value)
     except (TypeError, ValueError):
-        raise UnusableError(f"{name}: {value} is no number", thing) from None
+        raise UnusableError(f"{name}: {value} is not a number", thing) from None
     if not math.isfinite(value_read):
         raise UnusableError(f"{name}: {value_read} is not finite", thing)
     return rounded(value_read)

@@ -62,7 +62,7 @@ def _scene_object(scene: Any, needs_goal: bool) -> dict[str, Any]:
             if thing is not ego:
                 raise UnusableError("is a second Robot: only the ego drives", thing)
         elif not is_a(thing, "Marker"):
-            raise UnusableError("is none of model.scenic's Terrain, Marker, Goal or Robot", thing)
+            raise UnusableError("is not one of model.scenic's Terrain, Marker, Goal or Robot", thing)
     start = pose(ego)
     check_free_start(start, ego, terrain)
     goal = _goal(goals[0]) if goals else None

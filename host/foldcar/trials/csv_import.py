@@ -29,7 +29,7 @@ def read_trials(file: Path, experiment: str | None) -> list[dict[str, Any]]:
         raise FoldcarError(f"{file}: cannot be read: {reason}") from error
     kept = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
     if not kept:
-        raise FoldcarError(f"{file}: holds no trials")
+        raise FoldcarError(f"{file}: contains no trials")
     header = [name.strip() for name in next(csv.reader([kept[0][1]]))]
     _check_header(file, header)
     trials = []
@@ -40,7 +40,7 @@ def read_trials(file: Path, experiment: str | None) -> list[dict[str, Any]]:
         row = {name: cell for name, cell in zip(header, cells, strict=True) if cell}
         trials.extend(_trials(f"{file}: line {number}", row, experiment))
     if not trials:
-        raise FoldcarError(f"{file}: holds no trials")
+        raise FoldcarError(f"{file}: contains no trials")
     return trials
 
 

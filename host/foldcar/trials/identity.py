@@ -23,7 +23,7 @@ def design_of(identity: CarIdentity, experiment: Experiment, family: Family) -> 
     if identity.refused:
         raise FoldcarError("the car refuses its own car.json: load the design again with `foldcar flash`")
     if not identity.hash:
-        raise FoldcarError("the car holds no design: load one with `foldcar flash LISTING --experiment ID --design-only`")
+        raise FoldcarError("the car has no design: load one with `foldcar flash LISTING --experiment ID --design-only`")
     for design in family:
         if design_hash(design) == identity.hash:
             return design

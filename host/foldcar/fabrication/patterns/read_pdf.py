@@ -146,7 +146,7 @@ def _circle(layer: LayerName, part: list[Any]) -> Circle:
     """The circle that four cubic arcs approximate; ReadingError if they do not."""
     curves = [points for kind, points in part if kind == "c"]
     if len(curves) != 4:
-        raise ReadingError(f"has a curve on {layer} that is no circle")
+        raise ReadingError(f"has a curve on {layer} that is not a circle")
     starts = [part[0][1][0], *(points[2] for points in curves)]
     ends = starts[1:]
     center = (sum(x for x, _ in ends) / 4, sum(y for _, y in ends) / 4)
@@ -156,5 +156,5 @@ def _circle(layer: LayerName, part: list[Any]) -> Circle:
         for a, c in zip(itertools.chain(starts[:4]), curves, strict=True)
     ]
     if any(abs(math.dist(center, p) - radius) > ARC_ERROR * radius + 1e-4 for p in [*starts, *middles]):
-        raise ReadingError(f"has a curve on {layer} that is no circle")
+        raise ReadingError(f"has a curve on {layer} that is not a circle")
     return Circle(layer, center, radius)

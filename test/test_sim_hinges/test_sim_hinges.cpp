@@ -125,6 +125,7 @@ void test_cut_in_two_the_car_has_the_same_constants() {
 void test_the_constants_of_unlike_segments_are_those_of_their_sum() {
   BodySpec body = three_segments(1);
   body.segments[0].com_z_m = 0.031;
+  body.segments[0].com_y_m = -0.009;
   body.segments[0].mass_kg = 0.05;
   body.segments[1].com_z_m = -0.012;
   body.segments[1].com_y_m = 0.017;
@@ -245,6 +246,20 @@ void test_a_very_stiff_hinge_is_none() {
   TEST_ASSERT_TRUE(two.car.state().x_m > 0.6);
 }
 
+// Scrub's arms are those from the whole car's centre of mass, whichever segment the pose is fixed to.
+void test_a_car_with_a_very_stiff_hinge_turns_as_a_rigid_one() {
+  BodySpec rigid = study_car(0.115), stiff = hinged_study_car(0.115, 1000);
+  for (BodySpec* body : {&rigid, &stiff}) {
+    for (WheelSpec& wheel : body->wheels) {
+      if (wheel.side == CarSide::kRight) wheel.servo.no_load_speed_rad_s *= 0.65;
+    }
+  }
+  Drive one(rigid, kFlat, pulses_for(rigid, 1)), two(stiff, kFlat, pulses_for(stiff, 1));
+  const double expected_rad = one.run(2).heading_rad;
+  TEST_ASSERT_TRUE(expected_rad < -0.5);
+  TEST_ASSERT_DOUBLE_WITHIN(0.05 * std::abs(expected_rad), expected_rad, two.run(2).heading_rad);
+}
+
 void test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle() {
   const SceneTerrain block(blocks({{0, 0, 0.06, 2, 0.02, 0}}));
   Drive limp(three_segments(1e-3), block, kNoPulses), rigid(three_segments(1000), block, kNoPulses);
@@ -362,6 +377,7 @@ int main() {
   RUN_TEST(test_damping_takes_its_share_of_each_swing);
   RUN_TEST(test_a_limp_hinge_rests_on_its_limits);
   RUN_TEST(test_a_very_stiff_hinge_is_none);
+  RUN_TEST(test_a_car_with_a_very_stiff_hinge_turns_as_a_rigid_one);
   RUN_TEST(test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle);
   RUN_TEST(test_a_hinged_car_crosses_bumps_without_gaining_energy);
   RUN_TEST(test_half_the_time_step_changes_little);

@@ -61,6 +61,7 @@ void test_torque_and_speed_follow_the_supply() {
 void test_without_pulses_there_is_neither_torque_nor_current() {
   const ServoDrive off = servo_drive(kServo, kNoPulse);
   TEST_ASSERT_FALSE(off.powered);
+  TEST_ASSERT_EQUAL_DOUBLE(0, off.fraction);
   TEST_ASSERT_EQUAL_DOUBLE(0, servo_torque_n_m(kServo, off, 5, 5.2));
   TEST_ASSERT_EQUAL_DOUBLE(0, servo_current_a(kServo, off, 0));
 }

@@ -57,9 +57,8 @@ b2PrismaticJoint* add_slide(b2World& world, b2Body* a, b2Body* b, b2Vec2 axis, b
 }
 
 void add_belly(b2Body& chassis, const SegmentSpec& spec, double friction) {
-  const double skin_m = std::min({kPolygonSkin_m, 0.25 * spec.length_m, 0.25 * spec.height_m});
   b2PolygonShape box;
-  box.SetAsBox(to_units(0.5 * spec.length_m - skin_m), to_units(0.5 * spec.height_m - skin_m),
+  box.SetAsBox(to_units(0.5 * spec.length_m - kPolygonSkin_m), to_units(0.5 * spec.height_m - kPolygonSkin_m),
                to_units(spec.x_m - spec.com_x_m, spec.center_z_m - spec.com_z_m), 0);
   const b2FixtureDef fixture =
       contact_fixture(box, friction * spec.grip, category::kBelly, category::kBellyGround);

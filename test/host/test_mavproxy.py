@@ -1,5 +1,6 @@
 """MAVProxy, a ground station that knows nothing of foldcar, on the port of `foldcar link`."""
 
+import os
 import subprocess
 import sys
 import threading
@@ -26,6 +27,8 @@ class Station:
         self.process = subprocess.Popen(
             [sys.executable, MAVPROXY, *options, "--default-modules=param,arm,link"],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            # Which dialect it speaks is its own choice, not that of foldcar in this process.
+            env={key: value for key, value in os.environ.items() if not key.startswith("MAVLINK")},
         )  # fmt: skip
         self.said = ""
         threading.Thread(target=self._listen, daemon=True).start()

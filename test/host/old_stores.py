@@ -14,7 +14,9 @@ VERSIONS = sorted(int(file.name[len("version_") : -len(".db.gz")]) for file in S
 def old_store(version: int, path: Path) -> Path:
     """Make the store of that version at ``path``, with the logs of its trials beside it."""
     path.write_bytes(gzip.decompress((STORES / f"version_{version}.db.gz").read_bytes()))
-    shutil.copytree(STORES / "s-logs", path.parent / "s-logs", dirs_exist_ok=True)
+    logs = STORES / f"version_{version}-logs"
+    if logs.exists():
+        shutil.copytree(logs, path.parent / "s-logs", dirs_exist_ok=True)
     return path
 
 

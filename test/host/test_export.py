@@ -150,7 +150,7 @@ def test_the_command_writes_files_and_standard_output(tmp_path: Path, store_file
     ("words", "message"),
     [
         (("none.db", "--csv", "a.csv"), "none.db: no such store"),
-        (("s.db",), "export: say what to write: --csv FILE, --parquet FILE or --trials FILE"),
+        (("s.db",), "export: say what to write: --csv FILE, --parquet FILE, --trials FILE or --folder DIR"),
         (("s.db", "--csv", "none/a.csv"), "none/a.csv: cannot be written: No such file or directory"),
     ],
 )

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import resource
 import signal
 import sqlite3
@@ -68,7 +69,7 @@ def test_reading_shows_the_same_before_and_after_and_changes_nothing(tmp_path: P
     as_it_was = shown(path)
 
     assert path.read_bytes() == before
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["s-logs", "s.db"]
+    assert {file.name for file in tmp_path.iterdir()} - {"s-logs"} == {"s.db"}
     with writing(path):
         pass
     assert shown(path) == as_it_was
@@ -95,8 +96,8 @@ def test_trials_with_their_trail_and_logs_come_out_of_version_3(tmp_path: Path) 
     ]
     assert [(c.field, c.before, c.after) for c in trail[::2]] == [("outcome", "passed", "tipped"), ("note", "first", "")]
     assert trail[1].before == pytest.approx(0.420834) and trail[1].after == trials[0].elapsed_time_s == 0.4
-    assert trials[0].deviations["A"] == pytest.approx((0.005, -0.003, 0.0261799))
-    assert (drive is not None and json.loads(drive[2])["obstacles"]) or json.loads(str(drive[2]))
+    assert trials[0].deviations["A"] == pytest.approx((0.005, -0.003, math.radians(1.5)))
+    assert drive is not None and all(isinstance(json.loads(text), dict) for text in drive)
     assert check_store(path).logs == 2
 
 

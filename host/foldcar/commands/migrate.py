@@ -9,10 +9,8 @@ import typer
 def migrate(store: Annotated[Path, typer.Argument(metavar="STORE", help="The store to migrate.")]) -> None:
     """Bring a store up to this version, in place; a copy as it was stays beside it. Writing commands do it too."""
     from foldcar.store.migrations import VERSION
-    from foldcar.store.opening import writing
-    from foldcar.store.reader import Store
+    from foldcar.store.opening import require_store, writing
 
-    # A store that is not there, or no store, is refused without making one.
-    Store.open(store).__exit__(None, None, None)
+    require_store(store)
     with writing(store):
         typer.echo(f"{store}: version {VERSION}")

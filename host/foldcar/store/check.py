@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from foldcar.store.errors import StoreError, store_errors
+from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.migrations import VERSION
 from foldcar.store.opening import connect_reading, open_reading, store_version
@@ -67,7 +67,7 @@ def _check_older(path: Path, done: StoreCheck) -> None:
 def _structure(connection: sqlite3.Connection) -> list[str]:
     try:
         lines = [str(line) for (line,) in connection.execute("PRAGMA integrity_check")]
-    except sqlite3.Error as error:
+    except SQLITE_ERRORS as error:
         return [f"SQLite's structure: {error}"]
     return [] if lines == ["ok"] else [f"SQLite's structure: {' '.join(line.split())}" for line in lines]
 
@@ -77,7 +77,7 @@ def _schema(connection: sqlite3.Connection) -> Iterator[str]:
     try:
         texts = dict(connection.execute("SELECT name, sql FROM sqlite_master WHERE type IN ('table', 'view')"))
         there = {name for _, name, *_ in connection.execute("PRAGMA table_info(run)")}
-    except sqlite3.Error as error:
+    except SQLITE_ERRORS as error:
         yield f"SQLite's schema: {error}"
         return
     grown = not there.issuperset(RUN.names)
@@ -98,7 +98,7 @@ def _damaged_rows(connection: sqlite3.Connection, table: Table, done: StoreCheck
             row = dict(zip(names, cells, strict=True))
             if not is_intact(row):
                 yield f"{key_text(table, row)}: does not match its checksum"
-    except sqlite3.Error as error:
+    except SQLITE_ERRORS as error:
         yield f"table {table.name}: cannot be read to its end: {error}"
 
 
@@ -109,7 +109,7 @@ def _references(connection: sqlite3.Connection) -> Iterator[str]:
         (recorded,) = connection.execute(
             f"SELECT count(*) FROM {RECORDED.name} v WHERE NOT EXISTS (SELECT 1 FROM {RUN.name} r WHERE {where})"
         ).fetchone()
-    except sqlite3.Error as error:
+    except SQLITE_ERRORS as error:
         yield f"references between tables: {error}"
         return
     if recorded:
@@ -121,7 +121,7 @@ def _references(connection: sqlite3.Connection) -> Iterator[str]:
 def _check_logs(path: Path, connection: sqlite3.Connection, done: StoreCheck) -> None:
     try:
         trials = connection.execute("SELECT id, log, log_sha256 FROM trial WHERE log IS NOT NULL ORDER BY id").fetchall()
-    except sqlite3.Error:
+    except SQLITE_ERRORS:
         # Named with its table.
         return
     for number, log, expected in trials:

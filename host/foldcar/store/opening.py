@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from foldcar.store.errors import StoreError, store_errors
+from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
 from foldcar.store.migrations import VERSION, add_metrics, copy_beside, create_tables, migrate, transaction
 from foldcar.store.tables import CHECKSUM, RUN
 from foldcar.store.writer_lock import check_journal, writer_lock
@@ -55,6 +55,12 @@ def connect_reading(path: Path) -> sqlite3.Connection:
         return sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, isolation_level=None)
 
 
+def require_store(path: Path) -> None:
+    """StoreError if there is no store that this foldcar can read. For commands that write, but make no store."""
+    with contextlib.closing(connect_reading(path)) as connection:
+        store_version(path, connection)
+
+
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[sqlite3.Connection]:
     """A connection to the store at ``path``; made, with its folder, if need be. StoreError if it is in use.
@@ -78,7 +84,7 @@ def store_version(path: Path, connection: sqlite3.Connection) -> int:
         (application_id,) = connection.execute("PRAGMA application_id").fetchone()
         (version,) = connection.execute("PRAGMA user_version").fetchone()
         columns = [name for _, name, *_ in connection.execute("PRAGMA table_info(run)")]
-    except sqlite3.DatabaseError as error:
+    except SQLITE_ERRORS as error:
         raise StoreError(f"{path}: is no foldcar store ({error})") from error
     if application_id != APPLICATION_ID:
         raise StoreError(f"{path}: is no foldcar store")
@@ -152,6 +158,6 @@ def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
     try:
         (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
         (application_id,) = connection.execute("PRAGMA application_id").fetchone()
-    except sqlite3.DatabaseError as error:
+    except SQLITE_ERRORS as error:
         raise StoreError(f"{path}: is no foldcar store ({error})") from error
     return bool(tables == 0 and application_id == 0)

@@ -30,10 +30,10 @@ FUZZ_BYTES := 100000000
 FUZZ_SEED := 1
 FUZZ_FLAGS := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all
 
-# The portable firmware, for programs that need nothing else.
-FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp))
-FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*))
-FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h test/*.h)
+# The portable firmware on the simulated board, for programs that need nothing else.
+FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp)) sim2d/lib/sim_hal/sim_hal.cpp
+FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*)) -Isim2d/lib/sim_hal
+FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h sim2d/lib/sim_hal/*.h test/*.h)
 
 # Every header but those that need the board's own libraries, and where they find each other's.
 HEADERS := $(filter-out firmware/lib/feather_hal/% firmware/lib/design_json/%,\
@@ -149,3 +149,10 @@ platformio: .venv/installed
 $(CARSIM): $(CARSIM_SOURCES) | platformio
 	$(BIN)/pio run -e carsim
 	@touch $@
+
+# Plants small faults in the C++ sources and sees whether the tests notice them: MUTANTS of each file, or all.
+MUTANTS := 10
+MUTATION_SEED := 1
+.PHONY: mutation
+mutation: setup
+	$(BIN)/python tools/mutation.py --mutants $(MUTANTS) --seed $(MUTATION_SEED)

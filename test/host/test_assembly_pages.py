@@ -1,4 +1,4 @@
-"""Lists, wiring, guide and view of folded cars: what they say follows from the design; pages open in a browser."""
+"""Parts list, wiring, guide and view of folded cars: their content follows the design; pages open in a browser."""
 
 import csv
 import io
@@ -122,7 +122,7 @@ def crossed_plane(facet: Facet, toward: np.ndarray) -> Plane | None:
 
 
 def hit_by_ray(planes: list[Plane], origin: np.ndarray, toward: np.ndarray) -> str | None:
-    """The facet nearest to the onlooker on the line through ``origin``, by intersecting the line with each plane."""
+    """The facet nearest to the camera on the line through ``origin``, by intersecting the line with each plane."""
     best: tuple[float, str] | None = None
     for facet, slope, x, y, outline in planes:
         depth = facet.normal @ (facet.rings_mm[0][0] - origin) / slope
@@ -252,7 +252,7 @@ def test_view_command_refuses_what_it_cannot_show(tmp_path: Path, foldcar: Comma
 
 
 def shown_by_browser(folded: FoldedCar, folder: Path, fold: float) -> dict[str, str]:
-    """What the page says it shows."""
+    """The values that the page reports of its state."""
     page = folder / "car.html"
     page.write_text(view_page(folded, "a car", []), encoding="utf-8")
     shown = dict(re.findall(r'data-(\w+)="([^"]*)"', browse(page, f"fold={fold}", "--dump-dom")))
@@ -261,7 +261,7 @@ def shown_by_browser(folded: FoldedCar, folder: Path, fold: float) -> dict[str, 
 
 
 def film_box(folded: FoldedCar) -> np.ndarray:
-    """Least and greatest coordinates of the assembled film's faces, glued tabs standing off by their thickness."""
+    """Minimum and maximum coordinates of the assembled film's faces, with glued tabs offset by their thickness."""
     pieces = {piece.name: piece for piece in folded.pieces}
     points = []
     for placed in folded.placed:

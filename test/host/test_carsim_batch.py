@@ -122,7 +122,7 @@ def processor_time_s(pid: int) -> float:
 
 
 def test_a_worker_that_crashes_takes_only_its_run_along(carsim_binary: Path, definitions: list[Any]) -> None:
-    # An hour's slow drive over a plain takes seconds to simulate: long enough to be shot down.
+    # A slow drive of an hour on level ground takes seconds to simulate, enough time to kill its worker.
     endless = run_line("115", 0, speed_m_s=0.2, time_limit_s=3600, parameters={"TRIAL_MAX_S": 3600})
     for line in definitions:
         if "scene" in line and line["scene"]["id"] == "0":

@@ -40,20 +40,20 @@ class Car:
         self.client: Any = None
 
     def line(self) -> dict[str, Any]:
-        """The next line that the program prints."""
+        """The next line of the program's output."""
         assert self.process.stdout is not None
         answer: dict[str, Any] = json.loads(self.process.stdout.readline())
         return answer
 
     def inject(self, **what: Any) -> dict[str, Any]:
-        """Do something to the car; the program's answer."""
+        """Inject a fault or an event; returns the program's answer."""
         assert self.process.stdin is not None
         self.process.stdin.write(json.dumps(what) + "\n")
         self.process.stdin.flush()
         return self.line()
 
     def connect(self) -> Any:
-        """A new client, once the car has been heard."""
+        """A new client, after the car's first heartbeat."""
         if self.client is not None:
             self.client.close()
         self.client = mavutil.mavlink_connection(self.port, source_system=255, dialect="foldcar")
@@ -71,7 +71,7 @@ class Car:
         return int(self.wait_for("COMMAND_ACK", lambda ack: ack.command == command, timeout_s=100).result)
 
     def wait_for(self, kind: str, condition: Callable[[Any], bool], alive: bool = True, timeout_s: float = 100) -> Any:
-        """The first such message that meets the condition, the host showing life meanwhile if it is alive."""
+        """The first message of that kind that fulfils the condition; ``alive``: the host sends heartbeats meanwhile."""
         end_s, shown_s = time.monotonic() + timeout_s, 0.0
         while time.monotonic() < end_s:
             if alive and time.monotonic() - shown_s > 0.1:
@@ -114,7 +114,7 @@ def files(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def start(carsim_binary: Path, files: Path) -> Iterator[Callable[..., Car]]:
-    """Starts cars that are gone after the test."""
+    """A function that starts cars, which are stopped after the test."""
     cars: list[Car] = []
 
     def begin(*options: str) -> Car:
@@ -184,7 +184,7 @@ def test_pulses_stop_within_half_a_second_of_link_loss(start: Callable[..., Car]
     assert trial.fault == mavlink.FOLDCAR_FAULT_COMMAND_STALE
 
 
-def test_faults_stop_the_car_and_are_told(start: Callable[..., Car]) -> None:
+def test_faults_stop_the_car_and_are_reported(start: Callable[..., Car]) -> None:
     car = start("--pty")
     car.connect()
     for injection, fault in [

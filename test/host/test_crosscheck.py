@@ -1,4 +1,4 @@
-"""The cross-check: its numbers from hand-made results, its cache, and the command as a user types it."""
+"""The cross-check: agreement computed from given results, the cache of results, and the command."""
 
 import csv
 import json
@@ -160,7 +160,7 @@ def test_an_interrupt_loses_nothing(tmp_path: Path, write_listing: Any, listing_
     _, message = process.communicate(timeout=300)
 
     assert process.returncode == 130
-    assert message == "stopped: what is done is in check; the same command goes on from there\n"
+    assert message == "stopped: finished runs are in check; the same command resumes\n"
     for line in file.read_text().splitlines():
         assert json.loads(line)["result"]["outcome"]
 

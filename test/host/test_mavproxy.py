@@ -20,7 +20,7 @@ MAVPROXY = Path(sys.executable).with_name("mavproxy.py")
 
 
 class Station:
-    """A running MAVProxy: what is typed into it, and what it says."""
+    """A running MAVProxy, its input and its output."""
 
     def __init__(self, port: str, folder: Path) -> None:
         options = [f"--master={port}", f"--logfile={folder / 'mav.tlog'}", f"--state-basedir={folder}"]
@@ -44,7 +44,7 @@ class Station:
         self.process.stdin.flush()
 
     def sees(self, text: str, timeout_s: float = 300) -> None:
-        """Wait until it has said so; what came before is forgotten."""
+        """Wait until it has printed ``text``; earlier output is discarded."""
         end_s = time.monotonic() + timeout_s
         while text not in self.said:
             assert time.monotonic() < end_s, f"no {text!r} in: {self.said}"
@@ -52,7 +52,7 @@ class Station:
         self.said = self.said[self.said.index(text) + len(text) :]
 
     def asks(self, line: str, text: str, times: int = 300) -> None:
-        """Type the line once a second until it has said the text."""
+        """Type the line once a second until it has printed the text."""
         while text not in self.said:
             assert (times := times - 1) > 0, f"no {text!r} in: {self.said}"
             self.types(line)
@@ -76,7 +76,7 @@ def test_mavproxy_lists_sets_and_saves_parameters_and_arms(tmp_path: Path, carsi
             station.sees("online system 1")
             station.sees(f"Received {len(table)} parameters")
             station.types("param set CH1_NEUTRAL_US 1511")
-            # It sends what is set at its leisure, and shows what the car answers.
+            # MAVProxy sends the value asynchronously, and shows the car's answer.
             station.asks("param show CH1_NEUTRAL_US", "CH1_NEUTRAL_US   1511.0")
             station.types(f"param save {saved}")
             station.sees(f"Saved {len(table)} parameters to {saved}")

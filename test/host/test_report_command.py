@@ -28,7 +28,7 @@ Outcome = Callable[[Mapping[str, float], int], str]
 
 
 def width_outcome(design: Mapping[str, float], sample: int) -> str:
-    """Narrow cars tip, wide ones get stuck, those between pass; more so in later samples."""
+    """Narrow cars tip, wide ones get stuck, medium ones pass; the thresholds move with the sample."""
     if design["width_mm"] < 80 + sample % 10:
         return "tipped"
     return "stuck" if design["width_mm"] > 190 - sample % 40 else "passed"
@@ -241,8 +241,8 @@ def test_mistakes_are_one_line_and_leave_nothing(
     for store, folder, part in (
         (tmp_path / "none.db", tmp_path / "out", "none.db: "),
         (text, tmp_path / "out", "text.db: "),
-        (empty, tmp_path / "out", "empty.db: holds no runs yet"),
-        (study, text, "text.db: is no folder"),
+        (empty, tmp_path / "out", "empty.db: contains no runs yet"),
+        (study, text, "text.db: not a folder"),
     ):
         code, _, said = report(store, "-o", folder)
         assert code == 2

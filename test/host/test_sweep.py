@@ -21,7 +21,7 @@ from foldcar.car.variation.spread import draw, spread_named
 from foldcar.car.variation.vary_body import vary_body
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim, RunRequest
-from foldcar.simulation.results import Result
+from foldcar.simulation.results import NUMBERS, Result
 from foldcar.store.reader import Store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
@@ -122,7 +122,7 @@ def test_nearby_cars_are_other_runs_and_the_same_for_every_design(
     assert run() == (0, 6)
     params["variation_seed"] = 7
     assert run() == (6, 0)
-    assert len({tuple(r.elapsed_time_s for r in some) for some in (nominal, varied, rows(store))}) == 3
+    assert len({tuple(r.metrics["elapsed_time_s"] for r in some) for some in (nominal, varied, rows(store))}) == 3
     connection = sqlite3.connect(store)
     (pairs,) = connection.execute(
         "SELECT count(DISTINCT sample || ' ' || variation_id) FROM result"
@@ -153,8 +153,8 @@ def test_a_sweep_does_with_a_nearby_car_what_carsim_does_with_its_body(
             request = RunRequest("car", "scene", texts[2], "", k)
             expected += carsim.run({"car": texts[0]}, {"scene": texts[1]}, [request])
 
-    assert [(r.outcome, r.elapsed_time_s, r.consumed_energy_j) for r in rows(tmp_path / "s.db")] == [
-        (answer["outcome"], answer["elapsed_time_s"], answer["consumed_energy_j"]) for answer in expected
+    assert [(r.outcome, r.metrics) for r in rows(tmp_path / "s.db")] == [
+        (answer["outcome"], {name: answer[name] for name in NUMBERS}) for answer in expected
     ]
 
 
@@ -216,7 +216,7 @@ def test_ctrl_c_stops_keeps_and_says_how_to_go_on(
     stored = stored_runs(tmp_path / "s.db")
     assert 0 < stored < 10000
     assert errors == f"stopped: {stored} of 10000 runs are stored in {tmp_path / 's.db'}; " \
-        "the same command goes on from there\n"  # fmt: skip
+        "the same command resumes\n"  # fmt: skip
     assert output == ""
     assert sorted(file.name for file in tmp_path.iterdir()) == ["listing.json", "s.db"]
 
@@ -241,7 +241,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(
 
 
 def simulator(tmp_path: Path, carsim: Path, batch: str) -> Path:
-    """A program like carsim, but for what it does with a batch."""
+    """A program like carsim with another command `batch`."""
     script = tmp_path / "broken-carsim"
     script.write_text(f'#!/bin/sh\n[ "$1" = batch ] || exec {shlex.quote(str(carsim))} "$@"\n{batch}\n')
     script.chmod(0o755)
@@ -274,7 +274,7 @@ def test_a_simulator_that_breaks_down_is_named(
     assert str(caught.value).startswith(f"{broken}: {message}")
 
 
-# Runs carsim's batch, but shoots its worker down before the first run gets there.
+# Runs carsim's batch, but kills its worker before the first run reaches it.
 SHOOTING = """#!/usr/bin/env python3
 import os, pathlib, signal, subprocess, sys, time
 
@@ -315,7 +315,7 @@ def test_a_run_that_crashes_is_a_result_and_the_rest_goes_on(
     assert len(results) == 6 and 0 < len(failed) < 6
     assert {result.message for result in failed} == {"the simulation crashed (signal Segmentation fault)"}
     assert f" % passed, {len(failed)} failed; store: s.db\n" in crashing.stdout
-    # What failed stays so until the simulator changes.
+    # Failed runs are not repeated until the simulator changes.
     assert again.stdout.startswith("0 runs new, 6 there already, ")
     assert f" % passed, {len(failed)} failed; store: s.db\n" in again.stdout
     assert f"{len(failed)} of 6 runs failed" in report.stdout

@@ -1,4 +1,4 @@
-"""Nearby cars: spreads as declared, the same draws for every design, bodies as computed by hand."""
+"""Variation: draws with the declared spreads, the same for every design, bodies as computed by hand."""
 
 import math
 import statistics
@@ -36,7 +36,7 @@ def test_draws_are_spread_as_declared() -> None:
     for name, spread in workshop().items():
         values = [v for s in samples for v in (s[name] if isinstance(s[name], list) else [s[name]])]
         assert max(abs(value) for value in values) <= 3 * spread.sd
-        # Cut off at three, the spread shrinks by 0.7 %; five standard errors of a spread are allowed.
+        # Clamping at three standard deviations reduces the spread by 0.7 %; tolerance: five standard errors of a spread.
         tolerance = 0.007 + 5 / math.sqrt(2 * len(values))
         if spread.distribution == "normal":
             assert abs(statistics.fmean(values)) < 5 * spread.sd / math.sqrt(len(values)), name
@@ -134,7 +134,7 @@ def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any]) -> None:
     assert second["servo"]["rated_v"] == 5.2
 
 
-def test_no_spread_is_no_change(body: dict[str, Any]) -> None:
+def test_without_spread_nothing_changes(body: dict[str, Any]) -> None:
     still = draw({name: 0.0 for name in workshop()}, 42, 0)
 
     assert vary_body(body, still) == body

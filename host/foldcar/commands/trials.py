@@ -47,6 +47,7 @@ def correct(
     operator: Annotated[str, typer.Option(metavar="NAME", help="Who corrects it.")] = "",
 ) -> None:
     """Change what a trial says. What stood there is kept, with the reason."""
+    from foldcar.store.opening import require_store
     from foldcar.store.reader import Store
     from foldcar.store.trial_writer import write_trials
 
@@ -55,8 +56,7 @@ def correct(
         raise FoldcarError("trials correct: say what to change: --outcome, --note or --elapsed-time")
     if not reason.strip():
         raise FoldcarError("trials correct: --reason: is empty")
-    # A store that is not there, or no store, is refused without making one.
-    Store.open(store).__exit__(None, None, None)
+    require_store(store)
     with write_trials(store) as writer:
         writer.correct(number, {k: v for k, v in changes.items() if v is not None}, reason, operator)
     with Store.open(store) as opened:
@@ -135,6 +135,7 @@ def export(
 ) -> None:
     """Convert a trial's log. The log itself, a .tlog, opens in MAVLink's own tools."""
     from foldcar.link.mcap_export import export_mcap
+    from foldcar.store.log_files import log_file
     from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
@@ -149,7 +150,7 @@ def export(
         "outcome": trial.outcome,
         "note": trial.note,
     }
-    count = export_mcap(store.parent / trial.log, mcap, facts)
+    count = export_mcap(log_file(store, trial.log), mcap, facts)
     typer.echo(f"{mcap}: {count} messages")
 
 

@@ -15,10 +15,12 @@ from foldcar import __version__
 from foldcar.car.design import Design
 from foldcar.car.folded.model import FoldedCar
 from foldcar.errors import FoldcarError
-from foldcar.fabrication.atomic_folder import MANIFEST
 from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import Options
 from foldcar.fabrication.patterns.sheets import Pattern, cut_car, pattern_of
+
+# Names every file in the folder of a car.
+MANIFEST = "pattern.json"
 
 
 class CheckError(FoldcarError):

@@ -15,10 +15,9 @@ from typing import Any, Protocol
 
 from foldcar.car.firmware_parameters import TableRow
 from foldcar.errors import FoldcarError
-from foldcar.simulation.results import NATIVE_OUTCOMES, NUMBERS
+from foldcar.simulation.results import METRICS, NATIVE_OUTCOMES
 
 BINARY_VARIABLE = "FOLDCAR_CARSIM"
-DISTANCE = "distance_to_target_m"
 BUILT_BINARY = Path(".pio", "build", "carsim", "program")
 
 
@@ -134,7 +133,9 @@ class Carsim:
                 )
                 raise CarsimError(f"{self.binary} refuses {what}: {error['message']}")
             sound = answer["outcome"] in NATIVE_OUTCOMES and all(
-                math.isfinite(answer[key]) for key in NUMBERS if answer[key] is not None or key != DISTANCE
+                math.isfinite(answer[metric.name])
+                for metric in METRICS
+                if answer[metric.name] is not None or not metric.optional
             )
         except (ValueError, TypeError, KeyError, IndexError) as error:
             raise CarsimError(f"{self.binary}: answered what is no result: {line[:80]}") from error

@@ -8,6 +8,7 @@
 
 namespace foldcar {
 
+// sd_* are standard deviations; the height is negative for a hollow.
 class Hill : public GroundField {
  public:
   explicit Hill(const HillSpec& spec);

@@ -8,6 +8,7 @@
 
 namespace foldcar {
 
+// Smooth along its wall, flat at its bottom.
 class Pothole : public GroundField {
  public:
   explicit Pothole(const PotholeSpec& spec) : spec_(spec) {}

@@ -13,6 +13,7 @@
 
 namespace foldcar {
 
+// The grid of heights of one rectangle.
 class Rough : public GroundField {
  public:
   explicit Rough(const RoughSpec& spec);

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from foldcar.errors import FoldcarError
 
-
 # What Python's sqlite3 raises: damaged texts, in messages too, are UnicodeErrors, and numbers too large OverflowErrors.
 SQLITE_ERRORS = (sqlite3.Error, UnicodeError, OverflowError)
 

@@ -1,7 +1,7 @@
 """The command `foldcar`: its subcommands, and errors as one line on stderr.
 
-Exit codes: 0 done, 1 the reader of the output went away, 2 a mistake in input or surroundings, 130 a sweep
-was stopped by Ctrl-C. What takes long to import is imported inside the commands, so that help comes at once.
+Exit codes: 0 done, 1 the reader of the output closed it, 2 an error of input or environment, 130 stopped by Ctrl-C.
+Slow imports are made inside the commands, so that help is printed at once.
 """
 
 import atexit
@@ -71,10 +71,10 @@ def options(
 
 def main() -> None:
     """Run the command line and exit."""
-    # Most of what a command makes lives until it ends: looking through it for rubbish as often as by default is a
-    # tenth of the time that a car's files take.
+    # Most objects live until the command ends; garbage collection at the default rate takes a tenth of the time of
+    # `foldcar pattern`.
     gc.set_threshold(GARBAGE_THRESHOLD)
-    # A process that ends need not look through it at all.
+    # No collection when the process ends.
     atexit.register(gc.freeze)
     try:
         app()

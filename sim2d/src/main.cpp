@@ -13,6 +13,7 @@
 #include "firmware_id.h"
 #include "link.h"
 #include "link_options.h"
+#include "metrics.h"
 #include "parameter_table.h"
 #include "printed_number.h"
 #include "step.h"
@@ -26,6 +27,7 @@ constexpr char kUsage[] =
     "                   [--speedup N] [--put-back] [--record FILE]\n"
     "                                            a car with its whole firmware on a port, speaking MAVLink\n"
     "       carsim params                        the firmware's parameter table as JSON\n"
+    "       carsim metrics                       what a run is measured by, as JSON\n"
     "       carsim --version                     the build, which changes whenever results can\n"
     "       carsim --help\n";
 constexpr int kMostJobs = 256;
@@ -63,6 +65,17 @@ int print_parameters() {
   return print(table, 1);
 }
 
+int print_metrics() {
+  nlohmann::ordered_json table = nlohmann::ordered_json::array();
+  for (const foldcar::MetricInfo& metric : foldcar::kMetrics) {
+    table.push_back({{"name", metric.name},
+                     {"unit", metric.unit},
+                     {"optional", metric.optional()},
+                     {"help", metric.help}});
+  }
+  return print(table, 1);
+}
+
 nlohmann::ordered_json version() {
   return {{"program", "carsim"}, {"build", FOLDCAR_BUILD_ID}, {"firmware", FOLDCAR_FIRMWARE_ID}};
 }
@@ -95,6 +108,7 @@ int run(const std::vector<std::string>& words) {
   if (words.size() > 1) return usage_error(command + " takes no further words");
   if (command == "step") return foldcar::run_step();
   if (command == "params") return print_parameters();
+  if (command == "metrics") return print_metrics();
   if (command == "--version") return print(version(), -1);
   if (command == "--help" || command == "-h") {
     std::fputs(kUsage, stdout);

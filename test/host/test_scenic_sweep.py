@@ -1,4 +1,4 @@
-"""Sweeps of programs that record and decide while the car drives: worker processes, the store, the export."""
+"""Sweeps of dynamic programs: worker processes, the store, the export."""
 
 import csv
 import json
@@ -90,7 +90,7 @@ def test_recorded_values_reach_store_and_export(
         assert {name: one["kind"] for name, one in recorded.items()} == {
             "begin": "initial", "end": "final", "speed": "series", "elapsed": "final"
         }  # fmt: skip
-        # The car settles by less than a tenth of a millimetre before the trial begins.
+        # The car settles by less than 0.1 mm before the trial begins.
         assert recorded["begin"]["value"] == pytest.approx(starts[sample], abs=1e-4)
         assert recorded["elapsed"]["value"] == elapsed_s
         times = [t_s for t_s, _ in recorded["speed"]["value"]]
@@ -111,7 +111,7 @@ def test_recorded_values_reach_store_and_export(
 def test_runs_do_not_know_of_each_other_and_rows_do_not_depend_on_jobs(
     tmp_path: Path, listing: Path, program: Path, carsim_binary: Path
 ) -> None:
-    """The program keeps notes in a list and counts in a global: each run begins with what compiling left."""
+    """The program changes a list and a global variable: each run starts with their values after compiling."""
     counting = (
         "import random\nseen = []\n"
         "def noted(x):\n    seen.append(x)\n    return len(seen)\n"

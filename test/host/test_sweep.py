@@ -26,6 +26,7 @@ from foldcar.store.reader import Store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import Progress, sweep
+from shell_signals import like_a_shell
 
 WriteListing = Callable[[Any], Path]
 
@@ -165,6 +166,7 @@ def start(listing: Path, store: Path, carsim: Path, environments: int) -> "subpr
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "FOLDCAR_CARSIM": str(carsim)},
+        preexec_fn=like_a_shell,
     )
 
 
@@ -208,13 +210,13 @@ def test_ctrl_c_stops_keeps_and_says_how_to_go_on(
         time.sleep(0.05)
 
     process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=10)
+    output, errors = process.communicate(timeout=100)
 
     assert process.returncode == 130
     stored = stored_runs(tmp_path / "s.db")
     assert 0 < stored < 10000
     assert errors == f"stopped: {stored} of 10000 runs are stored in {tmp_path / 's.db'}; " \
-        "the same command goes on from there\n"  # fmt: skip
+        "the same command resumes\n"  # fmt: skip
     assert output == ""
     assert sorted(file.name for file in tmp_path.iterdir()) == ["listing.json", "s.db"]
 
@@ -239,7 +241,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(
 
 
 def simulator(tmp_path: Path, carsim: Path, batch: str) -> Path:
-    """A program like carsim, but for what it does with a batch."""
+    """A program like carsim with another command `batch`."""
     script = tmp_path / "broken-carsim"
     script.write_text(f'#!/bin/sh\n[ "$1" = batch ] || exec {shlex.quote(str(carsim))} "$@"\n{batch}\n')
     script.chmod(0o755)
@@ -272,7 +274,7 @@ def test_a_simulator_that_breaks_down_is_named(
     assert str(caught.value).startswith(f"{broken}: {message}")
 
 
-# Runs carsim's batch, but shoots its worker down before the first run gets there.
+# Runs carsim's batch, but kills its worker before the first run reaches it.
 SHOOTING = """#!/usr/bin/env python3
 import os, pathlib, signal, subprocess, sys, time
 
@@ -313,7 +315,7 @@ def test_a_run_that_crashes_is_a_result_and_the_rest_goes_on(
     assert len(results) == 6 and 0 < len(failed) < 6
     assert {result.message for result in failed} == {"the simulation crashed (signal Segmentation fault)"}
     assert f" % passed, {len(failed)} failed; store: s.db\n" in crashing.stdout
-    # What failed stays so until the simulator changes.
+    # Failed runs are not repeated until the simulator changes.
     assert again.stdout.startswith("0 runs new, 6 there already, ")
     assert f" % passed, {len(failed)} failed; store: s.db\n" in again.stdout
     assert f"{len(failed)} of 6 runs failed" in report.stdout

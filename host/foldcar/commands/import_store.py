@@ -10,7 +10,7 @@ def import_store(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="What `foldcar export STORE --folder DIR` wrote.")],
     store: Annotated[Path, typer.Option(metavar="FILE", help="The store to make; there must be none.")],
 ) -> None:
-    """Make a store, and the logs of its trials beside it, of an exported folder. All of it or nothing."""
+    """Make a store, and the logs of its trials beside it, from an exported folder; nothing is written after an error."""
     from foldcar.store.folder_import import import_folder
 
     manifest = import_folder(folder, store)

@@ -1,4 +1,4 @@
-"""`foldcar link`: a design in a sampled environment as a simulated car that any MAVLink program can drive."""
+"""`foldcar link`: runs a design in a sampled environment as a simulated car for any MAVLink program."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,18 +14,20 @@ def link(
     experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
     settings: Settings = None,
     sample: Annotated[
-        int, typer.Option(metavar="K", min=0, help="Which sampled environment, and nearby car.")
+        int, typer.Option(metavar="K", min=0, help="Number of the sampled environment and built car.")
     ] = 0,
     speedup: Annotated[
-        float, typer.Option(metavar="N", min=0.01, max=1000, help="How much faster than the clock.")
+        float, typer.Option(metavar="N", min=0.01, max=1000, help="Rate of simulated time relative to real time.")
     ] = 1.0,
     tcp: Annotated[
         int | None,
-        typer.Option(metavar="PORT", min=0, max=65535, help="A loopback TCP port, not a terminal; 0: any free one."),
+        typer.Option(
+            metavar="PORT", min=0, max=65535, help="A loopback TCP port instead of a pseudo-terminal; 0: any free port."
+        ),
     ] = None,
     components: Components = None,
 ) -> None:
-    """Pose as a car on USB until Ctrl-C. The first line printed is the port; faults may be typed (docs/carsim.md)."""
+    """Simulate a car on USB until Ctrl-C. The first line printed is its port; typed lines inject faults."""
     import json
     import sys
 
@@ -55,7 +57,7 @@ def link(
             typer.echo(f"{design.type} in sample {sample}; Ctrl-C ends", err=True)
             assert car.process.stdout is not None and car.process.stderr is not None
             for line in car.process.stdout:
-                # Another port after a pulled cable; what became of a fault that was typed.
+                # A new port after an unplugged cable, or the answer to an injected fault.
                 typer.echo(json.loads(line).get("port", line.rstrip("\n")))
             said = car.process.stderr.read().strip().splitlines()
             code = car.process.wait()

@@ -1,4 +1,4 @@
-"""`foldcar run`: one design in one sampled environment, its result as text, its picture if asked for."""
+"""`foldcar run`: simulates one design in one sampled environment, prints the result and optionally draws it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,14 +23,14 @@ def run(
     experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
     settings: Settings = None,
     sample: Annotated[
-        int, typer.Option(metavar="K", min=0, help="Which sampled environment, and nearby car.")
+        int, typer.Option(metavar="K", min=0, help="Number of the sampled environment and built car.")
     ] = 0,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Picture to draw (.png, .svg, .pdf).")
     ] = None,
     components: Components = None,
 ) -> None:
-    """Run one car in one environment and say how it went."""
+    """Simulate one car in one environment and print the result."""
     from foldcar.car.body import body_json
     from foldcar.car.variation.vary_body import vary_body
     from foldcar.commands.run_text import answer_lines, variation_text
@@ -80,7 +80,7 @@ def run(
 
 @dataclass(frozen=True)
 class _Run:
-    """A run as docs/carsim.md has it, in parts."""
+    """The parts of a run of docs/carsim.md."""
 
     label: str
     body: Mapping[str, Any]
@@ -89,7 +89,7 @@ class _Run:
     sample: int
 
     def by(self, runner: "Runner", **more: float) -> dict[str, Any]:
-        """The runner's answer; ``more`` goes into the settings."""
+        """The runner's answer; ``more`` is added to the settings."""
         from foldcar.simulation.carsim import RunRequest
         from foldcar.store.writer import canonical_json
 
@@ -103,7 +103,7 @@ class _Run:
 
 
 def _path(one: _Run, carsim: "Carsim", answer: Mapping[str, Any], plot: Path) -> list[list[float]]:
-    """The way the car took. The batch drives as a program's run does, and on where the program ended that."""
+    """The car's path, simulated by a batch; where the Scenic program ended the run, the path ends."""
     native = {} if "error" in answer else one.by(carsim, path_interval_s=PATH_INTERVAL_S)
     if "path" not in native:
         raise FoldcarError(f"{plot}: a failed run has no picture")

@@ -1,6 +1,6 @@
-"""The files about a car that show none of its sheets: its shape for other programs; guide, wiring and parts for people.
+"""The files of a car besides its sheets: its shape for other programs; guide, wiring and parts list.
 
-Input: a FoldedCar, for the guide the same with its pieces as they are cut, a title. Output: contents by relative path.
+Input: a FoldedCar, for the guide also the car with its pieces as cut, a title. Output: contents by relative path.
 """
 
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ def shape_files(folded: FoldedCar, title: str) -> dict[str, bytes]:
 
 
 def pages(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], title: str) -> dict[str, bytes]:
-    """Guide, wiring and parts list. ``as_cut`` and ``strips`` are a CutCar's."""
+    """Guide, wiring and parts list; ``as_cut`` and ``strips`` are those of a CutCar."""
     # It alone needs this, in a process of its own.
     from foldcar.fabrication.assembly.guide import guide_page
 

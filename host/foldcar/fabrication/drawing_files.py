@@ -1,6 +1,6 @@
-"""A car's sheets and its coupon as files, each read back and checked as written.
+"""Writes a car's sheets and its coupon as files, reads each back and checks it.
 
-Input: Sheets and Options. Output: WrittenFiles: contents by name, findings in words, none if all is well.
+Input: Sheets and Options. Output: WrittenFiles: contents by name and findings, which are none for correct files.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.options import Options
 
-# PDF files hold several sheets.
+# The coupon has a PDF file of its own; a PDF file contains several sheets.
 COUPON = "coupon"
 
 
 @dataclass(frozen=True, slots=True)
 class WrittenFiles:
-    """Files and what is wrong with them; each finding begins with the file's name."""
+    """Files by name and findings about them; each finding begins with the file's name."""
 
     files: dict[str, bytes]
     findings: tuple[str, ...]
@@ -38,7 +38,7 @@ def dxf_files(sheets: Sequence[Sheet], chosen: Options) -> WrittenFiles:
 
 
 def pdf_files(sheets: Sequence[Sheet], chosen: Options, title: str) -> WrittenFiles:
-    """One file for the coupon, one for all others."""
+    """One file for the coupon and one for all other sheets."""
     from foldcar.fabrication.patterns.pdf import pdf
     from foldcar.fabrication.patterns.verify import check_pdf
 

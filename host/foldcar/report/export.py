@@ -34,7 +34,7 @@ Cell = str | float | int | None
 
 
 def export_csv(store: Store, file: Path) -> int:
-    """Write ``file``; gives the number of rows. Numbers read back to the same values."""
+    """Write the runs as CSV atomically; returns the number of rows. Numbers are read back exactly. FoldcarError."""
     with atomic_file(file) as binary:
         text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
         rows = write_csv(store, text)
@@ -43,7 +43,7 @@ def export_csv(store: Store, file: Path) -> int:
 
 
 def write_csv(store: Store, text: TextIO) -> int:
-    """Write to an open text stream; gives the number of rows."""
+    """Write the runs as CSV to an open text stream; returns the number of rows."""
     writer = csv.writer(text, lineterminator="\n")
     design, recorded = store.design_columns(), _recorded_kinds(store)
     writer.writerow(_columns(design, recorded))
@@ -56,7 +56,7 @@ def write_csv(store: Store, text: TextIO) -> int:
 
 
 def export_parquet(store: Store, file: Path) -> int:
-    """Write ``file``; gives the number of rows."""
+    """Write the runs as Parquet atomically; returns the number of rows. FoldcarError."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -80,7 +80,7 @@ def export_parquet(store: Store, file: Path) -> int:
 
 
 def _recorded_kinds(store: Store) -> dict[str, str]:
-    """The recorded values of a store: ``number``, ``text``, ``truth`` or ``json`` by name."""
+    """The kind of each recorded value by name: ``number``, ``text``, ``truth`` (boolean) or ``json``."""
     return {
         name: next((kind for kind, takes in RECORDED_KINDS.items() if types <= takes), "json")
         for name, types in store.recorded_types().items()

@@ -1,20 +1,20 @@
-"""What a run gave: the row that stores keep, exports write and reports read."""
+"""The result of a run: the row that stores contain, exports write and reports read."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-# What carsim itself reports, best first.
+# The outcomes that carsim reports, best first.
 NATIVE_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "fault")
 
-# Every outcome, in the order of tables, legends and stacked bars: the program ended the run, one of its
-# requirements was violated while it ran, or the run crashed and has no numbers.
+# Every outcome, in the order of tables, legends and stacked bars: terminated by the Scenic program, rejected for a
+# violated requirement, failed without numbers.
 OUTCOMES = (*NATIVE_OUTCOMES, "terminated", "rejected", "failed")
 
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """A number that describes how a run went. ``optional`` ones are None in some runs that did not fail."""
+    """A number that a run results in. ``optional`` ones are None in some runs that did not fail."""
 
     name: str
     unit: str
@@ -41,9 +41,9 @@ def outcome_of(answer: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What a program recorded under a name: ``kind`` is ``initial``, ``final`` or ``series``.
+    """A value that a program recorded: ``kind`` is ``initial``, ``final`` or ``series``.
 
-    ``value`` is plain JSON; that of a series is a list of [time in s, value].
+    ``value`` is JSON; that of a series is a list of [time in s, value].
     """
 
     kind: str

@@ -51,7 +51,7 @@ def import_folder(folder: Path, store: Path) -> dict[str, Any]:
 def _manifest(folder: Path) -> dict[str, Any]:
     file = folder / MANIFEST
     if not folder.is_dir():
-        raise StoreError(f"{folder}: is no folder")
+        raise StoreError(f"{folder}: not a folder")
     try:
         manifest = json.loads(file.read_text(encoding="utf-8"))
         kind, version = manifest["kind"], manifest["version"]

@@ -1,7 +1,7 @@
-"""The results store, written by trials: a row before the car moves, completed afterwards, corrected with a trail.
+"""Writes trials to the results store: a row before the car moves, completed afterwards; corrections are recorded.
 
-Input: what a trial is driven with and how it ended. Output: rows of `trial` and `correction`, each in its own
-transaction, so that whatever dies loses at most the answer being typed.
+Input: the inputs and the end of a trial. Output: rows of `trial` and `correction`, each in its own transaction, so that
+a killed program loses at most the answer being typed.
 """
 
 import contextlib
@@ -23,7 +23,7 @@ from foldcar.store.writer import canonical_json
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What a trial is simulated with: docs/carsim.md's objects, the scene as it was placed on the floor."""
+    """The inputs of a trial's simulation: objects of docs/carsim.md, the scene as built on the floor."""
 
     body: Mapping[str, Any]
     settings: Mapping[str, Any]
@@ -34,7 +34,7 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class CarFacts:
-    """Who drove: the firmware's build and the hash of its design, as the car told them, and the port."""
+    """The identity of the car: the firmware's build and the design's hash, as the car reported them, and the port."""
 
     firmware_build: str
     design_hash: str
@@ -54,7 +54,7 @@ class TrialWriter(StoreConnection):
         log: str,
         operator: str,
     ) -> int:
-        """Store a trial as begun, which counts as aborted until :meth:`complete`; gives its number."""
+        """Store a trial as begun, which counts as aborted until :meth:`complete`; returns its number."""
         with self._transaction():
             row = {
                 "experiment": experiment,
@@ -79,7 +79,7 @@ class TrialWriter(StoreConnection):
             return self._add(TRIAL, row)
 
     def complete(self, trial: int, ending: Ending) -> None:
-        """Store how a begun trial ended."""
+        """Store the end of a begun trial."""
         _check_outcome(self.path, ending.outcome)
         with self._transaction():
             ended = {
@@ -114,7 +114,7 @@ class TrialWriter(StoreConnection):
         return dict(json.loads(found[0]["json"])) if found else None
 
     def trial_counts(self, experiment: str, design: TrialDesign, environment_fingerprint: str) -> dict[int, int]:
-        """How many trials that were not aborted this design has had, by sample of the environment."""
+        """The numbers of this design's trials that were not aborted, by sample of the environment."""
         rows = self._rows(
             TRIAL,
             "WHERE experiment = ? AND vehicle_type = ? AND design = ? AND outcome <> 'aborted' "
@@ -127,7 +127,7 @@ class TrialWriter(StoreConnection):
         return dict(Counter(row["sample"] for row in rows))
 
     def correct(self, trial: int, changes: Mapping[str, str | float], reason: str, operator: str) -> None:
-        """Change fields of a trial, keeping what stood there; StoreError if there is no such trial or field."""
+        """Change fields of a trial and record their old values; StoreError if there is no such trial or field."""
         with self._transaction():
             for field, after in changes.items():
                 if field not in CORRECTABLE:
@@ -151,7 +151,7 @@ class TrialWriter(StoreConnection):
                 self._update(TRIAL, {**found[0], field: after})
 
     def import_trials(self, trials: list[dict[str, Any]]) -> list[int]:
-        """Store trials from elsewhere, all or none: columns of the table by name; gives their numbers."""
+        """Store imported trials, all or none: columns of the table by name; returns their numbers."""
         numbers = []
         with self._transaction():
             for trial in trials:
@@ -173,7 +173,7 @@ def write_trials(path: Path) -> Iterator[TrialWriter]:
 
 
 def now_utc() -> str:
-    """The time of day as it is stored, to a second."""
+    """The current date and time in UTC as stored, with a resolution of 1 s."""
     return datetime.now(timezone.utc).isoformat(timespec="seconds")
 
 

@@ -1,8 +1,8 @@
-"""The results store, written: by one sweep at a time, a transaction per chunk.
+"""Writes the results of sweeps to the store: one sweep at a time, one transaction per chunk.
 
-A run's key is (build of carsim, body, scene, settings, variation), each told apart by the hash of its text:
-what is there under its key is never run again, whichever experiment asks. Scenes are kept by the
-environment's fingerprint, variations by that of the spread they are drawn from.
+A run's key is (build of carsim, body, scene, settings, variation), each identified by the hash of its text: a run whose
+key is stored is never repeated, whichever experiment requires it. Scenes are stored by the environment's fingerprint,
+variations by that of their spread.
 """
 
 import contextlib
@@ -23,7 +23,7 @@ PAGE_ROWS = 1000
 
 @dataclass(frozen=True, slots=True)
 class PlannedRun:
-    """A run an experiment consists of; ``outcome`` is None if it has no result yet."""
+    """A run of an experiment; ``outcome`` is None if it has no result yet."""
 
     design: int
     sample: int
@@ -36,7 +36,7 @@ class PlannedRun:
 
 @dataclass(frozen=True, slots=True)
 class PlannedDesign:
-    """A design of an experiment, with what it gives the simulator."""
+    """A design of an experiment, with its inputs of the simulator."""
 
     columns: Mapping[str, float]
     body: Mapping[str, Any]
@@ -45,7 +45,7 @@ class PlannedDesign:
 
 @dataclass(frozen=True, slots=True)
 class PlannedExperiment:
-    """An experiment as the store keeps it; ``facts`` are the fields of ExperimentInfo that have no column."""
+    """An experiment as stored; ``facts`` are the fields of ExperimentInfo that have no column."""
 
     id: str
     vehicle: str
@@ -64,7 +64,7 @@ class StoreWriter(StoreConnection):
         self._build_id = 0
 
     def begin_study(self, facts: Mapping[str, str], build: str) -> None:
-        """Record what is swept and by which build; ``created_utc`` is kept from the first sweep."""
+        """Record the study and the build; ``created_utc`` is that of the first sweep."""
         with self._transaction():
             self._build_id = self._identify("build", "name", build)
             first = [row for row in self._rows(STUDY) if row["key"] == "created_utc"]
@@ -72,7 +72,7 @@ class StoreWriter(StoreConnection):
             self._insert(STUDY, ({"key": key, "value": value} for key, value in kept.items()), "OR REPLACE")
 
     def put_experiment(self, plan: PlannedExperiment, designs: Iterable[PlannedDesign]) -> None:
-        """Record an experiment and its designs, in place of an earlier one with the same id. Runs stay."""
+        """Record an experiment and its designs, replacing an earlier one with the same id. Runs are kept."""
         with self._transaction():
             self._run("DELETE FROM design WHERE experiment = ?", plan.id)
             places = {row["id"]: row["position"] for row in self._rows(EXPERIMENT)}
@@ -104,12 +104,12 @@ class StoreWriter(StoreConnection):
             return self._identify("environment", "fingerprint", fingerprint)
 
     def is_dynamic(self, environment_id: int) -> bool | None:
-        """Whether the environment's program has to run beside the simulation; None if nobody knows yet."""
+        """Whether the environment's program must run beside the simulation; None if that is not stored yet."""
         dynamic = self._row(ENVIRONMENT, id=environment_id)["dynamic"]
         return None if dynamic is None else bool(dynamic)
 
     def put_dynamic(self, environment_id: int, dynamic: bool) -> None:
-        """Store what :meth:`is_dynamic` tells."""
+        """Store the value of :meth:`is_dynamic`."""
         with self._transaction():
             self._update(ENVIRONMENT, {**self._row(ENVIRONMENT, id=environment_id), "dynamic": int(dynamic)})
 
@@ -119,19 +119,19 @@ class StoreWriter(StoreConnection):
             return self._identify("spread", "fingerprint", fingerprint)
 
     def sample_count(self, environment_id: int) -> int:
-        """How many samples of an environment are stored; samples 0 to that number less one."""
+        """The number n of stored samples of an environment, which are 0 to n - 1."""
         row = self._run("SELECT count(*) FROM sample WHERE environment_id = ?", environment_id).fetchone()
         return int(row[0])
 
     def draw_count(self, spread_id: int) -> int:
-        """How many samples of a spread are stored; samples 0 to that number less one."""
+        """The number n of stored samples of a spread, which are 0 to n - 1."""
         row = self._run("SELECT count(*) FROM draw WHERE spread_id = ?", spread_id).fetchone()
         return int(row[0])
 
     def put_sample(
         self, environment_id: int, sample: int, scene: Mapping[str, Any], identity: str = ""
     ) -> None:
-        """Store the scene of a sample; scenes of unequal ``identity`` differ whatever they look like."""
+        """Store the scene of a sample; equal scenes with different ``identity`` are stored as different."""
         with self._transaction():
             scene_id = self._put_text("scene", canonical_json(scene), identity)
             row = {"environment_id": environment_id, "sample": sample, "scene_id": scene_id}
@@ -197,5 +197,5 @@ def write_store(path: Path) -> Iterator[StoreWriter]:
 
 
 def canonical_json(value: Mapping[str, Any]) -> str:
-    """One text for one value: keys sorted, no spaces."""
+    """The canonical JSON text of a value: keys sorted, no spaces."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)

@@ -12,15 +12,15 @@ namespace {
 
 using nlohmann::json;
 
-// Limits of what the model can stand for. Lengths below a millimetre vanish in its contacts, cars beyond a
-// metre or so are another machine; the rest keeps the arithmetic in single precision healthy.
+// Limits within which the model is valid. Lengths below a millimetre are lost in the contacts' tolerances, and the
+// model is made for cars of up to a metre or so; the other limits keep single-precision arithmetic accurate.
 constexpr Limits kCoordinate_m{-1000, 1000};
 constexpr Limits kHeading_rad{-100, 100};
 constexpr Limits kCarLength_m{0.005, 2};
 constexpr Limits kOffset_m{-1, 1};
 constexpr Limits kMass_kg{0.0005, 50};
 constexpr Limits kInertia_kg_m2{1e-7, 50};
-// A hinge softer than any film would be none; a stiffer one is a rigid beam. It folds less than half a turn.
+// From softer than any film hinge to as stiff as a rigid beam; a hinge folds by less than half a turn.
 constexpr Limits kStiffness_n_m_rad{1e-6, 1000};
 constexpr Limits kDamping_n_m_s_rad{0, 10};
 constexpr double kFold_rad = 3;
@@ -87,7 +87,7 @@ SegmentSpec read_segment(JsonReader reader) {
   return segment;
 }
 
-// A hinge stands between the middles of the segments it joins.
+// A hinge lies between the middles of the segments that it joins.
 HingeSpec read_hinge(JsonReader reader, const SegmentSpec& front, const SegmentSpec& rear) {
   HingeSpec hinge;
   hinge.x_m = reader.number("x_m", {rear.x_m, front.x_m});
@@ -115,7 +115,7 @@ void read_segments(JsonReader& reader, BodySpec& body) {
   }
 }
 
-// Both sides carry the same axles and no output drives two wheels.
+// Checks that both sides have the same axles and that no output drives two wheels.
 void check_wheels(const JsonReader& reader, const std::vector<WheelSpec>& wheels) {
   std::set<int> channels;
   std::multiset<std::pair<int, double>> axles[2];
@@ -177,7 +177,7 @@ void read_parameters(JsonReader reader, Parameters& parameters) {
   }
 }
 
-// What the firmware is given: the keys that run and pulses share.
+// The firmware's inputs: the keys that the lines run and pulses have in common.
 void read_set_point(JsonReader& reader, TrialSpec& trial) {
   trial.speed_m_s = reader.number("speed_m_s", {-kSpeedLimitMS, kSpeedLimitMS});
   trial.yaw_rate_rad_s = reader.number_or("yaw_rate_rad_s", {-kYawRateLimitRadS, kYawRateLimitRadS}, 0);

@@ -4,13 +4,16 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <cstddef>
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace foldcar {
 
+// Input that breaks a rule; the message names key, value and limit.
 class InputError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -18,11 +21,13 @@ class InputError : public std::runtime_error {
 // Parses one line. InputError if it is no JSON object, has a key twice or is nested beyond any need.
 nlohmann::json parse_object(const std::string& line);
 
+// The range of a number, both ends included.
 struct Limits {
   double minimum;
   double maximum;
 };
 
+// Reads the keys of one object; every method throws InputError.
 class JsonReader {
  public:
   // value must outlive the reader; path names it in messages.

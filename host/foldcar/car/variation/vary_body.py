@@ -1,7 +1,7 @@
-"""A simulator body with the differences of one built car.
+"""The simulator's body of one built car.
 
-Input: a body as in docs/carsim.md and a draw of spread.py. Output: the body with them. The firmware's parameters stay
-those of the design: the car does not know.
+Input: a body as in docs/carsim.md and a draw of spread.py. Output: the body with the drawn differences. The firmware
+keeps the parameters of the design: it has no knowledge of the differences.
 """
 
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from foldcar.car.variation.spread import phase_name
 
 
 def vary_body(body: Mapping[str, Any], variation: Mapping[str, Any]) -> dict[str, Any]:
-    """The body of docs/carsim.md with those differences; what would be impossible is put to its limit."""
+    """The body with the differences; values outside the limits of docs/carsim.md are clamped to them."""
     return {
         **body,
         "segments": [_segment(segment, variation) for segment in body["segments"]],
@@ -59,10 +59,10 @@ def _wheel(wheel: Mapping[str, Any], variation: Mapping[str, Any]) -> dict[str, 
 
 
 def _factor(relative: float) -> float:
-    """One more than ``relative``, but no wheel runs backwards and no mass is lost for good."""
+    """1 + ``relative``, at least 0.05, so that no mass or speed becomes zero or negative."""
     return max(0.05, 1 + relative)
 
 
 def _within(least: float, value: float, largest: float) -> float:
-    """Nine digits, as bodies have."""
+    """The value clamped to the limits and rounded to nine significant digits, as in body_json."""
     return float(f"{min(max(value, least), largest):.9g}") + 0.0

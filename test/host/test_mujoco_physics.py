@@ -15,7 +15,8 @@ from foldcar.crosscheck.mujoco_step import SteppedMujoco
 from foldcar.crosscheck.pulses import PulseTrain, ask_pulses
 from foldcar.crosscheck.servo import drive_fraction
 from foldcar.models.ground import height_grid
-from foldcar.simulation.carsim import Carsim, RunRequest
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.runner import RunRequest
 from study_car import car_body, empty_scene
 
 G_M_S2 = 9.81

@@ -34,7 +34,8 @@ def link(
     from foldcar.car.variation.vary_body import vary_body
     from foldcar.commands.end_signals import end_like_ctrl_c
     from foldcar.link.simulated_car import simulated_car
-    from foldcar.simulation.carsim import Carsim, CarsimError
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.runner import CarsimError
     from foldcar.study.environments import Environment
     from foldcar.study.experiments import read_study
 

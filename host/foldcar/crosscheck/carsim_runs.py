@@ -12,7 +12,8 @@ from typing import Any
 
 from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.mujoco_car import EngineOptions
-from foldcar.simulation.carsim import Carsim, Runner, RunRequest
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.store.writer import canonical_json
 
 # Runs that one simulator process gets at a time, alone and with Scenic beside it.
@@ -59,7 +60,7 @@ def ask(runner: Runner, cases: Sequence[Case], interval_s: float = 0.0) -> list[
     return [
         {"outcome": "failed", "message": answer["error"]}
         if "error" in answer
-        else {key: value for key, value in answer.items() if key not in ("run", "recorded")}
+        else {key: value for key, value in answer.items() if key != "recorded"}
         for answer in runner.run(bodies, scenes, requests)
     ]
 

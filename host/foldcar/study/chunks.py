@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Any
 
 from foldcar.car.variation.vary_body import vary_body
-from foldcar.simulation.carsim import Runner, RunRequest
+from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.store.writer import PlannedRun, StoreWriter, canonical_json
 
 TARGET_CHUNK_S = 0.7

@@ -148,7 +148,7 @@ def test_a_sweep_does_with_a_nearby_car_what_carsim_does_with_its_body(
         body = body_json(design)
         settings = experiment.settings(design, body, carsim.parameter_table())
         for k in range(3):
-            car = vary_body(body, draw(spread_named("workshop", ""), 42, k))
+            car = vary_body(body, draw(spread_named("workshop", ""), 42, k), carsim.limits().numbers)
             texts = [json.dumps(part) for part in (car, environment.sample(k), settings)]
             request = RunRequest("car", "scene", texts[2], "", k)
             expected += carsim.run({"car": texts[0]}, {"scene": texts[1]}, [request])

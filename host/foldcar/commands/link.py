@@ -44,8 +44,8 @@ def link(
     environment = Environment(chosen)
     variation = environment.variation(sample)
     nominal = body_json(design)
-    body = vary_body(nominal, variation) if variation else nominal
     carsim = Carsim()
+    body = vary_body(nominal, variation, carsim.limits().numbers) if variation else nominal
     scene = environment.sample(sample)
     end_like_ctrl_c()
     try:

@@ -49,7 +49,7 @@ def run(
     variation = environment.variation(sample)
     one = _Run(
         label=f"experiment {experiment}, sample {sample}",
-        body=vary_body(nominal, variation) if variation else nominal,
+        body=vary_body(nominal, variation, carsim.limits().numbers) if variation else nominal,
         scene=environment.sample(sample),
         settings=chosen.settings(design, nominal, carsim.parameter_table()),
         sample=sample,

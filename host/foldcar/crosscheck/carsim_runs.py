@@ -19,8 +19,6 @@ from foldcar.store.writer import canonical_json
 # Runs that one simulator process gets at a time, alone and with Scenic beside it.
 CHUNK, CHUNK_BESIDE = 24, 4
 MUJOCO_WORKER = "foldcar.crosscheck.mujoco_worker"
-# Of paths that are read only for the place at some moment: a car drives 4 mm in it.
-INTERVAL_S = 1 / 240
 
 Numbered = tuple[int, Case]
 Finished = tuple[int, dict[str, Any]]
@@ -35,7 +33,7 @@ def run_in_carsim(cases: Sequence[Numbered], carsim: Carsim, jobs: int) -> Itera
         case = next(case for index, case in cases if index == number)
         if answer["outcome"] != "failed":
             # Beside Scenic there is no path, but the trial is the same.
-            (alike,) = ask(carsim, [case], INTERVAL_S)
+            (alike,) = ask(carsim, [case], carsim.limits().trial.step_s)
             answer["end"] = path_until(alike["path"], answer["elapsed_time_s"])[-1][1:3]
         yield number, answer
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.car.firmware_parameters import TableRow
+from foldcar.simulation.carsim_limits import CarsimLimits, TrialRules
 from foldcar.simulation.process_ending import process_ending
 from foldcar.simulation.results import NATIVE_OUTCOMES, NUMBERS
 from foldcar.simulation.runner import CarsimError, RunRequest
@@ -64,6 +65,7 @@ class Carsim:
     def __init__(self, binary: Path | None = None) -> None:
         self.binary = binary if binary is not None else find_carsim()
         self._calls: set[_Call] = set()
+        self._limits: CarsimLimits | None = None
         self.build, self.firmware = self._ask_builds()
 
     def stop(self) -> None:
@@ -81,6 +83,17 @@ class Carsim:
         except (ValueError, TypeError, KeyError) as error:
             raise CarsimError(f"{self.binary}: `carsim params` printed no parameter table") from error
         return {row.name: row for row in rows}
+
+    def limits(self) -> CarsimLimits:
+        """The limits of what it takes, and the rules by which its trials run (`carsim limits`)."""
+        if self._limits is None:
+            try:
+                told = json.loads(self._output("limits"))
+                numbers = {path: (float(low), float(high)) for path, (low, high) in told["input"].items()}
+                self._limits = CarsimLimits(numbers, TrialRules(**told["trial"]))
+            except (ValueError, TypeError, KeyError, AttributeError) as error:
+                raise CarsimError(f"{self.binary}: `carsim limits` printed no limits") from error
+        return self._limits
 
     def run(
         self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]

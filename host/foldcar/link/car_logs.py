@@ -10,7 +10,6 @@ from foldcar.errors import FoldcarError
 from foldcar.link.car import ANSWER_S, TRIES, Car
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 
-PART_BYTES = 90
 # Asked for at once; what of it gets lost is asked for again.
 WINDOW_BYTES = 90 * 64
 FETCH_S = 120.0

@@ -70,7 +70,7 @@ study: setup
 
 fidelity: setup
 	@mkdir -p out
-	$(BIN)/foldcar crosscheck scenarios/fidelity.json --yardstick 20 -o out/fidelity
+	$(BIN)/foldcar crosscheck scenarios/fidelity.json --baseline 20 -o out/fidelity
 	$(BIN)/python tools/fidelity.py out/fidelity docs/fidelity.md
 
 # One after the other, also under make -j, so that what fails stands last.

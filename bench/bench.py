@@ -72,10 +72,10 @@ def batch_lines(store: Path) -> str:
     return "\n".join(lines) + "\n"
 
 
-def carsim_timing(lines: str, jobs: int) -> dict[str, float]:
+def carsim_timing(lines: str) -> dict[str, float]:
     """The times (s) that `carsim batch --timing` reports."""
     answer = subprocess.run(
-        [CARSIM, "batch", "--jobs", str(jobs), "--timing"],
+        [CARSIM, "batch", "--timing"],
         input=lines,
         text=True,
         capture_output=True,
@@ -106,13 +106,12 @@ def main() -> None:
         quarter = sweep(Path(folder, "quarter.db"), 2, environments=25)
         status.update("the same runs inside carsim")
         lines = batch_lines(two_store)
-        timing = carsim_timing(lines, 1)
-        timing_two = carsim_timing(lines, 2)
+        timing = carsim_timing(lines)
         runs = lines.count('{"run"')
         status.update("a field of hills")
         hills_store = Path(folder, "hills.db")
         sweep(hills_store, 2, listing=HILLS)
-        hills = carsim_timing(batch_lines(hills_store), 1)
+        hills = carsim_timing(batch_lines(hills_store))
         status.update("Scenic alone")
         scenic_s = scenic_seconds(100)
         many_ms = [(turn, sampling_ms(turn)) for turn in TURNS]
@@ -130,7 +129,6 @@ def main() -> None:
         ("  of which cutting terrain", f"{100 * timing['terrain_s'] / wall_s:.1f} %"),
         ("  of which the firmware", f"{100 * timing['firmware_s'] / wall_s:.2f} %"),
         ("cutting terrain among 20 hills", f"{100 * hills['terrain_s'] / hills['wall_s']:.1f} %"),
-        ("carsim alone, 2 jobs against 1", f"{wall_s / timing_two['wall_s']:.2f} ×"),
         ("whole study, 1 job", f"{one.wall_s:.1f} s, {runs / one.wall_s:.0f} runs/s"),
         ("whole study, 2 jobs", f"{two.wall_s:.1f} s, {runs / two.wall_s:.0f} runs/s"),
         ("whole study, 2 jobs against 1", f"{one.wall_s / two.wall_s:.2f} ×"),

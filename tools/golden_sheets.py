@@ -10,7 +10,6 @@ from pathlib import Path
 
 from foldcar.car.folded_car import folded_car
 from foldcar.commands.listed_design import listed_family
-from foldcar.fabrication.make_car import car_title
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import pattern
@@ -30,7 +29,7 @@ def sheets_of(vehicle: str) -> tuple[Sheet, ...]:
     """The sheets of a published car as the current code generates them."""
     car = cars()[vehicle]
     design = listed_family(PATTERNS / car["listing"], vehicle, [])[1].single()
-    return pattern(folded_car(design), options(car["machine"]), car_title(design)).sheets
+    return pattern(folded_car(design), options(car["machine"]), design.title).sheets
 
 
 def main() -> None:

@@ -1,14 +1,10 @@
-// `carsim batch`: JSON Lines in, JSON Lines out, in the order of the input, with several worker processes.
+// `carsim batch`: bodies, scenes and runs in, results out, as JSON Lines in the order of the input.
 #pragma once
 
 namespace foldcar {
 
-struct BatchOptions {
-  int jobs = 1;
-  bool timing = false;
-};
-
-// Serves input until its end. 0 if every line was usable, else 2.
-int run_batch(const BatchOptions& options, int input, int output);
+// Serves standard input until its end; with timing, says on standard error where the time went. 0 if every line was
+// usable, else 2. std::runtime_error if the output cannot be written.
+int run_batch(bool timing);
 
 }  // namespace foldcar

@@ -1,8 +1,5 @@
 // carsim: the native simulator program. docs/carsim.md describes what it reads and writes.
-#include <unistd.h>
-
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -10,27 +7,30 @@
 
 #include "batch.h"
 #include "build_id.h"
+#include "ending.h"
 #include "firmware_id.h"
+#include "input_limits.h"
 #include "link.h"
 #include "link_options.h"
 #include "metrics.h"
 #include "parameter_table.h"
 #include "printed_number.h"
 #include "step.h"
+#include "trial_start.h"
 
 namespace {
 
 constexpr char kUsage[] =
-    "usage: carsim batch [--jobs N] [--timing]   bodies, scenes and runs in, results out (JSON Lines)\n"
+    "usage: carsim batch [--timing]              bodies, scenes and runs in, results out (JSON Lines)\n"
     "       carsim step                          the same for one trial at a time, advanced by its caller\n"
     "       carsim link (--pty | --tcp PORT | --replay FILE) --body FILE --scene FILE [--design FILE] [--params FILE]\n"
     "                   [--speedup N] [--put-back] [--record FILE]\n"
     "                                            a car with its whole firmware on a port, speaking MAVLink\n"
     "       carsim params                        the firmware's parameter table as JSON\n"
-    "       carsim metrics                       what a run is measured by, as JSON\n"
+    "       carsim metrics                       the numbers of a run's result as JSON\n"
+    "       carsim limits                        the limits of input numbers and a trial's own numbers as JSON\n"
     "       carsim --version                     the build, which changes whenever results can\n"
     "       carsim --help\n";
-constexpr int kMostJobs = 256;
 
 int usage_error(const std::string& problem) {
   std::fprintf(stderr, "carsim: %s\n%s", problem.c_str(), kUsage);
@@ -76,28 +76,29 @@ int print_metrics() {
   return print(table, 1);
 }
 
+// What other programs must hold to that make input for this one, or trials by the same rules.
+int print_limits() {
+  nlohmann::ordered_json input = nlohmann::ordered_json::object();
+  for (const auto& [path, limits] : foldcar::input_limits()) input[path] = {limits.minimum, limits.maximum};
+  const nlohmann::ordered_json trial = {{"settling_s", foldcar::kSettling_s},
+                                        {"step_s", 1 / foldcar::StepOptions{}.rate_hz},
+                                        {"firmware_tick_s", foldcar::kTickUs * 1e-6},
+                                        {"tipped_up", foldcar::kTippedUp},
+                                        {"stuck_distance_m", foldcar::kStuckDistance_m},
+                                        {"stuck_turn_rad", foldcar::kStuckTurn_rad},
+                                        {"stuck_time_s", foldcar::kStuckTime_s}};
+  return print({{"input", input}, {"trial", trial}}, 1);
+}
+
 nlohmann::ordered_json version() {
   return {{"program", "carsim"}, {"build", FOLDCAR_BUILD_ID}, {"firmware", FOLDCAR_FIRMWARE_ID}};
 }
 
 int batch(const std::vector<std::string>& words) {
-  foldcar::BatchOptions options;
-  for (std::size_t i = 0; i < words.size(); ++i) {
-    if (words[i] == "--timing") {
-      options.timing = true;
-    } else if (words[i] == "--jobs" && i + 1 < words.size()) {
-      char* end = nullptr;
-      const std::string& count = words[++i];
-      const long jobs = std::strtol(count.c_str(), &end, 10);
-      if (count.empty() || *end != '\0' || jobs < 1 || jobs > kMostJobs) {
-        return usage_error("--jobs: " + count + " is not a number from 1 to " + std::to_string(kMostJobs));
-      }
-      options.jobs = static_cast<int>(jobs);
-    } else {
-      return usage_error("batch: unknown or incomplete option " + words[i]);
-    }
+  for (const std::string& word : words) {
+    if (word != "--timing") return usage_error("batch: unknown option " + word);
   }
-  return foldcar::run_batch(options, STDIN_FILENO, STDOUT_FILENO);
+  return foldcar::run_batch(!words.empty());
 }
 
 int run(const std::vector<std::string>& words) {
@@ -109,6 +110,7 @@ int run(const std::vector<std::string>& words) {
   if (command == "step") return foldcar::run_step();
   if (command == "params") return print_parameters();
   if (command == "metrics") return print_metrics();
+  if (command == "limits") return print_limits();
   if (command == "--version") return print(version(), -1);
   if (command == "--help" || command == "-h") {
     std::fputs(kUsage, stdout);

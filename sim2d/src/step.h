@@ -3,7 +3,8 @@
 
 namespace foldcar {
 
-// Serves standard input until its end. 0 if every line was usable, else 2.
+// Serves standard input until its end. 0 if every line was usable, else 2. std::runtime_error if the output cannot be
+// written.
 int run_step();
 
 }  // namespace foldcar

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from foldcar.errors import FoldcarError
-from foldcar.simulation.carsim import find_carsim
+from foldcar.simulation.carsim import Carsim, find_carsim
+from foldcar.simulation.carsim_limits import CarsimLimits
 from live_car import write_free_course
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -26,6 +27,12 @@ def carsim_binary() -> Path:
         return find_carsim()
     except FoldcarError as error:
         pytest.fail(str(error))
+
+
+@pytest.fixture(scope="session")
+def carsim_limits(carsim_binary: Path) -> CarsimLimits:
+    """The limits and rules of that simulator."""
+    return Carsim(carsim_binary).limits()
 
 
 @pytest.fixture

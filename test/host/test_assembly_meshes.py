@@ -1,9 +1,9 @@
 """Meshes of folded cars against trimesh and closed forms; STL, OBJ and FOLD files read back."""
 
-import io
 import json
 import math
-from pathlib import Path
+import struct
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,9 @@ from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar, Piece
 from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.assembly.fold_file import fold_text, without_small_holes
-from foldcar.fabrication.assembly.obj import mtl_text, obj_text
+from foldcar.fabrication.assembly.mesh_files import obj_files, stl_bytes
 from foldcar.fabrication.assembly.skin import film_solid, piece_area_mm2
 from foldcar.fabrication.assembly.solids import film_mesh, film_solids, mount_solids
-from foldcar.fabrication.assembly.stl import stl_bytes
 from folded_box import HEIGHT_MM, LENGTH_MM, THICKNESS_MM, WIDTH_MM, beam, cap, folded_box
 
 
@@ -55,36 +54,69 @@ def test_folded_box_has_the_outer_measures_of_its_walls() -> None:
     assert mesh.extents == pytest.approx(np.array([LENGTH_MM, WIDTH_MM, HEIGHT_MM]) + THICKNESS_MM, abs=1e-3)
 
 
+def read_stl(content: bytes) -> NDArray[np.float64]:
+    """The corners of a binary STL file's triangles, by the format's own definition: count x 3 x 3."""
+    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    (count,) = struct.unpack("<I", content[80:84])
+    records = np.frombuffer(content[84:], dtype=record)
+    assert len(records) == count and not content.startswith(b"solid")
+    corners: NDArray[np.float64] = records["corners"].astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert ((normals * records["normal"]).sum(axis=1) >= 0).all()
+    return corners
+
+
+def volume_mm3(corners: NDArray[np.float64]) -> float:
+    """What closed surfaces hold, by the divergence theorem; count x 3 x 3."""
+    return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)
+
+
 @pytest.mark.parametrize("folded", cars(), ids=["W_B_W", "hinged"])
 def test_stl_of_a_car_is_watertight_and_holds_its_film(folded: FoldedCar) -> None:
     film_mm3 = sum(piece.count * piece_area_mm2(piece) * piece.thickness_mm for piece in folded.pieces)
+    film = film_mesh(folded)
 
-    mesh = trimesh.load(io.BytesIO(stl_bytes(film_mesh(folded), "car")), file_type="stl")
+    corners = read_stl(stl_bytes(film))
 
-    assert mesh.is_watertight
-    assert mesh.is_winding_consistent
-    assert mesh.body_count == sum(piece.count for piece in folded.pieces)
-    assert mesh.volume == pytest.approx(film_mm3, rel=0.02)
+    # Every edge is run along as often one way as the other.
+    points = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
+    runs = Counter((a, b) for face in points.tolist() for a, b in zip(face, face[1:] + face[:1], strict=True) if a != b)
+    assert all(runs[b, a] == count for (a, b), count in runs.items())
+    assert volume_mm3(corners) == pytest.approx(film_mm3, rel=0.02)
+    assert corners.min(axis=(0, 1)) == pytest.approx(film.vertices_mm.min(axis=0), abs=1e-4)
+    assert corners.max(axis=(0, 1)) == pytest.approx(film.vertices_mm.max(axis=0), abs=1e-4)
+    # A car in millimetres: its axle is some hundred wide.
+    assert 60 < np.ptp(corners[..., 1]) < 300
 
 
-def test_obj_has_every_part_with_its_material_and_size(tmp_path: Path) -> None:
+def test_obj_has_every_part_with_its_material_and_size() -> None:
     folded = cars()[0]
     solids = [*film_solids(folded), *mount_solids(folded)]
-    (tmp_path / "car.obj").write_text(obj_text(solids, "car.mtl"), encoding="utf-8")
-    (tmp_path / "car.mtl").write_text(mtl_text(), encoding="utf-8")
 
-    scene = trimesh.load(tmp_path / "car.obj", split_object=True, group_material=False, process=False)
+    files = obj_files(solids, "car")
 
-    names = [line[2:] for line in obj_text(solids, "x").splitlines() if line.startswith("o ")]
-    assert names == [solid.name.replace(" ", "_") for solid in solids]
-    assert len(set(names)) == len(names)
-    # trimesh keeps neither the order nor the names of objects.
-    volumes = sorted(shape.volume for shape in scene.geometry.values())
-    assert volumes == pytest.approx(sorted(solid.mesh.volume_mm3 for solid in solids), rel=1e-3)
+    assert files.keys() == {"car.obj", "car.mtl"}
+    lines = [line.split() for line in files["car.obj"].decode().splitlines() if line]
+    assert ["mtllib", "car.mtl"] in lines
+    vertices = np.array([line[1:] for line in lines if line[0] == "v"], dtype=float)
+    objects: dict[str, tuple[list[str], list[list[int]]]] = {}
+    for kind, *rest in lines:
+        if kind == "o":
+            assert rest[0] not in objects
+            faces = objects.setdefault(rest[0], ([], []))
+        elif kind == "usemtl":
+            faces[0].append(rest[0])
+        elif kind == "f":
+            faces[1].append([int(corner) - 1 for corner in rest])
+    assert list(objects) == [solid.name.replace(" ", "_") for solid in solids]
+    for solid, (materials, triangles) in zip(solids, objects.values(), strict=True):
+        assert materials == [solid.material]
+        assert volume_mm3(vertices[np.array(triangles)]) == pytest.approx(solid.mesh.volume_mm3, rel=1e-3)
     for mount in folded.mounts:
-        assert any(volume == pytest.approx(math.prod(mount.size_mm), rel=1e-4) for volume in volumes)
-    used = {line.split()[1] for line in obj_text(solids, "x").splitlines() if line.startswith("usemtl")}
-    assert used <= {line.split()[1] for line in mtl_text().splitlines() if line.startswith("newmtl")}
+        box = vertices[np.array(objects[mount.name.replace(" ", "_")][1])]
+        assert volume_mm3(box) == pytest.approx(math.prod(mount.size_mm), rel=1e-4)
+    known = {line.split()[1] for line in files["car.mtl"].decode().splitlines() if line.startswith("newmtl")}
+    assert {material for materials, _ in objects.values() for material in materials} <= known
 
 
 @pytest.mark.parametrize("piece", [beam(), cap(), *cars()[0].pieces], ids=lambda piece: piece.name)

@@ -16,7 +16,8 @@ from foldcar.car.folded.weight import body_mass_kg, body_properties, faces_of
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.mass import assemble, box_properties
 from foldcar.errors import FoldcarError
-from foldcar.simulation.carsim import Carsim, RunRequest
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.runner import RunRequest
 from foldcar.store.writer import canonical_json
 
 FLAT_SCENE = (

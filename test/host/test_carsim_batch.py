@@ -1,11 +1,7 @@
-"""`carsim batch` as a program: order, job counts, streaming, crashes, exit codes."""
+"""`carsim batch` as a program: order, streaming, bad lines, exit codes."""
 
-import contextlib
 import json
-import os
-import signal
 import subprocess
-import time
 from pathlib import Path
 from typing import Any
 
@@ -47,24 +43,32 @@ def batch(carsim: Path, lines: list[Any], *options: str) -> "subprocess.Complete
     return subprocess.run([carsim, "batch", *options], input=text, capture_output=True, text=True, timeout=6000)
 
 
-def test_any_number_of_jobs_writes_the_same_bytes_in_the_order_of_the_runs(
+def test_the_same_input_gives_the_same_bytes_in_the_order_of_the_runs(
     carsim_binary: Path, definitions: list[Any]
 ) -> None:
     lines = definitions + all_runs(path_interval_s=0.1)
 
-    answers = [batch(carsim_binary, lines, "--jobs", str(jobs)) for jobs in (1, 2, 5)]
+    first, second = (batch(carsim_binary, lines) for _ in range(2))
 
-    assert {answer.returncode for answer in answers} == {0}
-    assert len({answer.stdout for answer in answers}) == 1
-    replies = [json.loads(line) for line in answers[0].stdout.splitlines()]
+    assert (first.returncode, first.stderr) == (0, "")
+    assert first.stdout == second.stdout
+    replies = [json.loads(line) for line in first.stdout.splitlines()]
     assert [reply["run"] for reply in replies] == [line["run"]["id"] for line in all_runs()]
     assert {reply["outcome"] for reply in replies} >= {"passed", "tipped", "stuck"}
+
+
+def test_a_run_does_not_depend_on_those_before_it(carsim_binary: Path, definitions: list[Any]) -> None:
+    together = batch(carsim_binary, definitions + all_runs()).stdout.splitlines()
+
+    backwards = batch(carsim_binary, definitions + all_runs()[::-1]).stdout.splitlines()
+
+    assert backwards == together[::-1]
 
 
 def test_timing_changes_no_reply_and_sums_up(carsim_binary: Path, definitions: list[Any]) -> None:
     lines = definitions + all_runs()
 
-    timed = batch(carsim_binary, lines, "--jobs", "2", "--timing")
+    timed = batch(carsim_binary, lines, "--timing")
 
     assert timed.stdout == batch(carsim_binary, lines).stdout
     timing = json.loads(timed.stderr)["timing"]
@@ -77,13 +81,15 @@ def test_bad_lines_are_answered_in_their_places_and_the_rest_goes_on(
     carsim_binary: Path, definitions: list[Any]
 ) -> None:
     runs = all_runs()[:3]
-    lines = [*definitions, runs[0], "nonsense", runs[1], run_line("no such", 0), runs[2]]
+    lines = [*definitions, runs[0], "nonsense", runs[1], " ", run_line("no such", 0), runs[2]]
 
-    answer = batch(carsim_binary, lines, "--jobs", "2")
+    answer = batch(carsim_binary, lines)
 
     replies = [json.loads(line) for line in answer.stdout.splitlines()]
     assert [reply.get("run", "error") for reply in replies] == ["65/0", "error", "115/0", "error", "245/0"]
     assert replies[1]["error"]["line"] == len(definitions) + 2
+    # A line of white space is counted, but not answered.
+    assert replies[3]["error"]["line"] == len(definitions) + 5
     assert {replies[line]["error"]["kind"] for line in (1, 3)} == {"input"}
     assert replies[3]["error"]["run"] == "no such/0"
     assert answer.returncode == 2
@@ -91,7 +97,7 @@ def test_bad_lines_are_answered_in_their_places_and_the_rest_goes_on(
 
 def test_a_run_is_answered_before_the_next_line_is_sent(carsim_binary: Path, definitions: list[Any]) -> None:
     with subprocess.Popen(
-        [carsim_binary, "batch", "--jobs", "2"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [carsim_binary, "batch"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdin is not None and process.stdout is not None
         for line in definitions:
@@ -104,74 +110,12 @@ def test_a_run_is_answered_before_the_next_line_is_sent(carsim_binary: Path, def
         assert process.wait(10) == 0
 
 
-def fields(pid: int | str) -> list[str]:
-    """State, parent and so on of a process, from the kernel; empty if it is gone."""
-    with contextlib.suppress(OSError):
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return []
-
-
-def children(pid: int) -> list[int]:
-    processes = [entry.name for entry in Path("/proc").iterdir() if entry.name.isdigit()]
-    return [int(name) for name in processes if fields(name)[1:2] == [str(pid)]]
-
-
-def processor_time_s(pid: int) -> float:
-    """What a process has used of the processor; 0 if it is gone."""
-    return sum(map(int, fields(pid)[11:13])) / os.sysconf("SC_CLK_TCK")
-
-
-def test_a_worker_that_crashes_takes_only_its_run_along(carsim_binary: Path, definitions: list[Any]) -> None:
-    # A slow drive of an hour on level ground takes seconds to simulate, enough time to kill its worker.
-    endless = run_line("115", 0, speed_m_s=0.2, time_limit_s=3600, parameters={"TRIAL_MAX_S": 3600})
-    for line in definitions:
-        if "scene" in line and line["scene"]["id"] == "0":
-            wide = {"x_min_m": -900, "x_max_m": 900, "y_min_m": -900, "y_max_m": 900}
-            goal = {"kind": "disc", "x_m": -800, "y_m": 0, "radius_m": 1}
-            circle = {"scene": {**line["scene"], "terrain": [], "course": wide, "goal": goal}}
-    with subprocess.Popen(
-        [carsim_binary, "batch", "--jobs", "1"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdin is not None and process.stdout is not None
-        for line in [*definitions, circle, endless, run_line("115", 1)]:
-            process.stdin.write(json.dumps(line) + "\n")
-        process.stdin.close()
-        while not (workers := children(process.pid)):
-            time.sleep(0.01)
-        (worker,) = workers
-        # It drives once it has used up some of the processor.
-        while processor_time_s(worker) < 0.2:
-            time.sleep(0.01)
-        os.kill(worker, signal.SIGSEGV)
-        replies = [json.loads(line) for line in process.stdout]
-
-    assert replies[0]["error"]["run"] == "115/0"
-    assert replies[0]["error"]["kind"] == "simulation"
-    assert "crashed (signal Segmentation fault)" in replies[0]["error"]["message"]
-    assert replies[1]["run"] == "115/1"
-    assert process.returncode == 2
-
-
-def test_no_worker_outlives_a_batch_that_is_killed(carsim_binary: Path) -> None:
-    with subprocess.Popen([carsim_binary, "batch", "--jobs", "3"], stdin=subprocess.PIPE) as process:
-        deadline_s = time.monotonic() + 100
-        while len(workers := children(process.pid)) < 3 and time.monotonic() < deadline_s:
-            time.sleep(0.01)
-        assert len(workers) == 3
-        process.kill()
-    while workers and time.monotonic() < deadline_s:
-        time.sleep(0.01)
-        workers = [pid for pid in workers if fields(pid)[:1] not in ([], ["Z"])]
-    assert workers == []
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         ((), "no command"),
         (("fly",), "unknown command fly"),
-        (("batch", "--jobs", "0"), "--jobs: 0 is not a number from 1 to 256"),
-        (("batch", "--jobs"), "unknown or incomplete option --jobs"),
+        (("batch", "--jobs"), "batch: unknown option --jobs"),
         (("params", "x"), "params takes no further words"),
     ],
 )

@@ -18,6 +18,7 @@ from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.ending import Ending, State
 from foldcar.crosscheck.result_cache import ResultCache
 from foldcar.report.wilson import wilson_interval
+from foldcar.simulation.carsim_limits import CarsimLimits
 from shell_signals import like_a_shell
 from study_car import empty_scene
 
@@ -91,21 +92,23 @@ def state(x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0, up: floa
     return State(x_m, y_m, 0.06, heading_rad, 0.0, 0.0, up)
 
 
-def test_endings_follow_the_rules() -> None:
+def test_endings_follow_the_rules(carsim_limits: CarsimLimits) -> None:
+    rules = carsim_limits.trial
     scene = empty_scene(goal_x_m=1.0)
 
-    assert Ending(scene, state()).check(state(0.99), 1.0) is None
-    assert Ending(scene, state()).check(state(1.0), 1.0) == "passed"
-    assert Ending(scene, state()).check(state(1.0, up=0.25), 1.0) == "tipped"
-    assert Ending(scene, state(2.0)).check(state(3.0), 1.0) is None
-    assert Ending(scene, state()).check(state(0.5, 10.1), 1.0) == "off_course"
-    assert Ending({**scene, "goal": None}, state()).check(state(2.0), 1.0) is None
+    assert Ending(scene, state(), rules).check(state(0.99), 1.0) is None
+    assert Ending(scene, state(), rules).check(state(1.0), 1.0) == "passed"
+    assert Ending(scene, state(), rules).check(state(1.0, up=0.25), 1.0) == "tipped"
+    assert Ending(scene, state(2.0), rules).check(state(3.0), 1.0) is None
+    assert Ending(scene, state(), rules).check(state(0.5, 10.1), 1.0) == "off_course"
+    assert Ending({**scene, "goal": None}, state(), rules).check(state(2.0), 1.0) is None
     disc = {"kind": "disc", "x_m": 1.0, "y_m": 0.0, "radius_m": 0.2}
-    assert Ending({**scene, "goal": disc}, state()).check(state(0.81, 0.05), 1.0) == "passed"
+    assert Ending({**scene, "goal": disc}, state(), rules).check(state(0.81, 0.05), 1.0) == "passed"
 
 
-def test_a_car_is_stuck_after_four_seconds_without_way_or_turn() -> None:
-    ending = Ending(empty_scene(goal_x_m=1.0), state())
+def test_a_car_is_stuck_after_four_seconds_without_way_or_turn(carsim_limits: CarsimLimits) -> None:
+    rules = carsim_limits.trial
+    ending = Ending(empty_scene(goal_x_m=1.0), state(), rules)
 
     assert ending.check(state(0.009), 3.9) is None
     assert ending.check(state(0.011), 3.95) is None
@@ -119,7 +122,7 @@ def test_the_command_compares_and_goes_on_from_what_is_there(
     foldcar: Callable[..., "subprocess.CompletedProcess[str]"], write_listing: Any, listing_data: Any
 ) -> None:
     file = write_listing(listing_data)
-    words = ("crosscheck", file, "--environments", "2", "--yardstick", "1", "--jobs", "2", "-o", "check")
+    words = ("crosscheck", file, "--environments", "2", "--baseline", "1", "--jobs", "2", "-o", "check")
     done = foldcar(*words)
 
     assert done.returncode == 0, done.stderr
@@ -195,7 +198,7 @@ def test_a_program_with_dynamics_decides_in_both_engines(
     )
     listing_data["environments"]["1"]["scenic_filename"] = "drive.scenic"
     file = write_listing(listing_data)
-    done = foldcar("crosscheck", file, "--environments", "1", "--yardstick", "1", "--jobs", "1", "-o", "check")
+    done = foldcar("crosscheck", file, "--environments", "1", "--baseline", "1", "--jobs", "1", "-o", "check")
 
     assert done.returncode == 0, done.stderr
     with (tmp_path / "check" / "runs.csv").open() as lines:
@@ -215,7 +218,7 @@ def test_a_full_disk_is_one_line_and_the_command_goes_on_when_there_is_room(
     tmp_path: Path, write_listing: Any, listing_data: Any
 ) -> None:
     command = [sys.executable, "-c", "from foldcar.cli import main; main()", "crosscheck"]
-    command += [str(write_listing(listing_data)), "--environments", "1", "--yardstick", "0", "-o", "check"]
+    command += [str(write_listing(listing_data)), "--environments", "1", "--baseline", "0", "-o", "check"]
     limit = 700  # one result's line and a part of the next
     full = subprocess.run(
         command,

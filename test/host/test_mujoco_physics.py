@@ -15,7 +15,9 @@ from foldcar.crosscheck.mujoco_step import SteppedMujoco
 from foldcar.crosscheck.pulses import PulseTrain, ask_pulses
 from foldcar.crosscheck.servo import drive_fraction
 from foldcar.models.ground import height_grid
-from foldcar.simulation.carsim import Carsim, RunRequest
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.carsim_limits import CarsimLimits
+from foldcar.simulation.runner import RunRequest
 from study_car import car_body, empty_scene
 
 G_M_S2 = 9.81
@@ -80,24 +82,24 @@ def test_a_rolling_car_reaches_the_no_load_speed() -> None:
     assert (car.state().x_m - before) / 0.5 == pytest.approx(0.5 * no_load * wheel["radius_m"], rel=0.005)
 
 
-def test_a_rolling_car_accelerates_as_the_torque_line_says(carsim_binary: Any) -> None:
+def test_a_rolling_car_accelerates_as_the_torque_line_says(carsim_binary: Any, carsim_limits: CarsimLimits) -> None:
     body = car_body(supply_v=0.5)  # weak enough not to slip nor to lift its nose
     (pulses,) = ask_pulses(Carsim(carsim_binary), [{"speed_m_s": 0.6, "time_limit_s": 1.5}])
 
-    result = run_mujoco(body, empty_scene(), pulses, options=EngineOptions(path_interval_s=0.1))
+    result = run_mujoco(body, empty_scene(), pulses, carsim_limits.trial, options=EngineOptions(path_interval_s=0.1))
 
     assert result["outcome"] == "timeout"
     for t_s, x_m, *_ in result["path"][3:]:
         assert x_m == pytest.approx(expected_way_m(body, pulses, t_s), rel=0.01)
 
 
-def test_both_engines_come_to_the_no_load_speed_and_end_alike(carsim_binary: Any) -> None:
+def test_both_engines_come_to_the_no_load_speed_and_end_alike(carsim_binary: Any, carsim_limits: CarsimLimits) -> None:
     body, scene = car_body(), empty_scene(goal_x_m=1.5)
     settings = {"speed_m_s": 0.691, "time_limit_s": 10.0}
     carsim = Carsim(carsim_binary)
     (pulses,) = ask_pulses(carsim, [settings])
 
-    ours = run_mujoco(body, scene, pulses, options=EngineOptions(path_interval_s=0.1))
+    ours = run_mujoco(body, scene, pulses, carsim_limits.trial, options=EngineOptions(path_interval_s=0.1))
     (theirs,) = carsim.run(
         {"b": json.dumps(body)},
         {"s": json.dumps(scene)},
@@ -220,11 +222,11 @@ def ray_height_m(car: MujocoCar, piece: dict[str, Any], along: float, across: fl
     return 2.0 - float(mujoco.mj_ray(car.model, car.data, origin, down, None, True, -1, geom))
 
 
-def test_a_trial_advanced_in_steps_is_the_trial_run_at_once(carsim_binary: Any) -> None:
+def test_a_trial_advanced_in_steps_is_the_trial_run_at_once(carsim_binary: Any, carsim_limits: CarsimLimits) -> None:
     body, scene = car_body(), empty_scene(goal_x_m=0.6)
     settings = {"speed_m_s": 0.6, "time_limit_s": 10.0}
     (pulses,) = ask_pulses(Carsim(carsim_binary), [settings])
-    whole = run_mujoco(body, scene, pulses)
+    whole = run_mujoco(body, scene, pulses, carsim_limits.trial)
 
     stepped = SteppedMujoco(carsim_binary, EngineOptions())
     advanced = stepped.start(json.dumps(body), json.dumps(scene), json.dumps(settings))

@@ -14,8 +14,9 @@ from foldcar.car.design import compose
 from foldcar.car.firmware_parameters import firmware_parameters
 from foldcar.errors import FoldcarError
 from foldcar.scenes.source import open_environment
-from foldcar.simulation.carsim import Carsim, RunRequest
+from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_step import State, SteppedCarsim, TrialFailedError
+from foldcar.simulation.runner import RunRequest
 from foldcar.simulation.scenic_ego import ShownEgo, _orientation
 from foldcar.simulation.scenic_simulator import CarSimulator
 

@@ -20,8 +20,9 @@ from foldcar.car.body import body_json
 from foldcar.car.variation.spread import draw, spread_named
 from foldcar.car.variation.vary_body import vary_body
 from foldcar.errors import FoldcarError
-from foldcar.simulation.carsim import Carsim, RunRequest
+from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import NUMBERS, Result
+from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
@@ -148,7 +149,7 @@ def test_a_sweep_does_with_a_nearby_car_what_carsim_does_with_its_body(
         body = body_json(design)
         settings = experiment.settings(design, body, carsim.parameter_table())
         for k in range(3):
-            car = vary_body(body, draw(spread_named("workshop", ""), 42, k))
+            car = vary_body(body, draw(spread_named("workshop", ""), 42, k), carsim.limits().numbers)
             texts = [json.dumps(part) for part in (car, environment.sample(k), settings)]
             request = RunRequest("car", "scene", texts[2], "", k)
             expected += carsim.run({"car": texts[0]}, {"scene": texts[1]}, [request])
@@ -251,7 +252,6 @@ def simulator(tmp_path: Path, carsim: Path, batch: str) -> Path:
 @pytest.mark.parametrize(
     ("batch", "message"),
     [
-        ("kill -SEGV $$", "killed by signal 11 after 0 of "),
         ("cat > /dev/null; echo oops >&2; exit 3", "exit code 3 (oops) after 0 of "),
         ("cat > /dev/null", "exit code 0 after 0 of "),
         ("cat > /dev/null; echo '[]'", "answered what is no result: []"),
@@ -274,25 +274,22 @@ def test_a_simulator_that_breaks_down_is_named(
     assert str(caught.value).startswith(f"{broken}: {message}")
 
 
-# Runs carsim's batch, but kills its worker before the first run reaches it.
-SHOOTING = """#!/usr/bin/env python3
-import os, pathlib, signal, subprocess, sys, time
-
-def children(pid):
-    for entry in pathlib.Path("/proc").glob("[0-9]*/stat"):
-        try:
-            if entry.read_text().rsplit(")", 1)[1].split()[1] == str(pid):
-                yield int(entry.parent.name)
-        except OSError:
-            pass
+# Runs carsim's batch, but dies of a signal when it comes to a run of the first sample's scene.
+DYING = """#!/usr/bin/env python3
+import json, os, signal, subprocess, sys
 
 if sys.argv[1] != "batch":
     os.execv({carsim!r}, ["carsim", *sys.argv[1:]])
-process = subprocess.Popen([{carsim!r}, *sys.argv[1:]], stdin=subprocess.PIPE)
-while not (workers := list(children(process.pid))):
-    time.sleep(0.01)
-os.kill(workers[0], signal.SIGSEGV)
-process.communicate(sys.stdin.buffer.read())
+process = subprocess.Popen([{carsim!r}, "batch"], stdin=subprocess.PIPE, text=True)
+for line in sys.stdin:
+    dies = '"run"' in line and json.loads(line)["run"]["scene"] == "s1"
+    if dies:
+        break
+    process.stdin.write(line)
+process.communicate()
+if dies:
+    print("box2d: assertion failed", file=sys.stderr, flush=True)
+    os.kill(os.getpid(), signal.SIGABRT)
 sys.exit(process.returncode)
 """
 
@@ -300,26 +297,30 @@ sys.exit(process.returncode)
 def test_a_run_that_crashes_is_a_result_and_the_rest_goes_on(
     tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path, foldcar: Any
 ) -> None:
-    shooting = tmp_path / "shooting-carsim"
-    shooting.write_text(SHOOTING.format(carsim=str(carsim_binary)))
-    shooting.chmod(0o755)
-    words = ("sweep", write_listing(listing_data), "--store", "s.db", "--jobs", "1")
+    dying = tmp_path / "dying-carsim"
+    dying.write_text(DYING.format(carsim=str(carsim_binary)))
+    dying.chmod(0o755)
+    listing = write_listing(listing_data)
+    words = ("sweep", listing, "--store", "s.db", "--jobs", "1")
+    swept(listing, tmp_path / "whole.db", carsim_binary)
 
-    crashing = foldcar(*words, env={**os.environ, "FOLDCAR_CARSIM": str(shooting)})
+    crashing = foldcar(*words, env={**os.environ, "FOLDCAR_CARSIM": str(dying)})
     again = foldcar(*words, env={**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)})
     report = foldcar("report", "s.db", "-o", "report")
 
     assert (crashing.returncode, crashing.stderr) == (0, "")
-    results = rows(tmp_path / "s.db")
-    failed = [result for result in results if result.outcome == "failed"]
-    assert len(results) == 6 and 0 < len(failed) < 6
-    assert {result.message for result in failed} == {"the simulation crashed (signal Segmentation fault)"}
-    assert f" % passed, {len(failed)} failed; store: s.db\n" in crashing.stdout
+    results, whole = rows(tmp_path / "s.db"), rows(tmp_path / "whole.db")
+    assert [result.sample for result in results if result.outcome == "failed"] == [0, 0]
+    assert {result.message for result in results if result.sample == 0} == {
+        "the simulation crashed (killed by SIGABRT (box2d: assertion failed))"
+    }
+    assert [result for result in results if result.sample] == [result for result in whole if result.sample]
+    assert " % passed, 2 failed; store: s.db\n" in crashing.stdout
     # Failed runs are not repeated until the simulator changes.
     assert again.stdout.startswith("0 runs new, 6 there already, ")
-    assert f" % passed, {len(failed)} failed; store: s.db\n" in again.stdout
-    assert f"{len(failed)} of 6 runs failed" in report.stdout
-    assert f"{len(failed)} of 6 runs failed" in (tmp_path / "report" / "index.html").read_text()
+    assert " % passed, 2 failed; store: s.db\n" in again.stdout
+    assert "2 of 6 runs failed" in report.stdout
+    assert "2 of 6 runs failed" in (tmp_path / "report" / "index.html").read_text()
 
 
 def test_what_the_simulator_refuses_is_told_with_the_run(

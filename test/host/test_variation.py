@@ -14,7 +14,9 @@ from foldcar.car.firmware_parameters import firmware_parameters
 from foldcar.car.variation.spread import draw, spread_named, workshop
 from foldcar.car.variation.vary_body import vary_body
 from foldcar.errors import FoldcarError
-from foldcar.simulation.carsim import Carsim, RunRequest
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.carsim_limits import CarsimLimits
+from foldcar.simulation.runner import RunRequest
 from foldcar.store.writer import canonical_json
 
 WORKSHOP = spread_named("workshop", "here")
@@ -74,12 +76,12 @@ def test_a_draw_depends_on_seed_and_sample_alone() -> None:
     }
 
 
-def test_every_design_of_a_sample_differs_alike() -> None:
+def test_every_design_of_a_sample_differs_alike(carsim_limits: CarsimLimits) -> None:
     variation = draw(WORKSHOP, 42, 3)
     narrow, wide = (body_json(compose("W_B_W", {"width": width})) for width in (65, 245))
 
     for nominal in (narrow, wide):
-        varied = vary_body(nominal, variation)
+        varied = vary_body(nominal, variation, carsim_limits.numbers)
         ratios = [
             v["servo"]["no_load_speed_rad_s"] / n["servo"]["no_load_speed_rad_s"]
             for v, n in zip(varied["wheels"], nominal["wheels"], strict=True)
@@ -89,7 +91,7 @@ def test_every_design_of_a_sample_differs_alike() -> None:
         assert shift == pytest.approx(variation["com_y_m"])
 
 
-def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any]) -> None:
+def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any], carsim_limits: CarsimLimits) -> None:
     variation: dict[str, Any] = {
         "servo_speed": [0.1] * 8,
         "servo_torque": [-0.1] * 8,
@@ -108,7 +110,7 @@ def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any]) -> None:
     }
     nominal = body["segments"][0]
 
-    varied = vary_body(body, variation)
+    varied = vary_body(body, variation, carsim_limits.numbers)
 
     (segment,) = varied["segments"]
     assert segment["mass_kg"] == pytest.approx(1.1 * nominal["mass_kg"])
@@ -134,31 +136,31 @@ def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any]) -> None:
     assert second["servo"]["rated_v"] == 5.2
 
 
-def test_without_spread_nothing_changes(body: dict[str, Any]) -> None:
+def test_without_spread_nothing_changes(body: dict[str, Any], carsim_limits: CarsimLimits) -> None:
     still = draw({name: 0.0 for name in workshop()}, 42, 0)
 
-    assert vary_body(body, still) == body
-    assert vary_body(body, {}) == body
+    assert vary_body(body, still, carsim_limits.numbers) == body
+    assert vary_body(body, {}, carsim_limits.numbers) == body
 
 
-def test_the_nominal_body_is_left_alone(body: dict[str, Any]) -> None:
+def test_the_nominal_body_is_left_alone(body: dict[str, Any], carsim_limits: CarsimLimits) -> None:
     before = canonical_json(body)
 
-    vary_body(body, draw(WORKSHOP, 42, 0))
+    vary_body(body, draw(WORKSHOP, 42, 0), carsim_limits.numbers)
 
     assert canonical_json(body) == before
 
 
-def test_applying_takes_little_time(body: dict[str, Any]) -> None:
+def test_applying_takes_little_time(body: dict[str, Any], carsim_limits: CarsimLimits) -> None:
     variation = draw(WORKSHOP, 42, 0)
 
     def seconds() -> float:
         start = time.process_time()
         for _ in range(200):
-            vary_body(body, variation)
+            vary_body(body, variation, carsim_limits.numbers)
         return (time.process_time() - start) / 200
 
-    # 0.1 ms of an idle processor; the best of several tries, and room for a shared one.
+    # 0.1 ms of processor time on an idle machine; the best of several tries, and room for a busy one.
     assert min(seconds() for _ in range(5)) < 300e-6
 
 
@@ -191,7 +193,7 @@ def test_a_spread_of_zero_takes_a_quantity_out() -> None:
 
 
 @pytest.mark.parametrize("type_string", ["W_B_W", "W_B_H_W_H_W"])
-def test_the_simulator_takes_every_nearby_car(carsim_binary: Path, type_string: str) -> None:
+def test_the_simulator_takes_every_nearby_car(carsim_binary: Path, carsim_limits: CarsimLimits, type_string: str) -> None:
     # The largest spreads that a listing may ask for.
     spread = spread_named({"from": "workshop"} | {n: s.largest_sd for n, s in workshop().items()}, "here")
     design = compose(type_string, {"W.length": 140})
@@ -203,7 +205,7 @@ def test_the_simulator_takes_every_nearby_car(carsim_binary: Path, type_string: 
             "parameters": firmware_parameters(design, nominal),
         }
     )
-    bodies = {str(k): canonical_json(vary_body(nominal, draw(spread, 5, k))) for k in range(40)}
+    bodies = {str(k): canonical_json(vary_body(nominal, draw(spread, 5, k), carsim_limits.numbers)) for k in range(40)}
 
     results = Carsim(carsim_binary).run(
         bodies, {"flat": FLAT}, [RunRequest(name, "flat", settings, name, 0) for name in bodies]

@@ -10,7 +10,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from foldcar.car.components.wheel_module import tyre_gap_mm
 from foldcar.car.modules import REQUIRED_MODULES, modules, parameters
 from foldcar.car.parts.catalogue import catalogue
 from foldcar.errors import FoldcarError
@@ -52,6 +51,11 @@ class Design:
         return "_".join(self.modules)
 
     @property
+    def title(self) -> str:
+        """The car in a line: its type and what all its modules share."""
+        return " ".join([self.type, *(f"{key}={value:g}" for key, value in self.values.items() if "." not in key)])
+
+    @property
     def columns(self) -> dict[str, float]:
         """The parameters by their column names in results, which end in the unit."""
         return {parameters()[key].column: value for key, value in self.values.items()}
@@ -80,11 +84,6 @@ class Design:
         )
 
     @property
-    def axle_segments(self) -> tuple[int, ...]:
-        """The index of the segment that carries each axle, front to back."""
-        return tuple(self.segment_at(i) for i, letter in enumerate(self.modules) if letter == "W")
-
-    @property
     def segments(self) -> tuple[Segment, ...]:
         """The rigid parts, front to back."""
         centers = self.module_centers_mm
@@ -108,11 +107,6 @@ class Design:
     def segment_at(self, module: int) -> int:
         """The index of the segment to which the module with index ``module`` belongs."""
         return self.modules[:module].count("H")
-
-    @property
-    def track_mm(self) -> float:
-        """Distance between the middle planes of the left and the right tyres (mm)."""
-        return self.values["width"] + self.values["W.tire_thickness"] + 2 * tyre_gap_mm()
 
 
 def modules_of(type_string: str) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ def crosscheck(
         int | None,
         typer.Option(metavar="N", min=1, help="Sampled environments, instead of the listing's number."),
     ] = None,
-    yardstick: Annotated[
+    baseline: Annotated[
         int,
         typer.Option(
             metavar="N", min=0, help="Samples that MuJoCo also runs at half step and with other tyres."
@@ -58,16 +58,16 @@ def crosscheck(
             ResultCache(output / "results.jsonl") as cache,
             Progress(*columns, console=console, disable=not console.is_terminal) as bar,
         ):
-            task = bar.add_task("runs", total=planned_runs(cases, yardstick))
+            task = bar.add_task("runs", total=planned_runs(cases, baseline))
             results = compare(
                 cases,
                 carsim,
                 cache,
                 jobs or len(os.sched_getaffinity(0)),
-                yardstick,
+                baseline,
                 lambda count: bar.advance(task, count),
             )
-        comparisons = write_page(output, listing.name, cases, results, yardstick, carsim)
+        comparisons = write_page(output, listing.name, cases, results, baseline, carsim)
     except KeyboardInterrupt:
         typer.echo(f"stopped: finished runs are in {output}; the same command resumes", err=True)
         raise typer.Exit(130) from None

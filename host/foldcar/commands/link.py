@@ -36,7 +36,8 @@ def link(
     from foldcar.car.variation.vary_body import vary_body
     from foldcar.commands.end_signals import end_like_ctrl_c
     from foldcar.link.simulated_car import simulated_car
-    from foldcar.simulation.carsim import Carsim, CarsimError
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.runner import CarsimError
     from foldcar.study.environments import Environment
     from foldcar.study.experiments import read_study
 
@@ -45,8 +46,8 @@ def link(
     environment = Environment(chosen)
     variation = environment.variation(sample)
     nominal = body_json(design)
-    body = vary_body(nominal, variation) if variation else nominal
     carsim = Carsim()
+    body = vary_body(nominal, variation, carsim.limits().numbers) if variation else nominal
     scene = environment.sample(sample)
     end_like_ctrl_c()
     try:

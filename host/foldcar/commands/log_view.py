@@ -10,10 +10,10 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from foldcar.car.firmware_parameters import CHANNELS
 from foldcar.link.car import Car
 
 REFRESH_HZ = 10
-CHANNELS = 8
 
 
 class LogView:

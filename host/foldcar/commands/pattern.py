@@ -52,7 +52,7 @@ def pattern(
     """Make sheets (SVG, DXF, PDF), FOLD, STL, OBJ, guide, wiring and parts list of a car, checked as written."""
     from foldcar.atomic_folder import atomic_folder
     from foldcar.commands.listed_design import listed_family
-    from foldcar.fabrication.make_car import MANIFEST, make_cars
+    from foldcar.fabrication.make_car import MANIFEST, make_car
     from foldcar.fabrication.patterns.options import options
 
     chosen = options(
@@ -64,7 +64,8 @@ def pattern(
     designs = list(family) if every else [family.single()]
     with atomic_folder(output, MANIFEST) as folder:
         listed, said = [], []
-        for design, made in zip(designs, make_cars(_with_progress(designs), chosen), strict=True):
+        for design in _with_progress(designs):
+            made = make_car(design, chosen)
             name = _folder_name(family, design) if every else ""
             for file, content in made.files.items():
                 target = folder / name / file

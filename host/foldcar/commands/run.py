@@ -12,7 +12,8 @@ from foldcar.commands.design_settings import Settings, design_settings
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
-    from foldcar.simulation.carsim import Carsim, Runner
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.runner import Runner
 
 PATH_INTERVAL_S = 0.02
 LEAST_NAME_WIDTH = 22
@@ -48,7 +49,7 @@ def run(
     variation = environment.variation(sample)
     one = _Run(
         label=f"experiment {experiment}, sample {sample}",
-        body=vary_body(nominal, variation) if variation else nominal,
+        body=vary_body(nominal, variation, carsim.limits().numbers) if variation else nominal,
         scene=environment.sample(sample),
         settings=chosen.settings(design, nominal, carsim.parameter_table()),
         sample=sample,
@@ -90,7 +91,7 @@ class _Run:
 
     def by(self, runner: "Runner", **more: float) -> dict[str, Any]:
         """The runner's answer; ``more`` is added to the settings."""
-        from foldcar.simulation.carsim import RunRequest
+        from foldcar.simulation.runner import RunRequest
         from foldcar.store.writer import canonical_json
 
         settings = canonical_json({**self.settings, **more})

@@ -27,13 +27,12 @@ def view(
     from foldcar.car.folded_car import folded_car
     from foldcar.commands.listed_design import listed_family
     from foldcar.fabrication.assembly.view_page import Drawing, view_page
-    from foldcar.fabrication.make_car import car_title
     from foldcar.fabrication.patterns.options import options
     from foldcar.fabrication.patterns.sheets import pattern
     from foldcar.fabrication.patterns.svg import svg
 
     design = listed_family(listing, vehicle, settings or [])[1].single()
-    folded, title = folded_car(design), car_title(design)
+    folded, title = folded_car(design), design.title
     sheets = [Drawing(svg(one), one.name) for one in pattern(folded, options(machine, sheet=sheet), title).sheets]
     page = view_page(folded, title, sheets)
     with atomic_file(output) as binary:

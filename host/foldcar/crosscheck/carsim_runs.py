@@ -12,14 +12,13 @@ from typing import Any
 
 from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.mujoco_car import EngineOptions
-from foldcar.simulation.carsim import Carsim, Runner, RunRequest
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.store.writer import canonical_json
 
 # Runs that one simulator process gets at a time, alone and with Scenic beside it.
 CHUNK, CHUNK_BESIDE = 24, 4
 MUJOCO_WORKER = "foldcar.crosscheck.mujoco_worker"
-# Of paths that are read only for the place at some moment: a car drives 4 mm in it.
-INTERVAL_S = 1 / 240
 
 Numbered = tuple[int, Case]
 Finished = tuple[int, dict[str, Any]]
@@ -34,7 +33,7 @@ def run_in_carsim(cases: Sequence[Numbered], carsim: Carsim, jobs: int) -> Itera
         case = next(case for index, case in cases if index == number)
         if answer["outcome"] != "failed":
             # Beside Scenic there is no path, but the trial is the same.
-            (alike,) = ask(carsim, [case], INTERVAL_S)
+            (alike,) = ask(carsim, [case], carsim.limits().trial.step_s)
             answer["end"] = path_until(alike["path"], answer["elapsed_time_s"])[-1][1:3]
         yield number, answer
 
@@ -59,7 +58,7 @@ def ask(runner: Runner, cases: Sequence[Case], interval_s: float = 0.0) -> list[
     return [
         {"outcome": "failed", "message": answer["error"]}
         if "error" in answer
-        else {key: value for key, value in answer.items() if key not in ("run", "recorded")}
+        else {key: value for key, value in answer.items() if key != "recorded"}
         for answer in runner.run(bodies, scenes, requests)
     ]
 

@@ -40,7 +40,7 @@ class Case:
 
 def cases_of(study: Study, carsim: Carsim) -> Iterator[Case]:
     """All cases of all experiments. FoldcarError if a program or a design is at fault."""
-    table = carsim.parameter_table()
+    table, limits = carsim.parameter_table(), carsim.limits().numbers
     for experiment in study.experiments:
         environment = Environment(experiment)
         beside = environment if environment.dynamic else None
@@ -52,5 +52,5 @@ def cases_of(study: Study, carsim: Carsim) -> Iterator[Case]:
             scene, variation = environment.sample(sample), environment.variation(sample)
             identity = environment.scene_identity(sample, environment.dynamic)
             for index, (columns, body, settings) in enumerate(designs):
-                car = vary_body(body, variation) if variation else body
+                car = vary_body(body, variation, limits) if variation else body
                 yield Case(experiment.id, index, sample, columns, car, scene, settings, beside, identity)

@@ -6,6 +6,7 @@ was not asked: MuJoCo at half the time step and with other tyres runs the first 
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -37,9 +38,9 @@ SOURCES = (
 Results = dict[str, list[dict[str, Any] | None]]
 
 
-def planned_runs(cases: Sequence[Case], yardstick: int) -> int:
+def planned_runs(cases: Sequence[Case], baseline: int) -> int:
     """Runs in all engines together."""
-    few = sum(case.sample < yardstick for case in cases)
+    few = sum(case.sample < baseline for case in cases)
     return 2 * len(cases) + (len(ENGINES) - 2) * few
 
 
@@ -48,14 +49,14 @@ def compare(
     carsim: Carsim,
     cache: ResultCache,
     jobs: int,
-    yardstick: int,
+    baseline: int,
     done: Callable[[int], None] = lambda count: None,
 ) -> Results:
     """Run what is missing; ``done`` hears of every run that is known, with how many."""
     import_mujoco()
     results: Results = {engine: [None] * len(cases) for engine in ENGINES}
     _run_carsim(cases, carsim, cache, jobs, results[CARSIM], done)
-    _run_mujoco(cases, carsim, cache, jobs, yardstick, results, done)
+    _run_mujoco(cases, carsim, cache, jobs, baseline, results, done)
     return results
 
 
@@ -66,7 +67,7 @@ def run_with_paths(
     (theirs,) = ask(carsim, [case], interval_s)
     (pulses,) = ask_pulses(carsim, [case.settings])
     options = EngineOptions(path_interval_s=interval_s)
-    task = Task(case.body, case.scene, pulses, smooth_ground(case.scene, carsim), options)
+    task = Task(case.body, case.scene, pulses, carsim.limits().trial, smooth_ground(case.scene, carsim), options)
     ((_, ours),) = run_all([task], 1)
     # A program may have ended the run before the engine alone does.
     return [
@@ -98,12 +99,13 @@ def _run_mujoco(
     carsim: Carsim,
     cache: ResultCache,
     jobs: int,
-    yardstick: int,
+    baseline: int,
     results: Results,
     done: Callable[[int], None],
 ) -> None:
     trains = _pulse_trains(cases, carsim)
-    version = [import_mujoco().__version__, _code_hash()]
+    rules = carsim.limits().trial
+    version = [import_mujoco().__version__, _code_hash(), asdict(rules)]
     asked: list[tuple[str, int, str]] = []
     beside: list[tuple[str, int, str]] = []
 
@@ -113,7 +115,7 @@ def _run_mujoco(
             ground = None if grid is None else hashlib.sha256(grid.z_m.tobytes()).hexdigest()
             drive = [pulses.times_s, pulses.widths_us]
             for engine, options in OPTIONS.items():
-                if engine != MUJOCO and case.sample >= yardstick:
+                if engine != MUJOCO and case.sample >= baseline:
                     continue
                 key = result_key(engine, version, case.body, case.scene, ground, drive, case.identity)
                 known = cache.get(key)
@@ -124,7 +126,7 @@ def _run_mujoco(
                     beside.append((engine, index, key))
                 else:
                     asked.append((engine, index, key))
-                    yield Task(case.body, case.scene, pulses, grid, options)
+                    yield Task(case.body, case.scene, pulses, rules, grid, options)
 
     def keep(engine: str, index: int, key: str, result: dict[str, Any]) -> None:
         results[engine][index] = result

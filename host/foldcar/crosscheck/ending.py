@@ -5,10 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-TIPPED_UP = math.cos(math.radians(75))
-STUCK_DISTANCE_M = 0.010
-STUCK_TURN_RAD = math.radians(2)
-STUCK_TIME_S = 4.0
+from foldcar.simulation.carsim_limits import TrialRules
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,17 +28,18 @@ def distance_to_target_m(scene: Mapping[str, Any], state: State) -> float | None
 
 
 class Ending:
-    """Made as the trial starts; then asked at every state."""
+    """Made as the trial starts; then asked at every state. The rules are carsim's."""
 
-    def __init__(self, scene: Mapping[str, Any], start: State) -> None:
+    def __init__(self, scene: Mapping[str, Any], start: State, rules: TrialRules) -> None:
         self._scene = scene
+        self._rules = rules
         self._was_short_of_goal = self._goal_distance_m(start) > 0
         self._moved_at = start
         self._moved_at_s = 0.0
 
     def check(self, state: State, elapsed_s: float) -> str | None:
         """The outcome, if this state ends the run."""
-        if state.up < TIPPED_UP:
+        if state.up < self._rules.tipped_up:
             return "tipped"
         short_of_goal = self._goal_distance_m(state) > 0
         if self._was_short_of_goal and not short_of_goal:
@@ -53,9 +51,9 @@ class Ending:
             return "off_course"
         moved_m = math.hypot(state.x_m - self._moved_at.x_m, state.y_m - self._moved_at.y_m)
         turned_rad = abs(math.remainder(state.heading_rad - self._moved_at.heading_rad, math.tau))
-        if moved_m > STUCK_DISTANCE_M or turned_rad > STUCK_TURN_RAD:
+        if moved_m > self._rules.stuck_distance_m or turned_rad > self._rules.stuck_turn_rad:
             self._moved_at, self._moved_at_s = state, elapsed_s
-        elif elapsed_s - self._moved_at_s >= STUCK_TIME_S:
+        elif elapsed_s - self._moved_at_s >= self._rules.stuck_time_s:
             return "stuck"
         return None
 

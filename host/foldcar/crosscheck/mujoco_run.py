@@ -1,8 +1,8 @@
 """A trial in MuJoCo: the car of docs/carsim.md in a scene, driven by the firmware's pulses.
 
-Input: body and scene, the pulses, the grid of the scene's smooth ground, the engine's options. Output:
-the result as `carsim batch` gives it, and where the car ends. Servos take their pulses at
-50 Hz, as the firmware writes them; that is also when states are looked at: between, the engine runs alone.
+Input: body and scene, the pulses, the rules of carsim's trials, the grid of the scene's smooth ground, the engine's
+options. Output: the result as `carsim batch` gives it, and where the car ends. Servos take their pulses as often as
+the firmware writes them; that is also when states are looked at: between, the engine runs alone.
 """
 
 from collections.abc import Mapping
@@ -12,22 +12,19 @@ from foldcar.crosscheck.ending import Ending, distance_to_target_m
 from foldcar.crosscheck.mujoco_car import DEFAULTS, EngineOptions, MujocoCar
 from foldcar.crosscheck.pulses import PulseTrain
 from foldcar.models.ground import HeightGrid
-
-TICK_S = 0.02
-# The firmware ticks with the first step after its period is over: a change stands up to one step late.
-STEP_LATE_S = 1 / 240
-SETTLING_S = 0.25
+from foldcar.simulation.carsim_limits import TrialRules
 
 
 def run_mujoco(
     body: Mapping[str, Any],
     scene: Mapping[str, Any],
     pulses: PulseTrain,
+    rules: TrialRules,
     grid: HeightGrid | None = None,
     options: EngineOptions = DEFAULTS,
 ) -> dict[str, Any]:
     """The result of one run. FoldcarError if the simulation leaves the finite numbers."""
-    trial = MujocoTrial(body, scene, pulses, grid, options)
+    trial = MujocoTrial(body, scene, pulses, rules, grid, options)
     path = []
     next_path_s = 0.0
     while True:
@@ -41,7 +38,7 @@ def run_mujoco(
 
 
 class MujocoTrial:
-    """One trial, a tick at a time. It begins when the car has stood for SETTLING_S.
+    """One trial, a tick at a time. It begins when the car has stood for ``rules.settling_s``.
 
     ``outcome`` is None until the trial is over; ``state`` is that at ``elapsed_s``.
     """
@@ -51,6 +48,7 @@ class MujocoTrial:
         body: Mapping[str, Any],
         scene: Mapping[str, Any],
         pulses: PulseTrain,
+        rules: TrialRules,
         grid: HeightGrid | None = None,
         options: EngineOptions = DEFAULTS,
     ) -> None:
@@ -59,22 +57,24 @@ class MujocoTrial:
         self.consumed_energy_j = 0.0
         self._scene = scene
         self._pulses = pulses
-        self._tick_s = 0.5 * TICK_S
+        self._rules = rules
+        self._tick_s = 0.5 * rules.firmware_tick_s
         self._max_roll = self._max_pitch = 0.0
-        self.car.advance(0.5 * TICK_S)
-        for _ in range(round(SETTLING_S / TICK_S - 0.5)):
-            self.car.advance(TICK_S)
+        self.car.advance(0.5 * rules.firmware_tick_s)
+        for _ in range(round(rules.settling_s / rules.firmware_tick_s - 0.5)):
+            self.car.advance(rules.firmware_tick_s)
         self.state = self.car.state()
-        self._ending = Ending(scene, self.state)
+        self._ending = Ending(scene, self.state, rules)
         self.outcome: str | None = None
         self._look()
 
     def tick(self) -> None:
         """Give the servos their pulses and go on to when they get the next ones."""
-        self.car.drive(self._pulses.at(self.elapsed_s + STEP_LATE_S))
+        # The firmware ticks with the first step after its period is over: a change stands up to one step late.
+        self.car.drive(self._pulses.at(self.elapsed_s + self._rules.step_s))
         self.car.advance(self._tick_s)
         self.consumed_energy_j += self.car.power_w() * self._tick_s
-        self.elapsed_s, self._tick_s = round(self.elapsed_s + self._tick_s, 9), TICK_S
+        self.elapsed_s, self._tick_s = round(self.elapsed_s + self._tick_s, 9), self._rules.firmware_tick_s
         self.state = self.car.state()
         self._look()
 

@@ -29,6 +29,7 @@ class SteppedMujoco:
     def __init__(self, binary: Path, options: EngineOptions) -> None:
         self._binary = binary
         self._options = options
+        self._rules = Carsim(binary).limits().trial
         self._trial: MujocoTrial | None = None
         self._rows: list[tuple[State, dict[str, Any]]] = []
 
@@ -36,7 +37,7 @@ class SteppedMujoco:
         """Put the car down and start the trial. TrialFailedError if it leaves the finite numbers."""
         pulses, grid = _pulses(self._binary, settings), _grid(self._binary, scene)
         try:
-            self._trial = MujocoTrial(json.loads(body), json.loads(scene), pulses, grid, self._options)
+            self._trial = MujocoTrial(json.loads(body), json.loads(scene), pulses, self._rules, grid, self._options)
         except FoldcarError as error:
             raise TrialFailedError(str(error)) from error
         self._rows = [self._shown(self._trial)]

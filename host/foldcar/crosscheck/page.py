@@ -39,7 +39,7 @@ NAMES = {
 BOTH = f"{NAMES[CARSIM]} – {NAMES[MUJOCO]}"
 COMPARISON_HEAD = ["engines", "runs", "alike %", "95 % interval", "r of rates", "RMSE", "bias"]
 EXPERIMENT_HEAD = ["experiment", "runs", "carsim passed %", "MuJoCo passed %", *COMPARISON_HEAD[2:]]
-YARDSTICK_HEAD = ["half step alike %", "ellipsoid alike %"]
+BASELINE_HEAD = ["half step alike %", "ellipsoid alike %"]
 
 
 def pairs_of(cases: Sequence[Case], results: Results, first: str, second: str, samples: int) -> list[Pair]:
@@ -52,14 +52,14 @@ def pairs_of(cases: Sequence[Case], results: Results, first: str, second: str, s
 
 
 def write_page(
-    folder: Path, title: str, cases: Sequence[Case], results: Results, yardstick: int, carsim: Carsim
+    folder: Path, title: str, cases: Sequence[Case], results: Results, baseline: int, carsim: Carsim
 ) -> list[tuple[str, Agreement]]:
     """Write all files; returns the comparisons of the page's first table with their names."""
     everything = max(case.sample for case in cases) + 1
     pairs = pairs_of(cases, results, CARSIM, MUJOCO, everything)
     whole = agreement(pairs)
     comparisons = [(BOTH, whole)]
-    few = min(yardstick, everything)
+    few = min(baseline, everything)
     if few:
         for engine in (CARSIM, HALF_STEP, ELLIPSOID):
             name = f"{NAMES[engine]} – {NAMES[MUJOCO]}, samples 0 to {few - 1}"
@@ -115,7 +115,7 @@ def experiment_table(experiments: Mapping[str, Sequence[Agreement]]) -> list[lis
         passed = [sum(d.first for d in one.designs.values()), sum(d.second for d in one.designs.values())]
         shares = [f"{100 * count / one.runs:.1f}" for count in passed]
         rows.append([name, runs, *shares, *cells, *(f"{100 * other.share:.1f}" for other in selves)])
-    return [[*EXPERIMENT_HEAD, *(YARDSTICK_HEAD if rows and len(rows[0]) > len(EXPERIMENT_HEAD) else [])], *rows]
+    return [[*EXPERIMENT_HEAD, *(BASELINE_HEAD if rows and len(rows[0]) > len(EXPERIMENT_HEAD) else [])], *rows]
 
 
 def _of(experiment: str, pairs: Sequence[Pair]) -> list[Pair]:

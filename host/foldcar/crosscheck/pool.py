@@ -7,6 +7,7 @@ result with the outcome ``failed``.
 import signal
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,7 @@ from foldcar.crosscheck.mujoco_run import run_mujoco
 from foldcar.crosscheck.pulses import PulseTrain
 from foldcar.errors import FoldcarError
 from foldcar.models.ground import HeightGrid
+from foldcar.simulation.carsim_limits import TrialRules
 
 # Tasks handed out ahead, a worker: enough to keep it busy, few enough that the first results come at once.
 AHEAD = 4
@@ -27,6 +29,7 @@ class Task:
     body: Mapping[str, Any]
     scene: Mapping[str, Any]
     pulses: PulseTrain
+    rules: TrialRules
     grid: HeightGrid | None = None
     options: EngineOptions = DEFAULTS
 
@@ -34,7 +37,8 @@ class Task:
 def run_all(tasks: Iterable[Task], jobs: int) -> Iterator[tuple[int, dict[str, Any]]]:
     """Run the tasks in ``jobs`` processes; yields index and result in the order of finishing.
 
-    Ends its processes when it is closed or interrupted; what has been yielded is whole.
+    Ends its processes when it is closed or interrupted; what has been yielded is whole. FoldcarError if one of them is
+    ended from outside.
     """
     import_mujoco()
     if jobs == 1:
@@ -55,13 +59,15 @@ def run_all(tasks: Iterable[Task], jobs: int) -> Iterator[tuple[int, dict[str, A
                 return
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
                 yield waiting.pop(future), future.result()
+    except BrokenProcessPool:
+        raise FoldcarError("a process that simulates with MuJoCo was ended from outside") from None
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _run(task: Task) -> dict[str, Any]:
     try:
-        return run_mujoco(task.body, task.scene, task.pulses, task.grid, task.options)
+        return run_mujoco(task.body, task.scene, task.pulses, task.rules, task.grid, task.options)
     except FoldcarError as error:
         return {"outcome": "failed", "message": str(error)}
 

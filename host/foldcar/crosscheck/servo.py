@@ -9,7 +9,7 @@ def drive_fraction(servo: Mapping[str, float], pulse_us: float) -> float | None:
     if pulse_us <= 0:
         return None
     offset_us = servo["direction"] * (pulse_us - servo["neutral_us"])
-    beyond_us = abs(offset_us) - servo["deadband_us"]
-    if beyond_us <= 0:
+    excess_us = abs(offset_us) - servo["deadband_us"]
+    if excess_us <= 0:
         return 0.0
-    return math.copysign(min(1.0, beyond_us / (servo["saturation_us"] - servo["deadband_us"])), offset_us)
+    return math.copysign(min(1.0, excess_us / (servo["saturation_us"] - servo["deadband_us"])), offset_us)

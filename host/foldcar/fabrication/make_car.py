@@ -1,23 +1,28 @@
 """Everything that is made of one car: the files of its folder by name, checked before anybody sees them.
 
-Input: Designs and Options. Output: MadeCars. Findings of the checks are a CheckError: a car that fails has no files.
-A second process draws the guide and makes DXF, which takes half of the time; this one makes all the rest meanwhile.
+Input: a Design and Options. Output: a MadeCar. Findings of the checks are a CheckError: a car that fails has no files.
 """
 
 import json
-import signal
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
 from foldcar import __version__
+from foldcar.car.body import body_json
+from foldcar.car.car_file import car_json
 from foldcar.car.design import Design
 from foldcar.car.folded.model import FoldedCar
+from foldcar.car.folded_car import folded_car
+from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
+from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, total_mass_kg
+from foldcar.fabrication.assembly.view_page import Drawing, view_page
+from foldcar.fabrication.files import dxf_files, pages, pdf_files, shape_files, svg_files
+from foldcar.fabrication.patterns.coupon import coupon
 from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import Options
 from foldcar.fabrication.patterns.sheets import Pattern, cut_car, pattern_of
+from foldcar.fabrication.patterns.verify import TOLERANCE_MM, check_sheet
 
 # Names every file in the folder of a car.
 MANIFEST = "pattern.json"
@@ -39,71 +44,35 @@ class MadeCar:
     checks: tuple[str, ...]
 
 
-def make_cars(designs: Iterable[Design], chosen: Options) -> Iterator[MadeCar]:
-    """Each car with all its files; CheckError if something is wrong with one, FoldcarError if it cannot be cut."""
-    with ProcessPoolExecutor(1, initializer=_leave_interrupts_to_the_parent) as second:
-        # It begins before this process imports what it alone needs, and before there are threads.
-        second.submit(_pages_module)
-        for design in designs:
-            try:
-                yield _made(design, chosen, second)
-            except BrokenProcessPool:
-                raise FoldcarError(f"{car_title(design)}: the second process was ended from outside") from None
-
-
-def car_title(design: Design) -> str:
-    """The car in a line: its type and what all its modules share."""
-    return " ".join([design.type, *(f"{key}={value:g}" for key, value in design.values.items() if "." not in key)])
-
-
-def _made(design: Design, chosen: Options, second: Executor) -> MadeCar:
-    from foldcar.car.body import body_json
-    from foldcar.car.car_file import car_json
-    from foldcar.car.folded_car import folded_car
-    from foldcar.car.verify import verify
-    from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, total_mass_kg
-
-    title, folded = car_title(design), folded_car(design)
+def make_car(design: Design, chosen: Options) -> MadeCar:
+    """The car with all its files; CheckError if something is wrong with one, FoldcarError if it cannot be cut."""
+    title, folded = design.title, folded_car(design)
     pieces = cut_car(folded, chosen)
-    pages = second.submit(_pages, folded, pieces.car, pieces.strips, title)
-
-    from foldcar.fabrication.assembled_files import shape_files
-    from foldcar.fabrication.drawing_files import dxf_files, pdf_files, svg_files
-    from foldcar.fabrication.patterns.coupon import coupon
-    from foldcar.fabrication.patterns.verify import TOLERANCE_MM, check_sheet
-
     try:
         cut = pattern_of(pieces, chosen, title)
     except NestingError as error:
         raise NestingError(f"{error} ({title})") from error
     thickness = max(piece.thickness_mm for piece in folded.pieces)
     sheets = (*cut.sheets, coupon(chosen, chosen.thickness_mm or thickness))
-    in_dxf = second.submit(dxf_files, sheets, chosen)
     verified = verify(design)
-    in_svg, in_pdf = svg_files(sheets, chosen), pdf_files(sheets, chosen, title)
+    written = [svg_files(sheets, chosen), pdf_files(sheets, chosen, title), dxf_files(sheets, chosen)]
     findings = [str(finding) for finding in verified.findings]
     findings += [f"{sheet.name}: {found}" for sheet in sheets for found in check_sheet(sheet, chosen.margin_mm)]
-    _refuse(title, [*findings, *in_svg.findings, *in_pdf.findings])
-    made_here = {
-        "view.html": _view(folded, title, cut, in_svg.files).encode(),
+    _refuse(title, [*findings, *(found for files in written for found in files.findings)])
+    files = {name: content for some in written for name, content in some.files.items()}
+    files |= {
+        "view.html": _view(folded, title, cut, files).encode(),
         "body.json": (json.dumps(body_json(design), indent=2) + "\n").encode(),
         "car.json": (json.dumps(car_json(design), indent=2) + "\n").encode(),
         **shape_files(folded, title),
+        **pages(folded, pieces.car, pieces.strips, title),
     }
-    _refuse(title, in_dxf.result().findings)
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
     checks = (
         *verified.lines(),
         f"{lines} lines on {len(cut.sheets)} sheets read back from SVG, DXF and PDF: as meant within "
         f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed, none twice",
     )
-    files = {
-        **in_svg.files,
-        **in_pdf.files,
-        **in_dxf.result().files,
-        **made_here,
-        **pages.result(),
-    }
     rows = parts_list(folded)
     made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), files, checks)
     files[MANIFEST] = _manifest(design, made).encode()
@@ -116,26 +85,8 @@ def _refuse(title: str, findings: Sequence[str]) -> None:
         raise CheckError(f"{title}: {findings[0]}{more}")
 
 
-def _pages(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], title: str) -> dict[str, bytes]:
-    """In the second process."""
-    from foldcar.fabrication.assembled_files import pages
-
-    return pages(folded, as_cut, strips, title)
-
-
-def _pages_module() -> None:
-    import foldcar.fabrication.assembled_files
-    import foldcar.fabrication.assembly.guide  # noqa: F401
-
-
-def _leave_interrupts_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
 def _view(folded: FoldedCar, title: str, cut: Pattern, drawings: Mapping[str, bytes]) -> str:
     """The model to look at, with the sheets as they are written."""
-    from foldcar.fabrication.assembly.view_page import Drawing, view_page
-
     texts = [drawings[f"{sheet.name}.svg"].decode() for sheet in cut.sheets]
     # An element in a page has no XML declaration.
     elements = [text[text.index("<svg") :] for text in texts]

@@ -10,7 +10,6 @@ from foldcar.errors import FoldcarError
 from foldcar.link.car import ANSWER_S, TRIES, Car
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 
-PART_BYTES = 90
 # Bytes per request; lost parts are requested again.
 WINDOW_BYTES = 90 * 64
 FETCH_S = 120.0

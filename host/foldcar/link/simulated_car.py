@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from foldcar.simulation.carsim import CarsimError
+from foldcar.simulation.runner import CarsimError
 
 END_S = 5.0
 

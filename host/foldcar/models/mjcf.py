@@ -32,7 +32,6 @@ from foldcar.models.wheel_geometry import (
 )
 from foldcar.models.xml_elements import add, document, numbers
 
-TYRES = ("cylinder", "ellipsoid")
 GRAVITY_M_S2 = 9.81
 CAR_CONTACT = {"contype": "2", "conaffinity": "1", "priority": "1", "condim": "3"}
 SOLREF = "0.005 1"

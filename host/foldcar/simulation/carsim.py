@@ -1,54 +1,26 @@
 """The native simulator as a program: find it, ask its build and parameter table, run chunks of runs.
 
 Input: bodies, scenes and settings as JSON text (docs/carsim.md). Output: one answer a run, in order: a
-result, or ``{"error": message}`` for a run that failed.
+result, or ``{"error": message}`` for a run that failed. A process that dies takes only its run with it.
 """
 
+import contextlib
 import json
 import math
 import os
 import subprocess
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from foldcar.car.firmware_parameters import TableRow
-from foldcar.errors import FoldcarError
+from foldcar.simulation.carsim_limits import CarsimLimits, TrialRules
+from foldcar.simulation.process_ending import process_ending
 from foldcar.simulation.results import METRICS, NATIVE_OUTCOMES
+from foldcar.simulation.runner import CarsimError, RunRequest
 
 BINARY_VARIABLE = "FOLDCAR_CARSIM"
 BUILT_BINARY = Path(".pio", "build", "carsim", "program")
-
-
-class CarsimError(FoldcarError):
-    """The simulator is missing, broke down, or refused what it was given."""
-
-
-@dataclass(frozen=True, slots=True)
-class RunRequest:
-    """One run: keys of the chunk's bodies and scenes, the settings as a JSON object, a name for errors.
-
-    ``sample`` is the sample of the environment that the scene is.
-    """
-
-    body: str
-    scene: str
-    settings: str
-    label: str
-    sample: int
-
-
-class Runner(Protocol):
-    """What runs chunks: carsim's batch, or Scenic beside carsim. Called from several threads at once."""
-
-    def run(
-        self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
-    ) -> list[dict[str, Any]]:
-        """Answers to ``requests`` in order; ``{"error": message}`` for a run that failed. FoldcarError."""
-
-    def stop(self) -> None:
-        """End what runs at the moment; its `run` raises FoldcarError."""
 
 
 def find_carsim() -> Path:
@@ -65,18 +37,40 @@ def find_carsim() -> Path:
     return binary
 
 
+class _Call:
+    """A call of a simulator that is under way: its process at the moment, and whether it has been stopped."""
+
+    def __init__(self) -> None:
+        self.stopped = False
+        self._process: subprocess.Popen[str] | None = None
+
+    def begin(self, process: subprocess.Popen[str]) -> None:
+        """This process runs for the call from now on."""
+        self._process = process
+        # `stop` may have come before there was this process to end.
+        if self.stopped:
+            process.kill()
+
+    def stop(self) -> None:
+        """End the process, and those that the call would start after it."""
+        self.stopped = True
+        if self._process is not None:
+            self._process.kill()
+
+
 class Carsim:
     """A simulator program. Its methods may be called from several threads at once."""
 
     def __init__(self, binary: Path | None = None) -> None:
         self.binary = binary if binary is not None else find_carsim()
-        self._running: set[subprocess.Popen[str]] = set()
+        self._calls: set[_Call] = set()
+        self._limits: CarsimLimits | None = None
         self.build, self.firmware = self._ask_builds()
 
     def stop(self) -> None:
-        """End every chunk that runs at the moment; its `run` raises CarsimError."""
-        for process in list(self._running):
-            process.kill()
+        """End every call that is under way; it raises CarsimError."""
+        for call in list(self._calls):
+            call.stop()
 
     def parameter_table(self) -> dict[str, TableRow]:
         """The firmware's parameters by name."""
@@ -89,27 +83,42 @@ class Carsim:
             raise CarsimError(f"{self.binary}: `carsim params` printed no parameter table") from error
         return {row.name: row for row in rows}
 
+    def limits(self) -> CarsimLimits:
+        """The limits of what it takes, and the rules by which its trials run (`carsim limits`)."""
+        if self._limits is None:
+            try:
+                told = json.loads(self._output("limits"))
+                numbers = {path: (float(low), float(high)) for path, (low, high) in told["input"].items()}
+                self._limits = CarsimLimits(numbers, TrialRules(**told["trial"]))
+            except (ValueError, TypeError, KeyError, AttributeError) as error:
+                raise CarsimError(f"{self.binary}: `carsim limits` printed no limits") from error
+        return self._limits
+
     def run(
         self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
     ) -> list[dict[str, Any]]:
-        """Answers to ``requests`` in order. ``bodies`` and ``scenes`` map ids to JSON objects as text."""
-        lines = [f'{{"body": {_with_id(name, text)}}}' for name, text in bodies.items()]
-        lines += [f'{{"scene": {_with_id(name, text)}}}' for name, text in scenes.items()]
-        for index, request in enumerate(requests):
-            head = f'"body": {json.dumps(request.body)}, "scene": {json.dumps(request.scene)}'
-            lines.append(f'{{"run": {_with_id(str(index), f"{{{head}, {request.settings[1:]}")}}}')
-        answer = self._start(["batch", "--jobs", "1"], "\n".join(lines) + "\n")
-        results = [self._read_line(line, requests) for line in answer.stdout.splitlines()]
-        expected = 2 if any("error" in result for result in results) else 0
-        if answer.returncode != expected or len(results) != len(requests):
-            raise CarsimError(
-                f"{self.binary}: {_ending(answer)} after {len(results)} of {len(requests)} runs"
-            )
-        return results
+        """Answers to ``requests`` in order. ``bodies`` and ``scenes`` map ids to JSON objects as text.
+
+        When a process is killed by a signal, the run that it was at is simulated again, alone in a new process; if
+        that one is killed too, the run has failed. CarsimError if the simulator refuses its input or breaks down
+        otherwise, and after `stop`.
+        """
+        answers: list[dict[str, Any]] = []
+        with self._call() as call:
+            while len(answers) < len(requests):
+                found, death = self._batch(call, bodies, scenes, requests[len(answers) :])
+                answers += found
+                if death:
+                    one = requests[len(answers)]
+                    body, scene = {one.body: bodies[one.body]}, {one.scene: scenes[one.scene]}
+                    again, death = self._batch(call, body, scene, [one])
+                    answers += again or [{"error": f"the simulation crashed ({death})"}]
+        return answers
 
     def answers(self, lines: Sequence[str]) -> list[dict[str, Any]]:
         """The answers of ``carsim batch`` to lines of its input; CarsimError if one of them is an error."""
-        answer = self._start(["batch", "--jobs", "1"], "\n".join(lines) + "\n")
+        with self._call() as call:
+            answer = self._start(call, ["batch"], "\n".join(lines) + "\n")
         try:
             found: list[dict[str, Any]] = [json.loads(line) for line in answer.stdout.splitlines()]
         except ValueError as error:
@@ -118,8 +127,37 @@ class Carsim:
             if "error" in one:
                 raise CarsimError(f"{self.binary}: {one['error']['message']}")
         if answer.returncode != 0:
-            raise CarsimError(f"{self.binary}: {_ending(answer)}")
+            raise CarsimError(f"{self.binary}: {process_ending(answer.returncode, answer.stderr)}")
         return found
+
+    def _batch(
+        self,
+        call: _Call,
+        bodies: Mapping[str, str],
+        scenes: Mapping[str, str],
+        requests: Sequence[RunRequest],
+    ) -> tuple[list[dict[str, Any]], str]:
+        """The answers of one process, and how it was killed by a signal, if that came before the last answer.
+
+        The next run is then the one that it was at. CarsimError as for `run`.
+        """
+        lines = [f'{{"body": {_with_id(name, text)}}}' for name, text in bodies.items()]
+        lines += [f'{{"scene": {_with_id(name, text)}}}' for name, text in scenes.items()]
+        for index, request in enumerate(requests):
+            head = f'"body": {json.dumps(request.body)}, "scene": {json.dumps(request.scene)}'
+            lines.append(f'{{"run": {_with_id(str(index), f"{{{head}, {request.settings[1:]}")}}}')
+        answer = self._start(call, ["batch"], "\n".join(lines) + "\n")
+        killed = answer.returncode < 0
+        # A line without its end was being written.
+        whole = [line for line in answer.stdout.splitlines(keepends=True) if line.endswith("\n")]
+        results = [self._read_line(line, requests) for line in whole]
+        if killed and len(results) < len(requests):
+            return results, process_ending(answer.returncode, answer.stderr)
+        expected = 2 if any("error" in result for result in results) else 0
+        if len(results) != len(requests) or not (killed or answer.returncode == expected):
+            ending = process_ending(answer.returncode, answer.stderr)
+            raise CarsimError(f"{self.binary}: {ending} after {len(results)} of {len(requests)} runs")
+        return results, ""
 
     def _read_line(self, line: str, requests: Sequence[RunRequest]) -> dict[str, Any]:
         try:
@@ -141,8 +179,7 @@ class Carsim:
             raise CarsimError(f"{self.binary}: answered what is no result: {line[:80]}") from error
         if not sound:
             raise CarsimError(f"{self.binary}: answered an impossible result: {line[:200]}")
-        result: dict[str, Any] = answer
-        return result
+        return {key: value for key, value in answer.items() if key != "run"}
 
     def _ask_builds(self) -> tuple[str, str]:
         """The id of all that results depend on, and that of the firmware in it, which a car has too."""
@@ -156,12 +193,28 @@ class Carsim:
         return str(build), str(firmware)
 
     def _output(self, argument: str) -> str:
-        answer = self._start([argument], "")
+        with self._call() as call:
+            answer = self._start(call, [argument], "")
         if answer.returncode != 0:
-            raise CarsimError(f"{self.binary} {argument}: {_ending(answer)}")
+            raise CarsimError(f"{self.binary} {argument}: {process_ending(answer.returncode, answer.stderr)}")
         return answer.stdout
 
-    def _start(self, arguments: Sequence[str], text: str) -> subprocess.CompletedProcess[str]:
+    @contextlib.contextmanager
+    def _call(self) -> Iterator[_Call]:
+        call = _Call()
+        self._calls.add(call)
+        try:
+            yield call
+        except BaseException:
+            call.stop()
+            raise
+        finally:
+            self._calls.discard(call)
+
+    def _start(
+        self, call: _Call, arguments: Sequence[str], text: str
+    ) -> subprocess.CompletedProcess[str]:
+        """Run the program on that input to its end. CarsimError if it cannot be started or the call is stopped."""
         command = [str(self.binary), *arguments]
         try:
             # A session of its own keeps Ctrl-C from the simulator: the caller decides what is to end.
@@ -176,23 +229,12 @@ class Carsim:
             )
         except OSError as error:
             raise CarsimError(f"{self.binary}: cannot be started: {error.strerror}") from error
-        self._running.add(process)
-        try:
-            output, messages = process.communicate(text)
-        finally:
-            self._running.discard(process)
+        call.begin(process)
+        output, messages = process.communicate(text)
+        if call.stopped:
+            raise CarsimError(f"{self.binary}: stopped")
         return subprocess.CompletedProcess(command, process.returncode, output, messages)
 
 
 def _with_id(name: str, object_text: str) -> str:
     return f'{{"id": {json.dumps(name)}, {object_text[1:]}'
-
-
-def _ending(answer: subprocess.CompletedProcess[str]) -> str:
-    last = (answer.stderr.strip().splitlines() or [""])[-1][:200]
-    how = (
-        f"killed by signal {-answer.returncode}"
-        if answer.returncode < 0
-        else f"exit code {answer.returncode}"
-    )
-    return f"{how} ({last})" if last else how

@@ -10,7 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Protocol
 
-from foldcar.simulation.carsim import CarsimError
+from foldcar.simulation.process_ending import process_ending
+from foldcar.simulation.runner import CarsimError
 
 
 class State(NamedTuple):
@@ -37,6 +38,10 @@ class Advanced(NamedTuple):
 
 class TrialFailedError(CarsimError):
     """The trial crashed, left the finite numbers or was refused by the firmware: this one run's failure."""
+
+
+class SimulatorDiedError(TrialFailedError):
+    """The simulator process ended in the middle of the trial, of itself or from outside."""
 
 
 class SteppedTrial(Protocol):
@@ -148,9 +153,7 @@ class SteppedCarsim:
             self._awaits_answer = False
         except (OSError, ValueError) as error:
             self.close()
-            code = process.returncode
-            how = f"signal {-code}" if code < 0 else f"exit code {code}"
-            raise TrialFailedError(f"{self.binary}: the simulation crashed ({how})") from error
+            raise SimulatorDiedError(f"the simulation crashed ({process_ending(process.returncode)})") from error
         if "error" in answer:
             problem = answer["error"]
             # A refused body or scene is followed by answers about what builds on it.

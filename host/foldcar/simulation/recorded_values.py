@@ -12,7 +12,7 @@ import numpy
 from foldcar.errors import FoldcarError
 
 
-def plain(value: Any, name: str) -> Any:
+def to_json(value: Any, name: str) -> Any:
     """``value`` as JSON data, copied. Raises FoldcarError that names the record ``name``."""
     if value is None or isinstance(value, bool | str):
         return value
@@ -23,17 +23,17 @@ def plain(value: Any, name: str) -> Any:
             raise FoldcarError(f"record {name}: {value} is not finite")
         return float(value)
     if isinstance(value, numpy.generic | numpy.ndarray):
-        return plain(value.tolist(), name)
+        return to_json(value.tolist(), name)
     if isinstance(value, list | tuple):
-        return [plain(item, name) for item in value]
+        return [to_json(item, name) for item in value]
     if isinstance(value, dict):
         keys = [key for key in value if not isinstance(key, str)]
         if keys:
             raise FoldcarError(f"record {name}: the key {keys[0]!r} of its value is no text")
-        return {key: plain(item, name) for key, item in value.items()}
+        return {key: to_json(item, name) for key, item in value.items()}
     if type(value).__module__ == "scenic.core.vectors":
         angles = getattr(value, "eulerAngles", None)
-        return plain(list(value) if angles is None else list(angles), name)
+        return to_json(list(value) if angles is None else list(angles), name)
     raise FoldcarError(
         f"record {name}: a {type(value).__name__} is nothing to store; record its numbers instead"
     )

@@ -15,7 +15,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from foldcar.simulation.carsim import CarsimError, RunRequest
+from foldcar.simulation.process_ending import process_ending
+from foldcar.simulation.runner import CarsimError, RunRequest
 
 
 class ScenicRunner:
@@ -61,9 +62,7 @@ class ScenicRunner:
         worker: _Worker | None = None
         try:
             for request in requests:
-                if worker is None:
-                    worker = self._take()
-                answer = worker.run(
+                line = json.dumps(
                     {
                         "body": bodies[request.body],
                         "scene": scenes[request.scene],
@@ -71,12 +70,17 @@ class ScenicRunner:
                         "sample": request.sample,
                     }
                 )
+                # A worker that dies takes the run with it only if the next one dies of it too.
+                for _ in range(2):
+                    worker = worker or self._take()
+                    answer = worker.ask(line)
+                    if worker.alive:
+                        break
+                    self._drop(worker)
+                    worker = None
                 if "refused" in answer:
                     raise CarsimError(f"{request.label}: {answer['refused']}")
                 answers.append(answer["result"] if "result" in answer else {"error": str(answer["error"])})
-                if not worker.alive:
-                    self._drop(worker)
-                    worker = None
         except BaseException:
             if worker is not None:
                 self._drop(worker)
@@ -146,14 +150,10 @@ class _Worker:
         """Compile the program, if that has not been done."""
         if self._opened:
             return
-        answer = self._ask(opening)
+        answer = self.ask(opening)
         if "ready" not in answer:
             raise CarsimError(str(answer.get("refused") or answer.get("error")))
         self._opened = True
-
-    def run(self, request: dict[str, Any]) -> dict[str, Any]:
-        """The answer to a run; a worker that dies of it is its error."""
-        return self._ask(json.dumps(request))
 
     def stop(self) -> None:
         self._stopped = True
@@ -166,7 +166,8 @@ class _Worker:
                     pipe.close()
         self._process.wait()
 
-    def _ask(self, line: str) -> dict[str, Any]:
+    def ask(self, line: str) -> dict[str, Any]:
+        """The answer to a line; an ``error`` if the worker dies of it. CarsimError after `stop`."""
         assert self._process.stdin is not None and self._process.stdout is not None
         reply = ""
         with contextlib.suppress(OSError):
@@ -177,8 +178,7 @@ class _Worker:
             answer: dict[str, Any] = json.loads(reply)
             return answer
         self._opened = False
-        code = self._process.wait()
+        return_code = self._process.wait()
         if self._stopped:
             raise CarsimError("stopped")
-        how = f"signal {-code}" if code < 0 else f"exit code {code}"
-        return {"error": f"the process that simulates with Scenic died ({how})"}
+        return {"error": f"the process that simulates with Scenic died ({process_ending(return_code)})"}

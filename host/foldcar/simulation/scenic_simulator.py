@@ -19,7 +19,7 @@ from scenic.core.simulators import Simulation, SimulationCreationError, Simulato
 
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim_step import State, SteppedTrial
-from foldcar.simulation.recorded_values import plain
+from foldcar.simulation.recorded_values import to_json
 from foldcar.simulation.scenic_ego import ShownEgo
 
 OUTER_STEP_S = 0.25
@@ -99,7 +99,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         # Known only now: records are evaluated after the simulation's end.
         for name, value in self.result.records.items():
             if name not in self.recorded:
-                self.recorded[name] = {"kind": "final", "value": plain(value, name)}
+                self.recorded[name] = {"kind": "final", "value": to_json(value, name)}
 
     @property
     def currentTime(self) -> float:  # noqa: N802
@@ -189,12 +189,12 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         if self.currentTime == 0:
             for name, value in scenario._evaluateRecordedExprs(RequirementType.recordInitial, 0).items():
                 self.records[name] = value
-                self.recorded[name] = {"kind": "initial", "value": plain(value, name)}
+                self.recorded[name] = {"kind": "initial", "value": to_json(value, name)}
         values = scenario._evaluateRecordedExprs(RequirementType.record, self.currentTime)
         for name, value in values.items():
             self.records[name].append((self.currentTime, value))
             series = self.recorded.setdefault(name, {"kind": "series", "value": []})
-            series["value"].append([self.currentRealTime, plain(value, name)])
+            series["value"].append([self.currentRealTime, to_json(value, name)])
         self.trajectory.append(self.currentState())
 
     def currentState(self) -> tuple[Any, ...]:  # noqa: N802

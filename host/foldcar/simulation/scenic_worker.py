@@ -19,8 +19,8 @@ from foldcar.scenes.program import one_line
 from foldcar.scenes.program_globals import ProgramGlobals
 from foldcar.scenes.source import SceneSource, open_environment, seeded
 from foldcar.scenes.time_limit import time_limit
-from foldcar.simulation.carsim import CarsimError
-from foldcar.simulation.carsim_step import SteppedCarsim, SteppedTrial, TrialFailedError
+from foldcar.simulation.carsim_step import SimulatorDiedError, SteppedCarsim, SteppedTrial, TrialFailedError
+from foldcar.simulation.runner import CarsimError
 
 # Wall time of one run. The longest trial takes a few seconds: what exceeds this hangs.
 RUN_LIMIT_S = 120.0
@@ -64,9 +64,12 @@ class ScenicWorker:
         self._described: dict[str, Any] = {}
 
     def answer(self, request: dict[str, Any]) -> dict[str, Any]:
-        """The answer to one run."""
+        """The answer to one run. A simulator that dies in it is given the run once more, in a new process."""
         try:
-            return {"result": self._run(request)}
+            try:
+                return {"result": self._run(request)}
+            except SimulatorDiedError:
+                return {"result": self._run(request)}
         except TrialFailedError as error:
             return {"error": str(error)}
         except FoldcarError as error:

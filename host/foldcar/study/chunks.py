@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
-from foldcar.car.variation.vary_body import vary_body
-from foldcar.simulation.carsim import Runner, RunRequest
+from foldcar.car.variation.vary_body import NumberLimits, vary_body
+from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.store.writer import PlannedRun, StoreWriter, canonical_json
 
 TARGET_CHUNK_S = 0.7
@@ -46,11 +46,12 @@ class _Chunk:
 class ChunkPool:
     """Workers that each wait for one simulator at a time; the store is read in the caller's thread.
 
-    Runs are given to the runner named by :meth:`using`.
+    Runs are given to the runner named by :meth:`using`. ``limits`` are the simulator's, for cars that vary.
     """
 
-    def __init__(self, writer: StoreWriter, jobs: int) -> None:
+    def __init__(self, writer: StoreWriter, jobs: int, limits: NumberLimits) -> None:
         self._writer = writer
+        self._limits = limits
         self._jobs = jobs
         self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="carsim")
         self._futures: dict[Future[_Chunk], Runner] = {}
@@ -150,7 +151,7 @@ class ChunkPool:
         parsed = {key: json.loads(text) for key, text in designs.items()}
         cars = {_body_name(run): (run.body_id, run.variation_id) for run in runs}
         return {
-            name: canonical_json(vary_body(parsed[body], variations[variation]))
+            name: canonical_json(vary_body(parsed[body], variations[variation], self._limits))
             if variations[variation]
             else designs[body]
             for name, (body, variation) in cars.items()

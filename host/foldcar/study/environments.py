@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from foldcar.car.variation.spread import draw
 from foldcar.scenes.fingerprint import environment_fingerprint, spread_fingerprint, variation_code
-from foldcar.simulation.carsim import Carsim, Runner
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.runner import Runner
 from foldcar.study.experiments import Experiment
 
 if TYPE_CHECKING:

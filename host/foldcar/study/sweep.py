@@ -79,7 +79,7 @@ def sweep(
             _plan(experiment, environment, writer, table)
             for experiment, environment in zip(study.experiments, environments, strict=True)
         ]
-        with ChunkPool(writer, jobs) as pool:
+        with ChunkPool(writer, jobs, carsim.limits().numbers) as pool:
             for plan, environment in zip(plans, environments, strict=True):
                 dynamic = _is_dynamic(plan, environment, writer)
                 with environment.runner(carsim, dynamic) as runner, pool.using(runner):

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.simulation.carsim import Carsim, RunRequest
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
 from foldcar.store.writer import canonical_json
 

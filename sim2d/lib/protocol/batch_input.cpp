@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "printed_number.h"
-#include "supervisor.h"
 #include "terrain_input.h"
 
 namespace foldcar {
@@ -12,40 +11,18 @@ namespace {
 
 using nlohmann::json;
 
-// Limits within which the model is valid. Lengths below a millimetre are lost in the contacts' tolerances, and the
-// model is made for cars of up to a metre or so; the other limits keep single-precision arithmetic accurate.
-constexpr Limits kCoordinate_m{-1000, 1000};
-constexpr Limits kHeading_rad{-100, 100};
-constexpr Limits kCarLength_m{0.005, 2};
-constexpr Limits kOffset_m{-1, 1};
-constexpr Limits kMass_kg{0.0005, 50};
-constexpr Limits kInertia_kg_m2{1e-7, 50};
-// From softer than any film hinge to as stiff as a rigid beam; a hinge folds by less than half a turn.
-constexpr Limits kStiffness_n_m_rad{1e-6, 1000};
-constexpr Limits kDamping_n_m_s_rad{0, 10};
-constexpr double kFold_rad = 3;
-constexpr std::size_t kMostSegments = 8;
-constexpr Limits kFriction{0, 5};
-constexpr std::size_t kMostPoints = 1000000;
-constexpr Limits kGrip{0, 5};
-constexpr Limits kVoltage_v{0.1, 60};
-constexpr Limits kCurrent_a{0, 50};
-constexpr Limits kTorque_n_m{1e-4, 50};
-constexpr Limits kSpeed_rad_s{0.1, 200};
-constexpr Limits kPulse_us{500, 2500};
-
 ServoSpec read_servo(JsonReader reader) {
   ServoSpec servo;
-  servo.stall_torque_n_m = reader.number("stall_torque_n_m", kTorque_n_m);
-  servo.no_load_speed_rad_s = reader.number("no_load_speed_rad_s", kSpeed_rad_s);
-  servo.rated_v = reader.number("rated_v", kVoltage_v);
-  servo.stall_current_a = reader.number("stall_current_a", kCurrent_a);
+  servo.stall_torque_n_m = reader.number("stall_torque_n_m");
+  servo.no_load_speed_rad_s = reader.number("no_load_speed_rad_s");
+  servo.rated_v = reader.number("rated_v");
+  servo.stall_current_a = reader.number("stall_current_a");
   servo.no_load_current_a = reader.number("no_load_current_a", {0, servo.stall_current_a});
-  servo.rotor_inertia_kg_m2 = reader.number("rotor_inertia_kg_m2", {0, kInertia_kg_m2.maximum});
-  servo.neutral_us = reader.number("neutral_us", kPulse_us);
-  servo.deadband_us = reader.number("deadband_us", {0, 500});
-  servo.saturation_us = reader.number("saturation_us", {servo.deadband_us + 1, 1000});
-  servo.direction = reader.integer("direction", -1, 1);
+  servo.rotor_inertia_kg_m2 = reader.number("rotor_inertia_kg_m2");
+  servo.neutral_us = reader.number("neutral_us");
+  servo.deadband_us = reader.number("deadband_us");
+  servo.saturation_us = reader.number("saturation_us", {servo.deadband_us + 1, reader.limits("saturation_us").maximum});
+  servo.direction = reader.integer("direction");
   if (servo.direction == 0) reader.fail("direction", "must be -1 or 1");
   reader.finish();
   return servo;
@@ -53,16 +30,16 @@ ServoSpec read_servo(JsonReader reader) {
 
 WheelSpec read_wheel(JsonReader reader, std::size_t segments) {
   WheelSpec wheel;
-  wheel.channel = reader.integer("channel", 0, static_cast<int>(kChannelCount) - 1);
+  wheel.channel = reader.integer("channel");
   wheel.segment = reader.integer("segment", 0, static_cast<int>(segments) - 1);
   wheel.side = reader.choice("side", {"left", "right"}) == 0 ? CarSide::kLeft : CarSide::kRight;
-  wheel.x_m = reader.number("x_m", kOffset_m);
-  wheel.radius_m = reader.number("radius_m", {0.005, 0.5});
-  wheel.width_m = reader.number("width_m", {0.0005, 0.2});
-  wheel.mass_kg = reader.number("mass_kg", kMass_kg);
-  wheel.grip = reader.number("grip", kGrip);
+  wheel.x_m = reader.number("x_m");
+  wheel.radius_m = reader.number("radius_m");
+  wheel.width_m = reader.number("width_m");
+  wheel.mass_kg = reader.number("mass_kg");
+  wheel.grip = reader.number("grip");
   wheel.eccentricity_m = reader.number("eccentricity_m", {0, 0.5 * wheel.radius_m});
-  wheel.eccentricity_phase_rad = reader.number("eccentricity_phase_rad", kHeading_rad);
+  wheel.eccentricity_phase_rad = reader.number("eccentricity_phase_rad");
   wheel.servo = read_servo(reader.object("servo"));
   reader.finish();
   return wheel;
@@ -70,19 +47,19 @@ WheelSpec read_wheel(JsonReader reader, std::size_t segments) {
 
 SegmentSpec read_segment(JsonReader reader) {
   SegmentSpec segment;
-  segment.x_m = reader.number("x_m", kOffset_m);
-  segment.length_m = reader.number("length_m", kCarLength_m);
-  segment.width_m = reader.number("width_m", kCarLength_m);
-  segment.height_m = reader.number("height_m", kCarLength_m);
-  segment.center_z_m = reader.number("center_z_m", kOffset_m);
-  segment.mass_kg = reader.number("mass_kg", kMass_kg);
-  segment.com_x_m = reader.number("com_x_m", kOffset_m);
-  segment.com_y_m = reader.number("com_y_m", kOffset_m);
-  segment.com_z_m = reader.number("com_z_m", kOffset_m);
-  segment.roll_inertia_kg_m2 = reader.number("roll_inertia_kg_m2", kInertia_kg_m2);
-  segment.pitch_inertia_kg_m2 = reader.number("pitch_inertia_kg_m2", kInertia_kg_m2);
-  segment.yaw_inertia_kg_m2 = reader.number("yaw_inertia_kg_m2", kInertia_kg_m2);
-  segment.grip = reader.number("grip", kGrip);
+  segment.x_m = reader.number("x_m");
+  segment.length_m = reader.number("length_m");
+  segment.width_m = reader.number("width_m");
+  segment.height_m = reader.number("height_m");
+  segment.center_z_m = reader.number("center_z_m");
+  segment.mass_kg = reader.number("mass_kg");
+  segment.com_x_m = reader.number("com_x_m");
+  segment.com_y_m = reader.number("com_y_m");
+  segment.com_z_m = reader.number("com_z_m");
+  segment.roll_inertia_kg_m2 = reader.number("roll_inertia_kg_m2");
+  segment.pitch_inertia_kg_m2 = reader.number("pitch_inertia_kg_m2");
+  segment.yaw_inertia_kg_m2 = reader.number("yaw_inertia_kg_m2");
+  segment.grip = reader.number("grip");
   reader.finish();
   return segment;
 }
@@ -91,17 +68,17 @@ SegmentSpec read_segment(JsonReader reader) {
 HingeSpec read_hinge(JsonReader reader, const SegmentSpec& front, const SegmentSpec& rear) {
   HingeSpec hinge;
   hinge.x_m = reader.number("x_m", {rear.x_m, front.x_m});
-  hinge.z_m = reader.number("z_m", kOffset_m);
-  hinge.stiffness_n_m_rad = reader.number("stiffness_n_m_rad", kStiffness_n_m_rad);
-  hinge.damping_n_m_s_rad = reader.number("damping_n_m_s_rad", kDamping_n_m_s_rad);
-  hinge.min_rad = reader.number("min_rad", {-kFold_rad, 0});
-  hinge.max_rad = reader.number("max_rad", {0, kFold_rad});
+  hinge.z_m = reader.number("z_m");
+  hinge.stiffness_n_m_rad = reader.number("stiffness_n_m_rad");
+  hinge.damping_n_m_s_rad = reader.number("damping_n_m_s_rad");
+  hinge.min_rad = reader.number("min_rad");
+  hinge.max_rad = reader.number("max_rad");
   reader.finish();
   return hinge;
 }
 
 void read_segments(JsonReader& reader, BodySpec& body) {
-  for (JsonReader& segment : reader.objects("segments", 1, kMostSegments)) {
+  for (JsonReader& segment : reader.objects("segments")) {
     body.segments.push_back(read_segment(segment));
     const std::size_t j = body.segments.size() - 1;
     if (j > 0 && body.segments[j].x_m >= body.segments[j - 1].x_m) {
@@ -132,9 +109,9 @@ void check_wheels(const JsonReader& reader, const std::vector<WheelSpec>& wheels
 
 PoseSpec read_pose(JsonReader reader) {
   PoseSpec pose;
-  pose.x_m = reader.number("x_m", kCoordinate_m);
-  pose.y_m = reader.number("y_m", kCoordinate_m);
-  pose.heading_rad = reader.number("heading_rad", kHeading_rad);
+  pose.x_m = reader.number("x_m");
+  pose.y_m = reader.number("y_m");
+  pose.heading_rad = reader.number("heading_rad");
   reader.finish();
   return pose;
 }
@@ -142,12 +119,12 @@ PoseSpec read_pose(JsonReader reader) {
 GoalSpec read_goal(JsonReader reader) {
   GoalSpec goal;
   goal.kind = reader.choice("kind", {"line", "disc"}) == 0 ? GoalSpec::Kind::kLine : GoalSpec::Kind::kDisc;
-  goal.x_m = reader.number("x_m", kCoordinate_m);
-  goal.y_m = reader.number("y_m", kCoordinate_m);
+  goal.x_m = reader.number("x_m");
+  goal.y_m = reader.number("y_m");
   if (goal.kind == GoalSpec::Kind::kLine) {
-    goal.heading_rad = reader.number("heading_rad", kHeading_rad);
+    goal.heading_rad = reader.number("heading_rad");
   } else {
-    goal.radius_m = reader.number("radius_m", {0.001, 1000});
+    goal.radius_m = reader.number("radius_m");
   }
   reader.finish();
   return goal;
@@ -155,10 +132,10 @@ GoalSpec read_goal(JsonReader reader) {
 
 CourseSpec read_course(JsonReader reader) {
   CourseSpec course;
-  course.x_min_m = reader.number("x_min_m", kCoordinate_m);
-  course.x_max_m = reader.number("x_max_m", {course.x_min_m, kCoordinate_m.maximum});
-  course.y_min_m = reader.number("y_min_m", kCoordinate_m);
-  course.y_max_m = reader.number("y_max_m", {course.y_min_m, kCoordinate_m.maximum});
+  course.x_min_m = reader.number("x_min_m");
+  course.x_max_m = reader.number("x_max_m", {course.x_min_m, reader.limits("x_max_m").maximum});
+  course.y_min_m = reader.number("y_min_m");
+  course.y_max_m = reader.number("y_max_m", {course.y_min_m, reader.limits("y_max_m").maximum});
   reader.finish();
   return course;
 }
@@ -179,9 +156,9 @@ void read_parameters(JsonReader reader, Parameters& parameters) {
 
 // The firmware's inputs: the keys that the lines run and pulses have in common.
 void read_set_point(JsonReader& reader, TrialSpec& trial) {
-  trial.speed_m_s = reader.number("speed_m_s", {-kSpeedLimitMS, kSpeedLimitMS});
-  trial.yaw_rate_rad_s = reader.number_or("yaw_rate_rad_s", {-kYawRateLimitRadS, kYawRateLimitRadS}, 0);
-  trial.time_limit_s = reader.number("time_limit_s", {0.001, 3600});
+  trial.speed_m_s = reader.number("speed_m_s");
+  trial.yaw_rate_rad_s = reader.number_or("yaw_rate_rad_s", 0);
+  trial.time_limit_s = reader.number("time_limit_s");
   if (reader.has("parameters")) read_parameters(reader.object("parameters"), trial.parameters);
 }
 
@@ -205,12 +182,12 @@ BodySpec read_body(const json& line) {
   BodySpec body;
   body.id = reader.string("id");
   read_segments(reader, body);
-  body.track_m = reader.number("track_m", kCarLength_m);
-  for (JsonReader& wheel : reader.objects("wheels", 2, kChannelCount)) {
+  body.track_m = reader.number("track_m");
+  for (JsonReader& wheel : reader.objects("wheels")) {
     body.wheels.push_back(read_wheel(wheel, body.segments.size()));
   }
   check_wheels(reader, body.wheels);
-  body.supply_v = reader.number("supply_v", kVoltage_v);
+  body.supply_v = reader.number("supply_v");
   reader.finish();
   return body;
 }
@@ -219,7 +196,7 @@ SceneSpec read_scene(const json& line) {
   JsonReader reader = only_value(line, "scene");
   SceneSpec scene;
   scene.id = reader.string("id");
-  scene.friction = reader.number("friction", kFriction);
+  scene.friction = reader.number("friction");
   scene.terrain = read_terrain(reader);
   scene.start = read_pose(reader.object("start"));
   if (!reader.is_null("goal")) scene.goal = read_goal(reader.object("goal"));
@@ -235,7 +212,7 @@ RunLine read_run(const json& line) {
   run.body = reader.string("body");
   run.scene = reader.string("scene");
   read_set_point(reader, run.trial);
-  run.trial.path_interval_s = reader.number_or("path_interval_s", {0, 3600}, 0);
+  run.trial.path_interval_s = reader.number_or("path_interval_s", 0);
   reader.finish();
   return run;
 }
@@ -245,8 +222,8 @@ HeightsLine read_heights(const json& line) {
   HeightsLine heights;
   heights.id = reader.string("id");
   heights.scene = reader.string("scene");
-  heights.x_m = reader.list("x_m", kCoordinate_m, kMostPoints);
-  heights.y_m = reader.list("y_m", kCoordinate_m, kMostPoints);
+  heights.x_m = reader.list("x_m");
+  heights.y_m = reader.list("y_m");
   if (heights.x_m.size() != heights.y_m.size()) {
     reader.fail("y_m", "has " + std::to_string(heights.y_m.size()) + " entries, x_m has " +
                            std::to_string(heights.x_m.size()));
@@ -256,7 +233,8 @@ HeightsLine read_heights(const json& line) {
 }
 
 PulsesLine read_pulses(const json& line) {
-  JsonReader reader = only_value(line, "pulses");
+  // Its numbers are those of a run.
+  JsonReader reader(line.at("pulses"), "pulses", "run");
   PulsesLine pulses;
   pulses.id = reader.string("id");
   read_set_point(reader, pulses.trial);

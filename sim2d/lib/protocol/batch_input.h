@@ -1,4 +1,4 @@
-// The input of `carsim batch`, as docs/carsim.md describes it: lines to specs, with every limit.
+// The input of `carsim batch`, as docs/carsim.md describes it: lines to specs, checked.
 #pragma once
 
 #include <string>

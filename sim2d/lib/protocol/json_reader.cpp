@@ -52,7 +52,8 @@ json parse_object(const std::string& line) {
   return value;
 }
 
-JsonReader::JsonReader(const json& value, std::string path) : value_(&value), path_(std::move(path)) {
+JsonReader::JsonReader(const json& value, std::string path, std::string kind)
+    : value_(&value), path_(std::move(path)), kind_(std::move(kind)) {
   if (!value.is_object()) throw InputError(path_ + ": must be an object, not " + shown(value));
 }
 
@@ -76,8 +77,13 @@ double JsonReader::checked_number(const std::string& key, const json& value, Lim
 
 double JsonReader::number(const char* key, Limits limits) { return checked_number(key, at(key), limits); }
 
-double JsonReader::number_or(const char* key, Limits limits, double otherwise) {
-  return has(key) ? number(key, limits) : otherwise;
+double JsonReader::number(const char* key) { return number(key, limits(key)); }
+
+double JsonReader::number_or(const char* key, double otherwise) { return has(key) ? number(key) : otherwise; }
+
+int JsonReader::integer(const char* key) {
+  const Limits within = limits(key);
+  return integer(key, static_cast<int>(within.minimum), static_cast<int>(within.maximum));
 }
 
 int JsonReader::integer(const char* key, int minimum, int maximum) {
@@ -99,7 +105,12 @@ std::size_t JsonReader::choice(const char* key, const std::vector<std::string>& 
   return static_cast<std::size_t>(found - names.begin());
 }
 
-JsonReader JsonReader::object(const char* key) { return JsonReader(at(key), path_ + "." + key); }
+JsonReader JsonReader::object(const char* key) { return JsonReader(at(key), path_ + "." + key, kind_ + "." + key); }
+
+std::vector<JsonReader> JsonReader::objects(const char* key) {
+  const Limits count = limits((std::string(key) + ".count").c_str());
+  return objects(key, static_cast<std::size_t>(count.minimum), static_cast<std::size_t>(count.maximum));
+}
 
 std::vector<JsonReader> JsonReader::objects(const char* key, std::size_t minimum, std::size_t maximum) {
   const json& value = at(key);
@@ -110,18 +121,19 @@ std::vector<JsonReader> JsonReader::objects(const char* key, std::size_t minimum
   check_size(key, value, maximum);
   std::vector<JsonReader> readers;
   for (std::size_t i = 0; i < value.size(); ++i) {
-    readers.emplace_back(value[i], path_ + "." + key + "." + std::to_string(i));
+    readers.emplace_back(value[i], path_ + "." + key + "." + std::to_string(i), kind_ + "." + key);
   }
   return readers;
 }
 
-std::vector<double> JsonReader::list(const char* key, Limits limits, std::size_t most) {
+std::vector<double> JsonReader::list(const char* key) {
   const json& value = at(key);
   if (!value.is_array()) fail(key, "must be an array, not " + shown(value));
-  check_size(key, value, most);
+  check_size(key, value, static_cast<std::size_t>(limits((std::string(key) + ".count").c_str()).maximum));
+  const Limits within = limits(key);
   std::vector<double> numbers;
   for (std::size_t i = 0; i < value.size(); ++i) {
-    numbers.push_back(checked_number(std::string(key) + "." + std::to_string(i), value[i], limits));
+    numbers.push_back(checked_number(std::string(key) + "." + std::to_string(i), value[i], within));
   }
   return numbers;
 }

@@ -11,6 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include "input_limits.h"
+
 namespace foldcar {
 
 // Input that breaks a rule; the message names key, value and limit.
@@ -21,31 +23,35 @@ class InputError : public std::runtime_error {
 // Parses one line. InputError if it is no JSON object, has a key twice or is nested beyond any need.
 nlohmann::json parse_object(const std::string& line);
 
-// The range of a number, both ends included.
-struct Limits {
-  double minimum;
-  double maximum;
-};
-
 // Reads the keys of one object; every method throws InputError.
 class JsonReader {
  public:
-  // value must outlive the reader; path names it in messages.
-  JsonReader(const nlohmann::json& value, std::string path);
+  // value must outlive the reader; path names it in messages, kind is where its limits stand in input_limits.h.
+  JsonReader(const nlohmann::json& value, std::string path, std::string kind);
+  JsonReader(const nlohmann::json& value, const std::string& path) : JsonReader(value, path, path) {}
 
   bool has(const char* key) const;
   bool is_null(const char* key) { return at(key).is_null(); }
+  // Within the limits of input_limits.h.
+  double number(const char* key);
+  double number_or(const char* key, double otherwise);
+  int integer(const char* key);
+  // Within limits that are none of the table's or depend on other numbers.
   double number(const char* key, Limits limits);
-  double number_or(const char* key, Limits limits, double otherwise);
   int integer(const char* key, int minimum, int maximum);
   std::string string(const char* key);
   // The index of the key's value in names.
   std::size_t choice(const char* key, const std::vector<std::string>& names);
   JsonReader object(const char* key);
-  // The elements of an array of objects.
+  // The elements of an array of objects, as many as input_limits.h allows, or within limits of one's own.
+  std::vector<JsonReader> objects(const char* key);
   std::vector<JsonReader> objects(const char* key, std::size_t minimum, std::size_t maximum);
-  // An array of at most so many numbers.
-  std::vector<double> list(const char* key, Limits limits, std::size_t most);
+  // An array of numbers; as many as input_limits.h allows, and each within its limits.
+  std::vector<double> list(const char* key);
+  // From now on limits are looked up under that name below the present place: pieces of terrain differ by kind.
+  void narrow(const std::string& name) { kind_ += "." + name; }
+  // The limits of that key in input_limits.h.
+  Limits limits(const char* key) const { return limits_of(kind_ + "." + key); }
   // Every key with a number, as an object of numbers.
   std::vector<std::pair<std::string, double>> numbers();
 
@@ -61,6 +67,7 @@ class JsonReader {
 
   const nlohmann::json* value_;
   std::string path_;
+  std::string kind_;
   std::set<std::string> used_;
 };
 

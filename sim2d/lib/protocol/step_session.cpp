@@ -9,7 +9,6 @@ namespace {
 using nlohmann::json;
 using nlohmann::ordered_json;
 
-constexpr Limits kAdvanceTo_s{0, 3600};
 constexpr int kMostRows = 3600 * 1000;
 
 // time, x, y, z, heading, pitch, roll, speed, yaw rate, energy
@@ -72,7 +71,7 @@ ordered_json StepSession::start(const json& line) {
 
 ordered_json StepSession::advance(const json& line) {
   JsonReader reader(line.at("advance"), "advance");
-  const double to_s = reader.number("to_s", kAdvanceTo_s);
+  const double to_s = reader.number("to_s");
   reader.finish();
   Trial& current = trial("advance");
   advanced_.clear();

@@ -3,16 +3,6 @@
 #include <cmath>
 
 namespace foldcar {
-namespace {
-
-constexpr double kTippedUp = 0.26;  // cosine of 75 degrees
-// Stuck: neither this far nor turned this much within the time.
-constexpr double kStuckDistance_m = 0.010;
-constexpr double kStuckTurn_rad = 0.035;
-constexpr double kStuckTime_s = 4;
-
-}  // namespace
-
 std::optional<double> distance_to_target_m(const SceneSpec& scene, const CarState& state) {
   if (!scene.goal) return std::nullopt;
   return std::hypot(state.x_m - scene.goal->x_m, state.y_m - scene.goal->y_m);

@@ -10,6 +10,13 @@
 
 namespace foldcar {
 
+// Tipped: the upward part of the car's up axis is below this, the cosine of 75 degrees.
+constexpr double kTippedUp = 0.26;
+// Stuck: neither this far away nor turned by this much within the time.
+constexpr double kStuckDistance_m = 0.010;
+constexpr double kStuckTurn_rad = 0.035;
+constexpr double kStuckTime_s = 4;
+
 // Watches one trial.
 class Ending {
  public:

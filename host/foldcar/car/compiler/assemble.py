@@ -43,7 +43,7 @@ def assemble(graph: Graph) -> Assembly:
     owner = {path: first for first, one in fused.items() for path in one.poses}
     sheets = _sheets(fused, [seam for seam in found if seam[0].kind in ("fold", "hinge")])
     home = {first: index for index, sheet in enumerate(sheets) for first in sheet}
-    names = _names(fused, sheets)
+    names = _names(sheets)
     tabs = {seam[2]: _Tab(seam, names, home) for seam in found if seam[0].kind == "tab"}
     for index in range(len(sheets)):
         _number_tabs([tab for edge_b, tab in tabs.items() if home[edge_b[0]] == index])
@@ -119,7 +119,7 @@ def _sheets(fused: dict[str, Fused], folds: list[Seam]) -> list[list[str]]:
     return sheets
 
 
-def _names(fused: dict[str, Fused], sheets: list[list[str]]) -> dict[str, str]:
+def _names(sheets: list[list[str]]) -> dict[str, str]:
     """Face names: the last part of the path if it is unique within the piece, else the whole path."""
     names = {}
     for sheet in sheets:

@@ -6,7 +6,7 @@ name, in the frame of the piece's first face.
 
 from collections.abc import Mapping
 
-from foldcar.car.folded.model import EdgeRef, Face, FoldedCar, Piece, PlacedPiece, Point, Pose
+from foldcar.car.folded.model import EdgeRef, Face, Piece, Point, Pose
 from foldcar.car.folded.pose import IDENTITY, across_crease, compose
 
 
@@ -27,9 +27,3 @@ def edge(faces: Mapping[str, Face], reference: EdgeRef) -> tuple[Point, Point]:
     """The ends of an edge (mm) in its face's frame."""
     outline = faces[reference.face].outline_mm
     return outline[reference.index], outline[(reference.index + 1) % len(outline)]
-
-
-def placed_faces(car: FoldedCar, placed: PlacedPiece, fraction: float = 1.0) -> dict[str, Pose]:
-    """The poses of a placed piece's faces in the car's frame."""
-    (piece,) = (piece for piece in car.pieces if piece.name == placed.piece)
-    return {name: compose(placed.pose, pose) for name, pose in folded(piece, fraction).items()}

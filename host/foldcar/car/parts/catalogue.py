@@ -93,8 +93,6 @@ class Servo(PartData):
     width_mm: Quantity
     depth_mm: Quantity
     axis_from_end_mm: Quantity
-    ear_span_mm: Quantity
-    ear_thickness_mm: Quantity
     ear_underside_mm: Quantity
     screw_spacing_mm: Quantity
     operating_points: tuple[OperatingPoint, OperatingPoint]
@@ -127,9 +125,6 @@ class Horn(PartData):
     length_mm: Quantity
     hub_diameter_mm: Quantity
     thickness_mm: Quantity
-    hole_diameter_mm: Quantity
-    spline_diameter_mm: Quantity
-    spline_height_mm: Quantity
 
 
 class Screw(PartData):
@@ -139,7 +134,6 @@ class Screw(PartData):
     mass_kg: Quantity
     diameter_mm: Quantity
     length_mm: Quantity
-    head_diameter_mm: Quantity
 
 
 class Film(PartData):

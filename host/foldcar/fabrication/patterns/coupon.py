@@ -26,7 +26,7 @@ TEXT_MM = 2.0
 
 def coupon(chosen: Options, thickness_mm: float) -> Sheet:
     """The coupon for film of that thickness."""
-    rows = [[_bar()], [_slots(chosen, thickness_mm), _square()], [_folds(chosen), _tongue()], [_window()]]
+    rows = [[_bar()], [_slots(thickness_mm), _square()], [_folds(chosen), _tongue()], [_window()]]
     margin = chosen.margin_mm
     groups: list[tuple[Shape, ...]] = [tuple(corner_shapes(f"coupon  {chosen.machine}", margin))]
     y, right = margin + CORNER_MM[1] + chosen.gap_mm, margin
@@ -74,7 +74,7 @@ def _folds(chosen: Options) -> tuple[FlatPiece, list[Shape]]:
     return _piece("folds", Polygon(points)), marks
 
 
-def _slots(chosen: Options, thickness_mm: float) -> tuple[FlatPiece, list[Shape]]:
+def _slots(thickness_mm: float) -> tuple[FlatPiece, list[Shape]]:
     """Slots two film thicknesses + 0.2 mm wide, and as long as the tongue plus the labelled clearance."""
     pitch = TONGUE_MM + 5
     outline = box(0, 0, len(CLEARANCES_MM) * pitch, 16)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 from shapely.geometry import Polygon
 
 from foldcar.errors import FoldcarError
@@ -63,7 +64,8 @@ class _Area:
         self.reach_mm = gap_mm / 2 + math.hypot(*self.cell_mm) / 2
         self.apron = math.ceil(self.reach_mm / min(self.cell_mm))
         self.shape = (self.counts[1] + 2 * self.apron, self.counts[0] + 2 * self.apron)
-        self.padded = (_fast_length(self.shape[0]), _fast_length(self.shape[1]))
+        # Lengths whose Fourier transforms are quick.
+        self.padded = tuple(next_fast_len(length, real=True) for length in self.shape)
 
     def turned(self, outline: Polygon) -> list[_Turned]:
         """The piece in every turn that fits into the empty area."""
@@ -98,19 +100,6 @@ class _Area:
         x = self.margin_mm + column * self.cell_mm[0] - turned.corner_mm[0]
         y = self.margin_mm + row * self.cell_mm[1] - turned.corner_mm[1]
         return Motion(turned.turn, (x, y))
-
-
-def _fast_length(least: int) -> int:
-    """The next length whose only factors are 2, 3 and 5: FFTs of it are quick."""
-    length = least
-    while True:
-        rest = length
-        for factor in (2, 3, 5):
-            while rest % factor == 0:
-                rest //= factor
-        if rest == 1:
-            return length
-        length += 1
 
 
 class _Sheet:

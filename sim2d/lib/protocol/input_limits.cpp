@@ -1,0 +1,149 @@
+#include "input_limits.h"
+
+#include <stdexcept>
+
+#include "hal.h"
+#include "supervisor.h"
+
+namespace foldcar {
+namespace {
+
+using Table = std::map<std::string, Limits>;
+
+// Limits of what the model can stand for. Lengths below a millimetre vanish in its contacts, cars beyond a metre or so
+// are another machine; the rest keeps the arithmetic in single precision healthy.
+constexpr Limits kCoordinate_m{-1000, 1000};
+constexpr Limits kHeading_rad{-100, 100};
+constexpr Limits kCarLength_m{0.005, 2};
+constexpr Limits kOffset_m{-1, 1};
+constexpr Limits kMass_kg{0.0005, 50};
+constexpr Limits kInertia_kg_m2{1e-7, 50};
+constexpr Limits kFriction{0, 5};
+constexpr Limits kGrip{0, 5};
+constexpr Limits kVoltage_v{0.1, 60};
+constexpr Limits kCurrent_a{0, 50};
+constexpr Limits kPulse_us{500, 2500};
+constexpr double kFold_rad = 3;  // a hinge folds less than half a turn
+constexpr Limits kSide_m{0.001, 100};
+constexpr Limits kHeight_m{0.0001, 10};
+constexpr Limits kSpread_m{0.005, 100};
+constexpr Limits kEdge_m{0.002, 100};
+constexpr Limits kTime_s{0, 3600};
+
+void add_body(Table& table) {
+  const double channels = static_cast<double>(kChannelCount);
+  for (const char* key : {"x_m", "center_z_m", "com_x_m", "com_y_m", "com_z_m"}) {
+    table[std::string("body.segments.") + key] = kOffset_m;
+  }
+  for (const char* key : {"length_m", "width_m", "height_m"}) {
+    table[std::string("body.segments.") + key] = kCarLength_m;
+  }
+  for (const char* key : {"roll_inertia_kg_m2", "pitch_inertia_kg_m2", "yaw_inertia_kg_m2"}) {
+    table[std::string("body.segments.") + key] = kInertia_kg_m2;
+  }
+  table.insert({{"body.segments.count", {1, 8}},
+                {"body.segments.mass_kg", kMass_kg},
+                {"body.segments.grip", kGrip},
+                {"body.hinges.z_m", kOffset_m},
+                // A hinge softer than any film would be none; a stiffer one is a rigid beam.
+                {"body.hinges.stiffness_n_m_rad", {1e-6, 1000}},
+                {"body.hinges.damping_n_m_s_rad", {0, 10}},
+                {"body.hinges.min_rad", {-kFold_rad, 0}},
+                {"body.hinges.max_rad", {0, kFold_rad}},
+                {"body.track_m", kCarLength_m},
+                {"body.supply_v", kVoltage_v},
+                {"body.wheels.count", {2, channels}},
+                {"body.wheels.channel", {0, channels - 1}},
+                {"body.wheels.x_m", kOffset_m},
+                {"body.wheels.radius_m", {0.005, 0.5}},
+                {"body.wheels.width_m", {0.0005, 0.2}},
+                {"body.wheels.mass_kg", kMass_kg},
+                {"body.wheels.grip", kGrip},
+                {"body.wheels.eccentricity_phase_rad", kHeading_rad},
+                {"body.wheels.servo.stall_torque_n_m", {1e-4, 50}},
+                {"body.wheels.servo.no_load_speed_rad_s", {0.1, 200}},
+                {"body.wheels.servo.rated_v", kVoltage_v},
+                {"body.wheels.servo.stall_current_a", kCurrent_a},
+                {"body.wheels.servo.rotor_inertia_kg_m2", {0, kInertia_kg_m2.maximum}},
+                {"body.wheels.servo.neutral_us", kPulse_us},
+                {"body.wheels.servo.deadband_us", {0, 500}},
+                {"body.wheels.servo.saturation_us", {1, 1000}},
+                {"body.wheels.servo.direction", {-1, 1}}});
+}
+
+void add_scene(Table& table) {
+  for (const char* place : {"scene.start", "scene.goal"}) {
+    table[std::string(place) + ".x_m"] = table[std::string(place) + ".y_m"] = kCoordinate_m;
+    table[std::string(place) + ".heading_rad"] = kHeading_rad;
+  }
+  for (const char* side : {"x_min_m", "x_max_m", "y_min_m", "y_max_m"}) {
+    table[std::string("scene.course.") + side] = kCoordinate_m;
+  }
+  table["scene.friction"] = kFriction;
+  table["scene.goal.radius_m"] = {0.001, 1000};
+}
+
+void add_terrain(Table& table) {
+  for (const char* kind : {"box", "ramp", "half_round", "hill", "pothole", "rough", "patch"}) {
+    const std::string path = std::string("scene.terrain.") + kind;
+    table[path + ".x_m"] = table[path + ".y_m"] = kCoordinate_m;
+    table[path + ".heading_rad"] = kHeading_rad;
+  }
+  table.erase("scene.terrain.pothole.heading_rad");
+  for (const char* kind : {"box", "ramp", "half_round", "rough", "patch"}) {
+    const std::string path = std::string("scene.terrain.") + kind;
+    table[path + ".length_m"] = table[path + ".width_m"] = kSide_m;
+  }
+  for (const char* kind : {"box", "ramp", "half_round"}) {
+    table[std::string("scene.terrain.") + kind + ".height_m"] = kHeight_m;
+  }
+  table.insert({{"scene.terrain.count", {0, 10000}},
+                {"scene.terrain.hill.sd_along_m", kSpread_m},
+                {"scene.terrain.hill.sd_across_m", kSpread_m},
+                {"scene.terrain.hill.height_m", {-kHeight_m.maximum, kHeight_m.maximum}},
+                {"scene.terrain.pothole.radius_m", kEdge_m},
+                {"scene.terrain.pothole.depth_m", kHeight_m},
+                {"scene.terrain.pothole.edge_m", kEdge_m},
+                {"scene.terrain.rough.height_sd_m", {0, 1}},
+                {"scene.terrain.rough.correlation_m", kSide_m},
+                {"scene.terrain.rough.seed", {0, 2147483647}},
+                // Of all grids of a scene's rough ground together; a node takes four bytes.
+                {"scene.terrain.rough.nodes", {0, 4e6}},
+                {"scene.terrain.patch.friction", kFriction}});
+}
+
+void add_runs(Table& table) {
+  table.insert({{"run.speed_m_s", {-kSpeedLimitMS, kSpeedLimitMS}},
+                {"run.yaw_rate_rad_s", {-kYawRateLimitRadS, kYawRateLimitRadS}},
+                {"run.time_limit_s", {0.001, kTime_s.maximum}},
+                {"run.path_interval_s", kTime_s},
+                {"heights.x_m", kCoordinate_m},
+                {"heights.y_m", kCoordinate_m},
+                {"heights.x_m.count", {0, 1e6}},
+                {"heights.y_m.count", {0, 1e6}},
+                {"advance.to_s", kTime_s}});
+}
+
+Table made() {
+  Table table;
+  add_body(table);
+  add_scene(table);
+  add_terrain(table);
+  add_runs(table);
+  return table;
+}
+
+}  // namespace
+
+const Table& input_limits() {
+  static const Table table = made();
+  return table;
+}
+
+Limits limits_of(const std::string& path) {
+  const auto row = input_limits().find(path);
+  if (row == input_limits().end()) throw std::logic_error("no limits of " + path);
+  return row->second;
+}
+
+}  // namespace foldcar

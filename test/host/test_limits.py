@@ -1,0 +1,147 @@
+"""`carsim limits`: what it prints is what `carsim batch` holds its input to, and what the host's own checks allow."""
+
+import json
+import subprocess
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.car.design import MAX_AXLES, MAX_SEGMENTS
+from foldcar.car.firmware_parameters import CHANNELS
+from foldcar.scenes import terrain
+from foldcar.scenes.checks import FARTHEST_M
+from foldcar.scenes.scene_json import MOST_FRICTION
+from foldcar.simulation.carsim_limits import CarsimLimits
+from study_car import car_body, empty_scene
+
+PLACE = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
+SIDES = {**PLACE, "length_m": 1.0, "width_m": 1.0}
+PIECES: dict[str, dict[str, Any]] = {
+    "box": {**SIDES, "height_m": 0.1},
+    "ramp": {**SIDES, "height_m": 0.1},
+    "half_round": {**SIDES, "height_m": 0.1},
+    "hill": {**PLACE, "sd_along_m": 0.1, "sd_across_m": 0.1, "height_m": 0.1},
+    "pothole": {"x_m": 0.0, "y_m": 0.0, "radius_m": 0.3, "depth_m": 0.1, "edge_m": 0.05},
+    "rough": {**SIDES, "height_sd_m": 0.01, "correlation_m": 0.1, "seed": 1},
+    "patch": {**SIDES, "friction": 0.5},
+}
+# Bounds that follow from other numbers of the line stand before the table's.
+DEPENDENT = {
+    ("body.wheels.servo.saturation_us", "least"),
+    ("scene.course.x_max_m", "least"),
+    ("scene.course.y_max_m", "least"),
+    ("scene.terrain.half_round.height_m", "largest"),
+    ("scene.terrain.pothole.edge_m", "largest"),
+    ("scene.terrain.rough.correlation_m", "largest"),
+}
+
+
+def hinged() -> dict[str, Any]:
+    """A body of two segments with a hinge, as docs/carsim.md has it."""
+    body = deepcopy(car_body())
+    (segment,) = body["segments"]
+    front = {**segment, "x_m": segment["x_m"] + 0.25 * segment["length_m"], "length_m": segment["length_m"] / 2}
+    rear = {**front, "x_m": segment["x_m"] - 0.25 * segment["length_m"]}
+    hinge = {"x_m": segment["x_m"], "z_m": 0.0, "stiffness_n_m_rad": 0.1, "damping_n_m_s_rad": 0.01}
+    body["segments"], body["hinges"] = [front, rear], [{**hinge, "min_rad": -0.5, "max_rad": 0.5}]
+    return {"id": "b", **body}
+
+
+def line_with(path: str, value: float) -> dict[str, Any]:
+    """A line of the protocol that is sound but for that number."""
+    kind, *keys = path.split(".")
+    whole: dict[str, dict[str, Any]] = {
+        "body": hinged(),
+        "scene": {"id": "s", **empty_scene(goal_x_m=1.0)},
+        "run": {"id": "r", "body": "b", "scene": "s", "speed_m_s": 0.5, "time_limit_s": 1.0},
+        "heights": {"id": "h", "scene": "s", "x_m": [0.0], "y_m": [0.0]},
+    }
+    line = deepcopy(whole[kind])
+    if keys[0] == "terrain":
+        line["terrain"] = [{"kind": keys[1], **PIECES[keys[1]]}]
+        keys = ["terrain", keys[-1]]
+    if path == "scene.goal.radius_m":
+        line["goal"] = {"kind": "disc", "x_m": 1.0, "y_m": 0.0, "radius_m": 0.1}
+    target: Any = line
+    for key in keys[:-1]:
+        target = target[key]
+        target = target[0] if isinstance(target, list) else target
+    target[keys[-1]] = [value] if kind == "heights" else value
+    return {kind: line}
+
+
+def test_batch_holds_its_input_to_the_printed_limits(carsim_binary: Path, carsim_limits: CarsimLimits) -> None:
+    asked: list[tuple[str, float, str]] = []
+    for path, (least, largest) in carsim_limits.numbers.items():
+        if path.endswith((".count", ".nodes")) or path.startswith("advance."):
+            continue
+        span = max(1.0, abs(least), abs(largest))
+        if (path, "least") not in DEPENDENT:
+            asked.append((path, least - span, f"is below the limit {json.dumps(least)}"))
+        if (path, "largest") not in DEPENDENT:
+            asked.append((path, largest + span, f"is above the limit {json.dumps(largest)}"))
+    lines = [line_with(path, value) for path, value, _ in asked]
+
+    text = "".join(json.dumps(line) + "\n" for line in lines)
+    done = subprocess.run([carsim_binary, "batch"], input=text, capture_output=True, text=True, timeout=60)
+
+    messages = [json.loads(line)["error"]["message"] for line in done.stdout.splitlines()]
+    assert len(messages) == len(asked) > 120
+    for (path, _, limit), message in zip(asked, messages, strict=True):
+        assert message.startswith(path.split(".")[0] + ".") and f".{path.split('.')[-1]}" in message, message
+        assert message.endswith(limit), (path, message)
+
+
+def test_what_lies_between_the_limits_is_taken(carsim_binary: Path) -> None:
+    lines: list[dict[str, Any]] = [{"body": hinged()}]
+    lines += [line_with(f"scene.terrain.{kind}.x_m", 0.0) for kind in PIECES]
+    text = "".join(json.dumps(line) + "\n" for line in lines)
+
+    done = subprocess.run([carsim_binary, "batch"], input=text, capture_output=True, text=True, timeout=60)
+
+    assert (done.returncode, done.stdout) == (0, "")
+
+
+def test_no_design_has_more_than_the_simulator_takes(carsim_limits: CarsimLimits) -> None:
+    numbers = carsim_limits.numbers
+
+    assert numbers["body.segments.count"] == (1, MAX_SEGMENTS)
+    assert numbers["body.wheels.count"] == (2, 2 * MAX_AXLES)
+    assert numbers["body.wheels.channel"] == (0, CHANNELS - 1)
+
+
+@pytest.mark.parametrize("kind", terrain.KINDS)
+def test_no_scene_has_terrain_that_the_simulator_refuses(carsim_limits: CarsimLimits, kind: str) -> None:
+    sizes = {**terrain.PLACE_KEYS, **terrain.KINDS[kind]}
+    if kind == "pothole":
+        del sizes["heading_rad"]
+    printed = {
+        path.rsplit(".", 1)[1]: limits
+        for path, limits in carsim_limits.numbers.items()
+        if path.startswith(f"scene.terrain.{kind}.") and not path.endswith(".nodes")
+    }
+
+    assert sizes.keys() == printed.keys()
+    for key, (least, largest) in sizes.items():
+        assert printed[key][0] <= least <= largest <= printed[key][1], key
+
+
+def test_no_scene_is_larger_than_the_simulator_takes(carsim_limits: CarsimLimits) -> None:
+    numbers = carsim_limits.numbers
+
+    assert numbers["scene.terrain.count"] == (0, terrain.MOST_PIECES)
+    assert numbers["scene.terrain.rough.nodes"] == (0, terrain.MOST_NODES)
+    assert numbers["scene.friction"][1] == MOST_FRICTION
+    assert numbers["scene.course.x_min_m"] == (-FARTHEST_M, FARTHEST_M)
+
+
+def test_the_rules_of_a_trial_are_the_documented_ones(carsim_limits: CarsimLimits) -> None:
+    rules = carsim_limits.trial
+
+    assert (rules.settling_s, rules.firmware_tick_s, rules.step_s) == (0.25, 0.02, pytest.approx(1 / 240))
+    # 75 degrees; 10 mm and 2 degrees in 4 s.
+    assert rules.tipped_up == pytest.approx(0.2588, abs=0.002)
+    assert (rules.stuck_distance_m, rules.stuck_time_s) == (0.010, 4.0)
+    assert rules.stuck_turn_rad == pytest.approx(0.0349, abs=0.0002)

@@ -147,7 +147,7 @@ def test_an_export_replaces_an_export_and_nothing_else(tmp_path: Path, store: Pa
 
     refused = foldcar("export", "s.db", "--folder", "out")
 
-    assert refused.returncode == 2 and "holds mine.txt, which is none of its files" in refused.stderr
+    assert refused.returncode == 2 and "contains mine.txt, which its manifest does not name" in refused.stderr
     assert files(tmp_path / "out") == before
 
 

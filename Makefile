@@ -12,23 +12,39 @@ unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP VIRTUAL_ENV PIP_USER PIP_TARGET PIP
 # foldcar and the tools write into the source tree only what is asked for.
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
+# What pip installs: every package with its version and hashes.
+LOCK := host/requirements.txt
+UV_VERSION := 0.13.9
+
 CARSIM := .pio/build/carsim/program
 # Folders are among the prerequisites so that a removed file counts as a change.
 CARSIM_SOURCES := $(shell find firmware/lib firmware/src sim2d platformio.ini host/foldcar/mavlink_dialect -not -name '*.pyc' \
   -not -name __pycache__) tools/build_id.py tools/firmware_id.py tools/mavlink_headers.py tools/simulation_digest.py
+
+# What `make fresh` tries, and on which release of Debian.
+SUITE := trixie
+TARGETS := study test
 
 # Random and damaged bytes for the firmware's link.
 FUZZ_BYTES := 100000000
 FUZZ_SEED := 1
 FUZZ_FLAGS := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all
 
-# The portable firmware, for programs that need nothing else.
-FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp))
-FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*))
-FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h test/*.h)
+# The portable firmware on the simulated board, for programs that need nothing else.
+FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp)) sim2d/lib/sim_hal/sim_hal.cpp
+FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*)) -Isim2d/lib/sim_hal
+FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h sim2d/lib/sim_hal/*.h test/*.h)
+
+# Every header but those that need the board's own libraries, and where they find each other's.
+HEADERS := $(filter-out firmware/lib/feather_hal/% firmware/lib/design_json/%,\
+  $(shell find firmware/lib sim2d test -name '*.h' | sort))
+HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNITY_INCLUDE_DOUBLE -Itest \
+  $(addprefix -I,$(wildcard firmware/lib/* sim2d/lib/*)) $(addprefix -isystem ,.pio/mavlink \
+  $(wildcard .pio-core/lib/Unity .pio/libdeps/native/*/include .pio/libdeps/native/*/src .pio/libdeps/native/*))
+HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup study fidelity test test-native test-host lint bench fuzz clean system-packages platformio
+.PHONY: help setup study fidelity test test-native headers test-host lint bench fuzz fresh clean lock system-packages platformio
 .DELETE_ON_ERROR:
 
 help:
@@ -38,7 +54,9 @@ help:
 	@echo 'make bench     set up and measure the speed'
 	@echo 'make fuzz      feed the car'"'"'s link with $(FUZZ_BYTES) random and damaged bytes (FUZZ_BYTES=, FUZZ_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
+	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
 	@echo 'make lint      set up and check the Python sources only'
+	@echo 'make lock      renew $(LOCK) after a change of host/pyproject.toml (LOCK_FLAGS=--upgrade: newest versions)'
 	@echo 'make clean     remove everything that was built or installed here; results in out/ stay'
 	@echo 'PYTHON=...     the Python (3.10 or newer) that .venv is made with; now $(PYTHON)'
 
@@ -57,6 +75,7 @@ fidelity: setup
 
 # One after the other, also under make -j, so that what fails stands last.
 test: setup
+	@tools/install_system_packages.sh tests
 	$(MAKE) lint
 	$(MAKE) test-native
 	$(MAKE) test-host
@@ -68,6 +87,13 @@ lint: .venv/installed
 
 test-native: setup
 	$(BIN)/pio test -e native
+	$(MAKE) headers
+
+# Each header compiles alone: what it needs it includes itself. After the tests' build, which fetches Unity.
+headers: setup
+	@for compiler in $(HEADER_COMPILERS); do printf '%s\n' $(HEADERS) | \
+	  xargs -P 2 -I '{}' $$compiler $(HEADER_FLAGS) -x c++ -include '{}' /dev/null || exit 1; \
+	  echo "$(words $(HEADERS)) headers compile alone with $$compiler"; done
 
 test-host: setup
 	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . -n 2 --dist loadfile test/host
@@ -78,6 +104,11 @@ bench: setup .pio/bench/firmware_tick
 
 fuzz: .pio/fuzz/fuzz_link
 	.pio/fuzz/fuzz_link $(FUZZ_BYTES) $(FUZZ_SEED)
+
+# Both commands, as a new user on a machine with nothing on it (as root).
+fresh:
+	@tools/install_system_packages.sh fresh
+	@tools/fresh.sh $(SUITE) $(TARGETS)
 
 .pio/fuzz/fuzz_link: test/fuzz/fuzz_link.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
 	@mkdir -p $(@D)
@@ -94,12 +125,22 @@ clean:
 system-packages:
 	@tools/install_system_packages.sh
 
-.venv/installed: host/pyproject.toml | system-packages
+.venv/installed: host/pyproject.toml $(LOCK) | system-packages
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
 	  echo 'make: PYTHON=$(PYTHON) is missing or older than Python 3.10; name a newer one' >&2; exit 2; }
 	"$(PYTHON)" -m venv .venv
-	$(BIN)/pip install --quiet --editable 'host[dev]'
+	$(BIN)/pip install --quiet --no-deps --require-hashes -r $(LOCK)
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable host
 	@touch $@
+
+# One lock for every supported Python; what it names stays as it is where it still fits (LOCK_FLAGS=--upgrade renews it).
+lock: .pio/lock/bin/uv
+	.pio/lock/bin/uv --project host pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url \
+	  --no-annotate --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --extra dev host/pyproject.toml -o $(LOCK)
+
+.pio/lock/bin/uv:
+	"$(PYTHON)" -m venv .pio/lock
+	.pio/lock/bin/pip install --quiet uv==$(UV_VERSION)
 
 # Quick where all is there already; see the script for when it does something.
 platformio: .venv/installed
@@ -108,3 +149,10 @@ platformio: .venv/installed
 $(CARSIM): $(CARSIM_SOURCES) | platformio
 	$(BIN)/pio run -e carsim
 	@touch $@
+
+# Plants small faults in the C++ sources and sees whether the tests notice them: MUTANTS of each file, or all.
+MUTANTS := 10
+MUTATION_SEED := 1
+.PHONY: mutation
+mutation: setup
+	$(BIN)/python tools/mutation.py --mutants $(MUTANTS) --seed $(MUTATION_SEED)

@@ -1,8 +1,7 @@
-"""Measures the width study's speed and says where the time goes; run it with `make bench`.
+"""Measures the speed of the width study and its parts; run it with `make bench`.
 
-Everything is measured in one go on this machine: the study by `foldcar sweep` with one and two jobs, its
-report, then the same runs in one `carsim` process that times itself; cutting terrain in a field of hills, and what
-Scenic costs (see scenic_way). Nothing is asserted: numbers are for reading.
+Output: a table of the study by `foldcar sweep` with one and two jobs, of the same runs in one `carsim` process that
+measures its own times, of terrain slicing in a field of hills, and of Scenic's cost (scenic_way.py).
 """
 
 import json
@@ -37,7 +36,7 @@ class Timed:
 
 
 def run(*arguments: str | Path) -> Timed:
-    """Run a command of foldcar quietly; ends the benchmark if it fails."""
+    """Run a foldcar command without output; the benchmark exits if it fails."""
     command = [str(FOLDCAR), *map(str, arguments)]
     start_s = time.perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
@@ -49,13 +48,13 @@ def run(*arguments: str | Path) -> Timed:
 
 
 def sweep(store: Path, jobs: int, environments: int | None = None, listing: Path = LISTING) -> Timed:
-    """The study, or another listing, into a new store."""
+    """Sweep the study, or another listing, into a new store."""
     more = () if environments is None else ("--environments", str(environments))
     return run("sweep", listing, "--store", store, "--jobs", str(jobs), *more)
 
 
 def batch_lines(store: Path) -> str:
-    """The input of `carsim batch` for every run of a store, as the sweep gave it."""
+    """The input of `carsim batch` for all runs of a store, as in the sweep."""
     connection = sqlite3.connect(f"{store.as_uri()}?mode=ro", uri=True)
 
     def named(kind: str, prefix: str) -> list[str]:
@@ -74,7 +73,7 @@ def batch_lines(store: Path) -> str:
 
 
 def carsim_timing(lines: str) -> dict[str, float]:
-    """Where one batch's time goes: `carsim batch --timing`."""
+    """The times (s) that `carsim batch --timing` reports."""
     answer = subprocess.run(
         [CARSIM, "batch", "--timing"],
         input=lines,
@@ -87,13 +86,13 @@ def carsim_timing(lines: str) -> dict[str, float]:
 
 
 def scenic_seconds(samples: int) -> float:
-    """Importing Scenic, compiling the study's program and sampling its scenes, in a process of its own."""
+    """Wall time (s) to import Scenic, compile the study's program and sample its scenes, in a new process."""
     experiment = read_study(LISTING).experiments[0]
     return run("sample", experiment.program, "-n", str(samples), "--seed", str(experiment.seed)).wall_s
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure and print the table."""
     console = Console()
     with tempfile.TemporaryDirectory() as folder, console.status("the study, 1 job") as status:
         one_store, two_store = Path(folder, "1.db"), Path(folder, "2.db")

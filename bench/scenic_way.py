@@ -1,7 +1,7 @@
-"""What Scenic costs: a run of 120 s beside the simulation against the same run without it, and sampling many objects.
+"""Measures Scenic's cost: a run of 120 s with Scenic against the same run without, and sampling many objects.
 
-Input: the simulator. Output: milliseconds of this process' processor time, which the simulator's process, the physics,
-is no part of; each the least of several measured in turn, since whatever else the machine does only adds.
+Input: the simulator. Output: processor time of this process (ms), without the simulator's process; each value is the
+minimum of several measurements, because other load only adds time.
 """
 
 import json
@@ -21,7 +21,7 @@ from foldcar.simulation.scenic_simulator import CarSimulator
 RUN_S = 120.0
 REPEATS = 7
 OBJECTS = 50
-# Slow enough to stay on the course, wide enough for a car whose weight is off the middle; a condition and a record.
+# A slow car on a wide course, which a car with an eccentric centre of mass does not leave; a condition and a record.
 SPEED_M_S = 0.1
 LONG_WAY = """model model
 param course_x_max = 20, course_y_min = -5, course_y_max = 5
@@ -29,7 +29,7 @@ ego = new Robot at (0, 0), facing -90 deg
 terminate when ego.position.x > 19
 record final ego.position.x as way
 """
-# How a program may turn its objects, by what the table calls it.
+# Specifiers of the objects' orientation, by their names in the table.
 TURNS = {
     "headings given": "facing 90 deg",
     "random yaw": "with yaw Range(0, 180) deg",
@@ -44,7 +44,7 @@ for _ in range({OBJECTS - 2}):
 
 
 def scenic_run_ms(binary: Path) -> float:
-    """What Scenic adds to a run of 120 s."""
+    """The processor time (ms) that Scenic adds to a run of 120 s."""
     source = _source(LONG_WAY)
     scene = source.scenic_scene(0)
     text = json.dumps(source.describe(scene, 0))
@@ -72,7 +72,7 @@ def scenic_run_ms(binary: Path) -> float:
 
 
 def sampling_ms(turn: str) -> float:
-    """Sampling one scene of 50 objects that are turned so, without the JSON made of it."""
+    """The processor time (ms) to sample a scene of 50 objects with that specifier, without converting it to JSON."""
     source = _source(MANY.replace("TURN", TURNS[turn]))
     samples = iter(range(10_000))
     (least,) = _least_ms(lambda: source.scenic_scene(next(samples)))

@@ -1,4 +1,4 @@
-"""A field of smooth hills of random place, size and direction; where they overlap they add up."""
+"""A field of Gaussian hills of random position, size and direction; overlapping hills add up."""
 
 model model
 
@@ -6,9 +6,9 @@ param hills = 20
 param field_x = 0.85        # middle of the field
 param field_length = 1.0    # along the way
 param field_width = 1.2
-param lowest = 0.01         # hills are between these high
+param lowest = 0.01         # range of heights
 param highest = 0.04
-param narrowest = 0.05      # standard deviations along and across are between these
+param narrowest = 0.05      # range of the standard deviations along and across
 param widest = 0.12
 
 field = RectangularRegion(

@@ -1,4 +1,4 @@
-"""Everything the vocabulary has, one after the other, each a little elsewhere in every sample."""
+"""All obstacles of the vocabulary in sequence, with random positions."""
 
 model model
 
@@ -6,23 +6,23 @@ param course_x_max = 6.0
 param height = 0.02         # of the sharp-edged obstacles
 param rough_sd = 0.005      # of the rough ground
 param ice_friction = 0.25
-param position_sd = 0.01    # of every obstacle's place
+param position_sd = 0.01    # standard deviation of every obstacle's position
 param heading_sd = 0.02     # of the start, radians
 
 def near(x, y=0):
     return (Normal(x, globalParameters.position_sd), Normal(y, globalParameters.position_sd))
 
-# Over bumps, both wheels at once.
+# Bumps under both wheels.
 new Bump at near(0.4), facing -90 deg, with height globalParameters.height
 new RoundBump at near(0.75), facing -80 deg, with height 1.4 * globalParameters.height
 
-# Up one way, down another.
+# A ramp, a kerb and a step.
 new Ramp at near(1.4), facing -90 deg,
     with run_up 0.3, with plateau 0.2, with run_down 0.2, with height 0.05
 new Kerb at near(2.1), facing -90 deg, with height globalParameters.height
 new Step at near(2.37), facing -90 deg, with length 0.25, with height 2 * globalParameters.height
 
-# One wheel at a time: rough ground with holes, a slippery stretch, hills, a pyramid.
+# Obstacles under single wheels: rough ground with holes, a slippery patch, hills, a pyramid.
 new RoughGround at near(3.1), facing -90 deg,
     with length 0.8, with amplitude globalParameters.rough_sd
 new Pothole at near(2.95, 0.07)

@@ -1,8 +1,8 @@
-"""The published program with its own ending and records: two bumps, one under the wheels of each side.
+"""The published program with its own termination and records: two bumps, one under the wheels of each side.
 
-It differs from the printed one where Scenic has changed since: objects are made by `new` and face `toward` a
-place. Mutating a place would not move what was placed relative to it, so the printed `mutate bumpCenter, startPos,
-endPos by 0.01` stands in the places themselves.
+It differs from the printed one where Scenic has changed: objects are created by `new` and face `toward` a point.
+Mutation of a point does not move objects placed relative to it, so the printed `mutate bumpCenter, startPos, endPos
+by 0.01` is replaced by normal distributions of the positions.
 """
 
 model model
@@ -13,7 +13,7 @@ param course_y_min = -1.4
 param course_y_max = 1.4
 param simulationTimeLimit = 120   # seconds
 param bump_height = 0.03
-param position_sd = 0.01          # of each place
+param position_sd = 0.01          # standard deviation of each position
 
 def near(x, y):
     return (Normal(x, globalParameters.position_sd), Normal(y, globalParameters.position_sd))
@@ -45,5 +45,5 @@ terminate after globalParameters.simulationTimeLimit seconds
 record final (distance to target) as distanceToTarget
 record final ego.consumedEnergy as consumedEnergy
 record final simulation().currentRealTime as elapsedTime
-# Only this tells a run that arrived from one that ran out of time.
+# Distinguishes arrival from the end of the time limit.
 record final (distance to target) <= 0.05 as passed

@@ -1,10 +1,10 @@
-"""Two offset step pyramids, one under the left wheels, then one under the right, each time a little elsewhere."""
+"""Two step pyramids, the first under the left wheels, the second under the right ones, with random positions."""
 
 model model
 
 param near_x = 0.45         # centre of the first pyramid
 param far_x = 0.90          # centre of the second pyramid
-param offset = 0.05         # both stand this far from the middle: the first to the left, the second to the right
+param offset = 0.05         # distance of both from the middle: the first to the left, the second to the right
 param step_height = 0.0215
 param top_side = 0.07       # side of the highest square
 param tread = 0.04

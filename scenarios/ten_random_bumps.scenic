@@ -1,7 +1,7 @@
-"""Ten bumps of random size, strewn over a region between start and goal; none touches another.
+"""Ten bumps of random size and position between start and goal, without contact of each other.
 
-The published field of bumps. Its target is a point; here it is the line through it, as a car that drives blindly
-leaves the field somewhere.
+The published field of bumps. Its target is a point; here it is the line through that point, because a car without
+steering leaves the field at any place along it.
 """
 
 model model
@@ -11,7 +11,7 @@ param course_x_max = 1.2
 param course_y_min = -1.2
 param course_y_max = 1.4
 param bumps = 10
-param lowest = 0.01         # bumps are between these high
+param lowest = 0.01         # range of heights
 param highest = 0.03
 
 start = new Marker at (0, 1)

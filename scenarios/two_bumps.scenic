@@ -1,12 +1,12 @@
-"""Two speed bumps across the way, as high and as far apart as the parameters say."""
+"""Two speed bumps across the car's path, with height and distance as parameters."""
 
 model model
 
 param bump_height = 0.02
 param bump_length = 0.06    # along the way
 param bump_x = 0.35         # middle of the first bump
-param bump_gap = 0.34       # free way between the bumps
-param goal_distance = 0.35  # of the goal behind the middle of the second bump
+param bump_gap = 0.34       # gap between the bumps
+param goal_distance = 0.35  # from the middle of the second bump to the goal
 
 near_bump = new Bump at (globalParameters.bump_x, 0), facing -90 deg,
     with length globalParameters.bump_length,

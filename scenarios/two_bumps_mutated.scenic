@@ -1,4 +1,4 @@
-"""The two speed bumps with every place and heading a little disturbed."""
+"""The two speed bumps with normal noise on all positions and headings."""
 
 model model
 

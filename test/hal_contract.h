@@ -1,14 +1,18 @@
-// What every HAL promises, as Unity checks: run check_hal_contract over each implementation.
+// What hal.h promises, as Unity checks: run check_hal_contract over every implementation.
 //
-// advance is called between readings of the clock and lets some of the HAL's time pass (a simulated HAL is
-// stepped, a real one waits). The contract asks nothing of the numbers a car measures.
+// The checks hold for any board, with or without an IMU and logs; they do not judge the values that a board measures.
+// advance is called between readings of the clock and lets some of the board's time pass.
 #pragma once
 
 #include <unity.h>
 
+#include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <functional>
 #include <initializer_list>
+#include <limits>
+#include <string>
 
 #include "hal.h"
 
@@ -21,9 +25,15 @@ inline void check_servos_take_pulses(WheelServos& servos) {
   mixed_us[0] = 1000.0f;
   mixed_us[1] = 2000.0f;
   mixed_us[2] = 1545.25f;
+  mixed_us[3] = kLongestOutputUs;
   TEST_ASSERT_TRUE_MESSAGE(servos.write_pulses(PulsesUs{}), "no pulses");
   TEST_ASSERT_TRUE_MESSAGE(servos.write_pulses(neutral_us), "a pulse on every output");
   TEST_ASSERT_TRUE_MESSAGE(servos.write_pulses(mixed_us), "shortest, longest, fractional, no pulse");
+  for (const float wrong_us : {-1.0f, 3000.5f, 1e9f, std::numeric_limits<float>::quiet_NaN()}) {
+    PulsesUs wrong{};
+    wrong[7] = wrong_us;
+    TEST_ASSERT_FALSE_MESSAGE(servos.write_pulses(wrong), "took a pulse outside its limits");
+  }
   TEST_ASSERT_TRUE_MESSAGE(servos.write_pulses(PulsesUs{}), "off again");
 }
 
@@ -55,7 +65,7 @@ inline void check_link_moves_no_more_than_asked(ByteLink& link) {
   TEST_ASSERT_EQUAL_UINT_MESSAGE(0, link.read(bytes, 0), "read something for nothing");
 }
 
-// Leaves the values CONTRACT and LONGEST_NAME_15 behind.
+// Deletes what is stored.
 inline void check_storage_gives_back_what_it_took(Storage& storage) {
   float value = 7.0f;
   TEST_ASSERT_FALSE_MESSAGE(storage.load("NEVER_SAVED", value), "found what was never saved");
@@ -69,6 +79,96 @@ inline void check_storage_gives_back_what_it_took(Storage& storage) {
   TEST_ASSERT_TRUE_MESSAGE(storage.save("LONGEST_NAME_15", 3.0f), "a name of 15 characters");
   TEST_ASSERT_TRUE(storage.load("LONGEST_NAME_15", value));
   TEST_ASSERT_TRUE(value == 3.0f);
+  TEST_ASSERT_TRUE_MESSAGE(storage.clear(), "not cleared");
+  for (const char* name : {"CONTRACT", "LONGEST_NAME_15"}) {
+    TEST_ASSERT_FALSE_MESSAGE(storage.load(name, value), "still there after clear");
+  }
+}
+
+// An IMU that is present answers with a finite sample; one that is not leaves the sample alone.
+inline void check_imu_answers_if_present(Imu& imu) {
+  ImuSample sample;
+  sample.acceleration_m_s2 = sample.rate_rad_s = {1e9f, 1e9f, 1e9f};
+  const bool answers = imu.read(sample);
+  TEST_ASSERT_TRUE_MESSAGE(answers == imu.present(), "an IMU answers if, and only if, it is present");
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const float largest = std::fmax(std::fabs(sample.acceleration_m_s2[axis]), std::fabs(sample.rate_rad_s[axis]));
+    TEST_ASSERT_TRUE_MESSAGE(answers ? largest < 1e4f : largest == 1e9f, "not m/s2 and rad/s, or not left alone");
+  }
+}
+
+inline std::string content_of_log(LogStorage& logs, std::uint16_t id) {
+  std::string content;
+  std::uint8_t part[7];
+  while (const std::size_t count = logs.read(id, content.size(), part, sizeof part)) {
+    TEST_ASSERT_TRUE_MESSAGE(count <= sizeof part, "read more than asked");
+    content.append(reinterpret_cast<const char*>(part), count);
+  }
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(content.size(), logs.size(id), "a log's size is not that of its content");
+  return content;
+}
+
+inline void store_log(LogStorage& logs, std::uint16_t id, std::initializer_list<const char*> parts) {
+  TEST_ASSERT_TRUE_MESSAGE(logs.create(id), "not created");
+  for (const char* part : parts) {
+    TEST_ASSERT_TRUE(logs.append(reinterpret_cast<const std::uint8_t*>(part), std::strlen(part)));
+  }
+  TEST_ASSERT_TRUE_MESSAGE(logs.close(), "not closed");
+}
+
+inline void check_range(LogStorage& logs, std::uint16_t first, std::uint16_t last) {
+  std::uint16_t found_first = 0, found_last = 0;
+  TEST_ASSERT_TRUE_MESSAGE(logs.range(found_first, found_last), "no log found");
+  TEST_ASSERT_EQUAL_UINT(first, found_first);
+  TEST_ASSERT_EQUAL_UINT(last, found_last);
+}
+
+// Needs a storage without logs and leaves it so.
+inline void check_logs_give_back_what_they_took(LogStorage& logs) {
+  const std::uint8_t bytes[3] = {1, 2, 3};
+  std::uint8_t part[4] = {0, 0, 0, 0xA5};
+  std::uint16_t first = 70, last = 71;
+  TEST_ASSERT_FALSE_MESSAGE(logs.range(first, last), "a log although none was created");
+  TEST_ASSERT_TRUE_MESSAGE(first == 70 && last == 71, "changed the numbers although there is no log");
+  TEST_ASSERT_FALSE_MESSAGE(logs.append(bytes, sizeof bytes), "appended although no log is open");
+  TEST_ASSERT_FALSE_MESSAGE(logs.close(), "closed although no log is open");
+  TEST_ASSERT_FALSE_MESSAGE(logs.create(0), "numbers count from 1");
+  if (!logs.present()) {
+    TEST_ASSERT_FALSE_MESSAGE(logs.create(1), "created although nothing can be stored");
+    return;
+  }
+  store_log(logs, 7, {"folded ", "car"});
+  store_log(logs, 65535, {"last"});
+  store_log(logs, 3, {});
+  check_range(logs, 3, 65535);
+  TEST_ASSERT_TRUE(content_of_log(logs, 7) == "folded car");
+  TEST_ASSERT_TRUE(content_of_log(logs, 3).empty());
+  TEST_ASSERT_TRUE(content_of_log(logs, 65535) == "last");
+  TEST_ASSERT_EQUAL_UINT(3, logs.read(7, 4, part, 3));
+  TEST_ASSERT_EQUAL_MEMORY("ed ", part, 3);
+  TEST_ASSERT_EQUAL_HEX8_MESSAGE(0xA5, part[3], "read wrote past its buffer");
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.read(7, 10, part, 3), "read behind the end");
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.size(8), "a size of a log that is not there");
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.read(8, 0, part, 3), "read a log that is not there");
+  TEST_ASSERT_FALSE_MESSAGE(logs.remove(8), "removed a log that is not there");
+
+  // A log that was just read is replaced by a shorter one of its number.
+  store_log(logs, 7, {"new"});
+  TEST_ASSERT_TRUE_MESSAGE(content_of_log(logs, 7) == "new", "the older log is still there");
+
+  TEST_ASSERT_TRUE(logs.remove(3));
+  check_range(logs, 7, 65535);
+  TEST_ASSERT_TRUE(logs.remove(65535));
+  check_range(logs, 7, 7);
+  TEST_ASSERT_TRUE(logs.remove(7));
+  TEST_ASSERT_FALSE_MESSAGE(logs.range(first, last), "a log although all are removed");
+}
+
+// restart() is not called: what follows it is the board's own.
+inline void check_board_names_its_reset(const Board& board) {
+  const ResetReason reason = board.reset_reason();
+  TEST_ASSERT_TRUE_MESSAGE(reason <= ResetReason::kBrownOut, "not one of the reasons");
+  TEST_ASSERT_TRUE_MESSAGE(reason == board.reset_reason(), "the reason has changed without a restart");
 }
 
 inline void check_hal_contract(const Hal& hal, const std::function<void()>& advance) {
@@ -77,6 +177,9 @@ inline void check_hal_contract(const Hal& hal, const std::function<void()>& adva
   check_battery_is_volts_or_nan(hal.battery);
   check_link_moves_no_more_than_asked(hal.link);
   check_storage_gives_back_what_it_took(hal.storage);
+  check_imu_answers_if_present(hal.imu);
+  check_logs_give_back_what_they_took(hal.logs);
+  check_board_names_its_reset(hal.board);
 }
 
 }  // namespace foldcar

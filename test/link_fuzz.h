@@ -1,9 +1,10 @@
-// Random and damaged bytes for the firmware's link. Nothing of it may set wheels in motion.
+// Random and damaged bytes for the firmware's MAVLink connection. None of them may set wheels in motion.
 //
-// Half of the sessions damage every kind of packet, those that arm and start included, for a disarmed car; the other half
-// feed an armed one with plain noise and with damaged packets that ask for no motion.
+// Half of the sessions feed a disarmed car with noise and damaged packets of every kind, those that arm and start
+// included; the other half feed an armed car with noise and damaged packets that request no motion.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <random>
 #include <string>
@@ -19,7 +20,7 @@ class LinkFuzz {
  public:
   explicit LinkFuzz(std::uint64_t seed) : random_(seed) {}
 
-  // Feeds that many bytes; false as soon as a pulse is written.
+  // Feeds byte_count bytes. Returns false as soon as a pulse is written.
   bool run(std::uint64_t byte_count) {
     while (fed_ < byte_count) {
       if (!session(sessions_++ % 2 == 0)) return false;
@@ -94,7 +95,7 @@ class LinkFuzz {
     return bytes;
   }
 
-  // Never the packet as it was: bytes changed, left out, inserted, or its end cut off.
+  // The packet with bytes changed, removed or inserted, or cut off; it never contains the whole packet.
   std::string damaged(const std::string& packet) {
     std::string bytes = packet;
     while (bytes.find(packet) != std::string::npos) {
@@ -111,11 +112,11 @@ class LinkFuzz {
     return bytes;
   }
 
-  // What the car takes for whole packets in spite of all shows in its answers.
+  // Counts the answers of the car, which show how many damaged packets it accepted.
   void count_answers(const std::string& bytes) {
-    reader_.heard.clear();
-    reader_.hear(bytes);
-    for (const mavlink_message_t& message : reader_.heard) {
+    reader_.received.clear();
+    reader_.receive(bytes);
+    for (const mavlink_message_t& message : reader_.received) {
       const std::uint32_t id = message.msgid;
       if (id == MAVLINK_MSG_ID_COMMAND_ACK || id == MAVLINK_MSG_ID_PARAM_VALUE) ++accepted_count_;
     }

@@ -1,6 +1,9 @@
-// A host for tests: packs what it sends and reads what the car sends with MAVLink's own reference parser.
+// A MAVLink host for tests: packs messages, and reads those of the car with MAVLink's reference parser.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <map>
 #include <string>
@@ -14,7 +17,7 @@ class MavlinkHost {
  public:
   explicit MavlinkHost(std::uint8_t system = 255) : system_(system) {}
 
-  // The bytes of a message: content as a generated struct, encode as its mavlink_msg_…_encode_status.
+  // The packet of a message. content: one of MAVLink's generated structs; encode: its mavlink_msg_…_encode_status.
   template <typename Content, typename Encode>
   std::string pack(Encode encode, const Content& content) {
     mavlink_message_t message;
@@ -62,14 +65,14 @@ class MavlinkHost {
     return pack(mavlink_msg_param_set_encode_status, content);
   }
 
-  // Takes in bytes of the car and keeps the messages.
-  void hear(const std::string& bytes) {
+  // Reads bytes of the car and keeps the messages in received.
+  void receive(const std::string& bytes) {
     for (const char byte : bytes) {
       mavlink_message_t message;
       mavlink_status_t status;
       const std::uint8_t framing =
           mavlink_frame_char_buffer(&buffer_, &parsing_, static_cast<std::uint8_t>(byte), &message, &status);
-      if (framing == MAVLINK_FRAMING_OK) heard.push_back(message);
+      if (framing == MAVLINK_FRAMING_OK) received.push_back(message);
       if (framing == MAVLINK_FRAMING_BAD_CRC) ++bad_count;
     }
   }
@@ -78,7 +81,7 @@ class MavlinkHost {
   template <typename Content, typename Decode>
   std::vector<Content> all(std::uint32_t message_id, Decode decode) const {
     std::vector<Content> contents;
-    for (const mavlink_message_t& message : heard) {
+    for (const mavlink_message_t& message : received) {
       if (message.msgid != message_id) continue;
       contents.emplace_back();
       decode(&message, &contents.back());
@@ -95,7 +98,7 @@ class MavlinkHost {
   std::vector<mavlink_foldcar_trial_t> trials() const {
     return all<mavlink_foldcar_trial_t>(MAVLINK_MSG_ID_FOLDCAR_TRIAL, mavlink_msg_foldcar_trial_decode);
   }
-  // The lines for people, put together from their parts.
+  // The lines for people, joined from their parts.
   std::vector<std::string> texts() const {
     std::vector<std::string> lines;
     for (const auto& part : all<mavlink_statustext_t>(MAVLINK_MSG_ID_STATUSTEXT, mavlink_msg_statustext_decode)) {
@@ -109,7 +112,7 @@ class MavlinkHost {
     return lines;
   }
 
-  std::vector<mavlink_message_t> heard;
+  std::vector<mavlink_message_t> received;
   int bad_count = 0;
 
  private:

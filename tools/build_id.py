@@ -1,8 +1,8 @@
 """PlatformIO pre-script: writes build_id.h, which defines FOLDCAR_BUILD_ID, 16 hexadecimal digits.
 
-The id stands for everything that can change a simulation's results (see simulation_digest.py). The header
-lies in .pio/build_id/<environment>, on the include path; it is rewritten only when the id changes, and then
-only the source files that include it are compiled again.
+The id is a hash of everything that can change a simulation's results (see simulation_digest.py). The header is in
+.pio/build_id/<environment>, on the include path; it is rewritten only when the id changes, so that only then the files
+that include it are recompiled.
 """
 
 import sys

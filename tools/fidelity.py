@@ -1,7 +1,7 @@
-"""Brings docs/fidelity.md up to date with a cross-check of scenarios/fidelity.json: its tables and its pictures.
+"""Updates tables and pictures of docs/fidelity.md from a cross-check of scenarios/fidelity.json.
 
-Usage: fidelity.py CROSSCHECK_DIR PAGE. Reads runs.csv and pictures of the folder; replaces what stands between
-the marks in the page, and the pictures in the folder of the page's name beside it.
+Usage: fidelity.py CROSSCHECK_DIR PAGE. Input: runs.csv and pictures of the folder. Output: the page with the text
+between its marks replaced, and the pictures in the folder of the page's name beside it.
 """
 
 import csv
@@ -9,14 +9,13 @@ import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from statistics import fmean, stdev
 from typing import Any
 
 import matplotlib
 from matplotlib.figure import Figure
 
 from foldcar.atomic_file import atomic_file
-from foldcar.crosscheck.agreement import Pair, agreement, passes
+from foldcar.crosscheck.agreement import Pair, agreement
 from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.charts import FIRST, LOOKS
 from foldcar.crosscheck.compare import CARSIM, ELLIPSOID, HALF_STEP, MUJOCO
@@ -24,16 +23,15 @@ from foldcar.crosscheck.page import COMPARISON_HEAD, comparison_row, experiment_
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import RC
 
-# The tables' marks: experiments in carsim and MuJoCo, engines on step pyramids, their bias by friction.
+# The tables' marks: experiments in carsim and MuJoCo, engines on step pyramids.
 BEGIN, END = "<!-- table of tools/fidelity.py -->", "<!-- end of table -->"
 BEGIN_ENGINES, END_ENGINES = "<!-- engines of tools/fidelity.py -->", "<!-- end of engines -->"
-BEGIN_FRICTIONS, END_FRICTIONS = "<!-- frictions of tools/fidelity.py -->", "<!-- end of frictions -->"
 ENGINES = {
     "carsim": CARSIM,
-    "MuJoCo, half the time step": HALF_STEP,
-    "MuJoCo, tyres that touch in their middle (ellipsoids)": ELLIPSOID,
+    "MuJoCo, half step": HALF_STEP,
+    "MuJoCo, ellipsoid tyres": ELLIPSOID,
 }
-# What experiments are called on the page, by how their ids begin; those of one name are one row.
+# Names of experiments on the page by the beginning of their ids; those with one name share a row.
 NAMES = (
     ("width", "widths 65 to 245 mm, friction 0.6"),
     ("friction_0.3", "friction 0.3"),
@@ -49,11 +47,11 @@ NAMES = (
     ("course", "the obstacle course"),
 )
 EVERYTHING = "all"
-# Experiments on step pyramids of one friction, which their names end with.
-FRICTIONS = sorted((name.split()[-1], start) for start, name in NAMES if "friction" in name)
-# Not on step pyramids.
+# Columns of the cross-check's own table that the page leaves out.
+LEFT_OUT = ("95 % interval", "r of rates", "ellipsoid alike %")
+# Experiments on other ground.
 ELSEWHERE = ("bumps", "hills", "ten_bumps", "course")
-# Pictures of the cross-check (numbered as the listing's experiments) and what they are called here.
+# Names here of the cross-check's pictures, which are numbered as the listing's experiments.
 PICTURES = {
     "success_1.png": "width.png",
     "worst_1.png": "worst_width.png",
@@ -75,7 +73,7 @@ def main(folder: Path, page: Path) -> None:
         ]
         for name in names
     }
-    table = experiment_table(groups)
+    table = without_columns(experiment_table(groups), LEFT_OUT)
     pyramids = [row for row in rows if not row["experiment"].startswith(ELSEWHERE)]
     engines = [
         comparison_row(name, agreement(pairs))
@@ -84,7 +82,6 @@ def main(folder: Path, page: Path) -> None:
     ]
     text = replaced(page.read_text(encoding="utf-8"), BEGIN, END, markdown(table))
     text = replaced(text, BEGIN_ENGINES, END_ENGINES, markdown([COMPARISON_HEAD, *engines]))
-    text = replaced(text, BEGIN_FRICTIONS, END_FRICTIONS, markdown(bias_table(rows)))
     with atomic_file(page) as binary:
         binary.write(text.encode())
     pictures = page.with_suffix("")
@@ -95,24 +92,14 @@ def main(folder: Path, page: Path) -> None:
         save_figure(overview(table), pictures / "overview.png", colours=64)
 
 
-def bias_table(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
-    """Success of each engine minus MuJoCo's by friction, percentage points, with 95 % of the pairs' chance."""
-    table = [["friction", *ENGINES]]
-    for friction, start in FRICTIONS:
-        mine = [row for row in rows if row["experiment"].startswith(start)]
-        table.append([friction, *(bias_cell(pairs_of(mine, engine)) for engine in ENGINES.values())])
-    return table
-
-
-def bias_cell(pairs: Sequence[Pair]) -> str:
-    """The mean difference in success of paired runs, with 95 % of what chance does, and how many they are."""
-    differences = [100.0 * (passes(ours) - passes(theirs)) for _, ours, theirs in pairs]
-    error = stdev(differences) / len(differences) ** 0.5
-    return f"{fmean(differences):+.1f} ± {1.96 * error:.1f} ({len(differences)})"
+def without_columns(table: Sequence[Sequence[str]], names: Sequence[str]) -> list[list[str]]:
+    """The table without the columns that its first row gives these names."""
+    kept = [index for index, name in enumerate(table[0]) if name not in names]
+    return [[row[index] for index in kept] for row in table]
 
 
 def replaced(text: str, begin: str, end: str, between: str) -> str:
-    """The text with what stands between two marks, each there once, replaced."""
+    """The text with the part between two marks, each of which occurs once, replaced."""
     before, rest = text.split(begin)
     _, after = rest.split(end)
     return f"{before}{begin}\n{between}{end}{after}"
@@ -124,7 +111,7 @@ def name_of(row: Mapping[str, str]) -> str:
 
 
 def pairs_of(rows: Sequence[Mapping[str, str]], engine: str) -> list[Pair]:
-    """The outcomes of an engine and of MuJoCo, of the runs that both have made."""
+    """The outcomes of an engine and of MuJoCo for the runs that both have."""
     return [
         (
             Case(row["experiment"], int(row["design"]), int(row["sample"]), {}, {}, {}, {}),
@@ -137,13 +124,13 @@ def pairs_of(rows: Sequence[Mapping[str, str]], engine: str) -> list[Pair]:
 
 
 def markdown(table: Sequence[Sequence[str]]) -> str:
-    """A table with its head in the first row."""
+    """A Markdown table; the first row is its head."""
     lines = [table[0], ["---"] * len(table[0]), *table[1:]]
     return "".join("| " + " | ".join(cells) + " |\n" for cells in lines)
 
 
 def overview(table: Sequence[Sequence[str]]) -> Any:
-    """Success in both engines, a line a row of the table."""
+    """A figure of the success in both engines, one line for each row of the table."""
     rows = table[1:]
     figure = Figure(figsize=(7.2, 0.32 * len(rows) + 1.0), layout="constrained")
     axes = figure.subplots()

@@ -1,7 +1,7 @@
 """PlatformIO pre-script: writes firmware_id.h, which defines FOLDCAR_FIRMWARE_ID, 16 hexadecimal digits.
 
-The id stands for all of firmware/ and the MAVLink dialect. It is the same on the board and in carsim, so a host can
-tell whether a car runs what was simulated.
+The id is a hash of firmware/ and the MAVLink dialect. It is the same on the board and in carsim, so that the host can
+check whether a car runs the simulated firmware.
 """
 
 import sys

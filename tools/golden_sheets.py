@@ -1,7 +1,7 @@
-"""Writes the sheets of the published cars anew: patterns/sheets/CAR/sheet_N.svg for every car of its cars.json.
+"""Regenerates the sheets of the published cars: patterns/sheets/CAR/sheet_N.svg for every car of cars.json.
 
-Run it after a change that is meant to change them, look at what `git diff --stat` names, and commit them with the
-change: the tests compare what is made with what is there.
+Run it after an intended change of the sheets, review `git diff --stat`, and commit them with the change: the tests
+compare generated sheets with these files.
 """
 
 import json
@@ -20,20 +20,20 @@ SHEETS = PATTERNS / "sheets"
 
 
 def cars() -> dict[str, dict[str, str]]:
-    """Listing and machine of each car, by its vehicle's id."""
+    """Listing and machine of each published car, by its vehicle's id."""
     listed: dict[str, dict[str, str]] = json.loads((SHEETS / "cars.json").read_text(encoding="utf-8"))
     return listed
 
 
 def sheets_of(vehicle: str) -> tuple[Sheet, ...]:
-    """The sheets as they are made now."""
+    """The sheets of a published car as the current code generates them."""
     car = cars()[vehicle]
     design = listed_family(PATTERNS / car["listing"], vehicle, [])[1].single()
     return pattern(folded_car(design), options(car["machine"]), design.title).sheets
 
 
 def main() -> None:
-    """Replace all of them."""
+    """Replace the sheets of all published cars."""
     for vehicle in cars():
         folder = SHEETS / vehicle
         shutil.rmtree(folder, ignore_errors=True)

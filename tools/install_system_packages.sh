@@ -1,11 +1,22 @@
 #!/bin/sh
 # Installs the system packages that foldcar is built from, on Debian 12 and later and on Ubuntu 22.04 and later.
 # Does nothing, quickly, if they are there. Without root and without sudo it names what is missing and exits with 2.
+#
+# Usage: install_system_packages.sh [tests | fresh]     besides, what only the tests or only tools/fresh.sh need
 set -eu
 
 # Compiler and build tools; Box2D and the JSON library, which the simulator links; Python and its venv module;
 # git, with which PlatformIO fetches libraries; what Scenic's image library (OpenCV) loads.
 packages='g++ make python3 python3-venv ca-certificates git libbox2d-dev nlohmann-json3-dev libgl1 libglib2.0-0 libxcb1'
+case ${1:-} in
+'') ;;
+# The browser in which tests open pages. Ubuntu has no such package, only a snap that reads no temporary files.
+tests)
+  command -v google-chrome >/dev/null || grep -q '^ID=ubuntu$' /etc/os-release || packages="$packages chromium"
+  ;;
+fresh) packages="$packages debootstrap" ;;
+*) echo "install_system_packages: unknown purpose $1; it is tests or fresh" >&2 && exit 2 ;;
+esac
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
   echo "install_system_packages: this is no Debian or Ubuntu; install what answers to: $packages" >&2

@@ -1,7 +1,7 @@
-"""PlatformIO pre-script: makes the MAVLink headers in .pio/mavlink, which is put on the include path.
+"""PlatformIO pre-script: generates the MAVLink headers in .pio/mavlink and adds it to the include path.
 
-They are made again only when the dialect, pymavlink or the generator changes. Where PlatformIO's Python has no
-pymavlink of the right version, pip installs it there.
+They are generated again only if the dialect, pymavlink or the generator changes. If PlatformIO's Python lacks the
+required version of pymavlink, pip installs it there.
 """
 
 import subprocess
@@ -19,7 +19,7 @@ from generation import PYMAVLINK, DialectError, write_headers  # noqa: E402
 
 
 def has_pymavlink() -> bool:
-    """Whether this Python has the version that the dialect is cut from."""
+    """Whether this Python has the required version of pymavlink."""
     try:
         return bool(version("pymavlink") == PYMAVLINK)
     except PackageNotFoundError:
@@ -36,5 +36,5 @@ try:
     write_headers(folder)
 except (DialectError, OSError) as error:
     sys.exit(f"mavlink_headers: {error}")
-# Not as system headers, which some compilers for boards take for C.
+# Not as system headers, which some boards' compilers treat as C.
 env.Append(CPPPATH=[str(folder)])

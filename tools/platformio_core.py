@@ -12,6 +12,8 @@ from platformio.dependencies import get_core_dependencies
 from seed_files import SeedError, run, whole_folder, write_if_changed
 
 NATIVE_VERSION = "1.2.1"
+# The hashes of what pip installs.
+LOCK = Path(__file__).resolve().parent.parent / "host" / "requirements.txt"
 
 PLATFORM_PY = '''"""The platform `native`, seeded: programs for this machine, built with its own compiler."""
 
@@ -56,19 +58,19 @@ SCons.Script.main()
 
 
 def seed_core(core_dir: Path) -> None:
-    """Fills ``core_dir`` with what is not there yet. Raises SeedError."""
+    """Fill ``core_dir`` with the missing parts. Raises SeedError."""
     _seed_scons(scons_package_folder(core_dir))
     _seed_native(core_dir / "platforms" / "native")
     _seed_state(core_dir / "appstate.json")
 
 
 def scons_package_folder(core_dir: Path) -> Path:
-    """Where PlatformIO keeps SCons."""
+    """The folder of PlatformIO's SCons package."""
     return core_dir / "packages" / "tool-scons"
 
 
 def scons_version(requirement: str) -> tuple[str, str]:
-    """SCons' version and PlatformIO's name for it, from PlatformIO's requirement: ~4.41101.0 is 4.11.1."""
+    """SCons' version and PlatformIO's number for it, from PlatformIO's requirement: ~4.41101.0 is 4.11.1. SeedError."""
     match = re.fullmatch(r"[~^]?((\d+)\.(\d+)(\d\d)(\d\d)\.\d+)", requirement)
     if not match:
         raise SeedError(f"PlatformIO {platformio.__version__} asks for an unknown SCons, {requirement}")
@@ -83,7 +85,7 @@ def _seed_scons(folder: Path) -> None:
         return
     with whole_folder(folder) as part:
         pip = (sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(part))
-        run(f"SCons {version} from PyPI", *pip, f"scons=={version}")
+        run(f"SCons {version} from PyPI", *pip, "--require-hashes", "-c", str(LOCK), f"scons=={version}")
         _write_json(part / "package.json", {"name": "tool-scons", "version": named, "description": "SCons"})
         write_if_changed(part / "scons.py", SCONS_PY)
         _write_json(part / ".piopm", metadata)
@@ -98,7 +100,7 @@ def _seed_native(folder: Path) -> None:
 
 
 def _seed_state(file: Path) -> None:
-    """Keeps PlatformIO from looking for news of itself, which it otherwise does every few days."""
+    """Disable PlatformIO's check for new versions of itself."""
     try:
         state = json.loads(file.read_text(encoding="utf-8"))
     except (FileNotFoundError, ValueError):

@@ -115,6 +115,7 @@ def _is_ours(local_ini: Path) -> bool:
 
 
 def main() -> int:
+    """Run the command line; returns the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     choice = parser.add_mutually_exclusive_group()
     choice.add_argument("--if-unreachable", action="store_true", help="only where the registry is silent")

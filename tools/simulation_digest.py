@@ -1,6 +1,6 @@
 """A digest of everything that can change a simulation's results: sources, flags, compiler, Box2D, C library.
 
-The digest is the same wherever the checkout lies and whatever order the file system lists files in.
+It does not depend on the checkout's path nor on the order in which the file system lists files.
 """
 
 import hashlib
@@ -32,14 +32,14 @@ def simulation_digest(root: Path, flags: Sequence[str], compiler: str, downloade
 
 
 def source_files(root: Path) -> list[Path]:
-    """The portable firmware and the simulator: what is compiled into carsim, sorted by path."""
+    """The source files of carsim, that is of the portable firmware and the simulator, sorted by path."""
     firmware = (folder for folder in (root / "firmware" / "lib").iterdir() if _is_portable(folder))
     folders = [root / "sim2d", *firmware]
     return sorted(file for folder in folders for file in _files(folder))
 
 
 def firmware_digest(root: Path) -> str:
-    """What a car runs, as 16 hexadecimal digits: the firmware with its board's part, and the MAVLink dialect."""
+    """The digest of a car's firmware, board code included, and the MAVLink dialect: 16 hexadecimal digits."""
     digest = hashlib.sha256()
     folders = (root / "firmware" / "lib", root / "firmware" / "src", root / "host" / "foldcar" / "mavlink_dialect")
     for name, content in _contents(root, sorted(file for folder in folders for file in _files(folder))):
@@ -48,12 +48,12 @@ def firmware_digest(root: Path) -> str:
 
 
 def compiler_version(compiler: str) -> str:
-    """The compiler's target and version, as it states them."""
+    """The compiler's target and version as it reports them."""
     return _ask(compiler, "-dumpmachine") + _ask(compiler, "--version")
 
 
 def write_header(file: Path, name: str, digest: str) -> None:
-    """Writes the header that defines the macro ``name``, unless it stands there already."""
+    """Write the header that defines the macro ``name``, unless its content is unchanged."""
     text = f'#pragma once\n#define {name} "{digest}"\n'
     if not file.is_file() or file.read_text(encoding="utf-8") != text:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -93,6 +93,6 @@ def _ask(*command: str) -> str:
 
 
 def _add(digest: "hashlib._Hash", name: str, content: bytes) -> None:
-    # Lengths first, so that no two different lists of files run together to the same bytes.
+    # The lengths make the encoding unambiguous: different lists of files give different bytes.
     digest.update(f"{len(name)} {len(content)} {name}".encode())
     digest.update(content)

@@ -1,8 +1,7 @@
 """The Unity test framework as a library in PlatformIO's core folder, from the distribution's source archive.
 
-No binary package ships Unity; the source package ntpsec carries it for its own tests. apt fetches and
-verifies that package with a copy of its own configuration, in a temporary folder, in which source archives
-are switched on.
+No binary package contains Unity, but the source package ntpsec does, for its own tests. apt fetches and verifies that
+package, in a temporary folder, with a copy of its configuration in which source archives are enabled.
 """
 
 import json
@@ -15,13 +14,13 @@ from seed_files import SeedError, run, whole_folder
 
 SOURCE_PACKAGE = "ntpsec"
 FILES = ("unity.c", "unity.h", "unity_internals.h")
-# Earlier versions do not know the hooks through which PlatformIO takes the output.
+# Earlier versions lack the hooks through which PlatformIO reads the output.
 OLDEST_VERSION = (2, 5, 0)
 PURPOSE = f"Unity, from the source package {SOURCE_PACKAGE}"
 
 
 def seed_unity(folder: Path) -> None:
-    """Puts Unity into ``folder`` unless it is there already. Raises SeedError."""
+    """Put Unity into ``folder`` unless it is there already. Raises SeedError."""
     if all((folder / name).is_file() for name in (*FILES, "library.json")):
         return
     with tempfile.TemporaryDirectory(prefix="foldcar-unity-") as scratch:
@@ -37,7 +36,7 @@ def seed_unity(folder: Path) -> None:
 
 
 def download_archive(scratch: Path) -> Path:
-    """Has apt fetch the package's upstream archive into ``scratch`` and gives its path. Raises SeedError."""
+    """Download the package's upstream archive with apt into ``scratch``; returns its path. Raises SeedError."""
     options = _apt_options(scratch)
     run(PURPOSE, "apt-get", *options, "update")
     get = ("source", "--download-only", "--tar-only", SOURCE_PACKAGE)
@@ -49,14 +48,14 @@ def download_archive(scratch: Path) -> Path:
 
 
 def with_sources(text: str, is_deb822: bool) -> str:
-    """The same apt list, for source instead of binary packages, in apt's deb822 form or its one-line form."""
+    """The apt list with source instead of binary packages; ``is_deb822`` says which of apt's two formats it has."""
     if is_deb822:
         return re.sub(r"^Types:.*$", "Types: deb-src", text, flags=re.MULTILINE | re.IGNORECASE)
     return "".join(f"deb-src{rest}\n" for rest in re.findall(r"^\s*deb(\s.*)$", text, flags=re.MULTILINE))
 
 
 def extract_unity(archive: Path, folder: Path) -> None:
-    """Takes Unity's three files out of the package's archive. Raises SeedError if one is missing."""
+    """Extract Unity's three files from the package's archive. Raises SeedError if one is missing."""
     found = set()
     with tarfile.open(archive) as members:
         for member in members:
@@ -72,7 +71,7 @@ def extract_unity(archive: Path, folder: Path) -> None:
 
 
 def unity_version(header: str) -> tuple[int, ...]:
-    """The version that Unity's header states."""
+    """The version in Unity's header."""
     names = (f"UNITY_VERSION_{part}" for part in ("MAJOR", "MINOR", "BUILD"))
     found = (re.search(rf"#define\s+{name}\s+(\d+)", header) for name in names)
     return tuple(int(match.group(1)) if match else 0 for match in found)

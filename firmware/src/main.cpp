@@ -1,9 +1,12 @@
-// The firmware of the real car: puts the portable firmware on the Feather's HAL.
+// The firmware of the real car: the portable firmware on the Feather's HAL.
 #include <Arduino.h>
+
+#include <cstdint>
 
 #include "feather_hal.h"
 #include "firmware.h"
 #include "firmware_id.h"
+#include "flash_design.h"
 
 namespace {
 
@@ -22,16 +25,12 @@ Car& car() {
 
 }  // namespace
 
-// What the board's parts answer is not looked at here: a servo driver that is not ready fails the application's
-// first write, or its first pulse, and the supervisor latches that; without flash the defaults hold.
+// The oscillator's frequency is a parameter, so the servos are ready only behind begin(). If they are not, the first pulse
+// is a bus fault.
 void setup() {
   Car& me = car();
-  me.board.servos.begin();
-  me.board.link.begin(kBaud);
-  me.board.imu.begin();
-  me.board.storage.begin();
-  me.board.logs.begin();
-  me.firmware.begin(foldcar::read_car_json());
+  me.board.begin(kBaud);
+  me.firmware.begin(foldcar::read_stored_design());
   me.board.servos.set_oscillator_hz(me.firmware.parameters().get(foldcar::Parameter::kPwmOscHz));
   me.board.board.start_watchdog();
 }

@@ -1,6 +1,6 @@
 """foldcar: which folding cars to build. Design, simulate, sweep, store, report.
 
-For people who script with Scenic, ``foldcar.condition`` freezes parts of an environment (see conditioning).
+``foldcar.condition`` is for scripts that use Scenic: it conditions an environment on a scene (scenes/conditioning.py).
 """
 
 from typing import Any
@@ -9,7 +9,7 @@ __version__ = "0.1.0"
 
 
 def condition(scenario: Any, scene: Any, objects: Any = None, params: Any = None) -> None:
-    """:func:`foldcar.scenes.conditioning.condition`, which needs Scenic: it is imported when first called."""
+    """Call :func:`foldcar.scenes.conditioning.condition`; Scenic is imported on the first call."""
     from foldcar.scenes.conditioning import condition as freeze
 
     freeze(scenario, scene, objects, params)

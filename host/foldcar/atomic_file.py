@@ -1,4 +1,4 @@
-"""Writes files whole or not at all: to a temporary neighbour first, which then takes the file's place."""
+"""Writes files atomically: to a temporary file in the same folder, which then replaces the file."""
 
 import contextlib
 import os
@@ -11,12 +11,12 @@ from foldcar.errors import FoldcarError
 
 @contextlib.contextmanager
 def atomic_file(file: Path) -> Iterator[BinaryIO]:
-    """A binary file that becomes ``file`` when the block ends well and vanishes when it does not.
+    """A binary file that replaces ``file`` at the end of the block, or is deleted if the block raises.
 
-    FoldcarError, naming the file, if it cannot be written; an existing file then stays as it was.
+    FoldcarError, naming the file, if it cannot be written; an existing file is unchanged then.
     """
     if file.exists() and not file.is_file():
-        raise FoldcarError(f"{file}: is no regular file")
+        raise FoldcarError(f"{file}: not a regular file")
     temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
     try:
         with temporary.open("wb") as binary:

@@ -1,7 +1,7 @@
 """The command `foldcar`: its subcommands, and errors as one line on stderr.
 
-Exit codes: 0 done, 1 the reader of the output went away, 2 a mistake in input or surroundings, 130 a sweep
-was stopped by Ctrl-C. What takes long to import is imported inside the commands, so that help comes at once.
+Exit codes: 0 done, 1 the reader of the output closed it, 2 an error of input or environment, 130 stopped by Ctrl-C.
+Slow imports are made inside the commands, so that help is printed at once.
 """
 
 import atexit
@@ -13,12 +13,15 @@ import typer
 
 from foldcar import __version__
 from foldcar.commands.calibrate_servos import calibrate_servos
+from foldcar.commands.check import check
 from foldcar.commands.crosscheck import crosscheck
 from foldcar.commands.export import export
 from foldcar.commands.flash import flash
 from foldcar.commands.gallery import gallery
+from foldcar.commands.import_store import import_store
 from foldcar.commands.link import link
 from foldcar.commands.log import log
+from foldcar.commands.migrate import migrate
 from foldcar.commands.model import model
 from foldcar.commands.params import params
 from foldcar.commands.pattern import pattern
@@ -40,8 +43,11 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (sweep, run, sample, gallery, report, export, crosscheck, model, pattern, view, link, log, flash):
+for command in (
+    sweep, run, sample, gallery, report, export, check, migrate, crosscheck, model, pattern, view, link, log, flash
+):  # fmt: skip
     app.command()(command)
+app.command("import")(import_store)
 app.command("calibrate-servos")(calibrate_servos)
 app.add_typer(trials)
 app.add_typer(params)
@@ -65,10 +71,10 @@ def options(
 
 def main() -> None:
     """Run the command line and exit."""
-    # Most of what a command makes lives until it ends: looking through it for rubbish as often as by default is a
-    # tenth of the time that a car's files take.
+    # Most objects live until the command ends; garbage collection at the default rate takes a tenth of the time of
+    # `foldcar pattern`.
     gc.set_threshold(GARBAGE_THRESHOLD)
-    # A process that ends need not look through it at all.
+    # No collection when the process ends.
     atexit.register(gc.freeze)
     try:
         app()

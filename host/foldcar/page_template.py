@@ -1,6 +1,7 @@
-"""The template of an HTML page: a package's folder and a file in it in, what renders the page out.
+"""Loads the template of an HTML page.
 
-Values are escaped unless they are Markup; a name that the template has but the caller does not is an error.
+Input: a package and a file in its folder. Output: a jinja template. Values are escaped unless they are Markup; a name
+in the template that the caller does not define is an error.
 """
 
 from collections.abc import Callable, Mapping
@@ -10,7 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 
 def page_template(package: str, file: str, filters: Mapping[str, Callable[..., Any]] | None = None) -> Template:
-    """The template, with ``filters`` besides jinja's own."""
+    """The template, with ``filters`` in addition to jinja's."""
     environment = Environment(
         loader=PackageLoader(package, "."),
         autoescape=True,

@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <chrono>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <fstream>
 #include <iostream>
 #include <optional>
-#include <sstream>
 #include <thread>
 
 #include "firmware_id.h"
@@ -25,27 +25,27 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kPause = std::chrono::milliseconds(2);
-// Whoever is further behind the wall clock gives the lost time up rather than hurrying after it.
-constexpr double kMostBehind_s = 0.2;
-// Between two looks at the port, however fast the simulation goes.
-constexpr std::uint64_t kLookEveryUs = 20000;
-constexpr std::size_t kMostBytes = 4096;
-// A fast simulation waits for a client that is slower; in real time the bytes of one are lost like on a cable.
+// A simulation that lags further behind real time does not make up for it.
+constexpr double kLargestLag_s = 0.2;
+// Simulated time (µs) between two reads of the port, at any speed.
+constexpr std::uint64_t kPollPeriodUs = 20000;
+constexpr std::size_t kReadSize = 4096;
+// Longest wait (ms) of a fast simulation for a slow client; in real time the bytes are lost, as on a cable.
 constexpr int kWaitMs = 2000;
 
-volatile std::sig_atomic_t stop_asked = 0;
+volatile std::sig_atomic_t stop_requested = 0;
 
-void ask_to_stop(int) { stop_asked = 1; }
+void request_stop(int) { stop_requested = 1; }
 
 void listen_to_signals() {
   struct sigaction action = {};
-  action.sa_handler = ask_to_stop;
+  action.sa_handler = request_stop;
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGINT, &action, nullptr);
   signal(SIGPIPE, SIG_IGN);
 }
 
-// Whole lines of standard input, without waiting for them.
+// Lines of standard input, without waiting.
 class InputLines {
  public:
   InputLines() { fcntl(STDIN_FILENO, F_SETFL, fcntl(STDIN_FILENO, F_GETFL) | O_NONBLOCK); }
@@ -69,12 +69,12 @@ class InputLines {
   bool ended_ = false;
 };
 
-void say(const nlohmann::ordered_json& line) {
+void print_line(const nlohmann::ordered_json& line) {
   std::printf("%s\n", line.dump().c_str());
   std::fflush(stdout);
 }
 
-void say_port(const Port& port) { say({{"port", port.name()}, {"firmware", FOLDCAR_FIRMWARE_ID}}); }
+void print_port(const Port& port) { print_line({{"port", port.name()}, {"firmware", FOLDCAR_FIRMWARE_ID}}); }
 
 class Session {
  public:
@@ -85,24 +85,24 @@ class Session {
         car_(options.body, options.scene, options.car, FOLDCAR_FIRMWARE_ID) {}
 
   void run() {
-    say_port(port_);
+    print_port(port_);
     Clock::time_point started = Clock::now();
     std::uint64_t next_look_us = 0;
-    while (stop_asked == 0) {
+    while (stop_requested == 0) {
       const double wall_s = std::chrono::duration<double>(Clock::now() - started).count();
       const double due_s = wall_s * options_.speedup, now_s = 1e-6 * static_cast<double>(car_.now_us());
-      if (due_s - now_s > kMostBehind_s * std::max(1.0, options_.speedup)) {
+      if (due_s - now_s > kLargestLag_s * std::max(1.0, options_.speedup)) {
         const std::chrono::duration<double> behind((due_s - now_s) / options_.speedup);
         started += std::chrono::duration_cast<Clock::duration>(behind);
       }
       if (now_s >= due_s) {
-        look();
+        poll();
         std::this_thread::sleep_for(kPause);
         continue;
       }
       if (car_.now_us() >= next_look_us) {
-        look();
-        next_look_us = car_.now_us() + kLookEveryUs;
+        poll();
+        next_look_us = car_.now_us() + kPollPeriodUs;
       }
       const std::vector<std::uint8_t> sent = car_.step();
       if (record_ != nullptr) record_->from_car(car_.now_us(), sent);
@@ -112,32 +112,32 @@ class Session {
   }
 
  private:
-  // What has come in counts before the next step.
-  void look() {
-    while (const std::optional<std::string> line = input_.next()) obey(*line);
+  // Input that has arrived takes effect before the next step.
+  void poll() {
+    while (const std::optional<std::string> line = input_.next()) handle(*line);
     if (plugged_in_ != car_.plugged_in()) {
       plugged_in_ = car_.plugged_in();
       if (plugged_in_) {
         port_.plug_in();
-        say_port(port_);
+        print_port(port_);
       } else {
         port_.unplug();
       }
     }
-    const std::vector<std::uint8_t> arrived = port_.read(kMostBytes);
+    const std::vector<std::uint8_t> arrived = port_.read(kReadSize);
     if (arrived.empty()) return;
     if (record_ != nullptr) record_->to_car(car_.now_us(), arrived);
     car_.receive(arrived);
   }
 
-  void obey(const std::string& line) {
+  void handle(const std::string& line) {
     try {
       const nlohmann::json parsed = parse_object(line);
       car_.inject(read_injection(parsed));
       if (record_ != nullptr) record_->inject(car_.now_us(), parsed);
-      say({{"injected", parsed}, {"t_us", car_.now_us()}});
+      print_line({{"injected", parsed}, {"t_us", car_.now_us()}});
     } catch (const InputError& error) {
-      say({{"error", error.what()}});
+      print_line({{"error", error.what()}});
     }
   }
 

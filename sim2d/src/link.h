@@ -1,4 +1,4 @@
-// `carsim link`: a car with its whole firmware on a port, in real time or faster. docs/carsim.md describes it.
+// `carsim link`: a car with its whole firmware on a port, in real time or faster (docs/carsim.md).
 #pragma once
 
 #include <string>
@@ -6,8 +6,8 @@
 
 namespace foldcar {
 
-// words: what stands behind "link". 0 after SIGTERM or Ctrl-C or at the end of a replay; throws InputError,
-// LinkUsageError (wrong options) or std::runtime_error.
+// words: the arguments behind "link". Returns 0 after SIGTERM, Ctrl-C or the end of a replay, 2 if a record cannot be
+// written. Throws LinkUsageError (wrong options), InputError (wrong files) or std::runtime_error.
 int run_link(const std::vector<std::string>& words);
 
 }  // namespace foldcar

@@ -12,7 +12,7 @@
 namespace foldcar {
 namespace {
 
-constexpr double kMostSpeedup = 1e6;
+constexpr double kMaxSpeedup = 1e6;
 constexpr long kLargestPort = 65535;
 
 std::string content_of(const std::string& file) {
@@ -83,7 +83,7 @@ LinkOptions read_link_options(const std::vector<std::string>& words) {
     if (port != std::floor(port)) throw LinkUsageError("--tcp: " + values["--tcp"] + " is not a whole number");
     options.tcp_port = static_cast<int>(port);
   }
-  if (values.count("--speedup") != 0) options.speedup = number("--speedup", values["--speedup"], 0.01, kMostSpeedup);
+  if (values.count("--speedup") != 0) options.speedup = number("--speedup", values["--speedup"], 0.01, kMaxSpeedup);
   options.record = values["--record"];
   options.replay = values["--replay"];
   const int places = (options.pty ? 1 : 0) + (options.tcp_port >= 0 ? 1 : 0) + (options.replay.empty() ? 0 : 1);

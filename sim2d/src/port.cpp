@@ -20,7 +20,7 @@ namespace {
 
 [[noreturn]] void fail(const std::string& what) { throw std::runtime_error(what + ": " + std::strerror(errno)); }
 
-// A file descriptor that is closed with its owner.
+// A file descriptor that its owner closes.
 class Descriptor {
  public:
   Descriptor() = default;
@@ -40,7 +40,7 @@ class Descriptor {
   int number_ = -1;
 };
 
-// Bytes until none are left or the other end is gone; false if it is gone.
+// Reads up to most bytes into bytes. Returns false if the other end is closed.
 bool read_some(int descriptor, std::size_t most, std::vector<std::uint8_t>& bytes) {
   bytes.resize(most);
   const ssize_t count = ::read(descriptor, bytes.data(), most);
@@ -50,7 +50,7 @@ bool read_some(int descriptor, std::size_t most, std::vector<std::uint8_t>& byte
   return count < 0 && (error == EAGAIN || error == EINTR);
 }
 
-// False if the other end is gone.
+// Writes all bytes, and waits at most wait_ms for room each time. Returns false if the other end is closed.
 bool write_all(int descriptor, const std::vector<std::uint8_t>& bytes, int wait_ms) {
   std::size_t done = 0;
   while (done < bytes.size()) {
@@ -80,7 +80,7 @@ class PseudoTerminal : public Port {
     return bytes;
   }
 
-  // Without a client the bytes would wait for the next one, who would take them for news.
+  // Without a client the bytes would be kept for the next one, which must not get old telemetry.
   void write(const std::vector<std::uint8_t>& bytes, int wait_ms) override {
     if (has_client()) write_all(master_.number(), bytes, wait_ms);
   }
@@ -93,7 +93,7 @@ class PseudoTerminal : public Port {
       fail("no pseudo-terminal");
     }
     name_ = ptsname(master_.number());
-    // Bytes as they are; the setting stays as long as the master is open.
+    // Raw mode, so that no byte is changed. The setting stays while the master is open.
     const Descriptor client(::open(name_.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC));
     termios setting{};
     if (!client.is_open() || tcgetattr(client.number(), &setting) != 0) fail(name_);
@@ -151,7 +151,7 @@ class LoopbackPort : public Port {
   void plug_in() override { plugged_in_ = true; }
 
  private:
-  // One client at a time, as on a cable: whoever comes meanwhile is hung up on.
+  // One client at a time, as on a cable: another connection is closed at once.
   void accept_client() {
     Descriptor caller(accept4(listener_.number(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
     if (!caller.is_open() || client_.is_open() || !plugged_in_) return;

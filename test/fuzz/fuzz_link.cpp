@@ -1,4 +1,5 @@
-// Feeds the link with random and damaged bytes: fuzz_link BYTES SEED. `make fuzz` builds it with the compiler's checks.
+// Feeds the link with random and damaged bytes: fuzz_link BYTES SEED. `make fuzz` builds it with the address and
+// undefined-behaviour sanitizers.
 #include <cstdio>
 #include <cstdlib>
 

@@ -1,4 +1,4 @@
-"""What several tests need: the built simulator, a small listing, the command as a user types it."""
+"""Fixtures: the built simulator, a small listing, the command `foldcar`."""
 
 import json
 import subprocess
@@ -12,14 +12,17 @@ import pytest
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim, find_carsim
 from foldcar.simulation.carsim_limits import CarsimLimits
+from live_car import write_free_course
 
 PROJECT = Path(__file__).resolve().parents[2]
+# Ends a test that hangs; far beyond what a busy machine makes of any command.
+HANGS_S = 600
 STEP_PYRAMIDS = PROJECT / "scenarios" / "step_pyramids.scenic"
 
 
 @pytest.fixture(scope="session")
 def carsim_binary() -> Path:
-    """The simulator that `make test` builds; without it the test fails rather than passing unseen."""
+    """The simulator that `make test` builds; the test fails if it is missing."""
     try:
         return find_carsim()
     except FoldcarError as error:
@@ -34,7 +37,7 @@ def carsim_limits(carsim_binary: Path) -> CarsimLimits:
 
 @pytest.fixture
 def listing_data() -> dict[str, Any]:
-    """Two widths in three step-pyramid environments, to be changed at will."""
+    """A listing of two widths in three step-pyramid environments; tests may change it."""
     return {
         "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 120, "environments": 3}}},
         "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [95, 245]}}]}},
@@ -44,7 +47,7 @@ def listing_data() -> dict[str, Any]:
 
 @pytest.fixture
 def write_listing(tmp_path: Path) -> Callable[[Any], Path]:
-    """Writes a listing (JSON data or text) to a file and gives its path."""
+    """A function that writes a listing (JSON data or text) to a file and returns its path."""
 
     def write(content: Any) -> Path:
         file = tmp_path / "listing.json"
@@ -56,10 +59,16 @@ def write_listing(tmp_path: Path) -> Callable[[Any], Path]:
 
 @pytest.fixture
 def foldcar(tmp_path: Path) -> Callable[..., "subprocess.CompletedProcess[str]"]:
-    """Runs the command in a folder of its own."""
+    """A function that runs `foldcar` in a temporary folder."""
 
     def run(*words: str | Path, **options: Any) -> "subprocess.CompletedProcess[str]":
         command = [sys.executable, "-c", "from foldcar.cli import main; main()", *map(str, words)]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, **options)
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=HANGS_S, **options)
 
     return run
+
+
+@pytest.fixture
+def free_course(tmp_path: Path) -> Path:
+    """The listing l.json of two widths on a course without obstacles, in the test's folder."""
+    return write_free_course(tmp_path)

@@ -1,4 +1,4 @@
-"""A small folded thing that has everything a car's sheets have, written down by hand: a beam, caps, discs, a rim."""
+"""A small folded car defined by hand with every feature of sheets: a beam, caps, discs, a rim."""
 
 import itertools
 import math
@@ -83,7 +83,7 @@ def rim(radius: float, width: float = 12.0, teeth: int = 40) -> Piece:
 
 
 def folded_box(radius: float = 40.0) -> FoldedCar:
-    """All of them, with the joins of the beam's seam and of the caps."""
+    """All pieces, with the joins of the beam's seam and of the caps."""
     joins = [Join(1, "lap", "beam", EdgeRef("flap", 2), "beam", EdgeRef("floor", 0), LENGTH)]
     ends = (("floor", 0), ("left", 1), ("lid", 2), ("right", 3))
     for number, (face, index) in enumerate(ends, 2):

@@ -1,4 +1,4 @@
-"""A small folded car made by hand, for tests that know its every number: a box beam with two caps and one servo."""
+"""A small folded car defined by hand: a box beam with two caps and one servo."""
 
 import itertools
 import math

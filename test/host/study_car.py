@@ -1,4 +1,4 @@
-"""The width study's car and an empty scene as simulator input, for tests that build their own cases."""
+"""The width study's car and an empty scene as inputs of the simulator."""
 
 import copy
 from typing import Any
@@ -8,7 +8,7 @@ from foldcar.car.design import compose
 
 
 def car_body(**changes: float) -> dict[str, Any]:
-    """The car of the width study, 95 mm wide; ``changes`` to the car and all its parts, by key."""
+    """The body of the width study's car, 95 mm wide; ``changes`` replace values of the car and all its parts, by key."""
     body = copy.deepcopy(body_json(compose("W_B_W", {})))
     parts = [body, body["segments"][0], *body["wheels"], *(wheel["servo"] for wheel in body["wheels"])]
     for key, value in changes.items():
@@ -22,7 +22,7 @@ def car_body(**changes: float) -> dict[str, Any]:
 def empty_scene(
     terrain: Any = (), friction: float = 0.6, x_m: float = 0.0, goal_x_m: float | None = None
 ) -> dict[str, Any]:
-    """A wide course, the car at x_m."""
+    """A scene with a wide course and the car at ``x_m`` (m)."""
     goal = {"kind": "line", "x_m": goal_x_m, "y_m": 0.0, "heading_rad": 0.0}
     return {
         "friction": friction,

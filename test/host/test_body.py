@@ -1,4 +1,4 @@
-"""Bodies: mass, inertia and servo figures against computations that share no code with them."""
+"""Bodies: mass, inertia and servo values against independent computations."""
 
 import itertools
 import math
@@ -32,7 +32,7 @@ def study_car(width: float = 95) -> Design:
 
 
 def solids(design: Design, body: str) -> list[trimesh.Trimesh]:
-    """Every face of the body extruded to its thickness, and every part as a box, in metres and of their density."""
+    """Every face of the body extruded to its thickness, and every part as a box, in metres, with their densities."""
     car = folded_car(design)
     meshes = []
     for face, piece, pose in faces_of(car, body):
@@ -170,7 +170,7 @@ def test_the_controller_is_set_for_the_same_car() -> None:
     assert values["WHEEL_RADIUS_M"] == 0.06
     assert [values[f"CH{n}_SIDE"] for n in range(1, 9)] == [1, 2, 1, 2, 0, 0, 0, 0]
     assert [values[f"CH{n}_DIRECTION"] for n in range(1, 5)] == [1, -1, 1, -1]
-    # At no-load speed the pulse is as far from neutral as the servo answers to.
+    # The pulse for the no-load speed is at the end of the servo's range.
     full_us = values["CH1_DEADBAND_US"] + values["CH1_GAIN_US"] * values["WHEEL_MAX_RAD_S"]
     assert full_us == pytest.approx(body_json(study_car())["wheels"][0]["servo"]["saturation_us"])
 
@@ -213,7 +213,7 @@ def test_segments_and_hinges_stand_where_the_modules_do() -> None:
     ]
     first, second, third = body["segments"]
     assert first["mass_kg"] > 0.15 > 0.05 > second["mass_kg"]
-    # Each single-axle segment has its weight at its axle, but for the servos that lie on one side of it.
+    # The centre of mass of a single-axle segment is at its axle, except for the servos' offset.
     assert second["com_x_m"] == pytest.approx(-0.04, abs=0.006)
     assert third["mass_kg"] == pytest.approx(second["mass_kg"], abs=0.001)
 

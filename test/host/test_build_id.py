@@ -1,4 +1,4 @@
-"""The build id: it stands for what carsim is built from, and for nothing else."""
+"""The build id depends on everything that carsim is built from, and on nothing else."""
 
 import sys
 from pathlib import Path

@@ -40,7 +40,7 @@ def all_runs(**more: Any) -> list[dict[str, Any]]:
 
 def batch(carsim: Path, lines: list[Any], *options: str) -> "subprocess.CompletedProcess[str]":
     text = "".join((line if isinstance(line, str) else json.dumps(line)) + "\n" for line in lines)
-    return subprocess.run([carsim, "batch", *options], input=text, capture_output=True, text=True, timeout=60)
+    return subprocess.run([carsim, "batch", *options], input=text, capture_output=True, text=True, timeout=6000)
 
 
 def test_the_same_input_gives_the_same_bytes_in_the_order_of_the_runs(

@@ -40,24 +40,24 @@ class Car:
         self.client: Any = None
 
     def line(self) -> dict[str, Any]:
-        """The next line that the program prints."""
+        """The next line of the program's output."""
         assert self.process.stdout is not None
         answer: dict[str, Any] = json.loads(self.process.stdout.readline())
         return answer
 
     def inject(self, **what: Any) -> dict[str, Any]:
-        """Do something to the car; the program's answer."""
+        """Inject a fault or an event; returns the program's answer."""
         assert self.process.stdin is not None
         self.process.stdin.write(json.dumps(what) + "\n")
         self.process.stdin.flush()
         return self.line()
 
     def connect(self) -> Any:
-        """A new client, once the car has been heard."""
+        """A new client, after the car's first heartbeat."""
         if self.client is not None:
             self.client.close()
         self.client = mavutil.mavlink_connection(self.port, source_system=255, dialect="foldcar")
-        assert self.client.wait_heartbeat(timeout=10) is not None
+        assert self.client.wait_heartbeat(timeout=100) is not None
         return self.client
 
     def show_life(self) -> None:
@@ -68,10 +68,10 @@ class Car:
         self.show_life()
         filled = [*parameters, *[0.0] * (7 - len(parameters))]
         self.client.mav.command_long_send(1, 1, command, 0, *filled)
-        return int(self.wait_for("COMMAND_ACK", lambda ack: ack.command == command, timeout_s=10).result)
+        return int(self.wait_for("COMMAND_ACK", lambda ack: ack.command == command, timeout_s=100).result)
 
-    def wait_for(self, kind: str, condition: Callable[[Any], bool], alive: bool = True, timeout_s: float = 20) -> Any:
-        """The first such message that meets the condition, the host showing life meanwhile if it is alive."""
+    def wait_for(self, kind: str, condition: Callable[[Any], bool], alive: bool = True, timeout_s: float = 100) -> Any:
+        """The first message of that kind that fulfils the condition; ``alive``: the host sends heartbeats meanwhile."""
         end_s, shown_s = time.monotonic() + timeout_s, 0.0
         while time.monotonic() < end_s:
             if alive and time.monotonic() - shown_s > 0.1:
@@ -92,7 +92,7 @@ class Car:
         if self.client is not None:
             self.client.close()
         self.process.send_signal(signal.SIGTERM)
-        code = self.process.wait(timeout=10)
+        code = self.process.wait(timeout=100)
         for stream in (self.process.stdin, self.process.stdout, self.process.stderr):
             assert stream is not None
             with contextlib.suppress(BrokenPipeError):
@@ -114,7 +114,7 @@ def files(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def start(carsim_binary: Path, files: Path) -> Iterator[Callable[..., Car]]:
-    """Starts cars that are gone after the test."""
+    """A function that starts cars, which are stopped after the test."""
     cars: list[Car] = []
 
     def begin(*options: str) -> Car:
@@ -138,15 +138,15 @@ def test_a_client_gets_every_parameter_and_what_it_sets(start: Callable[..., Car
     values: dict[str, float] = {}
     table = Carsim(carsim_binary).parameter_table()
     while len(values) < len(table):
-        message = client.recv_match(type="PARAM_VALUE", blocking=True, timeout=5)
+        message = client.recv_match(type="PARAM_VALUE", blocking=True, timeout=100)
         assert message is not None, f"only {len(values)} of {len(table)}"
         values[message.param_id] = message.param_value
     assert set(values) == set(table)
 
     client.param_set_send("STAGGER_MS", 55.0)
-    assert client.recv_match(type="PARAM_VALUE", blocking=True, timeout=5).param_value == 55.0
+    assert client.recv_match(type="PARAM_VALUE", blocking=True, timeout=100).param_value == 55.0
     client.param_set_send("STAGGER_MS", -1.0)
-    assert client.recv_match(type="PARAM_VALUE", blocking=True, timeout=5).param_value == 55.0
+    assert client.recv_match(type="PARAM_VALUE", blocking=True, timeout=100).param_value == 55.0
 
 
 def test_a_trial_ends_like_the_same_run_in_a_batch(start: Callable[..., Car], carsim_binary: Path, files: Path) -> None:
@@ -184,7 +184,7 @@ def test_pulses_stop_within_half_a_second_of_link_loss(start: Callable[..., Car]
     assert trial.fault == mavlink.FOLDCAR_FAULT_COMMAND_STALE
 
 
-def test_faults_stop_the_car_and_are_told(start: Callable[..., Car]) -> None:
+def test_faults_stop_the_car_and_are_reported(start: Callable[..., Car]) -> None:
     car = start("--pty")
     car.connect()
     for injection, fault in [
@@ -212,8 +212,8 @@ def test_a_client_may_go_and_another_one_come(start: Callable[..., Car]) -> None
         client.close()
         time.sleep(0.2)
     client = car.connect()
-    first = client.recv_match(type="SERVO_OUTPUT_RAW", blocking=True, timeout=5)
-    second = client.recv_match(type="SERVO_OUTPUT_RAW", blocking=True, timeout=5)
+    first = client.recv_match(type="SERVO_OUTPUT_RAW", blocking=True, timeout=100)
+    second = client.recv_match(type="SERVO_OUTPUT_RAW", blocking=True, timeout=100)
     assert 0 < second.time_usec - first.time_usec < 25_000
 
 
@@ -290,7 +290,7 @@ def test_wrong_options_are_refused_in_one_line(
     carsim_binary: Path, files: Path, options: list[str], problem: str
 ) -> None:
     words = [carsim_binary, "link", "--body", files / "body.json", "--scene", files / "scene.json", *options]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=20, check=False)
+    done = subprocess.run(words, capture_output=True, text=True, timeout=100, check=False)
     assert done.returncode == 2
     assert problem in done.stderr.splitlines()[0]
     assert done.stdout == ""

@@ -1,4 +1,4 @@
-"""The command as a user types it."""
+"""The command `foldcar`: help, version, one-line errors, `run` and `sweep`."""
 
 import os
 import subprocess
@@ -43,8 +43,8 @@ def test_help_waits_for_nothing_heavy() -> None:
             ("run", "l.json", "--experiment", "1"),
             "l.json: vehicles.1.params.0.common.width: has 2 values (95, 245); choose one with --set width=…",
         ),
-        (("run", "l.json", "--experiment", "1", "--set", "width"), "--set width: is not NAME=MM"),
-        (("run", "l.json", "--experiment", "1", "--set", "width=x"), "--set width=x: is not NAME=MM"),
+        (("run", "l.json", "--experiment", "1", "--set", "width"), "--set width: not NAME=MM"),
+        (("run", "l.json", "--experiment", "1", "--set", "width=x"), "--set width=x: not NAME=MM"),
         (("run", "l.json", "--experiment", "1", "--set", "w=1"), "--set w: W_B_W has no such parameter"),
         (
             ("run", "l.json", "--experiment", "1", "--set", "width=20"),
@@ -141,7 +141,7 @@ def test_a_sweep_ends_with_one_line(
     assert second.stdout.startswith("0 runs new, 6 there already, ")
 
 
-def test_a_reader_that_goes_away_is_no_news(tmp_path: Path) -> None:
+def test_a_closed_output_is_not_reported(tmp_path: Path) -> None:
     from test_store import fill
 
     fill(tmp_path / "s.db")

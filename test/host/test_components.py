@@ -1,4 +1,4 @@
-"""The component model: parameters that flow, edges that must agree, faces that fold to bodies, modules of one's own."""
+"""The component model: derived parameters, equal edges, faces that fold to bodies, user modules."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from foldcar.car.compiler import modules as module_table
+from foldcar.car import modules as module_table
 from foldcar.car.compiler.assemble import Assembly, assemble
 from foldcar.car.compiler.component import Component, Equal, Sub, build
 from foldcar.car.compiler.parameter import Parameter
@@ -191,7 +191,7 @@ TAIL = "\n" + DOC[DOC.index("from foldcar.car.compiler.component import Sub") :]
 
 @pytest.fixture(autouse=True)
 def forget_own_modules() -> object:
-    """Modules of one's own are known to one test only."""
+    """Unregister user modules after each test."""
     before = dict(module_table.modules())
     yield
     for letter in set(module_table.modules()) - set(before):
@@ -199,7 +199,7 @@ def forget_own_modules() -> object:
     module_table.parameters.cache_clear()
 
 
-def test_a_module_of_ones_own_is_part_of_the_car(tmp_path: Path) -> None:
+def test_a_user_module_is_part_of_the_car(tmp_path: Path) -> None:
     file = tmp_path / "tail.py"
     file.write_text(TAIL)
 
@@ -225,7 +225,7 @@ def test_a_module_of_ones_own_is_part_of_the_car(tmp_path: Path) -> None:
         (('"offset", 5, 0, 50, "of', '"width", 5, 0, 50, "of'), ':8: Tail: its parameter "width" is declared otherwise'),
         (("class Tail(Module):", "from foldcar.car.components.wheel_module import *\nclass Tail(WheelModule):"),
          ":9: Tail: carries wheels or electronics"),
-        (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.car.compiler"),
+        (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.car.components.module.Module"),
     ],
 )  # fmt: skip
 def test_a_file_with_an_error_is_one_line_with_file_and_line(
@@ -277,7 +277,7 @@ def test_a_file_that_is_not_there_is_named() -> None:
         (('"beam.floor")[1]', '"beam.flor")[1]'), 2, "foldcar: error: cars.json: vehicles.V.type: Tail2: has no face"),
     ],
 )  # fmt: skip
-def test_commands_take_modules_of_ones_own(
+def test_commands_accept_user_modules(
     tmp_path: Path, foldcar: Any, change: tuple[str, str], code: int, answer: str
 ) -> None:
     (tmp_path / "own.py").write_text(TAIL.replace(*change))

@@ -1,4 +1,4 @@
-"""Frozen parts of an environment keep their values, the rest is sampled anew; the scene they come from stays."""
+"""Conditioning: named parts keep their values, the rest is sampled anew, the given scene is unchanged."""
 
 from pathlib import Path
 from typing import Any
@@ -48,7 +48,7 @@ def places(scenes: list[Scene], index: int) -> set[tuple[float, float, float]]:
 
 
 def test_scenics_own_conditioning_moves_what_is_mutated(source: SceneSource) -> None:
-    """The defect that foldcar's own handles: if Scenic mends it, this test says so."""
+    """Scenic's defect that foldcar's conditioning avoids; this test fails when Scenic corrects it."""
     scene = source.scenic_scene(2)
     kept = source.describe(scene, 2)
     source.scenario.conditionOn(scene=scene, objects=range(len(scene.objects)))
@@ -111,7 +111,7 @@ def test_a_frozen_point_takes_along_what_stands_at_it(source: SceneSource) -> No
 
 
 def test_what_is_placed_relative_to_a_frozen_object_keeps_its_own_randomness_only(source: SceneSource) -> None:
-    """The noise of `mutate` moves the bump alone: the step lies 0.2 to 0.3 m ahead of where the bump was put."""
+    """The noise of `mutate` moves the bump alone: the step is 0.2 to 0.3 m ahead of the bump's unperturbed position."""
     scene = source.scenic_scene(2)
     foldcar.condition(source.scenario, scene, objects=["bump"])
     x = [source.sample(k)["terrain"][BEHIND]["x_m"] for k in range(20)]

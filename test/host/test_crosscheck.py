@@ -1,4 +1,4 @@
-"""The cross-check: its numbers from hand-made results, its cache, and the command as a user types it."""
+"""The cross-check: agreement computed from given results, the cache of results, and the command."""
 
 import csv
 import json
@@ -19,6 +19,7 @@ from foldcar.crosscheck.ending import Ending, State
 from foldcar.crosscheck.result_cache import ResultCache
 from foldcar.report.wilson import wilson_interval
 from foldcar.simulation.carsim_limits import CarsimLimits
+from shell_signals import like_a_shell
 from study_car import empty_scene
 
 
@@ -152,17 +153,17 @@ def test_an_interrupt_loses_nothing(tmp_path: Path, write_listing: Any, listing_
     command = [sys.executable, "-c", "from foldcar.cli import main; main()", "crosscheck"]
     command += [str(write_listing(listing_data)), "--environments", "40", "--jobs", "2", "-o", "check"]
     process = subprocess.Popen(
-        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=like_a_shell
     )
     file = tmp_path / "check" / "results.jsonl"
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 300
     while time.monotonic() < deadline and '"mujoco"' not in (file.read_text() if file.exists() else ""):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, message = process.communicate(timeout=60)
+    _, message = process.communicate(timeout=300)
 
     assert process.returncode == 130
-    assert message == "stopped: what is done is in check; the same command goes on from there\n"
+    assert message == "stopped: finished runs are in check; the same command resumes\n"
     for line in file.read_text().splitlines():
         assert json.loads(line)["result"]["outcome"]
 

@@ -110,7 +110,7 @@ def test_wheels_must_not_meet_when_the_car_folds() -> None:
 
     assert caught.value.message.startswith("60.4 needs axles at least 123.8 apart, or wheels touch")
     assert caught.value.message.endswith("puts two of them 123.7 apart, folded to the limits of H")
-    # Nose down the hinge under the floor opens: the axles move apart.
+    # With the nose down the hinge, which is under the floor, moves the axles apart.
     assert compose("B_W_H_W", values | {"H.fold_up": 0, "radius": 61.5}).values["radius"] == 61.5
 
 

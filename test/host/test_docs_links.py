@@ -31,3 +31,15 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_every_page_is_reached_from_the_readme() -> None:
     linked = set(LINK.findall((PROJECT / "README.md").read_text(encoding="utf-8")))
     assert {f"docs/{page.name}" for page in (PROJECT / "docs").glob("*.md")} <= linked
+
+
+def test_the_files_to_add_to_exist() -> None:
+    section = (PROJECT / "docs" / "overview.md").read_text(encoding="utf-8").partition("\n## Where to add\n")[2]
+    rows = [row for row in section.partition("\n## ")[0].splitlines() if row.startswith("| ")][1:]
+    named = {row.split("|")[1].strip(): re.findall(r"`([\w./]+/[\w./]*)`", row) for row in rows}
+
+    assert {"a sensor", "a kind of terrain", "a metric of a run"} <= set(named)
+    assert [row for row, files in named.items() if not files] == []
+    assert [file for files in named.values() for file in files if not (PROJECT / file).exists()] == []
+    # A metric that needs more places than these is declared twice somewhere.
+    assert len(named["a metric of a run"]) <= 4

@@ -38,7 +38,7 @@ def test_csv_has_a_row_per_run_and_reads_back_exactly(tmp_path: Path, store_file
     for row, result in zip(rows, results, strict=True):
         cells = dict(zip(header, row, strict=True))
         assert cells["outcome"] == result.outcome
-        assert float(cells["consumed_energy_j"]) == result.consumed_energy_j
+        assert float(cells["consumed_energy_j"]) == result.metrics["consumed_energy_j"]
         assert cells["width_mm"] == f"{result.design['width_mm']:g}"
 
 
@@ -49,7 +49,7 @@ def test_parquet_has_the_same_rows(tmp_path: Path, store_file: Path) -> None:
 
     table = pq.read_table(tmp_path / "runs.parquet")
     assert table.column_names == COLUMNS
-    assert table["elapsed_time_s"].to_pylist() == [r.elapsed_time_s for r in results]
+    assert table["elapsed_time_s"].to_pylist() == [r.metrics["elapsed_time_s"] for r in results]
     assert table["sample"].to_pylist() == [r.sample for r in results]
     assert table["width_mm"].to_pylist() == [r.design["width_mm"] for r in results]
 
@@ -150,7 +150,7 @@ def test_the_command_writes_files_and_standard_output(tmp_path: Path, store_file
     ("words", "message"),
     [
         (("none.db", "--csv", "a.csv"), "none.db: no such store"),
-        (("s.db",), "export: say what to write: --csv FILE, --parquet FILE or --trials FILE"),
+        (("s.db",), "export: say what to write: --csv FILE, --parquet FILE, --trials FILE or --folder DIR"),
         (("s.db", "--csv", "none/a.csv"), "none/a.csv: cannot be written: No such file or directory"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The pictures of scenes and runs: the ground they show is the scene's, and files are whole."""
+"""Pictures of scenes and runs: they show the scene's ground, and files are complete."""
 
 import math
 from pathlib import Path
@@ -258,7 +258,7 @@ def test_segments_hang_together_in_their_hinges_and_fold_as_the_path_says() -> N
 
     places = segment_places({"segments": segments, "hinges": hinges}, row)
 
-    # The main segment is the middle one: it lies as the path says, without a way of its own.
+    # The main segment is the middle one: its pose is that of the path.
     assert places[1][1] == pytest.approx([0.0, 0.0])
     forwards = [numpy.array([1.0, 0.0]) @ turn for turn, _ in places]
     pitches = [math.atan2(z, x) for x, z in forwards]

@@ -1,4 +1,4 @@
-"""The verification finds nothing in cars that can be built, and every mistake that is put into one on purpose."""
+"""The verification has no findings for cars that can be built, and finds every planted defect."""
 
 import math
 from collections.abc import Callable
@@ -182,7 +182,7 @@ def test_broken_designs_are_found(spoil: Spoil, check: str, words: str) -> None:
 
 
 def with_hinge(**changes: float) -> FoldedCar:
-    """A hinged car whose joint is not what its geometry allows."""
+    """A hinged car whose joint exceeds what its geometry permits."""
     car = folded_car(compose("W_B_H_W", {"W.length": 70, "radius": 36}))
     return replace(car, hinges=tuple(replace(hinge, **changes) for hinge in car.hinges))
 

@@ -1,4 +1,4 @@
-"""`foldcar gallery` as a user types it."""
+"""The command `foldcar gallery`."""
 
 import subprocess
 from collections.abc import Callable

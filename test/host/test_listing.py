@@ -1,4 +1,4 @@
-"""The experiment listing: what people write is read, what is wrong is refused in one line."""
+"""The experiment listing: valid files are read, errors are one line."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -200,7 +200,7 @@ def test_a_mistake_is_named_with_file_key_value_and_limit(
         ("\x00", "is not JSON: "),
     ],
 )
-def test_what_is_no_listing_is_refused(write_listing: Callable[[Any], Path], text: str, message: str) -> None:
+def test_invalid_listings_are_refused(write_listing: Callable[[Any], Path], text: str, message: str) -> None:
     file = write_listing(text)
 
     with pytest.raises(FoldcarError) as caught:

@@ -1,4 +1,4 @@
-"""The dialect: standard messages as everybody has them, our own beside them, C and Python from one source."""
+"""The dialect: unchanged standard messages, foldcar's own messages, C and Python from one source."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ mavlink = load_dialect()
 
 
 def listed(kind: str) -> list[str]:
-    """Names of that kind in the list of what we use."""
+    """The names of that kind in standard_messages.txt."""
     lines = generation.LIST.read_text(encoding="utf-8").splitlines()
     return [line.split()[1] for line in lines if line.startswith(f"{kind} ")]
 

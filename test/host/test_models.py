@@ -1,4 +1,4 @@
-"""Cars in the formats of other simulators, read by those simulators' parsers or by their grammar."""
+"""Models for other simulators, read by the simulators' parsers or by a reader of their grammar."""
 
 import math
 import subprocess
@@ -36,7 +36,7 @@ def hinged_body() -> dict[str, Any]:
 
 
 def mass_and_center(body: dict[str, Any]) -> tuple[float, Any]:
-    """Of the whole car, from its parts; the centre from the car's origin."""
+    """Mass (kg) and centre of mass (m, car's frame) of the whole car, computed from its parts."""
     parts = [(s["mass_kg"], (s["com_x_m"], s["com_y_m"], s["com_z_m"])) for s in body["segments"]]
     for wheel in body["wheels"]:
         side = 1 if wheel["side"] == "left" else -1
@@ -62,7 +62,7 @@ def test_mjcf_and_urdf_weigh_and_measure_what_the_body_does(body: dict[str, Any]
         assert data.subtree_com[0] - origin == pytest.approx(center, abs=1e-9)
         for index, segment in enumerate(body["segments"]):
             inertia = [segment[f"{axis}_inertia_kg_m2"] for axis in ("roll", "pitch", "yaw")]
-            # Principal axes may come in another order.
+            # The order of principal axes is arbitrary.
             assert sorted(model.body(f"segment{index}").inertia) == pytest.approx(sorted(inertia), rel=1e-6)
         for wheel in body["wheels"]:
             part = model.body(f"wheel{wheel['channel']}")
@@ -122,7 +122,7 @@ def test_a_webots_proto_follows_the_grammar_and_weighs_what_the_body_does(body: 
 
 
 def physics_places(node: ReadNode, frame: Any) -> Any:
-    """Mass and centre of mass, from the robot's origin, of every solid; none of them is turned."""
+    """Mass and centre of mass (m, robot's frame) of every solid; none of them is rotated."""
     if node.name == "Solid":
         assert "rotation" not in node.fields
         frame = frame + numpy.array(node.fields.get("translation", [0, 0, 0]))
@@ -218,10 +218,10 @@ def test_the_command_writes_each_format(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--to", "stl"], "--to stl: is none of mjcf, urdf, webots"),
+        (["--to", "stl"], "--to stl: not one of mjcf, urdf, webots"),
         (["--to", "urdf", "--environment", "1"], "--environment: URDF describes robots only"),
         (["--to", "mjcf", "--environment", "7"], 'environments: has no "7"; known: 1'),
-        (["--to", "mjcf", "--set", "width"], "--set width: is not NAME=MM"),
+        (["--to", "mjcf", "--set", "width"], "--set width: not NAME=MM"),
     ],
 )
 def test_the_command_refuses_in_one_line(

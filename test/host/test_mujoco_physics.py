@@ -1,4 +1,4 @@
-"""The second engine against closed forms, and both engines against the same sums where both can run them."""
+"""MuJoCo's car against closed forms, and both engines against the same closed forms where both can run them."""
 
 import itertools
 import json
@@ -24,7 +24,7 @@ G_M_S2 = 9.81
 
 
 def steady(body: dict[str, Any], fraction: float) -> tuple[float, ...]:
-    """Pulses that ask every wheel for that fraction of full speed."""
+    """Pulses that command that fraction of full speed at every wheel."""
     widths = [0.0] * CHANNELS
     for wheel in body["wheels"]:
         servo = wheel["servo"]
@@ -35,7 +35,7 @@ def steady(body: dict[str, Any], fraction: float) -> tuple[float, ...]:
 
 
 def rolling_mass_kg(body: dict[str, Any]) -> float:
-    """What resists acceleration while the wheels roll: the car, and its wheels' and rotors' spin."""
+    """The effective mass (kg) of the rolling car: its mass and the rotational inertia of wheels and rotors."""
     wheels = body["wheels"]
     mass = sum(s["mass_kg"] for s in body["segments"]) + sum(w["mass_kg"] for w in wheels)
     spins = (0.5 * w["mass_kg"] + w["servo"]["rotor_inertia_kg_m2"] / w["radius_m"] ** 2 for w in wheels)
@@ -43,7 +43,7 @@ def rolling_mass_kg(body: dict[str, Any]) -> float:
 
 
 def expected_way_m(body: dict[str, Any], pulses: PulseTrain, t_s: float) -> float:
-    """Way of a car that rolls without slip: m dv/dt = Σ τ (u − v/(r ω0)) / r, in small steps."""
+    """Distance (m) of a car that rolls without slip: m dv/dt = Σ τ (u − v/(r ω0)) / r, integrated in small steps."""
     mass, scale = rolling_mass_kg(body), body["supply_v"] / body["wheels"][0]["servo"]["rated_v"]
     way = speed = 0.0
     step_s = 1e-4
@@ -188,7 +188,7 @@ def test_the_ground_has_the_heights_of_its_pieces() -> None:
 
 def test_smooth_ground_stands_where_its_heights_say_and_carries_wheels() -> None:
     def heights(x: Any, y: Any) -> Any:
-        # A hill and a hollow at different places, so that no mirror image would pass.
+        # A hill and a hollow at different positions, so that mirrored heights would fail.
         return 0.03 * numpy.exp(-((x - 0.4) ** 2 + (y - 0.1) ** 2) / 0.02) - 0.02 * numpy.exp(
             -((x + 0.3) ** 2 + (y + 0.2) ** 2) / 0.01
         )
@@ -238,7 +238,7 @@ def test_a_trial_advanced_in_steps_is_the_trial_run_at_once(carsim_binary: Any, 
     assert advanced.result == whole
     assert whole["consumed_energy_j"] > 0
     for before, after in itertools.pairwise(rows[10:]):
-        # The speed between two ticks, whose mean the way is.
+        # The mean speed between two ticks.
         mean = (before.speed_m_s + after.speed_m_s) / 2
         assert after.x_m - before.x_m == pytest.approx(mean * (after.t_s - before.t_s), abs=5e-4)
     assert stepped.end(0)["outcome"] == "terminated"

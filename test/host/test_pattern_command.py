@@ -1,4 +1,4 @@
-"""`foldcar pattern` as a user types it: a folder of files, a report, one line for every mistake, nothing half-written."""
+"""The command `foldcar pattern`: a folder of files, a report, one-line errors, no incomplete output."""
 
 import io
 import json
@@ -57,7 +57,7 @@ def test_a_folder_is_made_anew_but_never_over_other_files(
 ) -> None:
     words = ("pattern", listing, "--set", "width=95", "--machine", "laser", "-o", "car")
     made = []
-    # Sets of words have another order in each.
+    # Different hash seeds give sets different orders.
     for seed in ("0", "4"):
         monkeypatch.setenv("PYTHONHASHSEED", seed)
         assert foldcar(*words).returncode == 0
@@ -68,7 +68,7 @@ def test_a_folder_is_made_anew_but_never_over_other_files(
     done = foldcar(*words)
 
     assert done.returncode == 2
-    assert "holds notes.txt" in done.stderr
+    assert "contains notes.txt" in done.stderr
     assert (tmp_path / "car" / "notes.txt").read_text() == "mine"
 
 
@@ -76,12 +76,12 @@ def test_a_folder_is_made_anew_but_never_over_other_files(
     ("words", "said"),
     [
         (("--set", "width=95", "--sheet", "150x150"), "--sheet: beam is "),
-        (("--set", "width=95", "--sheet", "huge"), "--sheet huge: is none of a4, letter, 12in"),
-        (("--set", "width=95", "--machine", "axe"), "--machine axe: is none of silhouette, cricut, laser, scissors"),
-        (("--set", "width=95", "--kerf", "3"), "--kerf 3: is not 0 to 1 mm"),
-        (("--set", "width=95", "--dash-cut", "0"), "--dash-cut 0: is not 0.3 to 50 mm"),
-        (("--set", "width=95", "--fold", "bite"), "--fold bite: is none of dash, score"),
-        (("--set", "width=95", "--paper", "a5"), "--paper a5: is none of a4, letter"),
+        (("--set", "width=95", "--sheet", "huge"), "--sheet huge: neither one of a4, letter, 12in"),
+        (("--set", "width=95", "--machine", "axe"), "--machine axe: not one of silhouette, cricut, laser, scissors"),
+        (("--set", "width=95", "--kerf", "3"), "--kerf 3: not within 0 to 1 mm"),
+        (("--set", "width=95", "--dash-cut", "0"), "--dash-cut 0: not within 0.3 to 50 mm"),
+        (("--set", "width=95", "--fold", "bite"), "--fold bite: not one of dash, score"),
+        (("--set", "width=95", "--paper", "a5"), "--paper a5: not one of a4, letter"),
         (("--set", "width=95", "--margin", "40", "--sheet", "60x60"), "--margin 40: leaves nothing"),
         (("--set", "width=95", "--vehicle", "7"), 'vehicles: has no "7"; known: 1'),
         (("--set", "width=20"), "--set width: 20 is below the minimum"),
@@ -106,6 +106,6 @@ def test_a_file_in_the_folders_place_is_refused(foldcar: Command, listing: Path,
     below = foldcar("pattern", listing, "--set", "width=95", "-o", "car/below")
 
     assert (done.returncode, below.returncode) == (2, 2)
-    assert "is no folder" in done.stderr
+    assert "not a folder" in done.stderr
     assert "cannot be written" in below.stderr
     assert (tmp_path / "car").read_text() == "a file"

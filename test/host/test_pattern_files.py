@@ -1,4 +1,4 @@
-"""The written SVG, DXF and PDF: true millimetres for independent readers, and damage that the checks must find."""
+"""Written SVG, DXF and PDF files: true scale for independent readers, and damage that the checks must find."""
 
 import io
 import re
@@ -26,7 +26,7 @@ from foldcar.fabrication.patterns.verify import check_dxf, check_pdf, check_shee
 
 @dataclass(frozen=True)
 class Made:
-    """One sheet of the sample, as meant and as written."""
+    """One sheet of the sample, intended and as written."""
 
     sheet: Sheet
     svg: str
@@ -43,7 +43,7 @@ def made() -> Made:
     return Made(sheet, svg(sheet), dxf(sheet), pdf([sheet], "a4", "sample"))
 
 
-def test_what_is_written_is_found_well(made: Made) -> None:
+def test_written_files_have_no_findings(made: Made) -> None:
     assert check_sheet(made.sheet, CHOSEN.margin_mm) == []
     assert check_svg(made.sheet, made.svg, CHOSEN) == []
     assert check_dxf(made.sheet, made.dxf, CHOSEN) == []
@@ -107,7 +107,7 @@ def outline_open(text: str) -> str:
 
 
 def outline_moved(text: str) -> str:
-    """The outline half a tenth of a millimetre to the right."""
+    """The outline moved by 0.05 mm to the right."""
     path = first_outline(text)[0]
     x = re.search(r"M([0-9.]+)", path)
     assert x is not None
@@ -142,7 +142,7 @@ def off_the_sheet(text: str) -> str:
         (at_96_dpi, "is missing"),
         (off_the_sheet, "leave the usable part"),
         (lambda text: text.replace("LABEL", "Layer 1"), 'has a layer "Layer 1"'),
-        (lambda text: text[: len(text) // 2], "is not SVG"),
+        (lambda text: text[: len(text) // 2], "not SVG"),
         (lambda text: text.replace('<circle cx="', '<circle cx="1', 1), "CUT_INNER"),
     ],
 )
@@ -154,7 +154,7 @@ def test_a_damaged_svg_is_found(made: Made, damage: Callable[[str], str], said: 
 
 
 def edited(change: Callable[[ezdxf.document.Drawing], None]) -> Callable[[str], str]:
-    """A damage done through ezdxf."""
+    """Damage made with ezdxf."""
 
     def damage(text: str) -> str:
         document = ezdxf.read(io.StringIO(text))
@@ -201,7 +201,7 @@ def copy_fold(document: ezdxf.document.Drawing) -> None:
         (edited(in_inches), r"\$INSUNITS is 1"),
         (edited(bulge), "has a LWPOLYLINE on CUT_OUTER"),
         (edited(copy_fold), "lines on each other"),
-        (lambda text: text[: len(text) // 2], "is not DXF|audit"),
+        (lambda text: text[: len(text) // 2], "not DXF|audit"),
     ],
 )
 def test_a_damaged_dxf_is_found(made: Made, damage: Callable[[str], str], said: str) -> None:
@@ -209,7 +209,7 @@ def test_a_damaged_dxf_is_found(made: Made, damage: Callable[[str], str], said: 
 
 
 def rewritten(change: Callable[[PdfWriter], None]) -> Callable[[bytes], bytes]:
-    """A damage done through pypdf."""
+    """Damage made with pypdf."""
 
     def damage(binary: bytes) -> bytes:
         writer = PdfWriter(clone_from=io.BytesIO(binary))
@@ -222,7 +222,7 @@ def rewritten(change: Callable[[PdfWriter], None]) -> Callable[[bytes], bytes]:
 
 
 def fit_to_page(writer: PdfWriter) -> None:
-    """What printer drivers like to do."""
+    """Scale the page to fit, as printer drivers do."""
     writer.pages[0].add_transformation(Transformation().scale(0.97))
 
 
@@ -249,7 +249,7 @@ def recolour(writer: PdfWriter) -> None:
         (rewritten(shift_page), "page 2: "),
         (rewritten(drop_page), "has 1 pages, should have 2"),
         (rewritten(recolour), "page 1: a line on CUT_OUTER .* is missing"),
-        (lambda binary: binary[:200], "is not PDF"),
+        (lambda binary: binary[:200], "not PDF"),
     ],
 )
 def test_a_damaged_pdf_is_found(made: Made, damage: Callable[[bytes], bytes], said: str) -> None:
@@ -280,7 +280,7 @@ def test_a_sheet_of_paper_size_is_printed_on_one_page() -> None:
     assert page.marks == ()
 
 
-def test_a_sheet_that_a_cutter_would_stumble_over_is_found(made: Made) -> None:
+def test_a_sheet_that_a_cutter_cannot_cut_is_found(made: Made) -> None:
     (first, *others) = made.sheet.groups
     outline = next(s for s in first if isinstance(s, Path) and s.layer == "CUT_OUTER")
 

@@ -24,11 +24,11 @@ from foldcar.fabrication.patterns.split_strip import OVERLAP_MM, split_to_fit
 
 
 def plain(**changes: object) -> Options:
-    """Neither clearance nor bend: the flat has the faces' own size. At k = 2 / pi a right angle saves nothing."""
+    """Options without clearance and bend deduction, which is 0 for right angles at k = 2 / pi."""
     return options("silhouette", **{"tab_clearance_mm": 0.0, "k_factor": 2 / math.pi, **changes})
 
 
-# A neutral line halfway and no radius: what a right angle saves.
+# The bend deduction of a right angle with k = 0.5 and radius 0.
 RIGHT_ANGLE_DEDUCTION = THICKNESS - RIGHT_ANGLE * THICKNESS / 2
 
 
@@ -129,7 +129,7 @@ def test_cuts_move_by_half_a_kerf_so_that_pieces_keep_their_size() -> None:
     (outer,) = (Polygon(s.points_mm) for s in shapes if isinstance(s, Path) and s.layer == "CUT_OUTER")
     (inner,) = (Polygon(s.points_mm) for s in shapes if isinstance(s, Path) and s.layer == "CUT_INNER")
     (round_hole,) = (s for s in shapes if isinstance(s, Circle))
-    # What a beam of the kerf's width leaves of the sheet along these lines.
+    # The film that a beam of the kerf's width leaves along these lines.
     left = outer.buffer(-kerf / 2, join_style="mitre").difference(inner.buffer(kerf / 2, join_style="mitre"))
     assert left.symmetric_difference(flat.outline).area < 0.01
     assert 2 * round_hole.radius_mm + kerf == pytest.approx(2.0)

@@ -14,7 +14,7 @@ from foldcar.simulation.results import Recorded, Result
 
 
 def result(sample: int, outcome: str, time_s: float, **design: float | str) -> Result:
-    return Result("1", "1", "1", sample, outcome, time_s, 0.1, 3.0, 0.2, 0.3, None, design, {})
+    return Result("1", "1", "1", sample, outcome, {"elapsed_time_s": time_s}, None, design, {})
 
 
 # Newcombe (1998), "Two-sided confidence intervals for the single proportion", table I, method 3.

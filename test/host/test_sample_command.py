@@ -1,4 +1,4 @@
-"""`foldcar sample` as a user types it."""
+"""The command `foldcar sample`."""
 
 import json
 import sys
@@ -58,8 +58,8 @@ def test_mistakes_are_one_line_and_leave_no_file(sample: Command, tmp_path: Path
     file = tmp_path / "scenes.jsonl"
     file.write_text("kept\n")
     for arguments, part in (
-        (["--param", "step_height=high"], "param step_height: 'high' is no number"),
-        (["--param", "friction"], "--param friction: write NAME=VALUE"),
+        (["--param", "step_height=high"], "param step_height: 'high' is not a number"),
+        (["--param", "friction"], "--param friction: not NAME=VALUE"),
         (["--param", "step_height=-1"], "height_m: -1 is below the limit 0.0001"),
         (["--plot", str(tmp_path / "a.gif")], "a picture's name ends in one of .png, .svg, .pdf"),
         (

@@ -1,4 +1,4 @@
-"""The published programs and their listings: what they place, and that the simulator takes and runs it."""
+"""The published programs and their listings: the placed objects, and that the simulator accepts and runs them."""
 
 import json
 import math

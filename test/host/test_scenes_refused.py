@@ -1,4 +1,4 @@
-"""What is wrong with an environment is said in one line that names the file and, if it can, the line."""
+"""Errors of environments are one line that names the file and, where known, the line number."""
 
 from pathlib import Path
 from typing import Any
@@ -57,13 +57,13 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
     ("text", "part"),
     [
         (GOAL, "no ego"),
-        (EGO, "no Goal: the program has to place one"),
+        (EGO, "no Goal: the program must place one"),
         (EGO + GOAL + GOAL, "line 4: Goal at (1, 0): is a second Goal"),
         (GOAL + "ego = new Marker at (0, 0)\n", "the ego is a Marker, not a Robot"),
         (EGO + GOAL + "new Robot at (0, 0.5)\n", "line 4: Robot at (0, 0.5): is a second Robot"),
         (
             EGO + GOAL + "new Object at (0.5, 0), with allowCollisions True\n",
-            "Object at (0.5, 0): is none of",
+            "Object at (0.5, 0): is not one of",
         ),
         (
             EGO + GOAL + "new Bump at (0.5, 0), with height -0.1\n",
@@ -72,7 +72,7 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
         (EGO + GOAL + "new Bump at (nowhere, 0)\n", "x: <EmptyRegion nowhere"),
         (EGO + GOAL + 'new Bump at (0.5, 0), with length float("nan")\n', "length_m: nan is not finite"),
         (EGO + GOAL + "new StepPyramid at (0.5, 0), with steps 2.5\n", "StepPyramid at (0.5, 0): TypeError"),
-        (EGO + GOAL + "new StepPyramid at (0.5, 0), with steps 0\n", "is made of no pieces"),
+        (EGO + GOAL + "new StepPyramid at (0.5, 0), with steps 0\n", "has no pieces"),
         (EGO + GOAL + "new Bump at (0.5, 0, 1)\n", "z: 1.0 m: everything stands on the ground"),
         (EGO + GOAL + "new Bump at (0.5, 0), with pitch 0.3\n", "pitch: 0.3 rad: everything stands upright"),
         (EGO + GOAL + "param friction = 0\n", "param friction: 0.0 is not above 0 and at most 5"),
@@ -115,12 +115,12 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
             EGO + GOAL + "new RoughGround at (0.5, 0), with correlation 0.0015\n",
             "rough: correlation_m: 0.0015 makes a grid of 1.71e+07 heights, which is above the limit 4e+06",
         ),
-        (EGO + GOAL + "new RoughGround at (0.5, 0), with seed 1.5\n", "rough: seed: 1.5 is no whole number"),
+        (EGO + GOAL + "new RoughGround at (0.5, 0), with seed 1.5\n", "rough: seed: 1.5 is not a whole number"),
         (
             EGO + GOAL + "new FrictionPatch at (0.5, 0), with friction 9\n",
             "patch: friction: 9 is above the limit 5",
         ),
-        (EGO + GOAL + f"{PIECES}        return [3]\nnew Own at (0.5, 0)\n", "3 is no piece of terrain"),
+        (EGO + GOAL + f"{PIECES}        return [3]\nnew Own at (0.5, 0)\n", "3 is not a piece of terrain"),
         (
             EGO + GOAL + f"{PIECES}        return [{{'kind': 'box', 'length_m': 1}}]\nnew Own at (0.5, 0)\n",
             "line 7: Own at (0.5, 0): box: width_m is missing",
@@ -187,7 +187,7 @@ def test_parameters_are_checked(tmp_path: Path) -> None:
     assert "param near: unknown; the program's parameters are: course_x_max" in message(
         tmp_path, text, {"near": 1}
     )
-    assert "param far: 'x' is no number" in message(tmp_path, text, {"far": "x"})
+    assert "param far: 'x' is not a number" in message(tmp_path, text, {"far": "x"})
     assert "param far: nan is not finite" in message(tmp_path, text, {"far": float("nan")})
 
 

@@ -1,4 +1,4 @@
-"""Scenic's own semantics over `carsim step`: what programs decide and record, at the very step it happens."""
+"""Scenic's semantics over `carsim step`: decisions and records of programs take effect at the exact step."""
 
 import json
 import math
@@ -239,7 +239,7 @@ def test_violated_requirements_are_results(run: Run, statement: str, outcome: st
 
 
 def test_requirements_on_the_sample_are_none_on_the_run(tmp_path: Path, stepped: SteppedCarsim) -> None:
-    """A soft one is drawn once a sample: those that were let off run like the others."""
+    """A soft requirement is drawn once per sample: samples that need not fulfil it run like the others."""
     program = tmp_path / "program.scenic"
     program.write_text(
         "model model\nego = new Robot at (Range(0, 0.02), 0), facing -90 deg\nterminate after 0.5 seconds\n"
@@ -334,7 +334,7 @@ def test_a_refused_trial_is_that_runs_failure(run: Run) -> None:
 
 
 def test_the_ego_is_shown_as_scenic_would(tmp_path: Path) -> None:
-    """Pins what is written past Scenic's own updateObjects: orientation, derived properties, caches."""
+    """Checks what replaces Scenic's updateObjects: orientation, derived properties, caches."""
     program = tmp_path / "program.scenic"
     program.write_text(
         "model model\nbase = new Marker at (1, 1), facing 30 deg\n"

@@ -1,4 +1,4 @@
-"""Sweeps of programs that record and decide while the car drives: worker processes, the store, the export."""
+"""Sweeps of dynamic programs: worker processes, the store, the export."""
 
 import csv
 import json
@@ -63,8 +63,8 @@ def test_both_ways_store_the_same_outcomes_times_and_distances(
     counts, beside = swept(listing, tmp_path / "beside.db", carsim_binary)
 
     assert (counts.new, counts.failed) == (6, 0)
-    assert [(r.outcome, r.elapsed_time_s, r.distance_to_target_m, r.consumed_energy_j) for r in beside] == [
-        (r.outcome, r.elapsed_time_s, r.distance_to_target_m, r.consumed_energy_j) for r in native
+    assert [(r.outcome, r.metrics) for r in beside] == [
+        (r.outcome, r.metrics) for r in native
     ]
     assert "passed" in {r.outcome for r in native}
 
@@ -90,7 +90,7 @@ def test_recorded_values_reach_store_and_export(
         assert {name: one["kind"] for name, one in recorded.items()} == {
             "begin": "initial", "end": "final", "speed": "series", "elapsed": "final"
         }  # fmt: skip
-        # The car settles by less than a tenth of a millimetre before the trial begins.
+        # The car settles by less than 0.1 mm before the trial begins.
         assert recorded["begin"]["value"] == pytest.approx(starts[sample], abs=1e-4)
         assert recorded["elapsed"]["value"] == elapsed_s
         times = [t_s for t_s, _ in recorded["speed"]["value"]]
@@ -111,7 +111,7 @@ def test_recorded_values_reach_store_and_export(
 def test_runs_do_not_know_of_each_other_and_rows_do_not_depend_on_jobs(
     tmp_path: Path, listing: Path, program: Path, carsim_binary: Path
 ) -> None:
-    """The program keeps notes in a list and counts in a global: each run begins with what compiling left."""
+    """The program changes a list and a global variable: each run starts with their values after compiling."""
     counting = (
         "import random\nseen = []\n"
         "def noted(x):\n    seen.append(x)\n    return len(seen)\n"

@@ -8,9 +8,11 @@ from typing import Any
 import pytest
 
 from foldcar.errors import FoldcarError
-from foldcar.simulation.results import Recorded
+from foldcar.simulation.results import NUMBERS, Recorded
+from foldcar.store.errors import StoreError
+from foldcar.store.migrations import VERSION
+from foldcar.store.opening import APPLICATION_ID
 from foldcar.store.reader import Store
-from foldcar.store.schema import APPLICATION_ID, VERSION, StoreError
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, PlannedRun, StoreWriter, write_store
 
 STUDY = {
@@ -89,14 +91,14 @@ def test_results_come_back_in_order_and_to_the_last_bit(tmp_path: Path) -> None:
     with Store.open(tmp_path / "s.db") as store:
         results = list(store.results())
 
-    assert [(r.design["width_mm"], r.sample, r.outcome, r.elapsed_time_s) for r in results] == [
+    assert [(r.design["width_mm"], r.sample, r.outcome, r.metrics["elapsed_time_s"]) for r in results] == [
         (65, 0, "tipped", 0.0),
         (65, 1, "tipped", 1.0),
         (95, 0, "passed", 10.0),
         (95, 1, "passed", 11.0),
     ]
     assert {(r.experiment, r.vehicle, r.environment) for r in results} == {("1", "car", "steps")}
-    assert results[0].consumed_energy_j == 1.0 / 3.0
+    assert results[0].metrics["consumed_energy_j"] == 1.0 / 3.0
 
 
 def test_the_facts_of_the_study_are_kept(tmp_path: Path) -> None:
@@ -168,10 +170,8 @@ def test_failed_runs_and_recorded_values_come_back_as_they_went_in(tmp_path: Pat
     connection.close()
 
     assert (failed.outcome, failed.message) == ("failed", FAILED)
-    assert [failed.elapsed_time_s, failed.consumed_energy_j, failed.max_roll_rad, failed.max_pitch_rad] == [
-        None
-    ] * 4
-    assert (bare.message, bare.distance_to_target_m, bare.recorded) == (None, None, {})
+    assert failed.metrics == dict.fromkeys(NUMBERS)
+    assert (bare.message, bare.metrics["distance_to_target_m"], bare.recorded) == (None, None, {})
     assert full.recorded == {name: Recorded(**value) for name, value in RECORDED.items()}
     assert types == {'a "name"': {"text"}, "top": {"real"}, "track": {"series"}, "true": {"true"}}
     assert shown == [(None,), (1 / 3,)]
@@ -273,7 +273,7 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path: Path) -> None:
     for path, message in (
         (text, "is no foldcar store (file is not a database)"),
         (other, "is no foldcar store"),
-        (newer, f"is a store of version {VERSION + 1}, this foldcar reads version {VERSION}"),
+        (newer, f"is a store of version {VERSION + 1}, this foldcar knows versions 1 to {VERSION}"),
     ):
         before = path.read_bytes()
         with pytest.raises(FoldcarError) as caught:

@@ -21,12 +21,13 @@ from foldcar.car.variation.spread import draw, spread_named
 from foldcar.car.variation.vary_body import vary_body
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.results import Result
+from foldcar.simulation.results import NUMBERS, Result
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import Progress, sweep
+from shell_signals import like_a_shell
 
 WriteListing = Callable[[Any], Path]
 
@@ -122,7 +123,7 @@ def test_nearby_cars_are_other_runs_and_the_same_for_every_design(
     assert run() == (0, 6)
     params["variation_seed"] = 7
     assert run() == (6, 0)
-    assert len({tuple(r.elapsed_time_s for r in some) for some in (nominal, varied, rows(store))}) == 3
+    assert len({tuple(r.metrics["elapsed_time_s"] for r in some) for some in (nominal, varied, rows(store))}) == 3
     connection = sqlite3.connect(store)
     (pairs,) = connection.execute(
         "SELECT count(DISTINCT sample || ' ' || variation_id) FROM result"
@@ -153,8 +154,8 @@ def test_a_sweep_does_with_a_nearby_car_what_carsim_does_with_its_body(
             request = RunRequest("car", "scene", texts[2], "", k)
             expected += carsim.run({"car": texts[0]}, {"scene": texts[1]}, [request])
 
-    assert [(r.outcome, r.elapsed_time_s, r.consumed_energy_j) for r in rows(tmp_path / "s.db")] == [
-        (answer["outcome"], answer["elapsed_time_s"], answer["consumed_energy_j"]) for answer in expected
+    assert [(r.outcome, r.metrics) for r in rows(tmp_path / "s.db")] == [
+        (answer["outcome"], {name: answer[name] for name in NUMBERS}) for answer in expected
     ]
 
 
@@ -166,6 +167,7 @@ def start(listing: Path, store: Path, carsim: Path, environments: int) -> "subpr
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "FOLDCAR_CARSIM": str(carsim)},
+        preexec_fn=like_a_shell,
     )
 
 
@@ -209,13 +211,13 @@ def test_ctrl_c_stops_keeps_and_says_how_to_go_on(
         time.sleep(0.05)
 
     process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=10)
+    output, errors = process.communicate(timeout=100)
 
     assert process.returncode == 130
     stored = stored_runs(tmp_path / "s.db")
     assert 0 < stored < 10000
     assert errors == f"stopped: {stored} of 10000 runs are stored in {tmp_path / 's.db'}; " \
-        "the same command goes on from there\n"  # fmt: skip
+        "the same command resumes\n"  # fmt: skip
     assert output == ""
     assert sorted(file.name for file in tmp_path.iterdir()) == ["listing.json", "s.db"]
 
@@ -240,7 +242,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(
 
 
 def simulator(tmp_path: Path, carsim: Path, batch: str) -> Path:
-    """A program like carsim, but for what it does with a batch."""
+    """A program like carsim with another command `batch`."""
     script = tmp_path / "broken-carsim"
     script.write_text(f'#!/bin/sh\n[ "$1" = batch ] || exec {shlex.quote(str(carsim))} "$@"\n{batch}\n')
     script.chmod(0o755)

@@ -1,4 +1,4 @@
-"""Parts of trials by themselves: places and deviations, a servo's edges, parameter files, logs, car.json."""
+"""Units of trials: placement and deviations, a servo's deadband, parameter files, logs, ports, car.json."""
 
 import grp
 import json
@@ -20,7 +20,7 @@ from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
 from foldcar.link.car import REASONS
 from foldcar.link.connection import Connection
-from foldcar.link.parameters import differences, read_file, same, value_text, write_file
+from foldcar.link.parameters import differences, equal_float32, read_file, value_text, write_file
 from foldcar.link.ports import choose_port
 from foldcar.link.stream import open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, read_tlog
@@ -91,7 +91,7 @@ def test_a_servos_edges_are_found_within_the_drivers_step(neutral: float, deadba
 
 
 @pytest.mark.parametrize("turns", [lambda pulse: 0, lambda pulse: -1, lambda pulse: 1 if pulse < 1500 else -1])
-def test_a_servo_that_is_wired_wrong_is_told(turns: Any) -> None:
+def test_a_wrongly_wired_servo_is_reported(turns: Any) -> None:
     with pytest.raises(FoldcarError, match="µs the wheel does not turn as it should"):
         find_edges(turns)
 
@@ -108,7 +108,7 @@ def test_a_parameter_file_reads_back_to_the_same_32_bit_numbers(tmp_path: Path) 
     write_file(tmp_path / "p.parm", values, "of a car")
 
     read = read_file(tmp_path / "p.parm")
-    assert all(same(read[name], value) for name, value in values.items()) and len(read) == 5
+    assert all(equal_float32(read[name], value) for name, value in values.items()) and len(read) == 5
     assert value_text(values["P1"]) == "3.4" and value_text(values["P2"]) == "25000000"
     assert differences(read, values) == []
     differing = differences({"A": 1.0, "B": 2.0}, {"B": 3.0, "C": 4.0})
@@ -118,12 +118,12 @@ def test_a_parameter_file_reads_back_to_the_same_32_bit_numbers(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "holds no parameters"),
-        ("A 1\nB\n", "line 2: is not NAME VALUE: B"),
-        ("A x\n", "line 1: is not NAME VALUE: A x"),
-        ("A nan\n", "line 1: is not NAME VALUE"),
-        ("A 1 2\n", "line 1: is not NAME VALUE"),
-        ("A 1\n# c\nA 2 # again\n", "line 3: A stands there twice"),
+        ("", "contains no parameters"),
+        ("A 1\nB\n", "line 2: not NAME VALUE: B"),
+        ("A x\n", "line 1: not NAME VALUE: A x"),
+        ("A nan\n", "line 1: not NAME VALUE"),
+        ("A 1 2\n", "line 1: not NAME VALUE"),
+        ("A 1\n# c\nA 2 # again\n", "line 3: A occurs twice"),
     ],
 )
 def test_a_bad_parameter_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
@@ -162,12 +162,12 @@ def test_a_log_is_whole_up_to_where_it_was_cut(tmp_path: Path) -> None:
 def test_a_log_is_never_overwritten(tmp_path: Path) -> None:
     TlogWriter(tmp_path / "t.tlog").close()
 
-    with pytest.raises(LogError, match="is there already"):
+    with pytest.raises(LogError, match="exists already"):
         TlogWriter(tmp_path / "t.tlog")
 
 
 def test_a_full_disk_is_told_and_leaves_whole_packets(tmp_path: Path) -> None:
-    """A limit on the file's size cuts a packet short, as the end of a disk does."""
+    """A limit on the file's size truncates a packet, as a full disk does."""
     packet = heartbeats(1)[0]
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -185,7 +185,7 @@ def test_a_full_disk_is_told_and_leaves_whole_packets(tmp_path: Path) -> None:
     assert len(list(read_tlog(log.file))) == 2
 
 
-def test_car_json_tells_the_firmware_what_the_simulator_is_told() -> None:
+def test_car_json_agrees_with_the_simulators_body() -> None:
     design = compose("W_B_W", {"width": 95.0})
 
     content = car_json(design)
@@ -211,13 +211,13 @@ def test_every_design_has_a_hash_and_a_short_name_of_its_own() -> None:
     ("name", "message"),
     [
         ("/dev/no-such-port", "/dev/no-such-port: no such port"),
-        ("/etc/passwd", "/etc/passwd: is no serial port"),
-        ("tcp:localhost", "tcp:localhost: is not tcp:HOST:PORT"),
-        ("tcp:localhost:99999", "tcp:localhost:99999: is not tcp:HOST:PORT"),
+        ("/etc/passwd", "/etc/passwd: not a serial port"),
+        ("tcp:localhost", "tcp:localhost: not tcp:HOST:PORT"),
+        ("tcp:localhost:99999", "tcp:localhost:99999: not tcp:HOST:PORT"),
         ("tcp:localhost:1", "tcp:localhost:1: cannot be reached: Connection refused"),
     ],
 )
-def test_a_port_that_cannot_be_opened_is_told(name: str, message: str) -> None:
+def test_a_port_that_cannot_be_opened_is_reported(name: str, message: str) -> None:
     with pytest.raises(FoldcarError) as error:
         open_stream(name)
 
@@ -230,7 +230,7 @@ def test_no_permission_names_the_group_to_join() -> None:
     assert f"belongs to group {group}; `sudo usermod -aG {group} $USER`" in permission_text("/dev/tty")
 
 
-def test_a_port_that_another_program_uses_is_told() -> None:
+def test_a_port_that_another_program_uses_is_reported() -> None:
     ours, theirs = pty.openpty()
     first = open_stream(os.ttyname(theirs))
     try:
@@ -264,7 +264,7 @@ def test_the_only_board_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
         ([("/dev/a", 0x1A86, 0x55D4), ("/dev/b", 0x10C4, 0xEA60)], "/dev/a .*, /dev/b .*; choose one with --port"),
     ],
 )
-def test_a_port_that_is_not_plain_is_asked_for(monkeypatch: pytest.MonkeyPatch, found: Any, message: str) -> None:
+def test_without_a_single_board_a_port_must_be_named(monkeypatch: pytest.MonkeyPatch, found: Any, message: str) -> None:
     ports(monkeypatch, *found)
 
     with pytest.raises(FoldcarError, match=message):

@@ -1,4 +1,4 @@
-"""Trials in the store: kept beside runs, imported, corrected with a trail, exported, shown in the report."""
+"""Trials in the store: stored beside runs, imported, corrected with a record, exported, shown in the report."""
 
 import csv
 import json
@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from foldcar.report.trial_series import summarise_trials
+from foldcar.store.errors import StoreError
 from foldcar.store.reader import Store
-from foldcar.store.schema import StoreError
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.store.writer import write_store
@@ -49,7 +49,7 @@ def test_a_trial_is_aborted_until_it_is_completed(tmp_path: Path) -> None:
     assert trial.counts and trial.log_sha256 == "ff" and trial.ended_utc is not None
 
 
-def test_the_least_tried_sample_can_be_told(tmp_path: Path) -> None:
+def test_trials_are_counted_by_sample(tmp_path: Path) -> None:
     with write_trials(tmp_path / "s.db") as writer:
         for sample, outcome in ((0, "passed"), (0, "tipped"), (1, "stuck"), (1, "aborted")):
             writer.complete(begin(writer, sample=sample), Ending(outcome, "", None, "", None))
@@ -122,19 +122,19 @@ def test_the_published_table_is_imported_once(tmp_path: Path, foldcar: Any) -> N
     # The paper's Table 1: width, passed, failed.
     assert counts == {65: [0, 10], 95: [7, 3], 115: [3, 9], 180: [0, 12]}
     answer = foldcar("trials", "replay", "s.db", "1")
-    assert answer.returncode == 2 and "trial 1 was imported: its scene is not known" in answer.stderr
+    assert answer.returncode == 2 and "trial 1 was imported without a scene" in answer.stderr
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "holds no trials"),
-        (HEADER, "holds no trials"),
+        ("", "contains no trials"),
+        (HEADER, "contains no trials"),
         ("vehicle_type,outcome\nW_B_W,passed\n", 'has no column "source"'),
         ("vehicle_type,outcome,source,colour\n", 'unknown column "colour"; known: vehicle_type'),
         (HEADER + "W_B_W,95,passed,1\n", "line 2: has 4 cells, the header 5"),
-        (HEADER + "# a comment\nW_B_W,95,flew,1,me\n", 'line 3: outcome: "flew" is none of passed, '),
-        (HEADER + "W_B_W,95,passed,x,me\n", 'line 2: count: "x" is no whole number'),
+        (HEADER + "# a comment\nW_B_W,95,flew,1,me\n", 'line 3: outcome: "flew" is not one of passed, '),
+        (HEADER + "W_B_W,95,passed,x,me\n", 'line 2: count: "x" is not a whole number'),
         (HEADER + "W_B_W,95,passed,200000,me\n", "line 2: count: 200000 is above the maximum 100000"),
         (HEADER + "W_B_W,95,passed,-1,me\n", "line 2: count: -1 is below the minimum 0"),
         (HEADER + "W_B_W,20,passed,1,me\n", "line 2: width: 20 is below the minimum 32.3"),
@@ -190,8 +190,8 @@ def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> No
                 [{"experiment": "1", "vehicle_type": "W_B_W", "design": design, "outcome": outcome, "source": "me"}]
                 * count
             )
-        stranger = {"design": {"width_mm": 95.0, "height_mm": 60.0}, "source": "me"}
-        writer.import_trials([{"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", **stranger}])
+        unknown_car = {"design": {"width_mm": 95.0, "height_mm": 60.0}, "source": "me"}
+        writer.import_trials([{"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", **unknown_car}])
 
     answer = foldcar("report", "s.db", "-o", "out")
 
@@ -199,7 +199,7 @@ def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> No
     with Store.open(tmp_path / "s.db") as store:
         summary = summarise_trials(store.trials("1"), store.info().experiments["1"])
     tally = summary.series["width_mm"][95.0]
-    assert (tally.counted, tally.passed, tally.aborted, summary.strangers) == (10, 7, 2, 1)
+    assert (tally.counted, tally.passed, tally.aborted, summary.unknown_cars) == (10, 7, 2, 1)
     # Wilson's score interval of 7 in 10 at z = 1.959964, solved by hand.
     z, n, p = 1.959964, 10, 0.7
     middle = (p + z * z / (2 * n)) / (1 + z * z / n)
@@ -207,7 +207,7 @@ def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> No
     assert tally.interval == pytest.approx((middle - half, middle + half), abs=1e-6)
     page = (tmp_path / "out" / "index.html").read_text()
     assert f"{100 * (middle - half):.1f} – {100 * (middle + half):.1f}" in page
-    assert "1 trials are of cars that are not of this family" in page
+    assert "1 trials are of cars that do not belong to this family" in page
     assert re.search(r"trials\s+passed %", answer.stdout)
 
 

@@ -1,4 +1,4 @@
-"""Nearby cars: spreads as declared, the same draws for every design, bodies as computed by hand."""
+"""Variation: draws with the declared spreads, the same for every design, bodies as computed by hand."""
 
 import math
 import statistics
@@ -38,7 +38,7 @@ def test_draws_are_spread_as_declared() -> None:
     for name, spread in workshop().items():
         values = [v for s in samples for v in (s[name] if isinstance(s[name], list) else [s[name]])]
         assert max(abs(value) for value in values) <= 3 * spread.sd
-        # Cut off at three, the spread shrinks by 0.7 %; five standard errors of a spread are allowed.
+        # Clamping at three standard deviations reduces the spread by 0.7 %; tolerance: five standard errors of a spread.
         tolerance = 0.007 + 5 / math.sqrt(2 * len(values))
         if spread.distribution == "normal":
             assert abs(statistics.fmean(values)) < 5 * spread.sd / math.sqrt(len(values)), name
@@ -136,7 +136,7 @@ def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any], carsim_limi
     assert second["servo"]["rated_v"] == 5.2
 
 
-def test_no_spread_is_no_change(body: dict[str, Any], carsim_limits: CarsimLimits) -> None:
+def test_without_spread_nothing_changes(body: dict[str, Any], carsim_limits: CarsimLimits) -> None:
     still = draw({name: 0.0 for name in workshop()}, 42, 0)
 
     assert vary_body(body, still, carsim_limits.numbers) == body
@@ -160,7 +160,7 @@ def test_applying_takes_little_time(body: dict[str, Any], carsim_limits: CarsimL
             vary_body(body, variation, carsim_limits.numbers)
         return (time.process_time() - start) / 200
 
-    # 0.1 ms of processor time on an idle machine; the best of several tries, and room for a busy one.
+    # 0.1 ms of an idle processor; the best of several tries, and room for a shared one.
     assert min(seconds() for _ in range(5)) < 300e-6
 
 

@@ -1,4 +1,4 @@
-"""The classes of model.scenic: each becomes the terrain that its properties describe, where it was placed."""
+"""The classes of model.scenic: terrain pieces with the sizes and poses that their properties describe."""
 
 import json
 import math

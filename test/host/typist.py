@@ -1,4 +1,4 @@
-"""A person at a terminal: starts a command on a pseudo-terminal of its own, waits for what it says, types."""
+"""Simulates a person at a terminal: starts a command on a pseudo-terminal, waits for its output, types."""
 
 import os
 import pty
@@ -12,7 +12,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-WAIT_S = 100.0
+from shell_signals import like_a_shell
+
+# Ends a test that hangs; far beyond what a busy machine makes of any step.
+WAIT_S = 300.0
 COMMAND = [sys.executable, "-c", "from foldcar.cli import main; main()"]
 COLOURS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
@@ -26,7 +29,7 @@ class Typist:
         self._read_to = 0
         self.process = subprocess.Popen(
             [*COMMAND, *map(str, words)], cwd=folder, stdin=inner, stdout=inner, stderr=inner, start_new_session=True,
-            env={**os.environ, "TERM": "xterm", "COLUMNS": "160"},
+            env={**os.environ, "TERM": "xterm", "COLUMNS": "160"}, preexec_fn=like_a_shell,
         )  # fmt: skip
         os.close(inner)
 
@@ -41,11 +44,11 @@ class Typist:
         os.close(self._terminal)
 
     def sees(self, text: str) -> str:
-        """Wait for ``text`` after what was seen before; gives all that came up to its end."""
+        """Wait for ``text`` in the output after the last match; returns the output up to its end."""
         return self.sees_one_of(text)
 
     def sees_one_of(self, *texts: str) -> str:
-        """Wait for whichever of ``texts`` comes first."""
+        """Wait for the first of ``texts`` to appear; returns the output up to its end."""
         end_s = time.monotonic() + WAIT_S
         start = self._read_to
         while not any(text in self.said[start:] for text in texts):
@@ -62,11 +65,11 @@ class Typist:
             self._read(0.02)
 
     def types(self, text: str) -> None:
-        """Type ``text``, without a line's end of its own."""
+        """Type ``text`` without adding a line end."""
         os.write(self._terminal, text.encode())
 
     def ends(self, timeout_s: float = WAIT_S) -> int:
-        """Wait for the end of the command; gives its exit code."""
+        """Wait for the end of the command; returns its exit code."""
         end_s = time.monotonic() + timeout_s
         while self._read(max(0.1, end_s - time.monotonic())):
             pass

@@ -1,4 +1,4 @@
-"""Reads Webots worlds and PROTOs by their grammar, and checks every node and field against Webots' own list.
+"""Reads Webots worlds and PROTOs by their grammar, and checks every node and field against Webots' definitions.
 
 NODES is what the nodes of R2025a have, from the definitions that Webots ships (resources/nodes/*.wrl and the
 reference manual): of each field its type.
@@ -74,7 +74,7 @@ TOKEN = re.compile(r'#[^\n]*|"(?:\\.|[^"\\])*"|[\[\]{}]|[^\s\[\]{},"#]+|,|\s+')
 
 @dataclass
 class ReadNode:
-    """A node with its fields: numbers as lists, texts, truths, nodes."""
+    """A node with its fields: lists of numbers, strings, booleans, nodes."""
 
     name: str
     fields: dict[str, Any] = field(default_factory=dict)

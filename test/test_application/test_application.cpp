@@ -1,4 +1,4 @@
-// The application's tick over a recording HAL: order, pulses by state, bus faults, many cars.
+// The application's tick over a recording HAL: order of writes, pulses in each state, faults, many cars in one process.
 #include <unity.h>
 
 #include <cmath>
@@ -42,17 +42,20 @@ bool any_pulse(const PulsesUs& pulses_us) { return pulses_us != kOff; }
 }  // namespace
 
 void the_recording_hal_keeps_the_contract() {
-  RecordingHal board;
-  check_hal_contract(board.hal(), [&board] { board.clock.time_us += 10; });
+  for (const bool with_imu : {false, true}) {
+    RecordingHal board;
+    board.imu.fitted = with_imu;
+    check_hal_contract(board.hal(), [&board] { board.clock.time_us += 10; });
+  }
 }
 
 void outputs_are_off_before_parameters_are_loaded() {
-  struct WatchingStorage : RecordingStorage {
+  struct WatchingStorage : SimStorage {
     const RecordingServos* servos = nullptr;
     bool off_came_first = true;
     bool load(const char* name, float& value) override {
       off_came_first = off_came_first && servos->writes.size() == 1 && servos->writes[0] == kOff;
-      return RecordingStorage::load(name, value);
+      return SimStorage::load(name, value);
     }
   };
   RecordingHal board;
@@ -223,7 +226,7 @@ void status_tells_the_state_the_time_and_the_pulses() {
   TEST_ASSERT_TRUE(status.pulses_us == bench.last_us());
 }
 
-// Each car alone, then all of them tick by tick in turn: the pulses are the same bits.
+// Cars that are ticked in turn write exactly the pulses that each writes alone.
 void many_applications_do_not_influence_each_other() {
   constexpr std::size_t kCarCount = 40;
   const auto make = [](std::size_t number) {
@@ -302,24 +305,24 @@ void an_imu_that_stops_answering_stops_the_car() {
   TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
 }
 
-// Full stick ahead is WHEEL_MAX_RAD_S: 1500 + 45 + 155 us forward at the default gain, mirrored on the right.
+// Full forward stick is WHEEL_MAX_RAD_S: 1500 + 45 + 155 us forward at the default gain, mirrored on the right.
 void the_stick_drives_an_armed_car() {
   Bench bench;
   bench.application.begin();
-  TEST_ASSERT_TRUE(bench.application.drive_by_hand(1.0f, 0.0f) == Refusal::kNotArmed);
+  TEST_ASSERT_TRUE(bench.application.drive_manually(1.0f, 0.0f) == Refusal::kNotArmed);
   bench.application.arm();
-  TEST_ASSERT_TRUE(bench.application.drive_by_hand(0.0f, 0.0f) == Refusal::kNone);
+  TEST_ASSERT_TRUE(bench.application.drive_manually(0.0f, 0.0f) == Refusal::kNone);
   bench.tick();
   TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
   for (int i = 0; i < 50; ++i) {
-    bench.application.drive_by_hand(1.0f, 0.0f);
+    bench.application.drive_manually(1.0f, 0.0f);
     bench.tick();
   }
   TEST_ASSERT_TRUE(bench.application.status().state == State::kManual);
   TEST_ASSERT_FLOAT_WITHIN(0.1f, 1700.0f, bench.last_us()[0]);
   TEST_ASSERT_FLOAT_WITHIN(0.1f, 1300.0f, bench.last_us()[1]);
   for (int i = 0; i < 50; ++i) {
-    bench.application.drive_by_hand(0.0f, 1.0f);
+    bench.application.drive_manually(0.0f, 1.0f);
     bench.tick();
   }
   TEST_ASSERT_FLOAT_WITHIN(0.1f, 1300.0f, bench.last_us()[0]);  // left wheels backward, right ones forward
@@ -327,8 +330,8 @@ void the_stick_drives_an_armed_car() {
   for (int i = 0; i < 26; ++i) bench.tick();
   TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kCommandStale);
   TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
-  TEST_ASSERT_TRUE(bench.application.drive_by_hand(NAN, 0.0f) == Refusal::kNotANumber);
-  TEST_ASSERT_TRUE(bench.application.drive_by_hand(1.1f, 0.0f) == Refusal::kNotANumber);
+  TEST_ASSERT_TRUE(bench.application.drive_manually(NAN, 0.0f) == Refusal::kNotANumber);
+  TEST_ASSERT_TRUE(bench.application.drive_manually(1.1f, 0.0f) == Refusal::kNotANumber);
 }
 
 void a_test_puts_its_pulse_on_one_output_only_and_ends() {
@@ -359,7 +362,7 @@ void a_parameter_that_is_set_is_saved_and_forgotten_on_request() {
   TEST_ASSERT_EQUAL_FLOAT(0.2f, bench.board.storage.values["TRACK_M"]);
   TEST_ASSERT_TRUE(bench.application.set_parameter(Parameter::kTrackM, -1.0f, saved) == SetResult::kBelowMinimum);
   TEST_ASSERT_FALSE(saved);
-  TEST_ASSERT_TRUE(bench.application.forget_parameters());
+  TEST_ASSERT_TRUE(bench.application.reset_parameters());
   TEST_ASSERT_TRUE(bench.board.storage.values.empty());
   TEST_ASSERT_EQUAL_FLOAT(0.111f, bench.parameters.get(Parameter::kTrackM));
 }
@@ -387,6 +390,5 @@ int main() {
   RUN_TEST(the_stick_drives_an_armed_car);
   RUN_TEST(a_test_puts_its_pulse_on_one_output_only_and_ends);
   RUN_TEST(a_parameter_that_is_set_is_saved_and_forgotten_on_request);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -1,4 +1,4 @@
-// The attitude from an IMU, against turns whose angles are known in closed form.
+// The attitude from an IMU, against rotations whose angles are known in closed form.
 #include <unity.h>
 
 #include <cmath>
@@ -36,7 +36,7 @@ void a_car_at_rest_shows_its_angles_at_once() {
   }
 }
 
-// Rolled by 0.5 rad within 0.5 s, gravity turning along: after it the estimate is there, not on its way.
+// A roll of 0.5 rad within 0.5 s, with gravity as the accelerometer sees it: the estimate follows without lag.
 void a_turn_is_followed_by_the_gyroscope() {
   Attitude attitude = updated(Attitude{}, at_rest(0.0f, 0.0f), kStepS);
   for (int i = 1; i <= 25; ++i) {
@@ -47,7 +47,7 @@ void a_turn_is_followed_by_the_gyroscope() {
   TEST_ASSERT_FLOAT_WITHIN(0.01f, 0.5f, roll_rad(attitude));
 }
 
-// A gyroscope of 500 degrees/s may be off by 1 degree/s; gravity holds the error at drift x time constant.
+// A gyroscope of 500 degrees/s may have a bias of 1 degree/s. In the filter's steady state the error is bias × time constant.
 void gravity_holds_the_drift_of_the_gyroscope() {
   constexpr float kDriftRadS = 0.0175f;
   Attitude attitude;
@@ -85,6 +85,5 @@ int main() {
   RUN_TEST(gravity_holds_the_drift_of_the_gyroscope);
   RUN_TEST(a_shock_does_not_tilt_the_estimate);
   RUN_TEST(yaw_counts_turns_to_the_left_and_wraps);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::uint32_t kTick = 20000;
 
-// Long enough for every ramp and stagger the tests set.
+// The pulses after 10 s, when every ramp and stagger of the tests has ended.
 PulsesUs settled(const Parameters& parameters, const SetPoint& set_point) {
   const Calibration calibration = calibrate(parameters);
   DriveState state;
@@ -109,7 +109,7 @@ void pulses_stay_within_what_servos_understand() {
   TEST_ASSERT_TRUE(pulses_us[1] == 1000.0f);
 }
 
-// The n-th axle's ramp is slew × (time − n × stagger), whatever the length of the ticks.
+// The n-th axle's ramp is slew × (time − n × stagger) for any length of the ticks.
 void axles_start_one_after_the_other_and_ramp_at_the_slew_rate() {
   for (const std::uint32_t step_us : {5000u, 20000u, 33333u}) {
     Parameters parameters;
@@ -155,8 +155,8 @@ void a_reversal_ramps_through_neutral() {
   // From +155 to -155 us beyond the deadband at 20 us a tick.
   for (int i = 1; i <= 20; ++i) {
     const PulsesUs pulses_us = drive(calibration, state, {-0.69f, 0.0f}, kTick);
-    const float beyond_us = std::max(155.0f - 20.0f * static_cast<float>(i), -155.0f);
-    const float expected_us = 1500.0f + beyond_us + (beyond_us > 0.0f ? 45.0f : -45.0f);
+    const float excess_us = std::max(155.0f - 20.0f * static_cast<float>(i), -155.0f);
+    const float expected_us = 1500.0f + excess_us + (excess_us > 0.0f ? 45.0f : -45.0f);
     TEST_ASSERT_FLOAT_WITHIN(0.02f, expected_us, pulses_us[0]);
   }
 }
@@ -171,8 +171,8 @@ void mirrored_set_points_give_mirrored_pulses_to_the_last_bit() {
     const PulsesUs pulses_us = drive(calibration, state, {0.37f, 1.7f}, step_us);
     const PulsesUs mirrored_us = drive(calibration, mirrored_state, {0.37f, -1.7f}, step_us);
     for (const std::size_t left : {0u, 2u}) {
-      TEST_ASSERT_TRUE(state.beyond_us[left] == mirrored_state.beyond_us[left + 1]);
-      TEST_ASSERT_TRUE(state.beyond_us[left + 1] == mirrored_state.beyond_us[left]);
+      TEST_ASSERT_TRUE(state.excess_us[left] == mirrored_state.excess_us[left + 1]);
+      TEST_ASSERT_TRUE(state.excess_us[left + 1] == mirrored_state.excess_us[left]);
       TEST_ASSERT_FLOAT_WITHIN(1e-3f, pulses_us[left] - 1500.0f, 1500.0f - mirrored_us[left + 1]);
     }
   }
@@ -202,6 +202,5 @@ int main() {
   RUN_TEST(a_reversal_ramps_through_neutral);
   RUN_TEST(mirrored_set_points_give_mirrored_pulses_to_the_last_bit);
   RUN_TEST(the_same_input_gives_the_same_bits);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

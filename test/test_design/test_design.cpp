@@ -1,6 +1,6 @@
-// car.json: what is taken, what is refused with which words, what follows for the parameters.
+// car.json: what is accepted, what is refused with which message, and the parameters that follow.
 //
-// Where ArduinoJson is installed, as PlatformIO's registry has it, the board's reading is held to the simulator's.
+// Where ArduinoJson is installed, which PlatformIO's registry has, the board's reading is compared with the simulator's.
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -30,7 +30,7 @@ json good() {
     "parameters": {"WHEEL_MAX_RAD_S": 9.5, "CH1_NEUTRAL_US": 1490}})");
 }
 
-// What the board makes of the same text, or a copy of the simulator's where it cannot be asked.
+// The board's reading of a text; the simulator's where ArduinoJson is not installed.
 DesignResult read_on_board(const std::string& text) {
 #ifdef FOLDCAR_HAS_ARDUINO_JSON
   return read_design_json(text.data(), text.size());
@@ -82,7 +82,7 @@ void a_good_file_is_taken_whole() {
 }
 
 void the_design_comes_before_the_flash_where_it_must_and_behind_it_where_it_may() {
-  RecordingStorage storage;
+  SimStorage storage;
   storage.values = {{"TRACK_M", 0.3f}, {"WHEEL_MAX_RAD_S", 8.0f}, {"CH2_SIDE", 1.0f}};
   Parameters parameters;
   TEST_ASSERT_EQUAL_UINT(0, configure(parameters, read_car_json(good().dump()), storage));
@@ -99,7 +99,7 @@ void the_design_comes_before_the_flash_where_it_must_and_behind_it_where_it_may(
 }
 
 void without_a_design_the_parameters_hold() {
-  RecordingStorage storage;
+  SimStorage storage;
   storage.values = {{"TRACK_M", 0.3f}};
   Parameters parameters;
   configure(parameters, DesignResult{}, storage);
@@ -163,7 +163,7 @@ void wrong_wheels_are_named() {
   expect_refused(file, "car.json: wheels[0]. is unknown or not of its type");
 }
 
-// No prefix of a good file, and no file with a byte changed, does anything but be refused or be read as good.
+// Every prefix of a valid file is refused; a file with a changed byte is either refused with a message or accepted.
 void damaged_files_are_refused_or_harmless() {
   const std::string text = good().dump();
   for (std::size_t size = 0; size < text.size(); ++size) {
@@ -182,7 +182,7 @@ void damaged_files_are_refused_or_harmless() {
   TEST_ASSERT_EQUAL_STRING("car.json: is larger than 8192 bytes", read_car_json(std::string(9000, ' ')).problem);
 }
 
-// The board's reading of files that are no clean JSON.
+// Both read damaged files alike, as far as they are JSON.
 void the_board_reads_what_the_simulator_reads() {
 #ifndef FOLDCAR_HAS_ARDUINO_JSON
   TEST_IGNORE_MESSAGE("ArduinoJson is not installed");
@@ -219,6 +219,5 @@ int main() {
   RUN_TEST(wrong_wheels_are_named);
   RUN_TEST(damaged_files_are_refused_or_harmless);
   RUN_TEST(the_board_reads_what_the_simulator_reads);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

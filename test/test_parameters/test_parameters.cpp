@@ -111,7 +111,7 @@ void an_unknown_name_is_refused() {
 }
 
 void values_survive_storage() {
-  RecordingStorage storage;
+  SimStorage storage;
   Parameters written;
   written.set("TRACK_M", 0.2f);
   written.set("CH3_NEUTRAL_US", 1512.5f);
@@ -128,7 +128,7 @@ void values_survive_storage() {
 }
 
 void empty_storage_leaves_values_alone() {
-  RecordingStorage storage;
+  SimStorage storage;
   Parameters parameters;
   parameters.set("TRACK_M", 0.2f);
   TEST_ASSERT_EQUAL_UINT(0, parameters.load(storage));
@@ -136,7 +136,7 @@ void empty_storage_leaves_values_alone() {
 }
 
 void stored_values_beyond_the_limits_are_counted_and_not_taken() {
-  RecordingStorage storage;
+  SimStorage storage;
   storage.values = {{"TRACK_M", -1.0f}, {"STAGGER_MS", NAN}, {"BATT_MIN_V", 3.0f}};
   Parameters parameters;
   TEST_ASSERT_EQUAL_UINT(2, parameters.load(storage));
@@ -145,13 +145,13 @@ void stored_values_beyond_the_limits_are_counted_and_not_taken() {
 }
 
 void a_storage_that_takes_nothing_is_noticed() {
-  RecordingStorage storage;
+  SimStorage storage;
   storage.accepts = false;
   TEST_ASSERT_FALSE(Parameters().save(storage, Parameter::kTrackM));
 }
 
 void a_fixed_value_is_neither_set_nor_loaded() {
-  RecordingStorage storage;
+  SimStorage storage;
   storage.values = {{"TRACK_M", 0.3f}};
   Parameters parameters;
   TEST_ASSERT_TRUE(parameters.fix(Parameter::kTrackM, -1.0f) == SetResult::kBelowMinimum);
@@ -184,6 +184,5 @@ int main() {
   RUN_TEST(a_storage_that_takes_nothing_is_noticed);
   RUN_TEST(a_fixed_value_is_neither_set_nor_loaded);
   RUN_TEST(objects_do_not_share_values);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -239,6 +239,39 @@ void test_it_tips_where_its_weight_passes_the_outer_tyre() {
   }
 }
 
+// The left wheels on a bench: rolling about its contacts carries the axles a radius times sin(roll) to the right.
+void test_a_rolled_car_stands_beside_where_its_wheels_do_in_every_direction() {
+  const BodySpec body = study_car(0.115);
+  const double height_m = 0.04;
+  for (const double heading_rad : {0.0, 1.0, 2.5, -1.2}) {
+    const double c = std::cos(heading_rad), s = std::sin(heading_rad);
+    const SceneTerrain bench(blocks({{-0.52 * s, 0.52 * c, 4, 1, height_m, heading_rad}}));
+    Drive drive(body, 2, bench, 0, {}, {0, 0, heading_rad});
+    const CarState start = drive.car.state();
+    const CarState& state = drive.run(0.5);
+    TEST_ASSERT_DOUBLE_WITHIN(0.01, height_m / body.track_m, std::sin(state.roll_rad));
+    TEST_ASSERT_DOUBLE_WITHIN(0.0015, 0.06 * std::sin(state.roll_rad) * s, state.x_m);
+    TEST_ASSERT_DOUBLE_WITHIN(0.0015, -0.06 * std::sin(state.roll_rad) * c, state.y_m);
+    TEST_ASSERT_DOUBLE_WITHIN(0.0015, start.x_m, state.x_m);
+  }
+}
+
+// What its axles carry of a difference between left and right is told by their tyres, all alike, not by the solver.
+void test_a_rigid_car_loads_its_axles_alike() {
+  BodySpec body = study_car(0.115);
+  body.segments[0].com_y_m = 0.01;
+  Drive drive(body, 0.6, kFlat, 0);
+  const double share_n = body.segments[0].mass_kg * kGravity * 0.01 / body.track_m;  // of each axle's difference
+  drive.run(1);
+  for (int i = 0; i < 240; ++i) {
+    drive.run(drive.car.step_s());
+    for (const std::size_t left : {0, 2}) {
+      const double difference_n = drive.car.wheel_load_n(left) - drive.car.wheel_load_n(left + 1);
+      TEST_ASSERT_DOUBLE_WITHIN(0.1 * share_n, share_n, difference_n);
+    }
+  }
+}
+
 // Steady turn of a car whose right side is weaker: both sides' wheels follow their torque lines, the difference of
 // their drives balances the tyres' scrub, and tyres that are dragged sideways creep along, for friction opposes their
 // slip as a whole: forward slip is to sideways slip as drive is to scrub.
@@ -326,11 +359,12 @@ int main() {
   RUN_TEST(test_all_wheel_drive_climbs_to_the_friction_angle);
   RUN_TEST(test_the_highest_step_climbed_is_the_one_statics_allow);
   RUN_TEST(test_it_tips_where_its_weight_passes_the_outer_tyre);
+  RUN_TEST(test_a_rolled_car_stands_beside_where_its_wheels_do_in_every_direction);
+  RUN_TEST(test_a_rigid_car_loads_its_axles_alike);
   RUN_TEST(test_a_weaker_side_turns_it_as_scrub_and_torque_lines_balance);
   RUN_TEST(test_without_slip_motor_work_becomes_mechanical_energy);
   RUN_TEST(test_friction_and_impacts_never_give_energy);
   RUN_TEST(test_electrical_energy_covers_the_work);
   RUN_TEST(test_spinning_up_the_rotors_does_not_lift_the_nose);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -121,6 +121,47 @@ void test_cut_in_two_the_car_has_the_same_constants() {
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, whole.roll_inertia_kg_m2, halves.roll_inertia_kg_m2);
 }
 
+// Mass, moments and products about the car's origin simply add up; Steiner's theorem brings them to the centre of mass.
+void test_the_constants_of_unlike_segments_are_those_of_their_sum() {
+  BodySpec body = three_segments(1);
+  body.segments[0].com_z_m = 0.031;
+  body.segments[0].com_y_m = -0.009;
+  body.segments[0].mass_kg = 0.05;
+  body.segments[1].com_z_m = -0.012;
+  body.segments[1].com_y_m = 0.017;
+  body.segments[1].mass_kg = 0.14;
+  body.segments[2].com_z_m = 0.008;
+  body.segments[2].com_x_m -= 0.015;
+  double mass_kg = 0, x = 0, y = 0, z = 0, roll = 0, yaw = 0;
+  auto add = [&](double m_kg, double x_m, double y_m, double z_m, double own_roll, double own_yaw) {
+    mass_kg += m_kg;
+    x += m_kg * x_m;
+    y += m_kg * y_m;
+    z += m_kg * z_m;
+    roll += own_roll + m_kg * (y_m * y_m + z_m * z_m);
+    yaw += own_yaw + m_kg * (x_m * x_m + y_m * y_m);
+  };
+  for (const SegmentSpec& s : body.segments) {
+    add(s.mass_kg, s.com_x_m, s.com_y_m, s.com_z_m, s.roll_inertia_kg_m2, s.yaw_inertia_kg_m2);
+  }
+  const double segments_kg = mass_kg, segments_y = y, segments_z = z;
+  for (const WheelSpec& w : body.wheels) {
+    const double disc = 0.25 * w.mass_kg * w.radius_m * w.radius_m;
+    add(w.mass_kg, w.x_m, w.side == CarSide::kLeft ? 0.5 * body.track_m : -0.5 * body.track_m, 0, disc, disc);
+  }
+  const CarConstants constants(body);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, mass_kg, constants.mass_kg);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, x / mass_kg, constants.com_x_m);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, y, constants.side_moment_kg_m);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.06 + z / mass_kg, constants.com_height_m);
+  // Roll and yaw are taken about axes through the segments' own middle: that wheels stand beside and below it is left
+  // out.
+  const double yz = (segments_y * segments_y + segments_z * segments_z) / segments_kg;
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, roll - yz, constants.roll_inertia_kg_m2);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-12, yaw - x * x / mass_kg - segments_y * segments_y / segments_kg,
+                            constants.yaw_inertia_kg_m2);
+}
+
 void test_a_hinge_sags_as_its_stiffness_lets_it() {
   for (const double stiffness : {0.05, 0.15, 0.5}) {
     BodySpec body = hinged_study_car(kWidth_m, stiffness);
@@ -203,6 +244,20 @@ void test_a_very_stiff_hinge_is_none() {
     TEST_ASSERT_DOUBLE_WITHIN(0.005, 0, two.car.hinge_rad(0));
   }
   TEST_ASSERT_TRUE(two.car.state().x_m > 0.6);
+}
+
+// Scrub's arms are those from the whole car's centre of mass, whichever segment the pose is fixed to.
+void test_a_car_with_a_very_stiff_hinge_turns_as_a_rigid_one() {
+  BodySpec rigid = study_car(0.115), stiff = hinged_study_car(0.115, 1000);
+  for (BodySpec* body : {&rigid, &stiff}) {
+    for (WheelSpec& wheel : body->wheels) {
+      if (wheel.side == CarSide::kRight) wheel.servo.no_load_speed_rad_s *= 0.65;
+    }
+  }
+  Drive one(rigid, kFlat, pulses_for(rigid, 1)), two(stiff, kFlat, pulses_for(stiff, 1));
+  const double expected_rad = one.run(2).heading_rad;
+  TEST_ASSERT_TRUE(expected_rad < -0.5);
+  TEST_ASSERT_DOUBLE_WITHIN(0.05 * std::abs(expected_rad), expected_rad, two.run(2).heading_rad);
 }
 
 void test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle() {
@@ -316,11 +371,13 @@ void test_a_segment_lighter_than_its_rotors_drives_steadily() {
 int main() {
   UNITY_BEGIN();
   RUN_TEST(test_cut_in_two_the_car_has_the_same_constants);
+  RUN_TEST(test_the_constants_of_unlike_segments_are_those_of_their_sum);
   RUN_TEST(test_a_hinge_sags_as_its_stiffness_lets_it);
   RUN_TEST(test_a_hinge_swings_at_its_natural_frequency_without_gaining_energy);
   RUN_TEST(test_damping_takes_its_share_of_each_swing);
   RUN_TEST(test_a_limp_hinge_rests_on_its_limits);
   RUN_TEST(test_a_very_stiff_hinge_is_none);
+  RUN_TEST(test_a_car_with_a_very_stiff_hinge_turns_as_a_rigid_one);
   RUN_TEST(test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle);
   RUN_TEST(test_a_hinged_car_crosses_bumps_without_gaining_energy);
   RUN_TEST(test_half_the_time_step_changes_little);
@@ -328,6 +385,5 @@ int main() {
   RUN_TEST(test_one_axle_pulls_its_belly_along);
   RUN_TEST(test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed);
   RUN_TEST(test_a_segment_lighter_than_its_rotors_drives_steadily);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -143,6 +143,5 @@ int main() {
   RUN_TEST(test_a_tyres_middle_starts_where_its_phase_says);
   RUN_TEST(test_eccentric_wheels_roll_their_circumference_in_a_turn);
   RUN_TEST(test_a_servo_whose_neutral_is_off_creeps_once_it_leaves_the_dead_band);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -235,6 +235,30 @@ void test_a_later_definition_replaces_an_earlier_one() {
   TEST_ASSERT_TRUE(before != *session.answer(5, run().dump()));
 }
 
+// The numbers of a result are the rows of the metrics' table, in their order, after the outcome; one that a run does
+// not have is null.
+void test_a_result_holds_the_metrics_of_the_table() {
+  TrialResult result;
+  double value = 0.5;
+  for (const MetricInfo& metric : kMetrics) {
+    std::visit([&](auto member) { result.*member = value; }, metric.member);
+    value += 1;
+  }
+  const nlohmann::ordered_json object = result_object(result);
+  TEST_ASSERT_EQUAL_UINT(1 + kMetrics.size(), object.size());
+  auto item = object.begin();
+  TEST_ASSERT_EQUAL_STRING("outcome", item.key().c_str());
+  value = 0.5;
+  for (const MetricInfo& metric : kMetrics) {
+    ++item;
+    TEST_ASSERT_EQUAL_STRING(metric.name, item.key().c_str());
+    TEST_ASSERT_EQUAL_DOUBLE(value, item.value().get<double>());
+    value += 1;
+  }
+  const nlohmann::ordered_json empty = result_object(TrialResult());
+  for (const MetricInfo& metric : kMetrics) TEST_ASSERT_EQUAL_INT(metric.optional(), empty[metric.name].is_null());
+}
+
 int main() {
   UNITY_BEGIN();
   RUN_TEST(test_the_documented_lines_are_taken);
@@ -249,6 +273,6 @@ int main() {
   RUN_TEST(test_what_is_no_line_is_answered_too);
   RUN_TEST(test_a_run_may_only_name_what_is_known);
   RUN_TEST(test_a_later_definition_replaces_an_earlier_one);
-  UNITY_END();
-  return 0;
+  RUN_TEST(test_a_result_holds_the_metrics_of_the_table);
+  return UNITY_END();
 }

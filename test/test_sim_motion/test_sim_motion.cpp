@@ -113,6 +113,5 @@ int main() {
   RUN_TEST(a_car_that_speeds_up_is_pushed_forward);
   RUN_TEST(a_tilted_car_that_turns_shows_it_about_its_own_axes);
   RUN_TEST(the_attitude_follows_the_simulated_sensor);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -1,4 +1,5 @@
-// Terrain and outlines: cuts of every kind against dense sampling and closed forms, the envelope against its definition.
+// Terrain and outlines: cuts of every kind against dense sampling and closed forms, the envelope against its
+// definition.
 #include <unity.h>
 
 #include <algorithm>
@@ -7,6 +8,7 @@
 #include <vector>
 
 #include "../study_car.h"
+#include "hill.h"
 #include "profile.h"
 #include "rough.h"
 #include "scene_terrain.h"
@@ -35,7 +37,7 @@ double height_of(const Profile& profile, double s_m) {
 }
 
 // The highest of the surface, lowered by tilt times what is across, on a line over the car's frame at s.
-double highest_m(const Terrain& terrain, const CutPose& pose, double s_m, const Across& across) {
+double highest_m(const Terrain& terrain, const CutPose& pose, double s_m, const LateralSpan& across) {
   const double c = std::cos(pose.frame.heading_rad), s = std::sin(pose.frame.heading_rad);
   constexpr int kSamples = 100;
   double highest = -1e9;
@@ -48,7 +50,7 @@ double highest_m(const Terrain& terrain, const CutPose& pose, double s_m, const 
   return highest;
 }
 
-Across under_wheels(int k, double q) {
+LateralSpan under_wheels(int k, double q) {
   const double half_m = 0.5 * kBody.wheels[0].width_m, side = k == 0 ? 0.5 : -0.5;
   return {-half_m, half_m, side * kBody.track_m * std::sqrt(1 - q * q), 1, 0};
 }
@@ -206,6 +208,50 @@ void test_a_hill_is_the_gaussian_of_its_distances() {
   }
 }
 
+// Along the line through a round hill's middle the second derivative is (r² - 1)·exp(-r²/2) of height/sd² at r standard
+// deviations; across that line it is -exp(-r²/2) of it. Its magnitude falls from 1 at the middle and has a second peak
+// of 2·exp(-3/2) at r = √3. The stations of an outline are as close as the largest of it within a disc asks for.
+void test_the_curvature_bound_of_a_hill_is_the_largest_second_derivative_in_the_disc() {
+  constexpr double kHeight_m = 0.03, kSd_m = 0.05;
+  for (const double height_m : {kHeight_m, -kHeight_m}) {
+    const Hill hill({0.2, 0.1, 0.7, kSd_m, kSd_m, height_m});
+    for (const double nearest : {-0.5, 0.0, 0.4, 0.9, 1.2, 1.35, 1.5, 1.7, 1.9, 2.5, 3.5}) {
+      const double farthest = nearest + 0.8, middle_m = 0.5 * (nearest + farthest) * kSd_m;
+      double largest = 0;
+      for (double r = std::max(0.0, nearest); r <= std::min(farthest, 4.0); r += 1e-4) {
+        largest = std::max(largest, std::max(1.0, r * r - 1) * std::exp(-0.5 * r * r));
+      }
+      const Disc disc{0.2 + middle_m * std::cos(2.0), 0.1 + middle_m * std::sin(2.0), 0.4 * kSd_m};
+      const double expected_1_m = kHeight_m / (kSd_m * kSd_m) * largest;
+      // Where a disc ends before the second peak, the bound may be that peak's.
+      const double slack_1_m = farthest < std::sqrt(3.0) ? kHeight_m / (kSd_m * kSd_m) * 2 * std::exp(-1.5) : 0;
+      TEST_ASSERT_TRUE(hill.curvature_1_m(disc) > 0.999 * expected_1_m);
+      TEST_ASSERT_TRUE(hill.curvature_1_m(disc) < 1.001 * std::max(expected_1_m, slack_1_m));
+    }
+    TEST_ASSERT_EQUAL_DOUBLE(0, hill.curvature_1_m({0.2 + 5 * kSd_m, 0.1, 0.9 * kSd_m}));
+  }
+}
+
+// A long hill is curved across by its smaller standard deviation: the bound holds for every direction at every point.
+void test_the_curvature_bound_of_a_long_hill_holds_in_every_direction() {
+  constexpr double kHeight_m = 0.02, kAlong_m = 0.12, kAcross_m = 0.04, kReach_m = 0.03;
+  const Hill hill({0, 0, 0, kAlong_m, kAcross_m, kHeight_m});
+  for (double x_m = -0.3; x_m <= 0.3; x_m += 0.06) {
+    for (double y_m = -0.12; y_m <= 0.12; y_m += 0.03) {
+      const double bound_1_m = hill.curvature_1_m({x_m, y_m, kReach_m});
+      for (double turn_rad = 0; turn_rad < 6.28; turn_rad += 0.4) {
+        const double px_m = x_m + kReach_m * std::cos(turn_rad), py_m = y_m + kReach_m * std::sin(turn_rad);
+        const double a = px_m / kAlong_m, b = py_m / kAcross_m;
+        for (double way_rad = 0; way_rad < 3.14; way_rad += 0.2) {
+          const double u = std::cos(way_rad) / kAlong_m, v = std::sin(way_rad) / kAcross_m;
+          const double second = kHeight_m * std::exp(-0.5 * (a * a + b * b)) * (std::pow(a * u + b * v, 2) - u * u - v * v);
+          if (a * a + b * b < 16) TEST_ASSERT_TRUE(std::abs(second) <= 1.0001 * bound_1_m);
+        }
+      }
+    }
+  }
+}
+
 void test_fields_add_up_and_the_highest_of_them_and_the_blocks_counts() {
   TerrainSpec spec;
   spec.hills = {{0, 0, 0, 0.1, 0.1, 0.03}, {0, 0, 0, 0.1, 0.1, 0.01}};
@@ -336,6 +382,8 @@ int main() {
   RUN_TEST(test_the_belly_is_met_where_the_ground_is_highest);
   RUN_TEST(test_a_half_round_is_the_arc_over_its_chord);
   RUN_TEST(test_a_hill_is_the_gaussian_of_its_distances);
+  RUN_TEST(test_the_curvature_bound_of_a_hill_is_the_largest_second_derivative_in_the_disc);
+  RUN_TEST(test_the_curvature_bound_of_a_long_hill_holds_in_every_direction);
   RUN_TEST(test_fields_add_up_and_the_highest_of_them_and_the_blocks_counts);
   RUN_TEST(test_a_tyre_bridges_a_hole_narrower_than_itself);
   RUN_TEST(test_rough_ground_has_the_spread_and_the_correlation_asked_for);
@@ -345,6 +393,5 @@ int main() {
   RUN_TEST(test_the_envelope_has_no_gaps_and_covers_the_span);
   RUN_TEST(test_sloping_pieces_cross_where_their_lines_do);
   RUN_TEST(test_strips_at_the_same_height_share_a_segment);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -212,6 +212,31 @@ void test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for() {
   TEST_ASSERT_DOUBLE_WITHIN(0.1 * 4 * expected_rad_s, 4 * expected_rad_s, result.path.back()[4]);
 }
 
+// Down a ramp the nose only points down, along a hillside one side only is up: both count by their size.
+void test_the_largest_tilt_counts_to_both_sides() {
+  const BodySpec body = study_car(0.115);
+  const double rise_m = 0.12, length_m = 0.8;
+  SceneSpec down = one_bump(0, 0);
+  down.terrain.blocks = {{-0.3, 0, 1, 2, rise_m, 0},
+                         {0.2 + 0.5 * length_m, 0, length_m, 2, rise_m, 3.14159265358979323846, BlockSpec::Kind::kRamp}};
+  const TrialResult nose = run_trial(body, down, full_speed(body));
+  TEST_ASSERT_EQUAL_STRING("passed", text(nose.outcome));
+  TEST_ASSERT_DOUBLE_WITHIN(0.02, std::atan(rise_m / length_m), nose.max_pitch_rad);
+  for (const double side : {1.0, -1.0}) {
+    SceneSpec across = one_bump(0, 0);
+    across.friction = 1;
+    const double sd_m = 0.25, hill_m = 0.06, half_m = 0.5 * body.track_m;
+    across.terrain.blocks.clear();
+    across.terrain.hills = {{0, side * sd_m, 0, 10, sd_m, hill_m}};
+    across.goal->x_m = 0.3;
+    const TrialResult roll = run_trial(body, across, full_speed(body));
+    auto height_m = [&](double y_m) { return hill_m * std::exp(-0.5 * std::pow((y_m - sd_m) / sd_m, 2)); };
+    const double expected_rad = std::asin((height_m(half_m + 0.006) - height_m(0.006 - half_m)) / body.track_m);
+    TEST_ASSERT_EQUAL_STRING("passed", text(roll.outcome));
+    TEST_ASSERT_DOUBLE_WITHIN(0.02, expected_rad, roll.max_roll_rad);
+  }
+}
+
 void test_a_refused_trial_says_why() {
   const BodySpec body = study_car(0.115);
   TrialSpec trial = full_speed(body, 3000);
@@ -238,7 +263,7 @@ int main() {
   RUN_TEST(test_the_firmware_ends_the_trial_at_its_time_limit);
   RUN_TEST(test_it_leaves_the_course_at_its_edge);
   RUN_TEST(test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for);
+  RUN_TEST(test_the_largest_tilt_counts_to_both_sides);
   RUN_TEST(test_a_refused_trial_says_why);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

@@ -23,14 +23,14 @@ constexpr TrialRequest kUntethered{0.2f, 0.0f, 10.0f, true, 2};
 
 constexpr std::uint64_t ms(std::uint64_t time_ms) { return 1000 * time_ms; }
 
-// All by legal events at time 0.
+// Brings a new supervisor into a state, by accepted requests at time 0.
 void bring_to(State state, Supervisor& supervisor) {
   if (state == State::kDisarmed) return;
   if (state == State::kTesting) return static_cast<void>(supervisor.test(3.0f, kGoodV, 0));
   supervisor.arm(kGoodV);
   if (state == State::kArmed) return;
   if (state == State::kFault) return supervisor.report(Fault::kBus);
-  if (state == State::kManual) return static_cast<void>(supervisor.drive_by_hand(true, 0));
+  if (state == State::kManual) return static_cast<void>(supervisor.drive_manually(true, 0));
   supervisor.start(kTrial, 0);
   if (state == State::kFinished) supervisor.stop();
 }
@@ -64,7 +64,7 @@ constexpr Refusal kLatched = Refusal::kFaultLatched;
 constexpr float kTooFarRad = 1.2f;
 constexpr Refusal kOk = Refusal::kNone;
 
-// docs/firmware.md holds this table in words.
+// docs/firmware.md has this table too.
 const std::vector<Event> kTable = {
     {"arm", [](Supervisor& s) { return s.arm(kGoodV); },
      {{kArmed, kOk}, {kArmed, kOk}, {kRunning, kBusy}, {kArmed, kOk}, {kFault, kLatched}, {kManual, kBusy},
@@ -91,10 +91,10 @@ const std::vector<Event> kTable = {
     {"start with a bad request", [](Supervisor& s) { return s.start({NAN, 0.0f, 10.0f, false, 0}, ms(50)); },
      {{kDisarmed, Refusal::kNotArmed}, {kArmed, Refusal::kNotANumber}, {kRunning, kBusy},
       {kFinished, Refusal::kNotArmed}, {kFault, kLatched}, {kManual, kBusy}, {kTesting, kBusy}}},
-    {"the stick moves", [](Supervisor& s) { return s.drive_by_hand(true, ms(50)); },
+    {"the stick moves", [](Supervisor& s) { return s.drive_manually(true, ms(50)); },
      {{kDisarmed, Refusal::kNotArmed}, {kManual, kOk}, {kRunning, kBusy}, {kFinished, Refusal::kNotArmed},
       {kFault, kLatched}, {kManual, kOk}, {kTesting, kBusy}}},
-    {"the stick rests", [](Supervisor& s) { return s.drive_by_hand(false, ms(50)); },
+    {"the stick rests", [](Supervisor& s) { return s.drive_manually(false, ms(50)); },
      {{kDisarmed, Refusal::kNotArmed}, {kArmed, kOk}, {kRunning, kBusy}, {kFinished, Refusal::kNotArmed},
       {kFault, kLatched}, {kManual, kOk}, {kTesting, kBusy}}},
     {"test an output", [](Supervisor& s) { return s.test(1.0f, kGoodV, ms(50)); },
@@ -377,6 +377,5 @@ int main() {
   RUN_TEST(the_first_fault_stays_until_it_is_acknowledged);
   RUN_TEST(how_a_trial_ended_is_kept_until_the_next_one_starts);
   RUN_TEST(a_second_trial_counts_its_own_time);
-  UNITY_END();
-  return 0;
+  return UNITY_END();
 }

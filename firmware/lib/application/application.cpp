@@ -6,11 +6,11 @@
 namespace foldcar {
 namespace {
 
-// After a longer gap the slew limit still holds: the wheels never jump by more than this much of a ramp.
+// Longest time step of the controller: after a longer gap a pulse changes by no more than the slew limit allows in it.
 constexpr std::uint64_t kLongestStepUs = 5 * kTickUs;
 
 constexpr PulsesUs kAllOff{};
-static_assert(kNoPulse == 0.0f, "kAllOff relies on it");
+static_assert(kNoPulse == 0.0f, "kAllOff is made of zeros");
 
 }  // namespace
 
@@ -59,18 +59,18 @@ Refusal Application::start(const TrialRequest& request) {
   const std::uint64_t now_us = hal_.clock.now_us();
   const Refusal refusal = supervisor_.start(request, now_us);
   if (refusal != Refusal::kNone) return refusal;
-  take_over_parameters(now_us);
+  apply_parameters(now_us);
   set_point_ = {request.speed_m_s, request.yaw_rate_rad_s};
   return refusal;
 }
 
-Refusal Application::drive_by_hand(float forward, float left) {
+Refusal Application::drive_manually(float forward, float left) {
   if (!(std::fabs(forward) <= 1.0f && std::fabs(left) <= 1.0f)) return Refusal::kNotANumber;
   const std::uint64_t now_us = hal_.clock.now_us();
   const bool was_manual = supervisor_.state() == State::kManual;
-  const Refusal refusal = supervisor_.drive_by_hand(forward != 0.0f || left != 0.0f, now_us);
+  const Refusal refusal = supervisor_.drive_manually(forward != 0.0f || left != 0.0f, now_us);
   if (refusal != Refusal::kNone || supervisor_.state() != State::kManual) return refusal;
-  if (!was_manual) take_over_parameters(now_us);
+  if (!was_manual) apply_parameters(now_us);
   const float fastest_m_s = calibration_.wheel_max_rad_s * calibration_.wheel_radius_m;
   set_point_ = {forward * fastest_m_s, left * fastest_m_s / calibration_.half_track_m};
   return refusal;
@@ -104,7 +104,7 @@ SetResult Application::set_parameter(Parameter parameter, float value, bool& sav
   return result;
 }
 
-bool Application::forget_parameters() {
+bool Application::reset_parameters() {
   if (!hal_.storage.clear()) return false;
   parameters_ = Parameters();
   configure(parameters_, design_, hal_.storage);
@@ -115,7 +115,7 @@ Status Application::status() const {
   return {supervisor_.state(), supervisor_.fault(), supervisor_.trial_elapsed_us(), battery_v_, pulses_us_};
 }
 
-// Wheels that turned when the board was reset may have been the cause: someone should look.
+// The servos' current may have caused the reset, so a person must acknowledge it before the car drives again.
 void Application::report_reset() {
   switch (hal_.board.reset_reason()) {
     case ResetReason::kBrownOut: return supervisor_.report(Fault::kBrownOut);
@@ -125,7 +125,9 @@ void Application::report_reset() {
     case ResetReason::kOtherWatchdog: return supervisor_.report(Fault::kWatchdog);
     case ResetReason::kUnknown:
     case ResetReason::kPowerOn:
-    case ResetReason::kSoftware: return;
+    case ResetReason::kExternalPin:
+    case ResetReason::kSoftware:
+    case ResetReason::kDeepSleep: return;
   }
 }
 
@@ -141,13 +143,13 @@ PulsesUs Application::pulses(std::uint32_t step_us) {
   return drive(calibration_, drive_state_, set_point_, step_us);
 }
 
-void Application::take_over_parameters(std::uint64_t now_us) {
+void Application::apply_parameters(std::uint64_t now_us) {
   calibration_ = calibrate(parameters_);
   drive_state_ = DriveState{};
   last_tick_us_ = now_us;
 }
 
-// Every tick anew, as a driver that has not taken it once may take it now.
+// Written at every tick, because a driver that did not acknowledge it may do so at the next.
 void Application::write_off() {
   pulses_us_ = kAllOff;
   servos_answer_ = hal_.servos.write_pulses(kAllOff);

@@ -1,10 +1,10 @@
-// The application of one car: owns the tick, read, supervise, control, write.
+// The application of one car. Each tick reads the sensors, supervises, controls and writes the servos.
 //
-// Input: a HAL, the car's parameters and its design. Rate: tick() about every kTickUs; a late tick does no harm, as
-// the time step is taken from the clock. All time comes from the HAL and nothing waits. Many applications fit in
-// one process.
+// Input: a HAL, the car's parameters and its design. Rate: tick() about every kTickUs; the time step is measured with the
+// HAL's clock, so a late tick changes no result. Nothing waits. Many applications fit in one process.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "attitude.h"
@@ -19,41 +19,44 @@ namespace foldcar {
 
 constexpr std::uint32_t kTickUs = 20000;  // 50 Hz, the period of the servo pulses
 
+// The car's state at the last tick. pulses_us: as last written; trial_elapsed_us: of the current or else the last trial.
 struct Status {
   State state;
   Fault fault;
   std::uint64_t trial_elapsed_us;
   float battery_v;
-  PulsesUs pulses_us;  // as last written
+  PulsesUs pulses_us;
 };
 
 class Application {
  public:
-  // What hal refers to and the parameters must outlive the application.
+  // The parts of hal and the parameters must outlive the application.
   Application(const Hal& hal, Parameters& parameters);
 
-  // Call once, first of all: turns the outputs off, which may still be driving from before a reset, and only
-  // then takes over the design and the stored parameters.
+  // To be called once, before anything else. Turns the outputs off, which may still be driving from before a reset, and
+  // then reads the design and the stored parameters.
   void begin(const DesignResult& design = {});
 
   void tick();
 
+  // Requests. Each returns why it was refused, kNone if it was accepted.
   Refusal arm();
   Refusal disarm();
-  // The controller takes its parameters over here; one that changes in the trial acts on the next.
+  // Starts a trial with the controller's parameters as they are now; one that changes during the trial acts on the next.
   Refusal start(const TrialRequest& request);
-  // Each of forward and left from -1 to 1, of the fastest that the wheels can.
-  Refusal drive_by_hand(float forward, float left);
-  // A pulse, or none, on one output of a disarmed car; its channel counts from 0.
+  // Drives at the fraction forward (-1 to 1) of the largest speed and left (-1 to 1) of the largest yaw rate.
+  Refusal drive_manually(float forward, float left);
+  // Sends one output of a disarmed car (channel from 0) a pulse of pulse_us (1000 to 2000 µs, or kNoPulse) for time_s (s).
   Refusal test(std::size_t channel, float pulse_us, float time_s);
   Refusal stop();
   Refusal acknowledge();
+  // Notes that the host that drives is still there.
   Refusal refresh_command();
 
-  // Sets and saves. Refused with kFixed what car.json sets; saved is false if storage did not take it.
+  // Sets a parameter and saves it. Returns kFixed for a parameter that car.json sets; saved tells whether it was stored.
   SetResult set_parameter(Parameter parameter, float value, bool& saved);
-  // Forgets what is stored: the design's values hold again, else the table's. False if storage did not.
-  bool forget_parameters();
+  // Deletes the stored values: those of the design hold again, else the table's defaults. Returns false if that failed.
+  bool reset_parameters();
 
   Status status() const;
   bool is_driving() const { return supervisor_.pulses_enabled(); }
@@ -63,14 +66,14 @@ class Application {
   const Parameters& parameters() const { return parameters_; }
   const Attitude& attitude() const { return attitude_; }
   const ImuSample& imu_sample() const { return imu_sample_; }
-  // Whether the servo driver took the last write.
+  // Whether the servo driver acknowledged the last write.
   bool servos_answer() const { return servos_answer_; }
 
  private:
   void report_reset();
-  bool read_imu(std::uint32_t step_us);  // false if it was there and does not answer
+  bool read_imu(std::uint32_t step_us);  // false if there is an IMU and it does not answer
   PulsesUs pulses(std::uint32_t step_us);
-  void take_over_parameters(std::uint64_t now_us);
+  void apply_parameters(std::uint64_t now_us);
   void write_off();
   void write(const PulsesUs& pulses_us);
 

@@ -8,9 +8,9 @@ namespace {
 
 constexpr float kGravityMS2 = 9.81f;
 constexpr float kPi = 3.14159265f;
-// Gravity corrects the gyroscope's drift within this time; drive and bumps, which are shorter, hardly disturb it.
+// Time constant of the correction by gravity: long compared with the accelerations of driving and bumps.
 constexpr float kGravityTimeS = 0.5f;
-// Beyond this much of a difference from gravity the car is being shaken, and the sample says nothing about up.
+// A sample whose magnitude differs from gravity by more than this does not give the direction of the vertical.
 constexpr float kShakenMS2 = 3.0f;
 
 using Vector = std::array<float, 3>;
@@ -35,7 +35,7 @@ Attitude updated(const Attitude& before, const ImuSample& sample, float step_s) 
     if (still) after.up = scaled_to_1(a);
     return after;
   }
-  // The vertical stands still while the car turns under it: d(up)/dt = up x rate.
+  // The vertical is fixed in the world, so in the car's turning axes d(up)/dt = up x rate.
   const Vector& u = before.up;
   Vector up = {u[0] + step_s * (u[1] * w[2] - u[2] * w[1]), u[1] + step_s * (u[2] * w[0] - u[0] * w[2]),
                u[2] + step_s * (u[0] * w[1] - u[1] * w[0])};

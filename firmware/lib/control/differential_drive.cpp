@@ -10,10 +10,10 @@ float approach(float value, float target, float step) {
   return value < target ? std::min(value + step, target) : std::max(value - step, target);
 }
 
-// The servo ignores the deadband, so the pulse jumps over it and the slew limit counts only what is beyond.
-float pulse_us(const WheelCalibration& wheel, float beyond_us) {
-  if (beyond_us == 0.0f) return wheel.neutral_us;
-  const float from_neutral_us = beyond_us + (beyond_us > 0.0f ? wheel.deadband_us : -wheel.deadband_us);
+// The servo stands within the deadband, so the pulse skips it; the slew limit applies to the part beyond it.
+float pulse_us(const WheelCalibration& wheel, float excess_us) {
+  if (excess_us == 0.0f) return wheel.neutral_us;
+  const float from_neutral_us = excess_us + (excess_us > 0.0f ? wheel.deadband_us : -wheel.deadband_us);
   return std::clamp(wheel.neutral_us + wheel.direction * from_neutral_us, kShortestPulseUs, kLongestPulseUs);
 }
 
@@ -40,14 +40,14 @@ PulsesUs drive(const Calibration& calibration, DriveState& state, const SetPoint
       pulses_us[channel] = kNoPulse;
       continue;
     }
-    // A wheel that starts within this step ramps for the rest of it: the ramp is the same at any tick.
+    // A wheel that starts within this step ramps for the rest of it, so that the ramp does not depend on the tick.
     const std::uint32_t started_for_us =
         state.elapsed_us > wheel.starts_at_us ? std::min(step_us, state.elapsed_us - wheel.starts_at_us) : 0;
     const float speed_rad_s = wheel.side == Side::kLeft ? speeds.left_rad_s : speeds.right_rad_s;
     const float largest_change_us = calibration.slew_us_per_us * static_cast<float>(started_for_us);
-    float& beyond_us = state.beyond_us[channel];
-    beyond_us = approach(beyond_us, wheel.gain_us * speed_rad_s, largest_change_us);
-    pulses_us[channel] = pulse_us(wheel, beyond_us);
+    float& excess_us = state.excess_us[channel];
+    excess_us = approach(excess_us, wheel.gain_us * speed_rad_s, largest_change_us);
+    pulses_us[channel] = pulse_us(wheel, excess_us);
   }
   return pulses_us;
 }

@@ -1,7 +1,7 @@
-// The controller: speed and turn rate of the car to a pulse for every wheel's servo.
+// The controller of a differential drive: from the car's speed and yaw rate to a pulse width for each wheel's servo.
 //
-// A pure function of (calibration, state, set-point, time step), without clock or hardware. Rate: each tick.
-// Yaw is positive to the left, so a positive yaw rate drives the right wheels faster.
+// A pure function of (calibration, state, set-point, time step). Rate: each tick. Yaw is positive to the left, so a
+// positive yaw rate makes the right wheels faster.
 #pragma once
 
 #include <array>
@@ -12,32 +12,34 @@
 
 namespace foldcar {
 
+// The motion that the car is to have.
 struct SetPoint {
   float speed_m_s = 0.0f;
   float yaw_rate_rad_s = 0.0f;
 };
 
-// Positive drives the car forward.
+// Speeds of the wheels of each side; positive drives the car forward.
 struct WheelSpeeds {
   float left_rad_s = 0.0f;
   float right_rad_s = 0.0f;
 };
 
-// What the controller remembers between steps; a fresh one is the start of a trial.
+// The controller's state; a new object is that at the start of a trial.
 struct DriveState {
-  std::uint32_t elapsed_us = 0;  // lasts 71 minutes, TRIAL_MAX_S ends at 60
-  std::array<float, kChannelCount> beyond_us{};  // pulse beyond the deadband, positive drives forward
+  std::uint32_t elapsed_us = 0;  // since the start; 32 bits last 71 minutes, the longest trial 60
+  std::array<float, kChannelCount> excess_us{};  // pulse width beyond the deadband (µs), positive drives forward
 };
 
-// Pulses the servos understand, whatever the parameters say.
+// Range of pulse widths that hobby servos accept; the controller stays within it whatever the parameters are.
 constexpr float kShortestPulseUs = 1000.0f;
 constexpr float kLongestPulseUs = 2000.0f;
 
-// Both sides are scaled back together if one is beyond the fastest wheel speed: the car keeps its curve and
-// goes slower.
+// The wheel speeds of a set-point. If a side exceeds the largest wheel speed, both are scaled by the same factor: the car
+// keeps its curvature and is slower.
 WheelSpeeds wheel_speeds(const Calibration& calibration, const SetPoint& set_point);
 
-// Advances state by step_us. A standing wheel gets its neutral pulse, an unused channel kNoPulse.
+// The pulses after a time step of step_us (µs), by which state advances. A wheel at rest gets its neutral pulse, an unused
+// channel kNoPulse.
 PulsesUs drive(const Calibration& calibration, DriveState& state, const SetPoint& set_point,
                std::uint32_t step_us);
 

@@ -15,7 +15,7 @@ bool is_hash(const char* text) {
   return std::strlen(text) == kDesignHashLength && std::strspn(text, "0123456789abcdef") == kDesignHashLength;
 }
 
-// Length from the body's size is for people and drawings; the firmware takes note that the value is a number.
+// Numbers that the format has for people and drawings; the firmware does not use them.
 bool is_for_others(const char* key) {
   return same(key, "length_m") || same(key, "width_m") || same(key, "mass_kg");
 }
@@ -121,7 +121,7 @@ void CarDesignReader::top_number(const DesignPlace& place, double value) {
   }
 }
 
-// One set of limits, that of the parameter table.
+// A length has the limits of the parameter that it becomes.
 void CarDesignReader::in_limits(const DesignPlace& place, double value, Parameter limits_of, float& into) {
   Parameters scratch;
   const SetResult result = scratch.set(limits_of, static_cast<float>(value));

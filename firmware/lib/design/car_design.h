@@ -1,7 +1,7 @@
-// The design a car was built from, as its car.json says: name, hash, geometry, which output drives which wheel.
+// The design that a car was built from, as in its car.json: name, hash, geometry, and which output drives which wheel.
 //
-// CarDesignReader checks the file's values one by one as a JSON library comes upon them, so that board and
-// simulator, which have different ones, refuse the same files with the same words. docs/firmware.md has the format.
+// Board and simulator parse JSON with different libraries. Both hand the file's values to CarDesignReader one by one, so
+// that they refuse the same files with the same messages. docs/firmware.md describes the format.
 #pragma once
 
 #include <array>
@@ -13,48 +13,51 @@
 
 namespace foldcar {
 
-// The values are those of the MAVLink dialect.
+// Where the design comes from: no file, a file, or none because the file is refused. Values as in the MAVLink dialect.
 enum class DesignSource : std::uint8_t { kNone, kFile, kRefused };
 
+// Longest name and exact length of the hash (bytes), largest file (bytes).
 constexpr std::size_t kDesignNameLength = 32;
 constexpr std::size_t kDesignHashLength = 16;
 constexpr std::size_t kLargestDesignFile = 8192;
 
+// The content of a valid file.
 struct CarDesign {
   char name[kDesignNameLength + 1] = "";
   char hash[kDesignHashLength + 1] = "";
   float wheel_radius_m = 0.0f;
   float track_m = 0.0f;
-  std::array<Side, kChannelCount> sides{};
-  std::array<float, kChannelCount> directions{};
-  std::array<std::optional<float>, kParameterCount> defaults{};  // instead of the table's
+  std::array<Side, kChannelCount> sides{};  // by channel, from 0
+  std::array<float, kChannelCount> directions{};  // 1 or -1, of used channels
+  std::array<std::optional<float>, kParameterCount> defaults{};  // replace the table's; by parameter
 };
 
-// What is known of the car's design: the design, or why there is none.
+// The design, or why there is none; problem is one line for people.
 struct DesignResult {
   DesignSource source = DesignSource::kNone;
   CarDesign design;
   char problem[120] = "";
 };
 
-// Where in the file a value stands: key, or section.key, or section[index].key.
+// The place of a value in the file: key, section.key or section[index].key.
 struct DesignPlace {
   const char* section = "";
   int index = -1;
   const char* key = "";
 };
 
+// Collects and checks the values of one file.
 class CarDesignReader {
  public:
-  // Every value of the file, in any order. Only the first problem counts.
+  // To be called for each number and each text of the file, in any order. The first problem is kept.
   void number(const DesignPlace& place, double value);
   void text(const DesignPlace& place, const char* value);
-  // A value that is neither, or one in a place where there is none.
+  // For a value that is neither, or one where the format has none.
   void other(const DesignPlace& place);
-  // The file itself cannot be used: it is not JSON, too large, unreadable.
+  // For a file that cannot be used as a whole: not JSON, too large, unreadable.
   void refuse(const char* problem);
 
-  // To be called once, after the last value.
+  // The design. To be called once, after the last value.
   DesignResult result();
 
  private:
@@ -79,8 +82,8 @@ class CarDesignReader {
   char problem_[sizeof(DesignResult::problem)] = "";
 };
 
-// Gives the parameters what the design says: its defaults, then what storage has, then what only the design sets.
-// Returns how many stored values were refused.
+// Sets the parameters: first the design's defaults, then the stored values, then those that only the design may set, which
+// are fixed. Returns the number of stored values that were refused.
 std::size_t configure(Parameters& parameters, const DesignResult& design, Storage& storage);
 
 }  // namespace foldcar

@@ -1,7 +1,7 @@
-// car.json read with ArduinoJson, as on the board: gives a CarDesignReader every value of the file.
+// Reads car.json with ArduinoJson, as the board does.
 //
-// Input: the file's text. Output: the design, or why it is refused. Takes memory from the heap, all of which it
-// gives back; knows nothing of the board, so that it is tested beside the simulator's reading.
+// Input: the file's text. Output: the design, or why it is refused. Takes memory from the heap and gives all of it back. It
+// needs no board, so that tests compare it with the simulator's reading.
 #pragma once
 
 #include <ArduinoJson.h>
@@ -15,7 +15,7 @@
 namespace foldcar {
 namespace design_json {
 
-// Text as ArduinoJson reads it, which stops behind the first value: what is left shows whether there is more.
+// The text as a stream. ArduinoJson stops after the first JSON value; what is left must be space only.
 class Text {
  public:
   Text(const char* text, std::size_t size) : next_(text), end_(text + size) {}
@@ -76,6 +76,7 @@ inline void take_all(CarDesignReader& reader, JsonObjectConst root) {
 
 }  // namespace design_json
 
+// text: size bytes, which need no closing zero.
 inline DesignResult read_design_json(const char* text, std::size_t size) {
   CarDesignReader reader;
   if (size > kLargestDesignFile) {

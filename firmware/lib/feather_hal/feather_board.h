@@ -1,4 +1,4 @@
-// The ESP32 of the HUZZAH32 Feather: clock, battery, USB serial, reset.
+// The ESP32 of the HUZZAH32 Feather: clock, battery voltage, USB serial port, reset.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,7 @@ class FeatherClock : public Clock {
   std::uint64_t now_us() const override;
 };
 
-// The board's LiPo, through its divider on A13.
+// The board's LiPo cell, measured through the divider of 100 kΩ and 100 kΩ at A13.
 class FeatherBattery : public Battery {
  public:
   float voltage_v() override;
@@ -21,16 +21,15 @@ class FeatherBattery : public Battery {
 
 class SerialLink : public ByteLink {
  public:
+  // Opens the port. baud: bits per second.
   void begin(std::uint32_t baud);
   std::size_t read(std::uint8_t* data, std::size_t size) override;
   std::size_t write(const std::uint8_t* data, std::size_t size) override;
 };
 
-// Why the ESP32 has started, its restart, and a watchdog that restarts it when loop() hangs: the servo driver would go on
-// with its pulses.
 class Esp32Board : public Board {
  public:
-  // From here on loop() must come round at least once a second.
+  // Restarts the board whenever loop() takes longer than 1 s: the servo driver would continue with its pulses.
   void start_watchdog();
   ResetReason reset_reason() const override;
   void restart() override;

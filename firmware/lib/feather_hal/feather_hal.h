@@ -1,10 +1,10 @@
-// The HAL of the real car: HUZZAH32 Feather and Servo FeatherWing. The only library that knows Arduino.
+// The HAL of the real car: HUZZAH32 Feather and Servo FeatherWing. This library alone includes Arduino's headers.
 #pragma once
 
 #include "feather_board.h"
 #include "feather_imu.h"
 #include "feather_servos.h"
-#include "flash_files.h"
+#include "flash_logs.h"
 #include "flash_storage.h"
 #include "hal.h"
 
@@ -21,6 +21,17 @@ struct FeatherHal {
   Esp32Board board;
 
   Hal hal() { return {clock, servos, battery, link, storage, imu, logs, board}; }
+
+  // Starts every part. The servos come first, because their outputs may still be driving from before a reset; their bus is
+  // the IMU's too. A part that does not start fails at its first use: the application's first write then latches a bus
+  // fault, and without flash memory the parameters' defaults hold. baud: bits per second of the USB serial port.
+  void begin(std::uint32_t baud) {
+    servos.begin();
+    link.begin(baud);
+    imu.begin();
+    storage.begin();
+    logs.begin();
+  }
 };
 
 }  // namespace foldcar

@@ -1,21 +1,23 @@
 #include "feather_imu.h"
 
+#include <cstdint>
+
 #include <Arduino.h>
 #include <Wire.h>
 
 namespace foldcar {
 namespace {
 
-// Registers and sensitivities of the LSM6DSOX data sheet (ST DS12814).
+// Registers and sensitivities: LSM6DSOX data sheet, ST DS12814.
 constexpr std::uint8_t kWhoAmI = 0x0F;
-constexpr std::uint8_t kIdentity = 0x6C;
-constexpr std::uint8_t kFirstOutput = 0x22;  // six of the gyroscope, then six of the accelerometer
+constexpr std::uint8_t kIdentity = 0x6C;  // what WHO_AM_I holds
+constexpr std::uint8_t kFirstOutput = 0x22;  // 6 bytes of the gyroscope, then 6 of the accelerometer
 constexpr std::uint8_t kSettings[][2] = {
-    {0x12, 0x44},  // CTRL3_C: no update while it is read; the address counts up
+    {0x12, 0x44},  // CTRL3_C: outputs stay the same while they are read; the register address increments
     {0x10, 0x58},  // CTRL1_XL: 208 Hz, +-4 g
     {0x11, 0x54},  // CTRL2_G: 208 Hz, +-500 degrees/s
 };
-constexpr float kAccelerationPerBit = 0.122e-3f * 9.80665f;             // m/s2
+constexpr float kAccelerationPerBit = 0.122e-3f * 9.80665f;             // m/s²
 constexpr float kRatePerBit = 17.5e-3f * 3.14159265f / 180.0f;          // rad/s
 
 bool set_up(Adafruit_I2CDevice& device) {

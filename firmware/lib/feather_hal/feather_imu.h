@@ -1,6 +1,4 @@
-// An optional IMU on the servo wing's I2C bus: ST LSM6DSOX at address 0x6A or 0x6B.
-//
-// It is mounted with its x axis forward, y to the left and z up.
+// An optional IMU on the servo wing's I2C bus: ST LSM6DSOX at address 0x6A or 0x6B, mounted with x forward, y left, z up.
 #pragma once
 
 #include <Adafruit_I2CDevice.h>
@@ -13,7 +11,7 @@ class FeatherImu : public Imu {
  public:
   FeatherImu();
 
-  // Looks for it on the bus, which must be open. False if there is none.
+  // Looks for the IMU on the bus, which must be open, and sets ranges and rate. Returns false if there is none.
   bool begin();
 
   bool present() const override { return device_ != nullptr; }
@@ -21,7 +19,7 @@ class FeatherImu : public Imu {
 
  private:
   Adafruit_I2CDevice at_6a_, at_6b_;
-  Adafruit_I2CDevice* device_ = nullptr;
+  Adafruit_I2CDevice* device_ = nullptr;  // the one that answered
 };
 
 }  // namespace foldcar

@@ -4,6 +4,7 @@
 #include <Wire.h>
 
 #include <cmath>
+#include <cstdint>
 
 namespace foldcar {
 namespace {
@@ -12,12 +13,12 @@ constexpr std::uint8_t kAddress = 0x40;
 constexpr int kSdaPin = 23;
 constexpr int kSclPin = 22;
 constexpr std::uint32_t kBusHz = 400000;
-// A write takes 0.2 ms; a bus that hangs must not hold the loop up.
+// A write takes 0.2 ms; a bus that hangs must not delay the loop by more than half a tick.
 constexpr std::uint16_t kBusTimeOutMs = 10;
 constexpr float kPulseRateHz = 50.0f;
 constexpr std::uint16_t kTicksPerPeriod = 4096;
 
-// ALL_LED_OFF_H with its full-off bit: one register that turns off every output and wins over any pulse.
+// ALL_LED_OFF_H with its full-off bit: this one register turns every output off, whatever its pulse.
 constexpr std::uint8_t kAllOffRegister = 0xFD;
 constexpr std::uint8_t kFullOff = 0x10;
 
@@ -25,8 +26,8 @@ constexpr std::uint8_t kFullOff = 0x10;
 
 FeatherServos::FeatherServos() : driver_(kAddress, Wire) {}
 
-// The driver's begin() passes through 1 kHz and a restart, so the outputs must be off by then. Wire is begun
-// here because a second begin() on a running bus changes neither pins nor frequency.
+// The outputs are turned off first, because the driver's begin() restarts the chip at 1 kHz with the outputs as they are.
+// Wire is begun here, because another begin() on a running bus changes neither pins nor frequency.
 bool FeatherServos::begin() {
   bus_open_ = Wire.begin(kSdaPin, kSclPin, kBusHz);
   Wire.setTimeOut(kBusTimeOutMs);
@@ -39,8 +40,8 @@ bool FeatherServos::set_oscillator_hz(float oscillator_hz) {
   if (!driver_begun_ || !write_off()) return false;
   driver_.setOscillatorFrequency(static_cast<std::uint32_t>(oscillator_hz));
   driver_.setPWMFreq(kPulseRateHz);
-  // The prescaler is a whole number, so the real period is not quite 20 ms. The driver checks no read; a read
-  // that failed shows as a rate far from the one asked for.
+  // The prescaler is a whole number, so the period is not exactly 20 ms. The driver checks no read; one that failed shows
+  // as a rate far from 50 Hz.
   const float us_per_tick = 1e6f * static_cast<float>(driver_.readPrescale() + 1) / oscillator_hz;
   const float rate_hz = 1e6f / (us_per_tick * kTicksPerPeriod);
   if (std::fabs(rate_hz - kPulseRateHz) > 1.0f) return false;
@@ -53,6 +54,9 @@ bool FeatherServos::write_pulses(const PulsesUs& pulses_us) {
   for (const float pulse_us : pulses_us) all_off = all_off && pulse_us == kNoPulse;
   if (all_off) return write_off() && driver_begun_;
 
+  for (const float pulse_us : pulses_us) {
+    if (!(pulse_us >= 0.0f && pulse_us <= kLongestOutputUs)) return false;
+  }
   if (us_per_tick_ == 0.0f) return false;
   for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
     const float pulse_us = pulses_us[channel];

@@ -1,7 +1,6 @@
-// Wheel servos on the Servo FeatherWing: a PCA9685 at I2C address 0x40, eight outputs of 50 Hz pulses.
+// Wheel servos on the Servo FeatherWing: a PCA9685 at I2C address 0x40, eight outputs with pulses at 50 Hz.
 //
-// The chip runs on its own: a reset of the board leaves its outputs as they are. begin() therefore turns them
-// off before it does anything else.
+// The chip runs by itself: a reset of the ESP32 leaves its outputs as they are, so begin() turns them off first of all.
 #pragma once
 
 #include <Adafruit_PWMServoDriver.h>
@@ -14,11 +13,11 @@ class FeatherServos : public WheelServos {
  public:
   FeatherServos();
 
-  // Opens the bus with every output off. False if the chip does not answer; every write fails then.
+  // Opens the I2C bus and turns every output off. Returns false if the chip does not acknowledge; every write fails then.
   bool begin();
 
-  // Sets 50 Hz by the chip's true oscillator frequency (23 to 27 MHz, from chip to chip). Needed before any
-  // pulse can be written. False if the chip does not confirm it.
+  // Sets 50 Hz for a chip whose oscillator runs at that frequency (Hz; 23 to 27 MHz from chip to chip). Until then no
+  // pulse can be written. Returns false if the chip does not confirm the rate within 1 Hz.
   bool set_oscillator_hz(float oscillator_hz);
 
   bool write_pulses(const PulsesUs& pulses_us) override;
@@ -29,7 +28,7 @@ class FeatherServos : public WheelServos {
   Adafruit_PWMServoDriver driver_;
   bool bus_open_ = false;
   bool driver_begun_ = false;
-  float us_per_tick_ = 0.0f;  // 0 until the oscillator is known
+  float us_per_tick_ = 0.0f;  // µs for each of the 4096 ticks of a period; 0 until the oscillator's frequency is set
 };
 
 }  // namespace foldcar

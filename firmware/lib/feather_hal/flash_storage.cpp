@@ -6,7 +6,7 @@ bool FlashStorage::begin() { return preferences_.begin("foldcar", false); }
 
 bool FlashStorage::load(const char* name, float& value) {
   float stored = 0.0f;
-  // Asking first keeps the core from logging an error for each parameter that was never saved.
+  // getBytes alone would log an error on the serial port for each parameter that was never saved.
   if (!preferences_.isKey(name)) return false;
   if (preferences_.getBytes(name, &stored, sizeof stored) != sizeof stored) return false;
   value = stored;

@@ -1,4 +1,4 @@
-// Named numbers in the namespace "foldcar" of the ESP32's flash.
+// Named numbers in the ESP32's non-volatile storage, in its namespace "foldcar".
 #pragma once
 
 #include <Preferences.h>
@@ -7,9 +7,10 @@
 
 namespace foldcar {
 
-// Without begin(), or after a failed one, there are none and none can be saved.
+// Until begin() has succeeded nothing can be loaded or saved.
 class FlashStorage : public Storage {
  public:
+  // Returns false if the storage cannot be opened.
   bool begin();
   bool load(const char* name, float& value) override;
   bool save(const char* name, float value) override;

@@ -19,7 +19,7 @@ void Firmware::poll() {
   link_.flush();
 }
 
-// The next deadline counts from this one, so ticks do not drift; ticks that were missed are left out.
+// The next deadline counts from the last one, so that the ticks do not drift. Missed ticks are not made up for.
 void Firmware::tick(std::uint64_t now_us) {
   deadline_us_ += kTickUs;
   if (deadline_us_ <= now_us) {

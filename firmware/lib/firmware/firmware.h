@@ -1,6 +1,6 @@
-// A whole car's firmware on a HAL: parameters, application and link, and the loop that ticks them at 50 Hz.
+// The whole firmware of one car on a HAL: parameters, application and link, and the loop that ticks them at 50 Hz.
 //
-// The board and the simulator that poses as a car run this very object. begin() once, then poll() as often as possible.
+// The board and `carsim link` run this object. Call begin() once, then poll() as often as possible.
 #pragma once
 
 #include <cstdint>
@@ -15,11 +15,12 @@ namespace foldcar {
 
 class Firmware {
  public:
-  // What hal refers to, and build, must outlive the firmware.
+  // The parts of hal, and build (16 hexadecimal digits), must outlive the firmware.
   Firmware(const Hal& hal, const char* build);
 
+  // Turns the outputs off and sets the parameters.
   void begin(const DesignResult& design);
-  // Moves bytes; ticks if it is time.
+  // Receives and sends bytes, and runs a tick if one is due.
   void poll();
 
   const Application& application() const { return application_; }
@@ -33,7 +34,7 @@ class Firmware {
   Application application_;
   LoopStatistics loop_;
   Link link_;
-  std::uint64_t deadline_us_ = 0;
+  std::uint64_t deadline_us_ = 0;  // of the next tick
 };
 
 }  // namespace foldcar

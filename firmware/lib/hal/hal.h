@@ -1,8 +1,8 @@
-// The hardware seam: everything the portable firmware may ask of a board.
+// The hardware abstraction layer (HAL): everything that the portable firmware may ask of a board.
 //
-// Interfaces carry physical values (microseconds, volts, bytes), never registers or ticks. They have no
-// default bodies and are passed by reference, so that many cars fit in one process. Implementations:
-// feather_hal (the real board) and sim_hal (the simulated one). One contract test runs over every one.
+// The interfaces carry physical values (microseconds, volts, bytes), never registers or timer ticks. They have no default
+// bodies and are passed by reference, so that many cars fit in one process. Implementations: feather_hal (the real
+// board), sim_hal (a simulated one). test/hal_contract.h checks these promises on every implementation.
 #pragma once
 
 #include <array>
@@ -11,54 +11,59 @@
 
 namespace foldcar {
 
-// Outputs of the servo driver; a car uses the first 2 to 8 of them, one a wheel.
+// Outputs of the servo driver; a car uses 2 to 8 of them, one for each wheel.
 constexpr std::size_t kChannelCount = 8;
 
-// Pulse width of each output in microseconds; kNoPulse leaves the output low, so the servo is unpowered
-// in the sense of the signal: it neither drives nor holds.
+// Pulse width (µs) of each output, sent at 50 Hz. An output with kNoPulse stays low: the servo neither drives nor holds.
 using PulsesUs = std::array<float, kChannelCount>;
 constexpr float kNoPulse = 0.0f;
+// Longest pulse (µs) that a servo driver must be able to send; longer ones are refused.
+constexpr float kLongestOutputUs = 3000.0f;
 
 class Clock {
  public:
   virtual ~Clock() = default;
-  // Microseconds since start, never decreasing.
+  // Time since start (µs). It never decreases and, having 64 bits, never wraps.
   virtual std::uint64_t now_us() const = 0;
 };
 
 class WheelServos {
  public:
   virtual ~WheelServos() = default;
-  // Sets every output. False if the driver did not take it (a bus error); outputs are then unknown.
+  // Sets every output. Returns false, with the outputs unchanged, if a pulse width is outside 0 to kLongestOutputUs or not
+  // a number; false, with the outputs unknown, if the driver did not acknowledge the write (a bus error).
   virtual bool write_pulses(const PulsesUs& pulses_us) = 0;
 };
 
 class Battery {
  public:
   virtual ~Battery() = default;
-  // Terminal voltage in volts; NaN if it cannot be read.
+  // Terminal voltage (V); NaN if it cannot be read.
   virtual float voltage_v() = 0;
 };
 
 class ByteLink {
  public:
   virtual ~ByteLink() = default;
-  // Both return how many bytes were moved, 0 to size, and never wait.
+  // Take up to size bytes that have arrived, or send up to size bytes. Both return the number of bytes moved (0 to size)
+  // and never wait.
   virtual std::size_t read(std::uint8_t* data, std::size_t size) = 0;
   virtual std::size_t write(const std::uint8_t* data, std::size_t size) = 0;
 };
 
+// Named numbers that survive a reset. A name has 1 to 15 characters (the limit of the ESP32's flash keys).
 class Storage {
  public:
   virtual ~Storage() = default;
-  // Named numbers that outlive a reset. load returns false, and leaves value alone, if there is none.
+  // Returns false, with value unchanged, if nothing is stored under that name.
   virtual bool load(const char* name, float& value) = 0;
+  // Returns false if the value could not be stored.
   virtual bool save(const char* name, float value) = 0;
-  // Forgets all of them.
+  // Deletes every stored number. Returns false if it could not.
   virtual bool clear() = 0;
 };
 
-// In the car's axes: x forward, y left, z up. At rest on the level the acceleration is (0, 0, 9.81).
+// One measurement in the car's axes: x forward, y left, z up. At rest on level ground the acceleration is (0, 0, 9.81).
 struct ImuSample {
   std::array<float, 3> acceleration_m_s2{};
   std::array<float, 3> rate_rad_s{};
@@ -67,51 +72,58 @@ struct ImuSample {
 class Imu {
  public:
   virtual ~Imu() = default;
-  // Whether one was found at the start; a car needs none.
+  // Whether an IMU was found at the start. A car can do without one.
   virtual bool present() const = 0;
-  // False, and sample left alone, if it does not answer.
+  // Returns false, with sample unchanged, if there is no IMU or it does not answer.
   virtual bool read(ImuSample& sample) = 0;
 };
 
-// What is recorded of trials: logs of bytes that outlive a reset, each under its own number.
+// Logs of trials: sequences of bytes that survive a reset, each under its own number from 1 on.
 class LogStorage {
  public:
   virtual ~LogStorage() = default;
-  // Whether there is anything to record to.
+  // Whether logs can be stored at all. If not, every other call returns false or 0.
   virtual bool present() const = 0;
-  // Begins an empty log and keeps it open for append; close makes sure that all of it is stored.
+  // Opens an empty log for append and replaces an older one of that number. Returns false for number 0 or if storage fails.
   virtual bool create(std::uint16_t id) = 0;
+  // Adds size bytes to the open log. Returns false if none is open or not all of them could be stored.
   virtual bool append(const std::uint8_t* data, std::size_t size) = 0;
+  // Closes the open log, which is complete from then on. Returns false if none is open.
   virtual bool close() = 0;
-  // Bytes in a log; 0 if there is no such log.
+  // Size (bytes) of a closed log; 0 if there is no such log.
   virtual std::size_t size(std::uint16_t id) = 0;
-  // Up to size bytes from offset on; how many there were.
+  // Copies up to size bytes of a closed log, from offset (bytes) on, and returns their number; 0 behind its end.
   virtual std::size_t read(std::uint16_t id, std::size_t offset, std::uint8_t* data, std::size_t size) = 0;
+  // Deletes a closed log. Returns false if there is no such log.
   virtual bool remove(std::uint16_t id) = 0;
-  // The smallest and the largest number of a log; false if there is none.
+  // The smallest and the largest number of a log. Returns false, with both unchanged, if there is no log.
   virtual bool range(std::uint16_t& first, std::uint16_t& last) = 0;
 };
 
-// Why the board has started, as the ESP32 counts its reasons (esp_reset_reason).
+// Why the board has started, numbered as the ESP32 does (esp_reset_reason).
 enum class ResetReason : std::uint8_t {
   kUnknown = 0,
   kPowerOn = 1,
+  kExternalPin = 2,
   kSoftware = 3,
   kCrash = 4,
   kInterruptWatchdog = 5,
   kTaskWatchdog = 6,
   kOtherWatchdog = 7,
+  kDeepSleep = 8,
   kBrownOut = 9
 };
 
 class Board {
  public:
   virtual ~Board() = default;
+  // The same answer until the next restart.
   virtual ResetReason reset_reason() const = 0;
-  // Restarts the board. A simulated one returns and is restarted by its stepper.
+  // Restarts the board. A simulated board returns from this call; its stepper restarts the firmware.
   virtual void restart() = 0;
 };
 
+// All parts of one board. Each board assembles its own in one place: FeatherHal::hal(), BasicSimHal::hal().
 struct Hal {
   Clock& clock;
   WheelServos& servos;

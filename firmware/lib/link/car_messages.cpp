@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <iterator>
 
 #include "outbox.h"
 
@@ -88,7 +89,7 @@ mavlink_sys_status_t system_status(const CarView& car) {
   return content;
 }
 
-// MAVLink's axes are forward, right, down.
+// MAVLink's axes are x forward, y right, z down: y and z change sign.
 mavlink_attitude_t attitude(const CarView& car) {
   const Attitude& attitude = car.application.attitude();
   const ImuSample& sample = car.application.imu_sample();
@@ -147,7 +148,7 @@ mavlink_foldcar_design_t design(const CarView& car) {
   return content;
 }
 
-// Eight bytes of 16 hexadecimal digits.
+// The eight bytes that 16 hexadecimal digits stand for; unchanged if there are fewer digits.
 void to_bytes(const char* digits, std::uint8_t (&bytes)[8]) {
   for (std::size_t i = 0; i < sizeof bytes && std::strlen(digits) >= 2 * sizeof bytes; ++i) {
     const char pair[] = {digits[2 * i], digits[2 * i + 1], '\0'};
@@ -169,29 +170,56 @@ mavlink_system_time_t system_time(const CarView& car) {
   return content;
 }
 
+template <auto kEncode, auto kContent>
+void pack(const CarView& car, mavlink_status_t& numbering, mavlink_message_t& message) {
+  const auto content = kContent(car);
+  kEncode(kCarSystem, kCarComponent, &numbering, &message, &content);
+}
+
+bool always(const CarView&) { return true; }
+bool has_imu(const CarView& car) { return car.hal.imu.present(); }
+
+struct Row {
+  MessageInfo info;
+  bool (*is_available)(const CarView&);
+  void (*pack)(const CarView&, mavlink_status_t&, mavlink_message_t&);
+};
+
+// In the order in which they are sent: the trial's state comes before the pulses of the same tick. docs/link.md has this
+// table too.
+constexpr Row kRows[] = {
+    {{MAVLINK_MSG_ID_HEARTBEAT, 1000000}, always, pack<mavlink_msg_heartbeat_encode_status, heartbeat>},
+    {{MAVLINK_MSG_ID_FOLDCAR_TRIAL, 100000}, always, pack<mavlink_msg_foldcar_trial_encode_status, trial>},
+    {{MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, 20000},
+     always,
+     pack<mavlink_msg_servo_output_raw_encode_status, servo_output>},
+    {{MAVLINK_MSG_ID_SYS_STATUS, 500000}, always, pack<mavlink_msg_sys_status_encode_status, system_status>},
+    {{MAVLINK_MSG_ID_ATTITUDE, 100000}, has_imu, pack<mavlink_msg_attitude_encode_status, attitude>},
+    {{MAVLINK_MSG_ID_SCALED_IMU, 100000}, has_imu, pack<mavlink_msg_scaled_imu_encode_status, scaled_imu>},
+    {{MAVLINK_MSG_ID_SYSTEM_TIME, 1000000}, always, pack<mavlink_msg_system_time_encode_status, system_time>},
+    {{MAVLINK_MSG_ID_FOLDCAR_LOOP, 1000000}, always, pack<mavlink_msg_foldcar_loop_encode_status, loop>},
+    {{MAVLINK_MSG_ID_FOLDCAR_DESIGN, -1}, always, pack<mavlink_msg_foldcar_design_encode_status, design>},
+    {{MAVLINK_MSG_ID_AUTOPILOT_VERSION, -1}, always, pack<mavlink_msg_autopilot_version_encode_status, version>},
+};
+static_assert(std::size(kRows) <= kMaxMessageCount, "raise kMaxMessageCount");
+
 }  // namespace
 
+std::size_t message_count() { return std::size(kRows); }
+
+const MessageInfo& message_info(std::size_t index) { return kRows[index].info; }
+
+std::size_t find_message(std::uint32_t message_id) {
+  std::size_t index = 0;
+  while (index < std::size(kRows) && kRows[index].info.id != message_id) ++index;
+  return index;
+}
+
 bool compose(std::uint32_t message_id, const CarView& car, mavlink_status_t& numbering, mavlink_message_t& message) {
-  const auto pack = [&](auto encode, const auto& content) {
-    encode(kCarSystem, kCarComponent, &numbering, &message, &content);
-    return true;
-  };
-  const bool has_imu = car.hal.imu.present();
-  switch (message_id) {
-    case MAVLINK_MSG_ID_HEARTBEAT: return pack(mavlink_msg_heartbeat_encode_status, heartbeat(car));
-    case MAVLINK_MSG_ID_SERVO_OUTPUT_RAW:
-      return pack(mavlink_msg_servo_output_raw_encode_status, servo_output(car));
-    case MAVLINK_MSG_ID_FOLDCAR_TRIAL: return pack(mavlink_msg_foldcar_trial_encode_status, trial(car));
-    case MAVLINK_MSG_ID_SYS_STATUS: return pack(mavlink_msg_sys_status_encode_status, system_status(car));
-    case MAVLINK_MSG_ID_ATTITUDE: return has_imu && pack(mavlink_msg_attitude_encode_status, attitude(car));
-    case MAVLINK_MSG_ID_SCALED_IMU: return has_imu && pack(mavlink_msg_scaled_imu_encode_status, scaled_imu(car));
-    case MAVLINK_MSG_ID_SYSTEM_TIME: return pack(mavlink_msg_system_time_encode_status, system_time(car));
-    case MAVLINK_MSG_ID_FOLDCAR_LOOP: return pack(mavlink_msg_foldcar_loop_encode_status, loop(car));
-    case MAVLINK_MSG_ID_FOLDCAR_DESIGN: return pack(mavlink_msg_foldcar_design_encode_status, design(car));
-    case MAVLINK_MSG_ID_AUTOPILOT_VERSION:
-      return pack(mavlink_msg_autopilot_version_encode_status, version(car));
-    default: return false;
-  }
+  const std::size_t index = find_message(message_id);
+  if (index == std::size(kRows) || !kRows[index].is_available(car)) return false;
+  kRows[index].pack(car, numbering, message);
+  return true;
 }
 
 }  // namespace foldcar

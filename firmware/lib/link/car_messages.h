@@ -1,6 +1,8 @@
-// What the car tells of itself, as MAVLink packets.
+// The messages that the car sends about itself: their content and their default intervals. A new one is a function and a
+// row of the table in car_messages.cpp.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "application.h"
@@ -9,7 +11,7 @@
 
 namespace foldcar {
 
-// How the loop around the application does; counted by whoever runs it.
+// Counts and durations (µs) of the firmware's 50 Hz ticks.
 struct LoopStatistics {
   std::uint32_t tick_count = 0;
   std::uint32_t missed_count = 0;
@@ -17,13 +19,14 @@ struct LoopStatistics {
   std::uint32_t last_us = 0;
 };
 
+// Packets received, bytes received that belong to no packet, packets not sent for want of room.
 struct LinkStatistics {
   std::uint32_t received_count = 0;
   std::uint32_t bad_count = 0;
   std::uint32_t unsent_count = 0;
 };
 
-// All that the messages are made of.
+// Everything that the messages are made from.
 struct CarView {
   const Application& application;
   const Hal& hal;
@@ -32,7 +35,22 @@ struct CarView {
   const char* build;  // 16 hexadecimal digits
 };
 
-// The message of that id; false if the car does not send it, or cannot: without an IMU there is no attitude.
+struct MessageInfo {
+  std::uint32_t id;
+  std::int32_t interval_us;  // by default; -1 if the message is sent on request only
+};
+
+// Upper bound of message_count(), for arrays with an entry for each message.
+constexpr std::size_t kMaxMessageCount = 16;
+
+std::size_t message_count();
+// index: 0 to message_count() - 1.
+const MessageInfo& message_info(std::size_t index);
+// The index of a message; message_count() if the car does not send it.
+std::size_t find_message(std::uint32_t message_id);
+
+// Packs the message with that id. Returns false if the car does not send it or has not got its content: without an IMU
+// there is no attitude.
 bool compose(std::uint32_t message_id, const CarView& car, mavlink_status_t& numbering, mavlink_message_t& message);
 
 }  // namespace foldcar

@@ -6,9 +6,9 @@
 namespace foldcar {
 namespace {
 
-constexpr float kLargestTrialId = 16777215.0f;  // the largest run of whole numbers that a float holds
+constexpr float kLargestTrialId = 16777215.0f;  // 2^24 - 1: a float holds every whole number up to it
 constexpr float kLargestMessageId = 16777215.0f;
-// Hosts that miss an answer repeat the command within this time; later ones mean another.
+// A host that receives no acknowledgement repeats the command within this time (µs); a later one is a new command.
 constexpr std::uint64_t kRepetitionUs = 5000000;
 
 MAV_RESULT result_of(Refusal refusal) {
@@ -29,18 +29,18 @@ bool is_whole(float value, float largest) { return value >= 0.0f && value <= lar
 
 }  // namespace
 
-void CommandService::obey(const mavlink_command_long_t& command, const mavlink_message_t& packet, bool known_host,
+void CommandService::handle(const mavlink_command_long_t& command, const mavlink_message_t& packet, bool known_host,
                           const CarView& car, std::uint8_t& driver_system) {
   if (!is_repeated(command, packet.sysid)) {
     const bool was_driving = application_.is_driving();
-    last_answer_ = carry_out(command, known_host, car);
+    last_answer_ = execute(command, known_host, car);
     if (application_.is_driving() && (!was_driving || command.command == MAV_CMD_ACTUATOR_TEST)) {
       driver_system = packet.sysid;
     }
     last_ = command;
     last_sender_ = packet.sysid;
     last_us_ = hal_.clock.now_us();
-    any_ = true;
+    has_last_ = true;
     if (last_answer_.refusal != Refusal::kNone) {
       status_text_.send(MAV_SEVERITY_WARNING, "refused:", text(last_answer_.refusal));
     }
@@ -54,11 +54,11 @@ void CommandService::obey(const mavlink_command_long_t& command, const mavlink_m
   outbox_.send(mavlink_msg_command_ack_encode_status, ack, Priority::kAnswer);
 }
 
-CommandService::Answer CommandService::carry_out(const mavlink_command_long_t& command, bool known_host,
+CommandService::Answer CommandService::execute(const mavlink_command_long_t& command, bool known_host,
                                                          const CarView& car) {
   const auto answer = [](Refusal refusal) { return Answer{result_of(refusal), refusal}; };
   const bool moves = command.command == MAV_CMD_FOLDCAR_START_TRIAL || command.command == MAV_CMD_ACTUATOR_TEST;
-  if (moves && !known_host) return answer(Refusal::kStranger);
+  if (moves && !known_host) return answer(Refusal::kUnknownHost);
   switch (command.command) {
     case MAV_CMD_COMPONENT_ARM_DISARM: return arm_or_disarm(command.param1);
     case MAV_CMD_FOLDCAR_START_TRIAL: return start(command);
@@ -71,7 +71,7 @@ CommandService::Answer CommandService::carry_out(const mavlink_command_long_t& c
       const bool known = telemetry_.set_interval(message_id, command.param2, hal_.clock.now_us());
       return answer(known ? Refusal::kNone : Refusal::kMessage);
     }
-    case MAV_CMD_GET_MESSAGE_INTERVAL: return tell_interval(command.param1);
+    case MAV_CMD_GET_MESSAGE_INTERVAL: return send_interval(command.param1);
     case MAV_CMD_REQUEST_MESSAGE:
       if (!is_whole(command.param1, kLargestMessageId)) return answer(Refusal::kMessage);
       return send_message(static_cast<std::uint32_t>(command.param1), car);
@@ -81,13 +81,13 @@ CommandService::Answer CommandService::carry_out(const mavlink_command_long_t& c
   }
 }
 
-CommandService::Answer CommandService::arm_or_disarm(float wish) {
-  if (wish != 0.0f && wish != 1.0f) return {MAV_RESULT_DENIED, Refusal::kNotANumber};
-  const Refusal refusal = wish == 1.0f ? application_.arm() : application_.disarm();
+CommandService::Answer CommandService::arm_or_disarm(float arm) {
+  if (arm != 0.0f && arm != 1.0f) return {MAV_RESULT_DENIED, Refusal::kNotANumber};
+  const Refusal refusal = arm == 1.0f ? application_.arm() : application_.disarm();
   return {result_of(refusal), refusal};
 }
 
-// The standard's range of -1 to 1 is that of the pulses, so that the pulse does not depend on any parameter.
+// The command's range of -1 to 1 stands for 1000 to 2000 µs, so that the pulse width depends on no parameter.
 CommandService::Answer CommandService::test(const mavlink_command_long_t& command) {
   constexpr float kFirst = ACTUATOR_OUTPUT_FUNCTION_SERVO1;
   const float output = command.param5 - kFirst;
@@ -124,7 +124,7 @@ CommandService::Answer CommandService::send_message(std::uint32_t message_id, co
   return {};
 }
 
-CommandService::Answer CommandService::tell_interval(float message_id) {
+CommandService::Answer CommandService::send_interval(float message_id) {
   if (!is_whole(message_id, 65535.0f)) return {MAV_RESULT_DENIED, Refusal::kMessage};
   mavlink_message_interval_t content{};
   content.message_id = static_cast<std::uint16_t>(message_id);
@@ -133,23 +133,23 @@ CommandService::Answer CommandService::tell_interval(float message_id) {
   return {};
 }
 
-CommandService::Answer CommandService::reset_parameters(float wish) {
+CommandService::Answer CommandService::reset_parameters(float request) {
   constexpr float kResetAll = 2.0f;
-  if (wish != kResetAll) return {MAV_RESULT_UNSUPPORTED, Refusal::kNone};
+  if (request != kResetAll) return {MAV_RESULT_UNSUPPORTED, Refusal::kNone};
   if (application_.is_driving()) return {MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kRunning};
-  return {application_.forget_parameters() ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED, Refusal::kNone};
+  return {application_.reset_parameters() ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED, Refusal::kNone};
 }
 
-CommandService::Answer CommandService::restart(float wish) {
-  if (wish != 1.0f) return {MAV_RESULT_UNSUPPORTED, Refusal::kNone};
+CommandService::Answer CommandService::restart(float request) {
+  if (request != 1.0f) return {MAV_RESULT_UNSUPPORTED, Refusal::kNone};
   if (application_.is_driving()) return {MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kRunning};
   restart_is_due_ = true;
   return {};
 }
 
-// Sent again because the answer was lost: the same in every other respect.
+// A repetition has a confirmation above 0 and equals the last command of the same host in every other field.
 bool CommandService::is_repeated(const mavlink_command_long_t& command, std::uint8_t sender_system) const {
-  if (!any_ || command.confirmation == 0 || sender_system != last_sender_) return false;
+  if (!has_last_ || command.confirmation == 0 || sender_system != last_sender_) return false;
   if (hal_.clock.now_us() - last_us_ > kRepetitionUs) return false;
   mavlink_command_long_t first = command;
   first.confirmation = last_.confirmation;

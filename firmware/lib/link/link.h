@@ -1,7 +1,7 @@
-// The car's end of the link: understands what hosts send, tells what the car does.
+// The car's end of the MAVLink connection: handles the packets of hosts and sends the car's own.
 //
-// Input: the bytes of the HAL's link, and the state of the application. Output: requests to the application, bytes to the
-// link. Rate: receive() and flush() as often as one likes, run() after every tick. No heap, nothing waits.
+// Input: bytes from the HAL's link, the application's state. Output: requests to the application, bytes to the link.
+// Rate: receive() and flush() at any rate, run() after every tick. Uses no heap and never waits.
 #pragma once
 
 #include <array>
@@ -23,24 +23,28 @@ namespace foldcar {
 
 class Link {
  public:
-  // All must outlive the link. build: 16 hexadecimal digits.
+  // The arguments and the parts of hal must outlive the link. build: 16 hexadecimal digits.
   Link(const Hal& hal, Application& application, const LoopStatistics& loop, const char* build);
 
+  // Handles the packets that have arrived.
   void receive();
+  // Sends what is due: changes of the fault, parameters, logs, telemetry; records an untethered trial.
   void run();
+  // Hands waiting bytes to the HAL's link.
   void flush() { outbox_.flush(hal_.link); }
 
-  // A host has asked for a restart of the board.
+  // Whether a host has requested a restart of the board.
   bool restart_is_due() const { return commands_.restart_is_due(); }
 
  private:
-  void understand(const mavlink_message_t& message);
-  // Notes that a host is there; true if it was heard shortly before, too.
-  bool is_known(std::uint8_t system);
-  void drive_by_hand(const mavlink_message_t& message, bool known_host);
+  void handle(const mavlink_message_t& message);
+  // Notes a packet of a host, given by its system number. Returns whether the host is known: another packet of it has come
+  // at most kKnownHostMs before.
+  bool note_host(std::uint8_t system);
+  void drive_manually(const mavlink_message_t& message, bool known_host);
   void answer_timesync(const mavlink_message_t& message);
   void answer_ping(const mavlink_message_t& message);
-  void tell_changes();
+  void report_changes();
   CarView view() const;
 
   Hal hal_;
@@ -55,9 +59,9 @@ class Link {
   CommandService commands_{application_, hal_, telemetry_, outbox_, status_text_};
   TrialLog trial_log_{hal_.logs, status_text_};
   LogService logs_{hal_.logs, outbox_};
-  std::uint8_t driver_system_ = 0;  // the host that set the wheels in motion
-  std::array<std::uint32_t, 256> heard_ms_{};  // by system; 0 never
-  Fault told_fault_ = Fault::kNone;
+  std::uint8_t driver_system_ = 0;  // system number of the host that drives
+  std::array<std::uint32_t, 256> last_packet_ms_{};  // by system number; 0 before the first
+  Fault reported_fault_ = Fault::kNone;
 };
 
 }  // namespace foldcar

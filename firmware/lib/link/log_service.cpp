@@ -5,8 +5,8 @@
 namespace foldcar {
 namespace {
 
-// Of each kind in one call: reading flash takes time.
-constexpr int kMostPackets = 4;
+// Largest number of packets of each kind in one call, because reading flash takes time.
+constexpr int kMaxPackets = 4;
 constexpr std::size_t kPart = sizeof(mavlink_log_data_t::data);
 
 }  // namespace
@@ -39,10 +39,10 @@ void LogService::end() {
 }
 
 void LogService::run() {
-  for (int i = 0; i < kMostPackets && next_entry_ <= last_entry_ && outbox_.has_room_for(8); ++i) {
+  for (int i = 0; i < kMaxPackets && next_entry_ <= last_entry_ && outbox_.has_room_for(8); ++i) {
     send_entry(static_cast<std::uint16_t>(next_entry_++));
   }
-  for (int i = 0; i < kMostPackets && offset_ < end_ && outbox_.has_room_for(8); ++i) {
+  for (int i = 0; i < kMaxPackets && offset_ < end_ && outbox_.has_room_for(8); ++i) {
     mavlink_log_data_t content{};
     content.id = log_;
     content.ofs = static_cast<std::uint32_t>(offset_);

@@ -1,4 +1,4 @@
-// MAVLink's log protocol: lists the stored logs of untethered trials and sends them in parts.
+// MAVLink's log protocol: lists the stored logs of untethered trials and sends them in parts of 90 bytes.
 #pragma once
 
 #include <cstddef>
@@ -13,13 +13,13 @@ class LogService {
  public:
   LogService(LogStorage& storage, Outbox& outbox) : storage_(storage), outbox_(outbox) {}
 
-  // Each for a message meant for this car.
+  // Each handles a message for this car.
   void list(const mavlink_log_request_list_t& request);
   void data(const mavlink_log_request_data_t& request);
   void erase();
   void end();
 
-  // Sends what is left of a list or of a log, as far as there is room.
+  // Continues a list or a log, as far as the outbox has room.
   void run();
 
  private:

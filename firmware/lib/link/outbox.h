@@ -1,5 +1,5 @@
-// Packets on their way out: numbers them, keeps them until the link takes their bytes, leaves out whole packets when
-// there is no room.
+// The queue of packets to send: numbers them and keeps their bytes until the link takes them. A packet for which there is no
+// room is left out as a whole.
 #pragma once
 
 #include <array>
@@ -14,12 +14,12 @@ namespace foldcar {
 constexpr std::uint8_t kCarSystem = 1;
 constexpr std::uint8_t kCarComponent = MAV_COMP_ID_AUTOPILOT1;
 
-// Telemetry leaves room for answers, which nothing repeats.
+// Telemetry, which is repeated, leaves room for answers, which are not.
 enum class Priority : std::uint8_t { kTelemetry, kAnswer };
 
 class Outbox {
  public:
-  // content as one of the generated structs, encode as its mavlink_msg_…_encode_status. False if left out.
+  // content: one of MAVLink's generated structs; encode: its mavlink_msg_…_encode_status. Returns false if left out.
   template <typename Content, typename Encode>
   bool send(Encode encode, const Content& content, Priority priority) {
     mavlink_message_t message;
@@ -28,19 +28,21 @@ class Outbox {
   }
   bool send(const mavlink_message_t& message, Priority priority);
 
-  // Room for that many more packets of any length, telemetry's reserve not counted.
+  // Whether packet_count more answers of any length have room.
   bool has_room_for(std::size_t packet_count) const;
 
-  // Gives the link what it takes at once.
+  // Writes to the link what it takes without waiting.
   void flush(ByteLink& link);
 
+  // The state of MAVLink's packet numbering, which encode functions need.
   mavlink_status_t& numbering() { return numbering_; }
+  // Packets left out so far.
   std::uint32_t unsent_count() const { return unsent_count_; }
 
  private:
   std::size_t room() const { return bytes_.size() - size_; }
 
-  std::array<std::uint8_t, 4096> bytes_{};  // a ring
+  std::array<std::uint8_t, 4096> bytes_{};  // a ring buffer
   std::size_t first_ = 0;
   std::size_t size_ = 0;
   mavlink_status_t numbering_{};

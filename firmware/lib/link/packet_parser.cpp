@@ -8,14 +8,14 @@ namespace {
 
 constexpr std::size_t kHeaderSize = 10;
 constexpr std::size_t kChecksumSize = 2;
-// Bytes of one packet come without a pause; after this long a packet that began will not be finished.
+// The bytes of a packet come without a pause: one that is incomplete after this time (µs) is a false start.
 constexpr std::uint64_t kPauseUs = 100000;
 
 std::uint32_t message_id(const std::uint8_t* packet) {
   return packet[7] | (static_cast<std::uint32_t>(packet[8]) << 8) | (static_cast<std::uint32_t>(packet[9]) << 16);
 }
 
-// The message that this header can be of; null if it is none.
+// The message whose header this can be; null if there is none.
 const mavlink_msg_entry_t* message_entry(const std::uint8_t* packet) {
   const bool is_signed_or_new = packet[2] != 0;
   if (is_signed_or_new) return nullptr;
@@ -76,7 +76,7 @@ void PacketParser::drop(std::size_t count) {
   size_ -= count;
 }
 
-// Up to the next byte that can begin a packet.
+// Drops the bytes before the next one that can start a packet.
 void PacketParser::drop_noise() {
   const auto end = bytes_.begin() + static_cast<std::ptrdiff_t>(size_);
   const auto noise = static_cast<std::size_t>(std::find(bytes_.begin(), end, MAVLINK_STX) - bytes_.begin());

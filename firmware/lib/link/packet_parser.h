@@ -1,7 +1,7 @@
-// Finds MAVLink 2 packets in a stream of bytes, of which any may be missing or wrong.
+// Finds MAVLink 2 packets in a stream of bytes, any of which may be missing or wrong.
 //
-// Input: bytes, as they arrive. Output: whole packets of known messages with a right checksum. What looks like a packet
-// and is none costs only its first byte: the search goes on behind that. No heap; many parsers may exist.
+// Input: bytes as they arrive. Output: complete packets of known messages whose checksum is correct. After a false start the
+// search continues at the next byte, so that no packet behind it is lost. No heap; many parsers may exist.
 #pragma once
 
 #include <array>
@@ -14,14 +14,16 @@ namespace foldcar {
 
 class PacketParser {
  public:
-  // Takes as many bytes as there is room for and returns how many. Then next() until it is false.
+  // Takes as many of size bytes as there is room for and returns their number; then call next() until it returns false.
+  // now_us: time since start (µs).
   std::size_t feed(const std::uint8_t* data, std::size_t size, std::uint64_t now_us);
 
-  // The next packet, its payload filled up with zeros. False if more bytes are needed.
+  // The next packet, its payload padded with zeros. Returns false if more bytes are needed.
   bool next(mavlink_message_t& message, std::uint64_t now_us);
 
+  // Packets found so far.
   std::uint32_t packet_count() const { return packet_count_; }
-  // Bytes that belonged to no packet.
+  // Bytes so far that belong to no packet.
   std::uint32_t bad_byte_count() const { return bad_byte_count_; }
 
  private:

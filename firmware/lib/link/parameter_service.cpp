@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::size_t kIdSize = sizeof(mavlink_param_value_t::param_id);
 
-// MAVLink leaves out the closing zero of a name of 16 characters.
+// A name of 16 characters has no closing zero in a MAVLink packet.
 struct Name {
   explicit Name(const char (&id)[kIdSize]) { std::copy_n(id, kIdSize, text); }
   char text[kIdSize + 1] = "";
@@ -25,24 +25,24 @@ void ParameterService::read(const mavlink_param_request_read_t& request) {
   }
   const Name name(request.param_id);
   const std::optional<Parameter> parameter = find_parameter(name.text);
-  if (!parameter) return say_refused(name.text, text(SetResult::kUnknownName));
+  if (!parameter) return report_refusal(name.text, text(SetResult::kUnknownName));
   send(static_cast<std::size_t>(*parameter));
 }
 
 void ParameterService::set(const mavlink_param_set_t& request) {
   const Name name(request.param_id);
   const std::optional<Parameter> parameter = find_parameter(name.text);
-  if (!parameter) return say_refused(name.text, text(SetResult::kUnknownName));
+  if (!parameter) return report_refusal(name.text, text(SetResult::kUnknownName));
   if (application_.is_driving()) {
-    // Writing to flash would hold the loop up.
-    say_refused(name.text, "cannot be set while wheels are driven");
+    // Writing to flash would delay the loop.
+    report_refusal(name.text, "cannot be set while wheels are driven");
   } else {
     bool saved = false;
     const SetResult result = application_.set_parameter(*parameter, request.param_value, saved);
     if (result != SetResult::kOk) {
-      say_refused(name.text, text(result));
+      report_refusal(name.text, text(result));
     } else if (!saved) {
-      say_refused(name.text, "is set, but could not be saved");
+      report_refusal(name.text, "is set, but could not be saved");
     }
   }
   send(static_cast<std::size_t>(*parameter));
@@ -63,7 +63,7 @@ bool ParameterService::send(std::size_t index) {
   return outbox_.send(mavlink_msg_param_value_encode_status, content, Priority::kAnswer);
 }
 
-void ParameterService::say_refused(const char* name, const char* why) {
+void ParameterService::report_refusal(const char* name, const char* why) {
   status_text_.send(MAV_SEVERITY_WARNING, name, why);
 }
 

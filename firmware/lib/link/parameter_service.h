@@ -1,6 +1,6 @@
-// MAVLink's parameter protocol over the one table.
+// MAVLink's parameter protocol over the parameter table.
 //
-// A list goes out as fast as the outbox has room; a host asks again, by index, for what was lost on the way.
+// A list is sent as fast as the outbox has room; a host requests lost values again by their index.
 #pragma once
 
 #include <cstddef>
@@ -17,17 +17,17 @@ class ParameterService {
   ParameterService(Application& application, Outbox& outbox, StatusText& status_text)
       : application_(application), outbox_(outbox), status_text_(status_text) {}
 
-  // Each for a message meant for this car.
+  // Each handles a message for this car.
   void list();
   void read(const mavlink_param_request_read_t& request);
   void set(const mavlink_param_set_t& request);
 
-  // Sends what is left of a list.
+  // Continues a list, as far as the outbox has room.
   void run();
 
  private:
   bool send(std::size_t index);
-  void say_refused(const char* name, const char* why);
+  void report_refusal(const char* name, const char* why);
 
   Application& application_;
   Outbox& outbox_;

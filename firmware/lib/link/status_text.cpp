@@ -15,7 +15,7 @@ void StatusText::send(MAV_SEVERITY severity, const char* text) {
     content.id = next_id_;
     next_id_ = next_id_ == UINT16_MAX ? 1 : static_cast<std::uint16_t>(next_id_ + 1);
   }
-  // A last part that is full would not be known as the last, hence the <=: it is followed by an empty one.
+  // The receiver knows the last part by its closing zero; a last part of 50 bytes is followed by an empty one, hence the <=.
   for (std::size_t sent = 0; sent <= length; sent += kPart) {
     if (sent == length && length <= kPart && length > 0) break;
     std::memset(content.text, 0, kPart);
@@ -25,9 +25,9 @@ void StatusText::send(MAV_SEVERITY severity, const char* text) {
   }
 }
 
-void StatusText::send(MAV_SEVERITY severity, const char* name, const char* says) {
+void StatusText::send(MAV_SEVERITY severity, const char* subject, const char* predicate) {
   char line[160];
-  std::snprintf(line, sizeof line, "%s %s", name, says);
+  std::snprintf(line, sizeof line, "%s %s", subject, predicate);
   send(severity, line);
 }
 

@@ -1,4 +1,4 @@
-// Lines for people, as STATUSTEXT.
+// Sends lines for people, as STATUSTEXT.
 #pragma once
 
 #include <cstdint>
@@ -11,10 +11,10 @@ class StatusText {
  public:
   explicit StatusText(Outbox& outbox) : outbox_(outbox) {}
 
-  // A line longer than one packet goes out in parts, which receivers put together again.
+  // A line of more than 50 bytes is sent in parts, which the receiver joins.
   void send(MAV_SEVERITY severity, const char* text);
-  // "name says": two parts with a space between.
-  void send(MAV_SEVERITY severity, const char* name, const char* says);
+  // The line "subject predicate", cut off at 159 bytes.
+  void send(MAV_SEVERITY severity, const char* subject, const char* predicate);
 
  private:
   Outbox& outbox_;

@@ -1,7 +1,7 @@
-// Which message goes out how often.
+// Sends each message at its interval.
 //
-// Input: the time. Output: packets in the outbox, each at the first call after its time; a late call delays no
-// later one.
+// Input: the time. Output: packets in the outbox, each at the first call after it is due. A late call does not delay the
+// packets after it.
 #pragma once
 
 #include <array>
@@ -19,22 +19,22 @@ class Telemetry {
  public:
   Telemetry();
 
+  // now_us: time since start (µs).
   void run(std::uint64_t now_us, const CarView& car, Outbox& outbox);
 
-  // As MAV_CMD_SET_MESSAGE_INTERVAL: -1 never, 0 the default. False if the car has no such message or the interval
-  // is too short.
+  // As MAV_CMD_SET_MESSAGE_INTERVAL: interval_us in µs, -1 for never, 0 for the default. Returns false if the car does not
+  // send the message or the interval is not from 20 ms to 2000 s.
   bool set_interval(std::uint32_t message_id, float interval_us, std::uint64_t now_us);
-  // -1 if it is not sent by itself, 0 if the car has no such message.
+  // Interval in µs; -1 if the message is sent on request only, 0 if the car does not send it.
   std::int32_t interval_us(std::uint32_t message_id) const;
 
  private:
-  static constexpr std::size_t kMessageCount = 10;
   struct Entry {
     std::int32_t interval_us = -1;
     std::uint64_t next_us = 0;
   };
 
-  std::array<Entry, kMessageCount> entries_{};
+  std::array<Entry, kMaxMessageCount> entries_{};
 };
 
 }  // namespace foldcar

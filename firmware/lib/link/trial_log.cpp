@@ -6,9 +6,9 @@ namespace foldcar {
 namespace {
 
 constexpr std::uint64_t kPeriodUs = 200000;
-constexpr std::size_t kStampSize = 8;
+constexpr std::size_t kStampSize = 8;  // bytes of the time before each packet
 constexpr std::size_t kLargestRecord = kStampSize + MAVLINK_MAX_PACKET_LEN;
-// Kept free for the trial's end, without which a log is worth little.
+// Bytes kept free for the two packets that tell how the trial ended.
 constexpr std::size_t kReserve = 2 * kLargestRecord;
 
 constexpr std::uint32_t kRecorded[] = {MAVLINK_MSG_ID_FOLDCAR_TRIAL, MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,

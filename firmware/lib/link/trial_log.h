@@ -1,6 +1,6 @@
-// Records untethered trials in the car, as a .tlog whose clock starts at boot, and hands the records out.
+// Records untethered trials in the HAL's log storage, as a .tlog whose time counts from the start of the board.
 //
-// Input: the state of the car, once a tick. Output: logs in the HAL's storage. docs/link.md has the format.
+// Input: the car's state. Rate: each tick. docs/link.md describes the format.
 #pragma once
 
 #include <array>
@@ -14,6 +14,7 @@
 
 namespace foldcar {
 
+// The number of logs that are kept, and the largest size (bytes) of one.
 constexpr std::uint16_t kLogsKept = 4;
 constexpr std::size_t kLargestLog = 256 * 1024;
 
@@ -21,6 +22,7 @@ class TrialLog {
  public:
   TrialLog(LogStorage& storage, StatusText& status_text) : storage_(storage), status_text_(status_text) {}
 
+  // now_us: time since start (µs).
   void run(std::uint64_t now_us, const CarView& car);
 
  private:

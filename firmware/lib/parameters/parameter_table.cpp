@@ -16,7 +16,7 @@ constexpr ParameterKind kReal = ParameterKind::kReal;
 constexpr ParameterKind kInteger = ParameterKind::kInteger;
 constexpr ParameterKind kSign = ParameterKind::kSign;
 
-// The defaults are those of the width study's car: four wheels, FS90R servos.
+// The defaults describe the width study's car: four wheels with FS90R servos.
 constexpr Row<Parameter> kCarRows[] = {
     {Parameter::kWheelRadiusM,
      {"WHEEL_RADIUS_M", "m", 0.005f, 0.5f, 0.06f, kReal, "radius of the wheels"}},
@@ -72,7 +72,7 @@ constexpr ParameterInfo channel_info(std::size_t channel, const Row<ChannelParam
   for (std::size_t i = 0; i < std::size(prefix); ++i) info.name[i] = prefix[i];
   for (std::size_t i = 0; row.info.name[i] != '\0'; ++i) info.name[std::size(prefix) + i] = row.info.name[i];
 
-  // Odd channels are left, even ones right, front axle first; the right side's servos are mounted mirrored.
+  // CH1 and CH3 are left, CH2 and CH4 right, the front axle first; the servos of the right side are mounted mirrored.
   const bool left = channel % 2 == 0;
   const Side side = channel >= 4 ? Side::kUnused : left ? Side::kLeft : Side::kRight;
   if (row.index == ChannelParameter::kSide) info.default_value = static_cast<float>(side);

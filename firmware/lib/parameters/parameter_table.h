@@ -1,7 +1,7 @@
-// The one declaration of every parameter: name, unit, limits, default, help.
+// The declaration of every parameter: name, unit, limits, default, help.
 //
-// The table is what a host asks for, what `carsim params` prints and what Parameters checks values against.
-// Channels count 1 to 8 in names (CH1_SIDE), as on the board's silk screen, and 0 to 7 everywhere in code.
+// Hosts request this table, `carsim params` prints it, and Parameters checks values against it. Channels count from 1 to 8
+// in names (CH1_SIDE) and from 0 to 7 in code.
 #pragma once
 
 #include <array>
@@ -15,9 +15,10 @@ namespace foldcar {
 
 enum class ParameterKind : std::uint8_t { kReal, kInteger, kSign };  // kSign: -1 or 1
 
-// Longest name without the closing zero. MAVLink allows 16, the board's flash keys only 15.
+// Longest name without the closing zero: MAVLink allows 16 characters, the ESP32's flash keys 15.
 constexpr std::size_t kNameLength = 15;
 
+// minimum, maximum and default_value are in the unit.
 struct ParameterInfo {
   char name[kNameLength + 1];
   const char* unit;  // "" if it has none
@@ -28,7 +29,7 @@ struct ParameterInfo {
   const char* help;
 };
 
-// Index into the table. Those after kCount belong to channels: see channel_parameter.
+// Index of a parameter in the table. Indices from kCount on belong to channels: see channel_parameter.
 enum class Parameter : std::uint8_t {
   kWheelRadiusM,
   kTrackM,
@@ -45,6 +46,7 @@ enum class Parameter : std::uint8_t {
   kCount
 };
 
+// The parameters that each channel has.
 enum class ChannelParameter : std::uint8_t { kSide, kDirection, kNeutralUs, kDeadbandUs, kGainUs, kCount };
 
 // Values of CHn_SIDE.
@@ -54,16 +56,17 @@ constexpr std::size_t kCarParameterCount = static_cast<std::size_t>(Parameter::k
 constexpr std::size_t kParametersPerChannel = static_cast<std::size_t>(ChannelParameter::kCount);
 constexpr std::size_t kParameterCount = kCarParameterCount + kChannelCount * kParametersPerChannel;
 
-// channel counts from 0.
+// The index of a channel's parameter; channel counts from 0.
 constexpr Parameter channel_parameter(std::size_t channel, ChannelParameter parameter) {
   return static_cast<Parameter>(kCarParameterCount + channel * kParametersPerChannel +
                                 static_cast<std::size_t>(parameter));
 }
 
-// In the order of the indices.
+// The whole table, in the order of the indices.
 const std::array<ParameterInfo, kParameterCount>& parameter_table();
 
 const ParameterInfo& parameter_info(Parameter parameter);
+// The index of the parameter with that name, if there is one.
 std::optional<Parameter> find_parameter(const char* name);
 
 }  // namespace foldcar

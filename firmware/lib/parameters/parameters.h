@@ -1,7 +1,7 @@
 // The values of one car's parameters.
 //
-// A new object holds the table's defaults. A value gets in only if it is within its limits, so whoever reads
-// one needs no check. Reading is an array access; names are for the edges (host, flash).
+// A new object holds the table's defaults. Only values within their limits are accepted, so that code that reads one needs
+// no check. Reading is an array access; names are for hosts and flash memory.
 #pragma once
 
 #include <array>
@@ -13,6 +13,7 @@
 
 namespace foldcar {
 
+// Whether a value was accepted, or why not.
 enum class SetResult : std::uint8_t {
   kOk,
   kUnknownName,
@@ -31,23 +32,24 @@ class Parameters {
  public:
   Parameters();
 
+  // The value in the parameter's unit; channel counts from 0.
   float get(Parameter parameter) const { return values_[static_cast<std::size_t>(parameter)]; }
   float get(std::size_t channel, ChannelParameter parameter) const {
     return get(channel_parameter(channel, parameter));
   }
 
-  // Anything but kOk leaves the value as it is.
+  // Any result but kOk leaves the value unchanged.
   SetResult set(Parameter parameter, float value);
   SetResult set(const char* name, float value);
 
-  // Sets a value that only another car.json changes: every later set is refused.
+  // Sets a value that only another car.json may change: every later set returns kFixed.
   SetResult fix(Parameter parameter, float value);
 
-  // Takes every value that storage has, of those that are not fixed. Returns how many of them were refused;
-  // those keep their value.
+  // Sets every stored value that is not fixed. Returns the number of stored values that were refused; those parameters
+  // keep their values.
   std::size_t load(Storage& storage);
 
-  // Saves one value. False if storage did not take it.
+  // Stores one value. Returns false if storage failed.
   bool save(Storage& storage, Parameter parameter) const;
 
  private:

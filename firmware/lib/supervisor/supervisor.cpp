@@ -48,7 +48,7 @@ Refusal Supervisor::start(const TrialRequest& request, std::uint64_t now_us) {
   return Refusal::kNone;
 }
 
-Refusal Supervisor::drive_by_hand(bool moves, std::uint64_t now_us) {
+Refusal Supervisor::drive_manually(bool moves, std::uint64_t now_us) {
   if (state_ == State::kFault) return Refusal::kFaultLatched;
   if (state_ == State::kRunning || state_ == State::kTesting) return Refusal::kRunning;
   if (state_ != State::kArmed && state_ != State::kManual) return Refusal::kNotArmed;
@@ -143,7 +143,7 @@ Refusal Supervisor::check_battery(float battery_v) const {
   return battery_v < parameters_.get(Parameter::kBattMinV) ? Refusal::kBatteryLow : Refusal::kNone;
 }
 
-// Servos that start pull the voltage down for a moment; only a lasting dip means an empty battery.
+// Servos that start reduce the voltage for a moment; only a voltage that stays low means an empty battery.
 bool Supervisor::battery_low_for_long(const SupervisorInputs& inputs) {
   const bool low = inputs.battery_v < parameters_.get(Parameter::kBattMinV);
   if (low && !battery_low_) battery_low_since_us_ = inputs.now_us;
@@ -151,7 +151,7 @@ bool Supervisor::battery_low_for_long(const SupervisorInputs& inputs) {
   return low && inputs.now_us - battery_low_since_us_ >= from_ms(parameters_.get(Parameter::kBattLowMs));
 }
 
-// A bump shakes the estimate for a moment; only a lasting tilt means a car on its side.
+// A bump disturbs the estimate for a moment; only a tilt that stays means a car on its side.
 bool Supervisor::tilted_for_long(const SupervisorInputs& inputs) {
   const bool tilted = inputs.tilt_rad > parameters_.get(Parameter::kTiltMaxRad);
   if (tilted && !tilted_) tilted_since_us_ = inputs.now_us;

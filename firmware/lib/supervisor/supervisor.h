@@ -1,8 +1,7 @@
-// The supervisor: decides whether the wheels may be driven. Nothing else enables pulses.
+// The supervisor: the state machine that decides whether the wheels may be driven. Nothing else enables pulses.
 //
-// Input: requests (arm, start, …), faults reported by the application, and once a tick time, battery
-// voltage and tilt. Output: the state, and with it pulses_enabled(). docs/firmware.md holds the whole table of
-// transitions and refusals. It has no clock and no hardware.
+// Input: requests (arm, start, …), faults that the application reports, and at each tick the time, the battery voltage and
+// the tilt. Output: the state, and with it pulses_enabled(). docs/firmware.md has the table of transitions and refusals.
 #pragma once
 
 #include <cstdint>
@@ -14,10 +13,10 @@ namespace foldcar {
 // The values of these enums are those of the MAVLink dialect and of docs/link.md.
 enum class State : std::uint8_t { kDisarmed, kArmed, kRunning, kFinished, kFault, kManual, kTesting };
 
-// Latched until acknowledged; the first one stays.
+// A fault stays until it is acknowledged; later ones do not replace it.
 enum class Fault : std::uint8_t {
   kNone,
-  kBus,                // the servo driver did not take a write
+  kBus,                // the servo driver did not acknowledge a write
   kBatteryUnreadable,
   kBatteryLow,         // for longer than BATT_LOW_MS
   kCommandStale,       // the host was silent for longer than CMD_TIMEOUT_MS
@@ -26,7 +25,7 @@ enum class Fault : std::uint8_t {
   kWatchdog,           // a watchdog or a crash has reset the board
   kBrownOut,           // a dip of the supply has reset the board
   kTilt,               // beyond TILT_MAX_RAD for longer than TILT_MS
-  kImu                 // an IMU that was there no longer answers
+  kImu                 // the IMU that was found at the start no longer answers
 };
 
 // How the last trial ended; kNone before the first and while one runs.
@@ -51,28 +50,30 @@ enum class Refusal : std::uint8_t {
   kTest,
   kMessage,
   kNotDisarmed,
-  kStranger
+  kUnknownHost
 };
 
 const char* text(State state);
 const char* text(Fault fault);
 const char* text(Refusal refusal);
 
-// Largest magnitudes a trial may ask for. They catch wrong units; what the servos can do is WHEEL_MAX_RAD_S.
+// Largest magnitudes that a trial may request, against wrong units. The servos' own limit is WHEEL_MAX_RAD_S.
 constexpr float kSpeedLimitMS = 5.0f;
 constexpr float kYawRateLimitRadS = 100.0f;
 
-// Longest test of an output, as MAVLink has it.
+// Longest test of an output, the limit of MAV_CMD_ACTUATOR_TEST.
 constexpr float kLongestTestS = 3.0f;
 
+// A trial: constant speed and yaw rate (positive to the left) for at most time_limit_s.
 struct TrialRequest {
   float speed_m_s = 0.0f;
   float yaw_rate_rad_s = 0.0f;
   float time_limit_s = 0.0f;
-  bool untethered = false;  // drives on without refresh_command, as on the floor without a cable
-  std::uint32_t id = 0;     // the host's; told back to it
+  bool untethered = false;  // drives without refresh_command, as on the floor without a cable
+  std::uint32_t id = 0;     // the host's number of the trial, which telemetry repeats
 };
 
+// What the supervisor needs at each tick. battery_v: V, NaN if unreadable.
 struct SupervisorInputs {
   std::uint64_t now_us = 0;
   float battery_v = 0.0f;
@@ -82,25 +83,26 @@ struct SupervisorInputs {
 
 class Supervisor {
  public:
-  // The parameters must outlive the supervisor; it reads them whenever it decides.
+  // The parameters must outlive the supervisor, which reads them at every decision.
   explicit Supervisor(const Parameters& parameters) : parameters_(parameters) {}
 
-  // A car whose car.json is refused neither arms nor tests.
+  // From now on the car neither arms nor tests outputs, because its car.json is refused.
   void refuse_design() { design_refused_ = true; }
 
+  // Requests. battery_v: V, NaN if unreadable; now_us: time since start (µs).
   Refusal arm(float battery_v);
   Refusal disarm();
   Refusal start(const TrialRequest& request, std::uint64_t now_us);
-  // Asks for driving by hand, and keeps it going; moves is false as long as the stick rests.
-  Refusal drive_by_hand(bool moves, std::uint64_t now_us);
-  // Asks for pulses on an output of a car that is not armed, for at most that long. 0 ends them.
+  // Starts and continues manual driving; moves is false while the stick is at rest, which does not start it.
+  Refusal drive_manually(bool moves, std::uint64_t now_us);
+  // Enables pulses for the test of an output of a disarmed car, for time_s (0 to kLongestTestS). 0 ends a test.
   Refusal test(float time_s, float battery_v, std::uint64_t now_us);
-  // Ends whatever drives the wheels.
+  // Ends a trial, manual driving or a test.
   Refusal stop();
   Refusal acknowledge();
   Refusal refresh_command(std::uint64_t now_us);
 
-  // Something the application has noticed; stops the wheels in every state.
+  // Latches a fault, which stops the wheels in every state.
   void report(Fault fault);
 
   void tick(const SupervisorInputs& inputs);
@@ -111,7 +113,7 @@ class Supervisor {
   State state() const { return state_; }
   Fault fault() const { return fault_; }
 
-  // Of the trial that runs, else of the last one.
+  // Elapsed time (µs), request and end of the current trial, else of the last one.
   std::uint64_t trial_elapsed_us() const { return trial_elapsed_us_; }
   const TrialRequest& trial() const { return trial_; }
   TrialEnd trial_end() const { return trial_end_; }
@@ -121,7 +123,7 @@ class Supervisor {
   Refusal check_battery(float battery_v) const;
   bool battery_low_for_long(const SupervisorInputs& inputs);
   bool tilted_for_long(const SupervisorInputs& inputs);
-  // Leaves a trial, if one runs, for another state.
+  // Changes the state; end is kept as the end of a trial that runs.
   void leave(State state, TrialEnd end);
 
   const Parameters& parameters_;

@@ -1,4 +1,4 @@
-// The words for states, faults and refusals: short, lower case, for status lines and messages.
+// The names of states, faults and refusals: short, lower case, for status lines and messages.
 #include "supervisor.h"
 
 namespace foldcar {
@@ -52,7 +52,7 @@ const char* text(Refusal refusal) {
     case Refusal::kTest: return "no such output, value or time-out";
     case Refusal::kMessage: return "no such message, or an interval below 20 ms";
     case Refusal::kNotDisarmed: return "not disarmed";
-    case Refusal::kStranger: return "no sign of life of this host in the 2 s before";
+    case Refusal::kUnknownHost: return "no other packet of this host in the 2 s before";
   }
   return "?";
 }

@@ -1,1 +1,1 @@
-"""A car as designed: its parameters, its folded form, what the simulator and the firmware must know of it."""
+"""A design: its parameters, its folded car, its body for the simulator, its firmware parameters."""

@@ -17,7 +17,10 @@ MM = 1e-3
 
 
 def body_json(design: Design) -> dict[str, Any]:
-    """The car as the simulator sees it: segments and their hinges, wheels with their servos, supply."""
+    """The simulator's body of the design: segments, hinges, wheels with servos, supply voltage (SI units).
+
+    DesignError if the design cannot be compiled.
+    """
     car = folded_car(design)
     # All wheels are alike.
     wheel_kg = body_mass_kg(car, car.axles[0].wheel)
@@ -33,7 +36,7 @@ def body_json(design: Design) -> dict[str, Any]:
 
 
 def full_speed_m_s(design: Design) -> float:
-    """No-load wheel speed at the supply voltage times the wheel radius."""
+    """The design's highest speed (m/s): no-load wheel speed at the supply voltage times the wheel radius."""
     line = catalogue().servo.at_voltage(catalogue().battery.supply_v.value)
     speed: float = _rounded(line.no_load_speed_rad_s * design.values["radius"] * MM)
     return speed
@@ -55,14 +58,14 @@ def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
         "roll_inertia_kg_m2": properties.inertia_kg_m2[0, 0],
         "pitch_inertia_kg_m2": properties.inertia_kg_m2[1, 1],
         "yaw_inertia_kg_m2": properties.inertia_kg_m2[2, 2],
-        # The belly's friction relative to that of the tyres.
+        # Grip is a contact's friction coefficient relative to that of a tyre.
         "grip": assembly.belly_friction.value / assembly.tyre_friction.value,
     }
 
 
 def _hinge(hinge: HingeJoint) -> dict[str, Any]:
     film, stiffness = catalogue().film, hinge.stiffness_n_m_rad
-    # A loss factor is the damping's share of the stiffness at the frequency it was taken at.
+    # A loss factor is damping times angular frequency over stiffness, at the frequency of its measurement.
     damping = film.loss_factor.value * stiffness / (2 * math.pi * film.loss_frequency_hz.value)
     return {
         "x_m": hinge.center_mm[0] * MM,
@@ -109,6 +112,6 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, list):
         return [_rounded(item) for item in value]
     if isinstance(value, float):
-        # Adding zero turns the -0.0 that cancelling terms may leave into 0.0.
+        # Adding zero turns -0.0, which cancelling terms may leave, into 0.0.
         return float(f"{value:.9g}") + 0.0
     return value

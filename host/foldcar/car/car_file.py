@@ -1,6 +1,6 @@
-"""car.json: what a car's firmware knows of its design. docs/firmware.md describes the file.
+"""car.json: the car's description that its firmware keeps (docs/firmware.md describes the file).
 
-Input: a Design. Output: the file's content; the hash in it tells which design a car is.
+Input: a Design. Output: the file's content, with a hash that identifies the design.
 """
 
 import hashlib
@@ -15,13 +15,13 @@ from foldcar.car.firmware_parameters import firmware_parameters
 FORMAT = 1
 HASH_DIGITS = 16
 MOST_NAME_BYTES = 32
-# These follow from wheels, wheel_radius_m and track_m.
+# The firmware derives these from wheels, wheel_radius_m and track_m of the file.
 FIXED = ("WHEEL_RADIUS_M", "TRACK_M")
 FIXED_ENDINGS = ("_SIDE", "_DIRECTION")
 
 
 def car_json(design: Design) -> dict[str, Any]:
-    """The content of car.json: lengths in m, masses in kg, channels from 1."""
+    """The content of car.json: lengths in m, masses in kg, servo channels counted from 1."""
     body = body_json(design)
     weights = [part["mass_kg"] for part in (*body["segments"], *body["wheels"])]
     return {
@@ -41,20 +41,20 @@ def car_json(design: Design) -> dict[str, Any]:
 
 
 def design_name(design: Design) -> str:
-    """A name for people: type, width × length and wheel radius in mm."""
+    """A readable name: type, width × length and wheel radius in mm, at most 32 bytes of UTF-8."""
     values = design.values
     text = f"{design.type} {values['width']:g}x{design.length_mm:g} r{values['radius']:g}"
     return text.encode()[:MOST_NAME_BYTES].decode(errors="ignore")
 
 
 def design_hash(design: Design) -> str:
-    """16 hexadecimal digits for type, parameters and wiring: a car with others is another car."""
+    """The first 16 hexadecimal digits of the SHA-256 of type, parameters and wiring; they identify the design."""
     return _hash(design, body_json(design))
 
 
 def _hash(design: Design, body: Mapping[str, Any]) -> str:
-    told = [design.type, dict(sorted(design.values.items())), _geometry(body)]
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:HASH_DIGITS]
+    content = [design.type, dict(sorted(design.values.items())), _geometry(body)]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:HASH_DIGITS]
 
 
 def _geometry(body: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A car's design: modules in a row from front to back and a value for every parameter.
+"""A car's design: the sequence of its modules from front to back and a value for every parameter.
 
 Input: a type string (``W_B_W``) and parameter values in millimetres and degrees by key (``width``,
 ``W.length``). Output: an immutable Design; its geometry in millimetres, x forward from the middle of the
@@ -14,14 +14,14 @@ from foldcar.car.modules import REQUIRED_MODULES, modules, parameters
 from foldcar.car.parts.catalogue import catalogue
 from foldcar.errors import FoldcarError
 
-# Wheels are driven one by one by the eight outputs of the servo driver.
+# Each wheel has a servo of its own, and the servo driver has eight outputs.
 MAX_AXLES = 4
-# What the simulator takes.
+# The simulator's limit.
 MAX_SEGMENTS = 8
 
 
 class DesignError(FoldcarError):
-    """A value that no car can have. ``parameter`` is its key, or None where the type string is at fault."""
+    """A design that cannot be built. ``parameter`` is the key of the value at fault, or None for the type string."""
 
     def __init__(self, parameter: str | None, message: str) -> None:
         super().__init__(f"{parameter}: {message}" if parameter else message)
@@ -31,7 +31,7 @@ class DesignError(FoldcarError):
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A rigid part of a car: the modules between two hinges, by their indices; one box in millimetres."""
+    """A rigid part of a car: the indices of its modules, x of its centre and its length (mm)."""
 
     modules: tuple[int, ...]
     center_mm: float
@@ -40,7 +40,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """A car that can be built. ``values`` holds every parameter of its modules, in mm and degrees."""
+    """A design that passed its checks. ``values`` holds every parameter of its modules by key, in mm and degrees."""
 
     modules: tuple[str, ...]
     values: Mapping[str, float]
@@ -57,17 +57,17 @@ class Design:
 
     @property
     def columns(self) -> dict[str, float]:
-        """The parameters by their names in results, units in the names."""
+        """The parameters by their column names in results, which end in the unit."""
         return {parameters()[key].column: value for key, value in self.values.items()}
 
     @property
     def length_mm(self) -> float:
-        """Length of the body, hinges flat."""
+        """Length of the body (mm), hinges flat."""
         return sum(self.values[f"{letter}.length"] for letter in self.modules)
 
     @property
     def module_centers_mm(self) -> tuple[float, ...]:
-        """x of each module's middle, front to back."""
+        """x of each module's centre (mm), front to back."""
         centers = []
         front = self.length_mm / 2
         for letter in self.modules:
@@ -78,7 +78,7 @@ class Design:
 
     @property
     def axles_mm(self) -> tuple[float, ...]:
-        """x of each axle, front to back."""
+        """x of each axle (mm), front to back."""
         return tuple(
             x for letter, x in zip(self.modules, self.module_centers_mm, strict=True) if letter == "W"
         )
@@ -99,18 +99,18 @@ class Design:
 
     @property
     def hinges_mm(self) -> tuple[float, ...]:
-        """x of each hinge, front to back: the middle of its strip."""
+        """x of the middle of each hinge's strip (mm), front to back."""
         return tuple(
             x for letter, x in zip(self.modules, self.module_centers_mm, strict=True) if letter == "H"
         )
 
     def segment_at(self, module: int) -> int:
-        """Index of the segment that the module of that index belongs to."""
+        """The index of the segment to which the module with index ``module`` belongs."""
         return self.modules[:module].count("H")
 
 
 def modules_of(type_string: str) -> tuple[str, ...]:
-    """The module letters of a type string; DesignError if it is no car."""
+    """The module letters of a type string; DesignError for unknown, missing or wrongly placed modules."""
     letters = tuple(type_string.split("_"))
     for letter in letters:
         if letter not in modules():
@@ -128,7 +128,7 @@ def modules_of(type_string: str) -> tuple[str, ...]:
 
 
 def _check_hinges(type_string: str, letters: tuple[str, ...]) -> None:
-    """Every hinge joins two segments, and there are no more of them than the simulator takes."""
+    """DesignError unless every hinge joins two segments and the simulator takes that many segments."""
     if letters[0] == "H" or letters[-1] == "H":
         where = "begins" if letters[0] == "H" else "ends"
         raise DesignError(None, f'"{type_string}" {where} with a hinge (H), which must join two segments')
@@ -142,7 +142,7 @@ def _check_hinges(type_string: str, letters: tuple[str, ...]) -> None:
 
 
 def compose(type_string: str, values: Mapping[str, float]) -> Design:
-    """The design with these values and the defaults of all others; DesignError if it cannot be built."""
+    """The design with ``values`` (mm, degrees; by key) and defaults for all others; DesignError if it cannot be built."""
     letters = modules_of(type_string)
     complete = {
         key: float(values.get(key, parameter.declared.default_value))
@@ -166,10 +166,10 @@ def _check_limits(design: Design) -> None:
 
 
 def _check_wheels(design: Design) -> None:
-    """Wheels must not meet their neighbours, and the belly must clear the ground."""
+    """DesignError if neighbouring wheels would touch or the belly would touch the ground."""
     assembly = catalogue().assembly
     radius = design.values["radius"]
-    # Axles stand at mid-height of the body.
+    # Axles are at half the body's height.
     least_radius = design.values["height"] / 2 + assembly.belly_clearance_mm.value
     if radius < least_radius:
         raise DesignError(
@@ -190,9 +190,9 @@ def _check_wheels(design: Design) -> None:
 
 
 def _folded_distance_mm(design: Design, front_mm: float, rear_mm: float) -> float:
-    """How close two axles come when all hinges between them fold as far as they can, down or up.
+    """The least distance of two axles (mm) with all hinges between them flat, at their lower or at their upper limit.
 
-    Hinges are at the floor, half a height below the axles.
+    Hinges are at the floor, half the body's height below the axles.
     """
     between = [x for x in design.hinges_mm if rear_mm < x < front_mm]
     if not between:
@@ -200,7 +200,7 @@ def _folded_distance_mm(design: Design, front_mm: float, rear_mm: float) -> floa
     drop = design.values["height"] / 2
     distances = []
     for fold_deg in (0.0, -design.values["H.fold_down"], design.values["H.fold_up"]):
-        # From the rear axle forwards, nose down negative.
+        # Position and pitch along the chain from the rear axle forwards; nose down is negative.
         x, z, pitch = 0.0, 0.0, 0.0
         places = [rear_mm, *reversed(between), front_mm]
         for i, (behind, ahead) in enumerate(itertools.pairwise(places)):

@@ -1,7 +1,7 @@
-"""What a design's firmware is set to: values of the parameter table that `carsim params` prints.
+"""The firmware parameters of a design: values of rows of the table that `carsim params` prints.
 
-Input: a Design, whose body says which channel drives which wheel. Output: parameter names with values.
-The table itself is the program's; this file only checks against it.
+Input: a Design; its body says which channel drives which wheel. Output: values by parameter name. The table itself
+is declared in the firmware; this file only checks values against it.
 """
 
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ CHANNELS = 8
 
 @dataclass(frozen=True, slots=True)
 class TableRow:
-    """One row of the firmware's parameter table."""
+    """One row of the firmware's parameter table; limits and default are in ``unit``."""
 
     name: str
     unit: str
@@ -29,9 +29,9 @@ class TableRow:
 
 
 def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -> dict[str, float]:
-    """The firmware's values for this car; ``body`` is its body_json, if that is at hand.
+    """The firmware's parameter values for this car; ``body`` is its body_json, if known already.
 
-    Channel n of a parameter's name is the simulator's channel n - 1.
+    Channels count from 1 in parameter names and from 0 in the body.
     """
     body = body if body is not None else body_json(design)
     wheels = {wheel["channel"]: wheel for wheel in body["wheels"]}
@@ -58,7 +58,7 @@ def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -
 
 
 def check_parameters(values: Mapping[str, float], table: Mapping[str, TableRow]) -> None:
-    """FoldcarError if the firmware has no such parameter or its limits exclude the value."""
+    """FoldcarError if the table lacks a parameter or its limits exclude the value."""
     for name, value in values.items():
         row = table.get(name)
         if row is None:

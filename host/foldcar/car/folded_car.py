@@ -1,4 +1,4 @@
-"""A design's folded car: its modules fused to segments, caps on their ends, hinges between them, wheels on the servos.
+"""The folded car of a design: modules fused to segments, caps on their ends, hinges between them, wheels on servos.
 
 Input: a design. Output: the immutable FoldedCar that every exporter and the simulator's body read.
 """
@@ -24,13 +24,13 @@ from foldcar.car.modules import HINGE, declared, modules
 from foldcar.car.parts.catalogue import catalogue
 from foldcar.car.user_modules import place_of
 
-# Edges of a cap, seen from inside, on the walls of the front end; at the rear end left and right change places.
+# Edge of a front cap, seen from inside, at each wall; on a rear cap left and right are exchanged.
 CAP_EDGES = {"floor": "near", "right": "front", "lid": "far", "left": "rear"}
 OPPOSITE = {"left": "right", "right": "left", "floor": "floor", "lid": "lid"}
 
 
 class Car(Component):
-    """All modules of a design. Its parameters are theirs: shared ones by name, others as ``W.length``."""
+    """The component of a whole car but its wheels. Parameters: shared ones by name, those of modules as ``W.length``."""
 
     def __init__(self, design: Design) -> None:
         self.design = design
@@ -44,8 +44,8 @@ class Car(Component):
         for i, letter in enumerate(self.design.modules):
             kind: type[Component] = ElectronicsModule if i == electronics else modules()[letter]
             shared = tuple(parameter.name for parameter in declared(kind) if parameter.shared)
-            given = {"towards_middle": self._towards_middle(i), "tab_there": self._tab_there(i)}
-            settings = {p.name: given[p.name] for p in kind.parameters if p.name in given}
+            from_segment = {"towards_middle": self._towards_middle(i), "tab_there": self._tab_there(i)}
+            settings = {p.name: from_segment[p.name] for p in kind.parameters if p.name in from_segment}
             body = f"segment{self.design.segment_at(i)}"
             subs.append(Sub(self.names[i], kind, shared, letter, i == 0, settings, body))
         for index, segment in enumerate(self.design.segments):
@@ -57,7 +57,7 @@ class Car(Component):
         return subs
 
     def build(self, shape: Shape) -> None:
-        """Fuse neighbouring beams, close their ends, glue on the hinges."""
+        """Fuse neighbouring beams, close the segments' ends with caps, glue on the hinges."""
         letters = self.design.modules
         for i, (one, following) in enumerate(zip(self.names, self.names[1:], strict=False)):
             if HINGE not in letters[i : i + 2]:
@@ -77,7 +77,7 @@ class Car(Component):
         shape.begin_at(f"{self.names[0]}.beam.floor", corner)
 
     def key_of(self, slot: Slot) -> str | None:
-        """The design's key of a parameter somewhere in the car."""
+        """The design's key of the parameter that shares its value with ``slot``, or None."""
         return next((key for key, mine in self.slots.items() if mine.head is slot.head), None)
 
     def _towards_middle(self, module: int) -> float:
@@ -85,7 +85,7 @@ class Car(Component):
         return -1.0 if self.design.module_centers_mm[module] > middle else 1.0
 
     def _tab_there(self, module: int) -> float:
-        """The depth of the caps' tabs, if the module's end towards the middle of its segment is one of the segment's."""
+        """The depth of the caps' tabs (mm) if the module is a segment of its own, else 0: no cap is at its inner end."""
         alone = len(self.design.segments[self.design.segment_at(module)].modules) == 1
         return catalogue().assembly.cap_tab_mm.value if alone else 0.0
 
@@ -97,7 +97,7 @@ class Car(Component):
 
 
 def folded_car(design: Design) -> FoldedCar:
-    """The car of a design; DesignError if a part finds no room in it."""
+    """The folded car of a design; DesignError if its parts do not fit."""
     return _folded_car(design.modules, tuple(design.values.items()))
 
 
@@ -130,7 +130,7 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...])
 
 
 def _frame(design: Design) -> tuple[Graph, Assembly]:
-    """The car without its wheels; a mistake in a user's component is named with its file and line."""
+    """The car without its wheels; the error of a user's component names its file and line."""
     car = None
     try:
         car = Car(design)
@@ -168,14 +168,14 @@ def _servo_title(channel: int, count: int, side: str) -> str:
 
 
 def _axle(channel: int, servo: str, axle: PlacedAxle, body: str, center_mm: tuple[float, float, float]) -> Axle:
-    """The servos turn counter-clockwise above neutral: those on the right are mirrored."""
+    """The axle in the car. Servos turn counter-clockwise above neutral, so those on the right turn backwards."""
     direction = 1 if axle.side == "left" else -1
     return Axle(f"wheel{channel}", body, servo, channel, axle.side, direction, center_mm, axle.radius_mm,
                 axle.tyre_width_mm)  # fmt: skip
 
 
 def _wheels(wheel: Assembly, axles: list[Axle]) -> tuple[tuple[PlacedPiece, ...], tuple[Mount, ...]]:
-    """The wheel's pieces and horn once for every axle; on the right they look the other way."""
+    """The wheel's pieces and horn once for every axle, turned by half a turn about z on the right side."""
     counts = {piece.name: piece.count for piece in wheel.pieces}
     placed, mounts = [], []
     for n, axle in enumerate(axles):
@@ -192,7 +192,7 @@ def _wheels(wheel: Assembly, axles: list[Axle]) -> tuple[tuple[PlacedPiece, ...]
 
 
 def _hinges(frame: Assembly) -> list[HingeJoint]:
-    """One for every flexure, where its crease is."""
+    """One hinge at the crease of every flexure, front to back."""
     pieces = {piece.name: piece for piece in frame.pieces}
     hinges = []
     for placed in frame.placed:

@@ -1,4 +1,4 @@
-"""The modules that type strings may name, and the one table of their parameters.
+"""The modules that type strings may name, and the table of their parameters.
 
 A shared parameter has one value for the whole car; the other ones belong to a module and hold for every module of that
 letter. In listings a parameter is found under its module (``{"W": {"length": 60}}``) or, if shared, under ``common``;
@@ -18,7 +18,7 @@ from foldcar.car.components.module import Module
 from foldcar.car.components.wheel_module import WheelModule
 
 HINGE = HingeModule.letter
-# What every car has, whatever else.
+# Every car has these.
 REQUIRED_MODULES = (WheelModule.letter, BrainModule.letter)
 _MODULES: dict[str, type[Module] | type[HingeModule]] = {
     kind.letter: kind for kind in (WheelModule, BrainModule, HingeModule)
@@ -35,7 +35,7 @@ class DesignParameter:
 
     @property
     def column(self) -> str:
-        """Its name in results, with its unit."""
+        """Its column name in results, which ends in its unit."""
         return f"{self.key.replace('.', '_')}_{self.declared.unit}"
 
 
@@ -45,7 +45,7 @@ def modules() -> Mapping[str, type[Module] | type[HingeModule]]:
 
 
 def register(kind: type[Module]) -> None:
-    """Make a module known; ComponentError if its letter is taken or its parameters contradict the known ones."""
+    """Register a module; ComponentError if its letter is taken or a parameter contradicts one of the same name."""
     letter = kind.letter
     if not letter.isalnum() or letter == "common":
         raise ComponentError(kind.__name__, f'letter "{letter}" is not made of letters and digits')
@@ -65,7 +65,7 @@ def register(kind: type[Module]) -> None:
 
 @cache
 def parameters() -> dict[str, DesignParameter]:
-    """Every parameter by key, in the order of results' columns: shared ones first."""
+    """Every parameter by key, in the order of the results' columns: shared ones first."""
     having: dict[str, tuple[Parameter, set[str]]] = {}
     for shared in (True, False):
         for letter, kind in _MODULES.items():
@@ -77,12 +77,12 @@ def parameters() -> dict[str, DesignParameter]:
 
 
 def declared(kind: type[Component]) -> list[Parameter]:
-    """The parameters people may set."""
+    """The parameters that a design may set."""
     return [parameter for parameter in kind.parameters if not parameter.internal]
 
 
 def find_parameter(group: str, name: str) -> DesignParameter | None:
-    """The parameter that ``{group: {name: …}}`` of a listing means; ``group`` is ``common`` or a letter."""
+    """The parameter that ``{group: {name: …}}`` of a listing sets, or None; ``group`` is ``common`` or a letter."""
     shared = parameters().get(name)
     if shared is not None and (group == "common" or group in shared.modules):
         return shared

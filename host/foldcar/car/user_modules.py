@@ -1,7 +1,7 @@
 """A user's own modules: the Python file that ``--components FILE`` names.
 
-Input: a file that defines subclasses of ``foldcar.car.components.module.Module``. Output: they are known in type
-strings. Any error in it is one line with file and line.
+Input: a file that defines subclasses of ``foldcar.car.components.module.Module``. Output: type strings may name them.
+An error in it is a message of one line that names file and line number.
 """
 
 import importlib.util
@@ -18,7 +18,7 @@ _loaded: dict[Path, list[str]] = {}
 
 
 def load_components(file: Path) -> list[str]:
-    """The letters of the modules in the file, which are registered; FoldcarError if there are none or it fails."""
+    """Register the modules that the file defines and return their letters; FoldcarError if it fails or has none."""
     path = file.resolve()
     if path in _loaded:
         return _loaded[path]
@@ -53,7 +53,7 @@ def load_components(file: Path) -> list[str]:
 
 
 def place_of(error: BaseException) -> str | None:
-    """File and line of a user's component that an exception comes from, or None if it is not from one."""
+    """File and line of the user's component that raised the exception, or None if none did."""
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
         if Path(frame.filename) in _loaded:
             return f"{frame.filename}:{frame.lineno}"

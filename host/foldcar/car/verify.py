@@ -1,7 +1,7 @@
-"""The verification of a design: its folded car against what the design says it encloses.
+"""The verification of a design: its folded car against the volumes that the design implies.
 
-Input: a design. Output: findings and measures (see folded/check.py). Body: a box of its length and its walls' middles;
-wheel: a prism over the polygon that its discs are cut to.
+Input: a design. Output: findings and measures (see folded/check.py). A segment should enclose the box between the
+middle surfaces of its walls, a wheel the prism over the polygon of its discs.
 """
 
 import math
@@ -13,7 +13,7 @@ from foldcar.car.folded_car import folded_car
 
 
 def verify(design: Design) -> Verification:
-    """Every check of the design's car; DesignError if there is none."""
+    """All checks of the design's folded car; DesignError if the design cannot be compiled."""
     car = folded_car(design)
     across = wall_mm(design.values["width"]) * wall_mm(design.values["height"])
     volumes = {f"segment{i}": segment.length_mm * across for i, segment in enumerate(design.segments)}

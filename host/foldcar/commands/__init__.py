@@ -1,1 +1,1 @@
-"""The commands of `foldcar`, one file each: options in, one call into the library, text out."""
+"""The commands of `foldcar`, one file each: they read options, call the library and print text."""

@@ -1,4 +1,4 @@
-"""`foldcar calibrate-servos`: neutral and deadband of each wheel's servo, found by watching the wheel."""
+"""`foldcar calibrate-servos`: measures neutral and deadband of each wheel's servo by observing the wheel."""
 
 import contextlib
 import time
@@ -11,7 +11,7 @@ from foldcar.errors import FoldcarError
 if TYPE_CHECKING:
     from foldcar.link.car import Car
 
-# The car ends a test by itself after this long; it is renewed while a person looks.
+# The car ends an output test after PULSE_S; the test is renewed every RENEW_S while the person observes.
 PULSE_S = 1.5
 RENEW_S = 0.7
 
@@ -19,14 +19,14 @@ RENEW_S = 0.7
 def calibrate_servos(
     port: Annotated[
         str | None,
-        typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; found if not given."),
+        typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; default: detected."),
     ] = None,
     output: Annotated[
         list[int] | None,
-        typer.Option(metavar="N", min=1, max=8, help="Only this output; may be repeated; all with a wheel if not."),
+        typer.Option(metavar="N", min=1, max=8, help="Only this output; may be repeated; default: all with a wheel."),
     ] = None,
 ) -> None:
-    """Find each servo's neutral and deadband. Lift the car: its wheels turn."""
+    """Find each servo's neutral and deadband. Lift the car first: its wheels turn."""
     from foldcar.commands.typed_answers import TypedAnswers
     from foldcar.link.car import greet
     from foldcar.link.parameters import read_parameters, set_parameter
@@ -43,7 +43,7 @@ def calibrate_servos(
         shown: list[tuple[int, int, float]] = []
 
         def renew() -> None:
-            """While a person looks at the wheel it goes on turning."""
+            """Renew the output test, so that the wheel continues to turn."""
             car.connection.receive(0.0)
             if shown and time.monotonic() > shown[0][2]:
                 _show(*shown[0][:2])
@@ -53,8 +53,8 @@ def calibrate_servos(
             shown[:] = [(number, pulse_us, time.monotonic() + RENEW_S)]
 
         answers = TypedAnswers(renew)
-        typer.echo("Lift the car so that its wheels turn freely. For each pulse say how the wheel turns, seen as")
-        typer.echo("driving: (f)orward, (b)ackward, (n)ot at all. Ctrl-C stops the wheel.")
+        typer.echo("Lift the car so that its wheels turn freely. For each pulse type the direction in which the wheel")
+        typer.echo("would drive the car: (f)orward, (b)ackward, (n)ot at all. Ctrl-C stops the wheel.")
         for number in output or wheels:
             side = {1: "left", 2: "right"}[int(values[f"CH{number}_SIDE"])]
             direction = int(values[f"CH{number}_DIRECTION"])
@@ -74,7 +74,7 @@ def calibrate_servos(
                 set_parameter(car, f"CH{number}_{name}", value)
                 typer.echo(f"  CH{number}_{name} = {value:g} (was {values[f'CH{number}_{name}']:g})")
     except KeyboardInterrupt:
-        typer.echo("\nstopped: what was found for the outputs before is saved", err=True)
+        typer.echo("\nstopped: the results for the outputs before this one are saved", err=True)
         raise typer.Exit(130) from None
     finally:
         _still(car)
@@ -82,7 +82,7 @@ def calibrate_servos(
 
 
 def _still(car: "Car") -> None:
-    """No pulse, as well as it can be done: the car itself ends a test that is not renewed."""
+    """Stop the pulses if possible; the car ends a test that is not renewed by itself."""
     with contextlib.suppress(FoldcarError):
         car.stop_trial()
     car.connection.close()

@@ -1,4 +1,4 @@
-"""`--components FILE`: modules of one's own, for every command that reads designs."""
+"""`--components FILE`: user modules, for every command that reads designs."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +8,7 @@ import typer
 
 
 def _load(files: Sequence[Path] | None) -> Sequence[Path] | None:
-    """They are registered before the command reads its listing."""
+    """Register the modules before the command reads its listing."""
     if files:
         from foldcar.car.user_modules import load_components
 

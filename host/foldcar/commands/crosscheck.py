@@ -1,4 +1,4 @@
-"""`foldcar crosscheck`: a listing's runs in carsim and in MuJoCo, and how far they agree."""
+"""`foldcar crosscheck`: simulates a listing's runs in carsim and in MuJoCo and compares the results."""
 
 import os
 from pathlib import Path
@@ -27,11 +27,11 @@ def crosscheck(
         ),
     ] = 10,
     jobs: Annotated[
-        int | None, typer.Option(metavar="N", min=1, max=256, help="Processes; one a processor if not given.")
+        int | None, typer.Option(metavar="N", min=1, max=256, help="Processes; default: one per processor.")
     ] = None,
     components: Components = None,
 ) -> None:
-    """Run every car in every environment in a second engine too. Stop it any time: it goes on from there."""
+    """Run every car in every environment in MuJoCo too. It may be stopped at any time: the same command resumes it."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -48,7 +48,7 @@ def crosscheck(
     study = read_study(listing, experiment, environments)
     carsim = Carsim()
     if output.exists() and not output.is_dir():
-        raise FoldcarError(f"{output}: is no folder")
+        raise FoldcarError(f"{output}: not a folder")
     console = Console(stderr=True)
     columns = (TextColumn("crosscheck"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     try:
@@ -69,25 +69,19 @@ def crosscheck(
             )
         comparisons = write_page(output, listing.name, cases, results, baseline, carsim)
     except KeyboardInterrupt:
-        typer.echo(f"stopped: what is done is in {output}; the same command goes on from there", err=True)
+        typer.echo(f"stopped: finished runs are in {output}; the same command resumes", err=True)
         raise typer.Exit(130) from None
     _print(comparisons)
     typer.echo(f"page: {output / PAGE}")
 
 
 def _print(comparisons: "list[tuple[str, Agreement]]") -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-
+    from foldcar.commands.result_table import result_table
     from foldcar.crosscheck.page import COMPARISON_HEAD, comparison_row
 
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=160)
-    table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
+    console, table = result_table(160)
     for index, head in enumerate(COMPARISON_HEAD):
-        # On a narrow terminal the names wrap, and no number is cut off.
+        # On a narrow terminal names wrap, so that numbers are not truncated.
         if index:
             table.add_column(head, justify="right", no_wrap=True, min_width=len(head))
         else:

@@ -1,4 +1,4 @@
-"""What `--set` says: values of design parameters, NAME=MM."""
+"""`--set NAME=MM`: values of design parameters."""
 
 from collections.abc import Sequence
 from typing import Annotated
@@ -14,7 +14,7 @@ Settings = Annotated[
 
 
 def design_settings(words: Sequence[str]) -> dict[str, float]:
-    """Values by parameter; FoldcarError if a word is none."""
+    """Parse NAME=MM words to values (mm or degrees) by parameter; FoldcarError if a word is invalid."""
     settings = {}
     for word in words:
         key, equals, text = word.partition("=")
@@ -23,5 +23,5 @@ def design_settings(words: Sequence[str]) -> dict[str, float]:
         except ValueError:
             equals = ""
         if not equals:
-            raise FoldcarError(f"--set {word}: is not NAME=MM, as in --set width=95")
+            raise FoldcarError(f"--set {word}: not NAME=MM, as in --set width=95")
     return settings

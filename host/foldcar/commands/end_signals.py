@@ -1,11 +1,11 @@
-"""Ends a command that holds a car or a simulator in an orderly way, whoever ends it."""
+"""Orderly end, on SIGTERM and SIGHUP, of a command that controls a car or a simulator."""
 
 import signal
 from types import FrameType
 
 
 def end_like_ctrl_c() -> None:
-    """From now on a request to end, or a terminal that is closed, is a KeyboardInterrupt."""
+    """Raise KeyboardInterrupt on SIGTERM and on SIGHUP (a closed terminal) from now on."""
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, _interrupt)
 

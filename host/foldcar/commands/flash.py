@@ -1,4 +1,4 @@
-"""`foldcar flash`: firmware and design onto a car, through PlatformIO."""
+"""`foldcar flash`: loads firmware and design onto a car with PlatformIO."""
 
 import json
 import os
@@ -22,11 +22,11 @@ def flash(
     experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
     settings: Settings = None,
     port: Annotated[
-        str | None, typer.Option(metavar="PORT", help="Serial port; PlatformIO finds it if not given.")
+        str | None, typer.Option(metavar="PORT", help="Serial port; default: found by PlatformIO.")
     ] = None,
-    design_only: Annotated[bool, typer.Option("--design-only", help="Leave the firmware as it is.")] = False,
+    design_only: Annotated[bool, typer.Option("--design-only", help="Do not load the firmware.")] = False,
     file: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the design's car.json there, and load nothing.")
+        Path | None, typer.Option(metavar="FILE", help="Write the design's car.json to FILE, and load nothing.")
     ] = None,
     components: Components = None,
 ) -> None:
@@ -44,7 +44,7 @@ def flash(
         typer.echo(f"{file}: {content['name']} ({content['hash']})")
         return
     if port is not None and not port.startswith("/dev/tty") and not port.startswith("COM"):
-        raise FoldcarError(f"--port {port}: is no serial port of a board; a simulated car is started by `foldcar link`")
+        raise FoldcarError(f"--port {port}: not the serial port of a board; `foldcar link` starts a simulated car")
     project = _project()
     folder = project / ".pio" / "design"
     folder.mkdir(parents=True, exist_ok=True)
@@ -57,10 +57,10 @@ def flash(
 
 
 def _project() -> Path:
-    """The project's folder, which holds the firmware's sources; this package alone does not bring them."""
+    """The project's folder with the firmware's sources; FoldcarError if the package is installed without them."""
     project = Path(__file__).resolve().parents[3]
     if not (project / "platformio.ini").is_file():
-        raise FoldcarError("flash: the firmware's sources are not beside this package: use a checkout of the project")
+        raise FoldcarError("flash: the firmware's sources are missing: use a checkout of the project")
     return project
 
 
@@ -72,9 +72,9 @@ def _pio(project: Path, target: str, port: str | None, data_folder: Path) -> Non
     command = [program, "run", "-d", str(project), "-e", "featheresp32", "-t", target]
     if port is not None:
         command += ["--upload-port", port]
-    # PlatformIO empties the build folder when a setting changes: not the one that a running sweep's carsim is in.
+    # PlatformIO empties the build folder when a setting changes; the default one may contain a running sweep's carsim.
     own = {"PLATFORMIO_DATA_DIR": str(data_folder), "PLATFORMIO_BUILD_DIR": str(project / ".pio" / "flash")}
     environment = {**os.environ, **own}
     if subprocess.run(command, env=environment, check=False).returncode != 0:
         what = "the firmware" if target == "upload" else "the design"
-        raise FoldcarError(f"flash: {what} was not loaded: PlatformIO says why above")
+        raise FoldcarError(f"flash: {what} was not loaded: see PlatformIO's message above")

@@ -1,4 +1,4 @@
-"""`foldcar gallery`: a picture of each environment, three samples from above and from the side."""
+"""`foldcar gallery`: draws each environment, three samples from above and from the side."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,7 @@ def gallery(
         typer.Argument(metavar="SCENARIO...", help="Scenic programs"),
     ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="folder for the pictures; made if there is none")
+        Path, typer.Option("-o", "--output", help="folder for the pictures; created if missing")
     ],
     seed: Annotated[int, typer.Option("--seed", help="the same seed gives the same pictures")] = 42,
 ) -> None:

@@ -1,4 +1,4 @@
-"""A car that a command names: vehicle of a listing, with values set on the command line."""
+"""The designs that a command names: a vehicle of a listing, with values set on the command line."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,9 +10,9 @@ from foldcar.study.listing import Listing, read_listing
 
 
 def listed_family(listing: Path, vehicle: str | None, settings: Sequence[str]) -> tuple[Listing, Family]:
-    """The listing, and of its vehicle all designs that the settings (NAME=MM) leave.
+    """The listing, and those designs of its vehicle that have the settings (NAME=MM).
 
-    ``vehicle`` may be left out where the listing has only one; FoldcarError if there is no such vehicle or value.
+    ``vehicle`` may be None if the listing has only one. FoldcarError if there is no such vehicle or value.
     """
     listed, _ = read_listing(listing)
     known = ", ".join(listed.vehicles)

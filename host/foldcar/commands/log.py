@@ -1,4 +1,4 @@
-"""`foldcar log`: trials of a built car over USB, each logged and kept in the store beside the simulated runs."""
+"""`foldcar log`: drives trials of a built car over USB; logs each and stores it beside the simulated runs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -16,18 +16,18 @@ def log(
     experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
     port: Annotated[
         str | None,
-        typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; found if not given."),
+        typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; default: detected."),
     ] = None,
     store: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Store for the trials; LISTING's name with .db if not given.")
+        Path | None, typer.Option(metavar="FILE", help="Store for the trials; default: LISTING's name with .db.")
     ] = None,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=MM", help="Insist on a design; the car tells which it is if not given."),
+        typer.Option("--set", metavar="NAME=MM", help="Require a design; default: the one that the car reports."),
     ] = None,
     sample: Annotated[
         int | None,
-        typer.Option(metavar="K", min=0, help="Sampled environment; the one with the fewest trials if not given."),
+        typer.Option(metavar="K", min=0, help="Sampled environment; default: the one with the fewest trials."),
     ] = None,
     trials: Annotated[int | None, typer.Option(metavar="N", min=1, help="Stop after N trials.")] = None,
     parameters: Annotated[
@@ -35,11 +35,13 @@ def log(
     ] = None,
     deviation: Annotated[
         list[str] | None,
-        typer.Option(metavar="TEXT", help='Measured deviation, "NAME X_MM Y_MM [TURNED_DEG]"; may be repeated.'),
+        typer.Option(metavar="TEXT", help='Measured deviation, "NAME X_MM Y_MM [HEADING_DEG]"; may be repeated.'),
     ] = None,
-    outcome: Annotated[str | None, typer.Option(metavar="OUTCOME", help="Do not ask how trials went.")] = None,
-    note: Annotated[str | None, typer.Option(metavar="TEXT", help="Do not ask for a note.")] = None,
-    operator: Annotated[str, typer.Option(metavar="NAME", help="Who drives; kept with each trial.")] = "",
+    outcome: Annotated[
+        str | None, typer.Option(metavar="OUTCOME", help="Outcome of the trials, instead of asking.")
+    ] = None,
+    note: Annotated[str | None, typer.Option(metavar="TEXT", help="Note on the trials, instead of asking.")] = None,
+    operator: Annotated[str, typer.Option(metavar="NAME", help="The driver's name; stored with each trial.")] = "",
     countdown: Annotated[
         int, typer.Option(metavar="S", min=0, max=MOST_COUNTDOWN_S, help="Seconds before the start.")
     ] = 3,
@@ -47,12 +49,12 @@ def log(
         bool, typer.Option("--untethered", help="Drive without the cable; the car keeps the log.")
     ] = False,
     any_build: Annotated[
-        bool, typer.Option("--any-build", help="Drive with another firmware than the simulated one.")
+        bool, typer.Option("--any-build", help="Drive even if the firmware's build is not the simulated one.")
     ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: answer every question with its default.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: take every question's default answer.")] = False,
     components: Components = None,
 ) -> None:
-    """Drive trials with a car on USB. The car moves only after the countdown, and stops if anything fails."""
+    """Drive trials with a car on USB. The car moves only after the countdown, and stops after any error."""
     from foldcar.commands.end_signals import end_like_ctrl_c
     from foldcar.commands.log_options import LogOptions
     from foldcar.commands.log_session import LogSession
@@ -60,7 +62,7 @@ def log(
     from foldcar.store.trial_records import TRIAL_OUTCOMES
 
     if outcome is not None and outcome not in TRIAL_OUTCOMES:
-        raise FoldcarError(f"--outcome {outcome}: is none of {', '.join(TRIAL_OUTCOMES)}")
+        raise FoldcarError(f"--outcome {outcome}: not one of {', '.join(TRIAL_OUTCOMES)}")
     if parameters is not None:
         read_file(parameters)
     session = LogSession(
@@ -86,6 +88,6 @@ def log(
     try:
         driven = session.run(port)
     except KeyboardInterrupt:
-        typer.echo(f"stopped: what was driven is in {session.options.store}", err=True)
+        typer.echo(f"stopped: the driven trials are in {session.options.store}", err=True)
         raise typer.Exit(130) from None
     typer.echo(f"{driven} trials; store: {session.options.store}")

@@ -1,4 +1,4 @@
-"""What `foldcar log` was told on its command line."""
+"""The options of `foldcar log`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class LogOptions:
-    """What the command line says; None is asked for, or found out."""
+    """The command line's values; what is None is asked for or determined during the session."""
 
     store: Path
     settings: list[str]

@@ -1,4 +1,7 @@
-"""How a trial went: kept at once as far as it is known, then asked for, and kept again."""
+"""Records a trial's outcome: first what is known when the drive ends, then the person's answers.
+
+Input: the end of a drive, typed answers. Output: the completed row of the trial in the store.
+"""
 
 import hashlib
 from pathlib import Path
@@ -24,12 +27,12 @@ OUTCOME_KEYS = {
 OUTCOME_QUESTION = "Outcome: (p)assed, (t)ipped, (s)tuck, (o)ff course, t(i)me limit, (a)borted"
 
 
-def tell(
+def record_outcome(
     writer: TrialWriter, number: int, end: DriveEnd, log: Path, options: LogOptions, answers: TypedAnswers
 ) -> None:
-    """Complete the row of trial ``number``; FoldcarError if nobody can say its outcome."""
+    """Complete the row of trial ``number``; FoldcarError if its outcome is unknown and may not be asked for."""
     digest = log_hash(log)
-    ending = end.ending if end.outcome else f"{end.ending}; outcome not told"
+    ending = end.ending if end.outcome else f"{end.ending}; outcome not entered"
     writer.complete(number, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
     drove = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
     typer.echo(f"Ended{drove}: {end.ending}")
@@ -42,7 +45,7 @@ def tell(
 
 
 def log_hash(log: Path) -> str | None:
-    """SHA-256 of a log; None if there is none."""
+    """SHA-256 of a log in hexadecimal digits; None if the file is missing."""
     return hashlib.sha256(log.read_bytes()).hexdigest() if log.is_file() else None
 
 
@@ -55,5 +58,5 @@ def _outcome(number: int, end: DriveEnd, options: LogOptions, answers: TypedAnsw
         suggested = f" [{end.outcome}]" if end.outcome else ""
         return answers.choice(f"{OUTCOME_QUESTION}{suggested}: ", OUTCOME_KEYS, end.outcome)
     if end.outcome is None:
-        raise FoldcarError(f"trial {number}: {end.ending}: its outcome is not plain; use --outcome with --yes")
+        raise FoldcarError(f"trial {number}: {end.ending}: its outcome does not follow; use --outcome with --yes")
     return end.outcome

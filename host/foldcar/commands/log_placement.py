@@ -1,4 +1,4 @@
-"""How to place car and obstacles for a trial: a table, a picture, and the question where they stand instead."""
+"""Instructions for placing car and obstacles for a trial: a table, a picture, and the question for deviations."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +18,7 @@ from foldcar.trials.placement import instructions, names_of, parse_deviation
 
 @dataclass
 class Placement:
-    """A sample's scene for a design; its picture is drawn the first time it is shown."""
+    """A sample's scene for a design; its picture is drawn when first shown."""
 
     scene: dict[str, Any]
     sample: int
@@ -28,7 +28,7 @@ class Placement:
     _drawn: bool = field(default=False)
 
     def show(self, with_picture: bool) -> None:
-        """Print the table and, if wanted, where the picture is."""
+        """Print the table and, ``with_picture``, draw the picture and print its path."""
         console = Console(highlight=False)
         if not console.is_terminal:
             console = Console(highlight=False, width=120)
@@ -57,14 +57,14 @@ class Placement:
 def ask_deviations(
     answers: TypedAnswers, scene: dict[str, Any], given: list[str] | None, yes: bool
 ) -> dict[str, tuple[float, float, float]]:
-    """Measured deviations by name: those ``given``, else those typed; none if nothing is to be asked."""
+    """Measured deviations (m, m, rad) by name: those of the options, else those typed; none with ``yes``."""
     names = names_of(scene)
     if given is not None:
         return dict(parse_deviation(text, names) for text in given)
     found: dict[str, tuple[float, float, float]] = {}
     if yes:
         return found
-    typer.echo("Measured deviations, one a line: NAME X_MM Y_MM [TURNED_DEG]; Enter when there are no more.")
+    typer.echo("Measured deviations, one per line: NAME X_MM Y_MM [HEADING_DEG]; Enter to finish.")
     while typed := answers.line("deviation: "):
         try:
             name, by = parse_deviation(typed, names)

@@ -1,7 +1,7 @@
-"""A session of trials with one car: who it is, then trial after trial - place, arm, drive, tell, keep.
+"""A session of trials with one car: check its identity, then for each trial place, arm, drive and record.
 
-The row of a trial is in the store before the car is armed, and completed step by step: whatever is killed or pulled
-loses at most the answer being typed.
+Input: a listing's experiment, options, a port. Output: trials in the store. The row of a trial is in the store before
+the car is armed and is completed step by step, so that a killed program loses at most the answer being typed.
 """
 
 import shutil
@@ -18,7 +18,7 @@ from foldcar.car.car_file import design_name
 from foldcar.car.design import Design
 from foldcar.commands.design_settings import design_settings
 from foldcar.commands.log_options import LogOptions
-from foldcar.commands.log_outcome import log_hash, tell
+from foldcar.commands.log_outcome import log_hash, record_outcome
 from foldcar.commands.log_placement import Placement, ask_deviations
 from foldcar.commands.log_view import LogView
 from foldcar.commands.log_welcome import welcome
@@ -30,6 +30,7 @@ from foldcar.link.ports import choose_port
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import TlogWriter
 from foldcar.simulation.carsim import Carsim
+from foldcar.store.log_files import log_file
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.study.environments import Environment
@@ -40,12 +41,12 @@ from foldcar.trials.placement import placed
 from foldcar.trials.untethered import collect
 
 LEAST_FREE_BYTES = 20_000_000
-# After its time limit a script waits so long for an untethered car.
+# With --yes, how long to wait for an untethered car after its time limit.
 COMES_BACK_S = 60.0
 
 
 class LogSession:
-    """``run`` does it all. Everything but the port and the store is read before either is touched."""
+    """A session; :meth:`run` drives it. All other inputs are read and checked before port and store are opened."""
 
     def __init__(self, listing: Path, experiment: str, options: LogOptions) -> None:
         self.options = options
@@ -58,7 +59,7 @@ class LogSession:
         self._placements: dict[tuple[int, str], Placement] = {}
 
     def run(self, named_port: str | None) -> int:
-        """Drive trials until there are enough; gives their number. FoldcarError."""
+        """Drive trials up to the requested number or until the person ends, and return their number. FoldcarError."""
         options = self.options
         self._car = greet(choose_port(named_port))
         try:
@@ -86,16 +87,16 @@ class LogSession:
         return welcome(self._car, self._experiment, self._family, self._carsim, self.options, self._answers)
 
     def _trial(self, writer: TrialWriter, identity: CarIdentity, design: Design) -> DriveEnd | None:
-        """One trial; None if the person wants no more."""
+        """Drive one trial; None if the person ends the session."""
         options = self.options
-        told = TrialDesign(design.type, design.columns)
+        trial_design = TrialDesign(design.type, design.columns)
         fingerprint = self._environment.fingerprint
-        counts = writer.trial_counts(self._experiment.id, told, fingerprint)
+        counts = writer.trial_counts(self._experiment.id, trial_design, fingerprint)
         sample = options.sample if options.sample is not None else least_tried(self._experiment.environments, counts)
         number = writer.next_number()
         placement = self._placement(writer, sample, design)
         typer.echo(f"\nTrial {number}: sample {sample} of experiment {self._experiment.id}")
-        # Where nothing is asked, nobody looks either.
+        # With --yes no picture is drawn.
         placement.show(with_picture=not options.yes)
         deviations = ask_deviations(self._answers, placement.scene, options.deviations, options.yes)
         if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
@@ -107,13 +108,13 @@ class LogSession:
         facts = CarFacts(identity.build, identity.hash, self._car.port)
         scene = placed(placement.scene, deviations)
         begun = writer.begin(
-            self._experiment.id, told, Drive(body, settings, scene, fingerprint, sample), deviations, facts,
+            self._experiment.id, trial_design, Drive(body, settings, scene, fingerprint, sample), deviations, facts,
             str(log.relative_to(options.store.parent)), options.operator,
         )  # fmt: skip
         end = self._drive(settings, begun, log)
         if end.ending == DRIVES_ON:
             end = self._collect(begun, log, settings["time_limit_s"])
-        tell(writer, begun, end, log, options, self._answers)
+        record_outcome(writer, begun, end, log, options, self._answers)
         return end
 
     def _drive(self, settings: dict[str, Any], number: int, log: Path) -> DriveEnd:
@@ -125,12 +126,12 @@ class LogSession:
             writer = TlogWriter(log)
             car.connection.catch_up()
             car.connection.log = writer
-            # The log says by itself who drove, and set to what.
+            # The log then contains the car's identity and settings.
             for message in ("FOLDCAR_DESIGN", "AUTOPILOT_VERSION", "SYS_STATUS"):
                 car.request(message)
             read_parameters(car)
-            also = INPUT if self._answers.is_terminal else None
-            with self._answers.keys() as pressed, LogView(settings["time_limit_s"], pressed, also) as view:
+            other_input = INPUT if self._answers.is_terminal else None
+            with self._answers.keys() as pressed, LogView(settings["time_limit_s"], pressed, other_input) as view:
                 end = drive(car, settings, number, self.options.countdown_s, view, self.options.untethered)
             return replace(end, outcome="passed") if view.passed and end.outcome is None else end
         except FoldcarError as error:
@@ -142,10 +143,10 @@ class LogSession:
                 writer.close()
 
     def _collect(self, number: int, log: Path, time_limit_s: float) -> DriveEnd:
-        """Wait for an untethered car to come back, and fetch its log."""
+        """Wait until an untethered car is connected again, and fetch its log."""
         assert self._car is not None
         end_s = time.monotonic() + time_limit_s + COMES_BACK_S
-        question = "The car drives on. When it stands, plug it in and press Enter, or type its port; q gives it up: "
+        question = "The car drives on. When it has stopped, plug it in and press Enter, or type its port; q gives up: "
         while True:
             typed = "" if self.options.yes else self._answers.line(question)
             if typed.lower() == "q":
@@ -164,7 +165,7 @@ class LogSession:
             time.sleep(1.0)
 
     def _after_error(self, error: FoldcarError) -> tuple[CarIdentity, Design]:
-        """A lost car, or another, may come; everything else, and all errors in a script, end the session."""
+        """After a lost link, wait for a car; raise every other error, and with --yes all errors."""
         options = self.options
         if options.yes or not self._answers.is_terminal or not isinstance(error, LinkLostError):
             raise error
@@ -180,7 +181,7 @@ class LogSession:
                 typer.echo(f"{again}", err=True)
 
     def _greet_again(self, typed: str) -> None:
-        """Greet the car where it was, or where it is now: a port may have another name after the cable was pulled."""
+        """Connect to the car at the typed port, its last one or a new one: a port's name may change after unplugging."""
         assert self._car is not None
         port = typed or self._car.port
         if not typed and port.startswith("/dev/tty") and not Path(port).exists():
@@ -213,12 +214,12 @@ class LogSession:
 
     def _complete_interrupted(self, writer: TrialWriter) -> None:
         for number, log in writer.unfinished():
-            file = self.options.store.parent / log
+            file = log_file(self.options.store, log)
             writer.complete(number, Ending("aborted", "the program was ended", None, "", log_hash(file)))
             typer.echo(f"Trial {number} was interrupted: it counts as aborted; its log is kept")
 
     def _idle(self) -> None:
-        """While a person thinks: keep the link going. A cable that is pulled now is noticed when it matters."""
+        """Keep the link alive while the person types; a lost link is reported by the next command."""
         if self._car is not None:
             try:
                 self._car.connection.receive(0.0)

@@ -1,4 +1,4 @@
-"""The live view of a drive on a terminal: time, pulses, battery, quality of the link."""
+"""The live view of a drive on a terminal: time, pulses, battery, link quality."""
 
 import time
 from collections.abc import Callable
@@ -17,13 +17,13 @@ REFRESH_HZ = 10
 
 
 class LogView:
-    """Watches a drive (:class:`foldcar.trials.driving.Watcher`): shows it, and stops it by a key.
+    """A :class:`foldcar.trials.driving.Watcher` that displays a drive and stops it on a key.
 
-    ``pressed`` gives the key pressed last. Where the output is no terminal nothing is shown.
+    ``pressed`` returns the last key pressed or None. Nothing is displayed if the output is not a terminal.
     """
 
-    def __init__(self, time_limit_s: float, pressed: Callable[[], str | None], also: Any) -> None:
-        self.also = also
+    def __init__(self, time_limit_s: float, pressed: Callable[[], str | None], other_input: Any) -> None:
+        self.other_input = other_input
         self.passed = False
         self._time_limit_s = time_limit_s
         self._pressed = pressed
@@ -40,6 +40,7 @@ class LogView:
         self._live.stop()
 
     def wants_stop(self) -> str | None:
+        """The ending if a key was pressed that stops the drive, else None."""
         key = self._pressed()
         if key == "p":
             self.passed = True
@@ -47,6 +48,7 @@ class LogView:
         return "stopped by key" if key in ("s", " ", "\n", "\r", "q", "\x1b") else None
 
     def look(self, car: Car) -> None:
+        """Display the car's state at most REFRESH_HZ times a second."""
         now_s = time.monotonic()
         if self._live.is_started and now_s - self._shown_at_s >= 1 / REFRESH_HZ:
             self._shown_at_s = now_s
@@ -77,7 +79,7 @@ class LogView:
 
 
 def car_voltage(car: Car) -> float | None:
-    """The battery's voltage as last reported, None if unknown; asks nothing of the car."""
+    """Battery voltage (V) as last reported, None if unknown; sends no request to the car."""
     status = car.connection.latest.get("SYS_STATUS")
     return None if status is None or status.voltage_battery == 0xFFFF else status.voltage_battery / 1000
 

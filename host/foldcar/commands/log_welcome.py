@@ -1,4 +1,4 @@
-"""Who is at the port, shown and checked before any trial: design, firmware, battery, faults, parameters."""
+"""Shows and checks the connected car before any trial: design, firmware, battery, faults, parameters."""
 
 import typer
 
@@ -12,13 +12,13 @@ from foldcar.link.parameters import read_file, read_parameters, set_parameter
 from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import TRIAL_LIMIT, Experiment
 from foldcar.study.family import Family
-from foldcar.trials.identity import check_build, design_of, is_calibrated, unexpected
+from foldcar.trials.identity import check_build, design_of, is_calibrated, parameter_deviations
 
 
 def welcome(
     car: Car, experiment: Experiment, family: Family, carsim: Carsim, options: LogOptions, answers: TypedAnswers
 ) -> tuple[CarIdentity, Design]:
-    """Show the car; FoldcarError with a way on if it is not fit for the experiment's trials."""
+    """Print the car's identity and state; FoldcarError with a remedy if it cannot drive the experiment's trials."""
     identity = car.identity()
     battery = car.battery_v()
     typer.echo(f"car       {identity.name or 'without a design'} ({identity.hash or 'no car.json'}) at {car.port}")
@@ -27,6 +27,7 @@ def welcome(
     design = design_of(identity, experiment, family)
     if not options.any_build:
         check_build(identity, carsim.firmware)
+    _end_earlier_trial(car)
     _clear_fault(car, options, answers)
     values = read_parameters(car)
     table = carsim.parameter_table()
@@ -36,7 +37,7 @@ def welcome(
     if options.parameters is not None:
         expected = read_file(options.parameters)
     against = options.parameters or "the design"
-    differing = [row for row in unexpected(values, expected) if row[0] != TRIAL_LIMIT]
+    differing = [row for row in parameter_deviations(values, expected) if row[0] != TRIAL_LIMIT]
     if differing:
         typer.echo(f"parameters that differ from {against}:")
     for name, has, wanted in differing:
@@ -44,6 +45,19 @@ def welcome(
     if not differing:
         typer.echo(f"parameters as in {against}")
     return identity, design
+
+
+def _end_earlier_trial(car: Car) -> None:
+    """Stop a car that drives on because the program before was ended, and learn its state as it is now.
+
+    Left alone, it would latch the fault of a silent host at our next long pause, after faults were asked for.
+    """
+    car.connection.catch_up()
+    if car.request("FOLDCAR_TRIAL").state == car.dialect.FOLDCAR_STATE_RUNNING:
+        car.stop_trial()
+        typer.echo("driving   an earlier trial, which is stopped now")
+        car.connection.catch_up()
+        car.request("FOLDCAR_TRIAL")
 
 
 def _clear_fault(car: Car, options: LogOptions, answers: TypedAnswers) -> None:
@@ -57,7 +71,7 @@ def _clear_fault(car: Car, options: LogOptions, answers: TypedAnswers) -> None:
 
 
 def _fit_time_limit(car: Car, values: dict[str, float], time_limit_s: float) -> None:
-    """The car's own limit must allow the experiment's."""
+    """Raise the car's limit of trial times (s) to the experiment's if it is lower."""
     if values.get(TRIAL_LIMIT, time_limit_s) < time_limit_s:
         set_parameter(car, TRIAL_LIMIT, time_limit_s)
         typer.echo(f"{TRIAL_LIMIT} set from {values[TRIAL_LIMIT]:g} to {time_limit_s:g} s for this experiment")

@@ -1,4 +1,4 @@
-"""`foldcar model`: a car of a listing in the file format of another simulator."""
+"""`foldcar model`: writes a car of a listing in the file format of another simulator."""
 
 import re
 from pathlib import Path
@@ -23,9 +23,9 @@ def model(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the files.")],
     settings: Settings = None,
     environment: Annotated[
-        str | None, typer.Option(metavar="ID", help="Environment of the listing to put around the car.")
+        str | None, typer.Option(metavar="ID", help="Environment of the listing for the car's surroundings.")
     ] = None,
-    sample: Annotated[int, typer.Option(metavar="K", min=0, help="Which sample of the environment.")] = 0,
+    sample: Annotated[int, typer.Option(metavar="K", min=0, help="Number of the environment's sample.")] = 0,
     components: Components = None,
 ) -> None:
     """Write one car as MJCF, URDF or a Webots PROTO with its world."""
@@ -34,7 +34,7 @@ def model(
     from foldcar.commands.listed_design import listed_family
 
     if to not in FORMATS:
-        raise FoldcarError(f"--to {to}: is none of {', '.join(FORMATS)}")
+        raise FoldcarError(f"--to {to}: not one of {', '.join(FORMATS)}")
     if to == "urdf" and environment is not None:
         raise FoldcarError("--environment: URDF describes robots only; leave it out or choose mjcf or webots")
     listed, family = listed_family(listing, vehicle, settings or [])
@@ -61,7 +61,7 @@ def _files(
     grid: Any,
 ) -> dict[str, str]:
     """Texts by file name."""
-    # PROTO names and file names are made of letters and digits.
+    # PROTO names consist of letters and digits.
     name = f"Foldcar{re.sub('[^A-Za-z0-9]', '', vehicle)}"
     if to == "mjcf":
         from foldcar.models.mjcf import mjcf
@@ -97,7 +97,7 @@ def _ground(
     one = listed.environments[environment]
     program = file.parent / one.scenic_filename
     if not program.is_file():
-        raise FoldcarError(f"{file}: environments.{environment}.scenic_filename: {program} is no file")
+        raise FoldcarError(f"{file}: environments.{environment}.scenic_filename: {program} is not a file")
     condition = one.condition.model_dump(exclude_none=True) if one.condition else None
     scene = open_environment(program, dict(one.scenic_params), one.seed, condition).sample(sample)
     return scene, smooth_ground(scene, Carsim())

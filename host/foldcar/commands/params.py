@@ -1,4 +1,4 @@
-"""`foldcar params`: a car's parameters - shown, set, saved to a file, loaded from one, compared with one."""
+"""`foldcar params`: shows and sets a car's parameters, saves, loads and compares files of them."""
 
 import contextlib
 from collections.abc import Iterator
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from foldcar.link.car import Car
 
 Port = Annotated[
-    str | None, typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; found if not given.")
+    str | None, typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; default: detected.")
 ]
-ParameterFile = Annotated[Path, typer.Argument(metavar="FILE", help="Lines of NAME VALUE, comments behind #.")]
+ParameterFile = Annotated[Path, typer.Argument(metavar="FILE", help="Lines of NAME VALUE, comments after #.")]
 
 params = typer.Typer(name="params", help="Parameters of a car.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -23,7 +23,7 @@ params = typer.Typer(name="params", help="Parameters of a car.", no_args_is_help
 @params.command()
 def get(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Which ones; all if none is named.")
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Parameters to show; default: all.")
     ] = None,
     port: Port = None,
 ) -> None:
@@ -41,7 +41,7 @@ def get(
 @params.command("set")
 def set_one(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The parameter.")],
-    value: Annotated[float, typer.Argument(metavar="VALUE", help="What it is to be.")],
+    value: Annotated[float, typer.Argument(metavar="VALUE", help="Its new value.")],
     port: Port = None,
 ) -> None:
     """Set one parameter and save it in the car."""
@@ -60,14 +60,14 @@ def save(file: ParameterFile, port: Port = None) -> None:
     with _car(port) as car:
         identity = car.identity()
         values = read_parameters(car)
-    who = identity.name or "a car without a design"
-    write_file(file, values, f"parameters of {who} ({identity.hash or 'no car.json'}), firmware {identity.build}")
+    name = identity.name or "a car without a design"
+    write_file(file, values, f"parameters of {name} ({identity.hash or 'no car.json'}), firmware {identity.build}")
     typer.echo(f"{file}: {len(values)} parameters")
 
 
 @params.command()
 def load(file: ParameterFile, port: Port = None) -> None:
-    """Set the car's parameters to what a file says, where they differ."""
+    """Set the car's parameters to the values in a file."""
     from foldcar.link.parameters import differences, read_file, read_parameters, set_parameter, value_text
 
     wanted = read_file(file)
@@ -85,7 +85,7 @@ def load(file: ParameterFile, port: Port = None) -> None:
             except FoldcarError as error:
                 refused.append(str(error))
                 typer.echo(f"{error}", err=True)
-    typer.echo(f"{len(rows) - len(refused)} parameters set, {len(wanted) - len(rows)} were so already")
+    typer.echo(f"{len(rows) - len(refused)} parameters set, {len(wanted) - len(rows)} unchanged")
     if refused:
         raise FoldcarError(f"{file}: {len(refused)} of {len(wanted)} parameters were refused, the first is {refused[0]}")
 

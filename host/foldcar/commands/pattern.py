@@ -1,4 +1,4 @@
-"""`foldcar pattern`: a car of a listing, or a family of them, as sheets to cut and all that belongs to them."""
+"""`foldcar pattern`: writes the sheets to cut a car, or a family of cars, from, and all files to build it."""
 
 import json
 from collections.abc import Iterator
@@ -21,37 +21,38 @@ def pattern(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing or design (JSON).")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the files.")],
     vehicle: Annotated[
-        str | None, typer.Option(metavar="ID", help="Vehicle of the listing; may be left out if it has only one.")
+        str | None, typer.Option(metavar="ID", help="Vehicle of the listing; optional if it has only one.")
     ] = None,
     settings: Settings = None,
     every: Annotated[bool, typer.Option("--all", help="Every car of a family, each in a folder of its own.")] = False,
     machine: Annotated[
-        str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: presets of all that follows.")
+        str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: presets of the options below.")
     ] = "silhouette",
     sheet: Annotated[
         str | None, typer.Option(metavar="SIZE", help="a4, letter, 12in or WIDTHxHEIGHT in mm.")
     ] = None,
     paper: Annotated[str | None, typer.Option(metavar="SIZE", help="Of PDF pages: a4 or letter.")] = None,
     fold: Annotated[str | None, typer.Option(metavar="STYLE", help="Folds as cut dash or score.")] = None,
-    kerf: Annotated[float | None, typer.Option(metavar="MM", help="Width that the cut takes away.")] = None,
-    tab_clearance: Annotated[float | None, typer.Option(metavar="MM", help="By which tabs are smaller.")] = None,
+    kerf: Annotated[float | None, typer.Option(metavar="MM", help="Width that the cut removes.")] = None,
+    tab_clearance: Annotated[float | None, typer.Option(metavar="MM", help="Distance by which tabs are smaller.")] = None,
     dash_cut: Annotated[float | None, typer.Option(metavar="MM", help="Length of a fold's cuts.")] = None,
     dash_bridge: Annotated[float | None, typer.Option(metavar="MM", help="Film between a fold's cuts.")] = None,
     bend_radius: Annotated[float | None, typer.Option(metavar="MM", help="Inner radius of folds.")] = None,
     k_factor: Annotated[
-        float | None, typer.Option(metavar="SHARE", help="Where, from the inner side, film keeps its length.")
+        float | None,
+        typer.Option(metavar="SHARE", help="Position of a fold's neutral layer, from the inner side, per thickness."),
     ] = None,
     thickness: Annotated[
-        float | None, typer.Option(metavar="MM", help="Of the film for folds, if it is not the design's.")
+        float | None, typer.Option(metavar="MM", help="Thickness of the film for folds; default: the design's.")
     ] = None,
     margin: Annotated[float | None, typer.Option(metavar="MM", help="Blank edge of a sheet.")] = None,
     gap: Annotated[float | None, typer.Option(metavar="MM", help="Film between two pieces.")] = None,
     components: Components = None,
 ) -> None:
     """Make sheets (SVG, DXF, PDF), FOLD, STL, OBJ, guide, wiring and parts list of a car, checked as written."""
+    from foldcar.atomic_folder import atomic_folder
     from foldcar.commands.listed_design import listed_family
-    from foldcar.fabrication.atomic_folder import MANIFEST, atomic_folder
-    from foldcar.fabrication.make_car import make_car
+    from foldcar.fabrication.make_car import MANIFEST, make_car
     from foldcar.fabrication.patterns.options import options
 
     chosen = options(
@@ -61,7 +62,7 @@ def pattern(
     )  # fmt: skip
     family = listed_family(listing, vehicle, settings or [])[1]
     designs = list(family) if every else [family.single()]
-    with atomic_folder(output) as folder:
+    with atomic_folder(output, MANIFEST) as folder:
         listed, said = [], []
         for design in _with_progress(designs):
             made = make_car(design, chosen)
@@ -74,12 +75,12 @@ def pattern(
             said.append(_family_line(name, made) if every else _report(made, chosen, output))
         if every:
             (folder / MANIFEST).write_text(json.dumps({"files": [*listed, MANIFEST]}, indent=2) + "\n", encoding="utf-8")
-    # Only now is there anything in the folder.
+    # The folder has been written by now.
     typer.echo("\n".join([*said, f"{len(designs)} cars in {output}"] if every else said))
 
 
 def _with_progress(designs: "list[Design]") -> "Iterator[Design]":
-    """The designs, with a bar on a terminal if there are several."""
+    """The designs, with a progress bar on a terminal if there are several."""
     if len(designs) < 2:
         yield from designs
         return
@@ -91,7 +92,7 @@ def _with_progress(designs: "list[Design]") -> "Iterator[Design]":
 
 
 def _folder_name(family: "Family", design: "Design") -> str:
-    """The varied parameters: ``width_95``, ``width_95-W_length_60``."""
+    """A name of the values of the varied parameters: ``width_95``, ``width_95-W_length_60``."""
     varied = [key for key, values in family.choices.items() if len(values) > 1]
     return "-".join(f"{key.replace('.', '_')}_{design.values[key]:g}" for key in varied) or "car"
 

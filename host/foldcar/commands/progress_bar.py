@@ -1,4 +1,4 @@
-"""The sweep's progress on a terminal: bar, runs per second, time left, live success rate; else nothing."""
+"""Displays a sweep's progress on a terminal: bar, runs per second, remaining time, success rate so far."""
 
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class ProgressBar:
-    """``with ProgressBar(progress) as bar``: call ``bar.update`` as the counts change."""
+    """``with ProgressBar(progress) as bar``: call ``bar.update`` when the counts change."""
 
     def __init__(self, progress: "Progress") -> None:
         console = Console(stderr=True)
@@ -38,7 +38,7 @@ class ProgressBar:
         self._bar.stop()
 
     def update(self, progress: "Progress") -> None:
-        """Show the counts."""
+        """Display the counts."""
         rate = progress.new / progress.seconds if progress.seconds > 0 else 0.0
         success = 100 * progress.passed / progress.done if progress.done else 0.0
         self._bar.update(

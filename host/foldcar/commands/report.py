@@ -1,4 +1,4 @@
-"""`foldcar report`: a store's study as one page, its figures, and a summary on the terminal."""
+"""`foldcar report`: writes a page with figures of a store's study, and prints a summary."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""What `foldcar run` prints of an answer and of a varied car: a name and a text a line."""
+"""The text that `foldcar run` prints of an answer and of a variation: lines of name and value."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -8,7 +8,7 @@ from foldcar.simulation.results import NUMBERS, outcome_of
 
 
 def answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Outcome, measures and what the program recorded; of a failed run why it failed."""
+    """Outcome, metrics and recorded values; for a failed run its error."""
     yield "outcome", outcome_of(answer)
     if "error" in answer:
         yield "message", answer["error"]
@@ -20,7 +20,7 @@ def answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def variation_text(variation: Mapping[str, Any]) -> str:
-    """``supply_v=-0.0931 servo_speed=0.0214,-0.0113,…``: three digits of each number."""
+    """The variation with three digits of each number: ``supply_v=-0.0931 servo_speed=0.0214,-0.0113,…``."""
     return " ".join(
         f"{name}={','.join(f'{v:.3g}' for v in value) if isinstance(value, list) else format(value, '.3g')}"
         for name, value in variation.items()
@@ -28,7 +28,7 @@ def variation_text(variation: Mapping[str, Any]) -> str:
 
 
 def _recorded_text(kind: str, value: Any) -> str:
-    """The value; of a series how long it is and how it ends."""
+    """The value; for a series its length and its last value."""
     if kind == "initial":
         return f"{_value_text(value)} at the start"
     if kind == "final":
@@ -40,7 +40,7 @@ def _recorded_text(kind: str, value: Any) -> str:
 
 
 def _value_text(value: Any) -> str:
-    """A number with three decimals, a list of values, "-" for none; texts and truths as JSON."""
+    """A number with three decimals, a list of values, "-" for null; texts and booleans as JSON."""
     if value is None:
         return "-"
     if isinstance(value, float):

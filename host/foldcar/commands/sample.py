@@ -1,4 +1,4 @@
-"""`foldcar sample`: scenes of an environment as JSON Lines that `carsim batch` accepts, and as a picture."""
+"""`foldcar sample`: samples scenes of an environment as JSON Lines for `carsim batch`, and draws them."""
 
 import json
 import sys
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def sample(
     scenario: Annotated[Path, typer.Argument(help="Scenic program", metavar="SCENARIO")],
-    count: Annotated[int, typer.Option("-n", "--count", min=1, help="how many scenes")] = 1,
+    count: Annotated[int, typer.Option("-n", "--count", min=1, help="number of scenes")] = 1,
     seed: Annotated[int, typer.Option("--seed", help="the same seed gives the same scenes")] = 0,
     param: Annotated[
         list[str] | None,
@@ -54,7 +54,7 @@ def sample(
 
 
 def _scenes(source: "SceneSource", count: int, shown: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Yield ``count`` scenes and keep the first ones in ``shown``."""
+    """Yield ``count`` scenes; append the first ones to ``shown``."""
     for k in range(count):
         scene = {"id": f"{source.seed}/{k}", **source.sample(k)}
         if len(shown) < 9:
@@ -67,10 +67,10 @@ def _line(scene: dict[str, Any]) -> str:
 
 
 def _parse_param(text: str) -> tuple[str, Any]:
-    """NAME=VALUE, the value in JSON's notation (0.03, true, [1, 2]); any other value is text."""
+    """Parse NAME=VALUE; the value is JSON (0.03, true, [1, 2]), or else text. FoldcarError."""
     name, equals, value = text.partition("=")
     if not equals or not name:
-        raise FoldcarError(f"--param {text}: write NAME=VALUE")
+        raise FoldcarError(f"--param {text}: not NAME=VALUE")
     try:
         return name, json.loads(value)
     except json.JSONDecodeError:

@@ -1,4 +1,4 @@
-"""`foldcar sweep`: every design of a listing in every environment, into a store."""
+"""`foldcar sweep`: simulates every design of a listing in every environment into a store."""
 
 import os
 import shlex
@@ -13,19 +13,19 @@ from foldcar.commands.components_option import Components
 
 def sweep(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
-    store: Annotated[Path, typer.Option(metavar="FILE", help="Store to write; made if there is none.")],
+    store: Annotated[Path, typer.Option(metavar="FILE", help="Store to write; created if missing.")],
     environments: Annotated[
         int | None,
         typer.Option(metavar="N", min=1, help="Sampled environments, instead of the listing's number."),
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, max=256, help="Simulators at once; one a processor if not given."),
+        typer.Option(metavar="N", min=1, max=256, help="Simulators in parallel; default: one per processor."),
     ] = None,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
     components: Components = None,
 ) -> None:
-    """Run whatever the store does not have yet. Stop it any time: the same command goes on from there."""
+    """Simulate all runs that the store lacks. It may be stopped at any time: the same command resumes it."""
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.experiments import read_study
@@ -44,7 +44,7 @@ def sweep(
     except KeyboardInterrupt:
         typer.echo(
             f"stopped: {progress.done} of {progress.total} runs are stored in {store}; "
-            "the same command goes on from there",
+            "the same command resumes",
             err=True,
         )
         raise typer.Exit(130) from None

@@ -47,6 +47,7 @@ def correct(
     operator: Annotated[str, typer.Option(metavar="NAME", help="Who corrects it.")] = "",
 ) -> None:
     """Change what a trial says. What stood there is kept, with the reason."""
+    from foldcar.store.opening import require_store
     from foldcar.store.reader import Store
     from foldcar.store.trial_writer import write_trials
 
@@ -55,8 +56,7 @@ def correct(
         raise FoldcarError("trials correct: say what to change: --outcome, --note or --elapsed-time")
     if not reason.strip():
         raise FoldcarError("trials correct: --reason: is empty")
-    # A store that is not there, or no store, is refused without making one.
-    Store.open(store).__exit__(None, None, None)
+    require_store(store)
     with write_trials(store) as writer:
         writer.correct(number, {k: v for k, v in changes.items() if v is not None}, reason, operator)
     with Store.open(store) as opened:
@@ -135,6 +135,7 @@ def export(
 ) -> None:
     """Convert a trial's log. The log itself, a .tlog, opens in MAVLink's own tools."""
     from foldcar.link.mcap_export import export_mcap
+    from foldcar.store.log_files import log_file
     from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
@@ -149,7 +150,7 @@ def export(
         "outcome": trial.outcome,
         "note": trial.note,
     }
-    count = export_mcap(store.parent / trial.log, mcap, facts)
+    count = export_mcap(log_file(store, trial.log), mcap, facts)
     typer.echo(f"{mcap}: {count} messages")
 
 
@@ -173,14 +174,9 @@ def dialect(
 
 
 def _print_trials(found: "list[Trial]") -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
+    from foldcar.commands.result_table import result_table
 
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=200)
-    table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
+    console, table = result_table(200)
     shown = _varying(found)
     for head in ("trial", "experiment", *shown, "sample", "outcome", "time (s)", "ending", "started (UTC)", "note"):
         table.add_column(head, justify="left" if head in ("outcome", "ending", "note") else "right")

@@ -1,6 +1,7 @@
-"""Answers a person types, while the link to the car goes on: lines for questions, single keys during a drive.
+"""Reads a person's answers while the link to the car is served: lines for questions, single keys during a drive.
 
-Reads standard input itself: a Python file object would hide typed lines from `select`.
+Input: standard input, read by its descriptor, because the buffer of a Python file object would hide lines from
+`select`. Output: lines, choices, keys.
 """
 
 import contextlib
@@ -20,7 +21,7 @@ IDLE_S = 0.05
 
 
 class TypedAnswers:
-    """Standard input, line by line or key by key. ``idle`` is called whenever nothing is typed."""
+    """Standard input by lines or by keys. ``idle`` is called repeatedly while nothing is typed."""
 
     def __init__(self, idle: Callable[[], None]) -> None:
         self._idle = idle
@@ -28,7 +29,7 @@ class TypedAnswers:
         self.is_terminal = os.isatty(INPUT)
 
     def line(self, question: str) -> str:
-        """The line typed in answer to ``question``, without blanks around it; FoldcarError at the end of input."""
+        """Print ``question`` and return the typed line, stripped; FoldcarError at the end of input."""
         typer.echo(question, nl=False)
         sys.stdout.flush()
         while b"\n" not in self._typed:
@@ -43,12 +44,12 @@ class TypedAnswers:
             self._typed += data
         line, _, self._typed = self._typed.partition(b"\n")
         if not self.is_terminal:
-            # What a script types shows in its output like what a person types.
+            # Echo the line of a script, as a terminal does.
             typer.echo(line.decode(errors="replace"))
         return line.decode(errors="replace").strip()
 
     def choice(self, question: str, choices: dict[str, str], default: str | None) -> str:
-        """One of the values of ``choices`` by its key or in full; asks until it is one."""
+        """Ask until the answer is a key or a value of ``choices``, or empty for the default; returns the value."""
         while True:
             typed = self.line(question).lower().replace("-", "_").replace(" ", "_")
             if not typed and default is not None:
@@ -61,7 +62,10 @@ class TypedAnswers:
 
     @contextlib.contextmanager
     def keys(self) -> Iterator[Callable[[], str | None]]:
-        """Gives a function for the key pressed last, if any, without waiting. No keys where input is no terminal."""
+        """Within the block, a function that returns the last key pressed, or None, without waiting.
+
+        It returns None always if the input is not a terminal.
+        """
         if not self.is_terminal:
             yield lambda: None
             return

@@ -1,4 +1,4 @@
-"""`foldcar view`: one page with a car's sheets and a model of it that folds."""
+"""`foldcar view`: writes one page with a car's sheets and an animated folding model."""
 
 from pathlib import Path
 from typing import Annotated
@@ -17,12 +17,12 @@ def view(
     ] = None,
     settings: Settings = None,
     machine: Annotated[
-        str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: how the sheets are drawn.")
+        str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: presets for the sheets.")
     ] = "silhouette",
     sheet: Annotated[str | None, typer.Option(metavar="SIZE", help="a4, letter, 12in or WIDTHxHEIGHT in mm.")] = None,
     components: Components = None,
 ) -> None:
-    """Write a page that shows a car as sheets, folding and assembled; it opens in a browser, without a network."""
+    """Write a page that shows a car as sheets, folding and assembled; a browser opens it without a network."""
     from foldcar.atomic_file import atomic_file
     from foldcar.car.folded_car import folded_car
     from foldcar.commands.listed_design import listed_family

@@ -1,4 +1,4 @@
-"""How far two engines agree: pass or fail run by run, success rates design by design.
+"""The agreement of two engines: pass or fail of each run, success rates of each design.
 
 Input: pairs of results of the same cases. Output: numbers; shares are between 0 and 1.
 """
@@ -20,7 +20,7 @@ DesignId = tuple[str, int]
 
 @dataclass(frozen=True)
 class DesignRates:
-    """A design's runs, and how many passed in the first and in the second engine."""
+    """A design's number of runs, and the numbers that passed in the first and in the second engine."""
 
     columns: Mapping[str, float]
     runs: int
@@ -30,7 +30,7 @@ class DesignRates:
 
 @dataclass(frozen=True)
 class Agreement:
-    """``runs`` compared and how many end alike in pass or fail; ``designs`` by experiment and number.
+    """The number of compared ``runs``, and of those ``alike`` in pass or fail; ``designs`` by experiment and number.
 
     ``confusion`` counts (first outcome, second outcome). ``correlation`` of the designs' success rates is
     None where either engine has one rate for all; ``rmse`` and ``bias`` (first minus second) are shares.
@@ -46,12 +46,12 @@ class Agreement:
 
     @property
     def share(self) -> float:
-        """Of runs that end alike."""
+        """The share of runs that agree in pass or fail, 0 to 1."""
         return self.alike / self.runs
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Wilson's 95 % interval of the share."""
+        """Wilson's 95 % interval (low, high) of the share."""
         return wilson_interval(self.alike, self.runs)
 
     @property
@@ -62,7 +62,7 @@ class Agreement:
 
 
 def agreement(pairs: Sequence[Pair]) -> Agreement:
-    """Of at least one pair."""
+    """The agreement of at least one pair."""
     confusion = Counter((first["outcome"], second["outcome"]) for _, first, second in pairs)
     tallies: dict[DesignId, list[int]] = {}
     columns: dict[DesignId, Mapping[str, float]] = {}
@@ -87,7 +87,7 @@ def agreement(pairs: Sequence[Pair]) -> Agreement:
 
 
 def worst(pairs: Sequence[Pair], count: int) -> list[Pair]:
-    """The disagreements that end furthest apart, each in a scene of its own."""
+    """The disagreements with the largest distances of the final positions, at most one per scene."""
     apart = [pair for pair in pairs if passes(pair[1]) != passes(pair[2]) and "failed" not in outcomes(pair)]
     apart.sort(key=lambda pair: -math.dist(pair[1]["end"], pair[2]["end"]))
     chosen: list[Pair] = []

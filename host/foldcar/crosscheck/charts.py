@@ -33,7 +33,7 @@ def success_figure(result: Agreement, experiment: str) -> Figure:
     figure = Figure(figsize=(7.2, 3.7), layout="constrained")
     axes = figure.subplots()
     places, label = _places(designs)
-    nudge = 0.12 * float(numpy.diff(places).min()) if len(places) > 1 else 0.05
+    nudge = 0.12 * float(numpy.min(numpy.diff(places))) if len(places) > 1 else 0.05
     for side, (name, colour, marker, line) in zip((-1, 1), LOOKS, strict=True):
         passed = [rates.first if name == FIRST else rates.second for rates in designs]
         success = numpy.array([100 * n / rates.runs for n, rates in zip(passed, designs, strict=True)])

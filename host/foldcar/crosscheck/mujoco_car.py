@@ -13,9 +13,10 @@ import numpy
 from foldcar.crosscheck.ending import State
 from foldcar.crosscheck.servo import drive_fraction
 from foldcar.errors import FoldcarError
-from foldcar.models.ground import SMOOTH_KINDS, HeightGrid
+from foldcar.models.ground import HeightGrid
 from foldcar.models.mjcf import MjcfOptions, mjcf
 from foldcar.models.wheel_geometry import segment_name, wheel_name
+from foldcar.scenes.terrain_kinds import kind_of
 
 FALL_M = 5e-4
 
@@ -66,7 +67,7 @@ class MujocoCar:
         self._torque_lines = list(zip(gains, biases, strict=True))
         self._origin = self.model.body(segment_name(_main_segment(body))).id
         self._scene = scene
-        self._patches = [piece for piece in scene["terrain"] if piece["kind"] == "patch"]
+        self._patches = [piece for piece in scene["terrain"] if kind_of(piece).form == "patch"]
         self._grips = [(self.model.geom(f"{wheel_name(wheel)}_tyre").id, wheel["grip"]) for wheel in body["wheels"]] + [
             (self.model.geom(f"{segment_name(i)}_belly").id, segment["grip"])
             for i, segment in enumerate(body["segments"])
@@ -130,8 +131,8 @@ class MujocoCar:
     def _put_down(self, grid: HeightGrid | None) -> None:
         """Set the level car down to where it all but touches the ground."""
         level = float(self.data.qpos[2])
-        ground = (0.0, 0.0) if grid is None else (float(grid.z_m.min()), float(grid.z_m.max()))
-        tops = [p["height_m"] for p in self._scene["terrain"] if p["kind"] not in (*SMOOTH_KINDS, "patch")]
+        ground = (0.0, 0.0) if grid is None else (float(numpy.min(grid.z_m)), float(numpy.max(grid.z_m)))
+        tops = [p["height_m"] for p in self._scene["terrain"] if kind_of(p).form == "block"]
         low, high = level + min(0.0, ground[0]) - 0.01, level + max(0.0, ground[1], *tops, 0.0) + 0.01
         while high - low > 1e-5:
             middle = (low + high) / 2

@@ -1,1 +1,1 @@
-"""What a car is built from: the folder of its sheets, meshes, lists and guide."""
+"""The folder that a car is built from: sheets, meshes, lists and guide."""

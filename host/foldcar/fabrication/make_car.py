@@ -17,13 +17,15 @@ from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, total_mass_kg
 from foldcar.fabrication.assembly.view_page import Drawing, view_page
-from foldcar.fabrication.atomic_folder import MANIFEST
 from foldcar.fabrication.files import dxf_files, pages, pdf_files, shape_files, svg_files
 from foldcar.fabrication.patterns.coupon import coupon
 from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import Options
 from foldcar.fabrication.patterns.sheets import Pattern, cut_car, pattern_of
 from foldcar.fabrication.patterns.verify import TOLERANCE_MM, check_sheet
+
+# Names every file in the folder of a car.
+MANIFEST = "pattern.json"
 
 
 class CheckError(FoldcarError):

@@ -1,1 +1,1 @@
-"""Pictures of scenes and runs. Import them where they are used: matplotlib takes a moment."""
+"""Pictures of scenes and runs. Modules import them inside functions, because matplotlib is slow to import."""

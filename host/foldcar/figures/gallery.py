@@ -1,4 +1,7 @@
-"""A picture of an environment: three samples from above, under each the ground that wheels would meet."""
+"""Draws an environment: three samples from above, below each the ground profiles along the wheel tracks.
+
+Input: scenes and a function for their heights. Output: a picture.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,7 +22,7 @@ from foldcar.figures.top_view import VIEW_MARGIN_M, draw_top_view, view_of
 SAMPLES = 3
 CELLS = 600
 PROFILE_IN = 1.0
-# Where the wheels of the study's middle car run: 95 mm wide, with tyres of 12 mm.
+# Track and tyre width of the width study's medium car: body 95 mm wide, tyres 12 mm.
 TRACK_M = 0.111
 TYRE_M = 0.012
 DPI = 95
@@ -27,7 +30,7 @@ COLOURS = 256
 
 
 def draw_gallery(scenes: Sequence[Mapping[str, Any]], file: Path, heights: Heights, title: str) -> None:
-    """Draw ``scenes`` (docs/carsim.md with ids) into ``file``, equal ones once. Raises FoldcarError."""
+    """Draw the first distinct ``scenes`` (docs/carsim.md with ids) into ``file``. Raises FoldcarError."""
     check_format(file)
     scenes = _different(scenes)
     extent = view_of(scenes)
@@ -60,7 +63,7 @@ def draw_gallery(scenes: Sequence[Mapping[str, Any]], file: Path, heights: Heigh
 
 
 def _different(scenes: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """The scenes without those that differ from an earlier one in nothing but their id."""
+    """The scenes without those that equal an earlier one except for the id."""
     kept: list[Mapping[str, Any]] = []
     for scene in scenes:
         if not any({**scene, "id": ""} == {**other, "id": ""} for other in kept):
@@ -87,7 +90,7 @@ def _stacked(count: int, aspect: float) -> tuple[Figure, list[Axes], list[Axes]]
 
 
 def _draw_profile(axes: Axes, scene: Mapping[str, Any], heights: Heights) -> None:
-    """The ground under both tracks straight from start to goal; heights (mm) are drawn out of scale."""
+    """The ground under both wheel tracks from start straight to goal; heights (mm) are exaggerated."""
     aim = {**scene["start"], "heading_rad": _aim_rad(scene)}
     way_m = _way_m(scene, aim["heading_rad"])
     line = straight_line(aim, -VIEW_MARGIN_M, way_m + VIEW_MARGIN_M)
@@ -102,12 +105,12 @@ def _draw_profile(axes: Axes, scene: Mapping[str, Any], heights: Heights) -> Non
             label=f"ground under the {name} wheels",
         )
     axes.margins(x=0)
-    axes.set_xlabel("way from the start (m)")
+    axes.set_xlabel("distance from the start (m)")
     axes.set_ylabel("height (mm)")
 
 
 def _aim_rad(scene: Mapping[str, Any]) -> float:
-    """The direction from start to goal: to its line by the shortest way, or straight ahead without one."""
+    """The heading from start to goal (its line's nearest point), or straight ahead without a goal."""
     start, goal = scene["start"], scene["goal"]
     if goal is None:
         return float(start["heading_rad"])
@@ -117,7 +120,7 @@ def _aim_rad(scene: Mapping[str, Any]) -> float:
 
 
 def _way_m(scene: Mapping[str, Any], heading_rad: float) -> float:
-    """How far it is from the start to the goal in that direction; without one, to the edge of the course."""
+    """The distance from the start to the goal in that direction (m); without a goal, to the edge of the course."""
     start, goal = scene["start"], scene["goal"]
     cos, sin = math.cos(heading_rad), math.sin(heading_rad)
     if goal is not None:

@@ -1,4 +1,4 @@
-"""The height of a scene's ground, as the simulator has it: figures show the surface that cars meet.
+"""The height of a scene's ground as the simulator computes it.
 
 Input: scenes of docs/carsim.md and points of the plane. Output: heights in metres.
 """
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from foldcar.simulation.carsim import Carsim
 
 Floats = NDArray[numpy.float64]
-# (scene, x_m, y_m) -> z_m: arrays of any one shape, in and out.
+# Function (scene, x_m, y_m) -> z_m of arrays of equal shape.
 Heights = Callable[[Mapping[str, Any], Floats, Floats], Floats]
 
 
@@ -35,7 +35,7 @@ class Extent:
 
 @dataclass(frozen=True)
 class HeightMap:
-    """Heights (m) at the middles of square cells of ``cell_m``: rows along y, columns along x."""
+    """Heights ``z_m``, (rows, columns) along (y, x), at the centres of square cells with side ``cell_m``."""
 
     extent: Extent
     cell_m: float
@@ -43,7 +43,7 @@ class HeightMap:
 
 
 def carsim_heights(carsim: Carsim) -> Heights:
-    """Heights by asking ``carsim``; they raise CarsimError if it refuses the scene."""
+    """A Heights function that asks ``carsim``; it raises CarsimError if carsim refuses the scene."""
 
     def heights(scene: Mapping[str, Any], x_m: Floats, y_m: Floats) -> Floats:
         question = {"id": "h", "scene": "s", "x_m": x_m.ravel().tolist(), "y_m": y_m.ravel().tolist()}
@@ -55,7 +55,7 @@ def carsim_heights(carsim: Carsim) -> Heights:
 
 
 def height_map(heights: Heights, scene: Mapping[str, Any], extent: Extent, cells: int) -> HeightMap:
-    """The ground over about ``extent``, with ``cells`` cells along its longer side."""
+    """The ground over approximately ``extent``, with ``cells`` cells along its longer side."""
     cell = max(extent.size_m) / cells
     columns, rows = (max(2, round(size / cell)) for size in extent.size_m)
     x = extent.x_min_m + cell * (numpy.arange(columns) + 0.5)

@@ -1,4 +1,4 @@
-"""One colour scale for the heights of several scenes: white ground, brown above, blue below, and shade."""
+"""One colour scale for the heights of several scenes: white at 0, brown above, blue below, with hill shading."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,7 +13,7 @@ from foldcar.figures.ground import HeightMap
 ABOVE = LinearSegmentedColormap.from_list("above", ["#f7f7f5", "#f0dfb8", "#cfa65b", "#8a5a1c", "#3f2506"])
 BELOW = LinearSegmentedColormap.from_list("below", ["#f7f7f5", "#a9c9de", "#3a7ca8", "#123f5f"])
 COLOURS = 512
-# Light from the upper left; slopes count for steeper than they are, or hills of a few centimetres look flat.
+# Light from the upper left; slopes are exaggerated, because hills of a few centimetres would look flat.
 AZIMUTH_RAD = numpy.radians(135)
 ALTITUDE_RAD = numpy.radians(45)
 STEEPER = 1.5
@@ -22,9 +22,9 @@ LEAST_RANGE_MM = 1.0
 
 
 def height_scale(maps: Sequence[HeightMap]) -> ScalarMappable:
-    """The scale (mm) over all heights of the maps; equal differences of height are equal steps of colour."""
-    low = min((float(one.z_m.min()) for one in maps), default=0.0) * 1e3
-    high = max((float(one.z_m.max()) for one in maps), default=0.0) * 1e3
+    """The scale (mm) over all heights of the maps, linear in height on both sides of 0."""
+    low = min((float(numpy.min(one.z_m)) for one in maps), default=0.0) * 1e3
+    high = max((float(numpy.max(one.z_m)) for one in maps), default=0.0) * 1e3
     low, high = min(low, 0.0), max(high, 0.0)
     high = max(high, LEAST_RANGE_MM + low)
     values = numpy.linspace(low, high, COLOURS)
@@ -34,12 +34,12 @@ def height_scale(maps: Sequence[HeightMap]) -> ScalarMappable:
 
 
 def shaded(one: HeightMap, scale: ScalarMappable) -> NDArray[Any]:
-    """The map's colours (rows × columns × 3), level ground as in the scale."""
+    """The map's colours, (rows, columns, 3); level ground has the scale's colour."""
     colours = scale.to_rgba(one.z_m * 1e3)[..., :3]
     slope_y, slope_x = numpy.gradient(one.z_m * STEEPER, one.cell_m)
     towards = numpy.cos(ALTITUDE_RAD) * (slope_y * numpy.sin(AZIMUTH_RAD) + slope_x * numpy.cos(AZIMUTH_RAD))
     level = numpy.sin(ALTITUDE_RAD)
-    # How squarely light falls onto the slope (Lambert's law), against level ground.
+    # Lambert's cosine law, relative to level ground.
     lit = (level - towards) / numpy.sqrt(1 + slope_x**2 + slope_y**2) - level
     result: NDArray[Any] = numpy.clip(colours * (1 + SHADE * lit)[..., None], 0.0, 1.0)
     return result

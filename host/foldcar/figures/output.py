@@ -1,4 +1,4 @@
-"""Saves a figure in the format its file's name asks for, wholly or not at all."""
+"""Saves a figure atomically in the format of its file's suffix."""
 
 import io
 from pathlib import Path
@@ -10,7 +10,7 @@ from foldcar.atomic_file import atomic_file
 from foldcar.errors import FoldcarError
 from foldcar.figures.style import RC
 
-# The metadata that would make two drawings of the same data differ.
+# Metadata to leave out, because they would make two drawings of the same data differ.
 UNDATED: dict[str, dict[str, Any]] = {
     ".png": {},
     ".svg": {"Date": None},
@@ -19,7 +19,7 @@ UNDATED: dict[str, dict[str, Any]] = {
 
 
 def check_format(file: Path) -> None:
-    """Raise FoldcarError unless the file's name ends in one of the formats figures are saved in."""
+    """Raise FoldcarError unless the file's suffix is that of a supported format."""
     if file.suffix.lower() not in UNDATED:
         raise FoldcarError(f"{file}: a picture's name ends in one of {', '.join(UNDATED)}")
 
@@ -27,7 +27,7 @@ def check_format(file: Path) -> None:
 def save_figure(figure: Any, file: Path, dpi: int | None = None, colours: int | None = None) -> None:
     """Save a matplotlib figure to ``file`` (.png, .svg or .pdf). Raises FoldcarError.
 
-    ``dpi`` are pixels an inch, if not the style's. A PNG limited to ``colours`` is a smaller file.
+    ``dpi``: pixels per inch, by default the style's. ``colours`` limits a PNG's colours, which makes the file smaller.
     """
     import matplotlib
 

@@ -1,4 +1,4 @@
-"""A picture of where to put car and obstacles for a trial, with the letters and places that the text has."""
+"""Draws the placement of car and obstacles for a trial, with letters and positions as in the instructions."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -24,7 +24,7 @@ LETTER = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": INK,
 def draw_placement(
     scene: Mapping[str, Any], length_m: float, width_m: float, heights: Heights, file: Path, title: str
 ) -> None:
-    """Draw ``scene`` (docs/carsim.md) and the outline of a car of that size into ``file``. FoldcarError."""
+    """Draw ``scene`` (docs/carsim.md) and the outline of a car of that size into ``file``. Raises FoldcarError."""
     check_format(file)
     extent = view_of([scene])
     ground = height_map(heights, scene, extent, CELLS)

@@ -1,4 +1,7 @@
-"""The ground under a car's tracks: a line over it, and the greatest height along a strip beside the line."""
+"""The ground under a car's wheel tracks: a line on it, and the largest height along a strip beside the line.
+
+Input: a path or a start, a function for heights. Output: lines and heights in m.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,13 +11,13 @@ import numpy
 
 from foldcar.figures.ground import Floats, Heights
 
-# A corner that reaches into a tyre's strip by less than a sixth of its width may stay unseen.
+# Points across a tyre's strip: a corner that enters it by less than a sixth of its width may be missed.
 ACROSS = 7
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line on the ground, n points: increasing distance along it, x and y (m) and heading (rad)."""
+    """A line on the ground; four (n,) arrays: increasing distance along it, x and y (m), heading (rad)."""
 
     distance_m: Floats
     x_m: Floats
@@ -23,7 +26,7 @@ class Line:
 
 
 def travelled_m(path: Sequence[Sequence[float]]) -> Floats:
-    """How far the car has come at each row of ``path`` (docs/carsim.md), counted back where it rolls back."""
+    """Distance travelled at each row of ``path`` (docs/carsim.md), (n,) in m; it decreases where the car rolls back."""
     rows = numpy.asarray(path, dtype=float)
     heading = numpy.unwrap(rows[:, 4])
     middle = (heading[1:] + heading[:-1]) / 2
@@ -32,14 +35,14 @@ def travelled_m(path: Sequence[Sequence[float]]) -> Floats:
 
 
 def driven_line(path: Sequence[Sequence[float]], margin_m: float, spacing_m: float = 1e-3) -> Line:
-    """The line the car's middle drove, and straight on by ``margin_m``; a point every ``spacing_m``."""
+    """The line that the car's centre drove, extended straight by ``margin_m``, with a point every ``spacing_m``."""
     rows = numpy.asarray(path, dtype=float)
     travelled = travelled_m(path)
-    # Where the car rolls back it covers ground it has covered: only new ground makes the line longer.
+    # Rolling back does not lengthen the line.
     furthest = numpy.maximum.accumulate(travelled)
     new = numpy.concatenate([[True], travelled[1:] > furthest[:-1]])
     s, x, y, heading = travelled[new], rows[new, 1], rows[new, 2], numpy.unwrap(rows[:, 4])[new]
-    first, last = min(travelled.min(), 0.0) - margin_m, s[-1] + margin_m
+    first, last = min(float(numpy.min(travelled)), 0.0) - margin_m, s[-1] + margin_m
     at = numpy.arange(first, last + spacing_m / 2, spacing_m)
     before, after = numpy.minimum(at - s[0], 0.0), numpy.maximum(at - s[-1], 0.0)
     return Line(
@@ -51,8 +54,8 @@ def driven_line(path: Sequence[Sequence[float]], margin_m: float, spacing_m: flo
 
 
 def straight_line(start: Mapping[str, Any], first_m: float, last_m: float, spacing_m: float = 1e-3) -> Line:
-    """The line ahead through a place, between two distances from it; a point every ``spacing_m``."""
-    at = numpy.arange(first_m, last_m + spacing_m / 2, spacing_m)
+    """The straight line along a pose's heading, between two distances from it, with a point every ``spacing_m``."""
+    at = numpy.arange(first_m, last_m + spacing_m / 2, spacing_m, dtype=float)
     heading = start["heading_rad"]
     x, y = start["x_m"] + at * numpy.cos(heading), start["y_m"] + at * numpy.sin(heading)
     return Line(at, x, y, numpy.full(len(at), heading))
@@ -61,7 +64,7 @@ def straight_line(start: Mapping[str, Any], first_m: float, last_m: float, spaci
 def strip_heights_m(
     heights: Heights, scene: Mapping[str, Any], line: Line, left_m: float, width_m: float
 ) -> Floats:
-    """The ground's greatest height (m) across a strip ``width_m`` wide, ``left_m`` to the left of ``line``.
+    """The largest height, (n,) in m, across a strip ``width_m`` wide, ``left_m`` to the left of ``line``.
 
     At each point of the line the strip is a segment across the heading, sampled from edge to edge.
     """

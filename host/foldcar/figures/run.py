@@ -1,4 +1,4 @@
-"""A picture of one run: the car at intervals on the ground under both tracks, and its path from above."""
+"""Draws one run: from the side, the car at intervals and the ground under both tracks; from above, its path."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -63,7 +63,7 @@ def draw_run(
 
 
 def poses_to_draw(travelled: Sequence[float], spacing_m: float) -> list[int]:
-    """Indices of the rows to draw the car at: the first, the last, and every ``spacing_m`` of new way."""
+    """Indices of the rows at which to draw the car: the first, the last, and one per ``spacing_m`` of new distance."""
     chosen = [0]
     for index, distance in enumerate(travelled):
         if distance >= travelled[chosen[-1]] + spacing_m:
@@ -75,10 +75,10 @@ def poses_to_draw(travelled: Sequence[float], spacing_m: float) -> list[int]:
 
 
 def segment_places(body: Mapping[str, Any], row: Any) -> list[tuple[Any, Any]]:
-    """How each segment lies at a row of the path, seen from the right.
+    """The pose of each segment at a row of the path, seen from the right.
 
-    A 2x2 matrix ``turn`` and a place ``origin`` from the car's origin (m): the point (x, z) of the car with
-    its hinges flat is at ``(x, z) @ turn + origin``.
+    A pose is a (2, 2) matrix ``turn`` and a (2,) position ``origin`` relative to the car's origin (m): the point
+    (x, z) of the car with flat hinges is at ``(x, z) @ turn + origin``.
     """
     segments, hinges = body["segments"], body["hinges"]
     gaps = [max(0.0, abs(s["x_m"]) - s["length_m"] / 2) for s in segments]
@@ -90,7 +90,7 @@ def segment_places(body: Mapping[str, Any], row: Any) -> list[tuple[Any, Any]]:
         *((i, i + 1, i) for i in range(main, len(segments) - 1)),
         *((i, i - 1, i - 1) for i in range(main, 0, -1)),
     ]:
-        # Positive with the front one's nose up.
+        # A hinge angle is positive with the front segment's nose up.
         pitches[far] = pitches[near] + (folds[hinge] if far < near else -folds[hinge])
         turn, origin = places[near]
         joint = numpy.array([hinges[hinge]["x_m"], hinges[hinge]["z_m"]])
@@ -104,7 +104,7 @@ def _turn(pitch: float) -> Any:
 
 
 def _fit_height(figure: Figure, side: Axes, above: Axes) -> None:
-    """Make the figure as high as both views need it at its width, up to a limit."""
+    """Set the figure's height such that both views fit at its width, up to a limit."""
     heights_in = []
     for axes, most_in in ((side, 3.0), (above, 4.2)):
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
@@ -131,7 +131,7 @@ def _draw_side(
     for name, left, colour, order in (("left", 0.5, FAR_COLOUR, 1), ("right", -0.5, NEAR_COLOUR, 2)):
         tyre = max(wheel["width_m"] for wheel in wheels if wheel["side"] == name)
         strip = strip_heights_m(heights, scene, line, left * body["track_m"], tyre)
-        lowest, highest = min(lowest, float(strip.min())), max(highest, float(strip.max()))
+        lowest, highest = min(lowest, float(numpy.min(strip))), max(highest, float(numpy.max(strip)))
         axes.fill_between(
             line.distance_m,
             strip,
@@ -176,7 +176,7 @@ def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, 
     top = z
     for wheel in sorted(
         body["wheels"], key=lambda w: str(w["side"])
-    ):  # left wheels first: they are the far ones
+    ):  # left wheels first: they are behind
         near = wheel["side"] == "right"
         lift = body["track_m"] / 2 * numpy.sin(roll) * (-1.0 if near else 1.0)
         turn, origin = places[wheel["segment"]]

@@ -1,4 +1,4 @@
-"""A picture of several scenes from above, side by side on one colour scale."""
+"""Draws several scenes from above, side by side with one colour scale."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from foldcar.figures.top_view import draw_top_view, view_of
 
 MOST_SCENES = 9
 PANEL_WIDTH_IN = 3.4
-# Across a panel of half the usual width of a picture.
+# Cells along the longer side of a panel, which has half the usual width of a picture.
 CELLS = 320
 
 
@@ -29,7 +29,7 @@ def draw_scenes(scenes: Sequence[Mapping[str, Any]], file: Path, heights: Height
         raise FoldcarError(f"{file}: no scene to draw")
     extent = view_of(shown)
     length, width = extent.size_m
-    # Long courses stand below each other.
+    # Long courses are arranged in one column.
     columns = 1 if length > 2.5 * width else math.ceil(math.sqrt(len(shown)))
     rows = math.ceil(len(shown) / columns)
     panel = PANEL_WIDTH_IN * (2.0 if columns == 1 else 1.0)

@@ -1,4 +1,4 @@
-"""How every figure looks: fonts, lines, colours with a meaning, for print and for colour-blind eyes."""
+"""The style of all figures: fonts, lines and colours, suitable for print and for colour-blind readers."""
 
 from typing import Any
 
@@ -22,9 +22,9 @@ RC: Any = {
     "figure.dpi": 100,
     "savefig.dpi": 200,
     "savefig.facecolor": "white",
-    # Text stays text: readable by search, screen readers and editors.
+    # Text is kept as text, for search, screen readers and editors.
     "svg.fonttype": "none",
-    # Element names from the content alone: the same data draws the same bytes.
+    # Ids depend on the content only, so that the same data give the same bytes.
     "svg.hashsalt": "foldcar",
 }
 
@@ -33,7 +33,7 @@ ACCENT = "#0072b2"
 FAILURE = "#d62728"
 GROUND = "#8c7a5b"
 
-# Okabe and Ito's palette, ordered so that neighbours in a stack differ in lightness too.
+# The palette of Okabe and Ito, ordered so that neighbours in a stack also differ in lightness.
 OUTCOME_COLOURS = {
     "passed": "#009e73",
     "tipped": "#d55e00",

@@ -1,5 +1,6 @@
-"""Draws a scene from above: ground by height, patches, course, start, goal, and the path of a car, if any."""
+"""Draws a scene from above: ground heights, patches, course, start, goal, optionally a car's path."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,18 +13,17 @@ from matplotlib.transforms import Affine2D
 from foldcar.figures.ground import Extent, HeightMap
 from foldcar.figures.height_colours import shaded
 from foldcar.figures.style import ACCENT, FAILURE, INK
+from foldcar.scenes.terrain_kinds import kind_of, reach_m
 
 ARROW_LENGTH_M = 0.2
 VIEW_MARGIN_M = 0.2
-# Edges and roughness would be nothing but contours.
-CONTOURED = ("hill", "pothole", "patch")
 CONTOUR_STEP_M = 0.01
 PATCH_COLOUR = "#5b4a9c"
 OUTLINE = {"fill": False, "edgecolor": "#00000059", "linewidth": 0.5, "zorder": 2}
 
 
 def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
-    """What is worth showing of several scenes: starts, goals, terrain, path; the course if no goal."""
+    """The extent to show of several scenes: starts, goals, terrain and path; the course if there is no goal."""
     x: list[float] = []
     y: list[float] = []
     for scene in scenes:
@@ -37,7 +37,7 @@ def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
         y += [place[1] for place in places]
         for piece in scene["terrain"]:
             reach = _half_diagonal_m(piece)
-            # A wall across the way says little about where the car may go.
+            # A long wall across the course is not shown to its ends.
             x += [piece["x_m"] - min(reach, 0.4), piece["x_m"] + min(reach, 0.4)]
             y += [piece["y_m"] - min(reach, 0.4), piece["y_m"] + min(reach, 0.4)]
     if len(path):
@@ -64,7 +64,7 @@ def draw_top_view(
     axes.imshow(shaded(ground, scale), origin="lower", extent=corners, interpolation="antialiased", zorder=0)
     for piece in scene["terrain"]:
         _draw_outline(axes, piece)
-    if scene["terrain"] and all(piece["kind"] in CONTOURED for piece in scene["terrain"]):
+    if scene["terrain"] and all(_contoured(piece) for piece in scene["terrain"]):
         _draw_contours(axes, ground)
     _draw_course(axes, scene["course"])
     if scene["goal"] is not None:
@@ -90,11 +90,10 @@ def draw_top_view(
 
 
 def _draw_outline(axes: Axes, piece: Mapping[str, Any]) -> None:
-    """The edges of a block, the rim of a hole, the hatched area of a patch; smooth ground has no outline."""
+    """Draw the edges of a block, the rim of a hole or the hatched area of a patch; smooth ground has no outline."""
     place = (piece["x_m"], piece["y_m"])
-    if piece["kind"] == "pothole":
-        axes.add_patch(Circle(place, piece["radius_m"], **OUTLINE))
-    elif piece["kind"] == "patch":
+    kind = kind_of(piece)
+    if kind.form == "patch":
         look = {
             "fill": False,
             "edgecolor": PATCH_COLOUR,
@@ -115,12 +114,19 @@ def _draw_outline(axes: Axes, piece: Mapping[str, Any]) -> None:
             clip_on=True,
             zorder=3,
         )
-    elif piece["kind"] in ("box", "ramp", "half_round"):
+    elif kind.form == "block":
         axes.add_patch(_rectangle(axes, piece, OUTLINE))
+    elif kind.shape == "disc":
+        axes.add_patch(Circle(place, piece["radius_m"], **OUTLINE))
+
+
+def _contoured(piece: Mapping[str, Any]) -> bool:
+    """Whether contours show a piece; those of edges and of rough ground would hide it."""
+    return kind_of(piece).form != "block" and not kind_of(piece).is_floor
 
 
 def _draw_contours(axes: Axes, ground: HeightMap) -> None:
-    low, high = float(ground.z_m.min()), float(ground.z_m.max())
+    low, high = float(numpy.min(ground.z_m)), float(numpy.max(ground.z_m))
     steps = numpy.arange(numpy.ceil(low / CONTOUR_STEP_M), high / CONTOUR_STEP_M + 1)
     levels = steps[steps != 0] * CONTOUR_STEP_M
     rows, columns = ground.z_m.shape
@@ -142,11 +148,12 @@ def _draw_course(axes: Axes, course: Mapping[str, float]) -> None:
 
 
 def _half_diagonal_m(piece: Mapping[str, Any]) -> float:
-    if piece["kind"] == "hill":
-        return 2 * max(float(piece["sd_along_m"]), float(piece["sd_across_m"]))
-    if piece["kind"] == "pothole":
-        return float(piece["radius_m"])
-    return float((piece["length_m"] ** 2 + piece["width_m"] ** 2) ** 0.5 / 2)
+    along, across = reach_m(piece)
+    shape = kind_of(piece).shape
+    if shape == "rectangle":
+        return math.hypot(along, across)
+    # Half of where a hill ends is where it can be seen to rise.
+    return max(along, across) / 2 if shape == "bell" else along
 
 
 def _draw_goal(axes: Axes, scene: Mapping[str, Any]) -> None:
@@ -165,7 +172,7 @@ def _draw_goal(axes: Axes, scene: Mapping[str, Any]) -> None:
 
 
 def _line_in_course(x: float, y: float, heading_rad: float, course: Mapping[str, float]) -> Any:
-    """The ends (2 × 2) of the line through the point across the heading, where it leaves the course."""
+    """The ends, (2, 2), of the line through the point across the heading, clipped to the course."""
     along = numpy.array([-numpy.sin(heading_rad), numpy.cos(heading_rad)])
     reach = []
     for position, slope, axis in ((x, along[0], "x"), (y, along[1], "y")):

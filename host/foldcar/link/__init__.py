@@ -1,1 +1,1 @@
-"""The host's side of the link to a car: ports, packets, commands, parameters, logs. docs/link.md says what is spoken."""
+"""The host's side of the link to a car: ports, packets, commands, parameters, logs (docs/link.md)."""

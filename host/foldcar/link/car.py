@@ -1,7 +1,7 @@
-"""A car on the link: who it is, what it is told, and how it answers.
+"""A car on the link: its identity, its state and the commands to it.
 
-Commands are sent again until they are answered, with a count by which the car knows a repetition; what it refuses
-raises CommandRefusedError with the reason in words.
+Input: a connection. Output: messages and acknowledged commands. A command is repeated until it is acknowledged, with a
+count by which the car recognises repetitions; a refused command raises CommandRefusedError with the reason.
 """
 
 import math
@@ -14,9 +14,9 @@ from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM, Connection, conne
 GREETING_S = 5.0
 ANSWER_S = 0.6
 TRIES = 5
-NO_CAR = "the firmware may be another one: `foldcar flash` loads it"
+OTHER_FIRMWARE = "it may have other firmware: `foldcar flash` loads foldcar's"
 
-# result_param2 of COMMAND_ACK, in docs/link.md.
+# Texts for result_param2 of COMMAND_ACK (docs/link.md), by its value.
 REASONS = (
     "accepted",
     "it is not armed",
@@ -35,21 +35,24 @@ REASONS = (
     "there is no such output, value or time-out",
     "there is no such message, or the interval is too short",
     "it is not disarmed",
-    "it has heard nothing of this host in the 2 s before",
+    "it has received no heartbeat of this host in the last 2 s",
 )
 
 
 class NoCarError(FoldcarError):
-    """What is at the port does not speak like a car."""
+    """The device at the port does not answer as a car."""
 
 
 class CommandRefusedError(FoldcarError):
-    """The car does not do it; the message says why."""
+    """The car refuses a command or does not acknowledge it; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)
 class CarIdentity:
-    """Who a car says it is. Name and hash are empty without a car.json; ``refused`` if there is one that is bad."""
+    """What a car reports of its design and firmware build.
+
+    Name and hash are empty without a car.json; ``refused`` is set if the firmware refuses the car.json it has.
+    """
 
     name: str
     hash: str
@@ -58,7 +61,7 @@ class CarIdentity:
 
 
 class Car:
-    """A car that has answered. Made by :func:`greet`."""
+    """A connected car. Made by :func:`greet`. All methods raise LinkLostError if the link is lost."""
 
     def __init__(self, connection: Connection) -> None:
         self.connection = connection
@@ -66,68 +69,68 @@ class Car:
 
     @property
     def port(self) -> str:
-        """The port as a person writes it."""
+        """The name of the port, as on the command line."""
         return self.connection.stream.name
 
     def identity(self) -> CarIdentity:
-        """Name and hash of the design, build of the firmware."""
+        """Request name and hash of the design and the firmware's build; NoCarError without an answer."""
         design = self.request("FOLDCAR_DESIGN")
         refused = design.source == self.dialect.FOLDCAR_DESIGN_SOURCE_REFUSED
         return CarIdentity(design.name, design.hash, design.build, refused)
 
     def battery_v(self) -> float | None:
-        """Voltage of the battery, as last reported; None if the car cannot read it."""
+        """Battery voltage (V) as last reported; None if the car cannot measure it."""
         status = self.connection.latest.get("SYS_STATUS") or self.request("SYS_STATUS")
         return None if status.voltage_battery == 0xFFFF else status.voltage_battery / 1000
 
     def request(self, name: str) -> Any:
-        """The message of that name, asked for; NoCarError if it does not come."""
+        """Request the message of that name and return it; NoCarError if it does not arrive."""
         number = getattr(self.dialect, f"MAVLINK_MSG_ID_{name}")
         for _ in range(TRIES):
-            # Never as a repetition, which a car that obeyed the first one would only acknowledge.
+            # Not sent as a repetition: the car acknowledges repetitions without handling them again.
             self._send_command(self.dialect.MAV_CMD_REQUEST_MESSAGE, (number,), 0)
             message = self.connection.wait_for(lambda m: m.get_type() == name, ANSWER_S)
             if message is not None:
                 return message
-        raise NoCarError(f"{self.port}: the car does not answer when asked for {name}; {NO_CAR}")
+        raise NoCarError(f"{self.port}: the car does not answer the request for {name}; {OTHER_FIRMWARE}")
 
     def arm(self) -> None:
-        """Let a trial start; no pulses yet. CommandRefusedError."""
+        """Arm: trials may start, outputs stay without pulses. CommandRefusedError."""
         self._command("arm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 
     def disarm(self) -> None:
-        """No pulses, and none before the next arming. CommandRefusedError, in a fault."""
+        """Disarm: no pulses until the car is armed again. CommandRefusedError during a fault."""
         self._command("disarm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
 
     def start_trial(
         self, speed_m_s: float, yaw_rate_rad_s: float, time_limit_s: float, trial: int, untethered: bool = False
     ) -> None:
-        """Start driving; the car itself ends it at the time limit. CommandRefusedError."""
+        """Start driving at constant speed and yaw rate; the car stops itself at the time limit. CommandRefusedError."""
         flags = self.dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED if untethered else 0
         command = self.dialect.MAV_CMD_FOLDCAR_START_TRIAL
         self._command("start", command, speed_m_s, yaw_rate_rad_s, time_limit_s, float(flags), float(trial))
 
     def stop_trial(self) -> None:
-        """End whatever drives the wheels."""
+        """Stop a trial or an output test. CommandRefusedError if neither is running."""
         self._command("stop", self.dialect.MAV_CMD_FOLDCAR_STOP_TRIAL)
 
     def acknowledge_fault(self) -> None:
-        """Clear a fault. CommandRefusedError if there is none, or it persists."""
+        """Clear a latched fault. CommandRefusedError if there is none, or its cause persists."""
         self._command("clear its fault", self.dialect.MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT)
 
     def test_output(self, output: int, pulse_us: float | None, timeout_s: float) -> None:
-        """Drive one output (1 to 8) with a pulse of 1000 to 2000 µs for a while; None: no pulse."""
+        """Drive one output (1 to 8) with a pulse of 1000 to 2000 µs for ``timeout_s``; None: without pulses."""
         value = math.nan if pulse_us is None else (pulse_us - 1500) / 500
         command = self.dialect.MAV_CMD_ACTUATOR_TEST
         self._command(f"test output {output}", command, value, timeout_s, 0.0, 0.0, float(32 + output))
 
     def state(self) -> int:
-        """FOLDCAR_STATE, as last reported."""
+        """The car's FOLDCAR_STATE as last reported."""
         trial = self.connection.latest.get("FOLDCAR_TRIAL") or self.request("FOLDCAR_TRIAL")
         return int(trial.state)
 
     def fault_text(self) -> str | None:
-        """The fault that is latched, in words of the dialect; None if there is none."""
+        """The dialect's description of the latched fault; None if there is none."""
         trial = self.connection.latest.get("FOLDCAR_TRIAL") or self.request("FOLDCAR_TRIAL")
         if trial.fault == self.dialect.FOLDCAR_FAULT_NONE:
             return None
@@ -147,7 +150,7 @@ class Car:
             reason = ack.result_param2
             why = REASONS[reason] if 0 < reason < len(REASONS) else f"result {ack.result}, reason {reason}"
             raise CommandRefusedError(f"the car refuses to {what}: {why}")
-        raise CommandRefusedError(f"the car does not answer when told to {what}")
+        raise CommandRefusedError(f"the car does not acknowledge the command to {what}")
 
     def _send_command(self, command: int, values: tuple[float, ...], repetition: int) -> None:
         padded = (*values, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]
@@ -157,16 +160,19 @@ class Car:
 
 
 def greet(port: str, timeout_s: float = GREETING_S) -> Car:
-    """The car at a port; NoCarError if nothing there sends a car's heartbeat, other FoldcarErrors of the port."""
+    """Connect to the car at a port.
+
+    NoCarError if no heartbeat of a car arrives within ``timeout_s``; FoldcarError if the port cannot be opened.
+    """
     connection = connect(port)
     dialect = connection.dialect
     try:
         heartbeat = connection.wait_for(lambda m: m.get_type() == "HEARTBEAT", timeout_s)
         if heartbeat is None:
-            said = "sends what is no MAVLink" if connection.damaged else "says nothing"
-            raise NoCarError(f"{port}: is no car: it {said} for {timeout_s:g} s; {NO_CAR}")
+            sent = "bytes that are not MAVLink" if connection.damaged else "nothing"
+            raise NoCarError(f"{port}: not a car: it sent {sent} for {timeout_s:g} s; {OTHER_FIRMWARE}")
         if heartbeat.type != dialect.MAV_TYPE_GROUND_ROVER or heartbeat.autopilot != dialect.MAV_AUTOPILOT_GENERIC:
-            raise NoCarError(f"{port}: is another MAVLink device (type {heartbeat.type}), not a foldcar; {NO_CAR}")
+            raise NoCarError(f"{port}: another MAVLink device (type {heartbeat.type}), not a foldcar; {OTHER_FIRMWARE}")
     except BaseException:
         connection.close()
         raise

@@ -1,6 +1,6 @@
-"""Logs that a car keeps of untethered trials, fetched over the link; docs/link.md has their form.
+"""Fetches the logs that a car keeps of untethered trials over the link (format in docs/link.md).
 
-Input: a car. Output: records of time since boot in µs and packet, as the car wrote them.
+Input: a car. Output: the logs' bytes as the car wrote them: records of time since boot (µs) and packet.
 """
 
 import time
@@ -10,7 +10,7 @@ from foldcar.errors import FoldcarError
 from foldcar.link.car import ANSWER_S, TRIES, Car
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 
-# Asked for at once; what of it gets lost is asked for again.
+# Bytes per request; lost parts are requested again.
 WINDOW_BYTES = 90 * 64
 FETCH_S = 120.0
 QUIET_S = 0.5
@@ -18,14 +18,14 @@ QUIET_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class StoredLog:
-    """A log in the car's flash."""
+    """The number and the size of a log in the car's flash memory."""
 
     id: int
     size_bytes: int
 
 
 def list_logs(car: Car) -> list[StoredLog]:
-    """The logs in the car, oldest first; FoldcarError if it does not answer."""
+    """The logs in the car, oldest first; FoldcarError if the list does not arrive completely."""
     for _ in range(TRIES):
         car.connection.send(car.dialect.MAVLink_log_request_list_message(CAR_SYSTEM, CAR_COMPONENT, 0, 0xFFFF))
         found: dict[int, StoredLog] = {}
@@ -43,12 +43,12 @@ def list_logs(car: Car) -> list[StoredLog]:
 
 
 def fetch_log(car: Car, log: StoredLog) -> bytes:
-    """The bytes of a log; FoldcarError if they do not come whole."""
+    """The bytes of a log; FoldcarError if they do not arrive completely within 120 s."""
     parts: dict[int, bytes] = {}
     end_s = time.monotonic() + FETCH_S
     while (start := _missing(parts, log.size_bytes)) is not None:
         if time.monotonic() > end_s:
-            raise FoldcarError(f"{car.port}: log {log.id} did not come whole: it lacks what begins at byte {start}")
+            raise FoldcarError(f"{car.port}: log {log.id} is incomplete after {FETCH_S:g} s: byte {start} is missing")
         count = min(WINDOW_BYTES, log.size_bytes - start)
         request = car.dialect.MAVLink_log_request_data_message(CAR_SYSTEM, CAR_COMPONENT, log.id, start, count)
         car.connection.send(request)
@@ -61,7 +61,7 @@ def fetch_log(car: Car, log: StoredLog) -> bytes:
 
 
 def _missing(parts: dict[int, bytes], end: int) -> int | None:
-    """Where the first gap before ``end`` begins; None if there is none."""
+    """The offset of the first missing byte before ``end``; None if there is none."""
     at = 0
     while at < end:
         if not parts.get(at):

@@ -1,7 +1,8 @@
 """A connection to a car: packets in and out, the host's heartbeat, the log of both directions.
 
-One thread owns it. Whoever waits calls :meth:`Connection.receive`, which also keeps the heartbeat going; a car
-takes silence of half a second for a lost link, by its own clock, which is faster than ours in a fast simulation.
+Input: a port. Output: messages of the dialect. A connection belongs to one thread. :meth:`Connection.receive` also
+sends the heartbeat: without one for 0.5 s of the car's clock (which runs faster than the host's in an accelerated
+simulation), the car regards the link as lost.
 """
 
 import select
@@ -15,17 +16,17 @@ from foldcar.mavlink_dialect import load_dialect
 
 HOST_SYSTEM, HOST_COMPONENT = 255, 190
 CAR_SYSTEM, CAR_COMPONENT = 1, 1
-# Between heartbeats, by the car's clock: well within its time-out.
+# Interval of heartbeats by the car's clock, whose time-out is 0.5 s.
 HEARTBEAT_S = 0.1
 SHORTEST_HEARTBEAT_S = 0.002
 CATCH_UP_S = 1.0
 
 
 class Connection:
-    """Made by :func:`connect`. ``latest`` holds the last message of each type that the car sent, by its name.
+    """A connection made by :func:`connect`. ``latest`` holds the car's last message of each type, by its name.
 
-    ``log``, if set, gets every packet of both directions. ``received``, ``lost`` and ``damaged`` count
-    the car's packets, those that are missing between them, and what was received and is no packet.
+    ``log``, if set, gets every packet of both directions. ``received`` counts the car's packets, ``lost`` the
+    gaps in their sequence numbers, ``damaged`` received data that is not a valid packet.
     """
 
     def __init__(self, stream: Stream) -> None:
@@ -45,29 +46,29 @@ class Connection:
         self._unread: list[Any] = []
 
     def send(self, message: Any) -> None:
-        """Send a message of the dialect; LinkLostError, LogError."""
+        """Send and log a message of the dialect; LinkLostError, LogError."""
         packet = message.pack(self._mav)
         self._mav.seq = (self._mav.seq + 1) % 256
         self.stream.write(packet)
         if self.log is not None:
             self.log.write(packet)
 
-    def receive(self, timeout_s: float, also: Any = None) -> list[Any]:
-        """The messages that came, after at most ``timeout_s``; none if that passed, or ``also`` has input.
+    def receive(self, timeout_s: float, other_input: Any = None) -> list[Any]:
+        """The messages that arrived; none after ``timeout_s``, or when the file ``other_input`` has input first.
 
-        Messages of any sender are logged, those of the car returned and kept as ``latest``.
+        Messages of all senders are logged, those of the car returned and kept in ``latest``. LinkLostError, LogError.
         """
         self._beat()
         if self._unread:
             unread, self._unread = self._unread, []
             return unread
         until = min(timeout_s, max(0.0, self._heartbeat_at_s - time.monotonic()))
-        waiting = [self.stream] if also is None else [self.stream, also]
+        waiting = [self.stream] if other_input is None else [self.stream, other_input]
         if self.stream not in select.select(waiting, [], [], until)[0]:
             return []
         messages = []
         for message in self._mav.parse_buffer(self.stream.read()) or []:
-            # What the dialect does not know has no checksum that could be checked: it is noise as well.
+            # The checksum of a message that is not in the dialect cannot be verified: it counts as damaged.
             if message.get_type() == "BAD_DATA" or message.get_type().startswith("UNKNOWN"):
                 self.damaged += 1
                 continue
@@ -84,13 +85,13 @@ class Connection:
         return messages
 
     def catch_up(self) -> None:
-        """Take in what has piled up while nobody was receiving, so that what comes next is new."""
+        """Receive all messages that have accumulated, so that the next one is current."""
         end_s = time.monotonic() + CATCH_UP_S
         while self.receive(0.0) and time.monotonic() < end_s:
             pass
 
     def wait_for(self, wanted: Callable[[Any], bool], timeout_s: float) -> Any | None:
-        """The first message that is ``wanted``; None if ``timeout_s`` passes without. What came with it stays."""
+        """The first message that fulfils ``wanted``, or None after ``timeout_s``; messages behind it stay unread."""
         end_s = time.monotonic() + timeout_s
         while (left_s := end_s - time.monotonic()) > 0:
             messages = self.receive(left_s)
@@ -101,7 +102,7 @@ class Connection:
         return None
 
     def silence_s(self) -> float:
-        """How long nothing has come from the car."""
+        """The time since the last message of the car (s)."""
         return time.monotonic() - self.last_received_s
 
     def close(self) -> None:
@@ -109,7 +110,7 @@ class Connection:
         self.stream.close()
 
     def _count(self, message: Any) -> None:
-        """Each component of a car numbers its packets from 0 to 255, over and over."""
+        """Count received and lost packets; each component of a car numbers its packets modulo 256."""
         component, sequence = message.get_srcComponent(), message.get_seq()
         self.lost += (sequence - self._sequences.get(component, sequence - 1) - 1) % 256
         self._sequences[component] = sequence
@@ -125,7 +126,7 @@ class Connection:
 
 
 class CarClockRate:
-    """How much faster the car's clock goes than ours: 1, or a simulation's speed-up. At least 1."""
+    """``value``: the rate of the car's clock relative to the host's, at least 1: the speed-up of a simulation."""
 
     SPAN_S = 0.3
 
@@ -134,7 +135,7 @@ class CarClockRate:
         self._first: tuple[float, float] | None = None
 
     def add(self, car_s: float, host_s: float) -> None:
-        """The car's time since boot, and ours when it came."""
+        """Add a pair of the car's time since boot and the host's time of its arrival (s)."""
         if self._first is None or car_s < self._first[0]:
             self._first = (car_s, host_s)
             return
@@ -145,6 +146,6 @@ class CarClockRate:
 
 
 def connect(port: str) -> Connection:
-    """Open a port (a path, or tcp:HOST:PORT) and load the dialect; FoldcarError."""
+    """Open a port (a path, or tcp:HOST:PORT) and load the dialect; FoldcarError if it cannot be opened."""
     load_dialect()
     return Connection(open_stream(port))

@@ -1,8 +1,8 @@
 """A trial's log as an MCAP file of JSON messages, for Foxglove and PlotJuggler.
 
-Input: a .tlog and facts about the trial. Output: the file, written whole or not at all: a topic for each type of
-message and sender (/car, /simulator, /host), whose schema is made from the dialect, status texts also as
-foxglove.Log on /log, the facts as metadata. Numbers that JSON lacks are null.
+Input: a .tlog and facts about the trial. Output: the file, written atomically: one topic for each sender (/car,
+/simulator, /host) and type of message with a schema from the dialect, status texts also as foxglove.Log on /log, the
+facts as metadata. Values that JSON cannot represent (NaN, infinities) are null.
 """
 
 import json
@@ -16,7 +16,7 @@ from foldcar.atomic_file import atomic_file
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 from foldcar.link.tlog import read_tlog
 
-# MAVLink's severities, 0 emergency to 7 debug, as foxglove.Log's levels.
+# foxglove.Log levels by MAVLink severity, 0 (emergency) to 7 (debug).
 LEVELS = (5, 5, 5, 4, 3, 2, 2, 1)
 LOG_SCHEMA = {
     "type": "object",
@@ -32,7 +32,7 @@ LOG_SCHEMA = {
 
 
 def export_mcap(log: Path, file: Path, facts: Mapping[str, str]) -> int:
-    """Write ``file``; gives the number of messages. FoldcarError."""
+    """Write ``file`` and return the number of messages; FoldcarError if log or file fails."""
     from mcap.writer import Writer
 
     count = 0
@@ -70,21 +70,21 @@ def _sender(message: Any) -> str:
 
 
 def _content(message: Any) -> dict[str, Any]:
-    return {name: _plain(getattr(message, name)) for name in message.get_fieldnames()}
+    return {name: _json_value(getattr(message, name)) for name in message.get_fieldnames()}
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     if isinstance(value, bytes | bytearray):
         return list(value)
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_json_value(one) for one in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
 
 
 def _schema(message: Any) -> dict[str, Any]:
-    """From the dialect, not from one message's values."""
+    """The JSON schema of a message's type, from the dialect's field types."""
     properties = {}
     units = message.fieldunits_by_name
     types = dict(zip(message.fieldnames, message.fieldtypes, strict=True))

@@ -1,7 +1,7 @@
-"""A car's parameters over the link, and files of them.
+"""Reads and sets a car's parameters over the link, and reads and writes parameter files.
 
-A file has a line ``NAME value`` each, comments behind #: the form that MAVProxy and Mission Planner read. Values
-travel as 32-bit numbers: two are the same if they are so as such.
+A file has a line ``NAME value`` for each parameter and comments after #, the format of MAVProxy and Mission Planner.
+Values are transferred as 32-bit floating-point numbers, and compared as such.
 """
 
 import math
@@ -17,12 +17,15 @@ from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 
 LIST_S = 20.0
 QUIET_S = 0.4
-# Asked for at once: a car's receive buffer is small.
+# Requests per burst: a car's receive buffer is small.
 BURST = 4
 
 
-def read_parameters(car: Car, report: Callable[[int, int], None] = lambda there, count: None) -> dict[str, float]:
-    """All parameters by name, in the car's order; what a bad link swallows is asked for again. FoldcarError."""
+def read_parameters(car: Car, report: Callable[[int, int], None] = lambda received, count: None) -> dict[str, float]:
+    """All parameters by name, in the car's order; ``report(received, count)`` is called for each one.
+
+    Lost values are requested again; FoldcarError if some are missing after 20 s.
+    """
     d = car.dialect
     found: dict[int, float] = {}
     names: dict[int, str] = {}
@@ -47,7 +50,7 @@ def read_parameters(car: Car, report: Callable[[int, int], None] = lambda there,
 
 
 def set_parameter(car: Car, name: str, value: float) -> None:
-    """Set and save one parameter; FoldcarError with the car's reason if it does not take it."""
+    """Set and save one parameter; FoldcarError with the car's reason if it refuses the value or does not answer."""
     d = car.dialect
     car.connection.latest.pop("STATUSTEXT", None)
     for _ in range(TRIES):
@@ -58,7 +61,7 @@ def set_parameter(car: Car, name: str, value: float) -> None:
         )
         answer = car.connection.wait_for(lambda m: m.get_type() == "PARAM_VALUE" and m.param_id == name, ANSWER_S)
         if answer is not None:
-            if same(answer.param_value, value):
+            if equal_float32(answer.param_value, value):
                 return
             raise FoldcarError(f"{name}: the car refuses {value:g}{_reason(car)}; it stays {answer.param_value:g}")
         if "STATUSTEXT" in car.connection.latest:
@@ -66,32 +69,32 @@ def set_parameter(car: Car, name: str, value: float) -> None:
     raise FoldcarError(f"{name}: the car does not answer")
 
 
-def same(a: float, b: float) -> bool:
-    """Whether two values are the same 32-bit number."""
+def equal_float32(a: float, b: float) -> bool:
+    """Whether two values are equal as 32-bit floating-point numbers."""
     return struct.pack("<f", a) == struct.pack("<f", b)
 
 
 def value_text(value: float) -> str:
-    """The shortest number that is the same 32-bit number: 3.4, not 3.4000001."""
-    shortest = next(x for digits in range(1, 10) if same(x := float(f"{value:.{digits}g}"), value))
+    """The shortest decimal text of the 32-bit number: 3.4, not 3.4000001."""
+    shortest = next(x for digits in range(1, 10) if equal_float32(x := float(f"{value:.{digits}g}"), value))
     return f"{shortest:.9g}"
 
 
 def differences(
     car: Mapping[str, float], other: Mapping[str, float]
 ) -> list[tuple[str, float | None, float | None]]:
-    """Name, the car's value and the other one where they differ; None where a side has no such parameter."""
+    """Name, the car's and the other value of each parameter that differs; None where one side lacks it."""
     names = dict.fromkeys([*car, *other])
     rows = [(name, car.get(name), other.get(name)) for name in names]
-    return [(name, a, b) for name, a, b in rows if a is None or b is None or not same(a, b)]
+    return [(name, a, b) for name, a, b in rows if a is None or b is None or not equal_float32(a, b)]
 
 
 def read_file(file: Path) -> dict[str, float]:
-    """The parameters in a file; FoldcarError naming file and line."""
+    """The parameters in a file by name; FoldcarError naming file and line."""
     try:
         lines = file.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "is no text"
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise FoldcarError(f"{file}: cannot be read: {reason}") from error
     values: dict[str, float] = {}
     for number, line in enumerate(lines, 1):
@@ -103,17 +106,17 @@ def read_file(file: Path) -> dict[str, float]:
         except (IndexError, ValueError):
             value = math.nan
         if len(words) != 2 or not math.isfinite(value):
-            raise FoldcarError(f"{file}: line {number}: is not NAME VALUE: {line.strip()}")
+            raise FoldcarError(f"{file}: line {number}: not NAME VALUE: {line.strip()}")
         if name in values:
-            raise FoldcarError(f"{file}: line {number}: {name} stands there twice")
+            raise FoldcarError(f"{file}: line {number}: {name} occurs twice")
         values[name] = value
     if not values:
-        raise FoldcarError(f"{file}: holds no parameters")
+        raise FoldcarError(f"{file}: contains no parameters")
     return values
 
 
 def write_file(file: Path, values: Mapping[str, float], head: str) -> None:
-    """Write parameters, whole or not at all; ``head`` is a comment on top."""
+    """Write a parameter file atomically; ``head`` is its first line, a comment. OSError if it cannot be written."""
     lines = [f"# {head}", *(f"{name:<16} {value_text(value)}" for name, value in values.items())]
     with atomic_file(file) as binary:
         binary.write(("\n".join(lines) + "\n").encode())

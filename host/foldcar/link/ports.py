@@ -1,13 +1,13 @@
-"""Where a car is plugged in: serial ports with the USB bridges that Feather boards have.
+"""Finds the port of a car: serial ports with the USB bridges of Feather boards.
 
-Input: the machine's serial ports. Output: the one to use, or a FoldcarError that says which there are.
+Input: the machine's serial ports. Output: the port to use, or a FoldcarError that lists the ports.
 """
 
 from dataclasses import dataclass
 
 from foldcar.errors import FoldcarError
 
-# (vendor, product) of the bridge on the board: any revision of an ESP32 Feather, and boards like it.
+# USB (vendor, product) numbers of the bridges on ESP32 Feather boards of all revisions.
 BRIDGES = {
     (0x10C4, 0xEA60): "CP2104 (Feather HUZZAH32)",
     (0x1A86, 0x55D4): "CH9102F (Feather HUZZAH32 V2)",
@@ -19,16 +19,16 @@ BRIDGES = {
 
 
 @dataclass(frozen=True, slots=True)
-class FoundPort:
-    """A serial port, and the bridge behind it, or what it says of itself."""
+class UsbPort:
+    """A serial port: its path, its bridge or description, and whether that is a Feather's bridge."""
 
     path: str
-    what: str
-    likely: bool
+    description: str
+    is_feather: bool
 
 
-def found_ports() -> list[FoundPort]:
-    """The USB serial ports of this machine, those with a known bridge first."""
+def usb_ports() -> list[UsbPort]:
+    """The USB serial ports of this machine, those with a Feather's bridge first."""
     from serial.tools.list_ports import comports
 
     ports = []
@@ -36,23 +36,23 @@ def found_ports() -> list[FoundPort]:
         if port.vid is None:
             continue
         bridge = BRIDGES.get((port.vid, port.pid))
-        ports.append(FoundPort(port.device, bridge or port.description or "USB serial", bridge is not None))
-    return sorted(ports, key=lambda port: (not port.likely, port.path))
+        ports.append(UsbPort(port.device, bridge or port.description or "USB serial", bridge is not None))
+    return sorted(ports, key=lambda port: (not port.is_feather, port.path))
 
 
 def choose_port(named: str | None) -> str:
-    """``named`` itself, else the only port with a known bridge; FoldcarError if there is none or a choice."""
+    """``named`` itself, else the only port with a Feather's bridge; FoldcarError if there are none or several."""
     if named is not None:
         return named
-    ports = found_ports()
-    likely = [port for port in ports if port.likely]
-    if len(likely) == 1:
-        return likely[0].path
-    if likely:
-        shown = ", ".join(f"{port.path} ({port.what})" for port in likely)
+    ports = usb_ports()
+    feathers = [port for port in ports if port.is_feather]
+    if len(feathers) == 1:
+        return feathers[0].path
+    if feathers:
+        shown = ", ".join(f"{port.path} ({port.description})" for port in feathers)
         raise FoldcarError(f"several cars may be plugged in: {shown}; choose one with --port")
     if ports:
-        shown = ", ".join(f"{port.path} ({port.what})" for port in ports)
+        shown = ", ".join(f"{port.path} ({port.description})" for port in ports)
         raise FoldcarError(f"no port with a Feather's USB bridge; if one of these is the car, name it: --port {shown}")
     raise FoldcarError(
         "no car is plugged in: no USB serial port found; check that the cable carries data, or name one with --port"

@@ -1,6 +1,6 @@
-"""Starts `carsim link`: the firmware on simulated hardware that poses as a car (docs/carsim.md).
+"""Starts `carsim link`: the firmware on simulated hardware, with a car's link (docs/carsim.md).
 
-Input: a body, a scene, a car.json. Output: a running process and the port it listens at.
+Input: a body, a scene, a car.json. Output: a running process and the port on which it listens.
 """
 
 import contextlib
@@ -19,7 +19,7 @@ END_S = 5.0
 
 @dataclass(frozen=True, slots=True)
 class SimulatedCar:
-    """``port`` is a pseudo-terminal's path, or tcp:HOST:PORT."""
+    """A running `carsim link`; ``port`` is a pseudo-terminal's path, or tcp:HOST:PORT."""
 
     port: str
     process: "subprocess.Popen[str]"
@@ -35,9 +35,10 @@ def simulated_car(
     tcp_port: int | None = None,
     stdin: int | None = None,
 ) -> Iterator[SimulatedCar]:
-    """A simulated car that ends with the block. ``stdin`` is where its faults on command come from.
+    """A simulated car that is stopped at the end of the block; CarsimError if it does not start.
 
-    What it prints after the port is left to be read from the process.
+    ``stdin`` is a file descriptor from which it reads commands that inject faults; its output after the port's line
+    can be read from the process.
     """
     with tempfile.TemporaryDirectory(prefix="foldcar-link-") as folder:
         command = [str(binary), "link", *(["--tcp", str(tcp_port)] if tcp_port is not None else ["--pty"])]
@@ -50,9 +51,9 @@ def simulated_car(
             file = Path(folder) / ("car.json" if name == "design" else f"{name}.json")
             file.write_text(json.dumps(content), encoding="utf-8")
             command += [f"--{name}", str(file)]
-        # The next trial begins at the start again, as if someone had carried the car there.
+        # --put-back: the car returns to the start before each trial.
         command += ["--speedup", f"{speedup:g}", "--put-back"]
-        # It belongs to the caller's terminal, and ends with it whatever becomes of the caller.
+        # It stays in the caller's session, so that it ends with the terminal even if the caller is killed.
         process = subprocess.Popen(command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:
             yield SimulatedCar(_port(binary, process), process)
@@ -72,5 +73,5 @@ def _port(binary: Path, process: "subprocess.Popen[str]") -> str:
         return str(json.loads(line)["port"])
     except (ValueError, TypeError, KeyError):
         process.terminate()
-        said = process.stderr.read().strip().splitlines()
-        raise CarsimError(f"{binary} link: {said[-1] if said else 'printed no port'}") from None
+        output = process.stderr.read().strip().splitlines()
+        raise CarsimError(f"{binary} link: {output[-1] if output else 'printed no port'}") from None

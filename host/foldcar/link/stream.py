@@ -1,7 +1,7 @@
-"""An open way to a car: a serial port, a pseudo-terminal, or a TCP connection, as bytes.
+"""A stream of bytes to and from a car over a serial port, a pseudo-terminal or a TCP connection.
 
-Input: a path such as /dev/ttyUSB0 or "tcp:HOST:PORT". Output: a stream; FoldcarError with what to do if it cannot
-be opened, LinkLostError once the other end is gone.
+Input: a path such as /dev/ttyUSB0 or "tcp:HOST:PORT". Output: a stream; FoldcarError with a remedy if it cannot be
+opened, LinkLostError once the other end has closed.
 """
 
 import errno
@@ -16,36 +16,36 @@ from foldcar.errors import FoldcarError
 
 BAUD = 115200
 CONNECT_S = 5.0
-# A car takes no more at once; a full buffer for this long means that nobody reads.
+# A buffer that stays full for this long means that the car has stopped reading.
 WRITE_S = 1.0
 READ_BYTES = 65536
 TCP = "tcp:"
 
 
 class LinkLostError(FoldcarError):
-    """The other end is gone: the cable is pulled, the board is off, the simulator has ended."""
+    """The other end has closed: the cable is unplugged, the board is off, or the simulator has ended."""
 
 
 class Stream(Protocol):
-    """Bytes to and from a car. ``name`` is the port as a person writes it."""
+    """Bytes to and from a car. ``name`` is the port's name as on the command line."""
 
     name: str
 
     def fileno(self) -> int:
-        """What `select` waits for."""
+        """The file descriptor for `select`."""
 
     def read(self) -> bytes:
-        """What is there, at least a byte once `select` says so; LinkLostError."""
+        """The available bytes, at least one after `select` reports input; LinkLostError."""
 
     def write(self, data: bytes) -> None:
-        """All of ``data``; LinkLostError."""
+        """Write all of ``data``; LinkLostError."""
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
 
 
 def open_stream(name: str) -> Stream:
-    """The stream for a port's name."""
+    """Open the stream of the port of that name; FoldcarError if that fails."""
     return _open_tcp(name) if name.startswith(TCP) else _open_serial(name)
 
 
@@ -66,7 +66,7 @@ class _FileStream:
             return b""
         except OSError as error:
             raise self._lost(error) from error
-        # Nothing to read where something was said to be: how a pulled USB port and a closed socket look.
+        # An unplugged USB port and a closed socket report input and then deliver no bytes.
         if not data:
             raise LinkLostError(f"{self.name}: the connection is lost")
         return data
@@ -77,7 +77,7 @@ class _FileStream:
                 data = data[os.write(self._descriptor, data) :]
             except BlockingIOError:
                 if not select.select([], [self._descriptor], [], WRITE_S)[1]:
-                    raise LinkLostError(f"{self.name}: the car takes no more bytes") from None
+                    raise LinkLostError(f"{self.name}: the car has accepted no bytes for {WRITE_S:g} s") from None
             except OSError as error:
                 raise self._lost(error) from error
 
@@ -115,7 +115,7 @@ def _open_serial(name: str) -> Stream:
     if not Path(name).exists():
         raise FoldcarError(f"{name}: no such port")
     if not Path(name).is_char_device():
-        raise FoldcarError(f"{name}: is no serial port")
+        raise FoldcarError(f"{name}: not a serial port")
     try:
         return _SerialStream(name)
     except (OSError, serial.SerialException) as error:
@@ -128,7 +128,7 @@ def _open_serial(name: str) -> Stream:
 
 
 def permission_text(name: str) -> str:
-    """What to do about a port that belongs to others."""
+    """The message for a port without permission to open it, with the remedy."""
     number = Path(name).stat().st_gid
     try:
         group = grp.getgrgid(number).gr_name
@@ -143,7 +143,7 @@ def permission_text(name: str) -> str:
 def _open_tcp(name: str) -> Stream:
     host, colon, port = name.removeprefix(TCP).rpartition(":")
     if not colon or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise FoldcarError(f"{name}: is not tcp:HOST:PORT")
+        raise FoldcarError(f"{name}: not tcp:HOST:PORT")
     try:
         return _TcpStream(name, host, int(port))
     except OSError as error:

@@ -1,7 +1,7 @@
-"""Logs of the link: each packet, of either direction, behind its time as a big-endian number of µs since 1970.
+"""Reads and writes .tlog files: each packet of either direction after its time (µs since 1970, 64-bit big-endian).
 
-This is the .tlog of MAVLink's ground stations: `mavlogdump.py`, MAVExplorer and QGroundControl open it. Every
-packet is handed to the system as it comes, so a program that is killed loses none.
+This is the log format of MAVLink's ground stations: `mavlogdump.py`, MAVExplorer and QGroundControl open it. Every
+packet is passed to the operating system on arrival, so that a killed program loses none.
 """
 
 import os
@@ -19,11 +19,11 @@ STAMP = struct.Struct(">Q")
 
 
 class LogError(FoldcarError):
-    """The log cannot be written any more, or is none; the message names the file."""
+    """A log cannot be read or written, or is invalid; the message names the file."""
 
 
 class TlogWriter:
-    """A log that is being written. The file must not exist; its folder is made."""
+    """A log that is being written. Creates the file's folder; LogError if the file exists or cannot be created."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
@@ -31,32 +31,32 @@ class TlogWriter:
             file.parent.mkdir(parents=True, exist_ok=True)
             self._descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
         except FileExistsError:
-            raise LogError(f"{file}: is there already; logs are never overwritten") from None
+            raise LogError(f"{file}: exists already; logs are never overwritten") from None
         except OSError as error:
             raise LogError(f"{file}: cannot be written: {error.strerror}") from error
         self._size = 0
 
     def write(self, packet: bytes, time_us: int | None = None) -> None:
-        """Append a packet, received or sent at ``time_us`` (now); LogError if the disk does not take it."""
+        """Append a packet received or sent at ``time_us`` (µs since 1970, default now); LogError if the write fails."""
         record = STAMP.pack(time.time_ns() // 1000 if time_us is None else time_us) + packet
         try:
             written = os.write(self._descriptor, record)
         except OSError as error:
             raise LogError(f"{self.file}: cannot be written: {error.strerror}") from error
         if written < len(record):
-            # Half a packet would spoil what follows it.
+            # A partial packet would make the packets after it unreadable.
             os.ftruncate(self._descriptor, self._size)
             raise LogError(f"{self.file}: cannot be written: No space left on device")
         self._size += written
 
     def close(self) -> None:
-        """Have the file on the disk itself, and close it."""
+        """Synchronise the file to the disk and close it."""
         os.fsync(self._descriptor)
         os.close(self._descriptor)
 
 
 def read_tlog(file: Path) -> Iterator[tuple[int, Any]]:
-    """The messages of a log with their times in µs since 1970, up to where the file ends or was cut off."""
+    """The messages of a log with their times (µs since 1970); a truncated last packet is left out. LogError."""
     try:
         data = file.read_bytes()
     except OSError as error:
@@ -65,7 +65,7 @@ def read_tlog(file: Path) -> Iterator[tuple[int, Any]]:
 
 
 def messages_of(records: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, Any]]:
-    """The messages of records, damaged ones as BAD_DATA."""
+    """Decode records to (time in µs, message); damaged packets become BAD_DATA messages."""
     mav = load_dialect().MAVLink(None)
     mav.robust_parsing = True
     for time_us, packet in records:
@@ -74,7 +74,10 @@ def messages_of(records: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, Any
 
 
 def records_of(data: bytes, name: str) -> list[tuple[int, bytes]]:
-    """Times and packets of a log's bytes, the last one left out if it is cut off. LogError, with ``name``."""
+    """Split a log's bytes into times (µs) and packets; a truncated last packet is left out.
+
+    LogError, which names ``name``, where no packet begins.
+    """
     records = []
     at = 0
     while at + STAMP.size + 3 <= len(data):
@@ -91,7 +94,7 @@ def records_of(data: bytes, name: str) -> list[tuple[int, bytes]]:
 
 
 def merge_records(file: Path, more: Iterable[tuple[int, bytes]]) -> None:
-    """Put more records into a log, in order of time; whole or not at all."""
+    """Merge more records into a log in order of time, atomically."""
     records = records_of(file.read_bytes(), str(file))
     with atomic_file(file) as binary:
         for time_us, packet in sorted([*records, *more], key=lambda record: record[0]):
@@ -99,7 +102,7 @@ def merge_records(file: Path, more: Iterable[tuple[int, bytes]]) -> None:
 
 
 def _packet_bytes(data: bytes, at: int) -> int | None:
-    """How long the packet at ``at`` is: header, payload, checksum, signature if there is one."""
+    """Length of the packet at offset ``at``: header, payload, checksum, optional signature; None if none begins there."""
     if data[at] == 0xFD:
         return 12 + data[at + 1] + (13 if data[at + 2] & 1 else 0)
     return 8 + data[at + 1] if data[at] == 0xFE else None

@@ -1,6 +1,6 @@
-"""The dialect as a Python module: made once for each user, then loaded from the cache folder.
+"""The MAVLink dialect as a Python module, generated once for each user and loaded from the cache folder.
 
-``load_dialect()`` is the only way to pymavlink in this package: MAVLink 2 and the dialect must be chosen before
+The package imports pymavlink through ``load_dialect()`` only: MAVLink 2 and the dialect must be selected before
 pymavlink is first imported.
 """
 
@@ -17,9 +17,9 @@ MODULE = f"pymavlink.dialects.v20.{NAME}"
 
 
 def load_dialect() -> ModuleType:
-    """The module with the messages' classes and enums; afterwards mavutil speaks it too.
+    """The module with the classes of messages and enums; it also becomes mavutil's current dialect.
 
-    Raises FoldcarError if it cannot be made.
+    Raises FoldcarError if it cannot be generated or loaded.
     """
     if MODULE in sys.modules:
         return sys.modules[MODULE]
@@ -30,7 +30,7 @@ def load_dialect() -> ModuleType:
         if not file.is_file():
             write_module(file)
     except (DialectError, OSError) as error:
-        raise FoldcarError(f"the MAVLink dialect cannot be made: {error}") from None
+        raise FoldcarError(f"the MAVLink dialect cannot be generated: {error}") from None
     import pymavlink.dialects.v20 as dialects
 
     spec = importlib.util.spec_from_file_location(MODULE, file)

@@ -1,9 +1,9 @@
-"""foldcar's MAVLink dialect: cut from pymavlink's own definitions, then made into C headers or a Python module.
+"""Generates foldcar's MAVLink dialect as C headers or as a Python module.
 
-Input: foldcar.xml (our own messages), standard_messages.txt (the standard ones we use) and the definitions that
-pymavlink brings. Output: one dialect without includes, so that a standard message is never retyped.
+Input: foldcar.xml (foldcar's messages), standard_messages.txt (names of the standard messages in use) and pymavlink's
+definitions of these. Output: one dialect without includes, that is without copies of standard messages in this project.
 
-This file stands alone, without importing foldcar: PlatformIO runs it with a Python of its own.
+This file does not import foldcar, because PlatformIO runs it with another Python.
 """
 
 import contextlib
@@ -20,18 +20,18 @@ HERE = Path(__file__).resolve().parent
 OWN = HERE / "foldcar.xml"
 LIST = HERE / "standard_messages.txt"
 NAME = "foldcar"
-# From the includes down to what includes them.
+# In order of inclusion: each one includes those before it.
 DEFINITIONS = ("minimal.xml", "standard.xml", "common.xml")
 PYMAVLINK = "2.4.50"
 STAMP = "inputs.sha256"
 
 
 class DialectError(Exception):
-    """The list asks for what pymavlink does not define, or pymavlink is missing or another version."""
+    """standard_messages.txt is invalid, or pymavlink is missing or of another version."""
 
 
 def write_headers(folder: Path) -> None:
-    """Makes `folder`/foldcar/mavlink.h and what it includes, unless they are there and up to date."""
+    """Generate `folder`/foldcar/mavlink.h and the headers it includes, unless they are up to date. DialectError."""
     if _read(folder / STAMP) == digest():
         return
     with _dialect_file() as xml:
@@ -40,7 +40,7 @@ def write_headers(folder: Path) -> None:
 
 
 def write_module(file: Path) -> None:
-    """Makes the Python module `file`, whole or not at all."""
+    """Generate the Python module `file` atomically. DialectError."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with _dialect_file() as xml, tempfile.TemporaryDirectory(prefix=".dialect-", dir=file.parent) as scratch:
         made = Path(scratch) / f"{NAME}.py"
@@ -49,7 +49,7 @@ def write_module(file: Path) -> None:
 
 
 def digest() -> str:
-    """Stands for all that the generated files depend on: 64 hexadecimal digits."""
+    """SHA-256 (64 hexadecimal digits) of everything that the generated files depend on."""
     digest = hashlib.sha256(_pymavlink_version().encode())
     for file in (OWN, LIST, Path(__file__), *(_definitions() / name for name in DEFINITIONS)):
         content = file.read_bytes()
@@ -58,7 +58,7 @@ def digest() -> str:
 
 
 def dialect_xml() -> str:
-    """The whole dialect as XML without includes. Raises DialectError."""
+    """The dialect as XML without includes. DialectError."""
     own = ElementTree.parse(OWN).getroot()
     wanted = _wanted()
     enums: dict[str, ElementTree.Element] = {}
@@ -148,7 +148,7 @@ def _dialect_file() -> Iterator[Path]:
 
 
 def _generate(xml: Path, language: str, output: Path) -> None:
-    # pymavlink's package reads it when it is first imported.
+    # pymavlink reads this variable when it is first imported.
     os.environ["MAVLINK20"] = "1"
     from pymavlink.generator import mavgen, mavparse
 
@@ -160,7 +160,7 @@ def _generate(xml: Path, language: str, output: Path) -> None:
     with contextlib.redirect_stdout(log):
         done = mavgen.mavgen(options, [str(xml)])
     if not done:
-        raise DialectError(f"pymavlink cannot make {language} of {xml.name}: {log.getvalue().strip()[-200:]}")
+        raise DialectError(f"pymavlink cannot generate {language} from {xml.name}: {log.getvalue().strip()[-200:]}")
 
 
 def _read(file: Path) -> str:

@@ -1,1 +1,1 @@
-"""Cars and scenes in the file formats of other simulators: MJCF, URDF, Webots."""
+"""Cars and scenes in the file formats of other simulators: MJCF (MuJoCo), URDF (ROS), Webots."""

@@ -1,7 +1,7 @@
-"""The smooth part of a scene's ground as a grid of heights, for engines that take height fields.
+"""The smooth part of a scene's ground as a grid of heights, for engines that support height fields.
 
-Input: a scene (docs/carsim.md) and carsim, which is asked for the heights: hills, potholes and rough ground
-are shaped in one place only. Output: a HeightGrid over what they cover, or None if the scene has none.
+Input: a scene (docs/carsim.md) and carsim, which computes the heights, so that the shapes of smooth ground are defined
+once. Output: a HeightGrid over its area, or None if the scene has none.
 """
 
 import json
@@ -14,18 +14,17 @@ import numpy
 from numpy.typing import NDArray
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes.terrain_kinds import bounds_m, kind_of
 from foldcar.simulation.carsim import Carsim
 
 Floats = NDArray[numpy.float64]
-# Heights (m) at points: x and y in, z out.
+# Function from x and y of points, (n,) each, to their heights, (n,); all in m.
 Heights = Callable[[Floats, Floats], Floats]
 
-SMOOTH_KINDS = ("hill", "pothole", "rough")
-HILL_REACH_SD = 4.0
-# A car's length beyond the course: nothing drives farther.
+# The grid ends a car's length beyond the course, which no car leaves.
 MARGIN_M = 0.3
-# The grid is as coarse as this error at the middles of its cells allows: contacts cost time by the cell.
-# It is what carsim's own profiles keep to.
+# The grid is as coarse as this interpolation error at the cells' centres allows, because contacts cost time per
+# cell. carsim's own profiles have the same tolerance.
 ERROR_M = 2e-4
 SPACINGS_M = (0.02, 0.01, 0.005)
 MOST_POINTS = 4_000_000
@@ -33,7 +32,7 @@ MOST_POINTS = 4_000_000
 
 @dataclass(frozen=True)
 class HeightGrid:
-    """Heights ``z_m`` (rows along y, columns along x) over the rectangle from the first to the last point."""
+    """Heights ``z_m``, (rows, columns) along (y, x), at equidistant points of the rectangle, limits included (m)."""
 
     x_min_m: float
     x_max_m: float
@@ -43,8 +42,8 @@ class HeightGrid:
 
 
 def smooth_ground(scene: Mapping[str, Any], carsim: Carsim) -> HeightGrid | None:
-    """The grid of the scene's hills, potholes and rough ground. FoldcarError if it would be too large."""
-    pieces = [piece for piece in scene["terrain"] if piece["kind"] in SMOOTH_KINDS]
+    """The grid of the scene's smooth ground; None without any. FoldcarError if it is too large."""
+    pieces = [piece for piece in scene["terrain"] if kind_of(piece).form == "smooth"]
     if not pieces:
         return None
     smooth_scene = json.dumps({**scene, "id": "smooth", "terrain": pieces})
@@ -60,8 +59,11 @@ def smooth_ground(scene: Mapping[str, Any], carsim: Carsim) -> HeightGrid | None
 def height_grid(
     pieces: Sequence[Mapping[str, Any]], course: Mapping[str, float], heights: Heights
 ) -> HeightGrid:
-    """The coarsest of a few grids that is within ERROR_M at the cells' middles, else the finest."""
-    bounds = [_reach(piece) for piece in pieces]
+    """The coarsest grid of SPACINGS_M whose error at the cells' centres is within ERROR_M, else the finest.
+
+    FoldcarError if even the coarsest has more than MOST_POINTS points.
+    """
+    bounds = [bounds_m(piece) for piece in pieces]
     x_min = max(min(b[0] for b in bounds), course["x_min_m"] - MARGIN_M)
     x_max = min(max(b[1] for b in bounds), course["x_max_m"] + MARGIN_M)
     y_min = max(min(b[2] for b in bounds), course["y_min_m"] - MARGIN_M)
@@ -74,8 +76,8 @@ def height_grid(
             if grid is None:
                 raise FoldcarError(f"terrain: {rows} x {columns} heights are above the limit {MOST_POINTS}")
             break
-        x = numpy.linspace(x_min, x_max, columns)
-        y = numpy.linspace(y_min, y_max, rows)
+        x = numpy.linspace(x_min, x_max, columns, dtype=float)
+        y = numpy.linspace(y_min, y_max, rows, dtype=float)
         z = _sample(x, y, heights)
         grid = HeightGrid(x_min, x_max, y_min, y_max, z)
         between = _sample((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2, heights)
@@ -89,17 +91,3 @@ def height_grid(
 def _sample(x: Floats, y: Floats, heights: Heights) -> Floats:
     xs, ys = numpy.meshgrid(x, y)
     return heights(xs.ravel(), ys.ravel()).reshape(xs.shape)
-
-
-def _reach(piece: Mapping[str, Any]) -> tuple[float, float, float, float]:
-    """x_min, x_max, y_min, y_max of what a piece shapes."""
-    if piece["kind"] == "pothole":
-        dx = dy = piece["radius_m"]
-    else:
-        if piece["kind"] == "hill":
-            along, across = HILL_REACH_SD * piece["sd_along_m"], HILL_REACH_SD * piece["sd_across_m"]
-        else:
-            along, across = piece["length_m"] / 2, piece["width_m"] / 2
-        cos, sin = abs(math.cos(piece["heading_rad"])), abs(math.sin(piece["heading_rad"]))
-        dx, dy = along * cos + across * sin, along * sin + across * cos
-    return piece["x_m"] - dx, piece["x_m"] + dx, piece["y_m"] - dy, piece["y_m"] + dy

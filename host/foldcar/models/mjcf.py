@@ -1,16 +1,16 @@
-"""A car, and the scene it stands in, as MJCF: MuJoCo's XML.
+"""A car and its scene as MJCF, MuJoCo's XML.
 
-Input: body and scene of docs/carsim.md, the grid of the scene's smooth ground, the shape of the tyres.
-Output: the text of a model. All parts of the car are placed in the car's own axes: the origin in the
-middle of its length at axle height, x forward, y left, z up.
+Input: body and scene of docs/carsim.md, the grid of the scene's smooth ground, the shape of the tyres. Output: the
+text of a model. All parts of the car are given in the car's frame: origin in the middle of its length at axle height,
+x forward, y left, z up.
 
-What the format leaves open is decided here:
-- Contacts have sliding friction only (condim 3: a tyre's line of contact resists turning by itself), elliptic
-  cones, as friction acts alike in all directions, and a priority above the ground's, so that a contact has
-  the coefficient of the part of the car. impratio 10 keeps tyres from creeping on slopes.
-- The reference time of contacts is 5 ms: penetrations under 0.1 mm, and still several steps long.
-- multiccd is off: on edges of boxes it gives cylinders wrong normals. The Jacobian is dense: a car has few
-  degrees of freedom.
+Choices that MuJoCo leaves to the model:
+- Contacts have sliding friction only (condim 3: the line of contact of a cylindrical tyre resists yaw by itself),
+  elliptic cones, because friction is isotropic, and a priority above the ground's, so that the car's part determines
+  the coefficient. impratio 10 prevents tyres from creeping on slopes.
+- The time constant of contacts is 5 ms, several steps: penetrations stay under 0.1 mm.
+- multiccd is off, because it gives cylinders wrong normals at the edges of boxes. The Jacobian is dense, because a car
+  has few degrees of freedom.
 - The servo is MuJoCo's general actuator: torque τ·u − (τ/ω0)·ω, limited to ±τ; the rotor is the joint's
   armature.
 """
@@ -42,7 +42,7 @@ TYRE_RGBA = "0.2 0.2 0.2 1"
 
 @dataclass(frozen=True)
 class MjcfOptions:
-    """``tyre`` is cylinder (as wide as the tyre) or ellipsoid (one point of contact in its middle)."""
+    """``tyre`` is "cylinder" (as wide as the tyre) or "ellipsoid" (a contact point in the tyre's middle plane)."""
 
     timestep_s: float = 1e-3
     tyre: str = "cylinder"
@@ -57,9 +57,9 @@ def mjcf(
     grid: HeightGrid | None = None,
     options: MjcfOptions = DEFAULTS,
 ) -> str:
-    """The model of the car on the scene's ground; on a level floor of friction 1 if there is no scene.
+    """The model of the car on the scene's ground, or without a scene on a level floor with friction 1.
 
-    It stands with its axles one largest wheel radius over z = 0, at the scene's start.
+    The car stands at the scene's start with its axles at the largest wheel radius above z = 0.
     """
     root = Element("mujoco", model="foldcar")
     add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
@@ -126,7 +126,7 @@ def _add_car(
 
 
 def _add_hinge(part: Element, index: int, hinge: Mapping[str, float]) -> None:
-    # About +y of the rear segment against the front one: positive with the front one's nose up.
+    # The angle is that of the rear segment relative to the front one about +y: positive with the front one's nose up.
     add(
         part,
         "joint",

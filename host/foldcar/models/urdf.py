@@ -1,9 +1,9 @@
 """A car as URDF, the robot description of ROS.
 
-Input: a body of docs/carsim.md. Output: the text of a URDF file. The format knows limits of effort and speed
-but no motors: a servo is its stall torque and no-load speed at the supply's voltage; rotors and the
-stiffness of flexures are not in it, nor are friction and the ground. The massless root link is where a
-program puts the car down: in the middle of its length at axle height.
+Input: a body of docs/carsim.md. Output: the text of a URDF file. URDF has limits of effort and speed but no motors: a
+servo is represented by its stall torque and no-load speed at the supply voltage. Rotor inertias, the stiffness of
+flexures, friction and the ground cannot be represented. The massless root link is the car's frame: its origin is in
+the middle of the car's length at axle height.
 """
 
 import math
@@ -23,16 +23,16 @@ from foldcar.models.xml_elements import add, document, numbers
 
 
 def urdf(body: Mapping[str, Any], name: str) -> str:
-    """The description of the car."""
+    """The robot description of the car, named ``name``."""
     robot = Element("robot", name=name)
-    # MuJoCo alone reads this: it would count what does not move against the root as part of the world.
+    # For MuJoCo only, which would otherwise fuse links without joints to the world.
     add(add(robot, "mujoco"), "compiler", fusestatic="false")
     add(robot, "link", name="base_link")
     for index, segment in enumerate(body["segments"]):
         link = add(robot, "link", name=segment_name(index))
         com = (segment["com_x_m"], segment["com_y_m"], segment["com_z_m"])
         inertias = [segment[f"{axis}_inertia_kg_m2"] for axis in ("roll", "pitch", "yaw")]
-        # The link's frame is at the hinge before it; the first one's is the car's.
+        # A segment's frame is at the hinge in front of it; the first segment's is the car's.
         frame = _hinge_place(body, index)
         _add_inertial(link, _minus(com, frame), segment["mass_kg"], inertias)
         middle = _minus((segment["x_m"], 0.0, segment["center_z_m"]), frame)
@@ -45,7 +45,7 @@ def urdf(body: Mapping[str, Any], name: str) -> str:
             hinge = body["hinges"][index - 1]
             parents = (segment_name(index - 1), segment_name(index))
             joint = _add_joint(robot, f"hinge{index - 1}", "revolute", *parents, place)
-            # Flexures have no motor; the format wants their limits all the same.
+            # Flexures have no motor, but URDF requires limits of effort and speed.
             bounds = {"lower": numbers(hinge["min_rad"]), "upper": numbers(hinge["max_rad"])}
             add(joint, "limit", **bounds, effort="0", velocity="0")
             add(joint, "dynamics", damping=numbers(hinge["damping_n_m_s_rad"]))
@@ -96,7 +96,7 @@ def _add_joint(
 
 
 def _hinge_place(body: Mapping[str, Any], segment: int) -> tuple[float, float, float]:
-    """Of the hinge that carries a segment; the first one stands at the car's origin."""
+    """Position (m) of the hinge in front of a segment; for the first one the car's origin."""
     if segment == 0:
         return 0.0, 0.0, 0.0
     hinge = body["hinges"][segment - 1]

@@ -1,7 +1,7 @@
-"""Webots' scene language as text: nodes with fields, as in its world and PROTO files.
+"""Writes VRML as Webots' world and PROTO files use it: nodes with fields.
 
-A field's value is a number, a truth, a text, a Node, None, a name taken over from the PROTO (``Is``), a
-Vector, or a list of any of these.
+A field's value is a number, a boolean, a string, a Node, None, the value of a PROTO's field (``Is``), a Vector, or a
+list of these.
 """
 
 import json
@@ -14,7 +14,7 @@ HEADER = "#VRML_SIM R2025a utf8"
 
 @dataclass(frozen=True)
 class Node:
-    """``name { field value … }``"""
+    """A node: ``name { field value … }``."""
 
     name: str
     fields: dict[str, Any] = field(default_factory=dict)
@@ -22,22 +22,22 @@ class Node:
 
 @dataclass(frozen=True)
 class Is:
-    """A field of the PROTO."""
+    """A reference to a field of the PROTO."""
 
     name: str
 
 
 class Vector(tuple[float, ...]):
-    """Numbers that are one value: a place, a direction, a turn."""
+    """Numbers that are one value: a position, a direction or a rotation."""
 
 
 def vector(*values: float) -> Vector:
-    """A Vector of the numbers."""
+    """A Vector of these numbers."""
     return Vector(values)
 
 
 def node_text(node: Node, depth: int = 0) -> str:
-    """The node, indented by two spaces a level."""
+    """The node as text, indented by two spaces per level."""
     inner = "  " * (depth + 1)
     lines = [f"{inner}{name} {_value(value, depth + 1)}" for name, value in node.fields.items()]
     return "\n".join([f"{node.name} {{", *lines, "  " * depth + "}"])

@@ -1,9 +1,8 @@
 """A car as a Webots PROTO (R2025a).
 
-Input: a body of docs/carsim.md. Output: the text of a PROTO file. Servos are rotational motors with the stall
-torque and no-load speed at the supply's voltage: Webots' motors give their full torque up to their full
-speed, and know no rotors. Friction belongs to pairs of materials, which the world has:
-``contact_materials`` names them.
+Input: a body of docs/carsim.md. Output: the text of a PROTO file. Servos are rotational motors with the stall torque
+and no-load speed at the supply voltage: Webots' motors deliver their maximum torque up to their maximum speed and have
+no rotor inertia. Friction is a property of pairs of materials in the world file; ``contact_materials`` names them.
 """
 
 import math
@@ -31,7 +30,7 @@ BODY_COLOUR, TYRE_COLOUR = vector(0.1, 0.45, 0.7), vector(0.15, 0.15, 0.15)
 
 
 def webots_proto(body: Mapping[str, Any], name: str, comment: str) -> str:
-    """The PROTO ``name``, which is its file's name too; ``comment`` says in one line what it is."""
+    """The PROTO ``name``, which its file must be named after; ``comment`` is one line that describes it."""
     height_m = max(wheel["radius_m"] for wheel in body["wheels"])
     defaults = (f"0 0 {height_m:.9g}", "0 0 1 0", '"car"', '"<generic>"', "[ ]")
     interface = [
@@ -46,19 +45,19 @@ def webots_proto(body: Mapping[str, Any], name: str, comment: str) -> str:
 
 
 def contact_materials(body: Mapping[str, Any]) -> dict[str, float]:
-    """Grip by the names of the car's contact materials."""
+    """Grip (friction relative to a tyre's) by the names of the car's contact materials."""
     materials = {f"{segment_name(i)} belly": s["grip"] for i, s in enumerate(body["segments"])}
     return materials | {f"{wheel_name(wheel)} tyre": wheel["grip"] for wheel in body["wheels"]}
 
 
 def shape(geometry: Node, colour: tuple[float, ...]) -> Node:
-    """A geometry that is seen."""
+    """A visible shape of the geometry."""
     appearance = Node("PBRAppearance", {"baseColor": colour, "roughness": 0.8, "metalness": 0})
     return Node("Shape", {"appearance": appearance, "geometry": geometry})
 
 
 def placed(geometry: Node, place: tuple[float, ...], turn: tuple[float, ...]) -> Node:
-    """Something at a place, turned (axis and angle)."""
+    """A node at position ``place`` (m) with rotation ``turn`` (axis, angle in rad)."""
     return Node("Pose", {"translation": vector(*place), "rotation": vector(*turn), "children": [geometry]})
 
 
@@ -99,7 +98,7 @@ def _wheel(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> Node:
     stall, no_load = servo_limits(body, wheel)
     spin, across = wheel_inertia_kg_m2(wheel)
     center = tyre_center_m(wheel)
-    # Webots' cylinders stand along z.
+    # The axis of a Webots cylinder is z.
     cylinder = Node("Cylinder", {"radius": wheel["radius_m"], "height": wheel["width_m"]})
     lying = (1, 0, 0, math.pi / 2)
     axle = vector(*axle_m(body, wheel))
@@ -111,7 +110,7 @@ def _wheel(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> Node:
         "boundingObject": placed(cylinder, center, lying),
         "physics": _physics(wheel["mass_kg"], center, [across, spin, across]),
     }
-    # Without a sound of its own a motor fetches one from the network.
+    # Without an explicit sound Webots downloads one.
     motor = {"name": f"{name} servo", "maxVelocity": no_load, "maxTorque": stall, "sound": ""}
     joint = {
         "jointParameters": Node("HingeJointParameters", {"axis": vector(0, 1, 0), "anchor": axle}),

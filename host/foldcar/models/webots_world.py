@@ -1,8 +1,8 @@
-"""A Webots world (R2025a) with a car's PROTO in it.
+"""A Webots world (R2025a) that contains a car's PROTO.
 
-Input: a body and a scene of docs/carsim.md, the grid of the scene's smooth ground. Output: the text of a
-world file that lies in ``worlds/`` beside the PROTO's ``protos/``. Patches of friction are not in it: Webots
-has friction by material, and their ground is not a body of its own.
+Input: a body and a scene of docs/carsim.md, the grid of the scene's smooth ground. Output: the text of a world file
+for the folder ``worlds/`` beside the PROTO's ``protos/``. Friction patches are left out: Webots assigns friction to
+pairs of materials, and a patch is not a body of its own.
 """
 
 import math
@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy
 
+from foldcar.errors import FoldcarError
 from foldcar.models.ground import HeightGrid
 from foldcar.models.vrml import HEADER, Node, node_text, vector
 from foldcar.models.webots_car import contact_materials, placed, shape
+from foldcar.scenes.terrain_kinds import kind_of
 
 GROUND = "ground"
 STEP_MS = 4
@@ -26,7 +28,7 @@ EYE_M, LOOKS_AT_M = (-1.2, -1.6, 1.2), (0.6, 0.0, 0.0)
 def webots_world(
     body: Mapping[str, Any], proto: str, scene: Mapping[str, Any] | None, grid: HeightGrid | None
 ) -> str:
-    """The world; a level floor of friction 1 with the car at its origin if there is no scene."""
+    """The world file; without a scene a level floor with friction 1 and the car at its origin."""
     friction = scene["friction"] if scene else 1.0
     contacts = [
         Node(
@@ -36,7 +38,7 @@ def webots_world(
         for name, grip in contact_materials(body).items()
     ]
     start = scene["start"] if scene else {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
-    # The car is put down over the highest ground it may stand on, and falls into place.
+    # The car starts above the highest ground near its start and falls onto it.
     tops = [piece["height_m"] for piece in _blocks(scene) if _near(piece, start)]
     height_m = max(wheel["radius_m"] for wheel in body["wheels"]) + max([0.0, *tops])
     nodes = [
@@ -60,7 +62,7 @@ def webots_world(
 
 def _blocks(scene: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
     terrain = scene["terrain"] if scene else ()
-    return [piece for piece in terrain if piece["kind"] in ("box", "ramp", "half_round")]
+    return [piece for piece in terrain if kind_of(piece).form == "block"]
 
 
 def _near(piece: Mapping[str, Any], start: Mapping[str, float]) -> bool:
@@ -80,7 +82,7 @@ def _floor(grid: HeightGrid | None) -> list[Node]:
             "yDimension": rows,
             "xSpacing": (grid.x_max_m - grid.x_min_m) / (columns - 1),
             "ySpacing": (grid.y_max_m - grid.y_min_m) / (rows - 1),
-            # Half a hair is enough for a wheel: six digits keep files small.
+            # A resolution of 1 µm suffices for wheels and keeps the file small.
             "height": [round(float(z), 6) for z in grid.z_m.ravel()],
         },
     )
@@ -111,16 +113,18 @@ def _block(piece: Mapping[str, Any], name: str) -> Node:
     if piece["kind"] == "box":
         geometry = Node("Box", {"size": vector(length, width, height + SUNK_M)})
         middle, turn = (0.0, 0.0, (height - SUNK_M) / 2), (0.0, 0.0, 1.0, 0.0)
-    else:
+    elif piece["kind"] == "half_round":
         radius = ((length / 2) ** 2 + height**2) / (2 * height)
         geometry = Node("Cylinder", {"radius": radius, "height": width})
         middle, turn = (0.0, 0.0, height - radius), (1.0, 0.0, 0.0, math.pi / 2)
+    else:
+        raise FoldcarError(f"{name}: a {piece['kind']} cannot be written for Webots")
     seen = placed(shape(geometry, PIECE_COLOUR), middle, turn)
     return _solid(name, seen, placed(geometry, middle, turn), **place)
 
 
 def _wedge(length: float, width: float, height: float) -> Node:
-    """A ramp as a solid with faces counter-clockwise from outside."""
+    """A ramp as a closed face set, faces counter-clockwise seen from outside."""
     x, y = length / 2, width / 2
     points = [(-x, -y, 0), (-x, y, 0), (x, -y, height), (x, y, height)]
     points += [(px, py, -SUNK_M) for px, py, _ in points]
@@ -136,7 +140,7 @@ def _solid(name: str, seen: Node, bounds: Node, **place: Any) -> Node:
 
 
 def _looking() -> tuple[float, float, float, float]:
-    """The turn (axis, angle) that takes x forward, y left, z up to the eye's directions."""
+    """The rotation (axis, angle in rad) from x forward, y left, z up to the axes of the viewpoint."""
     forward = numpy.subtract(LOOKS_AT_M, EYE_M)
     forward = forward / numpy.linalg.norm(forward)
     left = numpy.cross((0, 0, 1), forward)

@@ -1,4 +1,4 @@
-"""What every export says of a car's parts: their names, and the wheels' inertias and places."""
+"""Names of segments and wheels, and inertias, positions and servo limits of wheels, for all exported models."""
 
 import math
 from collections.abc import Mapping
@@ -6,35 +6,35 @@ from typing import Any
 
 
 def segment_name(index: int) -> str:
-    """The name of a segment of the body, counted from the front."""
+    """The name of the segment with that index, counted from the front."""
     return f"segment{index}"
 
 
 def wheel_name(wheel: Mapping[str, Any]) -> str:
-    """The name of a wheel: the servo output that drives it."""
+    """The name of a wheel, by the index of its servo channel."""
     return f"wheel{wheel['channel']}"
 
 
 def wheel_inertia_kg_m2(wheel: Mapping[str, Any]) -> tuple[float, float]:
-    """Of a solid disc as wide as the tyre: about its axle and about a diameter."""
+    """Moments of inertia (kg m²) about the axle and about a diameter, of a uniform disc as wide as the tyre."""
     spin = 0.5 * wheel["mass_kg"] * wheel["radius_m"] ** 2
     return spin, 0.5 * spin + wheel["mass_kg"] * wheel["width_m"] ** 2 / 12
 
 
 def tyre_center_m(wheel: Mapping[str, Any]) -> tuple[float, float, float]:
-    """The tyre's centre from the axle, in the car's axes, as the car is put down."""
+    """The tyre's centre relative to the axle (m) in the car's axes, at the wheel's initial angle."""
     phase, off = wheel["eccentricity_phase_rad"], wheel["eccentricity_m"]
     return off * math.cos(phase), 0.0, off * math.sin(phase)
 
 
 def axle_m(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> tuple[float, float, float]:
-    """Where a wheel turns, from the car's origin."""
+    """The centre of a wheel's axle (m) in the car's frame."""
     side = 1 if wheel["side"] == "left" else -1
     return wheel["x_m"], side * body["track_m"] / 2, 0.0
 
 
 def servo_limits(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> tuple[float, float]:
-    """Stall torque (N·m) and no-load speed (rad/s) of a wheel's servo at the car's voltage."""
+    """Stall torque (N m) and no-load speed (rad/s) of a wheel's servo at the car's supply voltage."""
     servo = wheel["servo"]
     scale = body["supply_v"] / servo["rated_v"]
     return servo["stall_torque_n_m"] * scale, servo["no_load_speed_rad_s"] * scale

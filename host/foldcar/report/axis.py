@@ -1,4 +1,4 @@
-"""The axis of a design parameter: its label from its name, its values to scale where they are numbers."""
+"""The axis of a design parameter: its label from its name, positions to scale for numbers, in a row for texts."""
 
 from collections.abc import Sequence
 
@@ -19,17 +19,17 @@ def parameter_label(parameter: str) -> str:
 
 
 def value_text(value: Value) -> str:
-    """A value as people write it: 95, 12.5, or the text itself."""
+    """A number without trailing zeros (95, 12.5), or the text itself."""
     return value if isinstance(value, str) else f"{value:g}"
 
 
 def extent_text(extent: Extent | None) -> str:
-    """``1.25 (0.9 to 1.6)``: the mean and the range; a dash if nothing was recorded."""
+    """Mean and range as ``1.25 (0.9 to 1.6)``; a dash if nothing was recorded."""
     return f"{extent.mean:.4g} ({extent.lowest:.4g} to {extent.highest:.4g})" if extent else "–"
 
 
 class ParameterAxis:
-    """Where the values of a parameter stand: numbers to scale, texts one beside the other."""
+    """Positions of a parameter's values along an axis: numbers to scale, texts at equal distances."""
 
     def __init__(self, values: Sequence[Value]) -> None:
         self.values = list(values)
@@ -40,10 +40,11 @@ class ParameterAxis:
         self.bar_width = 0.8 * float(gaps.min()) if len(gaps) else 0.8
 
     def place(self, value: Value) -> float:
+        """The coordinate of a value."""
         return self._place[value]
 
     def label(self, axes: Axes, parameter: str) -> None:
-        """Label the axis; few values get a tick each."""
+        """Label the axis, with a tick for each value if there are few."""
         axes.set_xlabel(parameter_label(parameter))
         if not self.to_scale or len(self.values) <= 12:
             axes.set_xticks(list(self._place.values()), [value_text(value) for value in self.values])

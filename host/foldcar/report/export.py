@@ -15,21 +15,11 @@ from pathlib import Path
 from typing import TextIO
 
 from foldcar.atomic_file import atomic_file
-from foldcar.simulation.results import Result
+from foldcar.simulation.results import NUMBERS, Result
 from foldcar.store.reader import Store
 
 TEXT_COLUMNS = ("experiment", "vehicle", "environment")
-RESULT_COLUMNS = (
-    *TEXT_COLUMNS,
-    "sample",
-    "outcome",
-    "elapsed_time_s",
-    "distance_to_target_m",
-    "consumed_energy_j",
-    "max_roll_rad",
-    "max_pitch_rad",
-    "message",
-)
+RESULT_COLUMNS = (*TEXT_COLUMNS, "sample", "outcome", *NUMBERS, "message")
 RECORDED_PREFIX = "recorded_"
 BATCH_ROWS = 10_000
 
@@ -44,7 +34,7 @@ Cell = str | float | int | None
 
 
 def export_csv(store: Store, file: Path) -> int:
-    """Write ``file``; gives the number of rows. Numbers read back to the same values."""
+    """Write the runs as CSV atomically; returns the number of rows. Numbers are read back exactly. FoldcarError."""
     with atomic_file(file) as binary:
         text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
         rows = write_csv(store, text)
@@ -53,7 +43,7 @@ def export_csv(store: Store, file: Path) -> int:
 
 
 def write_csv(store: Store, text: TextIO) -> int:
-    """Write to an open text stream; gives the number of rows."""
+    """Write the runs as CSV to an open text stream; returns the number of rows."""
     writer = csv.writer(text, lineterminator="\n")
     design, recorded = store.design_columns(), _recorded_kinds(store)
     writer.writerow(_columns(design, recorded))
@@ -66,7 +56,7 @@ def write_csv(store: Store, text: TextIO) -> int:
 
 
 def export_parquet(store: Store, file: Path) -> int:
-    """Write ``file``; gives the number of rows."""
+    """Write the runs as Parquet atomically; returns the number of rows. FoldcarError."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -90,7 +80,7 @@ def export_parquet(store: Store, file: Path) -> int:
 
 
 def _recorded_kinds(store: Store) -> dict[str, str]:
-    """The recorded values of a store: ``number``, ``text``, ``truth`` or ``json`` by name."""
+    """The kind of each recorded value by name: ``number``, ``text``, ``truth`` (boolean) or ``json``."""
     return {
         name: next((kind for kind, takes in RECORDED_KINDS.items() if types <= takes), "json")
         for name, types in store.recorded_types().items()
@@ -103,7 +93,13 @@ def _columns(design: list[str], recorded: Mapping[str, str]) -> list[str]:
 
 def _cells(result: Result, design: list[str], recorded: Mapping[str, str]) -> list[Cell]:
     return [
-        *(getattr(result, column) for column in RESULT_COLUMNS),
+        result.experiment,
+        result.vehicle,
+        result.environment,
+        result.sample,
+        result.outcome,
+        *(result.metrics[name] for name in NUMBERS),
+        result.message,
         *(result.design.get(column) for column in design),
         *(_recorded_cell(result, name, kind) for name, kind in recorded.items()),
     ]

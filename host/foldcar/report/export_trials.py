@@ -31,7 +31,10 @@ AFTER = (
 
 
 def export_trials(store: Store, file: Path) -> int:
-    """Write ``file``; gives the number of rows. Deviations are JSON: {name: [x in m, y in m, heading in rad]}."""
+    """Write the trials as CSV atomically; returns the number of rows. FoldcarError.
+
+    Deviations are JSON: {name: [x in m, y in m, heading in rad]}.
+    """
     trials = list(store.trials())
     design = list(dict.fromkeys(name for trial in trials for name in trial.design))
     with atomic_file(file) as binary:

@@ -1,16 +1,16 @@
-"""Prepares an SVG to stand inside a page: no file header, no names that clash with another figure's."""
+"""Prepares an SVG for embedding in a page: without file header, with ids that are unique on the page."""
 
 import html
 import re
 
 
 def inline_svg(svg: str, name: str, caption: str) -> str:
-    """The ``<svg>`` element of an SVG file; every id in it begins with ``name`` afterwards."""
+    """The ``<svg>`` element of an SVG file, every id prefixed with ``name``; ``caption`` becomes its label."""
     element = svg[svg.index("<svg") :]
     element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
     element = re.sub(r'\bid="', f'id="{name}-', element)
     element = element.replace("url(#", f"url(#{name}-").replace('href="#', f'href="#{name}-')
-    # The page decides how wide a figure is; the viewBox keeps its proportions.
+    # The page determines the figure's width; the viewBox preserves its proportions.
     element = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", element, count=1)
     element = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", element, count=1)
     return element.replace("<svg", f'<svg role="img" aria-label="{html.escape(caption)}"', 1)

@@ -1,4 +1,4 @@
-"""How the runs ended by a design parameter, as stacked shares."""
+"""Draws the shares of the runs' outcomes by a design parameter, stacked."""
 
 from matplotlib.figure import Figure
 
@@ -9,6 +9,7 @@ from foldcar.simulation.results import OUTCOMES
 
 
 def draw_outcomes(series: Series) -> Figure:
+    """Stacked bars of the share of each outcome (%), one bar per value of the parameter."""
     axis = ParameterAxis(list(series.tallies))
     figure = Figure(figsize=(7.2, 3.7), layout="constrained")
     axes = figure.subplots()

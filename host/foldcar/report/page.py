@@ -1,4 +1,4 @@
-"""The report's page: one HTML file that needs no other file and no network."""
+"""The report's page: one HTML file that needs neither other files nor a network."""
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +16,7 @@ from foldcar.store.info import StudyInfo
 def page_html(
     info: StudyInfo, sections: Sequence[Section], svgs: Mapping[str, str], report_command: Sequence[str]
 ) -> str:
-    """The page. ``svgs`` holds each drawing's SVG file by the drawing's name."""
+    """The page as HTML; ``svgs`` holds the SVG text of each drawing by the drawing's name."""
     filters: dict[str, Callable[..., str]] = {
         "parameter_label": parameter_label,
         "value_text": value_text,

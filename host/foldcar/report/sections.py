@@ -1,4 +1,4 @@
-"""An experiment's section of the report: its summary, what is to be said about it, and its figures."""
+"""An experiment's section of the report: its summary, remarks and figures."""
 
 import re
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from foldcar.store.reader import Store
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure, the name of its files without suffix, and what it shows."""
+    """A figure, the name of its files without suffix, and its caption."""
 
     name: str
     caption: str
@@ -26,7 +26,7 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Section:
-    """One experiment; ``remarks`` are sentences for the reader."""
+    """The section of one experiment; ``remarks`` are sentences for the reader."""
 
     info: ExperimentInfo
     summary: Summary
@@ -36,7 +36,7 @@ class Section:
 
 
 def read_section(store: Store, info: ExperimentInfo) -> Section:
-    """Count the experiment's runs and draw its figures. Matplotlib's settings are the caller's."""
+    """Count the experiment's runs and draw its figures with matplotlib's current settings."""
     summary = summarise(store.results(info.id), info.varied)
     trials = summarise_trials(store.trials(info.id), info)
     return Section(info, summary, trials, _remarks(info, summary, trials), _drawings(info, summary, trials))
@@ -47,13 +47,13 @@ def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> li
     stored = summary.total.runs
     if stored < info.planned_runs:
         remarks.append(
-            f"Unfinished: {stored} of {info.planned_runs} runs are stored; the command that began "
+            f"Unfinished: {stored} of {info.planned_runs} runs are stored; the command that started "
             "the sweep resumes it."
         )
     failed = summary.total.outcomes["failed"]
     if failed:
         remarks.append(
-            f"{failed} of {stored} runs failed: they crashed or could not be carried through, and count as "
+            f"{failed} of {stored} runs failed: they crashed or could not be completed, and count as "
             "not passed. The store's table run has a message for each."
         )
     terminated = summary.total.outcomes["terminated"]
@@ -61,14 +61,14 @@ def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> li
         remarks.append(f"The program itself ended {terminated} of {stored} runs; they count as not passed.")
     names = [parameter_label(name) for name in info.varied]
     if not names:
-        remarks.append("One design: no parameter varies, so there is nothing to draw success against.")
+        remarks.append("One design: no parameter varies, so success is not drawn.")
     if len(names) > 1:
         remarks.append(
-            f"{len(names)} parameters vary ({', '.join(names)}): each is shown by itself, over all values of "
+            f"{len(names)} parameters vary ({', '.join(names)}): each is shown separately, over all values of "
             "the others; times in one environment are drawn only where a single parameter varies."
         )
-    if trials.strangers:
-        remarks.append(f"{trials.strangers} trials are of cars that are not of this family; they are not shown.")
+    if trials.unknown_cars:
+        remarks.append(f"{trials.unknown_cars} trials are of cars that do not belong to this family; they are not shown.")
     return remarks
 
 
@@ -86,7 +86,7 @@ def _drawings(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> l
         caption = f"Mean success by {label} over all environments, with Wilson 95 % intervals."
         driven = trials.series[parameter]
         if any(tally.counted for tally in driven.values()):
-            caption += " Diamonds: trials of built cars, with theirs."
+            caption += " Diamonds: trials of built cars, with their intervals."
         drawings.append(Drawing(f"{start}_success_by_{parameter}", caption, draw_success(series, driven)))
         caption = f"Outcomes by {label}, as shares of the runs."
         drawings.append(Drawing(f"{start}_outcomes_by_{parameter}", caption, draw_outcomes(series)))

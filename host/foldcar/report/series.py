@@ -1,4 +1,7 @@
-"""Counts a store's runs by design parameter, in one pass; memory does not grow with the number of runs."""
+"""Counts a store's runs by design parameter in one pass, in memory independent of the number of runs.
+
+Input: results of runs. Output: tallies and single runs for tables and plots.
+"""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -10,13 +13,13 @@ from foldcar.simulation.results import OUTCOMES, Result
 
 Value = float | str
 
-# The environment whose single runs are drawn one by one: the first one every design met.
+# The sample whose runs are drawn individually.
 TIMED_SAMPLE = 0
 
 
 @dataclass
 class Extent:
-    """Mean and range of what a program recorded under one name."""
+    """Mean and range of the values that a program recorded under one name."""
 
     count: int = 0
     total: float = 0.0
@@ -24,6 +27,7 @@ class Extent:
     highest: float = -math.inf
 
     def add(self, value: float) -> None:
+        """Count a value."""
         self.count += 1
         self.total += value
         self.lowest = min(self.lowest, value)
@@ -31,6 +35,7 @@ class Extent:
 
     @property
     def mean(self) -> float:
+        """The mean; at least one value must have been counted."""
         return self.total / self.count
 
 
@@ -43,46 +48,49 @@ class Tally:
     recorded: dict[str, Extent] = field(default_factory=dict)
 
     def add(self, result: Result) -> None:
+        """Count a run."""
         self.outcomes[result.outcome] += 1
         if result.outcome == "passed":
-            self.passed_time_s += result.elapsed_time_s or 0.0
+            self.passed_time_s += result.metrics["elapsed_time_s"] or 0.0
         for name, recorded in result.recorded.items():
-            # A truth counts as 0 or 1: its mean is a share.
+            # Booleans count as 0 or 1: their mean is a share.
             if isinstance(recorded.value, int | float):
                 self.recorded.setdefault(name, Extent()).add(float(recorded.value))
 
     @property
     def runs(self) -> int:
+        """The number of counted runs."""
         return sum(self.outcomes.values())
 
     @property
     def passed(self) -> int:
+        """The number of runs that passed."""
         return self.outcomes["passed"]
 
     @property
     def seen(self) -> list[str]:
-        """The outcomes that happened, in their order, and ``passed`` in any case."""
+        """The outcomes that occurred, in the order of OUTCOMES, and always ``passed``."""
         return [outcome for outcome in OUTCOMES if self.outcomes[outcome] or outcome == "passed"]
 
     @property
     def success(self) -> float:
-        """Share of runs that passed, 0 to 1. There is at least one run in every tally that is asked."""
+        """Share of runs that passed, 0 to 1; at least one run must have been counted."""
         return self.passed / self.runs
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Wilson 95 % interval of the success, 0 to 1."""
+        """Wilson 95 % interval (low, high) of the success, 0 to 1."""
         return wilson_interval(self.passed, self.runs)
 
     @property
     def mean_time_s(self) -> float | None:
-        """Mean time of the runs that passed; None if none did."""
+        """Mean time of the runs that passed (s); None if none did."""
         return self.passed_time_s / self.passed if self.passed else None
 
 
 @dataclass(frozen=True)
 class TimedRun:
-    """How one design fared in the one environment that is drawn run by run."""
+    """The run of one design, by its parameter's value, in the sample whose runs are drawn individually."""
 
     value: Value
     outcome: str
@@ -91,7 +99,7 @@ class TimedRun:
 
 @dataclass
 class Series:
-    """One varied parameter: a tally per value, ascending, over all values of the other varied ones."""
+    """One varied parameter: a tally for each value, ascending, over all values of the other parameters."""
 
     parameter: str
     tallies: dict[Value, Tally]
@@ -99,7 +107,7 @@ class Series:
 
 @dataclass
 class Summary:
-    """One experiment: a series per varied parameter; ``timed`` is empty unless exactly one varies."""
+    """One experiment: a series for each varied parameter; ``timed`` is empty unless exactly one varies."""
 
     total: Tally
     series: list[Series]
@@ -117,7 +125,7 @@ def summarise(results: Iterable[Result], varied: Mapping[str, Any]) -> Summary:
             by_value.setdefault(result.design[parameter], Tally()).add(result)
         if result.sample == TIMED_SAMPLE and len(tallies) == 1:
             (parameter,) = tallies
-            timed.append(TimedRun(result.design[parameter], result.outcome, result.elapsed_time_s))
+            timed.append(TimedRun(result.design[parameter], result.outcome, result.metrics["elapsed_time_s"]))
     series = [
         Series(name, {v: by_value[v] for v in sorted(by_value, key=_order)})
         for name, by_value in tallies.items()
@@ -126,5 +134,5 @@ def summarise(results: Iterable[Result], varied: Mapping[str, Any]) -> Summary:
 
 
 def _order(value: Value) -> tuple[bool, float, str]:
-    """Numbers by size, then texts by letter."""
+    """Sort key: numbers by size, then texts alphabetically."""
     return (True, 0.0, value) if isinstance(value, str) else (False, value, "")

@@ -1,4 +1,4 @@
-"""Mean success by a design parameter, in three colours, with Wilson 95 % intervals."""
+"""Draws mean success by a design parameter in three colours, with Wilson 95 % intervals."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -25,20 +25,20 @@ def success_colour(success: float) -> str:
 
 
 def error_bar_percent(tally: Tally | TrialTally) -> tuple[float, float]:
-    """How far the 95 % interval reaches below and above the success, in percentage points."""
+    """Distances from the success down and up to the ends of the 95 % interval (percentage points)."""
     low, high = tally.interval
-    # The interval's ends meet 0 and 1 within rounding only, and a negative bar is refused.
+    # Rounding can put an end of the interval beyond the success; matplotlib refuses negative bars.
     return max(0.0, 100 * (tally.success - low)), max(0.0, 100 * (high - tally.success))
 
 
 def draw_success(series: Series, trials: Mapping[float, TrialTally]) -> Figure:
-    """Bars for the runs; a diamond for the trials of each value that the runs have too."""
+    """Bars for the runs; diamonds for the trials at values that the runs have too."""
     axis = ParameterAxis(list(series.tallies))
     figure = Figure(figsize=(7.2, 3.7), layout="constrained")
     axes = figure.subplots()
-    # A white seam keeps the dark bars of error visible on navy.
-    seam = [withStroke(linewidth=2.2, foreground="white")]
-    error_bar = {"elinewidth": 0.9, "capsize": 2.0, "ecolor": INK, "path_effects": seam}
+    # A white outline keeps the dark error bars visible on navy.
+    outline = [withStroke(linewidth=2.2, foreground="white")]
+    error_bar = {"elinewidth": 0.9, "capsize": 2.0, "ecolor": INK, "path_effects": outline}
     for value, tally in series.tallies.items():
         below, above = error_bar_percent(tally)
         axes.bar(
@@ -69,7 +69,7 @@ def _draw_trials(axes: Axes, axis: ParameterAxis, trials: Mapping[float, TrialTa
         return
     errors = [error_bar_percent(trials[value]) for value in shown]
     axes.errorbar(
-        # Beside the middle, where the runs' intervals stand.
+        # Beside the middle of the bar, where the runs' interval is.
         [axis.place(value) + 0.25 * axis.bar_width for value in shown],
         [100 * trials[value].success for value in shown],
         yerr=[list(side) for side in zip(*errors, strict=True)],

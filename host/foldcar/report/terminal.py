@@ -1,4 +1,4 @@
-"""The report's summary on the terminal: a table per experiment, without ornament where it is piped."""
+"""Prints the report's summary: a table for each experiment, as plain text if the output is not a terminal."""
 
 from collections.abc import Mapping, Sequence
 

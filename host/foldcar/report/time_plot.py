@@ -1,4 +1,4 @@
-"""Time to cross by a design parameter in one environment; what did not pass is red, at the time limit."""
+"""Draws the crossing time by a design parameter in one environment; other runs are red, at the time limit."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +14,7 @@ from foldcar.simulation.results import OUTCOMES
 
 
 def draw_times(runs: Sequence[TimedRun], parameter: str, time_limit_s: float) -> Figure:
-    """The axis is broken below the time limit: crossings take seconds, the limit is often minutes."""
+    """Crossing times (s) by the parameter's value; the time axis is broken below the limit, which is often minutes."""
     axis = ParameterAxis([run.value for run in runs])
     figure = Figure(figsize=(7.2, 3.7), layout="constrained")
     limit, times = figure.subplots(2, 1, sharex=True, height_ratios=(1, 6))
@@ -59,7 +59,7 @@ def _legend(*panels: Axes) -> tuple[list[Artist], list[str]]:
 
 
 def _break_axis(upper: Axes, lower: Axes) -> None:
-    """Hide the seam between the panels and mark it as a break of the scale."""
+    """Hide the border between the panels and mark it as a break of the scale."""
     upper.spines.bottom.set_visible(False)
     upper.tick_params(bottom=False, labelbottom=False)
     mark: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Writes a report: all files are made in a temporary folder first and take their places afterwards."""
+"""Writes a report: all files are written to a temporary folder first and then moved to their places."""
 
 import tempfile
 from collections.abc import Sequence
@@ -24,11 +24,11 @@ def write_report(store: Store, folder: Path, report_command: Sequence[str]) -> l
     """
     info = store.info()
     if folder.exists() and not folder.is_dir():
-        raise FoldcarError(f"{folder}: is no folder")
+        raise FoldcarError(f"{folder}: not a folder")
     with matplotlib.rc_context(RC):
         sections = [read_section(store, experiment) for experiment in info.experiments.values()]
         if not any(section.summary.total.runs for section in sections):
-            raise FoldcarError(f"{store.path}: holds no runs yet; sweep the listing first")
+            raise FoldcarError(f"{store.path}: contains no runs yet; sweep the listing first")
         try:
             folder.parent.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
@@ -37,7 +37,7 @@ def write_report(store: Store, folder: Path, report_command: Sequence[str]) -> l
                 page = page_html(info, sections, svgs, report_command)
                 (made / PAGE).write_text(page, encoding="utf-8")
                 folder.mkdir(exist_ok=True)
-                # The page goes last: it never shows figures that are not there.
+                # The page is moved last, so that it never refers to missing figures.
                 for file in sorted(made.iterdir(), key=lambda file: file.name == PAGE):
                     file.replace(folder / file.name)
         except OSError as error:

@@ -1,1 +1,1 @@
-"""Environments as Scenic programs: compiled, sampled and checked into scenes of plain JSON."""
+"""Scenic programs compiled and sampled into scenes, which are checked and written as JSON."""

@@ -1,7 +1,7 @@
-"""What a scene must fulfil for a run of it to mean something: things on the course, a free start, a goal.
+"""Checks that a scene can be simulated: objects upright and on the course, a free start, a goal that can be reached.
 
-Input: parts of the scene in the simulator's frame and the Scenic objects they come from. Each function raises
-UnusableError or returns nothing.
+Input: parts of the scene in the simulator's frame and the Scenic objects they come from. Output: none; each function
+raises UnusableError if its check fails.
 """
 
 import math
@@ -9,13 +9,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from foldcar.scenes.reading import UnusableError, finite
-from foldcar.scenes.terrain import reach_m
+from foldcar.scenes.terrain_kinds import kind_of, reach_m
 
-# `on` and the like leave a gap of Scenic's contact tolerance.
+# Scenic's specifiers such as `on` leave a gap of its contact tolerance.
 STANDING_TOLERANCE_M = 1e-3
 LEVEL_TOLERANCE_RAD = 1e-6
-BLOCKS = ("box", "ramp", "half_round")
-# The largest wheel a design may have. A wheel climbs no step higher than its radius.
+# The largest wheel radius of a design. A wheel cannot climb a step higher than its radius.
 GREATEST_WHEEL_RADIUS_M = 0.15
 FARTHEST_M = 1000.0
 
@@ -23,7 +22,7 @@ Pose = Mapping[str, Any]
 
 
 def check_standing(thing: Any) -> None:
-    """Everything stands upright on z = 0: no z is given, or that of the middle of a thing on the ground."""
+    """The object stands upright on the ground: its z is 0 or half its height, its pitch and roll are 0."""
     z, height = finite("z", thing.position.z, thing), finite("height", thing.height, thing)
     if abs(z) > STANDING_TOLERANCE_M and abs(z - height / 2) > STANDING_TOLERANCE_M:
         raise UnusableError(f"z: {z} m: everything stands on the ground, give x and y only", thing)
@@ -33,7 +32,7 @@ def check_standing(thing: Any) -> None:
 
 
 def check_course(course: Mapping[str, float]) -> None:
-    """The course has an inside, and its sides are within what the simulator takes."""
+    """The course has a positive area, and its sides are within the simulator's limits."""
     for axis in ("x", "y"):
         low, high = course[f"{axis}_min_m"], course[f"{axis}_max_m"]
         for side, value in (("min", low), ("max", high)):
@@ -44,12 +43,12 @@ def check_course(course: Mapping[str, float]) -> None:
 
 
 def check_inside(course: Mapping[str, float], place: Pose, thing: Any) -> None:
-    """The place of a start, a goal or a Marker is on the course."""
+    """The position of a start, a goal or a Marker is on the course."""
     _check_overlap(course, place, 0.0, 0.0, thing)
 
 
 def check_on_course(course: Mapping[str, float], pieces: Iterable[Pose], thing: Any) -> None:
-    """Every piece of a Terrain object reaches the course: a car never meets what stands elsewhere."""
+    """Every piece of a Terrain object overlaps the course: a car cannot meet one outside."""
     for piece in pieces:
         along, across = reach_m(piece)
         heading_rad = piece.get("heading_rad", 0.0)
@@ -58,10 +57,10 @@ def check_on_course(course: Mapping[str, float], pieces: Iterable[Pose], thing: 
 
 
 def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose]) -> None:
-    """The car is put down beside blocks or wholly on one, not across an edge, where it would hang."""
+    """The start is outside each block or completely on it, not across its edge, where the car would not stand level."""
     half = (finite("length", ego.length, ego) / 2, finite("width", ego.width, ego) / 2)
     for piece in terrain:
-        if piece["kind"] not in BLOCKS:
+        if kind_of(piece).form != "block":
             continue
         reach = reach_m(piece)
         apart = math.hypot(piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"])
@@ -75,7 +74,7 @@ def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose]) -> None:
 
 
 def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: Any) -> None:
-    """The goal is not reached at the start already, lies ahead if it is a line, and no wall surrounds it."""
+    """The goal is not reached at the start already, is ahead of it if it is a line, and is not inside a high box."""
     dx_m, dy_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
     if goal["kind"] == "line":
         if (
@@ -83,7 +82,7 @@ def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: An
             <= STANDING_TOLERANCE_M
         ):
             raise UnusableError(
-                "the start is not before the goal line: the Goal has to face the way the car crosses it",
+                "the start is not before the goal line: the Goal must face the direction in which the car crosses it",
                 thing,
             )
         return
@@ -112,7 +111,7 @@ def _check_overlap(
 
 
 def _overlap(one: Pose, one_half: tuple[float, float], other: Pose, other_half: tuple[float, float]) -> bool:
-    """Whether two turned rectangles share an area: none of their four edge directions separates them."""
+    """Whether two rotated rectangles overlap (separating-axis theorem); half sizes are (along heading, across)."""
     for place, half, second, second_half in (
         (one, one_half, other, other_half),
         (other, other_half, one, one_half),
@@ -135,7 +134,7 @@ def _contains(
 
 
 def _corners_in(frame: Pose, place: Pose, half: tuple[float, float]) -> list[tuple[float, float]]:
-    """The corners of a rectangle in the frame of another: along its heading, to its left."""
+    """The corners of a rectangle in the frame of another one: (along its heading, to its left) in m."""
     cos, sin = math.cos(frame["heading_rad"]), math.sin(frame["heading_rad"])
     dx, dy = place["x_m"] - frame["x_m"], place["y_m"] - frame["y_m"]
     along, left = dx * cos + dy * sin, dy * cos - dx * sin

@@ -1,9 +1,9 @@
-"""Freezes parts of an environment: what is named keeps the value it has in a scene, the rest is sampled anew.
+"""Conditions an environment on a scene: named parts keep their values of that scene, the rest is sampled anew.
 
-Input: a compiled Scenic scenario and a scene of it. Effect: later samples of the scenario. Scenic's own `conditionOn`
-re-draws the noise of mutated objects with every sample, moving the objects of the given scene too; it knows only
-Objects; and what was placed relative to a conditioned object does not follow it. Here frozen objects are copies
-without noise, Points can be frozen, and the random values that an object brought into the program are frozen with it.
+Input: a compiled Scenic scenario and a scene of it. Output: none; later samples of the scenario are conditioned.
+Scenic's `conditionOn` does not suffice: it draws the noise of mutated objects again for every sample, which also moves
+the objects of the given scene; it accepts Objects only; and objects placed relative to a conditioned one do not follow
+it. Here frozen objects are copies without noise, Points can be frozen, and an object's random values with it.
 """
 
 import copy
@@ -34,22 +34,22 @@ def condition(
     names, listing the known ones.
     """
     if objects is None and params is None:
-        _freeze(scenario.dependencies, scene.sample, taken=set())
+        _freeze(scenario.dependencies, scene.sample, excluded=set())
         return
     things = _chosen_things(scenario, scene, objects or ())
     names = _chosen_params(scenario, params or ())
     owned = _ownership(scenario)
     for name in names:
-        _freeze([scenario.params[name]], scene.sample, taken=set())
+        _freeze([scenario.params[name]], scene.sample, excluded=set())
     for thing in things:
-        taken = {node for node, owner in owned.items() if owner is not thing}
-        _freeze([thing], scene.sample, taken)
+        excluded = {node for node, owner in owned.items() if owner is not thing}
+        _freeze([thing], scene.sample, excluded)
 
 
-def _freeze(roots: Collection[Any], sample: Any, taken: set[int]) -> None:
-    """Give the roots, and what they depend on but for ``taken`` (by identity), their values in ``sample``."""
+def _freeze(roots: Collection[Any], sample: Any, excluded: set[int]) -> None:
+    """Fix the roots and what they depend on at their values in ``sample``, except nodes with an id in ``excluded``."""
     for node in [node for root in roots for node in _reachable(root)]:
-        if id(node) in taken or node not in sample:
+        if id(node) in excluded or node not in sample:
             continue
         value = sample[node]
         if isinstance(node, Constructible):
@@ -59,7 +59,7 @@ def _freeze(roots: Collection[Any], sample: Any, taken: set[int]) -> None:
 
 
 def _reachable(root: Any) -> Iterator[Any]:
-    """Every random value that ``root`` is computed from, itself included, each once."""
+    """Every random value on which ``root`` depends, itself included, each once."""
     seen: set[int] = set()
     waiting = [root]
     while waiting:
@@ -67,26 +67,26 @@ def _reachable(root: Any) -> Iterator[Any]:
         if id(node) in seen or not isinstance(node, Samplable) or not needsSampling(node):
             continue
         seen.add(id(node))
-        # Scenic's pruning narrows distributions by conditioning them, before anybody else does.
+        # Scenic's pruning conditions distributions too, in order to narrow them.
         waiting += [*node._dependencies, *node._conditioned._dependencies]
         yield node
 
 
 def _ownership(scenario: Any) -> dict[int, Any]:
-    """Which parameter or object each random value belongs to: the first that depends on it."""
+    """The owner of each random value, by the value's id: the first parameter or object that depends on it."""
     owners: dict[int, Any] = {}
     for owner in [*scenario.params.values(), *scenario._instances]:
         for node in _reachable(owner):
-            # An object belongs to nobody else, whoever is placed relative to it.
+            # An object owns itself, even if others are placed relative to it.
             owners.setdefault(id(node), node if isinstance(node, Constructible) else owner)
     return owners
 
 
 def _without_noise(thing: Any) -> Any:
-    """A copy of a sampled object to which mutation does nothing."""
+    """A copy of a sampled object on which mutation has no effect."""
     twin = copy.copy(thing)
     if isinstance(thing, Object):
-        # Scenic reads an object's attributes from its dynamic copy, which is itself outside simulations.
+        # Scenic reads an object's attributes from its dynamic proxy, which outside simulations is the object itself.
         object.__setattr__(twin, "_dynamicProxy", twin)
     object.__setattr__(twin, "_conditioned", twin)
     object.__setattr__(twin, "mutationScale", 0)
@@ -111,7 +111,7 @@ def _chosen_things(scenario: Any, scene: Any, chosen: Collection[Any]) -> list[A
 
 
 def _named_instances(scenario: Any) -> dict[str, list[Any]]:
-    """The objects and points that each name of the program stands for."""
+    """The objects and points of the program by the names of its variables."""
     own = {id(thing) for thing in scenario._instances}
     known = {} if scenario.egoObject is None else {"ego": [scenario.egoObject]}
     for name, value in named_things(scenario).items():
@@ -122,7 +122,7 @@ def _named_instances(scenario: Any) -> dict[str, list[Any]]:
 
 
 def _unsampled(thing: Any) -> Any:
-    """The scenario's object: Scenic leaves samples of it in the program's globals when it checks requirements."""
+    """The scenario's object of a sampled one, which Scenic leaves in the globals when it checks requirements."""
     while isinstance(thing, Constructible) and thing._sampleParent is not None:
         thing = thing._sampleParent
     return thing

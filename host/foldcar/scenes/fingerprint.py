@@ -1,9 +1,9 @@
-"""What tells one environment from another without running it: a hash of all that its samples depend on.
+"""The fingerprint of an environment: a hash of everything on which its samples depend.
 
-Input: a Scenic program, its parameters and seed. Output: a hexadecimal SHA-256. Programs can import what
-stands beside them, so every Scenic and Python file of the program's folder counts, as do foldcar's folders of code
-that sample scenes (with the vocabulary) and that run a program beside the simulation, and Scenic's version. Too much
-in the hash only costs sampling anew: the key of a run without Scenic beside it has the scene itself.
+Input: a Scenic program, its parameters and seed. Output: a SHA-256 in hexadecimal digits. A program can import its
+neighbours, so the hash covers every Scenic and Python file of its folder; it also covers foldcar's folders of code that
+samples scenes (with the vocabulary) or runs Scenic beside the simulation, and Scenic's version. A changed hash causes
+only new sampling: the key of a run without Scenic beside it contains the scene itself.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ SOURCES = (".scenic", ".py")
 def environment_fingerprint(
     program: Path, params: Mapping[str, Any], seed: int, condition: Mapping[str, Any] | None = None
 ) -> str:
-    """The hash for ``program`` with ``params``, ``seed`` and what is frozen of it."""
+    """The fingerprint of ``program`` with ``params``, ``seed`` and ``condition`` (see open_environment)."""
     beside = {file.name: file for file in program.parent.glob("*") if file.suffix in SOURCES}
     head = [program.name, params, seed, condition, scenic_version(), scene_code()]
     digest = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
@@ -32,13 +32,13 @@ def environment_fingerprint(
 
 
 def spread_fingerprint(spread: Mapping[str, float], seed: int) -> str:
-    """The hash of what a spread's variations depend on."""
+    """The fingerprint of the variations drawn from a spread with ``seed``."""
     return hashlib.sha256(json.dumps([spread, seed, variation_code()], sort_keys=True).encode()).hexdigest()
 
 
 @cache
 def scene_code() -> str:
-    """The hash of foldcar's own code, vocabulary included, that samples scenes and runs Scenic beside carsim."""
+    """The hash of foldcar's code, vocabulary included, that samples scenes and runs Scenic beside carsim."""
     return _folders_digest(SCENE_FOLDERS)
 
 
@@ -49,12 +49,12 @@ def variation_code() -> str:
 
 
 def scenic_version() -> str:
-    """Version of the installed Scenic."""
+    """The version of the installed Scenic."""
     return version("scenic")
 
 
 def _folders_digest(folders: Sequence[Path]) -> str:
-    """A hash of every file below the folders but compiled Python."""
+    """The hash of names and contents of all files below the folders, except compiled Python."""
     digest = hashlib.sha256()
     for folder in folders:
         files = (file for file in folder.rglob("*") if file.is_file() and "__pycache__" not in file.parts)
@@ -65,6 +65,6 @@ def _folders_digest(folders: Sequence[Path]) -> str:
 def _add(digest: "hashlib._Hash", files: Mapping[str, Path]) -> None:
     for name in sorted(files):
         content = files[name].read_bytes()
-        # The length first, so that no two different lists of files run together to the same bytes.
+        # The length makes the encoding unambiguous: different lists of files give different bytes.
         digest.update(f"\n{name} {len(content)}\n".encode())
         digest.update(content)

@@ -1,7 +1,8 @@
-"""Compiles a Scenic program, refuses in one line what cannot be sampled, and tells what it needs to be simulated.
+"""Compiles a Scenic program and finds whether it is dynamic and whether it ends a simulation itself.
 
-`model model` is looked up beside the program first and in foldcar's vocabulary/ next, so that a program
-may stand in any folder. Scenic takes most of a second to import: it is imported where it is used.
+Input: a program's path and parameters. Output: Scenic's scenario; FoldcarError of one line for a program that cannot
+be sampled. `model model` is searched beside the program, then in foldcar's vocabulary/. Scenic takes most of a second to
+import: it is imported in the functions that use it.
 """
 
 import contextlib
@@ -18,19 +19,19 @@ from foldcar.scenes.time_limit import time_limit
 
 COMPILE_LIMIT_S = 30.0
 MOST_OBJECTS = 10_000
-# A folder of its own: Scenic finds the vocabulary on sys.path, where no module of foldcar may stand.
+# The vocabulary has its own folder: Scenic finds it on sys.path, which must not expose foldcar's modules.
 VOCABULARY_DIR = Path(__file__).resolve().parent / "vocabulary"
 
 
 def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
-    """The compiled scenario of ``program`` with ``params`` overriding its own. Raises FoldcarError."""
+    """The compiled scenario of ``program``, its parameters overridden by ``params``. Raises FoldcarError."""
     if not program.is_file():
         raise FoldcarError(f"{program}: no such Scenic program")
     if program.suffix != ".scenic":
         raise FoldcarError(f"{program}: a Scenic program's name ends in .scenic")
     scenario = _compile(program, {})
     if params:
-        # Scenic takes any name as an override: only the program as it stands tells which ones it declares.
+        # Scenic accepts any name as an override; compiling without overrides shows the declared names.
         _check_params(program, params, scenario.params)
         scenario = _compile(program, params)
     if len(scenario.objects) > MOST_OBJECTS:
@@ -38,21 +39,21 @@ def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
             f"{program}: {len(scenario.objects)} objects are above the limit {MOST_OBJECTS} of a scene"
         )
     if scenario.egoObject is None:
-        raise FoldcarError(f"{program}: no ego: the program has to say `ego = new Robot …`")
+        raise FoldcarError(f"{program}: no ego: the program must define `ego = new Robot …`")
     if scenario.externalParams:
         raise FoldcarError(f"{program}: an external sampler: its samples would depend on the ones before")
     return scenario
 
 
 def ends_itself(scenario: Any) -> bool:
-    """Whether the program has conditions of its own that end a simulation: it needs no Goal then."""
+    """Whether the program has its own termination conditions, so that it needs no Goal."""
     dynamic = scenario.dynamicScenario
     conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
     return bool(conditions) or dynamic._timeLimit is not None or dynamic._compose is not None
 
 
 def is_dynamic(scenario: Any) -> bool:
-    """Whether the program asks for anything that Scenic evaluates while a simulation runs."""
+    """Whether the program has parts that Scenic evaluates during a simulation."""
     dynamic = scenario.dynamicScenario
     return (
         ends_itself(scenario)
@@ -63,7 +64,7 @@ def is_dynamic(scenario: Any) -> bool:
 
 
 def one_line(error: BaseException, program: Path) -> str:
-    """The error as one line that names the line of the program, if it tells."""
+    """The error as one line, with the line of the program if the error has one."""
     where = ""
     lines = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__)]
     file, line = getattr(error, "filename", None), getattr(error, "lineno", None)
@@ -78,7 +79,7 @@ def one_line(error: BaseException, program: Path) -> str:
 
 def _compile(program: Path, params: Mapping[str, Any]) -> Any:
     with warnings.catch_warnings():
-        # Scenic would show every uncaught error its own way, and warns if another library was there first.
+        # Scenic installs an excepthook, and warns if another library has installed one before.
         warnings.filterwarnings("ignore", message="unable to install sys.excepthook")
         import scenic
 
@@ -107,7 +108,7 @@ def _check_params(program: Path, params: Mapping[str, Any], declared: Mapping[st
             known = ", ".join(sorted(declared)) or "none"
             raise FoldcarError(f"{program}: param {name}: unknown; the program's parameters are: {known}")
         if _is_number(declared[name]) and not _is_number(value):
-            raise FoldcarError(f"{program}: param {name}: {value!r} is no number")
+            raise FoldcarError(f"{program}: param {name}: {value!r} is not a number")
         if _is_number(value) and not math.isfinite(value):
             raise FoldcarError(f"{program}: param {name}: {value} is not finite")
 

@@ -1,24 +1,24 @@
-"""The global variables of a compiled Scenic program: which objects they name, and their values before a run.
+"""The global variables of a compiled Scenic program: the objects they name, and their values before a run.
 
-Monitors and functions of a program may change globals while a simulation runs. Results must not depend on what ran
-before, so each run is given the values that compiling left.
+Input: a compiled scenario. Output: its names, and a snapshot to restore. A program's monitors and functions may change
+globals during a simulation; each run starts with the values after compiling, so that it does not depend on earlier runs.
 """
 
 from typing import Any
 
 
 class ProgramGlobals:
-    """Remembers a program's globals as they are now; lists, dicts and sets by their content."""
+    """A snapshot of a program's globals; lists, dicts and sets are copied."""
 
     def __init__(self, scenario: Any) -> None:
         self._namespace = namespace(scenario)
         self._values = dict(self._namespace)
-        # `__builtins__` and its like are the interpreter's, which every module of the process shares.
+        # `__builtins__` and similar names belong to the interpreter and are shared by all modules.
         own = (value for name, value in self._values.items() if not name.startswith("__"))
         self._contents = [(value, value.copy()) for value in own if type(value) in (list, dict, set)]
 
     def restore(self) -> None:
-        """Make them again what they were."""
+        """Restore the globals to the snapshot."""
         self._namespace.clear()
         self._namespace.update(self._values)
         for container, content in self._contents:
@@ -30,7 +30,7 @@ class ProgramGlobals:
 
 
 def namespace(scenario: Any) -> dict[str, Any]:
-    """The globals of the module that a compiled scenario stands in."""
+    """The globals of the module of a compiled scenario."""
     dynamic = scenario.dynamicScenario
     block = dynamic._setup or dynamic._compose
     found: dict[str, Any] = block.__globals__ if dynamic._dummyNamespace is None else dynamic._dummyNamespace
@@ -38,7 +38,7 @@ def namespace(scenario: Any) -> dict[str, Any]:
 
 
 def named_things(scenario: Any) -> dict[str, Any]:
-    """What the program's names stand for: its globals and, of a modular scenario, the names in its `setup`."""
+    """The program's variables by name: its globals and, in a modular scenario, the names of its `setup`."""
     dynamic = scenario.dynamicScenario
     names = {name: value for name, value in namespace(scenario).items() if not name.startswith("_")}
     if dynamic._dummyNamespace is None:

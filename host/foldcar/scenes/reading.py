@@ -1,17 +1,18 @@
-"""Reads numbers and poses off the objects of a sampled Scenic scene, for the modules that make JSON of it.
+"""Reads numbers and poses from the objects of a sampled Scenic scene.
 
-The one place where Scenic's headings (0 along +y) become the simulator's (0 along +x).
+Input: Scenic objects. Output: finite, rounded numbers in m and rad. Scenic's headings (0 along +y) are converted to the
+simulator's (0 along +x) here and nowhere else.
 """
 
 import math
 from typing import Any
 
-# Scenes are hashed and compared as text: rounding hides the last bits, in which machines may differ.
+# Scenes are hashed and compared as text: rounding removes the last bits, in which machines may differ.
 DECIMALS = 9
 
 
 class UnusableError(Exception):
-    """What the simulator cannot represent; ``thing`` is the object of the scene at fault, if one is."""
+    """A scene that the simulator cannot represent; ``thing`` is the Scenic object at fault, or None."""
 
     def __init__(self, message: str, thing: Any = None) -> None:
         super().__init__(message if thing is None else f"{_name(thing)}: {message}")
@@ -19,28 +20,28 @@ class UnusableError(Exception):
 
 
 def is_a(thing: Any, kind: str) -> bool:
-    """Whether an object is of the class of that name in model.scenic, or of one derived from it."""
+    """Whether an object is an instance of model.scenic's class ``kind``."""
     return any(ancestor.__name__ == kind for ancestor in type(thing).__mro__)
 
 
 def finite(name: str, value: Any, thing: Any = None) -> float:
-    """``value`` as a rounded float; UnusableError if it is none or not finite."""
+    """``value`` as a rounded float; UnusableError, which names ``name``, if it is not a finite number."""
     try:
         value_read = float(value)
     except (TypeError, ValueError):
-        raise UnusableError(f"{name}: {value} is no number", thing) from None
+        raise UnusableError(f"{name}: {value} is not a number", thing) from None
     if not math.isfinite(value_read):
         raise UnusableError(f"{name}: {value_read} is not finite", thing)
     return rounded(value_read)
 
 
 def rounded(value: float) -> float:
-    """Rounded to the decimals that scenes have; never -0.0."""
+    """The value rounded to DECIMALS digits; never -0.0."""
     return round(value, DECIMALS) + 0.0
 
 
 def pose(thing: Any) -> dict[str, float]:
-    """Place (m) and heading (rad, from +x counter-clockwise, within ±π) in the simulator's frame."""
+    """Position (``x_m``, ``y_m``) and heading (rad, from +x counter-clockwise, within ±π) in the simulator's frame."""
     heading_rad = math.remainder(finite("heading", thing.heading, thing) + math.pi / 2, 2 * math.pi)
     return {
         "x_m": finite("x", thing.position.x, thing),
@@ -50,9 +51,9 @@ def pose(thing: Any) -> dict[str, float]:
 
 
 def param(scene: Any, name: str) -> float:
-    """A parameter that model.scenic declares."""
+    """The value of a parameter that model.scenic declares; UnusableError if it is missing or not a finite number."""
     if name not in scene.params:
-        raise UnusableError(f"param {name} is missing: the program has to begin with `model model`")
+        raise UnusableError(f"param {name} is missing: the program must begin with `model model`")
     return finite(f"param {name}", scene.params[name])
 
 

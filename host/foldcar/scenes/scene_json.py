@@ -1,7 +1,7 @@
-"""Turns a sampled Scenic scene into the "scene" of docs/carsim.md, or says in one line why it cannot.
+"""Converts a sampled Scenic scene to the "scene" object of docs/carsim.md.
 
-Objects are recognised by the class names of vocabulary/model.scenic; a class derived from one of them in a
-program counts as what it derives from.
+Input: a Scenic scene. Output: JSON, or a FoldcarError of one line. Objects are recognised by the classes of
+vocabulary/model.scenic, from which a program may derive its own.
 """
 
 from pathlib import Path
@@ -26,8 +26,8 @@ COURSE_SIDES = ("x_min", "x_max", "y_min", "y_max")
 def scene_object(scene: Any, program: Path, where: str, needs_goal: bool = True) -> dict[str, Any]:
     """The scene in metres and radians, without an id.
 
-    ``where`` stands in a FoldcarError's message after the program's name. Without ``needs_goal`` the program
-    may place no Goal, and the scene's is None then.
+    ``where`` follows the program's name in the messages of FoldcarErrors. Without ``needs_goal`` a program may have
+    no Goal, and the scene's goal is None then.
     """
     try:
         return _scene_object(scene, needs_goal)
@@ -62,16 +62,16 @@ def _scene_object(scene: Any, needs_goal: bool) -> dict[str, Any]:
             if thing is not ego:
                 raise UnusableError("is a second Robot: only the ego drives", thing)
         elif not is_a(thing, "Marker"):
-            raise UnusableError("is none of model.scenic's Terrain, Marker, Goal or Robot", thing)
+            raise UnusableError("is not one of model.scenic's Terrain, Marker, Goal or Robot", thing)
     start = pose(ego)
     check_free_start(start, ego, terrain)
     goal = _goal(goals[0]) if goals else None
     if len(goals) > 1:
-        raise UnusableError("is a second Goal: the program has to place exactly one", goals[1])
+        raise UnusableError("is a second Goal: the program must place exactly one", goals[1])
     if goal is not None:
         check_goal_ahead(start, goal, terrain, goals[0])
     elif needs_goal:
-        raise UnusableError("no Goal: the program has to place one, or to say `terminate when …`")
+        raise UnusableError("no Goal: the program must place one, or declare `terminate when …`")
     return {"friction": friction, "terrain": terrain, "start": start, "goal": goal, "course": course}
 
 
@@ -86,9 +86,9 @@ def _goal(thing: Any) -> dict[str, Any]:
 
 
 def _line(thing: Any, program: Path) -> str:
-    """Where the program, or one it imports, creates ``thing``."""
+    """The line, as a prefix of messages, on which the program or one that it imports creates ``thing``."""
     file, line = getattr(thing, "creationLine", ("", 0))
-    # Scenic puts what is created behind `ego =` on line 1, where a program has its `model model`.
+    # Scenic reports line 1, that of `model model`, for an object created in `ego = …`.
     if line <= 1:
         return ""
     same = Path(file).resolve() == program.resolve()

@@ -1,8 +1,8 @@
-"""Environments: a Scenic program, its parameters and a seed in, plain JSON scenes (docs/carsim.md) out.
+"""Compiles one Scenic program and samples scenes from it. (study/environments.py adds an experiment's car and store.)
 
-Sample k depends on nothing but (program, parameters, seed, what is frozen, k), so that every design meets the same scenes
-whatever number of them is asked for, in whatever order. The state of Python's and numpy's global generators,
-which Scenic draws from, is given back afterwards.
+Input: a program, its parameters, a seed, optionally a condition. Output: scenes as JSON (docs/carsim.md). Sample k
+depends only on (program, parameters, seed, condition, k), so that every design meets the same scenes, independent of
+their number and order. Scenic draws from the global generators of Python and numpy; their states are restored.
 """
 
 import contextlib
@@ -19,13 +19,13 @@ from foldcar.scenes.program import compile_program, ends_itself, is_dynamic, one
 from foldcar.scenes.scene_json import scene_object
 from foldcar.scenes.time_limit import time_limit
 
-# Scenic's own default: a program that fails this often has requirements that hardly ever hold.
+# Scenic's default. A program whose samples are rejected this often has requirements that are almost never fulfilled.
 MAX_ITERATIONS = 2000
 SAMPLE_LIMIT_S = 10.0
 
 
 class SceneSource:
-    """A compiled environment. Made by :func:`open_environment`."""
+    """A compiled program from which scenes are sampled. Made by :func:`open_environment`."""
 
     def __init__(self, program: Path, scenario: Any, seed: int) -> None:
         self.program = program
@@ -34,19 +34,19 @@ class SceneSource:
 
     @property
     def dynamic(self) -> bool:
-        """Whether a simulation of its scenes needs Scenic beside carsim: the program decides or records then."""
+        """Whether the program has parts that Scenic must evaluate during a simulation, beside carsim."""
         return is_dynamic(self.scenario)
 
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
 
         Lengths in metres, angles in radians, rounded to 1e-9. Raises FoldcarError if the program rejects
-        every sample, fails or takes longer than SAMPLE_LIMIT_S, or makes what the simulator cannot represent.
+        every sample, fails, takes longer than SAMPLE_LIMIT_S, or the simulator cannot represent the scene.
         """
         return self.describe(self.scenic_scene(k), k)
 
     def scenic_scene(self, k: int) -> Any:
-        """Sample ``k`` as Scenic's own Scene. Raises FoldcarError like :meth:`sample`."""
+        """Sample ``k`` as a Scenic Scene. Raises FoldcarError like :meth:`sample`."""
         from scenic.core.distributions import RejectionException
 
         if k < 0:
@@ -60,35 +60,35 @@ class SceneSource:
         except RejectionException:
             raise FoldcarError(
                 f"{self.program}: sample {k}: Scenic rejected all {MAX_ITERATIONS} tries, "
-                f"the last because of {self._rejection_reason(k)}; loosen what the program requires"
+                f"the last because of {self._rejection_reason(k)}; relax the program's requirements"
             ) from None
         except FoldcarError:
             raise
         except Exception as error:
             raise FoldcarError(f"{self.program}: sample {k}: {one_line(error, self.program)}") from error
-        # Scenic would check all again when the car has been put down, soft ones that this sample was let off too.
+        # Scenic would check all requirements again in the simulation, also soft ones that this sample need not fulfil.
         scene.temporalRequirements = tuple(
             one for one in scene.temporalRequirements if one.proposition.has_temporal_operator
         )
         return scene
 
     def describe(self, scene: Any, k: int) -> dict[str, Any]:
-        """The "scene" object of a Scene that is sample ``k``. Raises FoldcarError."""
+        """The "scene" object of docs/carsim.md for sample ``k``'s Scene. Raises FoldcarError."""
         with time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"):
             return scene_object(scene, self.program, f"sample {k}", not ends_itself(self.scenario))
 
     def _rejection_reason(self, k: int) -> str:
-        """What Scenic prints about a rejected try; it keeps the reason nowhere else."""
+        """The reason for a rejection, read from Scenic's output, the only place where Scenic reports it."""
         from scenic.core.distributions import RejectionException
 
-        said = io.StringIO()
+        printed = io.StringIO()
         with (
             seeded(f"{self.seed}/{k}"),
-            contextlib.redirect_stdout(said),
+            contextlib.redirect_stdout(printed),
             contextlib.suppress(RejectionException),
         ):
             self.scenario.generate(maxIterations=1, verbosity=2)
-        return " ".join(said.getvalue().rpartition("because of")[2].split()) or "its requirements"
+        return " ".join(printed.getvalue().rpartition("because of")[2].split()) or "its requirements"
 
 
 def open_environment(
@@ -99,8 +99,8 @@ def open_environment(
 ) -> SceneSource:
     """Compile ``program`` with ``params`` in place of its own parameters.
 
-    ``condition`` freezes parts of the environment as they are in one of its samples, for all samples:
-    {"sample": its number, "objects": names, "params": names}; without either names, everything.
+    ``condition`` fixes parts of the environment at their values in one of its samples:
+    {"sample": its number, "objects": names, "params": names}; without "objects" and "params", everything.
 
     Raises FoldcarError in one line if the file is missing or does not compile, if a parameter or a name is
     unknown or of the wrong type, or if samples would depend on one another.
@@ -121,7 +121,7 @@ def open_environment(
 
 @contextlib.contextmanager
 def seeded(text: str) -> Iterator[None]:
-    """Seed the global generators from ``text`` for a while; what a program prints goes to stderr."""
+    """Within the block, seed the global random generators from ``text`` and redirect stdout to stderr."""
     import numpy
 
     digest = hashlib.sha256(text.encode()).digest()

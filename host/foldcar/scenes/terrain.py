@@ -1,7 +1,7 @@
-"""Turns the Terrain objects of a sampled Scenic scene into the terrain pieces of docs/carsim.md.
+"""Converts the Terrain objects of a sampled Scenic scene to the terrain pieces of docs/carsim.md.
 
-An object says by its method ``pieces`` what it is made of, in its own frame; here the pieces are put where
-the object is, and every size is held against the simulator's limits.
+Input: an object, whose method ``pieces`` returns its pieces in its own frame. Output: the pieces in the simulator's
+frame, with all values checked against the simulator's limits.
 """
 
 import math
@@ -9,68 +9,38 @@ from collections.abc import Mapping
 from typing import Any
 
 from foldcar.scenes.reading import UnusableError, finite, pose, rounded
+from foldcar.scenes.terrain_kinds import HEIGHT_M, KINDS, kind_of
 
-# Lengths below a millimetre vanish in the simulator's contacts. No wheel of a design is larger than 0.15 m:
-# nothing higher than 1 m tells cars apart, and such a height is surely one in millimetres or centimetres.
-SIDE_M = (0.001, 100.0)
-SPREAD_M = (0.005, 100.0)
-EDGE_M = (0.002, 100.0)
-HEIGHT_M = (0.0001, 1.0)
 PLACE_M = (-1000.0, 1000.0)
 TURN_RAD = (-100.0, 100.0)
 
-KINDS: Mapping[str, Mapping[str, tuple[float, float]]] = {
-    "box": {"length_m": SIDE_M, "width_m": SIDE_M, "height_m": HEIGHT_M},
-    "ramp": {"length_m": SIDE_M, "width_m": SIDE_M, "height_m": HEIGHT_M},
-    "half_round": {"length_m": SIDE_M, "width_m": SIDE_M, "height_m": HEIGHT_M},
-    "hill": {"sd_along_m": SPREAD_M, "sd_across_m": SPREAD_M, "height_m": (-HEIGHT_M[1], HEIGHT_M[1])},
-    "pothole": {"radius_m": EDGE_M, "depth_m": HEIGHT_M, "edge_m": EDGE_M},
-    "rough": {
-        "length_m": SIDE_M,
-        "width_m": SIDE_M,
-        "height_sd_m": (0.0, HEIGHT_M[1]),
-        "correlation_m": SIDE_M,
-        "seed": (0.0, 2.0**31 - 1),
-    },
-    "patch": {"length_m": SIDE_M, "width_m": SIDE_M, "friction": (0.0, 5.0)},
-}
-# A pothole is round, and has no heading.
 PLACE_KEYS = {"x_m": PLACE_M, "y_m": PLACE_M, "heading_rad": TURN_RAD}
 MOST_PIECES = 10_000
-# The simulator makes a grid of rough ground, of cells an eighth of its correlation length.
+# The simulator represents rough ground as a grid with cells of an eighth of the correlation length.
 GRID_FINENESS = 8
 MOST_NODES = 4_000_000
 
 
 def terrain_pieces(thing: Any) -> list[dict[str, Any]]:
-    """The pieces of a Terrain object, placed; metres and radians. Raises UnusableError."""
+    """The pieces of a Terrain object in the simulator's frame (m, rad). Raises UnusableError."""
     try:
         parts = list(thing.pieces())
     except Exception as error:
         raise UnusableError(f"{type(error).__name__}: {error}", thing) from error
     if not parts:
-        raise UnusableError("is made of no pieces", thing)
+        raise UnusableError("has no pieces", thing)
     place = pose(thing)
     return [_placed(_checked(part, thing), place) for part in parts]
 
 
-def reach_m(piece: Mapping[str, Any]) -> tuple[float, float]:
-    """How far a piece's ground reaches from its middle, along its heading and across (m)."""
-    if piece["kind"] == "hill":
-        return 4 * piece["sd_along_m"], 4 * piece["sd_across_m"]
-    if piece["kind"] == "pothole":
-        return piece["radius_m"], piece["radius_m"]
-    return piece["length_m"] / 2, piece["width_m"] / 2
-
-
 def _checked(part: Any, thing: Any) -> dict[str, Any]:
-    """A piece in its object's frame with all keys of its kind, each a number within its limits."""
+    """A piece in its object's frame with all keys of its kind, each checked to be a number within its limits."""
     if not isinstance(part, Mapping) or part.get("kind") not in KINDS:
         raise UnusableError(
-            f"{part!r} is no piece of terrain; its kind has to be one of {', '.join(KINDS)}", thing
+            f"{part!r} is not a piece of terrain; its kind must be one of {', '.join(KINDS)}", thing
         )
     kind = part["kind"]
-    sizes = KINDS[kind]
+    sizes = KINDS[kind].sizes
     unknown = [key for key in part if key != "kind" and key not in sizes and key not in PLACE_KEYS]
     if unknown:
         raise UnusableError(f"{kind}: unknown key {unknown[0]}; its keys are {', '.join(sizes)}", thing)
@@ -103,7 +73,7 @@ def _check_rough(piece: dict[str, Any], thing: Any) -> None:
             thing,
         )
     if piece["seed"] != int(piece["seed"]):
-        raise UnusableError(f"rough: seed: {piece['seed']:g} is no whole number", thing)
+        raise UnusableError(f"rough: seed: {piece['seed']:g} is not a whole number", thing)
     piece["seed"] = int(piece["seed"])
 
 
@@ -124,7 +94,7 @@ def _within(name: str, value: Any, limits: tuple[float, float], thing: Any) -> f
 
 
 def _placed(part: dict[str, Any], place: Mapping[str, float]) -> dict[str, Any]:
-    """The piece moved from its object's frame into the world's."""
+    """The piece in the world's frame; ``place`` is its object's pose."""
     cos, sin = math.cos(place["heading_rad"]), math.sin(place["heading_rad"])
     ahead, left = part["x_m"], part["y_m"]
     piece = {
@@ -133,6 +103,6 @@ def _placed(part: dict[str, Any], place: Mapping[str, float]) -> dict[str, Any]:
         "y_m": rounded(place["y_m"] + ahead * sin + left * cos),
         "heading_rad": rounded(math.remainder(place["heading_rad"] + part["heading_rad"], 2 * math.pi)),
     }
-    if piece["kind"] == "pothole":
+    if kind_of(piece).shape == "disc":
         del piece["heading_rad"]
     return piece

@@ -1,7 +1,8 @@
-"""Interrupts Python code that takes too long, such as a Scenic program that loops.
+"""Interrupts Python code that takes too long, such as a Scenic program with an endless loop.
 
-Works in the main thread of a process, where Python delivers signals; in other threads there is no limit.
-What runs outside Python, in a library's C code, ends before it is interrupted.
+The limit is one of processor time, so that a busy machine refuses nothing that a quiet one accepts; code that waits
+instead of computing is interrupted after WALL_FACTOR times as long. It works in the main thread only, to which Python
+delivers signals; other threads have none. C code of a library is interrupted when it returns to Python.
 """
 
 import contextlib
@@ -12,17 +13,22 @@ from typing import Any
 
 from foldcar.errors import FoldcarError
 
-# An `except` clause or a destructor of the code can swallow one interruption: there are more.
+WALL_FACTOR = 20
+# The interruption is repeated, because an `except` clause or a destructor can suppress one.
 REPEAT_S = 0.5
 
 
 class _TimeUpError(BaseException):
-    """Not an Exception, lest a program that handles errors goes on."""
+    """Raised by the signals' handler; a BaseException, which `except Exception` does not catch."""
 
 
 @contextlib.contextmanager
 def time_limit(limit_s: float, what: str) -> Iterator[None]:
-    """Raise FoldcarError, beginning with ``what``, if the block takes longer than ``limit_s``."""
+    """Raise a FoldcarError that begins with ``what`` if the block needs more than ``limit_s`` of processor time.
+
+    The time is that of the whole process. The block is also interrupted WALL_FACTOR * ``limit_s`` of wall time after
+    its beginning.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -34,16 +40,21 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
             up = True
             raise _TimeUpError
 
-    previous = signal.signal(signal.SIGALRM, interrupt)
-    outer_s, outer_repeat_s = signal.setitimer(signal.ITIMER_REAL, limit_s, REPEAT_S)
+    timers = (
+        (signal.SIGPROF, signal.ITIMER_PROF, limit_s),
+        (signal.SIGALRM, signal.ITIMER_REAL, WALL_FACTOR * limit_s),
+    )
+    handlers = [signal.signal(number, interrupt) for number, _, _ in timers]
+    outer = [signal.setitimer(timer, seconds, REPEAT_S) for _, timer, seconds in timers]
     try:
         yield
     except (_TimeUpError, Exception):
-        # A library may have made an error of its own of the interruption: ctypes does.
+        # Some libraries, such as ctypes, convert the interruption to another error.
         if not up:
             raise
         raise FoldcarError(f"{what} takes longer than the limit of {limit_s:g} s") from None
     finally:
         inside = False
-        signal.setitimer(signal.ITIMER_REAL, outer_s, outer_repeat_s)
-        signal.signal(signal.SIGALRM, previous)
+        for (number, timer, _), handler, (seconds, repeat_s) in zip(timers, handlers, outer, strict=True):
+            signal.setitimer(timer, seconds, repeat_s)
+            signal.signal(number, handler)

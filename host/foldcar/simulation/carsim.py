@@ -16,11 +16,10 @@ from typing import Any
 from foldcar.car.firmware_parameters import TableRow
 from foldcar.simulation.carsim_limits import CarsimLimits, TrialRules
 from foldcar.simulation.process_ending import process_ending
-from foldcar.simulation.results import NATIVE_OUTCOMES, NUMBERS
+from foldcar.simulation.results import METRICS, NATIVE_OUTCOMES
 from foldcar.simulation.runner import CarsimError, RunRequest
 
 BINARY_VARIABLE = "FOLDCAR_CARSIM"
-DISTANCE = "distance_to_target_m"
 BUILT_BINARY = Path(".pio", "build", "carsim", "program")
 
 
@@ -172,7 +171,9 @@ class Carsim:
                 )
                 raise CarsimError(f"{self.binary} refuses {what}: {error['message']}")
             sound = answer["outcome"] in NATIVE_OUTCOMES and all(
-                math.isfinite(answer[key]) for key in NUMBERS if answer[key] is not None or key != DISTANCE
+                math.isfinite(answer[metric.name])
+                for metric in METRICS
+                if answer[metric.name] is not None or not metric.optional
             )
         except (ValueError, TypeError, KeyError, IndexError) as error:
             raise CarsimError(f"{self.binary}: answered what is no result: {line[:80]}") from error

@@ -48,15 +48,20 @@ class SteppedTrial(Protocol):
     """What Scenic needs of an engine: SteppedCarsim's methods of these names."""
 
     @property
-    def alive(self) -> bool: ...
+    def alive(self) -> bool:
+        """Whether the engine runs and has answered every request."""
 
-    def start(self, body: str, scene: str, settings: str) -> Advanced: ...
+    def start(self, body: str, scene: str, settings: str) -> Advanced:
+        """Start a trial."""
 
-    def advance(self, to_s: float) -> Advanced: ...
+    def advance(self, to_s: float) -> Advanced:
+        """Advance to that time of the trial (s), or to its end."""
 
-    def rows(self) -> list[State]: ...
+    def rows(self) -> list[State]:
+        """The states at every step of the last advance."""
 
-    def end(self, row: int) -> dict[str, Any]: ...
+    def end(self, row: int) -> dict[str, Any]:
+        """End the trial at that row of the last advance; returns its result."""
 
 
 class SteppedCarsim:

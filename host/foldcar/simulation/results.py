@@ -1,19 +1,37 @@
-"""What a run gave: the row that stores keep, exports write and reports read."""
+"""The result of a run: the row that stores contain, exports write and reports read."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-# What carsim itself reports, best first.
+# The outcomes that carsim reports, best first.
 NATIVE_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "fault")
 
-# Every outcome, in the order of tables, legends and stacked bars: the program ended the run, one of its
-# requirements was violated while it ran, or the run crashed and has no numbers.
+# Every outcome, in the order of tables, legends and stacked bars: terminated by the Scenic program, rejected for a
+# violated requirement, failed without numbers.
 OUTCOMES = (*NATIVE_OUTCOMES, "terminated", "rejected", "failed")
 
 
-# The numbers of a run's answer, whoever simulated it; the distance is None without a goal.
-NUMBERS = ("elapsed_time_s", "distance_to_target_m", "consumed_energy_j", "max_roll_rad", "max_pitch_rad")
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """A number that a run results in. ``optional`` ones are None in some runs that did not fail."""
+
+    name: str
+    unit: str
+    meaning: str
+    optional: bool = False
+
+
+# The metrics of a run's answer (docs/carsim.md), whoever simulated it. The store has a column for each, and stores
+# written before a metric was entered here get one; a metric is taken out only with a new version of the store.
+METRICS = (
+    Metric("elapsed_time_s", "s", "time from the start of the run to its end"),
+    Metric("distance_to_target_m", "m", "distance in the ground plane from car to target at the end", optional=True),
+    Metric("consumed_energy_j", "J", "electrical energy drawn from the servo supply"),
+    Metric("max_roll_rad", "rad", "largest magnitude of roll"),
+    Metric("max_pitch_rad", "rad", "largest magnitude of pitch"),
+)
+NUMBERS = tuple(metric.name for metric in METRICS)
 
 
 def outcome_of(answer: Mapping[str, Any]) -> str:
@@ -23,9 +41,9 @@ def outcome_of(answer: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What a program recorded under a name: ``kind`` is ``initial``, ``final`` or ``series``.
+    """A value that a program recorded: ``kind`` is ``initial``, ``final`` or ``series``.
 
-    ``value`` is plain JSON; that of a series is a list of [time in s, value].
+    ``value`` is JSON; that of a series is a list of [time in s, value].
     """
 
     kind: str
@@ -36,9 +54,8 @@ class Recorded:
 class Result:
     """One run of one design in one sampled environment.
 
-    ``design`` maps the design's parameters to their values, units in the names (``width_mm``). The
-    distance is from the car's middle to the target, in the ground plane, and None where there is none; the
-    energy is electrical. A failed run has ``message`` and no numbers.
+    ``metrics`` maps every name of METRICS to its number, None where the run has none. ``design`` maps the design's
+    parameters to their values, units in the names (``width_mm``). A failed run has ``message`` and no numbers.
     """
 
     experiment: str
@@ -46,11 +63,7 @@ class Result:
     environment: str
     sample: int
     outcome: str
-    elapsed_time_s: float | None
-    distance_to_target_m: float | None
-    consumed_energy_j: float | None
-    max_roll_rad: float | None
-    max_pitch_rad: float | None
+    metrics: Mapping[str, float | None]
     message: str | None
     design: Mapping[str, float | str]
     recorded: Mapping[str, Recorded]

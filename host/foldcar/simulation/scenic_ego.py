@@ -1,11 +1,11 @@
-"""Shows the simulated car to a Scenic program: writes a state of carsim into the program's ego.
+"""Writes a state of carsim into the ego of a Scenic program.
 
-Input: a state. Output: the ego's position (the middle of the car; its z is that of the scene plus what the car has
-risen since the start), orientation, speed, velocities and `consumedEnergy` (J).
+Input: a state. Output: the ego's position (the centre of the car; its z is that of the scene plus the car's rise since
+the start), orientation, speed, velocities and `consumedEnergy` (J).
 
-This happens some hundred times a run. Scenic's own updateObjects would check types, compute orientations through
-Euler angles and call every cache's clearer, which takes several times as long; tests compare with it. An orientation,
-which costs as much as all the rest and which few programs read, is made when it is read.
+This is done some hundred times per run. Scenic's updateObjects would check types, compute orientations through Euler
+angles and clear every cache, which takes several times as long; tests compare with it. The orientation, which takes
+as long to compute as everything else and which few programs read, is computed when it is read.
 """
 
 import functools
@@ -17,18 +17,18 @@ from scipy.spatial.transform import Rotation
 
 from foldcar.simulation.carsim_step import State
 
-# What Scenic derives from yaw, pitch and roll.
+# Properties that Scenic derives from yaw, pitch and roll.
 DERIVED = {"orientation", "heading"}
 CACHE_PREFIX = "_cached_"
-# Where the ego keeps the angles that its orientation is made of.
+# The attribute that stores the angles of the orientation.
 ANGLES = "_shown_angles_rad"
 
 
 class ShownEgo:
-    """The ego of a running simulation. Made after Scenic has created its dynamic copy."""
+    """The ego of a running simulation; constructed after Scenic has created the ego's dynamic copy."""
 
     def __init__(self, ego: Any, start: State) -> None:
-        # The copy stands in for the ego while a simulation runs; its dictionary is written past Scenic's proxy.
+        # The copy represents the ego during a simulation; writing its dictionary bypasses Scenic's proxy.
         self._copy = object.__getattribute__(ego, "_dynamicProxy")
         own: Any = type(ego)
         object.__setattr__(self._copy, "__class__", _shown_class(own))
@@ -41,11 +41,11 @@ class ShownEgo:
 
     @property
     def position(self) -> Any:
-        """Where the ego is shown, as a Scenic vector."""
+        """The ego's current position as a Scenic vector (m)."""
         return self._attributes["position"]
 
     def show(self, state: State) -> None:
-        """Make ``state`` what the program sees."""
+        """Set the ego's properties to those of ``state``."""
         yaw = math.remainder(state.heading_rad - math.pi / 2, 2 * math.pi)
         angles = yaw, state.pitch_rad, state.roll_rad
         local: tuple[float, ...] = angles
@@ -74,11 +74,11 @@ class ShownEgo:
 
 
 class _OrientationWhenRead:
-    """An attribute of the shown ego, for as long as its dictionary has none of the name."""
+    """A descriptor that computes the ego's orientation when it is first read and stores it in the ego's dictionary."""
 
     def __get__(self, ego: Any, owner: type) -> Any:
         if ego is None:
-            # Scenic refuses properties that its classes seem to have already.
+            # Scenic refuses properties that its classes have already.
             raise AttributeError("orientation")
         attributes = ego.__dict__
         orientation = attributes["orientation"] = _orientation(*attributes[ANGLES])
@@ -87,12 +87,12 @@ class _OrientationWhenRead:
 
 @functools.lru_cache(maxsize=8)
 def _shown_class(own: Any) -> Any:
-    """The ego's class with orientations made when read. Having its defaults, it is none that Scenic works out anew."""
+    """A subclass of the ego's class with orientations computed when read; it inherits the defaults of its properties."""
     return type(own.__name__, (own,), {"_defaults": own._defaults, "orientation": _OrientationWhenRead()})
 
 
 def _orientation(yaw: float, pitch: float, roll: float) -> Any:
-    """Scenic's orientation: turned by yaw about z, then by pitch about its own x, then by roll about its own y."""
+    """Scenic's orientation: intrinsic rotations by yaw about z, then pitch about x, then roll about y (rad)."""
     cz, sz = math.cos(yaw / 2), math.sin(yaw / 2)
     cx, sx = math.cos(pitch / 2), math.sin(pitch / 2)
     cy, sy = math.cos(roll / 2), math.sin(roll / 2)

@@ -1,16 +1,19 @@
-"""A store opened to be written: transactions, and texts kept once under their hash.
+"""A store opened to be written: transactions, rows with their checksums, texts kept once under their hash.
 
-Sweeps (writer.py) and trials (trial_writer) write through it, one process at a time.
+Sweeps (writer.py) and trials (trial_writer) write through it, one process at a time. What is read is verified.
 """
 
 import contextlib
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from sqlite3 import Connection
 from typing import Any
 
-from foldcar.store.schema import StoreError, close_writing, open_writing, store_errors, writer_lock
+from foldcar.store.errors import StoreError, store_errors
+from foldcar.store.migrations import transaction
+from foldcar.store.rows import Row, insert_sql, key_text, read_rows, stored
+from foldcar.store.tables import BY_NAME, CHECKSUM, Table
 
 
 class StoreConnection:
@@ -22,16 +25,51 @@ class StoreConnection:
 
     def _put_text(self, table: str, text: str, identity: str = "") -> int:
         digest = hashlib.sha256((text + identity).encode()).hexdigest()
-        self._run(f"INSERT OR IGNORE INTO {table} (hash, json) VALUES (?, ?)", digest, text)
-        return self._id_of(table, "hash", digest)
+        return self._identify(table, "hash", digest, json=text)
 
-    def _identify(self, table: str, column: str, value: str) -> int:
-        self._run(f"INSERT OR IGNORE INTO {table} ({column}) VALUES (?)", value)
-        return self._id_of(table, column, value)
+    def _identify(self, table: str, column: str, value: str, **others: Any) -> int:
+        """The id of the row with that value, which is made if there is none."""
+        found = self._run(f"SELECT id FROM {table} WHERE {column} = ?", value).fetchone()
+        return int(found[0]) if found else self._add(BY_NAME[table], {column: value, **others})
 
-    def _id_of(self, table: str, column: str, value: str) -> int:
-        (row_id,) = self._run(f"SELECT id FROM {table} WHERE {column} = ?", value).fetchone()
-        return int(row_id)
+    def _add(self, table: Table, row: Mapping[str, Any]) -> int:
+        """Add a row to a table whose rows are numbered; gives its number."""
+        (last,) = self._run(f"SELECT max(id) FROM {table.name}").fetchone()
+        number = int(last or 0) + 1
+        self._insert(table, [{**row, "id": number}])
+        return number
+
+    def _insert(self, table: Table, rows: Iterable[Mapping[str, Any]], otherwise: str = "") -> None:
+        """Add rows; ``otherwise`` says what happens to those whose key is there (:func:`rows.insert_sql`)."""
+        with store_errors(self.path):
+            self._connection.executemany(
+                insert_sql(table, otherwise), (tuple(self._stored(table, row).values()) for row in rows)
+            )
+
+    def _update(self, table: Table, row: Row) -> None:
+        """Write a row that was read and changed."""
+        kept = self._stored(table, row)
+        changes = ", ".join(f"{name} = :{name}" for name in (*table.names, CHECKSUM))
+        where = " AND ".join(f"{name} = :{name}" for name in table.key)
+        with store_errors(self.path):
+            self._connection.execute(f"UPDATE {table.name} SET {changes} WHERE {where}", kept)
+
+    def _rows(self, table: Table, rest: str = "", *values: Any) -> list[Row]:
+        """Rows of a table; ``rest`` is SQL from WHERE on."""
+        return list(read_rows(self.path, self._connection, table, rest, *values))
+
+    def _row(self, table: Table, **key: Any) -> Row:
+        """The row of that key; StoreError if it is gone."""
+        found = self._rows(table, "WHERE " + " AND ".join(f"{name} = ?" for name in key), *key.values())
+        if not found:
+            raise StoreError(f"{self.path}: {key_text(table, key)} is missing")
+        return found[0]
+
+    def _stored(self, table: Table, row: Mapping[str, Any]) -> Row:
+        try:
+            return stored(table, row)
+        except ValueError as error:
+            raise StoreError(f"{self.path}: {table.name}: {error}") from None
 
     def _run(self, statement: str, *values: Any) -> Any:
         with store_errors(self.path):
@@ -39,26 +77,5 @@ class StoreConnection:
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[None]:
-        self._run("BEGIN IMMEDIATE")
-        try:
+        with store_errors(self.path), transaction(self._connection):
             yield
-            self._run("COMMIT")
-        finally:
-            # Still open only if something went wrong: then nothing of it counts.
-            if self._connection.in_transaction:
-                with contextlib.suppress(Exception):
-                    self._connection.execute("ROLLBACK")
-
-
-@contextlib.contextmanager
-def writing(path: Path) -> Iterator[Connection]:
-    """A connection to the store at ``path``; made, with its folder, if need be. StoreError if it is in use."""
-    if path.is_dir():
-        raise StoreError(f"{path}: is a folder, not a store")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with writer_lock(path):
-        connection = open_writing(path)
-        try:
-            yield connection
-        finally:
-            close_writing(path, connection)

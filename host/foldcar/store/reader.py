@@ -1,22 +1,46 @@
 """The results store, read: the facts of the study and its runs as rows. docs/store.md describes the file."""
 
 import json
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from sqlite3 import Connection
 from types import TracebackType
 from typing import Any
 
-from foldcar.simulation.results import Recorded, Result
+from foldcar.simulation.results import NUMBERS, Recorded, Result
+from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.info import ExperimentInfo, StudyInfo
-from foldcar.store.schema import StoreError, open_reading, store_errors
+from foldcar.store.opening import open_reading
+from foldcar.store.rows import Row, columns_sql, read_rows, verified
+from foldcar.store.tables import (
+    BY_NAME,
+    CHECKSUM,
+    CORRECTION,
+    DESIGN,
+    EXPERIMENT,
+    RECORDED,
+    RESULT_JOIN,
+    RUN,
+    STUDY,
+    TRIAL,
+    Table,
+)
 from foldcar.store.trial_records import Correction, Trial
 
 __all__ = ["ExperimentInfo", "Store", "StoreError", "StudyInfo"]
 
+TRIAL_FIELDS = (
+    "outcome", "ending", "elapsed_time_s", "note", "operator", "started_utc", "ended_utc", "firmware_build",
+    "design_hash", "log", "log_sha256", "source",
+)  # fmt: skip
+
 
 class Store:
-    """A store as it was at one moment: ``with Store.open(path) as store: …``. Never changes a file."""
+    """A store as it was at one moment: ``with Store.open(path) as store: …``. Never changes a file.
+
+    Every row that is used is verified by its checksum: all methods raise StoreError if one is damaged.
+    """
 
     def __init__(self, path: Path, connection: Connection) -> None:
         self.path = path
@@ -24,7 +48,7 @@ class Store:
 
     @classmethod
     def open(cls, path: Path) -> "Store":
-        """Open an existing store; StoreError if there is none or it is of another version."""
+        """Open an existing store, one of an older version through a migrated copy; StoreError if there is none."""
         return cls(path, open_reading(path))
 
     def __enter__(self) -> "Store":
@@ -37,34 +61,33 @@ class Store:
 
     def info(self) -> StudyInfo:
         """The facts of the study, without its runs; StoreError if no sweep has begun yet."""
-        facts = {key: value for key, value in self._rows("SELECT key, value FROM study")}
+        facts = {row["key"]: row["value"] for row in self.rows(STUDY)}
         if not facts:
             raise StoreError(f"{self.path}: holds no study yet: sweep a listing into it")
-        return StudyInfo(**facts, experiments={info.id: info for info in self._experiments()})
+        try:
+            return StudyInfo(**facts, experiments={info.id: info for info in self._experiments()})
+        except TypeError:
+            raise StoreError(f"{self.path}: study: its facts are damaged") from None
 
     def results(self, experiment: str | None = None) -> Iterator[Result]:
         """Stored runs, streamed by experiment, design and sample; of one experiment if it is named."""
         for name in self._experiment_ids(experiment):
-            for *values, parameters, recorded in self._rows(
-                "SELECT experiment, vehicle, environment, sample, outcome, elapsed_time_s, "
-                "distance_to_target_m, consumed_energy_j, max_roll_rad, max_pitch_rad, message, parameters, "
-                "recorded FROM result WHERE experiment = ? ORDER BY design_position, sample",
-                name,
-            ):
-                named = {key: Recorded(**value) for key, value in json.loads(recorded).items()}
-                yield Result(*(*values, json.loads(parameters), named))
+            yield from self._results(name)
 
     def trials(self, experiment: str | None = None) -> Iterator[Trial]:
         """Trials of built cars in their order; of one experiment if it is named."""
-        for number, named, vehicle_type, design, sample, deviations, *rest in self._rows(
-            "SELECT id, experiment, vehicle_type, design, sample, deviations, outcome, ending, elapsed_time_s, note, "
-            "operator, started_utc, ended_utc, firmware_build, design_hash, log, log_sha256, source, "
-            "(SELECT count(*) FROM correction c WHERE c.trial_id = t.id) FROM trial t "
-            "WHERE ?1 IS NULL OR experiment = ?1 ORDER BY id",
-            experiment,
-        ):
-            moved = {name: (x, y, heading) for name, (x, y, heading) in json.loads(deviations).items()}
-            yield Trial(number, named, vehicle_type, json.loads(design), sample, moved, *rest)
+        corrections = Counter(row["trial_id"] for row in self.rows(CORRECTION))
+        for row in self.rows(TRIAL, "WHERE ?1 IS NULL OR experiment = ?1 ORDER BY id", experiment):
+            yield Trial(
+                id=row["id"],
+                experiment=row["experiment"],
+                vehicle_type=row["vehicle_type"],
+                design=json.loads(row["design"]),
+                sample=row["sample"],
+                deviations={name: (x, y, turn) for name, (x, y, turn) in json.loads(row["deviations"]).items()},
+                corrections=corrections[row["id"]],
+                **{field: row[field] for field in TRIAL_FIELDS},
+            )
 
     def trial(self, number: int) -> Trial:
         """The trial of that number; StoreError if there is none."""
@@ -75,30 +98,35 @@ class Store:
 
     def corrections(self, trial: int) -> list[Correction]:
         """What was changed of a trial, oldest first."""
-        rows = self._rows(
-            "SELECT trial_id, corrected_utc, field, before, after, reason, operator FROM correction "
-            "WHERE trial_id = ? ORDER BY id",
-            trial,
-        )
-        return [Correction(*row) for row in rows]
+        return [
+            Correction(
+                trial, row["corrected_utc"], row["field"], row["before"], row["after"], row["reason"], row["operator"]
+            )
+            for row in self.rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", trial)
+        ]
 
     def trial_drive(self, number: int) -> tuple[str, str, str] | None:
         """Body, settings and scene (as placed) of a trial as JSON; None if they are not known."""
-        rows = self._rows(
-            "SELECT b.json, s.json, c.json FROM trial t JOIN body b ON b.id = t.body_id "
-            "JOIN settings s ON s.id = t.settings_id JOIN scene c ON c.id = t.scene_id WHERE t.id = ?",
-            number,
-        )
-        return next(((str(body), str(settings), str(scene)) for body, settings, scene in rows), None)
+        for row in self.rows(TRIAL, "WHERE id = ?", number):
+            texts = [
+                text["json"]
+                for name in ("body", "settings", "scene")
+                for text in self.rows(BY_NAME[name], "WHERE id = ?", row[f"{name}_id"])
+            ]
+            if len(texts) == 3:
+                return texts[0], texts[1], texts[2]
+        return None
+
+    def rows(self, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
+        """Rows of a table as they stand there, checksums included; ``rest`` is SQL from WHERE on."""
+        return read_rows(self.path, self._connection, table, rest, *values)
 
     def design_columns(self) -> list[str]:
         """Names of all design parameters in the store (``width_mm``, …), in order of appearance."""
         columns: dict[str, None] = {}
-        for (name,) in self._rows("SELECT id FROM experiment ORDER BY position"):
-            for (parameters,) in self._rows(
-                "SELECT parameters FROM design WHERE experiment = ? AND position = 0", name
-            ):
-                columns.update(dict.fromkeys(json.loads(parameters)))
+        for name in self._experiment_ids(None):
+            for design in self.rows(DESIGN, "WHERE experiment = ? AND position = 0", name):
+                columns.update(dict.fromkeys(json.loads(design["parameters"])))
         return list(columns)
 
     def recorded_types(self) -> dict[str, set[str]]:
@@ -117,7 +145,7 @@ class Store:
         return types
 
     def _experiment_ids(self, experiment: str | None) -> list[str]:
-        known = [name for (name,) in self._rows("SELECT id FROM experiment ORDER BY position")]
+        known = [row["id"] for row in self.rows(EXPERIMENT, "ORDER BY position")]
         if experiment is None:
             return known
         if experiment not in known:
@@ -126,22 +154,57 @@ class Store:
             )
         return [experiment]
 
-    def _experiments(self) -> Iterator[ExperimentInfo]:
-        for name, vehicle, environment, environments, build, facts, designs, stored in self._rows(
-            "SELECT e.id, e.vehicle, e.environment, e.environments, b.name, e.facts, "
-            "(SELECT count(*) FROM design d WHERE d.experiment = e.id), "
-            "(SELECT count(*) FROM result r WHERE r.experiment = e.id) "
-            "FROM experiment e JOIN build b ON b.id = e.build_id ORDER BY e.position"
+    def _results(self, name: str) -> Iterator[Result]:
+        (experiment,) = self.rows(EXPERIMENT, "WHERE id = ?", name)
+        designs = {
+            row["position"]: json.loads(row["parameters"]) for row in self.rows(DESIGN, "WHERE experiment = ?", name)
+        }
+        # The samples say which runs are the experiment's: they are verified too.
+        for table, key in (("sample", "environment_id"), ("draw", "spread_id")):
+            for _ in self.rows(BY_NAME[table], f"WHERE {key} = ?", experiment[key]):
+                pass
+        with_recorded = next(self._rows("SELECT 1 FROM recorded LIMIT 1"), None) is not None
+        names = (*RUN.names, CHECKSUM)
+        for design, sample, *cells in self._rows(
+            f"SELECT d.position, s.sample, {columns_sql(self._connection, RUN, 'r')} {RESULT_JOIN} "
+            "AND e.id = ? ORDER BY d.position, s.sample",
+            name,
         ):
+            run = verified(self.path, RUN, dict(zip(names, cells, strict=True)))
+            yield Result(
+                name,
+                experiment["vehicle"],
+                experiment["environment"],
+                sample,
+                run["outcome"],
+                {metric: run[metric] for metric in NUMBERS},
+                run["message"],
+                designs[design],
+                self._recorded(run) if with_recorded else {},
+            )
+
+    def _recorded(self, run: Row) -> dict[str, Recorded]:
+        where = " AND ".join(f"{column} = ?" for column in RUN.key)
+        rows = self.rows(RECORDED, f"WHERE {where} ORDER BY name", *(run[column] for column in RUN.key))
+        return {row["name"]: Recorded(row["kind"], json.loads(row["value"])) for row in rows}
+
+    def _experiments(self) -> Iterator[ExperimentInfo]:
+        builds = {row["id"]: row["name"] for row in self.rows(BY_NAME["build"])}
+        for row in self.rows(EXPERIMENT, "ORDER BY position"):
+            name = row["id"]
+            ((designs,),) = self._rows("SELECT count(*) FROM design WHERE experiment = ?", name)
+            ((stored,),) = self._rows("SELECT count(*) FROM result WHERE experiment = ?", name)
+            if row["build_id"] not in builds:
+                raise StoreError(f"{self.path}: build (id={row['build_id']}) is missing")
             yield ExperimentInfo(
                 id=name,
-                vehicle=vehicle,
-                environment=environment,
-                environments=environments,
-                carsim_build=build,
-                planned_runs=designs * environments,
+                vehicle=row["vehicle"],
+                environment=row["environment"],
+                environments=row["environments"],
+                carsim_build=builds[row["build_id"]],
+                planned_runs=designs * row["environments"],
                 stored_runs=stored,
-                **json.loads(facts),
+                **json.loads(row["facts"]),
             )
 
     def _rows(self, query: str, *values: Any) -> Iterator[Any]:

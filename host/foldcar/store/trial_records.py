@@ -1,25 +1,25 @@
-"""What a trial of a built car gave: the row that the store keeps beside the simulated runs.
+"""The record of a trial of a built car, which the store contains beside the simulated runs.
 
-A trial is told by a person, so its outcomes are not quite those of a run (:mod:`foldcar.simulation.results`).
+A person judges a trial, so its outcomes differ from those of a run (:mod:`foldcar.simulation.results`).
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-# In the order of tables. ``not_passed`` is for trials from elsewhere of which no more is known; ``aborted`` ones
-# say nothing about the car and are left out of success rates.
+# In the order of tables. ``not_passed`` is for imported trials without a more precise outcome; ``aborted`` trials do
+# not count in success rates.
 TRIAL_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "not_passed", "aborted")
 
-# What a row says from before the start until the trial is completed.
+# The ending of a row from before the start until the trial is completed.
 RUNNING = "running"
 
-# What `foldcar trials correct` may change.
+# The fields that `foldcar trials correct` may change.
 CORRECTABLE = ("outcome", "elapsed_time_s", "note", "operator")
 
 
 @dataclass(frozen=True, slots=True)
 class TrialDesign:
-    """The car of a trial: its type string, and its parameters by their names in results (``width_mm``)."""
+    """The car of a trial: its type string, and its parameters by their column names in results (``width_mm``)."""
 
     vehicle_type: str
     columns: Mapping[str, float]
@@ -27,7 +27,7 @@ class TrialDesign:
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """How a trial ended. ``ending`` says what ended it (goal, time limit, key, …), ``outcome`` what it was worth.
+    """The end of a trial: ``ending`` is its cause (goal, time limit, key, …), ``outcome`` one of TRIAL_OUTCOMES.
 
     ``elapsed_time_s`` is the drive's time by the car's own clock, None if unknown; ``log_sha256`` is the hash of
     the log's bytes, None if there is no log.
@@ -71,13 +71,13 @@ class Trial:
 
     @property
     def counts(self) -> bool:
-        """Whether it says something about the car: it was completed, and not broken off."""
+        """Whether it counts in success rates: it was completed and not aborted."""
         return self.outcome != "aborted"
 
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """One changed field of a trial: what stood there before, None for nothing, and what stands there since."""
+    """One changed field of a trial, with its value before (None for none) and after."""
 
     trial: int
     corrected_utc: str

@@ -1,26 +1,29 @@
-"""The results store, written by trials: a row before the car moves, completed afterwards, corrected with a trail.
+"""Writes trials to the results store: a row before the car moves, completed afterwards; corrections are recorded.
 
-Input: what a trial is driven with and how it ended. Output: rows of `trial` and `correction`, each in its own
-transaction, so that whatever dies loses at most the answer being typed.
+Input: the inputs and the end of a trial. Output: rows of `trial` and `correction`, each in its own transaction, so that
+a killed program loses at most the answer being typed.
 """
 
 import contextlib
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from foldcar.store.connection import StoreConnection, writing
-from foldcar.store.schema import StoreError
+from foldcar.store.connection import StoreConnection
+from foldcar.store.errors import StoreError
+from foldcar.store.opening import writing
+from foldcar.store.tables import BY_NAME, CORRECTION, TRIAL
 from foldcar.store.trial_records import CORRECTABLE, RUNNING, TRIAL_OUTCOMES, Ending, TrialDesign
 from foldcar.store.writer import canonical_json
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What a trial is simulated with: docs/carsim.md's objects, the scene as it was placed on the floor."""
+    """The inputs of a trial's simulation: objects of docs/carsim.md, the scene as built on the floor."""
 
     body: Mapping[str, Any]
     settings: Mapping[str, Any]
@@ -31,7 +34,7 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class CarFacts:
-    """Who drove: the firmware's build and the hash of its design, as the car told them, and the port."""
+    """The identity of the car: the firmware's build and the design's hash, as the car reported them, and the port."""
 
     firmware_build: str
     design_hash: str
@@ -51,37 +54,48 @@ class TrialWriter(StoreConnection):
         log: str,
         operator: str,
     ) -> int:
-        """Store a trial as begun, which counts as aborted until :meth:`complete`; gives its number."""
+        """Store a trial as begun, which counts as aborted until :meth:`complete`; returns its number."""
         with self._transaction():
-            cursor = self._run(
-                "INSERT INTO trial (experiment, vehicle_type, design, body_id, settings_id, environment_id, "
-                "sample, scene_id, deviations, outcome, ending, note, operator, started_utc, firmware_build, "
-                "design_hash, port, log) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, 'aborted', ?, '', ?, ?, ?, ?, ?, ?)",
-                experiment, design.vehicle_type, json.dumps(dict(design.columns)),
-                self._put_text("body", canonical_json(drive.body)),
-                self._put_text("settings", canonical_json(drive.settings)),
-                self._identify("environment", "fingerprint", drive.environment_fingerprint),
-                drive.sample, self._put_text("scene", canonical_json(drive.scene)),
-                canonical_json({name: list(by) for name, by in deviations.items()}),
-                RUNNING, operator, now_utc(), car.firmware_build, car.design_hash, car.port, log,
-            )  # fmt: skip
-            return int(cursor.lastrowid)
+            row = {
+                "experiment": experiment,
+                "vehicle_type": design.vehicle_type,
+                "design": json.dumps(dict(design.columns)),
+                "body_id": self._put_text("body", canonical_json(drive.body)),
+                "settings_id": self._put_text("settings", canonical_json(drive.settings)),
+                "environment_id": self._identify("environment", "fingerprint", drive.environment_fingerprint),
+                "sample": drive.sample,
+                "scene_id": self._put_text("scene", canonical_json(drive.scene)),
+                "deviations": canonical_json({name: list(by) for name, by in deviations.items()}),
+                "outcome": "aborted",
+                "ending": RUNNING,
+                "note": "",
+                "operator": operator,
+                "started_utc": now_utc(),
+                "firmware_build": car.firmware_build,
+                "design_hash": car.design_hash,
+                "port": car.port,
+                "log": log,
+            }
+            return self._add(TRIAL, row)
 
     def complete(self, trial: int, ending: Ending) -> None:
-        """Store how a begun trial ended."""
+        """Store the end of a begun trial."""
         _check_outcome(self.path, ending.outcome)
         with self._transaction():
-            self._run(
-                "UPDATE trial SET outcome = ?, ending = ?, elapsed_time_s = ?, note = ?, log_sha256 = ?, "
-                "ended_utc = ? WHERE id = ?",
-                ending.outcome, ending.ending, ending.elapsed_time_s, ending.note, ending.log_sha256, now_utc(),
-                trial,
-            )  # fmt: skip
+            ended = {
+                "outcome": ending.outcome,
+                "ending": ending.ending,
+                "elapsed_time_s": ending.elapsed_time_s,
+                "note": ending.note,
+                "log_sha256": ending.log_sha256,
+                "ended_utc": now_utc(),
+            }
+            self._update(TRIAL, {**self._row(TRIAL, id=trial), **ended})
 
     def unfinished(self) -> list[tuple[int, str]]:
         """Number and log of trials whose session ended before they were completed."""
-        rows = self._run("SELECT id, log FROM trial WHERE ending = ? ORDER BY id", RUNNING).fetchall()
-        return [(int(trial), str(log)) for trial, log in rows]
+        rows = self._rows(TRIAL, "WHERE ending = ? ORDER BY id", RUNNING)
+        return [(row["id"], str(row["log"])) for row in rows]
 
     def next_number(self) -> int:
         """The number that the next trial gets."""
@@ -90,29 +104,30 @@ class TrialWriter(StoreConnection):
 
     def scene(self, environment_fingerprint: str, sample: int) -> dict[str, Any] | None:
         """The sampled scene that a sweep stored, None if there is none."""
-        row = self._run(
-            "SELECT s.json FROM environment e JOIN sample k ON k.environment_id = e.id "
-            "JOIN scene s ON s.id = k.scene_id WHERE e.fingerprint = ? AND k.sample = ?",
+        found = self._rows(
+            BY_NAME["scene"],
+            "WHERE id = (SELECT k.scene_id FROM environment e JOIN sample k ON k.environment_id = e.id "
+            "WHERE e.fingerprint = ? AND k.sample = ?)",
             environment_fingerprint,
             sample,
-        ).fetchone()
-        return None if row is None else dict(json.loads(row[0]))
+        )
+        return dict(json.loads(found[0]["json"])) if found else None
 
     def trial_counts(self, experiment: str, design: TrialDesign, environment_fingerprint: str) -> dict[int, int]:
-        """How many trials that were not aborted this design has had, by sample of the environment."""
-        return dict(
-            self._run(
-                "SELECT sample, count(*) FROM trial WHERE experiment = ? AND vehicle_type = ? AND design = ? "
-                "AND outcome <> 'aborted' AND environment_id = (SELECT id FROM environment WHERE "
-                "fingerprint = ?) GROUP BY sample",
-                experiment, design.vehicle_type, json.dumps(dict(design.columns)), environment_fingerprint,
-            ).fetchall()
-        )  # fmt: skip
+        """The numbers of this design's trials that were not aborted, by sample of the environment."""
+        rows = self._rows(
+            TRIAL,
+            "WHERE experiment = ? AND vehicle_type = ? AND design = ? AND outcome <> 'aborted' "
+            "AND environment_id = (SELECT id FROM environment WHERE fingerprint = ?)",
+            experiment,
+            design.vehicle_type,
+            json.dumps(dict(design.columns)),
+            environment_fingerprint,
+        )
+        return dict(Counter(row["sample"] for row in rows))
 
-    def correct(
-        self, trial: int, changes: Mapping[str, str | float], reason: str, operator: str
-    ) -> None:
-        """Change fields of a trial, keeping what stood there; StoreError if there is no such trial or field."""
+    def correct(self, trial: int, changes: Mapping[str, str | float], reason: str, operator: str) -> None:
+        """Change fields of a trial and record their old values; StoreError if there is no such trial or field."""
         with self._transaction():
             for field, after in changes.items():
                 if field not in CORRECTABLE:
@@ -120,27 +135,29 @@ class TrialWriter(StoreConnection):
                     raise StoreError(f"{self.path}: trial {trial}: {field} cannot be corrected, only {known}")
                 if field == "outcome":
                     _check_outcome(self.path, str(after))
-                row = self._run(f"SELECT {field} FROM trial WHERE id = ?", trial).fetchone()
-                if row is None:
+                found = self._rows(TRIAL, "WHERE id = ?", trial)
+                if not found:
                     raise StoreError(f"{self.path}: has no trial {trial}")
-                self._run(
-                    "INSERT INTO correction (trial_id, corrected_utc, field, before, after, reason, operator) "
-                    "VALUES (?, ?, ?, ?, ?, ?, ?)",
-                    trial, now_utc(), field, row[0], after, reason, operator,
-                )  # fmt: skip
-                self._run(f"UPDATE trial SET {field} = ? WHERE id = ?", after, trial)
+                correction = {
+                    "trial_id": trial,
+                    "corrected_utc": now_utc(),
+                    "field": field,
+                    "before": found[0][field],
+                    "after": after,
+                    "reason": reason,
+                    "operator": operator,
+                }
+                self._add(CORRECTION, correction)
+                self._update(TRIAL, {**found[0], field: after})
 
     def import_trials(self, trials: list[dict[str, Any]]) -> list[int]:
-        """Store trials from elsewhere, all or none: columns of the table by name; gives their numbers."""
+        """Store imported trials, all or none: columns of the table by name; returns their numbers."""
         numbers = []
         with self._transaction():
             for trial in trials:
                 _check_outcome(self.path, trial["outcome"])
                 row = {"deviations": "{}", "ending": "imported", "note": "", "operator": "", **trial}
-                row["design"] = json.dumps(row["design"])
-                places = ", ".join("?" * len(row))
-                cursor = self._run(f"INSERT INTO trial ({', '.join(row)}) VALUES ({places})", *row.values())
-                numbers.append(int(cursor.lastrowid))
+                numbers.append(self._add(TRIAL, {**row, "design": json.dumps(row["design"])}))
         return numbers
 
     def source_is_there(self, source: str) -> bool:
@@ -156,7 +173,7 @@ def write_trials(path: Path) -> Iterator[TrialWriter]:
 
 
 def now_utc() -> str:
-    """The time of day as it is stored, to a second."""
+    """The current date and time in UTC as stored, with a resolution of 1 s."""
     return datetime.now(timezone.utc).isoformat(timespec="seconds")
 
 

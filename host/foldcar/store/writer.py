@@ -1,8 +1,8 @@
-"""The results store, written: by one sweep at a time, a transaction per chunk.
+"""Writes the results of sweeps to the store: one sweep at a time, one transaction per chunk.
 
-A run's key is (build of carsim, body, scene, settings, variation), each told apart by the hash of its text:
-what is there under its key is never run again, whichever experiment asks. Scenes are kept by the
-environment's fingerprint, variations by that of the spread they are drawn from.
+A run's key is (build of carsim, body, scene, settings, variation), each identified by the hash of its text: a run whose
+key is stored is never repeated, whichever experiment requires it. Scenes are stored by the environment's fingerprint,
+variations by that of their spread.
 """
 
 import contextlib
@@ -14,16 +14,16 @@ from sqlite3 import Connection
 from typing import Any
 
 from foldcar.simulation.results import NUMBERS, outcome_of
-from foldcar.store.connection import StoreConnection, writing
+from foldcar.store.connection import StoreConnection
+from foldcar.store.opening import writing
+from foldcar.store.tables import BY_NAME, DESIGN, ENVIRONMENT, EXPERIMENT, RECORDED, RUN, STUDY
 
 PAGE_ROWS = 1000
-INSERT_RUN = "INSERT OR IGNORE INTO run VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
-INSERT_RECORDED = "INSERT OR IGNORE INTO recorded VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedRun:
-    """A run an experiment consists of; ``outcome`` is None if it has no result yet."""
+    """A run of an experiment; ``outcome`` is None if it has no result yet."""
 
     design: int
     sample: int
@@ -36,7 +36,7 @@ class PlannedRun:
 
 @dataclass(frozen=True, slots=True)
 class PlannedDesign:
-    """A design of an experiment, with what it gives the simulator."""
+    """A design of an experiment, with its inputs of the simulator."""
 
     columns: Mapping[str, float]
     body: Mapping[str, Any]
@@ -45,7 +45,7 @@ class PlannedDesign:
 
 @dataclass(frozen=True, slots=True)
 class PlannedExperiment:
-    """An experiment as the store keeps it; ``facts`` are the fields of ExperimentInfo that have no column."""
+    """An experiment as stored; ``facts`` are the fields of ExperimentInfo that have no column."""
 
     id: str
     vehicle: str
@@ -64,38 +64,39 @@ class StoreWriter(StoreConnection):
         self._build_id = 0
 
     def begin_study(self, facts: Mapping[str, str], build: str) -> None:
-        """Record what is swept and by which build; ``created_utc`` is kept from the first sweep."""
+        """Record the study and the build; ``created_utc`` is that of the first sweep."""
         with self._transaction():
             self._build_id = self._identify("build", "name", build)
-            for key, value in facts.items():
-                keep = "DO NOTHING" if key == "created_utc" else "DO UPDATE SET value = excluded.value"
-                self._run(f"INSERT INTO study VALUES (?, ?) ON CONFLICT (key) {keep}", key, value)
+            first = [row for row in self._rows(STUDY) if row["key"] == "created_utc"]
+            kept = {**facts, **{row["key"]: row["value"] for row in first}}
+            self._insert(STUDY, ({"key": key, "value": value} for key, value in kept.items()), "OR REPLACE")
 
     def put_experiment(self, plan: PlannedExperiment, designs: Iterable[PlannedDesign]) -> None:
-        """Record an experiment and its designs, in place of an earlier one with the same id. Runs stay."""
+        """Record an experiment and its designs, replacing an earlier one with the same id. Runs are kept."""
         with self._transaction():
             self._run("DELETE FROM design WHERE experiment = ?", plan.id)
-            self._run(
-                "INSERT INTO experiment VALUES (?, (SELECT count(*) FROM experiment), ?, ?, ?, ?, ?, ?, ?) "
-                "ON CONFLICT (id) DO UPDATE SET build_id = excluded.build_id, "
-                "environment_id = excluded.environment_id, spread_id = excluded.spread_id, "
-                "environments = excluded.environments, vehicle = excluded.vehicle, "
-                "environment = excluded.environment, facts = excluded.facts",
-                plan.id, self._build_id, plan.environment_id, plan.spread_id, plan.environments, plan.vehicle,
-                plan.environment, json.dumps(plan.facts),
-            )  # fmt: skip
+            places = {row["id"]: row["position"] for row in self._rows(EXPERIMENT)}
+            experiment = {
+                "id": plan.id,
+                "position": places.get(plan.id, len(places)),
+                "build_id": self._build_id,
+                "environment_id": plan.environment_id,
+                "spread_id": plan.spread_id,
+                "environments": plan.environments,
+                "vehicle": plan.vehicle,
+                "environment": plan.environment,
+                "facts": json.dumps(plan.facts),
+            }
+            self._insert(EXPERIMENT, [experiment], "OR REPLACE")
             for position, design in enumerate(designs):
-                body_id = self._put_text("body", canonical_json(design.body))
-                settings_id = self._put_text("settings", canonical_json(design.settings))
-                columns = json.dumps(design.columns)
-                self._run(
-                    "INSERT INTO design VALUES (?, ?, ?, ?, ?)",
-                    plan.id,
-                    position,
-                    columns,
-                    body_id,
-                    settings_id,
-                )
+                row = {
+                    "experiment": plan.id,
+                    "position": position,
+                    "parameters": json.dumps(design.columns),
+                    "body_id": self._put_text("body", canonical_json(design.body)),
+                    "settings_id": self._put_text("settings", canonical_json(design.settings)),
+                }
+                self._insert(DESIGN, [row])
 
     def environment(self, fingerprint: str) -> int:
         """Id of the environment with this fingerprint."""
@@ -103,14 +104,14 @@ class StoreWriter(StoreConnection):
             return self._identify("environment", "fingerprint", fingerprint)
 
     def is_dynamic(self, environment_id: int) -> bool | None:
-        """Whether the environment's program has to run beside the simulation; None if nobody knows yet."""
-        (dynamic,) = self._run("SELECT dynamic FROM environment WHERE id = ?", environment_id).fetchone()
+        """Whether the environment's program must run beside the simulation; None if that is not stored yet."""
+        dynamic = self._row(ENVIRONMENT, id=environment_id)["dynamic"]
         return None if dynamic is None else bool(dynamic)
 
     def put_dynamic(self, environment_id: int, dynamic: bool) -> None:
-        """Store what :meth:`is_dynamic` tells."""
+        """Store the value of :meth:`is_dynamic`."""
         with self._transaction():
-            self._run("UPDATE environment SET dynamic = ? WHERE id = ?", dynamic, environment_id)
+            self._update(ENVIRONMENT, {**self._row(ENVIRONMENT, id=environment_id), "dynamic": int(dynamic)})
 
     def spread(self, fingerprint: str) -> int:
         """Id of the spread of cars with this fingerprint."""
@@ -118,28 +119,30 @@ class StoreWriter(StoreConnection):
             return self._identify("spread", "fingerprint", fingerprint)
 
     def sample_count(self, environment_id: int) -> int:
-        """How many samples of an environment are stored; samples 0 to that number less one."""
+        """The number n of stored samples of an environment, which are 0 to n - 1."""
         row = self._run("SELECT count(*) FROM sample WHERE environment_id = ?", environment_id).fetchone()
         return int(row[0])
 
     def draw_count(self, spread_id: int) -> int:
-        """How many samples of a spread are stored; samples 0 to that number less one."""
+        """The number n of stored samples of a spread, which are 0 to n - 1."""
         row = self._run("SELECT count(*) FROM draw WHERE spread_id = ?", spread_id).fetchone()
         return int(row[0])
 
     def put_sample(
         self, environment_id: int, sample: int, scene: Mapping[str, Any], identity: str = ""
     ) -> None:
-        """Store the scene of a sample; scenes of unequal ``identity`` differ whatever they look like."""
+        """Store the scene of a sample; equal scenes with different ``identity`` are stored as different."""
         with self._transaction():
             scene_id = self._put_text("scene", canonical_json(scene), identity)
-            self._run("INSERT OR IGNORE INTO sample VALUES (?, ?, ?)", environment_id, sample, scene_id)
+            row = {"environment_id": environment_id, "sample": sample, "scene_id": scene_id}
+            self._insert(BY_NAME["sample"], [row], "OR IGNORE")
 
     def put_draw(self, spread_id: int, sample: int, variation: Mapping[str, Any], identity: str = "") -> None:
         """Store the variation of a sample; ``identity`` as for :meth:`put_sample`."""
         with self._transaction():
             variation_id = self._put_text("variation", canonical_json(variation), identity)
-            self._run("INSERT OR IGNORE INTO draw VALUES (?, ?, ?)", spread_id, sample, variation_id)
+            row = {"spread_id": spread_id, "sample": sample, "variation_id": variation_id}
+            self._insert(BY_NAME["draw"], [row], "OR IGNORE")
 
     def planned_runs(self, plan: PlannedExperiment, sample: int) -> Iterator[PlannedRun]:
         """The runs of all designs in one stored sample, in the order of designs, read in pages."""
@@ -161,20 +164,29 @@ class StoreWriter(StoreConnection):
 
     def text(self, table: str, row_id: int) -> str:
         """The JSON text of a row of ``body``, ``scene``, ``settings`` or ``variation``."""
-        (text,) = self._run(f"SELECT json FROM {table} WHERE id = ?", row_id).fetchone()
-        return str(text)
+        return str(self._row(BY_NAME[table], id=row_id)["json"])
 
     def add_results(self, results: Iterable[tuple[PlannedRun, Mapping[str, Any]]]) -> None:
         """Store a chunk: runs with their results as the simulator answered them (:mod:`foldcar.simulation.carsim`)."""
+        runs, recorded = [], []
+        for run, result in results:
+            key = {
+                "build_id": self._build_id,
+                "body_id": run.body_id,
+                "scene_id": run.scene_id,
+                "settings_id": run.settings_id,
+                "variation_id": run.variation_id,
+            }
+            if "error" in result:
+                runs.append({**key, "outcome": outcome_of(result), "message": result["error"]})
+                continue
+            runs.append({**key, "outcome": outcome_of(result), **{name: result[name] for name in NUMBERS}})
+            for name, one in result.get("recorded", {}).items():
+                value = json.dumps(one["value"], allow_nan=False)
+                recorded.append({**key, "name": name, "kind": one["kind"], "value": value})
         with self._transaction():
-            for run, result in results:
-                key = (self._build_id, run.body_id, run.scene_id, run.settings_id, run.variation_id)
-                message = result.get("error")
-                numbers = [result[name] if message is None else None for name in NUMBERS]
-                self._run(INSERT_RUN, *key, outcome_of(result), *numbers, message)
-                for name, recorded in result.get("recorded", {}).items():
-                    value = json.dumps(recorded["value"], allow_nan=False)
-                    self._run(INSERT_RECORDED, *key, name, recorded["kind"], value)
+            self._insert(RUN, runs, "OR IGNORE")
+            self._insert(RECORDED, recorded, "OR IGNORE")
 
 
 @contextlib.contextmanager
@@ -185,5 +197,5 @@ def write_store(path: Path) -> Iterator[StoreWriter]:
 
 
 def canonical_json(value: Mapping[str, Any]) -> str:
-    """One text for one value: keys sorted, no spaces."""
+    """The canonical JSON text of a value: keys sorted, no spaces."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)

@@ -1,1 +1,1 @@
-"""A listing's experiments: families of designs in environments, planned, split into chunks and swept."""
+"""A listing's experiments: families of designs in environments, planned, split into chunks and simulated."""

@@ -1,7 +1,7 @@
-"""Runs chunks in a few simulator processes at once: a bounded window, results as they come.
+"""Runs chunks of runs in several simulator processes, with a bounded number of chunks at a time.
 
-Input: runs one by one. Output: finished chunks. Chunks grow until one takes about a second, and shrink at the
-end so that no process runs on alone.
+Input: runs one by one. Output: finished chunks as they end. Chunks grow until one takes about a second, and shrink
+at the end of a sweep so that all processes end at about the same time.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ Key = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class FinishedRun:
-    """A run with its answer; ``count`` runs of the study have that result."""
+    """A run with its answer; ``count`` runs of the study share that result."""
 
     run: PlannedRun
     answer: Mapping[str, Any]
@@ -58,7 +58,7 @@ class ChunkPool:
         self._runner: Runner | None = None
         self._chunk: list[PlannedRun] = []
         self._chunk_runs = FIRST_CHUNK_RUNS
-        # How many runs of the study await each result that is under way.
+        # Number of the study's runs that wait for each result.
         self._in_flight: Counter[Key] = Counter()
 
     def __enter__(self) -> "ChunkPool":
@@ -73,7 +73,7 @@ class ChunkPool:
 
     @contextlib.contextmanager
     def using(self, runner: Runner) -> Iterator[None]:
-        """Give what is added to ``runner``. Chunks may be left under way: see :meth:`finish`."""
+        """Within the block, added runs go to ``runner``. Chunks may still be running after it: see :meth:`finish`."""
         if runner is not self._runner:
             if self._chunk:
                 self._submit()
@@ -86,16 +86,16 @@ class ChunkPool:
             raise
 
     def joins(self, run: PlannedRun) -> bool:
-        """Whether an equal run is under way already; then this one will have its result."""
+        """Whether an equal run is in progress; then this run will get its result."""
         if _key(run) not in self._in_flight:
             return False
         self._in_flight[_key(run)] += 1
         return True
 
     def add(self, run: PlannedRun, runs_left: int) -> Iterator[list[FinishedRun]]:
-        """Take a run; gives chunks that finished while this one had to wait for room.
+        """Add a run; yields the chunks that finished while it waited for a free place.
 
-        ``runs_left`` counts the runs without result, those given to this pool included.
+        ``runs_left`` is the number of runs without result, those added already included.
         """
         not_submitted = runs_left - len(self._in_flight) + len(self._chunk)
         self._in_flight[_key(run)] = 1
@@ -109,7 +109,7 @@ class ChunkPool:
                 yield from self._collect()
 
     def finish(self) -> Iterator[list[FinishedRun]]:
-        """Run what is left; gives the remaining chunks."""
+        """Run the remaining runs; yields the remaining chunks."""
         if self._chunk:
             self._submit()
         while self._futures:
@@ -141,7 +141,7 @@ class ChunkPool:
         self._futures[self._pool.submit(work)] = runner
 
     def _bodies(self, runs: list[PlannedRun]) -> dict[str, str]:
-        """The JSON of every car in a chunk by its name: designs as they are, or varied."""
+        """The JSON text of every car of a chunk by its name, with its variation applied."""
         designs = {key: self._writer.text("body", key) for key in {run.body_id for run in runs}}
         variations = {
             key: json.loads(self._writer.text("variation", key)) for key in {run.variation_id for run in runs}
@@ -173,7 +173,7 @@ class ChunkPool:
                 del self._in_flight[_key(run)]
 
     def _abandon(self) -> None:
-        """End what runs, forget what waits."""
+        """Stop running chunks and discard waiting ones."""
         for future in self._futures:
             future.cancel()
         for runner in set(self._futures.values()):

@@ -1,7 +1,7 @@
-"""An experiment's environment: its scenes, the nearby cars that meet them, and what simulates them.
+"""The environment of one experiment: its scenes, its built cars' variations, and the runner of its simulations.
 
-Compiling a program takes most of a second: it is done when first needed, and not at all where a store knows
-the answers.
+Input: an experiment. Output: scenes (sampled by scenes/source.py), variations, fingerprints, a runner. The Scenic program
+is compiled when first needed, which takes most of a second, and not at all if the store has all results.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from foldcar.scenes.source import SceneSource
     from foldcar.simulation.scenic_runner import ScenicRunner
 
-# The spread of cars that are all as designed.
+# The fingerprint of the spread without variation.
 NOMINAL = "nominal"
 
 
@@ -35,29 +35,29 @@ class Environment:
 
     @property
     def dynamic(self) -> bool:
-        """Whether the program has to run beside the simulation, to decide or record while the car drives."""
+        """Whether the program has parts that Scenic must evaluate during a simulation."""
         return self._open().dynamic
 
     def sample(self, k: int) -> dict[str, Any]:
-        """Sample ``k`` as a scene object of docs/carsim.md without its id."""
+        """Sample ``k`` as a scene object of docs/carsim.md, without id."""
         return self._open().sample(k)
 
     def scene_identity(self, k: int, dynamic: bool) -> str:
-        """What tells a scene from others that look the same: a dynamic program knows more than they show."""
+        """The identity of a scene in the store: a dynamic program can distinguish samples whose scenes are equal."""
         return f"{self.fingerprint}/{k}" if dynamic else ""
 
     def variation(self, k: int) -> dict[str, Any]:
-        """How the cars of sample ``k`` differ from their designs; empty if they do not."""
+        """The differences of the cars of sample ``k`` from their designs (see spread.draw); empty without variation."""
         e = self._experiment
         return draw(e.variation, e.variation_seed, k) if e.variation else {}
 
     def variation_identity(self) -> str:
-        """What tells a variation from others of the same numbers: the code that applies them."""
+        """The identity of variations in the store: a hash of the code that applies them."""
         return variation_code() if self._experiment.variation else ""
 
     @contextlib.contextmanager
     def runner(self, carsim: Carsim, dynamic: bool) -> Iterator[Runner]:
-        """What simulates runs of this environment."""
+        """The runner of this environment's runs: carsim, or Scenic beside carsim for a dynamic program."""
         if not dynamic:
             yield carsim
             return
@@ -65,7 +65,7 @@ class Environment:
             yield runner
 
     def scenic_runner(self, carsim: Carsim, **options: Any) -> "ScenicRunner":
-        """Scenic beside the simulation; ``options`` are ScenicRunner's. To be closed."""
+        """A runner with Scenic beside the simulation, which the caller closes; ``options`` are ScenicRunner's."""
         from foldcar.simulation.scenic_runner import ScenicRunner
 
         e = self._experiment

@@ -1,6 +1,6 @@
-"""A listing's experiments, ready to run: families, the environment's program, set-points and time limits.
+"""A listing's experiments, complete for simulation: families, the environment's program, set-points, time limits.
 
-Input: a listing file and what the command line changes. Output: Experiments, every design of theirs checked.
+Input: a listing file and the command line's changes. Output: Experiments with checked designs.
 """
 
 from collections.abc import Mapping
@@ -22,8 +22,8 @@ TRIAL_LIMIT = "TRIAL_MAX_S"
 class Experiment:
     """One experiment: each design of the family in each of ``environments`` samples of the program.
 
-    ``condition`` says what is frozen of the program, as the listing does. ``variation`` maps what varies
-    from car to car to its spread; it is empty if cars are as designed.
+    ``condition`` is the listing's (see open_environment). ``variation`` maps the names of spreads to standard
+    deviations; it is empty if cars are as designed.
     """
 
     id: str
@@ -45,9 +45,9 @@ class Experiment:
     def settings(
         self, design: Design, body: Mapping[str, Any], table: Mapping[str, TableRow]
     ) -> dict[str, Any]:
-        """What a run of this design is given beside body and scene: part of docs/carsim.md's ``run`` object.
+        """The settings of this design's runs: docs/carsim.md's ``run`` object without ids.
 
-        FoldcarError if the firmware, whose parameter table is ``table``, cannot be set so.
+        FoldcarError if a value is outside the limits of the firmware's parameter table ``table``.
         """
         values = firmware_parameters(design, body)
         limit = table.get(TRIAL_LIMIT)
@@ -67,7 +67,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Study:
-    """A listing file: its name as typed, its text, and the experiments chosen from it."""
+    """A listing file: its name as typed, its text, and the selected experiments."""
 
     listing_name: str
     listing_text: str
@@ -75,9 +75,9 @@ class Study:
 
 
 def read_study(file: Path, experiment: str | None = None, environments: int | None = None) -> Study:
-    """The study in a listing, or one experiment of it; ``environments`` overrides each one's number.
+    """The study in a listing, or one experiment of it; ``environments`` overrides the number of samples.
 
-    Every design is composed once, so a family with an impossible member is refused here.
+    Every design is composed once, so that a family with an invalid design is refused here. ListingError.
     """
     listing, text = read_listing(file)
     if not listing.experiments:
@@ -94,7 +94,7 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
         place = f"{file}: environments.{listed.env_id}.scenic_filename"
         program = file.parent / environment.scenic_filename
         if not program.is_file():
-            raise ListingError(f"{place}: {program} is no file")
+            raise ListingError(f"{place}: {program} is not a file")
         params = listed.params
         chosen.append(
             Experiment(

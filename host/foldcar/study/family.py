@@ -1,7 +1,7 @@
 """A listed vehicle as a family of designs: every combination of its parameters' values.
 
-Input: a vehicle of a listing. Output: designs, made one by one in the order of the listing, the last
-varied parameter changing fastest. Mistakes name the file and the key they come from.
+Input: a vehicle of a listing. Output: designs, composed one by one in the order of the listing, the last varied
+parameter changing fastest. Errors name file and key.
 """
 
 import itertools
@@ -18,7 +18,7 @@ from foldcar.study.listing import ListedVehicle, ListingError
 
 @dataclass(frozen=True)
 class Family:
-    """``choices`` maps parameter keys to their values in mm; ``origins`` to where those were written."""
+    """``choices`` maps parameter keys to their values (mm, degrees), ``origins`` to the places in the listing."""
 
     vehicle: str
     type: str
@@ -30,7 +30,7 @@ class Family:
         return math.prod(len(values) for values in self.choices.values())
 
     def __iter__(self) -> Iterator[Design]:
-        """Every design, checked: it has valid parameters and room for its parts."""
+        """Every design, checked for valid parameters and space for its parts; ListingError."""
         for values in itertools.product(*self.choices.values()):
             try:
                 design = compose(self.type, dict(zip(self.choices, values, strict=True)))
@@ -41,11 +41,11 @@ class Family:
 
     @property
     def varied(self) -> dict[str, tuple[float, ...]]:
-        """The parameters with more than one value, by their names in results (``width_mm``)."""
+        """The parameters with more than one value, by their column names in results (``width_mm``)."""
         return {parameters()[key].column: values for key, values in self.choices.items() if len(values) > 1}
 
     def narrowed(self, settings: Mapping[str, float]) -> "Family":
-        """The family with these parameters set (keys as ``width`` or ``W.length``)."""
+        """The family with these parameters fixed (keys as ``width`` or ``W.length``); FoldcarError for unknown ones."""
         choices, origins = dict(self.choices), dict(self.origins)
         for key, value in settings.items():
             if key not in parameters() or not parameters()[key].modules & set(self.type.split("_")):
@@ -60,7 +60,7 @@ class Family:
         return replace(self, choices=choices, origins=origins)
 
     def single(self) -> Design:
-        """The only design; ListingError naming the parameters that still have several values."""
+        """The only design; ListingError naming a parameter that has several values."""
         for key, values in self.choices.items():
             if len(values) > 1:
                 shown = ", ".join(f"{value:g}" for value in values[:3])
@@ -76,7 +76,7 @@ class Family:
 
 
 def read_family(file: Path, name: str, vehicle: ListedVehicle) -> Family:
-    """The family that vehicle ``name`` of the listing ``file`` describes; ListingError if it is none."""
+    """The family of the vehicle ``name`` of the listing ``file``; ListingError if it is invalid."""
     place = f"{file}: vehicles.{name}"
     try:
         letters = modules_of(vehicle.type)

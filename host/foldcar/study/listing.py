@@ -1,8 +1,8 @@
-"""The experiment listing: the published JSON form, read strictly.
+"""Reads the experiment listing: the published JSON form, with unknown keys refused.
 
-Input: a JSON file as people write it (comments and trailing commas allowed). Output: a Listing. Lengths of
-vehicles are in millimetres. A vehicle parameter may be a number, a list, or a range
-(``{"from": 65, "to": 245, "step": 5}``, both ends included): more than one value makes a family.
+Input: a JSON file (comments and trailing commas allowed). Output: a Listing. Lengths of vehicles are in millimetres.
+A vehicle parameter may be a number, a list, or a range (``{"from": 65, "to": 245, "step": 5}``, both ends included):
+more than one value makes a family.
 """
 
 import math
@@ -18,11 +18,11 @@ MAX_FAMILY_VALUES = 100_000
 
 
 class ListingError(FoldcarError):
-    """A mistake in a listing; the message starts with the file and the path of the key."""
+    """An error in a listing; the message starts with the file and the path of the key."""
 
 
 def _values(raw: Any) -> tuple[float, ...]:
-    """The values a vehicle parameter stands for."""
+    """The values of a vehicle parameter."""
     if isinstance(raw, dict):
         return _range_values(raw)
     items = raw if isinstance(raw, list) else [raw]
@@ -42,7 +42,7 @@ def _range_values(raw: dict[str, Any]) -> tuple[float, ...]:
         raise ValueError(f"step {step:g} must be above 0")
     if last < first:
         raise ValueError(f'"to" {last:g} is below "from" {first:g}')
-    # The share forgives the rounding of decimal steps, so that 0 to 0.3 by 0.1 has four values.
+    # The tolerance absorbs the rounding of decimal steps, so that 0 to 0.3 by 0.1 has four values.
     count = math.floor((last - first) / step + 1e-9) + 1
     if count > MAX_FAMILY_VALUES:
         raise ValueError(f"the range has {count} values, the limit is {MAX_FAMILY_VALUES}")
@@ -60,7 +60,7 @@ Identifier = Annotated[str, BeforeValidator(lambda raw: str(raw) if type(raw) is
 
 
 class Strict(BaseModel):
-    """An object with no keys but its own."""
+    """A JSON object without unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
@@ -75,9 +75,9 @@ class Strict(BaseModel):
 
 
 class ExperimentParams(Strict):
-    """``timeout`` in s, sampled ``environments``, ``speed`` in m/s (None: full), ``yaw_rate`` in rad/s.
+    """``timeout`` in s, number of sampled ``environments``, ``speed`` in m/s (None: full), ``yaw_rate`` in rad/s.
 
-    ``variation``: the spread of nearby cars by name or as overrides (None: cars are as designed);
+    ``variation``: the spread of built cars by name or as overrides (None: cars are as designed);
     ``variation_seed`` None: the environment's.
     """
 
@@ -111,9 +111,9 @@ class ListedVehicle(Strict):
 
 
 class ListedCondition(Strict):
-    """What is frozen of an environment as it is in ``sample``: names of objects and of parameters.
+    """A condition on an environment: names of objects and parameters that keep their values of ``sample``.
 
-    If both are None, everything; if one is, only what the other names.
+    If both are None, everything keeps its value; if one is None, only what the other names.
     """
 
     sample: int = Field(ge=0)
@@ -132,7 +132,7 @@ class ListedEnvironment(Strict):
 
 
 class Listing(Strict):
-    """A whole file. One without experiments holds designs only, to be built or looked at."""
+    """A whole file. Without experiments it contains designs only, to be built or viewed."""
 
     experiments: dict[str, ListedExperiment] = Field({}, min_length=1)
     vehicles: dict[str, ListedVehicle] = Field(min_length=1)
@@ -140,7 +140,7 @@ class Listing(Strict):
 
 
 def read_listing(file: Path) -> tuple[Listing, str]:
-    """The listing in ``file`` and the file's text; ListingError with one line if it is not one."""
+    """The listing in ``file`` and the file's text; ListingError of one line if it is invalid."""
     try:
         text = file.read_text(encoding="utf-8")
     except OSError as error:

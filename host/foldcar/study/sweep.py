@@ -1,9 +1,9 @@
-"""A sweep: every design of every experiment in every environment, into the store; nothing is run twice.
+"""A sweep: simulates every design of every experiment in every environment that the store lacks.
 
-Input: a study, a store's path, a simulator. Output: rows in the store and their counts. Runs go sample by
-sample, all designs in one before the next, so that what is known early covers the whole family. The calling
-thread alone samples, plans and writes; workers only wait for simulator processes. Programs that need Scenic
-beside the simulation get it, all others go to carsim's batch.
+Input: a study, a store's path, a simulator. Output: rows in the store and their counts. All designs are simulated in
+one sample before the next, so that partial results cover the whole family. Only the calling thread samples, plans
+and writes; workers wait for simulator processes. Dynamic programs run with Scenic beside the simulation, all others
+in carsim's batch.
 """
 
 import time
@@ -26,7 +26,7 @@ from foldcar.study.experiments import Experiment, Study
 
 @dataclass
 class Progress:
-    """Counts of a sweep as it goes; ``done`` runs are in the store or await the result of an equal one."""
+    """Counts of a sweep's runs: ``new`` were simulated, ``there`` stored before; ``passed`` and ``failed`` of both."""
 
     total: int
     new: int = 0
@@ -37,16 +37,16 @@ class Progress:
 
     @property
     def done(self) -> int:
-        """Runs that need no more work."""
+        """Runs that are in the store or share the result of a run in progress."""
         return self.new + self.there
 
     @property
     def seconds(self) -> float:
-        """Time since the sweep began."""
+        """Time since the start of the sweep (s)."""
         return time.perf_counter() - self.started_s
 
     def count(self, outcome: str | None, runs: int = 1) -> None:
-        """Count ``runs`` runs of the study that ended so."""
+        """Count ``runs`` runs of the study with that outcome."""
         self.passed += runs * (outcome == "passed")
         self.failed += runs * (outcome == "failed")
 
@@ -60,9 +60,9 @@ def sweep(
     report: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
 ) -> Progress:
-    """Run what is missing; ``report`` is called after every step. ``progress``, if given, is counted in.
+    """Simulate the missing runs; ``report`` is called after every step; ``progress``, if given, is updated.
 
-    Nothing is created on disk before every design and, for a new store, every environment has been checked.
+    Nothing is written before every design and, for a new store, every environment has been checked. FoldcarError.
     """
     table = carsim.parameter_table()
     counts = progress if progress is not None else Progress(total=planned_total(study))
@@ -86,7 +86,7 @@ def sweep(
                     for finished in _run_experiment(plan, environment, dynamic, writer, pool, counts, report):
                         _keep(finished, writer, counts, report)
                     if runner is not carsim:
-                        # This runner ends with its experiment.
+                        # This runner is closed at the end of its experiment.
                         for finished in pool.finish():
                             _keep(finished, writer, counts, report)
             for finished in pool.finish():
@@ -95,7 +95,7 @@ def sweep(
 
 
 def planned_total(study: Study) -> int:
-    """Runs the study consists of, stored or not."""
+    """The number of runs of the study, stored or not."""
     return sum(len(experiment.family) * experiment.environments for experiment in study.experiments)
 
 
@@ -136,7 +136,7 @@ def _keep(
 
 
 def _is_dynamic(plan: PlannedExperiment, environment: Environment, writer: StoreWriter) -> bool:
-    """As the store says, or the program itself, which is compiled for that only once."""
+    """Whether the program is dynamic, from the store, or else from compiling the program."""
     dynamic = writer.is_dynamic(plan.environment_id)
     if dynamic is None:
         dynamic = environment.dynamic

@@ -1,1 +1,1 @@
-"""Trials of built cars: where things stand, how a trial is driven and told, what it is compared with."""
+"""Trials of built cars: placement of obstacles, the car's identity, driving, and the simulated counterpart."""

@@ -1,8 +1,8 @@
-"""Trials from elsewhere, from a CSV file: one row a trial, or a row for ``count`` equal ones.
+"""Reads trials from a CSV file: one row for each trial, or one for ``count`` equal trials.
 
-Columns: ``outcome``, ``source`` and ``vehicle_type`` are needed; ``experiment``, ``sample``, ``count``,
-``elapsed_time_s``, ``note``, ``operator``, ``started_utc`` and parameters of the design (``width_mm``, …) may be
-there. Output: rows for :meth:`TrialWriter.import_trials`. Lines that begin with # are comments.
+Input: a file with the columns ``outcome``, ``source`` and ``vehicle_type``, and optionally ``experiment``, ``sample``,
+``count``, ``elapsed_time_s``, ``note``, ``operator``, ``started_utc`` and parameters of the design (``width_mm``, …).
+Lines that begin with # are comments. Output: rows for :meth:`TrialWriter.import_trials`.
 """
 
 import csv
@@ -21,15 +21,15 @@ MOST_COUNT = 100_000
 
 
 def read_trials(file: Path, experiment: str | None) -> list[dict[str, Any]]:
-    """The trials in ``file``, of ``experiment`` where a row names none. FoldcarError naming line and column."""
+    """The trials in ``file``; ``experiment`` is that of rows without one. FoldcarError naming line and column."""
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "is no UTF-8 text"
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise FoldcarError(f"{file}: cannot be read: {reason}") from error
     kept = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
     if not kept:
-        raise FoldcarError(f"{file}: holds no trials")
+        raise FoldcarError(f"{file}: contains no trials")
     header = [name.strip() for name in next(csv.reader([kept[0][1]]))]
     _check_header(file, header)
     trials = []
@@ -40,7 +40,7 @@ def read_trials(file: Path, experiment: str | None) -> list[dict[str, Any]]:
         row = {name: cell for name, cell in zip(header, cells, strict=True) if cell}
         trials.extend(_trials(f"{file}: line {number}", row, experiment))
     if not trials:
-        raise FoldcarError(f"{file}: holds no trials")
+        raise FoldcarError(f"{file}: contains no trials")
     return trials
 
 
@@ -51,7 +51,7 @@ def _check_header(file: Path, header: list[str]) -> None:
         if name not in known:
             raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known)}')
         if header.count(name) > 1:
-            raise FoldcarError(f'{file}: column "{name}" stands there twice')
+            raise FoldcarError(f'{file}: column "{name}" occurs twice')
     for name in NEEDED:
         if name not in header:
             raise FoldcarError(f'{file}: has no column "{name}"')
@@ -62,7 +62,7 @@ def _trials(place: str, row: Mapping[str, str], experiment: str | None) -> list[
         if name not in row:
             raise FoldcarError(f"{place}: {name}: is empty")
     if row["outcome"] not in TRIAL_OUTCOMES:
-        raise FoldcarError(f'{place}: outcome: "{row["outcome"]}" is none of {", ".join(TRIAL_OUTCOMES)}')
+        raise FoldcarError(f'{place}: outcome: "{row["outcome"]}" is not one of {", ".join(TRIAL_OUTCOMES)}')
     named = row.get("experiment", experiment)
     if named is None:
         raise FoldcarError(f"{place}: experiment: is empty; fill it or use --experiment ID")
@@ -94,7 +94,7 @@ def _number(place: str, row: Mapping[str, str], name: str, kind: Callable[[str],
     try:
         value = kind(row[name])
     except ValueError:
-        raise FoldcarError(f'{place}: {name}: "{row[name]}" is no {"whole " if kind is int else ""}number') from None
+        raise FoldcarError(f'{place}: {name}: "{row[name]}" is not a {"whole " if kind is int else ""}number') from None
     if not math.isfinite(value) or value < 0:
-        raise FoldcarError(f"{place}: {name}: {value:g} is below the minimum 0 or no finite number")
+        raise FoldcarError(f"{place}: {name}: {value:g} is below the minimum 0 or not finite")
     return value

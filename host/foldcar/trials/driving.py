@@ -1,7 +1,7 @@
-"""One drive of a car: arm, start, watch, stop. Whatever goes wrong, the car stops, and what is known is told.
+"""Drives a car through one trial: arm, start, watch, stop. The car is stopped after every error.
 
-Input: a greeted car and the set-point of docs/carsim.md's run. Output: how the drive ended, and what it was worth
-where that is plain. Nothing here asks or prints.
+Input: a connected car and the settings of a run (docs/carsim.md). Output: how the drive ended, and its outcome where
+that follows. Nothing here asks or prints.
 """
 
 import contextlib
@@ -15,10 +15,10 @@ from foldcar.link.car import Car, CommandRefusedError
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import LogError
 
-# The car itself stops after half a second without us; by then a pulled cable is no hiccup.
+# The car stops 0.5 s after the last heartbeat; silence of this length is not a brief disturbance.
 SILENCE_S = 2.0
 AFTERWARDS_S = 0.3
-# How an untethered drive looks from here once the cable is pulled.
+# The ending of an untethered drive whose cable is unplugged.
 DRIVES_ON = "drives on untethered"
 CTRL_C = "Ctrl-C"
 STEP_S = 0.05
@@ -26,7 +26,7 @@ STEP_S = 0.05
 
 @dataclass(frozen=True, slots=True)
 class DriveEnd:
-    """``ending`` in words; ``outcome`` if it follows, else None: a person must say; ``error`` if it was broken off."""
+    """The end of a drive: a text, the outcome or None if a person must judge, and the error that aborted it, if any."""
 
     ending: str
     outcome: str | None
@@ -35,29 +35,30 @@ class DriveEnd:
 
 
 class Watcher(Protocol):
-    """Who watches a drive: looks at the messages as they come, and may want it to stop."""
+    """The observer of a drive: sees the car's messages, and may request a stop."""
 
-    # A file that `select` can wait for beside the link, or None.
-    also: Any
+    # A file whose input ends the wait for messages early, or None.
+    other_input: Any
 
     def look(self, car: Car) -> None:
-        """Show what is there; called a few times a second."""
+        """Display the car's state; called several times a second."""
 
     def wants_stop(self) -> str | None:
-        """Why the drive is to stop, in words; None: it goes on."""
+        """The reason for which the drive is to stop, or None."""
 
 
 def drive(
     car: Car, settings: Mapping[str, Any], trial: int, countdown_s: int, watcher: Watcher, untethered: bool = False
 ) -> DriveEnd:
-    """Drive one trial. Never raises what the car, the cable, the disk or the user does: it is in the result.
+    """Drive one trial. Errors of car, cable and disk and Ctrl-C are not raised, but returned in the result.
 
-    An ``untethered`` drive whose cable is pulled ends here as DRIVES_ON, and is left alone.
+    ``settings`` has ``speed_m_s``, ``yaw_rate_rad_s`` and ``time_limit_s``. When the cable of an ``untethered`` drive
+    is unplugged, the drive ends as DRIVES_ON and the car is not stopped.
     """
     started = left_alone = False
     try:
         with contextlib.suppress(CommandRefusedError):
-            # What an earlier drive left behind; a car that refuses says why when it is armed.
+            # Ends an earlier drive; a car in a state that forbids driving refuses to arm, with the reason.
             car.stop_trial()
         car.arm()
         stop = _count_down(car, countdown_s, watcher)
@@ -90,7 +91,7 @@ def drive(
 def _count_down(car: Car, countdown_s: int, watcher: Watcher) -> str | None:
     end_s = time.monotonic() + countdown_s
     while (left_s := end_s - time.monotonic()) > 0:
-        car.connection.receive(min(STEP_S, left_s), watcher.also)
+        car.connection.receive(min(STEP_S, left_s), watcher.other_input)
         watcher.look(car)
         stop = watcher.wants_stop()
         if stop is not None:
@@ -102,7 +103,7 @@ def _watch(car: Car, trial: int, watcher: Watcher) -> DriveEnd:
     dialect, connection = car.dialect, car.connection
     booted_ms = 0
     while True:
-        for message in connection.receive(STEP_S, watcher.also):
+        for message in connection.receive(STEP_S, watcher.other_input):
             kind = message.get_type()
             if kind == "FOLDCAR_TRIAL":
                 if message.time_boot_ms < booted_ms:
@@ -111,7 +112,7 @@ def _watch(car: Car, trial: int, watcher: Watcher) -> DriveEnd:
                 if message.trial_id == trial and message.state != dialect.FOLDCAR_STATE_RUNNING:
                     return _car_ended(car, message)
             elif kind == "FOLDCAR_TRUTH" and message.trial_id == trial and message.outcome:
-                return _simulator_saw(car, message)
+                return _simulated_outcome(car, message)
         watcher.look(car)
         stop = watcher.wants_stop()
         if stop is not None:
@@ -132,7 +133,7 @@ def _car_ended(car: Car, message: Any) -> DriveEnd:
     return DriveEnd("stopped by another host", None, elapsed_s)
 
 
-def _simulator_saw(car: Car, message: Any) -> DriveEnd:
+def _simulated_outcome(car: Car, message: Any) -> DriveEnd:
     car.stop_trial()
     dialect = car.dialect
     outcome = {
@@ -146,7 +147,7 @@ def _simulator_saw(car: Car, message: Any) -> DriveEnd:
 
 
 def _await_end(car: Car, trial: int) -> None:
-    """Wait for the message that says how long the car drove."""
+    """Wait for the message with the trial's final elapsed time."""
 
     def ended(message: Any) -> bool:
         if message.get_type() != "FOLDCAR_TRIAL" or message.trial_id != trial:
@@ -162,7 +163,7 @@ def _elapsed_s(car: Car, trial: int) -> float | None:
 
 
 def _stand_still(car: Car) -> None:
-    """Stop and disarm as well as it can be done; a car in a fault is still, and refuses."""
+    """Stop and disarm if possible; a car in a fault refuses, and is at rest already."""
     with contextlib.suppress(FoldcarError, KeyboardInterrupt):
         car.stop_trial()
     with contextlib.suppress(FoldcarError, KeyboardInterrupt):

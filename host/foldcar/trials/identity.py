@@ -1,6 +1,7 @@
-"""Who is at the other end: which design of the experiment, which firmware, set to what.
+"""Checks a connected car's identity: its design, its firmware build, its parameters.
 
-Input: what a car says of itself. Output: the design it is, or a FoldcarError that says what to do about it.
+Input: the identity and the parameters that a car reports. Output: the design of the experiment, differing parameters,
+or a FoldcarError with a remedy.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,20 +10,20 @@ from foldcar.car.car_file import design_hash
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.link.car import CarIdentity
-from foldcar.link.parameters import same
+from foldcar.link.parameters import equal_float32
 from foldcar.study.experiments import Experiment
 from foldcar.study.family import Family
 
-# Of parameters that belong to the servos of one car, and are calibrated: they may differ from the design's.
+# Endings of the names of calibrated parameters, which may differ from the design's because they depend on the servos.
 CALIBRATED = ("_NEUTRAL_US", "_DEADBAND_US", "_GAIN_US", "PWM_OSC_HZ")
 
 
 def design_of(identity: CarIdentity, experiment: Experiment, family: Family) -> Design:
-    """The design of ``family`` (of ``experiment``, perhaps narrowed) that the car is; FoldcarError if it is none."""
+    """The design of ``family`` (the experiment's, or part of it) that has the car's hash; FoldcarError if none has."""
     if identity.refused:
         raise FoldcarError("the car refuses its own car.json: load the design again with `foldcar flash`")
     if not identity.hash:
-        raise FoldcarError("the car holds no design: load one with `foldcar flash LISTING --experiment ID --design-only`")
+        raise FoldcarError("the car has no design: load one with `foldcar flash LISTING --experiment ID --design-only`")
     for design in family:
         if design_hash(design) == identity.hash:
             return design
@@ -35,27 +36,29 @@ def design_of(identity: CarIdentity, experiment: Experiment, family: Family) -> 
 
 
 def check_build(identity: CarIdentity, simulated: str) -> None:
-    """FoldcarError if the car's firmware is not the one that is simulated."""
+    """FoldcarError if the car's firmware is not of the build that is simulated."""
     if identity.build != simulated:
         raise FoldcarError(
-            f"the car's firmware is build {identity.build}, simulated is {simulated}: load it with "
-            "`foldcar flash`, or drive all the same with --any-build"
+            f"the car's firmware is build {identity.build}, the simulated one is {simulated}: load that with "
+            "`foldcar flash`, or drive anyway with --any-build"
         )
 
 
-def unexpected(car: Mapping[str, float], expected: Mapping[str, float]) -> list[tuple[str, float, float]]:
-    """Name, the car's value and the expected one where they differ, of parameters that both have."""
+def parameter_deviations(car: Mapping[str, float], expected: Mapping[str, float]) -> list[tuple[str, float, float]]:
+    """Name, the car's and the expected value of each parameter that differs; those that one side lacks are left out."""
     return [
-        (name, car[name], value) for name, value in expected.items() if name in car and not same(car[name], value)
+        (name, car[name], value)
+        for name, value in expected.items()
+        if name in car and not equal_float32(car[name], value)
     ]
 
 
 def is_calibrated(name: str) -> bool:
-    """Whether a parameter is one that calibration sets for each car."""
+    """Whether calibration sets this parameter for each car."""
     return name.endswith(CALIBRATED)
 
 
 def least_tried(samples: int, counts: Mapping[int, int]) -> int:
-    """The sample of an experiment that has had the fewest trials, the first of several."""
+    """The sample (0 to ``samples`` - 1) with the fewest trials, the first of several; ``counts`` is by sample."""
     candidates: Sequence[int] = range(samples)
     return min(candidates, key=lambda sample: (counts.get(sample, 0), sample))

@@ -1,8 +1,8 @@
-"""Where to put obstacles and car for a trial, in words and numbers, and where they were put instead.
+"""Placement of obstacles and car on the floor for a trial: instructions, and deviations from them.
 
-Input: a scene of docs/carsim.md. Output: obstacles with letters, lines of instruction (mm and degrees, as people
-measure), and the scene moved by measured deviations. Everything is measured in the scene's frame, which is marked
-on the floor: a point for its origin, a line for x, y to the left of it, turned counter-clockwise.
+Input: a scene of docs/carsim.md, measured deviations. Output: lettered obstacles, rows of instructions (mm and degrees),
+the scene with the deviations applied. Positions are measured in the scene's frame, which is marked on the floor by a
+point at its origin and a line along x; y is to the left of x, headings are counter-clockwise.
 """
 
 import copy
@@ -13,10 +13,9 @@ from string import ascii_uppercase
 from typing import Any
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes.terrain_kinds import description, kind_of
 
 CAR = "car"
-# Shapes of the ground itself: they can be no further off than the floor is.
-GROUND_KINDS = ("rough",)
 MOST_DEVIATION_MM = 1000.0
 
 Deviations = Mapping[str, tuple[float, float, float]]
@@ -24,7 +23,7 @@ Deviations = Mapping[str, tuple[float, float, float]]
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """Pieces of terrain that stand on one middle, a thing to put on the floor: their indices in the scene."""
+    """One object to put on the floor: its pose, and the indices in the scene of its terrain pieces."""
 
     letter: str
     pieces: tuple[int, ...]
@@ -34,10 +33,10 @@ class Obstacle:
 
 
 def obstacles(scene: Mapping[str, Any]) -> list[Obstacle]:
-    """The scene's obstacles in the order of its terrain, lettered A, B, …, Z, AA, …"""
+    """The scene's obstacles in the order of its terrain, lettered A, B, …, Z, AA, …; pieces with one centre are one."""
     groups: dict[tuple[float, float], list[int]] = {}
     for index, piece in enumerate(scene["terrain"]):
-        if piece["kind"] not in GROUND_KINDS:
+        if not kind_of(piece).is_floor:
             groups.setdefault((piece["x_m"], piece["y_m"]), []).append(index)
     return [
         Obstacle(_letters(number), tuple(indices), x, y, scene["terrain"][indices[0]].get("heading_rad", 0.0))
@@ -46,11 +45,11 @@ def obstacles(scene: Mapping[str, Any]) -> list[Obstacle]:
 
 
 def instructions(scene: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str, str]]:
-    """Rows of name, x (mm), y (mm), turned (°), what it is: the car, the obstacles, the goal, the floor."""
+    """Rows of name, x (mm), y (mm), heading (°) and description: the car, the obstacles, the goal, the floor."""
     start = scene["start"]
     yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "its middle"
     for thing in obstacles(scene):
-        what = "; ".join(_piece_text(scene["terrain"][index]) for index in thing.pieces)
+        what = "; ".join(description(scene["terrain"][index]) for index in thing.pieces)
         yield thing.letter, *_place(thing.x_m, thing.y_m, thing.heading_rad), what
     goal = scene["goal"]
     if goal is not None:
@@ -61,17 +60,20 @@ def instructions(scene: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str,
 
 
 def parse_deviation(text: str, names: list[str]) -> tuple[str, tuple[float, float, float]]:
-    """``"A 5 -3 1.5"`` → ("A", (0.005, -0.003, 0.026…)): x mm, y mm, turned degrees; FoldcarError."""
+    """Parse a name and deviations in x (mm), y (mm) and heading (°) to (name, (m, m, rad)); FoldcarError.
+
+    ``"A 5 -3 1.5"`` gives ("A", (0.005, -0.003, 0.026…)).
+    """
     words = text.split()
     if not words or words[0] not in names:
-        raise FoldcarError(f'deviation "{text}": begins with none of {", ".join(names)}')
+        raise FoldcarError(f'deviation "{text}": does not begin with one of {", ".join(names)}')
     try:
         numbers = [float(word) for word in words[1:]]
     except ValueError:
         numbers = []
     if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
         raise FoldcarError(
-            f'deviation "{text}": is not NAME X_MM Y_MM [TURNED_DEG], as in "{names[0]} 5 -3 1.5"'
+            f'deviation "{text}": not NAME X_MM Y_MM [HEADING_DEG], as in "{names[0]} 5 -3 1.5"'
         )
     limits = ((MOST_DEVIATION_MM, "mm"), (MOST_DEVIATION_MM, "mm"), (180.0, "°"))
     for number, (limit, unit) in zip(numbers, limits, strict=False):
@@ -82,7 +84,7 @@ def parse_deviation(text: str, names: list[str]) -> tuple[str, tuple[float, floa
 
 
 def placed(scene: Mapping[str, Any], deviations: Deviations) -> dict[str, Any]:
-    """The scene as it stood on the floor: car and obstacles moved by ``deviations``, obstacles as a whole."""
+    """The scene as built on the floor: the car and each obstacle moved by its deviation (m, m, rad)."""
     moved: dict[str, Any] = copy.deepcopy(dict(scene))
     things = {CAR: [moved["start"]]}
     things |= {o.letter: [moved["terrain"][index] for index in o.pieces] for o in obstacles(scene)}
@@ -96,7 +98,7 @@ def placed(scene: Mapping[str, Any], deviations: Deviations) -> dict[str, Any]:
 
 
 def names_of(scene: Mapping[str, Any]) -> list[str]:
-    """What may deviate: the car and the obstacles' letters."""
+    """The names that may deviate: the car and the obstacles' letters."""
     return [CAR, *(obstacle.letter for obstacle in obstacles(scene))]
 
 
@@ -104,20 +106,8 @@ def _place(x_m: float, y_m: float, heading_rad: float) -> tuple[str, str, str]:
     return f"{1000 * x_m:.0f}", f"{1000 * y_m:.0f}", f"{_degrees(heading_rad):.1f}"
 
 
-def _piece_text(piece: Mapping[str, Any]) -> str:
-    kind = piece["kind"].replace("_", "-")
-    if piece["kind"] == "hill":
-        return f"hill {1000 * piece['height_m']:.1f} mm high"
-    if piece["kind"] == "pothole":
-        return f"hole {1000 * piece['depth_m']:.1f} mm deep, radius {1000 * piece['radius_m']:.0f} mm"
-    size = f"{1000 * piece['length_m']:.0f} × {1000 * piece['width_m']:.0f}"
-    if piece["kind"] == "patch":
-        return f"patch {size} mm of friction {piece['friction']:g}"
-    return f"{kind} {size} × {1000 * piece['height_m']:.1f} mm"
-
-
 def _degrees(angle_rad: float) -> float:
-    """The angle in degrees, -180 to 180; never -0."""
+    """The angle in degrees, from -180 to 180; never -0."""
     return round(math.degrees(math.remainder(angle_rad, math.tau)), 1) + 0.0
 
 

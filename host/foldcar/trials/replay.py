@@ -1,7 +1,7 @@
-"""A trial's pair: the same car as designed, in the scene as it stood on the floor, simulated.
+"""Simulates a trial's counterpart: the design of its car in the scene as built on the floor.
 
-Input: a store and the number of a trial. Output: what was simulated, and carsim's answer with the path. An
-environment whose program decides while the car drives is simulated without its program.
+Input: a store and the number of a trial. Output: the simulated body and scene, and carsim's answer with the path. The
+dynamic parts of a Scenic program are not simulated.
 """
 
 import json
@@ -19,7 +19,7 @@ PATH_INTERVAL_S = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """The simulated side of a trial, as docs/carsim.md has it."""
+    """The simulated counterpart of a trial: body, scene and answer of docs/carsim.md."""
 
     body: dict[str, Any]
     scene: dict[str, Any]
@@ -27,11 +27,11 @@ class Pair:
 
 
 def simulate_pair(store: Store, number: int, carsim: Carsim) -> Pair:
-    """Trial ``number`` simulated; FoldcarError if the store does not know what was driven."""
+    """Simulate trial ``number``; FoldcarError if the store lacks it, or lacks the scene of an imported one."""
     store.trial(number)
     drive = store.trial_drive(number)
     if drive is None:
-        raise FoldcarError(f"{store.path}: trial {number} was imported: its scene is not known, so it has no pair")
+        raise FoldcarError(f"{store.path}: trial {number} was imported without a scene and cannot be simulated")
     body, settings, scene = drive
     with_path = canonical_json({**json.loads(settings), "path_interval_s": PATH_INTERVAL_S})
     request = RunRequest("car", "scene", with_path, f"trial {number}", 0)
@@ -40,5 +40,5 @@ def simulate_pair(store: Store, number: int, carsim: Carsim) -> Pair:
 
 
 def agree(trial_outcome: str, simulated_outcome: str) -> bool:
-    """Whether both passed or neither did."""
+    """Whether both outcomes are "passed" or neither is."""
     return (trial_outcome == "passed") == (simulated_outcome == "passed")

@@ -1,7 +1,7 @@
-"""Neutral and deadband of a continuous-rotation servo, from what a person sees at a few pulses.
+"""Measures neutral and deadband of a continuous-rotation servo from a person's observations.
 
-A servo turns one way below its deadband, stands inside it, turns the other way above. Two bisections find the ends.
-Input: a function that shows a pulse and tells which way the servo turns. Output: neutral and deadband in µs.
+Input: a function that drives a pulse and returns the observed direction. Output: neutral and deadband in µs. The servo
+rests within its deadband and turns in opposite directions below and above it; two bisections find the two limits.
 """
 
 from collections.abc import Callable
@@ -9,23 +9,26 @@ from dataclasses import dataclass
 
 from foldcar.errors import FoldcarError
 
-# Far outside any deadband, and not full speed.
+# Outside any deadband, but below full speed.
 LOWEST_US, HIGHEST_US = 1300, 1700
-# Less than the servo driver's step of 4.88 µs.
+# Below the servo driver's step of 4.88 µs.
 RESOLUTION_US = 2
 MOST_DEADBAND_US = 150
 
 
 @dataclass(frozen=True, slots=True)
 class ServoEdges:
-    """The servo stands from ``neutral_us - deadband_us`` to ``neutral_us + deadband_us``."""
+    """The servo rests from ``neutral_us - deadband_us`` to ``neutral_us + deadband_us``."""
 
     neutral_us: float
     deadband_us: float
 
 
 def find_edges(turns: Callable[[int], int]) -> ServoEdges:
-    """``turns(pulse_us)`` is -1, 0 or 1: the way the servo turns, 1 with growing pulses. FoldcarError."""
+    """Find the limits of the deadband; ``turns(pulse_us)`` is the direction: -1, 0 (at rest) or 1 (at long pulses).
+
+    FoldcarError if the directions at 1300 or 1700 µs are wrong or the deadband is above ±150 µs.
+    """
     if turns(LOWEST_US) != -1:
         raise FoldcarError(f"at {LOWEST_US} µs the wheel does not turn as it should: is it wired to this output?")
     if turns(HIGHEST_US) != 1:
@@ -40,7 +43,7 @@ def find_edges(turns: Callable[[int], int]) -> ServoEdges:
 
 
 def _edge(turns: Callable[[int], int], seen: dict[int, int], least: int) -> float:
-    """The pulse from which on the answer is ``least`` or more; what was seen before is not asked again."""
+    """The least pulse (µs) at which the direction is ``least`` or more; ``seen`` holds earlier observations."""
     below = max(pulse for pulse, way in seen.items() if way < least)
     above = min(pulse for pulse, way in seen.items() if way >= least)
     while above - below > RESOLUTION_US:

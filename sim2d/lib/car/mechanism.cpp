@@ -2,16 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 namespace foldcar {
 namespace {
 
-// How a segment is divided: each frame carries a tenth of its mass and of its pitch inertia. The split changes nothing
-// rigid (the frames cannot pitch against the box); it sets how much of the roll inertia stands in the frames.
+// Each frame has a tenth of its segment's mass and pitch inertia. The segment's sums do not depend on these shares, for
+// the frames cannot pitch against the chassis; they decide how much of the roll inertia the frames represent.
 constexpr double kFrameMassShare = 0.1;
 constexpr double kFramePitchShare = 0.1;
-// Below this the flywheel is too light for its gears to be solved in a few iterations.
+// A lighter flywheel needs more iterations than the step has for its gear joints to converge.
 constexpr double kLeastFlywheel_kg_m2 = 2e-5;
 
 b2Body* add_body(b2World& world, b2BodyType type, double x_m, double z_m, double gravity_scale) {
@@ -56,9 +57,8 @@ b2PrismaticJoint* add_slide(b2World& world, b2Body* a, b2Body* b, b2Vec2 axis, b
 }
 
 void add_belly(b2Body& chassis, const SegmentSpec& spec, double friction) {
-  const double skin_m = std::min({kPolygonSkin_m, 0.25 * spec.length_m, 0.25 * spec.height_m});
   b2PolygonShape box;
-  box.SetAsBox(to_units(0.5 * spec.length_m - skin_m), to_units(0.5 * spec.height_m - skin_m),
+  box.SetAsBox(to_units(0.5 * spec.length_m - kPolygonSkin_m), to_units(0.5 * spec.height_m - kPolygonSkin_m),
                to_units(spec.x_m - spec.com_x_m, spec.center_z_m - spec.com_z_m), 0);
   const b2FixtureDef fixture =
       contact_fixture(box, friction * spec.grip, category::kBelly, category::kBellyGround);
@@ -84,7 +84,7 @@ b2Joint* add_roll_flywheel(b2World& world, Mechanism& car, b2Body* ground, doubl
   return world.CreateJoint(&axis);
 }
 
-// The frame of the side whose sign is given (left +1), raised by roll and geared to it.
+// The frame of the left (sign = +1) or right (-1) side, displaced along z by roll and geared to the flywheel.
 b2Body* add_frame(b2World& world, b2Body* chassis, const SegmentSpec& spec, b2Joint* roll_joint, double track_m,
                   double sign, double axle_z_m, double q) {
   const double z_m = axle_z_m + spec.com_z_m + sign * 0.5 * track_m * q;
@@ -105,13 +105,13 @@ void add_wheel(b2World& world, Mechanism& car, const BodySpec& body, const Wheel
   b2Body* disc = add_body(world, b2_dynamicBody, to_metres(center.x), to_metres(center.y), 1);
   b2CircleShape circle;
   circle.m_radius = to_units(wheel.radius_m - kWheelSkin_m);
-  // Only the tread is out of centre: a wheel of a few grams whose mass is, by a millimetre, shakes nothing.
+  // Only the tread is eccentric. The imbalance of a wheel of a few grams, one millimetre off its axle, is negligible.
   circle.m_p = to_units(wheel.eccentricity_m * std::cos(wheel.eccentricity_phase_rad),
                         wheel.eccentricity_m * std::sin(wheel.eccentricity_phase_rad));
   const b2FixtureDef fixture =
       contact_fixture(circle, friction * wheel.grip, category::kWheel[k], category::kTrack[k]);
   disc->CreateFixture(&fixture);
-  // The rotor turns in the chassis, geared to the wheel: its inertia at the shaft is the wheel's to drive.
+  // The rotor is geared to the wheel: its inertia at the output shaft adds to the wheel's.
   set_mass(*disc, wheel.mass_kg,
            0.5 * wheel.mass_kg * wheel.radius_m * wheel.radius_m + wheel.servo.rotor_inertia_kg_m2);
   if (car.rotors_in_frames) {
@@ -127,9 +127,8 @@ void add_wheel(b2World& world, Mechanism& car, const BodySpec& body, const Wheel
   car.wheel_motor.push_back(static_cast<b2RevoluteJoint*>(world.CreateJoint(&axle)));
 }
 
-// Two joints at one place: a revolute one for the limits, and a soft weld, whose point is the same, for the
-// flexure. Box2D solves the weld's spring and damper implicitly: a stiff one is as stable as a rigid one, and every
-// one is damped by its stiffness times the step on top of its own damping.
+// Two joints at one point: a revolute joint for the limits and a soft weld joint for the flexure. Box2D integrates the
+// weld's spring and damper implicitly, which is stable at any stiffness and adds a damping of stiffness times step.
 void add_hinge(b2World& world, Mechanism& car, const HingeSpec& spec, double axle_z_m) {
   const std::size_t j = car.hinge.size();
   b2Body* front = car.segments[j].chassis;
@@ -148,8 +147,9 @@ void add_hinge(b2World& world, Mechanism& car, const HingeSpec& spec, double axl
   car.hinge.push_back(static_cast<b2RevoluteJoint*>(world.CreateJoint(&limits)));
 }
 
-// All segments as one rigid body: mass, centre of mass and inertias (parallel axes); its box means nothing.
-SegmentSpec as_one(const std::vector<SegmentSpec>& segments) {
+// All segments as one rigid body: mass, centre of mass, roll and yaw inertia by the parallel axis theorem. The other
+// members are those of the first segment.
+SegmentSpec combined(const std::vector<SegmentSpec>& segments) {
   const SegmentSpec& first = segments.front();
   SegmentSpec one = first;
   double moment_x = 0, moment_y = 0, moment_z = 0;
@@ -157,7 +157,6 @@ SegmentSpec as_one(const std::vector<SegmentSpec>& segments) {
     const SegmentSpec& segment = segments[j];
     one.mass_kg += segment.mass_kg;
     one.roll_inertia_kg_m2 += segment.roll_inertia_kg_m2;
-    one.pitch_inertia_kg_m2 += segment.pitch_inertia_kg_m2;
     one.yaw_inertia_kg_m2 += segment.yaw_inertia_kg_m2;
     moment_x += segment.mass_kg * (segment.com_x_m - first.com_x_m);
     moment_y += segment.mass_kg * (segment.com_y_m - first.com_y_m);
@@ -170,7 +169,6 @@ SegmentSpec as_one(const std::vector<SegmentSpec>& segments) {
     const double dx = segment.com_x_m - one.com_x_m, dy = segment.com_y_m - one.com_y_m,
                  dz = segment.com_z_m - one.com_z_m;
     one.roll_inertia_kg_m2 += segment.mass_kg * (dy * dy + dz * dz);
-    one.pitch_inertia_kg_m2 += segment.mass_kg * (dx * dx + dz * dz);
     one.yaw_inertia_kg_m2 += segment.mass_kg * (dx * dx + dy * dy);
   }
   return one;
@@ -179,7 +177,7 @@ SegmentSpec as_one(const std::vector<SegmentSpec>& segments) {
 }  // namespace
 
 CarConstants::CarConstants(const BodySpec& body) {
-  const SegmentSpec chassis = as_one(body.segments);
+  const SegmentSpec chassis = combined(body.segments);
   const double half_track_m = 0.5 * body.track_m;
   const double reference_x_m = body.segments[main_segment(body)].com_x_m;
   double wheels_mass_kg = 0, wheels_moment_kg_m = 0, wheels_own_kg_m2 = 0, radius_sum_m = 0;
@@ -221,10 +219,11 @@ CarConstants::CarConstants(const BodySpec& body) {
 double plane_roll_inertia_kg_m2(const BodySpec& body, const CarConstants& constants, double friction) {
   const double lever_m = 0.5 * body.track_m, height_m = constants.com_height_m;
   const double holding_kg_m2 = constants.roll_inertia_kg_m2 + constants.mass_kg * height_m * height_m;
-  // An impact under one side, of friction times its impulse across: what the push leaves of its lever turns the car.
-  const double left_m = lever_m - friction * height_m;
+  // Sliding contacts: an impact J under one side comes with the lateral impulse μ J at the height of the contacts,
+  // which shortens the lever of J from t to t - μ h.
+  const double shortened_m = lever_m - friction * height_m;
   const double sliding_kg_m2 =
-      left_m > 0 ? constants.roll_inertia_kg_m2 * lever_m / left_m : std::numeric_limits<double>::infinity();
+      shortened_m > 0 ? constants.roll_inertia_kg_m2 * lever_m / shortened_m : std::numeric_limits<double>::infinity();
   return std::max(std::min(holding_kg_m2, sliding_kg_m2), constants.frames_roll_kg_m2 + kLeastFlywheel_kg_m2);
 }
 
@@ -252,7 +251,7 @@ Mechanism build_mechanism(b2World& world, const BodySpec& body, const CarConstan
                                    axle_z_m, q);
     }
     car.track[k] = add_body(world, b2_dynamicBody, 0, 0, 0);
-    // Or wheels far along the track, whose load the slide holds in a few iterations only, would tilt it.
+    // The slide's angular constraint would not converge for wheels far along the track.
     car.track[k]->SetFixedRotation(true);
     set_mass(*car.track[k], track_mass_kg(constants.yaw_inertia_kg_m2, body.track_m), 1);
     car.track_slide[k] = add_slide(world, ground, car.track[k], b2Vec2(1, 0), b2Vec2_zero, true);

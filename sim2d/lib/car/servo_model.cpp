@@ -8,9 +8,9 @@ namespace foldcar {
 ServoDrive servo_drive(const ServoSpec& servo, double pulse_us) {
   if (pulse_us <= 0) return {false, 0};
   const double offset_us = servo.direction * (pulse_us - servo.neutral_us);
-  const double beyond_us = std::abs(offset_us) - servo.deadband_us;
-  if (beyond_us <= 0) return {true, 0};
-  const double fraction = std::min(1.0, beyond_us / (servo.saturation_us - servo.deadband_us));
+  const double excess_us = std::abs(offset_us) - servo.deadband_us;
+  if (excess_us <= 0) return {true, 0};
+  const double fraction = std::min(1.0, excess_us / (servo.saturation_us - servo.deadband_us));
   return {true, std::copysign(fraction, offset_us)};
 }
 

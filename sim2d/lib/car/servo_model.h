@@ -5,16 +5,17 @@
 
 namespace foldcar {
 
-// What a pulse asks for. unpowered: no pulse, the motor is open and gives no torque.
+// The command that a pulse stands for. Without pulses a servo is not powered: its motor gives no torque.
 struct ServoDrive {
   bool powered = false;
   double fraction = 0;  // of full speed, -1..1, positive drives the wheel forward
 };
 
+// The command of a pulse of pulse_us (µs; 0: no pulse): zero within the dead band, then linear up to full speed.
 ServoDrive servo_drive(const ServoSpec& servo, double pulse_us);
 
-// Torque on the wheel (N·m, positive drives forward) at wheel speed omega (rad/s): a line from stall torque
-// to no-load speed, both in proportion to supply voltage, capped at stall torque in either direction.
+// Torque on the wheel (N·m, positive drives forward) at wheel speed omega (rad/s): linear from stall torque to no-load
+// speed, both proportional to the supply voltage, limited to the stall torque in either direction.
 double servo_torque_n_m(const ServoSpec& servo, const ServoDrive& drive, double omega_rad_s, double supply_v);
 
 // Current (A) drawn from the supply while the servo gives torque_n_m; none without a pulse.

@@ -6,7 +6,7 @@
 namespace foldcar {
 namespace {
 
-// Roll (as q) at which a tyre stands on its edge: two hundredths are a tenth of a millimetre across 12 mm.
+// The q from which a tyre stands on its lower edge: 0.02 lifts the other edge of a 12 mm tyre by 0.24 mm.
 constexpr double kEdgeRoll = 0.02;
 
 }  // namespace
@@ -20,10 +20,9 @@ double cos_roll(double q) {
 
 double tan_roll(double q) { return sin_roll_limited(q) / cos_roll(q); }
 
-double leaning_m(double width_m, double q) { return -0.5 * width_m * std::clamp(q / kEdgeRoll, -1.0, 1.0); }
-
 double load_roll_couple_n_m(const CarriedLoad& load, double q) {
-  return load.height_n_m * tan_roll(q) + load.middle_n_m + leaning_m(load.width_n_m, q);
+  const double leaning_n_m = -0.5 * load.width_n_m * std::clamp(q / kEdgeRoll, -1.0, 1.0);
+  return load.height_n_m * tan_roll(q) + load.middle_n_m + leaning_n_m;
 }
 
 double offset_roll_couple_n_m(double side_moment_kg_m) { return -kGravity_m_s2 * side_moment_kg_m; }

@@ -1,38 +1,35 @@
-// What width adds to a side view, term by term: the couples and motions that a plane does not have.
+// Couples on roll that a side view does not have, as generalised forces on q = sin(roll): a couple divided by
+// cos(roll).
 //
-// Signs: roll phi is positive with the left side up, q = sin(phi); yaw is positive to the left; pitch beta is
-// positive nose up. SI units.
+// Signs: roll is positive with the left side up, lateral distances to the left. SI units.
 #pragma once
 
 namespace foldcar {
 
+// Acceleration of free fall.
 constexpr double kGravity_m_s2 = 9.81;
 
-// Largest |q| that is used in tan(phi): a car that far over has tipped.
+// Largest |q| used in tan(roll); a car that far over has tipped.
 constexpr double kMaxSinRoll = 0.95;
 
+// q, limited to ±kMaxSinRoll; the tangent and the cosine of the roll angle of that q.
 double sin_roll_limited(double q);
 double tan_roll(double q);
 double cos_roll(double q);
 
-// How far to the left (m) of the middle of what carries it, width_m wide, a tyre or belly rests: on the edge that is down
-// once the car leans over 0.02 in q.
-double leaning_m(double width_m, double q);
-
-// What the ground carries, summed over all that stands on it: each share (N) times the height of the centre of mass over
-// it, times how far left of its part of the car's middle it stands, and times the width of the tyre that stands on it.
+// First moments of the vertical contact forces, summed over the contacts (N·m): force times
 struct CarriedLoad {
-  double height_n_m = 0;
-  double middle_n_m = 0;
-  double width_n_m = 0;
+  double height_n_m = 0;  // height of the centre of mass over the contact, car level
+  double middle_n_m = 0;  // distance of the contact to the left of the middle of its side's tyres, or of the belly
+  double width_n_m = 0;   // width of the tyre
 };
 
-// Couple about the roll axis (N·m) of load: of the weight at rest, none in the air. Tyres on level ground lean on their
-// outer edges, so the weight overturns the car only beyond atan((track + tyre) / (2 height)).
+// Couple (N·m) of the contact forces; zero in the air. From |q| = 0.02 a tyre stands on its lower edge, so the weight
+// overturns the car beyond a roll of atan((track + tyre width) / (2 height)).
 double load_roll_couple_n_m(const CarriedLoad& load, double q);
 
-// Couple about the roll axis (N·m) of masses off the middle; side_moment_kg_m is positive for more on the left.
-// Constant: q is the sine of roll, which their lever's shortening cancels.
+// Couple (N·m) of the weight of masses beside the middle; side_moment_kg_m is the sum of mass times distance to the
+// left. It is constant: the lever shrinks with cos(roll), by which the couple is divided.
 double offset_roll_couple_n_m(double side_moment_kg_m);
 
 }  // namespace foldcar

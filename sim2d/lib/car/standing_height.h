@@ -1,4 +1,4 @@
-// How high a car stands that is put down on an outline: heights of axles over the plane's zero, metres.
+// Height at which a car stands on an outline: heights of its axle line over z = 0, metres.
 #pragma once
 
 #include "body_spec.h"
@@ -6,11 +6,11 @@
 
 namespace foldcar {
 
-// Height that a wheel's axle needs at axle_s_m of the outline for the tyre to stand on it.
+// Height of the axle of a wheel that stands on the outline with its axle at axle_s_m.
 double axle_height_m(const Profile& profile, double axle_s_m, const WheelSpec& wheel);
 
-// Height of the axles at which a segment's belly, put down inside an obstacle, rests on it; reference_m is the place
-// along the car that stands at the outline's zero.
+// Height of the axle line at which the belly of a level segment rests on the outline; reference_m is the x (m) of the
+// point of the car that stands at s = 0 of the outline.
 double resting_axle_height_m(const Profile& ground, const SegmentSpec& segment, double reference_m);
 
 }  // namespace foldcar

@@ -2,37 +2,37 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "side_view_terms.h"
 
 namespace foldcar {
 namespace {
 
-// How far the car may move before its terrain is cut anew: a millimetre at the wheels.
+// The terrain is cut anew when the car has moved further than this: about a millimetre at the wheels.
 constexpr double kHeadingTolerance_rad = 0.01;
 constexpr double kSidewaysTolerance_m = 0.001;
 constexpr double kRollTolerance = 0.02;
 constexpr double kAheadTolerance_m = 0.1;
 constexpr double kBehindTolerance_m = 0.02;
-// A chain whose vertices are this close to where they should be is kept.
+// A chain whose vertices are within this of the new outline is kept.
 constexpr double kChainTolerance_m = 0.0001;
-// Terrain is cut this much further than the car may drive before the next cut, so that a chain can be kept
-// although the car has moved on.
+// The cut reaches this much further than the car may drive before the next cut, so that its chain can be kept after it.
 constexpr double kSpare_m = 0.04;
-// Its vertices may be moved this far; farther and the chain is made anew.
+// A chain's vertices are moved by no more than this; beyond it the chain is made anew.
 constexpr double kAdjust_m = 0.01;
 
-// Lines of smooth or level ground whose heights differ by less carry the belly together.
+// Lines under the belly whose heights differ by less than this carry it together.
 constexpr double kSameHeight_m = 0.0003;
 
-// A wheel that touches this little over the smooth ground stands on it.
+// A wheel whose contact is no higher than this above the smooth ground stands on it.
 constexpr double kOnGround_m = 0.002;
 
-// The belly is felt along this many lines; fewer let narrow edges through.
+// The belly meets the terrain along this many lines; obstacles narrower than their distance can be missed.
 constexpr int kBellyLines = 9;
 constexpr double kLineWidth_m = 0.001;
 
-// How far left of the car's middle a line of a belly of that width runs.
+// Distance of a line of a belly of that width to the left of the car's middle (m).
 double belly_line_y_m(int line, double width_m) {
   return (-1 + 2.0 * line / (kBellyLines - 1)) * 0.5 * (width_m - kLineWidth_m);
 }
@@ -41,8 +41,8 @@ float height_on_line(b2Vec2 a, b2Vec2 b, float x) {
   return a.x == b.x ? a.y : a.y + (b.y - a.y) * (x - a.x) / (b.x - a.x);
 }
 
-// Where a chain would go on: Box2D asks so that wheels do not catch on its ends.
-b2Vec2 beyond(b2Vec2 end, double metres) { return {end.x + to_units(metres), end.y}; }
+// The ghost vertex beyond an end of a chain, with which Box2D keeps wheels from catching on the end.
+b2Vec2 ghost_vertex(b2Vec2 end, double metres) { return {end.x + to_units(metres), end.y}; }
 
 }  // namespace
 
@@ -64,10 +64,10 @@ bool TrackTerrain::stale(const CutPose& pose) const {
   return std::abs(pose.frame.heading_rad - at_.frame.heading_rad) > kHeadingTolerance_rad ||
          std::abs(sideways_m) > kSidewaysTolerance_m ||
          (terrain_.ground() == nullptr ? ahead_m > kAheadTolerance_m || ahead_m < -kBehindTolerance_m
-                                       : beyond_plan(pose)) || std::abs(pose.q - at_.q) > kRollTolerance;
+                                       : outside_plan(pose)) || std::abs(pose.q - at_.q) > kRollTolerance;
 }
 
-bool TrackTerrain::beyond_plan(const CutPose& pose) const {
+bool TrackTerrain::outside_plan(const CutPose& pose) const {
   return pose.s_m - reach_m_ < planned_m_.s_min_m || pose.s_m + reach_m_ > planned_m_.s_max_m;
 }
 
@@ -77,7 +77,7 @@ void TrackTerrain::set_strips(double q) {
     const double middle_m = (k == 0 ? 0.5 : -0.5) * track_m_ * cosine;
     strips_[k] = {middle_m - 0.5 * tyre_width_m_, middle_m + 0.5 * tyre_width_m_};
   }
-  // Rolling about the contacts carries the belly, which hangs belly_drop over them, sideways.
+  // Roll about the contacts moves the belly, belly_drop_m_ above them, sideways.
   const double shift_m = -belly_drop_m_ * q;
   for (int line = 0; line < kBellyLines; ++line) {
     const double middle_m = shift_m + belly_line_y_m(line, belly_width_m_) * cosine;
@@ -85,7 +85,7 @@ void TrackTerrain::set_strips(double q) {
   }
 }
 
-Across TrackTerrain::across(int outline, double q) const {
+LateralSpan TrackTerrain::across(int outline, double q) const {
   const double cosine = cos_roll(q), tangent = tan_roll(q);
   if (outline < 2) {
     const double half_m = 0.5 * tyre_width_m_;
@@ -94,13 +94,13 @@ Across TrackTerrain::across(int outline, double q) const {
   return {-0.5 * belly_width_m_, 0.5 * belly_width_m_, -belly_drop_m_ * q, cosine, cosine * tangent};
 }
 
-// The ground's outlines at pose, planned anew where the car has left what was planned.
+// The smooth ground's outlines at pose; their stations are planned anew if the car has left the planned range.
 void TrackTerrain::cut_ground(const CutPose& pose, const Span& span) {
   const double dx = pose.frame.x_m - planned_at_.frame.x_m, dy = pose.frame.y_m - planned_at_.frame.y_m;
   const double c = std::cos(planned_at_.frame.heading_rad), s = std::sin(planned_at_.frame.heading_rad);
   const bool left = std::abs(c * dy - s * dx) > kPlanSideways_m ||
                     std::abs(pose.frame.heading_rad - planned_at_.frame.heading_rad) > kPlanTurn_rad ||
-                    beyond_plan(pose);
+                    outside_plan(pose);
   if (left) {
     for (int k = 0; k < 3; ++k) {
       grounds_[k].plan(*terrain_.ground(), pose.frame, pose.s_m, span, across(k, pose.q));
@@ -123,7 +123,7 @@ void TrackTerrain::cut(const CutPose& pose) {
     span = grounds_[0].span(pose.s_m);
   }
   terrain_.slice(pose.frame, span, strips_, pieces_);
-  // A point of the belly at y stands y·tan(roll) higher: the belly meets the terrain lowered by as much.
+  // A point of the belly at y is higher by y·tan(roll), which is the same as terrain lowered by as much.
   const double tangent = tan_roll(pose.q), cosine = cos_roll(pose.q);
   belly_pieces_.clear();
   for (int line = 0; line < kBellyLines; ++line) {
@@ -136,7 +136,7 @@ void TrackTerrain::cut(const CutPose& pose) {
       belly_pieces_.push_back(piece);
     }
   }
-  // Level ground is then highest under the side that is down.
+  // Level ground, so lowered, is highest under the lower side of the belly.
   const double low_side_m = std::copysign(0.5 * belly_width_m_, -tangent);
   const double ground_z_m = -low_side_m * cosine * tangent;
   const Piece under_wheels{span.s_min_m, span.s_max_m, 0, 0, 0};
@@ -159,7 +159,7 @@ void TrackTerrain::apply(Mechanism& car) {
   replace_chain(2, *car.belly_ground, category::kBellyGround, category::kBelly);
 }
 
-// A chain's solid side is to its right: from right to left the normals point up.
+// A chain is solid on its right-hand side; vertices from right to left give normals that point up.
 void TrackTerrain::make_vertices(const b2Body& body, const Profile& profile) {
   constexpr float kClosest = 0.25f * 9 * b2_linearSlop * b2_linearSlop;  // (half the profile's resolution)²
   const float origin = to_units(at_.s_m) - body.GetPosition().x;
@@ -174,14 +174,15 @@ void TrackTerrain::make_vertices(const b2Body& body, const Profile& profile) {
   }
 }
 
-// Whether a chain's ends lie as far out as the car may drive before the next cut.
+// Whether a chain reaches as far as the car may drive before the next cut.
 bool TrackTerrain::reaches(const std::vector<b2Vec2>& chain) const {
   const float spare = to_units(kSpare_m);
   return chain.front().x >= vertices_.front().x - spare && chain.back().x <= vertices_.back().x + spare;
 }
 
-// A new chain costs more than the cut, and its contacts start without the impulses of the last step: one whose vertices
-// lie within tolerance_m, and whose ends within it of the lines that the outer edges lie on now, serves on.
+// Whether all vertices of chain lie within tolerance_m of the new outline: inner ones of their new positions, ends of
+// the new end segments' lines. Such a chain is kept or moved, since a new one costs more than the cut, and its contacts
+// lose the impulses of the last step (warm starting).
 bool TrackTerrain::fits(const std::vector<b2Vec2>& chain, double tolerance_m) const {
   if (chain.size() != vertices_.size() || !reaches(chain)) return false;
   const float tolerance = to_units(tolerance_m), closest = to_units(kProfileResolution_m);
@@ -195,8 +196,8 @@ bool TrackTerrain::fits(const std::vector<b2Vec2>& chain, double tolerance_m) co
          std::abs(height_on_line(vertices_[last], vertices_[last - 1], chain[last].x) - chain[last].y) <= tolerance;
 }
 
-// What changes little is moved: that costs a tenth of a new chain, and contacts keep their impulses. The ends stay
-// where they are along the plane.
+// Moves the vertices of the chain at a tenth of the cost of a new one; its contacts keep their impulses. The ends keep
+// their positions along the plane.
 void TrackTerrain::adjust(int outline, b2Body& body) {
   const std::vector<b2Vec2>& chain = chains_[outline];
   const std::size_t last = chain.size() - 1;
@@ -204,9 +205,9 @@ void TrackTerrain::adjust(int outline, b2Body& body) {
   vertices_[last] = {chain[last].x, height_on_line(vertices_[last], vertices_[last - 1], chain[last].x)};
   auto& shape = *static_cast<b2ChainShape*>(fixtures_[outline]->GetShape());
   std::copy(vertices_.begin(), vertices_.end(), shape.m_vertices);
-  shape.m_prevVertex = beyond(vertices_.front(), 1);
-  shape.m_nextVertex = beyond(vertices_.back(), -1);
-  // Box2D looks again where a body's fixtures are when it is told where the body is.
+  shape.m_prevVertex = ghost_vertex(vertices_.front(), 1);
+  shape.m_nextVertex = ghost_vertex(vertices_.back(), -1);
+  // SetTransform makes Box2D update the bounding boxes of the body's fixtures.
   body.SetTransform(body.GetPosition(), body.GetAngle());
   chains_[outline] = vertices_;
 }
@@ -217,15 +218,15 @@ void TrackTerrain::replace_chain(int outline, b2Body& body, std::uint16_t catego
   if (fits(chains_[outline], kAdjust_m)) return adjust(outline, body);
   chains_[outline] = vertices_;
   b2ChainShape chain;
-  chain.CreateChain(vertices_.data(), static_cast<int32>(vertices_.size()), beyond(vertices_.front(), 1),
-                    beyond(vertices_.back(), -1));
+  chain.CreateChain(vertices_.data(), static_cast<int32>(vertices_.size()), ghost_vertex(vertices_.front(), 1),
+                    ghost_vertex(vertices_.back(), -1));
   b2FixtureDef definition;
   definition.shape = &chain;
   definition.density = 0;
   definition.friction = 1;
   definition.filter.categoryBits = category;
   definition.filter.maskBits = meets;
-  // Changing fixtures recomputes a body's mass from their density, which is none here.
+  // Box2D recomputes the body's mass from its fixtures' densities, which are 0; the mass is therefore set back.
   b2MassData mass;
   body.GetMassData(&mass);
   if (fixtures_[outline] != nullptr) body.DestroyFixture(fixtures_[outline]);

@@ -1,7 +1,9 @@
-// Keeps the terrain that the three outlines of the plane stand for: cut anew as the car turns, rolls and drives.
+// The terrain of the plane: the outlines under the left wheels, the right wheels and the belly, cut anew from the
+// scene's terrain as the car turns, rolls and drives.
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <vector>
 
 #include "ground_outline.h"
@@ -11,15 +13,18 @@
 
 namespace foldcar {
 
-// Where the car is when the terrain is cut. s_m is its centre of mass in the plane, frame its pose in the world.
+// Pose of the car for which the terrain is cut: frame in the world, s_m the position of its centre of mass in the
+// plane, q the sine of roll.
 struct CutPose {
   SliceFrame frame;
   double s_m = 0;
   double q = 0;
 };
 
+// Holds the outlines of the last cut and the chain fixtures made of them.
 class TrackTerrain {
  public:
+  // terrain must outlive it.
   TrackTerrain(const Terrain& terrain, const BodySpec& body, const CarConstants& constants);
 
   // True if the car has moved so far since the last cut that the outlines no longer fit.
@@ -32,18 +37,18 @@ class TrackTerrain {
   // Outline under the wheels of side k, and under the belly, of the last cut.
   const Profile& wheels(int k) const { return profiles_[k]; }
   const Profile& belly() const { return profiles_[2]; }
-  // How steeply the smooth ground under the wheels of side k rises to the left at s and z of the plane; 0 where there is
-  // none, and above it, where a wheel stands on something else.
+  // Slope (rise over run, positive up to the left) of the smooth ground across the tyre of side k at s_m of the plane;
+  // 0 without smooth ground, and for a contact at a height z_m above it, where the wheel stands on a block.
   double side_slope(int k, double s_m, double z_m) const;
-  // Where across the car (y, metres) the belly touches at s_m of the plane.
+  // Distance to the left of the car's middle (m) at which the belly touches at s_m of the plane.
   double belly_contact_y_m(double s_m) const;
 
  private:
   void set_strips(double q);
-  // What the wheels of side k stand on, or the belly sees, of the ground at roll q.
-  Across across(int outline, double q) const;
-  // Smooth ground's stations serve as long as the car stands on their span.
-  bool beyond_plan(const CutPose& pose) const;
+  // The lines of the ground under the wheels of a side, or under the belly, at roll q.
+  LateralSpan across(int outline, double q) const;
+  // Whether the car at pose reaches beyond the stations planned on the smooth ground.
+  bool outside_plan(const CutPose& pose) const;
   void cut_ground(const CutPose& pose, const Span& span);
   void make_vertices(const b2Body& body, const Profile& profile);
   bool reaches(const std::vector<b2Vec2>& chain) const;

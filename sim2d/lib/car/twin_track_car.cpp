@@ -10,18 +10,19 @@
 namespace foldcar {
 namespace {
 
-// Time constants of what lags a step behind the solver: a few steps at 240 Hz, short against the car's own motions
-// (tenths of a second).
+// Time constants of the low-pass filters on quantities that are one step late: a few steps at 240 Hz, short against the
+// car's own motions (tenths of a second).
 constexpr double kRotorFilter_s = 0.006;
 constexpr double kYawRateFilter_s = 0.019;
 
-// The tracks' mass follows the pitched car's inertia in steps of this share.
+// The tracks' mass is set anew when the yaw inertia, which depends on pitch, has changed by this share.
 constexpr double kInertiaTolerance = 0.02;
-// The tracks are moved once they have come this far from where the heading wants them.
+// The tracks are moved once their positions differ this much from those of the heading.
 constexpr double kTrackTolerance_m = 3e-4;
 
-// Impulses take this many times the iterations through a chain of segments; with fewer, loads flicker between wheels.
-constexpr int kHingedRounds = 2;
+// Factor on the iterations for a car with hinges, through whose segments impulses have to pass. With fewer iterations
+// the wheel loads oscillate from step to step.
+constexpr int kHingedIterationFactor = 2;
 
 double filter_gain(double step_s, double time_constant_s) { return 1 - std::exp(-step_s / time_constant_s); }
 
@@ -39,7 +40,7 @@ TwinTrackCar::TwinTrackCar(const BodySpec& body, double friction, const Terrain&
       stopwatch_(stopwatch),
       world_(b2Vec2(0, -to_units(kGravity_m_s2))),
       ground_(terrain, body, constants_),
-      side_({constants_.mass_kg, constants_.com_height_m, constants_.roll_inertia_kg_m2,
+      lateral_({constants_.mass_kg, constants_.com_height_m, constants_.roll_inertia_kg_m2,
              constants_.yaw_inertia_kg_m2}),
       track_inertia_kg_m2_(constants_.yaw_inertia_kg_m2),
       wheels_(body.wheels.size()),
@@ -86,9 +87,9 @@ void TwinTrackCar::put_down(const PoseSpec& start) {
   load_ = {constants_.com_height_m * weight_n, 0, constants_.tyre_width_m * weight_n};
   last_s_m_ = to_metres(car_.chassis->GetPosition().x);
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
-    take_friction(i, to_metres(car_.wheel[i]->GetPosition().x));
+    update_wheel_friction(i, to_metres(car_.wheel[i]->GetPosition().x));
   }
-  take_belly_friction();
+  update_belly_friction();
   cut_terrain_if_stale();
   ground_.apply(car_);
   update_state();
@@ -99,7 +100,7 @@ void TwinTrackCar::cut_terrain_if_stale() {
                      to_metres(car_.chassis->GetPosition().x),
                      sin_roll_limited(car_.roll->GetAngle())};
   if (!ground_.stale(pose)) return;
-  const Lap lap(stopwatch_ != nullptr ? &stopwatch_->terrain_s : nullptr);
+  const ScopedTimer timer(stopwatch_ != nullptr ? &stopwatch_->terrain_s : nullptr);
   ground_.cut(pose);
   ground_.apply(car_);
 }
@@ -110,17 +111,17 @@ void TwinTrackCar::step(const PulsesUs& pulses_us) {
   apply_roll_couples();
   apply_yaw_couples();
   {
-    const bool timed = stopwatch_ != nullptr && steps_++ % kSampledLaps == 0;
-    const Lap lap(timed ? &stopwatch_->physics_s : nullptr, kSampledLaps);
-    const int rounds = body_.hinges.empty() ? 1 : kHingedRounds;
+    const bool timed = stopwatch_ != nullptr && steps_++ % kTimedStepInterval == 0;
+    const ScopedTimer timer(timed ? &stopwatch_->physics_s : nullptr, kTimedStepInterval);
+    const int iteration_factor = body_.hinges.empty() ? 1 : kHingedIterationFactor;
     world_.Step(static_cast<float>(step_s_),
-                rounds * (struck_ ? options_.struck_iterations : options_.velocity_iterations),
-                rounds * options_.position_iterations);
+                iteration_factor * (impact_ ? options_.impact_iterations : options_.velocity_iterations),
+                iteration_factor * options_.position_iterations);
   }
   advance_pose();
   read_contacts();
-  share_friction();
-  untwist_loads();
+  resolve_friction();
+  balance_axle_loads();
   update_state();
 }
 
@@ -131,14 +132,15 @@ void TwinTrackCar::drive_wheels(const PulsesUs& pulses_us) {
     const double omega = wheel_speed_rad_s(i);
     const ServoDrive drive = servo_drive(spec.servo, pulses_us[static_cast<std::size_t>(spec.channel)]);
     const double torque_n_m = servo_torque_n_m(spec.servo, drive, omega, body_.supply_v);
-    // The joint's motor gives its full torque as long as it has not reached its speed: aim at the no-load
-    // speed, or at standstill of the excess when that is already passed.
+    // The joint's motor applies its largest torque until it reaches its speed: the torque is set to the servo's, the
+    // speed to the no-load speed.
     const double no_load_rad_s =
         drive.fraction * spec.servo.no_load_speed_rad_s * body_.supply_v / spec.servo.rated_v;
     car_.wheel_motor[i]->SetMotorSpeed(static_cast<float>(-no_load_rad_s));
     car_.wheel_motor[i]->SetMaxMotorTorque(to_torque_units(std::abs(torque_n_m)));
-    // The rotor's spin-up is taken inside the gearbox: only what drives the wheel itself reacts on the frame.
-    // It lags by its filter; a frame whose rotors are in its inertia feels only the wheel's own share of it.
+    // The torque that accelerates the rotor is internal to the gearbox: only the rest reacts on the frame. The joint's
+    // motor reacts with all of it, so the rotor's part is given back, late by the filter. Where the frames' inertia
+    // contains the rotors, only the wheel's absolute acceleration is left to give back.
     const double rotor_rad_s = car_.rotors_in_frames ? -car_.wheel[i]->GetAngularVelocity() : omega;
     const double acceleration = (rotor_rad_s - wheel.speed_rad_s) / step_s_;
     wheel.speed_rad_s = rotor_rad_s;
@@ -156,21 +158,23 @@ void TwinTrackCar::drive_wheels(const PulsesUs& pulses_us) {
 void TwinTrackCar::apply_roll_couples() {
   const double q = car_.roll->GetAngle() + step_s_ * car_.roll->GetAngularVelocity();
   const double couple_n_m =
-      load_roll_couple_n_m(load_, q) + offset_roll_couple_n_m(constants_.side_moment_kg_m) + side_.roll_couple_n_m();
-  // A few times what could ever tip the car: contacts that meet in one step cannot throw it further.
-  const double most_n_m = 3 * constants_.mass_kg * kGravity_m_s2 * body_.track_m;
-  car_.roll->ApplyTorque(to_torque_units(std::clamp(couple_n_m, -most_n_m, most_n_m)), true);
+      load_roll_couple_n_m(load_, q) + offset_roll_couple_n_m(constants_.side_moment_kg_m) + lateral_.roll_couple_n_m();
+  // Limit of three times weight times track, far above any tipping couple: it bounds the effect of simultaneous
+  // impacts.
+  const double limit_n_m = 3 * constants_.mass_kg * kGravity_m_s2 * body_.track_m;
+  car_.roll->ApplyTorque(to_torque_units(std::clamp(couple_n_m, -limit_n_m, limit_n_m)), true);
 }
 
 void TwinTrackCar::apply_yaw_couples() {
-  const double inertia_kg_m2 = side_.heading_inertia_kg_m2(car_.chassis->GetAngle());
+  const double inertia_kg_m2 = lateral_.heading_inertia_kg_m2(car_.chassis->GetAngle());
   const bool stale = std::abs(inertia_kg_m2 - track_inertia_kg_m2_) > kInertiaTolerance * track_inertia_kg_m2_;
   if (stale) track_inertia_kg_m2_ = inertia_kg_m2;
   for (int k = 0; k < 2; ++k) {
     const double sign = k == 0 ? 1 : -1;
     if (stale) set_mass(*car_.track[k], track_mass_kg(inertia_kg_m2, body_.track_m), 1);
-    // What resisted turning in the last step does so within this one; share_friction() settles the difference.
-    car_.track_slide[k]->SetMaxMotorForce(to_units(side_.grip_n_m() / body_.track_m));
+    // The scrub couple of the last step acts as friction on the tracks in this one; resolve_friction() corrects the
+    // difference.
+    car_.track_slide[k]->SetMaxMotorForce(to_units(lateral_.scrub_n_m() / body_.track_m));
     car_.track[k]->ApplyForceToCenter(to_units(sign * contact_yaw_n_m_ / body_.track_m, 0), true);
   }
 }
@@ -184,9 +188,9 @@ void TwinTrackCar::advance_pose() {
   last_yaw_m_ = yaw_m;
   const double middle_rad = heading_rad_ + 0.5 * d_heading_rad;
   const double c = std::cos(middle_rad), s = std::sin(middle_rad);
-  // The sideways speed is that of the whole car's centre of mass; the pose is the main segment's.
+  // The lateral speed is that of the whole car's centre of mass, the pose that of the main segment's.
   const double sideways_m =
-      side_.side_speed_m_s() * step_s_ + (main_.com_x_m - constants_.com_x_m) * d_heading_rad;
+      lateral_.lateral_speed_m_s() * step_s_ + (main_.com_x_m - constants_.com_x_m) * d_heading_rad;
   com_x_m_ += d_s_m * c - sideways_m * s;
   com_y_m_ += d_s_m * s + sideways_m * c;
   heading_rad_ += d_heading_rad;
@@ -197,8 +201,9 @@ b2Vec2 TwinTrackCar::chassis_velocity() const {
   return (1 / static_cast<float>(kUnitsPerMetre)) * units;
 }
 
-// The plane's friction leaves out what a contact slides sideways: both are settled together, and the plane is corrected.
-void TwinTrackCar::share_friction() {
+// Friction in the plane ignores the lateral slip of a contact. The lateral dynamics limit both components together; the
+// tangential impulse that is lost and the change of the yaw rate are applied to the plane.
+void TwinTrackCar::resolve_friction() {
   PlaneRates plane;
   plane.pitch_rad = car_.chassis->GetAngle();
   plane.speed_m_s = chassis_velocity().x;
@@ -208,16 +213,18 @@ void TwinTrackCar::share_friction() {
       to_metres(car_.track[0]->GetLinearVelocity().x - car_.track[1]->GetLinearVelocity().x) / body_.track_m;
   for (int k = 0; k < 2; ++k) {
     const double force_n = to_metres(car_.track_slide[k]->GetMotorForce(static_cast<float>(1 / step_s_)));
-    plane.grip_n_m_s += (k == 0 ? 0.5 : -0.5) * body_.track_m * force_n * step_s_;
+    plane.scrub_n_m_s += (k == 0 ? 0.5 : -0.5) * body_.track_m * force_n * step_s_;
   }
-  side_.step(step_s_, plane, contacts_);
+  lateral_.step(step_s_, plane, contacts_);
   for (std::size_t i = 0; i < contacts_.size(); ++i) {
-    const double lost_n_s = contacts_[i].kept_tangent_n_s - contacts_[i].tangent_n_s;
+    const double lost_n_s = contacts_[i].limited_tangent_n_s - contacts_[i].tangent_n_s;
     if (lost_n_s == 0) continue;
-    touching_[i].body->ApplyLinearImpulse(to_units(lost_n_s) * touching_[i].tangent, touching_[i].place, true);
+    const ContactPoint& point = contact_points_[i];
+    point.body->ApplyLinearImpulse(to_units(lost_n_s) * point.tangent, point.position, true);
   }
-  const double d_rate_m_s = (side_.yaw_rate_rad_s() - plane.yaw_rate_rad_s) * body_.track_m;
-  // The step moved with the rate it had before: heading is put right at once, the tracks once it is worth it.
+  const double d_rate_m_s = (lateral_.yaw_rate_rad_s() - plane.yaw_rate_rad_s) * body_.track_m;
+  // The plane moved with its own yaw rate during this step. The heading is corrected now, the tracks once the error is
+  // worth moving them.
   heading_rad_ += d_rate_m_s * step_s_ / body_.track_m;
   track_error_m_ += d_rate_m_s * step_s_;
   const bool moves = std::abs(track_error_m_) > kTrackTolerance_m;
@@ -239,7 +246,7 @@ void TwinTrackCar::update_state() {
   const double q = std::clamp(static_cast<double>(car_.roll->GetAngle()), -1.0, 1.0);
   const double c = std::cos(pitch_rad), s = std::sin(pitch_rad);
   const double back_m = main_.com_x_m * c - main_.com_z_m * s;
-  // Rolling about the contacts carries the axles, a wheel's radius over them, to the side that is down.
+  // Roll about the contacts moves the axle line, a wheel's radius above them, to the lower side.
   const double aside_m = -constants_.wheel_radius_m * q;
   state_.x_m = com_x_m_ - back_m * std::cos(heading_rad_) - aside_m * std::sin(heading_rad_);
   state_.y_m = com_y_m_ - back_m * std::sin(heading_rad_) + aside_m * std::cos(heading_rad_);
@@ -265,9 +272,8 @@ double TwinTrackCar::mechanical_energy_j() const {
     if (body->GetType() != b2_dynamicBody) continue;
     const double speed_squared = body->GetLinearVelocity().LengthSquared();
     const double omega = body->GetAngularVelocity();
-    const double inertia = body->GetInertia() - body->GetMass() * body->GetLocalCenter().LengthSquared();
-    energy += 0.5 * body->GetMass() * speed_squared + 0.5 * inertia * omega * omega;
-    energy += body->GetMass() * body->GetGravityScale() * to_units(kGravity_m_s2) * body->GetWorldCenter().y;
+    energy += 0.5 * body->GetMass() * speed_squared + 0.5 * body->GetInertia() * omega * omega;
+    energy += body->GetMass() * body->GetGravityScale() * to_units(kGravity_m_s2) * body->GetPosition().y;
   }
   energy /= kTorqueScale;
   for (std::size_t j = 0; j < car_.hinge.size(); ++j) {

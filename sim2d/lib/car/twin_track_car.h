@@ -1,9 +1,11 @@
-// The simulated car: a Box2D side view of two tracks plus the couples of width, advanced in fixed steps.
+// The simulated car: a side view of two tracks in Box2D, with roll, yaw and lateral motion added, in fixed time steps.
 //
-// Inputs: a body, a friction, a terrain, a pose; then the servo pulses at every step. Output: where the car is.
-// Rate: 240 Hz unless asked otherwise. No randomness, no clock: same inputs, same states.
+// Inputs: body, friction coefficient, terrain and pose; then the servo pulses at every step. Output: the car's state.
+// Rate: 240 Hz unless StepOptions says otherwise. There is no randomness and no clock: the same inputs give the same
+// states.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -13,46 +15,51 @@
 #include "mechanism.h"
 #include "scene_spec.h"
 #include "servo_model.h"
-#include "side_motion.h"
+#include "lateral_dynamics.h"
 #include "side_view_terms.h"
-#include "stopwatch.h"
+#include "scoped_timer.h"
 #include "track_terrain.h"
 
 namespace foldcar {
 
+// Rate and solver settings of the steps.
 struct StepOptions {
   double rate_hz = 240;
   int velocity_iterations = 8;
-  int struck_iterations = 24;  // while wheels are pressed hard
+  int impact_iterations = 24;  // velocity iterations of a step that follows an impact
   int position_iterations = 1;
-  double drop_m = 0.0005;  // the car is put down from this height, so that contact is found by falling
+  double drop_m = 0.0005;      // height over the ground from which the car is put down, so that its contacts form
 };
 
-// Pose of the car's origin (middle of the length, axle height), carried by the main segment, and what it has spent.
+// Pose of the car's origin (middle of the length, axle height), which is fixed to the main segment, and energies since
+// the car was put down.
 struct CarState {
   double x_m = 0, y_m = 0, z_m = 0;
   double heading_rad = 0, pitch_rad = 0, roll_rad = 0;
   double speed_m_s = 0;      // along the heading
   double yaw_rate_rad_s = 0;
   double up = 1;             // cosine of the angle between the car's up axis and the vertical
-  double consumed_energy_j = 0;
-  double motor_work_j = 0;
+  double consumed_energy_j = 0;  // electrical energy from the servo supply
+  double motor_work_j = 0;       // mechanical work of the servos
 };
 
+// One car on its terrain, in a Box2D world of its own.
 class TwinTrackCar {
  public:
+  // Puts the car down at start, wheels on the ground, at rest. friction is the coefficient outside patches. body,
+  // terrain and stopwatch (may be null) must outlive the car.
   TwinTrackCar(const BodySpec& body, double friction, const Terrain& terrain, const PoseSpec& start,
                const StepOptions& options, Stopwatch* stopwatch);
 
-  // Advances one step with these pulses on the servo outputs.
+  // Advances one step with these pulses (µs) on the servo outputs.
   void step(const PulsesUs& pulses_us);
 
   const CarState& state() const { return state_; }
   double step_s() const { return step_s_; }
   double wheel_speed_rad_s(std::size_t wheel) const;  // positive drives forward
-  double wheel_load_n(std::size_t wheel) const { return wheels_[wheel].load_n; }  // of the last step
-  double hinge_rad(std::size_t hinge) const;           // as HingeSpec counts it
-  // Kinetic and potential energy of everything that moves and of the hinges' flexures, J.
+  double wheel_load_n(std::size_t wheel) const { return wheels_[wheel].load_n; }  // normal force in the last step
+  double hinge_rad(std::size_t hinge) const;  // positive as HingeSpec says
+  // Kinetic and potential energy of all bodies of the plane and of the hinges' flexures.
   double mechanical_energy_j() const;
   // False once any state is not a finite number.
   bool finite() const;
@@ -60,11 +67,11 @@ class TwinTrackCar {
  private:
   struct WheelState {
     double speed_rad_s = 0;
-    double acceleration_rad_s2 = 0;  // filtered
-    double load_n = 0;
-    double friction = 0;             // of the ground under it
-    b2ManifoldPoint* support = nullptr;  // what carries it, if that is one point
-    double slip_mass_kg = 0;         // that a push along the ground moves, the car and the wheel's spin
+    double acceleration_rad_s2 = 0;  // low-pass filtered
+    double load_n = 0;               // sum of the normal forces
+    double friction = 0;             // coefficient of the ground under it
+    b2ManifoldPoint* support = nullptr;  // its only contact point; null with none or several
+    double slip_mass_kg = 0;  // effective mass against a tangential impulse: car and wheel spin in series
   };
 
   void put_down(const PoseSpec& start);
@@ -74,33 +81,33 @@ class TwinTrackCar {
   void apply_yaw_couples();
   void advance_pose();
   void read_contacts();
-  // The segment whose belly is one of two bodies in contact.
+  // The segment whose chassis is one of two bodies in contact, if any.
   std::optional<std::size_t> belly_of(const b2Body* a, const b2Body* b) const;
-  // Friction of the ground at a place of the plane, y across the car.
+  // Friction coefficient of the ground at s_m of the plane, y_m to the left of the car's middle.
   double friction_at(double s_m, double y_m) const;
-  void take_friction(std::size_t wheel, double s_m);
-  void take_belly_friction();
-  void share_friction();
-  void untwist_loads();
+  void update_wheel_friction(std::size_t wheel, double s_m);
+  void update_belly_friction();
+  void resolve_friction();
+  void balance_axle_loads();
   void read_tyre(std::size_t wheel, b2Contact& contact);
   void read_belly(std::size_t segment, b2Contact& contact);
-  // A contact point of the last step.
-  struct Touch {
+  // A contact point of the last step with the impulses and mean forces on the car's body.
+  struct ContactPoint {
     b2Body* body;
-    b2Vec2 place, normal, tangent;  // in the plane; the normal into the body
+    b2Vec2 position, normal, tangent;  // in the plane, Box2D's units; the normal points into the body
     double z_m;
     double normal_n_s, tangent_n_s;
-    double forward_n, up_n;  // on the body
+    double forward_n, up_n;
   };
-  Touch touch_of(b2Body& body, b2Contact& contact, int point) const;
-  // left_m from the centre of mass; the track that a wheel's contact is felt on.
-  GroundContact& enter_contact(const Touch& touch, const b2Body* track, double left_m, double friction);
-  b2Vec2 chassis_velocity() const;  // m/s, of the main segment's centre of mass
+  ContactPoint contact_point(b2Body& body, b2Contact& contact, int point) const;
+  // Adds a contact left_m to the left of the centre of mass; track is the one under a wheel, null for a belly.
+  GroundContact& add_contact(const ContactPoint& point, const b2Body* track, double left_m, double friction);
+  b2Vec2 chassis_velocity() const;  // of the main segment's centre of mass, m/s
   void update_state();
 
   const BodySpec& body_;
-  const SegmentSpec& main_;  // carries the pose; its centre of mass is followed through the plane
-  const double friction_;  // outside patches
+  const SegmentSpec& main_;  // the main segment, to which the pose is fixed
+  const double friction_;    // coefficient outside patches
   const Terrain& terrain_;
   const CarConstants constants_;
   const StepOptions options_;
@@ -109,27 +116,28 @@ class TwinTrackCar {
   unsigned steps_ = 0;  // counted for the stopwatch only
   b2World world_;
   TrackTerrain ground_;
-  SideMotion side_;
-  double track_inertia_kg_m2_;  // that the tracks' mass was last set for
+  LateralDynamics lateral_;
+  double track_inertia_kg_m2_;  // yaw inertia that the tracks' mass represents
   Mechanism car_;
   std::vector<WheelState> wheels_;
-  std::vector<std::pair<std::size_t, std::size_t>> axles_;  // left and right wheels of one place
+  std::vector<std::pair<std::size_t, std::size_t>> axles_;  // left and right wheel of each
 
-  // Filters' gains a step, from their time constants.
+  // Gains of the low-pass filters per step.
   double rotor_gain_, yaw_rate_gain_;
 
-  // Pose of the centre of mass in the world, and what of the plane it has been integrated from.
+  // Pose of the main segment's centre of mass in the world, and the positions in the plane up to which it is
+  // integrated.
   double com_x_m_ = 0, com_y_m_ = 0, heading_rad_ = 0;
   double last_s_m_ = 0, last_yaw_m_ = 0;
-  double track_error_m_ = 0;  // how much further apart the tracks should stand
-  double yaw_rate_rad_s_ = 0;  // filtered
+  double track_error_m_ = 0;   // difference of the tracks' positions that the heading asks for, less their own
+  double yaw_rate_rad_s_ = 0;  // low-pass filtered
 
-  // The contacts of the last step, and where in the plane each acts on the car.
+  // The contacts of the last step, the same in both lists.
   std::vector<GroundContact> contacts_;
-  std::vector<Touch> touching_;
+  std::vector<ContactPoint> contact_points_;
   CarriedLoad load_;
-  double contact_yaw_n_m_ = 0;  // couple of what pulls beside the centre of mass
-  bool struck_ = false;         // the last step pressed wheels hard
+  double contact_yaw_n_m_ = 0;  // yaw couple of the forward contact forces that act beside the centre of mass
+  bool impact_ = false;         // wheel loads of the last step were those of an impact
   CarState state_;
 };
 

@@ -1,4 +1,4 @@
-// car.json for a simulated car, through the firmware's own validation.
+// Reads car.json for a simulated car, with the firmware's own checks.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace foldcar {
 
-// What the firmware makes of the file's text.
+// The design that the file's text describes, or why it is refused.
 DesignResult read_car_json(const std::string& text);
 
 }  // namespace foldcar

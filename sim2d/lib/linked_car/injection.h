@@ -1,4 +1,4 @@
-// Faults that a simulated car is given: a line of JSON each, as docs/carsim.md describes them.
+// Fault injection: the faults that a simulated car can be given, each as a line of JSON (docs/carsim.md).
 #pragma once
 
 #include <optional>
@@ -7,25 +7,26 @@
 
 namespace foldcar {
 
+// One fault.
 struct Injection {
   enum class Kind {
-    kBattery,            // value: volts
+    kBattery,            // value: voltage (V)
     kBatteryUnreadable,
     kBusError,
     kImuError,
     kBrownOut,
     kWatchdog,
     kUnplug,
-    kCorrupt,            // value: share of the bytes
-    kDrop,               // the same
+    kCorrupt,            // value: fraction of the bytes that arrive wrong
+    kDrop,               // value: fraction of the bytes that are lost
     kPutBack
   };
   Kind kind = Kind::kPutBack;
   double value = 0;
-  std::optional<double> for_s;  // else for good
+  std::optional<double> for_s;  // duration (s); without one the fault stays
 };
 
-// Reads {"inject": kind, …}. InputError.
+// Reads {"inject": kind, …}. Throws InputError, which names key and limit.
 Injection read_injection(const nlohmann::json& line);
 
 }  // namespace foldcar

@@ -12,8 +12,8 @@ std::vector<std::uint8_t> LineNoise::pass(const std::vector<std::uint8_t>& bytes
   if (now_us >= until_us_ || share_ <= 0) return bytes;
   std::vector<std::uint8_t> arrived;
   for (const std::uint8_t byte : bytes) {
-    const bool suffers = static_cast<double>(next() >> 11) < share_ * 9007199254740992.0;  // 2^53
-    if (!suffers) {
+    const bool is_hit = static_cast<double>(next() >> 11) < share_ * 9007199254740992.0;  // 2^53
+    if (!is_hit) {
       arrived.push_back(byte);
     } else if (kind_ == Kind::kCorrupt) {
       arrived.push_back(static_cast<std::uint8_t>(byte ^ (1 + next() % 255)));

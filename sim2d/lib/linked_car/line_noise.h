@@ -1,4 +1,4 @@
-// A bad cable: bytes that arrive wrong or not at all. Seeded, so that a run repeats.
+// A serial line that damages or loses bytes at random. Its random numbers are seeded, so that a run is repeatable.
 #pragma once
 
 #include <cstdint>
@@ -6,16 +6,17 @@
 
 namespace foldcar {
 
+// One direction of the cable.
 class LineNoise {
  public:
   enum class Kind { kCorrupt, kDrop };
 
   explicit LineNoise(std::uint64_t seed) : state_(seed) {}
 
-  // From now on and until then that share of the bytes suffers.
+  // Until the time until_us (µs) each byte is damaged or lost with probability share (0 to 1).
   void set(Kind kind, double share, std::uint64_t until_us);
 
-  // The bytes that arrive.
+  // What arrives of bytes that are sent at now_us (µs).
   std::vector<std::uint8_t> pass(const std::vector<std::uint8_t>& bytes, std::uint64_t now_us);
 
  private:

@@ -38,7 +38,7 @@ void step_to(std::uint64_t t_us, LinkedCar& car, LinkRecord& record) {
   }
 }
 
-// True if it was the end.
+// Repeats one line. Returns true if it was the end of the record.
 bool replay_line(const json& line, LinkedCar& car, LinkRecord& record) {
   JsonReader reader(line, "line");
   const auto t_us = static_cast<std::uint64_t>(reader.number("t_us", kTime_us));

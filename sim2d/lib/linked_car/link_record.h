@@ -1,4 +1,4 @@
-// What went into a linked car and what came out, each with its simulated time: JSON Lines, as docs/carsim.md has them.
+// Record of a session with a linked car: its input and output with their simulated times, as JSON Lines (docs/carsim.md).
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace foldcar {
 
-// Writes the lines of a session as it goes.
+// Writes the lines of a session. t_us: simulated time (µs).
 class LinkRecord {
  public:
   explicit LinkRecord(std::ostream& out) : out_(out) {}
@@ -24,8 +24,8 @@ class LinkRecord {
   std::ostream& out_;
 };
 
-// Gives the car what the record's lines gave it, at the same times, and records it anew. InputError if a line is
-// wrong; the last one must be an end.
+// Repeats the input of a record at its times and records the session again. Throws InputError, which names the line, if a
+// line is wrong or the record has no end.
 void replay(std::istream& lines, LinkedCar& car, LinkRecord& record);
 
 }  // namespace foldcar

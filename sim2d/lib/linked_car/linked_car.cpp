@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint64_t kTruthPeriodUs = 20000;
 constexpr std::uint8_t kTruthComponent = MAV_COMP_ID_USER1;
-// From reset to the first line of the firmware, about what an ESP32 takes. The servo driver knows nothing of it.
+// Time (µs) from a reset to the firmware's start, about that of an ESP32. The servo driver is not reset.
 constexpr std::uint64_t kBootUs = 300000;
 
 std::uint8_t code_of(const std::optional<Outcome>& outcome) {
@@ -22,7 +22,7 @@ std::uint8_t code_of(const std::optional<Outcome>& outcome) {
     case Outcome::kTipped: return FOLDCAR_OUTCOME_TIPPED;
     case Outcome::kStuck: return FOLDCAR_OUTCOME_STUCK;
     case Outcome::kOffCourse: return FOLDCAR_OUTCOME_OFF_COURSE;
-    default: return FOLDCAR_OUTCOME_NONE;  // time-outs and faults are the car's own to tell
+    default: return FOLDCAR_OUTCOME_NONE;  // the car itself reports time-outs and faults
   }
 }
 
@@ -39,7 +39,7 @@ LinkedCar::LinkedCar(const BodySpec& body, const SceneSpec& scene, const LinkedC
   hal_.imu.fitted = true;
   hal_.logs.fitted = true;
   for (const auto& [name, value] : options.stored_parameters) hal_.storage.save(name.c_str(), value);
-  put_down();
+  place_at_start();
   firmware_ = std::make_unique<Firmware>(hal_.hal(), firmware_id_.c_str());
   firmware_->begin(options_.design);
 }
@@ -54,11 +54,11 @@ void LinkedCar::inject(const Injection& injection) {
   const std::uint64_t until_us = injection.for_s ? now_us_ + to_us(*injection.for_s) : UINT64_MAX;
   switch (injection.kind) {
     case Injection::Kind::kBattery:
-      hal_.battery.set_v(injection.value);
+      hal_.battery.volts = static_cast<float>(injection.value);
       battery_until_us_ = until_us;
       break;
     case Injection::Kind::kBatteryUnreadable:
-      hal_.battery.set_v(std::numeric_limits<double>::quiet_NaN());
+      hal_.battery.volts = std::numeric_limits<float>::quiet_NaN();
       battery_until_us_ = until_us;
       break;
     case Injection::Kind::kBusError: bus_until_us_ = until_us; break;
@@ -73,7 +73,7 @@ void LinkedCar::inject(const Injection& injection) {
       from_car_noise_.set(noise, injection.value, until_us);
       break;
     }
-    case Injection::Kind::kPutBack: put_down(); break;
+    case Injection::Kind::kPutBack: place_at_start(); break;
   }
 }
 
@@ -86,9 +86,9 @@ std::vector<std::uint8_t> LinkedCar::step() {
     firmware_->begin(options_.design);
   }
   if (!booting_) firmware_->poll();
-  if (hal_.board.restart_is_asked) restart(ResetReason::kSoftware);
-  watch_trial();
-  tell_truth();
+  if (hal_.board.restart_is_requested) restart(ResetReason::kSoftware);
+  update_outcome();
+  send_truth();
 
   car_->step(hal_.servos.pulses_us());
   if (!car_->finite()) throw std::runtime_error("the simulation left the finite numbers");
@@ -102,15 +102,15 @@ std::vector<std::uint8_t> LinkedCar::step() {
   return sent;
 }
 
-void LinkedCar::put_down() {
+void LinkedCar::place_at_start() {
   car_ = std::make_unique<TwinTrackCar>(body_, scene_.friction, terrain_, scene_.start, StepOptions{}, nullptr);
   motion_sensor_ = MotionSensor();
 }
 
-// The servo driver keeps its pulses until the firmware is up again.
+// The servo driver keeps its pulses until the firmware has started again.
 void LinkedCar::restart(ResetReason reason) {
   hal_.board.reason = reason;
-  hal_.board.restart_is_asked = false;
+  hal_.board.restart_is_requested = false;
   hal_.link.to_car.clear();
   booting_ = true;
   booted_us_ = now_us_ + kBootUs;
@@ -118,16 +118,16 @@ void LinkedCar::restart(ResetReason reason) {
 
 void LinkedCar::apply_faults() {
   if (battery_until_us_ != 0 && now_us_ >= battery_until_us_) {
-    hal_.battery.set_v(kLogicBattery_v);
+    hal_.battery.volts = static_cast<float>(kLogicBattery_v);
     battery_until_us_ = 0;
   }
   hal_.servos.answers = now_us_ >= bus_until_us_;
   hal_.imu.answers = now_us_ >= imu_until_us_;
 }
 
-void LinkedCar::watch_trial() {
+void LinkedCar::update_outcome() {
   const State state = booting_ ? State::kDisarmed : firmware_->application().status().state;
-  if (options_.put_back && state == State::kArmed && seen_state_ != State::kArmed) put_down();
+  if (options_.put_back && state == State::kArmed && seen_state_ != State::kArmed) place_at_start();
   const double now_s = 1e-6 * static_cast<double>(now_us_);
   if (state == State::kRunning && seen_state_ != State::kRunning) {
     ending_.emplace(scene_, car_->state());
@@ -140,7 +140,7 @@ void LinkedCar::watch_trial() {
   outcome_ = ending_->check(car_->state(), outcome_s_);
 }
 
-void LinkedCar::tell_truth() {
+void LinkedCar::send_truth() {
   if (now_us_ < next_truth_us_) return;
   next_truth_us_ += kTruthPeriodUs;
   if (booting_) return;

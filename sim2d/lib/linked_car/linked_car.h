@@ -1,13 +1,14 @@
-// A simulated car that runs the whole firmware, its link included: what `carsim link` offers on a port.
+// A simulated car with the whole firmware, its MAVLink connection included: the car that `carsim link` offers on a port.
 //
-// Input: body, scene, design; then, between steps, bytes from a host and faults to inject. Output: the car's bytes. Time
-// is that of the steps alone: the same inputs before the same steps give the same bytes.
+// Input: body, scene, design; then, between steps, bytes from a host and faults. Output: the car's bytes. Only step()
+// advances time: the same input before the same steps gives the same output.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "body_spec.h"
@@ -24,10 +25,11 @@
 
 namespace foldcar {
 
+// design: as in the car's car.json.
 struct LinkedCarOptions {
   DesignResult design;
-  std::vector<std::pair<std::string, float>> stored_parameters;  // as if saved in flash before
-  bool put_back = false;  // at the scene's start again whenever it is armed
+  std::vector<std::pair<std::string, float>> stored_parameters;  // name and value, as if stored in flash
+  bool put_back = false;  // whether the car returns to the scene's start whenever it is armed
 };
 
 class LinkedCar {
@@ -35,23 +37,24 @@ class LinkedCar {
   // body and scene must outlive the car. firmware_id: 16 hexadecimal digits.
   LinkedCar(const BodySpec& body, const SceneSpec& scene, const LinkedCarOptions& options, std::string firmware_id);
 
+  // Gives the car the bytes of a host. They are lost while the cable is unplugged and while the board starts.
   void receive(const std::vector<std::uint8_t>& bytes);
+  // Gives the car a fault from now on.
   void inject(const Injection& injection);
-  // Advances by one step; the bytes that the car has sent in it. std::runtime_error if the simulation breaks down.
+  // Advances by one step and returns the bytes that the car has sent. Throws std::runtime_error if the simulation diverges.
   std::vector<std::uint8_t> step();
 
+  // Simulated time (µs).
   std::uint64_t now_us() const { return now_us_; }
   // Whether the cable is plugged in.
   bool plugged_in() const { return now_us_ >= unplugged_until_us_; }
-  const PulsesUs& pulses_us() const { return hal_.servos.pulses_us(); }
-  State state() const { return firmware_->application().status().state; }
 
  private:
-  void put_down();
+  void place_at_start();
   void restart(ResetReason reason);
   void apply_faults();
-  void watch_trial();
-  void tell_truth();
+  void update_outcome();
+  void send_truth();
 
   const BodySpec& body_;
   const SceneSpec& scene_;
@@ -65,8 +68,9 @@ class LinkedCar {
   LineNoise to_car_noise_{1}, from_car_noise_{2};
   std::uint64_t steps_ = 0;
   std::uint64_t now_us_ = 0;
-  std::uint64_t booted_us_ = 0;  // when the firmware runs after a restart
+  std::uint64_t booted_us_ = 0;  // time at which the firmware has started or will start
   bool booting_ = false;
+  // Times at which injected faults end; 0 for none.
   std::uint64_t battery_until_us_ = 0, bus_until_us_ = 0, imu_until_us_ = 0;
   std::uint64_t unplugged_until_us_ = 0;
   State seen_state_ = State::kDisarmed;

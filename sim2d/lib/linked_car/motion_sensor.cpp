@@ -5,12 +5,13 @@
 namespace foldcar {
 namespace {
 
-// The sensor's own low-pass filter, about 25 Hz.
+// Time constant of the IMU's low-pass filter, whose corner frequency is 1 / (2 pi 0.006 s) = 27 Hz.
 constexpr double kFilterTime_s = 0.006;
 
 using Vector = std::array<double, 3>;
 
-// From the world's axes into the car's: turned back by heading, then pitch (nose up), then roll (left side up).
+// Transforms a vector from the world's axes into the car's: rotates it by minus heading, pitch (nose up) and roll (left
+// side up), in this order.
 Vector into_car(const Vector& v, double heading_rad, double pitch_rad, double roll_rad) {
   const double ch = std::cos(heading_rad), sh = std::sin(heading_rad);
   const double cp = std::cos(pitch_rad), sp = std::sin(pitch_rad);
@@ -23,7 +24,7 @@ Vector into_car(const Vector& v, double heading_rad, double pitch_rad, double ro
 }  // namespace
 
 ImuSample MotionSensor::observe(const CarState& car, double step_s) {
-  const Moment now{{car.x_m, car.y_m, car.z_m}, {car.heading_rad, car.pitch_rad, car.roll_rad}};
+  const Pose now{{car.x_m, car.y_m, car.z_m}, {car.heading_rad, car.pitch_rad, car.roll_rad}};
   Vector acceleration{0, 0, kGravity_m_s2};
   Vector angle_rate{};
   if (seen_ > 0) {

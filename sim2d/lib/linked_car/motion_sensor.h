@@ -1,4 +1,4 @@
-// What an IMU in the simulated car measures, from how its pose changes.
+// Model of the simulated car's IMU: computes its samples from the car's pose at successive steps.
 #pragma once
 
 #include <array>
@@ -8,19 +8,20 @@
 
 namespace foldcar {
 
+// Derives acceleration and angular rate from successive poses, with the sensor's low-pass filter.
 class MotionSensor {
  public:
-  // The sample after a step that has led to this state.
+  // The sample after a step of step_s (s) that ends in this state; to be called at every step.
   ImuSample observe(const CarState& car, double step_s);
 
  private:
-  struct Moment {
+  struct Pose {
     std::array<double, 3> place_m{};
     std::array<double, 3> angles_rad{};  // heading, pitch, roll
   };
 
   int seen_ = 0;
-  Moment last_;
+  Pose last_;
   std::array<double, 3> velocity_m_s_{};
   ImuSample sample_;
 };

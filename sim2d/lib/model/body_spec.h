@@ -21,8 +21,10 @@ struct ServoSpec {
   int direction = 1;         // +1: a pulse above neutral drives the wheel forward
 };
 
+// The side of the car that a wheel is on.
 enum class CarSide { kLeft = 0, kRight = 1 };
 
+// A wheel on its servo; x_m is that of the axle, ahead of the car's origin.
 struct WheelSpec {
   int channel = 0;
   int segment = 0;  // index into the body's segments
@@ -31,7 +33,7 @@ struct WheelSpec {
   double radius_m = 0;
   double width_m = 0;
   double mass_kg = 0;
-  double grip = 1;
+  double grip = 1;  // factor on the ground's friction coefficient
   // The tyre's centre lies this far from the axle, at the start in the direction phase (from forward through up).
   double eccentricity_m = 0;
   double eccentricity_phase_rad = 0;
@@ -52,7 +54,7 @@ struct SegmentSpec {
   double roll_inertia_kg_m2 = 0;
   double pitch_inertia_kg_m2 = 0;
   double yaw_inertia_kg_m2 = 0;
-  double grip = 0;
+  double grip = 0;  // factor on the ground's friction coefficient, of the belly
 };
 
 // A pitch joint between a segment and the next: flat at 0, positive with the front one's nose up against the rear one.
@@ -65,6 +67,7 @@ struct HingeSpec {
   double max_rad = 0;
 };
 
+// A whole car: segments, hinges and wheels, and the voltage of the servo supply.
 struct BodySpec {
   std::string id;
   std::vector<SegmentSpec> segments;  // front to back

@@ -74,6 +74,7 @@ struct TerrainSpec {
   std::vector<PatchSpec> patches;
 };
 
+// A position and heading in the ground plane.
 struct PoseSpec {
   double x_m = 0;
   double y_m = 0;
@@ -98,6 +99,7 @@ struct CourseSpec {
   double y_max_m = 0;
 };
 
+// A whole scene; friction is a coefficient.
 struct SceneSpec {
   std::string id;
   double friction = 0;  // outside patches

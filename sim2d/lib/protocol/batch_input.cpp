@@ -64,7 +64,7 @@ SegmentSpec read_segment(JsonReader reader) {
   return segment;
 }
 
-// A hinge stands between the middles of the segments it joins.
+// A hinge lies between the middles of the segments that it joins.
 HingeSpec read_hinge(JsonReader reader, const SegmentSpec& front, const SegmentSpec& rear) {
   HingeSpec hinge;
   hinge.x_m = reader.number("x_m", {rear.x_m, front.x_m});
@@ -92,7 +92,7 @@ void read_segments(JsonReader& reader, BodySpec& body) {
   }
 }
 
-// Both sides carry the same axles and no output drives two wheels.
+// Checks that both sides have the same axles and that no output drives two wheels.
 void check_wheels(const JsonReader& reader, const std::vector<WheelSpec>& wheels) {
   std::set<int> channels;
   std::multiset<std::pair<int, double>> axles[2];
@@ -154,7 +154,7 @@ void read_parameters(JsonReader reader, Parameters& parameters) {
   }
 }
 
-// What the firmware is given: the keys that run and pulses share.
+// The firmware's inputs: the keys that the lines run and pulses have in common.
 void read_set_point(JsonReader& reader, TrialSpec& trial) {
   trial.speed_m_s = reader.number("speed_m_s");
   trial.yaw_rate_rad_s = reader.number_or("yaw_rate_rad_s", 0);

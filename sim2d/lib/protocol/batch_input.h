@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "body_spec.h"
 #include "json_reader.h"
@@ -10,11 +11,13 @@
 
 namespace foldcar {
 
+// The kinds of input line.
 enum class LineKind { kBody, kScene, kRun, kHeights, kPulses };
 
 // Which kind a parsed line is. InputError if it is none or has more than one key.
 LineKind line_kind(const nlohmann::json& line);
 
+// A trial that is asked for, with the ids of its body and scene.
 struct RunLine {
   std::string id;
   std::string body;
@@ -22,7 +25,7 @@ struct RunLine {
   TrialSpec trial;
 };
 
-// Points of a scene whose ground is asked for.
+// Points of a scene at which the ground's height and friction are asked for.
 struct HeightsLine {
   std::string id;
   std::string scene;
@@ -30,7 +33,7 @@ struct HeightsLine {
   std::vector<double> y_m;
 };
 
-// What the firmware would put out in a trial.
+// A trial whose servo pulses are asked for.
 struct PulsesLine {
   std::string id;
   TrialSpec trial;

@@ -34,13 +34,11 @@ std::string pulses_reply(const PulsesLine& pulses) {
 }  // namespace
 
 nlohmann::ordered_json result_object(const TrialResult& result) {
-  ordered_json object = {{"outcome", text(result.outcome)},
-                         {"elapsed_time_s", result.elapsed_time_s},
-                         {"distance_to_target_m", nullptr},
-                         {"consumed_energy_j", result.consumed_energy_j},
-                         {"max_roll_rad", result.max_roll_rad},
-                         {"max_pitch_rad", result.max_pitch_rad}};
-  if (result.distance_to_target_m) object["distance_to_target_m"] = *result.distance_to_target_m;
+  ordered_json object = {{"outcome", text(result.outcome)}};
+  for (const MetricInfo& metric : kMetrics) {
+    const std::optional<double> value = metric.value(result);
+    object[metric.name] = value ? ordered_json(*value) : ordered_json(nullptr);
+  }
   return object;
 }
 

@@ -1,17 +1,18 @@
-// The serial batch: takes lines, remembers bodies and scenes, runs runs. A worker process is one of these.
+// A batch in one process: takes input lines one by one, remembers bodies and scenes, runs the trials.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <unordered_map>
 
 #include "batch_input.h"
 #include "scene_terrain.h"
-#include "stopwatch.h"
+#include "scoped_timer.h"
 
 namespace foldcar {
 
-// Whose fault an error is: of a line that breaks the rules, or of a run that could not be carried through.
+// Cause of an error: a line that breaks the rules, or a trial that could not be simulated.
 enum class ErrorKind { kInput, kSimulation };
 
 // A reply without its end of line; numbers read back to the same double.
@@ -22,11 +23,12 @@ nlohmann::ordered_json result_object(const TrialResult& result);
 std::string error_reply(std::size_t line_number, const std::string& run_id, ErrorKind kind,
                         const std::string& message);
 
+// Remembers bodies and scenes by id and answers the other lines.
 class BatchSession {
  public:
   explicit BatchSession(bool timed) : timed_(timed) {}
 
-  // The reply to a line, if it calls for one: a run's result, or an error. Never throws for bad input.
+  // The reply to a line, if it has one: a result or an error. Does not throw for bad input.
   std::optional<std::string> answer(std::size_t line_number, const std::string& line);
 
   const Stopwatch& stopwatch() const { return stopwatch_; }
@@ -36,7 +38,7 @@ class BatchSession {
   std::string run(const RunLine& run);
   std::string heights(const HeightsLine& heights);
   const SceneSpec& scene(const char* line, const std::string& id) const;
-  // The scene's terrain, made once as long as lines ask for the same scene.
+  // The scene's terrain, made anew only when another scene is asked for.
   const SceneTerrain& terrain(const SceneSpec& scene);
 
   bool timed_;

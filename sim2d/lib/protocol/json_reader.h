@@ -4,15 +4,18 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <cstddef>
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "input_limits.h"
 
 namespace foldcar {
 
+// Input that breaks a rule; the message names key, value and limit.
 class InputError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -20,6 +23,7 @@ class InputError : public std::runtime_error {
 // Parses one line. InputError if it is no JSON object, has a key twice or is nested beyond any need.
 nlohmann::json parse_object(const std::string& line);
 
+// Reads the keys of one object; every method throws InputError.
 class JsonReader {
  public:
   // value must outlive the reader; path names it in messages, kind is where its limits stand in input_limits.h.

@@ -1,4 +1,4 @@
-// Single-precision numbers as people write them.
+// Single-precision numbers in their shortest decimal form.
 #pragma once
 
 #include <cstdio>

@@ -96,19 +96,19 @@ ordered_json StepSession::end(const json& line) {
   JsonReader reader(line.at("end"), "end");
   const int row = reader.integer("row", 0, kMostRows);
   reader.finish();
-  const Trial& current = trial("end");
+  trial("end");
   const auto index = static_cast<std::size_t>(row);
   if (index >= advanced_.size()) {
     reader.fail("row", std::to_string(row) + " is above the limit " + std::to_string(advanced_.size() - 1));
   }
-  ordered_json reply = {{"result", result_object(current.result(advanced_[index], Outcome::kTerminated))}};
+  ordered_json reply = {{"result", result_object(result_at(advanced_[index], Outcome::kTerminated))}};
   trial_.reset();
   return reply;
 }
 
 ordered_json StepSession::state_reply() const {
   ordered_json reply = {{"state", state_row(trial_->now())}, {"result", nullptr}};
-  if (trial_->outcome()) reply["result"] = result_object(trial_->result(trial_->now(), *trial_->outcome()));
+  if (trial_->outcome()) reply["result"] = result_object(result_at(trial_->now(), *trial_->outcome()));
   return reply;
 }
 

@@ -1,4 +1,4 @@
-// `carsim step`: remembers bodies and scenes, and advances one trial at a time as its caller says.
+// `carsim step`: remembers bodies and scenes, and advances one trial at a time to the times that its caller asks for.
 //
 // Input: lines as docs/carsim.md describes them under "step". Output: one line for each that calls for one.
 #pragma once
@@ -17,9 +17,10 @@
 
 namespace foldcar {
 
+// Remembers bodies and scenes by id and has at most one trial under way.
 class StepSession {
  public:
-  // The reply to a line, if it calls for one. Never throws for bad input or a trial that breaks down.
+  // The reply to a line, if it has one. Does not throw for bad input or a trial that fails.
   std::optional<std::string> answer(std::size_t line_number, const std::string& line);
 
  private:
@@ -30,7 +31,7 @@ class StepSession {
   nlohmann::ordered_json state_reply() const;
   Trial& trial(const char* line_kind) const;
 
-  // Shared with the trial under way, which a later line of the same id must not pull the ground from under.
+  // Shared with the trial under way, which goes on with its own when a later line has the same id.
   std::unordered_map<std::string, std::shared_ptr<const BodySpec>> bodies_;
   std::unordered_map<std::string, std::shared_ptr<const SceneSpec>> scenes_;
   std::shared_ptr<const BodySpec> body_;

@@ -1,13 +1,14 @@
 #include "terrain_input.h"
 
 #include <algorithm>
+#include <cstddef>
+#include <string>
+#include <vector>
 
 #include "rough.h"
 
 namespace foldcar {
 namespace {
-
-const std::vector<std::string> kKinds = {"box", "ramp", "half_round", "hill", "pothole", "rough", "patch"};
 
 // Keys that several kinds share.
 template <typename Spec>
@@ -27,75 +28,83 @@ Spec rectangle(JsonReader& reader) {
   return spec;
 }
 
-BlockSpec read_block(JsonReader& reader, BlockSpec::Kind kind) {
+template <BlockSpec::Kind kind>
+void read_block(JsonReader& reader, TerrainSpec& terrain) {
   BlockSpec block = rectangle<BlockSpec>(reader);
   block.kind = kind;
   // No arc over a chord is higher than half of it.
-  const bool arc = kind == BlockSpec::Kind::kHalfRound;
+  constexpr bool arc = kind == BlockSpec::Kind::kHalfRound;
   const Limits height_m = reader.limits("height_m");
   block.height_m = reader.number(
       "height_m", {height_m.minimum, arc ? std::min(height_m.maximum, 0.5 * block.length_m) : height_m.maximum});
-  return block;
+  terrain.blocks.push_back(block);
 }
 
-HillSpec read_hill(JsonReader& reader) {
+void read_hill(JsonReader& reader, TerrainSpec& terrain) {
   HillSpec hill = placed<HillSpec>(reader);
   hill.heading_rad = reader.number("heading_rad");
   hill.sd_along_m = reader.number("sd_along_m");
   hill.sd_across_m = reader.number("sd_across_m");
   hill.height_m = reader.number("height_m");
-  return hill;
+  terrain.hills.push_back(hill);
 }
 
-PotholeSpec read_pothole(JsonReader& reader) {
+void read_pothole(JsonReader& reader, TerrainSpec& terrain) {
   PotholeSpec pothole = placed<PotholeSpec>(reader);
   pothole.radius_m = reader.number("radius_m");
   pothole.depth_m = reader.number("depth_m");
   pothole.edge_m = reader.number("edge_m", {reader.limits("edge_m").minimum, pothole.radius_m});
-  return pothole;
+  terrain.potholes.push_back(pothole);
 }
 
-RoughSpec read_rough(JsonReader& reader) {
+void read_rough(JsonReader& reader, TerrainSpec& terrain) {
   RoughSpec rough = rectangle<RoughSpec>(reader);
   rough.height_sd_m = reader.number("height_sd_m");
   const double shorter_m = std::min(rough.length_m, rough.width_m);
   rough.correlation_m = reader.number("correlation_m", {reader.limits("correlation_m").minimum, shorter_m});
   rough.seed = reader.integer("seed");
-  return rough;
+  terrain.roughs.push_back(rough);
+  double nodes = 0;
+  for (const RoughSpec& each : terrain.roughs) nodes += Rough::node_count(each);
+  const double most = reader.limits("nodes").maximum;
+  if (nodes > most) {
+    reader.fail("correlation_m", "its grid of an eighth of that is too fine for the rectangle: the limit of a scene is " +
+                                     std::to_string(static_cast<long>(most)) + " nodes");
+  }
 }
 
-PatchSpec read_patch(JsonReader& reader) {
+void read_patch(JsonReader& reader, TerrainSpec& terrain) {
   PatchSpec patch = rectangle<PatchSpec>(reader);
   patch.friction = reader.number("friction");
-  return patch;
+  terrain.patches.push_back(patch);
 }
+
+// Every kind of terrain: its name in a scene and what reads its keys, all but "kind", into the specification.
+struct TerrainKind {
+  const char* name;
+  void (*read)(JsonReader& reader, TerrainSpec& terrain);
+};
+
+constexpr TerrainKind kKinds[] = {
+    {"box", read_block<BlockSpec::Kind::kBox>},
+    {"ramp", read_block<BlockSpec::Kind::kRamp>},
+    {"half_round", read_block<BlockSpec::Kind::kHalfRound>},
+    {"hill", read_hill},
+    {"pothole", read_pothole},
+    {"rough", read_rough},
+    {"patch", read_patch},
+};
 
 }  // namespace
 
 TerrainSpec read_terrain(JsonReader& reader) {
+  std::vector<std::string> names;
+  for (const TerrainKind& kind : kKinds) names.emplace_back(kind.name);
   TerrainSpec terrain;
-  double nodes = 0;
   for (JsonReader& piece : reader.objects("terrain")) {
-    using Kind = BlockSpec::Kind;
-    const std::size_t kind = piece.choice("kind", kKinds);
-    piece.narrow(kKinds[kind]);
-    switch (kind) {
-      case 0: terrain.blocks.push_back(read_block(piece, Kind::kBox)); break;
-      case 1: terrain.blocks.push_back(read_block(piece, Kind::kRamp)); break;
-      case 2: terrain.blocks.push_back(read_block(piece, Kind::kHalfRound)); break;
-      case 3: terrain.hills.push_back(read_hill(piece)); break;
-      case 4: terrain.potholes.push_back(read_pothole(piece)); break;
-      case 5:
-        terrain.roughs.push_back(read_rough(piece));
-        nodes += Rough::node_count(terrain.roughs.back());
-        if (nodes > piece.limits("nodes").maximum) {
-          const long most = static_cast<long>(piece.limits("nodes").maximum);
-          piece.fail("correlation_m", "its grid of an eighth of that is too fine for the rectangle: the limit of a "
-                                      "scene is " + std::to_string(most) + " nodes");
-        }
-        break;
-      default: terrain.patches.push_back(read_patch(piece)); break;
-    }
+    const TerrainKind& kind = kKinds[piece.choice("kind", names)];
+    piece.narrow(kind.name);
+    kind.read(piece, terrain);
     piece.finish();
   }
   return terrain;

@@ -1,14 +1,13 @@
 #include "sim_hal.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace foldcar {
 
 bool SimServos::write_pulses(const PulsesUs& pulses_us) {
   if (!answers) return false;
   for (const float pulse_us : pulses_us) {
-    if (!std::isfinite(pulse_us) || pulse_us < 0) return false;
+    if (!(pulse_us >= 0.0f && pulse_us <= kLongestOutputUs)) return false;
   }
   pulses_us_ = pulses_us;
   return true;
@@ -27,20 +26,20 @@ std::size_t SimLink::write(const std::uint8_t* data, std::size_t size) {
 }
 
 bool SimStorage::load(const char* name, float& value) {
-  const auto found = values_.find(name);
-  if (found == values_.end()) return false;
+  const auto found = values.find(name);
+  if (found == values.end()) return false;
   value = found->second;
   return true;
 }
 
 bool SimStorage::save(const char* name, float value) {
-  values_[name] = value;
-  return true;
+  if (accepts) values[name] = value;
+  return accepts;
 }
 
 bool SimStorage::clear() {
-  values_.clear();
-  return true;
+  if (accepts) values.clear();
+  return accepts;
 }
 
 bool SimImu::read(ImuSample& sample) {
@@ -49,42 +48,41 @@ bool SimImu::read(ImuSample& sample) {
 }
 
 bool SimLogs::create(std::uint16_t id) {
+  if (!fitted || !accepts || id == 0) return false;
   open_ = id;
-  logs_[id].clear();
+  logs[id].clear();
   return true;
 }
 
 bool SimLogs::append(const std::uint8_t* data, std::size_t size) {
-  const auto log = logs_.find(open_);
-  if (log == logs_.end()) return false;
-  log->second.insert(log->second.end(), data, data + size);
+  if (open_ == 0 || !accepts) return false;
+  logs[open_].append(reinterpret_cast<const char*>(data), size);
   return true;
 }
 
 bool SimLogs::close() {
+  const bool was_open = open_ != 0;
   open_ = 0;
-  return true;
+  return was_open;
 }
 
 std::size_t SimLogs::size(std::uint16_t id) {
-  const auto log = logs_.find(id);
-  return log == logs_.end() ? 0 : log->second.size();
+  const auto log = logs.find(id);
+  return log == logs.end() ? 0 : log->second.size();
 }
 
 std::size_t SimLogs::read(std::uint16_t id, std::size_t offset, std::uint8_t* data, std::size_t size) {
-  const auto log = logs_.find(id);
-  if (log == logs_.end() || offset >= log->second.size()) return 0;
-  const std::size_t count = std::min(size, log->second.size() - offset);
-  std::copy_n(log->second.begin() + static_cast<std::ptrdiff_t>(offset), count, data);
-  return count;
+  const auto log = logs.find(id);
+  if (log == logs.end() || offset >= log->second.size()) return 0;
+  return log->second.copy(reinterpret_cast<char*>(data), size, offset);
 }
 
-bool SimLogs::remove(std::uint16_t id) { return logs_.erase(id) > 0; }
+bool SimLogs::remove(std::uint16_t id) { return id != open_ && logs.erase(id) > 0; }
 
 bool SimLogs::range(std::uint16_t& first, std::uint16_t& last) {
-  if (logs_.empty()) return false;
-  first = logs_.begin()->first;
-  last = logs_.rbegin()->first;
+  if (logs.empty()) return false;
+  first = logs.begin()->first;
+  last = logs.rbegin()->first;
   return true;
 }
 

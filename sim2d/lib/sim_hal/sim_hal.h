@@ -1,8 +1,8 @@
-// The HAL of a simulated car: time is the stepper's, servos and battery are the world's.
-//
-// One object a car; nothing is shared between cars.
+// The HAL of a simulated car: its time is set by the stepper, its sensors by the simulated world, and tests make its parts
+// fail. One object for each car; nothing is shared between cars.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -12,70 +12,61 @@
 
 namespace foldcar {
 
-class SimClock : public Clock {
- public:
-  std::uint64_t now_us() const override { return now_us_; }
-  void advance_to_us(std::uint64_t t_us) { now_us_ = t_us; }
-
- private:
-  std::uint64_t now_us_ = 0;
+struct SimClock : Clock {
+  std::uint64_t time_us = 0;
+  std::uint64_t now_us() const override { return time_us; }
+  void advance_to_us(std::uint64_t t_us) { time_us = t_us; }
 };
 
+// Holds the last pulses that it took.
 class SimServos : public WheelServos {
  public:
   bool write_pulses(const PulsesUs& pulses_us) override;
   const PulsesUs& pulses_us() const { return pulses_us_; }
-  // A bus that does not answer takes no writes; the driver goes on with the pulses it has.
+  // While false the bus acknowledges no write, and the driver continues with its last pulses.
   bool answers = true;
 
  private:
   PulsesUs pulses_us_{};
 };
 
-// The logic's own cell, which the servos do not load: the voltage that it is set to.
-class SimBattery : public Battery {
- public:
-  explicit SimBattery(double voltage_v) { set_v(voltage_v); }
-  float voltage_v() override { return voltage_v_; }
-  void set_v(double voltage_v) { voltage_v_ = static_cast<float>(voltage_v); }
-
- private:
-  float voltage_v_ = 0;
+// The cell that supplies the board; the servos do not load it, so its voltage (V) is what it is set to.
+struct SimBattery : Battery {
+  float volts = 4.0f;
+  float voltage_v() override { return volts; }
 };
 
-// Bytes to and from whoever plays the other end: to_car is read by the firmware, from_car was written by it.
-class SimLink : public ByteLink {
- public:
-  std::size_t read(std::uint8_t* data, std::size_t size) override;
-  std::size_t write(const std::uint8_t* data, std::size_t size) override;
+// The cable: the firmware reads to_car and writes from_car.
+struct SimLink : ByteLink {
   std::vector<std::uint8_t> to_car;
   std::vector<std::uint8_t> from_car;
+  std::size_t read(std::uint8_t* data, std::size_t size) override;
+  std::size_t write(const std::uint8_t* data, std::size_t size) override;
 };
 
-// Flash that lives as long as the object.
-class SimStorage : public Storage {
- public:
+// Flash memory that lives as long as the object; while accepts is false it stores nothing.
+struct SimStorage : Storage {
+  std::map<std::string, float> values;
+  bool accepts = true;
   bool load(const char* name, float& value) override;
   bool save(const char* name, float value) override;
   bool clear() override;
-
- private:
-  std::map<std::string, float> values_;
 };
 
-// A sensor that the world around it sets; a car without one is the rule.
-class SimImu : public Imu {
- public:
-  bool present() const override { return fitted; }
-  bool read(ImuSample& sample) override;
+// Gives the sample that the simulated world has set. Most cars have none.
+struct SimImu : Imu {
   bool fitted = false;
   bool answers = true;
   ImuSample now;
+  bool present() const override { return fitted; }
+  bool read(ImuSample& sample) override;
 };
 
-// Logs that live as long as the object.
-class SimLogs : public LogStorage {
- public:
+// Logs that live as long as the object; while accepts is false none is created or extended.
+struct SimLogs : LogStorage {
+  bool fitted = false;
+  bool accepts = true;
+  std::map<std::uint16_t, std::string> logs;
   bool present() const override { return fitted; }
   bool create(std::uint16_t id) override;
   bool append(const std::uint8_t* data, std::size_t size) override;
@@ -84,32 +75,37 @@ class SimLogs : public LogStorage {
   std::size_t read(std::uint16_t id, std::size_t offset, std::uint8_t* data, std::size_t size) override;
   bool remove(std::uint16_t id) override;
   bool range(std::uint16_t& first, std::uint16_t& last) override;
-  bool fitted = false;
 
  private:
-  std::map<std::uint16_t, std::vector<std::uint8_t>> logs_;
-  std::uint16_t open_ = 0;
+  std::uint16_t open_ = 0;  // number of the open log, 0 for none
 };
 
-class SimBoard : public Board {
- public:
-  ResetReason reset_reason() const override { return reason; }
-  void restart() override { restart_is_asked = true; }
+struct SimBoard : Board {
   ResetReason reason = ResetReason::kPowerOn;
-  bool restart_is_asked = false;
+  bool restart_is_requested = false;
+  ResetReason reset_reason() const override { return reason; }
+  void restart() override { restart_is_requested = true; }
 };
 
-struct SimHal {
-  explicit SimHal(double battery_v) : battery(battery_v) {}
-  Hal hal() { return {clock, servos, battery, link, storage, imu, logs, board}; }
+// All parts together. Tests put servos and a link in their place that record what is written to them.
+template <class Servos, class Link>
+struct BasicSimHal {
+  BasicSimHal() = default;
+  // battery_v: voltage of the logic's cell (V).
+  explicit BasicSimHal(double battery_v) { battery.volts = static_cast<float>(battery_v); }
+
   SimClock clock;
-  SimServos servos;
+  Servos servos;
   SimBattery battery;
-  SimLink link;
+  Link link;
   SimStorage storage;
   SimImu imu;
   SimLogs logs;
   SimBoard board;
+
+  Hal hal() { return {clock, servos, battery, link, storage, imu, logs, board}; }
 };
+
+using SimHal = BasicSimHal<SimServos, SimLink>;
 
 }  // namespace foldcar

@@ -14,18 +14,18 @@ struct BlockCorners {
 struct Interval {
   double min_m = std::numeric_limits<double>::max();
   double max_m = std::numeric_limits<double>::lowest();
-  void take(double value_m) {
+  void include(double value_m) {
     min_m = std::min(min_m, value_m);
     max_m = std::max(max_m, value_m);
   }
 };
 
-// Places along the block, counted from its middle, of points of the frame.
+// Coordinates along the block, from its middle, of points of the frame.
 struct AlongBlock {
   double middle_s_m, middle_y_m, per_s, per_y;
   Interval of(double s_m, const Interval& y_m) const {
     Interval along;
-    for (const double y : {y_m.min_m, y_m.max_m}) along.take((s_m - middle_s_m) * per_s + (y - middle_y_m) * per_y);
+    for (const double y : {y_m.min_m, y_m.max_m}) along.include((s_m - middle_s_m) * per_s + (y - middle_y_m) * per_y);
     return along;
   }
 };
@@ -34,7 +34,8 @@ namespace {
 
 constexpr double kArcError_m = 0.00008;
 
-// Calls visit with every s where the convex quadrilateral (s, y) has a corner within the strip or a side enters it.
+// Calls visit with every s at which the convex quadrilateral has a corner within the strip or a side crosses a limit of
+// the strip.
 template <typename Visit>
 void for_each_corner(const BlockCorners& corners, const Strip& strip, const Visit& visit) {
   const double *s = corners.s, *y = corners.y;
@@ -47,7 +48,7 @@ void for_each_corner(const BlockCorners& corners, const Strip& strip, const Visi
   }
 }
 
-// The y that the quadrilateral covers at s within the strip.
+// The interval of y within the strip that the quadrilateral covers at s = at.
 Interval covered_at(double at, const BlockCorners& corners, const Strip& strip) {
   const double *s = corners.s, *y = corners.y;
   Interval covered;
@@ -55,10 +56,10 @@ Interval covered_at(double at, const BlockCorners& corners, const Strip& strip) 
     const int j = (i + 1) & 3;
     if ((at < s[i]) == (at < s[j]) && at != s[i] && at != s[j]) continue;
     if (s[i] == s[j]) {
-      covered.take(y[i]);
-      covered.take(y[j]);
+      covered.include(y[i]);
+      covered.include(y[j]);
     } else {
-      covered.take(y[i] + (y[j] - y[i]) * (at - s[i]) / (s[j] - s[i]));
+      covered.include(y[i] + (y[j] - y[i]) * (at - s[i]) / (s[j] - s[i]));
     }
   }
   if (covered.max_m < covered.min_m) covered.min_m = covered.max_m = 0.5 * (strip.y_min_m + strip.y_max_m);
@@ -128,7 +129,7 @@ void Block::slice(const SliceFrame& frame, double cosine, double sine, const Spa
                          cosine * sine_ - sine * cosine_};
   for (std::size_t k = 0; k < strips.size(); ++k) {
     Interval within;
-    for_each_corner(corners, strips[k], [&](double at) { within.take(at); });
+    for_each_corner(corners, strips[k], [&](double at) { within.include(at); });
     within.min_m = std::max(within.min_m, span.s_min_m);
     within.max_m = std::min(within.max_m, span.s_max_m);
     if (within.max_m <= within.min_m) continue;
@@ -141,16 +142,16 @@ void Block::slice(const SliceFrame& frame, double cosine, double sine, const Spa
   }
 }
 
-// Across the strip the highest point of a ramp is the farthest along it, that of an arc the one nearest to its
-// middle: where that lies along the block changes evenly between the breaks.
+// The highest point across the strip is on a ramp the farthest along it, on an arc the one nearest to its middle. Its
+// coordinate along the block is a linear function of s between the breaks.
 void Block::add_curve(const BlockCorners& corners, const AlongBlock& along, const Interval& within, const Strip& strip,
                       std::vector<Piece>& pieces) const {
   const bool ramp = spec_.kind == BlockSpec::Kind::kRamp;
-  constexpr int kMostBreaks = 24;
-  double breaks[kMostBreaks] = {within.min_m, within.max_m};
+  constexpr int kMaxBreaks = 24;
+  double breaks[kMaxBreaks] = {within.min_m, within.max_m};
   int count = 2;
   for_each_corner(corners, strip, [&](double at) {
-    if (at > within.min_m && at < within.max_m && count < kMostBreaks) breaks[count++] = at;
+    if (at > within.min_m && at < within.max_m && count < kMaxBreaks) breaks[count++] = at;
   });
   std::sort(breaks, breaks + count);
   auto crest_m = [&](const Interval& covered_along) {
@@ -160,7 +161,7 @@ void Block::add_curve(const BlockCorners& corners, const AlongBlock& along, cons
     if (breaks[i + 1] <= breaks[i]) continue;
     const Interval from = along.of(breaks[i], covered_at(breaks[i], corners, strip));
     const Interval to = along.of(breaks[i + 1], covered_at(breaks[i + 1], corners, strip));
-    // Where either end of what is covered passes the middle of an arc, the crest bends.
+    // On an arc that function has a kink where an end of the covered interval passes the middle.
     double bends[4] = {0, 1, 1, 1};
     int parts = 1;
     for (const auto& [a, b] : {std::pair{from.min_m, to.min_m}, std::pair{from.max_m, to.max_m}}) {

@@ -13,23 +13,27 @@ struct BlockCorners;
 struct AlongBlock;
 struct Interval;
 
+// One block, prepared for slicing.
 class Block {
  public:
   explicit Block(const BlockSpec& spec);
+  // Whether the block stands at a point of the world.
   bool covers(double x_m, double y_m) const;
-  // The surface at a point of the world that it covers.
+  // Height of the surface at a point of the world that it covers.
   double height_m(double x_m, double y_m) const;
-  // As Terrain::slice, with the frame's cosine and sine at hand. What stands in a strip is exact for boxes and ramps;
-  // arcs are cut into chords a tenth of a millimetre below them at most.
+  // As Terrain::slice, with the cosine and sine of the frame's heading. Pieces are exact for boxes and ramps; those of
+  // arcs are chords at most 0.1 mm below the arc.
   void slice(const SliceFrame& frame, double cosine, double sine, const Span& span, const std::vector<Strip>& strips,
              std::vector<std::vector<Piece>>& pieces) const;
 
  private:
-  double along_m(double x_m, double y_m) const;  // of a point of the world, from the block's middle
-  double surface_m(double u_m) const;            // u counts along the block
+  // Coordinate along the block, from its middle, of a point of the world; height of the surface at that coordinate.
+  double along_m(double x_m, double y_m) const;
+  double surface_m(double u_m) const;
   void add_curve(const BlockCorners& corners, const AlongBlock& along, const Interval& within, const Strip& strip,
                  std::vector<Piece>& pieces) const;
-  // The surface from s_m[0] to s_m[1] while the highest point moves along the block from crest_m[0] to [1].
+  // Adds the surface from s_m[0] to s_m[1], where the highest point across the strip moves along the block from
+  // crest_m[0] to crest_m[1].
   void add_run(const double* s_m, const double* crest_m, double y_m, std::vector<Piece>& pieces) const;
 
   BlockSpec spec_;

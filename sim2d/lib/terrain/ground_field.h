@@ -1,4 +1,4 @@
-// A smooth shape of the ground: what adds up to it, as a function of the plane.
+// A smooth field of heights over the plane; the ground is the sum of such fields.
 #pragma once
 
 #include <algorithm>
@@ -16,26 +16,31 @@ struct Ray {
   double sine = 0;
 };
 
+// A disc of the plane around a point.
 struct Disc {
   double x_m = 0;
   double y_m = 0;
   double radius_m = 0;
 };
 
+// Whether two discs have points in common.
 inline bool overlap(const Disc& a, const Disc& b) {
   const double dx = a.x_m - b.x_m, dy = a.y_m - b.y_m, reach = a.radius_m + b.radius_m;
   return dx * dx + dy * dy < reach * reach;
 }
 
+// One field of heights; lengths in metres.
 class GroundField {
  public:
   virtual ~GroundField() = default;
-  // Where the field is not 0.
+  // A disc outside which the field is 0.
   virtual Disc reach() const = 0;
+  // Height at a point of the world.
   virtual double height_m(double x_m, double y_m) const = 0;
   // Adds the heights at the stations (ascending) of the ray to z_m.
   virtual void add_along(const Ray& ray, const std::vector<double>& s_m, std::vector<double>& z_m) const = 0;
-  // What the second derivative along any line does not exceed inside the disc (1/m); 0 where the field is 0.
+  // An upper bound (1/m) of the magnitude of the second derivative along any line inside the disc; 0 where the field is
+  // 0.
   virtual double curvature_1_m(const Disc& disc) const = 0;
 };
 

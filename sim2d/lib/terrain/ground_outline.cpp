@@ -7,15 +7,16 @@
 namespace foldcar {
 namespace {
 
-// What a chord may miss along s, and two lines what rises between them.
+// Largest height error of a chord between two stations, and of the ground between two lines.
 constexpr double kChordError_m = 0.0001;
 constexpr double kLineError_m = 0.00009;
-// The belly is a wide strip, and its ground seldom touched: lines enough for the hills, no more for the roughest.
-constexpr std::size_t kMostLines = 33;
+// Limit for the belly, which is wide and seldom touches the ground: enough lines for hills, too few for the roughest
+// ground.
+constexpr std::size_t kMaxLines = 33;
 // Stations lie on multiples of this, or evenly between them.
 constexpr double kCell_m = 0.02;
-// Closer stations would be merged in the chain.
-constexpr double kClosest_m = 0.0008;
+// Box2D's chain would merge stations that are closer.
+constexpr double kMinSpacing_m = 0.0008;
 
 double chord_m(double curvature_1_m, double error_m) { return std::sqrt(8 * error_m / curvature_1_m); }
 
@@ -28,7 +29,7 @@ double curvature_1_m(const std::vector<const GroundField*>& fields, const Disc& 
 }  // namespace
 
 void GroundOutline::plan(const Ground& ground, const SliceFrame& frame, double s_m, const Span& span,
-                         const Across& across) {
+                         const LateralSpan& across) {
   const double c = std::cos(frame.heading_rad), s = std::sin(frame.heading_rad);
   const double reach_m = std::max(-span.s_min_m, span.s_max_m);
   const double pad_m = kPlanSideways_m + kPlanTurn_rad * reach_m;
@@ -41,7 +42,7 @@ void GroundOutline::plan(const Ground& ground, const SliceFrame& frame, double s
   ground.find(disc(0.5 * (span.s_min_m + span.s_max_m), middle_y_m,
                    0.5 * std::hypot(span.s_max_m - span.s_min_m, y_max_m - y_min_m)),
               fields_);
-  // Squares side by side cover what a cell of s can come to lie on.
+  // A row of squares across covers all ground that a cell of s can lie on while the plan holds.
   const auto columns = static_cast<int>(std::ceil((y_max_m - y_min_m) / (2 * kCell_m)));
   const double column_m = (y_max_m - y_min_m) / columns;
   const double radius_m = 0.5 * std::hypot(kCell_m, column_m);
@@ -56,12 +57,12 @@ void GroundOutline::plan(const Ground& ground, const SliceFrame& frame, double s
       const double y_m = y_min_m + (column + 0.5) * column_m;
       bound_1_m = std::max(bound_1_m, curvature_1_m(fields_, disc(from_m + 0.5 * kCell_m - s_m, y_m, radius_m)));
     }
-    // Flat cells share one chord.
+    // A run of flat cells is one chord.
     if (bound_1_m > 0 || before_1_m > 0) station_m_.push_back(from_m);
     before_1_m = bound_1_m;
     highest_1_m = std::max(highest_1_m, bound_1_m);
     if (bound_1_m == 0) continue;
-    const double spacing_m = std::max(kClosest_m, chord_m(bound_1_m, kChordError_m));
+    const double spacing_m = std::max(kMinSpacing_m, chord_m(bound_1_m, kChordError_m));
     const int parts = static_cast<int>(std::ceil(kCell_m / spacing_m));
     for (int i = 1; i < parts; ++i) station_m_.push_back(from_m + kCell_m * i / parts);
   }
@@ -69,11 +70,11 @@ void GroundOutline::plan(const Ground& ground, const SliceFrame& frame, double s
   lines_ = 2;
   if (highest_1_m > 0) {
     const double gaps = std::ceil((across.to_m - across.from_m) / chord_m(highest_1_m, kLineError_m));
-    lines_ = 1 + std::min(kMostLines - 1, static_cast<std::size_t>(std::max(1.0, gaps)));
+    lines_ = 1 + std::min(kMaxLines - 1, static_cast<std::size_t>(std::max(1.0, gaps)));
   }
 }
 
-void GroundOutline::cut(const SliceFrame& frame, double s_m, const Across& across, double tolerance_m,
+void GroundOutline::cut(const SliceFrame& frame, double s_m, const LateralSpan& across, double tolerance_m,
                         Profile& profile) {
   const double c = std::cos(frame.heading_rad), s = std::sin(frame.heading_rad);
   const std::size_t count = station_m_.size();

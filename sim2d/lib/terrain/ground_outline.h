@@ -1,11 +1,12 @@
-// The ground's highest line under one wheel or the belly, as a profile with vertices at stations along s.
+// The highest line of the smooth ground under one wheel or the belly, as a profile with vertices at stations along s.
 //
-// Stations and the lines sampled between them are planned from the fields' curvature, so that the profile is right
-// within a tenth of a millimetre; they stay where they are in the plane while the car drives over them, and only
-// their heights follow its heading and its drift. What is planned serves cuts that differ from it by no more than
-// kPlanSideways and kPlanTurn.
+// The distances of the stations along s and of the sampled lines across are planned from the fields' curvature, so that
+// the profile is within 0.1 mm of the ground. The stations keep their positions in the plane while the car drives over
+// them; only their heights follow its heading and lateral motion. A plan holds for cuts whose pose differs by no more
+// than kPlanSideways_m and kPlanTurn_rad.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "ground.h"
@@ -14,12 +15,13 @@
 
 namespace foldcar {
 
+// Largest lateral shift and turn of a cut's pose against that of the plan.
 constexpr double kPlanSideways_m = 0.005;
 constexpr double kPlanTurn_rad = 0.03;
 
-// Lines of the car's frame, parallel to s: that of across (in the car) runs at y = middle + scale·across and is seen
-// lowered by tilt·across.
-struct Across {
+// A range of lines parallel to s, told by their lateral coordinate on the car, from from_m to to_m. The line of
+// coordinate a runs at y = middle_m + scale·a of the car's frame, and its heights are lowered by tilt·a.
+struct LateralSpan {
   double from_m = 0;
   double to_m = 0;
   double middle_m = 0;
@@ -27,14 +29,16 @@ struct Across {
   double tilt = 0;
 };
 
+// The plan for one wheel track or the belly, and its last cut.
 class GroundOutline {
  public:
-  // Chooses stations for the span, which counts from the frame's point; that point stands at s_m of the plane.
-  void plan(const Ground& ground, const SliceFrame& frame, double s_m, const Span& span, const Across& across);
-  // The highest of all lines at every station; y of the segments is across, where lines are as high as the highest
-  // within tolerance_m.
-  void cut(const SliceFrame& frame, double s_m, const Across& across, double tolerance_m, Profile& profile);
-  // How high the outermost lines of the last cut are at s of the plane.
+  // Plans the stations of the span, which is counted from the frame's point, and the lines. That point is at s_m of the
+  // plane. ground must outlive the outline.
+  void plan(const Ground& ground, const SliceFrame& frame, double s_m, const Span& span, const LateralSpan& across);
+  // Fills profile with the highest line at every station. y_min and y_max of its segments are the lateral coordinates
+  // between which lines are within tolerance_m of the highest.
+  void cut(const SliceFrame& frame, double s_m, const LateralSpan& across, double tolerance_m, Profile& profile);
+  // Heights (m) of the two outermost lines of the last cut at s_m of the plane.
   struct Ends {
     double from_z_m, to_z_m;
   };

@@ -1,11 +1,14 @@
 // A Gaussian hill, or hollow: height · exp(-(a²/sd_along² + c²/sd_across²)/2), cut off at 4 standard deviations.
 #pragma once
 
+#include <vector>
+
 #include "ground_field.h"
 #include "scene_spec.h"
 
 namespace foldcar {
 
+// sd_* are standard deviations; the height is negative for a hollow.
 class Hill : public GroundField {
  public:
   explicit Hill(const HillSpec& spec);

@@ -24,8 +24,8 @@ void Pothole::add_along(const Ray& ray, const std::vector<double>& s_m, std::vec
   }
 }
 
-// Only the wall is curved: radially by up to 6·depth/edge², and no more around the hole, since the slope at r is
-// at most that times r.
+// Only the wall is curved. The radial second derivative is at most 6·depth/edge²; the tangential one, slope over r, is
+// at most the same.
 double Pothole::curvature_1_m(const Disc& disc) const {
   const double distance_m = std::hypot(disc.x_m - spec_.x_m, disc.y_m - spec_.y_m);
   const bool meets_wall = distance_m - disc.radius_m < spec_.radius_m &&

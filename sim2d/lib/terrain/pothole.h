@@ -1,11 +1,14 @@
 // A round hole: -depth · t²(3 - 2t) with t = (radius - r)/edge, at most 1, at the distance r from its middle.
 #pragma once
 
+#include <vector>
+
 #include "ground_field.h"
 #include "scene_spec.h"
 
 namespace foldcar {
 
+// Smooth along its wall, flat at its bottom.
 class Pothole : public GroundField {
  public:
   explicit Pothole(const PotholeSpec& spec) : spec_(spec) {}

@@ -7,11 +7,11 @@
 namespace foldcar {
 namespace {
 
-// Of the resolution: heights this close count as the same.
+// Heights that differ by less than this share of the resolution count as equal.
 constexpr double kSameHeight = 0.4;
 
-// Stands for no ground at all under level pieces.
-constexpr double kNothing_m = std::numeric_limits<double>::lowest();
+// Height of the ground where an envelope has level pieces only.
+constexpr double kNoGround_m = std::numeric_limits<double>::lowest();
 
 bool level(const Piece& piece) { return piece.z0_m == piece.z1_m; }
 
@@ -73,7 +73,8 @@ void level_envelope(const std::vector<Piece>& pieces, const Piece& ground, const
   }
 }
 
-// Appends what of segment lies between left and right; longer if the outline already ends with that segment.
+// Appends the part of segment between left and right, or extends the outline's last segment if that is from the same
+// one.
 void append(Profile& profile, const ProfileSegment& segment, double left, double right, double y_min_m,
             double y_max_m, const ProfileSegment*& last) {
   const double end_m = height_at(segment, right);
@@ -86,7 +87,7 @@ void append(Profile& profile, const ProfileSegment& segment, double left, double
   last = &segment;
 }
 
-// Raises the outline to a curve of segments that follow each other from left to right, maybe with gaps.
+// Replaces the outline by its upper envelope with a curve of segments in ascending s, which may have gaps.
 void raise(const Profile& curve, double tolerance_m, Profile& before, Profile& profile) {
   if (curve.empty()) return;
   before.swap(profile);
@@ -122,7 +123,7 @@ void raise(const Profile& curve, double tolerance_m, Profile& before, Profile& p
   }
 }
 
-// Curves are pieces that continue each other and of which one slopes at least; the rest is level.
+// Raises the outline to every curve among the pieces: pieces that continue each other, at least one of them sloping.
 void raise_to_curves(const std::vector<Piece>& pieces, double tolerance_m, EnvelopeScratch& scratch,
                      Profile& profile) {
   for (std::size_t first = 0; first < pieces.size();) {
@@ -172,9 +173,9 @@ void raise_to_envelope(const std::vector<Piece>& pieces, double resolution_m, En
   find_level(pieces, scratch.level);
   if (!scratch.level.empty()) {
     const Span span{profile.front().s0_m, profile.back().s1_m};
-    const Piece nothing{span.s_min_m, span.s_max_m, kNothing_m, kNothing_m, 0};
+    const Piece nothing{span.s_min_m, span.s_max_m, kNoGround_m, kNoGround_m, 0};
     level_envelope(scratch.level, nothing, span, resolution_m, scratch.breaks, scratch.curve);
-    auto empty = [](const ProfileSegment& segment) { return segment.z0_m == kNothing_m; };
+    auto empty = [](const ProfileSegment& segment) { return segment.z0_m == kNoGround_m; };
     scratch.curve.erase(std::remove_if(scratch.curve.begin(), scratch.curve.end(), empty), scratch.curve.end());
     raise(scratch.curve, tolerance_m, scratch.before, profile);
   }

@@ -1,4 +1,4 @@
-// The outline that a wheel or the belly meets: the upper envelope of a terrain's pieces over the ground.
+// The outline that a wheel or the belly meets: the upper envelope of a terrain's pieces and the ground.
 #pragma once
 
 #include <vector>
@@ -7,8 +7,8 @@
 
 namespace foldcar {
 
-// One straight run of the outline. y_min..y_max are the strips whose surface is (within resolution) the
-// highest there, so that a contact can be placed across the car.
+// A straight segment of the outline. y_min_m to y_max_m are the strips whose surface is the highest there (within the
+// resolution), from which the lateral position of a contact follows.
 struct ProfileSegment {
   double s0_m = 0;
   double s1_m = 0;
@@ -18,9 +18,10 @@ struct ProfileSegment {
   double y_max_m = 0;
 };
 
+// An outline: segments in ascending s.
 using Profile = std::vector<ProfileSegment>;
 
-// What an envelope is made with; kept by the caller, since the hot loop does not allocate.
+// Working memory of the functions below, kept by the caller so that they do not allocate.
 struct EnvelopeScratch {
   std::vector<Piece> level;
   std::vector<double> breaks;
@@ -28,12 +29,12 @@ struct EnvelopeScratch {
   Profile before;
 };
 
-// Highest outline of a level ground and pieces over span, left to right without gaps. Level details shorter than
-// resolution_m along s are merged into their neighbours.
+// Fills profile with the upper envelope of pieces and a level ground over span, in ascending s without gaps. Level
+// details shorter than resolution_m along s are merged into their neighbours.
 void upper_envelope(const std::vector<Piece>& pieces, const Piece& ground, const Span& span, double resolution_m,
                     EnvelopeScratch& scratch, Profile& profile);
 
-// The same over the outline of the ground that profile holds.
+// Replaces the outline of the ground in profile by its upper envelope with pieces.
 void raise_to_envelope(const std::vector<Piece>& pieces, double resolution_m, EnvelopeScratch& scratch,
                        Profile& profile);
 

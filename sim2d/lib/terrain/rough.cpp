@@ -7,28 +7,29 @@ namespace {
 
 constexpr double kCellsPerCorrelation = 8;
 constexpr double kKernelReach = 4;  // standard deviations
-// Curvature is kept for blocks of so many cells by as many. All of it sits in the kinks between cells: chords about as
-// long as a cell miss more of them than of a surface bent evenly.
+// Curvature bounds are kept for blocks of so many cells by as many. The interpolated surface is curved only at the
+// edges of its cells; chords about as long as a cell miss more of such kinks than of an evenly curved surface, by this
+// factor.
 constexpr std::size_t kBlockCells = 8;
-constexpr double kKinks = 1.4;
+constexpr double kKinkFactor = 1.4;
 
 double cells(double side_m, double correlation_m) {
   return std::max(1.0, std::ceil(side_m * kCellsPerCorrelation / correlation_m - 1e-9));
 }
 
-// The finaliser of SplitMix64 (Steele, Lea and Flood, 2014): every bit of the result depends on every bit.
-std::uint64_t mixed(std::uint64_t bits) {
+// The finaliser of SplitMix64 (Steele, Lea and Flood, 2014): every bit of the result depends on every bit of the input.
+std::uint64_t hashed(std::uint64_t bits) {
   bits += 0x9e3779b97f4a7c15u;
   bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9u;
   bits = (bits ^ (bits >> 27)) * 0x94d049bb133111ebu;
   return bits ^ (bits >> 31);
 }
 
-// Uniform, of mean 0 and variance 1: the blur makes it Gaussian.
+// Uniform noise of mean 0 and variance 1; the sum over the blur kernel is close to Gaussian.
 double noise(int seed, std::int64_t column, std::int64_t row) {
-  std::uint64_t bits = mixed(static_cast<std::uint64_t>(seed));
-  bits = mixed(bits ^ static_cast<std::uint64_t>(column));
-  bits = mixed(bits ^ static_cast<std::uint64_t>(row));
+  std::uint64_t bits = hashed(static_cast<std::uint64_t>(seed));
+  bits = hashed(bits ^ static_cast<std::uint64_t>(column));
+  bits = hashed(bits ^ static_cast<std::uint64_t>(row));
   constexpr double kRoot12 = 3.4641016151377544;
   return (static_cast<double>(bits >> 11) * 0x1p-53 - 0.5) * kRoot12;
 }
@@ -69,7 +70,7 @@ Rough::Rough(const RoughSpec& spec)
   const double blur_m = spec.correlation_m / std::sqrt(2.0);
   const std::vector<double> along = blur_kernel(blur_m * per_m_along_), across = blur_kernel(blur_m * per_m_across_);
   const std::size_t columns = cells_along_ + 1, rows = cells_across_ + 1;
-  // Rows beyond the rectangle are needed by the blur across.
+  // The blur across needs rows beyond the rectangle.
   const std::size_t noise_rows = rows + across.size() - 1;
   std::vector<float> blurred(noise_rows * columns);
   std::vector<double> line(columns + along.size() - 1);
@@ -142,7 +143,7 @@ void Rough::find_curvature() {
           (z[stride + 1] - z[stride - 1] - z[-stride + 1] + z[-stride - 1]) * 0.25 * per_m_along_ * per_m_across_;
       const double larger = std::abs(0.5 * (along + across)) + std::hypot(0.5 * (along - across), twist);
       float& block = block_curvature_1_m_[row / kBlockCells * blocks_along_ + column / kBlockCells];
-      block = std::max(block, static_cast<float>(kKinks * larger));
+      block = std::max(block, static_cast<float>(kKinkFactor * larger));
     }
   }
 }

@@ -5,11 +5,15 @@
 // Gaussian of correlation/√2. The surface is the bilinear interpolation of that grid.
 #pragma once
 
+#include <cstddef>
+#include <vector>
+
 #include "ground_field.h"
 #include "scene_spec.h"
 
 namespace foldcar {
 
+// The grid of heights of one rectangle.
 class Rough : public GroundField {
  public:
   explicit Rough(const RoughSpec& spec);

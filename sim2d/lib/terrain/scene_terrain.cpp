@@ -18,7 +18,7 @@ SceneTerrain::SceneTerrain(const TerrainSpec& spec)
     : blocks_(spec.blocks.begin(), spec.blocks.end()), ground_(spec), patches_(spec.patches) {}
 
 double SceneTerrain::height_m(double x_m, double y_m) const {
-  // Between blocks the ground may lie below z = 0; on them it is as high as they are at least.
+  // The ground alone may be below z = 0; a block that stands there raises it to its own surface.
   double height_m = ground_.height_m(x_m, y_m);
   for (const Block& block : blocks_) {
     if (block.covers(x_m, y_m)) height_m = std::max(height_m, block.height_m(x_m, y_m));

@@ -10,6 +10,7 @@
 
 namespace foldcar {
 
+// The terrain of one scene specification.
 class SceneTerrain : public Terrain {
  public:
   explicit SceneTerrain(const TerrainSpec& spec);

@@ -1,4 +1,5 @@
-// When a trial is over: goal reached, tipped, off course or stuck. Time-outs and faults are the firmware's.
+// Criteria on the car's state that end a trial: goal reached, tipped, off course, stuck. Time-outs and faults come from
+// the firmware.
 #pragma once
 
 #include <optional>
@@ -16,11 +17,13 @@ constexpr double kStuckDistance_m = 0.010;
 constexpr double kStuckTurn_rad = 0.035;
 constexpr double kStuckTime_s = 4;
 
+// Watches one trial.
 class Ending {
  public:
+  // start: the state at the start of the trial. scene must outlive it.
   Ending(const SceneSpec& scene, const CarState& start);
 
-  // The outcome if state, elapsed_s into the trial, ends it.
+  // The outcome if the state at elapsed_s of the trial ends it. To be called at every step.
   std::optional<Outcome> check(const CarState& state, double elapsed_s);
 
  private:
@@ -32,7 +35,7 @@ class Ending {
   double moved_at_s_ = 0;
 };
 
-// None if the scene has no goal.
+// Distance in the ground plane from the car's origin to the goal's point; none if the scene has no goal.
 std::optional<double> distance_to_target_m(const SceneSpec& scene, const CarState& state);
 
 }  // namespace foldcar

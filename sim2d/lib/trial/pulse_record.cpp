@@ -1,5 +1,7 @@
 #include "pulse_record.h"
 
+#include <cstdint>
+
 #include "application.h"
 #include "sim_hal.h"
 #include "trial_start.h"

@@ -1,8 +1,8 @@
-// What the firmware puts out in a trial, without a world around it: it reads no sensor but its own battery, so
-// its pulses are a function of the settings alone.
+// The servo pulses of the firmware in a trial, without a simulated car. The firmware reads no sensor but its own
+// battery, so its pulses are a function of the settings alone.
 //
-// Input: set-point, time limit and parameters. Output: the pulse widths whenever they change. The clock runs in
-// the simulator's steps, so the changes stand at the very times at which a run has them.
+// Input: set-point, time limit and parameters. Output: the pulse widths at every change. The clock advances by the
+// simulator's steps, so the times are those of a run.
 #pragma once
 
 #include <vector>
@@ -12,12 +12,13 @@
 
 namespace foldcar {
 
+// A moment at which the pulse widths (µs) change, and what they are from then on.
 struct PulseChange {
-  double t_s = 0;  // since the start of the trial; the first is before it, when the car is put down
+  double t_s = 0;  // since the start of the trial; the first is negative: when the car is put down
   PulsesUs pulses_us{};
 };
 
-// Up to the tick at which the firmware ends the trial, included. TrialError if it refuses to start it.
+// The changes up to and including the tick at which the firmware ends the trial. TrialError if it refuses to start it.
 std::vector<PulseChange> record_pulses(const TrialSpec& trial);
 
 }  // namespace foldcar

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "application.h"
 #include "ending.h"
@@ -37,7 +38,7 @@ class Trial::Simulation {
 
   void step() {
     if (hal_.clock.now_us() >= next_tick_us_) {
-      const Lap lap(stopwatch_ != nullptr ? &stopwatch_->firmware_s : nullptr);
+      const ScopedTimer timer(stopwatch_ != nullptr ? &stopwatch_->firmware_s : nullptr);
       application_.tick();
       next_tick_us_ += kTickUs;
     }
@@ -88,7 +89,7 @@ Trial::Trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec
   start_s_ = simulation.now_s();
   start_energy_j_ = simulation.state().consumed_energy_j;
   simulation.ending.emplace(scene_, simulation.state());
-  look();
+  observe();
 }
 
 Trial::~Trial() = default;
@@ -99,13 +100,14 @@ double Trial::hinge_rad(std::size_t hinge) const { return simulation_->hinge_rad
 
 void Trial::step() {
   simulation_->step();
-  look();
+  observe();
 }
 
-void Trial::look() {
+void Trial::observe() {
   const CarState& car = simulation_->state();
   now_.elapsed_time_s = simulation_->now_s() - start_s_;
   now_.car = car;
+  now_.distance_to_target_m = distance_to_target_m(scene_, car);
   now_.consumed_energy_j = car.consumed_energy_j - start_energy_j_;
   now_.max_roll_rad = std::max(now_.max_roll_rad, std::abs(car.roll_rad));
   now_.max_pitch_rad = std::max(now_.max_pitch_rad, std::abs(car.pitch_rad));
@@ -115,14 +117,10 @@ void Trial::look() {
   if (!outcome_ && status.state == State::kFinished) outcome_ = Outcome::kTimeout;
 }
 
-TrialResult Trial::result(const Snapshot& at, Outcome outcome) const {
+TrialResult result_at(const Snapshot& at, Outcome outcome) {
   TrialResult result;
+  static_cast<Metrics&>(result) = at;
   result.outcome = outcome;
-  result.elapsed_time_s = at.elapsed_time_s;
-  result.distance_to_target_m = distance_to_target_m(scene_, at.car);
-  result.consumed_energy_j = at.consumed_energy_j;
-  result.max_roll_rad = at.max_roll_rad;
-  result.max_pitch_rad = at.max_pitch_rad;
   return result;
 }
 
@@ -138,7 +136,7 @@ TrialResult run_trial(const BodySpec& body, const SceneSpec& scene, const TrialS
       next_path_s += spec.path_interval_s;
     }
     if (outcome) {
-      TrialResult result = trial.result(trial.now(), *outcome);
+      TrialResult result = result_at(trial.now(), *outcome);
       result.path = std::move(path);
       return result;
     }

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -12,9 +13,10 @@
 #include <vector>
 
 #include "body_spec.h"
+#include "metrics.h"
 #include "parameters.h"
 #include "scene_spec.h"
-#include "stopwatch.h"
+#include "scoped_timer.h"
 #include "twin_track_car.h"
 
 namespace foldcar {
@@ -23,43 +25,39 @@ namespace foldcar {
 enum class Outcome { kPassed, kTipped, kStuck, kOffCourse, kTimeout, kFault, kTerminated };
 const char* text(Outcome outcome);
 
+// Settings of a trial.
 struct TrialSpec {
   double speed_m_s = 0;
   double yaw_rate_rad_s = 0;
   double time_limit_s = 0;
-  double path_interval_s = 0;  // 0: no path
+  double path_interval_s = 0;  // time between the rows of the path; 0: no path
   Parameters parameters;
 };
 
 // time, x, y, z (of the car's origin), heading, pitch, roll, then the angle of each hinge from front to back
 using PathRow = std::vector<double>;
 
-struct TrialResult {
+// The metrics at the end, how it ended and, if it was asked for, the path.
+struct TrialResult : Metrics {
   Outcome outcome = Outcome::kTimeout;
-  double elapsed_time_s = 0;
-  std::optional<double> distance_to_target_m;  // none without a goal
-  double consumed_energy_j = 0;
-  double max_roll_rad = 0;
-  double max_pitch_rad = 0;
   std::vector<PathRow> path;
 };
 
-// The firmware would not start the trial, or the simulation left the finite numbers; the message says why.
+// The firmware refused the trial, or a state of the simulation is not a finite number; the message says which.
 class TrialError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// What is known of a trial at one of its steps.
-struct Snapshot {
-  double elapsed_time_s = 0;
+// A trial at one of its steps: the metrics until then and the state of the car.
+struct Snapshot : Metrics {
   CarState car;
-  double consumed_energy_j = 0;  // since the start of the trial
-  double max_roll_rad = 0;       // until now
-  double max_pitch_rad = 0;
 };
 
-// A trial that its caller advances. Everything handed over must outlive it. terrain is the scene's; without one the
-// trial makes it.
+// The result of a trial that ended at that moment in that way; without a path.
+TrialResult result_at(const Snapshot& at, Outcome outcome);
+
+// A trial that its caller advances. All arguments must outlive it. terrain is the scene's; if it is null the trial
+// makes its own.
 class Trial {
  public:
   // Puts the car down, lets it come to rest and starts it. Throws TrialError.
@@ -74,13 +72,12 @@ class Trial {
   const Snapshot& now() const { return now_; }
   double step_s() const;
   double hinge_rad(std::size_t hinge) const;
-  // The result of a trial that ended at that moment in that way; without a path.
-  TrialResult result(const Snapshot& at, Outcome outcome) const;
 
  private:
   class Simulation;
 
-  void look();
+  // Takes the state after a step into the snapshot, and sees whether it ends the trial.
+  void observe();
 
   const SceneSpec& scene_;
   std::unique_ptr<Simulation> simulation_;
@@ -90,8 +87,9 @@ class Trial {
   std::optional<Outcome> outcome_;
 };
 
-// A whole trial at once.
+// Runs a trial to its end. Arguments as of Trial. Throws TrialError.
 TrialResult run_trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& trial,
-                      const StepOptions& options = {}, Stopwatch* stopwatch = nullptr, const Terrain* terrain = nullptr);
+                      const StepOptions& options = {}, Stopwatch* stopwatch = nullptr,
+                      const Terrain* terrain = nullptr);
 
 }  // namespace foldcar

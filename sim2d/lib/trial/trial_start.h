@@ -1,4 +1,4 @@
-// How every trial begins: the car stands for a moment, then the firmware is armed and given the set-point.
+// The start of a trial: the car comes to rest, then the firmware is armed and receives the set-point.
 #pragma once
 
 #include <cmath>
@@ -10,13 +10,15 @@
 
 namespace foldcar {
 
-// The car is put down, falls its last fraction of a millimetre and comes to rest before the trial starts.
+// Time between putting the car down (it falls by StepOptions::drop_m) and the start of the trial.
 constexpr double kSettling_s = 0.25;
 // A charged lithium cell, which the firmware's low-voltage guard reads; the servos have their own supply.
 constexpr double kLogicBattery_v = 4.0;
 
+// Seconds to whole microseconds.
 inline std::uint64_t to_us(double t_s) { return static_cast<std::uint64_t>(std::llround(t_s * 1e6)); }
 
+// TrialError if the firmware has refused.
 inline void expect_accepted(Refusal refusal) {
   if (refusal != Refusal::kNone) throw TrialError(std::string("the firmware refused: ") + text(refusal));
 }

@@ -1,1 +1,1 @@
-"""From a type string and parameters to a folded car: components, what they are connected with, their geometry."""
+"""The compiler's machinery: from a tree of components and their parameters to pieces, joins, parts and axles."""

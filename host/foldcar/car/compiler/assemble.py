@@ -1,7 +1,7 @@
-"""From faces and connections to pieces, and each piece to its place in the car.
+"""Assemble the faces and links of a component graph to pieces, and pose each piece in the car.
 
 Input: a graph that components have built. Output: pieces (trees of faces), their poses, joins, mounts and axles with
-their poses. A loop of folds, or a face that nothing is joined to, is a ComponentError.
+their poses. A loop of folds, or a face without any join, is a ComponentError.
 """
 
 from collections import deque
@@ -21,7 +21,10 @@ Seam = tuple[Link, Edge, Edge, float]
 
 @dataclass(frozen=True)
 class Assembly:
-    """A component's pieces in their places. An axle comes with the body that carries it and its place."""
+    """A component's pieces and parts with their poses.
+
+    Each axle is (axle, body that carries it, (3,) centre in mm in the component's frame).
+    """
 
     pieces: tuple[Piece, ...]
     placed: tuple[PlacedPiece, ...]
@@ -31,7 +34,10 @@ class Assembly:
 
 
 def assemble(graph: Graph) -> Assembly:
-    """The assembly that begins with the face ``graph.origin`` names, or the first one."""
+    """The graph's assembly, posed from the face that ``graph.origin`` names, or else from the first face.
+
+    ComponentError for a loop of folds or a face that is joined to nothing.
+    """
     fused = fuse(graph)
     found = seams(graph.links, fused)
     owner = {path: first for first, one in fused.items() for path in one.poses}
@@ -40,7 +46,7 @@ def assemble(graph: Graph) -> Assembly:
     names = _names(sheets)
     tabs = {seam[2]: _Tab(seam, names, home) for seam in found if seam[0].kind == "tab"}
     for index in range(len(sheets)):
-        _tell_apart([tab for edge_b, tab in tabs.items() if home[edge_b[0]] == index])
+        _number_tabs([tab for edge_b, tab in tabs.items() if home[edge_b[0]] == index])
     pieces = [_piece(sheet, fused, found, tabs, names) for sheet in sheets]
 
     shapes = [folded(piece) for piece in pieces]
@@ -73,19 +79,19 @@ class _Tab:
         if inset == 0:
             outline = ((0.0, 0.0), (self.length, 0.0), (self.length, depth), (0.0, depth))
         self.face = Face(f"{names[self.b[0]]} tab to {names[self.a[0]]}", outline, (), "tab")
-        # It lies where the other face would be, were that one folded from here.
+        # The tab lies in the plane of face a.
         self.angle_rad = link.angle_rad
         self.own_piece = home[self.a[0]] == home[self.b[0]]
 
 
-def _tell_apart(tabs: list[_Tab]) -> None:
-    """Tabs of one piece between the same two faces get numbers."""
+def _number_tabs(tabs: list[_Tab]) -> None:
+    """Append numbers to the names of tabs of one piece that join the same two faces."""
     for tab, title in zip(tabs, titles([tab.face.name for tab in tabs]), strict=True):
         tab.face = replace(tab.face, name=title)
 
 
 def _sheets(fused: dict[str, Fused], folds: list[Seam]) -> list[list[str]]:
-    """The fused faces of each piece, the first one its root, parents before children."""
+    """The fused faces of each piece in breadth-first order: the root first, parents before children."""
     neighbours: dict[str, list[str]] = {}
     for _, a, b, _ in folds:
         neighbours.setdefault(a[0], []).append(b[0])
@@ -114,7 +120,7 @@ def _sheets(fused: dict[str, Fused], folds: list[Seam]) -> list[list[str]]:
 
 
 def _names(sheets: list[list[str]]) -> dict[str, str]:
-    """Face names, short where that is unambiguous within the piece."""
+    """Face names: the last part of the path if it is unique within the piece, else the whole path."""
     names = {}
     for sheet in sheets:
         short = {first: first.rpartition(".")[2] for first in sheet}
@@ -162,15 +168,15 @@ def _root_poses(
     graph: Graph, fused: dict[str, Fused], owner: dict[str, str], found: list[Seam], home: dict[str, int],
     shapes: list[dict[str, Pose]], names: dict[str, str],
 ) -> list[Pose]:  # fmt: skip
-    """Where the first face of each piece is in the car."""
-    # From piece to piece: the frame of the second one's first face in that of the first one's.
+    """The pose of each piece's first face in the car."""
+    # From piece to neighbouring piece: the pose of the second one's first face in the frame of the first one's.
     steps: dict[int, list[tuple[int, Pose]]] = {}
 
     def local(first: str) -> Pose:
         return shapes[home[first]][names[first]]
 
     def add(a: str, b: str, relative: Pose) -> None:
-        """``relative``: the pose of fused face b in the frame of a."""
+        """Record a neighbour: ``relative`` is the pose of fused face b in the frame of a."""
         step = compose(local(a), relative, inverse(local(b)))
         steps.setdefault(home[a], []).append((home[b], step))
         steps.setdefault(home[b], []).append((home[a], inverse(step)))
@@ -203,7 +209,7 @@ def _joins(
     graph: Graph, fused: dict[str, Fused], owner: dict[str, str], tabs: dict[Edge, _Tab], home: dict[str, int],
     pieces: list[Piece], names: dict[str, str],
 ) -> list[tuple[Join, int, int]]:  # fmt: skip
-    """Joins with the indices of their two pieces. What is glued all around a rim has one number."""
+    """Joins with the indices of their two pieces. All tabs between a rim and one disc share a number."""
     joins: list[tuple[Join, int, int]] = []
     rims: dict[tuple[int, int], int] = {}
     number = 0

@@ -1,9 +1,9 @@
-"""Components: parameters, subcomponents and the rules between them, solved from the top down.
+"""Components: parameters, subcomponents and the constraints between them, solved from the top down.
 
-A component declares its parameters, its subcomponents and what must be equal or follow from what; ``build`` then
-makes its faces and connects them (see shape.py). A parameter of a subcomponent is the parent's own one of the
-same name (``inherit``), the parent's as ``prefix.name`` (``prefix``), or set by a number or an expression of the
-parent's parameters (``settings``).
+A component declares its parameters, its subcomponents and constraints between their parameters; ``build`` then
+makes its faces and connects them (see shape.py). A parameter of a subcomponent is the parent's parameter of the
+same name (``inherit``), a parameter of the parent named ``prefix.name`` (``prefix``), or set to a number or an
+expression of the parent's parameters (``settings``).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +20,10 @@ Expression = Callable[["Component"], float]
 
 @dataclass(frozen=True)
 class Sub:
-    """A subcomponent. The one with ``root`` is built first: its first face is where the parent begins."""
+    """A subcomponent of class ``kind``; ``body`` names its rigid body, by default the parent's.
+
+    The one with ``root`` is built first, so that its first face is the parent's first face.
+    """
 
     name: str
     kind: "type[Component]"
@@ -33,14 +36,14 @@ class Sub:
 
 @dataclass(frozen=True)
 class Equal:
-    """Two parameters, by their paths below the component, that have one value."""
+    """A constraint: two parameters, given by their paths below the component, have the same value."""
 
     a: str
     b: str
 
 
 class Component:
-    """Something that is folded, cut or bought: subclass it, declare, and build."""
+    """The base class of all that is folded, cut or bought: subclasses declare parameters and override ``build``."""
 
     parameters: ClassVar[tuple[Parameter, ...]] = ()
 
@@ -58,22 +61,22 @@ class Component:
             self.slot(rule.a).unite(self.slot(rule.b))
 
     def subcomponents(self) -> Sequence[Sub]:
-        """What the component consists of, besides its own faces."""
+        """The subcomponents; none by default."""
         return ()
 
     def constraints(self) -> Sequence[Equal]:
-        """Parameters of its subcomponents that must agree."""
+        """Constraints between parameters of the subcomponents; none by default."""
         return ()
 
     def build(self, shape: Shape) -> None:
-        """Make faces and connect them; subcomponents are built already, parameters are final."""
+        """Make the component's faces and connect them; its parameters are final and its subcomponents built."""
 
     def __getitem__(self, name: str) -> float:
-        """A parameter's value, checked against its limits."""
+        """A parameter's value in its unit; ComponentError outside its limits."""
         return self.slot(name).read()
 
     def slot(self, path: str) -> Slot:
-        """The slot of a parameter by its path below this component: ``length``, ``beam.length``."""
+        """The slot of a parameter by its path below this component (``length``, ``beam.length``); else ComponentError."""
         if path in self.slots:
             return self.slots[path]
         child, dot, rest = path.partition(".")
@@ -82,13 +85,13 @@ class Component:
         raise ComponentError(self.path, f'has no parameter "{path}"; it has {", ".join(self.slots) or "none"}')
 
     def solve(self, values: Mapping[str, float]) -> None:
-        """Give the parameters these values and every other one what follows from them."""
+        """Assign the values, then derive every other parameter; ComponentError if two values disagree."""
         for name, value in values.items():
             self.slot(name).assign(value)
         self._settle()
 
     def misfit(self, name: str, message: str) -> ComponentError:
-        """An error that blames the parameter ``name``."""
+        """A ComponentError whose cause is the parameter ``name``."""
         return ComponentError(self._under(name), message, self.slot(name))
 
     def _settle(self) -> None:
@@ -118,7 +121,7 @@ class Component:
 
 
 def build(component: Component) -> Graph:
-    """The faces and connections of a solved component and everything under it."""
+    """The graph of faces and links that a solved component and all its subcomponents build."""
     graph = Graph()
     _build(component, graph)
     return graph

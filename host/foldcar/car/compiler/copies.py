@@ -1,7 +1,7 @@
-"""Which pieces are cut several times, what pieces are called, and how joins are numbered.
+"""Merge equal pieces, name the pieces and number the joins.
 
-Input: pieces, where each one is, joins by the places of their pieces in the list. Output: every piece once with its
-count, its copies' places, joins with names and numbers.
+Input: pieces, the (body, pose) of each one, joins with the indices of their two pieces. Output: each distinct piece
+with its count, the poses of its copies, joins with piece names and numbers.
 """
 
 import re
@@ -14,7 +14,10 @@ from foldcar.car.folded.model import EdgeRef, Face, Join, Piece, PlacedPiece, Po
 def counted(
     pieces: list[Piece], places: list[tuple[str, Pose]], joins: list[tuple[Join, int, int]]
 ) -> tuple[list[Piece], list[PlacedPiece], list[Join]]:
-    """Equal pieces that are only laminated are cut several times; every other one has a name of its own."""
+    """Distinct pieces with counts, their placed copies, and the joins.
+
+    Only pieces that are laminated onto others and nothing else are merged; every other piece has its own name.
+    """
     bound = {index for join, *pair in joins for index in pair if join.kind != "laminate"}
     bound |= {pair[1] for join, *pair in joins}
     kept: list[Piece] = []
@@ -44,7 +47,7 @@ def counted(
             join, piece_a=kept[index_of[a]].name, a=_same_face(join.a, pieces[a], kept[index_of[a]]),
             piece_b=kept[index_of[b]].name, b=_same_face(join.b, pieces[b], kept[index_of[b]]),
         )  # fmt: skip
-        # Copies of one piece have the same number, and numbers follow one another.
+        # Laminations of all copies of a piece share a number; numbers are consecutive from 1.
         key = ("laminate", named.piece_a) if join.kind == "laminate" else (join.kind, join.number)
         numbers.setdefault(key, len(numbers) + 1)
         numbered.append(replace(named, number=numbers[key]))
@@ -52,7 +55,7 @@ def counted(
 
 
 def _same_face(ref: EdgeRef, piece: Piece, copied: Piece) -> EdgeRef:
-    """The edge of a piece on the equal one that is cut instead."""
+    """The edge of ``copied``, which equals ``piece``, that corresponds to the edge ``ref`` of ``piece``."""
     place = next(i for i, face in enumerate(piece.faces) if face.name == ref.face)
     return EdgeRef(copied.faces[place].name, ref.index)
 
@@ -62,7 +65,7 @@ def _without_names(face: Face) -> Face:
 
 
 def titles(labels: list[str]) -> list[str]:
-    """Labels that stand more than once get a number."""
+    """The labels; those that occur more than once get " 1", " 2", … appended."""
     counts = Counter(labels)
     seen: Counter[str] = Counter()
     numbered = []

@@ -1,7 +1,7 @@
-"""Faces that were connected rigidly become one: its outline, its holes, and where every old edge went.
+"""Fuse faces that are linked rigidly into one face.
 
-Input: a graph of atoms and links. Output: fused faces with their outlines; atom edges map to edges of fused faces.
-Neighbouring edges in one line that are connected to the same face in the same way become one edge.
+Input: a graph of atoms and links. Output: fused faces with outline and holes; each outer edge of an atom maps to an
+edge of its fused face. Neighbouring collinear edges that are linked to the same face in the same way become one edge.
 """
 
 import math
@@ -14,13 +14,16 @@ from foldcar.car.folded.model import Face, Hole, Point, Pose
 from foldcar.car.folded.pose import IDENTITY, across_crease, apply, compose
 
 Edge = tuple[str, int]
-# Points nearer than this are one.
+# Directions count as parallel below this sine; points closer than 100 times this, in mm, are the same.
 GRID_MM = 1e-6
 
 
 @dataclass
 class Fused:
-    """A face made of atoms. ``poses`` are the atoms' in its frame, ``edges`` the atoms' edges on its outline."""
+    """A face made of atoms: ``poses`` of the atoms in its frame, ``edges`` from an atom's edge to an outline edge.
+
+    Its frame is that of the atom ``first``.
+    """
 
     face: Face
     first: Atom
@@ -29,7 +32,7 @@ class Fused:
 
 
 def fuse(graph: Graph) -> dict[str, Fused]:
-    """The fused faces by the path of their first atom."""
+    """The fused faces by the path of their first atom; ComponentError if an outline is not one closed polygon."""
     groups = _groups(graph)
     owner = {path: first for first, poses in groups.items() for path in poses}
     tags: dict[Edge, object] = {}
@@ -45,7 +48,7 @@ def fuse(graph: Graph) -> dict[str, Fused]:
 
 
 def _groups(graph: Graph) -> dict[str, dict[str, Pose]]:
-    """Atoms in rigid connection with their poses in the frame of the first."""
+    """Groups of rigidly linked atoms, by the first one's path: the atoms' poses in its frame."""
     neighbours: dict[str, list[tuple[Edge, Edge]]] = {}
     for link in graph.links:
         if link.kind == "rigid":
@@ -87,7 +90,7 @@ def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner
 
 
 def _ring(graph: Graph, poses: dict[str, Pose], inner: set[Edge]) -> list[tuple[Edge, Point]]:
-    """The atoms' outer edges in the order of the fused outline, each with its start."""
+    """The atoms' outer edges in the order of the fused outline, each with its start point (mm)."""
     starts: dict[tuple[int, int], tuple[Edge, Point, Point]] = {}
     for path, pose in poses.items():
         for index in range(len(graph.atoms[path].outline_mm)):
@@ -107,7 +110,7 @@ def _ring(graph: Graph, poses: dict[str, Pose], inner: set[Edge]) -> list[tuple[
 
 
 def _merge(ring: list[tuple[Edge, Point]], tags: dict[Edge, object]) -> tuple[tuple[Point, ...], dict[Edge, int]]:
-    """Joins neighbouring edges that go on in one line and are connected alike."""
+    """Merge neighbouring collinear edges with equal tags: the outline's points and each atom edge's new index."""
     count = len(ring)
     corners = [i for i in range(count) if not _goes_on(ring, tags, i)]
     outline = tuple(ring[i][1] for i in corners)
@@ -124,7 +127,7 @@ def _merge(ring: list[tuple[Edge, Point]], tags: dict[Edge, object]) -> tuple[tu
 
 
 def _goes_on(ring: list[tuple[Edge, Point]], tags: dict[Edge, object], i: int) -> bool:
-    """Whether the outline goes straight on at point i, from an edge of the same kind."""
+    """Whether the edges before and after point i are collinear and have equal tags."""
     if tags.get(ring[i - 1][0]) != tags.get(ring[i][0]):
         return False
     a, b, c = ring[i - 1][1], ring[i][1], ring[(i + 1) % len(ring)][1]
@@ -149,7 +152,10 @@ def _key(point: Point) -> tuple[int, int]:
 
 
 def seams(links: Iterable[Link], fused: dict[str, Fused]) -> list[tuple[Link, Edge, Edge, float]]:
-    """Each connection between fused faces once: a link of it, its two edges (first atom's path, index), its length."""
+    """Each connection of two fused faces once: one of its links, its edges (first atom's path, index), length (mm).
+
+    ComponentError if the two edges differ in length after fusing.
+    """
     owner = {path: first for first, one in fused.items() for path in one.poses}
     found: dict[tuple[Edge, Edge], tuple[Link, Edge, Edge, float]] = {}
     for link in links:

@@ -1,6 +1,6 @@
-"""What the components of a tree have made: faces before they are fused, links between their edges, parts and axles.
+"""The graph that a tree of components builds: faces before they are fused, links between their edges, parts, axles.
 
-Lengths in millimetres, angles in radians; a pose is that of a thing in the frame of the face it lies on.
+Lengths in millimetres, angles in radians; a pose is given in the frame of the face ``on``.
 """
 
 import math
@@ -29,7 +29,10 @@ class Atom:
 
 @dataclass(frozen=True)
 class Link:
-    """Two edges that meet. Of a tab, ``a`` is what it is glued to and ``b`` the edge it grows from."""
+    """Two edges (face path, index) that meet at ``angle_rad``. A tab grows from edge ``b`` and is glued at edge ``a``.
+
+    ``depth_mm`` and ``mitre`` describe a tab (see Shape.connect), ``min_rad`` and ``max_rad`` a hinge.
+    """
 
     kind: LinkKind
     a: tuple[str, int]
@@ -43,7 +46,10 @@ class Link:
 
 @dataclass(frozen=True)
 class Placement:
-    """A face laid on or put through another one: its pose in the other's frame."""
+    """A face laminated onto, or put through slots of, the face ``on``: its pose in that face's frame.
+
+    Each slot is (face and index of the tongue's edge, face with the slot, name of the slot).
+    """
 
     face: str
     on: str
@@ -54,7 +60,7 @@ class Placement:
 
 @dataclass(frozen=True)
 class PlacedPart:
-    """A bought part: the pose of its middle in a face's frame."""
+    """A bought part: the pose of its box's centre in the frame of the face ``on``; ``holes`` are its screw holes."""
 
     part: str
     name: str
@@ -67,7 +73,7 @@ class PlacedPart:
 
 @dataclass(frozen=True)
 class PlacedAxle:
-    """A wheel's joint: its middle in a face's frame."""
+    """A wheel's joint: the tyre's centre in the frame of the face ``on``, and the name of the servo that turns it."""
 
     on: str
     servo: str
@@ -79,7 +85,7 @@ class PlacedAxle:
 
 @dataclass
 class Graph:
-    """All that the components of a tree have made."""
+    """Everything that the components of a tree have built; ``origin`` is a face and its pose in the car."""
 
     atoms: dict[str, Atom] = field(default_factory=dict)
     links: list[Link] = field(default_factory=list)
@@ -91,7 +97,7 @@ class Graph:
     _linked: dict[tuple[str, int], str] = field(default_factory=dict)
 
     def add(self, link: Link) -> None:
-        """ComponentError if an edge is connected twice."""
+        """Add a link; ComponentError if one of its edges is linked already."""
         for edge, other in ((link.a, link.b), (link.b, link.a)):
             if edge in self._linked:
                 raise ComponentError(
@@ -101,10 +107,10 @@ class Graph:
         self.links.append(link)
 
     def edge_path(self, edge: tuple[str, int]) -> str:
-        """The name of an edge for people."""
+        """The readable path of an edge: face path and edge name."""
         return f"{edge[0]}.{self.atoms[edge[0]].edges[edge[1]]}"
 
     def edge_length_mm(self, edge: tuple[str, int]) -> float:
-        """Its length."""
+        """Length of an edge (mm)."""
         outline = self.atoms[edge[0]].outline_mm
         return math.dist(outline[edge[1]], outline[(edge[1] + 1) % len(outline)])

@@ -1,8 +1,8 @@
-"""What components build with: faces with named edges, holes, connections, mounts, axles.
+"""The interface that components build with: faces with named edges, holes, connections, parts, axles.
 
 Paths are relative to the component: ``floor`` is a face, ``beam.floor.front`` an edge of a subcomponent's face. A
-face's first point is its origin by habit; edge i runs from point i to i + 1, counter-clockwise; +z is the printed side,
-which looks inwards. Lengths in millimetres, angles in radians.
+face's first point is its origin by convention; edge i runs from point i to i + 1, counter-clockwise; +z is the printed
+side, which faces inwards. Lengths in millimetres, angles in radians. A wrong path is a ComponentError.
 """
 
 import math
@@ -20,11 +20,11 @@ CIRCLE_POINTS = 48
 _CIRCLE = [
     (math.cos(2 * math.pi * i / CIRCLE_POINTS), math.sin(2 * math.pi * i / CIRCLE_POINTS)) for i in range(CIRCLE_POINTS)
 ]
-# Edges that are to be joined may differ by this.
+# Tolerance on the equality of the lengths of two joined edges.
 LENGTH_TOLERANCE_MM = 1e-6
 
 class Shape:
-    """The graph as one component sees it: all paths are relative to it."""
+    """Writes one component's faces, parts and axles into the graph; all paths are relative to that component."""
 
     def __init__(self, name: str, body: str, graph: Graph) -> None:
         """``name`` is the component's path, ``body`` the rigid body that its faces belong to."""
@@ -41,7 +41,11 @@ class Shape:
         thickness_mm: float | None = None,
         body: str | None = None,
     ) -> None:
-        """A polygon, counter-clockwise. ``piece`` names the part that is cut, if this is the face it begins with."""
+        """Add a polygon, counter-clockwise; ``edges`` names its edges, by default "0", "1", …
+
+        ``piece`` names the piece whose root this face becomes. ComponentError for a second face of that name, a wrong
+        count of edge names or an outline that runs clockwise.
+        """
         path = self._path(name)
         if path in self.graph.atoms:
             raise ComponentError(path, "there is a face of that name already")
@@ -55,20 +59,20 @@ class Shape:
         self.graph.atoms[path] = Atom(path, tuple(outline_mm), names, role, piece, thickness, body)
 
     def rectangle(self, name: str, length_mm: float, width_mm: float, *, piece: str = "") -> None:
-        """x from 0 to length, y from 0 to width; edges near (y = 0), front (x = length), far and rear."""
+        """Add a face, x from 0 to length, y from 0 to width; edges near (y = 0), front (x = length), far and rear."""
         outline = ((0.0, 0.0), (length_mm, 0.0), (length_mm, width_mm), (0.0, width_mm))
         self.face(name, outline, RECTANGLE_EDGES, piece=piece)
 
     def rectangular_hole(
         self, face: str, name: str, kind: HoleKind, center_mm: Point, length_mm: float, width_mm: float
     ) -> str:
-        """A hole along x and y of the face; returns its full name."""
+        """Cut a rectangle with sides along x and y of the face; returns its full name."""
         (x, y), a, b = center_mm, length_mm / 2, width_mm / 2
         outline = ((x - a, y - b), (x + a, y - b), (x + a, y + b), (x - a, y + b))
         return self._hole(face, Hole(self._path(name), kind, outline, None, center_mm))
 
     def round_hole(self, face: str, name: str, kind: HoleKind, center_mm: Point, diameter_mm: float) -> str:
-        """A circle; returns its full name."""
+        """Cut a circle; returns its full name."""
         x, y = center_mm
         r = diameter_mm / 2
         outline = tuple((x + r * c, y + r * s) for c, s in _CIRCLE)
@@ -87,7 +91,8 @@ class Shape:
     ) -> None:
         """Join two edges of equal length: folded by the angle, fused flat, hinged, or by a tab on ``b`` glued to ``a``.
 
-        ``mitre`` is how far a tab's ends slant in for each millimetre of its depth.
+        ``depth_mm`` is a tab's depth, ``mitre`` the inset of its ends per depth (mm/mm), ``limits_rad`` a hinge's range.
+        ComponentError if the lengths differ or an edge is joined already.
         """
         first, second = self._edge(a), self._edge(b)
         lengths = [self.graph.edge_length_mm(edge) for edge in (first, second)]
@@ -101,11 +106,11 @@ class Shape:
         self.graph.add(Link(kind, first, second, angle, depth_mm, mitre, *limits_rad))
 
     def laminate(self, face: str, on: str, pose: Pose) -> None:
-        """Glue a face flat onto another one, at that pose in its frame."""
+        """Glue the face flat onto the face ``on``, at that pose in the frame of ``on``."""
         self.graph.placements.append(Placement(self._face(face), self._face(on), pose, "laminate"))
 
     def put_through(self, face: str, on: str, pose: Pose, tongues: Mapping[str, tuple[str, str]]) -> None:
-        """Place a face by its tongues: edge of ``face`` → (face, slot) it passes through."""
+        """Place ``face`` at that pose in the frame of ``on``; ``tongues``: its edges → (face, slot) they go through."""
         slots = tuple(
             (*self._edge(f"{face}.{edge}"), self._face(other), self._path(slot))
             for edge, (other, slot) in tongues.items()
@@ -114,29 +119,29 @@ class Shape:
 
     def part(self, part: BoxPart, name: str, on: str, center_mm: tuple[float, float, float], *,
              turned: bool = False, holes: Sequence[str] = ()) -> None:  # fmt: skip
-        """A bought box, its height along the face's z; ``turned`` puts its length along y."""
+        """Add a bought part of the catalogue, its height along the face's z; ``turned`` puts its length along y."""
         sizes = (part.length_mm.value, part.width_mm.value, part.height_mm.value)
         size = (sizes[1], sizes[0], sizes[2]) if turned else sizes
         self.box(part.name, name, on, translation(*center_mm), size, part.mass_kg.value, holes)
 
     def box(self, part: str, name: str, on: str, pose: Pose, size_mm: tuple[float, float, float],
             mass_kg: float, holes: Sequence[str] = ()) -> None:  # fmt: skip
-        """A bought part of that size, the pose of its middle in the frame of the face ``on``."""
+        """Add a bought part of that size (x, y, z); ``pose`` is that of its centre in the frame of the face ``on``."""
         found = PlacedPart(part, name, self._face(on), pose, size_mm, mass_kg, tuple(holes))
         self.graph.parts.append(found)
 
     def axle(self, on: str, servo: str, side: Literal["left", "right"], center_mm: tuple[float, float, float],
              radius_mm: float, tyre_width_mm: float) -> None:  # fmt: skip
-        """A wheel that the mount ``servo`` turns; the tyre's middle in the frame of the face ``on``."""
+        """Add a wheel that the part ``servo`` turns; ``center_mm`` is the tyre's centre in the frame of ``on``."""
         found = PlacedAxle(self._face(on), servo, side, center_mm, radius_mm, tyre_width_mm)
         self.graph.axles.append(found)
 
     def begin_at(self, face: str, pose: Pose) -> None:
-        """Put a face somewhere in the car; everything that is joined to it follows."""
+        """Set the pose of one face in the car; those of all other faces follow from the joins."""
         self.graph.origin = (self._face(face), pose)
 
     def face_size_mm(self, face: str) -> Point:
-        """How far a face reaches along x and y."""
+        """The extent of a face's outline along x and y (mm)."""
         outline = self.graph.atoms[self._face(face)].outline_mm
         xs, ys = zip(*outline, strict=True)
         return (max(xs) - min(xs), max(ys) - min(ys))

@@ -1,18 +1,18 @@
 """The value of one component parameter, and the error of a component that cannot be made.
 
-A slot gets its value from the component itself, from a parent or from a rule; two sources that disagree are an error
-that names both.
+A slot gets its value from the component itself, from a parent or from a constraint; two sources that disagree are an
+error that names both.
 """
 
 from foldcar.car.compiler.parameter import Parameter
 from foldcar.errors import FoldcarError
 
-# Numbers that differ by rounding only.
+# Values that differ by less than this, a rounding error, are equal.
 SAME = 1e-9
 
 
 class ComponentError(FoldcarError):
-    """A component that cannot be made. ``slot`` is the parameter at fault, if it is one."""
+    """A component that cannot be made. ``slot`` is the slot of the parameter at fault, or None."""
 
     def __init__(self, path: str, message: str, slot: "Slot | None" = None) -> None:
         super().__init__(f"{path}: {message}" if path else message)
@@ -21,7 +21,7 @@ class ComponentError(FoldcarError):
 
 
 class Slot:
-    """The place of one parameter's value; places that were united share it."""
+    """The variable that holds one parameter's value; united slots share one value."""
 
     def __init__(self, parameter: Parameter, path: str) -> None:
         self.parameter, self.path = parameter, path
@@ -31,18 +31,21 @@ class Slot:
 
     @property
     def head(self) -> "Slot":
-        """The slot that holds the value of all that were united with this one."""
+        """The slot that holds the common value of all slots united with this one."""
         return self if self._same is None else self._same.head
 
     def unite(self, other: "Slot") -> None:
-        """From now on both have one value, by default this one's."""
+        """Let both slots share one value; its default is that of this slot's parameter."""
         mine, others = self.head, other.head
         if mine is others:
             return
         others._same = mine
 
     def assign(self, value: float, origin: str = "") -> None:
-        """ComponentError if the slot, or one that was united with it, has another value already."""
+        """Set the value; ``origin`` says in messages where it comes from.
+
+        ComponentError if this slot, or one united with it, has another value already.
+        """
         head = self.head
         if head._value is not None and abs(head._value - value) > SAME:
             there = f"{head._value:g} at {head._source}"
@@ -50,7 +53,7 @@ class Slot:
         head._value, head._source = value, f"{self.path}{origin}"
 
     def read(self) -> float:
-        """The value, or the default; ComponentError outside the limits of this slot's own parameter."""
+        """The value, or the default if none was assigned; ComponentError outside the limits of this slot's parameter."""
         head = self.head
         if head._value is None:
             head._value, head._source = head.parameter.default_value, f"{head.path} (its default)"

@@ -1,7 +1,7 @@
-"""A length of folded box: floor, left side, lid, right side and the flap that closes it, and the caps of its ends.
+"""The box beam, folded from floor, left side, lid, right side and a closing flap, and the caps of its ends.
 
-Faces of the beam: ``floor``, ``left``, ``lid``, ``right``, each with x forward; their ``front`` and ``rear`` edges are
-what neighbouring beams are fused along. ``width`` and ``height`` are outer measures: faces are the film's middle.
+Faces of the beam: ``floor``, ``left``, ``lid``, ``right``, each with x forward; neighbouring beams are fused along
+their ``front`` and ``rear`` edges. ``width`` and ``height`` are outer dimensions; faces are the film's middle surface.
 """
 
 from itertools import pairwise
@@ -17,7 +17,7 @@ LENGTH = Parameter("length", 80, 1, 1000, "length of a box beam", "a strip that 
 
 
 def wall_mm(outer_mm: float) -> float:
-    """Between the middles of two opposite walls."""
+    """Distance between the middle surfaces of two opposite walls (mm): the outer dimension less one film thickness."""
     return outer_mm - catalogue().film.thickness_mm.value
 
 
@@ -35,12 +35,12 @@ class Panel(Component):
 
 
 class BoxBeam(Component):
-    """Four walls and the tab of their seam, which is glued to the floor's right edge from inside."""
+    """Four walls and the tab of their seam, which is glued to the inside of the floor at its right edge."""
 
     parameters = (LENGTH, WIDTH, HEIGHT)
 
     def build(self, shape: Shape) -> None:
-        """Walls one after the other; each one's far edge folds to the next one's near edge."""
+        """The four walls; each one's far edge is folded to the next one's near edge."""
         for name, size in zip(PANELS, (self["width"], self["height"]) * 2, strict=True):
             shape.rectangle(name, self["length"], wall_mm(size), piece="beam")
         for one, following in pairwise(PANELS):
@@ -55,7 +55,7 @@ class EndCap(Component):
     parameters = (WIDTH, HEIGHT, Parameter("slit", 0, 0, 100, "length of a slit for cables", "none", internal=True))
 
     def build(self, shape: Shape) -> None:
-        """Seen from inside, x to the right for the front cap and to the left for the rear one."""
+        """The face ``cap``, seen from inside: x points right on a front cap and left on a rear cap."""
         width, height = wall_mm(self["width"]), wall_mm(self["height"])
         # "front cap 1" is the one of segment 1.
         shape.rectangle("cap", width, height, piece=shape.name.rpartition(" ")[0] or "end cap")

@@ -1,4 +1,4 @@
-"""The body module B; the first one of a car carries the electronics.
+"""The body module B; the first B of a car carries the electronics.
 
 The LiPo lies on the floor under a deck, the board stack stands on the deck. The servos' battery hangs under the lid,
 where its cells can be changed; where the car is too low for that, it lies on the floor behind the boards.
@@ -31,14 +31,14 @@ class ElectronicsModule(BrainModule):
     """The body module that carries boards and batteries on a deck."""
 
     def subcomponents(self) -> Sequence[Sub]:
-        """The beam and the deck, as long as the boards."""
+        """The beam, and a deck as long as the boards."""
         return (
             *super().subcomponents(),
             Sub("deck", Deck, inherit=("width",), settings={"length": lambda _: stack_length_mm()}),
         )
 
     def build(self, shape: Shape) -> None:
-        """Parts are placed in the floor's frame: x from the rear, y from the right wall, z from the film's middle."""
+        """Place the parts in the floor's frame: x from the rear, y from the right wall, z from the middle surface."""
         parts = catalogue()
         film, assembly = parts.film.thickness_mm.value, parts.assembly
         room, across = self["length"], wall_mm(self["width"])
@@ -74,7 +74,10 @@ class ElectronicsModule(BrainModule):
         ]  # fmt: skip
 
     def _arrange(self) -> tuple[float, float, bool, bool]:
-        """x of battery and boards from the rear, whether the battery hangs from the lid, whether it is turned."""
+        """x of battery and boards from the rear (mm), whether the battery hangs from the lid, whether it is turned.
+
+        ComponentError if the module is too short or too low for them.
+        """
         parts = catalogue()
         film = parts.film.thickness_mm.value
         battery = parts.battery
@@ -103,13 +106,13 @@ class ElectronicsModule(BrainModule):
 
 
 def stack_length_mm() -> float:
-    """The longest of what stands one above the other."""
+    """Length of the stack (mm): that of its longest part."""
     parts = catalogue()
     return max(part.length_mm.value for part in (parts.lipo, parts.feather, parts.featherwing))
 
 
 def stack_height_mm() -> float:
-    """LiPo, nuts, deck, boards."""
+    """Height of the stack (mm): LiPo, nuts, deck and boards."""
     parts = catalogue()
     boards = parts.feather.height_mm.value + parts.featherwing.height_mm.value
     under = parts.lipo.height_mm.value + parts.assembly.shelf_clearance_mm.value

@@ -1,6 +1,6 @@
-"""A bought ball caster under a floor, for modules of one's own: `Sub("caster", Caster)` and `Caster.attach` in `build`.
+"""A bought ball caster under a floor, for user modules: `Sub("caster", Caster)` and `Caster.attach` in `build`.
 
-The simulator knows wheels and bellies only: for it the caster is weight, not a support.
+The simulator has contacts for wheels and bellies only: in it a caster has mass but no contact.
 """
 
 import math
@@ -12,10 +12,10 @@ from foldcar.car.parts.catalogue import catalogue
 
 
 class Caster(Component):
-    """A second layer of film behind the floor, and the caster's place under it."""
+    """A second layer of film on the floor; the caster is screwed under it."""
 
     def build(self, shape: Shape) -> None:
-        """The face ``plate``, its origin in the middle."""
+        """The face ``plate``, its origin at its centre."""
         caster, margin = catalogue().caster, catalogue().assembly.doubler_margin_mm.value
         a = caster.length_mm.value / 2 + margin
         b = caster.width_mm.value / 2 + margin
@@ -24,7 +24,7 @@ class Caster(Component):
 
     @staticmethod
     def attach(shape: Shape, mount: str, floor: str, at_mm: tuple[float, float]) -> None:
-        """Hang the caster of the subcomponent ``mount`` under the caller's face ``floor``, its middle at that point."""
+        """Fix the caster of the subcomponent ``mount`` under the caller's face ``floor``, its centre at ``at_mm``."""
         caster, film = catalogue().caster, catalogue().film.thickness_mm.value
         holes = _holes(shape, floor, f"{mount}.", at_mm)
         shape.laminate(f"{mount}.plate", floor, translation(*at_mm, film))

@@ -1,6 +1,6 @@
-"""A shelf across the body: the boards are screwed to it, the LiPo lies under it, its tongues go through both sides.
+"""A shelf across the body: the boards are screwed onto it, the LiPo lies under it, its tongues go through both sides.
 
-Its front and rear edges are folded down, which keeps the film from sagging.
+Its front and rear edges are folded down, which stiffens it against sagging.
 """
 
 from foldcar.car.compiler.component import Component
@@ -40,9 +40,9 @@ class Deck(Component):
             shape.connect(f"shelf.{edge}", f"{edge} flange.near", "fold", -90)
 
     def insert(self, shape: Shape, deck: str, floor: str, sides: tuple[str, str], x_mm: float, z_mm: float) -> None:
-        """Put the shelf into a body: its rear end at x, its middle plane z above that of the floor.
+        """Put the shelf into a body: its rear end at x, its middle surface z above that of the floor.
 
-        ``sides``: the left and the right face, whose y runs up and down. Slots are cut into them.
+        ``sides``: the left face, whose y runs up, and the right face, whose y runs down. Slots are cut into them.
         """
         assembly, thickness = catalogue().assembly, catalogue().film.thickness_mm.value
         slot_width = 2 * thickness + assembly.slot_clearance_mm.value
@@ -58,7 +58,7 @@ class Deck(Component):
 
     @property
     def gap_mm(self) -> float:
-        """From the wall's middle plane to the shelf's edge."""
+        """Distance from the wall's middle surface to the shelf's edge (mm)."""
         return catalogue().film.thickness_mm.value / 2 + catalogue().assembly.slot_clearance_mm.value
 
     def _inside_mm(self) -> float:

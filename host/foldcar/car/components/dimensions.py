@@ -1,11 +1,11 @@
-"""The parameters that the whole car shares, and what minimums follow from the servo in its wall."""
+"""The parameters that the whole car shares, and the minimums that follow from a servo in a wall."""
 
 from foldcar.car.compiler.parameter import Parameter
 from foldcar.car.parts.catalogue import Catalogue
 
 
 def servo_reach_mm(parts: Catalogue) -> float:
-    """From the axis along the wall to the far edge of the screw hole on the servo's long side."""
+    """Distance along the wall from the axis to the far edge of the screw hole on the servo's long side (mm)."""
     servo = parts.servo
     middle = servo.length_mm.value / 2 - servo.axis_from_end_mm.value
     return middle + (servo.screw_spacing_mm.value + parts.assembly.screw_hole_mm.value) / 2

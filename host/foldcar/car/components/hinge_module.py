@@ -1,7 +1,7 @@
 """The hinge H: a strip of film under the floors of two segments, which pitch against each other about its middle.
 
-The strip is glued from below to the floors before and after the gap, so the segments open upwards over a crest; the other
-way, nose up, they may fold until their lids meet or a stop between the lids ends it.
+The strip is glued from below to the floors before and behind the gap. The front segment may pitch nose down (over a
+crest) by ``fold_down``, and nose up by ``fold_up``, until the lids meet or a stop between the lids limits it.
 """
 
 import math
@@ -20,7 +20,7 @@ THICKNESS = Parameter(
     "thickness of a hinge's strip, as wide as the body", "the thinnest film there is",
 )  # fmt: skip
 
-# The stop is a square tube of film, some way below the lids.
+# The stop is a square tube of film below the lids; shares are of the body's width and of the tube's height.
 STOP_FROM_LID_MM = 2.0
 STOP_WEB_MM = 12.0
 LEAST_STOP_MM = 1.0
@@ -29,18 +29,18 @@ GLUE_SHARE = 0.45
 
 
 def fold_up_limit_rad(length_mm: float, height_mm: float) -> float:
-    """Where the lids of the two segments meet, both turned about the middle of the strip."""
+    """Hinge angle (rad) at which the lids of the two segments meet, turned about the middle of the strip."""
     return 2 * math.atan2(length_mm / 2, height_mm)
 
 
 def stiffness_n_m_rad(width_mm: float, thickness_mm: float, length_mm: float) -> float:
-    """The strip as a beam bent to a circular arc: E w t³ / 12 l."""
+    """Rotational stiffness of the strip (N m/rad), an Euler-Bernoulli beam bent to a circular arc: E w t³ / 12 l."""
     second_moment_m4 = width_mm * thickness_mm**3 / 12 * 1e-12
     return catalogue().film.youngs_modulus_pa.value * second_moment_m4 / (length_mm * 1e-3)
 
 
 class HingeModule(Component):
-    """Two half strips with a flexure between them; the car glues them to its floors."""
+    """Two half strips with a flexure between them; :meth:`join` glues them under the floors."""
 
     letter = "H"
     title = "hinge: a strip of film that lets the segments before and after it pitch against each other"
@@ -56,7 +56,10 @@ class HingeModule(Component):
     )  # fmt: skip
 
     def build(self, shape: Shape) -> None:
-        """The faces ``front half`` and ``rear half``, y to the left, the flexure at their common edge; the stop."""
+        """The faces ``front half`` and ``rear half``, y to the left, with the flexure at their common edge; the stop.
+
+        ComponentError if ``fold_up`` is beyond the angle at which the lids meet.
+        """
         limit = fold_up_limit_rad(self["length"], wall_mm(self["height"]))
         if math.radians(self["fold_up"]) > limit:
             meet = f"where the lids meet at H.length {self['length']:g} and height {self['height']:g}"
@@ -73,9 +76,10 @@ class HingeModule(Component):
             self._stop(shape, self._stop_mm())
 
     def join(self, shape: Shape, hinge: str, modules: tuple[str, str], caps: tuple[str, str]) -> None:
-        """Glue it under the floors of the modules before and behind, and the stop onto the cap before the gap.
+        """Glue the strip under the floors of the modules before and behind, and the stop onto the cap before the gap.
 
-        What is behind the hinge follows its place.
+        ``hinge`` is this component's path, ``modules`` and ``caps`` are those in front of and behind the gap. The
+        strip determines the pose of everything behind it.
         """
         glue, gap = catalogue().assembly.hinge_glue_mm.value, self["length"] / 2
         front, rear = modules
@@ -87,24 +91,24 @@ class HingeModule(Component):
         if self._stop_mm() >= LEAST_STOP_MM:
             width, height = shape.face_size_mm(f"{caps[0]}.cap")
             glue = self._web_mm() * GLUE_SHARE
-            # Caps look inwards, the stop stands outside: it is turned over.
+            # A cap's printed side faces inwards, and the stop stands outside: it is turned over.
             corner = translation(width * (1 + STOP_SHARE) / 2, height - STOP_FROM_LID_MM - glue, -film)
             shape.laminate(f"{hinge}.glue 1", f"{caps[0]}.cap", compose(corner, rotation("y", math.pi)))
 
     def _stop_mm(self) -> float:
-        """How far the stop reaches out of the front segment's cap to meet the other one at the upper limit."""
+        """Reach of the stop (mm) from the front segment's cap, such that it meets the other cap at the upper limit."""
         half, up = self["length"] / 2, math.radians(self["fold_up"])
         gap = half + half / math.cos(up) - (wall_mm(self["height"]) - STOP_FROM_LID_MM) * math.tan(up)
-        # Between film and film lie half a thickness of either, and of the flaps by which the stop is glued on.
+        # Less the film: half a thickness each of cap and stop at the contact, and of cap and flap at the glued end.
         return gap - 2 * catalogue().film.thickness_mm.value
 
     def _web_mm(self) -> float:
-        """Height of the stop: above the cables' slit."""
+        """Height of the stop (mm), which ends above the slit for cables."""
         slit = catalogue().assembly.cable_slit_mm.value
         return min(STOP_WEB_MM, wall_mm(self["height"]) / 2 - slit / 2 - STOP_FROM_LID_MM - 1)
 
     def _stop(self, shape: Shape, reach_mm: float) -> None:
-        """A tube: two flaps glued to the cap, two sides of that reach, and what the other cap meets."""
+        """The stop's tube: two flaps glued to the cap, two sides of that reach, and the face that the other cap meets."""
         width, web = wall_mm(self["width"]) * STOP_SHARE, self._web_mm()
         sizes = {"glue 1": web * GLUE_SHARE, "side 1": reach_mm, "stop": web, "side 2": reach_mm,
                  "glue 2": web * GLUE_SHARE}  # fmt: skip

@@ -1,7 +1,7 @@
-"""What a type string is made of: modules. Each one but a hinge is a length of box beam with something in or on it.
+"""The base class of modules, the units of a type string: a length of box beam with parts in or on it.
 
-A module of one's own is a subclass with a ``letter`` (or a name, without underscores) and a ``title``; see
-docs/compiler.md.
+A user module is a subclass with a ``letter`` (or a name, without underscores) and a ``title``; see docs/compiler.md.
+The hinge is a Component of its own (hinge_module.py).
 """
 
 from collections.abc import Sequence
@@ -12,9 +12,9 @@ from foldcar.car.compiler.parameter import Parameter
 from foldcar.car.components.box_beam import BoxBeam
 from foldcar.car.components.dimensions import HEIGHT, WIDTH
 
-# Set by the car: whether the middle of the segment lies towards the front (1) or the rear (-1).
+# Set by the car: 1 if the middle of the segment lies in front of the module's, else -1.
 TOWARDS_MIDDLE = Parameter("towards_middle", 1, -1, 1, "where the segment's middle is", "rear", "", internal=True)
-# Set by the car: the depth of the tab on the side walls at the end where the segment's middle is.
+# Set by the car: the depth (mm) of the end cap's tab on the side walls at the module's end towards that middle.
 TAB_THERE = Parameter("tab_there", 0, 0, 100, "depth of an end cap's tab", "none", internal=True)
 
 
@@ -30,5 +30,5 @@ class Module(Component):
     )
 
     def subcomponents(self) -> Sequence[Sub]:
-        """The beam; add to it with ``(*super().subcomponents(), Sub(…))``."""
+        """The beam; a subclass adds to it with ``(*super().subcomponents(), Sub(…))``."""
         return (Sub("beam", BoxBeam, inherit=("length", "width", "height"), root=True),)

@@ -1,6 +1,6 @@
 """A servo in a wall: its opening, its screw holes, and a second layer of film behind them.
 
-The servo is put in from outside until its ears lie on the wall: its shaft points outwards, its length runs along
+The servo is inserted from outside until its ears lie on the wall: its shaft points outwards, its length runs along
 the wall.
 """
 
@@ -14,18 +14,18 @@ from foldcar.car.parts.catalogue import catalogue
 
 
 def doubler_length_mm() -> float:
-    """The second layer reaches past the screw holes."""
+    """Length of the second layer (mm), which reaches past the screw holes."""
     servo, assembly = catalogue().servo, catalogue().assembly
     return servo.screw_spacing_mm.value + assembly.screw_hole_mm.value + 2 * assembly.doubler_margin_mm.value
 
 
 class ServoMount(Component):
-    """The layer behind the wall; the parent calls :meth:`cut` to put the servo into a wall."""
+    """The second layer behind the wall; the parent calls :meth:`cut` to put the servo into a wall."""
 
     parameters = (Parameter("height", 12, 1, 200, "of the second layer", "the servo's opening", internal=True),)
 
     def build(self, shape: Shape) -> None:
-        """The face ``doubler``, its origin in the middle of the opening."""
+        """The face ``doubler``, its origin at the centre of the opening."""
         a, b = doubler_length_mm() / 2, self["height"] / 2
         shape.face("doubler", ((-a, -b), (a, -b), (a, b), (-a, b)), piece="servo doubler")
         _holes(shape, "doubler", "", 0.0, 0.0)
@@ -34,8 +34,8 @@ class ServoMount(Component):
     def cut(shape: Shape, mount: str, wall: str, axis_mm: tuple[float, float], inward: float) -> str:
         """Put the servo of the subcomponent ``mount`` into the face ``wall`` of the caller.
 
-        ``axis_mm``: where its axis passes the wall; ``inward`` is 1 if its long side lies towards +x, else -1.
-        Returns the mount's name.
+        ``axis_mm``: the point where its axis passes the wall; ``inward`` is 1 if its long side lies towards +x, else -1.
+        Returns the name of the mounted part.
         """
         servo, wall_mm = catalogue().servo, catalogue().film.thickness_mm.value
         x = axis_mm[0] + inward * (servo.length_mm.value / 2 - servo.axis_from_end_mm.value)
@@ -44,7 +44,7 @@ class ServoMount(Component):
         shape.laminate(f"{mount}.doubler", wall, translation(x, y, wall_mm))
         # The ears' undersides lie on the outside of the wall.
         depth = servo.ear_underside_mm.value - servo.depth_mm.value / 2 - wall_mm / 2
-        # Length along the wall, depth through it, width along it; the shaft's end of the length where the axis is.
+        # The box's length and width lie in the wall, its depth across it; half a turn puts its shaft's end at the axis.
         turn = rotation("z", 0.0 if inward > 0 else math.pi)
         size = (servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value)
         name = f"{shape.name}.{mount}"

@@ -1,7 +1,7 @@
 """A wheel: an outer disc, an inner one with layers laminated around its hub, and a rim strip with sawtooth tabs.
 
-The wheel's frame is that of its middle: y along the axle, away from the car on the left side. The rim is bent evenly;
-it is described as a prism of many sides, whose corners lie on the radius.
+The wheel's frame has its origin at the wheel's centre and y along the axle, outwards on the left side. The rim is
+modelled as a prism of many sides, whose corners lie on the wheel's radius.
 """
 
 import math
@@ -15,7 +15,7 @@ from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.catalogue import catalogue
 
 TYRE_WIDTH = Parameter("tire_thickness", 12, 1, 40, "axial width of a tyre", "a rim strip that can be folded")
-# Teeth of about this length bend well and can be cut by hand.
+# Approximate length of a tooth: the rim bends smoothly, and the teeth can be cut by hand.
 TOOTH_MM = 6.0
 LEAST_TEETH = 24
 
@@ -30,7 +30,7 @@ class Wheel(Component):
         assembly = catalogue().assembly
         radius, width = self["radius"], self["tire_thickness"]
         teeth = max(LEAST_TEETH, round(2 * math.pi * radius / TOOTH_MM))
-        # Discs are seen from inside the wheel.
+        # Discs are drawn as seen from inside the wheel.
         for name, label in (("inner", "wheel inner disc"), ("outer", "wheel outer disc")):
             shape.face(name, _disc(radius, teeth), piece=label)
         layers = round(assembly.hub_layers.value)
@@ -47,7 +47,7 @@ class Wheel(Component):
                 center = (side * assembly.horn_screw_radius_mm.value, 0.0)
                 shape.round_hole(face, f"{face}.horn screw {i + 1}", "screw", center, assembly.horn_hole_mm.value)
         self._rim(shape, radius, width, teeth)
-        # The wheel's frame: the inner disc looks along +y of it, x stays x.
+        # The inner disc's printed side faces +y of the wheel's frame; their x axes agree.
         shape.begin_at("inner", compose(translation(0, -width / 2, 0), rotation("x", -math.pi / 2)))
         horn = catalogue().horn
         size = (horn.length_mm.value, horn.hub_diameter_mm.value, horn.thickness_mm.value)
@@ -64,7 +64,7 @@ class Wheel(Component):
         for i in range(teeth):
             if i + 1 < teeth:
                 shape.connect(f"rim {i}.next", f"rim {i + 1}.last", "fold", turn)
-            # Both discs are seen from inside the wheel, so the rim runs along one of them and against the other.
+            # Both discs are drawn from inside the wheel: the rim runs along the outline of one, against the other's.
             shape.connect(f"inner.{-i % teeth}", f"rim {i}.inner", "tab", 90, depth_mm=depth, mitre=0.25)
             shape.connect(f"outer.{i}", f"rim {i}.outer", "tab", 90, depth_mm=depth, mitre=0.25)
         shape.connect("rim 0.last", f"rim {teeth - 1}.next", "tab", turn, depth_mm=facet, mitre=0)

@@ -13,7 +13,7 @@ from foldcar.car.parts.catalogue import catalogue
 
 
 def tyre_gap_mm() -> float:
-    """From the side wall's outside to the tyre: the servo stands out of the wall, the wheel begins above it."""
+    """Distance from the side wall's outer surface to the tyre (mm): the servo's height outside the wall and a gap."""
     servo, assembly = catalogue().servo, catalogue().assembly
     return servo.depth_mm.value - servo.ear_underside_mm.value + assembly.tyre_gap_mm.value
 
@@ -26,12 +26,12 @@ class WheelModule(Module):
     parameters = (WIDTH, HEIGHT, RADIUS, WHEEL_MODULE_LENGTH, TYRE_WIDTH, TOWARDS_MIDDLE, TAB_THERE)
 
     def subcomponents(self) -> Sequence[Sub]:
-        """The beam and a servo mount in either side."""
+        """The beam, and a servo mount in each side."""
         mounts = [Sub(f"{side} servo", ServoMount, settings={"height": _doubler_height}) for side in ("left", "right")]
         return (*super().subcomponents(), *mounts)
 
     def build(self, shape: Shape) -> None:
-        """Servos lie with their long side towards the middle of the segment."""
+        """Put a servo into each side wall, its long side towards the middle of the segment, and a wheel onto it."""
         self._check_length()
         thickness = catalogue().film.thickness_mm.value
         axis = (self["length"] / 2, wall_mm(self["height"]) / 2)
@@ -42,7 +42,7 @@ class WheelModule(Module):
             shape.axle(wall, servo, side, (*axis, out), self["radius"], self["tire_thickness"])
 
     def _check_length(self) -> None:
-        """The layer behind a servo must not run under the tab of a cap."""
+        """ComponentError if the layer behind a servo would overlap the tab of a cap."""
         servo = catalogue().servo
         reach = servo.length_mm.value / 2 - servo.axis_from_end_mm.value + doubler_length_mm() / 2
         least = 2 * (reach + self["tab_there"])
@@ -52,7 +52,7 @@ class WheelModule(Module):
 
 
 def _doubler_height(module: Component) -> float:
-    """As high as the wall, but for the tabs and flaps that are glued along its edges."""
+    """Height of the layer behind a servo (mm): the wall's, less the tabs and flaps that are glued along its edges."""
     servo, assembly = catalogue().servo, catalogue().assembly
     least = servo.width_mm.value + 2 * (assembly.opening_clearance_mm.value + assembly.doubler_margin_mm.value)
     return max(least, min(wall_mm(module["height"]) - 2 * assembly.fold_distance_mm.value, 2 * servo.width_mm.value))

@@ -1,1 +1,1 @@
-"""What a car is cut from: faces, creases and joins of film, flat and folded."""
+"""The folded car: faces, creases and joins of film, flat and folded; its checks and its mass properties."""

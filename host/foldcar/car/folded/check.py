@@ -1,6 +1,6 @@
-"""The verification of a folded car: every check, and a short report.
+"""The verification of a folded car: all checks and a short report.
 
-Input: a FoldedCar and what it should enclose. Output: findings (none, if it can be built) and what was measured.
+Input: a FoldedCar and the volumes it should enclose. Output: findings (none, if it can be built) and measures.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ from foldcar.car.parts.catalogue import catalogue
 
 @dataclass(frozen=True)
 class Verification:
-    """What the checks found and measured."""
+    """Findings and measures: counts of faces, folds and joins, the widest gap (mm), enclosed volumes by body (mm³)."""
 
     findings: tuple[Finding, ...]
     faces: int
@@ -31,11 +31,11 @@ class Verification:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing was found."""
+        """Whether there are no findings."""
         return not self.findings
 
     def lines(self) -> list[str]:
-        """A short report for people."""
+        """A short report: the measures, then the findings."""
         volumes = ", ".join(f"{body} {volume / 1000:.1f} cm³" for body, volume in self.volumes_mm3.items())
         measured = [
             f"{self.faces} faces, {self.folds} folds, {self.joins} joins; edges meet within {self.worst_gap_mm:.3f} mm "
@@ -48,7 +48,7 @@ class Verification:
 
 
 def check_design(car: FoldedCar, volumes_mm3: Mapping[str, float] | None = None) -> Verification:
-    """Verify a car; ``volumes_mm3`` is what each body should enclose, as far as that is known."""
+    """Verify a car; ``volumes_mm3`` maps bodies to the volumes they should enclose, where these are known."""
     bodies = place(car)
     assembly, soft = catalogue().assembly, catalogue().wiring.name
     findings = [finding for piece in car.pieces for finding in check_flat(piece, assembly.fold_distance_mm.value)]

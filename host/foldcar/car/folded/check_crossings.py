@@ -1,4 +1,4 @@
-"""Checks that no film runs through other film when the car is folded, except where a slot lets it.
+"""Checks that no film passes through other film when the car is folded, except through slots.
 
 Input: placed faces of one body. Output: findings.
 """
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from foldcar.car.folded.finding import Finding
 from foldcar.car.folded.placed import PlacedFace
 
-# Faces that meet at edges are shrunk by this before they are looked at.
+# Faces are shrunk by this before they are intersected, so that faces that meet at an edge do not cross.
 SHRINK_MM = 0.3
 LEAST_MM = 0.2
 PARALLEL = 1e-3
@@ -20,7 +20,7 @@ TOUCH_MM = 1e-6
 
 
 def check_crossings(faces: Sequence[PlacedFace]) -> Iterator[Finding]:
-    """Each pair of faces that crosses, once."""
+    """A finding for each pair of faces that cross."""
     for one, other, length in crossings(faces, faces):
         yield Finding("crossing", one.title, f"runs through {other.title} over {length:.2f} mm")
 
@@ -28,7 +28,7 @@ def check_crossings(faces: Sequence[PlacedFace]) -> Iterator[Finding]:
 def crossings(
     first: Sequence[PlacedFace], second: Sequence[PlacedFace]
 ) -> Iterator[tuple[PlacedFace, PlacedFace, float]]:
-    """A face of either group, and over what length in mm they cross; of a group with itself each pair once."""
+    """Pairs of crossing faces, one of each group, and the crossing's length (mm); each pair once within one group."""
     if not first or not second:
         return
     low, high = (np.array([pick(face.corners_mm, axis=0) for face in second]) for pick in (np.min, np.max))
@@ -47,14 +47,14 @@ def crossings(
 
 
 def _crossing_mm(a: PlacedFace, b: PlacedFace) -> float:
-    """Length of the line along which the insides of two faces cross."""
+    """Length of the line along which the interiors of two faces cross (mm)."""
     heights_a, heights_b = b.in_face(a.corners_mm)[:, 2], a.in_face(b.corners_mm)[:, 2]
-    # One that lies on one side of the other cannot cross it.
-    if any(h.min() > -SHRINK_MM or h.max() < SHRINK_MM for h in (heights_a, heights_b)):
+    # A face that lies on one side of the other's plane cannot cross it.
+    if any(np.min(h) > -SHRINK_MM or np.max(h) < SHRINK_MM for h in (heights_a, heights_b)):
         return 0.0
-    direction = np.cross(a.normal, b.normal)
+    direction: NDArray[np.float64] = np.cross(a.normal, b.normal).astype(np.float64)
     direction /= np.linalg.norm(direction)
-    # A point of both planes.
+    # A point that lies in both planes.
     origin_a, origin_b = a.matrix[:3, 3], b.matrix[:3, 3]
     equations = np.array([a.normal, b.normal, direction])
     values = np.array([a.normal @ origin_a, b.normal @ origin_b, direction @ origin_a])
@@ -64,13 +64,13 @@ def _crossing_mm(a: PlacedFace, b: PlacedFace) -> float:
 
 
 def _inside(face: PlacedFace, through: NDArray[np.float64], direction: NDArray[np.float64]) -> shapely.Geometry:
-    """Where along the line it is inside the shrunk face: intervals on an axis."""
+    """The intervals of the line inside the shrunk face, as segments of the x axis (mm)."""
     reach = 2 * float(np.abs(face.corners_mm - through).max()) + 10
     ends = face.in_face(np.array([through - reach * direction, through + reach * direction]))[:, :2]
     line = shapely.LineString(ends)
     shape = face.polygon.buffer(-SHRINK_MM)
     parts = shapely.get_parts(line.intersection(shape))
-    # Distances from the line's middle, which is the same point for both faces.
+    # Distances along the line from ``through``, which is the same point for both faces.
     spans = [
         [(line.project(shapely.Point(part.coords[i])) - reach, 0.0) for i in (0, -1)] for part in parts if part.length > 0
     ]

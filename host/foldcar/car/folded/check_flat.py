@@ -1,4 +1,4 @@
-"""Checks of pieces as they are cut: closed outlines, nothing overlaps, nothing is cut twice, holes keep off the folds.
+"""Checks of flat pieces: valid outlines, no overlaps, no line cut twice, a distance between holes and folds.
 
 Input: a piece. Output: findings.
 """
@@ -14,14 +14,14 @@ from foldcar.car.folded.folding import edge, folded
 from foldcar.car.folded.model import Face, Piece, Pose
 from foldcar.car.folded.placed import polygon
 
-# Below this an overlap is rounding.
+# Overlaps up to this are rounding errors.
 OVERLAP_MM2 = 1e-3
 EDGE_TOLERANCE_MM = 0.05
 CUT_TWICE_MM = 1e-3
 
 
 def check_flat(piece: Piece, hole_to_fold_mm: float) -> Iterator[Finding]:
-    """What is wrong with the piece before it is folded; holes must be ``hole_to_fold_mm`` off every fold."""
+    """Findings about the flat piece; every hole must be ``hole_to_fold_mm`` or more from every fold."""
     sound = True
     for face in piece.faces:
         for finding in _outlines(piece, face):
@@ -35,7 +35,7 @@ def check_flat(piece: Piece, hole_to_fold_mm: float) -> Iterator[Finding]:
 
 
 def flat_polygons(piece: Piece) -> dict[str, shapely.Polygon]:
-    """The faces in the flat layout, by name."""
+    """The faces in the flat layout (mm), by name."""
     poses = folded(piece, 0.0)
     return {face.name: _moved(polygon(face), poses[face.name]) for face in piece.faces}
 
@@ -105,7 +105,7 @@ def _overlaps(piece: Piece) -> Iterator[Finding]:
 
 
 def _cut_twice(piece: Piece) -> Iterator[Finding]:
-    """Outer edges that lie on each other: the cutter would go along them twice."""
+    """Findings for outer edges that coincide, which the cutter would cut twice."""
     creased = {(ref.face, ref.index) for crease in piece.creases for ref in (crease.parent, crease.child)}
     poses = folded(piece, 0.0)
     seen: dict[tuple[tuple[int, int], ...], str] = {}

@@ -1,4 +1,4 @@
-"""Checks of hinges folded to their limits: the segments before and after do not run into each other, nor do their wheels.
+"""Checks of hinges at their limits: neither the two segments nor their wheels collide.
 
 Input: a car and its placed faces, hinges flat. Output: findings.
 """
@@ -17,7 +17,10 @@ from foldcar.car.folded.pose import apply, compose, rotation, translation
 def check_hinges(
     car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]], wheel_distance_mm: float
 ) -> Iterator[Finding]:
-    """Each hinge at both limits, all others flat; its strip bends and is left out."""
+    """Findings for each hinge at both limits, all others flat; hinge strips bend and are not checked.
+
+    Wheels must stay ``wheel_distance_mm`` apart.
+    """
     strips = {piece.name for piece in car.pieces if any(crease.flexure for crease in piece.creases)}
     for hinge in car.hinges:
         front, rear = (
@@ -33,7 +36,7 @@ def check_hinges(
 
 
 def folded_back(hinge: HingeJoint, angle_rad: float) -> Pose:
-    """How the rear segment moves against the front one; the angle is positive with the front one's nose up."""
+    """The rear segment's motion in the front one's frame (mm); a positive angle is the front segment nose up."""
     x, y, z = hinge.center_mm
     return compose(translation(x, y, z), rotation("y", angle_rad), translation(-x, -y, -z))
 

@@ -1,4 +1,4 @@
-"""Checks of what is put together: edges meet, tabs lie on what they are glued to, tongues go through their slots.
+"""Checks of joins: edges meet, tabs lie on the faces they are glued to, tongues go through their slots.
 
 Input: placed faces of one body and the car's joins. Output: findings.
 """
@@ -7,20 +7,21 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from foldcar.car.folded.finding import Finding
 from foldcar.car.folded.model import EdgeRef, FoldedCar, Join
 from foldcar.car.folded.placed import PlacedFace
 
 CLOSURE_MM = 0.05
-# A tab may lie so far over the edge of what it is glued to, or over a hole in it.
+# The area of a tab that may lie beside its face or over a hole in it.
 TAB_OVER_MM2 = 0.05
 
 Index = Mapping[tuple[str, str], Sequence[PlacedFace]]
 
 
 def check_joins(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> Iterator[Finding]:
-    """Every join, in each body that has both its faces."""
+    """Findings about every join, in each body that has both its faces."""
     index = _index(bodies)
     for join in car.joins:
         first = index.get((join.piece_a, join.a.face), [])
@@ -37,7 +38,7 @@ def check_joins(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> I
 
 
 def worst_gap_mm(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> float:
-    """The widest gap of all edges that should meet."""
+    """The widest gap between edges that should meet (mm)."""
     index = _index(bodies)
     return max(
         (
@@ -51,7 +52,7 @@ def worst_gap_mm(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> 
 
 
 def _index(bodies: Mapping[str, Sequence[PlacedFace]]) -> dict[tuple[str, str], list[PlacedFace]]:
-    """All copies of a face by the names of its piece and its own."""
+    """All copies of each face, by the names of piece and face."""
     index: dict[tuple[str, str], list[PlacedFace]] = {}
     for face in (face for faces in bodies.values() for face in faces):
         index.setdefault((face.piece.name, face.face.name), []).append(face)
@@ -59,22 +60,22 @@ def _index(bodies: Mapping[str, Sequence[PlacedFace]]) -> dict[tuple[str, str], 
 
 
 def _pairs(first: Sequence[PlacedFace], second: Sequence[PlacedFace]) -> Iterator[tuple[PlacedFace, PlacedFace]]:
-    """Copies that are in the same body."""
+    """Pairs of copies in the same body."""
     for a in first:
         for b in second:
             if a.body == b.body:
                 yield a, b
 
 
-def _edge(face: PlacedFace, ref: EdgeRef) -> np.ndarray:
+def _edge(face: PlacedFace, ref: EdgeRef) -> NDArray[np.float64]:
     corners = face.corners_mm
     return corners[[ref.index, (ref.index + 1) % len(corners)]]
 
 
 def _gap_mm(a: PlacedFace, edge_a: EdgeRef, b: PlacedFace, edge_b: EdgeRef) -> float:
-    """How far the ends of two edges are from each other, whichever way they run."""
+    """The larger distance between the ends of two edges (mm), in the better of the two directions."""
     first, second = _edge(a, edge_a), _edge(b, edge_b)
-    ends = [np.linalg.norm(first - other, axis=1).max() for other in (second, second[::-1])]
+    ends = [np.max(np.linalg.norm(first - other, axis=1)) for other in (second, second[::-1])]
     return float(min(ends))
 
 
@@ -85,7 +86,7 @@ def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
         yield Finding("closure", place, f"the edges are {gap:.3f} mm apart, the limit is {CLOSURE_MM:g} mm")
     local = b.in_face(a.corners_mm)
     height = float(np.abs(local[:, 2]).max())
-    # A lap on the next facet of a rim follows its curve.
+    # A rim's lap bends with the curve of the rim, so its tab may stand off the flat facet by 1 mm.
     limit = CLOSURE_MM if b.face.role != "rim" else 1.0
     if height > limit:
         yield Finding(
@@ -93,7 +94,7 @@ def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
         )
         return
     over = shapely.Polygon(local[:, :2]).difference(b.polygon)
-    # What film without area is: a tab as wide as its face.
+    # Shrinking removes the slivers that a tab as wide as its face leaves.
     if over.buffer(-CLOSURE_MM).area > TAB_OVER_MM2:
         yield Finding("tab", place, f"{over.area:.2f} mm² of the tab lie beside its face or over a hole in it")
 
@@ -106,8 +107,9 @@ def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
         return
     tip = _edge(a, join.a)
     local = b.in_face(tip)
-    if local[:, 2].max() > -b.piece.thickness_mm / 2:
-        yield Finding("slot", place, f"the tongue ends {local[:, 2].max():.2f} mm inside the slot")
+    end_mm = float(np.max(local[:, 2]))
+    if end_mm > -b.piece.thickness_mm / 2:
+        yield Finding("slot", place, f"the tongue ends {end_mm:.2f} mm inside the slot")
         return
     half = a.piece.thickness_mm / 2
     section = shapely.LineString(local[:, :2]).buffer(half, cap_style="flat")
@@ -117,7 +119,7 @@ def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
 
 
 def _laminates(car: FoldedCar, index: Index) -> Iterator[Finding]:
-    """Each copy of a laminated piece lies on one of the faces it is joined to, holes on holes."""
+    """Findings for copies of laminated pieces that do not lie on a face they are joined to with their holes aligned."""
     joins: dict[tuple[str, str], list[Join]] = {}
     for join in car.joins:
         if join.kind == "laminate":
@@ -142,7 +144,7 @@ def _lies_on(a: PlacedFace, b: PlacedFace) -> bool:
     shared = outline.intersection(shapely.Polygon(b.face.outline_mm))
     if shared.area < 1:
         return False
-    # What one has as a hole the other one must have too, but for other pieces' holes.
+    # Within the shared area the holes of both must agree.
     return bool(
         mine.intersection(shared).difference(b.polygon).area < 1
         and b.polygon.intersection(shared).difference(mine).area < 1

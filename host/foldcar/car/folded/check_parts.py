@@ -1,4 +1,4 @@
-"""Checks of parts and wheels in their places: nothing runs into anything else, wheels turn freely.
+"""Checks of parts and wheels in the folded car: nothing overlaps, wheels turn freely.
 
 Input: a car and its placed faces. Output: findings.
 """
@@ -14,18 +14,18 @@ from foldcar.car.folded.finding import Finding
 from foldcar.car.folded.model import Axle, FoldedCar, Mount
 from foldcar.car.folded.placed import PlacedFace
 
-# Parts touch film and each other; beyond this they run into each other.
+# Parts may touch: overlaps of boxes up to this depth are contact.
 TOUCH_MM = 0.1
-# Film that gives way: less than this of a face inside a part is contact.
+# Film gives way: an area of a face inside a part up to this is contact.
 FILM_MM2 = 0.5
-# Screws go in with this.
+# Screws fit with a part's holes off by this.
 FIT_MM = 0.3
 
 
 def check_parts(
     car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]], soft: str, wheel_distance_mm: float
 ) -> Iterator[Finding]:
-    """Parts named ``soft`` give way to all others; tyres keep ``wheel_distance_mm`` along the car."""
+    """Findings about parts and wheels. Parts named ``soft`` are ignored; tyres must be ``wheel_distance_mm`` apart."""
     firm = [mount for mount in car.mounts if mount.part != soft and mount.body.startswith("segment")]
     for one, other in itertools.combinations(firm, 2):
         depth = _depth_mm(one, other)
@@ -46,7 +46,7 @@ def _box(mount: Mount) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArra
 
 
 def _depth_mm(one: Mount, other: Mount) -> float:
-    """How far two boxes are inside each other (separating axes), negative if they are apart."""
+    """Depth (mm) by which two boxes overlap (separating-axis theorem), negative if they are apart."""
     (c1, r1, h1), (c2, r2, h2) = _box(one), _box(other)
     between = c2 - c1
     axes = [*r1.T, *r2.T, *(np.cross(a, b) for a in r1.T for b in r2.T)]
@@ -61,7 +61,7 @@ def _depth_mm(one: Mount, other: Mount) -> float:
 
 
 def _film_inside_mm2(mount: Mount, face: PlacedFace) -> float:
-    """The area of a face, holes left out, inside a box a little smaller than the part."""
+    """The area (mm²) of a face, without holes, inside a box slightly smaller than the part."""
     center, turn, half = _box(mount)
     half = half - TOUCH_MM - face.piece.thickness_mm / 2
     corners = (face.corners_mm - center) @ turn
@@ -69,7 +69,7 @@ def _film_inside_mm2(mount: Mount, face: PlacedFace) -> float:
         return 0.0
     signs = np.array(list(itertools.product((-1, 1), repeat=3)))
     points = face.in_face(signs * half @ turn.T + center)
-    # Where the box's edges pass the face's plane; they differ in one sign.
+    # Points where the box's edges pass the face's plane; an edge joins two corners that differ in one sign.
     section = []
     for i, k in itertools.combinations(range(8), 2):
         a, b = points[i], points[k]
@@ -81,7 +81,7 @@ def _film_inside_mm2(mount: Mount, face: PlacedFace) -> float:
 
 
 def _holes(mount: Mount, faces: Sequence[PlacedFace]) -> Iterator[Finding]:
-    """The holes of a part are there, their middle where the part's is."""
+    """Findings if a part's holes are missing or their centre is not under the part's."""
     found = {hole.name: (face, hole) for face in faces for hole in face.face.holes}
     middles = []
     for name in mount.holes:
@@ -121,7 +121,7 @@ def _wheels(
 
 
 def _reaches(axle: Axle, corners: NDArray[np.float64]) -> bool:
-    """Whether a convex thing with these corners reaches into the cylinder in which the wheel turns."""
+    """Whether the convex hull of the corners, (n, 3) in mm, intersects the wheel's cylinder."""
     across = np.abs(corners[:, 1] - axle.center_mm[1])
     same_side = np.ptp(np.sign(corners[:, 1] - axle.center_mm[1])) == 0
     if same_side and across.min() >= axle.tyre_width_mm / 2 - 1e-6:

@@ -1,4 +1,4 @@
-"""Checks that what is folded and glued encloses a volume: every edge belongs to two faces, and the volume is as designed.
+"""Checks that the folded and glued faces of a body are watertight and enclose the designed volume.
 
 Input: placed faces of one body and the car's joins. Output: findings and volumes.
 """
@@ -18,7 +18,7 @@ VOLUME_TOLERANCE = 1e-3
 def check_skin(
     car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]], volumes_mm3: Mapping[str, float]
 ) -> Iterator[Finding]:
-    """The skin of each body is watertight; where a volume is expected, it has that volume."""
+    """Findings for each body whose skin has an open edge or, where ``volumes_mm3`` gives one, another volume."""
     for body, faces in bodies.items():
         skin = skin_of(car, faces)
         if not skin:
@@ -39,13 +39,13 @@ def check_skin(
 
 
 def skin_of(car: FoldedCar, faces: Sequence[PlacedFace]) -> list[PlacedFace]:
-    """The panels and rims of the pieces that tabs hold together; what is laminated or put in is none of the skin."""
+    """The panels and rims of the pieces that tabs join; laminated or inserted pieces are not part of the skin."""
     tabbed = {name for join in car.joins if join.kind in ("tab", "lap", "rim") for name in (join.piece_a, join.piece_b)}
     return [face for face in faces if face.piece.name in tabbed and face.face.role != "tab"]
 
 
 def volume_mm3(skin: Sequence[PlacedFace]) -> float:
-    """The volume inside faces whose printed sides look inwards (divergence theorem), holes closed."""
+    """The volume (mm³) enclosed by faces whose printed sides face inwards (divergence theorem), holes closed."""
     total = 0.0
     for face in skin:
         corners = face.corners_mm
@@ -55,7 +55,7 @@ def volume_mm3(skin: Sequence[PlacedFace]) -> float:
 
 
 def _loose_edges(skin: Sequence[PlacedFace]) -> list[tuple[PlacedFace, int]]:
-    """Edges that do not run against an edge of another face."""
+    """Edges that do not coincide with an edge of another face."""
     owners = [(face, i) for face in skin for i in range(len(face.face.outline_mm))]
     starts = np.concatenate([face.corners_mm for face in skin])
     ends = np.concatenate([np.roll(face.corners_mm, -1, axis=0) for face in skin])

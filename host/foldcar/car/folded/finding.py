@@ -1,11 +1,11 @@
-"""What a check found wrong with a folded car."""
+"""A finding: a defect of a folded car that a check reports."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One mistake: the check that found it, where, and what it is, with value and limit."""
+    """One defect: the check that found it, its place, and a message with value and limit."""
 
     check: str
     place: str

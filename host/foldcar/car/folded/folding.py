@@ -1,7 +1,7 @@
-"""Where the faces of a piece are: flat, folded, or anything between.
+"""The poses of a piece's faces: flat, folded or in between.
 
-Input: a piece and how far it is folded, from 0 (flat) to 1 (assembled). Output: poses by face name, in the frame of the
-piece's first face; at 0 they are the flat layout.
+Input: a piece and the fraction of its fold angles, from 0 (the flat layout) to 1 (assembled). Output: poses by face
+name, in the frame of the piece's first face.
 """
 
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from foldcar.car.folded.pose import IDENTITY, across_crease, compose
 
 
 def folded(piece: Piece, fraction: float = 1.0, flexures_rad: Mapping[str, float] | None = None) -> dict[str, Pose]:
-    """The poses of all faces; flexures, by crease name, are at their assembled angle unless told otherwise."""
+    """The poses of all faces by name; ``flexures_rad`` overrides the assembled angles of flexures, by crease name."""
     faces = {face.name: face for face in piece.faces}
     poses = {piece.faces[0].name: IDENTITY}
     for crease in piece.creases:
@@ -24,6 +24,6 @@ def folded(piece: Piece, fraction: float = 1.0, flexures_rad: Mapping[str, float
 
 
 def edge(faces: Mapping[str, Face], reference: EdgeRef) -> tuple[Point, Point]:
-    """An edge's ends in its face's frame."""
+    """The ends of an edge (mm) in its face's frame."""
     outline = faces[reference.face].outline_mm
     return outline[reference.index], outline[(reference.index + 1) % len(outline)]

@@ -1,8 +1,8 @@
-"""A car's film and everything fixed to it: the immutable data that every exporter reads.
+"""The data model of a folded car: its film and everything fixed to it, immutable, read by every exporter.
 
-Lengths in millimetres, angles in radians. A face has a frame of its own: its outline lies in the plane z = 0, the
-printed side looks to +z. Folding turns a child face about the edge it shares with its parent; a positive angle
-lifts the child towards the parent's +z (a valley fold seen from the printed side), a negative one is a mountain.
+Lengths in millimetres, angles in radians. Each face has a frame: its outline lies in the plane z = 0, its printed
+side faces +z. Folding turns a child face about the edge it shares with its parent; a positive angle lifts the child
+towards the parent's +z (a valley fold seen from the printed side), a negative one is a mountain fold.
 The faces are the film's middle surface. The car's frame: x forward, y left, z up, from the middle of its length at axle
 height, hinges flat. Poses are 4x4 row-major homogeneous matrices as nested tuples.
 """
@@ -49,7 +49,7 @@ class EdgeRef:
 
 @dataclass(frozen=True, slots=True)
 class Crease:
-    """Two faces of a piece that share an edge; the child's edge runs against the parent's in the flat.
+    """Two faces of a piece that share an edge; the two faces' outlines run along it in opposite directions.
 
     ``angle_rad`` is the assembled angle. A flexure bends in use, between ``min_rad`` and ``max_rad``.
     """
@@ -65,7 +65,7 @@ class Crease:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A connected part cut from one sheet: ``faces[0]`` is the root of the tree that the creases make."""
+    """A connected part cut from one sheet, ``count`` times; ``faces[0]`` is the root of the tree of creases."""
 
     name: str
     label: str
@@ -77,7 +77,7 @@ class Piece:
 
 @dataclass(frozen=True, slots=True)
 class PlacedPiece:
-    """One copy of a piece in the car: the pose of its root face. ``body`` is ``segment0`` … or ``wheel0`` …"""
+    """One copy of a piece: the pose of its root face in the car. ``body`` is ``segment0`` … or ``wheel0`` …"""
 
     piece: str
     copy: int
@@ -87,7 +87,7 @@ class PlacedPiece:
 
 @dataclass(frozen=True, slots=True)
 class Join:
-    """What is put together by hand; ``number`` is printed on both sides, joins that share one are one seam.
+    """A join made by hand; ``number`` is printed on both sides, joins with the same number are one seam.
 
     tab, lap, rim: edge 0 of tab ``a`` and the edge ``b`` meet, the tab is glued to the inside of b's face; lap within
     one piece, rim around a wheel. laminate: face ``a`` lies on face ``b``. tab_slot: edge ``a`` is a tongue's tip, put
@@ -106,7 +106,7 @@ class Join:
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """A bought part in its place: ``part`` names the catalogue's entry, ``pose`` that of the middle of its box."""
+    """A bought part: the name of its catalogue entry, the pose of its box's centre in the car, size along its axes."""
 
     part: str
     name: str
@@ -120,7 +120,10 @@ class Mount:
 
 @dataclass(frozen=True, slots=True)
 class Axle:
-    """A wheel's joint: servo ``servo`` (a mount's name) on ``channel`` turns body ``wheel`` about +y at ``center_mm``."""
+    """A wheel's joint: the mount ``servo`` on ``channel`` turns the body ``wheel`` about +y at ``center_mm`` in the car.
+
+    ``direction`` is 1 if the wheel turns forward for pulses above neutral, else -1.
+    """
 
     wheel: str
     body: str
@@ -135,7 +138,7 @@ class Axle:
 
 @dataclass(frozen=True, slots=True)
 class HingeJoint:
-    """A flexure between two segments: pitch about +y at ``center_mm``."""
+    """A flexure between two segments: pitch about +y at ``center_mm`` in the car, positive with the front nose up."""
 
     front: str
     rear: str
@@ -147,7 +150,7 @@ class HingeJoint:
 
 @dataclass(frozen=True, slots=True)
 class Wire:
-    """A connection: from one terminal (``FeatherWing.3``) to another (``front left servo``); what it carries."""
+    """An electrical connection of two terminals (``FeatherWing.3``, ``front left servo``) and what it carries."""
 
     a: str
     b: str
@@ -157,7 +160,7 @@ class Wire:
 
 @dataclass(frozen=True, slots=True)
 class FoldedCar:
-    """Everything that is cut, bought, fixed and wired of one car."""
+    """One car: its cut pieces, bought parts, joins, axles, hinges and wires."""
 
     pieces: tuple[Piece, ...]
     placed: tuple[PlacedPiece, ...]

@@ -1,6 +1,6 @@
-"""A folded car's faces in space, as the checks look at them: polygon, pose, corner points.
+"""A folded car's faces in space, the input of the checks: polygon, pose, corner points.
 
-Input: a FoldedCar. Output: placed faces by body; of wheels, which are alike, the first one stands for all.
+Input: a FoldedCar. Output: placed faces by body; wheels are equal, so only the first one is placed.
 """
 
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ from foldcar.car.folded.pose import compose
 
 @dataclass(frozen=True)
 class PlacedFace:
-    """A face in the car."""
+    """A face of one copy of a piece, with its pose in the car (mm)."""
 
     piece: Piece
     copy: int
@@ -28,48 +28,48 @@ class PlacedFace:
 
     @property
     def title(self) -> str:
-        """Its name for people."""
+        """The readable name: piece and face."""
         return f"{self.piece.name}: {self.face.name}"
 
     @cached_property
     def matrix(self) -> NDArray[np.float64]:
-        """The pose as (4, 4)."""
+        """The pose, (4, 4), in mm."""
         return np.array(self.pose)
 
     @cached_property
     def polygon(self) -> shapely.Polygon:
-        """Outline and holes in the face's frame."""
+        """Outline and holes (mm) in the face's frame."""
         return polygon(self.face)
 
     @cached_property
     def corners_mm(self) -> NDArray[np.float64]:
-        """The outline's points in the car, (n, 3)."""
+        """The outline's points in the car's frame, (n, 3), in mm."""
         return self.in_car(self.face.outline_mm)
 
     @property
     def normal(self) -> NDArray[np.float64]:
-        """Where the printed side looks."""
+        """The unit normal of the printed side in the car's frame, (3,)."""
         return self.matrix[:3, 2]
 
     def in_car(self, points: Iterable[Point]) -> NDArray[np.float64]:
-        """Points of the face's plane in the car's frame, (n, 3)."""
+        """Points (x, y) of the face's plane in the car's frame, (n, 3), in mm."""
         flat = np.array(list(points), dtype=np.float64)
         moved: NDArray[np.float64] = flat @ self.matrix[:3, :2].T + self.matrix[:3, 3]
         return moved
 
     def in_face(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points of the car, (n, 3), in the face's frame: z is their height over the printed side."""
+        """Points of the car, (n, 3) in mm, in the face's frame: z is their height above the face."""
         return (points - self.matrix[:3, 3]) @ self.matrix[:3, :3]
 
 
 def polygon(face: Face) -> shapely.Polygon:
-    """A face with its holes, flat; mended where its outlines cross, which check_flat finds."""
+    """A face's outline with its holes (mm); an invalid outline, which check_flat reports, is made valid."""
     shape = shapely.Polygon(face.outline_mm, [hole.outline_mm for hole in face.holes])
     return shape if shape.is_valid else shape.buffer(0)
 
 
 def place(car: FoldedCar) -> dict[str, list[PlacedFace]]:
-    """All faces of every segment and of the first wheel, by body."""
+    """All faces of every segment and of the first wheel, by the body's name."""
     pieces = {piece.name: piece for piece in car.pieces}
     wheels = {placed.body for placed in car.placed if placed.body.startswith("wheel")}
     others = wheels - {min(wheels, default="")}

@@ -8,12 +8,12 @@ IDENTITY: Pose = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.
 
 
 def translation(x_mm: float, y_mm: float, z_mm: float) -> Pose:
-    """A shift."""
+    """The pose of a translation."""
     return ((1.0, 0.0, 0.0, x_mm), (0.0, 1.0, 0.0, y_mm), (0.0, 0.0, 1.0, z_mm), (0.0, 0.0, 0.0, 1.0))
 
 
 def rotation(axis: str, angle_rad: float) -> Pose:
-    """A right-handed turn about x, y or z."""
+    """The pose of a right-handed rotation about ``axis``: x, y or z."""
     c, s = _cos_sin(angle_rad)
     if axis == "x":
         rows = ((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c))
@@ -25,7 +25,7 @@ def rotation(axis: str, angle_rad: float) -> Pose:
 
 
 def compose(*poses: Pose) -> Pose:
-    """The product: the last one acts first."""
+    """The product of the matrices: the last pose is applied first."""
     product = poses[0]
     for pose in poses[1:]:
         (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = pose
@@ -54,22 +54,23 @@ def inverse(pose: Pose) -> Pose:
 
 
 def apply(pose: Pose, x_mm: float, y_mm: float, z_mm: float = 0.0) -> tuple[float, float, float]:
-    """Where a point goes."""
+    """The image of a point (mm)."""
     x, y, z = (a * x_mm + b * y_mm + c * z_mm + d for a, b, c, d in pose[:3])
     return (x, y, z)
 
 
 def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle_rad: float) -> Pose:
-    """The child's frame in the parent's: the child's edge runs against the parent's, the child is folded by the angle.
+    """The child's pose in the parent's frame, folded by the angle about their common edge.
 
-    The edges are given by their ends in counter-clockwise order of their own face. The middles of the edges meet.
+    Each edge is given by its ends (mm) in the counter-clockwise order of its own face; the edges run in opposite
+    directions, and their midpoints coincide.
     """
     length = math.dist(*parent)
     dx, dy = (parent[1][0] - parent[0][0]) / length, (parent[1][1] - parent[0][1]) / length
     length = math.dist(*child)
     ex, ey = (child[1][0] - child[0][0]) / length, (child[1][1] - child[0][1]) / length
     c, s = _cos_sin(angle_rad)
-    # The child's edge direction goes to -d, its inward normal to where the fold takes the parent's outward one.
+    # The child's edge direction maps to -d, its inward normal to the parent's outward normal turned by the fold.
     ux, uy = -dx, -dy
     vx, vy, vz = dy * c, -dx * c, s
     wx, wy, wz = -dy * s, dx * s, c
@@ -85,6 +86,6 @@ def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle
 
 
 def _cos_sin(angle_rad: float) -> tuple[float, float]:
-    """Quarter turns are exact, so that what is flush stays flush."""
+    """Cosine and sine; exact for quarter turns, so that coplanar faces stay exactly coplanar."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     return (float(round(c)), float(round(s))) if abs(c * s) < 1e-12 else (c, s)

@@ -1,4 +1,4 @@
-"""What a folded car's bodies weigh: film as plates of their thickness, bought parts as solid boxes.
+"""Mass properties of a folded car's bodies: film as plates of its thickness, bought parts as solid boxes.
 
 Input: a FoldedCar (millimetres). Output: mass, centre of mass and inertia of one body in SI units, in the car's frame.
 """
@@ -18,7 +18,7 @@ MM = 1e-3
 
 
 def body_properties(car: FoldedCar, body: str) -> MassProperties:
-    """Film and parts of ``segment0`` … or ``wheel0`` … as one rigid body, hinges flat."""
+    """Film and parts of ``segment0`` … or ``wheel0`` … as one rigid body, hinges flat (SI units, car's frame)."""
     film = (plate_properties(face, piece.thickness_mm, pose) for face, piece, pose in faces_of(car, body))
     parts = (
         _turned(box_properties(m.mass_kg, (m.size_mm[0] * MM, m.size_mm[1] * MM, m.size_mm[2] * MM), (0, 0, 0)), m.pose)
@@ -29,7 +29,7 @@ def body_properties(car: FoldedCar, body: str) -> MassProperties:
 
 
 def body_mass_kg(car: FoldedCar, body: str) -> float:
-    """The mass alone."""
+    """The mass of a body (kg)."""
     film = sum(film_mass_kg(face, piece.thickness_mm) for face, piece, _ in _faces(car, body, placed=False))
     return film + sum(m.mass_kg for m in car.mounts if m.body == body)
 
@@ -40,17 +40,17 @@ def faces_of(car: FoldedCar, body: str) -> Iterator[tuple[Face, Piece, Pose]]:
 
 
 def net_area_mm2(face: Face) -> float:
-    """The area of a face without its holes."""
+    """The area of a face without its holes (mm²)."""
     return area_mm2(face.outline_mm) - sum(area_mm2(hole.outline_mm) for hole in face.holes)
 
 
 def film_mass_kg(face: Face, thickness_mm: float) -> float:
-    """What the film of a face weighs."""
+    """The mass of the film of a face (kg)."""
     return net_area_mm2(face) * thickness_mm * MM**3 * catalogue().film.density_kg_m3.value
 
 
 def area_mm2(outline: Sequence[Point]) -> float:
-    """The area of a polygon, positive if it runs counter-clockwise."""
+    """The signed area of a polygon (mm²), positive if it runs counter-clockwise (shoelace formula)."""
     x0, y0 = outline[-1]
     doubled = 0.0
     for x1, y1 in outline:
@@ -60,7 +60,7 @@ def area_mm2(outline: Sequence[Point]) -> float:
 
 
 def plate_properties(face: Face, thickness_mm: float, pose: Pose) -> MassProperties:
-    """A face as a plate of even thickness about its plane, in the frame that the pose leads to."""
+    """A face as a plate of uniform thickness, in SI units, in the frame in which ``pose`` (mm) is given."""
     moments = _moments(face.outline_mm) - sum((_moments(hole.outline_mm) for hole in face.holes), np.zeros(6))
     area, first_x, first_y, xx, yy, xy = moments
     x, y = first_x / area, first_y / area
@@ -74,7 +74,7 @@ def plate_properties(face: Face, thickness_mm: float, pose: Pose) -> MassPropert
 
 
 def _moments(outline: Sequence[Point]) -> NDArray[np.float64]:
-    """Area, its first moments (x, y) and second ones (x², y², xy) by Green's theorem."""
+    """(6,): area (mm²), first moments (x, y) and second moments (x², y², xy) of area, by Green's theorem."""
     x0, y0 = np.array(outline).T
     x1, y1 = np.array((*outline[1:], outline[0])).T
     cross = x0 * y1 - x1 * y0
@@ -89,7 +89,7 @@ def _moments(outline: Sequence[Point]) -> NDArray[np.float64]:
 
 
 def _turned(properties: MassProperties, pose: Pose) -> MassProperties:
-    """The same body moved by the pose (millimetres)."""
+    """The body moved by the pose (mm)."""
     matrix = np.array(pose)
     turn, shift = matrix[:3, :3], matrix[:3, 3] * MM
     center = turn @ properties.center_m + shift
@@ -112,7 +112,7 @@ def _faces(car: FoldedCar, body: str, placed: bool) -> Iterator[tuple[Face, Piec
 
 
 def face_bodies(piece: Piece, root_body: str, behind: dict[str, str]) -> dict[str, str]:
-    """The body of each face: past a flexure it is the one behind (``behind``: front segment → rear segment)."""
+    """The body of each face of a piece; beyond a flexure it is ``behind`` of the body before (front → rear segment)."""
     bodies = {piece.faces[0].name: root_body}
     for crease in piece.creases:
         here = bodies[crease.parent.face]

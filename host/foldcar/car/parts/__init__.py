@@ -1,1 +1,1 @@
-"""Bought parts and film as data, and the mass properties of what is made of them."""
+"""Bought parts and film as data, and mass properties of assemblies."""

@@ -1,7 +1,7 @@
-"""Bought parts, the film and the habits of assembly, as data: data/*.json.
+"""The parts catalogue: bought parts, the film and the dimensions of assembly, from data/*.json.
 
-Every number stands once, with its tolerance (half-width of what to expect) and where it comes from.
-Lengths are in millimetres as on data sheets, everything else in SI units unless its name says otherwise.
+Every number has a tolerance (half-width of its expected range) and a source. Lengths are in millimetres, as on data
+sheets, everything else in SI units unless its name says otherwise.
 """
 
 import math
@@ -14,7 +14,7 @@ STANDARD_GRAVITY_M_S2 = 9.80665
 
 
 class Quantity(BaseModel):
-    """A number, what it may differ by, and its source."""
+    """A number, its tolerance (half-width) and its source."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -24,7 +24,7 @@ class Quantity(BaseModel):
 
 
 class PartData(BaseModel):
-    """What every data file has."""
+    """The base of all data files."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -32,7 +32,7 @@ class PartData(BaseModel):
 
 
 class BoxPart(PartData):
-    """A part that takes a box: length along the car unless turned, width across, height up."""
+    """A part modelled as a box: length along the car unless turned, width across, height up."""
 
     cost_usd: Quantity
     mass_kg: Quantity
@@ -50,7 +50,7 @@ class Board(BoxPart):
 
 
 class Caster(BoxPart):
-    """A ball under a flange with two screws."""
+    """A ball caster: a ball under a flange with two screws."""
 
     hole_spacing_mm: Quantity
 
@@ -62,7 +62,7 @@ class Battery(BoxPart):
 
 
 class OperatingPoint(BaseModel):
-    """A servo's published figures at one voltage."""
+    """A servo's data-sheet values at one voltage."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -85,7 +85,7 @@ class ServoLine(BaseModel):
 
 
 class Servo(PartData):
-    """A wheel servo: length along the car, width up, depth across. Ears at ``ear_underside_mm`` above its bottom."""
+    """A wheel servo: length along the car, width up, depth across; its ears are ``ear_underside_mm`` above its bottom."""
 
     cost_usd: Quantity
     mass_kg: Quantity
@@ -102,7 +102,7 @@ class Servo(PartData):
     saturation_us: Quantity
 
     def at_voltage(self, voltage_v: float) -> ServoLine:
-        """The line through the two published points, at ``voltage_v``."""
+        """Linear interpolation (or extrapolation) of the two data-sheet points at ``voltage_v``, in SI units."""
         low, high = self.operating_points
         share = (voltage_v - low.voltage_v) / (high.voltage_v - low.voltage_v)
 
@@ -120,7 +120,7 @@ class Servo(PartData):
 
 
 class Horn(PartData):
-    """What a servo turns a wheel with; it comes with the servo, and its mass is in that of a wheel."""
+    """The servo horn that turns a wheel; it comes with the servo, and its mass counts to the wheel's."""
 
     length_mm: Quantity
     hub_diameter_mm: Quantity
@@ -128,7 +128,7 @@ class Horn(PartData):
 
 
 class Screw(PartData):
-    """A screw and its nut, ``length_mm`` from under the head; their mass is in that of the wiring."""
+    """A screw and its nut, ``length_mm`` below the head; their mass counts to the wiring's."""
 
     cost_usd: Quantity
     mass_kg: Quantity
@@ -137,7 +137,7 @@ class Screw(PartData):
 
 
 class Film(PartData):
-    """The sheet everything is folded from."""
+    """The film that cars are folded from."""
 
     cost_usd_m2: Quantity
 
@@ -180,7 +180,7 @@ class Assembly(PartData):
 
 
 class Catalogue(BaseModel):
-    """All parts of the one car kit there is."""
+    """All parts of the car kit."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -199,7 +199,7 @@ class Catalogue(BaseModel):
 
 @cache
 def catalogue() -> Catalogue:
-    """The parts as shipped with the package, read once."""
+    """The catalogue that the package contains, read once."""
 
     def text(name: str) -> str:
         return files("foldcar.car.parts").joinpath("data").joinpath(name).read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of rigid assemblies of solid boxes, in SI units."""
+"""Mass, centre of mass and inertia of rigid bodies and of solid boxes, in SI units."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,7 +9,10 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class MassProperties:
-    """``center_m`` is (3,); ``inertia_kg_m2`` the (3, 3) tensor about the centre of mass, axes of the car."""
+    """Mass properties of a rigid body in the car's axes.
+
+    ``center_m`` is the (3,) centre of mass, ``inertia_kg_m2`` the (3, 3) tensor about it.
+    """
 
     mass_kg: float
     center_m: NDArray[np.float64]
@@ -19,14 +22,14 @@ class MassProperties:
 def box_properties(
     mass_kg: float, size_m: tuple[float, float, float], center_m: tuple[float, float, float]
 ) -> MassProperties:
-    """A solid box of even density with its faces along the axes."""
+    """A solid box of uniform density with its edges along the axes."""
     squares = np.square(size_m)
     inertia = np.diag(mass_kg / 12 * (squares.sum() - squares))
     return MassProperties(mass_kg, np.array(center_m, dtype=np.float64), inertia)
 
 
 def assemble(bodies: Iterable[MassProperties]) -> MassProperties:
-    """The bodies as one rigid body (parallel-axis theorem)."""
+    """The mass properties of the bodies as one rigid body (parallel-axis theorem)."""
     parts = list(bodies)
     mass_kg = sum(part.mass_kg for part in parts)
     center = np.sum([part.mass_kg * part.center_m for part in parts], axis=0) / mass_kg

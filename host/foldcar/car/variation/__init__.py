@@ -1,1 +1,1 @@
-"""How built cars differ from their design: spreads, draws from them, bodies with them."""
+"""How built cars differ from their design: spreads, random draws from them, bodies with the drawn differences."""

@@ -1,7 +1,7 @@
-"""Spreads: the ways in which built cars differ from their design, and draws from them.
+"""Spreads: distributions of the differences between built cars and their design, and draws from them.
 
-Input: standard deviations by name (defaults and their sources in workshop.json), a seed, a sample. Output: differences
-as plain JSON, wheels' as eight values by servo channel.
+Input: standard deviations by name (defaults and their sources in workshop.json), a seed, a sample number. Output:
+differences as JSON values; those of wheels are lists of eight, by servo channel.
 """
 
 import math
@@ -17,12 +17,12 @@ from foldcar.car.firmware_parameters import CHANNELS
 from foldcar.errors import FoldcarError
 
 WORKSHOP = "workshop"
-# Draws beyond this many standard deviations are put there: nobody drives such a car.
+# Draws are clamped to this many standard deviations: builders would reject a car beyond.
 CUT_OFF = 3.0
 
 
 class Spread(BaseModel):
-    """One way in which cars differ. A half-normal one is a magnitude with a direction of its own."""
+    """The distribution of one quantity. A half-normal one is the magnitude of a vector of uniform direction."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -43,15 +43,15 @@ class _Workshop(BaseModel):
 
 @cache
 def workshop() -> dict[str, Spread]:
-    """Every spread there is, by name, with its default."""
+    """Every spread by name, with its default standard deviation."""
     text = files("foldcar.car.variation").joinpath("workshop.json").read_text(encoding="utf-8")
     return _Workshop.model_validate_json(text).spreads
 
 
 def spread_named(name_or_object: Any, place: str) -> Mapping[str, float]:
-    """The standard deviations a listing asks for at ``place``; FoldcarError if it asks for something unknown.
+    """The standard deviations by name that a listing sets at ``place``; FoldcarError for unknown names or bad values.
 
-    ``"workshop"`` is the defaults, ``{"from": "workshop", "supply_v": 0.4}`` the same but for those named.
+    ``"workshop"`` is the defaults; ``{"from": "workshop", "supply_v": 0.4}`` changes those named.
     """
     changes = dict(name_or_object) if isinstance(name_or_object, Mapping) else {"from": name_or_object}
     if "from" not in changes:
@@ -75,10 +75,9 @@ def spread_named(name_or_object: Any, place: str) -> Mapping[str, float]:
 
 
 def draw(spread: Mapping[str, float], seed: int, sample: int) -> dict[str, Any]:
-    """How the car of ``sample`` differs from any design.
+    """The differences between the built car number ``sample`` and its design; they depend on the arguments only.
 
-    Each name has a stream of its own, so that its standard draws stay the same whatever else varies or by how
-    much. Depends on nothing but the arguments.
+    Each name has its own random stream, so that its standardised draws do not depend on the other spreads.
     """
     variation: dict[str, Any] = {}
     for name, sd in spread.items():
@@ -94,5 +93,5 @@ def draw(spread: Mapping[str, float], seed: int, sample: int) -> dict[str, Any]:
 
 
 def phase_name(name: str) -> str:
-    """The name in a draw of the direction (rad) of a half-normal spread, a length in m: ``eccentricity_phase_rad``."""
+    """The key, in a draw, of the direction of a half-normal spread: ``eccentricity_m`` → ``eccentricity_phase_rad``."""
     return name.removesuffix("_m") + "_phase_rad"

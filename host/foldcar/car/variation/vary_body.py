@@ -1,7 +1,7 @@
-"""A simulator body with the differences of one built car.
+"""The simulator's body of one built car.
 
-Input: a body as in docs/carsim.md, a draw of spread.py and the simulator's limits. Output: the body with the
-differences. The firmware's parameters stay those of the design: the car does not know.
+Input: a body as in docs/carsim.md, a draw of spread.py and the simulator's limits. Output: the body with the drawn
+differences. The firmware keeps the parameters of the design: it has no knowledge of the differences.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ LARGEST_ECCENTRICITY = 0.4
 
 
 def vary_body(body: Mapping[str, Any], variation: Mapping[str, Any], limits: NumberLimits) -> dict[str, Any]:
-    """The body of docs/carsim.md with those differences; what would be beyond a limit is put to it."""
+    """The body with the differences; values outside ``limits`` are clamped to them."""
     return {
         **body,
         "segments": [_segment(segment, variation, limits) for segment in body["segments"]],
@@ -64,11 +64,11 @@ def _wheel(wheel: Mapping[str, Any], variation: Mapping[str, Any], limits: Numbe
 
 
 def _factor(relative: float) -> float:
-    """One more than ``relative``, but no wheel runs backwards and no mass is lost for good."""
+    """1 + ``relative``, at least 0.05, so that no mass or speed becomes zero or negative."""
     return max(0.05, 1 + relative)
 
 
 def _within(limits: tuple[float, float], value: float) -> float:
-    """Nine digits, as bodies have."""
+    """The value clamped to the limits and rounded to nine significant digits, as in body_json."""
     least, largest = limits
     return float(f"{min(max(value, least), largest):.9g}") + 0.0

@@ -1,1 +1,1 @@
-"""What is made of a folded car besides its sheets: meshes, FOLD, lists, wiring, guide and view."""
+"""Products of a folded car besides its sheets: meshes, FOLD files, parts list, wiring, guide and view."""

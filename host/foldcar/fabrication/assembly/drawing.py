@@ -1,6 +1,6 @@
-"""A picture of faces in space as SVG: hidden parts left out, faces shaded, folds dashed, marks with numbers.
+"""Draws faces in space as SVG: hidden parts removed, faces shaded, folds dashed, marks with numbers.
 
-Input: a Shape, a Camera, marks. Output: an SVG element as text, in millimetres of the picture, without other files.
+Input: a Shape, a Camera, marks. Output: a self-contained SVG element as text, in millimetres of the picture.
 """
 
 import html
@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from foldcar.fabrication.assembly.facets import Shape
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, Seen, Vector, seen_facets
 
-# Printed side, other side; 0..255.
+# RGB (0 to 255) of the printed and the other side.
 COLOURS = {
     "film": ((250, 246, 235), (205, 217, 230)),
     "tyre": ((118, 122, 130), (96, 100, 108)),
@@ -30,15 +30,15 @@ LINES = {
     "valley": ("#0b62a8", (3.5, 2), 0.32),
     "flat": ("#777777", (1, 2), 0.24),
 }
-# Visible regions end where other faces begin; lines along shared edges lie just on them.
+# Lines along the common edge of two faces lie on the border of their visible regions: tolerance for drawing them.
 EDGE_SLACK_MM = 0.08
-# Around what is shown, of its larger side.
+# Share of the larger side.
 MARGIN = 0.04
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A number or a few letters at a point of a facet, shown if that point is seen."""
+    """A short text at a point of the facet ``key``, drawn if that point is visible."""
 
     text: str
     at_mm: Vector
@@ -48,7 +48,7 @@ class Mark:
 def picture(
     shape: Shape, view: Camera, title: str, marks: Sequence[Mark] = (), enlarged: float = 1.0
 ) -> str:
-    """The SVG element; its viewBox fits what is shown. ``enlarged`` marks suit a picture that is shown small."""
+    """The SVG element; its viewBox fits the shape. ``enlarged`` scales the marks, for pictures that are shown small."""
     seen = seen_facets(shape.facets, view)
     left, low, right, high = shapely.total_bounds([one.region for one in seen])
     size = max(right - left, high - low)
@@ -68,7 +68,7 @@ def _face(seen: Seen, material: str, size: float) -> str:
     base = np.array(COLOURS[material][0 if seen.front else 1])
     red, green, blue = (base * (0.72 + 0.28 * seen.lit)).astype(int)
     colour = f"#{red:02x}{green:02x}{blue:02x}"
-    # The thin stroke closes the hairlines that renderers leave between neighbours.
+    # The thin stroke closes the gaps that renderers leave between neighbours.
     return (
         f'<path d="{_path(seen.region)}" fill="{colour}" fill-rule="evenodd" '
         f'stroke="{colour}" stroke-width="{size * 0.0015:.3f}"/>'

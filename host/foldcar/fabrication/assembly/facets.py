@@ -1,6 +1,6 @@
-"""The faces of film and bought parts as facets to be drawn, in the car's frame.
+"""Converts faces of film and bought parts to facets to be drawn, in the car's frame.
 
-Input: pieces with their poses and how far they are folded, mounts. Output: Facets and the lines along their edges.
+Input: pieces with their poses and fold fractions, mounts. Output: Facets and the lines along their edges.
 """
 
 from collections.abc import Iterable, Mapping
@@ -21,7 +21,7 @@ LineKind = Literal["cut", "mountain", "valley", "flat"]
 
 @dataclass(frozen=True)
 class EdgeLine:
-    """A line along a facet's edge, to be drawn where one of the facets of these keys is seen: a fold has two."""
+    """A line along the edge of one facet or, for a fold, of two; it is drawn where one of them is visible."""
 
     keys: tuple[str, ...]
     ends_mm: Vector
@@ -30,7 +30,7 @@ class EdgeLine:
 
 @dataclass(frozen=True)
 class Shape:
-    """What one picture shows: facets, their lines, and by the facet's key what each is made of."""
+    """The content of one picture: facets, their lines, and each facet's material by its key."""
 
     facets: tuple[Facet, ...]
     lines: tuple[EdgeLine, ...]
@@ -38,7 +38,7 @@ class Shape:
 
 
 def together(shapes: Iterable[Shape]) -> Shape:
-    """Several shapes in one picture. Their keys must differ."""
+    """Several shapes as one; their keys must differ."""
     several = list(shapes)
     return Shape(
         tuple(facet for shape in several for facet in shape.facets),
@@ -55,7 +55,10 @@ def film_shape(
     tabs: bool = True,
     creases: bool = True,
 ) -> Shape:
-    """One copy of a piece. Keys are the faces' names after ``prefix``; ``creases`` draws folds as folds, not as edges."""
+    """One copy of a piece, folded by ``fraction`` (0 to 1), its root face at ``pose``.
+
+    Keys are ``prefix`` and the face's name. ``creases`` draws folds as such, not as edges.
+    """
     poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
     facets, lines = [], []
     offsets = glued_offset_mm(piece)
@@ -79,7 +82,7 @@ def film_shape(
 
 
 def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
-    """A bought part's box, at its place in the car or at ``pose``."""
+    """A bought part's box, at its pose in the car or at ``pose``."""
     pose = np.array(mount.pose) if pose is None else pose
     half = np.array(mount.size_mm) / 2
     facets, lines = [], []
@@ -98,7 +101,7 @@ def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
 
 
 def _hole_ring(hole: Hole) -> Vector:
-    """The hole's outline; circles with as many corners as a picture shows."""
+    """The hole's outline; a circle has as many corners as are visible in a picture."""
     if hole.diameter_mm is None or hole.center_mm is None:
         return np.array(hole.outline_mm)
     turns = np.linspace(0, 2 * np.pi, 16 if hole.diameter_mm > SMALL_HOLE_MM else 10, endpoint=False)
@@ -106,9 +109,9 @@ def _hole_ring(hole: Hole) -> Vector:
 
 
 def _folded_edges(piece: Piece, shown: set[str]) -> dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]]:
-    """What is drawn along edges that two shown faces share, and the other face; None for nothing.
+    """The line along each edge that two shown faces share (None for no line) and the other face, by the parent's edge.
 
-    The parent's edge stands for both. A rim bends evenly and has no folds between its sides.
+    A rim bends smoothly and has no folds between its facets.
     """
     edges: dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]] = {}
     rims = {face.name for face in piece.faces if face.role == "rim"}

@@ -1,9 +1,9 @@
-"""A piece as a FOLD 1.1 file: flat crease pattern as the key frame, folded form as the second one.
+"""Writes a piece as a FOLD 1.1 file: the crease pattern as the key frame, the folded form as the second frame.
 
-Input: a Piece. Output: JSON text in millimetres, angles in degrees. Faces are triangles, because programs that
-read FOLD know no faces with holes; the edges between the triangles of one face are flat ones (F). The frame
-with the folded form inherits all but the vertices' places. Small holes and slits are left out: they mean nothing to a
-fold, and the slender triangles around them make simulations of folding burst. The sheets have them.
+Input: a Piece. Output: JSON text in millimetres, angles in degrees. Faces are triangles, because FOLD has no faces with
+holes; edges between the triangles of one face are flat (F). The folded frame inherits everything but the vertices'
+coordinates. Small holes and slits are left out: they do not affect folding, and the narrow triangles around them make
+folding simulations unstable. The sheets contain them.
 https://github.com/edemaine/fold/blob/main/doc/spec.md
 """
 
@@ -26,8 +26,8 @@ HOLES = ("opening", "vent")
 
 
 def fold_text(piece: Piece, car: str) -> str:
-    """The file's text. ``car`` tells which car the piece belongs to."""
-    piece = plain(piece)
+    """The file's text; ``car`` is the title of the piece's car."""
+    piece = without_small_holes(piece)
     names = shared_vertices(piece, list(piece.creases))
     order = {name: i for i, name in enumerate(dict.fromkeys(n for ring in names.values() for n in ring))}
     numbers = {face: [order[name] for name in ring] for face, ring in names.items()}
@@ -41,7 +41,7 @@ def fold_text(piece: Piece, car: str) -> str:
         "file_spec": SPEC,
         "file_creator": "foldcar",
         "file_title": f"{car}: {title}",
-        "file_description": "Openings are in it, screw holes, slots and slits are not. The printed side is up.",
+        "file_description": "With openings, without screw holes, slots and slits. The printed side is up.",
         "file_classes": ["singleModel"],
         "frame_title": f"{title}, flat",
         "frame_classes": ["creasePattern"],
@@ -68,7 +68,7 @@ def fold_text(piece: Piece, car: str) -> str:
     return json.dumps(document, separators=(",", ":")) + "\n"
 
 
-def plain(piece: Piece) -> Piece:
+def without_small_holes(piece: Piece) -> Piece:
     """The piece without the holes that FOLD files leave out."""
     faces = (replace(face, holes=tuple(hole for hole in face.holes if hole.kind in HOLES)) for face in piece.faces)
     return replace(piece, faces=tuple(faces))
@@ -77,7 +77,7 @@ def plain(piece: Piece) -> Piece:
 def _edges(
     piece: Piece, numbers: dict[str, list[int]], triangles: list[list[int]]
 ) -> tuple[list[list[int]], list[str], list[float]]:
-    """Every edge once: its ends, its assignment and its fold angle in degrees."""
+    """Every edge once: its vertices, its assignment and its fold angle (degrees)."""
     sizes = {face.name: len(face.outline_mm) for face in piece.faces}
 
     def ends(edge: EdgeRef) -> tuple[int, int]:
@@ -102,7 +102,7 @@ def _edges(
 def _coordinates(
     piece: Piece, numbers: dict[str, list[int]], count: int, fraction: float
 ) -> NDArray[np.float64]:
-    """Where the vertices are, (count, 3), in the root face's frame."""
+    """The vertices, (count, 3) in mm, in the root face's frame."""
     poses = face_poses(piece, fraction)
     points = np.zeros((count, 3))
     for face in piece.faces:

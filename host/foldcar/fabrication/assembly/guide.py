@@ -1,6 +1,6 @@
-"""The assembly guide: one HTML page with numbered steps and pictures, to read on a screen or to print.
+"""The assembly guide: one HTML page with numbered steps and pictures, for screen and print.
 
-Input: a FoldedCar, and its pieces as they are cut. Output: the page's text; it needs no other file.
+Input: a FoldedCar, and the car with its pieces as cut. Output: the page's text; it needs no other file.
 """
 
 from collections.abc import Mapping
@@ -18,9 +18,9 @@ from foldcar.page_template import page_template
 
 
 def guide_page(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], title: str) -> str:
-    """The page; ``as_cut`` is the car with pieces parted as sheets ask for it (``patterns.split_body``).
+    """The page; ``as_cut`` is the car with pieces split to fit the sheets (``patterns.split_body``).
 
-    ``strips`` says of those that are cut across in how many parts, by their pieces' names.
+    ``strips`` is the number of parts of each strip that is cut across, by its piece's name.
     """
     return page_template("foldcar.fabrication.assembly", "guide.html").render(
         title=title,
@@ -36,5 +36,5 @@ def guide_page(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], 
 
 
 def _marked_up(picture: Picture) -> Picture:
-    """The drawing as what it is, so that it is not escaped."""
+    """The picture with its SVG marked as markup, so that it is not escaped."""
     return replace(picture, svg=Markup(picture.svg))

@@ -1,7 +1,7 @@
 """The guide's first steps: cut all pieces, fold each.
 
-Input: a FoldedCar, and its pieces as they are cut from sheets. Output: Steps with pictures of each piece flat, half
-folded and folded.
+Input: a FoldedCar, and the car with its pieces as cut. Output: Steps with pictures of each piece flat, half folded and
+folded.
 """
 
 import math
@@ -23,6 +23,7 @@ ASLANT = camera(-55, 32)
 
 
 def cut(as_cut: FoldedCar) -> Step:
+    """The step that cuts all pieces, with a picture of each."""
     pictures = []
     for piece in as_cut.pieces:
         rim = any(face.role == "rim" for face in piece.faces)
@@ -32,14 +33,14 @@ def cut(as_cut: FoldedCar) -> Step:
         pictures.append(Picture(svg, f"{piece.label}{times}"))
     lines = (
         "Cut all pieces from the sheets. Score the folds or cut them as dashes; do not fold yet.",
-        "Pictures show the printed side. Numbers in circles are joins: the same number stands on both sides of a join.",
+        "Pictures show the printed side. Numbers in circles are joins: both sides of a join have the same number.",
         "Fold valleys (blue, dashed) towards you and mountains (red, dash-dotted) away from you, the printed side up.",
     )
     return Step("Cut the pieces", lines, tuple(pictures))
 
 
 def parted(folded: FoldedCar, as_cut: FoldedCar) -> Iterator[Step]:
-    """How pieces that were too large for a sheet become whole."""
+    """Steps that glue pieces split to fit the sheet."""
     known = {join.number for join in folded.joins}
     cut_names = {piece.name for piece in as_cut.pieces}
     for piece in folded.pieces:
@@ -68,7 +69,7 @@ def parted(folded: FoldedCar, as_cut: FoldedCar) -> Iterator[Step]:
 
 
 def folds(folded: FoldedCar, strips: Mapping[str, int]) -> Iterator[Step]:
-    """How each piece is folded; ``strips`` says of strips that are cut across in how many parts."""
+    """Steps that fold each piece; ``strips`` is the number of parts of strips that are cut across."""
     for group in same_shapes(piece for piece in folded.pieces if any(crease.angle_rad for crease in piece.creases)):
         piece = group[0]
         rim = any(face.role == "rim" for face in piece.faces)

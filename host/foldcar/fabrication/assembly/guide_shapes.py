@@ -1,4 +1,4 @@
-"""What the guide's pictures show: one body of the car with its film partly folded and all that goes with each face.
+"""Shapes of the guide's pictures: one body of the car, partly folded, with the parts fixed to each face.
 
 Input: a FoldedCar, the name of a body (``segment0``, ``wheel0``). Output: Shapes in the car's frame.
 """
@@ -18,7 +18,7 @@ FROM_FRONT = camera(38, 30)
 
 
 class Body:
-    """One rigid body: its base piece, the others with the face of the base they are fixed to, its bought parts."""
+    """One rigid body: its base piece, other pieces with the base's face they are fixed to, bought parts."""
 
     def __init__(self, folded: FoldedCar, name: str) -> None:
         self.folded, self.name = folded, name
@@ -32,24 +32,24 @@ class Body:
 
     @property
     def others(self) -> list[PlacedPiece]:
-        """The pieces that are fixed to the base."""
+        """The pieces fixed to the base."""
         return [placed for placed in self.placed if placed is not self.base]
 
     def base_shape(self, fraction: float = 1.0, creases: bool = True) -> Shape:
-        """The base piece."""
+        """The base piece, folded by ``fraction`` (0 to 1)."""
         return film_shape(self.base_piece, self._flat_to_car, fraction, key(self.base), creases=creases)
 
     def piece_shape(
         self, placed: PlacedPiece, fraction: float = 1.0, apart: Vector | None = None, tabs: bool = True
     ) -> Shape:
-        """Another piece, folded, where it is when the base is folded that far; ``apart`` shifts it."""
+        """Another piece, folded, at its pose with the base folded by ``fraction``; ``apart`` (mm) shifts it."""
         pose = self.follow(self.face_of(placed), placed.pose, fraction)
         if apart is not None:
             pose[:3, 3] += apart
         return film_shape(self.pieces[placed.piece], pose, 1.0, key(placed), tabs, creases=False)
 
     def mount_shapes(self, fraction: float = 1.0, wanted: Callable[[Mount], bool] = lambda mount: True) -> list[Shape]:
-        """The bought parts, each with the face it is fixed to."""
+        """The bought parts for which ``wanted``, at their poses with the base folded by ``fraction``."""
         found = []
         for mount in self.mounts:
             if wanted(mount):
@@ -58,7 +58,7 @@ class Body:
         return found
 
     def follow(self, face: str | None, pose: Pose, fraction: float) -> Matrix:
-        """Where something fixed to that face is when the base is folded only so far."""
+        """The pose of something fixed to that face, when the base is folded by ``fraction``."""
         if face is None:
             return np.array(pose)
         then = self._flat_to_car @ face_poses(self.base_piece, fraction)[face]
@@ -66,7 +66,7 @@ class Body:
         return np.array(then @ np.linalg.inv(now) @ np.array(pose))
 
     def face_of(self, placed: PlacedPiece) -> str | None:
-        """The face of the base that a piece lies on; None if it lies on none."""
+        """The face of the base on which a piece lies; None without one."""
         pose = np.array(placed.pose)
         nearest: tuple[float, str] | None = None
         for face in self.base_piece.faces:
@@ -78,12 +78,12 @@ class Body:
 
 
 def key(placed: PlacedPiece) -> str:
-    """What distinguishes the facets of one copy of a piece from those of all others."""
+    """The prefix of the keys of a copy's facets."""
     return f"{placed.piece} {placed.copy} "
 
 
 def outside(shape: Shape, view: Camera) -> Shape:
-    """What an onlooker can see of closed film, whose printed side is inside: the faces that turn their back to us."""
+    """The visible faces of closed film: those whose printed side, which is inside, faces away from the camera."""
     facets = tuple(facet for facet in shape.facets if facet.normal @ view.toward < 0)
     return Shape(facets, shape.lines, shape.materials)
 
@@ -104,7 +104,7 @@ def whole_car(folded: FoldedCar, view: Camera, apart_mm: float = 0.0) -> Shape:
 
 
 def same_shapes(pieces: Iterable[Piece]) -> list[list[Piece]]:
-    """Pieces in groups that are cut and folded alike."""
+    """Pieces in groups of equal geometry."""
     groups: dict[object, list[Piece]] = {}
     for piece in pieces:
         outlines = tuple(

@@ -1,4 +1,4 @@
-"""A step of the guide, and how its words list things."""
+"""A step of the guide, and lists of numbers and names as text."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step: what to do, line by line."""
+    """One step: a title, instructions line by line, pictures."""
 
     title: str
     lines: tuple[str, ...]
@@ -22,7 +22,7 @@ class Step:
 
 
 def numbers(joins: Iterable[int]) -> str:
-    """Numbers as people list them: ``2 to 5, 11``."""
+    """Numbers as text, ranges shortened: ``2 to 5, 11``."""
     runs: list[list[int]] = []
     for number in sorted(joins):
         if runs and number == runs[-1][-1] + 1:
@@ -33,5 +33,5 @@ def numbers(joins: Iterable[int]) -> str:
 
 
 def listed(names: Sequence[str]) -> str:
-    """``a, b and c``."""
+    """Names as text: ``a, b and c``."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

@@ -1,7 +1,7 @@
-"""The steps that make a car: what to do, in words, and pictures of each fold state.
+"""All steps of the guide: instructions and pictures of each fold state.
 
-Input: a FoldedCar, and its pieces as they are cut. Output: Steps in order. Words and numbers follow from the design:
-its folds, joins, mounts and axles.
+Input: a FoldedCar, and the car with its pieces as cut. Output: Steps in order. Texts and numbers are derived from the
+design's folds, joins, mounts and axles.
 """
 
 import math
@@ -30,7 +30,7 @@ LID_OPEN = 0.6
 def steps(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int]) -> list[Step]:
     """All steps, from cutting to the finished car; ``as_cut`` has the pieces and joins of the sheets.
 
-    ``strips`` says of those that are cut across in how many parts, by their pieces' names.
+    ``strips`` is the number of parts of each strip that is cut across, by its piece's name.
     """
     segments = [Body(folded, name) for name in _bodies(folded, "segment")]
     wheels = [Body(folded, name) for name in _bodies(folded, "wheel")]
@@ -46,12 +46,12 @@ def steps(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int]) -> li
 
 
 def finished(folded: FoldedCar) -> Picture:
-    """The whole car."""
+    """A picture of the whole car."""
     return Picture(picture(whole_car(folded, FROM_FRONT), FROM_FRONT, "The finished car"), "the finished car")
 
 
 def _segment(folded: FoldedCar, body: Body, of: str) -> Iterator[Step]:
-    """The beam of one segment: doublings, servos, boards, seam, caps."""
+    """The steps of one segment's beam: doublings, servos, boards, seam, caps."""
     parts = {kind: [p for p in body.others if _part_of(body, p) == kind] for kind in ("doubling", "inside", "cap")}
     if parts["doubling"]:
         yield _doublings(folded, body, parts["doubling"], of)
@@ -64,7 +64,7 @@ def _segment(folded: FoldedCar, body: Body, of: str) -> Iterator[Step]:
 
 
 def _part_of(body: Body, placed: PlacedPiece) -> Literal["doubling", "inside", "cap", "left"]:
-    """What a piece is to the base of its body: a layer on a wall, something put into it, its end, or none of these."""
+    """The function of a piece for its body: a layer on a wall, an insert, an end cap, or something else ("left")."""
     name, base = placed.piece, body.base_piece.name
     kinds = {j.kind for j in body.folded.joins if j.piece_a == name and j.piece_b == base}
     if "tab" in kinds:
@@ -150,7 +150,7 @@ def _close(folded: FoldedCar, body: Body, caps: list[PlacedPiece], of: str) -> S
 
 
 def _left(folded: FoldedCar, bodies: list[Body], left: list[tuple[Body, PlacedPiece]]) -> Step:
-    """What is glued onto closed beams: hinges between segments, and pieces of modules of one's own."""
+    """The step that glues pieces onto closed beams: hinges between segments, and pieces of user modules."""
     names = {placed.piece for _, placed in left}
     joins = [join for join in folded.joins if join.piece_a in names]
     lines = list(dict.fromkeys(

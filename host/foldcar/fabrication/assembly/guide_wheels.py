@@ -1,4 +1,4 @@
-"""The guide's last steps: make the wheels, put them on.
+"""The guide's last steps: make the wheels and mount them.
 
 Input: a FoldedCar and one wheel's body. Output: Steps.
 """
@@ -17,7 +17,7 @@ BESIDE_MM = 45.0
 
 
 def wheel(folded: FoldedCar, body: Body, count: int) -> Step:
-    """One wheel with its layers pulled apart along the axle, and whole."""
+    """The step that makes ``count`` wheels, with one wheel exploded along the axle and whole."""
     axle = next(axle for axle in folded.axles if axle.wheel == body.name)
     outward = 1.0 if axle.side == "left" else -1.0
     order = sorted(body.placed, key=lambda placed: (outward * _middle_y(body, placed), placed.copy))
@@ -52,6 +52,7 @@ def wheel(folded: FoldedCar, body: Body, count: int) -> Step:
 
 
 def wheels_on(folded: FoldedCar) -> Step:
+    """The step that mounts the wheels on the servos."""
     shape = whole_car(folded, FROM_FRONT, BESIDE_MM)
     lines = (
         "Press each wheel's horn onto its servo and drive the servo's own screw in through the hole of the outer disc.",

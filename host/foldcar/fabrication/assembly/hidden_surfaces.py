@@ -1,8 +1,8 @@
-"""Which parts of flat faces in space an onlooker sees, exactly.
+"""Computes the visible regions of flat faces in space exactly.
 
-Input: Facets in millimetres and a Camera. Output: for each facet that is seen its visible region on the picture plane.
-The depth of a flat face is linear over the picture, so a face hides of another one what their outlines share on that
-side of a line where it is nearer; faces may cut each other.
+Input: Facets in millimetres and a Camera. Output: for each visible facet its visible region on the picture plane. The
+depth of a flat face is linear over the picture, so one face hides the part of another that lies in both outlines on
+that side of a line where it is nearer; faces may intersect.
 """
 
 import math
@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from shapely import Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 
-# Faces nearer to each other than this touch: neither hides the other.
+# Faces closer to each other than this are in contact: neither hides the other.
 TOUCHING_MM = 0.05
 LEAST_AREA_MM2 = 0.02
-# Without a grid, outlines that touch to within rounding can make wrong intersections.
+# Without a grid, outlines that coincide up to rounding can give wrong intersections.
 GRID_DECIMALS = 4
 GRID_MM = 10**-GRID_DECIMALS
 SLIVER_MM = 0.02
@@ -28,9 +28,9 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Facet:
-    """A flat polygon: ``rings_mm[0]`` is the outline (n, 3), the others are holes; any order of its points.
+    """A flat polygon: ``rings_mm[0]`` is the outline (n, 3), the others are holes; the points run in any direction.
 
-    ``key`` says what it is, to whoever draws it. ``closed``: it is the outside of a solid, its back is never seen.
+    ``key`` identifies it. ``closed``: it is the outside of a solid, so that its back is never visible.
     """
 
     key: str
@@ -41,22 +41,22 @@ class Facet:
 
 @dataclass(frozen=True)
 class Camera:
-    """A parallel projection; ``right``, ``up`` and ``toward`` the onlooker are orthonormal."""
+    """A parallel projection; ``right``, ``up`` and ``toward`` (to the camera) are orthonormal (3,) vectors."""
 
     right: Vector
     up: Vector
     toward: Vector
 
     def flat(self, points: Vector) -> Vector:
-        """Where points (n, 3) are on the picture, (n, 2), up being positive."""
+        """The projections, (n, 2), of points (n, 3): right and up are positive."""
         return np.column_stack([points @ self.right, points @ self.up])
 
 
 @dataclass(frozen=True)
 class Seen:
-    """A facet with what is seen of it on the picture, ``whole`` if nothing is hidden.
+    """A facet and its visible ``region`` on the picture; ``whole`` if nothing of it is hidden.
 
-    ``lit`` from 0 to 1, ``front`` if its normal looks at us.
+    ``lit`` is its brightness from 0 to 1; ``front`` if its normal points to the camera.
     """
 
     facet: Facet
@@ -67,7 +67,7 @@ class Seen:
 
 
 def camera(azimuth_deg: float, elevation_deg: float) -> Camera:
-    """Seen from this direction: azimuth counter-clockwise from +x, elevation over the horizon."""
+    """The camera in this direction: azimuth counter-clockwise from +x, elevation above the horizon."""
     a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
     toward = np.array([math.cos(a) * math.cos(e), math.sin(a) * math.cos(e), math.sin(e)])
     right = np.array([-math.sin(a), math.cos(a), 0.0])
@@ -75,11 +75,11 @@ def camera(azimuth_deg: float, elevation_deg: float) -> Camera:
 
 
 def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
-    """The facets of which something is seen, farthest first."""
+    """The facets that are at least partly visible, farthest first."""
     facets = [facet for facet in facets if not facet.closed or facet.normal @ view.toward > 0]
     outlines = np.array([_outline(facet, view) for facet in facets], dtype=object)
     kept = np.flatnonzero(shapely.area(outlines) > LEAST_AREA_MM2)
-    # Rounding can let holes touch the outlines of faces that are seen from the edge.
+    # Rounding can make holes touch the outlines of faces seen almost edge-on.
     shapes = shapely.make_valid(outlines[kept])
     hidden = _hidden(shapes, np.array([_depth(facets[i], view) for i in kept]).reshape(-1, 3))
     found = []
@@ -91,7 +91,7 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
                 break
         whole = region.area - rest.area < LEAST_AREA_MM2
         if not whole:
-            # Where hiding faces meet, rounding leaves slivers between them.
+            # Rounding leaves slivers between adjacent hiding faces.
             region = rest.buffer(-SLIVER_MM, join_style="mitre").buffer(SLIVER_MM, join_style="mitre")
         if region.area > LEAST_AREA_MM2:
             found.append(_seen(facets[index], region, whole, view))
@@ -104,10 +104,10 @@ def _outline(facet: Facet, view: Camera) -> Polygon:
 
 
 def _hidden(shapes: NDArray[np.object_], planes: Vector) -> list[list[BaseGeometry]]:
-    """For each outline what hides of it: outlines of nearer faces, or the parts of them that are nearer."""
+    """For each outline the regions that hide it: outlines of nearer faces, or their nearer parts."""
     hidden: list[list[BaseGeometry]] = [[] for _ in shapes]
     behind, ahead, wholly = _overlapping(shapes, planes)
-    # What lies behind one face is not seen, and hides nothing that this one does not hide too.
+    # A face completely behind another one is invisible, and hides nothing that the other one does not hide.
     covered = np.zeros(len(shapes), dtype=bool)
     covered[behind[wholly][shapely.covers(shapes[ahead[wholly]], shapes[behind[wholly]])]] = True
     for one in np.flatnonzero(covered):
@@ -126,16 +126,16 @@ def _hidden(shapes: NDArray[np.object_], planes: Vector) -> list[list[BaseGeomet
 def _overlapping(
     shapes: NDArray[np.object_], planes: Vector
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-    """Pairs (n,) of outlines, the first somewhere behind the second where both are; whether it is so everywhere."""
+    """Pairs, (n,) indices each, of outlines whose first is partly behind the second; (n,) whether it is completely."""
     shapely.prepare(shapes)
     behind, ahead = STRtree(shapes).query(shapes, predicate="intersects")
     corners, owners = shapely.get_coordinates(shapes, return_index=True)
     depths = planes[:, :1] + planes[:, 1:2] * corners[:, 0] + planes[:, 2:] * corners[:, 1]
-    # By how much the plane of each face is nearer than the corners of each other face: least and greatest.
+    # How much nearer the plane of each face is than the corners of each other face: minimum and maximum.
     leads = depths - depths[owners, np.arange(len(corners))]
     starts = np.searchsorted(owners, np.arange(len(shapes)))
     least, greatest = (reduce.reduceat(leads, starts, axis=1) for reduce in (np.minimum, np.maximum))
-    # What both share lies between the corners of either.
+    # The common region lies within the corners of both.
     somewhere = np.minimum(greatest[ahead, behind], -least[behind, ahead]) > TOUCHING_MM
     everywhere = np.maximum(least[ahead, behind], -greatest[behind, ahead]) > -TOUCHING_MM
     wanted = np.flatnonzero(somewhere)
@@ -144,7 +144,7 @@ def _overlapping(
 
 
 def _depth(facet: Facet, view: Camera) -> Vector:
-    """(c, a, b): the facet at picture point (u, v) is at depth c + a u + b v, nearer being more."""
+    """(c, a, b): the facet's depth at the picture's point (u, v) is c + a u + b v; larger is nearer."""
     normal = facet.normal
     slope = normal @ view.toward
     a, b = -(normal @ view.right) / slope, -(normal @ view.up) / slope
@@ -153,14 +153,14 @@ def _depth(facet: Facet, view: Camera) -> Vector:
 
 
 def _nearer(region: BaseGeometry, ahead: Vector) -> BaseGeometry:
-    """The part of a region where ``ahead``, the depth by which a facet is nearer, is more than touching."""
+    """The part of a region where ``ahead``, the plane of depth differences, exceeds TOUCHING_MM."""
     corners = shapely.get_coordinates(region)
     lead = ahead[0] + corners @ ahead[1:] - TOUCHING_MM
     if (lead <= 0).all():
         return Polygon()
     if (lead > 0).all():
         return region
-    # The half plane, as a square on the line that is larger than the region.
+    # The half plane is represented by a square on the line that is larger than the region.
     slope = math.hypot(ahead[1], ahead[2])
     along = np.array([-ahead[2], ahead[1]]) / slope
     inward = np.array([ahead[1], ahead[2]]) / slope
@@ -172,7 +172,7 @@ def _nearer(region: BaseGeometry, ahead: Vector) -> BaseGeometry:
 
 
 def _polygons(geometry: BaseGeometry) -> BaseGeometry:
-    """Without the points and lines in which outlines only touch."""
+    """The polygons of a geometry, without points and lines."""
     if geometry.geom_type in ("Polygon", "MultiPolygon"):
         return geometry
     return shapely.MultiPolygon([part for part in shapely.get_parts(geometry) if part.geom_type == "Polygon"])
@@ -182,7 +182,7 @@ def _seen(facet: Facet, region: BaseGeometry, whole: bool, view: Camera) -> Seen
     front = bool(facet.normal @ view.toward > 0)
     normal = facet.normal if front else -facet.normal
     light = view.toward + 0.6 * view.up - 0.35 * view.right
-    return Seen(facet, region, whole, float(max(0.0, normal @ light / np.linalg.norm(light))), front)
+    return Seen(facet, region, whole, max(0.0, float(normal @ light / np.linalg.norm(light))), front)
 
 
 def _mean_depth(facet: Facet, view: Camera) -> float:

@@ -1,4 +1,4 @@
-"""Where a join's number stands on a piece: on the tab, and beside the edge that the tab is glued along."""
+"""Positions of joins' numbers on a piece in the guide: on the tab, and beside the edge that it is glued along."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ BESIDE_EDGE_MM = 7.0
 
 
 def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: float, prefix: str = "") -> list[Mark]:
-    """The numbers on one copy of a piece; what is glued all around a rim has its number once on each side."""
+    """The numbers on one copy of a piece; the joins around a rim have their number once on each side."""
     poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
     offsets = glued_offset_mm(piece)
     marks: dict[tuple[int, str], Mark] = {}
@@ -32,14 +32,14 @@ def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: float, p
 
 
 def _place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | None:
-    """The face and the point on it; None where the number would say nothing."""
+    """The face and the point (mm) on it; None if the join is not numbered there."""
     faces = {face.name: face for face in piece.faces}
     reference = join.a if side == "a" else join.b
-    # Copies of one piece have their joins under names of their own.
+    # The joins of merged copies name the faces of the first copy.
     face = faces.get(reference.face, piece.faces[0])
     outline = np.array(face.outline_mm)
     if join.kind == "laminate" and side == "a":
-        # Beside the middle, where hubs and openings are.
+        # Off the centre, where hubs and openings are.
         return face.name, outline.mean(axis=0) * 0.4 + outline[0] * 0.6
     if join.kind == "laminate":
         return None

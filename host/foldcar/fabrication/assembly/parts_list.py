@@ -1,6 +1,6 @@
-"""The bill of materials: film and bought parts with quantities, masses and costs; as Markdown and as CSV.
+"""The bill of materials: film and bought parts with quantities, masses and costs, as Markdown and as CSV.
 
-Input: a FoldedCar. Output: rows, and texts made of them. Film counts as cut, without what is left of the sheets.
+Input: a FoldedCar. Output: rows, and texts of them. Film is counted as cut, without waste.
 """
 
 import csv
@@ -17,7 +17,7 @@ SCREWS_PER_SERVO = 2
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One line: so many of something. Mass and cost are those of all of them; None: counted elsewhere."""
+    """One line: a quantity of a part with the total mass and cost; None if they are counted elsewhere."""
 
     name: str
     quantity: float
@@ -28,22 +28,22 @@ class Row:
 
 
 def parts_list(folded: FoldedCar) -> tuple[Row, ...]:
-    """All rows: film, bought parts as they are placed, then what is small."""
+    """All rows: film, placed bought parts, then small parts."""
     return (*_film(folded), *_bought(folded), *_small(folded))
 
 
 def total_mass_kg(rows: tuple[Row, ...]) -> float:
-    """The car's mass."""
+    """The car's mass (kg)."""
     return sum(row.mass_kg or 0.0 for row in rows)
 
 
 def total_cost_usd(rows: tuple[Row, ...]) -> float:
-    """The car's cost."""
+    """The car's cost (US dollars)."""
     return sum(row.cost_usd or 0.0 for row in rows)
 
 
 def parts_list_text(folded: FoldedCar, title: str) -> str:
-    """The page: what to buy, what is cut."""
+    """The parts list as Markdown: parts to buy, pieces to cut."""
     rows = parts_list(folded)
     lines = [f"# Parts of {title}", "", "| part | quantity | mass g | cost USD | |", "|---|---:|---:|---:|---|"]
     lines += [
@@ -81,7 +81,7 @@ def parts_list_csv(folded: FoldedCar) -> str:
 
 
 def film_area_mm2(folded: FoldedCar) -> float:
-    """Film in the car, of any thickness."""
+    """Area of the film in the car, of all thicknesses (mm²)."""
     return sum(piece.count * piece_area_mm2(piece) for piece in folded.pieces)
 
 
@@ -125,7 +125,7 @@ def _small(folded: FoldedCar) -> list[Row]:
 
 
 def _cost(name: str, count: int) -> tuple[float | None, str]:
-    """What so many cost, and a note."""
+    """The cost of ``count`` parts and a note."""
     parts = catalogue()
     if name == parts.horn.name:
         return None, "come with the servos"

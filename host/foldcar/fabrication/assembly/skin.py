@@ -1,8 +1,8 @@
-"""A piece of film as a closed solid of its thickness, folded.
+"""A folded piece of film as a closed solid of its thickness.
 
-Input: a Piece and how far it is folded. Output: a Mesh in millimetres. Faces that share a
-crease share its vertices, which stand half a thickness off both faces on either side: folds come out mitred and a piece
-is one shell without gaps. A crease folded almost back on itself has no mitre: there the faces stay shells of their own.
+Input: a Piece and its fold fraction. Output: a Mesh in millimetres. Faces that share a crease share its vertices, which
+are half a thickness off the middle planes of both, on each side: folds are mitred, and a piece is one shell without
+gaps. At a crease folded by almost 180° there is no mitre: the faces remain separate shells.
 """
 
 import math
@@ -18,7 +18,7 @@ from foldcar.fabrication.assembly.triangles import face_points, face_triangles
 
 SHARPEST_MITRE_RAD = math.radians(150)
 SAME_LENGTH_MM = 1e-6
-# Layers that are glued together stay this far apart: programs that merge equal corners then keep them whole.
+# Gap between glued layers, so that programs that merge equal vertices keep the shells separate.
 AIR_MM = 2e-4
 
 
@@ -31,20 +31,20 @@ class Mesh:
 
     @property
     def volume_mm3(self) -> float:
-        """The enclosed volume, by the divergence theorem."""
+        """The enclosed volume (mm³), by the divergence theorem."""
         a, b, c = (self.vertices_mm[self.triangles[:, i]] for i in range(3))
         return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
 def joined(meshes: list[Mesh]) -> Mesh:
-    """Several meshes as one; nothing is merged."""
+    """Several meshes as one, without merging vertices."""
     starts = np.cumsum([0, *(len(mesh.vertices_mm) for mesh in meshes)])
     triangles = [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
     return Mesh(np.concatenate([mesh.vertices_mm for mesh in meshes]), np.concatenate(triangles))
 
 
 def film_solid(piece: Piece, fraction: float = 1.0) -> Mesh:
-    """The solid of the piece in its root face's frame."""
+    """The solid of the piece, folded by ``fraction`` (0 to 1), in its root face's frame."""
     poses = face_poses(piece, fraction)
     welded = [crease for crease in piece.creases if _is_welded(piece, crease, fraction)]
     names = shared_vertices(piece, welded)
@@ -62,7 +62,7 @@ def film_solid(piece: Piece, fraction: float = 1.0) -> Mesh:
             normals.setdefault(index, []).append(at[:3, 2])
         triangles.append(np.array(vertex)[face_triangles(face)])
         for start, end in zip([0, *ends], ends, strict=False):
-            # With the film on the left: a hole's ring runs against its own direction.
+            # The film must be on the left, so a hole's ring is reversed.
             ring = vertex[start:end][::-1] if start else vertex[:end]
             walls += [
                 (ring[i], ring[(i + 1) % len(ring)])
@@ -81,7 +81,7 @@ def _is_welded(piece: Piece, crease: Crease, fraction: float) -> bool:
 
 
 def shared_vertices(piece: Piece, welded: list[Crease]) -> dict[str, list[int]]:
-    """For each face the number of the vertex that each of its points is; creases' points have one number."""
+    """For each face the vertex numbers of its points; the points of a welded crease share their numbers."""
     names: dict[str, list[int]] = {}
     count = 0
     for face in piece.faces:
@@ -129,7 +129,7 @@ def _thickened(
 
 
 def _offset(normals: list[NDArray[np.float64]], distance_mm: float) -> NDArray[np.float64]:
-    """The shortest step that stands ``distance_mm`` off every one of the planes with these normals."""
+    """The shortest vector, (3,), with distance ``distance_mm`` from each of the planes with these normals."""
     if len(normals) == 1:
         return normals[0] * distance_mm
     rows = np.array(normals)
@@ -138,7 +138,7 @@ def _offset(normals: list[NDArray[np.float64]], distance_mm: float) -> NDArray[n
 
 
 def piece_area_mm2(piece: Piece) -> float:
-    """Film in one copy of the piece."""
+    """Area of film in one copy of the piece (mm²)."""
     return sum(_area(face.outline_mm) - sum(_area(hole.outline_mm) for hole in face.holes) for face in piece.faces)
 
 

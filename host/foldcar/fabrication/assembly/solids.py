@@ -1,4 +1,4 @@
-"""Everything of a folded car as closed solids in the car's frame: film with its thickness, bought parts as boxes."""
+"""A folded car as closed solids in the car's frame: film with its thickness, bought parts as boxes."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,7 +14,7 @@ Material = Literal["film", "tyre", "servo", "board", "battery", "other"]
 
 @dataclass(frozen=True)
 class Solid:
-    """One part: its name, the rigid body it belongs to, what it looks like, and its shape."""
+    """One part: its name, its rigid body, its material and its mesh."""
 
     name: str
     body: str
@@ -23,7 +23,7 @@ class Solid:
 
 
 def film_solids(folded: FoldedCar) -> list[Solid]:
-    """Every piece of film where it ends up."""
+    """Every copy of every piece of film, folded."""
     pieces = {piece.name: piece for piece in folded.pieces}
     shapes = {piece.name: film_solid(piece) for piece in folded.pieces}
     found = []
@@ -48,7 +48,7 @@ def film_mesh(folded: FoldedCar) -> Mesh:
 
 
 def mount_material(mount: Mount) -> Material:
-    """What a bought part looks like, by the word its catalogue's name has."""
+    """The material of a bought part, by a word in its catalogue name."""
     name = mount.part.lower()
     words: dict[str, Material] = {"servo": "servo", "aa": "battery", "lipo": "battery", "feather": "board"}
     if "featherwing" in name:

@@ -1,4 +1,4 @@
-"""Triangles of a face with its holes: points of the outline, then those of each hole; no others."""
+"""Triangulates a face with its holes, using the points of outline and holes only."""
 
 import itertools
 
@@ -11,7 +11,7 @@ from foldcar.car.folded.model import Face
 
 
 def face_points(face: Face) -> tuple[NDArray[np.float64], list[int]]:
-    """Points (n, 2) of outline and holes one after the other, and the end index of each of these rings."""
+    """Points (n, 2) of outline and holes in sequence, and the end index of each of these rings."""
     rings = [np.array(face.outline_mm, dtype=np.float64)]
     rings += [np.array(hole.outline_mm, dtype=np.float64) for hole in face.holes]
     return np.concatenate(rings), list(np.cumsum([len(ring) for ring in rings]))
@@ -20,7 +20,7 @@ def face_points(face: Face) -> tuple[NDArray[np.float64], list[int]]:
 def face_triangles(face: Face) -> NDArray[np.int64]:
     """Indices (m, 3) into ``face_points``, counter-clockwise seen from the printed side.
 
-    Every point is a corner of some triangle, those in the middle of a straight edge too: neighbours share them.
+    Every point is a corner of a triangle, also one inside a straight edge, because neighbouring faces share it.
     """
     points, ends = face_points(face)
     polygon = Polygon(points[: ends[0]], [points[a:b] for a, b in itertools.pairwise(ends)])

@@ -1,7 +1,7 @@
-"""What the view page draws: faces with their triangles, folds, places flat and assembled, bought parts.
+"""The data of the view page: triangulated faces, folds, flat and assembled poses, bought parts.
 
-Input: a FoldedCar. Output: plain JSON in millimetres and radians; poses are 16 numbers, row-major. The page folds the
-pieces itself: docs/assembly.md says how.
+Input: a FoldedCar. Output: JSON in millimetres and radians; poses are 16 numbers, row-major. The page computes the
+folding (docs/patterns.md).
 """
 
 import math
@@ -21,7 +21,7 @@ DECIMALS = 4
 
 def view_data(folded: FoldedCar) -> dict[str, Any]:
     """The JSON object that view.js reads."""
-    # What is laminated lies on the printed, inner side.
+    # Laminated pieces lie on the printed, inner side.
     layers = {join.piece_a for join in folded.joins if join.kind == "laminate"}
     index = {piece.name: i for i, piece in enumerate(folded.pieces)}
     extents = [_flat_extent(folded.pieces[index[placed.piece]]) for placed in folded.placed]
@@ -78,7 +78,7 @@ def _piece(piece: Piece) -> dict[str, Any]:
                 "own": [*edge(faces, crease.child)[0], *edge(faces, crease.child)[1]],
                 "edge": crease.child.index,
                 "angle": crease.angle_rad,
-                # A rim bends evenly and has no folds between its sides.
+                # A rim bends smoothly and has no folds between its facets.
                 "drawn": not (face.role == "rim" and faces[crease.parent.face].role == "rim"),
             }
         described.append(entry)
@@ -87,7 +87,7 @@ def _piece(piece: Piece) -> dict[str, Any]:
 
 
 def _flat_extent(piece: Piece) -> tuple[float, float, float, float]:
-    """Least x, least y, size along x, size along y of the flat piece in its root face's frame."""
+    """Minimum x and y, size along x and y (mm) of the flat piece in its root face's frame."""
     poses = face_poses(piece, 0.0)
     corners = np.concatenate([moved(poses[face.name], np.array(face.outline_mm)) for face in piece.faces])
     low, size = corners.min(axis=0), np.ptp(corners, axis=0)
@@ -95,14 +95,14 @@ def _flat_extent(piece: Piece) -> tuple[float, float, float, float]:
 
 
 def _side_by_side(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
-    """Where origins go, [x, y, turn], so that all lie in rows next to each other around the middle, none overlapping.
+    """Poses [x, y, turn] of the pieces' origins that arrange them without overlap in rows around the centre.
 
-    What is longer across than along is turned by a quarter, so that rows are low; the tallest come first, each in
-    the first row that has room.
+    Pieces longer along y than along x are turned by 90°, so that rows are low; the highest come first, each in the
+    first row with room.
     """
     sizes = [(max(e[2], e[3]) + GAP_MM, min(e[2], e[3]) + GAP_MM) for e in extents]
     width = max(1.15 * math.sqrt(sum(a * b for a, b in sizes)), max(a for a, _ in sizes))
-    rows: list[list[float]] = []  # y, height, x that is taken
+    rows: list[list[float]] = []  # y, height, occupied length along x
     corners = [(0.0, 0.0)] * len(extents)
     for i in sorted(range(len(extents)), key=lambda i: (-sizes[i][1], i)):
         along, across = sizes[i]
@@ -115,7 +115,7 @@ def _side_by_side(extents: list[tuple[float, float, float, float]]) -> list[list
     middle = (rows[-1][0] + rows[-1][1]) / 2
     places = []
     for (x, y), (low_x, low_y, along, across) in zip(corners, extents, strict=True):
-        # A quarter turn takes (x, y) to (-y, x).
+        # A quarter turn maps (x, y) to (-y, x).
         turned = across > along
         at = (x + low_y + across, y - low_x) if turned else (x - low_x, y - low_y)
         places.append([round(at[0], 3), round(at[1] - middle, 3), math.pi / 2 if turned else 0.0])
@@ -123,7 +123,7 @@ def _side_by_side(extents: list[tuple[float, float, float, float]]) -> list[list
 
 
 def _ground_mm(folded: FoldedCar) -> float:
-    """Height of the floor the car stands on."""
+    """z of the floor under the car (mm)."""
     return min((axle.center_mm[2] - axle.radius_mm for axle in folded.axles), default=-50.0)
 
 

@@ -1,7 +1,7 @@
-"""The view page: one HTML file with the flat sheets and a model that folds; works without a network.
+"""The view page: one HTML file with the flat sheets and an animated folding model, without network access.
 
-Input: a FoldedCar, drawings of its flat sheets. Output: the page's text. Its 3D library, three.js, is taken from the
-installed package jupyter_threejs_sage when the page is written.
+Input: a FoldedCar, drawings of its flat sheets. Output: the page's text, which contains the 3D library three.js of the
+installed package jupyter_threejs_sage.
 """
 
 import json
@@ -22,18 +22,18 @@ THREE_FILE = "static/r130/three.min.js"
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """An SVG file or element, and what is written under it."""
+    """An SVG file or element, and its caption."""
 
     svg: str
     caption: str
 
 
 def view_page(folded: FoldedCar, title: str, sheets: Sequence[Drawing]) -> str:
-    """The page."""
+    """The page's text."""
     return page_template("foldcar.fabrication.assembly", "view.html").render(
         title=title,
         facts=facts(folded),
-        # A file's XML declaration cannot stand in a page.
+        # A file's XML declaration is not allowed inside a page.
         drawings=[{"svg": Markup(one.svg[one.svg.index("<svg") :]), "caption": one.caption} for one in sheets],
         library=_script(files(THREE_PACKAGE).joinpath(THREE_FILE).read_text(encoding="utf-8")),
         data=_script(json.dumps(view_data(folded), separators=(",", ":"))),
@@ -42,7 +42,7 @@ def view_page(folded: FoldedCar, title: str, sheets: Sequence[Drawing]) -> str:
 
 
 def facts(folded: FoldedCar) -> str:
-    """The car in a line."""
+    """Mass, film, wheels and cost of the car in one line."""
     rows = parts_list(folded)
     count = sum(piece.count for piece in folded.pieces)
     return (
@@ -52,5 +52,5 @@ def facts(folded: FoldedCar) -> str:
 
 
 def _script(text: str) -> Markup:
-    """Text that may stand in a script element."""
+    """Text that is safe inside a script element."""
     return Markup(text.replace("</", "<\\/"))

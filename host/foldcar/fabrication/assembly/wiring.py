@@ -1,6 +1,6 @@
-"""Which servo is on which output of the servo driver, how it turns, and where the supply comes from: as text.
+"""The wiring as text: servo and direction of each output of the servo driver, and the supplies.
 
-Input: a FoldedCar. Output: Markdown. Outputs are counted from 0 as on the board, channels from 1 as in the firmware's
+Input: a FoldedCar. Output: Markdown. Outputs count from 0 as on the board, channels from 1 as in the firmware's
 parameter names.
 """
 
@@ -12,7 +12,7 @@ CARRIES = {"signal": "signal", "supply": "supply", "stack": "plugged together", 
 
 
 def wiring_text(folded: FoldedCar, title: str) -> str:
-    """The page."""
+    """The wiring as Markdown."""
     wing, battery = catalogue().featherwing.name, catalogue().battery
     lines = [
         f"# Wiring of {title}",

@@ -1,4 +1,4 @@
-"""The wiring as a drawing: outputs of the servo driver in the middle, servos where they are in the car, supply below.
+"""The wiring as a drawing: outputs of the servo driver in the middle, servos at their sides, supply below.
 
 Input: a FoldedCar. Output: SVG text, in millimetres of a page; the car's front is up.
 """
@@ -13,7 +13,7 @@ OUTPUTS = 8
 WIDTH_MM, ROW_MM, TOP_MM = 190.0, 11.0, 26.0
 BOARD_MM = (70.0, 120.0)
 SERVO_MM = 50.0
-# Lead colours of the kit's servos would all be alike; neighbours differ in lightness.
+# The leads of all servos have the same colours; in the drawing each output has its own, neighbours differ in lightness.
 WIRES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#a65628", "#e69f00", "#555555")
 INK, PLUS = "#222222", "#c2272d"
 

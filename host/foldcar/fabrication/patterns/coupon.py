@@ -1,9 +1,9 @@
-"""A calibration coupon: which fold dashes, slot clearance and kerf suit a film and a machine.
+"""A calibration coupon to determine the fold dashes, slot clearance and kerf of a film and a machine.
 
-Input: Options. Output: one sheet. "folds" is a comb whose tongues have dashes of cut over bridge as written on them: fold
-each and keep the one that bends cleanly and does not tear. "slots" takes the tongue of 10 mm: the slot of the least
-clearance that lets it in without bulging is the tab clearance. "kerf": the square of 20 mm fills its window without play
-if the kerf is right, and the bar is 100.0 mm long.
+Input: Options. Output: one sheet. "folds" is a comb whose tongues have dashes with the labelled lengths of cut and
+bridge: fold each and choose the one that bends cleanly and does not tear. "slots" fits the 10 mm tongue: the smallest
+clearance whose slot accepts it without bulging is the tab clearance. "kerf": if the kerf is right, the 20 mm square
+fills its window without play, and the bar is 100.0 mm long.
 """
 
 from shapely.geometry import Polygon, box
@@ -50,13 +50,13 @@ def _piece(label: str, outline: Polygon) -> FlatPiece:
 
 
 def _text(text: str, x: float, y: float, height: float = TEXT_MM) -> list[Shape]:
-    """A text with its middle at x, its base line at y."""
+    """A text centred at x with its base line at y."""
     strokes, width = text_strokes(text, height)
     return [Path("LABEL", tuple((x - width / 2 + u, y + v) for u, v in stroke)) for stroke in strokes]
 
 
 def _folds(chosen: Options) -> tuple[FlatPiece, list[Shape]]:
-    """Tongues of 10 x 16 mm on a strip; each one's fold is where it begins."""
+    """Tongues of 10 x 16 mm on a strip, each with a fold at its base."""
     pitch, base, tall = TONGUE_MM + 2, 8.0, 16.0
     points: list[Point] = [(0.0, 0.0), (len(DASHES_MM) * pitch, 0.0)]
     marks = _text("folds", len(DASHES_MM) * pitch / 2, 3.0)
@@ -75,7 +75,7 @@ def _folds(chosen: Options) -> tuple[FlatPiece, list[Shape]]:
 
 
 def _slots(thickness_mm: float) -> tuple[FlatPiece, list[Shape]]:
-    """Slots as wide as two films and 0.2 mm, as long as the tongue and the clearance written above them."""
+    """Slots two film thicknesses + 0.2 mm wide, and as long as the tongue plus the labelled clearance."""
     pitch = TONGUE_MM + 5
     outline = box(0, 0, len(CLEARANCES_MM) * pitch, 16)
     wide = 2 * thickness_mm + 0.2

@@ -1,4 +1,4 @@
-"""A fold as real geometry: cuts with bridges between them, because cutters ignore dashed line styles."""
+"""A fold as a row of cuts with bridges between them, because cutters ignore dashed line styles."""
 
 import math
 
@@ -8,8 +8,8 @@ from foldcar.fabrication.patterns.drawing import Point
 def dashes(a: Point, b: Point, cut_mm: float, bridge_mm: float, kerf_mm: float = 0.0) -> list[tuple[Point, Point]]:
     """The cuts along the fold from ``a`` to ``b``, with a bridge at both ends.
 
-    Cuts keep their length (as the machine leaves them, kerf included) and bridges stretch evenly to fill the fold. A
-    fold too short for one whole cut gets one of half its length.
+    The finished cuts, kerf included, have the length ``cut_mm``; bridges are at least ``bridge_mm`` and equal. A fold
+    too short for one cut gets one of half its length.
     """
     length = math.dist(a, b)
     count = math.floor((length - bridge_mm) / (cut_mm + bridge_mm) + 1e-9)

@@ -1,6 +1,6 @@
-"""What a sheet consists of: polylines and circles on layers, in millimetres, x right and y up from a corner.
+"""The geometry of a sheet: polylines and circles on layers, in millimetres, x right and y up from a corner.
 
-This is what writers write and what readers of the written files give back, so that both can be compared.
+Writers take it and readers of the written files return it, so that both can be compared.
 """
 
 import itertools
@@ -23,18 +23,18 @@ class Path:
 
     @property
     def segments(self) -> Iterator[tuple[Point, Point]]:
-        """Its straight parts in order."""
+        """Its straight segments in order."""
         yield from itertools.pairwise(self.points_mm)
         if self.closed:
             yield self.points_mm[-1], self.points_mm[0]
 
     @property
     def length_mm(self) -> float:
-        """Length along the line."""
+        """Length along the line (mm)."""
         return sum(math.dist(a, b) for a, b in self.segments)
 
     def moved(self, motion: "Motion") -> "Path":
-        """The same line elsewhere."""
+        """The line after a motion."""
         return replace(self, points_mm=tuple(motion.apply(p) for p in self.points_mm))
 
 
@@ -48,11 +48,11 @@ class Circle:
 
     @property
     def length_mm(self) -> float:
-        """Its circumference."""
+        """Its circumference (mm)."""
         return 2 * math.pi * self.radius_mm
 
     def moved(self, motion: "Motion") -> "Circle":
-        """The same circle elsewhere."""
+        """The circle after a motion."""
         return replace(self, center_mm=motion.apply(self.center_mm))
 
 
@@ -61,13 +61,13 @@ Shape = Path | Circle
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A turn about the origin by ``quarter_turns`` · 90°, counter-clockwise, and then a shift."""
+    """A rotation about the origin by ``quarter_turns`` · 90°, counter-clockwise, followed by a shift."""
 
     quarter_turns: int = 0
     shift_mm: Point = (0.0, 0.0)
 
     def apply(self, point: Point) -> Point:
-        """Where ``point`` comes to lie."""
+        """The image of ``point`` (mm)."""
         x, y = point
         for _ in range(self.quarter_turns % 4):
             x, y = -y, x
@@ -76,7 +76,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """One sheet of film. ``groups`` holds together what is moved together: a piece with its labels."""
+    """One sheet of film. Each group contains the shapes that move together: a piece with its labels."""
 
     name: str
     width_mm: float
@@ -97,7 +97,7 @@ class Sheet:
 
 
 def bounds(shapes: Iterable[Shape]) -> tuple[float, float, float, float]:
-    """Least x and y, greatest x and y of the shapes."""
+    """Minimum x and y, maximum x and y of the shapes (mm)."""
     points = []
     for shape in shapes:
         if isinstance(shape, Circle):

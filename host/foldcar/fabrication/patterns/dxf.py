@@ -13,17 +13,17 @@ from foldcar.fabrication.patterns.layers import LAYERS
 
 def dxf(sheet: Sheet) -> str:
     """The file's text: LWPOLYLINEs and CIRCLEs on named layers, $INSUNITS 4, the sheet's limits set."""
-    # Fixed dates and ids: the same sheet gives the same bytes.
+    # Fixed dates and ids, so that the same sheet gives the same bytes.
     fixed = options.write_fixed_meta_data_for_testing
     options.write_fixed_meta_data_for_testing = True
     try:
         document = new("R2010", units=units.MM)
         document.header["$MEASUREMENT"] = 1
-        # They come in the order of a set, which is another one in each process.
+        # ezdxf writes them in the order of a set, which differs between processes.
         document.classes.add_required_classes(document.dxfversion)
         document.classes.classes = dict(sorted(document.classes.classes.items()))
         for layer in LAYERS.values():
-            # True colours beside the index, for programs that show them; line weights are hundredths of a millimetre.
+            # True colour in addition to the index; line weights are in hundredths of a millimetre.
             document.layers.add(
                 layer.name,
                 color=layer.aci,

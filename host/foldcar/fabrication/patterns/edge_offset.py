@@ -1,18 +1,18 @@
-"""A polygon with each of its edges moved inwards by a distance of its own; corners stay sharp."""
+"""Offsets each edge of a polygon inwards by its own distance; corners stay sharp."""
 
 import math
 from collections.abc import Sequence
 
 from foldcar.fabrication.patterns.drawing import Point
 
-# Sine of the angle under which two edges count as one line.
+# Two edges with a smaller sine of their angle are collinear.
 PARALLEL = 1e-6
 
 
 def offset_edges(outline_mm: Sequence[Point], inward_mm: Sequence[float]) -> list[list[Point]]:
     """The corner points after edge i (from corner i to i + 1) moved by ``inward_mm[i]``, outline counter-clockwise.
 
-    One point a corner; two where edges on one line move by different distances, the first on the edge that ends.
+    One point per corner; two where collinear edges move by different distances, the first on the edge that ends there.
     """
     count = len(outline_mm)
     lines = []

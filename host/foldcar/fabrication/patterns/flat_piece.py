@@ -1,8 +1,8 @@
-"""A piece unfolded for cutting: one outline, its openings and folds.
+"""Unfolds a piece for cutting to one outline with its openings and folds.
 
 Input: a Piece of the folded car and Options. Output: a FlatPiece in millimetres, printed side up, in the frame of its
-root face. Bends shorten the flat (bend deduction), the free edges of tabs step back by the tab clearance. Kerf is not in
-it: it widens every cut when the sheets are drawn.
+root face. Bends shorten the flat (bend deduction), the free edges of tabs move inwards by the tab clearance. Kerf is
+compensated when the sheets are drawn.
 """
 
 import math
@@ -21,13 +21,13 @@ from foldcar.fabrication.patterns.drawing import Point
 from foldcar.fabrication.patterns.edge_offset import offset_edges
 from foldcar.fabrication.patterns.options import Options
 
-# Outlines are joined on a grid of a tenth of a micrometre, so that corners of two faces become one point.
+# Outlines are united on a grid of 0.1 µm, so that common corners of two faces become one point.
 GRID_MM = 1e-4
-# Corners that a line passes at less than this are no corners.
+# Corners closer than this to the line through their neighbours are removed.
 STRAIGHT_MM = 1e-3
-# A leftover of a face's edge shorter than this is noise of the grid, not a cut between two faces.
+# A remainder of a face's edge shorter than this is a rounding error, not a slit between two faces.
 SHORTEST_SLIT_MM = 0.05
-# Beyond this fold angle faces lie on each other: there is no corner whose arc could be shorter.
+# Beyond this fold angle faces lie on each other, and there is no bend deduction.
 LARGEST_BEND_RAD = math.radians(150)
 
 FoldKind = Literal["mountain", "valley", "flexure"]
@@ -36,7 +36,7 @@ Edge = tuple[Point, Point]
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """A fold line. A flexure bends without being cut or scored."""
+    """A fold line from ``a`` to ``b`` (mm). A flexure is neither cut nor scored."""
 
     kind: FoldKind
     a: Point
@@ -45,7 +45,7 @@ class Fold:
 
 @dataclass(frozen=True, slots=True)
 class FlatFace:
-    """A face's place in the flat: where labels go. ``edges`` are numbered as in the face, ``holes`` are holes' edges.
+    """A face in the flat, for labels. ``edges`` are numbered as in the face, ``holes`` has the edges of holes by name.
 
     Edges run counter-clockwise, those of holes clockwise: the film is on their left.
     """
@@ -59,9 +59,11 @@ class FlatFace:
 
 @dataclass(frozen=True, slots=True)
 class FlatPiece:
-    """``outline`` has the polygonal openings as its holes; ``circles`` are (middle, diameter); ``slits`` are open cuts.
+    """A piece to cut; all lengths in mm.
 
-    ``origin`` is the piece of the car that it is, or is a part of; ``marks`` are lines to lay another part against.
+    ``outline`` has the polygonal openings as its holes; ``circles`` are (centre, diameter); ``slits`` are open cuts.
+    ``origin`` is the name of the car's piece that it is, or is a part of; ``marks`` are lines that another part is
+    aligned with.
     """
 
     name: str
@@ -77,13 +79,13 @@ class FlatPiece:
 
     @property
     def area_mm2(self) -> float:
-        """Area of film that stays."""
+        """Area of the film, without openings (mm²)."""
         return float(self.outline.area) - sum(math.pi / 4 * d * d for _, d in self.circles)
 
 
 @dataclass(frozen=True, slots=True)
 class _Placing:
-    """A rigid motion in the plane: a turn and then a shift."""
+    """A rigid motion in the plane: a rotation followed by a shift."""
 
     cos: float
     sin: float
@@ -98,7 +100,7 @@ class _Placing:
 
 @lru_cache(maxsize=256)
 def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
-    """The piece in the flat."""
+    """The flat piece; ValueError if its faces are not one connected area."""
     thickness = chosen.thickness_mm if chosen.thickness_mm is not None else piece.thickness_mm
     faces = {face.name: face for face in piece.faces}
     inward = {face.name: [_free_edge_mm(face, chosen)] * len(face.outline_mm) for face in piece.faces}
@@ -140,9 +142,10 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
 
 
 def bend_deduction_mm(angle_rad: float, thickness_mm: float, chosen: Options) -> float:
-    """What a bend of middle radius r + t/2 saves against the sharp corner of the middle surfaces.
+    """Bend deduction (mm): the length that a bend saves compared with a sharp corner of the middle surfaces.
 
-    The two setbacks 2 (r + t/2) tan(a/2) less the neutral line's arc a (r + k t); none where faces fold onto each other.
+    It is the two setbacks 2 (r + t/2) tan(a/2) minus the neutral line's arc a (r + k t), with inner radius r, thickness
+    t and k-factor k; 0 where faces fold onto each other.
     """
     angle = abs(angle_rad)
     if angle > LARGEST_BEND_RAD:
@@ -157,11 +160,11 @@ def _free_edge_mm(face: Face, chosen: Options) -> float:
 
 
 def _placings(piece: Piece, thickness_mm: float, chosen: Options) -> dict[str, _Placing]:
-    """Each face's motion into the flat, children moved over their parent's edge by the bend deduction."""
+    """Each face's motion into the flat; children are moved towards their parent by the bend deduction."""
     faces = {face.name: face for face in piece.faces}
     poses = folded(piece, 0.0)
     shifts = {piece.faces[0].name: (0.0, 0.0)}
-    # Parents come before their children.
+    # Creases of parents precede those of their children.
     for crease in piece.creases:
         pose = poses[crease.parent.face]
         a, b = edge(faces, crease.parent)
@@ -190,12 +193,12 @@ def _flat_face(face: Face, corners: list[list[Point]], place: _Placing) -> FlatF
 
 
 def _bent(crease: Crease, faces: Mapping[str, Face]) -> bool:
-    """Whether it stands for a part of an even bend: a rim's facets are not folded against each other."""
+    """Whether the crease is part of a smooth bend, between two facets of a rim."""
     return faces[crease.parent.face].role == "rim" and faces[crease.child.face].role == "rim"
 
 
 def _fold(crease: Crease, faces: dict[str, FlatFace]) -> Fold | None:
-    """The line where both edges lie on each other, which may be shorter than either; None if nothing does."""
+    """The common part of both edges, which may be shorter than either; None if there is none."""
     a, b = faces[crease.parent.face].edges[crease.parent.index]
     c, d = faces[crease.child.face].edges[crease.child.index]
     length = math.dist(a, b)
@@ -215,7 +218,7 @@ def _fold(crease: Crease, faces: dict[str, FlatFace]) -> Fold | None:
 def _slits(
     outline: Polygon, faces: Sequence[FlatFace], folds: Sequence[Fold]
 ) -> tuple[tuple[Point, ...], ...]:
-    """Where two faces touch without a fold between them, the film is cut."""
+    """The slits: lines where two faces touch without a fold between them."""
     edges = shapely.union_all([face.outline.exterior for face in faces], grid_size=GRID_MM)
     kept: Any = shapely.union_all([outline.boundary, *(LineString([f.a, f.b]) for f in folds)])
     left = shapely.difference(edges, shapely.buffer(kept, 2 * STRAIGHT_MM, quad_segs=1))

@@ -1,6 +1,7 @@
-"""Which number stands where: every join is written beside both of its edges.
+"""Positions of joins' numbers on flat pieces: beside both edges of every join.
 
-A rim is glued to a disc by many teeth under one number: it is written once on each piece, on the strip, not on a tooth.
+Input: a FlatPiece and joins. Output: EdgeMarks. The teeth of a rim share one number, which is written once on the disc
+and once on the strip, not on a tooth.
 """
 
 from collections.abc import Iterable, Iterator
@@ -11,12 +12,12 @@ from foldcar.fabrication.patterns.flat_piece import FlatFace, FlatPiece
 from foldcar.fabrication.patterns.labels import EdgeMark
 
 Edge = tuple[Point, Point]
-# Of many edges that would do, so many are tried.
+# At most this many of several suitable edges are tried.
 PLACES = 8
 
 
 def join_marks(piece: FlatPiece, joins: Iterable[Join]) -> Iterator[EdgeMark]:
-    """The numbers of all joins that the piece takes part in."""
+    """The numbers of all joins of the piece."""
     faces = {face.name: face for face in piece.faces}
     seen: set[tuple[int, str]] = set()
     around: dict[int, list[Edge]] = {}
@@ -38,11 +39,11 @@ def join_marks(piece: FlatPiece, joins: Iterable[Join]) -> Iterator[EdgeMark]:
 
 
 def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[Edge]:
-    """The edges beside which the number may stand, their film on the left."""
+    """The edges beside which the number may be written, with the film on their left."""
     if slot is not None and slot in face.holes:
         return list(face.holes[slot])
     if join.kind == "laminate":
-        # Doublings are laid hole on hole.
+        # Doublings are aligned by their holes.
         edges = [edge for ring in face.holes.values() for edge in ring] or list(face.edges.values())
         return sorted(edges, key=_slant)[:PLACES]
     if ref.index not in face.edges:
@@ -52,6 +53,6 @@ def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[E
 
 
 def _slant(edge: Edge) -> float:
-    """0 for an edge along x or y: numbers beside it are easiest to read."""
+    """Deviation from the x and y directions: beside an edge along one of them (0) numbers are easiest to read."""
     (ax, ay), (bx, by) = edge
     return round(min(abs(bx - ax), abs(by - ay)) / (abs(bx - ax) + abs(by - ay)), 3)

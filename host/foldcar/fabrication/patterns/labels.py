@@ -1,6 +1,6 @@
-"""Where a piece's name and its joins' numbers stand: upright, inside the film, clear of cuts, folds and each other.
+"""Places a piece's name and its joins' numbers: upright, inside the film, clear of cuts, folds and each other.
 
-Input: a FlatPiece and its marks. Output: strokes on LABEL in the piece's frame, and what found no room.
+Input: a FlatPiece and its marks. Output: strokes on the layer LABEL in the piece's frame, and texts that did not fit.
 """
 
 import math
@@ -16,19 +16,19 @@ from foldcar.fabrication.patterns.drawing import Path, Point
 from foldcar.fabrication.patterns.flat_piece import FlatPiece
 from foldcar.fabrication.patterns.stroke_font import text_strokes
 
-# Capital heights that are tried, largest first: 1.6 mm can just be read and drawn with a fine pen.
+# Heights of capitals to try, largest first: 1.6 mm is the least that is legible and can be drawn with a fine pen.
 NAME_HEIGHTS_MM = (6.0, 5.0, 4.0, 3.2, 2.5, 2.0, 1.6)
 NUMBER_HEIGHTS_MM = (3.2, 2.5, 2.0, 1.6)
-# Film between a stroke and the nearest cut or fold; and between two texts, so that they are not read as one.
+# Distance of strokes from cuts and folds, and of two texts, so that they are not read as one.
 CLEAR_MM = 0.6
 APART_MM = 2.5
-# Letters reach this share of their height under the base line.
+# Depth of letters below the base line, as a share of the height of capitals.
 DESCENT = 0.35
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeMark:
-    """A number that stands beside one of some edges, the first that has room on its left."""
+    """A number to be written beside one of several edges, the first with room on its left."""
 
     text: str
     edges: tuple[tuple[Point, Point], ...]
@@ -37,7 +37,7 @@ class EdgeMark:
 def label_paths(
     flat: FlatPiece, name: str, marks: Iterable[EdgeMark], quarter_turns: int
 ) -> tuple[list[Path], list[str]]:
-    """Strokes of the name and the numbers, upright once the piece is turned; the texts that nowhere fit."""
+    """Strokes of name and numbers, upright after ``quarter_turns``; the texts that did not fit."""
     turn = quarter_turns * math.pi / 2
     taken: list[BaseGeometry] = [LineString([f.a, f.b]) for f in flat.folds]
     taken += [LineString(slit) for slit in flat.slits]
@@ -47,7 +47,7 @@ def label_paths(
     paths: list[Path] = []
     missing: list[str] = []
 
-    # Numbers first: they have few places, the name has many.
+    # Numbers first, because they have fewer possible places than the name.
     for mark in marks:
         found = _first_fit(free, mark.text, _beside_edge(mark, turn), NUMBER_HEIGHTS_MM)
         if found is None:
@@ -65,7 +65,7 @@ def label_paths(
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Where a text may stand: its box is centred on ``point`` or, with ``inward``, touches it and lies on that side."""
+    """A place for a text: its box is centred on ``point`` or, with ``inward``, touches it on that side."""
 
     point: Point
     angle: float
@@ -75,7 +75,7 @@ class _Place:
 def _first_fit(
     free: BaseGeometry, text: str, places: list[_Place], heights: tuple[float, ...]
 ) -> tuple[list[Path], Polygon] | None:
-    """The text at the greatest height that fits at one of the places, with its box."""
+    """The text at the largest height that fits at one of the places, with its box; None if none fits."""
     if free.is_empty:
         return None
     shapely.prepare(free)
@@ -104,13 +104,13 @@ def _first_fit(
 
 
 def _upright(angle: float) -> float:
-    """The direction of a line in which its text is not upside down; upright lines are read from the right."""
+    """The line's direction, or its reverse, in which text is not upside down; vertical text is read from the right."""
     angle = math.remainder(angle, math.pi)
     return angle + math.pi if angle < -math.pi / 2 + 1e-6 else angle
 
 
 def _beside_edge(mark: EdgeMark, turn: float) -> list[_Place]:
-    """Places along each edge, from its middle outwards; then a little further in."""
+    """Places along each edge, from its middle outwards; then farther inside."""
     places = []
     for edge in mark.edges:
         places += _beside(edge, turn)
@@ -134,9 +134,9 @@ def _beside(edge: tuple[Point, Point], turn: float) -> list[_Place]:
 
 
 def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
-    """Places over the faces, largest face first, from the middle outwards, along its longer side first.
+    """Places on the faces, largest face first, from its centre outwards, first along its longer side.
 
-    A strip, which bends evenly, counts as one face.
+    A strip, which bends smoothly, counts as one face.
     """
     areas = [face.outline for face in sorted(flat.faces, key=lambda face: -float(face.outline.area))[:4]]
     if any(face.role == "rim" for face in flat.faces):

@@ -1,7 +1,7 @@
-"""The layers of a cutting sheet: name, colour and line weight are the same in every file format.
+"""The layers of a cutting sheet: names, colours and line weights, equal in all file formats.
 
-Mountain red, valley blue and outline black are what Origami Simulator reads too. Layers are written in this order,
-which is also the order to cut in: outlines last, so that pieces stay where they are until the end.
+Origami Simulator reads the same colours: mountain red, valley blue, outline black. Layers are written in the order of
+cutting: outlines last, so that pieces do not move before.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ LayerName = Literal["LABEL", "SCORE", "FOLD_MOUNTAIN", "FOLD_VALLEY", "CUT_INNER
 
 @dataclass(frozen=True, slots=True)
 class Layer:
-    """``rgb`` is what is seen on screen, ``aci`` the nearest AutoCAD colour index, ``width_mm`` the line weight."""
+    """A layer: ``rgb`` is its colour, ``aci`` the nearest AutoCAD colour index, ``width_mm`` the line weight."""
 
     name: LayerName
     rgb: tuple[int, int, int]
@@ -21,12 +21,12 @@ class Layer:
 
     @property
     def hex(self) -> str:
-        """The colour as SVG writes it."""
+        """The colour as in SVG: #rrggbb."""
         return "#{:02x}{:02x}{:02x}".format(*self.rgb)
 
     @property
     def cut(self) -> bool:
-        """Whether its lines go through the film."""
+        """Whether its lines are cut through the film."""
         return self.name.startswith("CUT")
 
     @property

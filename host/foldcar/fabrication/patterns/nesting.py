@@ -1,8 +1,8 @@
-"""Lays pieces onto as few sheets as it can, turned by quarter turns, into notches and gaps of others where they fit.
+"""Nests pieces on few sheets in quarter turns, also into notches and gaps of each other (bottom-left heuristic).
 
-Input: outlines in millimetres and how many of each, the sheet's size, margin and gap. Output: for every copy its sheet
-and motion. Largest first, each as low and then as far left as it goes. What is taken of a sheet is kept as a raster;
-where a piece fits is the correlation of both, computed by FFT. The same input gives the same sheets.
+Input: outlines in millimetres with counts, the sheet's size, margin and gap. Output: sheet and motion of every copy. The
+largest pieces come first, each as low and then as far left as possible. The occupied area of a sheet is a raster; the
+free positions of a piece are the zeros of its correlation with the piece's raster, computed by FFT. Deterministic.
 """
 
 import math
@@ -23,12 +23,12 @@ MAX_SHEETS = 200
 
 
 class NestingError(FoldcarError):
-    """Pieces that no sheet, or too many sheets, can hold."""
+    """A piece that does not fit on a sheet, or pieces that need too many sheets."""
 
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Which sheet a copy lies on and how it gets there from its piece's own frame."""
+    """The sheet of a copy and its motion from the piece's frame onto it."""
 
     sheet: int
     motion: Motion
@@ -36,7 +36,7 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Nest:
-    """``placements[i]`` are piece i's copies; ``reserved`` says of each sheet whether its corner was kept free."""
+    """A layout: ``placements[i]`` are the copies of piece i; ``reserved``: whether each sheet's corner is kept free."""
 
     placements: tuple[tuple[Placement, ...], ...]
     reserved: tuple[bool, ...]
@@ -44,7 +44,7 @@ class Nest:
 
 @dataclass(frozen=True, slots=True)
 class _Turned:
-    """A piece in one of its four turns: cells it takes (gap included), its corner from the first cell within it."""
+    """A piece in one of four turns: its cells (gap included), their spectrum, its corner relative to the first cell."""
 
     turn: int
     cells: NDArray[np.bool_]
@@ -53,14 +53,14 @@ class _Turned:
 
 
 class _Area:
-    """A sheet's usable area in cells that fill it evenly, with an apron for the gaps of pieces at its edge."""
+    """A sheet's usable area as a raster, with a border for the gaps of pieces at its edge."""
 
     def __init__(self, size_mm: tuple[float, float], margin_mm: float, gap_mm: float) -> None:
         self.margin_mm = margin_mm
         usable = [side - 2 * margin_mm for side in size_mm]
         self.counts = [math.ceil(side / CELL_MM - 1e-9) for side in usable]
         self.cell_mm = [side / count for side, count in zip(usable, self.counts, strict=True)]
-        # A cell is taken if its middle comes within half the gap and half its diagonal of a piece.
+        # A cell is occupied if its centre is within half the gap plus half its diagonal of a piece.
         self.reach_mm = gap_mm / 2 + math.hypot(*self.cell_mm) / 2
         self.apron = math.ceil(self.reach_mm / min(self.cell_mm))
         self.shape = (self.counts[1] + 2 * self.apron, self.counts[0] + 2 * self.apron)
@@ -68,7 +68,7 @@ class _Area:
         self.padded = tuple(next_fast_len(length, real=True) for length in self.shape)
 
     def turned(self, outline: Polygon) -> list[_Turned]:
-        """The piece in every turn that fits the empty area."""
+        """The piece in every turn that fits into the empty area."""
         found: list[_Turned] = []
         for turn in range(4):
             motion = Motion(turn)
@@ -91,19 +91,19 @@ class _Area:
 
     def spectrum(self, cells: NDArray[np.bool_]) -> NDArray[np.complexfloating]:
         """The cells' Fourier transform, padded to the area."""
-        # Counts of cells are exact enough in single precision, which is twice as fast.
+        # Single precision suffices for counts of cells and is twice as fast.
         result: NDArray[np.complexfloating] = np.fft.rfft2(cells.astype(np.float32), self.padded)
         return result
 
     def motion(self, turned: _Turned, row: int, column: int) -> Motion:
-        """The motion of a piece whose first cell is that one."""
+        """The motion of a piece whose first cell is at that row and column."""
         x = self.margin_mm + column * self.cell_mm[0] - turned.corner_mm[0]
         y = self.margin_mm + row * self.cell_mm[1] - turned.corner_mm[1]
         return Motion(turned.turn, (x, y))
 
 
 class _Sheet:
-    """What is taken of one sheet."""
+    """The occupied cells of one sheet."""
 
     def __init__(self, area: _Area) -> None:
         self.area = area
@@ -112,18 +112,18 @@ class _Sheet:
         self._spectrum: NDArray[np.complexfloating] | None = None
 
     def lowest(self, turned: _Turned) -> tuple[int, int] | None:
-        """The lowest row and in it the leftmost column where the piece meets nothing; None if nowhere."""
+        """The lowest row, and in it the leftmost column, at which the piece overlaps nothing; None if there is none."""
         rows = self.taken.shape[0] - turned.cells.shape[0] + 1
         columns = self.taken.shape[1] - turned.cells.shape[1] + 1
         if self._spectrum is None:
             self._spectrum = self.area.spectrum(self.taken)
-        # Places that reach round the raster's end are cut off, so circular correlation is exact for the rest.
+        # Positions that wrap around are discarded; for the others circular correlation is exact.
         meets = np.fft.irfft2(self._spectrum * turned.spectrum.conj(), self.area.padded)[:rows, :columns]
         free = np.flatnonzero(meets.ravel() < 0.5)
         return None if free.size == 0 else divmod(int(free[0]), columns)
 
     def place(self, turns: Sequence[_Turned]) -> Motion | None:
-        """Put the piece where its top comes out lowest; None if it fits in no turn."""
+        """Put the piece, in one of its turns, where its top is lowest; None if no turn fits."""
         places = []
         for turned in turns:
             if turned.cells.sum() > self.free_cells:
@@ -148,9 +148,9 @@ def nest(
     gap_mm: float,
     corner_mm: tuple[float, float],
 ) -> Nest:
-    """Lay out pieces (name, outline, count), keeping the lower left corner free where that is possible.
+    """Lay out pieces (name, outline, count), keeping the lower left ``corner_mm`` free where possible.
 
-    NestingError, naming piece, its size and the sheet's, if a piece fits no sheet.
+    NestingError, naming the piece, its size and the sheet's, if a piece does not fit on a sheet.
     """
     area = _Area(size_mm, margin_mm, gap_mm)
     corner = area.turned(shapely.box(0, 0, *corner_mm))[:1] if fits(corner_mm, size_mm, margin_mm) else []
@@ -163,7 +163,7 @@ def nest(
 
 
 def _orders(pieces: Sequence[tuple[str, Polygon, int]]) -> list[list[int]]:
-    """Orders to try: largest box first, longest first."""
+    """The orders to try: by decreasing area of the box, by decreasing length."""
     boxes = [outline.bounds for _, outline, _ in pieces]
     sides = [(x1 - x0, y1 - y0) for x0, y0, x1, y1 in boxes]
     indices = range(len(pieces))
@@ -180,7 +180,7 @@ def _lay(
     counts: Sequence[int],
     order: Sequence[int],
 ) -> tuple[Nest, int]:
-    """The pieces laid out in that order, and how many cells of the last sheet are taken."""
+    """The layout of the pieces in that order, and the number of occupied cells on the last sheet."""
     sheets: list[_Sheet] = []
     reserved: list[bool] = []
     placed: list[tuple[Placement, ...]] = [()] * len(turns)
@@ -199,7 +199,7 @@ def _lay(
                     if motion is None:
                         sheets[-1], reserved[-1] = _Sheet(area), False
                 motion = motion or sheets[first].place(turns[index])
-                # What does not fit once does not fit later: sheets only get fuller.
+                # A piece that does not fit on a sheet will not fit later, because sheets only fill up.
                 first += motion is None
             copies.append(Placement(first, motion))
         placed[index] = tuple(copies)
@@ -207,14 +207,14 @@ def _lay(
 
 
 def fits(extent_mm: tuple[float, float], size_mm: tuple[float, float], margin_mm: float) -> bool:
-    """Whether a box of that extent fits the usable area, upright or lying."""
+    """Whether a box of that extent fits into the usable area, upright or turned by 90°."""
     low, high = sorted(extent_mm)
     least, greatest = sorted(side - 2 * margin_mm for side in size_mm)
     return low <= least + 1e-6 and high <= greatest + 1e-6
 
 
 def too_large(name: str, outline: Polygon, size_mm: tuple[float, float], margin_mm: float) -> str:
-    """The message for a piece that no sheet can hold."""
+    """The message for a piece that does not fit on a sheet."""
     x0, y0, x1, y1 = outline.bounds
     usable = [side - 2 * margin_mm for side in size_mm]
     return (

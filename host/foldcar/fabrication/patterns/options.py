@@ -1,6 +1,6 @@
-"""How a pattern is made for a machine and a sheet: kerf, folds, clearances, sizes, with presets.
+"""The options of a pattern for a machine and a sheet: kerf, folds, clearances, sizes; presets of machines.
 
-Output: Options. A value outside its limits is an OptionError that names it.
+Input: a machine's name and changed values. Output: Options; OptionError for a value outside its limits.
 """
 
 import math
@@ -23,17 +23,17 @@ PAPERS = ("a4", "letter")
 
 
 class OptionError(FoldcarError):
-    """A value that no machine or sheet can have."""
+    """An option that is unknown or outside its limits; the message names it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """Lengths in millimetres.
+    """The options; lengths in millimetres.
 
-    ``kerf_mm`` is the width the cut takes away, ``margin_mm`` the sheet's edge that the machine cannot reach,
-    ``gap_mm`` what stays between two pieces. ``bend_radius_mm`` is a fold's inner radius and ``k_factor`` where, from the
-    inner side, film keeps its length. ``thickness_mm`` None: each piece's own. ``fold``: dashes of ``dash_cut_mm`` with
-    bridges of ``dash_bridge_mm`` that the machine cuts, or a line that it scores. ``paper`` is what PDFs are printed on.
+    ``kerf_mm`` is the width that the cut removes, ``margin_mm`` the sheet's border that the machine cannot reach,
+    ``gap_mm`` the distance of two pieces. ``bend_radius_mm`` is a fold's inner radius, ``k_factor`` the position of its
+    neutral layer from the inner side per thickness. ``thickness_mm`` None: each piece's own. ``fold``: dashes of
+    ``dash_cut_mm`` with bridges of ``dash_bridge_mm``, or a scored line. ``paper`` is the size of PDF pages.
     """
 
     machine: str
@@ -52,12 +52,12 @@ class Options:
 
     @property
     def sheet_size_mm(self) -> tuple[float, float]:
-        """Width and height of a sheet."""
+        """Width and height of a sheet (mm)."""
         return sheet_size_mm(self.sheet)
 
 
-# A blade parts film and takes nothing away; a CO2 laser takes about 0.15 mm of PET with it. Cricut machines cut
-# 11.5 inches of a 12 inch mat. Home printers leave 5 mm blank.
+# A blade has no kerf; that of a CO2 laser in PET is about 0.15 mm. Cricut machines cut 11.5 inches of a 12 inch mat.
+# Home printers leave 5 mm blank.
 MACHINES = {
     "silhouette": Options("silhouette", "12in", 0.0, 0.3, "dash", 2.0, 2.0),
     "cricut": Options("cricut", "12in", 0.0, 0.3, "dash", 6.5, 2.0),
@@ -65,7 +65,7 @@ MACHINES = {
     "scissors": Options("scissors", "a4", 0.0, 0.5, "score", 5.0, 4.0),
 }
 
-# Least and greatest value of each number, and why.
+# Minimum and maximum of each number, and the quantity it limits.
 LIMITS = {
     "kerf_mm": (0.0, 1.0, "the cut of a blade or beam"),
     "tab_clearance_mm": (0.0, 2.0, "what a tab can lose"),
@@ -80,9 +80,9 @@ LIMITS = {
 
 
 def options(machine: str, **changes: Any) -> Options:
-    """The machine's preset with these fields changed; None leaves a field as it is."""
+    """The machine's preset with these fields changed; None keeps a field. OptionError."""
     if machine not in MACHINES:
-        raise OptionError(f"--machine {machine}: is none of {', '.join(MACHINES)}")
+        raise OptionError(f"--machine {machine}: not one of {', '.join(MACHINES)}")
     chosen = replace(MACHINES[machine], **{key: value for key, value in changes.items() if value is not None})
     for field in fields(chosen):
         value = getattr(chosen, field.name)
@@ -90,11 +90,11 @@ def options(machine: str, **changes: Any) -> Options:
             continue
         low, high, why = LIMITS[field.name]
         if not low <= value <= high:
-            raise OptionError(f"{_flag(field.name)} {value:g}: is not {low:g} to {high:g} mm ({why})")
+            raise OptionError(f"{_flag(field.name)} {value:g}: not within {low:g} to {high:g} mm ({why})")
     if chosen.fold not in ("dash", "score"):
-        raise OptionError(f"--fold {chosen.fold}: is none of dash, score")
+        raise OptionError(f"--fold {chosen.fold}: not one of dash, score")
     if chosen.paper not in PAPERS:
-        raise OptionError(f"--paper {chosen.paper}: is none of {', '.join(PAPERS)}")
+        raise OptionError(f"--paper {chosen.paper}: not one of {', '.join(PAPERS)}")
     width, height = chosen.sheet_size_mm
     if min(width, height) - 2 * chosen.margin_mm < 1:
         raise OptionError(
@@ -104,7 +104,7 @@ def options(machine: str, **changes: Any) -> Options:
 
 
 def sheet_size_mm(sheet: str) -> tuple[float, float]:
-    """Width and height of a sheet by name or as WIDTHxHEIGHT in millimetres."""
+    """Width and height (mm) of a sheet given by name or as WIDTHxHEIGHT in millimetres. OptionError."""
     if sheet in SHEETS:
         return SHEETS[sheet]
     match = re.fullmatch(r"([0-9.]+)x([0-9.]+)", sheet)
@@ -115,7 +115,7 @@ def sheet_size_mm(sheet: str) -> tuple[float, float]:
     if not (10 <= width <= MAX_SHEET_MM and 10 <= height <= MAX_SHEET_MM):
         known = ", ".join(SHEETS)
         raise OptionError(
-            f"--sheet {sheet}: is none of {known} and no WIDTHxHEIGHT of 10 to {MAX_SHEET_MM:g} mm, as in 600x400"
+            f"--sheet {sheet}: neither one of {known} nor WIDTHxHEIGHT of 10 to {MAX_SHEET_MM:g} mm, as in 600x400"
         )
     return width, height
 

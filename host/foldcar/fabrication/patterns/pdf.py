@@ -1,4 +1,4 @@
-"""Writes sheets as PDF at true scale, tiled on A4 or letter with registration marks."""
+"""Writes sheets as PDF at true scale, tiled on A4 or letter pages with registration marks."""
 
 import io
 from collections.abc import Sequence
@@ -11,20 +11,20 @@ from foldcar.fabrication.patterns.drawing import Circle, Shape, Sheet
 from foldcar.fabrication.patterns.layers import LAYERS
 from foldcar.fabrication.patterns.tiles import BLANK_MM, MARK_MM, Tile, printed
 
-# No layer has this colour.
+# The colour of registration marks; no layer has it.
 MARK_RGB = (230, 0, 126)
 MARK_WIDTH_MM = 0.2
 
 
 def pdf(sheets: Sequence[Sheet], paper: str, title: str) -> bytes:
-    """The file's bytes: the pages of one sheet after those of the other."""
-    # Streams are binary anyway once they are compressed.
+    """The file's bytes: the pages of all sheets in order."""
+    # No ASCII-85 encoding: compressed streams are binary.
     rl_config.useA85 = 0
     binary = io.BytesIO()
     canvas = Canvas(binary, invariant=1, pageCompression=1)
     canvas.setTitle(title)
     canvas.setCreator("foldcar")
-    # Viewers that honour it print without fitting to the page.
+    # Viewers that support it print without scaling to the page.
     canvas.setViewerPreference("PrintScaling", "None")
     for sheet in sheets:
         for tile, shown in printed(sheet, paper):
@@ -67,7 +67,7 @@ def _page(canvas: Canvas, sheet: Sheet, tile: Tile) -> None:
 
 
 def _draw(canvas: Canvas, shapes: Sequence[Shape]) -> None:
-    """All of them as one path: pages stay small."""
+    """Draw all shapes as one path, which keeps pages small."""
     path = canvas.beginPath()
     for shape in shapes:
         if isinstance(shape, Circle):

@@ -18,7 +18,7 @@ FOLD_LAYERS: dict[str, LayerName] = {"mountain": "FOLD_MOUNTAIN", "valley": "FOL
 def piece_shapes(
     flat: FlatPiece, chosen: Options, marks: Iterable[EdgeMark], quarter_turns: int = 0
 ) -> tuple[list[Shape], list[str]]:
-    """The piece's shapes in its own frame, texts upright after the quarter turns; warnings in words."""
+    """The piece's shapes in its own frame, texts upright after the quarter turns; warnings as texts."""
     labels, missing = label_paths(flat, flat.label, marks, quarter_turns)
     warnings = [f'{flat.label}: no room for the label "{text}"' for text in missing]
     shapes: list[Shape] = list(labels)
@@ -30,20 +30,20 @@ def piece_shapes(
 
 
 def cut_shapes(flat: FlatPiece, kerf_mm: float) -> list[Shape]:
-    """Outline and openings, moved by half a kerf so that what stays has the piece's size."""
+    """Outline and openings, offset by half a kerf so that the cut piece has its size."""
     half = kerf_mm / 2
     shapes: list[Shape] = [Circle("CUT_INNER", middle, diameter / 2 - half) for middle, diameter in flat.circles]
     shapes += [Path("CUT_INNER", slit) for slit in flat.slits]
     for ring in flat.outline.interiors:
         hole = Polygon(ring).buffer(-half, join_style="mitre", mitre_limit=3) if half else Polygon(ring)
-        # An opening narrower than the kerf falls apart into nothing: the cut itself is wider.
+        # An opening narrower than the kerf vanishes; part of it may remain.
         shapes += [_closed("CUT_INNER", part.exterior) for part in shapely.get_parts(hole) if not part.is_empty]
     shapes.append(_closed("CUT_OUTER", outer_cut(flat, kerf_mm).exterior))
     return shapes
 
 
 def outer_cut(flat: FlatPiece, kerf_mm: float) -> Polygon:
-    """What the cut around the piece encloses."""
+    """The polygon along which the piece is cut out."""
     outer = Polygon(flat.outline.exterior)
     return outer.buffer(kerf_mm / 2, join_style="mitre", mitre_limit=3) if kerf_mm else outer
 
@@ -54,7 +54,7 @@ def _closed(layer: LayerName, ring: shapely.LinearRing) -> Path:
 
 
 def _fold(fold: Fold, chosen: Options) -> list[Shape]:
-    # A flexure is neither cut nor scored, or it would not last: its line only shows where it is.
+    # A flexure is neither cut nor scored, which would weaken it; a line on the label layer shows its place.
     if fold.kind == "flexure":
         return [Path("LABEL", (fold.a, fold.b))]
     layer = FOLD_LAYERS[fold.kind]

@@ -1,4 +1,7 @@
-"""Reads a cutting sheet's DXF back with ezdxf: the shapes in millimetres by layer."""
+"""Reads a cutting sheet from DXF with ezdxf.
+
+Input: the file's text. Output: a Sheet in millimetres.
+"""
 
 import io
 
@@ -14,11 +17,11 @@ from foldcar.fabrication.patterns.reading_error import ReadingError
 
 
 def read_dxf(text: str) -> Sheet:
-    """The sheet that is drawn in the file, its size taken from the limits; ReadingError if it has none."""
+    """The sheet in the file, its size from the drawing limits; ReadingError if it is not a valid sheet."""
     try:
         document = read(io.StringIO(text))
     except (OSError, DXFError) as error:
-        raise ReadingError(f"is not DXF: {error}") from error
+        raise ReadingError(f"not DXF: {error}") from error
     problems = document.audit().errors
     if problems:
         raise ReadingError(f"fails ezdxf's audit: {problems[0].message}")

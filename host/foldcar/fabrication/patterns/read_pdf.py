@@ -1,7 +1,8 @@
-"""Reads a pattern's PDF back with pypdf: what each page draws, in millimetres of paper.
+"""Reads a pattern's PDF with pypdf.
 
-Layers are told by their colours. Only what patterns contain is understood: stroked lines and circles in device colours,
-one clipping rectangle a page; text is skipped.
+Input: the file's bytes. Output: the shapes on each page in millimetres of paper. Layers are identified by their colours.
+Only the operators that patterns contain are handled: stroked lines and circles in device colours, one clipping rectangle
+per page; text is skipped.
 """
 
 import io
@@ -19,14 +20,14 @@ from foldcar.fabrication.patterns.pdf import MARK_RGB
 from foldcar.fabrication.patterns.reading_error import ReadingError
 
 POINTS_PER_MM = 72 / 25.4
-# Four cubic arcs stay this close to a circle, as a share of its radius.
+# Largest deviation of four cubic arcs from a circle, relative to its radius.
 ARC_ERROR = 4e-4
 Matrix = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """``clip_mm`` is the clipping rectangle (x0, y0, x1, y1); ``marks`` are registration marks' lines."""
+    """One page: ``clip_mm`` is the clipping rectangle (x0, y0, x1, y1), ``marks`` the lines of registration marks."""
 
     width_mm: float
     height_mm: float
@@ -36,16 +37,16 @@ class Page:
 
 
 def read_pdf(binary: bytes) -> list[Page]:
-    """The pages; ReadingError if they hold something else than a pattern."""
+    """The pages; ReadingError if they contain anything but a pattern."""
     try:
         reader = PdfReader(io.BytesIO(binary), strict=True)
         return [_Interpreter(page).page() for page in reader.pages]
     except (PyPdfError, ValueError, IndexError, AttributeError) as error:
-        raise ReadingError(f"is not PDF: {error}") from error
+        raise ReadingError(f"not PDF: {error}") from error
 
 
 def _times(a: Matrix, b: Matrix) -> Matrix:
-    """First ``a``, then ``b``."""
+    """The product: ``a`` is applied first."""
     return (
         a[0] * b[0] + a[1] * b[2],
         a[0] * b[1] + a[1] * b[3],
@@ -57,7 +58,7 @@ def _times(a: Matrix, b: Matrix) -> Matrix:
 
 
 class _Interpreter:
-    """Follows one page's operators."""
+    """Interprets the operators of one page."""
 
     def __init__(self, page: Any) -> None:
         box = page.mediabox
@@ -72,7 +73,7 @@ class _Interpreter:
         self.marks: list[tuple[Point, Point]] = []
 
     def page(self) -> Page:
-        """What the page draws."""
+        """The page after all operators."""
         text = False
         operands: list[float] = []
         for word in self.words:
@@ -111,7 +112,7 @@ class _Interpreter:
             self.parts.append([("re", [self._point(x, y), self._point(x + width, y + height)])])
         elif name in ("W", "W*"):
             if len(self.parts) != 1 or self.parts[0][0][0] != "re":
-                raise ReadingError("clips with something else than a rectangle")
+                raise ReadingError("has a clipping path that is not a rectangle")
             (x0, y0), (x1, y1) = self.parts[0][0][1]
             self.clip = (x0, y0, x1, y1)
         elif name in ("n", "S", "s"):
@@ -133,7 +134,7 @@ class _Interpreter:
             return
         layer = next((layer.name for layer in LAYERS.values() if layer.rgb == self.colour), None)
         if layer is None:
-            raise ReadingError(f"has lines of colour {self.colour}, which is no layer's")
+            raise ReadingError(f"has lines of colour {self.colour}, which no layer has")
         if "c" in kinds:
             self.shapes.append(_circle(layer, part))
         else:
@@ -142,10 +143,10 @@ class _Interpreter:
 
 
 def _circle(layer: LayerName, part: list[Any]) -> Circle:
-    """The circle that four cubic arcs draw."""
+    """The circle that four cubic arcs approximate; ReadingError if they do not."""
     curves = [points for kind, points in part if kind == "c"]
     if len(curves) != 4:
-        raise ReadingError(f"has a curve on {layer} that is no circle")
+        raise ReadingError(f"has a curve on {layer} that is not a circle")
     starts = [part[0][1][0], *(points[2] for points in curves)]
     ends = starts[1:]
     center = (sum(x for x, _ in ends) / 4, sum(y for _, y in ends) / 4)
@@ -155,5 +156,5 @@ def _circle(layer: LayerName, part: list[Any]) -> Circle:
         for a, c in zip(itertools.chain(starts[:4]), curves, strict=True)
     ]
     if any(abs(math.dist(center, p) - radius) > ARC_ERROR * radius + 1e-4 for p in [*starts, *middles]):
-        raise ReadingError(f"has a curve on {layer} that is no circle")
+        raise ReadingError(f"has a curve on {layer} that is not a circle")
     return Circle(layer, center, radius)

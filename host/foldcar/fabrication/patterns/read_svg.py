@@ -1,4 +1,7 @@
-"""Reads a cutting sheet's SVG back with svgelements: the shapes in millimetres by layer, as other programs see them."""
+"""Reads a cutting sheet from SVG with svgelements.
+
+Input: the file's text. Output: a Sheet in millimetres.
+"""
 
 import io
 import math
@@ -10,18 +13,18 @@ from foldcar.fabrication.patterns.drawing import Circle, Path, Point, Shape, She
 from foldcar.fabrication.patterns.layers import LAYERS, LayerName
 from foldcar.fabrication.patterns.reading_error import ReadingError
 
-# The reader's own unit is the pixel; at this resolution it is a millimetre.
+# svgelements' unit is the pixel; at this resolution it equals 1 mm.
 PIXELS_PER_INCH = 25.4
 INKSCAPE_LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 
 
 def read_svg(text: str) -> Sheet:
-    """The sheet that is drawn in the file; ReadingError if it cannot be measured."""
+    """The sheet in the file; ReadingError if it is not a valid sheet with sizes in mm."""
     try:
         drawing = svgelements.SVG.parse(io.StringIO(text), ppi=PIXELS_PER_INCH, reify=True)
     except (ValueError, SyntaxError) as error:
-        raise ReadingError(f"is not SVG: {error}") from error
-    # Without a unit every program chooses its own size.
+        raise ReadingError(f"not SVG: {error}") from error
+    # Without units the size depends on the program.
     root = re.search(r"<svg\b[^>]*>", text)
     sizes = [re.search(rf'\b{side}="[0-9.]+mm"', root[0]) if root else None for side in ("width", "height")]
     if not all(sizes):

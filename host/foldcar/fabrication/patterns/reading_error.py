@@ -1,7 +1,7 @@
-"""The error of readers of written sheets."""
+"""The error of the readers of written sheets."""
 
 from foldcar.errors import FoldcarError
 
 
 class ReadingError(FoldcarError):
-    """A file that is no cutting sheet; the message says what is wrong in it."""
+    """A file that is not a valid cutting sheet; the message says why."""

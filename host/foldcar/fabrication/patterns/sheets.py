@@ -1,6 +1,6 @@
-"""A folded car's pieces on sheets: flat, split to size, labelled, nested, with a reference bar and a title.
+"""Draws a folded car's pieces on sheets: flat, split to size, labelled, nested, with a reference bar and a title.
 
-Input: a FoldedCar, Options, a title. Output: a Pattern. NestingError if a piece fits no sheet.
+Input: a FoldedCar, Options, a title. Output: a Pattern. NestingError if a piece does not fit on a sheet.
 """
 
 from collections import Counter
@@ -21,17 +21,17 @@ from foldcar.fabrication.patterns.split_body import as_cut
 from foldcar.fabrication.patterns.split_strip import split_to_fit
 from foldcar.fabrication.patterns.stroke_font import text_strokes
 
-# Length of the bar that shows whether a sheet was cut or printed to scale.
+# Length of the bar by which the scale of a cut or printed sheet is checked.
 REFERENCE_MM = 100.0
 TICK_MM = 3.0
 TITLE_HEIGHT_MM = 2.5
-# The corner of a sheet that bar and title take.
+# Size of the sheet's corner for bar and title.
 CORNER_MM = (REFERENCE_MM + 2.0, 9.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """Everything that is cut of one car. ``warnings`` are in words."""
+    """The flat pieces and sheets of one car, the options and warnings as texts."""
 
     title: str
     pieces: tuple[FlatPiece, ...]
@@ -41,7 +41,7 @@ class Pattern:
 
     @property
     def cut_length_mm(self) -> float:
-        """How far blade or beam travels through film; dashes count, scored folds and labels do not."""
+        """Length of all cuts, with dashes, without scored folds and labels (mm)."""
         return sum(
             shape.length_mm
             for sheet in self.sheets
@@ -51,36 +51,36 @@ class Pattern:
 
     @property
     def film_area_mm2(self) -> float:
-        """Film that ends up in the car, overlaps included."""
+        """Area of all copies of the pieces, overlaps included (mm²)."""
         return sum(piece.area_mm2 * piece.count for piece in self.pieces)
 
 
 @dataclass(frozen=True, slots=True)
 class CutCar:
-    """A car as sheets ask for it: ``car`` with pieces parted along folds, ``pieces`` flat, strips cut across too."""
+    """A car split to fit the sheets: ``car`` has pieces split along folds, ``pieces`` are flat, strips cut across."""
 
     car: FoldedCar
     pieces: tuple[FlatPiece, ...]
 
     @property
     def strips(self) -> dict[str, int]:
-        """In how many parts each strip is that is cut across, by its piece's name."""
+        """The number of parts of each strip that is cut across, by its piece's name."""
         return {name: count for name, count in Counter(piece.origin for piece in self.pieces).items() if count > 1}
 
 
 def cut_car(folded: FoldedCar, chosen: Options) -> CutCar:
-    """The car's pieces, as far as they can be made to fit the sheet."""
+    """The car's pieces, split to fit the sheet as far as possible."""
     car = as_cut(folded, chosen)
     return CutCar(car, tuple(part for piece in car.pieces for part in split_to_fit(flat_piece(piece, chosen), chosen)))
 
 
 def pattern(folded: FoldedCar, chosen: Options, title: str) -> Pattern:
-    """The car's sheets."""
+    """The car's sheets; NestingError."""
     return pattern_of(cut_car(folded, chosen), chosen, title)
 
 
 def pattern_of(cut: CutCar, chosen: Options, title: str) -> Pattern:
-    """The sheets of a car whose pieces are known."""
+    """The sheets of a car whose pieces are split already; NestingError."""
     missing: dict[str, None] = {}
 
     def draw(index: int, turn: int) -> list[Shape]:
@@ -96,7 +96,7 @@ def pattern_of(cut: CutCar, chosen: Options, title: str) -> Pattern:
 
 @dataclass(frozen=True, slots=True)
 class LaidPiece:
-    """What is laid out: ``outline`` with the kerf, ``count`` copies."""
+    """A piece to lay out: ``outline`` with the kerf (mm), ``count`` copies."""
 
     label: str
     outline: Polygon
@@ -106,9 +106,9 @@ class LaidPiece:
 def lay_out(
     pieces: Sequence[LaidPiece], draw: Callable[[int, int], list[Shape]], chosen: Options, title: str
 ) -> tuple[tuple[Sheet, ...], list[str]]:
-    """Pieces nested on sheets; warnings about sheets without a reference bar.
+    """Pieces nested on sheets, and warnings about sheets without a reference bar. NestingError.
 
-    ``draw`` gives the shapes of the piece of that index in its own frame, texts upright after that many quarter turns.
+    ``draw(index, quarter_turns)`` returns a piece's shapes in its own frame, texts upright after the turns.
     """
     width, height = chosen.sheet_size_mm
     listed = [(piece.label, piece.outline, piece.count) for piece in pieces]
@@ -137,7 +137,7 @@ def lay_out(
 
 
 def corner_shapes(title: str, margin_mm: float) -> list[Shape]:
-    """The reference bar with a tick at both ends and every 10 mm, its length and the title over it."""
+    """The reference bar with a tick every 10 mm, and above it its length and the title."""
     x = y = margin_mm + 1
     shapes: list[Shape] = [Path("LABEL", ((x, y), (x + REFERENCE_MM, y)))]
     for i in range(11):
@@ -153,7 +153,7 @@ def corner_shapes(title: str, margin_mm: float) -> list[Shape]:
 
 
 def rounded(shapes: Iterable[Shape]) -> Iterable[Shape]:
-    """Coordinates to a micrometre, as files hold them."""
+    """The shapes with coordinates rounded to 1 µm, as in the files."""
     for shape in shapes:
         if isinstance(shape, Path):
             yield Path(shape.layer, tuple(_round(p) for p in shape.points_mm), shape.closed)

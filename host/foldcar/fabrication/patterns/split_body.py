@@ -1,6 +1,6 @@
-"""Parts a piece that no sheet can hold along a fold: a tab grows where the fold was, and the parts are glued there.
+"""Splits pieces too large for a sheet along folds; a tab replaces the fold, and the parts are glued there.
 
-Input: a FoldedCar, Options. Output: the car with pieces that fit, as far as folds allow it, and the joins among them.
+Input: a FoldedCar, Options. Output: the car with pieces that fit, as far as their folds permit, and with the new joins.
 """
 
 import itertools
@@ -16,7 +16,7 @@ from foldcar.fabrication.patterns.options import Options
 
 
 def as_cut(car: FoldedCar, chosen: Options) -> FoldedCar:
-    """The car with the pieces too large for a sheet parted; its ``placed`` still name the whole ones."""
+    """The car with too large pieces split; its ``placed`` still name the whole pieces."""
     pieces: list[Piece] = []
     joins = list(car.joins)
     numbers = itertools.count(max((join.number for join in joins), default=0) + 1)
@@ -44,14 +44,14 @@ def as_cut(car: FoldedCar, chosen: Options) -> FoldedCar:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A part and the join that holds it to the part it was taken from; that join's pieces are not yet named."""
+    """A part and its join to the part it was split from; the names of that join's pieces are not set yet."""
 
     piece: Piece
     join: Join | None
 
 
 def _parts(piece: Piece, chosen: Options, numbers: "itertools.count[int]") -> list[_Part]:
-    """The parts of a piece, each named after it and numbered; the whole piece if it fits or parting does not help."""
+    """The numbered parts of a piece; the whole piece if it fits or splitting does not help."""
     waiting, done = [_Part(piece, None)], []
     while waiting:
         part = waiting.pop(0)
@@ -79,7 +79,7 @@ def _parts(piece: Piece, chosen: Options, numbers: "itertools.count[int]") -> li
 
 
 def _best_crease(piece: Piece, chosen: Options) -> Crease | None:
-    """The fold between two panels whose parts exceed the sheet least, and then are most alike; None if there is none."""
+    """The fold between two panels whose parts exceed the sheet least, then are most equal in size; None without folds."""
     roles = {face.name: face.role for face in piece.faces}
     best = None
     for index, crease in enumerate(piece.creases):
@@ -95,9 +95,9 @@ def _best_crease(piece: Piece, chosen: Options) -> Crease | None:
 
 
 def _cut(piece: Piece, crease: Crease) -> tuple[Piece, Piece]:
-    """What stays, with a tab in the fold's place, and what is taken away."""
+    """The two parts: the first with a tab in place of the fold, the second with the fold's child and its descendants."""
     members = {crease.child.face}
-    # Parents come before their children.
+    # Creases of parents precede those of their children.
     for other in piece.creases:
         if other.parent.face in members:
             members.add(other.child.face)
@@ -136,7 +136,7 @@ def _extent_mm(piece: Piece, chosen: Options) -> tuple[float, float]:
 
 
 def _fits(piece: Piece, chosen: Options) -> bool:
-    # Strips are cut across instead.
+    # Strips are cut across instead (split_strip.py).
     is_strip = any(face.role == "rim" for face in piece.faces)
     return is_strip or fits(_extent_mm(piece, chosen), chosen.sheet_size_mm, chosen.margin_mm)
 

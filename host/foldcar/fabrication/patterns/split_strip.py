@@ -1,7 +1,7 @@
-"""Cuts pieces that are longer than a sheet: strips across, with an overlap to glue.
+"""Splits strips longer than a sheet across, with an overlap for glue.
 
-Input: a FlatPiece and the sheet's usable area. Output: one FlatPiece, or several whose labels say "1 of 3". Only strips
-(faces with the role rim) are cut across; their teeth stay whole.
+Input: a FlatPiece and the sheet's usable area. Output: one FlatPiece, or several labelled "1 of 3" and so on. Only strips
+(faces with the role rim) are split, between their teeth.
 """
 
 import itertools
@@ -18,14 +18,14 @@ from foldcar.fabrication.patterns.flat_piece import FlatPiece, Fold, moved_to_or
 from foldcar.fabrication.patterns.nesting import fits
 from foldcar.fabrication.patterns.options import Options
 
-# Film that overlaps where two parts of a strip are glued.
+# Length of the overlap of two glued parts.
 OVERLAP_MM = 12.0
-# The overlap is narrower than the strip, so that it does not stand in the way of the teeth.
+# The overlap is narrower than the strip by this on each side, so that it clears the teeth.
 OVERLAP_STEP_MM = 0.5
 
 
 def split_to_fit(flat: FlatPiece, chosen: Options) -> tuple[FlatPiece, ...]:
-    """The piece itself if it fits or is no strip, else its parts from left to right."""
+    """The piece itself if it fits or is not a strip, else its parts from left to right."""
     flat = moved_to_origin(flat)
     x0, y0, x1, y1 = flat.outline.bounds
     if fits((x1 - x0, y1 - y0), chosen.sheet_size_mm, chosen.margin_mm):
@@ -43,9 +43,9 @@ def split_to_fit(flat: FlatPiece, chosen: Options) -> tuple[FlatPiece, ...]:
 
 
 def _ends(flat: FlatPiece, x0: float, x1: float, limit: float) -> list[float] | None:
-    """Where the parts begin and end, each of them and its overlap within the limit; None if that cannot be."""
+    """The x (mm) of the cuts, ends included, such that each part with overlap is within ``limit``; None if impossible."""
     least = math.ceil((x1 - x0 - OVERLAP_MM) / max(limit - OVERLAP_MM, 1.0))
-    # Cuts move to the next gap between teeth, which may ask for one part more.
+    # Cuts move to the next gap between teeth, which may require more parts.
     for count in range(least, least + 3):
         ends = [x0, *(_gap_near(flat, x0 + (x1 - x0) * i / count) for i in range(1, count)), x1]
         lengths = [b - a + (OVERLAP_MM if b < x1 else 0.0) for a, b in itertools.pairwise(ends)]
@@ -55,7 +55,7 @@ def _ends(flat: FlatPiece, x0: float, x1: float, limit: float) -> list[float] | 
 
 
 def _gap_near(flat: FlatPiece, wanted: float) -> float:
-    """The place nearest to ``wanted`` where no tooth is cut."""
+    """The x (mm) nearest to ``wanted`` that cuts no tooth."""
     teeth = sorted((f.outline.bounds[0], f.outline.bounds[2]) for f in flat.faces if f.role == "tab")
     edges = [wanted]
     for low, high in teeth:

@@ -1,6 +1,6 @@
-"""Text as single strokes, as a pen or an engraving beam draws it: no font is needed to open a sheet.
+"""Text as single strokes for pens and engraving beams, independent of installed fonts.
 
-The glyphs are Hershey's simplex roman ("futural"). Characters it does not have are drawn as "?".
+The glyphs are Hershey's simplex roman ("futural"). Missing characters are drawn as "?".
 """
 
 from functools import cache
@@ -9,7 +9,7 @@ from HersheyFonts import HersheyFonts
 
 from foldcar.fabrication.patterns.drawing import Point
 
-# The font's units: height of a capital, and its blank at both sides of a line of text.
+# In the font's units: height of a capital, and the y of its base line.
 CAP_UNITS = 21
 BASE_LINE = 9
 
@@ -23,7 +23,7 @@ def _font() -> HersheyFonts:
 
 @cache
 def text_strokes(text: str, height_mm: float) -> tuple[tuple[tuple[Point, ...], ...], float]:
-    """The strokes of ``text`` with capitals ``height_mm`` high, from x = 0 on the base line, and its width."""
+    """The strokes of ``text`` with capitals ``height_mm`` high, from x = 0 on the base line, and its width (mm)."""
     scale = height_mm / CAP_UNITS
     printable = "".join(c if " " <= c <= "~" else "?" for c in text)
     strokes = [

@@ -1,4 +1,4 @@
-"""Writes a sheet as SVG in true millimetres, its layers as Inkscape's."""
+"""Writes a sheet as SVG at true scale in millimetres, with Inkscape's layers."""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -6,14 +6,14 @@ from collections.abc import Iterator, Sequence
 from foldcar.fabrication.patterns.drawing import Circle, Path, Shape, Sheet
 from foldcar.fabrication.patterns.layers import LAYERS
 
-# Files hold micrometres.
+# Files have a resolution of 1 µm.
 DECIMALS = 3
 
 
 def svg(sheet: Sheet) -> str:
-    """The file's text: width and height in mm and a viewBox of the same numbers.
+    """The file's text; width and height are in mm, and the viewBox has the same numbers.
 
-    A piece's open lines on one layer, dashes and letters, are one path; outlines and circles are elements of their own.
+    A piece's open lines on one layer (dashes and letters) are one path; outlines and circles are separate elements.
     """
     width, height = _number(sheet.width_mm), _number(sheet.height_mm)
     lines = [
@@ -34,7 +34,7 @@ def svg(sheet: Sheet) -> str:
 
 
 def _elements(group: Sequence[Shape], height: float) -> Iterator[str]:
-    """SVG's y runs down."""
+    """The group's elements; in SVG y points down."""
     lines = []
     for shape in group:
         if isinstance(shape, Circle):
@@ -49,7 +49,7 @@ def _elements(group: Sequence[Shape], height: float) -> Iterator[str]:
 
 
 def _path(path: Path, height: float) -> str:
-    """Relative steps, half as long; they are differences of rounded places, so that no error adds up."""
+    """Path data with relative steps, which are half as long; differences of rounded points do not accumulate errors."""
     places = [(round(x, DECIMALS), round(height - y, DECIMALS)) for x, y in path.points_mm]
     first, *_ = places
     steps = [f"{_number(b[0] - a[0])} {_number(b[1] - a[1])}" for a, b in itertools.pairwise(places)]
@@ -57,5 +57,5 @@ def _path(path: Path, height: float) -> str:
 
 
 def _number(value: float) -> str:
-    # Adding nothing turns -0 into 0.
+    # Adding zero turns -0.0 into 0.0.
     return f"{round(value, DECIMALS) + 0.0:.{DECIMALS}f}".rstrip("0").rstrip(".")

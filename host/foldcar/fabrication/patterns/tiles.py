@@ -1,7 +1,7 @@
-"""How a sheet is spread over the pages of a printer: windows that overlap, and marks to lay them together by.
+"""Tiles a sheet over printer pages: overlapping windows with registration marks.
 
-A sheet no larger than the paper is one page without marks. Otherwise windows of the printable area overlap, and crosses
-stand in the middle of each overlap, on both pages.
+Input: a Sheet and a paper size. Output: Tiles. A sheet no larger than the paper is one page without marks. Otherwise
+windows of the printable area overlap, with crosses in the middle of each overlap on both pages.
 """
 
 import itertools
@@ -13,7 +13,7 @@ import numpy as np
 from foldcar.fabrication.patterns.drawing import Point, Sheet, bounds
 from foldcar.fabrication.patterns.options import SHEETS
 
-# What home printers leave blank, and by how much two pages overlap.
+# Border that home printers leave blank, and overlap of two pages.
 BLANK_MM = 8.0
 OVERLAP_MM = 12.0
 MARK_MM = 4.0
@@ -23,7 +23,7 @@ MARK_MM = 4.0
 class Tile:
     """One page of ``page_mm``: the window of the sheet from ``low_mm`` to ``high_mm``.
 
-    A sheet's point p is printed at p + ``offset_mm``, from the page's lower left corner. ``marks_mm`` are in the sheet's
+    A sheet's point p is printed at p + ``offset_mm`` from the page's lower left corner. ``marks_mm`` are in the sheet's
     coordinates.
     """
 
@@ -36,7 +36,7 @@ class Tile:
 
 
 def tiles(sheet: Sheet, paper: str) -> tuple[Tile, ...]:
-    """The pages of a sheet, row by row from the top; upright or lying paper, whichever needs fewer."""
+    """The pages of a sheet, row by row from the top; portrait or landscape, whichever needs fewer."""
     upright = SHEETS[paper]
     size = (sheet.width_mm, sheet.height_mm)
     for page in (upright, upright[::-1]):
@@ -47,7 +47,7 @@ def tiles(sheet: Sheet, paper: str) -> tuple[Tile, ...]:
 
 
 def printed(sheet: Sheet, paper: str) -> list[tuple[Tile, Sheet]]:
-    """The pages of the sheet on which there is anything, with what reaches into their windows by its box."""
+    """The pages that are not empty, each with the shapes whose bounding boxes intersect its window."""
     boxes = np.array([bounds([shape]) for shape in sheet.shapes])
     if not len(boxes):
         return []
@@ -66,7 +66,7 @@ def _window(page_side: float) -> float:
 
 
 def _starts(length: float, page_side: float) -> list[float]:
-    """Where the windows along one side begin, spread evenly."""
+    """The starts (mm) of the windows along one side, equally spaced."""
     window = _window(page_side)
     count = max(1, math.ceil((length - OVERLAP_MM) / (window - OVERLAP_MM) - 1e-9))
     step = (length - window) / (count - 1) if count > 1 else 0.0
@@ -77,7 +77,7 @@ def _grid(sheet: Sheet, page: Point) -> tuple[Tile, ...]:
     columns, rows = _starts(sheet.width_mm, page[0]), _starts(sheet.height_mm, page[1])
     width = min(_window(page[0]), sheet.width_mm)
     height = min(_window(page[1]), sheet.height_mm)
-    # Between two crossings of seams, and from the last one to the edge, every seam has two crosses.
+    # Each overlap has two crosses between two crossings with other overlaps, and between the last one and the edge.
     seams_x = [(b + a + width) / 2 for a, b in itertools.pairwise(columns)]
     seams_y = [(b + a + height) / 2 for a, b in itertools.pairwise(rows)]
     marks = [(x, y) for x in seams_x for y in _quarters([0.0, *seams_y, sheet.height_mm])]

@@ -1,7 +1,7 @@
-"""Checks written sheets in millimetres: what the files hold against what was meant, and what any cutter needs.
+"""Checks written sheets: the files' content against the intended sheets, and the requirements of cutters.
 
-Input: the sheets as meant and the text or bytes of the written files. Output: findings in words, none if all is well.
-Each reader is imported where it is needed: a process that checks one format loads one.
+Input: the intended sheets and the text or bytes of the written files. Output: findings as texts, none for correct files.
+Each reader is imported where it is used, so that a process that checks one format loads one.
 """
 
 import math
@@ -22,14 +22,14 @@ from foldcar.fabrication.patterns.tiles import MARK_MM, Tile, printed, tiles
 if TYPE_CHECKING:
     from foldcar.fabrication.patterns.read_pdf import Page
 
-# A file's numbers have four decimals, PDF points six; a cutter repeats within 0.1 mm.
+# Numbers have four decimals in files, six in PDF points; cutters repeat within 0.1 mm.
 TOLERANCE_MM = 0.01
-# How many of a kind are named before the rest is counted.
+# Findings of a kind that are listed; the rest are counted.
 SHOWN = 3
 
 
 def check_sheet(sheet: Sheet, margin_mm: float) -> list[str]:
-    """What a cutter would stumble over: open outlines, lines twice, lines off the sheet, lines of no length."""
+    """Findings about open outlines, duplicate lines, lines outside the usable area, lines of length 0."""
     findings = []
     for shape in sheet.shapes:
         if isinstance(shape, Path) and shape.layer == "CUT_OUTER" and not shape.closed:
@@ -41,7 +41,7 @@ def check_sheet(sheet: Sheet, margin_mm: float) -> list[str]:
             findings.append(f"{count} lines on each other at {key[0]:.2f}, {key[1]:.2f}")
     if sheet.shapes:
         x0, y0, x1, y1 = bounds(sheet.shapes)
-        # Half a kerf may lie in the margin.
+        # Half a kerf may extend into the margin.
         low, right, top = margin_mm - 0.5 - TOLERANCE_MM, sheet.width_mm - margin_mm, sheet.height_mm - margin_mm
         if x0 < low or y0 < low or x1 > right + 0.5 + TOLERANCE_MM or y1 > top + 0.5 + TOLERANCE_MM:
             findings.append(
@@ -52,7 +52,7 @@ def check_sheet(sheet: Sheet, margin_mm: float) -> list[str]:
 
 
 def check_same(meant: Sheet, read: Sheet) -> list[str]:
-    """Whether the sheet that was read is the one that was meant: size, and every segment on its layer."""
+    """Findings about differences between the intended sheet and the one read: size, and every segment on its layer."""
     findings = []
     if (
         abs(read.width_mm - meant.width_mm) > TOLERANCE_MM
@@ -88,7 +88,7 @@ def _read_back(meant: Sheet, read: Callable[[], Sheet], chosen: Options) -> list
 
 
 def check_pdf(meant: Sequence[Sheet], binary: bytes, chosen: Options) -> list[str]:
-    """Findings about a written PDF: every page shows its window of the sheet at true scale, together they show all."""
+    """Findings about a written PDF: each page must show its window at true scale, and all together the whole sheets."""
     from foldcar.fabrication.patterns.read_pdf import read_pdf
 
     try:
@@ -125,7 +125,7 @@ def _check_page(page: "Page", shown: Sheet, tile: Tile) -> list[str]:
 
 
 def _check_cover(sheet: Sheet, windows: Sequence[Tile]) -> list[str]:
-    """Windows form a grid; each row and column of them must leave no strip uncovered."""
+    """Findings about strips that the grid of windows leaves uncovered."""
     findings = []
     for axis, length in enumerate((sheet.width_mm, sheet.height_mm)):
         reached = 0.0
@@ -145,7 +145,7 @@ def _shifted(shape: Shape, dx: float, dy: float) -> Shape:
 
 
 def _keys(shapes: Iterable[Shape]) -> list[tuple[float, ...]]:
-    """A segment by its ends, lower one first; a circle by its middle and radius."""
+    """A comparable key for each segment (its ends, lower one first) and circle (its centre and radius)."""
     keys: list[tuple[float, ...]] = []
     for shape in shapes:
         if isinstance(shape, Circle):
@@ -158,9 +158,9 @@ def _keys(shapes: Iterable[Shape]) -> list[tuple[float, ...]]:
 
 
 def _vectors(shapes: Iterable[Shape]) -> NDArray[np.float64]:
-    """(n, 5): layer's index · 1000, then middle of the segment and half of its extent from either end.
+    """(n, 5): layer's index · 1000, then a segment's midpoint and half of its extent (mm).
 
-    A circle stands as its middle, its radius and a number that no segment has.
+    A circle has its centre, its radius and a number that no segment has.
     """
     names = list(LAYERS)
     rows = []
@@ -175,7 +175,7 @@ def _vectors(shapes: Iterable[Shape]) -> NDArray[np.float64]:
 
 
 def _differences(meant: Iterable[Shape], read: Iterable[Shape], what: str = "line") -> list[str]:
-    """Lines of one that the other does not have, within the tolerance, and differing numbers of them."""
+    """Findings about lines that only one of the two has, within the tolerance, and about differing counts."""
     wanted, found = _vectors(meant), _vectors(read)
     if _same_in_order(wanted, found):
         return []
@@ -190,27 +190,27 @@ def _differences(meant: Iterable[Shape], read: Iterable[Shape], what: str = "lin
 
 
 def _same_in_order(wanted: NDArray[np.float64], found: NDArray[np.float64]) -> bool:
-    """Whether both agree line by line once they are sorted: the quick answer for files that are well."""
+    """Whether both agree line by line after sorting: a fast test for correct files."""
     if wanted.shape != found.shape:
         return False
     pair = []
     for rows in (wanted, found):
         coarse = np.round(rows, 2)
-        # Either direction of a line sorts alike.
+        # The direction of a line does not affect its order.
         keys = (np.abs(coarse[:, 4]), np.abs(coarse[:, 3]), coarse[:, 2], coarse[:, 1], coarse[:, 0])
         pair.append(rows[np.lexsort(keys)])
     return bool(np.all(_apart(pair[0], pair[1]) <= TOLERANCE_MM))
 
 
 def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n,): how far rows differ. Lines have no direction."""
+    """(n,): distances of corresponding rows (mm), whatever the lines' direction."""
     both = [np.abs(a - b * (1.0, 1.0, 1.0, sign, sign)).max(axis=1, initial=0.0) for sign in (1.0, -1.0)]
     nearer: NDArray[np.float64] = np.minimum(both[0], both[1])
     return nearer
 
 
 def _matched(have: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """For each row whether the other ones have it within the tolerance."""
+    """(n,): whether ``other`` has each row of ``have`` within the tolerance."""
     matched = np.zeros(len(have), dtype=bool)
     places: Any = shapely.points(other[:, 1:3])
     tree = shapely.STRtree(places)

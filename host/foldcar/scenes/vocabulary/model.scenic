@@ -1,4 +1,4 @@
-"""The vocabulary of foldcar's environments: what shapes the ground, where a car starts, where it is to go.
+"""The vocabulary of foldcar's environments: terrain, the car's start, its goal.
 
 A program begins with `model model`, places terrain, names one Robot `ego` and places one Goal. Lengths are
 metres, angles radians (or `90 deg`). Scenic's heading 0 points along +y: `facing -90 deg` travels along +x.
@@ -17,12 +17,12 @@ param course_x_max = 2.0
 param course_y_min = -1.0
 param course_y_max = 1.0
 
-# How often a program's own conditions, monitors and records look at a running simulation (s).
+# Interval (s) at which a program's conditions, monitors and records are evaluated during a simulation.
 param outer_step_s = 0.25
 
 
 def creation_line():
-    """The file and line of the program that is creating an object: mistakes are reported with it."""
+    """The file and line of the program that creates an object, for error messages."""
     frame = sys._getframe()
     own_file = frame.f_code.co_filename
     while frame is not None:
@@ -34,8 +34,8 @@ def creation_line():
 
 
 class Thing(Object):
-    """Base of the vocabulary. Things may overlap, stand anywhere and hide each other: checking that they do not
-    costs ten times the sampling itself. A program that wants it says `with allowCollisions False`."""
+    """Base of the vocabulary. Things may overlap, be anywhere and hide each other, because checking that they do not
+    takes ten times as long as sampling. A program that needs the check uses `with allowCollisions False`."""
     allowCollisions: True
     regionContainedIn: everywhere
     requireVisible: False
@@ -47,16 +47,16 @@ class Terrain(Thing):
     """Something to drive over. Its `length` lies along its heading, its `width` across."""
 
     def pieces(self):
-        """What it is made of: a list of terrain pieces as docs/carsim.md lists them, without their place.
+        """Its terrain pieces (docs/carsim.md), in the object's frame.
 
-        A piece that does not stand in the middle says where it does: `x_m` ahead, `y_m` to the left, turned by
-        `heading_rad` counter-clockwise.
+        A piece that is not at the object's centre has `x_m` (ahead), `y_m` (to the left) or `heading_rad`
+        (counter-clockwise).
         """
-        raise NotImplementedError(f"{type(self).__name__} does not say what pieces it is made of")
+        raise NotImplementedError(f"{type(self).__name__} does not define `pieces`")
 
 
 class SpeedBump(Terrain):
-    """Across the way, as sharp-edged as a plank: `Bump`; as round as a hose: `RoundBump`."""
+    """Base of speed bumps: `Bump` has a rectangular section, `RoundBump` a circular arc."""
     length: 0.06
     width: 1.2
     height: 0.02
@@ -70,19 +70,19 @@ class Bump(SpeedBump):
 
 
 class RoundBump(SpeedBump):
-    """A half-round speed bump: an arc over its length, at most half as high as long."""
+    """A half-round speed bump: a circular arc over its length, at most half as high as long."""
 
     def pieces(self):
         return [{"kind": "half_round", "length_m": self.length, "width_m": self.width, "height_m": self.height}]
 
 
 class Step(Bump):
-    """A platform as long as a car: climbed first and left later."""
+    """A platform as long as a car, with a step up and a step down."""
     length: 0.4
 
 
 class Kerb(Terrain):
-    """The edge of a pavement: a face that leans back by `face`, met first, and the pavement behind it."""
+    """The edge of a pavement: a face that slopes over the length `face`, and the level pavement behind it."""
     length: 0.3
     width: 1.2
     height: 0.02
@@ -93,7 +93,7 @@ class Kerb(Terrain):
 
 
 class Ramp(Terrain):
-    """Up along its heading within `run_up`, level for `plateau`, down within `run_down`; what is 0 is not there."""
+    """A ramp along its heading: up over `run_up`, level over `plateau`, down over `run_down`; each may be 0."""
     run_up: 0.2
     plateau: 0.0
     run_down: 0.0
@@ -104,15 +104,15 @@ class Ramp(Terrain):
     def pieces(self):
         parts = slope_and_block(self.run_up, self.plateau, self.width, self.height, -self.length / 2)
         if self.run_down:
-            # From its own front edge, which is the high one, a slope that goes down looks back.
+            # A slope rises along its heading, so the descending one is turned by 180 degrees.
             back = slope(self.run_down, self.width, self.height, self.length / 2 - self.run_down)
             parts.append({**back, "heading_rad": 180 deg})
         return parts
 
 
 class StepPyramid(Terrain):
-    """A square pyramid of `steps` equal steps: `top_side` is the side of the highest square, `tread` the depth of
-    every other step."""
+    """A square pyramid of `steps` steps of equal height: `top_side` is the side of the highest square, `tread` the
+    depth of the other steps."""
     steps: 3
     step_height: 0.0215
     top_side: 0.07
@@ -127,8 +127,8 @@ class StepPyramid(Terrain):
 
 
 class GaussianHill(Terrain):
-    """A smooth hill, `height` high, with standard deviations `sd_along` its heading and `sd_across`. A negative
-    height is a hollow. Length and width, of two standard deviations each way, serve specifiers only."""
+    """A Gaussian hill, `height` high, with standard deviations `sd_along` and `sd_across` its heading. A negative
+    height is a hollow. Length and width, two standard deviations each way, are for specifiers only."""
     sd_along: 0.08
     sd_across: self.sd_along
     height: 0.03
@@ -142,12 +142,12 @@ class GaussianHill(Terrain):
 
 
 class Flat(Terrain):
-    """Terrain whose height, were it any, would mean nothing."""
+    """Base of terrain whose `height` has no meaning."""
     height: 0.001
 
 
 class Pothole(Flat):
-    """A round hole of that `diameter`, `depth` deep in the middle; its wall slopes over `edge` all around."""
+    """A round hole of this `diameter`, `depth` deep at the centre; its wall slopes over the width `edge`."""
     diameter: 0.16
     depth: 0.015
     edge: 0.03
@@ -159,8 +159,8 @@ class Pothole(Flat):
 
 
 class RoughGround(Flat):
-    """Random heights with standard deviation `amplitude` and correlation length `correlation`. The same `seed`
-    gives the same heights; unless a program chooses it, every sample draws its own."""
+    """Random heights with standard deviation `amplitude` and correlation length `correlation`. They depend on
+    `seed`, which every sample draws unless the program sets it."""
     length: 0.6
     width: 1.0
     amplitude: 0.003
@@ -173,7 +173,7 @@ class RoughGround(Flat):
 
 
 class FrictionPatch(Flat):
-    """Ground with a friction coefficient of its own; of overlapping ones the one created last counts."""
+    """Ground with its own friction coefficient; of overlapping patches the one created last applies."""
     length: 0.3
     width: 1.0
     friction: 0.3
@@ -183,21 +183,21 @@ class FrictionPatch(Flat):
 
 
 class Marker(Thing):
-    """A place with a heading that nothing stands on. It can be mutated, which a Point cannot."""
+    """A pose without an object. It can be mutated, which a Point cannot."""
     width: 0.01
     length: 0.01
     height: 0.01
 
 
 class Goal(Marker):
-    """Where the car is to go: the line through this place across its heading, to be crossed along the heading;
-    with a `reach`, the disc of that radius around this place."""
+    """The car's goal: the line through this position across its heading, to be crossed along the heading; with
+    `reach`, the disc of that radius around this position."""
     reach: None
 
 
 class Robot(Thing):
-    """The car under test, always `ego`. Its size is the design's and not the environment's: the size here serves
-    specifiers such as `behind`, and is the ground that has to be free of edges at the start."""
+    """The car under test, always `ego`. The design determines its real size; the size here is for specifiers such as
+    `behind`, and is the area that must be free of edges at the start."""
     length: 0.2
     width: 0.1
     height: 0.12
@@ -205,16 +205,16 @@ class Robot(Thing):
 
 
 def block(length, width, height, x=0.0):
-    """An upright block, its middle `x` ahead."""
+    """A block whose centre is `x` ahead."""
     return {"kind": "box", "x_m": x, "length_m": length, "width_m": width, "height_m": height}
 
 
 def slope(length, width, height, rear):
-    """Ground that rises over `length` from its edge at `rear` on."""
+    """A slope that rises over `length` from its edge at x = `rear`."""
     return {"kind": "ramp", "x_m": rear + length / 2, "length_m": length, "width_m": width, "height_m": height}
 
 
 def slope_and_block(run, level, width, height, rear):
-    """A slope up from `rear` on and level ground behind it; what has no length is left out."""
+    """A slope that rises from x = `rear`, and level ground behind it; parts of length 0 are left out."""
     parts = [slope(run, width, height, rear)] if run else []
     return parts + ([block(level, width, height, rear + run + level / 2)] if level else [])

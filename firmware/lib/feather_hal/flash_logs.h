@@ -1,17 +1,19 @@
-// The file system in the ESP32's flash (LittleFS): the car's design, and the logs of its untethered trials.
+// Logs of trials as files of the ESP32's flash file system (LittleFS): /log_00001 to /log_65535.
 #pragma once
+
+#include <cstddef>
+#include <cstdint>
 
 #include <FS.h>
 
-#include "car_design.h"
 #include "hal.h"
 
 namespace foldcar {
 
-// Logs are files named by their numbers. Without begin(), or after a failed one, there are none.
+// Until begin() has succeeded no log can be stored.
 class FlashLogs : public LogStorage {
  public:
-  // Mounts the file system; formats it where there is none, which takes seconds.
+  // Mounts the file system; formats the partition if it holds none, which takes seconds. Returns false if that fails.
   bool begin();
 
   bool present() const override { return mounted_; }
@@ -25,16 +27,15 @@ class FlashLogs : public LogStorage {
 
  private:
   bool open_to_read(std::uint16_t id);
+  void close_reading();
   void find_range();
 
   bool mounted_ = false;
-  std::uint16_t first_ = 0, last_ = 0;  // 0: there is none
+  std::uint16_t first_ = 0, last_ = 0;  // smallest and largest number, 0 if there is no log
   fs::File written_;
+  std::size_t written_size_ = 0;  // bytes
   fs::File read_;
-  std::uint16_t read_id_ = 0;
+  std::uint16_t read_id_ = 0;  // number of the log that read_ refers to, 0 for none
 };
-
-// /car.json, to be called after FlashLogs::begin(). Takes memory from the heap, all of which it gives back.
-DesignResult read_car_json();
 
 }  // namespace foldcar

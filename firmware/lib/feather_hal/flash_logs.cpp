@@ -1,19 +1,17 @@
-#include "flash_files.h"
+#include "flash_logs.h"
 
 #include <Arduino.h>
 #include <LittleFS.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <memory>
-
-#include "design_json.h"
 
 namespace foldcar {
 namespace {
 
-constexpr const char* kDesignFile = "/car.json";
 constexpr const char* kLogPrefix = "log_";
 
 struct LogPath {
@@ -23,9 +21,8 @@ struct LogPath {
   char text[16];
 };
 
-// The number of a log's file; 0 for other files. The name comes with or without its folder, by the core's version.
+// The number of a log's file, whose name comes without its folder; 0 for other files.
 std::uint16_t log_id(const char* name) {
-  if (name[0] == '/') ++name;
   if (std::strncmp(name, kLogPrefix, std::strlen(kLogPrefix)) != 0) return 0;
   return static_cast<std::uint16_t>(std::strtoul(name + std::strlen(kLogPrefix), nullptr, 10));
 }
@@ -39,24 +36,31 @@ bool FlashLogs::begin() {
 }
 
 bool FlashLogs::create(std::uint16_t id) {
-  if (!mounted_) return false;
+  if (!mounted_ || id == 0) return false;
+  close_reading();
   written_ = LittleFS.open(LogPath(id).text, FILE_WRITE);
+  written_size_ = 0;
   if (!written_) return false;
-  if (first_ == 0) first_ = id;
-  last_ = id;
+  first_ = first_ == 0 ? id : std::min(first_, id);
+  last_ = std::max(last_, id);
   return true;
 }
 
-// Flushed each time, so that a brown-out costs only what came after.
+// Every part is flushed, so that a brown-out costs only what comes after it. flush() reports no error: that the file
+// system is full shows in the size that it has stored.
 bool FlashLogs::append(const std::uint8_t* data, std::size_t size) {
   if (!written_ || written_.write(data, size) != size) return false;
+  if (size == 0) return true;
   written_.flush();
-  return true;
+  written_size_ += size;
+  return written_.size() == written_size_;
 }
 
+// A file opened to read before the last part was written would not have that part.
 bool FlashLogs::close() {
   const bool was_open = static_cast<bool>(written_);
   written_.close();
+  close_reading();
   return was_open;
 }
 
@@ -67,12 +71,10 @@ std::size_t FlashLogs::read(std::uint16_t id, std::size_t offset, std::uint8_t* 
   return read_.read(data, size);
 }
 
+// LittleFS does not remove a file that is open.
 bool FlashLogs::remove(std::uint16_t id) {
-  if (id < first_ || id > last_) return false;
-  if (read_id_ == id) {
-    read_.close();
-    read_id_ = 0;
-  }
+  if (id == 0 || id < first_ || id > last_) return false;
+  if (read_id_ == id) close_reading();
   const bool removed = LittleFS.remove(LogPath(id).text);
   find_range();
   return removed;
@@ -85,13 +87,19 @@ bool FlashLogs::range(std::uint16_t& first, std::uint16_t& last) {
   return true;
 }
 
-// The file of the last request stays open, as a log is read in many small parts.
+// The file of the last request stays open, because a log is read in many small parts.
 bool FlashLogs::open_to_read(std::uint16_t id) {
   if (id == 0 || id < first_ || id > last_) return false;
   if (read_id_ == id && read_) return true;
+  close_reading();
   read_ = LittleFS.open(LogPath(id).text, FILE_READ);
   read_id_ = read_ ? id : 0;
   return read_id_ != 0;
+}
+
+void FlashLogs::close_reading() {
+  read_.close();
+  read_id_ = 0;
 }
 
 void FlashLogs::find_range() {
@@ -103,23 +111,6 @@ void FlashLogs::find_range() {
     if (first_ == 0 || id < first_) first_ = id;
     if (id > last_) last_ = id;
   }
-}
-
-DesignResult read_car_json() {
-  if (!LittleFS.exists(kDesignFile)) return {};
-  CarDesignReader reader;
-  fs::File file = LittleFS.open(kDesignFile, FILE_READ);
-  if (!file) {
-    reader.refuse("cannot be read");
-    return reader.result();
-  }
-  if (file.size() > kLargestDesignFile) {
-    reader.refuse("is larger than 8192 bytes");
-    return reader.result();
-  }
-  const std::unique_ptr<char[]> text(new char[file.size()]);
-  const std::size_t size = file.read(reinterpret_cast<std::uint8_t*>(text.get()), file.size());
-  return read_design_json(text.get(), size);
 }
 
 }  // namespace foldcar

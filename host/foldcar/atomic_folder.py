@@ -1,6 +1,6 @@
-"""Writes folders whole or not at all: into a temporary neighbour first, which then takes the folder's place.
+"""Writes folders atomically: to a temporary folder beside it, which then replaces the folder.
 
-A folder is replaced only if its manifest names every file in it. Nothing of a user's is lost.
+A folder is replaced only if its manifest names every file in it, so that no file of a user is lost.
 """
 
 import contextlib
@@ -12,18 +12,16 @@ from pathlib import Path
 
 from foldcar.errors import FoldcarError
 
-MANIFEST = "pattern.json"
-
 
 @contextlib.contextmanager
-def atomic_folder(folder: Path) -> Iterator[Path]:
-    """A new folder that becomes ``folder`` when the block ends well and vanishes when it does not.
+def atomic_folder(folder: Path, manifest: str) -> Iterator[Path]:
+    """A new folder that replaces ``folder`` at the end of the block, or is deleted if the block raises.
 
-    The block writes a manifest into it, a JSON object whose ``files`` are relative paths. FoldcarError, naming the
-    folder, if it cannot be written or holds something else.
+    The block writes a file named ``manifest`` into it, a JSON object whose ``files`` are relative paths. FoldcarError,
+    naming the folder, if it cannot be written or contains other files.
     """
     folder = folder.absolute()
-    _check_replaceable(folder)
+    _check_replaceable(folder, manifest)
     temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     old = folder.with_name(f".{folder.name}.{os.getpid()}.old")
     try:
@@ -45,16 +43,16 @@ def atomic_folder(folder: Path) -> Iterator[Path]:
             shutil.rmtree(leftover, ignore_errors=True)
 
 
-def _check_replaceable(folder: Path) -> None:
+def _check_replaceable(folder: Path, manifest: str) -> None:
     if not folder.exists():
         return
     if not folder.is_dir():
-        raise FoldcarError(f"{folder}: is no folder")
+        raise FoldcarError(f"{folder}: not a folder")
     try:
         held = {str(file.relative_to(folder)) for file in folder.rglob("*") if not file.is_dir()}
-        listed = set(json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]) if held else set()
+        listed = set(json.loads((folder / manifest).read_text(encoding="utf-8"))["files"]) if held else set()
     except (OSError, ValueError, KeyError, TypeError):
-        raise FoldcarError(f"{folder}: holds other files; choose another folder") from None
-    foreign = sorted(held - listed - {MANIFEST})
+        raise FoldcarError(f"{folder}: contains other files; choose another folder") from None
+    foreign = sorted(held - listed - {manifest})
     if foreign:
-        raise FoldcarError(f"{folder}: holds {foreign[0]}, which is none of its files; choose another folder")
+        raise FoldcarError(f"{folder}: contains {foreign[0]}, which its manifest does not name; choose another folder")

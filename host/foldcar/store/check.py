@@ -1,0 +1,144 @@
+"""Reads all of a store and names what is damaged: SQLite's structures, rows, references, tables, logs of trials.
+
+Input: a store's path. Output: findings as lines. A bit that flips anywhere in a row is found by the row's checksum;
+in an index or in SQLite's own bookkeeping by PRAGMA integrity_check.
+"""
+
+import contextlib
+import sqlite3
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
+from foldcar.store.log_files import log_file, sha256_of
+from foldcar.store.migrations import VERSION
+from foldcar.store.opening import connect_reading, open_reading, store_version
+from foldcar.store.rows import columns_sql, is_intact, key_text
+from foldcar.store.tables import CHECKSUM, RECORDED, RESULT_VIEW, RUN, TABLES, Table
+
+
+@dataclass(slots=True)
+class StoreCheck:
+    """What was read, and what of it is damaged. ``version`` is that of the file; older ones have no checksums."""
+
+    version: int
+    rows: int
+    logs: int
+    findings: list[str]
+
+
+def check_store(path: Path) -> StoreCheck:
+    """Read the whole store. StoreError if there is none, or if nothing of it can be read."""
+    with contextlib.closing(connect_reading(path)) as connection:
+        done = StoreCheck(store_version(path, connection), 0, 0, [])
+        done.findings += _structure(connection)
+        if done.version < VERSION:
+            _check_older(path, done)
+            return done
+        # A text whose bytes are damaged must be read to be named.
+        connection.text_factory = _text
+        done.findings += _schema(connection)
+        for table in TABLES:
+            done.findings += _damaged_rows(connection, table, done)
+        done.findings += _references(connection)
+        _check_logs(path, connection, done)
+    return done
+
+
+def _check_older(path: Path, done: StoreCheck) -> None:
+    """Every value, by bringing a copy up to this version."""
+    if done.findings:
+        return
+    try:
+        connection = open_reading(path)
+    except StoreError as error:
+        done.findings.append(str(error).removeprefix(f"{path}: "))
+        return
+    with contextlib.closing(connection), store_errors(path):
+        for table in TABLES:
+            (rows,) = connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()
+            done.rows += rows
+        done.findings += _references(connection)
+        _check_logs(path, connection, done)
+
+
+def _structure(connection: sqlite3.Connection) -> list[str]:
+    try:
+        lines = [str(line) for (line,) in connection.execute("PRAGMA integrity_check")]
+    except SQLITE_ERRORS as error:
+        return [f"SQLite's structure: {error}"]
+    return [] if lines == ["ok"] else [f"SQLite's structure: {' '.join(line.split())}" for line in lines]
+
+
+def _schema(connection: sqlite3.Connection) -> Iterator[str]:
+    """Tables and the view against their declarations; a metric may be missing in a store that is older than it."""
+    try:
+        texts = dict(connection.execute("SELECT name, sql FROM sqlite_master WHERE type IN ('table', 'view')"))
+        there = {name for _, name, *_ in connection.execute("PRAGMA table_info(run)")}
+    except SQLITE_ERRORS as error:
+        yield f"SQLite's schema: {error}"
+        return
+    grown = not there.issuperset(RUN.names)
+    for table in TABLES:
+        if table.name not in texts:
+            yield f"table {table.name}: is missing"
+        elif texts[table.name] != table.sql and table is not RUN:
+            yield f"table {table.name}: is not declared as in version {VERSION}"
+    if texts.get("result") != RESULT_VIEW and not grown:
+        yield f"view result: is not declared as in version {VERSION}"
+
+
+def _damaged_rows(connection: sqlite3.Connection, table: Table, done: StoreCheck) -> Iterator[str]:
+    names = (*table.names, CHECKSUM)
+    try:
+        for cells in connection.execute(f"SELECT {columns_sql(connection, table)} FROM {table.name} NOT INDEXED"):
+            done.rows += 1
+            row = dict(zip(names, cells, strict=True))
+            if not is_intact(row):
+                yield f"{key_text(table, row)}: does not match its checksum"
+    except SQLITE_ERRORS as error:
+        yield f"table {table.name}: cannot be read to its end: {error}"
+
+
+def _references(connection: sqlite3.Connection) -> Iterator[str]:
+    where = " AND ".join(f"r.{name} = v.{name}" for name in RUN.key)
+    try:
+        missing = Counter((row[0], row[2]) for row in connection.execute("PRAGMA foreign_key_check"))
+        (recorded,) = connection.execute(
+            f"SELECT count(*) FROM {RECORDED.name} v WHERE NOT EXISTS (SELECT 1 FROM {RUN.name} r WHERE {where})"
+        ).fetchone()
+    except SQLITE_ERRORS as error:
+        yield f"references between tables: {error}"
+        return
+    if recorded:
+        missing[RECORDED.name, RUN.name] = recorded
+    for (table, referred), count in sorted(missing.items()):
+        yield f"table {table}: {count} rows refer to rows of {referred} that are not there"
+
+
+def _check_logs(path: Path, connection: sqlite3.Connection, done: StoreCheck) -> None:
+    try:
+        trials = connection.execute("SELECT id, log, log_sha256 FROM trial WHERE log IS NOT NULL ORDER BY id").fetchall()
+    except SQLITE_ERRORS:
+        # Named with its table.
+        return
+    for number, log, expected in trials:
+        where = f"trial (id={number})"
+        try:
+            file = log_file(path, str(log))
+            found = sha256_of(file)
+        except StoreError as error:
+            done.findings.append(f"{where}: {str(error).removeprefix(f'{path}: ')}")
+            continue
+        if found is not None:
+            done.logs += 1
+        if expected is not None and found is None:
+            done.findings.append(f"{where}: its log {file} is missing")
+        elif expected is not None and found != expected:
+            done.findings.append(f"{where}: its log {file} does not match its SHA-256")
+
+
+def _text(content: bytes) -> str:
+    return content.decode("utf-8", "surrogateescape")

@@ -1,0 +1,41 @@
+"""Where the logs of a store's trials are: in its folder or below, named relative to it."""
+
+import hashlib
+from pathlib import Path
+
+from foldcar.store.errors import StoreError
+
+
+def log_file(store: Path, log: str) -> Path:
+    """The file of a log that a trial in ``store`` names; StoreError if the name leads out of the store's folder."""
+    return store.parent / log_inside(store.parent, log, f"{store}: log")
+
+
+def log_inside(folder: Path, log: str, where: str) -> Path:
+    """``log`` as a path below ``folder``; StoreError, beginning with ``where``, if it leads out of it.
+
+    Symbolic links count: what they lead to must be in the folder too.
+    """
+    path = Path(log)
+    try:
+        inside = bool(log) and not path.is_absolute() and ".." not in path.parts
+        inside = inside and (folder / path).resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):
+        inside = False
+    if not inside:
+        raise StoreError(f'{where}: "{ascii(log)[1:-1][:200]}" leads out of the folder {folder}')
+    return path
+
+
+def sha256_of(file: Path) -> str | None:
+    """SHA-256 of a file in hexadecimal; None if there is none. StoreError if it cannot be read."""
+    if not file.is_file():
+        return None
+    digest = hashlib.sha256()
+    try:
+        with file.open("rb") as binary:
+            while block := binary.read(1 << 20):
+                digest.update(block)
+    except OSError as error:
+        raise StoreError(f"{file}: cannot be read: {error.strerror}") from error
+    return digest.hexdigest()

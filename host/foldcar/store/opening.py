@@ -1,0 +1,163 @@
+"""How a store's file is made, opened, brought up to this version and refused.
+
+A store is one SQLite file. While it is written, it is in write-ahead mode with two files beside it; whoever ends
+turns it back into a single file. Those who only read change nothing: they read an older version through a migrated
+copy, which SQLite keeps in memory and in a temporary file that vanishes with the connection.
+"""
+
+import contextlib
+import sqlite3
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
+from foldcar.store.migrations import VERSION, add_metrics, copy_beside, create_tables, migrate, transaction
+from foldcar.store.tables import CHECKSUM, RUN
+from foldcar.store.writer_lock import check_journal, writer_lock
+
+# "Fcar" in ASCII: tells a store from other SQLite files.
+APPLICATION_ID = 0x46636172
+
+
+def open_reading(path: Path) -> sqlite3.Connection:
+    """A connection that sees one moment of an existing store and never writes; StoreError if it is none."""
+    connection = connect_reading(path)
+    try:
+        if store_version(path, connection) == VERSION:
+            with store_errors(path):
+                connection.execute("BEGIN")
+            return connection
+        with store_errors(path):
+            copy = sqlite3.connect("", isolation_level=None)
+        try:
+            with store_errors(path):
+                connection.backup(copy)
+            migrate(path, copy)
+        except BaseException:
+            copy.close()
+            raise
+    except BaseException:
+        connection.close()
+        raise
+    connection.close()
+    return copy
+
+
+def connect_reading(path: Path) -> sqlite3.Connection:
+    """A connection that cannot write, to whatever version of a store; StoreError if there is no file."""
+    if not path.exists():
+        raise StoreError(f"{path}: no such store")
+    if not path.is_file():
+        raise StoreError(f"{path}: is no file")
+    check_journal(path)
+    with store_errors(path):
+        return sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, isolation_level=None)
+
+
+def require_store(path: Path) -> None:
+    """StoreError if there is no store that this foldcar can read. For commands that write, but make no store."""
+    with contextlib.closing(connect_reading(path)) as connection:
+        store_version(path, connection)
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[sqlite3.Connection]:
+    """A connection to the store at ``path``; made, with its folder, if need be. StoreError if it is in use.
+
+    A store of an older version is migrated first; a line on standard error says so.
+    """
+    if path.is_dir():
+        raise StoreError(f"{path}: is a folder, not a store")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with writer_lock(path):
+        connection = _open_writing(path)
+        try:
+            yield connection
+        finally:
+            _close_writing(path, connection)
+
+
+def store_version(path: Path, connection: sqlite3.Connection) -> int:
+    """The version of a store, this one's or an older one; StoreError if it is newer, or no store."""
+    try:
+        (application_id,) = connection.execute("PRAGMA application_id").fetchone()
+        (version,) = connection.execute("PRAGMA user_version").fetchone()
+        columns = [name for _, name, *_ in connection.execute("PRAGMA table_info(run)")]
+    except SQLITE_ERRORS as error:
+        raise StoreError(f"{path}: is no foldcar store ({error})") from error
+    if application_id != APPLICATION_ID:
+        raise StoreError(f"{path}: is no foldcar store")
+    if not 1 <= version <= VERSION:
+        raise StoreError(f"{path}: is a store of version {version}, this foldcar knows versions 1 to {VERSION}")
+    unknown = [name for name in columns if name not in (*RUN.names, CHECKSUM)]
+    if unknown:
+        raise StoreError(f'{path}: has the metric "{unknown[0]}", which this foldcar does not know: use a newer one')
+    return int(version)
+
+
+def fill_blank(path: Path, connection: sqlite3.Connection) -> None:
+    """Make an empty SQLite file an empty store of this version."""
+    with store_errors(path), transaction(connection):
+        create_tables(connection)
+        connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        connection.execute(f"PRAGMA user_version = {VERSION}")
+
+
+def _open_writing(path: Path) -> sqlite3.Connection:
+    check_journal(path)
+    with store_errors(path):
+        connection = sqlite3.connect(path, isolation_level=None)
+    try:
+        if _is_blank(path, connection):
+            fill_blank(path, connection)
+        version = store_version(path, connection)
+        backup = copy_beside(path, connection, version) if version < VERSION else None
+    except BaseException:
+        connection.close()
+        raise
+    try:
+        with store_errors(path):
+            connection.execute("PRAGMA journal_mode = WAL")
+        if backup is None:
+            add_metrics(path, connection)
+        else:
+            _migrate_in_place(path, connection, version, backup)
+        with store_errors(path):
+            # A commit survives the death of the program; only a power cut may lose the last ones.
+            connection.execute("PRAGMA synchronous = NORMAL")
+    except BaseException:
+        _close_writing(path, connection)
+        raise
+    return connection
+
+
+def _migrate_in_place(path: Path, connection: sqlite3.Connection, version: int, backup: Path) -> None:
+    try:
+        migrate(path, connection)
+    except BaseException:
+        # The store is as it was, so that its copy is of no use.
+        backup.unlink(missing_ok=True)
+        raise
+    # Without what the old tables leave free. That is for looks only: a disk too full for it does not matter.
+    with contextlib.suppress(sqlite3.Error):
+        connection.execute("VACUUM")
+    sys.stderr.write(f"{path}: migrated from version {version} to {VERSION}; as it was: {backup}\n")
+
+
+def _close_writing(path: Path, connection: sqlite3.Connection) -> None:
+    """Close, leaving a single file if nobody reads it at the moment."""
+    # An interrupt may have left a query half read, which would keep the mode: closing ends every query.
+    connection.close()
+    with contextlib.suppress(sqlite3.Error), contextlib.closing(sqlite3.connect(path)) as last:
+        last.execute("PRAGMA journal_mode = DELETE")
+
+
+def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
+    """Whether the file is new, or as a creation that was cut short leaves it."""
+    try:
+        (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        (application_id,) = connection.execute("PRAGMA application_id").fetchone()
+    except SQLITE_ERRORS as error:
+        raise StoreError(f"{path}: is no foldcar store ({error})") from error
+    return bool(tables == 0 and application_id == 0)

@@ -1,0 +1,137 @@
+"""Rows of the store's tables with their checksums: checked values in, rows that still are what was written out.
+
+A checksum is the CRC-32 of the row as a JSON object: its columns without the checksum itself and without empty
+(NULL) ones, in alphabetical order, without spaces, in ASCII. So a column that is added later, empty, changes none.
+"""
+
+import json
+import math
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from sqlite3 import Connection
+from typing import Any
+
+from foldcar.store.errors import StoreError, store_errors
+from foldcar.store.tables import CHECKSUM, Column, Table
+
+Row = dict[str, Any]
+
+_encode = json.JSONEncoder(separators=(",", ":")).encode
+
+
+def checksum(row: Mapping[str, Any]) -> int:
+    """The checksum of a row, which has no column ``checksum``. TypeError if a value is neither number nor text."""
+    return zlib.crc32(_encode({name: row[name] for name in sorted(row) if row[name] is not None}).encode("ascii"))
+
+
+def stored(table: Table, row: Mapping[str, Any]) -> Row:
+    """``row`` as the table keeps it, all columns in their order, the checksum last; absent ones are empty.
+
+    ValueError, naming the column, if a value is none that the column takes.
+    """
+    kept = {column.name: _value(column, row.get(column.name)) for column in table.columns}
+    kept[CHECKSUM] = checksum(kept)
+    return kept
+
+
+def check_json(table: Table, row: Mapping[str, Any]) -> None:
+    """ValueError, naming the column, if a text of a :func:`stored` row that should be JSON is none."""
+    for column in table.columns:
+        if column.type == "JSON":
+            try:
+                json.loads(row[column.name])
+            except (ValueError, RecursionError) as error:
+                raise ValueError(f"{column.name}: is no JSON: {error}") from None
+
+
+def key_text(table: Table, row: Mapping[str, Any]) -> str:
+    """Which row it is, for messages: ``run (build_id=1, body_id=7, …)``."""
+    return f"{table.name} ({', '.join(f'{name}={row.get(name)}' for name in table.key)})"
+
+
+def is_intact(row: Row) -> bool:
+    """Whether a row that was read, checksum included, is what was written."""
+    content = {name: value for name, value in row.items() if name != CHECKSUM}
+    try:
+        return bool(checksum(content) == row[CHECKSUM])
+    except TypeError:
+        return False
+
+
+def insert_sql(table: Table, otherwise: str = "") -> str:
+    """INSERT of a row that :func:`stored` made; ``otherwise`` is ``OR IGNORE``, ``OR REPLACE`` or nothing."""
+    names = (*table.names, CHECKSUM)
+    return f"INSERT {otherwise} INTO {table.name} ({', '.join(names)}) VALUES ({', '.join('?' * len(names))})"
+
+
+def columns_sql(connection: Connection, table: Table, alias: str = "") -> str:
+    """The table's columns and its checksum, to be selected; NULL stands for metrics that the file does not have yet."""
+    there = {name for _, name, *_ in connection.execute(f"PRAGMA table_info({table.name})")}
+    prefix = f"{alias}." if alias else ""
+    return ", ".join(f"{prefix}{name}" if name in there else f"NULL AS {name}" for name in (*table.names, CHECKSUM))
+
+
+def read_rows(path: Path, connection: Connection, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
+    """Rows of a table with their checksums, verified; ``rest`` is SQL from WHERE on. StoreError."""
+    names = (*table.names, CHECKSUM)
+    with store_errors(path):
+        for cells in connection.execute(f"SELECT {columns_sql(connection, table)} FROM {table.name} {rest}", values):
+            yield verified(path, table, dict(zip(names, cells, strict=True)))
+
+
+def verified(path: Path, table: Table, row: Row) -> Row:
+    """``row`` itself; StoreError, naming it, if it is not what was written."""
+    if not is_intact(row):
+        raise StoreError(
+            f"{path}: {key_text(table, row)} is damaged: it does not match its checksum; "
+            "`foldcar check` names all that is"
+        )
+    return row
+
+
+def _value(column: Column, value: Any) -> Any:
+    if value is None:
+        if not column.null:
+            raise ValueError(f"{column.name}: is empty")
+        return None
+    value = _TYPES[column.type](column.name, value)
+    if column.choices and value not in column.choices:
+        raise ValueError(f"{column.name}: {str(value)[:80]!r} is none of {', '.join(column.choices)}")
+    return value
+
+
+def _integer(name: str, value: Any) -> int:
+    if isinstance(value, int) and -(2**63) <= value < 2**63:
+        return int(value)
+    raise ValueError(f"{name}: {str(value)[:80]!r} is no whole number of 64 bits")
+
+
+def _real(name: str, value: Any) -> float:
+    if isinstance(value, int | float) and not math.isnan(value):
+        # SQLite keeps no negative zero in columns of this type.
+        return float(value) + 0.0
+    raise ValueError(f"{name}: {str(value)[:80]!r} is no number")
+
+
+def _text(name: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{name}: {str(value)[:80]!r} is no text")
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise ValueError(f"{name}: {ascii(value)[:80]} holds what is no character") from None
+    return value
+
+
+def _anything(name: str, value: Any) -> str | float:
+    return _text(name, value) if isinstance(value, str) else _real(name, value)
+
+
+_TYPES: dict[str, Callable[[str, Any], Any]] = {
+    "INTEGER": _integer,
+    "REAL": _real,
+    "TEXT": _text,
+    "JSON": _text,
+    "VALUE": _anything,
+}

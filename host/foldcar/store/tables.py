@@ -1,0 +1,266 @@
+"""The store's tables, declared once: SQL, checksums, folders of files and their explanations are made from them.
+
+Each table has one more column, ``checksum`` (:mod:`foldcar.store.rows`). A run's metrics are those of
+:mod:`foldcar.simulation.results`.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from foldcar.simulation.results import METRICS, OUTCOMES
+from foldcar.store.trial_records import TRIAL_OUTCOMES
+
+CHECKSUM = "checksum"
+
+# Types of columns in SQL. JSON is text that is JSON; a VALUE is a text, a number or nothing.
+SQL_TYPES = {"INTEGER": " INTEGER", "REAL": " REAL", "TEXT": " TEXT", "JSON": " TEXT", "VALUE": ""}
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column: ``type`` is a key of SQL_TYPES, ``refers`` the table whose ``id`` it holds.
+
+    ``null`` says whether it may be empty; ``choices``, if there are any, are its possible values.
+    """
+
+    name: str
+    type: str
+    meaning: str
+    null: bool = False
+    refers: str | None = None
+    choices: tuple[str, ...] = ()
+
+    @property
+    def sql(self) -> str:
+        """Its definition in CREATE TABLE."""
+        required = "" if self.null else " NOT NULL"
+        reference = f" REFERENCES {self.refers} (id)" if self.refers else ""
+        return f"{self.name}{SQL_TYPES[self.type]}{required}{reference}"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: ``key`` names the columns that tell its rows apart, ``unique`` one more that does."""
+
+    name: str
+    meaning: str
+    columns: tuple[Column, ...]
+    key: tuple[str, ...] = ("id",)
+    unique: str | None = None
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The columns' names without the checksum's."""
+        return tuple(column.name for column in self.columns)
+
+    @cached_property
+    def has_number(self) -> bool:
+        """Whether its key is a whole number, which SQLite then takes for the row's own."""
+        return self.key == ("id",) and self.columns[0].type == "INTEGER"
+
+    @property
+    def sql(self) -> str:
+        """CREATE TABLE."""
+        parts = [column.sql for column in self.columns]
+        parts.append(f"{CHECKSUM} INTEGER NOT NULL")
+        parts.append(f"PRIMARY KEY ({', '.join(self.key)})")
+        if self.unique:
+            parts.append(f"UNIQUE ({self.unique})")
+        return f"CREATE TABLE {self.name} ({', '.join(parts)}){' WITHOUT ROWID' if len(self.key) > 1 else ''}"
+
+
+def _text_table(name: str, meaning: str) -> Table:
+    columns = (
+        Column("id", "INTEGER", "number"),
+        Column("hash", "TEXT", "SHA-256 of the JSON text and of what else tells it from an equal one"),
+        Column("json", "JSON", "the object; the names in it end with their units"),
+    )
+    return Table(name, meaning, columns, unique="hash")
+
+
+def _fingerprints(name: str, meaning: str, *more: Column) -> Table:
+    columns = (Column("id", "INTEGER", "number"), Column("fingerprint", "TEXT", "hash of all that matters"), *more)
+    return Table(name, meaning, columns, unique="fingerprint")
+
+
+_SAMPLE = Column("sample", "INTEGER", "number of the sample, from 0")
+_RUN_KEY = tuple(
+    Column(f"{name}_id", "INTEGER", meaning, refers=name)
+    for name, meaning in (
+        ("build", "the build of carsim"),
+        ("body", "the car's body"),
+        ("scene", "the scene"),
+        ("settings", "speed, turn rate, time limit and the firmware's parameters"),
+        ("variation", "how the car differs from its design"),
+    )
+)
+_RUN_KEY_NAMES = tuple(column.name for column in _RUN_KEY)
+
+RUN = Table(
+    "run",
+    "the result of a run under its key",
+    (
+        *_RUN_KEY,
+        Column("outcome", "TEXT", "how the run ended", choices=OUTCOMES),
+        *(Column(metric.name, "REAL", f"{metric.meaning}, in {metric.unit}", null=True) for metric in METRICS),
+        Column("message", "TEXT", "why a failed run failed", null=True),
+    ),
+    key=_RUN_KEY_NAMES,
+)
+RECORDED = Table(
+    "recorded",
+    "a value that a Scenic program recorded in a run",
+    (
+        *(Column(column.name, column.type, column.meaning) for column in _RUN_KEY),
+        Column("name", "TEXT", "the record's name"),
+        Column("kind", "TEXT", "when it was recorded", choices=("initial", "final", "series")),
+        Column("value", "JSON", "the value; that of a series is a list of [time in s, value]"),
+    ),
+    key=(*_RUN_KEY_NAMES, "name"),
+)
+STUDY = Table(
+    "study",
+    "a fact of the latest sweep: versions, listing, command, time of creation",
+    (Column("key", "TEXT", "name of the fact"), Column("value", "TEXT", "the fact")),
+    key=("key",),
+)
+BUILD = Table(
+    "build",
+    "a build of carsim",
+    (Column("id", "INTEGER", "number"), Column("name", "TEXT", "what `carsim --version` calls it")),
+    unique="name",
+)
+ENVIRONMENT = _fingerprints(
+    "environment",
+    "an environment that scenes are sampled from",
+    Column("dynamic", "INTEGER", "1 if its program runs beside the simulation, 0 if not, empty if unknown", null=True),
+)
+SAMPLE = Table(
+    "sample",
+    "which scene a sample of an environment is",
+    (
+        Column("environment_id", "INTEGER", "the environment", refers="environment"),
+        _SAMPLE,
+        Column("scene_id", "INTEGER", "its scene", refers="scene"),
+    ),
+    key=("environment_id", "sample"),
+)
+SPREAD = _fingerprints("spread", "a spread of built cars around their designs")
+DRAW = Table(
+    "draw",
+    "which variation a sample of a spread is, the same for every design",
+    (
+        Column("spread_id", "INTEGER", "the spread", refers="spread"),
+        _SAMPLE,
+        Column("variation_id", "INTEGER", "its variation", refers="variation"),
+    ),
+    key=("spread_id", "sample"),
+)
+EXPERIMENT = Table(
+    "experiment",
+    "an experiment as it was last swept",
+    (
+        Column("id", "TEXT", "its name in the listing"),
+        Column("position", "INTEGER", "its place in reports, from 0"),
+        Column("build_id", "INTEGER", "the build of carsim that simulated it", refers="build"),
+        Column("environment_id", "INTEGER", "its environment", refers="environment"),
+        Column("spread_id", "INTEGER", "the spread of its cars", refers="spread"),
+        Column("environments", "INTEGER", "how many samples of the environment it has"),
+        Column("vehicle", "TEXT", "the vehicle's name in the listing"),
+        Column("environment", "TEXT", "the environment's name in the listing"),
+        Column("facts", "JSON", "what else the listing says of it"),
+    ),
+)
+DESIGN = Table(
+    "design",
+    "a design of an experiment's family",
+    (
+        Column("experiment", "TEXT", "the experiment", refers="experiment"),
+        Column("position", "INTEGER", "its place in the family, from 0"),
+        Column("parameters", "JSON", "the design's parameters by name, units in the names"),
+        Column("body_id", "INTEGER", "the car's body", refers="body"),
+        Column("settings_id", "INTEGER", "what it drives with", refers="settings"),
+    ),
+    key=("experiment", "position"),
+)
+TRIAL = Table(
+    "trial",
+    "a trial of a built car; what is empty is not known",
+    (
+        Column("id", "INTEGER", "number"),
+        Column("experiment", "TEXT", "the experiment's name"),
+        Column("vehicle_type", "TEXT", "the car's modules, front to back"),
+        Column("design", "JSON", "the design's parameters by name, units in the names"),
+        Column("body_id", "INTEGER", "the car's body for the simulator", null=True, refers="body"),
+        Column("settings_id", "INTEGER", "what it was driven with", null=True, refers="settings"),
+        Column("environment_id", "INTEGER", "the environment", null=True, refers="environment"),
+        Column("sample", "INTEGER", "the sample of the environment that was planned", null=True),
+        Column("scene_id", "INTEGER", "the scene as it was placed", null=True, refers="scene"),
+        Column("deviations", "JSON", "what stood elsewhere than planned: {name: [x in m, y in m, heading in rad]}"),
+        Column("outcome", "TEXT", "how it went", choices=TRIAL_OUTCOMES),
+        Column("ending", "TEXT", "what ended it; running until it is completed"),
+        Column("elapsed_time_s", "REAL", "the drive's time by the car's clock, in s", null=True),
+        Column("note", "TEXT", "the operator's note"),
+        Column("operator", "TEXT", "who drove"),
+        Column("started_utc", "TEXT", "when it began", null=True),
+        Column("ended_utc", "TEXT", "when it was completed", null=True),
+        Column("firmware_build", "TEXT", "the firmware's build as the car told it", null=True),
+        Column("design_hash", "TEXT", "the hash of its design as the car told it", null=True),
+        Column("port", "TEXT", "the port that the car was at", null=True),
+        Column("log", "TEXT", "its log (MAVLink .tlog), relative to the store's folder", null=True),
+        Column("log_sha256", "TEXT", "SHA-256 of the log", null=True),
+        Column("source", "TEXT", "where a trial that was imported comes from", null=True),
+    ),
+)
+CORRECTION = Table(
+    "correction",
+    "what was changed of a trial afterwards",
+    (
+        Column("id", "INTEGER", "number"),
+        Column("trial_id", "INTEGER", "the trial", refers="trial"),
+        Column("corrected_utc", "TEXT", "when"),
+        Column("field", "TEXT", "the column that was changed"),
+        Column("before", "VALUE", "what stood there", null=True),
+        Column("after", "VALUE", "what stands there since", null=True),
+        Column("reason", "TEXT", "why"),
+        Column("operator", "TEXT", "who corrected it"),
+    ),
+)
+
+# What is referred to stands before what refers to it.
+TABLES = (
+    STUDY,
+    BUILD,
+    _text_table("body", "a car's body for the simulator"),
+    _text_table("scene", "a scene"),
+    _text_table("settings", "what a car is driven with: speed, turn rate, time limit, firmware parameters"),
+    _text_table("variation", "how a built car differs from its design"),
+    ENVIRONMENT,
+    SAMPLE,
+    SPREAD,
+    DRAW,
+    EXPERIMENT,
+    DESIGN,
+    RUN,
+    RECORDED,
+    TRIAL,
+    CORRECTION,
+)
+BY_NAME = {table.name: table for table in TABLES}
+
+# The runs that experiments show: theirs by build, design and sample.
+RESULT_JOIN = """FROM experiment e CROSS JOIN design d CROSS JOIN sample s CROSS JOIN draw w CROSS JOIN run r
+    WHERE d.experiment = e.id AND s.environment_id = e.environment_id AND s.sample < e.environments
+        AND w.spread_id = e.spread_id AND w.sample = s.sample
+        AND r.build_id = e.build_id AND r.body_id = d.body_id AND r.scene_id = s.scene_id
+        AND r.settings_id = d.settings_id AND r.variation_id = w.variation_id"""
+
+RESULT_VIEW = f"""CREATE VIEW result AS
+    SELECT e.position AS experiment_position, e.id AS experiment, e.vehicle, e.environment,
+        d.position AS design_position, d.parameters, s.sample, r.outcome,
+        {"".join(f"r.{metric.name}, " for metric in METRICS)}r.message,
+        (SELECT json_group_object(v.name, json_object('kind', v.kind, 'value', json(v.value)))
+            FROM recorded v
+            WHERE {" AND ".join(f"v.{name} = r.{name}" for name in _RUN_KEY_NAMES)}) AS recorded,
+        {", ".join(f"r.{name}" for name in _RUN_KEY_NAMES)}
+    {RESULT_JOIN}"""

@@ -1,0 +1,56 @@
+// Fake of Arduino-ESP32 2.0.17: analogue inputs, the loop's watchdog, delays, Serial.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+
+#include "fake_esp32.h"
+
+// The calibrated voltage (mV) at a pin; the core returns 0 if the conversion fails.
+inline std::uint32_t analogReadMilliVolts(std::uint8_t pin) { return fake_esp32.pin_mv[pin]; }
+
+inline void delay(std::uint32_t ms) { fake_esp32.time_us += 1000 * static_cast<std::int64_t>(ms); }
+
+// Adds the task that runs loop() to the task watchdog; the core feeds it after each loop().
+inline void enableLoopWDT() { fake_esp32.watchdog_guards_loop = true; }
+
+class HardwareSerial {
+ public:
+  // Has an effect only before begin. Returns the size that holds from then on.
+  std::size_t setRxBufferSize(std::size_t size) {
+    if (fake_esp32.uart.baud != 0) return 0;
+    return fake_esp32.uart.receive_capacity = size;
+  }
+  void begin(unsigned long baud) { fake_esp32.uart.baud = baud; }
+
+  int available() { return static_cast<int>(fake_esp32.uart.receive_buffer.size()); }
+  int read() {
+    std::deque<std::uint8_t>& buffer = fake_esp32.uart.receive_buffer;
+    if (buffer.empty()) return -1;
+    const int byte = buffer.front();
+    buffer.pop_front();
+    return byte;
+  }
+
+  // Room in the transmit FIFO, as no transmit buffer is set.
+  int availableForWrite() { return static_cast<int>(kFifo - fake_esp32.uart.transmit_fifo); }
+  // Waits until all bytes are in the FIFO.
+  std::size_t write(const std::uint8_t* data, std::size_t size) {
+    FakeUart& uart = fake_esp32.uart;
+    uart.write_waited = uart.write_waited || size > kFifo - uart.transmit_fifo;
+    uart.transmitted.append(reinterpret_cast<const char*>(data), size);
+    uart.transmit_fifo = std::min(kFifo, uart.transmit_fifo + size);
+    return size;
+  }
+  // Waits until all bytes are sent.
+  void flush() {
+    fake_esp32.uart.transmit_fifo = 0;
+    fake_esp32.uart.flushed = true;
+  }
+
+ private:
+  static constexpr std::size_t kFifo = 128;
+};
+
+inline HardwareSerial Serial;

@@ -1,0 +1,76 @@
+// The state behind the Arduino fakes: one ESP32 with what is connected to it. Tests set and read it.
+//
+// The other headers of this folder declare those calls of Arduino-ESP32 2.0.17 and of Adafruit's libraries that the board's
+// HAL makes, with their names, types and documented behaviour, and act on this state. `fake_esp32 = {}` is a new board.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <string>
+#include <vector>
+
+// A chip on the I2C bus. write takes the bytes of one transmission, the register's address first; it returns false for a
+// byte that the chip does not acknowledge. read gives the next byte.
+class I2cChip {
+ public:
+  virtual ~I2cChip() = default;
+  virtual bool write(const std::vector<std::uint8_t>& bytes) = 0;
+  virtual std::uint8_t read() = 0;
+};
+
+struct FakeI2c {
+  std::map<std::uint8_t, I2cChip*> chips;  // by their 7-bit address
+  bool driver_fails = false;               // Wire.begin() fails
+  bool bus_hangs = false;                  // a line is held low: every transfer ends with a time-out
+  int fails_at = -1;                       // one transfer fails after that many; -1: none
+  bool begun = false;
+  int sda = -1, scl = -1;
+  std::uint32_t clock_hz = 0;
+  std::uint16_t time_out_ms = 50;
+  // Of the transfer that is being put together, and of the last one that was read.
+  std::uint8_t address = 0;
+  std::vector<std::uint8_t> sending;
+  bool repeated_start = false;
+  std::deque<std::uint8_t> received;
+};
+
+struct FakeUart {
+  std::deque<std::uint8_t> receive_buffer;
+  std::size_t receive_capacity = 256;
+  std::string transmitted;
+  std::size_t transmit_fifo = 0;  // bytes in the FIFO of 128, not sent yet
+  unsigned long baud = 0;         // 0 before begin
+  bool write_waited = false;      // a write found the FIFO full
+  bool flushed = false;
+};
+
+struct FakeFlash {
+  bool nvs_is_broken = false;
+  bool nvs_is_full = false;
+  std::map<std::string, std::map<std::string, std::vector<std::uint8_t>>> nvs;  // by namespace and key
+  bool is_formatted = true;   // the partition holds a file system
+  bool can_be_formatted = true;
+  bool is_mounted = false;
+  std::size_t capacity = 1400000;            // bytes
+  std::map<std::string, std::string> files;  // what is committed, by path
+  std::map<std::string, int> open_count;     // open handles, by path
+};
+
+struct FakeEsp32 {
+  std::int64_t time_us = 0;
+  std::uint32_t pin_mv[40] = {};  // voltage (mV) at each analogue input
+  int reset_reason = 1;
+  std::uint32_t watchdog_s = 0;  // 0 before its initialisation
+  bool watchdog_panics = false;
+  bool watchdog_guards_loop = false;
+  FakeI2c i2c;
+  FakeUart uart;
+  FakeFlash flash;
+};
+
+inline FakeEsp32 fake_esp32;
+
+// esp_restart() does not return; the fake leaves it with this exception.
+struct FakeRestart {};

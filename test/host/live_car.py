@@ -1,0 +1,76 @@
+"""A simulated car at a port and the records of its trials, for tests of `foldcar log` and related commands."""
+
+import contextlib
+import json
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from foldcar.car.body import body_json
+from foldcar.car.car_file import car_json
+from foldcar.car.design import compose
+from foldcar.link.simulated_car import SimulatedCar, simulated_car
+from foldcar.link.tlog import read_tlog
+from foldcar.store.reader import Store
+from foldcar.store.trial_records import Trial
+from study_car import empty_scene
+
+# A course without obstacles: at 0.69 m/s the goal is 1.45 s away.
+FREE_COURSE = """
+model model
+ego = new Robot at (0, 0), facing -90 deg
+block = new Bump at (0.5, 0.6), facing -90 deg
+goal = new Goal at (1.0, 0), facing -90 deg
+"""
+LOG = ("log", "l.json", "--experiment", "1", "--store", "s.db")
+
+
+def write_free_course(folder: Path) -> Path:
+    """Write l.json, a listing of two widths on the free course with two samples and a limit of 3 s; returns it."""
+    (folder / "free.scenic").write_text(FREE_COURSE)
+    data = {
+        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 3, "environments": 2}}},
+        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [95, 120]}}]}},
+        "environments": {"1": {"scenic_filename": "free.scenic", "seed": 1}},
+    }
+    (folder / "l.json").write_text(json.dumps(data))
+    return folder / "l.json"
+
+
+@contextlib.contextmanager
+def car_at_port(
+    binary: Path, width: float = 95.0, goal_x_m: float | None = 1.0, tcp: bool = False, **servo: float
+) -> Iterator[SimulatedCar]:
+    """A simulated car with its goal at ``goal_x_m`` (m); ``servo`` sets the true values of all its servos."""
+    design = compose("W_B_W", {"width": width})
+    body = body_json(design)
+    for wheel in body["wheels"]:
+        wheel["servo"].update(servo)
+    scene = empty_scene(goal_x_m=goal_x_m)
+    port = 0 if tcp else None
+    with simulated_car(binary, body, scene, car_json(design), 1.0, port, subprocess.PIPE) as car:
+        yield car
+
+
+def inject(car: SimulatedCar, **what: Any) -> None:
+    """Send the car's process a command that injects a fault (docs/carsim.md)."""
+    assert car.process.stdin is not None
+    car.process.stdin.write(json.dumps(what) + "\n")
+    car.process.stdin.flush()
+
+
+def trials_in(store: Path) -> list[Trial]:
+    """All trials in a store, by number."""
+    with Store.open(store) as opened:
+        return list(opened.trials())
+
+
+def moving(folder: Path) -> bool:
+    """Whether a log in s-logs/ shows that the car has been moving for 0.2 s or more."""
+    for file in folder.glob("s-logs/*.tlog"):
+        log = list(read_tlog(file))
+        moved = [t for t, m in log if m.get_type() == "FOLDCAR_TRUTH" and m.speed > 0.1]
+        if moved and log[-1][0] - moved[0] >= 200_000:
+            return True
+    return False

@@ -1,0 +1,34 @@
+"""Stores of every version so far, as files (test/host/stores), and what is in a store, table by table."""
+
+import contextlib
+import gzip
+import shutil
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+STORES = Path(__file__).parent / "stores"
+VERSIONS = sorted(int(file.name[len("version_") : -len(".db.gz")]) for file in STORES.glob("version_*.db.gz"))
+
+
+def old_store(version: int, path: Path) -> Path:
+    """Make the store of that version at ``path``, with the logs of its trials beside it."""
+    path.write_bytes(gzip.decompress((STORES / f"version_{version}.db.gz").read_bytes()))
+    logs = STORES / f"version_{version}-logs"
+    if logs.exists():
+        shutil.copytree(logs, path.parent / "s-logs", dirs_exist_ok=True)
+    return path
+
+
+def contents(path: Path) -> dict[str, list[dict[str, Any]]]:
+    """All rows of all tables, as SQLite itself reads them, without checksums."""
+    with contextlib.closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as connection:
+        connection.row_factory = sqlite3.Row
+        tables = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        found = {}
+        for table in tables:
+            rows = [dict(row) for row in connection.execute(f"SELECT * FROM {table}")]
+            for row in rows:
+                row.pop("checksum", None)
+            found[table] = sorted(rows, key=lambda row: [str(value) for value in row.values()])
+        return found

@@ -1,0 +1,237 @@
+"""Damage in a store: every flipped bit of a row is found and named, and no command answers it with a traceback."""
+
+import contextlib
+import io
+import random
+import sqlite3
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+import typer.main
+
+from foldcar.cli import app
+from foldcar.errors import FoldcarError
+from foldcar.store.check import check_store
+from foldcar.store.errors import StoreError
+from foldcar.store.migrations import VERSION
+from foldcar.store.reader import Store
+from foldcar.store.tables import TABLES
+from foldcar.store.trial_writer import write_trials
+from foldcar.store.writer import write_store
+from old_stores import old_store
+from test_store import fill
+
+FLIPS = 400
+# By table, what is changed there behind foldcar's back.
+CHANGES = {
+    "study": "value = value || '.'",
+    "build": "name = 'other'",
+    "body": "json = replace(json, '0', '1')",
+    "scene": "json = replace(json, '0', '1')",
+    "settings": "json = replace(json, '0', '1')",
+    "variation": "json = '{\"a\":1}'",
+    "environment": "dynamic = 7",
+    "sample": "scene_id = 3 - scene_id",
+    "spread": "fingerprint = 'x' || id",
+    "draw": "variation_id = 1 + variation_id % 2",
+    "experiment": "environments = 1",
+    "design": "position = position + 50",
+    "run": "max_roll_rad = coalesce(max_roll_rad, 0) + 1e-12",
+    "recorded": "value = '0'",
+    "trial": "outcome = 'stuck'",
+    "correction": "before = 1",
+}
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    return old_store(VERSION, tmp_path / "s.db")
+
+
+def alter(path: Path, statement: str) -> None:
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.execute(statement)
+        connection.commit()
+
+
+def raw(path: Path) -> Any:
+    """All values of all rows without using any index, texts as bytes; None if SQLite cannot read them."""
+    try:
+        with contextlib.closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as connection:
+            connection.text_factory = bytes
+            return [connection.execute(f"SELECT * FROM {table.name} NOT INDEXED").fetchall() for table in TABLES]
+    except (sqlite3.Error, UnicodeError):
+        return None
+
+
+def test_a_sound_store_is_sound(store: Path, foldcar: Any) -> None:
+    answer = foldcar("check", "s.db")
+
+    rows = sum(len(rows) for rows in raw(store))
+    assert (answer.returncode, answer.stderr) == (0, "")
+    assert answer.stdout == f"s.db: sound; {rows} rows, 2 logs read; version {VERSION}\n"
+
+
+@pytest.mark.parametrize("table", [table.name for table in TABLES])
+def test_a_changed_value_is_named_with_table_and_key(store: Path, table: str) -> None:
+    with contextlib.closing(sqlite3.connect(store)) as connection:
+        (rows,) = connection.execute(f"SELECT count(*) FROM {table}").fetchone()
+    alter(store, f"UPDATE OR IGNORE {table} SET {CHANGES[table]}")
+
+    findings = check_store(store).findings
+
+    named = [finding for finding in findings if finding.endswith(": does not match its checksum")]
+    assert 1 <= len(named) <= rows and all(finding.startswith(f"{table} (") for finding in named), findings
+
+
+def test_every_flipped_bit_of_a_row_is_found(store: Path) -> None:
+    sound, content = store.read_bytes(), raw(store)
+    chance = random.Random(12)
+    changed = 0
+    for _ in range(FLIPS):
+        place, bit = chance.randrange(100, len(sound)), chance.randrange(8)
+        damaged = bytearray(sound)
+        damaged[place] ^= 1 << bit
+        store.write_bytes(damaged)
+        if raw(store) == content:
+            continue
+        changed += 1
+        try:
+            found = check_store(store).findings
+        except StoreError as error:
+            found = [str(error)]
+        assert found, f"bit {bit} of byte {place}"
+    # A fourth of the file is rows; the rest is free room, indexes and bookkeeping of SQLite.
+    assert changed > FLIPS / 8
+
+
+def command(*words: str) -> tuple[int, str]:
+    """Exit code and error of a command run in this process; anything but a FoldcarError goes through."""
+    try:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            typer.main.get_command(app).main(list(words), standalone_mode=False)
+    except FoldcarError as error:
+        return error.exit_code, str(error)
+    except click.exceptions.Exit as end:
+        return end.exit_code, ""
+    return 0, ""
+
+
+def rewrite(path: Path) -> None:
+    """Write into a store all that commands write."""
+    fill(path, name="1")
+    with write_trials(path) as writer:
+        writer.unfinished()
+        writer.correct(1, {"note": "again"}, "why", "")
+
+
+@pytest.mark.parametrize("version", [VERSION - 1, VERSION])
+def test_no_damage_ends_in_a_traceback(tmp_path: Path, version: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    store = old_store(version, tmp_path / "s.db")
+    sound = store.read_bytes()
+    chance = random.Random(5)
+    uses: list[Callable[[], object]] = [
+        lambda: command("check", "s.db"),
+        lambda: command("trials", "list", "s.db"),
+        lambda: command("export", "s.db", "--csv", "a.csv", "--trials", "t.csv", "--folder", "f"),
+        lambda: command("migrate", "s.db"),
+        lambda: rewrite(store),
+    ]
+    errors = 0
+    for number in range(60):
+        damaged = bytearray(sound)
+        for _ in range(chance.choice((1, 20))):
+            damaged[chance.randrange(len(sound))] ^= 1 << chance.randrange(8)
+        store.write_bytes(damaged)
+        for use in (uses[0], uses[1 + number % 4]):
+            try:
+                use()
+            except FoldcarError:
+                errors += 1
+            except Exception:
+                pytest.fail(f"damage {number}: {traceback.format_exc()}")
+        for left in tmp_path.glob("s.version*"):
+            left.unlink()
+    assert errors > 0
+
+
+def test_reports_refuse_damaged_rows_in_one_line(store: Path, foldcar: Any) -> None:
+    alter(store, "UPDATE run SET outcome = 'pbssed' WHERE outcome = 'passed'")
+
+    for words in (("report", "s.db", "-o", "out"), ("export", "s.db", "--csv", "-"), ("export", "s.db", "--folder", "f")):
+        answer = foldcar(*words)
+        assert answer.returncode == 2 and answer.stderr.count("\n") == 1
+        assert answer.stderr.startswith("foldcar: error: s.db: run (build_id=1, body_id=1, scene_id=1,")
+        assert "is damaged: it does not match its checksum; `foldcar check`" in answer.stderr
+    checked = foldcar("check", "s.db")
+    assert checked.returncode == 1 and checked.stdout.count("run (build_id=1, ") == 6
+    assert checked.stdout.splitlines()[-1].startswith("s.db: 6 damaged; ")
+
+
+def test_lost_references_views_and_indexes_are_found(store: Path, tmp_path: Path) -> None:
+    alter(store, "DELETE FROM scene WHERE id = 1")
+    alter(store, "DELETE FROM run WHERE outcome = 'passed'")
+    findings = check_store(store).findings
+    assert "table sample: 1 rows refer to rows of scene that are not there" in findings
+    assert any(finding.startswith("table recorded: ") and "rows of run" in finding for finding in findings)
+
+    old_store(VERSION, tmp_path / "v.db")
+    alter(tmp_path / "v.db", "DROP VIEW result")
+    alter(tmp_path / "v.db", "CREATE VIEW result AS SELECT * FROM run")
+    assert check_store(tmp_path / "v.db").findings == [f"view result: is not declared as in version {VERSION}"]
+
+
+def test_logs_are_compared_with_their_hash(store: Path, tmp_path: Path, foldcar: Any) -> None:
+    first, second = sorted((tmp_path / "s-logs").iterdir())
+    first.write_bytes(first.read_bytes()[:-1])
+    second.unlink()
+
+    findings = check_store(store).findings
+
+    assert findings == [
+        f"trial (id=1): its log {first} does not match its SHA-256",
+        f"trial (id=2): its log {second} is missing",
+    ]
+    assert foldcar("check", "s.db").returncode == 1
+
+
+@pytest.mark.parametrize("log", ["../../etc/passwd", "/etc/passwd", "s-logs/../../x", "s-logs/link", "", "a\x00b"])
+def test_logs_outside_of_the_folder_are_refused(tmp_path: Path, foldcar: Any, log: str) -> None:
+    with contextlib.closing(sqlite3.connect(old_store(VERSION - 1, tmp_path / "s.db"))) as connection:
+        connection.execute("UPDATE trial SET log = ? WHERE id = 1", (log,))
+        connection.commit()
+    (tmp_path / "s-logs" / "link").symlink_to("/etc/passwd")
+
+    for words in (("trials", "export", "s.db", "1", "--mcap", "x.mcap"), ("export", "s.db", "--folder", "f")):
+        answer = foldcar(*words)
+        assert answer.returncode == 2 and "leads out of the folder" in answer.stderr, answer.stderr
+        assert answer.stderr.count("\n") == 1
+    checked = foldcar("check", "s.db")
+    assert checked.returncode == 1 and "leads out of the folder" in checked.stdout
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["s-logs", "s.db"]
+
+
+def test_what_is_no_store_cannot_be_checked(tmp_path: Path, foldcar: Any) -> None:
+    (tmp_path / "text.db").write_text("no store " * 100)
+
+    for name, message in (("text.db", "is no foldcar store"), ("none.db", "no such store")):
+        answer = foldcar("check", name)
+        assert answer.returncode == 2 and answer.stderr.startswith(f"foldcar: error: {name}: {message}")
+
+
+def test_what_was_not_read_is_not_blessed(store: Path) -> None:
+    """A damaged row that is changed afterwards does not get a new checksum."""
+    alter(store, "UPDATE trial SET operator = 'Eve' WHERE id = 1")
+
+    with write_trials(store) as writer, pytest.raises(StoreError, match=r"trial \(id=1\) is damaged"):
+        writer.correct(1, {"note": "n"}, "why", "")
+    with write_store(store) as study, Store.open(store) as reader:
+        assert study.text("body", 1)
+        assert [t.id for t in reader.trials("nothing")] == []
+
+    assert check_store(store).findings == ["trial (id=1): does not match its checksum"]

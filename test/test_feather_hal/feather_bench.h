@@ -1,0 +1,38 @@
+// A board on the bench: the HAL, the fake ESP32 under it, and the chips on its bus.
+#pragma once
+
+#include "../../firmware/lib/feather_hal/feather_hal.h"
+#include "../arduino_fakes/fake_lsm6dsox.h"
+#include "../arduino_fakes/fake_pca9685.h"
+
+namespace foldcar {
+
+struct FeatherBench {
+  FakePca9685 servo_chip;
+  FakeLsm6dsox imu_chip;
+  FeatherHal hal;
+
+  // A new ESP32 whose LiPo has 3.8 V, with the servo driver's chip, and with the IMU's at its first address.
+  explicit FeatherBench(bool with_imu = false) {
+    fake_esp32 = {};
+    fake_esp32.pin_mv[35] = 1900;
+    fake_esp32.i2c.chips[0x40] = &servo_chip;
+    if (with_imu) fake_esp32.i2c.chips[0x6A] = &imu_chip;
+    imu_chip.acceleration_m_s2 = {0.0, 0.0, 9.81};
+  }
+  // As setup() does it, for an oscillator of that frequency (Hz).
+  void begin(float oscillator_hz = 25e6f) {
+    servo_chip.oscillator_hz = static_cast<double>(oscillator_hz);
+    hal.begin(115200);
+    hal.servos.set_oscillator_hz(oscillator_hz);
+  }
+};
+
+// Each runs the tests of one file.
+void run_board_tests();
+void run_servo_tests();
+void run_imu_tests();
+void run_flash_tests();
+void run_whole_board_tests();
+
+}  // namespace foldcar

@@ -1,0 +1,117 @@
+// Clock, battery, serial port, reset and watchdog of the ESP32.
+#include <unity.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "feather_bench.h"
+
+namespace foldcar {
+namespace {
+
+void the_clock_counts_on_where_32_bits_end() {
+  FeatherBench bench;
+  fake_esp32.time_us = 4294967295;  // 71.6 minutes
+  TEST_ASSERT_EQUAL_UINT64(4294967295u, bench.hal.clock.now_us());
+  fake_esp32.time_us += 1;
+  TEST_ASSERT_EQUAL_UINT64(4294967296u, bench.hal.clock.now_us());
+}
+
+void the_battery_has_twice_the_voltage_of_its_pin() {
+  FeatherBench bench;
+  TEST_ASSERT_EQUAL_FLOAT(3.8f, bench.hal.battery.voltage_v());
+  fake_esp32.pin_mv[35] = 1;
+  TEST_ASSERT_EQUAL_FLOAT(0.002f, bench.hal.battery.voltage_v());
+  fake_esp32.pin_mv[35] = 0;
+  TEST_ASSERT_FLOAT_IS_NAN(bench.hal.battery.voltage_v());
+}
+
+void the_serial_port_has_room_for_a_burst_of_packets() {
+  FeatherBench bench;
+  bench.begin();
+  TEST_ASSERT_EQUAL_UINT(115200, fake_esp32.uart.baud);
+  TEST_ASSERT_EQUAL_UINT(1024, fake_esp32.uart.receive_capacity);
+}
+
+void bytes_that_have_arrived_are_read_in_order() {
+  FeatherBench bench;
+  bench.begin();
+  for (const std::uint8_t byte : {0x00, 0xFD, 0xFF, 0x0A, 0x7F}) fake_esp32.uart.receive_buffer.push_back(byte);
+  std::uint8_t bytes[4] = {};
+  TEST_ASSERT_EQUAL_UINT(3, bench.hal.link.read(bytes, 3));
+  const std::uint8_t expected[] = {0x00, 0xFD, 0xFF};
+  TEST_ASSERT_EQUAL_MEMORY(expected, bytes, 3);
+  TEST_ASSERT_EQUAL_UINT(2, bench.hal.link.read(bytes, 4));
+  TEST_ASSERT_EQUAL_HEX8(0x7F, bytes[1]);
+  TEST_ASSERT_EQUAL_UINT(0, bench.hal.link.read(bytes, 4));
+}
+
+// The UART's FIFO takes 128 bytes; more would have to wait for 87 µs each.
+void a_write_takes_what_fits_and_never_waits() {
+  FeatherBench bench;
+  bench.begin();
+  std::uint8_t bytes[300];
+  std::memset(bytes, 0x55, sizeof bytes);
+  TEST_ASSERT_EQUAL_UINT(128, bench.hal.link.write(bytes, sizeof bytes));
+  TEST_ASSERT_EQUAL_UINT(0, bench.hal.link.write(bytes, sizeof bytes));
+  fake_esp32.uart.transmit_fifo = 100;
+  TEST_ASSERT_EQUAL_UINT(28, bench.hal.link.write(bytes, sizeof bytes));
+  TEST_ASSERT_EQUAL_UINT(156, fake_esp32.uart.transmitted.size());
+  TEST_ASSERT_FALSE(fake_esp32.uart.write_waited);
+}
+
+void the_reset_reason_is_the_chips() {
+  FeatherBench bench;
+  const auto reason_for = [&bench](int reason) {
+    fake_esp32.reset_reason = reason;
+    return bench.hal.board.reset_reason();
+  };
+  TEST_ASSERT_TRUE(reason_for(0) == ResetReason::kUnknown);
+  TEST_ASSERT_TRUE(reason_for(1) == ResetReason::kPowerOn);
+  TEST_ASSERT_TRUE(reason_for(3) == ResetReason::kSoftware);
+  TEST_ASSERT_TRUE(reason_for(4) == ResetReason::kCrash);
+  TEST_ASSERT_TRUE(reason_for(5) == ResetReason::kInterruptWatchdog);
+  TEST_ASSERT_TRUE(reason_for(6) == ResetReason::kTaskWatchdog);
+  TEST_ASSERT_TRUE(reason_for(7) == ResetReason::kOtherWatchdog);
+  TEST_ASSERT_TRUE(reason_for(9) == ResetReason::kBrownOut);
+  TEST_ASSERT_TRUE(reason_for(10) == ResetReason::kUnknown);
+}
+
+void a_restart_comes_after_the_last_byte_was_sent() {
+  FeatherBench bench;
+  bench.begin();
+  const std::uint8_t byte = 1;
+  bench.hal.link.write(&byte, 1);
+  bool has_restarted = false;
+  try {
+    bench.hal.board.restart();
+  } catch (const FakeRestart&) {
+    has_restarted = true;
+  }
+  TEST_ASSERT_TRUE(has_restarted);
+  TEST_ASSERT_TRUE(fake_esp32.uart.flushed);
+}
+
+void the_watchdog_restarts_a_loop_that_stands_for_a_second() {
+  FeatherBench bench;
+  bench.hal.board.start_watchdog();
+  TEST_ASSERT_EQUAL_UINT32(1, fake_esp32.watchdog_s);
+  TEST_ASSERT_TRUE(fake_esp32.watchdog_panics);
+  TEST_ASSERT_TRUE(fake_esp32.watchdog_guards_loop);
+}
+
+}  // namespace
+
+void run_board_tests() {
+  UnitySetTestFile(__FILE__);
+  RUN_TEST(the_clock_counts_on_where_32_bits_end);
+  RUN_TEST(the_battery_has_twice_the_voltage_of_its_pin);
+  RUN_TEST(the_serial_port_has_room_for_a_burst_of_packets);
+  RUN_TEST(bytes_that_have_arrived_are_read_in_order);
+  RUN_TEST(a_write_takes_what_fits_and_never_waits);
+  RUN_TEST(the_reset_reason_is_the_chips);
+  RUN_TEST(a_restart_comes_after_the_last_byte_was_sent);
+  RUN_TEST(the_watchdog_restarts_a_loop_that_stands_for_a_second);
+}
+
+}  // namespace foldcar

@@ -1,0 +1,183 @@
+// What the board keeps in its flash: parameters, logs, the car's design.
+#include <unity.h>
+
+#include <cstring>
+#include <memory>
+#include <string>
+
+#include "../../firmware/lib/feather_hal/flash_design.h"
+#include "feather_bench.h"
+#include "parameter_table.h"
+
+namespace foldcar {
+namespace {
+
+const std::uint8_t* bytes_of(const std::string& text) { return reinterpret_cast<const std::uint8_t*>(text.data()); }
+
+// The same flash after a reset; handles that were open are gone, with what they had not committed.
+void reset_board(std::unique_ptr<FeatherHal>& board) {
+  fake_esp32.flash.is_mounted = false;
+  board = std::make_unique<FeatherHal>();
+  fake_esp32.flash.open_count.clear();
+  board->begin(115200);
+}
+
+std::unique_ptr<FeatherHal> new_board() {
+  fake_esp32 = {};
+  auto board = std::make_unique<FeatherHal>();
+  board->begin(115200);
+  return board;
+}
+
+void every_parameter_is_stored_over_a_reset() {
+  auto board = new_board();
+  float number = 0.5f;
+  for (const ParameterInfo& info : parameter_table()) {
+    number += 1.0f;
+    TEST_ASSERT_TRUE_MESSAGE(board->storage.save(info.name, number), info.name);
+  }
+  reset_board(board);
+  number = 0.5f;
+  for (const ParameterInfo& info : parameter_table()) {
+    float value = 0.0f;
+    TEST_ASSERT_TRUE_MESSAGE(board->storage.load(info.name, value), info.name);
+    number += 1.0f;
+    TEST_ASSERT_EQUAL_FLOAT(number, value);
+  }
+}
+
+void a_value_that_does_not_fit_is_not_saved_and_the_old_one_stays() {
+  auto board = new_board();
+  TEST_ASSERT_TRUE(board->storage.save("TRACK_M", 0.2f));
+  fake_esp32.flash.nvs_is_full = true;
+  TEST_ASSERT_FALSE(board->storage.save("TRACK_M", 0.3f));
+  float value = 0.0f;
+  TEST_ASSERT_TRUE(board->storage.load("TRACK_M", value));
+  TEST_ASSERT_EQUAL_FLOAT(0.2f, value);
+  TEST_ASSERT_FALSE_MESSAGE(board->storage.save("SIXTEEN_LETTERS_", 1.0f), "a name beyond the limit of 15");
+}
+
+void what_another_program_has_stored_is_no_number() {
+  auto board = new_board();
+  fake_esp32.flash.nvs["foldcar"]["TRACK_M"] = {1, 2};
+  fake_esp32.flash.nvs["foldcar"]["STAGGER_MS"] = {1, 2, 3, 4, 5, 6, 7, 8};
+  float value = 7.0f;
+  TEST_ASSERT_FALSE(board->storage.load("TRACK_M", value));
+  TEST_ASSERT_FALSE(board->storage.load("STAGGER_MS", value));
+  TEST_ASSERT_EQUAL_FLOAT(7.0f, value);
+}
+
+void a_new_board_formats_its_file_system() {
+  fake_esp32 = {};
+  fake_esp32.flash.is_formatted = false;
+  FlashLogs logs;
+  TEST_ASSERT_TRUE(logs.begin());
+  TEST_ASSERT_TRUE(logs.present());
+}
+
+void logs_are_found_again_after_a_reset_and_other_files_are_none() {
+  auto board = new_board();
+  fake_esp32.flash.files["/car.json"] = "{}";
+  fake_esp32.flash.files["/log_x"] = "no number";
+  for (const std::uint16_t id : {9, 10}) {
+    TEST_ASSERT_TRUE(board->logs.create(id));
+    TEST_ASSERT_TRUE(board->logs.append(bytes_of("trial"), 5));
+    TEST_ASSERT_TRUE(board->logs.close());
+  }
+  reset_board(board);
+  std::uint16_t first = 0, last = 0;
+  TEST_ASSERT_TRUE(board->logs.range(first, last));
+  TEST_ASSERT_EQUAL_UINT16(9, first);
+  TEST_ASSERT_EQUAL_UINT16(10, last);
+  TEST_ASSERT_EQUAL_UINT(5, board->logs.size(10));
+}
+
+void a_brown_out_costs_only_what_comes_after_the_last_append() {
+  auto board = new_board();
+  TEST_ASSERT_TRUE(board->logs.create(1));
+  TEST_ASSERT_TRUE(board->logs.append(bytes_of("first second"), 6));
+  TEST_ASSERT_TRUE(board->logs.append(bytes_of("second"), 6));
+  reset_board(board);
+  TEST_ASSERT_EQUAL_UINT(12, board->logs.size(1));
+}
+
+// A host may ask for a log in the moment between the trial's end and its close.
+void a_log_that_was_read_too_early_is_whole_when_it_is_read_again() {
+  auto board = new_board();
+  TEST_ASSERT_TRUE(board->logs.create(1));
+  TEST_ASSERT_TRUE(board->logs.append(bytes_of("early"), 5));
+  TEST_ASSERT_EQUAL_UINT(5, board->logs.size(1));
+  TEST_ASSERT_TRUE(board->logs.append(bytes_of(" late"), 5));
+  TEST_ASSERT_TRUE(board->logs.close());
+  TEST_ASSERT_EQUAL_UINT(10, board->logs.size(1));
+  std::uint8_t bytes[16];
+  TEST_ASSERT_EQUAL_UINT(10, board->logs.read(1, 0, bytes, sizeof bytes));
+  TEST_ASSERT_EQUAL_MEMORY("early late", bytes, 10);
+}
+
+void an_append_to_a_full_file_system_is_told() {
+  auto board = new_board();
+  fake_esp32.flash.capacity = 1000;
+  const std::string part(400, 'x');
+  TEST_ASSERT_TRUE(board->logs.create(1));
+  TEST_ASSERT_TRUE(board->logs.append(bytes_of(part), part.size()));
+  TEST_ASSERT_TRUE(board->logs.append(bytes_of(part), part.size()));
+  TEST_ASSERT_FALSE(board->logs.append(bytes_of(part), part.size()));
+  TEST_ASSERT_TRUE(board->logs.close());
+  TEST_ASSERT_EQUAL_UINT(800, board->logs.size(1));
+}
+
+// LittleFS refuses to remove a file that is open, the one that is being read included.
+void a_log_is_removed_while_it_is_read_but_not_while_it_is_written() {
+  auto board = new_board();
+  for (const std::uint16_t id : {1, 2}) {
+    TEST_ASSERT_TRUE(board->logs.create(id));
+    TEST_ASSERT_TRUE(board->logs.append(bytes_of("trial"), 5));
+    if (id == 1) TEST_ASSERT_TRUE(board->logs.close());
+  }
+  TEST_ASSERT_EQUAL_UINT(5, board->logs.size(1));
+  TEST_ASSERT_TRUE(board->logs.remove(1));
+  TEST_ASSERT_FALSE(board->logs.remove(2));
+  TEST_ASSERT_TRUE(board->logs.close());
+  TEST_ASSERT_TRUE(board->logs.remove(2));
+}
+
+#if __has_include(<ArduinoJson.h>)
+void the_stored_design_is_read_or_refused_with_its_reason() {
+  auto board = new_board();
+  TEST_ASSERT_TRUE(read_stored_design().source == DesignSource::kNone);
+  fake_esp32.flash.files["/car.json"] =
+      R"({"format": 1, "name": "w95", "hash": "0123456789abcdef", "wheel_radius_m": 0.05, "track_m": 0.2,
+          "wheels": [{"channel": 1, "side": "right", "direction": -1}, {"channel": 6, "side": "left", "direction": 1}]})";
+  const DesignResult result = read_stored_design();
+  TEST_ASSERT_EQUAL_STRING("", result.problem);
+  TEST_ASSERT_EQUAL_STRING("w95", result.design.name);
+  TEST_ASSERT_EQUAL_FLOAT(0.2f, result.design.track_m);
+  fake_esp32.flash.files["/car.json"] = "[1]";
+  TEST_ASSERT_EQUAL_STRING("car.json: is not a JSON object", read_stored_design().problem);
+  fake_esp32.flash.files["/car.json"] = "";
+  TEST_ASSERT_EQUAL_STRING("car.json: is not a JSON object", read_stored_design().problem);
+  fake_esp32.flash.files["/car.json"] = std::string(8193, ' ');
+  TEST_ASSERT_EQUAL_STRING("car.json: is larger than 8192 bytes", read_stored_design().problem);
+}
+#endif
+
+}  // namespace
+
+void run_flash_tests() {
+  UnitySetTestFile(__FILE__);
+  RUN_TEST(every_parameter_is_stored_over_a_reset);
+  RUN_TEST(a_value_that_does_not_fit_is_not_saved_and_the_old_one_stays);
+  RUN_TEST(what_another_program_has_stored_is_no_number);
+  RUN_TEST(a_new_board_formats_its_file_system);
+  RUN_TEST(logs_are_found_again_after_a_reset_and_other_files_are_none);
+  RUN_TEST(a_brown_out_costs_only_what_comes_after_the_last_append);
+  RUN_TEST(a_log_that_was_read_too_early_is_whole_when_it_is_read_again);
+  RUN_TEST(an_append_to_a_full_file_system_is_told);
+  RUN_TEST(a_log_is_removed_while_it_is_read_but_not_while_it_is_written);
+#if __has_include(<ArduinoJson.h>)
+  RUN_TEST(the_stored_design_is_read_or_refused_with_its_reason);
+#endif
+}
+
+}  // namespace foldcar

@@ -1,0 +1,176 @@
+// The servo driver: what leaves its outputs, from the registers of its chip, and what is told of a bus that fails.
+#include <unity.h>
+
+#include <cmath>
+
+#include "feather_bench.h"
+
+namespace foldcar {
+namespace {
+
+PulsesUs pulse_on(std::size_t channel, float pulse_us) {
+  PulsesUs pulses_us{};
+  pulses_us[channel] = pulse_us;
+  return pulses_us;
+}
+
+// The chip still drives from before a reset of the board, at 50 Hz and with auto-increment on.
+void outputs_are_off_from_the_first_transmission_on() {
+  FeatherBench bench;
+  for (const std::vector<std::uint8_t>& bytes :
+       {std::vector<std::uint8_t>{0x00, 0x10}, {0xFE, 121}, {0x00, 0x20}, {0x06, 0, 0, 0x4D, 0x01}}) {
+    bench.servo_chip.write(bytes);
+  }
+  TEST_ASSERT_TRUE(bench.servo_chip.pulse_us(0) > 1000);
+  bench.servo_chip.transmissions.clear();
+  bench.servo_chip.has_driven = false;
+  bench.begin();
+  const std::vector<std::uint8_t> all_off = {0xFD, 0x10};
+  TEST_ASSERT_TRUE(bench.servo_chip.transmissions.front() == all_off);
+  TEST_ASSERT_FALSE(bench.servo_chip.has_driven);
+}
+
+void the_bus_runs_at_400_khz_on_its_pins_and_gives_up_after_10_ms() {
+  FeatherBench bench;
+  bench.begin();
+  TEST_ASSERT_EQUAL_INT(23, fake_esp32.i2c.sda);
+  TEST_ASSERT_EQUAL_INT(22, fake_esp32.i2c.scl);
+  TEST_ASSERT_EQUAL_UINT32(400000, fake_esp32.i2c.clock_hz);
+  TEST_ASSERT_EQUAL_UINT16(10, fake_esp32.i2c.time_out_ms);
+}
+
+// Whatever the oscillator, each pulse is right within half a tick, and the rate within the prescaler's half step.
+void a_pulse_has_its_width_within_half_a_tick_at_any_oscillator() {
+  for (const float oscillator_hz : {23e6f, 24.06e6f, 25e6f, 26.3e6f, 27e6f}) {
+    FeatherBench bench;
+    bench.begin(oscillator_hz);
+    TEST_ASSERT_FLOAT_WITHIN(100.0f, 20000.0f, static_cast<float>(bench.servo_chip.period_us()));
+    TEST_ASSERT_TRUE(bench.servo_chip.tick_us() < 4.91);
+    for (float pulse_us = 1000.0f; pulse_us <= 2000.0f; pulse_us += 7.3f) {
+      TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulse_on(3, pulse_us)));
+      const double error_us = bench.servo_chip.pulse_us(3) - static_cast<double>(pulse_us);
+      TEST_ASSERT_TRUE(std::fabs(error_us) <= 0.5 * bench.servo_chip.tick_us() + 1e-3);
+    }
+  }
+}
+
+// At 25 MHz the prescaler is 121, so a tick is 122 / 25 MHz = 4.88 µs, and 1500 µs are 307.4 ticks.
+void pulses_are_rounded_to_the_nearest_tick() {
+  FeatherBench bench;
+  bench.begin();
+  const auto ticks_of = [&bench](float pulse_us) {
+    bench.hal.servos.write_pulses(pulse_on(0, pulse_us));
+    return std::lround(bench.servo_chip.pulse_us(0) / 4.88);
+  };
+  TEST_ASSERT_EQUAL_INT(307, ticks_of(1500.0f));
+  TEST_ASSERT_EQUAL_INT(307, ticks_of(307.49f * 4.88f));
+  TEST_ASSERT_EQUAL_INT(308, ticks_of(307.51f * 4.88f));
+}
+
+void every_output_has_its_own_pulse_or_none() {
+  FeatherBench bench;
+  bench.begin();
+  PulsesUs pulses_us{1000.0f, kNoPulse, 1500.0f, 2000.0f, kNoPulse, kNoPulse, 1234.5f, 1800.0f};
+  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulses_us));
+  for (std::size_t channel = 0; channel < 16; ++channel) {
+    const float expected_us = channel < kChannelCount ? pulses_us[channel] : kNoPulse;
+    TEST_ASSERT_FLOAT_WITHIN(2.5f, expected_us, static_cast<float>(bench.servo_chip.pulse_us(channel)));
+  }
+  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(PulsesUs{}));
+  for (std::size_t channel = 0; channel < 16; ++channel) TEST_ASSERT_TRUE(bench.servo_chip.pulse_us(channel) == 0);
+}
+
+void a_pulse_outside_its_limits_leaves_the_outputs_as_they_are() {
+  FeatherBench bench;
+  bench.begin();
+  bench.hal.servos.write_pulses(pulse_on(0, 1500.0f));
+  const std::size_t before = bench.servo_chip.transmissions.size();
+  for (const float pulse_us : {-1.0f, 3001.0f, NAN}) {
+    TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(1, pulse_us)));
+  }
+  TEST_ASSERT_EQUAL_UINT(before, bench.servo_chip.transmissions.size());
+}
+
+void a_write_to_a_bus_that_fails_is_told() {
+  FeatherBench bench;
+  bench.begin();
+  fake_esp32.i2c.bus_hangs = true;
+  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(PulsesUs{}));
+  fake_esp32.i2c.bus_hangs = false;
+  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(PulsesUs{}));
+  fake_esp32.i2c.chips.erase(0x40);
+  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(PulsesUs{}));
+}
+
+// The chip was not there at the start and is not set up, even if it answers later.
+void a_chip_that_was_missing_at_the_start_takes_no_writes() {
+  FeatherBench bench;
+  fake_esp32.i2c.chips.clear();
+  TEST_ASSERT_FALSE(bench.hal.servos.begin());
+  fake_esp32.i2c.chips[0x40] = &bench.servo_chip;
+  TEST_ASSERT_FALSE(bench.hal.servos.set_oscillator_hz(25e6f));
+  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(PulsesUs{}));
+  TEST_ASSERT_FALSE(bench.servo_chip.has_driven);
+}
+
+void without_the_bus_nothing_is_written() {
+  FeatherBench bench;
+  fake_esp32.i2c.driver_fails = true;
+  TEST_ASSERT_FALSE(bench.hal.servos.begin());
+  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(PulsesUs{}));
+}
+
+void no_pulse_is_written_before_the_oscillator_is_known() {
+  FeatherBench bench;
+  TEST_ASSERT_TRUE(bench.hal.servos.begin());
+  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(PulsesUs{}));
+  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+}
+
+// The library checks none of its transfers. Whichever of them fails while the rate is set, pulses are right or refused.
+void a_transfer_that_fails_while_the_rate_is_set_never_leads_to_wrong_pulses() {
+  int refused_count = 0;
+  for (int transfer = 0; transfer < 12; ++transfer) {
+    FeatherBench bench;
+    TEST_ASSERT_TRUE(bench.hal.servos.begin());
+    fake_esp32.i2c.fails_at = transfer;
+    const bool confirmed = bench.hal.servos.set_oscillator_hz(25e6f);
+    fake_esp32.i2c.fails_at = -1;
+    TEST_ASSERT_TRUE(confirmed == bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+    if (confirmed) TEST_ASSERT_FLOAT_WITHIN(2.5f, 1500.0f, static_cast<float>(bench.servo_chip.pulse_us(0)));
+    refused_count += confirmed ? 0 : 1;
+  }
+  TEST_ASSERT_TRUE(refused_count >= 3);  // off, sleep, prescaler
+}
+
+void a_rate_that_cannot_be_set_again_ends_the_pulses() {
+  FeatherBench bench;
+  bench.begin();
+  fake_esp32.i2c.bus_hangs = true;
+  TEST_ASSERT_FALSE(bench.hal.servos.set_oscillator_hz(25e6f));
+  fake_esp32.i2c.bus_hangs = false;
+  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+}
+
+}  // namespace
+
+void run_servo_tests() {
+  UnitySetTestFile(__FILE__);
+  RUN_TEST(outputs_are_off_from_the_first_transmission_on);
+  RUN_TEST(the_bus_runs_at_400_khz_on_its_pins_and_gives_up_after_10_ms);
+  RUN_TEST(a_pulse_has_its_width_within_half_a_tick_at_any_oscillator);
+  RUN_TEST(pulses_are_rounded_to_the_nearest_tick);
+  RUN_TEST(every_output_has_its_own_pulse_or_none);
+  RUN_TEST(a_pulse_outside_its_limits_leaves_the_outputs_as_they_are);
+  RUN_TEST(a_write_to_a_bus_that_fails_is_told);
+  RUN_TEST(a_chip_that_was_missing_at_the_start_takes_no_writes);
+  RUN_TEST(without_the_bus_nothing_is_written);
+  RUN_TEST(no_pulse_is_written_before_the_oscillator_is_known);
+  RUN_TEST(a_transfer_that_fails_while_the_rate_is_set_never_leads_to_wrong_pulses);
+  RUN_TEST(a_rate_that_cannot_be_set_again_ends_the_pulses);
+}
+
+}  // namespace foldcar

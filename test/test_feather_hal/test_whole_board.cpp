@@ -1,0 +1,96 @@
+// The whole firmware on the board's HAL: from a host's packets on the serial port to pulses on the servo driver's outputs.
+#include <unity.h>
+
+#include <string>
+
+#include "../mavlink_host.h"
+#include "feather_bench.h"
+#include "firmware.h"
+
+namespace foldcar {
+namespace {
+
+constexpr const char* kBuild = "00112233445566ff";
+
+struct Car {
+  FeatherBench bench;
+  Firmware firmware{bench.hal.hal(), kBuild};
+  MavlinkHost host;
+
+  explicit Car(bool with_imu) : bench(with_imu) {
+    bench.begin();
+    firmware.begin({});
+  }
+  // The host's bytes arrive, and loop() comes round every millisecond; the UART sends 11.5 bytes in each.
+  void run(int time_ms, const std::string& bytes = "") {
+    for (const char byte : bytes) fake_esp32.uart.receive_buffer.push_back(static_cast<std::uint8_t>(byte));
+    for (int ms = 0; ms < time_ms; ++ms) {
+      firmware.poll();
+      fake_esp32.time_us += 1000;
+      std::size_t& waiting = fake_esp32.uart.transmit_fifo;
+      waiting -= std::min<std::size_t>(waiting, 11);
+    }
+    host.receive(fake_esp32.uart.transmitted);
+    fake_esp32.uart.transmitted.clear();
+  }
+  void start_trial(float untethered) {
+    run(50, host.heartbeat() + host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+    run(50, host.heartbeat() + host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.69f, 0.0f, 5.0f, untethered, 7.0f}));
+    TEST_ASSERT_TRUE(firmware.application().status().state == State::kRunning);
+  }
+  double pulse_us(std::size_t channel) const { return bench.servo_chip.pulse_us(channel); }
+};
+
+// Full speed is 200 µs from neutral, mirrored on the right; the four wheels of the default parameters use outputs 0 to 3.
+void a_trial_asked_for_over_usb_drives_the_outputs_until_the_host_is_silent() {
+  Car car(true);
+  car.start_trial(0.0f);
+  for (int i = 0; i < 4; ++i) car.run(200, car.host.heartbeat());
+  const float expected_us[] = {1700.0f, 1300.0f, 1700.0f, 1300.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+  for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
+    TEST_ASSERT_FLOAT_WITHIN(2.5f, expected_us[channel], static_cast<float>(car.pulse_us(channel)));
+  }
+  car.run(500);
+  for (std::size_t channel = 0; channel < kChannelCount; ++channel) TEST_ASSERT_TRUE(car.pulse_us(channel) == 0);
+  TEST_ASSERT_TRUE(car.firmware.application().status().fault == Fault::kCommandStale);
+  TEST_ASSERT_EQUAL_INT(0, car.host.bad_count);
+  TEST_ASSERT_FALSE(fake_esp32.uart.write_waited);
+}
+
+void a_bus_that_fails_in_a_trial_is_a_fault() {
+  Car car(false);
+  car.start_trial(0.0f);
+  fake_esp32.i2c.bus_hangs = true;
+  car.run(40, car.host.heartbeat());
+  TEST_ASSERT_TRUE(car.firmware.application().status().fault == Fault::kBus);
+  fake_esp32.i2c.bus_hangs = false;
+  car.run(40, car.host.heartbeat());
+  for (std::size_t channel = 0; channel < kChannelCount; ++channel) TEST_ASSERT_TRUE(car.pulse_us(channel) == 0);
+}
+
+void an_untethered_trial_leaves_a_log_in_flash() {
+  Car car(true);
+  car.start_trial(1.0f);
+  car.run(5200);
+  TEST_ASSERT_TRUE(car.firmware.application().trial_end() == TrialEnd::kTimeLimit);
+  const std::string& log = fake_esp32.flash.files.at("/log_00001");
+  MavlinkHost reader;
+  for (std::size_t at = 8; at < log.size();) {
+    const std::size_t size = 12 + static_cast<std::uint8_t>(log[at + 1]);
+    reader.receive(log.substr(at, size));
+    at += size + 8;
+  }
+  TEST_ASSERT_EQUAL_INT(0, reader.bad_count);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, reader.trials().back().end);
+}
+
+}  // namespace
+
+void run_whole_board_tests() {
+  UnitySetTestFile(__FILE__);
+  RUN_TEST(a_trial_asked_for_over_usb_drives_the_outputs_until_the_host_is_silent);
+  RUN_TEST(a_bus_that_fails_in_a_trial_is_a_fault);
+  RUN_TEST(an_untethered_trial_leaves_a_log_in_flash);
+}
+
+}  // namespace foldcar

@@ -1,0 +1,131 @@
+// Commands and their acknowledgements: arming, trials, output tests, restart.
+#include <unity.h>
+
+#include <cmath>
+
+#include "link_bench.h"
+
+namespace foldcar {
+namespace {
+
+void a_trial_goes_from_arming_to_its_end_by_commands() {
+  Bench bench;
+  bench.expect(MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kNotArmed, MAV_CMD_FOLDCAR_START_TRIAL, kStart);
+  TEST_ASSERT_EQUAL_STRING("refused: not armed", bench.host.texts().back().c_str());
+  bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_COMPONENT_ARM_DISARM, {1});
+  TEST_ASSERT_TRUE(bench.last_us() == kOff);
+  bench.expect(MAV_RESULT_DENIED, Refusal::kSpeedLimit, MAV_CMD_FOLDCAR_START_TRIAL, {6, 0, 1});
+  bench.expect(MAV_RESULT_DENIED, Refusal::kNotANumber, MAV_CMD_FOLDCAR_START_TRIAL, {NAN, 0, 1});
+  bench.expect(MAV_RESULT_DENIED, Refusal::kNotANumber, MAV_CMD_FOLDCAR_START_TRIAL, {0.1f, 0, 1, 2});
+  bench.expect(MAV_RESULT_DENIED, Refusal::kTimeLimit, MAV_CMD_FOLDCAR_START_TRIAL, {0.1f, 0, 0});
+  TEST_ASSERT_TRUE(bench.last_us() == kOff);
+  bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0.5f, 2, 0, 7});
+  for (int i = 0; i < 9; ++i) bench.run(200, bench.host.heartbeat());
+  TEST_ASSERT_TRUE(bench.state() == State::kRunning);
+  TEST_ASSERT_TRUE(bench.last_us() != kOff);
+  bench.run(400, bench.host.heartbeat());
+  TEST_ASSERT_TRUE(bench.state() == State::kFinished);
+  TEST_ASSERT_TRUE(bench.last_us() == kOff);
+  const mavlink_foldcar_trial_t trial = bench.host.trials().back();
+  TEST_ASSERT_EQUAL_UINT32(7, trial.trial_id);
+  TEST_ASSERT_UINT32_WITHIN(20, 2000, trial.elapsed_ms);
+  TEST_ASSERT_EQUAL_UINT32(2000, trial.time_limit_ms);
+  TEST_ASSERT_EQUAL_FLOAT(0.3f, trial.speed);
+  TEST_ASSERT_EQUAL_FLOAT(0.5f, trial.yaw_rate);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_STATE_FINISHED, trial.state);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, trial.end);
+}
+
+void every_enum_of_the_firmware_has_the_dialects_values() {
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_DISARMED, static_cast<int>(State::kDisarmed));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_ARMED, static_cast<int>(State::kArmed));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_RUNNING, static_cast<int>(State::kRunning));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_FINISHED, static_cast<int>(State::kFinished));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_FAULT, static_cast<int>(State::kFault));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_MANUAL, static_cast<int>(State::kManual));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_TESTING, static_cast<int>(State::kTesting));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_BUS, static_cast<int>(Fault::kBus));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_BATTERY_UNREADABLE, static_cast<int>(Fault::kBatteryUnreadable));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_BATTERY_LOW, static_cast<int>(Fault::kBatteryLow));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_COMMAND_STALE, static_cast<int>(Fault::kCommandStale));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_STORED_PARAMETER, static_cast<int>(Fault::kStoredParameter));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_DESIGN, static_cast<int>(Fault::kDesign));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_WATCHDOG, static_cast<int>(Fault::kWatchdog));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_BROWN_OUT, static_cast<int>(Fault::kBrownOut));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_TILT, static_cast<int>(Fault::kTilt));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_IMU, static_cast<int>(Fault::kImu));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_END_TIME_LIMIT, static_cast<int>(TrialEnd::kTimeLimit));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_END_STOPPED, static_cast<int>(TrialEnd::kStopped));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_END_DISARMED, static_cast<int>(TrialEnd::kDisarmed));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_END_FAULT, static_cast<int>(TrialEnd::kFault));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_DESIGN_SOURCE_FILE, static_cast<int>(DesignSource::kFile));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_DESIGN_SOURCE_REFUSED, static_cast<int>(DesignSource::kRefused));
+  // docs/link.md names the last of the reasons by these numbers.
+  TEST_ASSERT_EQUAL_INT(12, static_cast<int>(Refusal::kTimeLimit));
+  TEST_ASSERT_EQUAL_INT(17, static_cast<int>(Refusal::kUnknownHost));
+}
+
+void a_repeated_command_is_answered_again_and_not_obeyed_twice() {
+  Bench bench;
+  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart).result);
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart, 1).result);
+  for (int i = 0; i < 26; ++i) bench.run(200, bench.host.heartbeat());
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart, 1).result);
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart).result);
+}
+
+void what_the_car_does_not_know_is_unsupported_and_what_is_for_others_is_left_alone() {
+  Bench bench;
+  bench.expect(MAV_RESULT_UNSUPPORTED, Refusal::kNone, 22, {});
+  mavlink_command_long_t command{};
+  command.command = MAV_CMD_COMPONENT_ARM_DISARM;
+  command.param1 = 1;
+  command.target_system = 2;
+  bench.run(40, bench.host.pack(mavlink_msg_command_long_encode_status, command));
+  TEST_ASSERT_EQUAL_UINT(1, bench.host.acks().size());
+  TEST_ASSERT_TRUE(bench.state() == State::kDisarmed);
+}
+
+void an_output_is_tested_by_the_standard_command() {
+  Bench bench;
+  const float output = ACTUATOR_OUTPUT_FUNCTION_SERVO1 + 2;
+  bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_ACTUATOR_TEST, {-0.02f, 0.4f, 0, 0, output});
+  PulsesUs expected{};
+  expected[2] = 1490.0f;
+  TEST_ASSERT_TRUE(bench.last_us() == expected);
+  bench.run(400);
+  TEST_ASSERT_TRUE(bench.last_us() == kOff);
+  TEST_ASSERT_TRUE(bench.state() == State::kDisarmed);
+  bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_ACTUATOR_TEST, {NAN, 1, 0, 0, output});
+  TEST_ASSERT_TRUE(bench.last_us() == kOff);
+  bench.expect(MAV_RESULT_DENIED, Refusal::kTest, MAV_CMD_ACTUATOR_TEST, {0, 4, 0, 0, output});
+  bench.expect(MAV_RESULT_DENIED, Refusal::kTest, MAV_CMD_ACTUATOR_TEST, {1.1f, 1, 0, 0, output});
+  bench.expect(MAV_RESULT_DENIED, Refusal::kTest, MAV_CMD_ACTUATOR_TEST, {0, 1, 0, 0, 41});
+  bench.expect(MAV_RESULT_DENIED, Refusal::kTest, MAV_CMD_ACTUATOR_TEST, {0, 1, 0, 0, 32});
+}
+
+void the_board_restarts_on_request_but_not_while_it_drives() {
+  Bench bench;
+  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
+  bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart);
+  bench.expect(MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kRunning, MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, {1});
+  bench.answer(MAV_CMD_FOLDCAR_STOP_TRIAL, {});
+  TEST_ASSERT_FALSE(bench.board.board.restart_is_requested);
+  bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, {1});
+  TEST_ASSERT_TRUE(bench.board.board.restart_is_requested);
+}
+
+}  // namespace
+
+void run_command_tests() {
+  UnitySetTestFile(__FILE__);
+  RUN_TEST(a_trial_goes_from_arming_to_its_end_by_commands);
+  RUN_TEST(every_enum_of_the_firmware_has_the_dialects_values);
+  RUN_TEST(a_repeated_command_is_answered_again_and_not_obeyed_twice);
+  RUN_TEST(what_the_car_does_not_know_is_unsupported_and_what_is_for_others_is_left_alone);
+  RUN_TEST(an_output_is_tested_by_the_standard_command);
+  RUN_TEST(the_board_restarts_on_request_but_not_while_it_drives);
+}
+
+}  // namespace foldcar

@@ -27,8 +27,8 @@ constexpr char kUsage[] =
     "                   [--speedup N] [--put-back] [--record FILE]\n"
     "                                            a car with its whole firmware on a port, speaking MAVLink\n"
     "       carsim params                        the firmware's parameter table as JSON\n"
+    "       carsim metrics                       the numbers of a run's result as JSON\n"
     "       carsim limits                        the limits of input numbers and a trial's own numbers as JSON\n"
-    "       carsim metrics                       what a run is measured by, as JSON\n"
     "       carsim --version                     the build, which changes whenever results can\n"
     "       carsim --help\n";
 
@@ -65,7 +65,18 @@ int print_parameters() {
   return print(table, 1);
 }
 
-// What other programs must keep to that make input for this one, or trials by the same rules.
+int print_metrics() {
+  nlohmann::ordered_json table = nlohmann::ordered_json::array();
+  for (const foldcar::MetricInfo& metric : foldcar::kMetrics) {
+    table.push_back({{"name", metric.name},
+                     {"unit", metric.unit},
+                     {"optional", metric.optional()},
+                     {"help", metric.help}});
+  }
+  return print(table, 1);
+}
+
+// What other programs must hold to that make input for this one, or trials by the same rules.
 int print_limits() {
   nlohmann::ordered_json input = nlohmann::ordered_json::object();
   for (const auto& [path, limits] : foldcar::input_limits()) input[path] = {limits.minimum, limits.maximum};
@@ -77,17 +88,6 @@ int print_limits() {
                                         {"stuck_turn_rad", foldcar::kStuckTurn_rad},
                                         {"stuck_time_s", foldcar::kStuckTime_s}};
   return print({{"input", input}, {"trial", trial}}, 1);
-}
-
-int print_metrics() {
-  nlohmann::ordered_json table = nlohmann::ordered_json::array();
-  for (const foldcar::MetricInfo& metric : foldcar::kMetrics) {
-    table.push_back({{"name", metric.name},
-                     {"unit", metric.unit},
-                     {"optional", metric.optional()},
-                     {"help", metric.help}});
-  }
-  return print(table, 1);
 }
 
 nlohmann::ordered_json version() {
@@ -109,8 +109,8 @@ int run(const std::vector<std::string>& words) {
   if (words.size() > 1) return usage_error(command + " takes no further words");
   if (command == "step") return foldcar::run_step();
   if (command == "params") return print_parameters();
-  if (command == "limits") return print_limits();
   if (command == "metrics") return print_metrics();
+  if (command == "limits") return print_limits();
   if (command == "--version") return print(version(), -1);
   if (command == "--help" || command == "-h") {
     std::fputs(kUsage, stdout);

@@ -89,6 +89,7 @@ def test_corrections_leave_a_trail(tmp_path: Path, foldcar: Any) -> None:
         (("correct", "s.db", "1", "--reason", " ", "--note", "n"), "trials correct: --reason: is empty"),
         (("correct", "s.db", "9", "--reason", "r", "--note", "n"), "s.db: has no trial 9"),
         (("correct", "s.db", "1", "--reason", "r", "--outcome", "flew"), 's.db: outcome "flew" is none of passed'),
+        (("correct", "s.db", "1", "--reason", "r", "--elapsed-time", "inf"), "s.db: trial 1: elapsed_time_s: inf is no"),
         (("correct", "none.db", "1", "--reason", "r", "--note", "n"), "none.db: no such store"),
         (("list", "none.db"), "none.db: no such store"),
         (("replay", "s.db", "9"), "s.db: has no trial 9"),

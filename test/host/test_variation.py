@@ -160,7 +160,7 @@ def test_applying_takes_little_time(body: dict[str, Any], carsim_limits: CarsimL
             vary_body(body, variation, carsim_limits.numbers)
         return (time.process_time() - start) / 200
 
-    # 0.1 ms of an idle processor; the best of several tries, and room for a shared one.
+    # 0.1 ms of processor time on an idle machine; the best of several tries, and room for a busy one.
     assert min(seconds() for _ in range(5)) < 300e-6
 
 

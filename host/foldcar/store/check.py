@@ -96,7 +96,7 @@ def _damaged_rows(connection: sqlite3.Connection, table: Table, done: StoreCheck
         for cells in connection.execute(f"SELECT {columns_sql(connection, table)} FROM {table.name} NOT INDEXED"):
             done.rows += 1
             row = dict(zip(names, cells, strict=True))
-            if not is_intact(row):
+            if not is_intact(table, row):
                 yield f"{key_text(table, row)}: does not match its checksum"
     except SQLITE_ERRORS as error:
         yield f"table {table.name}: cannot be read to its end: {error}"

@@ -143,6 +143,7 @@ def _logs_beside(folder: Path, store: Path, manifest: dict[str, Any]) -> Iterato
         for log, digest in manifest["logs"].items():
             if digest is None:
                 continue
+            source = folder / LOGS / log_inside(folder / LOGS, log, f"{folder / MANIFEST}: logs")
             target = log_file(store, log)
             if os.path.lexists(target):
                 if sha256_of(target) != digest:
@@ -150,7 +151,7 @@ def _logs_beside(folder: Path, store: Path, manifest: dict[str, Any]) -> Iterato
                 continue
             target.parent.mkdir(parents=True, exist_ok=True)
             made.append(target)
-            shutil.copyfile(folder / LOGS / log, target)
+            shutil.copyfile(source, target)
         yield
     except BaseException:
         for file in made:

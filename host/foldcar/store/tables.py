@@ -54,9 +54,9 @@ class Table:
         return tuple(column.name for column in self.columns)
 
     @cached_property
-    def has_number(self) -> bool:
-        """Whether its key is a whole number, which SQLite then takes for the row's own."""
-        return self.key == ("id",) and self.columns[0].type == "INTEGER"
+    def checksum_order(self) -> tuple[tuple[str, str], ...]:
+        """The columns' names in alphabetical order, each behind itself as a key of a JSON object."""
+        return tuple((f'"{name}":', name) for name in sorted(self.names))
 
     @property
     def sql(self) -> str:

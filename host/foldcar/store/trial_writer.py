@@ -6,6 +6,7 @@ a killed program loses at most the answer being typed.
 
 import contextlib
 import json
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -135,6 +136,8 @@ class TrialWriter(StoreConnection):
                     raise StoreError(f"{self.path}: trial {trial}: {field} cannot be corrected, only {known}")
                 if field == "outcome":
                     _check_outcome(self.path, str(after))
+                if isinstance(after, float) and not math.isfinite(after):
+                    raise StoreError(f"{self.path}: trial {trial}: {field}: {after} is no finite number")
                 found = self._rows(TRIAL, "WHERE id = ?", trial)
                 if not found:
                     raise StoreError(f"{self.path}: has no trial {trial}")

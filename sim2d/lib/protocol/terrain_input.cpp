@@ -1,9 +1,6 @@
 #include "terrain_input.h"
 
 #include <algorithm>
-#include <cstddef>
-#include <string>
-#include <vector>
 
 #include "rough.h"
 
@@ -61,15 +58,16 @@ void read_rough(JsonReader& reader, TerrainSpec& terrain) {
   RoughSpec rough = rectangle<RoughSpec>(reader);
   rough.height_sd_m = reader.number("height_sd_m");
   const double shorter_m = std::min(rough.length_m, rough.width_m);
-  rough.correlation_m = reader.number("correlation_m", {reader.limits("correlation_m").minimum, shorter_m});
+  const double least_m = reader.limits("correlation_m").minimum;
+  rough.correlation_m = reader.number("correlation_m", {least_m, std::max(least_m, shorter_m)});
   rough.seed = reader.integer("seed");
   terrain.roughs.push_back(rough);
   double nodes = 0;
   for (const RoughSpec& each : terrain.roughs) nodes += Rough::node_count(each);
-  const double most = reader.limits("nodes").maximum;
-  if (nodes > most) {
+  const double most_nodes = reader.limits("nodes").maximum;
+  if (nodes > most_nodes) {
     reader.fail("correlation_m", "its grid of an eighth of that is too fine for the rectangle: the limit of a scene is " +
-                                     std::to_string(static_cast<long>(most)) + " nodes");
+                                     std::to_string(static_cast<long>(most_nodes)) + " nodes");
   }
 }
 
@@ -102,9 +100,9 @@ TerrainSpec read_terrain(JsonReader& reader) {
   for (const TerrainKind& kind : kKinds) names.emplace_back(kind.name);
   TerrainSpec terrain;
   for (JsonReader& piece : reader.objects("terrain")) {
-    const TerrainKind& kind = kKinds[piece.choice("kind", names)];
-    piece.narrow(kind.name);
-    kind.read(piece, terrain);
+    const std::size_t kind = piece.choice("kind", names);
+    piece.narrow(names[kind]);
+    kKinds[kind].read(piece, terrain);
     piece.finish();
   }
   return terrain;

@@ -16,7 +16,7 @@ LARGEST_ECCENTRICITY = 0.4
 
 
 def vary_body(body: Mapping[str, Any], variation: Mapping[str, Any], limits: NumberLimits) -> dict[str, Any]:
-    """The body with the differences; values outside ``limits`` are clamped to them."""
+    """The body with the differences; values outside the limits are clamped to them."""
     return {
         **body,
         "segments": [_segment(segment, variation, limits) for segment in body["segments"]],

@@ -10,9 +10,10 @@ import pytest
 
 from foldcar.car.design import MAX_AXLES, MAX_SEGMENTS
 from foldcar.car.firmware_parameters import CHANNELS
-from foldcar.scenes import terrain
 from foldcar.scenes.checks import FARTHEST_M
 from foldcar.scenes.scene_json import MOST_FRICTION
+from foldcar.scenes.terrain import MOST_NODES, MOST_PIECES, PLACE_KEYS
+from foldcar.scenes.terrain_kinds import KINDS
 from foldcar.simulation.carsim_limits import CarsimLimits
 from study_car import car_body, empty_scene
 
@@ -112,10 +113,10 @@ def test_no_design_has_more_than_the_simulator_takes(carsim_limits: CarsimLimits
     assert numbers["body.wheels.channel"] == (0, CHANNELS - 1)
 
 
-@pytest.mark.parametrize("kind", terrain.KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_no_scene_has_terrain_that_the_simulator_refuses(carsim_limits: CarsimLimits, kind: str) -> None:
-    sizes = {**terrain.PLACE_KEYS, **terrain.KINDS[kind]}
-    if kind == "pothole":
+    sizes = {**PLACE_KEYS, **KINDS[kind].sizes}
+    if KINDS[kind].shape == "disc":
         del sizes["heading_rad"]
     printed = {
         path.rsplit(".", 1)[1]: limits
@@ -131,8 +132,8 @@ def test_no_scene_has_terrain_that_the_simulator_refuses(carsim_limits: CarsimLi
 def test_no_scene_is_larger_than_the_simulator_takes(carsim_limits: CarsimLimits) -> None:
     numbers = carsim_limits.numbers
 
-    assert numbers["scene.terrain.count"] == (0, terrain.MOST_PIECES)
-    assert numbers["scene.terrain.rough.nodes"] == (0, terrain.MOST_NODES)
+    assert numbers["scene.terrain.count"] == (0, MOST_PIECES)
+    assert numbers["scene.terrain.rough.nodes"] == (0, MOST_NODES)
     assert numbers["scene.friction"][1] == MOST_FRICTION
     assert numbers["scene.course.x_min_m"] == (-FARTHEST_M, FARTHEST_M)
 

@@ -76,16 +76,10 @@ def crosscheck(
 
 
 def _print(comparisons: "list[tuple[str, Agreement]]") -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-
+    from foldcar.commands.result_table import result_table
     from foldcar.crosscheck.page import COMPARISON_HEAD, comparison_row
 
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=160)
-    table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
+    console, table = result_table(160)
     for index, head in enumerate(COMPARISON_HEAD):
         # On a narrow terminal names wrap, so that numbers are not truncated.
         if index:

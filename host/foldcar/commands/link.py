@@ -1,21 +1,19 @@
 """`foldcar link`: runs a design in a sampled environment as a simulated car for any MAVLink program."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from foldcar.commands.components_option import Components
-from foldcar.commands.design_settings import Settings, design_settings
+from foldcar.commands.design_settings import Settings
+from foldcar.commands.listed_run import ExperimentId, Listing, Sample, listed_run
 
 
 def link(
-    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
-    experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
+    listing: Listing,
+    experiment: ExperimentId,
     settings: Settings = None,
-    sample: Annotated[
-        int, typer.Option(metavar="K", min=0, help="Number of the sampled environment and built car.")
-    ] = 0,
+    sample: Sample = 0,
     speedup: Annotated[
         float, typer.Option(metavar="N", min=0.01, max=1000, help="Rate of simulated time relative to real time.")
     ] = 1.0,
@@ -31,31 +29,20 @@ def link(
     import json
     import sys
 
-    from foldcar.car.body import body_json
     from foldcar.car.car_file import car_json
-    from foldcar.car.variation.vary_body import vary_body
     from foldcar.commands.end_signals import end_like_ctrl_c
     from foldcar.link.simulated_car import simulated_car
-    from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.runner import CarsimError
-    from foldcar.study.environments import Environment
-    from foldcar.study.experiments import read_study
 
-    (chosen,) = read_study(listing, experiment).experiments
-    design = chosen.family.narrowed(design_settings(settings or [])).single()
-    environment = Environment(chosen)
-    variation = environment.variation(sample)
-    nominal = body_json(design)
-    carsim = Carsim()
-    body = vary_body(nominal, variation, carsim.limits().numbers) if variation else nominal
-    scene = environment.sample(sample)
+    one = listed_run(listing, experiment, settings, sample)
+    binary = one.carsim.binary
     end_like_ctrl_c()
     try:
         with simulated_car(
-            carsim.binary, body, scene, car_json(design), speedup, tcp, sys.stdin.fileno()
+            binary, one.body, one.scene, car_json(one.design), speedup, tcp, sys.stdin.fileno()
         ) as car:
             typer.echo(car.port)
-            typer.echo(f"{design.type} in sample {sample}; Ctrl-C ends", err=True)
+            typer.echo(f"{one.design.type} in sample {sample}; Ctrl-C ends", err=True)
             assert car.process.stdout is not None and car.process.stderr is not None
             for line in car.process.stdout:
                 # A new port after an unplugged cable, or the answer to an injected fault.
@@ -63,6 +50,6 @@ def link(
             said = car.process.stderr.read().strip().splitlines()
             code = car.process.wait()
         if code != 0:
-            raise CarsimError(f"{carsim.binary} link: {said[-1] if said else f'exit code {code}'}")
+            raise CarsimError(f"{binary} link: {said[-1] if said else f'exit code {code}'}")
     except KeyboardInterrupt:
         typer.echo("ended", err=True)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foldcar.commands.components_option import Components
-from foldcar.commands.design_settings import Settings, design_settings
+from foldcar.commands.design_settings import Settings
+from foldcar.commands.listed_run import ExperimentId, Listing, Sample, listed_run
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -20,41 +21,31 @@ LEAST_NAME_WIDTH = 22
 
 
 def run(
-    listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
-    experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
+    listing: Listing,
+    experiment: ExperimentId,
     settings: Settings = None,
-    sample: Annotated[
-        int, typer.Option(metavar="K", min=0, help="Number of the sampled environment and built car.")
-    ] = 0,
+    sample: Sample = 0,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Picture to draw (.png, .svg, .pdf).")
     ] = None,
     components: Components = None,
 ) -> None:
     """Simulate one car in one environment and print the result."""
-    from foldcar.car.body import body_json
-    from foldcar.car.variation.vary_body import vary_body
     from foldcar.commands.run_text import answer_lines, variation_text
     from foldcar.figures.output import check_format
-    from foldcar.simulation.carsim import Carsim
-    from foldcar.study.environments import Environment
-    from foldcar.study.experiments import read_study
 
     if plot is not None:
         check_format(plot)
-    (chosen,) = read_study(listing, experiment).experiments
-    design = chosen.family.narrowed(design_settings(settings or [])).single()
-    carsim, environment = Carsim(), Environment(chosen)
-    nominal = body_json(design)
-    variation = environment.variation(sample)
+    listed = listed_run(listing, experiment, settings, sample)
+    carsim, chosen, design, variation = listed.carsim, listed.experiment, listed.design, listed.variation
     one = _Run(
         label=f"experiment {experiment}, sample {sample}",
-        body=vary_body(nominal, variation, carsim.limits().numbers) if variation else nominal,
-        scene=environment.sample(sample),
-        settings=chosen.settings(design, nominal, carsim.parameter_table()),
+        body=listed.body,
+        scene=listed.scene,
+        settings=chosen.settings(design, listed.nominal, carsim.parameter_table()),
         sample=sample,
     )
-    with environment.runner(carsim, environment.dynamic) as runner:
+    with listed.environment.runner(carsim, listed.environment.dynamic) as runner:
         answer = one.by(runner)
     lines = [
         ("experiment", f"{experiment}: vehicle {chosen.family.vehicle} in environment {chosen.environment}"),

@@ -174,14 +174,9 @@ def dialect(
 
 
 def _print_trials(found: "list[Trial]") -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
+    from foldcar.commands.result_table import result_table
 
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=200)
-    table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
+    console, table = result_table(200)
     shown = _varying(found)
     for head in ("trial", "experiment", *shown, "sample", "outcome", "time (s)", "ending", "started (UTC)", "note"):
         table.add_column(head, justify="left" if head in ("outcome", "ending", "note") else "right")

@@ -3,6 +3,7 @@
 #include <cmath>
 
 namespace foldcar {
+
 std::optional<double> distance_to_target_m(const SceneSpec& scene, const CarState& state) {
   if (!scene.goal) return std::nullopt;
   return std::hypot(state.x_m - scene.goal->x_m, state.y_m - scene.goal->y_m);

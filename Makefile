@@ -96,7 +96,7 @@ headers: setup
 	  echo "$(words $(HEADERS)) headers compile alone with $$compiler"; done
 
 test-host: setup
-	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . -n 2 --dist worksteal test/host
+	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . -n 2 --dist worksteal --durations 25 --durations-min 3 test/host
 
 bench: setup .pio/bench/firmware_tick
 	.pio/bench/firmware_tick

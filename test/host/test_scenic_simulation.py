@@ -51,7 +51,6 @@ def in_batch(carsim_binary: Path, scene: str, **settings: Any) -> dict[str, Any]
     body, own = car()
     request = RunRequest("b", "s", json.dumps({**json.loads(own), **settings}), "the run", 0)
     (result,) = Carsim(carsim_binary).run({"b": body}, {"s": scene}, [request])
-    result.pop("run")
     return result
 
 
@@ -90,7 +89,6 @@ def test_scenic_and_the_batch_agree_to_the_last_bit(
         described = json.dumps(source.describe(scene, k))
         body, settings = car(width_mm)
         (native,) = carsim.run({"b": body}, {"s": described}, [RunRequest("b", "s", settings, "", k)])
-        native.pop("run")
         result = CarSimulator(stepped, body, settings, lambda _, text=described: text).run(scene)
         assert result.pop("recorded") == {}
         assert result == native

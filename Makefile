@@ -95,8 +95,9 @@ headers: setup
 	  xargs -P 2 -I '{}' $$compiler $(HEADER_FLAGS) -x c++ -include '{}' /dev/null || exit 1; \
 	  echo "$(words $(HEADERS)) headers compile alone with $$compiler"; done
 
+# A third process: several tests wait for a car that drives in real time.
 test-host: setup
-	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . -n 2 --dist worksteal --durations 25 --durations-min 3 test/host
+	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . -n 3 --dist worksteal --durations 25 --durations-min 3 test/host
 
 bench: setup .pio/bench/firmware_tick
 	.pio/bench/firmware_tick

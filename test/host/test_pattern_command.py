@@ -44,8 +44,6 @@ def test_a_family_becomes_a_folder_each(foldcar: Command, listing: Path, tmp_pat
     assert "2 cars in cars" in done.stdout
     for width in (95, 245):
         assert (tmp_path / "cars" / f"width_{width}" / "sheet_1.svg").is_file()
-    again = foldcar("pattern", listing, "--all", "--machine", "laser", "-o", "cars")
-    assert again.returncode == 0
     refused = foldcar("pattern", listing, "--all", "--sheet", "240x240", "-o", "cars")
     assert (refused.returncode, refused.stdout) == (2, "")
     assert "width=245" in refused.stderr and "240 x 240 mm" in refused.stderr

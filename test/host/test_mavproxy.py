@@ -31,18 +31,24 @@ class Station:
             # Which dialect it speaks is its own choice, not that of foldcar in this process.
             env={key: value for key, value in os.environ.items() if not key.startswith("MAVLINK")},
         )  # fmt: skip
-        self.said = ""
+        # Only the listening thread writes the text, only this one the position up to which it has been read.
+        self.text = ""
+        self.position = 0
         threading.Thread(target=self._listen, daemon=True).start()
 
     def _listen(self) -> None:
         assert self.process.stdout is not None
         while text := self.process.stdout.readline():
-            self.said += text
+            self.text += text
 
     def types(self, line: str) -> None:
         assert self.process.stdin is not None
         self.process.stdin.write(line + "\n")
         self.process.stdin.flush()
+
+    @property
+    def said(self) -> str:
+        return self.text[self.position :]
 
     def sees(self, text: str, timeout_s: float = 300) -> None:
         """Wait until it has printed ``text``; earlier output is discarded."""
@@ -50,7 +56,7 @@ class Station:
         while text not in self.said:
             assert time.monotonic() < end_s, f"no {text!r} in: {self.said}"
             time.sleep(0.05)
-        self.said = self.said[self.said.index(text) + len(text) :]
+        self.position = self.text.index(text, self.position) + len(text)
 
     def asks(self, line: str, text: str, every_s: float = 1.0) -> None:
         """Type the line until it has printed the text, which it gets ``every_s`` seconds to do."""

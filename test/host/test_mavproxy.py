@@ -28,8 +28,10 @@ class Station:
         self.process = subprocess.Popen(
             [sys.executable, MAVPROXY, *options, "--default-modules=param,arm,link"],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            # Which dialect it speaks is its own choice, not that of foldcar in this process.
-            env={key: value for key, value in os.environ.items() if not key.startswith("MAVLINK")},
+            # Which dialect it speaks is its own choice, not that of foldcar in this process. What it prints into a pipe
+            # would else wait there for its next prompt.
+            env={key: value for key, value in os.environ.items() if not key.startswith("MAVLINK")}
+            | {"PYTHONUNBUFFERED": "1"},
         )  # fmt: skip
         # Only the listening thread writes the text, only this one the position up to which it has been read.
         self.text = ""

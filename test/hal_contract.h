@@ -67,6 +67,7 @@ inline void check_link_moves_no_more_than_asked(ByteLink& link) {
 
 // Deletes what is stored.
 inline void check_storage_gives_back_what_it_took(Storage& storage) {
+  TEST_ASSERT_TRUE_MESSAGE(storage.present(), "stores nothing");
   float value = 7.0f;
   TEST_ASSERT_FALSE_MESSAGE(storage.load("NEVER_SAVED", value), "found what was never saved");
   TEST_ASSERT_TRUE_MESSAGE(value == 7.0f, "changed the value although there is none stored");

@@ -20,7 +20,7 @@ class LinkFuzz {
  public:
   explicit LinkFuzz(std::uint64_t seed) : random_(seed) {}
 
-  // Feeds byte_count bytes. Returns false as soon as a pulse is written.
+  // Feeds byte_count bytes. Returns false as soon as a pulse is written, or an armed car is not armed any more.
   bool run(std::uint64_t byte_count) {
     while (fed_ < byte_count) {
       if (!session(sessions_++ % 2 == 0)) return false;
@@ -46,7 +46,14 @@ class LinkFuzz {
       firmware.poll();
     }
     const std::vector<std::string> packets = sound_packets(host, armed);
+    std::uint64_t next_heartbeat_us = 0;
     for (std::size_t fed = 0; fed < kSessionBytes;) {
+      // An armed car that is left alone disarms.
+      if (armed && board.clock.time_us >= next_heartbeat_us) {
+        next_heartbeat_us += 1000000;
+        board.link.incoming = host.heartbeat();
+        firmware.poll();
+      }
       board.link.incoming = below(4) == 0 ? noise() : damaged(packets[below(packets.size())]);
       fed += board.link.incoming.size();
       fed_ += board.link.incoming.size();
@@ -59,7 +66,7 @@ class LinkFuzz {
       count_answers(board.link.outgoing);
       board.link.outgoing.clear();
     }
-    return true;
+    return firmware.application().is_armed() == armed;
   }
 
   static std::vector<std::string> sound_packets(MavlinkHost& host, bool armed) {

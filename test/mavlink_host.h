@@ -15,13 +15,14 @@ namespace foldcar {
 
 class MavlinkHost {
  public:
-  explicit MavlinkHost(std::uint8_t system = 255) : system_(system) {}
+  explicit MavlinkHost(std::uint8_t system = 255, std::uint8_t component = 190)
+      : system_(system), component_(component) {}
 
   // The packet of a message. content: one of MAVLink's generated structs; encode: its mavlink_msg_…_encode_status.
   template <typename Content, typename Encode>
   std::string pack(Encode encode, const Content& content) {
     mavlink_message_t message;
-    encode(system_, 190, &numbering_, &message, &content);
+    encode(system_, component_, &numbering_, &message, &content);
     std::uint8_t bytes[MAVLINK_MAX_PACKET_LEN];
     const std::size_t size = mavlink_msg_to_send_buffer(bytes, &message);
     return {bytes, bytes + size};
@@ -117,6 +118,7 @@ class MavlinkHost {
 
  private:
   std::uint8_t system_;
+  std::uint8_t component_;
   mavlink_status_t numbering_{};
   mavlink_status_t parsing_{};
   mavlink_message_t buffer_{};

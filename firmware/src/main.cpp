@@ -30,7 +30,7 @@ Car& car() {
 void setup() {
   Car& me = car();
   me.board.begin(kBaud);
-  me.firmware.begin(foldcar::read_stored_design());
+  me.firmware.begin(foldcar::read_stored_design(me.board.logs.present()));
   me.board.servos.set_oscillator_hz(me.firmware.parameters().get(foldcar::Parameter::kPwmOscHz));
   me.board.board.start_watchdog();
 }

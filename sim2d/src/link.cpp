@@ -30,6 +30,9 @@ constexpr double kLargestLag_s = 0.2;
 // Simulated time (µs) between two reads of the port, at any speed.
 constexpr std::uint64_t kPollPeriodUs = 20000;
 constexpr std::size_t kReadSize = 4096;
+// Bytes wait at the port while this process stands still (stopped, or a slow client holds it up): after a longer pause
+// (wall time) they are too old to be executed.
+constexpr auto kLongestPause = std::chrono::seconds(1);
 // Longest wait (ms) of a fast simulation for a slow client; in real time the bytes are lost, as on a cable.
 constexpr int kWaitMs = 2000;
 
@@ -124,10 +127,16 @@ class Session {
         port_.unplug();
       }
     }
-    const std::vector<std::uint8_t> arrived = port_.read(kReadSize);
-    if (arrived.empty()) return;
-    if (record_ != nullptr) record_->to_car(car_.now_us(), arrived);
-    car_.receive(arrived);
+    const Clock::time_point now = Clock::now();
+    const bool late = now - polled_ > kLongestPause;
+    polled_ = now;
+    // What is late is taken completely, so that none of it counts as new at the next look.
+    do {
+      const std::vector<std::uint8_t> arrived = port_.read(kReadSize);
+      if (arrived.empty()) return;
+      if (record_ != nullptr) record_->to_car(car_.now_us(), arrived, late);
+      car_.receive(arrived, late);
+    } while (late);
   }
 
   void handle(const std::string& line) {
@@ -147,6 +156,7 @@ class Session {
   LinkedCar car_;
   InputLines input_;
   bool plugged_in_ = true;
+  Clock::time_point polled_ = Clock::now();
 };
 
 int run_replay(const LinkOptions& options) {

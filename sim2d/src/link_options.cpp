@@ -94,6 +94,8 @@ LinkOptions read_link_options(const std::vector<std::string>& words) {
   options.body = from_file(values["--body"], body_of);
   options.scene = from_file(values["--scene"], scene_of);
   if (!values["--design"].empty()) options.car.design = read_car_json(content_of(values["--design"]));
+  // Parameters that are given describe the car by themselves; with neither, it is a new board.
+  if (values["--design"].empty() && values["--params"].empty()) options.car.design.source = DesignSource::kMissing;
   if (!values["--params"].empty()) options.car.stored_parameters = from_file(values["--params"], read_parameters);
   return options;
 }

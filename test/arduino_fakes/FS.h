@@ -65,6 +65,7 @@ class File {
   // (size_t)-1 without an open file.
   std::size_t read(std::uint8_t* into, std::size_t size) {
     if (!open_) return static_cast<std::size_t>(-1);
+    if (fake_esp32.flash.read_fails) size /= 2;
     if (open_->writes || open_->position >= open_->content.size()) return 0;
     const std::size_t count = open_->content.copy(reinterpret_cast<char*>(into), size, open_->position);
     open_->position += count;

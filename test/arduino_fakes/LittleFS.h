@@ -11,7 +11,7 @@ class LittleFSFS : public FS {
   bool begin(bool format_on_fail = false) {
     FakeFlash& flash = fake_esp32.flash;
     if (flash.is_mounted) return true;
-    if (!flash.is_formatted && format_on_fail && flash.can_be_formatted) {
+    if (!flash.is_formatted && format_on_fail) {
       flash.files.clear();
       flash.is_formatted = true;
     }

@@ -51,8 +51,8 @@ struct FakeFlash {
   bool nvs_is_full = false;
   std::map<std::string, std::map<std::string, std::vector<std::uint8_t>>> nvs;  // by namespace and key
   bool is_formatted = true;   // the partition holds a file system
-  bool can_be_formatted = true;
   bool is_mounted = false;
+  bool read_fails = false;  // a file gives fewer bytes than it has
   std::size_t capacity = 1400000;            // bytes
   std::map<std::string, std::string> files;  // what is committed, by path
   std::map<std::string, int> open_count;     // open handles, by path

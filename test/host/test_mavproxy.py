@@ -26,7 +26,7 @@ class Station:
     def __init__(self, port: str, folder: Path) -> None:
         options = [f"--master={port}", f"--logfile={folder / 'mav.tlog'}", f"--state-basedir={folder}"]
         self.process = subprocess.Popen(
-            [sys.executable, MAVPROXY, *options, "--default-modules=param,arm,link"],
+            [sys.executable, MAVPROXY, *options, "--default-modules=param,arm,link,mode,rc"],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             # Which dialect it speaks is its own choice, not that of foldcar in this process. What it prints into a pipe
             # would else wait there for its next prompt.
@@ -93,8 +93,19 @@ def test_mavproxy_lists_sets_and_saves_parameters_and_arms(tmp_path: Path, carsi
             station.sees(f"Saved {len(table)} parameters to {saved}")
             station.types("arm throttle")
             station.sees("ARMED")
+            # The car has no modes, and takes no radio control; it shows none of an ArduPilot rover's modes either.
+            station.types("mode GUIDED")
+            station.sees("refused: not a command of this car")
+            station.sees("DO_SET_MODE: UNSUPPORTED")
+            station.types("rc 3 1700")
+            station.sees("refused: RC_CHANNELS_OVERRIDE: drive with MANUAL_CONTROL")
+            station.types("rc all 0")
             station.types("disarm")
             station.sees("DISARMED")
+            assert "Mode ACRO" not in station.text and "Mode MANUAL" not in station.text
+            # A busy machine may lose packets in one second, but not in each.
+            station.types("link resetstats")
+            station.asks("link", " 0 lost, 0.0% loss", every_s=1.0)
             assert "no link" not in station.said and "timeout" not in station.said
         finally:
             station.end()

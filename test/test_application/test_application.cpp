@@ -277,6 +277,44 @@ void a_refused_design_keeps_the_car_from_moving_even_when_acknowledged() {
   TEST_ASSERT_TRUE(bench.application.test(0, 1500.0f, 1.0f) == Refusal::kDesign);
 }
 
+void a_car_without_a_design_stays_disarmed_until_that_is_confirmed() {
+  for (const DesignSource source : {DesignSource::kMissing, DesignSource::kUnreadable}) {
+    Bench bench;
+    DesignResult design;
+    design.source = source;
+    bench.application.begin(design);
+    const Fault fault = source == DesignSource::kMissing ? Fault::kNoDesign : Fault::kFlash;
+    TEST_ASSERT_TRUE(bench.application.status().fault == fault);
+    TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNoDesign);
+    TEST_ASSERT_TRUE(bench.application.status().fault == fault);
+    TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kFaultLatched);
+    TEST_ASSERT_TRUE(bench.application.acknowledge(true) == Refusal::kNone);
+    TEST_ASSERT_TRUE(bench.application.design().source == DesignSource::kNone);
+    TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
+  }
+}
+
+void another_fault_does_not_hide_that_there_is_no_design() {
+  Bench bench;
+  bench.board.board.reason = ResetReason::kBrownOut;
+  DesignResult design;
+  design.source = DesignSource::kMissing;
+  bench.application.begin(design);
+  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kBrownOut);
+  TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNone);
+  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kNoDesign);
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kFaultLatched);
+}
+
+void stored_parameters_that_cannot_be_read_are_a_fault() {
+  Bench bench;
+  bench.board.storage.fitted = false;
+  bench.application.begin();
+  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kFlash);
+  TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNone);
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
+}
+
 void a_car_that_lies_on_its_side_stops_if_it_has_an_imu() {
   Bench bench;
   bench.board.imu.fitted = true;
@@ -385,6 +423,9 @@ int main() {
   RUN_TEST(many_applications_do_not_influence_each_other);
   RUN_TEST(a_reset_by_a_watchdog_or_a_brown_out_is_a_fault);
   RUN_TEST(a_refused_design_keeps_the_car_from_moving_even_when_acknowledged);
+  RUN_TEST(a_car_without_a_design_stays_disarmed_until_that_is_confirmed);
+  RUN_TEST(another_fault_does_not_hide_that_there_is_no_design);
+  RUN_TEST(stored_parameters_that_cannot_be_read_are_a_fault);
   RUN_TEST(a_car_that_lies_on_its_side_stops_if_it_has_an_imu);
   RUN_TEST(an_imu_that_stops_answering_stops_the_car);
   RUN_TEST(the_stick_drives_an_armed_car);

@@ -22,13 +22,15 @@ void a_board_with_nothing_on_it_answers_false() {
   FeatherBench bench;
   fake_esp32.i2c.chips.clear();
   fake_esp32.flash.nvs_is_broken = true;
-  fake_esp32.flash.is_formatted = fake_esp32.flash.can_be_formatted = false;
+  fake_esp32.flash.is_formatted = false;
   bench.begin();
   const Hal hal = bench.hal.hal();
   TEST_ASSERT_FALSE(hal.servos.write_pulses(PulsesUs{}));
   check_imu_answers_if_present(hal.imu);
   check_logs_give_back_what_they_took(hal.logs);
   float value = 7.0f;
+  TEST_ASSERT_FALSE(hal.storage.present());
+  TEST_ASSERT_FALSE(hal.logs.present());
   TEST_ASSERT_FALSE(hal.storage.save("TRACK_M", 0.2f));
   TEST_ASSERT_FALSE(hal.storage.load("TRACK_M", value));
   TEST_ASSERT_FALSE(hal.storage.clear());

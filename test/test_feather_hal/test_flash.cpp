@@ -67,12 +67,15 @@ void what_another_program_has_stored_is_no_number() {
   TEST_ASSERT_EQUAL_FLOAT(7.0f, value);
 }
 
-void a_new_board_formats_its_file_system() {
-  fake_esp32 = {};
+// What is in it may be a design that someone can still save.
+void a_file_system_that_does_not_mount_is_not_formatted() {
+  auto board = new_board();
+  fake_esp32.flash.files["/car.json"] = "{}";
   fake_esp32.flash.is_formatted = false;
-  FlashLogs logs;
-  TEST_ASSERT_TRUE(logs.begin());
-  TEST_ASSERT_TRUE(logs.present());
+  reset_board(board);
+  TEST_ASSERT_FALSE(board->logs.present());
+  TEST_ASSERT_FALSE(fake_esp32.flash.is_formatted);
+  TEST_ASSERT_EQUAL_UINT(1, fake_esp32.flash.files.count("/car.json"));
 }
 
 void logs_are_found_again_after_a_reset_and_other_files_are_none() {
@@ -145,20 +148,24 @@ void a_log_is_removed_while_it_is_read_but_not_while_it_is_written() {
 #if __has_include(<ArduinoJson.h>)
 void the_stored_design_is_read_or_refused_with_its_reason() {
   auto board = new_board();
-  TEST_ASSERT_TRUE(read_stored_design().source == DesignSource::kNone);
+  TEST_ASSERT_TRUE(read_stored_design(true).source == DesignSource::kMissing);
+  TEST_ASSERT_TRUE(read_stored_design(false).source == DesignSource::kUnreadable);
   fake_esp32.flash.files["/car.json"] =
       R"({"format": 1, "name": "w95", "hash": "0123456789abcdef", "wheel_radius_m": 0.05, "track_m": 0.2,
           "wheels": [{"channel": 1, "side": "right", "direction": -1}, {"channel": 6, "side": "left", "direction": 1}]})";
-  const DesignResult result = read_stored_design();
+  const DesignResult result = read_stored_design(true);
   TEST_ASSERT_EQUAL_STRING("", result.problem);
   TEST_ASSERT_EQUAL_STRING("w95", result.design.name);
   TEST_ASSERT_EQUAL_FLOAT(0.2f, result.design.track_m);
+  fake_esp32.flash.read_fails = true;
+  TEST_ASSERT_EQUAL_STRING("car.json: cannot be read", read_stored_design(true).problem);
+  fake_esp32.flash.read_fails = false;
   fake_esp32.flash.files["/car.json"] = "[1]";
-  TEST_ASSERT_EQUAL_STRING("car.json: is not a JSON object", read_stored_design().problem);
+  TEST_ASSERT_EQUAL_STRING("car.json: is not a JSON object", read_stored_design(true).problem);
   fake_esp32.flash.files["/car.json"] = "";
-  TEST_ASSERT_EQUAL_STRING("car.json: is not a JSON object", read_stored_design().problem);
+  TEST_ASSERT_EQUAL_STRING("car.json: is not a JSON object", read_stored_design(true).problem);
   fake_esp32.flash.files["/car.json"] = std::string(8193, ' ');
-  TEST_ASSERT_EQUAL_STRING("car.json: is larger than 8192 bytes", read_stored_design().problem);
+  TEST_ASSERT_EQUAL_STRING("car.json: is larger than 8192 bytes", read_stored_design(true).problem);
 }
 #endif
 
@@ -169,7 +176,7 @@ void run_flash_tests() {
   RUN_TEST(every_parameter_is_stored_over_a_reset);
   RUN_TEST(a_value_that_does_not_fit_is_not_saved_and_the_old_one_stays);
   RUN_TEST(what_another_program_has_stored_is_no_number);
-  RUN_TEST(a_new_board_formats_its_file_system);
+  RUN_TEST(a_file_system_that_does_not_mount_is_not_formatted);
   RUN_TEST(logs_are_found_again_after_a_reset_and_other_files_are_none);
   RUN_TEST(a_brown_out_costs_only_what_comes_after_the_last_append);
   RUN_TEST(a_log_that_was_read_too_early_is_whole_when_it_is_read_again);

@@ -67,6 +67,8 @@ inline const std::vector<float> kStartUntethered = {0.3f, 0.0f, 20.0f, 1.0f, 8.0
 void run_telemetry_tests();
 void run_parameter_tests();
 void run_command_tests();
+void run_holder_tests();
+void run_late_input_tests();
 void run_link_loss_tests();
 void run_log_tests();
 void run_packet_parser_tests();

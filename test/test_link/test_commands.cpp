@@ -54,15 +54,20 @@ void every_enum_of_the_firmware_has_the_dialects_values() {
   TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_BROWN_OUT, static_cast<int>(Fault::kBrownOut));
   TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_TILT, static_cast<int>(Fault::kTilt));
   TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_IMU, static_cast<int>(Fault::kImu));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_NO_DESIGN, static_cast<int>(Fault::kNoDesign));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_FLASH, static_cast<int>(Fault::kFlash));
   TEST_ASSERT_EQUAL_INT(FOLDCAR_END_TIME_LIMIT, static_cast<int>(TrialEnd::kTimeLimit));
   TEST_ASSERT_EQUAL_INT(FOLDCAR_END_STOPPED, static_cast<int>(TrialEnd::kStopped));
   TEST_ASSERT_EQUAL_INT(FOLDCAR_END_DISARMED, static_cast<int>(TrialEnd::kDisarmed));
   TEST_ASSERT_EQUAL_INT(FOLDCAR_END_FAULT, static_cast<int>(TrialEnd::kFault));
   TEST_ASSERT_EQUAL_INT(FOLDCAR_DESIGN_SOURCE_FILE, static_cast<int>(DesignSource::kFile));
   TEST_ASSERT_EQUAL_INT(FOLDCAR_DESIGN_SOURCE_REFUSED, static_cast<int>(DesignSource::kRefused));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_DESIGN_SOURCE_MISSING, static_cast<int>(DesignSource::kMissing));
+  TEST_ASSERT_EQUAL_INT(FOLDCAR_DESIGN_SOURCE_UNREADABLE, static_cast<int>(DesignSource::kUnreadable));
   // docs/link.md names the last of the reasons by these numbers.
   TEST_ASSERT_EQUAL_INT(12, static_cast<int>(Refusal::kTimeLimit));
   TEST_ASSERT_EQUAL_INT(17, static_cast<int>(Refusal::kUnknownHost));
+  TEST_ASSERT_EQUAL_INT(21, static_cast<int>(Refusal::kUnknownCommand));
 }
 
 void a_repeated_command_is_answered_again_and_not_obeyed_twice() {
@@ -77,7 +82,7 @@ void a_repeated_command_is_answered_again_and_not_obeyed_twice() {
 
 void what_the_car_does_not_know_is_unsupported_and_what_is_for_others_is_left_alone() {
   Bench bench;
-  bench.expect(MAV_RESULT_UNSUPPORTED, Refusal::kNone, 22, {});
+  bench.expect(MAV_RESULT_UNSUPPORTED, Refusal::kUnknownCommand, 22, {});
   mavlink_command_long_t command{};
   command.command = MAV_CMD_COMPONENT_ARM_DISARM;
   command.param1 = 1;

@@ -11,6 +11,8 @@ int main() {
   foldcar::run_telemetry_tests();
   foldcar::run_parameter_tests();
   foldcar::run_command_tests();
+  foldcar::run_holder_tests();
+  foldcar::run_late_input_tests();
   foldcar::run_link_loss_tests();
   foldcar::run_log_tests();
   foldcar::run_packet_parser_tests();

@@ -46,6 +46,7 @@ void a_name_leads_to_its_typed_index() {
   is("BATT_MIN_V", Parameter::kBattMinV);
   is("BATT_LOW_MS", Parameter::kBattLowMs);
   is("CMD_TIMEOUT_MS", Parameter::kCmdTimeoutMs);
+  is("ARM_TIMEOUT_S", Parameter::kArmTimeoutS);
   is("TRIAL_MAX_S", Parameter::kTrialMaxS);
   is("PWM_OSC_HZ", Parameter::kPwmOscHz);
   for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
@@ -56,7 +57,7 @@ void a_name_leads_to_its_typed_index() {
     is((prefix + "DEADBAND_US").c_str(), channel_parameter(channel, ChannelParameter::kDeadbandUs));
     is((prefix + "GAIN_US").c_str(), channel_parameter(channel, ChannelParameter::kGainUs));
   }
-  TEST_ASSERT_EQUAL_UINT(12 + 8 * 5, parameter_table().size());
+  TEST_ASSERT_EQUAL_UINT(13 + 8 * 5, parameter_table().size());
 }
 
 void a_new_object_describes_the_study_car() {

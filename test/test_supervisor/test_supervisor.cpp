@@ -27,7 +27,7 @@ constexpr std::uint64_t ms(std::uint64_t time_ms) { return 1000 * time_ms; }
 void bring_to(State state, Supervisor& supervisor) {
   if (state == State::kDisarmed) return;
   if (state == State::kTesting) return static_cast<void>(supervisor.test(3.0f, kGoodV, 0));
-  supervisor.arm(kGoodV);
+  supervisor.arm(kGoodV, 0);
   if (state == State::kArmed) return;
   if (state == State::kFault) return supervisor.report(Fault::kBus);
   if (state == State::kManual) return static_cast<void>(supervisor.drive_manually(true, 0));
@@ -66,22 +66,29 @@ constexpr Refusal kOk = Refusal::kNone;
 
 // docs/firmware.md has this table too.
 const std::vector<Event> kTable = {
-    {"arm", [](Supervisor& s) { return s.arm(kGoodV); },
+    {"arm", [](Supervisor& s) { return s.arm(kGoodV, 0); },
      {{kArmed, kOk}, {kArmed, kOk}, {kRunning, kBusy}, {kArmed, kOk}, {kFault, kLatched}, {kManual, kBusy},
       {kTesting, kBusy}}},
-    {"arm with a low battery", [](Supervisor& s) { return s.arm(kLowV); },
+    {"arm with a low battery", [](Supervisor& s) { return s.arm(kLowV, 0); },
      {{kDisarmed, Refusal::kBatteryLow}, {kArmed, Refusal::kBatteryLow}, {kRunning, kBusy},
       {kFinished, Refusal::kBatteryLow}, {kFault, kLatched}, {kManual, kBusy}, {kTesting, kBusy}}},
-    {"arm with an unreadable battery", [](Supervisor& s) { return s.arm(NAN); },
+    {"arm with an unreadable battery", [](Supervisor& s) { return s.arm(NAN, 0); },
      {{kDisarmed, Refusal::kBatteryUnreadable}, {kArmed, Refusal::kBatteryUnreadable}, {kRunning, kBusy},
       {kFinished, Refusal::kBatteryUnreadable}, {kFault, kLatched}, {kManual, kBusy}, {kTesting, kBusy}}},
     {"arm with car.json refused",
      [](Supervisor& s) {
-       s.refuse_design();
-       return s.arm(kGoodV);
+       s.refuse_design(Refusal::kDesign);
+       return s.arm(kGoodV, 0);
      },
      {{kDisarmed, Refusal::kDesign}, {kArmed, Refusal::kDesign}, {kRunning, kBusy}, {kFinished, Refusal::kDesign},
       {kFault, kLatched}, {kManual, kBusy}, {kTesting, kBusy}}},
+    {"arm without a car.json",
+     [](Supervisor& s) {
+       s.refuse_design(Refusal::kNoDesign);
+       return s.arm(kGoodV, 0);
+     },
+     {{kDisarmed, Refusal::kNoDesign}, {kArmed, Refusal::kNoDesign}, {kRunning, kBusy},
+      {kFinished, Refusal::kNoDesign}, {kFault, kLatched}, {kManual, kBusy}, {kTesting, kBusy}}},
     {"disarm", [](Supervisor& s) { return s.disarm(); },
      {{kDisarmed, kOk}, {kDisarmed, kOk}, {kDisarmed, kOk}, {kDisarmed, kOk}, {kFault, kLatched}, {kDisarmed, kOk},
       {kDisarmed, kOk}}},
@@ -114,7 +121,7 @@ const std::vector<Event> kTable = {
       {kFinished, Refusal::kBatteryLow}, {kFault, kLatched}, {kManual, kBusy}, {kTesting, Refusal::kBatteryLow}}},
     {"test an output with car.json refused",
      [](Supervisor& s) {
-       s.refuse_design();
+       s.refuse_design(Refusal::kDesign);
        return s.test(1.0f, kGoodV, ms(50));
      },
      {{kDisarmed, Refusal::kDesign}, {kArmed, Refusal::kNotDisarmed}, {kRunning, kBusy},
@@ -126,8 +133,8 @@ const std::vector<Event> kTable = {
      {{kDisarmed, Refusal::kNoFault}, {kArmed, Refusal::kNoFault}, {kRunning, Refusal::kNoFault},
       {kFinished, Refusal::kNoFault}, {kDisarmed, kOk}, {kManual, Refusal::kNoFault}, {kTesting, Refusal::kNoFault}}},
     {"the host is heard", [](Supervisor& s) { return s.refresh_command(ms(50)); },
-     {{kDisarmed, Refusal::kNotRunning}, {kArmed, Refusal::kNotRunning}, {kRunning, kOk},
-      {kFinished, Refusal::kNotRunning}, {kFault, kLatched}, {kManual, kOk}, {kTesting, kOk}}},
+     {{kDisarmed, Refusal::kNotRunning}, {kArmed, kOk}, {kRunning, kOk}, {kFinished, Refusal::kNotRunning},
+      {kFault, kLatched}, {kManual, kOk}, {kTesting, kOk}}},
     {"a fault is reported",
      [](Supervisor& s) {
        s.report(Fault::kBus);
@@ -153,6 +160,9 @@ const std::vector<Event> kTable = {
       {kDisarmed, kOk}}},
     {"the host is silent", [](Supervisor& s) { return tick(s, ms(501), kGoodV); },
      {{kDisarmed, kOk}, {kArmed, kOk}, {kFault, kOk}, {kFinished, kOk}, {kFault, kOk}, {kFault, kOk}, {kFault, kOk}}},
+    {"the host is silent for 5 s", [](Supervisor& s) { return tick(s, ms(5001), kGoodV); },
+     {{kDisarmed, kOk}, {kDisarmed, kOk}, {kFault, kOk}, {kFinished, kOk}, {kFault, kOk}, {kFault, kOk},
+      {kDisarmed, kOk}}},
     {"the battery dips",
      [](Supervisor& s) {
        tick(s, ms(20), kLowV);
@@ -189,7 +199,7 @@ const std::vector<Event> kTable = {
 
 Refusal answer(const TrialRequest& request, const Parameters& parameters = Parameters()) {
   Supervisor supervisor(parameters);
-  supervisor.arm(kGoodV);
+  supervisor.arm(kGoodV, 0);
   const Refusal refusal = supervisor.start(request, 0);
   TEST_ASSERT_TRUE(supervisor.pulses_enabled() == (refusal == Refusal::kNone));
   return refusal;
@@ -255,7 +265,7 @@ void a_car_without_a_wheel_on_a_side_does_not_start() {
 void a_trial_ends_at_its_time_limit_and_not_before() {
   const Parameters parameters;
   Supervisor supervisor(parameters);
-  supervisor.arm(kGoodV);
+  supervisor.arm(kGoodV, 0);
   supervisor.start({0.1f, 0.0f, 2.5f, true, 0}, ms(1000));
   tick(supervisor, ms(3500) - 1, kGoodV);
   TEST_ASSERT_TRUE(supervisor.state() == kRunning);
@@ -269,7 +279,7 @@ void a_trial_ends_at_its_time_limit_and_not_before() {
 void refreshing_keeps_a_tethered_trial_alive() {
   const Parameters parameters;
   Supervisor supervisor(parameters);
-  supervisor.arm(kGoodV);
+  supervisor.arm(kGoodV, 0);
   supervisor.start(kTrial, 0);
   for (std::uint64_t time_ms = 400; time_ms <= 4000; time_ms += 400) {
     supervisor.refresh_command(ms(time_ms));
@@ -282,10 +292,26 @@ void refreshing_keeps_a_tethered_trial_alive() {
   TEST_ASSERT_TRUE(supervisor.fault() == Fault::kCommandStale);
 }
 
+void an_armed_car_that_is_left_alone_disarms() {
+  Parameters parameters;
+  parameters.set("ARM_TIMEOUT_S", 3.0f);
+  Supervisor supervisor(parameters);
+  supervisor.arm(kGoodV, ms(1000));
+  supervisor.refresh_command(ms(2000));
+  tick(supervisor, ms(5000), kGoodV);
+  TEST_ASSERT_TRUE(supervisor.state() == kArmed && !supervisor.left_alone());
+  tick(supervisor, ms(5001), kGoodV);
+  TEST_ASSERT_TRUE(supervisor.state() == kDisarmed && supervisor.left_alone());
+  tick(supervisor, ms(9000), kGoodV);
+  TEST_ASSERT_TRUE(supervisor.left_alone());
+  supervisor.arm(kGoodV, ms(10000));
+  TEST_ASSERT_FALSE(supervisor.left_alone());
+}
+
 void an_untethered_trial_needs_no_refresh() {
   const Parameters parameters;
   Supervisor supervisor(parameters);
-  supervisor.arm(kGoodV);
+  supervisor.arm(kGoodV, 0);
   supervisor.start(kUntethered, 0);
   tick(supervisor, ms(9999), kGoodV);
   TEST_ASSERT_TRUE(supervisor.state() == kRunning);
@@ -294,7 +320,7 @@ void an_untethered_trial_needs_no_refresh() {
 void a_battery_that_recovers_starts_the_count_anew() {
   const Parameters parameters;
   Supervisor supervisor(parameters);
-  supervisor.arm(kGoodV);
+  supervisor.arm(kGoodV, 0);
   supervisor.start(kUntethered, 0);
   for (std::uint64_t time_ms = 0; time_ms < 9000; time_ms += 500) {
     tick(supervisor, ms(time_ms), kLowV);
@@ -308,7 +334,7 @@ void a_minimum_of_zero_volts_allows_any_battery() {
   Parameters parameters;
   parameters.set("BATT_MIN_V", 0.0f);
   Supervisor supervisor(parameters);
-  TEST_ASSERT_TRUE(supervisor.arm(0.0f) == Refusal::kNone);
+  TEST_ASSERT_TRUE(supervisor.arm(0.0f, 0) == Refusal::kNone);
   supervisor.start(kUntethered, 0);
   tick(supervisor, ms(0), 0.0f);
   tick(supervisor, ms(5000), 0.0f);
@@ -318,7 +344,7 @@ void a_minimum_of_zero_volts_allows_any_battery() {
 void the_first_fault_stays_until_it_is_acknowledged() {
   const Parameters parameters;
   Supervisor supervisor(parameters);
-  supervisor.arm(kGoodV);
+  supervisor.arm(kGoodV, 0);
   supervisor.start(kTrial, 0);
   tick(supervisor, ms(501), kGoodV);
   supervisor.report(Fault::kBus);
@@ -338,7 +364,7 @@ void how_a_trial_ended_is_kept_until_the_next_one_starts() {
     event(supervisor);
     const TrialEnd end = supervisor.trial_end();
     if (supervisor.state() == kFault) supervisor.acknowledge();
-    supervisor.arm(kGoodV);
+    supervisor.arm(kGoodV, 0);
     TEST_ASSERT_TRUE(supervisor.trial_end() == end);
     supervisor.start(kUntethered, ms(20000));
     TEST_ASSERT_TRUE(supervisor.trial_end() == TrialEnd::kNone);
@@ -353,10 +379,10 @@ void how_a_trial_ended_is_kept_until_the_next_one_starts() {
 void a_second_trial_counts_its_own_time() {
   const Parameters parameters;
   Supervisor supervisor(parameters);
-  supervisor.arm(kGoodV);
+  supervisor.arm(kGoodV, 0);
   supervisor.start(kUntethered, 0);
   tick(supervisor, ms(10000), kGoodV);
-  supervisor.arm(kGoodV);
+  supervisor.arm(kGoodV, 0);
   supervisor.start(kUntethered, ms(20000));
   TEST_ASSERT_EQUAL_UINT64(0, supervisor.trial_elapsed_us());
   tick(supervisor, ms(29999), kGoodV);
@@ -371,6 +397,7 @@ int main() {
   RUN_TEST(a_car_without_a_wheel_on_a_side_does_not_start);
   RUN_TEST(a_trial_ends_at_its_time_limit_and_not_before);
   RUN_TEST(refreshing_keeps_a_tethered_trial_alive);
+  RUN_TEST(an_armed_car_that_is_left_alone_disarms);
   RUN_TEST(an_untethered_trial_needs_no_refresh);
   RUN_TEST(a_battery_that_recovers_starts_the_count_anew);
   RUN_TEST(a_minimum_of_zero_volts_allows_any_battery);

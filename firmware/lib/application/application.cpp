@@ -21,10 +21,8 @@ void Application::begin(const DesignResult& design) {
   write_off();
   design_ = design;
   report_reset();
-  if (design_.source == DesignSource::kRefused) {
-    supervisor_.refuse_design();
-    supervisor_.report(Fault::kDesign);
-  }
+  report_design();
+  if (!hal_.storage.present()) supervisor_.report(Fault::kFlash);
   if (configure(parameters_, design_, hal_.storage) > 0) supervisor_.report(Fault::kStoredParameter);
   last_tick_us_ = hal_.clock.now_us();
   battery_v_ = hal_.battery.voltage_v();
@@ -46,7 +44,7 @@ void Application::tick() {
 
 Refusal Application::arm() {
   battery_v_ = hal_.battery.voltage_v();
-  return supervisor_.arm(battery_v_);
+  return supervisor_.arm(battery_v_, hal_.clock.now_us());
 }
 
 Refusal Application::disarm() {
@@ -94,7 +92,17 @@ Refusal Application::stop() {
   return refusal;
 }
 
-Refusal Application::acknowledge() { return supervisor_.acknowledge(); }
+// Another fault may have hidden that there is no design: then that is reported next.
+Refusal Application::acknowledge(bool confirms) {
+  const bool absent = is_absent(design_.source);
+  const bool only_that = supervisor_.fault() == Fault::kNoDesign || supervisor_.fault() == Fault::kFlash;
+  if (absent && only_that && !confirms) return Refusal::kNoDesign;
+  const Refusal refusal = supervisor_.acknowledge();
+  if (refusal != Refusal::kNone || !absent) return refusal;
+  if (confirms) design_.source = DesignSource::kNone;
+  report_design();
+  return refusal;
+}
 
 Refusal Application::refresh_command() { return supervisor_.refresh_command(hal_.clock.now_us()); }
 
@@ -128,6 +136,22 @@ void Application::report_reset() {
     case ResetReason::kExternalPin:
     case ResetReason::kSoftware:
     case ResetReason::kDeepSleep: return;
+  }
+}
+
+// A car on defaults would drive other wheels, at another speed, than its own.
+void Application::report_design() {
+  supervisor_.refuse_design(Refusal::kNone);
+  switch (design_.source) {
+    case DesignSource::kNone:
+    case DesignSource::kFile: return;
+    case DesignSource::kRefused: supervisor_.refuse_design(Refusal::kDesign); return supervisor_.report(Fault::kDesign);
+    case DesignSource::kMissing:
+      supervisor_.refuse_design(Refusal::kNoDesign);
+      return supervisor_.report(Fault::kNoDesign);
+    case DesignSource::kUnreadable:
+      supervisor_.refuse_design(Refusal::kNoDesign);
+      return supervisor_.report(Fault::kFlash);
   }
 }
 

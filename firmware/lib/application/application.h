@@ -49,8 +49,9 @@ class Application {
   // Sends one output of a disarmed car (channel from 0) a pulse of pulse_us (1000 to 2000 µs, or kNoPulse) for time_s (s).
   Refusal test(std::size_t channel, float pulse_us, float time_s);
   Refusal stop();
-  Refusal acknowledge();
-  // Notes that the host that drives is still there.
+  // confirms: also, that the parameters alone describe a car whose design is missing or unreadable.
+  Refusal acknowledge(bool confirms = false);
+  // Notes that the host that armed or drives is still there.
   Refusal refresh_command();
 
   // Sets a parameter and saves it. Returns kFixed for a parameter that car.json sets; saved tells whether it was stored.
@@ -60,6 +61,9 @@ class Application {
 
   Status status() const;
   bool is_driving() const { return supervisor_.pulses_enabled(); }
+  bool is_armed() const { return supervisor_.state() == State::kArmed || is_driving(); }
+  // Whether the car has disarmed because its host was silent, and has not been armed since.
+  bool left_alone() const { return supervisor_.left_alone(); }
   const TrialRequest& trial() const { return supervisor_.trial(); }
   TrialEnd trial_end() const { return supervisor_.trial_end(); }
   const DesignResult& design() const { return design_; }
@@ -71,6 +75,7 @@ class Application {
 
  private:
   void report_reset();
+  void report_design();
   bool read_imu(std::uint32_t step_us);  // false if there is an IMU and it does not answer
   PulsesUs pulses(std::uint32_t step_us);
   void apply_parameters(std::uint64_t now_us);

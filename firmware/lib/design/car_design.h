@@ -13,8 +13,19 @@
 
 namespace foldcar {
 
-// Where the design comes from: no file, a file, or none because the file is refused. Values as in the MAVLink dialect.
-enum class DesignSource : std::uint8_t { kNone, kFile, kRefused };
+// Where the design comes from. Values as in the MAVLink dialect.
+enum class DesignSource : std::uint8_t {
+  kNone,       // the parameters alone, as someone has confirmed
+  kFile,
+  kRefused,    // the file is damaged or does not fit: there is no design
+  kMissing,    // there is no file
+  kUnreadable  // the flash's file system does not mount, so whether there is a file is unknown
+};
+
+// Whether there is no design although nobody has said that there should be none.
+constexpr bool is_absent(DesignSource source) {
+  return source == DesignSource::kMissing || source == DesignSource::kUnreadable;
+}
 
 // Longest name and exact length of the hash (bytes), largest file (bytes).
 constexpr std::size_t kDesignNameLength = 32;

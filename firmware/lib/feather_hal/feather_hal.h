@@ -24,7 +24,7 @@ struct FeatherHal {
 
   // Starts every part. The servos come first, because their outputs may still be driving from before a reset; their bus is
   // the IMU's too. A part that does not start fails at its first use: the application's first write then latches a bus
-  // fault, and without flash memory the parameters' defaults hold. baud: bits per second of the USB serial port.
+  // fault, and unreadable flash memory is a fault at the start. baud: bits per second of the USB serial port.
   void begin(std::uint32_t baud) {
     servos.begin();
     link.begin(baud);

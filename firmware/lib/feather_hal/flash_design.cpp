@@ -14,8 +14,10 @@ constexpr const char* kDesignFile = "/car.json";
 
 }  // namespace
 
-DesignResult read_stored_design() {
-  if (!LittleFS.exists(kDesignFile)) return {};
+DesignResult read_stored_design(bool mounted) {
+  DesignResult absent;
+  absent.source = mounted ? DesignSource::kMissing : DesignSource::kUnreadable;
+  if (!mounted || !LittleFS.exists(kDesignFile)) return absent;
   CarDesignReader reader;
   fs::File file = LittleFS.open(kDesignFile, FILE_READ);
   if (!file) {
@@ -26,8 +28,12 @@ DesignResult read_stored_design() {
     reader.refuse("is larger than 8192 bytes");
     return reader.result();
   }
-  const std::unique_ptr<char[]> text(new char[file.size()]);
-  const std::size_t size = file.read(reinterpret_cast<std::uint8_t*>(text.get()), file.size());
+  const std::size_t size = file.size();
+  const std::unique_ptr<char[]> text(new char[size]);
+  if (file.read(reinterpret_cast<std::uint8_t*>(text.get()), size) != size) {
+    reader.refuse("cannot be read");
+    return reader.result();
+  }
   return read_design_json(text.get(), size);
 }
 

@@ -5,8 +5,8 @@
 
 namespace foldcar {
 
-// Reads and checks the file. Needs the file system that FlashLogs::begin() mounts. Takes memory from the heap and gives all
-// of it back.
-DesignResult read_stored_design();
+// Reads and checks the file. mounted: whether FlashLogs::begin() has mounted the file system. Takes memory from the heap and
+// gives all of it back.
+DesignResult read_stored_design(bool mounted);
 
 }  // namespace foldcar

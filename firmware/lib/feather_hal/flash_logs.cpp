@@ -30,7 +30,7 @@ std::uint16_t log_id(const char* name) {
 }  // namespace
 
 bool FlashLogs::begin() {
-  mounted_ = LittleFS.begin(true);
+  mounted_ = LittleFS.begin(false);
   if (mounted_) find_range();
   return mounted_;
 }

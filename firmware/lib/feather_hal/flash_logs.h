@@ -13,7 +13,7 @@ namespace foldcar {
 // Until begin() has succeeded no log can be stored.
 class FlashLogs : public LogStorage {
  public:
-  // Mounts the file system; formats the partition if it holds none, which takes seconds. Returns false if that fails.
+  // Mounts the file system. Returns false if there is none that mounts; it is not formatted, as a design may be in it.
   bool begin();
 
   bool present() const override { return mounted_; }

@@ -2,7 +2,7 @@
 
 namespace foldcar {
 
-bool FlashStorage::begin() { return preferences_.begin("foldcar", false); }
+bool FlashStorage::begin() { return open_ = preferences_.begin("foldcar", false); }
 
 bool FlashStorage::load(const char* name, float& value) {
   float stored = 0.0f;

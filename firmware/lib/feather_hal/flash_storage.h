@@ -12,12 +12,14 @@ class FlashStorage : public Storage {
  public:
   // Returns false if the storage cannot be opened.
   bool begin();
+  bool present() const override { return open_; }
   bool load(const char* name, float& value) override;
   bool save(const char* name, float value) override;
   bool clear() override;
 
  private:
   Preferences preferences_;
+  bool open_ = false;
 };
 
 }  // namespace foldcar

@@ -4,17 +4,27 @@
 
 namespace foldcar {
 
+namespace {
+
+// A loop that comes round this late (µs) has left its input waiting. Writing to flash takes up to about 0.2 s, the watchdog
+// restarts the board after 1 s.
+constexpr std::uint64_t kLateUs = 500000;
+
+}  // namespace
+
 Firmware::Firmware(const Hal& hal, const char* build)
     : hal_(hal), application_(hal, parameters_), link_(hal, application_, loop_, build) {}
 
 void Firmware::begin(const DesignResult& design) {
   application_.begin(design);
-  deadline_us_ = hal_.clock.now_us();
+  link_.discard();
+  deadline_us_ = polled_us_ = hal_.clock.now_us();
 }
 
 void Firmware::poll() {
   const std::uint64_t now_us = hal_.clock.now_us();
-  link_.receive();
+  link_.receive(now_us - polled_us_ > kLateUs);
+  polled_us_ = now_us;
   if (now_us >= deadline_us_) tick(now_us);
   link_.flush();
 }

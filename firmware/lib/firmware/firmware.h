@@ -18,10 +18,13 @@ class Firmware {
   // The parts of hal, and build (16 hexadecimal digits), must outlive the firmware.
   Firmware(const Hal& hal, const char* build);
 
-  // Turns the outputs off and sets the parameters.
+  // Turns the outputs off, sets the parameters, and forgets what has arrived while the board started.
   void begin(const DesignResult& design);
   // Receives and sends bytes, and runs a tick if one is due.
   void poll();
+  // To be called when the loop has stood still and its clock too, as in a simulation that was stopped: what has arrived
+  // meanwhile is refused. poll() sees by itself when the loop was late.
+  void stood_still() { link_.receive(true); }
 
   const Application& application() const { return application_; }
   const Parameters& parameters() const { return parameters_; }
@@ -35,6 +38,7 @@ class Firmware {
   LoopStatistics loop_;
   Link link_;
   std::uint64_t deadline_us_ = 0;  // of the next tick
+  std::uint64_t polled_us_ = 0;
 };
 
 }  // namespace foldcar

@@ -55,6 +55,8 @@ class ByteLink {
 class Storage {
  public:
   virtual ~Storage() = default;
+  // Whether numbers can be stored at all. If not, every other call returns false.
+  virtual bool present() const = 0;
   // Returns false, with value unchanged, if nothing is stored under that name.
   virtual bool load(const char* name, float& value) = 0;
   // Returns false if the value could not be stored.

@@ -6,8 +6,6 @@
 #include <cstring>
 #include <iterator>
 
-#include "outbox.h"
-
 namespace foldcar {
 namespace {
 
@@ -17,14 +15,17 @@ std::int16_t to_int16(float value) {
   return static_cast<std::int16_t>(std::clamp(std::round(value), -32768.0f, 32767.0f));
 }
 
+// Without MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, with which ground stations would show the state by the name of the mode that an
+// ArduPilot rover has under its number.
 mavlink_heartbeat_t heartbeat(const CarView& car) {
   const Status status = car.application.status();
   mavlink_heartbeat_t content{};
   content.type = MAV_TYPE_GROUND_ROVER;
   content.autopilot = MAV_AUTOPILOT_GENERIC;
-  content.base_mode = MAV_MODE_FLAG_CUSTOM_MODE_ENABLED;
-  const bool armed = status.state == State::kArmed || car.application.is_driving();
+  const bool armed = car.application.is_armed();
   if (armed) content.base_mode |= MAV_MODE_FLAG_SAFETY_ARMED;
+  if (status.state == State::kManual) content.base_mode |= MAV_MODE_FLAG_MANUAL_INPUT_ENABLED;
+  if (status.state == State::kTesting) content.base_mode |= MAV_MODE_FLAG_TEST_ENABLED;
   content.custom_mode = static_cast<std::uint32_t>(status.state);
   content.system_status = armed ? MAV_STATE_ACTIVE : MAV_STATE_STANDBY;
   if (status.state == State::kFault) content.system_status = MAV_STATE_CRITICAL;
@@ -171,9 +172,15 @@ mavlink_system_time_t system_time(const CarView& car) {
 }
 
 template <auto kEncode, auto kContent>
-void pack(const CarView& car, mavlink_status_t& numbering, mavlink_message_t& message) {
+void pack(const CarView& car, PacketNumbers& numbers, mavlink_message_t& message) {
   const auto content = kContent(car);
-  kEncode(kCarSystem, kCarComponent, &numbering, &message, &content);
+  kEncode(kCarSystem, kCarComponent, &numbers.car, &message, &content);
+}
+
+template <auto kEncode, auto kContent>
+void pack_own(const CarView& car, PacketNumbers& numbers, mavlink_message_t& message) {
+  const auto content = kContent(car);
+  kEncode(kCarSystem, kOwnComponent, &numbers.own, &message, &content);
 }
 
 bool always(const CarView&) { return true; }
@@ -182,14 +189,14 @@ bool has_imu(const CarView& car) { return car.hal.imu.present(); }
 struct Row {
   MessageInfo info;
   bool (*is_available)(const CarView&);
-  void (*pack)(const CarView&, mavlink_status_t&, mavlink_message_t&);
+  void (*pack)(const CarView&, PacketNumbers&, mavlink_message_t&);
 };
 
 // In the order in which they are sent: the trial's state comes before the pulses of the same tick. docs/link.md has this
 // table too.
 constexpr Row kRows[] = {
     {{MAVLINK_MSG_ID_HEARTBEAT, 1000000}, always, pack<mavlink_msg_heartbeat_encode_status, heartbeat>},
-    {{MAVLINK_MSG_ID_FOLDCAR_TRIAL, 100000}, always, pack<mavlink_msg_foldcar_trial_encode_status, trial>},
+    {{MAVLINK_MSG_ID_FOLDCAR_TRIAL, 100000}, always, pack_own<mavlink_msg_foldcar_trial_encode_status, trial>},
     {{MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, 20000},
      always,
      pack<mavlink_msg_servo_output_raw_encode_status, servo_output>},
@@ -197,8 +204,8 @@ constexpr Row kRows[] = {
     {{MAVLINK_MSG_ID_ATTITUDE, 100000}, has_imu, pack<mavlink_msg_attitude_encode_status, attitude>},
     {{MAVLINK_MSG_ID_SCALED_IMU, 100000}, has_imu, pack<mavlink_msg_scaled_imu_encode_status, scaled_imu>},
     {{MAVLINK_MSG_ID_SYSTEM_TIME, 1000000}, always, pack<mavlink_msg_system_time_encode_status, system_time>},
-    {{MAVLINK_MSG_ID_FOLDCAR_LOOP, 1000000}, always, pack<mavlink_msg_foldcar_loop_encode_status, loop>},
-    {{MAVLINK_MSG_ID_FOLDCAR_DESIGN, -1}, always, pack<mavlink_msg_foldcar_design_encode_status, design>},
+    {{MAVLINK_MSG_ID_FOLDCAR_LOOP, 1000000}, always, pack_own<mavlink_msg_foldcar_loop_encode_status, loop>},
+    {{MAVLINK_MSG_ID_FOLDCAR_DESIGN, -1}, always, pack_own<mavlink_msg_foldcar_design_encode_status, design>},
     {{MAVLINK_MSG_ID_AUTOPILOT_VERSION, -1}, always, pack<mavlink_msg_autopilot_version_encode_status, version>},
 };
 static_assert(std::size(kRows) <= kMaxMessageCount, "raise kMaxMessageCount");
@@ -215,10 +222,10 @@ std::size_t find_message(std::uint32_t message_id) {
   return index;
 }
 
-bool compose(std::uint32_t message_id, const CarView& car, mavlink_status_t& numbering, mavlink_message_t& message) {
+bool compose(std::uint32_t message_id, const CarView& car, PacketNumbers& numbers, mavlink_message_t& message) {
   const std::size_t index = find_message(message_id);
   if (index == std::size(kRows) || !kRows[index].is_available(car)) return false;
-  kRows[index].pack(car, numbering, message);
+  kRows[index].pack(car, numbers, message);
   return true;
 }
 

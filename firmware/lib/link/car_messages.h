@@ -7,7 +7,7 @@
 
 #include "application.h"
 #include "hal.h"
-#include "mavlink_packets.h"
+#include "outbox.h"
 
 namespace foldcar {
 
@@ -51,6 +51,6 @@ std::size_t find_message(std::uint32_t message_id);
 
 // Packs the message with that id. Returns false if the car does not send it or has not got its content: without an IMU
 // there is no attitude.
-bool compose(std::uint32_t message_id, const CarView& car, mavlink_status_t& numbering, mavlink_message_t& message);
+bool compose(std::uint32_t message_id, const CarView& car, PacketNumbers& numbers, mavlink_message_t& message);
 
 }  // namespace foldcar

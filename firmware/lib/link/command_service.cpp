@@ -21,49 +21,97 @@ MAV_RESULT result_of(Refusal refusal) {
     case Refusal::kTimeLimit:
     case Refusal::kTest:
     case Refusal::kMessage: return MAV_RESULT_DENIED;
+    case Refusal::kUnknownCommand: return MAV_RESULT_UNSUPPORTED;
     default: return MAV_RESULT_TEMPORARILY_REJECTED;
   }
+}
+
+// Executed for any host at any time, as they only make the car stand.
+bool ends_driving(const mavlink_command_long_t& command) {
+  return command.command == MAV_CMD_FOLDCAR_STOP_TRIAL ||
+         (command.command == MAV_CMD_COMPONENT_ARM_DISARM && command.param1 == 0.0f);
+}
+
+// Sets wheels in motion.
+bool moves(const mavlink_command_long_t& command) {
+  return command.command == MAV_CMD_FOLDCAR_START_TRIAL || command.command == MAV_CMD_ACTUATOR_TEST;
+}
+
+// Makes its sender the car's holder.
+bool takes_hold(const mavlink_command_long_t& command) {
+  return command.command == MAV_CMD_COMPONENT_ARM_DISARM || command.command == MAV_CMD_ACTUATOR_TEST;
+}
+
+// Is executed for the holder only.
+bool controls(const mavlink_command_long_t& command) {
+  if (ends_driving(command)) return false;
+  return moves(command) || takes_hold(command) || command.command == MAV_CMD_PREFLIGHT_STORAGE ||
+         command.command == MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN;
 }
 
 bool is_whole(float value, float largest) { return value >= 0.0f && value <= largest && value == std::floor(value); }
 
 }  // namespace
 
-void CommandService::handle(const mavlink_command_long_t& command, const mavlink_message_t& packet, bool known_host,
-                          const CarView& car, std::uint8_t& driver_system) {
-  if (!is_repeated(command, packet.sysid)) {
-    const bool was_driving = application_.is_driving();
-    last_answer_ = execute(command, known_host, car);
-    if (application_.is_driving() && (!was_driving || command.command == MAV_CMD_ACTUATOR_TEST)) {
-      driver_system = packet.sysid;
-    }
+void CommandService::handle(const mavlink_command_long_t& command, const Sender& sender, const CarView& car,
+                            Host& holder) {
+  const bool was_armed = application_.is_armed();
+  Answer answer;
+  if (sender.late && !ends_driving(command)) {
+    answer = {MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kLate};
+  } else if (is_repeated(command, sender.host)) {
+    return acknowledge(command.command, sender.host, last_answer_);
+  } else {
+    answer = execute(command, sender, car, holder);
+    if (answer.refusal == Refusal::kNone && application_.is_armed() && takes_hold(command)) holder = sender.host;
     last_ = command;
-    last_sender_ = packet.sysid;
+    last_host_ = sender.host;
     last_us_ = hal_.clock.now_us();
+    last_answer_ = answer;
     has_last_ = true;
-    if (last_answer_.refusal != Refusal::kNone) {
-      status_text_.send(MAV_SEVERITY_WARNING, "refused:", text(last_answer_.refusal));
-    }
   }
+  report(command, sender.host, answer, was_armed, holder);
+  acknowledge(command.command, sender.host, answer);
+}
+
+void CommandService::refuse(std::uint16_t command, const Host& host, MAV_RESULT result) {
+  status_text_.send(MAV_SEVERITY_WARNING, "refused:", text(Refusal::kUnknownCommand));
+  acknowledge(command, host, {result, Refusal::kUnknownCommand});
+}
+
+void CommandService::report(const mavlink_command_long_t& command, const Host& host, const Answer& answer,
+                            bool was_armed, const Host& holder) {
+  if (answer.refusal == Refusal::kHeld) {
+    status_text_.send(MAV_SEVERITY_WARNING, "refused:", HeldBy(holder).text);
+  } else if (answer.refusal != Refusal::kNone) {
+    status_text_.send(MAV_SEVERITY_WARNING, "refused:", text(answer.refusal));
+  } else if (command.command == MAV_CMD_COMPONENT_ARM_DISARM && was_armed != application_.is_armed()) {
+    status_text_.send(MAV_SEVERITY_NOTICE, was_armed ? "disarmed by" : "armed by", HostName(host).text);
+  } else if (command.command == MAV_CMD_FOLDCAR_STOP_TRIAL && was_armed && host != holder) {
+    status_text_.send(MAV_SEVERITY_NOTICE, "stopped by", HostName(host).text);
+  }
+}
+
+void CommandService::acknowledge(std::uint16_t command, const Host& host, const Answer& answer) {
   mavlink_command_ack_t ack{};
-  ack.command = command.command;
-  ack.result = static_cast<std::uint8_t>(last_answer_.result);
-  ack.result_param2 = static_cast<std::int32_t>(last_answer_.refusal);
-  ack.target_system = packet.sysid;
-  ack.target_component = packet.compid;
+  ack.command = command;
+  ack.result = static_cast<std::uint8_t>(answer.result);
+  ack.result_param2 = static_cast<std::int32_t>(answer.refusal);
+  ack.target_system = host.system;
+  ack.target_component = host.component;
   outbox_.send(mavlink_msg_command_ack_encode_status, ack, Priority::kAnswer);
 }
 
-CommandService::Answer CommandService::execute(const mavlink_command_long_t& command, bool known_host,
-                                                         const CarView& car) {
+CommandService::Answer CommandService::execute(const mavlink_command_long_t& command, const Sender& sender,
+                                               const CarView& car, const Host& holder) {
   const auto answer = [](Refusal refusal) { return Answer{result_of(refusal), refusal}; };
-  const bool moves = command.command == MAV_CMD_FOLDCAR_START_TRIAL || command.command == MAV_CMD_ACTUATOR_TEST;
-  if (moves && !known_host) return answer(Refusal::kUnknownHost);
+  if (moves(command) && !sender.known) return answer(Refusal::kUnknownHost);
+  if (controls(command) && application_.is_armed() && sender.host != holder) return answer(Refusal::kHeld);
   switch (command.command) {
     case MAV_CMD_COMPONENT_ARM_DISARM: return arm_or_disarm(command.param1);
     case MAV_CMD_FOLDCAR_START_TRIAL: return start(command);
     case MAV_CMD_FOLDCAR_STOP_TRIAL: return answer(application_.stop());
-    case MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT: return answer(application_.acknowledge());
+    case MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT: return answer(application_.acknowledge(command.param1 == 1.0f));
     case MAV_CMD_ACTUATOR_TEST: return test(command);
     case MAV_CMD_SET_MESSAGE_INTERVAL: {
       if (!is_whole(command.param1, kLargestMessageId)) return answer(Refusal::kMessage);
@@ -77,7 +125,7 @@ CommandService::Answer CommandService::execute(const mavlink_command_long_t& com
       return send_message(static_cast<std::uint32_t>(command.param1), car);
     case MAV_CMD_PREFLIGHT_STORAGE: return reset_parameters(command.param1);
     case MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: return restart(command.param1);
-    default: return {MAV_RESULT_UNSUPPORTED, Refusal::kNone};
+    default: return answer(Refusal::kUnknownCommand);
   }
 }
 
@@ -115,7 +163,7 @@ CommandService::Answer CommandService::start(const mavlink_command_long_t& comma
 
 CommandService::Answer CommandService::send_message(std::uint32_t message_id, const CarView& car) {
   mavlink_message_t message;
-  if (!compose(message_id, car, outbox_.numbering(), message)) return {MAV_RESULT_DENIED, Refusal::kMessage};
+  if (!compose(message_id, car, outbox_.numbers(), message)) return {MAV_RESULT_DENIED, Refusal::kMessage};
   outbox_.send(message, Priority::kAnswer);
   const DesignResult& design = application_.design();
   if (message_id == MAVLINK_MSG_ID_FOLDCAR_DESIGN && design.source == DesignSource::kRefused) {
@@ -135,21 +183,21 @@ CommandService::Answer CommandService::send_interval(float message_id) {
 
 CommandService::Answer CommandService::reset_parameters(float request) {
   constexpr float kResetAll = 2.0f;
-  if (request != kResetAll) return {MAV_RESULT_UNSUPPORTED, Refusal::kNone};
+  if (request != kResetAll) return {MAV_RESULT_UNSUPPORTED, Refusal::kUnknownCommand};
   if (application_.is_driving()) return {MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kRunning};
   return {application_.reset_parameters() ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED, Refusal::kNone};
 }
 
 CommandService::Answer CommandService::restart(float request) {
-  if (request != 1.0f) return {MAV_RESULT_UNSUPPORTED, Refusal::kNone};
+  if (request != 1.0f) return {MAV_RESULT_UNSUPPORTED, Refusal::kUnknownCommand};
   if (application_.is_driving()) return {MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kRunning};
   restart_is_due_ = true;
   return {};
 }
 
 // A repetition has a confirmation above 0 and equals the last command of the same host in every other field.
-bool CommandService::is_repeated(const mavlink_command_long_t& command, std::uint8_t sender_system) const {
-  if (!has_last_ || command.confirmation == 0 || sender_system != last_sender_) return false;
+bool CommandService::is_repeated(const mavlink_command_long_t& command, const Host& host) const {
+  if (!has_last_ || command.confirmation == 0 || host != last_host_) return false;
   if (hal_.clock.now_us() - last_us_ > kRepetitionUs) return false;
   mavlink_command_long_t first = command;
   first.confirmation = last_.confirmation;

@@ -5,6 +5,7 @@
 
 #include "application.h"
 #include "car_messages.h"
+#include "host.h"
 #include "outbox.h"
 #include "status_text.h"
 #include "telemetry.h"
@@ -16,10 +17,11 @@ class CommandService {
   CommandService(Application& application, Hal& hal, Telemetry& telemetry, Outbox& outbox, StatusText& status_text)
       : application_(application), hal_(hal), telemetry_(telemetry), outbox_(outbox), status_text_(status_text) {}
 
-  // Handles a command for this car that came in packet. Only a known host may set wheels in motion; driver_system then
-  // becomes its system number.
-  void handle(const mavlink_command_long_t& command, const mavlink_message_t& packet, bool known_host,
-            const CarView& car, std::uint8_t& driver_system);
+  // Handles a command for this car. Whoever arms the car or tests an output becomes its holder: while it is armed, all
+  // others may only stop and disarm it and ask for messages.
+  void handle(const mavlink_command_long_t& command, const Sender& sender, const CarView& car, Host& holder);
+  // Answers a request that this car does not know; command: the number that the acknowledgement carries.
+  void refuse(std::uint16_t command, const Host& host, MAV_RESULT result);
 
   // Whether a restart has been requested; its acknowledgement is in the outbox.
   bool restart_is_due() const { return restart_is_due_; }
@@ -31,7 +33,10 @@ class CommandService {
     Refusal refusal = Refusal::kNone;
   };
 
-  Answer execute(const mavlink_command_long_t& command, bool known_host, const CarView& car);
+  Answer execute(const mavlink_command_long_t& command, const Sender& sender, const CarView& car, const Host& holder);
+  void report(const mavlink_command_long_t& command, const Host& host, const Answer& answer, bool was_armed,
+              const Host& holder);
+  void acknowledge(std::uint16_t command, const Host& host, const Answer& answer);
   Answer arm_or_disarm(float arm);
   Answer test(const mavlink_command_long_t& command);
   Answer start(const mavlink_command_long_t& command);
@@ -39,7 +44,7 @@ class CommandService {
   Answer send_interval(float message_id);
   Answer reset_parameters(float request);
   Answer restart(float request);
-  bool is_repeated(const mavlink_command_long_t& command, std::uint8_t sender_system) const;
+  bool is_repeated(const mavlink_command_long_t& command, const Host& host) const;
 
   Application& application_;
   Hal& hal_;
@@ -49,7 +54,7 @@ class CommandService {
   bool restart_is_due_ = false;
   bool has_last_ = false;
   mavlink_command_long_t last_{};
-  std::uint8_t last_sender_ = 0;
+  Host last_host_;
   std::uint64_t last_us_ = 0;
   Answer last_answer_;
 };

@@ -1,5 +1,7 @@
 #include "link.h"
 
+#include <cmath>
+#include <cstdio>
 #include <cstdlib>
 
 namespace foldcar {
@@ -10,6 +12,7 @@ constexpr int kMaxReads = 16;
 // A damaged packet passes its checksum of 16 bits with a probability of 1/65536. Only a host that has sent another packet
 // within this time (ms) before may set wheels in motion, so a single damaged packet never does.
 constexpr std::uint32_t kKnownHostMs = 2000;
+constexpr std::uint64_t kComplaintUs = 5000000;
 
 template <typename Content, typename Decode>
 Content decoded(Decode decode, const mavlink_message_t& message) {
@@ -28,23 +31,39 @@ bool is_for_car(const Content& content) {
   return is_for_car(content.target_system, content.target_component);
 }
 
+// Whether a channel has a value; 0 and 65535 leave it alone.
+bool overrides(const mavlink_rc_channels_override_t& sticks) {
+  for (const std::uint16_t value : {sticks.chan1_raw, sticks.chan2_raw, sticks.chan3_raw, sticks.chan4_raw,
+                                    sticks.chan5_raw, sticks.chan6_raw, sticks.chan7_raw, sticks.chan8_raw}) {
+    if (value != 0 && value != UINT16_MAX) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 Link::Link(const Hal& hal, Application& application, const LoopStatistics& loop, const char* build)
     : hal_(hal), application_(application), loop_(loop), build_(build) {}
 
-void Link::receive() {
+void Link::receive(bool late) {
   const std::uint64_t now_us = hal_.clock.now_us();
   mavlink_message_t message;
-  while (parser_.next(message, now_us)) handle(message);
-  for (int i = 0; i < kMaxReads; ++i) {
+  while (parser_.next(message, now_us)) handle(message, late);
+  // What is late is handled completely, so that none of it counts as new at the next call.
+  for (int i = 0; late || i < kMaxReads; ++i) {
     std::uint8_t bytes[128];
     const std::size_t size = hal_.link.read(bytes, sizeof bytes);
     if (size == 0) return;
     for (std::size_t fed = 0; fed < size;) {
       fed += parser_.feed(bytes + fed, size - fed, now_us);
-      while (parser_.next(message, now_us)) handle(message);
+      while (parser_.next(message, now_us)) handle(message, late);
     }
+  }
+}
+
+void Link::discard() {
+  std::uint8_t bytes[128];
+  while (hal_.link.read(bytes, sizeof bytes) > 0) {
   }
 }
 
@@ -57,17 +76,19 @@ void Link::run() {
   trial_log_.run(now_us, view());
 }
 
-void Link::handle(const mavlink_message_t& message) {
-  const bool known_host = note_host(message.sysid);
-  // Any packet of the host that drives shows that it is still there.
-  if (application_.is_driving() && message.sysid == driver_system_) application_.refresh_command();
+void Link::handle(const mavlink_message_t& message, bool late) {
+  if (late) return handle_late(message);
+  const Host host{message.sysid, message.compid};
+  const Sender sender{host, note_host(host.system), false};
+  // Any packet of the host that armed or drives shows that it is still there.
+  if (!is_held_by_other(sender)) application_.refresh_command();
   switch (message.msgid) {
     case MAVLINK_MSG_ID_COMMAND_LONG: {
       const auto command = decoded<mavlink_command_long_t>(mavlink_msg_command_long_decode, message);
-      if (is_for_car(command)) commands_.handle(command, message, known_host, view(), driver_system_);
+      if (is_for_car(command)) commands_.handle(command, sender, view(), holder_);
       return;
     }
-    case MAVLINK_MSG_ID_MANUAL_CONTROL: return drive_manually(message, known_host);
+    case MAVLINK_MSG_ID_MANUAL_CONTROL: return drive_manually(message, sender);
     case MAVLINK_MSG_ID_PARAM_REQUEST_LIST: {
       if (is_for_car(decoded<mavlink_param_request_list_t>(mavlink_msg_param_request_list_decode, message))) {
         parameters_.list();
@@ -79,15 +100,23 @@ void Link::handle(const mavlink_message_t& message) {
       if (is_for_car(request)) parameters_.read(request);
       return;
     }
-    case MAVLINK_MSG_ID_PARAM_SET: {
-      const auto request = decoded<mavlink_param_set_t>(mavlink_msg_param_set_decode, message);
-      if (is_for_car(request)) parameters_.set(request);
-      return;
-    }
+    case MAVLINK_MSG_ID_PARAM_SET: return set_parameter(message, sender);
     case MAVLINK_MSG_ID_TIMESYNC: return answer_timesync(message);
     case MAVLINK_MSG_ID_PING: return answer_ping(message);
-    default: break;
+    case MAVLINK_MSG_ID_COMMAND_INT:
+    case MAVLINK_MSG_ID_SET_MODE:
+    case MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE: return refuse_stations_controls(message, sender);
+    default: return handle_log_request(message, sender);
   }
+}
+
+void Link::handle_late(const mavlink_message_t& message) {
+  if (message.msgid != MAVLINK_MSG_ID_COMMAND_LONG) return;
+  const auto command = decoded<mavlink_command_long_t>(mavlink_msg_command_long_decode, message);
+  if (is_for_car(command)) commands_.handle(command, {{message.sysid, message.compid}, false, true}, view(), holder_);
+}
+
+void Link::handle_log_request(const mavlink_message_t& message, const Sender& sender) {
   if (application_.is_driving()) return;  // reading and erasing flash would delay the loop
   switch (message.msgid) {
     case MAVLINK_MSG_ID_LOG_REQUEST_LIST: {
@@ -101,8 +130,9 @@ void Link::handle(const mavlink_message_t& message) {
       return;
     }
     case MAVLINK_MSG_ID_LOG_ERASE:
-      if (is_for_car(decoded<mavlink_log_erase_t>(mavlink_msg_log_erase_decode, message))) logs_.erase();
-      return;
+      if (!is_for_car(decoded<mavlink_log_erase_t>(mavlink_msg_log_erase_decode, message))) return;
+      if (is_held_by_other(sender)) return complain(HeldBy(holder_).text);
+      return logs_.erase();
     case MAVLINK_MSG_ID_LOG_REQUEST_END:
       if (is_for_car(decoded<mavlink_log_request_end_t>(mavlink_msg_log_request_end_decode, message))) logs_.end();
       return;
@@ -110,22 +140,63 @@ void Link::handle(const mavlink_message_t& message) {
   }
 }
 
+void Link::set_parameter(const mavlink_message_t& message, const Sender& sender) {
+  const auto request = decoded<mavlink_param_set_t>(mavlink_msg_param_set_decode, message);
+  if (!is_for_car(request)) return;
+  const HeldBy held(holder_);
+  parameters_.set(request, is_held_by_other(sender) ? held.text : nullptr);
+}
+
+// What ground stations send to vehicles that have modes and a radio control.
+void Link::refuse_stations_controls(const mavlink_message_t& message, const Sender& sender) {
+  switch (message.msgid) {
+    case MAVLINK_MSG_ID_COMMAND_INT: {
+      const auto command = decoded<mavlink_command_int_t>(mavlink_msg_command_int_decode, message);
+      if (is_for_car(command)) commands_.refuse(command.command, sender.host, MAV_RESULT_COMMAND_LONG_ONLY);
+      return;
+    }
+    case MAVLINK_MSG_ID_SET_MODE:
+      // This message has no answer of its own; ArduPilot acknowledges it like a command of its number.
+      if (decoded<mavlink_set_mode_t>(mavlink_msg_set_mode_decode, message).target_system != kCarSystem) return;
+      return commands_.refuse(MAVLINK_MSG_ID_SET_MODE, sender.host, MAV_RESULT_UNSUPPORTED);
+    default: {
+      const auto sticks = decoded<mavlink_rc_channels_override_t>(mavlink_msg_rc_channels_override_decode, message);
+      if (is_for_car(sticks) && overrides(sticks)) complain("RC_CHANNELS_OVERRIDE: drive with MANUAL_CONTROL");
+      return;
+    }
+  }
+}
+
 bool Link::note_host(std::uint8_t system) {
   const auto now_ms = static_cast<std::uint32_t>(hal_.clock.now_us() / 1000) | 1;
   const std::uint32_t before_ms = last_packet_ms_[system];
   last_packet_ms_[system] = now_ms;
-  return before_ms != 0 && now_ms - before_ms <= kKnownHostMs;
+  const bool known = before_ms != 0 && now_ms - before_ms <= kKnownHostMs;
+  host_is_new_ = host_is_new_ || !known;
+  return known;
 }
 
-void Link::drive_manually(const mavlink_message_t& message, bool known_host) {
+void Link::complain(const char* why) {
+  const std::uint64_t now_us = hal_.clock.now_us();
+  if (now_us < next_complaint_us_) return;
+  next_complaint_us_ = now_us + kComplaintUs;
+  status_text_.send(MAV_SEVERITY_WARNING, "refused:", why);
+}
+
+void Link::drive_manually(const mavlink_message_t& message, const Sender& sender) {
   const auto stick = decoded<mavlink_manual_control_t>(mavlink_msg_manual_control_decode, message);
-  if (stick.target != kCarSystem || !known_host) return;
+  if (stick.target != kCarSystem || !sender.known) return;
   const auto axis = [](std::int16_t value) {
     return std::abs(value) <= 1000 ? 0.001f * static_cast<float>(value) : 0.0f;
   };
-  const bool was_driving = application_.is_driving();
-  application_.drive_manually(axis(stick.x), axis(stick.r));
-  if (!was_driving && application_.is_driving()) driver_system_ = message.sysid;
+  const float forward = axis(stick.x), left = axis(stick.r);
+  const bool moves = forward != 0.0f || left != 0.0f;
+  if (is_held_by_other(sender)) {
+    if (moves) complain(HeldBy(holder_).text);
+    return;
+  }
+  const Refusal refusal = application_.drive_manually(forward, left);
+  if (moves && refusal != Refusal::kNone) complain(text(refusal));
 }
 
 void Link::answer_timesync(const mavlink_message_t& message) {
@@ -145,13 +216,34 @@ void Link::answer_ping(const mavlink_message_t& message) {
   outbox_.send(mavlink_msg_ping_encode_status, ping, Priority::kAnswer);
 }
 
+// A host that was not there when the state changed is told it too.
 void Link::report_changes() {
   const Fault fault = application_.status().fault;
-  if (fault == reported_fault_) return;
+  const bool left_alone = application_.left_alone();
+  if (fault != reported_fault_ || (host_is_new_ && fault != Fault::kNone)) report_fault();
+  if (left_alone && (!reported_left_alone_ || host_is_new_)) report_left_alone();
   reported_fault_ = fault;
+  reported_left_alone_ = left_alone;
+  host_is_new_ = false;
+}
+
+void Link::report_fault() {
+  const Fault fault = application_.status().fault;
   if (fault == Fault::kNone) return status_text_.send(MAV_SEVERITY_NOTICE, "fault acknowledged");
   status_text_.send(MAV_SEVERITY_CRITICAL, "fault:", text(fault));
   if (fault == Fault::kDesign) status_text_.send(MAV_SEVERITY_ERROR, application_.design().problem);
+  if (is_absent(application_.design().source)) {
+    status_text_.send(MAV_SEVERITY_ERROR, "load a design, or confirm that the parameters describe the car");
+  }
+}
+
+void Link::report_left_alone() {
+  // In tenths, because printing a float may take memory from the heap.
+  const long tenths = std::lround(10.0f * application_.parameters().get(Parameter::kArmTimeoutS));
+  char line[96];
+  std::snprintf(line, sizeof line, "disarmed: %s was silent for %ld.%ld s", HostName(holder_).text, tenths / 10,
+                tenths % 10);
+  status_text_.send(MAV_SEVERITY_WARNING, line);
 }
 
 CarView Link::view() const {

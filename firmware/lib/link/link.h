@@ -11,6 +11,7 @@
 #include "car_messages.h"
 #include "command_service.h"
 #include "hal.h"
+#include "host.h"
 #include "log_service.h"
 #include "outbox.h"
 #include "packet_parser.h"
@@ -26,9 +27,12 @@ class Link {
   // The arguments and the parts of hal must outlive the link. build: 16 hexadecimal digits.
   Link(const Hal& hal, Application& application, const LoopStatistics& loop, const char* build);
 
-  // Handles the packets that have arrived.
-  void receive();
-  // Sends what is due: changes of the fault, parameters, logs, telemetry; records an untethered trial.
+  // Handles the packets that have arrived. late: they waited while the loop stood still; nothing is executed then but what
+  // makes the car stand.
+  void receive(bool late);
+  // Forgets the bytes that have arrived.
+  void discard();
+  // Sends what is due: changes of the state, parameters, logs, telemetry; records an untethered trial.
   void run();
   // Hands waiting bytes to the HAL's link.
   void flush() { outbox_.flush(hal_.link); }
@@ -37,14 +41,24 @@ class Link {
   bool restart_is_due() const { return commands_.restart_is_due(); }
 
  private:
-  void handle(const mavlink_message_t& message);
+  void handle(const mavlink_message_t& message, bool late);
+  void handle_late(const mavlink_message_t& message);
+  void handle_log_request(const mavlink_message_t& message, const Sender& sender);
+  void set_parameter(const mavlink_message_t& message, const Sender& sender);
+  void refuse_stations_controls(const mavlink_message_t& message, const Sender& sender);
   // Notes a packet of a host, given by its system number. Returns whether the host is known: another packet of it has come
   // at most kKnownHostMs before.
   bool note_host(std::uint8_t system);
-  void drive_manually(const mavlink_message_t& message, bool known_host);
+  // Whether another host than the sender has armed the car.
+  bool is_held_by_other(const Sender& sender) const { return application_.is_armed() && sender.host != holder_; }
+  // Says that a control which a host sends many times a second is refused, once in a while.
+  void complain(const char* why);
+  void drive_manually(const mavlink_message_t& message, const Sender& sender);
   void answer_timesync(const mavlink_message_t& message);
   void answer_ping(const mavlink_message_t& message);
   void report_changes();
+  void report_fault();
+  void report_left_alone();
   CarView view() const;
 
   Hal hal_;
@@ -59,9 +73,12 @@ class Link {
   CommandService commands_{application_, hal_, telemetry_, outbox_, status_text_};
   TrialLog trial_log_{hal_.logs, status_text_};
   LogService logs_{hal_.logs, outbox_};
-  std::uint8_t driver_system_ = 0;  // system number of the host that drives
+  Host holder_;  // the host that armed the car last
   std::array<std::uint32_t, 256> last_packet_ms_{};  // by system number; 0 before the first
   Fault reported_fault_ = Fault::kNone;
+  bool reported_left_alone_ = false;
+  bool host_is_new_ = false;  // a host was heard that was not before
+  std::uint64_t next_complaint_us_ = 0;
 };
 
 }  // namespace foldcar

@@ -1,6 +1,7 @@
 #include "parameter_service.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <cstring>
 
 namespace foldcar {
@@ -29,11 +30,15 @@ void ParameterService::read(const mavlink_param_request_read_t& request) {
   send(static_cast<std::size_t>(*parameter));
 }
 
-void ParameterService::set(const mavlink_param_set_t& request) {
+void ParameterService::set(const mavlink_param_set_t& request, const char* obstacle) {
   const Name name(request.param_id);
   const std::optional<Parameter> parameter = find_parameter(name.text);
   if (!parameter) return report_refusal(name.text, text(SetResult::kUnknownName));
-  if (application_.is_driving()) {
+  if (obstacle != nullptr) {
+    char why[64];
+    std::snprintf(why, sizeof why, "is not set: %s", obstacle);
+    report_refusal(name.text, why);
+  } else if (application_.is_driving()) {
     // Writing to flash would delay the loop.
     report_refusal(name.text, "cannot be set while wheels are driven");
   } else {

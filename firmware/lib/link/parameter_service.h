@@ -20,7 +20,8 @@ class ParameterService {
   // Each handles a message for this car.
   void list();
   void read(const mavlink_param_request_read_t& request);
-  void set(const mavlink_param_set_t& request);
+  // obstacle: why no parameter can be set now; null if they can.
+  void set(const mavlink_param_set_t& request, const char* obstacle);
 
   // Continues a list, as far as the outbox has room.
   void run();

@@ -19,7 +19,7 @@ void Telemetry::run(std::uint64_t now_us, const CarView& car, Outbox& outbox) {
     entry.next_us += interval_us;
     if (entry.next_us <= now_us) entry.next_us = now_us + interval_us;
     mavlink_message_t message;
-    if (compose(message_info(i).id, car, outbox.numbering(), message)) outbox.send(message, Priority::kTelemetry);
+    if (compose(message_info(i).id, car, outbox.numbers(), message)) outbox.send(message, Priority::kTelemetry);
   }
 }
 

@@ -53,7 +53,7 @@ void TrialLog::close(const CarView& car) {
 
 void TrialLog::record(std::uint32_t message_id, const CarView& car) {
   mavlink_message_t message;
-  if (!compose(message_id, car, numbering_, message)) return;
+  if (!compose(message_id, car, numbers_, message)) return;
   if (buffered_ + kLargestRecord > buffer_.size()) append_buffer();
   const std::size_t before = buffered_;
   const std::uint64_t now_us = car.hal.clock.now_us();

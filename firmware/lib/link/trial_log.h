@@ -9,7 +9,7 @@
 
 #include "car_messages.h"
 #include "hal.h"
-#include "mavlink_packets.h"
+#include "outbox.h"
 #include "status_text.h"
 
 namespace foldcar {
@@ -37,7 +37,7 @@ class TrialLog {
   bool failed_ = false;
   std::uint64_t next_us_ = 0;
   std::size_t size_ = 0;
-  mavlink_status_t numbering_{};
+  PacketNumbers numbers_;
   std::array<std::uint8_t, 768> buffer_{};
   std::size_t buffered_ = 0;
 };

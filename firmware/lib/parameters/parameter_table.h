@@ -39,6 +39,7 @@ enum class Parameter : std::uint8_t {
   kBattMinV,
   kBattLowMs,
   kCmdTimeoutMs,
+  kArmTimeoutS,
   kTrialMaxS,
   kTiltMaxRad,
   kTiltMs,

@@ -17,12 +17,15 @@ bool has_wheel_on(const Parameters& parameters, Side side) {
 
 }  // namespace
 
-Refusal Supervisor::arm(float battery_v) {
+Refusal Supervisor::arm(float battery_v, std::uint64_t now_us) {
   if (state_ == State::kFault) return Refusal::kFaultLatched;
   if (pulses_enabled()) return Refusal::kRunning;
-  if (design_refused_) return Refusal::kDesign;
+  if (design_refusal_ != Refusal::kNone) return design_refusal_;
   const Refusal refusal = check_battery(battery_v);
-  if (refusal == Refusal::kNone) state_ = State::kArmed;
+  if (refusal != Refusal::kNone) return refusal;
+  refreshed_us_ = now_us;
+  left_alone_ = false;
+  state_ = State::kArmed;
   return refusal;
 }
 
@@ -62,7 +65,7 @@ Refusal Supervisor::test(float time_s, float battery_v, std::uint64_t now_us) {
   if (state_ == State::kFault) return Refusal::kFaultLatched;
   if (state_ == State::kRunning || state_ == State::kManual) return Refusal::kRunning;
   if (state_ == State::kArmed) return Refusal::kNotDisarmed;
-  if (design_refused_) return Refusal::kDesign;
+  if (design_refusal_ != Refusal::kNone) return design_refusal_;
   if (!(time_s >= 0.0f && time_s <= kLongestTestS)) return Refusal::kTest;
   const Refusal refusal = check_battery(battery_v);
   if (refusal != Refusal::kNone) return refusal;
@@ -90,7 +93,7 @@ Refusal Supervisor::acknowledge() {
 
 Refusal Supervisor::refresh_command(std::uint64_t now_us) {
   if (state_ == State::kFault) return Refusal::kFaultLatched;
-  if (!pulses_enabled()) return Refusal::kNotRunning;
+  if (state_ != State::kArmed && !pulses_enabled()) return Refusal::kNotRunning;
   refreshed_us_ = now_us;
   return Refusal::kNone;
 }
@@ -108,7 +111,12 @@ void Supervisor::tick(const SupervisorInputs& inputs) {
   if (std::isnan(inputs.battery_v)) return report(Fault::kBatteryUnreadable);
   if (battery_low) return report(Fault::kBatteryLow);
   if (inputs.imu_lost) return report(Fault::kImu);
-  if (state_ == State::kArmed) return;
+  const std::uint64_t silent_us = inputs.now_us - refreshed_us_;
+  if (state_ == State::kArmed) {
+    left_alone_ = silent_us > from_ms(1000.0f * parameters_.get(Parameter::kArmTimeoutS));
+    if (left_alone_) state_ = State::kDisarmed;
+    return;
+  }
   if (tilted && state_ != State::kTesting) return report(Fault::kTilt);
 
   if (state_ == State::kRunning) {
@@ -120,7 +128,6 @@ void Supervisor::tick(const SupervisorInputs& inputs) {
     state_ = State::kDisarmed;
     return;
   }
-  const std::uint64_t silent_us = inputs.now_us - refreshed_us_;
   const std::uint64_t longest_us = from_ms(parameters_.get(Parameter::kCmdTimeoutMs));
   if (silent_us > longest_us) report(Fault::kCommandStale);
 }

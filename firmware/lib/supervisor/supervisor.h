@@ -25,7 +25,9 @@ enum class Fault : std::uint8_t {
   kWatchdog,           // a watchdog or a crash has reset the board
   kBrownOut,           // a dip of the supply has reset the board
   kTilt,               // beyond TILT_MAX_RAD for longer than TILT_MS
-  kImu                 // the IMU that was found at the start no longer answers
+  kImu,                // the IMU that was found at the start no longer answers
+  kNoDesign,           // there is no car.json, and nobody has confirmed that the parameters alone describe the car
+  kFlash               // flash memory cannot be read: neither a design nor stored parameters are known
 };
 
 // How the last trial ended; kNone before the first and while one runs.
@@ -50,7 +52,11 @@ enum class Refusal : std::uint8_t {
   kTest,
   kMessage,
   kNotDisarmed,
-  kUnknownHost
+  kUnknownHost,
+  kHeld,
+  kLate,
+  kNoDesign,
+  kUnknownCommand
 };
 
 const char* text(State state);
@@ -86,11 +92,11 @@ class Supervisor {
   // The parameters must outlive the supervisor, which reads them at every decision.
   explicit Supervisor(const Parameters& parameters) : parameters_(parameters) {}
 
-  // From now on the car neither arms nor tests outputs, because its car.json is refused.
-  void refuse_design() { design_refused_ = true; }
+  // From now on arming and tests of outputs are refused for that reason, kDesign or kNoDesign; kNone allows them again.
+  void refuse_design(Refusal why) { design_refusal_ = why; }
 
   // Requests. battery_v: V, NaN if unreadable; now_us: time since start (µs).
-  Refusal arm(float battery_v);
+  Refusal arm(float battery_v, std::uint64_t now_us);
   Refusal disarm();
   Refusal start(const TrialRequest& request, std::uint64_t now_us);
   // Starts and continues manual driving; moves is false while the stick is at rest, which does not start it.
@@ -100,6 +106,7 @@ class Supervisor {
   // Ends a trial, manual driving or a test.
   Refusal stop();
   Refusal acknowledge();
+  // Notes that the host that armed or drives is still there.
   Refusal refresh_command(std::uint64_t now_us);
 
   // Latches a fault, which stops the wheels in every state.
@@ -112,6 +119,8 @@ class Supervisor {
   }
   State state() const { return state_; }
   Fault fault() const { return fault_; }
+  // Whether the car has disarmed because its host was silent, and has not been armed since.
+  bool left_alone() const { return left_alone_; }
 
   // Elapsed time (µs), request and end of the current trial, else of the last one.
   std::uint64_t trial_elapsed_us() const { return trial_elapsed_us_; }
@@ -129,7 +138,8 @@ class Supervisor {
   const Parameters& parameters_;
   State state_ = State::kDisarmed;
   Fault fault_ = Fault::kNone;
-  bool design_refused_ = false;
+  Refusal design_refusal_ = Refusal::kNone;
+  bool left_alone_ = false;
   TrialRequest trial_;
   TrialEnd trial_end_ = TrialEnd::kNone;
   bool battery_low_ = false;

@@ -29,6 +29,8 @@ const char* text(Fault fault) {
     case Fault::kBrownOut: return "reset by a dip of the supply";
     case Fault::kTilt: return "tilted too far";
     case Fault::kImu: return "IMU does not answer";
+    case Fault::kNoDesign: return "no car.json";
+    case Fault::kFlash: return "flash memory cannot be read";
   }
   return "?";
 }
@@ -53,6 +55,10 @@ const char* text(Refusal refusal) {
     case Refusal::kMessage: return "no such message, or an interval below 20 ms";
     case Refusal::kNotDisarmed: return "not disarmed";
     case Refusal::kUnknownHost: return "no other packet of this host in the 2 s before";
+    case Refusal::kHeld: return "another host has armed the car";
+    case Refusal::kLate: return "it waited while the car stood still";
+    case Refusal::kNoDesign: return "no car.json, and its absence is not confirmed";
+    case Refusal::kUnknownCommand: return "not a command of this car";
   }
   return "?";
 }

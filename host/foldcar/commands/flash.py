@@ -22,7 +22,7 @@ def flash(
     experiment: Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")],
     settings: Settings = None,
     port: Annotated[
-        str | None, typer.Option(metavar="PORT", help="Serial port; default: found by PlatformIO.")
+        str | None, typer.Option(metavar="PORT", help="Serial port; default: detected.")
     ] = None,
     design_only: Annotated[bool, typer.Option("--design-only", help="Do not load the firmware.")] = False,
     file: Annotated[
@@ -31,6 +31,8 @@ def flash(
     components: Components = None,
 ) -> None:
     """Load the firmware and a design's car.json onto the board that is plugged in."""
+    # Before the slow imports: without a board there is nothing to do.
+    board = _board(port) if file is None else ""
     from foldcar.atomic_file import atomic_file
     from foldcar.car.car_file import car_json
     from foldcar.study.experiments import read_study
@@ -43,17 +45,26 @@ def flash(
             binary.write(text.encode())
         typer.echo(f"{file}: {content['name']} ({content['hash']})")
         return
-    if port is not None and not port.startswith("/dev/tty") and not port.startswith("COM"):
-        raise FoldcarError(f"--port {port}: not the serial port of a board; `foldcar link` starts a simulated car")
     project = _project()
     folder = project / ".pio" / "design"
     folder.mkdir(parents=True, exist_ok=True)
     with atomic_file(folder / CAR_FILE) as binary:
         binary.write(text.encode())
     if not design_only:
-        _pio(project, "upload", port, folder)
-    _pio(project, "uploadfs", port, folder)
+        _pio(project, "upload", board, folder)
+    _pio(project, "uploadfs", board, folder)
     typer.echo(f"loaded {content['name']} ({content['hash']}){' (design only)' if design_only else ''}")
+
+
+def _board(port: str | None) -> str:
+    """The serial port of the board; FoldcarError if there is none, or the named one is no board's."""
+    from foldcar.link.ports import choose_port
+
+    if port is not None and not port.startswith("/dev/tty") and not port.startswith("COM"):
+        raise FoldcarError(f"--port {port}: not the serial port of a board; `foldcar link` starts a simulated car")
+    if port is not None and port.startswith("/dev/") and not Path(port).exists():
+        raise FoldcarError(f"--port {port}: no such port; is the board plugged in?")
+    return choose_port(port)
 
 
 def _project() -> Path:
@@ -64,14 +75,12 @@ def _project() -> Path:
     return project
 
 
-def _pio(project: Path, target: str, port: str | None, data_folder: Path) -> None:
+def _pio(project: Path, target: str, port: str, data_folder: Path) -> None:
     beside = Path(sys.executable).with_name("pio")
     program = str(beside) if beside.is_file() else shutil.which("pio")
     if program is None:
         raise FoldcarError("flash: PlatformIO's `pio` is missing: run `make setup`")
-    command = [program, "run", "-d", str(project), "-e", "featheresp32", "-t", target]
-    if port is not None:
-        command += ["--upload-port", port]
+    command = [program, "run", "-d", str(project), "-e", "featheresp32", "-t", target, "--upload-port", port]
     # PlatformIO empties the build folder when a setting changes; the default one may contain a running sweep's carsim.
     own = {"PLATFORMIO_DATA_DIR": str(data_folder), "PLATFORMIO_BUILD_DIR": str(project / ".pio" / "flash")}
     environment = {**os.environ, **own}

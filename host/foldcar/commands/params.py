@@ -105,6 +105,29 @@ def diff(file: ParameterFile, port: Port = None) -> None:
     typer.echo(f"{len(rows)} of {len(wanted)} parameters differ")
 
 
+@params.command()
+def confirm(port: Port = None) -> None:
+    """Let a car without a readable car.json arm: its parameters describe it, until it restarts."""
+    from foldcar.car.firmware_parameters import CHANNELS
+    from foldcar.link.parameters import read_parameters, value_text
+
+    with _car(port) as car:
+        design, dialect = car.request("FOLDCAR_DESIGN"), car.dialect
+        if design.source == dialect.FOLDCAR_DESIGN_SOURCE_FILE:
+            raise FoldcarError(f"the car has a design, {design.name}: there is nothing to confirm")
+        if design.source == dialect.FOLDCAR_DESIGN_SOURCE_REFUSED:
+            raise FoldcarError("the car refuses its own car.json: load the design again with `foldcar flash`")
+        fault = car.fault_text()
+        if design.source != dialect.FOLDCAR_DESIGN_SOURCE_NONE:
+            car.acknowledge_fault(without_design=True)
+        values = read_parameters(car)
+    if fault is not None:
+        typer.echo(f"acknowledged: {fault}")
+    typer.echo("until it restarts, the car drives by these parameters:")
+    for name in ("WHEEL_RADIUS_M", "TRACK_M", *(f"CH{n}_SIDE" for n in range(1, CHANNELS + 1))):
+        typer.echo(f"{name:<16} {value_text(values[name])}")
+
+
 @contextlib.contextmanager
 def _car(port: str | None) -> Iterator["Car"]:
     from foldcar.link.car import greet

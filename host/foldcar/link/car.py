@@ -9,7 +9,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM, Connection, connect
+from foldcar.link.connection import (
+    CAR_COMPONENT,
+    CAR_SYSTEM,
+    HOST_COMPONENT,
+    HOST_SYSTEM,
+    Connection,
+    connect,
+)
 
 GREETING_S = 5.0
 ANSWER_S = 0.6
@@ -36,7 +43,12 @@ REASONS = (
     "there is no such message, or the interval is too short",
     "it is not disarmed",
     "it has received no heartbeat of this host in the last 2 s",
+    "another host has armed it",
+    "the command waited while the car stood still",
+    "it has no car.json: load a design with `foldcar flash`, or `foldcar params confirm` that it drives without",
+    "it does not know this command",
 )
+FAULT_LATCHED, HELD = 4, 18
 
 
 class NoCarError(FoldcarError):
@@ -114,9 +126,12 @@ class Car:
         """Stop a trial or an output test. CommandRefusedError if neither is running."""
         self._command("stop", self.dialect.MAV_CMD_FOLDCAR_STOP_TRIAL)
 
-    def acknowledge_fault(self) -> None:
-        """Clear a latched fault. CommandRefusedError if there is none, or its cause persists."""
-        self._command("clear its fault", self.dialect.MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT)
+    def acknowledge_fault(self, without_design: bool = False) -> None:
+        """Clear a latched fault. CommandRefusedError if there is none, or its cause persists.
+
+        ``without_design`` also confirms that the parameters alone describe a car without a readable car.json.
+        """
+        self._command("clear its fault", self.dialect.MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, float(without_design))
 
     def test_output(self, output: int, pulse_us: float | None, timeout_s: float) -> None:
         """Drive one output (1 to 8) with a pulse of 1000 to 2000 µs for ``timeout_s``; None: without pulses."""
@@ -140,17 +155,29 @@ class Car:
     def _command(self, what: str, command: int, *values: float) -> None:
         for repetition in range(TRIES):
             self._send_command(command, values, repetition)
-            ack = self.connection.wait_for(
-                lambda m: m.get_type() == "COMMAND_ACK" and m.command == command, ANSWER_S
-            )
+            ack = self.connection.wait_for(lambda m: self._answers(m, command), ANSWER_S)
             if ack is None:
                 continue
             if ack.result == self.dialect.MAV_RESULT_ACCEPTED:
                 return
-            reason = ack.result_param2
-            why = REASONS[reason] if 0 < reason < len(REASONS) else f"result {ack.result}, reason {reason}"
-            raise CommandRefusedError(f"the car refuses to {what}: {why}")
+            raise CommandRefusedError(f"the car refuses to {what}: {self._reason(ack)}")
         raise CommandRefusedError(f"the car does not acknowledge the command to {what}")
+
+    def _answers(self, message: Any, command: int) -> bool:
+        """Whether a message acknowledges this host's command; another host's acknowledgements arrive here too."""
+        if message.get_type() != "COMMAND_ACK" or message.command != command:
+            return False
+        return message.target_system in (0, HOST_SYSTEM) and message.target_component in (0, HOST_COMPONENT)
+
+    def _reason(self, ack: Any) -> str:
+        reason = ack.result_param2
+        if not 0 < reason < len(REASONS):
+            return f"result {ack.result}, reason {reason}"
+        said = self.connection.said
+        if reason == HELD and said is not None and said.startswith("refused: "):
+            return said.removeprefix("refused: ")
+        fault = self.fault_text() if reason == FAULT_LATCHED else None
+        return f"{REASONS[reason]} ({fault})" if fault else REASONS[reason]
 
     def _send_command(self, command: int, values: tuple[float, ...], repetition: int) -> None:
         padded = (*values, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]

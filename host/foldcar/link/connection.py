@@ -16,6 +16,8 @@ from foldcar.mavlink_dialect import load_dialect
 
 HOST_SYSTEM, HOST_COMPONENT = 255, 190
 CAR_SYSTEM, CAR_COMPONENT = 1, 1
+# The component from which `carsim link` tells the truth (FOLDCAR_TRUTH).
+SIMULATOR_COMPONENT = 25
 # Interval of heartbeats by the car's clock, whose time-out is 0.5 s.
 HEARTBEAT_S = 0.1
 SHORTEST_HEARTBEAT_S = 0.002
@@ -25,6 +27,7 @@ CATCH_UP_S = 1.0
 class Connection:
     """A connection made by :func:`connect`. ``latest`` holds the car's last message of each type, by its name.
 
+    ``said`` is the car's last line for people (STATUSTEXT), joined from its parts; None before the first.
     ``log``, if set, gets every packet of both directions. ``received`` counts the car's packets, ``lost`` the
     gaps in their sequence numbers, ``damaged`` received data that is not a valid packet.
     """
@@ -33,6 +36,7 @@ class Connection:
         self.stream = stream
         self.dialect = load_dialect()
         self.latest: dict[str, Any] = {}
+        self.said: str | None = None
         self.log: TlogWriter | None = None
         self.received = 0
         self.lost = 0
@@ -79,6 +83,8 @@ class Connection:
             self._count(message)
             self.last_received_s = time.monotonic()
             self.latest[message.get_type()] = message
+            if message.get_type() == "STATUSTEXT":
+                self.said = (self.said or "") + message.text if message.chunk_seq else message.text
             if message.get_type() == "FOLDCAR_TRIAL":
                 self._clock_rate.add(message.time_boot_ms / 1000, self.last_received_s)
             messages.append(message)

@@ -13,7 +13,7 @@ from typing import Any
 
 from foldcar import __version__
 from foldcar.atomic_file import atomic_file
-from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
+from foldcar.link.connection import CAR_SYSTEM, SIMULATOR_COMPONENT
 from foldcar.link.tlog import read_tlog
 
 # foxglove.Log levels by MAVLink severity, 0 (emergency) to 7 (debug).
@@ -66,7 +66,7 @@ def _add(
 def _sender(message: Any) -> str:
     if message.get_srcSystem() != CAR_SYSTEM:
         return "host"
-    return "car" if message.get_srcComponent() == CAR_COMPONENT else "simulator"
+    return "simulator" if message.get_srcComponent() == SIMULATOR_COMPONENT else "car"
 
 
 def _content(message: Any) -> dict[str, Any]:

@@ -52,7 +52,7 @@ def read_parameters(car: Car, report: Callable[[int, int], None] = lambda receiv
 def set_parameter(car: Car, name: str, value: float) -> None:
     """Set and save one parameter; FoldcarError with the car's reason if it refuses the value or does not answer."""
     d = car.dialect
-    car.connection.latest.pop("STATUSTEXT", None)
+    car.connection.said = None
     for _ in range(TRIES):
         car.connection.send(
             d.MAVLink_param_set_message(
@@ -63,9 +63,9 @@ def set_parameter(car: Car, name: str, value: float) -> None:
         if answer is not None:
             if equal_float32(answer.param_value, value):
                 return
-            raise FoldcarError(f"{name}: the car refuses {value:g}{_reason(car)}; it stays {answer.param_value:g}")
-        if "STATUSTEXT" in car.connection.latest:
-            raise FoldcarError(f"{name}: the car refuses {value:g}{_reason(car)}")
+            raise FoldcarError(f"{name}: the car refuses {value:g}{_reason(car, name)}; it stays {answer.param_value:g}")
+        if _reason(car, name):
+            raise FoldcarError(f"{name}: the car refuses {value:g}{_reason(car, name)}")
     raise FoldcarError(f"{name}: the car does not answer")
 
 
@@ -122,6 +122,7 @@ def write_file(file: Path, values: Mapping[str, float], head: str) -> None:
         binary.write(("\n".join(lines) + "\n").encode())
 
 
-def _reason(car: Car) -> str:
-    said = car.connection.latest.get("STATUSTEXT")
-    return f" ({said.text})" if said is not None else ""
+def _reason(car: Car, name: str) -> str:
+    """What the car has said about the parameter, in brackets; empty if nothing."""
+    said = car.connection.said
+    return f" ({said})" if said is not None and said.startswith(f"{name} ") else ""

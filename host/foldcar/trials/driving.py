@@ -64,6 +64,9 @@ def drive(
         stop = _count_down(car, countdown_s, watcher)
         if stop is not None:
             return DriveEnd(f"{stop} before the start", "aborted", None)
+        if car.connection.silence_s() > SILENCE_S:
+            # A start would wait in a buffer until the car reads again.
+            raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
         car.start_trial(
             settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"], trial, untethered
         )
@@ -78,8 +81,7 @@ def drive(
         car.connection.log = None
         return DriveEnd("log could not be written", "aborted", _elapsed_s(car, trial), error)
     except CommandRefusedError as error:
-        fault = car.fault_text()
-        why = f" ({fault}); see what is wrong, then acknowledge it" if fault else ""
+        why = "; see what is wrong, then acknowledge it" if car.fault_text() else ""
         return DriveEnd("refused by the car", "aborted", None, FoldcarError(f"{error}{why}"))
     except KeyboardInterrupt:
         return DriveEnd(CTRL_C, "aborted", _elapsed_s(car, trial), FoldcarError("stopped by Ctrl-C"))

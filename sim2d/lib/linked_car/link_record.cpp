@@ -9,6 +9,9 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 constexpr Limits kTime_us{0, 1e13};
+// The keys of a host's bytes, and of those that waited while the simulation stood still.
+constexpr const char* kToCar = "to_car";
+constexpr const char* kLate = "to_car_late";
 
 std::string to_hex(const std::vector<std::uint8_t>& bytes) {
   constexpr char kDigits[] = "0123456789abcdef";
@@ -20,9 +23,10 @@ std::string to_hex(const std::vector<std::uint8_t>& bytes) {
   return text;
 }
 
-std::vector<std::uint8_t> from_hex(const JsonReader& reader, const std::string& text) {
+std::vector<std::uint8_t> from_hex(JsonReader& reader, const char* key) {
+  const std::string text = reader.string(key);
   if (text.size() % 2 != 0 || text.find_first_not_of("0123456789abcdef") != std::string::npos) {
-    reader.fail("to_car", "is not bytes in lower-case hexadecimal digits");
+    reader.fail(key, "is not bytes in lower-case hexadecimal digits");
   }
   std::vector<std::uint8_t> bytes;
   for (std::size_t i = 0; i < text.size(); i += 2) {
@@ -45,11 +49,12 @@ bool replay_line(const json& line, LinkedCar& car, LinkRecord& record) {
   if (reader.has("from_car")) return false;
   if (t_us < car.now_us()) reader.fail("t_us", std::to_string(t_us) + " is before the line above it");
   step_to(t_us, car, record);
-  if (reader.has("to_car")) {
-    const std::vector<std::uint8_t> bytes = from_hex(reader, reader.string("to_car"));
+  const bool late = reader.has(kLate);
+  if (late || reader.has(kToCar)) {
+    const std::vector<std::uint8_t> bytes = from_hex(reader, late ? kLate : kToCar);
     reader.finish();
-    record.to_car(t_us, bytes);
-    car.receive(bytes);
+    record.to_car(t_us, bytes, late);
+    car.receive(bytes, late);
     return false;
   }
   if (reader.has("end")) return true;
@@ -62,8 +67,8 @@ bool replay_line(const json& line, LinkedCar& car, LinkRecord& record) {
 
 }  // namespace
 
-void LinkRecord::to_car(std::uint64_t t_us, const std::vector<std::uint8_t>& bytes) {
-  if (!bytes.empty()) out_ << ordered_json{{"t_us", t_us}, {"to_car", to_hex(bytes)}}.dump() << '\n';
+void LinkRecord::to_car(std::uint64_t t_us, const std::vector<std::uint8_t>& bytes, bool late) {
+  if (!bytes.empty()) out_ << ordered_json{{"t_us", t_us}, {late ? kLate : kToCar, to_hex(bytes)}}.dump() << '\n';
 }
 
 void LinkRecord::from_car(std::uint64_t t_us, const std::vector<std::uint8_t>& bytes) {

@@ -15,7 +15,7 @@ namespace foldcar {
 class LinkRecord {
  public:
   explicit LinkRecord(std::ostream& out) : out_(out) {}
-  void to_car(std::uint64_t t_us, const std::vector<std::uint8_t>& bytes);
+  void to_car(std::uint64_t t_us, const std::vector<std::uint8_t>& bytes, bool late);
   void from_car(std::uint64_t t_us, const std::vector<std::uint8_t>& bytes);
   void inject(std::uint64_t t_us, const nlohmann::json& line);
   void end(std::uint64_t t_us);

@@ -44,10 +44,11 @@ LinkedCar::LinkedCar(const BodySpec& body, const SceneSpec& scene, const LinkedC
   firmware_->begin(options_.design);
 }
 
-void LinkedCar::receive(const std::vector<std::uint8_t>& bytes) {
+void LinkedCar::receive(const std::vector<std::uint8_t>& bytes, bool late) {
   if (!plugged_in() || booting_) return;
   const std::vector<std::uint8_t> arrived = to_car_noise_.pass(bytes, now_us_);
   hal_.link.to_car.insert(hal_.link.to_car.end(), arrived.begin(), arrived.end());
+  if (late) firmware_->stood_still();
 }
 
 void LinkedCar::inject(const Injection& injection) {

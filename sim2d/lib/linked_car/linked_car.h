@@ -37,8 +37,9 @@ class LinkedCar {
   // body and scene must outlive the car. firmware_id: 16 hexadecimal digits.
   LinkedCar(const BodySpec& body, const SceneSpec& scene, const LinkedCarOptions& options, std::string firmware_id);
 
-  // Gives the car the bytes of a host. They are lost while the cable is unplugged and while the board starts.
-  void receive(const std::vector<std::uint8_t>& bytes);
+  // Gives the car the bytes of a host. They are lost while the cable is unplugged and while the board starts. late: they
+  // waited while the simulation stood still.
+  void receive(const std::vector<std::uint8_t>& bytes, bool late);
   // Gives the car a fault from now on.
   void inject(const Injection& injection);
   // Advances by one step and returns the bytes that the car has sent. Throws std::runtime_error if the simulation diverges.

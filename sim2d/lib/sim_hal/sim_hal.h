@@ -48,6 +48,8 @@ struct SimLink : ByteLink {
 struct SimStorage : Storage {
   std::map<std::string, float> values;
   bool accepts = true;
+  bool fitted = true;
+  bool present() const override { return fitted; }
   bool load(const char* name, float& value) override;
   bool save(const char* name, float value) override;
   bool clear() override;

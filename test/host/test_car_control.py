@@ -1,0 +1,165 @@
+"""Who may set a car in motion, and when: over the port of `carsim link`, with the real firmware."""
+
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.errors import FoldcarError
+from foldcar.link.car import CommandRefusedError, greet
+from foldcar.link.connection import HOST_COMPONENT, HOST_SYSTEM
+from foldcar.link.parameters import set_parameter
+from link_client import Car, mavlink, write_car_files
+from live_car import car_at_port
+
+ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_FOLDCAR_START_TRIAL
+ACCEPTED, NOT_NOW = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+HELD, LATE, NO_DESIGN = 18, 19, 20
+
+
+@pytest.fixture
+def start(carsim_binary: Path, tmp_path: Path) -> Iterator[Callable[..., Car]]:
+    """A function that starts cars, which are stopped after the test."""
+    cars: list[Car] = []
+    write_car_files(tmp_path)
+
+    def begin(*options: str) -> Car:
+        cars.append(Car(carsim_binary, tmp_path, "--pty", *options))
+        return cars[-1]
+
+    yield begin
+    for car in cars:
+        if car.process.poll() is None:
+            assert car.end() == 0
+
+
+def is_armed(message: Any) -> bool:
+    return bool(message.state in (mavlink.FOLDCAR_STATE_ARMED, mavlink.FOLDCAR_STATE_RUNNING))
+
+
+def test_an_armed_car_that_is_left_alone_disarms_and_says_so(start: Callable[..., Car]) -> None:
+    car = start()
+    client = car.connect()
+    client.param_set_send("ARM_TIMEOUT_S", 1.0)
+    assert client.recv_match(type="PARAM_VALUE", blocking=True, timeout=100).param_value == 1.0
+    assert car.command(ARM, 1) == ACCEPTED
+    car.wait_for("FOLDCAR_TRIAL", is_armed)
+    for _ in range(4):
+        assert is_armed(car.wait_for("FOLDCAR_TRIAL", lambda message: True))
+        time.sleep(0.5)
+        car.show_life()
+
+    said = car.wait_for("STATUSTEXT", lambda message: "silent" in message.text, alive=False)
+    assert said.text == "disarmed: host 255/0 was silent for 1.0 s"
+    car.wait_for("FOLDCAR_TRIAL", lambda message: message.state == mavlink.FOLDCAR_STATE_DISARMED, alive=False)
+    assert car.command(START, 0.2, 0, 5, 0, 1) == NOT_NOW
+
+
+def test_two_hosts_at_once_and_only_the_one_that_armed_drives(carsim_binary: Path) -> None:
+    with car_at_port(carsim_binary) as simulated:
+        ours = greet(simulated.port)
+        # A second program on the same wire, as behind a router: another system, on the same port.
+        other = ours.dialect.MAVLink(None, srcSystem=200, srcComponent=7)
+
+        def sends(*messages: Any) -> None:
+            for message in messages:
+                ours.connection.stream.write(message.pack(other))
+                other.seq = (other.seq + 1) % 256
+
+        def command(number: int, *values: float) -> Any:
+            filled = (*values, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]
+            sends(other.heartbeat_encode(6, 8, 0, 0, 0), other.heartbeat_encode(6, 8, 0, 0, 0))
+            sends(other.command_long_encode(1, 1, number, 0, *filled))
+            ack = ours.connection.wait_for(
+                lambda m: m.get_type() == "COMMAND_ACK" and m.target_system == 200 and m.command == number, 30.0
+            )
+            assert ack is not None
+            return ack
+
+        ours.arm()
+        assert ours.connection.said == f"armed by host {HOST_SYSTEM}/{HOST_COMPONENT}"
+        for number, value in ((START, 0.2), (ARM, 1.0), (mavlink.MAV_CMD_ACTUATOR_TEST, 0.1)):
+            refused = command(number, value, 0.0, 5.0)
+            assert (refused.result, refused.result_param2) == (NOT_NOW, HELD)
+            assert ours.connection.said == f"refused: host {HOST_SYSTEM}/{HOST_COMPONENT} holds the car"
+        ours.start_trial(0.1, 0.0, 20.0, 3)
+        assert command(mavlink.MAV_CMD_FOLDCAR_STOP_TRIAL).result == ACCEPTED
+        assert ours.connection.said == "stopped by host 200/7"
+
+        assert command(ARM, 1).result == ACCEPTED
+        with pytest.raises(CommandRefusedError, match=r"the car refuses to arm: host 200/7 holds the car$"):
+            ours.arm()
+        with pytest.raises(FoldcarError, match=r"STAGGER_MS: .*is not set: host 200/7 holds the car\); it stays 40"):
+            set_parameter(ours, "STAGGER_MS", 50.0)
+        ours.disarm()
+        assert ours.connection.said == f"disarmed by host {HOST_SYSTEM}/{HOST_COMPONENT}"
+        ours.arm()
+        ours.connection.close()
+
+
+def test_a_start_that_waited_in_a_stopped_car_is_refused(start: Callable[..., Car], tmp_path: Path) -> None:
+    record = tmp_path / "record.jsonl"
+    car = start("--record", str(record))
+    car.connect()
+    assert car.command(ARM, 1) == ACCEPTED
+    car.process.send_signal(signal.SIGSTOP)
+    for _ in range(3):
+        car.show_life()
+    car.client.mav.command_long_send(1, 1, START, 0, 0.2, 0, 20, 1, 9, 0, 0)
+    time.sleep(2.0)
+    car.process.send_signal(signal.SIGCONT)
+
+    ack = car.wait_for("COMMAND_ACK", lambda message: message.command == START)
+
+    assert (ack.result, ack.result_param2) == (NOT_NOW, LATE)
+    for _ in range(10):
+        assert car.wait_for("FOLDCAR_TRIAL", lambda message: True).state == mavlink.FOLDCAR_STATE_ARMED
+    assert car.command(START, 0.2, 0, 20, 1, 10) == ACCEPTED
+    car.wait_for("FOLDCAR_TRIAL", lambda message: message.state == mavlink.FOLDCAR_STATE_RUNNING)
+    words = car.words
+    assert car.end() == 0
+    again = subprocess.run([*words, "--replay", str(record)], capture_output=True, check=True)
+    assert b"to_car_late" in again.stdout and again.stdout == record.read_bytes()
+
+
+def test_a_car_without_a_design_arms_only_when_that_is_confirmed(
+    start: Callable[..., Car], tmp_path: Path, foldcar: Any
+) -> None:
+    (tmp_path / "params.json").unlink()
+    car = start()
+    car.connect()
+    car.show_life()
+    assert car.wait_for("STATUSTEXT", lambda message: True).text == "fault: no car.json"
+    beat = car.wait_for("HEARTBEAT", lambda message: message.type == mavlink.MAV_TYPE_GROUND_ROVER)
+    assert beat.system_status == mavlink.MAV_STATE_CRITICAL
+    assert car.command(ARM, 1) == NOT_NOW
+    acknowledge = mavlink.MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT
+    assert car.command(acknowledge) == NOT_NOW
+    car.client.close()
+    car.client = None
+
+    refused = foldcar("calibrate-servos", "--port", car.port, "--output", "1", input="n\n")
+    confirmed = foldcar("params", "confirm", "--port", car.port)
+    again = foldcar("params", "confirm", "--port", car.port)
+
+    assert refused.returncode == 2 and "a fault is not acknowledged (There is no car.json" in refused.stderr
+    assert confirmed.returncode == again.returncode == 0, confirmed.stderr
+    assert confirmed.stdout.startswith("acknowledged: There is no car.json")
+    assert "TRACK_M          0.111" in confirmed.stdout
+    car.connect()
+    assert car.command(ARM, 1) == ACCEPTED
+    assert car.command(START, 0.2, 0, 20, 0, 1) == ACCEPTED
+
+
+def test_a_car_with_a_design_needs_no_confirmation(carsim_binary: Path, foldcar: Any) -> None:
+    with car_at_port(carsim_binary) as car:
+        answer = foldcar("params", "confirm", "--port", car.port)
+        connected = greet(car.port)
+        connected.arm()
+        connected.connection.close()
+    assert answer.returncode == 2
+    assert answer.stderr.startswith("foldcar: error: the car has a design, W_B_W 95x200 r60: there is nothing to confirm")

@@ -21,6 +21,18 @@ struct Car {
     bench.begin();
     firmware.begin({});
   }
+  // A board with that flash. Reading car.json needs ArduinoJson (test_flash.cpp): a file system counts as one with a design.
+  explicit Car(const FakeFlash& flash) {
+    fake_esp32.flash = flash;
+    bench.begin();
+    DesignResult design;
+    if (!bench.hal.logs.present()) design.source = DesignSource::kUnreadable;
+    firmware.begin(design);
+  }
+  MAV_RESULT answer(std::uint16_t command, const std::vector<float>& values) {
+    run(60, host.heartbeat() + host.command(command, values));
+    return static_cast<MAV_RESULT>(host.acks().back().result);
+  }
   // The host's bytes arrive, and loop() comes round every millisecond; the UART sends 11.5 bytes in each.
   void run(int time_ms, const std::string& bytes = "") {
     for (const char byte : bytes) fake_esp32.uart.receive_buffer.push_back(static_cast<std::uint8_t>(byte));
@@ -84,6 +96,47 @@ void an_untethered_trial_leaves_a_log_in_flash() {
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, reader.trials().back().end);
 }
 
+void a_flash_that_does_not_mount_is_told_and_keeps_the_car_disarmed() {
+  FakeFlash flash;
+  flash.is_formatted = false;
+  Car car(flash);
+  car.run(1100, car.host.heartbeat());
+  TEST_ASSERT_EQUAL_STRING("fault: flash memory cannot be read", car.host.texts().front().c_str());
+  const auto beats = car.host.all<mavlink_heartbeat_t>(MAVLINK_MSG_ID_HEARTBEAT, mavlink_msg_heartbeat_decode);
+  TEST_ASSERT_EQUAL_UINT8(MAV_STATE_CRITICAL, beats.back().system_status);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_FAULT_FLASH, car.host.trials().back().fault);
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, car.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, car.answer(MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, {}));
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, car.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+  TEST_ASSERT_FALSE(fake_esp32.flash.is_formatted);
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, car.answer(MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, {1}));
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, car.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+}
+
+void stored_parameters_that_cannot_be_read_are_told() {
+  FakeFlash flash;
+  flash.nvs_is_broken = true;
+  Car car(flash);
+  car.run(100, car.host.heartbeat());
+  TEST_ASSERT_EQUAL_STRING("fault: flash memory cannot be read", car.host.texts().front().c_str());
+  TEST_ASSERT_TRUE(car.firmware.application().status().fault == Fault::kFlash);
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, car.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+}
+
+// Writing to flash and other long work leave the host's bytes in the serial port's buffer.
+void a_start_that_waited_in_the_receive_buffer_is_refused() {
+  Car car(true);
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, car.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+  for (const char byte : car.host.heartbeat() + car.host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.2f, 0, 5, 1, 7})) {
+    fake_esp32.uart.receive_buffer.push_back(static_cast<std::uint8_t>(byte));
+  }
+  fake_esp32.time_us += 700000;
+  car.run(60);
+  TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kLate), car.host.acks().back().result_param2);
+  TEST_ASSERT_TRUE(car.firmware.application().status().state == State::kArmed);
+  for (std::size_t channel = 0; channel < kChannelCount; ++channel) TEST_ASSERT_TRUE(car.pulse_us(channel) == 0);
+}
+
 }  // namespace
 
 void run_whole_board_tests() {
@@ -91,6 +144,9 @@ void run_whole_board_tests() {
   RUN_TEST(a_trial_asked_for_over_usb_drives_the_outputs_until_the_host_is_silent);
   RUN_TEST(a_bus_that_fails_in_a_trial_is_a_fault);
   RUN_TEST(an_untethered_trial_leaves_a_log_in_flash);
+  RUN_TEST(a_flash_that_does_not_mount_is_told_and_keeps_the_car_disarmed);
+  RUN_TEST(stored_parameters_that_cannot_be_read_are_told);
+  RUN_TEST(a_start_that_waited_in_the_receive_buffer_is_refused);
 }
 
 }  // namespace foldcar

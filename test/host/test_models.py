@@ -5,6 +5,7 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import mujoco
 import numpy
@@ -62,8 +63,9 @@ def test_mjcf_and_urdf_weigh_and_measure_what_the_body_does(body: dict[str, Any]
         assert data.subtree_com[0] - origin == pytest.approx(center, abs=1e-9)
         for index, segment in enumerate(body["segments"]):
             inertia = [segment[f"{axis}_inertia_kg_m2"] for axis in ("roll", "pitch", "yaw")]
+            part = model.body(f"segment{index}" if index or not urdf_names(model) else "base_link")
             # The order of principal axes is arbitrary.
-            assert sorted(model.body(f"segment{index}").inertia) == pytest.approx(sorted(inertia), rel=1e-6)
+            assert sorted(part.inertia) == pytest.approx(sorted(inertia), rel=1e-6)
         for wheel in body["wheels"]:
             part = model.body(f"wheel{wheel['channel']}")
             side = 1 if wheel["side"] == "left" else -1
@@ -78,6 +80,11 @@ def test_mjcf_and_urdf_weigh_and_measure_what_the_body_does(body: dict[str, Any]
         if body["hinges"]:
             assert model.joint("hinge0").range == pytest.approx([-0.5, 0.4])
             assert data.xanchor[model.joint("hinge0").id] - origin == pytest.approx([0, 0, 0.02], abs=1e-9)
+
+
+def urdf_names(model: Any) -> bool:
+    """Whether a model's front segment is called base_link, as in URDF."""
+    return "base_link" in {model.body(i).name for i in range(model.nbody)}
 
 
 def test_a_hinge_bends_as_the_body_says() -> None:
@@ -100,6 +107,30 @@ def test_urdf_has_the_servos_limits() -> None:
 
     assert text.count(f'effort="{servo["stall_torque_n_m"] * scale:.9g}"') == 4
     assert text.count(f'velocity="{servo["no_load_speed_rad_s"] * scale:.9g}"') == 4
+
+
+@pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
+def test_urdf_leaves_no_mass_speed_or_friction_to_a_programs_defaults(body: dict[str, Any]) -> None:
+    """PyBullet and DART give 1 kg to a link without inertia, PyBullet a friction of 0.5 to one without; DART holds a
+    joint at its limit of speed."""
+    robot = ElementTree.fromstring(urdf(body, "car"))
+
+    links = {link.get("name"): link for link in robot.iter("link")}
+    masses = [float(link.find("inertial/mass").get("value")) for link in links.values()]
+    assert min(masses) > 0
+    assert sum(masses) == pytest.approx(mass_and_center(body)[0])
+    children = {joint.find("child").get("link") for joint in robot.findall("joint")}
+    assert set(links) - children == {"base_link"}
+    grips = {f"wheel{wheel['channel']}": wheel["grip"] for wheel in body["wheels"]}
+    grips |= {f"segment{i}" if i else "base_link": part["grip"] for i, part in enumerate(body["segments"])}
+    for name, link in links.items():
+        assert name is not None
+        assert float(link.find("contact/lateral_friction").get("value")) == pytest.approx(grips[name])
+        assert float(robot.find(f"gazebo[@reference='{name}']/mu1").text) == pytest.approx(grips[name])
+    speeds = [float(limit.get("velocity", "nan")) for limit in robot.iter("limit")]
+    assert len(speeds) == len(links) - 1 and min(speeds) > 10
+    wheels = {f"{wheel}_axle" for wheel in grips if wheel.startswith("wheel")}
+    assert {joint.get("name") for joint in robot.findall("transmission/joint")} == wheels
 
 
 @pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])

@@ -13,27 +13,15 @@ import pytest
 
 from foldcar.models.ground import height_grid
 from foldcar.models.mjcf import mjcf
+from foldcar.models.put_down import start_height_m
 from foldcar.models.urdf import urdf
 from foldcar.models.webots_car import webots_proto
 from foldcar.models.webots_world import webots_world
-from study_car import car_body, empty_scene
+from study_car import car_body, empty_scene, hinged_body
 from vrml_reader import Reader, ReadNode
 
 POSE = {"x_m": 1.0, "y_m": 0.1, "heading_rad": 0.3}
 BLOCK = {**POSE, "length_m": 0.4, "width_m": 0.6, "height_m": 0.05}
-
-
-def hinged_body() -> dict[str, Any]:
-    """Two segments, each with an axle, joined by a hinge."""
-    body = car_body(eccentricity_m=0.001, eccentricity_phase_rad=0.7, com_y_m=0.003)
-    segment = body["segments"][0]
-    front = {**segment, "x_m": 0.05, "length_m": 0.098, "com_x_m": 0.06, "mass_kg": 0.1}
-    rear = {**segment, "x_m": -0.05, "length_m": 0.098, "com_x_m": -0.04, "mass_kg": 0.05}
-    hinge = {"x_m": 0.0, "z_m": 0.02, "stiffness_n_m_rad": 0.1, "damping_n_m_s_rad": 0.001}
-    body |= {"segments": [front, rear], "hinges": [hinge | {"min_rad": -0.5, "max_rad": 0.4}]}
-    for wheel in body["wheels"]:
-        wheel["segment"] = 0 if wheel["x_m"] > 0 else 1
-    return body
 
 
 def mass_and_center(body: dict[str, Any]) -> tuple[float, Any]:
@@ -51,7 +39,7 @@ def mass_and_center(body: dict[str, Any]) -> tuple[float, Any]:
 @pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
 def test_mjcf_and_urdf_weigh_and_measure_what_the_body_does(body: dict[str, Any]) -> None:
     mass, center = mass_and_center(body)
-    height = body["wheels"][0]["radius_m"]
+    height = start_height_m(body, None, None)
 
     for model, origin in (
         (mujoco.MjModel.from_xml_string(mjcf(body)), numpy.array([0, 0, height])),

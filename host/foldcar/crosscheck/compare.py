@@ -32,7 +32,10 @@ ENGINES = (CARSIM, *OPTIONS)
 # The sources that MuJoCo's results depend on.
 SOURCES = (
     (foldcar.crosscheck, ("ending.py", "mujoco_car.py", "mujoco_run.py", "mujoco_step.py", "pulses.py", "servo.py")),
-    (foldcar.models, ("ground.py", "mjcf.py", "mjcf_terrain.py", "wheel_geometry.py", "xml_elements.py")),
+    (
+        foldcar.models,
+        ("ground.py", "mjcf.py", "mjcf_terrain.py", "put_down.py", "wheel_geometry.py", "xml_elements.py"),
+    ),
 )
 
 Results = dict[str, list[dict[str, Any] | None]]

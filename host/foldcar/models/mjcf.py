@@ -22,6 +22,7 @@ from xml.etree.ElementTree import Element
 
 from foldcar.models.ground import HeightGrid
 from foldcar.models.mjcf_terrain import add_terrain
+from foldcar.models.put_down import start_height_m
 from foldcar.models.wheel_geometry import (
     axle_m,
     segment_name,
@@ -59,7 +60,7 @@ def mjcf(
 ) -> str:
     """The model of the car on the scene's ground, or without a scene on a level floor with friction 1.
 
-    The car stands at the scene's start with its axles at the largest wheel radius above z = 0.
+    The car stands at the scene's start, put down on the ground (foldcar.models.put_down).
     """
     root = Element("mujoco", model="foldcar")
     add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
@@ -81,20 +82,26 @@ def mjcf(
     add(world, "light", pos="0 0 3", dir="0 0 -1")
     add_terrain(world, asset, scene["terrain"] if scene else (), grid)
     start = scene["start"] if scene else {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
-    _add_car(world, body, start, scene["friction"] if scene else 1.0, options.tyre)
+    height_m = start_height_m(body, scene, grid)
+    _add_car(world, body, start, height_m, scene["friction"] if scene else 1.0, options.tyre)
     _add_servos(add(root, "actuator"), body)
     return document(root)
 
 
 def _add_car(
-    world: Element, body: Mapping[str, Any], start: Mapping[str, float], friction: float, tyre: str
+    world: Element,
+    body: Mapping[str, Any],
+    start: Mapping[str, float],
+    height_m: float,
+    friction: float,
+    tyre: str,
 ) -> None:
-    height_m = max(wheel["radius_m"] for wheel in body["wheels"])
     parent = world
     for index, segment in enumerate(body["segments"]):
         name = segment_name(index)
         if index == 0:
-            place = numbers(start["x_m"], start["y_m"], height_m)
+            # All digits of the height: the crosscheck starts from here.
+            place = f"{numbers(start['x_m'], start['y_m'])} {height_m!r}"
             part = add(parent, "body", name=name, pos=place, euler=numbers(0, 0, start["heading_rad"]))
             add(part, "freejoint", name="car")
         else:

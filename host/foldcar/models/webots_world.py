@@ -13,6 +13,7 @@ import numpy
 
 from foldcar.errors import FoldcarError
 from foldcar.models.ground import HeightGrid
+from foldcar.models.put_down import start_height_m
 from foldcar.models.vrml import HEADER, Node, node_text, vector
 from foldcar.models.webots_car import contact_materials, placed, shape
 from foldcar.scenes.terrain_kinds import kind_of
@@ -38,9 +39,7 @@ def webots_world(
         for name, grip in contact_materials(body).items()
     ]
     start = scene["start"] if scene else {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
-    # The car starts above the highest ground near its start and falls onto it.
-    tops = [piece["height_m"] for piece in _blocks(scene) if _near(piece, start)]
-    height_m = max(wheel["radius_m"] for wheel in body["wheels"]) + max([0.0, *tops])
+    height_m = start_height_m(body, scene, grid)
     nodes = [
         Node("WorldInfo", {"basicTimeStep": STEP_MS, "contactProperties": contacts}),
         Node("Viewpoint", {"orientation": vector(*_looking()), "position": vector(*EYE_M)}),
@@ -63,11 +62,6 @@ def webots_world(
 def _blocks(scene: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
     terrain = scene["terrain"] if scene else ()
     return [piece for piece in terrain if kind_of(piece).form == "block"]
-
-
-def _near(piece: Mapping[str, Any], start: Mapping[str, float]) -> bool:
-    reach = math.hypot(piece["length_m"], piece["width_m"]) / 2 + 0.2
-    return math.hypot(piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"]) < reach
 
 
 def _floor(grid: HeightGrid | None) -> list[Node]:

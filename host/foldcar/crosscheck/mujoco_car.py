@@ -11,11 +11,11 @@ from typing import Any
 import numpy
 
 from foldcar.crosscheck.ending import State
-from foldcar.crosscheck.servo import drive_fraction
 from foldcar.errors import FoldcarError
 from foldcar.models.ground import HeightGrid
 from foldcar.models.mjcf import MjcfOptions, mjcf
-from foldcar.models.wheel_geometry import segment_name, wheel_name
+from foldcar.models.servo import drive_fraction
+from foldcar.models.wheel_geometry import main_segment, segment_name, wheel_name
 from foldcar.scenes.terrain_kinds import kind_of
 
 
@@ -63,7 +63,7 @@ class MujocoCar:
         self._channels = [wheel["channel"] for wheel in body["wheels"]]
         gains, biases = self.model.actuator_gainprm[:, 0].tolist(), self.model.actuator_biasprm[:, 2].tolist()
         self._torque_lines = list(zip(gains, biases, strict=True))
-        self._origin = self.model.body(segment_name(_main_segment(body))).id
+        self._origin = self.model.body(segment_name(main_segment(body))).id
         self._scene = scene
         self._patches = [piece for piece in scene["terrain"] if kind_of(piece).form == "patch"]
         self._grips = [(self.model.geom(f"{wheel_name(wheel)}_tyre").id, wheel["grip"]) for wheel in body["wheels"]] + [
@@ -125,9 +125,3 @@ class MujocoCar:
             if abs(along) <= patch["length_m"] / 2 and abs(across) <= patch["width_m"] / 2:
                 return float(patch["friction"])
         return float(self._scene["friction"])
-
-
-def _main_segment(body: Mapping[str, Any]) -> int:
-    """The segment that carries the car's origin: the first over it."""
-    distances = [max(0.0, abs(s["x_m"]) - s["length_m"] / 2) for s in body["segments"]]
-    return distances.index(min(distances))

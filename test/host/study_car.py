@@ -1,4 +1,4 @@
-"""The width study's car and an empty scene as inputs of the simulator."""
+"""The width study's car, a hinged one and an empty scene as inputs of the simulator."""
 
 import copy
 from typing import Any
@@ -16,6 +16,19 @@ def car_body(**changes: float) -> dict[str, Any]:
         assert holders, key
         for part in holders:
             part[key] = value
+    return body
+
+
+def hinged_body() -> dict[str, Any]:
+    """Two segments, each with an axle, joined by a hinge."""
+    body = car_body(eccentricity_m=0.001, eccentricity_phase_rad=0.7, com_y_m=0.003)
+    segment = body["segments"][0]
+    front = {**segment, "x_m": 0.05, "length_m": 0.098, "com_x_m": 0.06, "mass_kg": 0.1}
+    rear = {**segment, "x_m": -0.05, "length_m": 0.098, "com_x_m": -0.04, "mass_kg": 0.05}
+    hinge = {"x_m": 0.0, "z_m": 0.02, "stiffness_n_m_rad": 0.1, "damping_n_m_s_rad": 0.001}
+    body |= {"segments": [front, rear], "hinges": [hinge | {"min_rad": -0.5, "max_rad": 0.4}]}
+    for wheel in body["wheels"]:
+        wheel["segment"] = 0 if wheel["x_m"] > 0 else 1
     return body
 
 

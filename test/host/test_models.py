@@ -1,10 +1,12 @@
 """Models for other simulators, read by the simulators' parsers or by a reader of their grammar."""
 
+import json
 import math
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import mujoco
 import numpy
@@ -12,27 +14,15 @@ import pytest
 
 from foldcar.models.ground import height_grid
 from foldcar.models.mjcf import mjcf
+from foldcar.models.put_down import start_height_m
 from foldcar.models.urdf import urdf
 from foldcar.models.webots_car import webots_proto
 from foldcar.models.webots_world import webots_world
-from study_car import car_body, empty_scene
+from study_car import car_body, empty_scene, hinged_body
 from vrml_reader import Reader, ReadNode
 
 POSE = {"x_m": 1.0, "y_m": 0.1, "heading_rad": 0.3}
 BLOCK = {**POSE, "length_m": 0.4, "width_m": 0.6, "height_m": 0.05}
-
-
-def hinged_body() -> dict[str, Any]:
-    """Two segments, each with an axle, joined by a hinge."""
-    body = car_body(eccentricity_m=0.001, eccentricity_phase_rad=0.7, com_y_m=0.003)
-    segment = body["segments"][0]
-    front = {**segment, "x_m": 0.05, "length_m": 0.098, "com_x_m": 0.06, "mass_kg": 0.1}
-    rear = {**segment, "x_m": -0.05, "length_m": 0.098, "com_x_m": -0.04, "mass_kg": 0.05}
-    hinge = {"x_m": 0.0, "z_m": 0.02, "stiffness_n_m_rad": 0.1, "damping_n_m_s_rad": 0.001}
-    body |= {"segments": [front, rear], "hinges": [hinge | {"min_rad": -0.5, "max_rad": 0.4}]}
-    for wheel in body["wheels"]:
-        wheel["segment"] = 0 if wheel["x_m"] > 0 else 1
-    return body
 
 
 def mass_and_center(body: dict[str, Any]) -> tuple[float, Any]:
@@ -50,7 +40,7 @@ def mass_and_center(body: dict[str, Any]) -> tuple[float, Any]:
 @pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
 def test_mjcf_and_urdf_weigh_and_measure_what_the_body_does(body: dict[str, Any]) -> None:
     mass, center = mass_and_center(body)
-    height = body["wheels"][0]["radius_m"]
+    height = start_height_m(body, None, None)
 
     for model, origin in (
         (mujoco.MjModel.from_xml_string(mjcf(body)), numpy.array([0, 0, height])),
@@ -62,8 +52,9 @@ def test_mjcf_and_urdf_weigh_and_measure_what_the_body_does(body: dict[str, Any]
         assert data.subtree_com[0] - origin == pytest.approx(center, abs=1e-9)
         for index, segment in enumerate(body["segments"]):
             inertia = [segment[f"{axis}_inertia_kg_m2"] for axis in ("roll", "pitch", "yaw")]
+            part = model.body(f"segment{index}" if index or not urdf_names(model) else "base_link")
             # The order of principal axes is arbitrary.
-            assert sorted(model.body(f"segment{index}").inertia) == pytest.approx(sorted(inertia), rel=1e-6)
+            assert sorted(part.inertia) == pytest.approx(sorted(inertia), rel=1e-6)
         for wheel in body["wheels"]:
             part = model.body(f"wheel{wheel['channel']}")
             side = 1 if wheel["side"] == "left" else -1
@@ -78,6 +69,11 @@ def test_mjcf_and_urdf_weigh_and_measure_what_the_body_does(body: dict[str, Any]
         if body["hinges"]:
             assert model.joint("hinge0").range == pytest.approx([-0.5, 0.4])
             assert data.xanchor[model.joint("hinge0").id] - origin == pytest.approx([0, 0, 0.02], abs=1e-9)
+
+
+def urdf_names(model: Any) -> bool:
+    """Whether a model's front segment is called base_link, as in URDF."""
+    return "base_link" in {model.body(i).name for i in range(model.nbody)}
 
 
 def test_a_hinge_bends_as_the_body_says() -> None:
@@ -100,6 +96,68 @@ def test_urdf_has_the_servos_limits() -> None:
 
     assert text.count(f'effort="{servo["stall_torque_n_m"] * scale:.9g}"') == 4
     assert text.count(f'velocity="{servo["no_load_speed_rad_s"] * scale:.9g}"') == 4
+
+
+@pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
+@pytest.mark.parametrize("hills", [False, True])
+def test_mjcf_has_cameras_that_see_the_scene_sensors_and_its_start(body: dict[str, Any], hills: bool) -> None:
+    block = {**BLOCK, "kind": "box", "x_m": 1.5, "y_m": 0.0}
+    scene = empty_scene([block], x_m=-0.2, goal_x_m=2.0)
+    scene["start"]["heading_rad"] = 0.4
+    piece = {"kind": "rough", **BLOCK}
+    grid = height_grid([piece], scene["course"], lambda x, y: 0.002 * numpy.sin(20 * x)) if hills else None
+    model = mujoco.MjModel.from_xml_string(mjcf(body, scene, grid, name="Foldcar1"))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("start").id)
+    mujoco.mj_forward(model, data)
+
+    assert data.qpos == pytest.approx(model.qpos0) and data.ncon == 0
+    # MuJoCo takes the floor's 100 m for the scene otherwise, and shows a car of one pixel.
+    assert model.stat.extent == pytest.approx(1.6, abs=0.1)
+    assert model.stat.center == pytest.approx([0.9, 0, 0], abs=0.01)
+    for camera in ("overview", "follow"):
+        place, axes = data.cam_xpos[model.camera(camera).id], data.cam_xmat[model.camera(camera).id].reshape(3, 3)
+        ahead = data.subtree_com[1] - place if camera == "follow" else model.stat.center - place
+        # A camera looks along its negative z axis; its picture is 45 degrees high.
+        assert -axes[:, 2] @ ahead / numpy.linalg.norm(ahead) > 0.99
+        assert 0.2 < numpy.linalg.norm(ahead) < 5
+
+    for wheel in body["wheels"]:
+        data.ctrl[model.actuator(f"wheel{wheel['channel']}_servo").id] = 0.5
+    before = data.time
+    mujoco.mj_step(model, data, 1500)
+    assert data.time - before == pytest.approx(1.5)
+    speed = data.sensor("wheel0_speed").data[0]
+    assert speed == pytest.approx(0.5 * 11.519 * body["supply_v"] / 6.0, rel=0.2) or hills
+    data.ctrl[:] = 0
+    mujoco.mj_step(model, data, 1500)
+    # At rest an accelerometer shows gravity upwards.
+    assert numpy.linalg.norm(data.sensor("imu_acceleration").data) == pytest.approx(9.81, abs=0.3)
+    assert data.sensor("imu_turn_rate").data == pytest.approx([0, 0, 0], abs=0.05)
+
+
+@pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
+def test_urdf_leaves_no_mass_speed_or_friction_to_a_programs_defaults(body: dict[str, Any]) -> None:
+    """PyBullet and DART give 1 kg to a link without inertia, PyBullet a friction of 0.5 to one without; DART holds a
+    joint at its limit of speed."""
+    robot = ElementTree.fromstring(urdf(body, "car"))
+
+    links = {link.get("name"): link for link in robot.iter("link")}
+    masses = [float(link.find("inertial/mass").get("value")) for link in links.values()]
+    assert min(masses) > 0
+    assert sum(masses) == pytest.approx(mass_and_center(body)[0])
+    children = {joint.find("child").get("link") for joint in robot.findall("joint")}
+    assert set(links) - children == {"base_link"}
+    grips = {f"wheel{wheel['channel']}": wheel["grip"] for wheel in body["wheels"]}
+    grips |= {f"segment{i}" if i else "base_link": part["grip"] for i, part in enumerate(body["segments"])}
+    for name, link in links.items():
+        assert name is not None
+        assert float(link.find("contact/lateral_friction").get("value")) == pytest.approx(grips[name])
+        assert float(robot.find(f"gazebo[@reference='{name}']/mu1").text) == pytest.approx(grips[name])
+    speeds = [float(limit.get("velocity", "nan")) for limit in robot.iter("limit")]
+    assert len(speeds) == len(links) - 1 and min(speeds) > 10
+    wheels = {f"{wheel}_axle" for wheel in grips if wheel.startswith("wheel")}
+    assert {joint.get("name") for joint in robot.findall("transmission/joint")} == wheels
 
 
 @pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
@@ -203,16 +261,42 @@ def test_the_command_writes_each_format(
     done = foldcar("model", file, "--vehicle", "1", "--set", "width=95", "--to", to, "-o", "models", *more)
 
     assert done.returncode == 0, done.stderr
-    names = {"mjcf": ["Foldcar1.xml"], "urdf": ["Foldcar1.urdf"]}
-    expected = names.get(to, ["protos/Foldcar1.proto", "worlds/pyramids.wbt"])
+    names = {"mjcf": ["Foldcar1_width95_env1_sample2.xml"], "urdf": ["Foldcar1_width95.urdf"]}
+    webots = ["protos/Foldcar1_width95.proto", "worlds/pyramids_Foldcar1_width95_env1_sample2.wbt"]
+    webots += [f"controllers/foldcar_pulses/{name}" for name in ("foldcar_pulses.py", f"{names['mjcf'][0][:-4]}.json")]
+    expected = names.get(to, webots)
     assert done.stdout.split() == [f"models/{name}" for name in expected]
     texts = [(file.parent / "models" / Path(name)).read_text() for name in expected]
     if to == "webots":
-        assert len(Reader(texts[1]).read().nodes) > 6 and Reader(texts[0]).read().name == "Foldcar1"
+        world = Reader(texts[1]).read()
+        assert Reader(texts[0]).read().name == world.nodes[-1].name == "Foldcar1_width95"
+        assert world.nodes[-1].fields["controllerArgs"] == ["Foldcar1_width95_env1_sample2"]
+        assert json.loads(texts[3])["motors"] == [f"wheel{i} servo" for i in range(4)]
     else:
         model = mujoco.MjModel.from_xml_string(texts[0])
         assert model.body("wheel3").mass > 0
         assert to == "urdf" or model.geom("box5").type == mujoco.mjtGeom.mjGEOM_BOX
+        assert f'"{Path(expected[0]).stem}"' in texts[0].splitlines()[to == "urdf"]
+
+
+@pytest.mark.parametrize("to", ["mjcf", "urdf", "webots"])
+def test_cars_and_samples_have_files_of_their_own(
+    to: str, foldcar: Callable[..., "subprocess.CompletedProcess[str]"], write_listing: Any, listing_data: Any
+) -> None:
+    vehicle = listing_data["vehicles"].pop("1")
+    # Their letters and digits are the same.
+    listing_data["vehicles"] |= {"1": vehicle, "a b": vehicle, "a_b": vehicle}
+    file = write_listing(listing_data)
+    written: list[str] = []
+    for name, width in (("1", "65"), ("1", "95"), ("1", "95.5"), ("a b", "65"), ("a_b", "65")):
+        for sample in ("0", "1"):
+            more = [] if to == "urdf" else ["--environment", "1", "--sample", sample]
+            done = foldcar("model", file, "--vehicle", name, "--set", f"width={width}", "--to", to, "-o", "m", *more)
+            assert done.returncode == 0, done.stderr
+            written += [line for line in done.stdout.split() if line.endswith((".xml", ".urdf", ".wbt", ".json"))]
+
+    files = {"mjcf": 10, "urdf": 5, "webots": 20}[to]
+    assert len(set(written)) == len({name.lower() for name in written}) == files
 
 
 @pytest.mark.parametrize(

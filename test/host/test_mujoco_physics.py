@@ -12,11 +12,11 @@ from foldcar.car.firmware_parameters import CHANNELS
 from foldcar.crosscheck.mujoco_car import EngineOptions, MujocoCar
 from foldcar.crosscheck.mujoco_run import run_mujoco
 from foldcar.crosscheck.mujoco_step import SteppedMujoco
-from foldcar.crosscheck.pulses import PulseTrain, ask_pulses
-from foldcar.crosscheck.servo import drive_fraction
 from foldcar.models.ground import height_grid
+from foldcar.models.servo import drive_fraction
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_limits import CarsimLimits
+from foldcar.simulation.pulses import PulseTrain, ask_pulses
 from foldcar.simulation.runner import RunRequest
 from study_car import car_body, empty_scene
 

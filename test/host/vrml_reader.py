@@ -1,6 +1,6 @@
 """Reads Webots worlds and PROTOs by their grammar, and checks every node and field against Webots' definitions.
 
-NODES is what the nodes of R2025a have, from the definitions that Webots ships (resources/nodes/*.wrl and the
+NODES is what the nodes of R2023b have, from the definitions that Webots ships (resources/nodes/*.wrl and the
 reference manual): of each field its type.
 """
 
@@ -68,6 +68,8 @@ NODES: dict[str, dict[str, str]] = {
     "IndexedFaceSet": {"coord": "SFNode", "coordIndex": "MFInt32"},
     "Coordinate": {"point": "MFVec3f"},
 }
+# The fields of a car's PROTO.
+CAR = POSE | {"name": "SFString", "controller": "SFString", "controllerArgs": "MFString"}
 NUMBERS_A_VALUE = {"Float": 1, "Int32": 1, "Vec2f": 2, "Vec3f": 3, "Color": 3, "Rotation": 4}
 TOKEN = re.compile(r'#[^\n]*|"(?:\\.|[^"\\])*"|[\[\]{}]|[^\s\[\]{},"#]+|,|\s+')
 
@@ -103,7 +105,7 @@ class Reader:
     """Reads one file; AssertionError where it is against the grammar."""
 
     def __init__(self, text: str) -> None:
-        assert text.startswith("#VRML_SIM R2025a utf8\n")
+        assert text.startswith("#VRML_SIM R2023b utf8\n")
         assert "".join(TOKEN.findall(text)) == text
         self.tokens = [
             t for t in TOKEN.findall(text) if not t.isspace() and not t.startswith("#") and t != ","
@@ -143,7 +145,7 @@ class Reader:
     def node(self) -> ReadNode:
         node = ReadNode(self.take())
         extern = {name.rsplit("/", 1)[-1].removesuffix(".proto") for name in self.file.protos}
-        known = POSE if node.name in extern else NODES.get(node.name)
+        known = CAR if node.name in extern else NODES.get(node.name)
         assert known is not None, f"no node {node.name}"
         self.take("{")
         while self.tokens[0] != "}":

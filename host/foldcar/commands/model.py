@@ -1,19 +1,22 @@
 """`foldcar model`: writes a car of a listing in the file format of another simulator."""
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from foldcar.commands.components_option import Components
-from foldcar.commands.design_settings import Settings
+from foldcar.commands.design_settings import Settings, design_settings
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
+    from foldcar.car.design import Design
+    from foldcar.simulation.pulses import PulseTrain
     from foldcar.study.listing import Listing
 
 FORMATS = ("mjcf", "urdf", "webots")
+# Of a car that no experiment of the listing drives.
+TIME_LIMIT_S = 120.0
 
 
 def model(
@@ -28,57 +31,84 @@ def model(
     sample: Annotated[int, typer.Option(metavar="K", min=0, help="Number of the environment's sample.")] = 0,
     components: Components = None,
 ) -> None:
-    """Write one car as MJCF, URDF or a Webots PROTO with its world."""
+    """Write one car as MJCF, URDF or a Webots PROTO with its world and controller; names say which car and sample."""
     from foldcar.atomic_file import atomic_file
     from foldcar.car.body import body_json
     from foldcar.commands.listed_design import listed_family
+    from foldcar.models.names import car_name, scene_name
 
     if to not in FORMATS:
         raise FoldcarError(f"--to {to}: not one of {', '.join(FORMATS)}")
     if to == "urdf" and environment is not None:
         raise FoldcarError("--environment: URDF describes robots only; leave it out or choose mjcf or webots")
-    listed, family = listed_family(listing, vehicle, settings or [])
-    design = family.single()
+    listed, family = listed_family(listing, vehicle, [])
+    chosen = design_settings(settings or [])
+    varied = [key for key, values in family.choices.items() if len(values) > 1]
+    design = family.narrowed(chosen).single()
     body = body_json(design)
+    car = car_name(vehicle, {key: design.values[key] for key in dict.fromkeys([*varied, *chosen])})
     scene, grid = _ground(listing, listed, environment, sample)
-    described = f"{design.type} " + " ".join(f"{key}={value:g}" for key, value in design.values.items())
-    for name, text in _files(to, listed, vehicle, environment, described, body, scene, grid).items():
-        file = output / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_file(file) as binary:
-            binary.write(text.encode())
-        typer.echo(str(file))
-
-
-def _files(
-    to: str,
-    listed: "Listing",
-    vehicle: str,
-    environment: str | None,
-    described: str,
-    body: dict[str, Any],
-    scene: dict[str, Any] | None,
-    grid: Any,
-) -> dict[str, str]:
-    """Texts by file name."""
-    # PROTO names consist of letters and digits.
-    name = f"Foldcar{re.sub('[^A-Za-z0-9]', '', vehicle)}"
+    surroundings = f"_{scene_name(environment, sample)}" if environment is not None else ""
+    files = {}
     if to == "mjcf":
         from foldcar.models.mjcf import mjcf
 
-        return {f"{name}.xml": mjcf(body, scene, grid)}
-    if to == "urdf":
+        name = f"{car}{surroundings}"
+        files[f"{name}.xml"] = mjcf(body, scene, grid, name=name)
+    elif to == "urdf":
         from foldcar.models.urdf import urdf
 
-        return {f"{name}.urdf": urdf(body, name)}
-    from foldcar.models.webots_car import webots_proto
-    from foldcar.models.webots_world import webots_world
+        files[f"{car}.urdf"] = urdf(body, car)
+    else:
+        from foldcar.models.webots_car import webots_proto
+        from foldcar.models.webots_drive import CONTROLLER, controller_drive, controller_program
+        from foldcar.models.webots_world import webots_world
 
-    world = listed.environments[environment].wbt_filename if environment is not None else None
-    return {
-        f"protos/{name}.proto": webots_proto(body, name, described),
-        f"worlds/{Path(world).name if world else f'{name}.wbt'}": webots_world(body, name, scene, grid),
+        file = listed.environments[environment].wbt_filename if environment is not None else None
+        prefix = f"{Path(file).stem}_" if file else ""
+        controller = f"controllers/{CONTROLLER}"
+        drive = f"{car}{surroundings}"
+        values = " ".join(f"{key}={value:g}" for key, value in design.values.items())
+        files = {
+            f"protos/{car}.proto": webots_proto(body, car, f"{design.type} {values}"),
+            f"worlds/{prefix}{drive}.wbt": webots_world(body, car, scene, grid, drive),
+            f"{controller}/{CONTROLLER}.py": controller_program(),
+            f"{controller}/{drive}.json": controller_drive(body, *_drive(listing, listed, vehicle, environment, design)),
+        }
+    for name, text in files.items():
+        target = output / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_file(target) as binary:
+            binary.write(text.encode())
+        typer.echo(str(target))
+
+
+def _drive(
+    file: Path, listed: "Listing", vehicle: str, environment: str | None, design: "Design"
+) -> "tuple[PulseTrain, float]":
+    """The firmware's pulses, and how long the car stands before them (s).
+
+    They are those of the listing's first experiment with vehicle and environment, else full speed straight on.
+    """
+    from foldcar.car.body import body_json, full_speed_m_s
+    from foldcar.car.firmware_parameters import firmware_parameters
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.pulses import ask_pulses
+    from foldcar.study.experiments import read_study
+
+    carsim, body = Carsim(), body_json(design)
+    settings: dict[str, Any] = {
+        "speed_m_s": full_speed_m_s(design),
+        "time_limit_s": TIME_LIMIT_S,
+        "parameters": firmware_parameters(design, body),
     }
+    for name, one in listed.experiments.items():
+        if one.veh_id == vehicle and environment in (None, one.env_id):
+            (experiment,) = read_study(file, name).experiments
+            settings = experiment.settings(design, body, carsim.parameter_table())
+            break
+    (pulses,) = ask_pulses(carsim, [settings])
+    return pulses, carsim.limits().trial.settling_s
 
 
 def _ground(

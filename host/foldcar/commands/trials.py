@@ -134,12 +134,18 @@ def export(
     mcap: Annotated[Path, typer.Option(metavar="FILE", help="MCAP file to write, for Foxglove and PlotJuggler.")],
 ) -> None:
     """Convert a trial's log. The log itself, a .tlog, opens in MAVLink's own tools."""
-    from foldcar.link.mcap_export import export_mcap
+    import json
+
+    from foldcar.link.mcap_export import NO_START, export_mcap
+    from foldcar.models.foxglove_scene import foxglove_scene
+    from foldcar.models.ground import smooth_ground
+    from foldcar.models.put_down import start_height_m
+    from foldcar.simulation.carsim import Carsim
     from foldcar.store.log_files import log_file
     from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
-        trial = opened.trial(number)
+        trial, drive = opened.trial(number), opened.trial_drive(number)
     if trial.log is None:
         raise FoldcarError(f"{store}: trial {number} was imported: it has no log")
     facts = {
@@ -150,7 +156,13 @@ def export(
         "outcome": trial.outcome,
         "note": trial.note,
     }
-    count = export_mcap(log_file(store, trial.log), mcap, facts)
+    scene_update, start = None, NO_START
+    if drive is not None:
+        body, scene = json.loads(drive[0]), json.loads(drive[2])
+        grid = smooth_ground(scene, Carsim())
+        scene_update = foxglove_scene(body, scene, grid)
+        start = {**scene["start"], "z_m": start_height_m(body, scene, grid)}
+    count = export_mcap(log_file(store, trial.log), mcap, facts, scene_update, start)
     typer.echo(f"{mcap}: {count} messages")
 
 

@@ -12,14 +12,15 @@ from typing import Any
 
 import foldcar.crosscheck
 import foldcar.models
+import foldcar.simulation
 from foldcar.crosscheck.carsim_runs import ask, path_until, run_in_carsim, run_in_mujoco_beside_scenic
 from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.mujoco_car import EngineOptions, import_mujoco
 from foldcar.crosscheck.pool import Task, run_all
-from foldcar.crosscheck.pulses import PulseTrain, ask_pulses
 from foldcar.crosscheck.result_cache import ResultCache, result_key
 from foldcar.models.ground import HeightGrid, smooth_ground
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.pulses import PulseTrain, ask_pulses
 from foldcar.store.writer import canonical_json
 
 CARSIM, MUJOCO, HALF_STEP, ELLIPSOID = "carsim", "mujoco", "mujoco_half_step", "mujoco_ellipsoid"
@@ -31,8 +32,12 @@ OPTIONS = {
 ENGINES = (CARSIM, *OPTIONS)
 # The sources that MuJoCo's results depend on.
 SOURCES = (
-    (foldcar.crosscheck, ("ending.py", "mujoco_car.py", "mujoco_run.py", "mujoco_step.py", "pulses.py", "servo.py")),
-    (foldcar.models, ("ground.py", "mjcf.py", "mjcf_terrain.py", "wheel_geometry.py", "xml_elements.py")),
+    (foldcar.crosscheck, ("ending.py", "mujoco_car.py", "mujoco_run.py", "mujoco_step.py")),
+    (
+        foldcar.models,
+        ("ground.py", "mjcf.py", "mjcf_terrain.py", "put_down.py", "servo.py", "wheel_geometry.py", "xml_elements.py"),
+    ),
+    (foldcar.simulation, ("pulses.py",)),
 )
 
 Results = dict[str, list[dict[str, Any] | None]]

@@ -1,4 +1,4 @@
-"""A car of docs/carsim.md in MuJoCo: put down on a scene's ground, given pulses, advanced, looked at.
+"""A car of docs/carsim.md in MuJoCo: standing on a scene's ground, given pulses, advanced, looked at.
 
 Input: body and scene, the grid of the scene's smooth ground, the engine's options. Output: states.
 """
@@ -11,14 +11,12 @@ from typing import Any
 import numpy
 
 from foldcar.crosscheck.ending import State
-from foldcar.crosscheck.servo import drive_fraction
 from foldcar.errors import FoldcarError
 from foldcar.models.ground import HeightGrid
 from foldcar.models.mjcf import MjcfOptions, mjcf
-from foldcar.models.wheel_geometry import segment_name, wheel_name
+from foldcar.models.servo import drive_fraction
+from foldcar.models.wheel_geometry import main_segment, segment_name, wheel_name
 from foldcar.scenes.terrain_kinds import kind_of
-
-FALL_M = 5e-4
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,7 @@ def import_mujoco() -> Any:
 
 
 class MujocoCar:
-    """A car in a scene, put down on the ground at the start. It stands still until it is advanced."""
+    """A car in a scene, where the exported model puts it down. It stands still until it is advanced."""
 
     def __init__(
         self,
@@ -65,7 +63,7 @@ class MujocoCar:
         self._channels = [wheel["channel"] for wheel in body["wheels"]]
         gains, biases = self.model.actuator_gainprm[:, 0].tolist(), self.model.actuator_biasprm[:, 2].tolist()
         self._torque_lines = list(zip(gains, biases, strict=True))
-        self._origin = self.model.body(segment_name(_main_segment(body))).id
+        self._origin = self.model.body(segment_name(main_segment(body))).id
         self._scene = scene
         self._patches = [piece for piece in scene["terrain"] if kind_of(piece).form == "patch"]
         self._grips = [(self.model.geom(f"{wheel_name(wheel)}_tyre").id, wheel["grip"]) for wheel in body["wheels"]] + [
@@ -73,7 +71,7 @@ class MujocoCar:
             for i, segment in enumerate(body["segments"])
         ]
         self.drive((0.0,) * 8)
-        self._put_down(grid)
+        self._mujoco.mj_forward(self.model, self.data)
 
     def drive(self, widths_us: tuple[float, ...]) -> None:
         """Give the servos their pulses; patches set the friction of what stands over them."""
@@ -127,23 +125,3 @@ class MujocoCar:
             if abs(along) <= patch["length_m"] / 2 and abs(across) <= patch["width_m"] / 2:
                 return float(patch["friction"])
         return float(self._scene["friction"])
-
-    def _put_down(self, grid: HeightGrid | None) -> None:
-        """Set the level car down to where it all but touches the ground."""
-        level = float(self.data.qpos[2])
-        ground = (0.0, 0.0) if grid is None else (float(numpy.min(grid.z_m)), float(numpy.max(grid.z_m)))
-        tops = [p["height_m"] for p in self._scene["terrain"] if kind_of(p).form == "block"]
-        low, high = level + min(0.0, ground[0]) - 0.01, level + max(0.0, ground[1], *tops, 0.0) + 0.01
-        while high - low > 1e-5:
-            middle = (low + high) / 2
-            self.data.qpos[2] = middle
-            self._mujoco.mj_fwdPosition(self.model, self.data)
-            low, high = (middle, high) if self.data.ncon else (low, middle)
-        self.data.qpos[2] = high + FALL_M
-        self._mujoco.mj_forward(self.model, self.data)
-
-
-def _main_segment(body: Mapping[str, Any]) -> int:
-    """The segment that carries the car's origin: the first over it."""
-    distances = [max(0.0, abs(s["x_m"]) - s["length_m"] / 2) for s in body["segments"]]
-    return distances.index(min(distances))

@@ -10,9 +10,9 @@ from typing import Any
 
 from foldcar.crosscheck.ending import Ending, distance_to_target_m
 from foldcar.crosscheck.mujoco_car import DEFAULTS, EngineOptions, MujocoCar
-from foldcar.crosscheck.pulses import PulseTrain
 from foldcar.models.ground import HeightGrid
 from foldcar.simulation.carsim_limits import TrialRules
+from foldcar.simulation.pulses import PulseTrain
 
 
 def run_mujoco(

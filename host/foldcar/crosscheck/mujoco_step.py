@@ -11,11 +11,11 @@ from typing import Any
 
 from foldcar.crosscheck.mujoco_car import EngineOptions
 from foldcar.crosscheck.mujoco_run import MujocoTrial
-from foldcar.crosscheck.pulses import PulseTrain, ask_pulses
 from foldcar.errors import FoldcarError
 from foldcar.models.ground import HeightGrid, smooth_ground
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_step import Advanced, State, TrialFailedError
+from foldcar.simulation.pulses import PulseTrain, ask_pulses
 
 # Scenes and settings whose grids and pulses are kept: cases come scene by scene.
 KEPT = 32

@@ -13,10 +13,10 @@ from typing import Any
 
 from foldcar.crosscheck.mujoco_car import DEFAULTS, EngineOptions, import_mujoco
 from foldcar.crosscheck.mujoco_run import run_mujoco
-from foldcar.crosscheck.pulses import PulseTrain
 from foldcar.errors import FoldcarError
 from foldcar.models.ground import HeightGrid
 from foldcar.simulation.carsim_limits import TrialRules
+from foldcar.simulation.pulses import PulseTrain
 
 # Tasks handed out ahead, a worker: enough to keep it busy, few enough that the first results come at once.
 AHEAD = 4

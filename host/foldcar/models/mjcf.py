@@ -22,8 +22,11 @@ from xml.etree.ElementTree import Element
 
 from foldcar.models.ground import HeightGrid
 from foldcar.models.mjcf_terrain import add_terrain
+from foldcar.models.mjcf_view import add_follower, add_light_and_overview, add_sensors, add_size, add_start
+from foldcar.models.put_down import start_height_m
 from foldcar.models.wheel_geometry import (
     axle_m,
+    main_segment,
     segment_name,
     servo_limits,
     tyre_center_m,
@@ -56,12 +59,13 @@ def mjcf(
     scene: Mapping[str, Any] | None = None,
     grid: HeightGrid | None = None,
     options: MjcfOptions = DEFAULTS,
+    name: str = "foldcar",
 ) -> str:
-    """The model of the car on the scene's ground, or without a scene on a level floor with friction 1.
+    """The model, of that name, of the car on the scene's ground, or without a scene on a level floor with friction 1.
 
-    The car stands at the scene's start with its axles at the largest wheel radius above z = 0.
+    The car stands at the scene's start, put down on the ground (foldcar.models.put_down).
     """
-    root = Element("mujoco", model="foldcar")
+    root = Element("mujoco", model=name)
     add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
     option = add(
         root,
@@ -74,29 +78,39 @@ def mjcf(
         jacobian="dense",
     )
     add(option, "flag", multiccd="disable")
+    add_size(root, scene)
     default = add(root, "default")
     add(default, "geom", solref=SOLREF)
     asset = add(root, "asset")
     world = add(root, "worldbody")
-    add(world, "light", pos="0 0 3", dir="0 0 -1")
+    add_light_and_overview(world, scene)
     add_terrain(world, asset, scene["terrain"] if scene else (), grid)
     start = scene["start"] if scene else {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
-    _add_car(world, body, start, scene["friction"] if scene else 1.0, options.tyre)
+    height_m = start_height_m(body, scene, grid)
+    _add_car(world, body, start, height_m, scene["friction"] if scene else 1.0, options.tyre)
     _add_servos(add(root, "actuator"), body)
+    add_sensors(root, body)
+    add_start(root, body, start, height_m)
     return document(root)
 
 
 def _add_car(
-    world: Element, body: Mapping[str, Any], start: Mapping[str, float], friction: float, tyre: str
+    world: Element,
+    body: Mapping[str, Any],
+    start: Mapping[str, float],
+    height_m: float,
+    friction: float,
+    tyre: str,
 ) -> None:
-    height_m = max(wheel["radius_m"] for wheel in body["wheels"])
     parent = world
     for index, segment in enumerate(body["segments"]):
         name = segment_name(index)
         if index == 0:
-            place = numbers(start["x_m"], start["y_m"], height_m)
+            # All digits of the height: the crosscheck starts from here.
+            place = f"{numbers(start['x_m'], start['y_m'])} {height_m!r}"
             part = add(parent, "body", name=name, pos=place, euler=numbers(0, 0, start["heading_rad"]))
             add(part, "freejoint", name="car")
+            add_follower(part, max(s["x_m"] + s["length_m"] / 2 for s in body["segments"]) * 2)
         else:
             part = add(parent, "body", name=name)
             _add_hinge(part, index - 1, body["hinges"][index - 1])
@@ -119,6 +133,8 @@ def _add_car(
             rgba=CAR_RGBA,
             **CAR_CONTACT,
         )
+        if index == main_segment(body):
+            add(part, "site", name="imu", pos="0 0 0", size="0.004")
         for wheel in body["wheels"]:
             if wheel["segment"] == index:
                 _add_wheel(part, body, wheel, friction, tyre)

@@ -1,9 +1,12 @@
 """A car as URDF, the robot description of ROS.
 
 Input: a body of docs/carsim.md. Output: the text of a URDF file. URDF has limits of effort and speed but no motors: a
-servo is represented by its stall torque and no-load speed at the supply voltage. Rotor inertias, the stiffness of
-flexures, friction and the ground cannot be represented. The massless root link is the car's frame: its origin is in
-the middle of the car's length at axle height.
+servo is represented by its stall torque and no-load speed at the supply voltage, and by a transmission. The stiffness
+of flexures and the ground cannot be represented. The root link is the front segment, in the car's frame (origin in the
+middle of the car's length at axle height): PyBullet and DART give a link without inertia 1 kg.
+
+URDF itself has no friction of contacts: ``contact`` is Bullet's element, ``gazebo`` Gazebo's, ``drake:`` Drake's, which
+also takes the inertia of the rotors. Other programs pass over them. All coefficients are those on ground of friction 1.
 """
 
 import math
@@ -21,15 +24,18 @@ from foldcar.models.wheel_geometry import (
 )
 from foldcar.models.xml_elements import add, document, numbers
 
+ROOT = "base_link"
+# URDF requires a limit of speed, and some programs stop a joint at it: no flexure turns this fast.
+FREE_RAD_S = 1000.0
+
 
 def urdf(body: Mapping[str, Any], name: str) -> str:
     """The robot description of the car, named ``name``."""
-    robot = Element("robot", name=name)
-    # For MuJoCo only, which would otherwise fuse links without joints to the world.
+    robot = Element("robot", {"name": name, "xmlns:drake": "http://drake.mit.edu"})
+    # For MuJoCo only, which would otherwise fuse the root to the world.
     add(add(robot, "mujoco"), "compiler", fusestatic="false")
-    add(robot, "link", name="base_link")
     for index, segment in enumerate(body["segments"]):
-        link = add(robot, "link", name=segment_name(index))
+        link = add(robot, "link", name=_link(index))
         com = (segment["com_x_m"], segment["com_y_m"], segment["com_z_m"])
         inertias = [segment[f"{axis}_inertia_kg_m2"] for axis in ("roll", "pitch", "yaw")]
         # A segment's frame is at the hinge in front of it; the first segment's is the car's.
@@ -37,17 +43,16 @@ def urdf(body: Mapping[str, Any], name: str) -> str:
         _add_inertial(link, _minus(com, frame), segment["mass_kg"], inertias)
         middle = _minus((segment["x_m"], 0.0, segment["center_z_m"]), frame)
         box = numbers(segment["length_m"], segment["width_m"], segment["height_m"])
-        _add_shape(link, middle, 0.0, "box", size=box)
-        if index == 0:
-            _add_joint(robot, "base", "fixed", "base_link", segment_name(0), (0.0, 0.0, 0.0))
-        else:
+        _add_shape(link, middle, 0.0, segment["grip"], "box", size=box)
+        _add_friction(robot, link, segment["grip"])
+        if index:
             place = _minus(frame, _hinge_place(body, index - 1))
             hinge = body["hinges"][index - 1]
-            parents = (segment_name(index - 1), segment_name(index))
+            parents = (_link(index - 1), _link(index))
             joint = _add_joint(robot, f"hinge{index - 1}", "revolute", *parents, place)
-            # Flexures have no motor, but URDF requires limits of effort and speed.
+            # Flexures have no motor: no effort.
             bounds = {"lower": numbers(hinge["min_rad"]), "upper": numbers(hinge["max_rad"])}
-            add(joint, "limit", **bounds, effort="0", velocity="0")
+            add(joint, "limit", **bounds, effort="0", velocity=numbers(FREE_RAD_S))
             add(joint, "dynamics", damping=numbers(hinge["damping_n_m_s_rad"]))
     for wheel in body["wheels"]:
         _add_wheel(robot, body, wheel)
@@ -61,11 +66,26 @@ def _add_wheel(robot: Element, body: Mapping[str, Any], wheel: Mapping[str, Any]
     center = tyre_center_m(wheel)
     _add_inertial(link, center, wheel["mass_kg"], [across, spin, across])
     size = {"radius": numbers(wheel["radius_m"]), "length": numbers(wheel["width_m"])}
-    _add_shape(link, center, math.pi / 2, "cylinder", **size)
+    _add_shape(link, center, math.pi / 2, wheel["grip"], "cylinder", **size)
+    _add_friction(robot, link, wheel["grip"])
     place = _minus(axle_m(body, wheel), _hinge_place(body, wheel["segment"]))
-    joint = _add_joint(robot, f"{name}_axle", "continuous", segment_name(wheel["segment"]), name, place)
+    joint = _add_joint(robot, f"{name}_axle", "continuous", _link(wheel["segment"]), name, place)
     stall, no_load = servo_limits(body, wheel)
     add(joint, "limit", effort=numbers(stall), velocity=numbers(no_load))
+    transmission = add(robot, "transmission", name=f"{name}_transmission")
+    add(transmission, "type").text = "transmission_interface/SimpleTransmission"
+    effort = "hardware_interface/EffortJointInterface"
+    add(add(transmission, "joint", name=f"{name}_axle"), "hardwareInterface").text = effort
+    actuator = add(transmission, "actuator", name=f"{name}_servo")
+    add(actuator, "hardwareInterface").text = effort
+    add(actuator, "mechanicalReduction").text = "1"
+    # The inertia is the rotor's as the wheel feels it, so the ratio is 1.
+    add(actuator, "drake:rotor_inertia", value=numbers(wheel["servo"]["rotor_inertia_kg_m2"]))
+    add(actuator, "drake:gear_ratio", value="1")
+
+
+def _link(segment: int) -> str:
+    return segment_name(segment) if segment else ROOT
 
 
 def _add_inertial(link: Element, com: tuple[float, ...], mass: float, inertias: list[float]) -> None:
@@ -76,11 +96,24 @@ def _add_inertial(link: Element, com: tuple[float, ...], mass: float, inertias: 
     add(inertial, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
 
 
-def _add_shape(link: Element, middle: tuple[float, ...], turn_rad: float, shape: str, **size: str) -> None:
+def _add_shape(
+    link: Element, middle: tuple[float, ...], turn_rad: float, grip: float, shape: str, **size: str
+) -> None:
     for purpose in ("visual", "collision"):
         holder = add(link, purpose)
         add(holder, "origin", xyz=numbers(*middle), rpy=numbers(turn_rad, 0, 0))
         add(add(holder, "geometry"), shape, **size)
+        if purpose == "collision":
+            contact = add(holder, "drake:proximity_properties")
+            for kind in ("dynamic", "static"):
+                add(contact, f"drake:mu_{kind}", value=numbers(grip))
+
+
+def _add_friction(robot: Element, link: Element, grip: float) -> None:
+    add(add(link, "contact"), "lateral_friction", value=numbers(grip))
+    gazebo = add(robot, "gazebo", reference=link.get("name", ""))
+    for name in ("mu1", "mu2"):
+        add(gazebo, name).text = numbers(grip)
 
 
 def _add_joint(
@@ -90,8 +123,7 @@ def _add_joint(
     add(joint, "parent", link=parent)
     add(joint, "child", link=child)
     add(joint, "origin", xyz=numbers(*place))
-    if kind != "fixed":
-        add(joint, "axis", xyz="0 1 0")
+    add(joint, "axis", xyz="0 1 0")
     return joint
 
 

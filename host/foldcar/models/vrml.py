@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-HEADER = "#VRML_SIM R2025a utf8"
+# The oldest version with these nodes; later ones read its files, older ones refuse them.
+HEADER = "#VRML_SIM R2023b utf8"
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A car as a Webots PROTO (R2025a).
+"""A car as a Webots PROTO (R2023b or later).
 
 Input: a body of docs/carsim.md. Output: the text of a PROTO file. Servos are rotational motors with the stall torque
 and no-load speed at the supply voltage: Webots' motors deliver their maximum torque up to their maximum speed and have

@@ -1,8 +1,8 @@
-"""A Webots world (R2025a) that contains a car's PROTO.
+"""A Webots world (R2023b or later) that contains a car's PROTO.
 
 Input: a body and a scene of docs/carsim.md, the grid of the scene's smooth ground. Output: the text of a world file
-for the folder ``worlds/`` beside the PROTO's ``protos/``. Friction patches are left out: Webots assigns friction to
-pairs of materials, and a patch is not a body of its own.
+for the folder ``worlds/`` beside the PROTO's ``protos/`` and the controller's ``controllers/``. Friction patches are
+left out: Webots assigns friction to pairs of materials, and a patch is not a body of its own.
 """
 
 import math
@@ -13,8 +13,10 @@ import numpy
 
 from foldcar.errors import FoldcarError
 from foldcar.models.ground import HeightGrid
+from foldcar.models.put_down import start_height_m
 from foldcar.models.vrml import HEADER, Node, node_text, vector
 from foldcar.models.webots_car import contact_materials, placed, shape
+from foldcar.models.webots_drive import CONTROLLER
 from foldcar.scenes.terrain_kinds import kind_of
 
 GROUND = "ground"
@@ -26,9 +28,16 @@ EYE_M, LOOKS_AT_M = (-1.2, -1.6, 1.2), (0.6, 0.0, 0.0)
 
 
 def webots_world(
-    body: Mapping[str, Any], proto: str, scene: Mapping[str, Any] | None, grid: HeightGrid | None
+    body: Mapping[str, Any],
+    proto: str,
+    scene: Mapping[str, Any] | None = None,
+    grid: HeightGrid | None = None,
+    drive: str = "",
 ) -> str:
-    """The world file; without a scene a level floor with friction 1 and the car at its origin."""
+    """The world file; without a scene a level floor with friction 1 and the car at its origin.
+
+    ``drive`` names the controller's file of the car's drive.
+    """
     friction = scene["friction"] if scene else 1.0
     contacts = [
         Node(
@@ -38,9 +47,7 @@ def webots_world(
         for name, grip in contact_materials(body).items()
     ]
     start = scene["start"] if scene else {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
-    # The car starts above the highest ground near its start and falls onto it.
-    tops = [piece["height_m"] for piece in _blocks(scene) if _near(piece, start)]
-    height_m = max(wheel["radius_m"] for wheel in body["wheels"]) + max([0.0, *tops])
+    height_m = start_height_m(body, scene, grid)
     nodes = [
         Node("WorldInfo", {"basicTimeStep": STEP_MS, "contactProperties": contacts}),
         Node("Viewpoint", {"orientation": vector(*_looking()), "position": vector(*EYE_M)}),
@@ -53,6 +60,8 @@ def webots_world(
             {
                 "translation": vector(start["x_m"], start["y_m"], height_m),
                 "rotation": vector(0, 0, 1, start["heading_rad"]),
+                "controller": CONTROLLER,
+                "controllerArgs": [drive],
             },
         ),
     ]
@@ -63,11 +72,6 @@ def webots_world(
 def _blocks(scene: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
     terrain = scene["terrain"] if scene else ()
     return [piece for piece in terrain if kind_of(piece).form == "block"]
-
-
-def _near(piece: Mapping[str, Any], start: Mapping[str, float]) -> bool:
-    reach = math.hypot(piece["length_m"], piece["width_m"]) / 2 + 0.2
-    return math.hypot(piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"]) < reach
 
 
 def _floor(grid: HeightGrid | None) -> list[Node]:

@@ -10,6 +10,12 @@ def segment_name(index: int) -> str:
     return f"segment{index}"
 
 
+def main_segment(body: Mapping[str, Any]) -> int:
+    """The index of the segment that carries the car's origin: the first over it."""
+    distances = [max(0.0, abs(s["x_m"]) - s["length_m"] / 2) for s in body["segments"]]
+    return distances.index(min(distances))
+
+
 def wheel_name(wheel: Mapping[str, Any]) -> str:
     """The name of a wheel, by the index of its servo channel."""
     return f"wheel{wheel['channel']}"

@@ -23,13 +23,11 @@ def dxf(sheet: Sheet) -> str:
         document.classes.add_required_classes(document.dxfversion)
         document.classes.classes = dict(sorted(document.classes.classes.items()))
         for layer in LAYERS.values():
-            # True colour in addition to the index; line weights are in hundredths of a millimetre.
-            document.layers.add(
-                layer.name,
-                color=layer.aci,
-                true_color=colors.rgb2int(layer.rgb),
-                lineweight=round(100 * layer.width_mm),
-            )
+            # Line weights are in hundredths of a millimetre.
+            made = document.layers.add(layer.name, color=layer.aci, lineweight=round(100 * layer.width_mm))
+            # Index 7 alone is black on a light ground and white on a dark one; a true colour is the same on both.
+            if layer.aci != colors.BLACK:
+                made.rgb = layer.rgb
         space = document.modelspace()
         space.reset_extents((0, 0, 0), (sheet.width_mm, sheet.height_mm, 0))
         space.reset_limits((0, 0), (sheet.width_mm, sheet.height_mm))

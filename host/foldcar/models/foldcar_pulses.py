@@ -1,0 +1,38 @@
+"""A Webots controller, which Webots runs: gives a car's motors what the firmware's pulses ask of its servos.
+
+Its argument names a JSON file beside it, which foldcar.models.webots_drive wrote: how long the car stands first, its
+motors, and rows of a time (s) and the fractions of full speed from then on, null for no pulse (the motor is free).
+"""
+
+import json
+import sys
+from pathlib import Path
+
+from controller import Robot
+
+LATE_S = 1e-6
+
+
+def main() -> None:
+    """Run until Webots ends the simulation."""
+    drive = json.loads((Path(__file__).parent / f"{sys.argv[1]}.json").read_text(encoding="utf-8"))
+    robot = Robot()
+    step_ms = int(robot.getBasicTimeStep())
+    motors = [robot.getDevice(name) for name in drive["motors"]]
+    for motor in motors:
+        # Without an end: a motor that is asked for a speed.
+        motor.setPosition(float("inf"))
+        motor.setVelocity(0.0)
+        motor.setAvailableTorque(0.0)
+    rows = iter(drive["changes"])
+    row = next(rows, None)
+    while robot.step(step_ms) != -1:
+        while row is not None and robot.getTime() - drive["settling_s"] >= row[0] - LATE_S:
+            for motor, fraction in zip(motors, row[1:]):  # noqa: B905 - Python 3.8 has no strict
+                motor.setVelocity((fraction or 0.0) * motor.getMaxVelocity())
+                motor.setAvailableTorque(0.0 if fraction is None else motor.getMaxTorque())
+            row = next(rows, None)
+
+
+if __name__ == "__main__":
+    main()

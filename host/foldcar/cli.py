@@ -1,6 +1,7 @@
 """The command `foldcar`: its subcommands, and errors as one line on stderr.
 
-Exit codes: 0 done, 1 the reader of the output closed it, 2 an error of input or environment, 130 stopped by Ctrl-C.
+Exit codes: 0 done, 1 the reader of the output closed it, 2 an error of input or environment, 130 stopped by Ctrl-C,
+SIGTERM or a closed terminal.
 Slow imports are made inside the commands, so that help is printed at once.
 """
 
@@ -32,6 +33,7 @@ from foldcar.commands.sweep import sweep
 from foldcar.commands.trials import trials
 from foldcar.commands.view import view
 from foldcar.errors import FoldcarError
+from foldcar.interrupts import listen
 
 GARBAGE_THRESHOLD = 50_000
 
@@ -71,6 +73,7 @@ def options(
 
 def main() -> None:
     """Run the command line and exit."""
+    listen()
     # Most objects live until the command ends; garbage collection at the default rate takes a tenth of the time of
     # `foldcar pattern`.
     gc.set_threshold(GARBAGE_THRESHOLD)

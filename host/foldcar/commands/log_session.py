@@ -24,6 +24,7 @@ from foldcar.commands.log_view import LogView
 from foldcar.commands.log_welcome import welcome
 from foldcar.commands.typed_answers import INPUT, TypedAnswers
 from foldcar.errors import FoldcarError
+from foldcar.interrupts import at_once
 from foldcar.link.car import Car, CarIdentity, greet
 from foldcar.link.parameters import read_parameters
 from foldcar.link.ports import choose_port
@@ -97,7 +98,8 @@ class LogSession:
         placement = self._placement(writer, sample, design)
         typer.echo(f"\nTrial {number}: sample {sample} of experiment {self._experiment.id}")
         # With --yes no picture is drawn.
-        placement.show(with_picture=not options.yes)
+        with at_once():
+            placement.show(with_picture=not options.yes)
         deviations = ask_deviations(self._answers, placement.scene, options.deviations, options.yes)
         if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
             return None

@@ -36,6 +36,8 @@ from foldcar.errors import FoldcarError
 from foldcar.interrupts import listen
 
 GARBAGE_THRESHOLD = 50_000
+# More than any path on Linux below a few folders.
+LONGEST_WORD = 300
 
 app = typer.Typer(
     name="foldcar",
@@ -89,5 +91,7 @@ def main() -> None:
 
 
 def _fail(message: str, code: int) -> int:
-    sys.stderr.write(f"foldcar: error: {' '.join(message.split())}\n")
+    # A file's longest words, such as numbers of 400 digits, are shortened.
+    words = (word if len(word) <= LONGEST_WORD else f"{word[:40]}…{word[-10:]}" for word in message.split())
+    sys.stderr.write(f"foldcar: error: {' '.join(words)}\n")
     return code

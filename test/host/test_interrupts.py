@@ -16,7 +16,7 @@ import pytest
 from shell_signals import like_a_shell
 
 FOLDCAR = [sys.executable, "-m", "foldcar"]
-BESIDE = "model model\nego = new Robot at (0, 0)\nnew Goal at (0, 1.3)\nrecord ego.position.y as way\n"
+BESIDE = "model model\nego = new Robot at (0, 0)\nnew Goal at (1.3, 0)\nrecord ego.position.x as way\n"
 MARK = "FOLDCAR_TEST_MARK"
 RUN = ["--experiment", "1", "--set", "width=95"]
 # Everything that a command passes on its way is interrupted by some of these: imports, Scenic, sampling, simulating.
@@ -26,7 +26,7 @@ COMMANDS = {
     "sweep": ["sweep", "beside.json", "--store", "s.db", "--jobs", "2"],
     "sample": ["sample", "beside.scenic", "-n", "100000", "-o", "s.jsonl"],
     "report": ["report", "full.db", "-o", "page"],
-    "pattern": ["pattern", "flat.json", *RUN, "-o", "sheets"],
+    "pattern": ["pattern", "flat.json", "--set", "width=95", "-o", "sheets"],
     "link": ["link", "flat.json", *RUN],
     "log": ["log", "flat.json", "--experiment", "1", "--port", "nowhere"],
     "crosscheck": ["crosscheck", "flat.json", "-o", "check", "--jobs", "2"],

@@ -27,7 +27,9 @@ def log(
     ] = None,
     sample: Annotated[
         int | None,
-        typer.Option(metavar="K", min=0, help="Sampled environment; default: the one with the fewest trials."),
+        typer.Option(
+            metavar="K", min=0, max=2**63 - 1, help="Sampled environment; default: the one with the fewest trials."
+        ),
     ] = None,
     trials: Annotated[int | None, typer.Option(metavar="N", min=1, help="Stop after N trials.")] = None,
     parameters: Annotated[

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from foldcar.errors import FoldcarError
+from foldcar.interrupts import held
 
 
 @contextlib.contextmanager
@@ -19,9 +20,10 @@ def atomic_file(file: Path) -> Iterator[BinaryIO]:
         raise FoldcarError(f"{file}: not a regular file")
     temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
     try:
-        with temporary.open("wb") as binary:
-            yield binary
-        temporary.replace(file)
+        with held(temporary.unlink):
+            with temporary.open("wb") as binary:
+                yield binary
+            temporary.replace(file)
     except OSError as error:
         raise FoldcarError(f"{file}: cannot be written: {error.strerror or error}") from error
     finally:

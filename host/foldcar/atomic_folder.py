@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from foldcar.errors import FoldcarError
+from foldcar.interrupts import delayed, held
 
 
 @contextlib.contextmanager
@@ -30,10 +31,12 @@ def atomic_folder(folder: Path, manifest: str) -> Iterator[Path]:
     except OSError as error:
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     try:
-        yield temporary
-        if folder.exists():
-            folder.rename(old)
-        temporary.rename(folder)
+        with held(lambda: shutil.rmtree(temporary)):
+            yield temporary
+            with delayed():
+                if folder.exists():
+                    folder.rename(old)
+                temporary.rename(folder)
     except OSError as error:
         if old.exists() and not folder.exists():
             old.rename(folder)

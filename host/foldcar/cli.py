@@ -1,6 +1,7 @@
 """The command `foldcar`: its subcommands, and errors as one line on stderr.
 
-Exit codes: 0 done, 1 the reader of the output closed it, 2 an error of input or environment, 130 stopped by Ctrl-C.
+Exit codes: 0 done, 1 the reader of the output closed it, 2 an error of input or environment, 130 stopped by Ctrl-C,
+SIGTERM or a closed terminal.
 Slow imports are made inside the commands, so that help is printed at once.
 """
 
@@ -32,8 +33,11 @@ from foldcar.commands.sweep import sweep
 from foldcar.commands.trials import trials
 from foldcar.commands.view import view
 from foldcar.errors import FoldcarError
+from foldcar.interrupts import listen
 
 GARBAGE_THRESHOLD = 50_000
+# More than any path on Linux below a few folders.
+LONGEST_WORD = 300
 
 app = typer.Typer(
     name="foldcar",
@@ -71,6 +75,7 @@ def options(
 
 def main() -> None:
     """Run the command line and exit."""
+    listen()
     # Most objects live until the command ends; garbage collection at the default rate takes a tenth of the time of
     # `foldcar pattern`.
     gc.set_threshold(GARBAGE_THRESHOLD)
@@ -86,5 +91,7 @@ def main() -> None:
 
 
 def _fail(message: str, code: int) -> int:
-    sys.stderr.write(f"foldcar: error: {' '.join(message.split())}\n")
+    # A file's longest words, such as numbers of 400 digits, are shortened.
+    words = (word if len(word) <= LONGEST_WORD else f"{word[:40]}…{word[-10:]}" for word in message.split())
+    sys.stderr.write(f"foldcar: error: {' '.join(words)}\n")
     return code

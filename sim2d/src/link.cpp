@@ -1,9 +1,10 @@
 #include "link.h"
 
-#include <fcntl.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdint>
@@ -46,20 +47,20 @@ void listen_to_signals() {
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGINT, &action, nullptr);
   signal(SIGPIPE, SIG_IGN);
+  // A link in the background of a terminal goes on without input, instead of being halted.
+  signal(SIGTTIN, SIG_IGN);
 }
 
 // Lines of standard input, without waiting.
 class InputLines {
  public:
-  InputLines() { fcntl(STDIN_FILENO, F_SETFL, fcntl(STDIN_FILENO, F_GETFL) | O_NONBLOCK); }
-
   std::optional<std::string> next() {
     char bytes[1024];
-    ssize_t count = 0;
-    while (!ended_ && (count = ::read(STDIN_FILENO, bytes, sizeof bytes)) > 0) {
-      unread_.append(bytes, static_cast<std::size_t>(count));
+    while (!ended_ && readable()) {
+      const ssize_t count = ::read(STDIN_FILENO, bytes, sizeof bytes);
+      if (count > 0) unread_.append(bytes, static_cast<std::size_t>(count));
+      ended_ = count == 0 || (count < 0 && errno != EINTR && errno != EAGAIN);
     }
-    ended_ = ended_ || count == 0;
     const std::size_t end = unread_.find('\n');
     if (end == std::string::npos) return std::nullopt;
     std::string line = unread_.substr(0, end);
@@ -68,6 +69,13 @@ class InputLines {
   }
 
  private:
+  // Asked before each read, rather than O_NONBLOCK set: a terminal's file description is shared with the shell, and the
+  // setting would stay there.
+  static bool readable() {
+    pollfd input{STDIN_FILENO, POLLIN, 0};
+    return poll(&input, 1, 0) > 0;
+  }
+
   std::string unread_;
   bool ended_ = false;
 };

@@ -15,6 +15,7 @@
 #include "metrics.h"
 #include "parameter_table.h"
 #include "printed_number.h"
+#include "reader_watch.h"
 #include "step.h"
 #include "trial_start.h"
 
@@ -104,6 +105,7 @@ int batch(const std::vector<std::string>& words) {
 int run(const std::vector<std::string>& words) {
   if (words.empty()) return usage_error("no command");
   const std::string& command = words.front();
+  foldcar::end_without_reader();
   if (command == "batch") return batch({words.begin() + 1, words.end()});
   if (command == "link") return foldcar::run_link({words.begin() + 1, words.end()});
   if (words.size() > 1) return usage_error(command + " takes no further words");

@@ -105,7 +105,7 @@ def test_posing_as_a_car_ends_clean(
         assert car.identity().name == "W_B_W 120x200 r60"
         car.connection.close()
         person.process.send_signal(end)
-        assert person.ends() == 0 and "Traceback" not in person.said
+        assert person.ends() == 130 and "Traceback" not in person.said
 
     with pytest.raises(FoldcarError, match="Connection refused"):
         greet(port)

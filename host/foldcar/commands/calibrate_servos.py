@@ -28,13 +28,18 @@ def calibrate_servos(
 ) -> None:
     """Find each servo's neutral and deadband. Lift the car first: its wheels turn."""
     from foldcar.commands.typed_answers import TypedAnswers
+    from foldcar.interrupts import raised, said
     from foldcar.link.car import greet
     from foldcar.link.parameters import read_parameters, set_parameter
     from foldcar.link.ports import choose_port
     from foldcar.trials.servo_edges import find_edges
 
-    car = greet(choose_port(port))
-    try:
+    def stopped() -> str:
+        return "stopped: the results for the outputs before this one are saved"
+
+    with said(stopped), raised(), contextlib.ExitStack() as stack:
+        car = greet(choose_port(port))
+        stack.callback(_still, car)
         values = read_parameters(car)
         wheels = [n for n in range(1, 9) if values.get(f"CH{n}_SIDE")]
         for number in output or []:
@@ -73,11 +78,6 @@ def calibrate_servos(
             for name, value in found.items():
                 set_parameter(car, f"CH{number}_{name}", value)
                 typer.echo(f"  CH{number}_{name} = {value:g} (was {values[f'CH{number}_{name}']:g})")
-    except KeyboardInterrupt:
-        typer.echo("\nstopped: the results for the outputs before this one are saved", err=True)
-        raise typer.Exit(130) from None
-    finally:
-        _still(car)
     typer.echo("\nsaved in the car; `foldcar params save FILE` keeps a copy")
 
 

@@ -41,6 +41,7 @@ def crosscheck(
     from foldcar.crosscheck.page import PAGE, write_page
     from foldcar.crosscheck.result_cache import ResultCache
     from foldcar.errors import FoldcarError
+    from foldcar.interrupts import held, said
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.experiments import read_study
 
@@ -51,12 +52,13 @@ def crosscheck(
         raise FoldcarError(f"{output}: not a folder")
     console = Console(stderr=True)
     columns = (TextColumn("crosscheck"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    try:
+    with said(lambda: f"stopped: finished runs are in {output}; the same command resumes"):
         cases = list(cases_of(study, carsim))
         output.mkdir(parents=True, exist_ok=True)
         with (
             ResultCache(output / "results.jsonl") as cache,
             Progress(*columns, console=console, disable=not console.is_terminal) as bar,
+            held(bar.stop),
         ):
             task = bar.add_task("runs", total=planned_runs(cases, baseline))
             results = compare(
@@ -68,9 +70,6 @@ def crosscheck(
                 lambda count: bar.advance(task, count),
             )
         comparisons = write_page(output, listing.name, cases, results, baseline, carsim)
-    except KeyboardInterrupt:
-        typer.echo(f"stopped: finished runs are in {output}; the same command resumes", err=True)
-        raise typer.Exit(130) from None
     _print(comparisons)
     typer.echo(f"page: {output / PAGE}")
 

@@ -30,26 +30,24 @@ def link(
     import sys
 
     from foldcar.car.car_file import car_json
-    from foldcar.commands.end_signals import end_like_ctrl_c
+    from foldcar.interrupts import said
     from foldcar.link.simulated_car import simulated_car
     from foldcar.simulation.runner import CarsimError
 
     one = listed_run(listing, experiment, settings, sample)
     binary = one.carsim.binary
-    end_like_ctrl_c()
-    try:
-        with simulated_car(
-            binary, one.body, one.scene, car_json(one.design), speedup, tcp, sys.stdin.fileno()
-        ) as car:
-            typer.echo(car.port)
-            typer.echo(f"{one.design.type} in sample {sample}; Ctrl-C ends", err=True)
-            assert car.process.stdout is not None and car.process.stderr is not None
-            for line in car.process.stdout:
-                # A new port after an unplugged cable, or the answer to an injected fault.
-                typer.echo(json.loads(line).get("port", line.rstrip("\n")))
-            said = car.process.stderr.read().strip().splitlines()
-            code = car.process.wait()
-        if code != 0:
-            raise CarsimError(f"{binary} link: {said[-1] if said else f'exit code {code}'}")
-    except KeyboardInterrupt:
-        typer.echo("ended", err=True)
+    # carsim ends when its reader does: see sim2d/src/reader_watch.h.
+    with (
+        simulated_car(binary, one.body, one.scene, car_json(one.design), speedup, tcp, sys.stdin.fileno()) as car,
+        said(lambda: "ended"),
+    ):
+        typer.echo(car.port)
+        typer.echo(f"{one.design.type} in sample {sample}; Ctrl-C ends", err=True)
+        assert car.process.stdout is not None and car.process.stderr is not None
+        for line in car.process.stdout:
+            # A new port after an unplugged cable, or the answer to an injected fault.
+            typer.echo(json.loads(line).get("port", line.rstrip("\n")))
+        messages = car.process.stderr.read().strip().splitlines()
+        code = car.process.wait()
+    if code != 0:
+        raise CarsimError(f"{binary} link: {messages[-1] if messages else f'exit code {code}'}")

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 Listing = Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")]
 ExperimentId = Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")]
-Sample = Annotated[int, typer.Option(metavar="K", min=0, help="Number of the sampled environment and built car.")]
+Sample = Annotated[
+    int,
+    typer.Option(metavar="K", min=0, max=2**63 - 1, help="Number of the sampled environment and built car."),
+]
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,9 @@ def log(
     ] = None,
     sample: Annotated[
         int | None,
-        typer.Option(metavar="K", min=0, help="Sampled environment; default: the one with the fewest trials."),
+        typer.Option(
+            metavar="K", min=0, max=2**63 - 1, help="Sampled environment; default: the one with the fewest trials."
+        ),
     ] = None,
     trials: Annotated[int | None, typer.Option(metavar="N", min=1, help="Stop after N trials.")] = None,
     parameters: Annotated[
@@ -55,9 +57,9 @@ def log(
     components: Components = None,
 ) -> None:
     """Drive trials with a car on USB. The car moves only after the countdown, and stops after any error."""
-    from foldcar.commands.end_signals import end_like_ctrl_c
     from foldcar.commands.log_options import LogOptions
     from foldcar.commands.log_session import LogSession
+    from foldcar.interrupts import raised, said
     from foldcar.link.parameters import read_file
     from foldcar.store.trial_records import TRIAL_OUTCOMES
 
@@ -84,10 +86,6 @@ def log(
             yes=yes,
         ),
     )
-    end_like_ctrl_c()
-    try:
+    with said(lambda: f"stopped: the driven trials are in {session.options.store}"), raised():
         driven = session.run(port)
-    except KeyboardInterrupt:
-        typer.echo(f"stopped: the driven trials are in {session.options.store}", err=True)
-        raise typer.Exit(130) from None
     typer.echo(f"{driven} trials; store: {session.options.store}")

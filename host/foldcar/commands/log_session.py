@@ -24,6 +24,7 @@ from foldcar.commands.log_view import LogView
 from foldcar.commands.log_welcome import welcome
 from foldcar.commands.typed_answers import INPUT, TypedAnswers
 from foldcar.errors import FoldcarError
+from foldcar.interrupts import at_once
 from foldcar.link.car import Car, CarIdentity, greet
 from foldcar.link.parameters import read_parameters
 from foldcar.link.ports import choose_port
@@ -56,12 +57,13 @@ class LogSession:
         self._environment = Environment(self._experiment)
         self._answers = TypedAnswers(self._idle)
         self._car: Car | None = None
+        self._port = ""
         self._placements: dict[tuple[int, str], Placement] = {}
 
     def run(self, named_port: str | None) -> int:
         """Drive trials up to the requested number or until the person ends, and return their number. FoldcarError."""
         options = self.options
-        self._car = greet(choose_port(named_port))
+        self._connect(choose_port(named_port))
         try:
             identity, design = self._welcome()
             with write_trials(options.store) as writer:
@@ -80,7 +82,17 @@ class LogSession:
                         break
                 return driven
         finally:
-            self._car.connection.close()
+            self._disconnect()
+
+    def _connect(self, port: str) -> None:
+        self._car = greet(port)
+        self._port = port
+
+    def _disconnect(self) -> None:
+        """Close the connection, which nothing must use any more."""
+        car, self._car = self._car, None
+        if car is not None:
+            car.connection.close()
 
     def _welcome(self) -> tuple[CarIdentity, Design]:
         assert self._car is not None
@@ -97,7 +109,8 @@ class LogSession:
         placement = self._placement(writer, sample, design)
         typer.echo(f"\nTrial {number}: sample {sample} of experiment {self._experiment.id}")
         # With --yes no picture is drawn.
-        placement.show(with_picture=not options.yes)
+        with at_once():
+            placement.show(with_picture=not options.yes)
         deviations = ask_deviations(self._answers, placement.scene, options.deviations, options.yes)
         if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
             return None
@@ -144,7 +157,6 @@ class LogSession:
 
     def _collect(self, number: int, log: Path, time_limit_s: float) -> DriveEnd:
         """Wait until an untethered car is connected again, and fetch its log."""
-        assert self._car is not None
         end_s = time.monotonic() + time_limit_s + COMES_BACK_S
         question = "The car drives on. When it has stopped, plug it in and press Enter, or type its port; q gives up: "
         while True:
@@ -153,6 +165,7 @@ class LogSession:
                 return DriveEnd("did not come back", "aborted", None)
             try:
                 self._greet_again(typed)
+                assert self._car is not None
                 if self._car.state() == self._car.dialect.FOLDCAR_STATE_RUNNING:
                     raise LinkLostError("the car still drives")
                 return collect(self._car, number, log)
@@ -182,12 +195,11 @@ class LogSession:
 
     def _greet_again(self, typed: str) -> None:
         """Connect to the car at the typed port, its last one or a new one: a port's name may change after unplugging."""
-        assert self._car is not None
-        port = typed or self._car.port
+        port = typed or self._port
         if not typed and port.startswith("/dev/tty") and not Path(port).exists():
             port = choose_port(None)
-        self._car.connection.close()
-        self._car = greet(port)
+        self._disconnect()
+        self._connect(port)
 
     def _placement(self, writer: TrialWriter, sample: int, design: Design) -> Placement:
         key = (sample, design_name(design))

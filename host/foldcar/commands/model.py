@@ -28,7 +28,9 @@ def model(
     environment: Annotated[
         str | None, typer.Option(metavar="ID", help="Environment of the listing for the car's surroundings.")
     ] = None,
-    sample: Annotated[int, typer.Option(metavar="K", min=0, help="Number of the environment's sample.")] = 0,
+    sample: Annotated[
+        int, typer.Option(metavar="K", min=0, max=2**63 - 1, help="Number of the environment's sample.")
+    ] = 0,
     components: Components = None,
 ) -> None:
     """Write one car as MJCF, URDF or a Webots PROTO with its world and controller; names say which car and sample."""

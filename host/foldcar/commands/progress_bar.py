@@ -1,11 +1,14 @@
 """Displays a sweep's progress on a terminal: bar, runs per second, remaining time, success rate so far."""
 
+from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as RichProgress
+
+from foldcar.interrupts import held
 
 if TYPE_CHECKING:
     from foldcar.study.sweep import Progress
@@ -26,9 +29,11 @@ class ProgressBar:
             console=console,
             disable=not console.is_terminal,
         )
+        self._held = ExitStack()
         self._task = self._bar.add_task("sweep", total=progress.total, rate="", success="")
 
     def __enter__(self) -> "ProgressBar":
+        self._held.enter_context(held(self._bar.stop))
         self._bar.start()
         return self
 
@@ -36,6 +41,7 @@ class ProgressBar:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._bar.stop()
+        self._held.close()
 
     def update(self, progress: "Progress") -> None:
         """Display the counts."""

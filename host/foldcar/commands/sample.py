@@ -71,7 +71,13 @@ def _parse_param(text: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not equals or not name:
         raise FoldcarError(f"--param {text}: not NAME=VALUE")
+    from foldcar.study.json_numbers import check_numbers
+
     try:
-        return name, json.loads(value)
+        parsed = json.loads(value)
+        check_numbers(parsed, name)
     except json.JSONDecodeError:
         return name, value
+    except (ValueError, RecursionError) as error:
+        raise FoldcarError(f"--param {error}") from None
+    return name, parsed

@@ -27,6 +27,7 @@ def sweep(
 ) -> None:
     """Simulate all runs that the store lacks. It may be stopped at any time: the same command resumes it."""
     from foldcar.commands.progress_bar import ProgressBar
+    from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.experiments import read_study
     from foldcar.study.sweep import Progress, planned_total
@@ -36,18 +37,12 @@ def sweep(
     carsim = Carsim()
     progress = Progress(total=planned_total(study))
     command = shlex.join(["foldcar", *sys.argv[1:]])
-    try:
-        with ProgressBar(progress) as bar:
-            run_sweep(
-                study, store, carsim, jobs or len(os.sched_getaffinity(0)), command, bar.update, progress
-            )
-    except KeyboardInterrupt:
-        typer.echo(
-            f"stopped: {progress.done} of {progress.total} runs are stored in {store}; "
-            "the same command resumes",
-            err=True,
-        )
-        raise typer.Exit(130) from None
+
+    def stopped() -> str:
+        return f"stopped: {progress.done} of {progress.total} runs are stored in {store}; the same command resumes"
+
+    with said(stopped), ProgressBar(progress) as bar:
+        run_sweep(study, store, carsim, jobs or len(os.sched_getaffinity(0)), command, bar.update, progress)
     rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
     failed = f", {progress.failed} failed" if progress.failed else ""
     typer.echo(

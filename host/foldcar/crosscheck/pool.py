@@ -4,7 +4,10 @@ Input: tasks. Output: their indices and results as they finish. A run that leave
 result with the outcome ``failed``.
 """
 
+import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -45,7 +48,7 @@ def run_all(tasks: Iterable[Task], jobs: int) -> Iterator[tuple[int, dict[str, A
         for index, task in enumerate(tasks):
             yield index, _run(task)
         return
-    pool = ProcessPoolExecutor(jobs, initializer=_leave_interrupts_to_the_parent)
+    pool = ProcessPoolExecutor(jobs, initializer=_end_with_the_parent)
     waiting: dict[Future[dict[str, Any]], int] = {}
     following = iter(enumerate(tasks))
     try:
@@ -72,5 +75,14 @@ def _run(task: Task) -> dict[str, Any]:
         return {"outcome": "failed", "message": str(error)}
 
 
-def _leave_interrupts_to_the_parent() -> None:
+def _end_with_the_parent() -> None:
+    """Leave Ctrl-C to the parent, and end at once when it has ended in whatever way."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+
+    def wait() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()

@@ -5,6 +5,7 @@ Input: a body, a scene, a car.json. Output: a running process and the port on wh
 
 import contextlib
 import json
+import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from foldcar.interrupts import held
 from foldcar.simulation.runner import CarsimError
 
 END_S = 5.0
@@ -40,7 +42,10 @@ def simulated_car(
     ``stdin`` is a file descriptor from which it reads commands that inject faults; its output after the port's line
     can be read from the process.
     """
-    with tempfile.TemporaryDirectory(prefix="foldcar-link-") as folder:
+    with (
+        tempfile.TemporaryDirectory(prefix="foldcar-link-", ignore_cleanup_errors=True) as folder,
+        held(lambda: shutil.rmtree(folder)),
+    ):
         command = [str(binary), "link", *(["--tcp", str(tcp_port)] if tcp_port is not None else ["--pty"])]
         contents = {
             "body": {"body": {"id": "car", **body}},
@@ -53,10 +58,13 @@ def simulated_car(
             command += [f"--{name}", str(file)]
         # --put-back: the car returns to the start before each trial.
         command += ["--speedup", f"{speedup:g}", "--put-back"]
-        # It stays in the caller's session, so that it ends with the terminal even if the caller is killed.
+        # carsim ends when nothing reads its output any more: with the caller, however that ends.
         process = subprocess.Popen(command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:
-            yield SimulatedCar(_port(binary, process), process)
+            port = _port(binary, process)
+            # It has been read; a caller that is killed leaves no folder.
+            shutil.rmtree(folder)
+            yield SimulatedCar(port, process)
         finally:
             process.terminate()
             try:

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 from foldcar.errors import FoldcarError
+from foldcar.interrupts import raised
 from foldcar.mavlink_dialect.generation import NAME, DialectError, digest, write_module
 
 MODULE = f"pymavlink.dialects.v20.{NAME}"
@@ -28,7 +29,8 @@ def load_dialect() -> ModuleType:
     try:
         file = _cache_folder() / f"mavlink-{digest()[:16]}" / f"{NAME}.py"
         if not file.is_file():
-            write_module(file)
+            with raised():
+                write_module(file)
     except (DialectError, OSError) as error:
         raise FoldcarError(f"the MAVLink dialect cannot be generated: {error}") from None
     import pymavlink.dialects.v20 as dialects

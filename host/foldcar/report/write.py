@@ -1,5 +1,6 @@
 """Writes a report: all files are written to a temporary folder first and then moved to their places."""
 
+import shutil
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,6 +10,7 @@ import matplotlib
 from foldcar.errors import FoldcarError
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import RC
+from foldcar.interrupts import held
 from foldcar.report.page import page_html
 from foldcar.report.sections import Section, read_section
 from foldcar.store.reader import Store
@@ -31,7 +33,10 @@ def write_report(store: Store, folder: Path, report_command: Sequence[str]) -> l
             raise FoldcarError(f"{store.path}: contains no runs yet; sweep the listing first")
         try:
             folder.parent.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
+            with (
+                tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary,
+                held(lambda: shutil.rmtree(temporary)),
+            ):
                 made = Path(temporary)
                 svgs = _save_figures(sections, made)
                 page = page_html(info, sections, svgs, report_command)

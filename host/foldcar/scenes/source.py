@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
+from foldcar.interrupts import at_once
 from foldcar.scenes.program import compile_program, ends_itself, is_dynamic, one_line
 from foldcar.scenes.scene_json import scene_object
 from foldcar.scenes.time_limit import time_limit
@@ -53,6 +54,7 @@ class SceneSource:
             raise FoldcarError(f"{self.program}: sample {k} is below the minimum 0")
         try:
             with (
+                at_once(),
                 seeded(f"{self.seed}/{k}"),
                 time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"),
             ):
@@ -105,7 +107,7 @@ def open_environment(
     Raises FoldcarError in one line if the file is missing or does not compile, if a parameter or a name is
     unknown or of the wrong type, or if samples would depend on one another.
     """
-    with seeded(f"{seed}/compile"):
+    with at_once(), seeded(f"{seed}/compile"):
         scenario = compile_program(program, params)
     source = SceneSource(program, scenario, seed)
     if condition is not None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from sqlite3 import Connection
 from typing import Any
 
+from foldcar.interrupts import delayed
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.migrations import transaction
 from foldcar.store.rows import Row, insert_sql, key_text, read_rows, stored
@@ -77,5 +78,5 @@ class StoreConnection:
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[None]:
-        with store_errors(self.path), transaction(self._connection):
+        with delayed(), store_errors(self.path), transaction(self._connection):
             yield

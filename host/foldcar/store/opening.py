@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from foldcar.interrupts import held, raised
 from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
 from foldcar.store.migrations import VERSION, add_metrics, copy_beside, create_tables, migrate, transaction
 from foldcar.store.tables import CHECKSUM, RUN
@@ -70,8 +71,10 @@ def writing(path: Path) -> Iterator[sqlite3.Connection]:
     if path.is_dir():
         raise StoreError(f"{path}: is a folder, not a store")
     path.parent.mkdir(parents=True, exist_ok=True)
-    with writer_lock(path):
-        connection = _open_writing(path)
+    with writer_lock(path), contextlib.ExitStack() as stack:
+        with raised():
+            connection = _open_writing(path)
+            stack.enter_context(held(lambda: _close_writing(path, connection)))
         try:
             yield connection
         finally:

@@ -1,6 +1,5 @@
 """The results store, read: the facts of the study and its runs as rows. docs/store.md describes the file."""
 
-import json
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +11,7 @@ from foldcar.simulation.results import NUMBERS, Recorded, Result
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.info import ExperimentInfo, StudyInfo
 from foldcar.store.opening import open_reading
-from foldcar.store.rows import Row, columns_sql, read_rows, verified
+from foldcar.store.rows import Row, columns_sql, key_text, parsed, read_rows, verified
 from foldcar.store.tables import (
     BY_NAME,
     CHECKSUM,
@@ -82,9 +81,9 @@ class Store:
                 id=row["id"],
                 experiment=row["experiment"],
                 vehicle_type=row["vehicle_type"],
-                design=json.loads(row["design"]),
+                design=parsed(self.path, TRIAL, row, "design"),
                 sample=row["sample"],
-                deviations={name: (x, y, turn) for name, (x, y, turn) in json.loads(row["deviations"]).items()},
+                deviations=self._deviations(row),
                 corrections=corrections[row["id"]],
                 **{field: row[field] for field in TRIAL_FIELDS},
             )
@@ -95,6 +94,13 @@ class Store:
         if found is None:
             raise StoreError(f"{self.path}: has no trial {number}")
         return found
+
+    def _deviations(self, row: Row) -> dict[str, tuple[float, float, float]]:
+        found = parsed(self.path, TRIAL, row, "deviations")
+        if not all(isinstance(moved, list) and len(moved) == 3 for moved in found.values()):
+            where = f"{self.path}: {key_text(TRIAL, row)}"
+            raise StoreError(f"{where} is damaged: its deviations are not what foldcar writes")
+        return {name: (x, y, turn) for name, (x, y, turn) in found.items()}
 
     def corrections(self, trial: int) -> list[Correction]:
         """What was changed of a trial, oldest first."""
@@ -108,11 +114,11 @@ class Store:
     def trial_drive(self, number: int) -> tuple[str, str, str] | None:
         """Body, settings and scene (as placed) of a trial as JSON; None if they are not known."""
         for row in self.rows(TRIAL, "WHERE id = ?", number):
-            texts = [
-                text["json"]
-                for name in ("body", "settings", "scene")
-                for text in self.rows(BY_NAME[name], "WHERE id = ?", row[f"{name}_id"])
-            ]
+            texts = []
+            for name in ("body", "settings", "scene"):
+                for text in self.rows(BY_NAME[name], "WHERE id = ?", row[f"{name}_id"]):
+                    parsed(self.path, BY_NAME[name], text, "json")
+                    texts.append(text["json"])
             if len(texts) == 3:
                 return texts[0], texts[1], texts[2]
         return None
@@ -126,7 +132,7 @@ class Store:
         columns: dict[str, None] = {}
         for name in self._experiment_ids(None):
             for design in self.rows(DESIGN, "WHERE experiment = ? AND position = 0", name):
-                columns.update(dict.fromkeys(json.loads(design["parameters"])))
+                columns.update(dict.fromkeys(parsed(self.path, DESIGN, design, "parameters")))
         return list(columns)
 
     def recorded_types(self) -> dict[str, set[str]]:
@@ -155,9 +161,13 @@ class Store:
         return [experiment]
 
     def _results(self, name: str) -> Iterator[Result]:
-        (experiment,) = self.rows(EXPERIMENT, "WHERE id = ?", name)
+        experiment = next(self.rows(EXPERIMENT, "WHERE id = ?", name), None)
+        if experiment is None:
+            # It is in the list of all: an index is damaged.
+            raise StoreError(f"{self.path}: experiment (id={name}) is missing")
         designs = {
-            row["position"]: json.loads(row["parameters"]) for row in self.rows(DESIGN, "WHERE experiment = ?", name)
+            row["position"]: parsed(self.path, DESIGN, row, "parameters")
+            for row in self.rows(DESIGN, "WHERE experiment = ?", name)
         }
         # The samples say which runs are the experiment's: they are verified too.
         for table, key in (("sample", "environment_id"), ("draw", "spread_id")):
@@ -171,6 +181,8 @@ class Store:
             name,
         ):
             run = verified(self.path, RUN, dict(zip(names, cells, strict=True)))
+            if design not in designs:
+                raise StoreError(f"{self.path}: design (experiment={name}, position={design}) is missing")
             yield Result(
                 name,
                 experiment["vehicle"],
@@ -186,7 +198,9 @@ class Store:
     def _recorded(self, run: Row) -> dict[str, Recorded]:
         where = " AND ".join(f"{column} = ?" for column in RUN.key)
         rows = self.rows(RECORDED, f"WHERE {where} ORDER BY name", *(run[column] for column in RUN.key))
-        return {row["name"]: Recorded(row["kind"], json.loads(row["value"])) for row in rows}
+        return {
+            row["name"]: Recorded(row["kind"], parsed(self.path, RECORDED, row, "value", object)) for row in rows
+        }
 
     def _experiments(self) -> Iterator[ExperimentInfo]:
         builds = {row["id"]: row["name"] for row in self.rows(BY_NAME["build"])}
@@ -204,7 +218,7 @@ class Store:
                 carsim_build=builds[row["build_id"]],
                 planned_runs=designs * row["environments"],
                 stored_runs=stored,
-                **json.loads(row["facts"]),
+                **parsed(self.path, EXPERIMENT, row, "facts"),
             )
 
     def _rows(self, query: str, *values: Any) -> Iterator[Any]:

@@ -102,6 +102,20 @@ def verified(path: Path, table: Table, row: Row) -> Row:
     return row
 
 
+def parsed(path: Path, table: Table, row: Row, column: str, kind: type | tuple[type, ...] = dict) -> Any:
+    """The value of a JSON column, of that kind; StoreError, naming row and column, if it is none.
+
+    A checksum vouches for what was written only: older stores have none, and other programs may have written.
+    """
+    try:
+        value = json.loads(row[column])
+        if isinstance(value, kind):
+            return value
+    except (ValueError, TypeError, RecursionError):
+        pass
+    raise StoreError(f"{path}: {key_text(table, row)} is damaged: its {column} is not what foldcar writes")
+
+
 def _integer(name: str, value: Any) -> int:
     if isinstance(value, int) and -(2**63) <= value < 2**63:
         return int(value)

@@ -17,6 +17,7 @@ from typing import Any
 from foldcar.store.connection import StoreConnection
 from foldcar.store.errors import StoreError
 from foldcar.store.opening import writing
+from foldcar.store.rows import parsed
 from foldcar.store.tables import BY_NAME, CORRECTION, TRIAL
 from foldcar.store.trial_records import CORRECTABLE, RUNNING, TRIAL_OUTCOMES, Ending, TrialDesign
 from foldcar.store.writer import canonical_json
@@ -112,7 +113,7 @@ class TrialWriter(StoreConnection):
             environment_fingerprint,
             sample,
         )
-        return dict(json.loads(found[0]["json"])) if found else None
+        return dict(parsed(self.path, BY_NAME["scene"], found[0], "json")) if found else None
 
     def trial_counts(self, experiment: str, design: TrialDesign, environment_fingerprint: str) -> dict[int, int]:
         """The numbers of this design's trials that were not aborted, by sample of the environment."""

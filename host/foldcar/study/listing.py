@@ -13,6 +13,7 @@ import json5
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from foldcar.errors import FoldcarError
+from foldcar.study.json_numbers import check_numbers
 
 MAX_FAMILY_VALUES = 100_000
 
@@ -153,6 +154,10 @@ def read_listing(file: Path) -> tuple[Listing, str]:
         raise ListingError(f"{file}: is not JSON: {str(error).removeprefix('<string>:')}") from error
     except RecursionError as error:
         raise ListingError(f"{file}: is not a listing: nested too deeply") from error
+    try:
+        check_numbers(data)
+    except ValueError as error:
+        raise ListingError(f"{file}: {error}") from None
     try:
         listing = Listing.model_validate(data)
     except ValidationError as error:

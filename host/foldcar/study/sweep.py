@@ -15,6 +15,7 @@ from pathlib import Path
 from foldcar import __version__
 from foldcar.car.body import body_json
 from foldcar.car.firmware_parameters import TableRow
+from foldcar.interrupts import delayed
 from foldcar.scenes.fingerprint import scenic_version
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import outcome_of
@@ -128,10 +129,12 @@ def _run_experiment(
 def _keep(
     finished: list[FinishedRun], writer: StoreWriter, counts: Progress, report: Callable[[Progress], None]
 ) -> None:
-    writer.add_results((one.run, one.answer) for one in finished)
-    counts.new += len(finished)
-    for one in finished:
-        counts.count(outcome_of(one.answer), one.count)
+    # The counts are of what is stored, also when a signal ends the sweep.
+    with delayed():
+        writer.add_results((one.run, one.answer) for one in finished)
+        counts.new += len(finished)
+        for one in finished:
+            counts.count(outcome_of(one.answer), one.count)
     report(counts)
 
 

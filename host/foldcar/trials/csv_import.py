@@ -8,6 +8,7 @@ Lines that begin with # are comments. Output: rows for :meth:`TrialWriter.import
 import csv
 import math
 from collections.abc import Callable, Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,8 @@ from foldcar.store.trial_records import TRIAL_OUTCOMES
 
 NEEDED = ("vehicle_type", "outcome", "source")
 MOST_COUNT = 100_000
+# The largest whole number that a store keeps.
+MOST_SAMPLE = 2**63 - 1
 
 
 def read_trials(file: Path, experiment: str | None) -> list[dict[str, Any]]:
@@ -30,11 +33,11 @@ def read_trials(file: Path, experiment: str | None) -> list[dict[str, Any]]:
     kept = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
     if not kept:
         raise FoldcarError(f"{file}: contains no trials")
-    header = [name.strip() for name in next(csv.reader([kept[0][1]]))]
+    header = _cells(file, *kept[0])
     _check_header(file, header)
     trials = []
     for number, line in kept[1:]:
-        cells = [cell.strip() for cell in next(csv.reader([line]))]
+        cells = _cells(file, number, line)
         if len(cells) != len(header):
             raise FoldcarError(f"{file}: line {number}: has {len(cells)} cells, the header {len(header)}")
         row = {name: cell for name, cell in zip(header, cells, strict=True) if cell}
@@ -42,6 +45,13 @@ def read_trials(file: Path, experiment: str | None) -> list[dict[str, Any]]:
     if not trials:
         raise FoldcarError(f"{file}: contains no trials")
     return trials
+
+
+def _cells(file: Path, number: int, line: str) -> list[str]:
+    try:
+        return [cell.strip() for cell in next(csv.reader([line]))]
+    except csv.Error as error:
+        raise FoldcarError(f"{file}: line {number}: {error}") from None
 
 
 def _check_header(file: Path, header: list[str]) -> None:
@@ -82,8 +92,12 @@ def _trials(place: str, row: Mapping[str, str], experiment: str | None) -> list[
     }
     if "sample" in row:
         trial["sample"] = _number(place, row, "sample", int)
+        if trial["sample"] > MOST_SAMPLE:
+            raise FoldcarError(f"{place}: sample: {row['sample']} is above the maximum {MOST_SAMPLE}")
     if "elapsed_time_s" in row:
         trial["elapsed_time_s"] = _number(place, row, "elapsed_time_s", float)
+    if "started_utc" in row:
+        _check_time(place, row["started_utc"])
     count = _number(place, row, "count", int) if "count" in row else 1
     if count > MOST_COUNT:
         raise FoldcarError(f"{place}: count: {count} is above the maximum {MOST_COUNT}")
@@ -93,8 +107,21 @@ def _trials(place: str, row: Mapping[str, str], experiment: str | None) -> list[
 def _number(place: str, row: Mapping[str, str], name: str, kind: Callable[[str], float]) -> float:
     try:
         value = kind(row[name])
+        finite = math.isfinite(value)
+    except OverflowError:
+        finite = False
     except ValueError:
         raise FoldcarError(f'{place}: {name}: "{row[name]}" is not a {"whole " if kind is int else ""}number') from None
-    if not math.isfinite(value) or value < 0:
-        raise FoldcarError(f"{place}: {name}: {value:g} is below the minimum 0 or not finite")
+    if not finite or value < 0:
+        raise FoldcarError(f"{place}: {name}: {row[name]} is below the minimum 0 or not finite")
     return value
+
+
+def _check_time(place: str, text: str) -> None:
+    try:
+        # Python 3.10 does not read the Z.
+        datetime.fromisoformat(text.removesuffix("Z"))
+    except ValueError:
+        raise FoldcarError(
+            f'{place}: started_utc: "{text}" is not a date, or date and time, such as 2026-05-01T09:30:00'
+        ) from None

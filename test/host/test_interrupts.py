@@ -1,0 +1,166 @@
+"""Ctrl-C and its like, at any moment of any command: exit code 130, one line, no process and no file left."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shell_signals import like_a_shell
+
+FOLDCAR = [sys.executable, "-m", "foldcar"]
+BESIDE = "model model\nego = new Robot at (0, 0)\nnew Goal at (1.3, 0)\nrecord ego.position.x as way\n"
+MARK = "FOLDCAR_TEST_MARK"
+RUN = ["--experiment", "1", "--set", "width=95"]
+# Everything that a command passes on its way is interrupted by some of these: imports, Scenic, sampling, simulating.
+MOMENTS_S = (0.0, 0.2, 0.5, 1.2)
+COMMANDS = {
+    "run": ["run", "flat.json", *RUN],
+    "sweep": ["sweep", "beside.json", "--store", "s.db", "--jobs", "2"],
+    "sample": ["sample", "beside.scenic", "-n", "100000", "-o", "s.jsonl"],
+    "report": ["report", "full.db", "-o", "page"],
+    "pattern": ["pattern", "flat.json", "--set", "width=95", "-o", "sheets"],
+    "link": ["link", "flat.json", *RUN],
+    "log": ["log", "flat.json", "--experiment", "1", "--port", "nowhere"],
+    "crosscheck": ["crosscheck", "flat.json", "-o", "check", "--jobs", "2"],
+    "export": ["export", "full.db", "--folder", "all"],
+}
+
+
+@pytest.fixture
+def study(tmp_path: Path, listing_data: dict[str, Any], foldcar: Callable[..., Any]) -> Path:
+    """A folder with a listing, one that needs Scenic beside the simulation, and a store."""
+    listing_data["experiments"]["1"]["params"]["environments"] = 5000
+    (tmp_path / "flat.json").write_text(json.dumps(listing_data))
+    (tmp_path / "beside.scenic").write_text(BESIDE)
+    listing_data["environments"]["1"]["scenic_filename"] = "beside.scenic"
+    (tmp_path / "beside.json").write_text(json.dumps(listing_data))
+    assert foldcar("sweep", "flat.json", "--store", "full.db", "--environments", "1").returncode == 0
+    return tmp_path
+
+
+@pytest.fixture
+def started(study: Path) -> Iterator[Callable[..., "subprocess.Popen[str]"]]:
+    """A function that starts a command in that folder; its processes are marked, and ended after the test."""
+
+    def start(*words: str, ready: bool = True, **options: Any) -> "subprocess.Popen[str]":
+        process = subprocess.Popen(
+            [*FOLDCAR, *words], cwd=study, stdin=options.pop("stdin", subprocess.PIPE), stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True, preexec_fn=like_a_shell, env={**os.environ, MARK: study.name}, **options,
+        )  # fmt: skip
+        while ready and process.poll() is None and not catches(process.pid, signal.SIGTERM):
+            time.sleep(0.001)
+        return process
+
+    yield start
+    for pid in marked(study.name):
+        os.kill(pid, signal.SIGKILL)
+
+
+def catches(pid: int, number: signal.Signals) -> bool:
+    """Whether a process has a handler of that signal: foldcar's code has begun to run."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    mask = next((line.split()[1] for line in status.splitlines() if line.startswith("SigCgt")), "0")
+    return bool(int(mask, 16) >> (number - 1) & 1)
+
+
+def marked(mark: str) -> list[int]:
+    """The running processes that were started with that mark, and their children."""
+    found = []
+    for folder in Path("/proc").iterdir():
+        try:
+            if folder.name.isdigit() and f"{MARK}={mark}\0".encode() in (folder / "environ").read_bytes() + b"\0":
+                found.append(int(folder.name))
+        except OSError:
+            continue
+    return found
+
+
+def no_process_of(mark: str, within_s: float = 10) -> bool:
+    end_s = time.monotonic() + within_s
+    while marked(mark) and time.monotonic() < end_s:
+        time.sleep(0.02)
+    return not marked(mark)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_ctrl_c_ends_a_command_at_any_moment_with_one_line(
+    study: Path, started: Callable[..., "subprocess.Popen[str]"], command: str
+) -> None:
+    interrupted = 0
+    for index, moment_s in enumerate(MOMENTS_S):
+        process = started(*COMMANDS[command])
+        time.sleep(moment_s)
+        ended = process.poll() is not None
+        process.send_signal((signal.SIGINT, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)[index % 4])
+        errors = process.communicate(timeout=100)[1]
+        lines = [line for line in errors.splitlines() if not line.endswith("Ctrl-C ends")]
+
+        if not ended and process.returncode != 0 and not errors.startswith("foldcar: error: nowhere"):
+            interrupted += 1
+            assert (process.returncode, len(lines)) == (130, 1), f"after {moment_s} s: {errors}"
+            assert "stopped" in lines[0] or lines == ["ended"]
+        assert no_process_of(study.name)
+        assert [file.name for file in study.iterdir() if file.name.startswith(".") or "-" in file.name] == []
+    assert interrupted >= 1
+
+
+def test_what_the_caller_ignores_stays_ignored(started: Callable[..., "subprocess.Popen[str]"]) -> None:
+    process = subprocess.Popen(
+        [*FOLDCAR, "--version"], stdout=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN) and None,
+    )  # fmt: skip
+    while process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.01)
+
+    assert process.returncode == 0 and process.communicate()[0].startswith("foldcar ")
+
+
+@pytest.mark.parametrize("command", ["sweep", "crosscheck", "link"])
+def test_a_killed_command_leaves_no_process(
+    study: Path, started: Callable[..., "subprocess.Popen[str]"], command: str
+) -> None:
+    process = started(*COMMANDS[command])
+    end_s = time.monotonic() + 60
+    while len(marked(study.name)) < 2 and time.monotonic() < end_s:
+        time.sleep(0.01)
+    assert len(marked(study.name)) >= 2
+
+    process.kill()
+    process.wait()
+
+    assert no_process_of(study.name)
+
+
+def test_a_killed_link_leaves_its_terminal_as_it_was(
+    study: Path, started: Callable[..., "subprocess.Popen[str]"], tmp_path: Path
+) -> None:
+    import fcntl
+    import termios
+
+    master, terminal = pty.openpty()
+    before = termios.tcgetattr(terminal), fcntl.fcntl(terminal, fcntl.F_GETFL)
+    process = started(*COMMANDS["link"], stdin=terminal)
+    assert process.stdout is not None
+    port = Path(process.stdout.readline().strip())
+    assert port.exists()
+    os.write(master, b'{"unknown": 1}\n')
+    assert "error" in process.stdout.readline()
+
+    process.kill()
+    process.wait()
+
+    assert no_process_of(study.name) and not port.exists()
+    assert (termios.tcgetattr(terminal), fcntl.fcntl(terminal, fcntl.F_GETFL)) == before
+    os.close(master)
+    os.close(terminal)
+
+

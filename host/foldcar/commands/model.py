@@ -9,6 +9,7 @@ import typer
 from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings
 from foldcar.errors import FoldcarError
+from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.study.listing import Listing
@@ -25,7 +26,10 @@ def model(
     environment: Annotated[
         str | None, typer.Option(metavar="ID", help="Environment of the listing for the car's surroundings.")
     ] = None,
-    sample: Annotated[int, typer.Option(metavar="K", min=0, help="Number of the environment's sample.")] = 0,
+    sample: Annotated[
+        int,
+        typer.Option(metavar="K", min=0, max=MOST_ENVIRONMENTS - 1, help="Number of the environment's sample."),
+    ] = 0,
     components: Components = None,
 ) -> None:
     """Write one car as MJCF, URDF or a Webots PROTO with its world."""

@@ -68,7 +68,9 @@ def test_the_width_study_is_37_widths_in_100_environments() -> None:
     ("values", "expected"),
     [
         ({"from": 65, "to": 80, "step": 5}, [65, 70, 75, 80]),
-        ({"from": 65, "to": 79, "step": 5}, [65, 70, 75]),
+        ({"from": 65, "to": 65, "step": 5}, [65]),
+        ({"from": 65, "to": 66.1, "step": 0.1}, [65 + k / 10 for k in range(12)]),
+        ({"from": 65.3, "to": 65.9, "step": 0.3}, [65.3, 65.6, 65.9]),
         ({"from": 65, "to": 65.3, "step": 0.1}, [65, 65.1, 65.2, 65.3]),
         ([100, 70.5], [100, 70.5]),
         (77, [77]),
@@ -173,6 +175,17 @@ WIDTH = "vehicles.1.params.0.common.width"
             WIDTH,
             {"from": 65, "to": 90, "step": 1e-9},
             f"{WIDTH}: the range has 25000000001 values, the limit is",
+        ),
+        (WIDTH, {"from": 0, "to": 1e300, "step": 1e-300}, f"{WIDTH}: the range has more than 10^12 values"),
+        (
+            WIDTH,
+            {"from": 65, "to": 245, "step": 7},
+            f'{WIDTH}: "to" 245 is not reached from 65 in steps of 7: write "to" 240 or "to" 247',
+        ),
+        (
+            WIDTH,
+            {"from": 65.5, "to": 66.05, "step": 0.1},
+            f'{WIDTH}: "to" 66.05 is not reached from 65.5 in steps of 0.1: write "to" 66 or "to" 66.1',
         ),
     ],
 )

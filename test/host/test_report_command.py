@@ -12,7 +12,13 @@ from typing import Any
 import pytest
 
 from foldcar.cli import main
-from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
+from foldcar.report.file_names import file_name_part
+from foldcar.store.writer import (
+    PlannedDesign,
+    PlannedExperiment,
+    StoreWriter,
+    write_store,
+)
 
 WIDTHS = tuple(float(width) for width in range(65, 250, 5))
 FACTS = {
@@ -200,9 +206,8 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(
         add_experiment(writer, "later", {"width_mm": (80.0, 100.0)}, 5, 0, width_outcome)
     code, shown, _ = report(store, "-o", folder)
     assert code == 0
-    names = [
-        f"experiment_a_b_{kind}_by_{name}.svg" for kind in ("outcomes", "success") for name in sorted(two)
-    ]
+    start = f"experiment_{file_name_part('a/b')}"
+    names = [f"{start}_{kind}_by_{name}.svg" for kind in ("outcomes", "success") for name in sorted(two)]
     assert sorted(path.name for path in folder.glob("*.svg")) == sorted(names)
     text = Page((folder / "index.html").read_text()).text
     for sentence in (
@@ -250,3 +255,28 @@ def test_mistakes_are_one_line_and_leave_nothing(
         assert said.count("\n") == 1
         assert part in said
         assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+NAMES = ("a b", "a_b", "A_b", "a/b", "../x", "", " ", "ü", "中文", "x" * 300, "x" * 299 + "y", "con", "a_b_" + "0" * 8)
+
+
+def test_every_experiment_has_figures_of_its_own_whatever_its_name(
+    tmp_path: Path, report: Callable[..., tuple[int, str, str]]
+) -> None:
+    store, folder = tmp_path / "study.db", tmp_path / "report"
+    with write_store(store) as writer:
+        writer.begin_study(FACTS, "build-7")
+        for number, name in enumerate(NAMES):
+            widths = (80.0, 100.0 + number)
+            add_experiment(writer, name, {"width_mm": widths}, 2, 2, lambda design, sample: "passed")
+    assert report(store, "-o", folder)[0] == 0
+
+    files = [path.name for path in folder.iterdir()]
+    assert len({name.lower() for name in files}) == len(files) == 6 * len(NAMES) + 1
+    assert max(map(len, files)) < 100 and all(name.isascii() for name in files)
+    # The widest car of an experiment stands on the axis of its figure.
+    drawn = {path.read_text() for path in folder.glob("*success*.svg")}
+    assert len(drawn) == len(NAMES)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["report", "study.db"]
+    page = Page((folder / "index.html").read_text())
+    assert len(page.ids) == len(set(page.ids))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foldcar.commands.components_option import Components
+from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
 if TYPE_CHECKING:
     from foldcar.crosscheck.agreement import Agreement
@@ -18,16 +19,24 @@ def crosscheck(
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
     environments: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, help="Sampled environments, instead of the listing's number."),
+        typer.Option(
+            metavar="N",
+            min=1,
+            max=MOST_ENVIRONMENTS,
+            help="Sampled environments, instead of the listing's number.",
+        ),
     ] = None,
     baseline: Annotated[
         int,
         typer.Option(
-            metavar="N", min=0, help="Samples that MuJoCo also runs at half step and with other tyres."
+            metavar="N",
+            min=0,
+            max=MOST_ENVIRONMENTS,
+            help="Samples that MuJoCo also runs at half step and with other tyres.",
         ),
     ] = 10,
     jobs: Annotated[
-        int | None, typer.Option(metavar="N", min=1, max=256, help="Processes; default: one per processor.")
+        int | None, typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Processes; default: one per processor.")
     ] = None,
     components: Components = None,
 ) -> None:

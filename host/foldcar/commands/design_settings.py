@@ -15,9 +15,11 @@ Settings = Annotated[
 
 def design_settings(words: Sequence[str]) -> dict[str, float]:
     """Parse NAME=MM words to values (mm or degrees) by parameter; FoldcarError if a word is invalid."""
-    settings = {}
+    settings: dict[str, float] = {}
     for word in words:
         key, equals, text = word.partition("=")
+        if key in settings:
+            raise FoldcarError(f"--set {word}: {key} is given twice, first as {settings[key]:g}")
         try:
             settings[key] = float(text)
         except ValueError:

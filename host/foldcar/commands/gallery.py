@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from foldcar.errors import FoldcarError
+from foldcar.study.limits import GREATEST_SEED
 
 
 def gallery(
@@ -16,7 +17,9 @@ def gallery(
     output: Annotated[
         Path, typer.Option("-o", "--output", help="folder for the pictures; created if missing")
     ],
-    seed: Annotated[int, typer.Option("--seed", help="the same seed gives the same pictures")] = 42,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, max=GREATEST_SEED, help="the same seed gives the same pictures")
+    ] = 42,
 ) -> None:
     """Draw environments: NAME.png for each program NAME.scenic."""
     from foldcar.figures.gallery import SAMPLES, draw_gallery

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foldcar.commands.design_settings import design_settings
+from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
@@ -19,7 +20,9 @@ Listing = Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment lis
 ExperimentId = Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")]
 Sample = Annotated[
     int,
-    typer.Option(metavar="K", min=0, max=2**63 - 1, help="Number of the sampled environment and built car."),
+    typer.Option(
+        metavar="K", min=0, max=MOST_ENVIRONMENTS - 1, help="Number of the sampled environment and built car."
+    ),
 ]
 
 

@@ -7,6 +7,7 @@ import typer
 
 from foldcar.commands.components_option import Components
 from foldcar.errors import FoldcarError
+from foldcar.study.limits import MOST_ENVIRONMENTS
 
 MOST_COUNTDOWN_S = 60
 
@@ -28,7 +29,10 @@ def log(
     sample: Annotated[
         int | None,
         typer.Option(
-            metavar="K", min=0, max=2**63 - 1, help="Sampled environment; default: the one with the fewest trials."
+            metavar="K",
+            min=0,
+            max=MOST_ENVIRONMENTS - 1,
+            help="Sampled environment; default: the one with the fewest trials.",
         ),
     ] = None,
     trials: Annotated[int | None, typer.Option(metavar="N", min=1, help="Stop after N trials.")] = None,

@@ -8,6 +8,7 @@ import typer
 from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings, design_settings
 from foldcar.errors import FoldcarError
+from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
@@ -29,7 +30,8 @@ def model(
         str | None, typer.Option(metavar="ID", help="Environment of the listing for the car's surroundings.")
     ] = None,
     sample: Annotated[
-        int, typer.Option(metavar="K", min=0, max=2**63 - 1, help="Number of the environment's sample.")
+        int,
+        typer.Option(metavar="K", min=0, max=MOST_ENVIRONMENTS - 1, help="Number of the environment's sample."),
     ] = 0,
     components: Components = None,
 ) -> None:

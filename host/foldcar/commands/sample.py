@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +10,7 @@ import typer
 
 from foldcar.atomic_file import atomic_file
 from foldcar.errors import FoldcarError
+from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.scenes.source import SceneSource
@@ -17,8 +18,12 @@ if TYPE_CHECKING:
 
 def sample(
     scenario: Annotated[Path, typer.Argument(help="Scenic program", metavar="SCENARIO")],
-    count: Annotated[int, typer.Option("-n", "--count", min=1, help="number of scenes")] = 1,
-    seed: Annotated[int, typer.Option("--seed", help="the same seed gives the same scenes")] = 0,
+    count: Annotated[
+        int, typer.Option("-n", "--count", min=1, max=MOST_ENVIRONMENTS, help="number of scenes")
+    ] = 1,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, max=GREATEST_SEED, help="the same seed gives the same scenes")
+    ] = 0,
     param: Annotated[
         list[str] | None,
         typer.Option("--param", help="a parameter of the program, NAME=VALUE; repeat for more"),
@@ -36,7 +41,7 @@ def sample(
 
     if plot is not None:
         check_format(plot)
-    source = open_environment(scenario, dict(_parse_param(text) for text in param or []), seed)
+    source = open_environment(scenario, _parse_params(param or []), seed)
     shown: list[dict[str, Any]] = []
     if output == Path("-"):
         for scene in _scenes(source, count, shown):
@@ -64,6 +69,17 @@ def _scenes(source: "SceneSource", count: int, shown: list[dict[str, Any]]) -> I
 
 def _line(scene: dict[str, Any]) -> str:
     return json.dumps({"scene": scene}) + "\n"
+
+
+def _parse_params(words: Sequence[str]) -> dict[str, Any]:
+    """Parse NAME=VALUE words; FoldcarError if one is invalid or a name stands twice."""
+    params: dict[str, Any] = {}
+    for word in words:
+        name, value = _parse_param(word)
+        if name in params:
+            raise FoldcarError(f"--param {word}: {name} is given twice")
+        params[name] = value
+    return params
 
 
 def _parse_param(text: str) -> tuple[str, Any]:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.components_option import Components
+from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
 
 def sweep(
@@ -16,11 +17,16 @@ def sweep(
     store: Annotated[Path, typer.Option(metavar="FILE", help="Store to write; created if missing.")],
     environments: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, help="Sampled environments, instead of the listing's number."),
+        typer.Option(
+            metavar="N",
+            min=1,
+            max=MOST_ENVIRONMENTS,
+            help="Sampled environments, instead of the listing's number.",
+        ),
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, max=256, help="Simulators in parallel; default: one per processor."),
+        typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
     ] = None,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
     components: Components = None,

@@ -9,6 +9,7 @@ from typing import Any
 
 from foldcar.car.body import body_json
 from foldcar.car.variation.vary_body import vary_body
+from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Study
@@ -44,6 +45,8 @@ def cases_of(study: Study, carsim: Carsim) -> Iterator[Case]:
     for experiment in study.experiments:
         environment = Environment(experiment)
         beside = environment if environment.dynamic else None
+        if not environment.success.defined:
+            raise FoldcarError(f"{experiment.place}: both engines are compared by success, and {environment.success.text}")
         designs = []
         for design in experiment.family:
             body = body_json(design)

@@ -1,11 +1,11 @@
 """An experiment's section of the report: its summary, remarks and figures."""
 
-import re
 from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
 from foldcar.report.axis import parameter_label
+from foldcar.report.file_names import file_name_part
 from foldcar.report.outcome_plot import draw_outcomes
 from foldcar.report.series import Summary, summarise
 from foldcar.report.success_plot import draw_success
@@ -74,7 +74,7 @@ def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> li
 
 def _drawings(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> list[Drawing]:
     drawings = []
-    start = "experiment_" + re.sub(r"[^A-Za-z0-9-]+", "_", info.id)
+    start = "experiment_" + file_name_part(info.id)
     for series in summary.series:
         if not series.tallies:
             continue

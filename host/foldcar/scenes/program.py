@@ -1,4 +1,4 @@
-"""Compiles a Scenic program and finds whether it is dynamic and whether it ends a simulation itself.
+"""Compiles a Scenic program and finds whether it is dynamic and whether it may end a simulation.
 
 Input: a program's path and parameters. Output: Scenic's scenario; FoldcarError of one line for a program that cannot
 be sampled. `model model` is searched beside the program, then in foldcar's vocabulary/. Scenic takes most of a second to
@@ -45,8 +45,12 @@ def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
     return scenario
 
 
-def ends_itself(scenario: Any) -> bool:
-    """Whether the program has its own termination conditions, so that it needs no Goal."""
+def may_end_itself(scenario: Any) -> bool:
+    """Whether the program can end a simulation: by its conditions, its monitors or its behaviors. It needs no Goal then."""
+    return _ends_itself(scenario) or bool(scenario.monitors or scenario.dynamicScenario._agents)
+
+
+def _ends_itself(scenario: Any) -> bool:
     dynamic = scenario.dynamicScenario
     conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
     return bool(conditions) or dynamic._timeLimit is not None or dynamic._compose is not None
@@ -54,11 +58,9 @@ def ends_itself(scenario: Any) -> bool:
 
 def is_dynamic(scenario: Any) -> bool:
     """Whether the program has parts that Scenic evaluates during a simulation."""
-    dynamic = scenario.dynamicScenario
     return (
-        ends_itself(scenario)
+        may_end_itself(scenario)
         or bool(scenario.recordedExprs or scenario.recordedInitialExprs or scenario.recordedFinalExprs)
-        or bool(scenario.monitors or dynamic._agents)
         or any(requirement.proposition.has_temporal_operator for requirement in scenario.requirements)
     )
 

@@ -71,7 +71,7 @@ def _scene_object(scene: Any, needs_goal: bool) -> dict[str, Any]:
     if goal is not None:
         check_goal_ahead(start, goal, terrain, goals[0])
     elif needs_goal:
-        raise UnusableError("no Goal: the program must place one, or declare `terminate when …`")
+        raise UnusableError("no Goal: the program must place one, or end the run: `terminate when …`")
     return {"friction": friction, "terrain": terrain, "start": start, "goal": goal, "course": course}
 
 

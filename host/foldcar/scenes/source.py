@@ -11,13 +11,15 @@ import io
 import random
 import sys
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import at_once
-from foldcar.scenes.program import compile_program, ends_itself, is_dynamic, one_line
+from foldcar.scenes.program import compile_program, is_dynamic, may_end_itself, one_line
 from foldcar.scenes.scene_json import scene_object
+from foldcar.scenes.success import SuccessRule, success_rule
 from foldcar.scenes.time_limit import time_limit
 
 # Scenic's default. A program whose samples are rejected this often has requirements that are almost never fulfilled.
@@ -37,6 +39,11 @@ class SceneSource:
     def dynamic(self) -> bool:
         """Whether the program has parts that Scenic must evaluate during a simulation, beside carsim."""
         return is_dynamic(self.scenario)
+
+    @cached_property
+    def success(self) -> SuccessRule:
+        """When a run of the program has passed."""
+        return success_rule(self.scenario, self.program)
 
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
@@ -77,7 +84,7 @@ class SceneSource:
     def describe(self, scene: Any, k: int) -> dict[str, Any]:
         """The "scene" object of docs/carsim.md for sample ``k``'s Scene. Raises FoldcarError."""
         with time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"):
-            return scene_object(scene, self.program, f"sample {k}", not ends_itself(self.scenario))
+            return scene_object(scene, self.program, f"sample {k}", not may_end_itself(self.scenario))
 
     def _rejection_reason(self, k: int) -> str:
         """The reason for a rejection, read from Scenic's output, the only place where Scenic reports it."""

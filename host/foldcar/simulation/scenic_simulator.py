@@ -9,7 +9,7 @@ For people who script with Scenic: ``CarSimulator(...).simulate(scene)`` is Scen
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from scenic.core.distributions import RejectionException
@@ -18,14 +18,13 @@ from scenic.core.requirements import RequirementType
 from scenic.core.simulators import Simulation, SimulationCreationError, Simulator
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes.success import VERDICT
 from foldcar.simulation.carsim_step import State, SteppedTrial
 from foldcar.simulation.recorded_values import to_json
 from foldcar.simulation.scenic_ego import ShownEgo
 
 OUTER_STEP_S = 0.25
 OUTER_STEP_LIMITS_S = (1 / 240, 60.0)
-# A program that records its verdict under this name decides about runs it ended itself.
-VERDICT = "passed"
 
 Result = dict[str, Any]
 
@@ -34,15 +33,24 @@ class CarSimulator(Simulator):  # type: ignore[misc]
     """Simulates one car in any number of scenes, one at a time.
 
     ``body`` and ``settings`` are JSON texts as docs/carsim.md describes them, without ids; ``describe`` turns a
-    Scenic scene into the text of carsim's scene.
+    Scenic scene into the text of carsim's scene. ``passing`` are the conditions, as Scenic names them, that end a run
+    that has passed (``SceneSource.success.endings``).
     """
 
-    def __init__(self, carsim: SteppedTrial, body: str, settings: str, describe: Callable[[Any], str]) -> None:
+    def __init__(
+        self,
+        carsim: SteppedTrial,
+        body: str,
+        settings: str,
+        describe: Callable[[Any], str],
+        passing: Collection[str] = (),
+    ) -> None:
         super().__init__()
         self._carsim = carsim
         self._body = body
         self._settings = settings
         self._describe = describe
+        self._passing = frozenset(passing)
 
     def createSimulation(self, scene: Any, *, timestep: float | None, **options: Any) -> "CarSimulation":  # noqa: N802
         """Scenic's hook: run one simulation. ``timestep`` (s) takes precedence over the program's own."""
@@ -70,10 +78,18 @@ class CarSimulator(Simulator):  # type: ignore[misc]
             _refuse_misplaced(scene.dynamicScenario)
             return _result(rejection.simulation, "rejected")
         ended_itself = simulation.run_result is not None and simulation.run_result["outcome"] == "terminated"
-        verdict = simulation.recorded.get(VERDICT)
-        if ended_itself and verdict is not None and verdict["kind"] == "final" and verdict["value"]:
+        if ended_itself and self._has_passed(simulation):
             return _result(simulation, "passed")
         return _result(simulation, None)
+
+    def _has_passed(self, simulation: "CarSimulation") -> bool:
+        """Whether a run that the program ended has passed. A car that is not upright has been ended by carsim before."""
+        verdict = simulation.recorded.get(VERDICT, {"kind": "initial"})
+        if verdict["kind"] == "final":
+            return bool(verdict["value"])
+        if verdict["kind"] == "series":
+            return bool(verdict["value"] and verdict["value"][-1][1])
+        return simulation.result.terminationReason in self._passing
 
 
 class CarSimulation(Simulation):  # type: ignore[misc]

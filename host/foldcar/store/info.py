@@ -13,7 +13,8 @@ class ExperimentInfo:
     ``fixed`` holds the other ones. ``speed_m_s`` is None where every car drives at its own full speed.
     ``condition`` says what is frozen of the environment; ``variation`` maps what varies from car to car to
     its spread, drawn by ``variation_seed``, and is empty if cars are as designed. ``planned_runs`` is
-    designs × environments, ``stored_runs`` how many of them have a result.
+    designs × environments, ``stored_runs`` how many of them have a result. ``success_rule`` says when a run has
+    passed, or why that is undefined (``success_defined`` False).
     """
 
     id: str
@@ -35,6 +36,8 @@ class ExperimentInfo:
     carsim_build: str
     planned_runs: int
     stored_runs: int
+    success_rule: str
+    success_defined: bool
 
 
 @dataclass(frozen=True, slots=True)

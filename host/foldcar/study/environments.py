@@ -16,6 +16,7 @@ from foldcar.study.experiments import Experiment
 
 if TYPE_CHECKING:
     from foldcar.scenes.source import SceneSource
+    from foldcar.scenes.success import SuccessRule
     from foldcar.simulation.scenic_runner import ScenicRunner
 
 # The fingerprint of the spread without variation.
@@ -37,6 +38,11 @@ class Environment:
     def dynamic(self) -> bool:
         """Whether the program has parts that Scenic must evaluate during a simulation."""
         return self._open().dynamic
+
+    @property
+    def success(self) -> "SuccessRule":
+        """When a run of the program has passed."""
+        return self._open().success
 
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` as a scene object of docs/carsim.md, without id."""

@@ -6,6 +6,7 @@ more than one value makes a family.
 """
 
 import math
+from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,6 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from foldcar.errors import FoldcarError
 from foldcar.study.json_numbers import check_numbers
+from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS
 
 MAX_FAMILY_VALUES = 100_000
 
@@ -43,11 +45,22 @@ def _range_values(raw: dict[str, Any]) -> tuple[float, ...]:
         raise ValueError(f"step {step:g} must be above 0")
     if last < first:
         raise ValueError(f'"to" {last:g} is below "from" {first:g}')
-    # The tolerance absorbs the rounding of decimal steps, so that 0 to 0.3 by 0.1 has four values.
-    count = math.floor((last - first) / step + 1e-9) + 1
-    if count > MAX_FAMILY_VALUES:
+    # Fractions of the decimal numbers as typed: 0.1 is a tenth, and three steps of it are 0.3.
+    start, width = Fraction(repr(first)), Fraction(repr(step))
+    steps, rest = divmod(Fraction(repr(last)) - start, width)
+    if steps >= MAX_FAMILY_VALUES:
+        count = steps + 1 if steps < 10**12 else "more than 10^12"
         raise ValueError(f"the range has {count} values, the limit is {MAX_FAMILY_VALUES}")
-    return tuple(round(first + index * step, 9) for index in range(count))
+    if rest:
+        below, above = (f'"to" {_decimal(start + count * width)}' for count in (steps, steps + 1))
+        raise ValueError(
+            f'"to" {last:.12g} is not reached from {first:.12g} in steps of {step:.12g}: write {below} or {above}'
+        )
+    return tuple(float(start + index * width) for index in range(steps + 1))
+
+
+def _decimal(number: Fraction) -> str:
+    return f"{float(number):.12g}"
 
 
 def _number(raw: Any) -> float:
@@ -83,11 +96,11 @@ class ExperimentParams(Strict):
     """
 
     timeout: float = Field(120.0, gt=0)
-    environments: int = Field(1, ge=1, le=1_000_000)
+    environments: int = Field(1, ge=1, le=MOST_ENVIRONMENTS)
     speed: float | None = Field(None, gt=0, le=5)
     yaw_rate: float = Field(0.0, ge=-20, le=20)
     variation: str | dict[str, Any] | None = None
-    variation_seed: int | None = Field(None, ge=0, lt=2**63)
+    variation_seed: int | None = Field(None, ge=0, le=GREATEST_SEED)
 
     @model_validator(mode="after")
     def _seed_has_a_use(self) -> "ExperimentParams":
@@ -117,7 +130,7 @@ class ListedCondition(Strict):
     If both are None, everything keeps its value; if one is None, only what the other names.
     """
 
-    sample: int = Field(ge=0)
+    sample: int = Field(ge=0, lt=MOST_ENVIRONMENTS)
     objects: list[str] | None = None
     params: list[str] | None = None
 
@@ -127,7 +140,7 @@ class ListedEnvironment(Strict):
 
     scenic_filename: str
     wbt_filename: str | None = None
-    seed: int = Field(0, ge=0, lt=2**63)
+    seed: int = Field(0, ge=0, le=GREATEST_SEED)
     scenic_params: dict[str, Any] = {}
     condition: ListedCondition | None = None
 

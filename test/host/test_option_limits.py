@@ -1,0 +1,62 @@
+"""Options of commands: the limits of a listing's keys, and no value that a second one silently replaces."""
+
+from typing import Any
+
+import pytest
+
+SETTINGS = ("--set", "width=95", "--set", "height=50", "--set", "width=115")
+
+
+@pytest.mark.parametrize(
+    ("words", "limit"),
+    [
+        (("sweep", "l.json", "--store", "s.db", "--environments", "2000000"), "1000000"),
+        (("crosscheck", "l.json", "-o", "out", "--environments", "1000001"), "1000000"),
+        (("crosscheck", "l.json", "-o", "out", "--baseline", "1000001"), "1000000"),
+        (("sweep", "l.json", "--store", "s.db", "--jobs", "257"), "256"),
+        (("sample", "p.scenic", "-n", "1000001"), "1000000"),
+        (("sample", "p.scenic", "--seed", "-1"), "0"),
+        (("sample", "p.scenic", "--seed", str(2**63)), "9223372036854775807"),
+        (("gallery", "p.scenic", "-o", "out", "--seed", "-1"), "0"),
+        (("run", "l.json", "--experiment", "1", "--sample", "1000000"), "999999"),
+        (("link", "l.json", "--experiment", "1", "--sample", str(2**63)), "999999"),
+        (("log", "l.json", "--experiment", "1", "--sample", "1000000"), "999999"),
+        (("model", "l.json", "--vehicle", "1", "--to", "urdf", "-o", "o", "--sample", "1000000"), "999999"),
+    ],
+)
+def test_options_have_the_limits_of_the_listing(foldcar: Any, words: tuple[str, ...], limit: str) -> None:
+    answer = foldcar(*words)
+
+    assert answer.returncode == 2
+    kind = "greater" if words[-1].startswith("-") else "less"
+    assert "Invalid value for '" in answer.stderr and words[-2] in answer.stderr
+    assert f"{kind} than or equal to {limit}" in answer.stderr, answer.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "l.json", "--experiment", "1"),
+        ("link", "l.json", "--experiment", "1"),
+        ("log", "l.json", "--experiment", "1"),
+        ("flash", "l.json", "--experiment", "1"),
+        ("pattern", "l.json", "-o", "out"),
+        ("view", "l.json", "-o", "out.html"),
+        ("model", "l.json", "--vehicle", "1", "--to", "urdf", "-o", "out"),
+    ],
+)
+def test_a_parameter_that_is_set_twice_is_refused(
+    write_listing: Any, listing_data: Any, foldcar: Any, words: tuple[str, ...]
+) -> None:
+    listing = write_listing(listing_data)
+
+    answer = foldcar(words[0], listing, *words[2:], *SETTINGS)
+
+    assert answer.stderr == "foldcar: error: --set width=115: width is given twice, first as 95\n"
+    assert answer.returncode == 2
+
+
+def test_a_parameter_of_a_program_that_is_given_twice_is_refused(tmp_path: Any, foldcar: Any) -> None:
+    (tmp_path / "p.scenic").write_text("model model\n")
+    answer = foldcar("sample", "p.scenic", "--param", "a=1", "--param", "a=2")
+    assert (answer.returncode, answer.stderr) == (2, "foldcar: error: --param a=2: a is given twice\n")

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scipy.stats import ks_2samp
 
 import foldcar
 from foldcar.errors import FoldcarError
@@ -26,6 +27,16 @@ mutate bump, goal by 0.02
 BUMP, BEHIND, STONE, OTHER_STONE, MARK = range(5)
 SAMPLES = range(4)
 Scene = dict[str, Any]
+# A value that two objects share and Scenic converts for each: `facing` takes a heading from an angle or a point.
+SHARED = """model model
+turn = {value}
+ego = new Robot at (-0.35, 0), facing -90 deg
+one = new Bump at (0.5, 0), facing turn, with height 0.01
+other = new Bump at (0.8, Range(-0.1, 0.1)), facing turn, with height 0.01
+{more}
+goal = new Goal at (1.8, 0), facing -90 deg
+"""
+POINT = "new OrientedPoint at ({x}, 0), facing Range({low}, {low} + 1)"
 
 
 @pytest.fixture
@@ -146,6 +157,41 @@ def test_the_listings_condition_does_the_same(tmp_path: Path, source: SceneSourc
     assert place(listed.sample(0)["terrain"][BUMP]) == place(kept["terrain"][BUMP])
     whole = opened(tmp_path, condition={"sample": 3})
     assert [whole.sample(k) for k in SAMPLES] == [kept] * len(SAMPLES)
+
+
+@pytest.mark.parametrize(
+    ("value", "more"),
+    [
+        ("Uniform(Range(0, 1), Range(2, 3))", ""),
+        ("Discrete({Range(0, 1): 1, Range(1, 2): 3})", "new Kerb at (1, 0), facing turn"),
+        (f"Uniform({POINT.format(x=1.1, low=0)}, {POINT.format(x=1.2, low=2)})", "new Kerb at turn"),
+    ],
+)
+def test_a_value_that_is_converted_for_several_objects_stays_free_for_the_others(
+    tmp_path: Path, value: str, more: str
+) -> None:
+    """Compared with the unconditioned program: free headings are distributed as in it, frozen ones are equal to it."""
+    program = tmp_path / "shared.scenic"
+    program.write_text(SHARED.format(value=value, more=more))
+    free = open_environment(program, {}, 5)
+    unconditioned = [free.sample(k)["terrain"] for k in range(300)]
+    for frozen, others in (("other", (0, *([2] if more else []))), ("one", ())):
+        source = open_environment(program, {}, 5)
+        scene = source.scenic_scene(7)
+        kept = source.describe(scene, 7)["terrain"]
+        foldcar.condition(source.scenario, scene, objects=[frozen])
+        samples = [source.sample(k)["terrain"] for k in range(300)]
+        index = 0 if frozen == "one" else 1
+        assert all(place(sample[index]) == place(kept[index]) for sample in samples)
+        for free_one in others:
+            headings = [
+                [sample[free_one]["heading_rad"] for sample in found] for found in (samples, unconditioned)
+            ]
+            assert ks_2samp(*headings).pvalue > 1e-3
+        if frozen == "one":
+            # The value belongs to the object created first, and the other one follows it.
+            assert all(sample[1]["heading_rad"] == kept[0]["heading_rad"] for sample in samples)
+            assert len({sample[1]["y_m"] for sample in samples}) == 300
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,8 @@
 
 Input: a compiled Scenic scenario and a scene of it. Output: none; later samples of the scenario are conditioned.
 Scenic's `conditionOn` does not suffice: it draws the noise of mutated objects again for every sample, which also moves
-the objects of the given scene; it accepts Objects only; and objects placed relative to a conditioned one do not follow
-it. Here frozen objects are copies without noise, Points can be frozen, and an object's random values with it.
+the objects of the given scene; it accepts Objects only; a value converted to another type passes its own on to the one
+converted; and objects placed relative to a conditioned one do not follow it. Here frozen objects are copies without noise, Points can be frozen, and an object's random values with it.
 """
 
 import copy
@@ -52,10 +52,9 @@ def _freeze(roots: Collection[Any], sample: Any, excluded: set[int]) -> None:
         if id(node) in excluded or node not in sample:
             continue
         value = sample[node]
-        if isinstance(node, Constructible):
-            node.conditionTo(_without_noise(value))
-        else:
-            node.conditionTo(ConstantSamplable(value))
+        constant = _without_noise(value) if isinstance(node, Constructible) else ConstantSamplable(value)
+        # Not the node's own method: that of a converted value would also fix the value which is converted.
+        Samplable.conditionTo(node, constant)
 
 
 def _reachable(root: Any) -> Iterator[Any]:

@@ -8,16 +8,18 @@ from typing import BinaryIO
 
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import held
+from foldcar.output_folder import check_output_file, make_output_folder
 
 
 @contextlib.contextmanager
 def atomic_file(file: Path) -> Iterator[BinaryIO]:
     """A binary file that replaces ``file`` at the end of the block, or is deleted if the block raises.
 
-    FoldcarError, naming the file, if it cannot be written; an existing file is unchanged then.
+    Its folder is made if it is missing. FoldcarError, naming the file, if it cannot be written; an existing file is
+    unchanged then.
     """
-    if file.exists() and not file.is_file():
-        raise FoldcarError(f"{file}: not a regular file")
+    check_output_file(file)
+    made = make_output_folder(file.parent)
     temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
     try:
         with held(temporary.unlink):
@@ -29,3 +31,6 @@ def atomic_file(file: Path) -> Iterator[BinaryIO]:
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+        if made and not file.exists():
+            with contextlib.suppress(OSError):
+                file.parent.rmdir()

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import delayed, held
+from foldcar.output_folder import check_output_folder
 
 
 @contextlib.contextmanager
@@ -21,12 +22,12 @@ def atomic_folder(folder: Path, manifest: str) -> Iterator[Path]:
     The block writes a file named ``manifest`` into it, a JSON object whose ``files`` are relative paths. FoldcarError,
     naming the folder, if it cannot be written or contains other files.
     """
+    check_output_folder(folder)
     folder = folder.absolute()
     _check_replaceable(folder, manifest)
     temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     old = folder.with_name(f".{folder.name}.{os.getpid()}.old")
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
         temporary.mkdir()
     except OSError as error:
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
@@ -49,8 +50,6 @@ def atomic_folder(folder: Path, manifest: str) -> Iterator[Path]:
 def _check_replaceable(folder: Path, manifest: str) -> None:
     if not folder.exists():
         return
-    if not folder.is_dir():
-        raise FoldcarError(f"{folder}: not a folder")
     try:
         held = {str(file.relative_to(folder)) for file in folder.rglob("*") if not file.is_dir()}
         listed = set(json.loads((folder / manifest).read_text(encoding="utf-8"))["files"]) if held else set()

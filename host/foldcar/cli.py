@@ -15,7 +15,9 @@ import typer
 from foldcar import __version__
 from foldcar.commands.calibrate_servos import calibrate_servos
 from foldcar.commands.check import check
+from foldcar.commands.completion import Completion, enable_completion
 from foldcar.commands.crosscheck import crosscheck
+from foldcar.commands.doctor import doctor
 from foldcar.commands.export import export
 from foldcar.commands.flash import flash
 from foldcar.commands.gallery import gallery
@@ -44,11 +46,13 @@ app = typer.Typer(
     help="Which folding cars to build: sample environments, simulate designs, report.",
     no_args_is_help=True,
     add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 for command in (
-    sweep, run, sample, gallery, report, export, check, migrate, crosscheck, model, pattern, view, link, log, flash
+    sweep, run, sample, gallery, report, export, check, migrate, crosscheck, model, pattern, view, link, log, flash,
+    doctor,
 ):  # fmt: skip
     app.command()(command)
 app.command("import")(import_store)
@@ -69,6 +73,7 @@ def options(
         bool,
         typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
+    completion: Completion = None,
 ) -> None:
     """Which folding cars to build: sample environments, simulate designs, report."""
 
@@ -76,6 +81,7 @@ def options(
 def main() -> None:
     """Run the command line and exit."""
     listen()
+    enable_completion()
     # Most objects live until the command ends; garbage collection at the default rate takes a tenth of the time of
     # `foldcar pattern`.
     gc.set_threshold(GARBAGE_THRESHOLD)

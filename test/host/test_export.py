@@ -151,7 +151,7 @@ def test_the_command_writes_files_and_standard_output(tmp_path: Path, store_file
     [
         (("none.db", "--csv", "a.csv"), "none.db: no such store"),
         (("s.db",), "export: say what to write: --csv FILE, --parquet FILE, --trials FILE or --folder DIR"),
-        (("s.db", "--csv", "none/a.csv"), "none/a.csv: cannot be written: No such file or directory"),
+        (("s.db", "--csv", "none/b/a.csv"), "none/b/a.csv: cannot be written: there is no folder none"),
     ],
 )
 def test_mistakes_are_one_line(

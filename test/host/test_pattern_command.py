@@ -50,6 +50,33 @@ def test_a_family_becomes_a_folder_each(foldcar: Command, listing: Path, tmp_pat
     assert (tmp_path / "cars" / "width_95" / "sheet_1.svg").is_file()
 
 
+def test_all_means_every_vehicle_of_the_file(
+    foldcar: Command, write_listing: Callable[[Any], Path], listing_data: dict[str, Any], tmp_path: Path
+) -> None:
+    listing_data["vehicles"]["two axles"] = {"type": "W_B_W", "params": [{"common": {"width": 120}}]}
+    listing_data["vehicles"]["two_axles"] = {"type": "W_B_W", "params": [{"common": {"width": 130}}]}
+    listing = write_listing(listing_data)
+
+    done = foldcar("pattern", listing, "--all", "--machine", "laser", "-o", "cars")
+
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines()
+    folders = {"1/width_95": 95, "1/width_245": 245, "two_axles": 120, "two_axles-2": 130}
+    assert [line.partition(":")[0] for line in lines[:-1]] == list(folders)
+    made = {}
+    for folder, width in folders.items():
+        manifest = json.loads((tmp_path / "cars" / folder / "pattern.json").read_text())
+        assert manifest["parameters"]["width"] == width
+        made[folder] = manifest
+    sheets = sum(one["sheets"] for one in made.values())
+    mass_g = 1000 * sum(one["mass_kg"] for one in made.values())
+    assert lines[-1].startswith(f"4 cars of 3 vehicles in cars: {sheets} sheets, cut ")
+    assert f", {mass_g:.0f} g, " in lines[-1]
+
+    one = foldcar("pattern", listing, "--all", "--vehicle", "two axles", "--machine", "laser", "-o", "one", "--json")
+    assert [car["folder"] for car in json.loads(one.stdout)["cars"]] == ["one/car"]
+
+
 def test_a_folder_is_made_anew_but_never_over_other_files(
     foldcar: Command, listing: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -26,7 +26,13 @@ def calibrate_servos(
         typer.Option(metavar="N", min=1, max=8, help="Only this output; may be repeated; default: all with a wheel."),
     ] = None,
 ) -> None:
-    """Find each servo's neutral and deadband. Lift the car first: its wheels turn."""
+    """Find each servo's neutral and deadband (µs).
+
+    Lift the car first: its wheels turn.
+
+    \b
+    Example: foldcar calibrate-servos --output 1
+    """
     from foldcar.commands.typed_answers import TypedAnswers
     from foldcar.interrupts import raised, said
     from foldcar.link.car import greet

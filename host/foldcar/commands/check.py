@@ -5,19 +5,35 @@ from typing import Annotated
 
 import typer
 
+from foldcar.commands.json_option import Json, print_json
 
-def check(store: Annotated[Path, typer.Argument(metavar="STORE", help="The store to read.")]) -> None:
-    """Read a whole store and name what is damaged. Exit code 1 if anything is."""
+
+def check(
+    store: Annotated[Path, typer.Argument(metavar="STORE", help="The store to read.")], as_json: Json = False
+) -> None:
+    """Read a whole store and name what is damaged.
+
+    Exit code 1 if anything is. Nothing is changed.
+
+    \b
+    Example: foldcar check study.db
+    """
     from foldcar.store.check import check_store
     from foldcar.store.migrations import VERSION
 
     done = check_store(store)
-    for finding in done.findings:
-        typer.echo(f"{store}: {' '.join(finding.split())}")
-    version = f"version {done.version}"
-    if done.version < VERSION:
-        version += ", which has no checksums"
-    found = f"{len(done.findings)} damaged" if done.findings else "sound"
-    typer.echo(f"{store}: {found}; {done.rows} rows, {done.logs} logs read; {version}")
+    findings = [" ".join(finding.split()) for finding in done.findings]
+    if as_json:
+        print_json(
+            {"store": store, "version": done.version, "rows": done.rows, "logs": done.logs, "findings": findings}
+        )
+    else:
+        for finding in findings:
+            typer.echo(f"{store}: {finding}")
+        version = f"version {done.version}"
+        if done.version < VERSION:
+            version += ", which has no checksums"
+        found = f"{len(findings)} damaged" if findings else "sound"
+        typer.echo(f"{store}: {found}; {done.rows} rows, {done.logs} logs read; {version}")
     if done.findings:
         raise typer.Exit(1)

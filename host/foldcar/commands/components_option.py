@@ -7,9 +7,9 @@ from typing import Annotated
 import typer
 
 
-def _load(files: Sequence[Path] | None) -> Sequence[Path] | None:
+def _load(context: typer.Context, files: Sequence[Path] | None) -> Sequence[Path] | None:
     """Register the modules before the command reads its listing."""
-    if files:
+    if files and not context.resilient_parsing:
         from foldcar.car.user_modules import load_components
 
         for file in files:

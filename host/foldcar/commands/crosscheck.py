@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foldcar.commands.components_option import Components
+from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import output_folder
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
 if TYPE_CHECKING:
@@ -15,7 +17,9 @@ if TYPE_CHECKING:
 
 def crosscheck(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", callback=output_folder, help="Folder for the results.")
+    ],
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
     environments: Annotated[
         int | None,
@@ -39,31 +43,36 @@ def crosscheck(
         int | None, typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Processes; default: one per processor.")
     ] = None,
     components: Components = None,
+    as_json: Json = False,
 ) -> None:
-    """Run every car in every environment in MuJoCo too. It may be stopped at any time: the same command resumes it."""
+    """Simulate a listing's runs in MuJoCo too and compare.
+
+    The same cars with the same firmware in the same scenes. It may be stopped at any time: the same command resumes it.
+
+    \b
+    Example: foldcar crosscheck scenarios/step_pyramids.json -o check
+    """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     from foldcar.crosscheck.cases import cases_of
     from foldcar.crosscheck.compare import compare, planned_runs
     from foldcar.crosscheck.mujoco_car import import_mujoco
-    from foldcar.crosscheck.page import PAGE, write_page
+    from foldcar.crosscheck.page import PAGE, comparison_numbers, write_page
     from foldcar.crosscheck.result_cache import ResultCache
-    from foldcar.errors import FoldcarError
     from foldcar.interrupts import held, said
+    from foldcar.output_folder import make_output_folder
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.experiments import read_study
 
     import_mujoco()
     study = read_study(listing, experiment, environments)
     carsim = Carsim()
-    if output.exists() and not output.is_dir():
-        raise FoldcarError(f"{output}: not a folder")
     console = Console(stderr=True)
     columns = (TextColumn("crosscheck"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with said(lambda: f"stopped: finished runs are in {output}; the same command resumes"):
         cases = list(cases_of(study, carsim))
-        output.mkdir(parents=True, exist_ok=True)
+        make_output_folder(output)
         with (
             ResultCache(output / "results.jsonl") as cache,
             Progress(*columns, console=console, disable=not console.is_terminal) as bar,
@@ -79,6 +88,9 @@ def crosscheck(
                 lambda count: bar.advance(task, count),
             )
         comparisons = write_page(output, listing.name, cases, results, baseline, carsim)
+    if as_json:
+        print_json({"page": output / PAGE, "comparisons": {name: comparison_numbers(one) for name, one in comparisons}})
+        return
     _print(comparisons)
     typer.echo(f"page: {output / PAGE}")
 

@@ -2,32 +2,47 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
+from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import STANDARD_OUTPUT, output_file, output_folder
 from foldcar.errors import FoldcarError
 
 
 def export(
     store: Annotated[Path, typer.Argument(metavar="STORE", help="The store that a sweep wrote.")],
     csv: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="CSV file to write; - for standard output.")
+        Path | None,
+        typer.Option(metavar="FILE", callback=output_file, help="CSV file to write; - for standard output."),
     ] = None,
-    parquet: Annotated[Path | None, typer.Option(metavar="FILE", help="Parquet file to write.")] = None,
+    parquet: Annotated[
+        Path | None, typer.Option(metavar="FILE", callback=output_file, help="Parquet file to write.")
+    ] = None,
     trials: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="CSV file to write the trials of built cars to.")
+        Path | None,
+        typer.Option(metavar="FILE", callback=output_file, help="CSV file to write the trials of built cars to."),
     ] = None,
     folder: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder to write the whole store to, logs of trials included.")
+        Path | None,
+        typer.Option(
+            metavar="DIR", callback=output_folder, help="Folder to write the whole store to, logs of trials included."
+        ),
     ] = None,
     table_format: Annotated[
-        Literal["csv", "parquet"], typer.Option("--format", help="Of the tables in the folder.")
+        Literal["csv", "parquet"],
+        typer.Option("--format", metavar="FORMAT", help="Of the folder's tables: csv or parquet."),
     ] = "csv",
+    as_json: Json = False,
 ) -> None:
-    """Write every run of a store as a row: outcome, measures, design parameters, recorded values.
+    """Write a store's runs as a table, or all of it.
 
-    With --folder write all of the store, so that nothing needs foldcar and `foldcar import` makes it again.
+    A row a run: outcome, metrics with their units in the columns' names, design parameters, recorded values. With
+    --folder all of the store, so that nothing needs foldcar and `foldcar import` makes it again.
+
+    \b
+    Example: foldcar export study.db --csv study.csv
     """
     from foldcar.report.export import export_csv, export_parquet, write_csv
     from foldcar.report.export_trials import export_trials
@@ -36,19 +51,28 @@ def export(
 
     if csv is None and parquet is None and trials is None and folder is None:
         raise FoldcarError("export: say what to write: --csv FILE, --parquet FILE, --trials FILE or --folder DIR")
+    if as_json and csv == STANDARD_OUTPUT:
+        raise FoldcarError("export: --csv - and --json both print on standard output; choose one")
+    written: list[dict[str, Any]] = []
     with Store.open(store) as opened:
-        if csv is not None and str(csv) == "-":
+        if csv == STANDARD_OUTPUT:
             write_csv(opened, sys.stdout)
         elif csv is not None:
-            typer.echo(f"{csv}: {export_csv(opened, csv)} runs", err=True)
+            written.append({"path": csv, "runs": export_csv(opened, csv)})
         if parquet is not None:
-            typer.echo(f"{parquet}: {export_parquet(opened, parquet)} runs", err=True)
+            written.append({"path": parquet, "runs": export_parquet(opened, parquet)})
         if trials is not None:
-            typer.echo(f"{trials}: {export_trials(opened, trials)} trials", err=True)
+            written.append({"path": trials, "trials": export_trials(opened, trials)})
         if folder is not None:
             manifest = export_folder(opened, folder, table_format)
             gone = [log for log, digest in manifest["logs"].items() if digest is None]
             for log in gone:
                 typer.echo(f"{store}: log {log} is gone", err=True)
             rows, logs = manifest["rows"], len(manifest["logs"]) - len(gone)
-            typer.echo(f"{folder}: {rows['run']} runs, {rows['trial']} trials, {logs} logs", err=True)
+            written.append({"path": folder, "runs": rows["run"], "trials": rows["trial"], "logs": logs})
+    if as_json:
+        print_json({"store": store, "written": written})
+        return
+    for one in written:
+        counts = ", ".join(f"{count} {what}" for what, count in one.items() if what != "path")
+        typer.echo(f"{one['path']}: {counts}", err=True)

@@ -12,6 +12,7 @@ import typer
 
 from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings, design_settings
+from foldcar.commands.output_option import output_file
 from foldcar.errors import FoldcarError
 
 CAR_FILE = "car.json"
@@ -26,11 +27,16 @@ def flash(
     ] = None,
     design_only: Annotated[bool, typer.Option("--design-only", help="Do not load the firmware.")] = False,
     file: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the design's car.json to FILE, and load nothing.")
+        Path | None,
+        typer.Option(metavar="FILE", callback=output_file, help="Write the design's car.json to FILE, and load nothing."),
     ] = None,
     components: Components = None,
 ) -> None:
-    """Load the firmware and a design's car.json onto the board that is plugged in."""
+    """Load firmware and design onto the board on USB.
+
+    \b
+    Example: foldcar flash scenarios/width_study.json --experiment 1 --set width=95
+    """
     # Before the slow imports: without a board there is nothing to do.
     board = _board(port) if file is None else ""
     from foldcar.atomic_file import atomic_file

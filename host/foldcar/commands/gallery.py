@@ -5,25 +5,32 @@ from typing import Annotated
 
 import typer
 
+from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import output_folder
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import GREATEST_SEED
 
 
 def gallery(
-    scenarios: Annotated[
-        list[Path],
-        typer.Argument(metavar="SCENARIO...", help="Scenic programs"),
-    ],
+    scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO", help="Scenic programs.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="folder for the pictures; created if missing")
+        Path, typer.Option("-o", "--output", metavar="DIR", callback=output_folder, help="Folder for the pictures.")
     ],
     seed: Annotated[
-        int, typer.Option("--seed", min=0, max=GREATEST_SEED, help="the same seed gives the same pictures")
+        int, typer.Option(metavar="S", min=0, max=GREATEST_SEED, help="The same seed gives the same pictures.")
     ] = 42,
+    as_json: Json = False,
 ) -> None:
-    """Draw environments: NAME.png for each program NAME.scenic."""
+    """Draw environments, NAME.png for each NAME.scenic.
+
+    A picture shows three samples from above, and the ground under the wheels from the side.
+
+    \b
+    Example: foldcar gallery scenarios/two_bumps.scenic scenarios/gaussian_hills.scenic -o pictures
+    """
     from foldcar.figures.gallery import SAMPLES, draw_gallery
     from foldcar.figures.ground import carsim_heights
+    from foldcar.output_folder import make_output_folder
     from foldcar.scenes.source import open_environment
     from foldcar.simulation.carsim import Carsim
 
@@ -32,10 +39,15 @@ def gallery(
     if twice is not None:
         raise FoldcarError(f"{output / twice}.png: two programs have this name")
     heights = carsim_heights(Carsim())
-    output.mkdir(parents=True, exist_ok=True)
+    make_output_folder(output)
+    files = []
     for program in scenarios:
         source = open_environment(program, {}, seed)
         scenes = [{"id": f"{seed}/{k}", **source.sample(k)} for k in range(SAMPLES)]
         file = output / f"{program.stem}.png"
         draw_gallery(scenes, file, heights, program.stem)
-        typer.echo(file)
+        files.append(file)
+        if not as_json:
+            typer.echo(file)
+    if as_json:
+        print_json({"files": files})

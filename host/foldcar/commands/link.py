@@ -25,7 +25,13 @@ def link(
     ] = None,
     components: Components = None,
 ) -> None:
-    """Simulate a car on USB until Ctrl-C. The first line printed is its port; typed lines inject faults."""
+    """Pose as a car on USB, simulated, until Ctrl-C.
+
+    The first line printed is its port; typed lines inject faults (docs/carsim.md).
+
+    \b
+    Example: foldcar link scenarios/width_study.json --experiment 1 --set width=95
+    """
     import json
     import sys
 

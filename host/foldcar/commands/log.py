@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.components_option import Components
+from foldcar.commands.output_option import output_file
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
@@ -20,7 +21,8 @@ def log(
         typer.Option(metavar="PORT", help="Serial port, pseudo-terminal or tcp:HOST:PORT; default: detected."),
     ] = None,
     store: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Store for the trials; default: LISTING's name with .db.")
+        Path | None,
+        typer.Option(metavar="FILE", callback=output_file, help="Store for the trials; default: as LISTING, but .db."),
     ] = None,
     settings: Annotated[
         list[str] | None,
@@ -60,7 +62,13 @@ def log(
     yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: take every question's default answer.")] = False,
     components: Components = None,
 ) -> None:
-    """Drive trials with a car on USB. The car moves only after the countdown, and stops after any error."""
+    """Drive trials with a car on USB and keep them.
+
+    The car moves only after the countdown, and stops after any error.
+
+    \b
+    Example: foldcar log scenarios/width_study.json --experiment 1 --store study.db
+    """
     from foldcar.commands.log_options import LogOptions
     from foldcar.commands.log_session import LogSession
     from foldcar.interrupts import raised, said

@@ -7,6 +7,8 @@ import typer
 
 from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings, design_settings
+from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import output_folder
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
@@ -24,7 +26,9 @@ def model(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
     vehicle: Annotated[str, typer.Option(metavar="ID", help="Vehicle of the listing.")],
     to: Annotated[str, typer.Option(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the files.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", callback=output_folder, help="Folder for the files.")
+    ],
     settings: Settings = None,
     environment: Annotated[
         str | None, typer.Option(metavar="ID", help="Environment of the listing for the car's surroundings.")
@@ -34,12 +38,20 @@ def model(
         typer.Option(metavar="K", min=0, max=MOST_ENVIRONMENTS - 1, help="Number of the environment's sample."),
     ] = 0,
     components: Components = None,
+    as_json: Json = False,
 ) -> None:
-    """Write one car as MJCF, URDF or a Webots PROTO with its world and controller; names say which car and sample."""
+    """Write one car for MuJoCo, URDF's readers or Webots.
+
+    MJCF, URDF, or a Webots PROTO with its world and controller. Files are named after car and sample.
+
+    \b
+    Example: foldcar model scenarios/width_study.json --vehicle 1 --set width=95 --to mjcf -o models
+    """
     from foldcar.atomic_file import atomic_file
     from foldcar.car.body import body_json
     from foldcar.commands.listed_design import listed_family
     from foldcar.models.names import car_name, scene_name
+    from foldcar.output_folder import make_output_folder
 
     if to not in FORMATS:
         raise FoldcarError(f"--to {to}: not one of {', '.join(FORMATS)}")
@@ -79,12 +91,17 @@ def model(
             f"{controller}/{CONTROLLER}.py": controller_program(),
             f"{controller}/{drive}.json": controller_drive(body, *_drive(listing, listed, vehicle, environment, design)),
         }
+    make_output_folder(output)
     for name, text in files.items():
         target = output / name
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_file(target) as binary:
             binary.write(text.encode())
-        typer.echo(str(target))
+    written = [output / name for name in files]
+    if as_json:
+        print_json({"files": written})
+    else:
+        typer.echo("\n".join(map(str, written)))
 
 
 def _drive(

@@ -1,12 +1,14 @@
 """`foldcar params`: shows and sets a car's parameters, saves, loads and compares files of them."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import output_file
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -17,17 +19,24 @@ Port = Annotated[
 ]
 ParameterFile = Annotated[Path, typer.Argument(metavar="FILE", help="Lines of NAME VALUE, comments after #.")]
 
-params = typer.Typer(name="params", help="Parameters of a car.", no_args_is_help=True, rich_markup_mode=None)
+params = typer.Typer(
+    name="params", help="Read and set a car's parameters.", no_args_is_help=True, rich_markup_mode=None
+)
 
 
 @params.command()
 def get(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Parameters to show; default: all.")
+        list[str] | None, typer.Argument(metavar="NAME", help="Parameters to show; default: all.")
     ] = None,
     port: Port = None,
+    as_json: Json = False,
 ) -> None:
-    """Show parameters and their values."""
+    """Show parameters and their values.
+
+    \b
+    Example: foldcar params get CH1_NEUTRAL_US CH1_DEADBAND_US
+    """
     from foldcar.link.parameters import read_parameters, value_text
 
     with _car(port) as car:
@@ -35,7 +44,12 @@ def get(
     for name in names or values:
         if name not in values:
             raise FoldcarError(f"{name}: the car has no such parameter")
-        typer.echo(f"{name:<16} {value_text(values[name])}")
+    shown = {name: values[name] for name in names or values}
+    if as_json:
+        print_json({"parameters": _numbers(shown)})
+        return
+    for name, value in shown.items():
+        typer.echo(f"{name:<16} {value_text(value)}")
 
 
 @params.command("set")
@@ -43,18 +57,36 @@ def set_one(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The parameter.")],
     value: Annotated[float, typer.Argument(metavar="VALUE", help="Its new value.")],
     port: Port = None,
+    as_json: Json = False,
 ) -> None:
-    """Set one parameter and save it in the car."""
+    """Set one parameter and save it in the car.
+
+    \b
+    Example: foldcar params set CH1_NEUTRAL_US 1512
+    """
     from foldcar.link.parameters import set_parameter, value_text
 
     with _car(port) as car:
         set_parameter(car, name, value)
-    typer.echo(f"{name:<16} {value_text(value)}")
+    if as_json:
+        print_json({"parameters": {name: value}})
+    else:
+        typer.echo(f"{name:<16} {value_text(value)}")
 
 
 @params.command()
-def save(file: ParameterFile, port: Port = None) -> None:
-    """Write all parameters of the car to a file."""
+def save(
+    file: Annotated[Path, typer.Argument(metavar="FILE", callback=output_file, help="File to write.")],
+    port: Port = None,
+    as_json: Json = False,
+) -> None:
+    """Write all parameters of the car to a file.
+
+    The file has lines of NAME VALUE, as MAVProxy and Mission Planner read them.
+
+    \b
+    Example: foldcar params save car95.parm
+    """
     from foldcar.link.parameters import read_parameters, write_file
 
     with _car(port) as car:
@@ -62,16 +94,24 @@ def save(file: ParameterFile, port: Port = None) -> None:
         values = read_parameters(car)
     name = identity.name or "a car without a design"
     write_file(file, values, f"parameters of {name} ({identity.hash or 'no car.json'}), firmware {identity.build}")
-    typer.echo(f"{file}: {len(values)} parameters")
+    if as_json:
+        print_json({"file": file, "parameters": _numbers(values)})
+    else:
+        typer.echo(f"{file}: {len(values)} parameters")
 
 
 @params.command()
-def load(file: ParameterFile, port: Port = None) -> None:
-    """Set the car's parameters to the values in a file."""
+def load(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
+    """Set the car's parameters to the values in a file.
+
+    \b
+    Example: foldcar params load car95.parm
+    """
     from foldcar.link.parameters import differences, read_file, read_parameters, set_parameter, value_text
 
     wanted = read_file(file)
-    refused = []
+    done: dict[str, float] = {}
+    refused: list[str] = []
     with _car(port) as car:
         values = read_parameters(car)
         unknown = [name for name in wanted if name not in values]
@@ -81,23 +121,36 @@ def load(file: ParameterFile, port: Port = None) -> None:
         for name, _, _ in rows:
             try:
                 set_parameter(car, name, wanted[name])
-                typer.echo(f"{name:<16} {value_text(wanted[name])}")
+                done[name] = wanted[name]
+                if not as_json:
+                    typer.echo(f"{name:<16} {value_text(wanted[name])}")
             except FoldcarError as error:
                 refused.append(str(error))
                 typer.echo(f"{error}", err=True)
-    typer.echo(f"{len(rows) - len(refused)} parameters set, {len(wanted) - len(rows)} unchanged")
+    if as_json:
+        print_json({"set": done, "unchanged": len(wanted) - len(rows), "refused": refused})
+    else:
+        typer.echo(f"{len(done)} parameters set, {len(wanted) - len(rows)} unchanged")
     if refused:
         raise FoldcarError(f"{file}: {len(refused)} of {len(wanted)} parameters were refused, the first is {refused[0]}")
 
 
 @params.command()
-def diff(file: ParameterFile, port: Port = None) -> None:
-    """Show where the car's parameters differ from a file's."""
+def diff(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
+    """Show where the car's parameters differ from a file's.
+
+    \b
+    Example: foldcar params diff car95.parm
+    """
     from foldcar.link.parameters import differences, read_file, read_parameters
 
     wanted = read_file(file)
     with _car(port) as car:
         rows = differences(read_parameters(car), wanted)
+    if as_json:
+        differing = {name: _numbers({"car": has, "file": value}) for name, has, value in rows}
+        print_json({"compared": len(wanted), "differing": differing})
+        return
     if rows:
         typer.echo(f"{'':<16} {'car':>12} {'file':>12}")
     for name, has, value in rows:
@@ -106,8 +159,14 @@ def diff(file: ParameterFile, port: Port = None) -> None:
 
 
 @params.command()
-def confirm(port: Port = None) -> None:
-    """Let a car without a readable car.json arm: its parameters describe it, until it restarts."""
+def confirm(port: Port = None, as_json: Json = False) -> None:
+    """Let a car without a readable car.json arm.
+
+    Its parameters, which are shown, describe it until it restarts.
+
+    \b
+    Example: foldcar params confirm
+    """
     from foldcar.car.firmware_parameters import CHANNELS
     from foldcar.link.parameters import read_parameters, value_text
 
@@ -121,10 +180,14 @@ def confirm(port: Port = None) -> None:
         if design.source != dialect.FOLDCAR_DESIGN_SOURCE_NONE:
             car.acknowledge_fault(without_design=True)
         values = read_parameters(car)
+    names = ("WHEEL_RADIUS_M", "TRACK_M", *(f"CH{n}_SIDE" for n in range(1, CHANNELS + 1)))
+    if as_json:
+        print_json({"acknowledged": fault, "parameters": _numbers({name: values[name] for name in names})})
+        return
     if fault is not None:
         typer.echo(f"acknowledged: {fault}")
     typer.echo("until it restarts, the car drives by these parameters:")
-    for name in ("WHEEL_RADIUS_M", "TRACK_M", *(f"CH{n}_SIDE" for n in range(1, CHANNELS + 1))):
+    for name in names:
         typer.echo(f"{name:<16} {value_text(values[name])}")
 
 
@@ -138,6 +201,13 @@ def _car(port: str | None) -> Iterator["Car"]:
         yield car
     finally:
         car.connection.close()
+
+
+def _numbers(values: Mapping[str, float | None]) -> dict[str, float | None]:
+    """The values as the shortest decimals of the car's 32-bit numbers."""
+    from foldcar.link.parameters import value_text
+
+    return {name: None if value is None else float(value_text(value)) for name, value in values.items()}
 
 
 def _text(value: float | None) -> str:

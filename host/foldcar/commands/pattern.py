@@ -1,7 +1,10 @@
-"""`foldcar pattern`: writes the sheets to cut a car, or a family of cars, from, and all files to build it."""
+"""`foldcar pattern`: writes the sheets to cut a car, or many cars, from, and all files to build it."""
 
+import itertools
 import json
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,22 +12,26 @@ import typer
 
 from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings
+from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import output_folder
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
-    from foldcar.fabrication.make_car import MadeCar
-    from foldcar.fabrication.patterns.options import Options
     from foldcar.study.family import Family
 
 
 def pattern(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing or design (JSON).")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the files.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", callback=output_folder, help="Folder for the files.")
+    ],
     vehicle: Annotated[
-        str | None, typer.Option(metavar="ID", help="Vehicle of the listing; optional if it has only one.")
+        str | None, typer.Option(metavar="ID", help="Vehicle of the listing; default: the only one; with --all: every.")
     ] = None,
     settings: Settings = None,
-    every: Annotated[bool, typer.Option("--all", help="Every car of a family, each in a folder of its own.")] = False,
+    every: Annotated[
+        bool, typer.Option("--all", help="Every car of the vehicle, or of all vehicles: a folder in DIR for each.")
+    ] = False,
     machine: Annotated[
         str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: presets of the options below.")
     ] = "silhouette",
@@ -32,7 +39,7 @@ def pattern(
         str | None, typer.Option(metavar="SIZE", help="a4, letter, 12in or WIDTHxHEIGHT in mm.")
     ] = None,
     paper: Annotated[str | None, typer.Option(metavar="SIZE", help="Of PDF pages: a4 or letter.")] = None,
-    fold: Annotated[str | None, typer.Option(metavar="STYLE", help="Folds as cut dash or score.")] = None,
+    fold: Annotated[str | None, typer.Option(metavar="STYLE", help="How folds are cut: dash or score.")] = None,
     kerf: Annotated[float | None, typer.Option(metavar="MM", help="Width that the cut removes.")] = None,
     tab_clearance: Annotated[float | None, typer.Option(metavar="MM", help="Distance by which tabs are smaller.")] = None,
     dash_cut: Annotated[float | None, typer.Option(metavar="MM", help="Length of a fold's cuts.")] = None,
@@ -48,10 +55,19 @@ def pattern(
     margin: Annotated[float | None, typer.Option(metavar="MM", help="Blank edge of a sheet.")] = None,
     gap: Annotated[float | None, typer.Option(metavar="MM", help="Film between two pieces.")] = None,
     components: Components = None,
+    as_json: Json = False,
 ) -> None:
-    """Make sheets (SVG, DXF, PDF), FOLD, STL, OBJ, guide, wiring and parts list of a car, checked as written."""
+    """Write all files that a car is built from.
+
+    Sheets (SVG, DXF, PDF), FOLD, STL, OBJ, guide, wiring and parts list, checked as written; all files or none.
+
+    \b
+    Example: foldcar pattern patterns/published_cars.json --vehicle w95 -o car
+             foldcar pattern patterns/published_cars.json --all -o cars
+    """
     from foldcar.atomic_folder import atomic_folder
-    from foldcar.commands.listed_design import listed_family
+    from foldcar.commands.listed_design import listed_families, listed_family
+    from foldcar.commands.pattern_text import car_line, car_lines, car_object, total_line
     from foldcar.fabrication.make_car import MANIFEST, make_car
     from foldcar.fabrication.patterns.options import options
 
@@ -60,66 +76,73 @@ def pattern(
         dash_bridge_mm=dash_bridge, bend_radius_mm=bend_radius, k_factor=k_factor, thickness_mm=thickness,
         margin_mm=margin, gap_mm=gap,
     )  # fmt: skip
-    family = listed_family(listing, vehicle, settings or [])[1]
-    designs = list(family) if every else [family.single()]
+    if every:
+        places = list(_places(listed_families(listing, vehicle, settings or [])))
+    else:
+        family = listed_family(listing, vehicle, settings or [])[1]
+        places = [_Place(family.vehicle, "", family.single())]
+    cars = []
     with atomic_folder(output, MANIFEST) as folder:
-        listed, said = [], []
-        for design in _with_progress(designs):
-            made = make_car(design, chosen)
-            name = _folder_name(family, design) if every else ""
+        listed = []
+        for place in _with_progress(places):
+            made = make_car(place.design, chosen)
             for file, content in made.files.items():
-                target = folder / name / file
+                target = folder / place.folder / file
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_bytes(content)
-                listed.append(f"{name}/{file}" if name else file)
-            said.append(_family_line(name, made) if every else _report(made, chosen, output))
+                listed.append(f"{place.folder}/{file}" if every else file)
+            # The contents of all files of a large family would not fit into memory.
+            cars.append((car_object(place.vehicle, output / place.folder, made), car_line(place.folder, made)))
         if every:
             (folder / MANIFEST).write_text(json.dumps({"files": [*listed, MANIFEST]}, indent=2) + "\n", encoding="utf-8")
     # The folder has been written by now.
-    typer.echo("\n".join([*said, f"{len(designs)} cars in {output}"] if every else said))
+    if as_json:
+        print_json({"folder": output, "cars": [car for car, _ in cars]})
+    elif every:
+        typer.echo("\n".join([*(line for _, line in cars), total_line([car for car, _ in cars], output)]))
+    else:
+        typer.echo("\n".join(car_lines(made, chosen, output)))
 
 
-def _with_progress(designs: "list[Design]") -> "Iterator[Design]":
+@dataclass(frozen=True)
+class _Place:
+    """A design of a vehicle, and the folder for its files below the output's; "" for that itself."""
+
+    vehicle: str
+    folder: str
+    design: "Design"
+
+
+def _places(families: "Sequence[Family]") -> "Iterator[_Place]":
+    """Every design of the families; with several families, each has a folder of its own."""
+    from foldcar.fabrication.make_car import MANIFEST
+
+    taken = {MANIFEST}
+    for family in families:
+        varied = [key for key, values in family.choices.items() if len(values) > 1]
+        start = _free_name(family.vehicle, taken) if len(families) > 1 else ""
+        for design in family:
+            name = "-".join(f"{key.replace('.', '_')}_{design.values[key]:.10g}" for key in varied)
+            parts = [part for part in (start, name) if part]
+            yield _Place(family.vehicle, "/".join(parts) or "car", design)
+
+
+def _free_name(vehicle: str, taken: set[str]) -> str:
+    """The vehicle's id as the name of a folder, unlike those in ``taken``, to which it is added."""
+    plain = re.sub(r"[^\w.+-]+", "_", vehicle).lstrip(".") or "vehicle"
+    names = itertools.chain([plain], (f"{plain}-{number}" for number in itertools.count(2)))
+    name = next(name for name in names if name not in taken)
+    taken.add(name)
+    return name
+
+
+def _with_progress(places: "list[_Place]") -> "Iterator[_Place]":
     """The designs, with a progress bar on a terminal if there are several."""
-    if len(designs) < 2:
-        yield from designs
+    if len(places) < 2:
+        yield from places
         return
     from rich.console import Console
     from rich.progress import track
 
     console = Console(stderr=True)
-    yield from track(designs, "pattern", console=console, disable=not console.is_terminal, transient=True)
-
-
-def _folder_name(family: "Family", design: "Design") -> str:
-    """A name of the values of the varied parameters: ``width_95``, ``width_95-W_length_60``."""
-    varied = [key for key, values in family.choices.items() if len(values) > 1]
-    return "-".join(f"{key.replace('.', '_')}_{design.values[key]:g}" for key in varied) or "car"
-
-
-def _family_line(name: str, made: "MadeCar") -> str:
-    cut = made.pattern
-    warned = f", {len(cut.warnings)} warnings" if cut.warnings else ""
-    return (
-        f"{name}: {len(cut.sheets)} sheets, cut {cut.cut_length_mm / 1000:.1f} m, {made.mass_kg * 1000:.0f} g, "
-        f"{made.cost_usd:.0f} USD{warned}"
-    )
-
-
-def _report(made: "MadeCar", chosen: "Options", output: Path) -> str:
-    cut = made.pattern
-    width, height = chosen.sheet_size_mm
-    used = cut.film_area_mm2 / (len(cut.sheets) * width * height)
-    copies = sum(piece.count for piece in cut.pieces)
-    lines = [
-        made.title,
-        f"  sheets    {len(cut.sheets)} of {width:g} x {height:g} mm, {used:.0%} of the film used",
-        f"  pieces    {copies} of {len(cut.pieces)} kinds",
-        f"  cut       {cut.cut_length_mm / 1000:.1f} m for {chosen.machine}, kerf {chosen.kerf_mm:g} mm",
-        f"  mass      {made.mass_kg * 1000:.0f} g",
-        f"  cost      about {made.cost_usd:.0f} USD",
-        *(f"  checked   {text}" for text in made.checks),
-        *(f"  warning   {text}" for text in cut.warnings),
-        f"  made      {len(made.files)} files in {output}",
-    ]
-    return "\n".join(lines)
+    yield from track(places, "pattern", console=console, disable=not console.is_terminal, transient=True)

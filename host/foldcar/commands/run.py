@@ -9,7 +9,9 @@ import typer
 
 from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings
+from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.listed_run import ExperimentId, Listing, Sample, listed_run
+from foldcar.commands.output_option import output_file
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -26,12 +28,19 @@ def run(
     settings: Settings = None,
     sample: Sample = 0,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Picture to draw (.png, .svg, .pdf).")
+        Path | None, typer.Option(metavar="FILE", callback=output_file, help="Picture to draw (.png, .svg, .pdf).")
     ] = None,
     components: Components = None,
+    as_json: Json = False,
 ) -> None:
-    """Simulate one car in one environment and print the result."""
-    from foldcar.commands.run_text import answer_lines, variation_text
+    """Simulate one car in one environment.
+
+    Prints outcome, metrics with their units in the names, and recorded values.
+
+    \b
+    Example: foldcar run scenarios/width_study.json --experiment 1 --set width=115 --sample 3 --plot run.png
+    """
+    from foldcar.commands.run_text import answer_lines, answer_object, variation_text
     from foldcar.figures.output import check_format
 
     if plot is not None:
@@ -59,15 +68,33 @@ def run(
         *answer_lines(answer),
     ]
     width = max(LEAST_NAME_WIDTH, *(len(name) + 1 for name, _ in lines))
-    for name, text in lines:
-        typer.echo(f"{name:<{width}}{text}")
+    if not as_json:
+        for name, text in lines:
+            typer.echo(f"{name:<{width}}{text}")
     if plot is not None:
         from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
 
         path = _path(one, carsim, answer, plot)
         draw_run(one.body, one.scene, answer, path, carsim_heights(carsim), plot)
-        typer.echo(f"{'picture':<{width}}{plot}")
+        if not as_json:
+            typer.echo(f"{'picture':<{width}}{plot}")
+    if as_json:
+        print_json(
+            {
+                "experiment": experiment,
+                "vehicle": chosen.family.vehicle,
+                "environment": chosen.environment,
+                "vehicle_type": design.type,
+                "design": design.columns,
+                "sample": sample,
+                "seed": chosen.seed,
+                "variation": variation,
+                "variation_seed": chosen.variation_seed,
+                **answer_object(answer),
+                "picture": plot,
+            }
+        )
 
 
 @dataclass(frozen=True)

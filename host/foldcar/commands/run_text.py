@@ -1,4 +1,4 @@
-"""The text that `foldcar run` prints of an answer and of a variation: lines of name and value."""
+"""What `foldcar run` prints of an answer and of a variation: lines of name and value, or an object."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -17,6 +17,16 @@ def answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield name, _value_text(answer[name])
     for name, recorded in answer.get("recorded", {}).items():
         yield f"recorded {name}", _recorded_text(recorded["kind"], recorded["value"])
+
+
+def answer_object(answer: Mapping[str, Any]) -> dict[str, Any]:
+    """Outcome, message of a failed run, metrics by name, and recorded values; numbers of a failed run are None."""
+    return {
+        "outcome": outcome_of(answer),
+        "message": answer.get("error"),
+        "metrics": {name: answer.get(name) for name in NUMBERS},
+        "recorded": answer.get("recorded", {}),
+    }
 
 
 def variation_text(variation: Mapping[str, Any]) -> str:

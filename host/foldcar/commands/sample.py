@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foldcar.atomic_file import atomic_file
+from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import STANDARD_OUTPUT, output_file
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS
 
@@ -17,25 +19,37 @@ if TYPE_CHECKING:
 
 
 def sample(
-    scenario: Annotated[Path, typer.Argument(help="Scenic program", metavar="SCENARIO")],
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenic program.")],
     count: Annotated[
-        int, typer.Option("-n", "--count", min=1, max=MOST_ENVIRONMENTS, help="number of scenes")
+        int, typer.Option("-n", "--count", metavar="N", min=1, max=MOST_ENVIRONMENTS, help="Number of scenes.")
     ] = 1,
     seed: Annotated[
-        int, typer.Option("--seed", min=0, max=GREATEST_SEED, help="the same seed gives the same scenes")
+        int, typer.Option(metavar="S", min=0, max=GREATEST_SEED, help="The same seed gives the same scenes.")
     ] = 0,
     param: Annotated[
         list[str] | None,
-        typer.Option("--param", help="a parameter of the program, NAME=VALUE; repeat for more"),
+        typer.Option(metavar="NAME=VALUE", help="A parameter of the program (SI units); may be repeated."),
     ] = None,
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="JSON Lines file; - writes to the terminal")
-    ] = Path("-"),
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="FILE", callback=output_file, help="JSON Lines file; -: standard output."
+        ),
+    ] = STANDARD_OUTPUT,
     plot: Annotated[
-        Path | None, typer.Option("--plot", help="picture of the first nine: .png, .svg or .pdf")
+        Path | None,
+        typer.Option(metavar="FILE", callback=output_file, help="Picture of the first nine (.png, .svg, .pdf)."),
     ] = None,
+    as_json: Json = False,
 ) -> None:
-    """Sample scenes from an environment: scene K of seed S has the id S/K, whatever the count."""
+    """Sample scenes of an environment.
+
+    Scene K of seed S has the id S/K, whatever the count. The lines are input of `carsim batch` (docs/carsim.md);
+    with --json and without a file they are in the object, under "scenes".
+
+    \b
+    Example: foldcar sample scenarios/step_pyramids.scenic -n 9 --seed 42 --plot scenes.png
+    """
     from foldcar.figures.output import check_format
     from foldcar.scenes.source import open_environment
 
@@ -43,19 +57,26 @@ def sample(
         check_format(plot)
     source = open_environment(scenario, _parse_params(param or []), seed)
     shown: list[dict[str, Any]] = []
-    if output == Path("-"):
+    result: dict[str, Any] = {"scenario": scenario, "seed": seed, "count": count}
+    if output == STANDARD_OUTPUT and as_json:
+        result["scenes"] = list(_scenes(source, count, shown))
+    elif output == STANDARD_OUTPUT:
         for scene in _scenes(source, count, shown):
             sys.stdout.write(_line(scene))
     else:
         with atomic_file(output) as file:
             for scene in _scenes(source, count, shown):
                 file.write(_line(scene).encode())
+        result["file"] = output
     if plot is not None:
         from foldcar.figures.ground import carsim_heights
         from foldcar.figures.scenes import draw_scenes
         from foldcar.simulation.carsim import Carsim
 
         draw_scenes(shown, plot, carsim_heights(Carsim()), title=f"{scenario.name}, seed {seed}")
+        result["picture"] = plot
+    if as_json:
+        print_json(result)
 
 
 def _scenes(source: "SceneSource", count: int, shown: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:

@@ -9,12 +9,16 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.components_option import Components
+from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import output_file
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
 
 def sweep(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
-    store: Annotated[Path, typer.Option(metavar="FILE", help="Store to write; created if missing.")],
+    store: Annotated[
+        Path, typer.Option(metavar="FILE", callback=output_file, help="Store to write; made if it is missing.")
+    ],
     environments: Annotated[
         int | None,
         typer.Option(
@@ -30,8 +34,15 @@ def sweep(
     ] = None,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
     components: Components = None,
+    as_json: Json = False,
 ) -> None:
-    """Simulate all runs that the store lacks. It may be stopped at any time: the same command resumes it."""
+    """Simulate all runs that the store lacks.
+
+    Every design of the listing in every sampled environment. It may be stopped at any time: the same command resumes it.
+
+    \b
+    Example: foldcar sweep scenarios/width_study.json --store study.db
+    """
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
@@ -49,6 +60,19 @@ def sweep(
 
     with said(stopped), ProgressBar(progress) as bar:
         run_sweep(study, store, carsim, jobs or len(os.sched_getaffinity(0)), command, bar.update, progress)
+    if as_json:
+        print_json(
+            {
+                "store": store,
+                "runs": progress.total,
+                "new": progress.new,
+                "there": progress.there,
+                "passed": progress.passed,
+                "failed": progress.failed,
+                "seconds": round(progress.seconds, 3),
+            }
+        )
+        return
     rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
     failed = f", {progress.failed} failed" if progress.failed else ""
     typer.echo(

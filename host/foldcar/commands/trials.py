@@ -1,10 +1,13 @@
 """`foldcar trials`: the trials in a store - listed, corrected, imported, exported, simulated again as pairs."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import output_file, output_folder
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -14,7 +17,7 @@ StoreFile = Annotated[Path, typer.Argument(metavar="STORE", help="The store that
 Number = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="The trial's number, as `trials list` shows it.")]
 
 trials = typer.Typer(
-    name="trials", help="Trials of built cars in a store.", no_args_is_help=True, rich_markup_mode=None
+    name="trials", help="List, correct and replay trials of built cars.", no_args_is_help=True, rich_markup_mode=None
 )
 
 
@@ -22,13 +25,21 @@ trials = typer.Typer(
 def list_trials(
     store: StoreFile,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
+    as_json: Json = False,
 ) -> None:
-    """Show trials, one a line, and what was corrected of them."""
+    """Show trials, one a line, and their corrections.
+
+    \b
+    Example: foldcar trials list study.db --experiment 1
+    """
     from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
         found = list(opened.trials(experiment))
         trail = [one for trial in found if trial.corrections for one in opened.corrections(trial.id)]
+    if as_json:
+        print_json({"trials": [asdict(one) for one in found], "corrections": [asdict(one) for one in trail]})
+        return
     _print_trials(found)
     for one in trail:
         typer.echo(_correction_text(one))
@@ -45,8 +56,15 @@ def correct(
         float | None, typer.Option(metavar="S", min=0, help="How long it drove, in seconds.")
     ] = None,
     operator: Annotated[str, typer.Option(metavar="NAME", help="Who corrects it.")] = "",
+    as_json: Json = False,
 ) -> None:
-    """Change what a trial says. What stood there is kept, with the reason."""
+    """Change what a trial says.
+
+    What stood there is kept, with the reason.
+
+    \b
+    Example: foldcar trials correct study.db 7 --outcome tipped --reason "seen on the film"
+    """
     from foldcar.store.opening import require_store
     from foldcar.store.reader import Store
     from foldcar.store.trial_writer import write_trials
@@ -60,8 +78,12 @@ def correct(
     with write_trials(store) as writer:
         writer.correct(number, {k: v for k, v in changes.items() if v is not None}, reason, operator)
     with Store.open(store) as opened:
-        for one in opened.corrections(number):
-            typer.echo(_correction_text(one))
+        trail = list(opened.corrections(number))
+    if as_json:
+        print_json({"corrections": [asdict(one) for one in trail]})
+        return
+    for one in trail:
+        typer.echo(_correction_text(one))
 
 
 @trials.command("import")
@@ -71,8 +93,15 @@ def import_file(
     experiment: Annotated[
         str | None, typer.Option(metavar="ID", help="The experiment of rows that name none.")
     ] = None,
+    as_json: Json = False,
 ) -> None:
-    """Take over trials from a CSV file, all of them or none."""
+    """Take over trials from a CSV file.
+
+    All of them or none; docs/trials.md has the columns.
+
+    \b
+    Example: foldcar trials import study.db scenarios/published_trials.csv
+    """
     from foldcar.store.trial_writer import write_trials
     from foldcar.trials.csv_import import read_trials
 
@@ -82,7 +111,10 @@ def import_file(
             if writer.source_is_there(source):
                 raise FoldcarError(f'{file}: source: trials of "{source}" are in {store} already')
         numbers = writer.import_trials(found)
-    typer.echo(f"{len(numbers)} trials imported, {numbers[0]} to {numbers[-1]}; store: {store}")
+    if as_json:
+        print_json({"store": store, "imported": list(numbers)})
+    else:
+        typer.echo(f"{len(numbers)} trials imported, {numbers[0]} to {numbers[-1]}; store: {store}")
 
 
 @trials.command()
@@ -90,10 +122,18 @@ def replay(
     store: StoreFile,
     number: Number,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Picture of the scene as it stood (.png, .svg, .pdf).")
+        Path | None,
+        typer.Option(metavar="FILE", callback=output_file, help="Picture of the scene as it stood (.png, .svg, .pdf)."),
     ] = None,
+    as_json: Json = False,
 ) -> None:
-    """Simulate a trial again as it was placed, and show both."""
+    """Simulate a trial again as it was placed.
+
+    Trial and simulation are compared; the picture shows the simulated run.
+
+    \b
+    Example: foldcar trials replay study.db 7 --plot pair.png
+    """
     from foldcar.figures.output import check_format
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.results import outcome_of
@@ -109,14 +149,13 @@ def replay(
     answer = pair.answer
     outcome = outcome_of(answer)
     simulated_s = answer.get("elapsed_time_s")
-    typer.echo(f"{'':<10}{'outcome':<12}{'time (s)':>9}")
-    typer.echo(f"{'trial':<10}{trial.outcome:<12}{_seconds(trial.elapsed_time_s):>9}")
-    typer.echo(f"{'simulated':<10}{outcome:<12}{_seconds(simulated_s):>9}")
-    typer.echo(
-        "the trial was aborted: nothing to compare"
-        if not trial.counts
-        else "both agree" if agree(trial.outcome, outcome) else "they disagree"
-    )
+    agrees = agree(trial.outcome, outcome) if trial.counts else None
+    if not as_json:
+        typer.echo(f"{'':<10}{'outcome':<12}{'time (s)':>9}")
+        typer.echo(f"{'trial':<10}{trial.outcome:<12}{_seconds(trial.elapsed_time_s):>9}")
+        typer.echo(f"{'simulated':<10}{outcome:<12}{_seconds(simulated_s):>9}")
+        words = {None: "the trial was aborted: nothing to compare", True: "both agree", False: "they disagree"}
+        typer.echo(words[agrees])
     if plot is not None:
         from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
@@ -124,16 +163,30 @@ def replay(
         if "path" not in answer:
             raise FoldcarError(f"{plot}: a failed run has no picture")
         draw_run(pair.body, pair.scene, answer, answer["path"], carsim_heights(carsim), plot)
-        typer.echo(f"picture: {plot}")
+        if not as_json:
+            typer.echo(f"picture: {plot}")
+    if as_json:
+        simulated = {"outcome": outcome, "elapsed_time_s": simulated_s, "message": answer.get("error")}
+        print_json({"trial": asdict(trial), "simulated": simulated, "agrees": agrees, "picture": plot})
 
 
 @trials.command()
 def export(
     store: StoreFile,
     number: Number,
-    mcap: Annotated[Path, typer.Option(metavar="FILE", help="MCAP file to write, for Foxglove and PlotJuggler.")],
+    mcap: Annotated[
+        Path,
+        typer.Option(metavar="FILE", callback=output_file, help="MCAP file to write, for Foxglove and PlotJuggler."),
+    ],
+    as_json: Json = False,
 ) -> None:
-    """Convert a trial's log. The log itself, a .tlog, opens in MAVLink's own tools."""
+    """Convert a trial's log to MCAP.
+
+    The log itself, a .tlog, opens in MAVLink's own tools.
+
+    \b
+    Example: foldcar trials export study.db 7 --mcap trial7.mcap
+    """
     import json
 
     from foldcar.link.mcap_export import NO_START, export_mcap
@@ -163,26 +216,45 @@ def export(
         scene_update = foxglove_scene(body, scene, grid)
         start = {**scene["start"], "z_m": start_height_m(body, scene, grid)}
     count = export_mcap(log_file(store, trial.log), mcap, facts, scene_update, start)
-    typer.echo(f"{mcap}: {count} messages")
+    if as_json:
+        print_json({"files": [mcap], "messages": count})
+    else:
+        typer.echo(f"{mcap}: {count} messages")
 
 
 @trials.command()
 def dialect(
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder to write v1.0/foldcar.xml in.")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="DIR", callback=output_folder, help="Folder to write v1.0/foldcar.xml in."
+        ),
+    ],
+    as_json: Json = False,
 ) -> None:
-    """Write the MAVLink dialect, with which other programs name our own messages too."""
+    """Write the MAVLink dialect as XML.
+
+    With it, other programs name foldcar's own messages too.
+
+    \b
+    Example: foldcar trials dialect -o dialect
+    """
     from foldcar.atomic_file import atomic_file
     from foldcar.mavlink_dialect.generation import DialectError, dialect_xml
+    from foldcar.output_folder import make_output_folder
 
     try:
         text = dialect_xml()
     except DialectError as error:
         raise FoldcarError(str(error)) from None
+    make_output_folder(output)
     file = output / "v1.0" / "foldcar.xml"
-    file.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(file) as binary:
         binary.write(text.encode())
-    typer.echo(f"{file}")
+    if as_json:
+        print_json({"files": [file]})
+    else:
+        typer.echo(f"{file}")
 
 
 def _print_trials(found: "list[Trial]") -> None:

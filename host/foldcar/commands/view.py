@@ -7,11 +7,15 @@ import typer
 
 from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings
+from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import output_file
 
 
 def view(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing or design (JSON).")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The page to write (HTML).")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", callback=output_file, help="The page to write (HTML).")
+    ],
     vehicle: Annotated[
         str | None, typer.Option(metavar="ID", help="Vehicle of the listing, if it has several.")
     ] = None,
@@ -21,8 +25,15 @@ def view(
     ] = "silhouette",
     sheet: Annotated[str | None, typer.Option(metavar="SIZE", help="a4, letter, 12in or WIDTHxHEIGHT in mm.")] = None,
     components: Components = None,
+    as_json: Json = False,
 ) -> None:
-    """Write a page that shows a car as sheets, folding and assembled; a browser opens it without a network."""
+    """Write a page on which a car folds in the browser.
+
+    It shows the sheets, the folding and the assembled car, and needs no network.
+
+    \b
+    Example: foldcar view patterns/published_cars.json --vehicle w95 -o car.html
+    """
     from foldcar.atomic_file import atomic_file
     from foldcar.car.folded_car import folded_car
     from foldcar.commands.listed_design import listed_family
@@ -37,4 +48,7 @@ def view(
     page = view_page(folded, title, sheets)
     with atomic_file(output) as binary:
         binary.write(page.encode())
-    typer.echo(str(output))
+    if as_json:
+        print_json({"files": [output]})
+    else:
+        typer.echo(str(output))

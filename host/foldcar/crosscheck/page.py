@@ -86,7 +86,7 @@ def write_page(
     _write(folder / PAGE, page)
     _write(folder / RUNS, _runs_csv(cases, results))
     numbers = {
-        "comparisons": {name: _numbers(one) for name, one in comparisons},
+        "comparisons": {name: comparison_numbers(one) for name, one in comparisons},
         "by_experiment": experiment_table(experiments),
     }
     _write(folder / NUMBERS, json.dumps(numbers, indent=2, ensure_ascii=False) + "\n")
@@ -189,7 +189,8 @@ def _runs_csv(cases: Sequence[Case], results: Results) -> str:
     return text.getvalue()
 
 
-def _numbers(one: Agreement) -> Mapping[str, Any]:
+def comparison_numbers(one: Agreement) -> Mapping[str, Any]:
+    """A comparison as in numbers.json; shares are 0 to 1."""
     return {
         "runs": one.runs,
         "alike": one.alike,

@@ -11,6 +11,7 @@ from foldcar.errors import FoldcarError
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import RC
 from foldcar.interrupts import held
+from foldcar.output_folder import check_output_folder
 from foldcar.report.page import page_html
 from foldcar.report.sections import Section, read_section
 from foldcar.store.reader import Store
@@ -25,14 +26,12 @@ def write_report(store: Store, folder: Path, report_command: Sequence[str]) -> l
     the folder cannot be written.
     """
     info = store.info()
-    if folder.exists() and not folder.is_dir():
-        raise FoldcarError(f"{folder}: not a folder")
+    check_output_folder(folder)
     with matplotlib.rc_context(RC):
         sections = [read_section(store, experiment) for experiment in info.experiments.values()]
         if not any(section.summary.total.runs for section in sections):
             raise FoldcarError(f"{store.path}: contains no runs yet; sweep the listing first")
         try:
-            folder.parent.mkdir(parents=True, exist_ok=True)
             with (
                 tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary,
                 held(lambda: shutil.rmtree(temporary)),

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
+from foldcar.output_folder import make_output_folder
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.folder import KIND, LISTING, LOGS, MANIFEST
 from foldcar.store.folder_tables import FORMATS, read_table
@@ -29,7 +30,7 @@ def import_folder(folder: Path, store: Path) -> dict[str, Any]:
     if os.path.lexists(store):
         raise StoreError(f"{store}: is there already; a folder is imported into a new store")
     manifest = _manifest(folder)
-    store.parent.mkdir(parents=True, exist_ok=True)
+    make_output_folder(store.parent)
     part = store.with_name(f".{store.name}.{os.getpid()}.part")
     try:
         with contextlib.closing(_connect(store, part)) as connection:

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from foldcar.interrupts import held, raised
+from foldcar.output_folder import make_output_folder
 from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
 from foldcar.store.migrations import VERSION, add_metrics, copy_beside, create_tables, migrate, transaction
 from foldcar.store.tables import CHECKSUM, RUN
@@ -70,7 +71,7 @@ def writing(path: Path) -> Iterator[sqlite3.Connection]:
     """
     if path.is_dir():
         raise StoreError(f"{path}: is a folder, not a store")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_output_folder(path.parent)
     with writer_lock(path), contextlib.ExitStack() as stack:
         with raised():
             connection = _open_writing(path)

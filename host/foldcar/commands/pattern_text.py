@@ -1,0 +1,53 @@
+"""What `foldcar pattern` says of the cars that it made: a line or a page of text, or an object."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from foldcar.fabrication.make_car import MANIFEST, MadeCar
+from foldcar.fabrication.patterns.options import Options
+
+
+def car_object(vehicle: str, folder: Path, made: MadeCar) -> dict[str, Any]:
+    """The car's manifest with its vehicle, folder and checks."""
+    manifest = json.loads(made.files[MANIFEST])
+    return {"vehicle": vehicle, "folder": folder, "title": made.title, **manifest, "checks": list(made.checks)}
+
+
+def car_line(folder: str, made: MadeCar) -> str:
+    """One of several cars."""
+    cut = made.pattern
+    warned = f", {len(cut.warnings)} warnings" if cut.warnings else ""
+    return f"{folder}: {_amounts(len(cut.sheets), cut.cut_length_mm, made.mass_kg, made.cost_usd)}{warned}"
+
+
+def total_line(cars: Sequence[Mapping[str, Any]], output: Path) -> str:
+    """All of ``cars`` (as by `car_object`) together."""
+    vehicles = len({car["vehicle"] for car in cars})
+    of_vehicles = f" of {vehicles} vehicles" if vehicles > 1 else ""
+    sums = (sum(car[key] for car in cars) for key in ("sheets", "cut_length_mm", "mass_kg", "cost_usd"))
+    return f"{len(cars)} cars{of_vehicles} in {output}: {_amounts(*sums)}"
+
+
+def car_lines(made: MadeCar, chosen: Options, output: Path) -> list[str]:
+    """The only car."""
+    cut = made.pattern
+    width, height = chosen.sheet_size_mm
+    used = cut.film_area_mm2 / (len(cut.sheets) * width * height)
+    copies = sum(piece.count for piece in cut.pieces)
+    return [
+        made.title,
+        f"  sheets    {len(cut.sheets)} of {width:g} x {height:g} mm, {used:.0%} of the film used",
+        f"  pieces    {copies} of {len(cut.pieces)} kinds",
+        f"  cut       {cut.cut_length_mm / 1000:.1f} m for {chosen.machine}, kerf {chosen.kerf_mm:g} mm",
+        f"  mass      {made.mass_kg * 1000:.0f} g",
+        f"  cost      about {made.cost_usd:.0f} USD",
+        *(f"  checked   {text}" for text in made.checks),
+        *(f"  warning   {text}" for text in cut.warnings),
+        f"  made      {len(made.files)} files in {output}",
+    ]
+
+
+def _amounts(sheets: int, cut_length_mm: float, mass_kg: float, cost_usd: float) -> str:
+    return f"{sheets} sheets, cut {cut_length_mm / 1000:.1f} m, {mass_kg * 1000:.0f} g, {cost_usd:.0f} USD"

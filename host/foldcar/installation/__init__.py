@@ -1,0 +1,1 @@
+"""What foldcar needs of this machine, and whether it is there."""

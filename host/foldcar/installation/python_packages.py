@@ -1,0 +1,83 @@
+"""Python, the packages that foldcar declares, and those that only some commands need."""
+
+import importlib.metadata
+import platform
+import sys
+import warnings
+from pathlib import Path
+
+from packaging.requirements import Requirement
+
+from foldcar import __version__
+from foldcar.installation.finding import Finding
+
+LEAST_PYTHON = (3, 10)
+AGAIN = "make setup; where the package is installed by itself: pip install --force-reinstall foldcar"
+
+
+def foldcar_itself(checkout: Path | None) -> Finding:
+    """The version that runs, and by which Python."""
+    where = f"checkout {checkout}" if checkout is not None else str(Path(__file__).resolve().parents[1])
+    text = f"{__version__} in {where}; Python {platform.python_version()}, {sys.executable}"
+    if sys.version_info < LEAST_PYTHON:
+        return Finding("foldcar", "missing", text, f"use Python {'.'.join(map(str, LEAST_PYTHON))} or newer")
+    return Finding("foldcar", "ok", text)
+
+
+def packages() -> Finding:
+    """The declared packages against the installed ones."""
+    try:
+        declared = [Requirement(text) for text in importlib.metadata.requires("foldcar") or []]
+    except importlib.metadata.PackageNotFoundError:
+        return Finding("packages", "missing", "foldcar itself is not installed as a package", AGAIN)
+    needed = [one for one in declared if one.marker is None or one.marker.evaluate({"extra": ""})]
+    wrong = [text for one in needed if (text := _mismatch(one))]
+    if wrong:
+        return Finding("packages", "missing", "; ".join(wrong), AGAIN)
+    return Finding("packages", "ok", f"{len(needed)} as declared")
+
+
+def scenic() -> Finding:
+    """Scenic, with the system's libraries that it loads."""
+    try:
+        with warnings.catch_warnings():
+            # Scenic warns that somebody else formats tracebacks.
+            warnings.simplefilter("ignore")
+            import scenic
+    except Exception as error:  # whatever a broken library raises
+        text = f"cannot be imported: {type(error).__name__}: {error}"
+        return Finding("Scenic", "missing", text, "make setup")
+    return Finding("Scenic", "ok", str(importlib.metadata.version(scenic.__name__)))
+
+
+def mujoco() -> Finding:
+    """The second engine."""
+    return _optional("MuJoCo", "mujoco", "foldcar crosscheck", "pip install 'foldcar[crosscheck]'")
+
+
+def mavproxy() -> Finding:
+    """A ground station for the car."""
+    return _optional("MAVProxy", "MAVProxy", "driving by hand and `make test`", "pip install MAVProxy")
+
+
+def _optional(name: str, package: str, use: str, advice: str) -> Finding:
+    version = _version(package)
+    if version is None:
+        return Finding(name, "absent", f"not installed: only {use} needs it", advice)
+    return Finding(name, "ok", version)
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _mismatch(declared: Requirement) -> str:
+    version = _version(declared.name)
+    if version is None:
+        return f"{declared} is missing"
+    if not declared.specifier.contains(version, prereleases=True):
+        return f"{declared.name} is {version}, declared is {declared.specifier}"
+    return ""

@@ -1,0 +1,264 @@
+"""What every command shares: help, completion, `--json`, output folders, and how it behaves in pipes."""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from foldcar.cli import app
+
+PROJECT = Path(__file__).resolve().parents[2]
+COMMAND = [sys.executable, "-m", "foldcar"]
+# They talk with a person, a car or another tool: what they print is no summary.
+DIALOGUES = {("link",), ("log",), ("flash",), ("calibrate-servos",)}
+# Of processor time, slow machines included; without the heavy imports it takes 0.2 s.
+QUICK_S = 1.5
+
+
+def commands(group: Any = None, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Every command that does something, by its words."""
+    group = group if group is not None else typer.main.get_command(app)
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, (*path, name))
+        else:
+            yield (*path, name), command
+
+
+EVERY = dict(commands())
+
+
+@pytest.fixture
+def study(foldcar: Any, write_listing: Any, listing_data: Any, carsim_binary: Path, tmp_path: Path) -> Path:
+    """The listing of a swept store s.db in the test's folder."""
+    listing_data["vehicles"]["2"] = {"type": "W_B_W", "params": [{"common": {"width": 120}}]}
+    listing: Path = write_listing(listing_data)
+    done = foldcar("sweep", listing, "--store", "s.db")
+    assert done.returncode == 0, done.stderr
+    return listing
+
+
+def test_python_m_foldcar_is_the_command() -> None:
+    answer = subprocess.run([*COMMAND, "--version"], capture_output=True, text=True, check=True)
+
+    assert answer.stdout.startswith("foldcar ")
+
+
+@pytest.mark.parametrize("words", EVERY, ids=" ".join)
+def test_short_help_is_the_help_with_an_example_that_exists(words: tuple[str, ...]) -> None:
+    texts = []
+    for option in ("-h", "--help"):
+        environment = {**os.environ, "COLUMNS": "80"}
+        answer = subprocess.run(
+            [*COMMAND, *words, option], capture_output=True, text=True, check=True, env=environment, cwd=PROJECT
+        )
+        texts.append(answer.stdout)
+
+    assert texts[0] == texts[1]
+    example = texts[0].partition("Example: ")[2].splitlines()[0].split()
+    assert tuple(example[1 : 1 + len(words)]) == words
+    for word in example:
+        if word.startswith(("scenarios/", "patterns/")):
+            assert (PROJECT / word).is_file(), word
+    options = {option for param in EVERY[words].params for option in param.opts}
+    assert {word for word in example if word.startswith("-")} <= options
+
+
+def test_the_list_of_commands_is_readable_on_eighty_columns() -> None:
+    for words in ((), ("trials",), ("params",)):
+        answer = subprocess.run(
+            [*COMMAND, *words, "-h"], capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "80"}
+        )
+        assert "..." not in answer.stdout.partition("Commands:")[2]
+
+
+def test_every_summary_is_offered_as_json() -> None:
+    without = {words for words, command in EVERY.items() if not any("--json" in param.opts for param in command.params)}
+
+    assert without == DIALOGUES
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_is_a_script_for_the_shell(foldcar: Any, shell: str) -> None:
+    answer = foldcar("--completion", shell)
+
+    assert answer.returncode == 0
+    assert f"_FOLDCAR_COMPLETE=complete_{shell}" in answer.stdout
+
+
+def test_bash_completes_commands_and_options(tmp_path: Path) -> None:
+    program = tmp_path / "foldcar"
+    program.write_text(f"#!{sys.executable}\nimport sys\nsys.argv[0] = 'foldcar'\nfrom foldcar.cli import main\nmain()\n")
+    program.chmod(0o755)
+    script = """
+        eval "$(foldcar --completion bash)"
+        COMP_WORDS=(foldcar pat) COMP_CWORD=1; _foldcar_completion foldcar; echo "${COMPREPLY[*]}"
+        COMP_WORDS=(foldcar pattern --veh) COMP_CWORD=2; _foldcar_completion foldcar; echo "${COMPREPLY[*]}"
+    """
+    environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+
+    answer = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True, env=environment)
+
+    assert answer.stdout.split() == ["pattern", "--vehicle"]
+
+
+def test_completion_imports_nothing_heavy_and_runs_no_options(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text("raise SystemExit('executed')")
+    words = f"foldcar run l.json --components {tmp_path / 'own.py'} --plot {tmp_path}/no/such/folder/x.png --exp"
+    code = """
+import sys
+sys.argv = ["foldcar"]
+from foldcar.cli import main
+try:
+    main()
+except SystemExit:
+    pass
+heavy = {"scenic", "matplotlib", "numpy", "scipy", "pyarrow", "sqlite3", "json5"}
+print(heavy & set(sys.modules))
+"""
+    environment = {
+        **os.environ, "_FOLDCAR_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)
+    }  # fmt: skip
+    before_s = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before_s < QUICK_S
+    assert answer.stdout == "--experiment\nset()\n"
+
+
+def test_each_summary_is_one_json_object(foldcar: Any, study: Path, tmp_path: Path) -> None:
+    def told(*words: str | Path) -> dict[str, Any]:
+        done = foldcar(*words, "--json")
+        assert (done.returncode, done.stderr) == (0, ""), done.stderr
+
+        def refuse(constant: str) -> None:
+            raise AssertionError(f"{words}: {constant}")
+
+        answer = json.loads(done.stdout, parse_constant=refuse)
+        assert isinstance(answer, dict)
+        return answer
+
+    environment = PROJECT / "scenarios" / "two_bumps.scenic"
+    published = PROJECT / "scenarios" / "published_trials.csv"
+    again = told("sweep", study, "--store", "s.db")
+    assert (again["runs"], again["new"], again["there"], again["failed"]) == (6, 0, 6, 0)
+    run = told("run", study, "--experiment", "1", "--set", "width=95", "--sample", "1")
+    assert run["design"]["width_mm"] == 95
+    assert run["metrics"]["elapsed_time_s"] > 0
+    report = told("report", "s.db", "-o", "report")
+    (one,) = report["experiments"]
+    widths = one["by"]["width_mm"]
+    assert [entry["value"] for entry in widths] == [95, 245]
+    assert sum(entry["passed"] for entry in widths) == one["all"]["passed"] == again["passed"]
+    assert told("check", "s.db")["findings"] == []
+    assert told("migrate", "s.db")["version"] >= 4
+    assert told("export", "s.db", "--csv", "runs.csv", "--folder", "all")["written"][0] == {"path": "runs.csv", "runs": 6}
+    assert told("import", "all", "--store", "again.db")["runs"] == 6
+    assert [scene["id"] for scene in told("sample", environment, "-n", "2")["scenes"]] == ["0/0", "0/1"]
+    assert told("sample", environment, "-o", "scenes.jsonl")["file"] == "scenes.jsonl"
+    assert told("gallery", environment, "-o", "pictures")["files"] == ["pictures/two_bumps.png"]
+    model = told("model", study, "--vehicle", "2", "--to", "urdf", "-o", "models")
+    view = told("view", study, "--vehicle", "2", "-o", "car.html")
+    cars = told("pattern", study, "--vehicle", "2", "--machine", "laser", "-o", "car")["cars"]
+    assert [(car["vehicle"], car["parameters"]["width"]) for car in cars] == [("2", 120)]
+    for file in (*model["files"], *view["files"], Path(cars[0]["folder"]) / "sheet_1.svg"):
+        assert (tmp_path / file).is_file()
+    assert told("trials", "import", "s.db", published, "--experiment", "1")["imported"] == list(range(1, 45))
+    said = told("trials", "correct", "s.db", "7", "--outcome", "tipped", "--reason", "film")["corrections"]
+    assert [(one["trial"], one["field"], one["after"]) for one in said] == [(7, "outcome", "tipped")]
+    trials = told("trials", "list", "s.db")
+    assert (len(trials["trials"]), trials["corrections"]) == (44, said)
+    assert trials["trials"][6]["outcome"] == "tipped"
+    assert told("trials", "dialect", "-o", "dialect")["files"] == ["dialect/v1.0/foldcar.xml"]
+
+
+def test_a_message_beside_json_goes_to_standard_error(foldcar: Any, tmp_path: Path) -> None:
+    done = foldcar("export", "none.db", "--csv", "-", "--json")
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "foldcar: error: export: --csv - and --json both print on standard output; choose one\n"
+
+
+def outputs() -> list[tuple[tuple[str, ...], str]]:
+    """Words of every command with each of its outputs left to the end."""
+    environment = str(PROJECT / "scenarios" / "two_bumps.scenic")
+    cars = str(PROJECT / "patterns" / "published_cars.json")
+    study = str(PROJECT / "scenarios" / "two_bumps.json")
+    one = ("--experiment", "1")
+    return [
+        (("sweep", study, "--store"), "s.db"),
+        (("run", study, *one, "--plot"), "r.png"),
+        (("sample", environment, "-o"), "s.jsonl"),
+        (("sample", environment, "--plot"), "s.png"),
+        (("gallery", environment, "-o"), ""),
+        (("report", "s.db", "-o"), ""),
+        (("export", "s.db", "--csv"), "s.csv"),
+        (("export", "s.db", "--parquet"), "s.parquet"),
+        (("export", "s.db", "--trials"), "t.csv"),
+        (("export", "s.db", "--folder"), ""),
+        (("import", "s", "--store"), "s.db"),
+        (("crosscheck", study, "-o"), ""),
+        (("model", cars, "--vehicle", "w95", "--to", "mjcf", "-o"), ""),
+        (("pattern", cars, "--vehicle", "w95", "-o"), ""),
+        (("view", cars, "--vehicle", "w95", "-o"), "c.html"),
+        (("log", study, *one, "--store"), "s.db"),
+        (("flash", study, *one, "--file"), "car.json"),
+        (("params", "save"), "c.parm"),
+        (("trials", "replay", "s.db", "1", "--plot"), "p.png"),
+        (("trials", "export", "s.db", "1", "--mcap"), "t.mcap"),
+        (("trials", "dialect", "-o"), ""),
+    ]
+
+
+@pytest.mark.parametrize(("words", "name"), outputs(), ids=lambda value: " ".join(value[:2]) if value else "")
+def test_an_output_two_missing_folders_deep_is_refused_first(
+    foldcar: Any, tmp_path: Path, words: tuple[str, ...], name: str
+) -> None:
+    output = Path("no") / "such" / name
+
+    done = foldcar(*words, output)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"foldcar: error: {output}: cannot be written: there is no folder no to make such in\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["new/car.html", "car.html"])
+def test_an_output_folder_is_made_one_level_deep(foldcar: Any, tmp_path: Path, name: str) -> None:
+    done = foldcar("view", PROJECT / "patterns" / "published_cars.json", "--vehicle", "w95", "-o", name)
+
+    assert (done.returncode, done.stdout) == (0, f"{name}\n")
+    assert (tmp_path / name).is_file()
+
+
+def test_a_folder_without_permission_is_refused_before_the_work(foldcar: Any, tmp_path: Path) -> None:
+    closed = tmp_path / "closed"
+    closed.mkdir(mode=0o555)
+    words = ["sweep", str(PROJECT / "scenarios" / "two_bumps.json"), "--store", str(closed / "s.db")]
+    # Root writes anywhere, unless it gives up that capability.
+    weak = ["setpriv", "--bounding-set=-dac_override", "--inh-caps=-dac_override"] if os.geteuid() == 0 else []
+
+    done = subprocess.run([*weak, *COMMAND, *words], cwd=tmp_path, capture_output=True, text=True)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        f"foldcar: error: {closed / 's.db'}: cannot be written: no permission to write in the folder {closed}\n"
+    )
+
+
+def test_a_failed_write_takes_the_folder_that_it_made_with_it(tmp_path: Path) -> None:
+    from foldcar.atomic_file import atomic_file
+
+    with pytest.raises(ValueError), atomic_file(tmp_path / "new" / "file") as binary:
+        binary.write(b"half")
+        raise ValueError
+
+    assert list(tmp_path.iterdir()) == []

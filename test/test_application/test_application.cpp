@@ -308,6 +308,7 @@ void another_fault_does_not_hide_that_there_is_no_design() {
 
 void stored_parameters_that_cannot_be_read_are_a_fault() {
   Bench bench;
+  bench.board.storage.values["STAGGER_MS"] = 77.0f;
   bench.board.storage.fitted = false;
   bench.application.begin();
   TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kFlash);

@@ -27,19 +27,21 @@ std::size_t SimLink::write(const std::uint8_t* data, std::size_t size) {
 
 bool SimStorage::load(const char* name, float& value) {
   const auto found = values.find(name);
-  if (found == values.end()) return false;
+  if (!fitted || found == values.end()) return false;
   value = found->second;
   return true;
 }
 
 bool SimStorage::save(const char* name, float value) {
-  if (accepts) values[name] = value;
-  return accepts;
+  if (!fitted || !accepts) return false;
+  values[name] = value;
+  return true;
 }
 
 bool SimStorage::clear() {
-  if (accepts) values.clear();
-  return accepts;
+  if (!fitted || !accepts) return false;
+  values.clear();
+  return true;
 }
 
 bool SimImu::read(ImuSample& sample) {

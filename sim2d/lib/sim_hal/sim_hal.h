@@ -44,7 +44,7 @@ struct SimLink : ByteLink {
   std::size_t write(const std::uint8_t* data, std::size_t size) override;
 };
 
-// Flash memory that lives as long as the object; while accepts is false it stores nothing.
+// Flash memory that lives as long as the object; while accepts is false it stores nothing, without fitted it has nothing.
 struct SimStorage : Storage {
   std::map<std::string, float> values;
   bool accepts = true;

@@ -76,7 +76,7 @@ def line_with(path: str, value: float) -> dict[str, Any]:
 def test_batch_holds_its_input_to_the_printed_limits(carsim_binary: Path, carsim_limits: CarsimLimits) -> None:
     asked: list[tuple[str, float, str]] = []
     for path, (least, largest) in carsim_limits.numbers.items():
-        if path.endswith((".count", ".nodes")) or path.startswith("advance."):
+        if path.endswith((".count", ".nodes", ".heights", ".pieces")) or path.startswith("advance."):
             continue
         span = max(1.0, abs(least), abs(largest))
         if (path, "least") not in DEPENDENT:
@@ -146,3 +146,58 @@ def test_the_rules_of_a_trial_are_the_documented_ones(carsim_limits: CarsimLimit
     assert rules.tipped_up == pytest.approx(0.2588, abs=0.002)
     assert (rules.stuck_distance_m, rules.stuck_time_s) == (0.010, 4.0)
     assert rules.stuck_turn_rad == pytest.approx(0.0349, abs=0.0002)
+
+
+def answer_of(binary: Path, body: dict[str, Any], terrain: list[dict[str, Any]]) -> dict[str, Any]:
+    """The answer to half a second of a run, in a batch that must not be killed by a signal."""
+    scene = {**empty_scene(goal_x_m=1.0), "terrain": terrain}
+    run = {"id": "r", "body": "b", "scene": "s", "speed_m_s": 5.0, "time_limit_s": 0.5}
+    lines = [{"body": {"id": "b", **body}}, {"scene": {"id": "s", **scene}}, {"run": run}]
+    text = "".join(json.dumps(line) + "\n" for line in lines)
+    done = subprocess.run([binary, "batch"], input=text, capture_output=True, text=True, timeout=300)
+    assert done.returncode in (0, 2), done.stderr
+    answer: dict[str, Any] = json.loads(done.stdout)
+    return answer
+
+
+def test_a_car_that_flies_apart_on_flat_ground_is_a_failed_run(carsim_binary: Path) -> None:
+    body = deepcopy(car_body())
+    body["track_m"] = 0.005
+    body["segments"][0] |= {"mass_kg": 50.0, "com_x_m": -0.021, "pitch_inertia_kg_m2": 1.8e-6}
+    body["wheels"] = [deepcopy(body["wheels"][0]) for _ in range(4)]
+    # x, radius, mass, stall torque and rotor inertia of each wheel, SI units.
+    odd = [
+        (0.00067, 0.025, 0.012, 50.0, 2e-4), (0.00067, 0.061, 0.012, 0.134, 0.011),
+        (-0.16, 0.06, 11.0, 0.134, 0.081), (-0.16, 0.021, 0.012, 47.0, 45.0),
+    ]  # fmt: skip
+    for channel, (wheel, (x_m, radius_m, mass_kg, torque_n_m, inertia_kg_m2)) in enumerate(
+        zip(body["wheels"], odd, strict=True)
+    ):
+        side, direction = (("left", 1), ("right", -1))[channel % 2]
+        wheel |= {"channel": channel, "side": side, "x_m": x_m, "radius_m": radius_m, "mass_kg": mass_kg}
+        wheel["servo"] |= {
+            "direction": direction, "stall_torque_n_m": torque_n_m, "rotor_inertia_kg_m2": inertia_kg_m2
+        }  # fmt: skip
+
+    answer = answer_of(carsim_binary, body, [])
+
+    assert answer["error"]["message"] == "the simulation left the finite numbers"
+
+
+@pytest.mark.parametrize(
+    ("piece", "count", "limit"),
+    [
+        ({"kind": "hill", **PLACE, "sd_along_m": 0.005, "sd_across_m": 0.005, "height_m": 0.05}, 3000, "heights"),
+        ({"kind": "rough", **PLACE, "length_m": 0.002, "width_m": 0.002, "height_sd_m": 0.01, "correlation_m": 0.001,
+          "seed": 1}, 9999, "heights"),
+        ({"kind": "pothole", "x_m": 0.0, "y_m": 0.0, "radius_m": 0.1, "depth_m": 0.1, "edge_m": 0.002}, 3000, "heights"),
+        ({"kind": "half_round", **PLACE, "length_m": 1.0, "width_m": 1.0, "height_m": 0.01}, 9999, "pieces"),
+    ],
+)  # fmt: skip
+def test_ground_that_would_take_minutes_a_second_is_refused_by_a_limit_that_says_so(
+    carsim_binary: Path, carsim_limits: CarsimLimits, piece: dict[str, Any], count: int, limit: str
+) -> None:
+    error = answer_of(carsim_binary, car_body(), [piece] * count)["error"]
+
+    assert error["message"].startswith(f"scene.terrain.{limit}: the ")
+    assert f"the limit is {carsim_limits.numbers[f'scene.terrain.{limit}'][1]:.0f}: let fewer " in error["message"]

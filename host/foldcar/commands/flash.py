@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings, design_settings
 from foldcar.commands.output_option import output_file
 from foldcar.errors import FoldcarError
+from foldcar.interrupts import held
 
 CAR_FILE = "car.json"
 
@@ -90,6 +92,10 @@ def _pio(project: Path, target: str, port: str, data_folder: Path) -> None:
     # PlatformIO empties the build folder when a setting changes; the default one may contain a running sweep's carsim.
     own = {"PLATFORMIO_DATA_DIR": str(data_folder), "PLATFORMIO_BUILD_DIR": str(project / ".pio" / "flash")}
     environment = {**os.environ, **own}
-    if subprocess.run(command, env=environment, check=False).returncode != 0:
+    # A session of its own, so that all of it can be ended: PlatformIO starts other programs.
+    process = subprocess.Popen(command, env=environment, start_new_session=True)
+    with held(lambda: os.killpg(process.pid, signal.SIGTERM)):
+        code = process.wait()
+    if code != 0:
         what = "the firmware" if target == "upload" else "the design"
         raise FoldcarError(f"flash: {what} was not loaded: see PlatformIO's message above")

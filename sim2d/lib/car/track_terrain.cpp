@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <stdexcept>
+#include <string>
 
+#include "scene_terrain.h"
 #include "side_view_terms.h"
 
 namespace foldcar {
@@ -123,6 +126,13 @@ void TrackTerrain::cut(const CutPose& pose) {
     span = grounds_[0].span(pose.s_m);
   }
   terrain_.slice(pose.frame, span, strips_, pieces_);
+  std::size_t count = 0;
+  for (const auto& list : pieces_) count += list.size();
+  if (static_cast<double>(count) > kMostPieces) {
+    throw std::runtime_error("scene.terrain.pieces: the blocks under the car have " + std::to_string(count) +
+                             " pieces along its wheels and belly, the limit is " +
+                             std::to_string(static_cast<long>(kMostPieces)) + ": let fewer blocks overlap");
+  }
   // A point of the belly at y is higher by y·tan(roll), which is the same as terrain lowered by as much.
   const double tangent = tan_roll(pose.q), cosine = cos_roll(pose.q);
   belly_pieces_.clear();
@@ -214,6 +224,8 @@ void TrackTerrain::adjust(int outline, b2Body& body) {
 
 void TrackTerrain::replace_chain(int outline, b2Body& body, std::uint16_t category, std::uint16_t meets) {
   make_vertices(body, profiles_[outline]);
+  // The track has gone so far from the car that single precision no longer tells the vertices apart.
+  if (vertices_.size() < 2) throw std::runtime_error("the simulation left the finite numbers");
   if (fits(chains_[outline], kChainTolerance_m)) return;
   if (fits(chains_[outline], kAdjust_m)) return adjust(outline, body);
   chains_[outline] = vertices_;

@@ -2,7 +2,9 @@
 
 #include <stdexcept>
 
+#include "ground_outline.h"
 #include "hal.h"
+#include "scene_terrain.h"
 #include "supervisor.h"
 
 namespace foldcar {
@@ -98,6 +100,10 @@ void add_terrain(Table& table) {
     table[std::string("scene.terrain.") + kind + ".height_m"] = kHeight_m;
   }
   table.insert({{"scene.terrain.count", {0, 10000}},
+                // Of the smooth ground that a car stands over, found during a run.
+                {"scene.terrain.heights", {0, kMostHeights}},
+                // Likewise of the blocks.
+                {"scene.terrain.pieces", {0, kMostPieces}},
                 {"scene.terrain.hill.sd_along_m", kSpread_m},
                 {"scene.terrain.hill.sd_across_m", kSpread_m},
                 {"scene.terrain.hill.height_m", {-kHeight_m.maximum, kHeight_m.maximum}},

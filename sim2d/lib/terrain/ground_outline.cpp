@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
+#include <string>
 
 namespace foldcar {
 namespace {
@@ -17,6 +19,14 @@ constexpr std::size_t kMaxLines = 33;
 constexpr double kCell_m = 0.02;
 // Box2D's chain would merge stations that are closer.
 constexpr double kMinSpacing_m = 0.0008;
+
+void check_heights(double heights) {
+  if (heights <= kMostHeights) return;
+  throw std::runtime_error("scene.terrain.heights: the ground under the car takes " +
+                           std::to_string(static_cast<long>(heights)) + " heights at a time, the limit is " +
+                           std::to_string(static_cast<long>(kMostHeights)) +
+                           ": let fewer pieces overlap, or make them smoother");
+}
 
 double chord_m(double curvature_1_m, double error_m) { return std::sqrt(8 * error_m / curvature_1_m); }
 
@@ -44,6 +54,7 @@ void GroundOutline::plan(const Ground& ground, const SliceFrame& frame, double s
               fields_);
   // A row of squares across covers all ground that a cell of s can lie on while the plan holds.
   const auto columns = static_cast<int>(std::ceil((y_max_m - y_min_m) / (2 * kCell_m)));
+  check_heights((span.s_max_m - span.s_min_m) / kCell_m * columns * static_cast<double>(fields_.size()));
   const double column_m = (y_max_m - y_min_m) / columns;
   const double radius_m = 0.5 * std::hypot(kCell_m, column_m);
   station_m_.clear();
@@ -72,6 +83,7 @@ void GroundOutline::plan(const Ground& ground, const SliceFrame& frame, double s
     const double gaps = std::ceil((across.to_m - across.from_m) / chord_m(highest_1_m, kLineError_m));
     lines_ = 1 + std::min(kMaxLines - 1, static_cast<std::size_t>(std::max(1.0, gaps)));
   }
+  check_heights(static_cast<double>(station_m_.size() * lines_ * fields_.size()));
 }
 
 void GroundOutline::cut(const SliceFrame& frame, double s_m, const LateralSpan& across, double tolerance_m,

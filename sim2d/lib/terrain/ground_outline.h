@@ -19,6 +19,10 @@ namespace foldcar {
 constexpr double kPlanSideways_m = 0.005;
 constexpr double kPlanTurn_rad = 0.03;
 
+// Largest number of heights of one cut, stations × lines × pieces of ground that overlap there: it bounds the computing
+// time of a step.
+constexpr double kMostHeights = 300000;
+
 // A range of lines parallel to s, told by their lateral coordinate on the car, from from_m to to_m. The line of
 // coordinate a runs at y = middle_m + scale·a of the car's frame, and its heights are lowered by tilt·a.
 struct LateralSpan {
@@ -33,7 +37,7 @@ struct LateralSpan {
 class GroundOutline {
  public:
   // Plans the stations of the span, which is counted from the frame's point, and the lines. That point is at s_m of the
-  // plane. ground must outlive the outline.
+  // plane. ground must outlive the outline. Throws std::runtime_error if a cut would take more than kMostHeights.
   void plan(const Ground& ground, const SliceFrame& frame, double s_m, const Span& span, const LateralSpan& across);
   // Fills profile with the highest line at every station. y_min and y_max of its segments are the lateral coordinates
   // between which lines are within tolerance_m of the highest.

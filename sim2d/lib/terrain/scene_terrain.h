@@ -10,6 +10,10 @@
 
 namespace foldcar {
 
+// Largest number of pieces of blocks' outlines within reach of a car, over all lines of its wheels and belly: it bounds
+// the computing time of a step.
+constexpr double kMostPieces = 30000;
+
 // The terrain of one scene specification.
 class SceneTerrain : public Terrain {
  public:

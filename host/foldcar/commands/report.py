@@ -12,7 +12,7 @@ def report(
         Path, typer.Option("-o", "--output", help="folder for the page and its figures", metavar="DIR")
     ],
 ) -> None:
-    """Draw the report of a study: DIR/index.html, and each figure as SVG and PNG."""
+    """Draw the report of a study: DIR/index.html, and each figure as SVG, PNG and PDF."""
     from foldcar.report.terminal import print_summary
     from foldcar.report.write import PAGE, write_report
     from foldcar.store.reader import Store

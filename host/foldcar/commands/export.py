@@ -16,7 +16,7 @@ def export(
     ] = None,
     parquet: Annotated[Path | None, typer.Option(metavar="FILE", help="Parquet file to write.")] = None,
     trials: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="CSV file to write the trials of built cars to.")
+        Path | None, typer.Option(metavar="FILE", help="CSV or .parquet file to write the trials of built cars to.")
     ] = None,
     folder: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder to write the whole store to, logs of trials included.")

@@ -51,7 +51,8 @@ def test_the_overview_names_every_room() -> None:
 
 def test_imports_go_one_way() -> None:
     # What stands at the top of the package is either for everybody, or imports everything.
-    order = ["errors", "atomic_file", "atomic_folder", "inline_svg", "page_template", *documented_rooms(), "cli", "__init__"]
+    shared = ["errors", "atomic_file", "atomic_folder", "inline_svg", "page_template"]
+    order = [*shared, *documented_rooms(), "cli", "__init__"]
 
     against = [f"{a} imports {b}" for a, b in sorted(edges()) if order.index(b) > order.index(a)]
 

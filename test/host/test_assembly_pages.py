@@ -30,8 +30,10 @@ from foldcar.fabrication.assembly.view_page import Drawing, view_page
 from foldcar.fabrication.assembly.wiring import wiring_text
 from foldcar.fabrication.assembly.wiring_drawing import wiring_drawing
 from foldcar.fabrication.patterns.options import options
-from foldcar.fabrication.patterns.sheets import cut_car
+from foldcar.fabrication.patterns.sheets import cut_car, pattern
+from foldcar.fabrication.patterns.svg import svg
 from folded_box import folded_box
+from page_check import page_findings
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 HINGED = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.length": 80.0}
@@ -210,7 +212,17 @@ def test_view_page_is_one_file() -> None:
 
     assert "</script><" not in page.replace("</script>\n", "")
     assert not re.search(r'<(script|link|img)[^>]*(src|href)=', page)
-    assert "<?xml" not in page and "<svg></svg>" in page
+    assert "<?xml" not in page and '<svg role="img" aria-label="sheet"></svg>' in page
+
+
+def test_pages_are_valid_html() -> None:
+    folded = folded_car(designs()[0])
+    cut = pattern(folded, options("silhouette", sheet="a4"), "a car")
+    sheets = [Drawing(svg(sheet), sheet.name) for sheet in cut.sheets]
+
+    assert len(sheets) > 1
+    assert page_findings(view_page(folded, "a car", sheets)) == []
+    assert page_findings(guide_page(folded, folded, {}, "a car")) == []
 
 
 @pytest.mark.parametrize("fold", [0, 1])

@@ -9,6 +9,8 @@ import pytest
 
 from foldcar.errors import FoldcarError
 from foldcar.report.export import export_csv, export_parquet
+from foldcar.report.parquet import list_type
+from foldcar.simulation.results import Recorded
 from foldcar.store.reader import Store
 from foldcar.store.writer import PlannedRun
 from test_store import answer, fill
@@ -54,6 +56,35 @@ def test_parquet_has_the_same_rows(tmp_path: Path, store_file: Path) -> None:
     assert table["width_mm"].to_pylist() == [r.design["width_mm"] for r in results]
 
 
+def test_parquet_columns_know_their_units(tmp_path: Path, store_file: Path) -> None:
+    with Store.open(store_file) as store:
+        export_parquet(store, tmp_path / "runs.parquet")
+
+    schema = pq.read_schema(tmp_path / "runs.parquet")
+    units = {one.name: one.metadata[b"unit"].decode() for one in schema if one.metadata and b"unit" in one.metadata}
+    assert units == {
+        "elapsed_time_s": "s", "distance_to_target_m": "m", "consumed_energy_j": "J", "max_roll_rad": "rad",
+        "max_pitch_rad": "rad", "width_mm": "mm", "height_mm": "mm",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("values", "kind"),
+    [
+        ([Recorded("series", [[0.0, 1], [0.5, None]])], "list<item: struct<time_s: double, value: double>>"),
+        ([Recorded("series", [[0.0, [1, 2.5]]])], "list<item: struct<time_s: double, value: list<item: double>>>"),
+        ([Recorded("final", ["a", "b"]), None], "list<item: string>"),
+        ([Recorded("final", [True])], "list<item: bool>"),
+        ([Recorded("final", [1.0, "a"])], None),
+        ([Recorded("final", [1.0]), Recorded("series", [[0.0, 1.0]])], None),
+        ([Recorded("final", [1.0]), Recorded("final", {"a": 1})], None),
+    ],
+)
+def test_recorded_lists_that_are_alike_are_lists(values: Any, kind: str | None) -> None:
+    found = list_type(values)
+    assert (None if found is None else str(found)) == kind
+
+
 def test_recorded_values_are_columns_of_their_types(tmp_path: Path) -> None:
     recorded: list[dict[str, Any]] = [
         {"height": 0.5, "won": True, "side": "left", "mixed": 1},
@@ -84,7 +115,12 @@ def test_recorded_values_are_columns_of_their_types(tmp_path: Path) -> None:
     }
     table = pq.read_table(tmp_path / "runs.parquet")
     assert table.column_names == COLUMNS + list(expected)
-    assert {name: table[name].to_pylist() for name in expected} == expected
+    lists = {
+        "recorded_at": [None, None, [1.0, 2.0], None],
+        "recorded_track": [[{"time_s": 0.25, "value": 0.0}], [{"time_s": 0.25, "value": 1.0}], None, None],
+    }
+    assert {name: table[name].to_pylist() for name in expected} == {**expected, **lists}
+    assert str(table.schema.field("recorded_at").type) == "list<element: double>"
     with (tmp_path / "runs.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     text = {None: "", True: "true", False: "false"}

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pypdf import PdfReader
 
 from foldcar.cli import main
 from foldcar.report.file_names import file_name_part
@@ -19,6 +20,7 @@ from foldcar.store.writer import (
     StoreWriter,
     write_store,
 )
+from page_check import page_findings
 
 WIDTHS = tuple(float(width) for width in range(65, 250, 5))
 FACTS = {
@@ -146,13 +148,16 @@ def test_a_width_study_gives_one_page_and_three_figures_within_ten_seconds(
     assert time.process_time() - started_s < 10.0
     assert (code, said) == (0, "")
     figures = [f"experiment_1_{kind}_by_width_mm" for kind in ("outcomes", "success", "time")]
-    names = [f"{figure}{suffix}" for figure in figures for suffix in (".png", ".svg")]
+    names = [f"{figure}{suffix}" for figure in figures for suffix in (".pdf", ".png", ".svg")]
     assert sorted(path.name for path in folder.iterdir()) == sorted([*names, "index.html"])
 
     page = Page((folder / "index.html").read_text())
     assert len(page.ids) == len(set(page.ids))
     assert all(reference.startswith("#") and reference[1:] in page.ids for reference in page.references)
     html = (folder / "index.html").read_text()
+    assert page_findings(html) == []
+    pdf = PdfReader(folder / f"{figures[1]}.pdf").pages[0]
+    assert "passed (%)" in pdf.extract_text() and pdf.mediabox.width == pytest.approx(7.2 * 72, rel=0.1)
     assert html.count("<svg") == 3
     assert not re.search(r"url\((?!#)|@import|<script|<link|<img", html)
     passed = sum(

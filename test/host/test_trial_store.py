@@ -7,6 +7,7 @@ import sqlite3
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 
 from foldcar.report.trial_series import summarise_trials
@@ -168,6 +169,22 @@ def test_export_has_a_row_for_each_trial(tmp_path: Path, foldcar: Any) -> None:
         ("2", "120.5", "aborted", ""),
     ]
     assert json.loads(rows[0]["deviations"]) == {"A": [0.01, -0.02, 0.5]}
+
+
+def test_trials_in_parquet_have_numbers_lists_and_units(tmp_path: Path, foldcar: Any) -> None:
+    with write_trials(tmp_path / "s.db") as writer:
+        writer.complete(begin(writer), Ending("passed", "goal", 2.5, 'a "note"', "ff"))
+        begin(writer, width_mm=120.5)
+
+    answer = foldcar("export", "s.db", "--trials", "t.parquet")
+
+    assert answer.returncode == 0, answer.stderr
+    table = pq.read_table(tmp_path / "t.parquet")
+    assert table["trial"].to_pylist() == [1, 2] and table["width_mm"].to_pylist() == [95.0, 120.5]
+    assert table["elapsed_time_s"].to_pylist() == [2.5, None] and table["note"].to_pylist()[0] == 'a "note"'
+    assert table["deviations"].to_pylist()[0] == [{"name": "A", "x_m": 0.01, "y_m": -0.02, "heading_rad": 0.5}]
+    assert table.schema.field("elapsed_time_s").metadata[b"unit"] == b"s"
+    assert table.schema.field("width_mm").metadata[b"unit"] == b"mm"
 
 
 def test_a_sweep_and_a_session_keep_out_of_each_others_way(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ def export(
     ] = None,
     trials: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", callback=output_file, help="CSV file to write the trials of built cars to."),
+        typer.Option(metavar="FILE", callback=output_file, help="CSV or .parquet file for the trials of built cars."),
     ] = None,
     folder: Annotated[
         Path | None,

@@ -21,7 +21,7 @@ def report(
 ) -> None:
     """Draw a study's report and print its summary.
 
-    DIR/index.html is the page; each figure stands beside it as SVG and PNG.
+    DIR/index.html is the page; each figure stands beside it as SVG, PNG and PDF.
 
     \b
     Example: foldcar report study.db -o report

@@ -210,12 +210,13 @@ def export(
         "note": trial.note,
     }
     scene_update, start = None, NO_START
-    if drive is not None:
+    log = log_file(store, trial.log)
+    if drive is not None and log.is_file():
         body, scene = json.loads(drive[0]), json.loads(drive[2])
         grid = smooth_ground(scene, Carsim())
         scene_update = foxglove_scene(body, scene, grid)
         start = {**scene["start"], "z_m": start_height_m(body, scene, grid)}
-    count = export_mcap(log_file(store, trial.log), mcap, facts, scene_update, start)
+    count = export_mcap(log, mcap, facts, scene_update, start)
     if as_json:
         print_json({"files": [mcap], "messages": count})
     else:

@@ -24,6 +24,8 @@ RC: Any = {
     "savefig.facecolor": "white",
     # Text is kept as text, for search, screen readers and editors.
     "svg.fonttype": "none",
+    # TrueType, which editors and publishers take; the default, Type 3, many refuse.
+    "pdf.fonttype": 42,
     # Ids depend on the content only, so that the same data give the same bytes.
     "svg.hashsalt": "foldcar",
 }

@@ -1,7 +1,7 @@
 """A store's runs as CSV or Parquet: a row per run, in the store's order.
 
 There is a column for each design parameter and each recorded value. Values recorded as numbers, texts or
-truths stay so; series and all else are JSON text.
+truths stay so; series and all else are JSON text, in Parquet lists where all of that name are alike.
 
 Input: an open Store. Output: a file, written whole or not at all, or a text stream. Rows are streamed.
 """
@@ -10,11 +10,12 @@ import csv
 import io
 import itertools
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from foldcar.atomic_file import atomic_file
+from foldcar.report.parquet import field, list_cell, list_type
 from foldcar.simulation.results import NUMBERS, Result
 from foldcar.store.reader import Store
 
@@ -61,17 +62,20 @@ def export_parquet(store: Store, file: Path) -> int:
     import pyarrow.parquet as pq
 
     design, recorded = store.design_columns(), _recorded_kinds(store)
+    nested = [name for name, kind in recorded.items() if kind == "json"]
+    found = {name: list_type(result.recorded.get(name) for result in store.results()) for name in nested}
+    lists = {name: kind for name, kind in found.items() if kind is not None}
     of_kind = {"number": pa.float64(), "text": pa.string(), "truth": pa.bool_(), "json": pa.string()}
     types = {
         **dict.fromkeys((*TEXT_COLUMNS, "outcome", "message"), pa.string()),
         "sample": pa.int64(),
-        **{f"{RECORDED_PREFIX}{name}": of_kind[kind] for name, kind in recorded.items()},
+        **{f"{RECORDED_PREFIX}{name}": lists.get(name, of_kind[kind]) for name, kind in recorded.items()},
     }
     columns = _columns(design, recorded)
-    schema = pa.schema([(column, types.get(column, pa.float64())) for column in columns])
+    schema = pa.schema([field(column, types.get(column, pa.float64())) for column in columns])
     count = 0
     with atomic_file(file) as binary, pq.ParquetWriter(binary, schema) as writer:
-        for batch in _batches(_cells(result, design, recorded) for result in store.results()):
+        for batch in _batches(_cells(result, design, recorded, lists) for result in store.results()):
             writer.write_table(
                 pa.table(dict(zip(columns, zip(*batch, strict=True), strict=True)), schema=schema)
             )
@@ -91,7 +95,9 @@ def _columns(design: list[str], recorded: Mapping[str, str]) -> list[str]:
     return [*RESULT_COLUMNS, *design, *(f"{RECORDED_PREFIX}{name}" for name in recorded)]
 
 
-def _cells(result: Result, design: list[str], recorded: Mapping[str, str]) -> list[Cell]:
+def _cells(
+    result: Result, design: list[str], recorded: Mapping[str, str], lists: Collection[str] = ()
+) -> list[Any]:
     return [
         result.experiment,
         result.vehicle,
@@ -101,7 +107,10 @@ def _cells(result: Result, design: list[str], recorded: Mapping[str, str]) -> li
         *(result.metrics[name] for name in NUMBERS),
         result.message,
         *(result.design.get(column) for column in design),
-        *(_recorded_cell(result, name, kind) for name, kind in recorded.items()),
+        *(
+            list_cell(result.recorded.get(name)) if name in lists else _recorded_cell(result, name, kind)
+            for name, kind in recorded.items()
+        ),
     ]
 
 
@@ -119,6 +128,6 @@ def _csv_cell(cell: Cell) -> Cell:
     return repr(cell).removesuffix(".0") if isinstance(cell, float) else cell
 
 
-def _batches(rows: Iterator[list[Cell]]) -> Iterator[list[list[Cell]]]:
+def _batches(rows: Iterator[list[Any]]) -> Iterator[list[list[Any]]]:
     while batch := list(itertools.islice(rows, BATCH_ROWS)):
         yield batch

@@ -1,4 +1,4 @@
-"""A store's trials as CSV: a row per trial, aborted ones too, a column for each parameter of their designs.
+"""A store's trials as CSV or Parquet: a row per trial, aborted ones too, a column for each parameter of their designs.
 
 Input: an open Store. Output: a file, written whole or not at all. What is not known is an empty cell.
 """
@@ -9,6 +9,7 @@ import json
 from pathlib import Path
 
 from foldcar.atomic_file import atomic_file
+from foldcar.report.parquet import write_trials
 from foldcar.store.reader import Store
 
 BEFORE = ("id", "experiment", "vehicle_type")
@@ -31,12 +32,15 @@ AFTER = (
 
 
 def export_trials(store: Store, file: Path) -> int:
-    """Write the trials as CSV atomically; returns the number of rows. FoldcarError.
+    """Write the trials atomically, as Parquet to .parquet, else as CSV; returns the number of rows. FoldcarError.
 
-    Deviations are JSON: {name: [x in m, y in m, heading in rad]}.
+    Deviations in CSV are JSON: {name: [x in m, y in m, heading in rad]}.
     """
     trials = list(store.trials())
     design = list(dict.fromkeys(name for trial in trials for name in trial.design))
+    if file.suffix.lower() == ".parquet":
+        write_trials(trials, design, (*BEFORE, *AFTER), file)
+        return len(trials)
     with atomic_file(file) as binary:
         text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
         writer = csv.writer(text, lineterminator="\n")

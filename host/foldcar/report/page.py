@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from markupsafe import Markup
 
 from foldcar.figures.style import OUTCOME_LABELS
+from foldcar.inline_svg import inline_svg
 from foldcar.page_template import page_template
 from foldcar.report.axis import extent_text, parameter_label, value_text
-from foldcar.report.inline_svg import inline_svg
 from foldcar.report.sections import Section
 from foldcar.store.info import StudyInfo
 

@@ -20,7 +20,7 @@ PAGE = "index.html"
 
 
 def write_report(store: Store, folder: Path, report_command: Sequence[str]) -> list[Section]:
-    """Write the page and its figures (SVG, PNG) into ``folder``, replacing those of an earlier report.
+    """Write the page and its figures (SVG, PNG, PDF) into ``folder``, replacing those of an earlier report.
 
     Returns the sections, for a summary on the terminal. Raises FoldcarError if there is nothing to report or
     the folder cannot be written.
@@ -53,7 +53,7 @@ def _save_figures(sections: Sequence[Section], folder: Path) -> dict[str, str]:
     svgs = {}
     for section in sections:
         for drawing in section.drawings:
-            for suffix in (".svg", ".png"):
+            for suffix in (".svg", ".png", ".pdf"):
                 save_figure(drawing.figure, folder / f"{drawing.name}{suffix}")
             svgs[drawing.name] = (folder / f"{drawing.name}.svg").read_text(encoding="utf-8")
     return svgs

@@ -137,8 +137,11 @@ def _write_parquet(table: Table, rows: Iterable[Row], file: Path) -> int:
     import pyarrow.parquet as pq
 
     of_type = {"INTEGER": pa.int64(), "REAL": pa.float64()}
-    fields = [(column.name, of_type.get(column.type, pa.string())) for column in table.columns]
-    schema = pa.schema([*fields, (CHECKSUM, pa.int64())])
+    fields = [
+        pa.field(column.name, of_type.get(column.type, pa.string()), metadata={"description": column.meaning})
+        for column in table.columns
+    ]
+    schema = pa.schema([*fields, pa.field(CHECKSUM, pa.int64())])
     mixed = [column.name for column in table.columns if column.type == "VALUE"]
     count = 0
     source = iter(rows)

@@ -14,6 +14,7 @@ from markupsafe import Markup
 from foldcar.car.folded.model import FoldedCar
 from foldcar.fabrication.assembly.parts_list import film_area_mm2, parts_list, total_cost_usd, total_mass_kg
 from foldcar.fabrication.assembly.view_data import view_data
+from foldcar.inline_svg import inline_svg
 from foldcar.page_template import page_template
 
 THREE_PACKAGE = "jupyter_threejs_sage"
@@ -33,8 +34,10 @@ def view_page(folded: FoldedCar, title: str, sheets: Sequence[Drawing]) -> str:
     return page_template("foldcar.fabrication.assembly", "view.html").render(
         title=title,
         facts=facts(folded),
-        # A file's XML declaration is not allowed inside a page.
-        drawings=[{"svg": Markup(one.svg[one.svg.index("<svg") :]), "caption": one.caption} for one in sheets],
+        drawings=[
+            {"svg": Markup(inline_svg(one.svg, f"drawing{number}", one.caption)), "caption": one.caption}
+            for number, one in enumerate(sheets, 1)
+        ],
         library=_script(files(THREE_PACKAGE).joinpath(THREE_FILE).read_text(encoding="utf-8")),
         data=_script(json.dumps(view_data(folded), separators=(",", ":"))),
         program=_script(files("foldcar.fabrication.assembly").joinpath("view.js").read_text(encoding="utf-8")),

@@ -1,4 +1,4 @@
-"""Prepares an SVG for embedding in a page: without file header, with ids that are unique on the page."""
+"""Prepares an SVG for embedding in a page: without file header and Inkscape's attributes, ids unique on the page."""
 
 import html
 import re
@@ -8,6 +8,8 @@ def inline_svg(svg: str, name: str, caption: str) -> str:
     """The ``<svg>`` element of an SVG file, every id prefixed with ``name``; ``caption`` becomes its label."""
     element = svg[svg.index("<svg") :]
     element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
+    # HTML knows no namespaces but SVG's own.
+    element = re.sub(r' (xmlns:)?inkscape(:[a-z]+)?="[^"]*"', "", element)
     element = re.sub(r'\bid="', f'id="{name}-', element)
     element = element.replace("url(#", f"url(#{name}-").replace('href="#', f'href="#{name}-')
     # The page determines the figure's width; the viewBox preserves its proportions.

@@ -21,11 +21,16 @@ def export(
     folder: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder to write the whole store to, logs of trials included.")
     ] = None,
+    failed: Annotated[
+        bool, typer.Option("--failed", help="In --csv and --parquet only the runs that failed, each with its message.")
+    ] = False,
     table_format: Annotated[
         Literal["csv", "parquet"], typer.Option("--format", help="Of the tables in the folder.")
     ] = "csv",
 ) -> None:
     """Write every run of a store as a row: outcome, measures, design parameters, recorded values.
+
+    Its column `passed` is empty where the environment does not define success.
 
     With --folder write all of the store, so that nothing needs foldcar and `foldcar import` makes it again.
     """
@@ -36,13 +41,15 @@ def export(
 
     if csv is None and parquet is None and trials is None and folder is None:
         raise FoldcarError("export: say what to write: --csv FILE, --parquet FILE, --trials FILE or --folder DIR")
+    if failed and csv is None and parquet is None:
+        raise FoldcarError("export: --failed: says nothing without --csv FILE or --parquet FILE")
     with Store.open(store) as opened:
         if csv is not None and str(csv) == "-":
-            write_csv(opened, sys.stdout)
+            write_csv(opened, sys.stdout, failed)
         elif csv is not None:
-            typer.echo(f"{csv}: {export_csv(opened, csv)} runs", err=True)
+            typer.echo(f"{csv}: {export_csv(opened, csv, failed)} runs", err=True)
         if parquet is not None:
-            typer.echo(f"{parquet}: {export_parquet(opened, parquet)} runs", err=True)
+            typer.echo(f"{parquet}: {export_parquet(opened, parquet, failed)} runs", err=True)
         if trials is not None:
             typer.echo(f"{trials}: {export_trials(opened, trials)} trials", err=True)
         if folder is not None:

@@ -76,7 +76,8 @@ def pattern(
         if every:
             (folder / MANIFEST).write_text(json.dumps({"files": [*listed, MANIFEST]}, indent=2) + "\n", encoding="utf-8")
     # The folder has been written by now.
-    typer.echo("\n".join([*said, f"{len(designs)} cars in {output}"] if every else said))
+    skipped = [f"skipped, as it cannot be built: {one}" for one in family.skipped] if every else []
+    typer.echo("\n".join([*said, *skipped, f"{len(designs)} cars in {output}"] if every else said))
 
 
 def _with_progress(designs: "list[Design]") -> "Iterator[Design]":

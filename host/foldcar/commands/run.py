@@ -30,7 +30,7 @@ def run(
     ] = None,
     components: Components = None,
 ) -> None:
-    """Simulate one car in one environment and print the result."""
+    """Simulate one car in one environment and print the result. Exit code 1 if the run failed."""
     from foldcar.commands.run_text import answer_lines, variation_text
     from foldcar.figures.output import check_format
 
@@ -56,6 +56,7 @@ def run(
             if variation
             else []
         ),
+        ("success", listed.environment.success.text),
         *answer_lines(answer),
     ]
     width = max(LEAST_NAME_WIDTH, *(len(name) + 1 for name, _ in lines))
@@ -68,6 +69,8 @@ def run(
         path = _path(one, carsim, answer, plot)
         draw_run(one.body, one.scene, answer, path, carsim_heights(carsim), plot)
         typer.echo(f"{'picture':<{width}}{plot}")
+    if "error" in answer:
+        raise typer.Exit(1)
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,16 @@ import os
 import shlex
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from foldcar.commands.components_option import Components
+from foldcar.commands.failed_runs import say_failed
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
+
+if TYPE_CHECKING:
+    from foldcar.study.sweep import Progress
 
 
 def sweep(
@@ -31,7 +35,10 @@ def sweep(
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
     components: Components = None,
 ) -> None:
-    """Simulate all runs that the store lacks. It may be stopped at any time: the same command resumes it."""
+    """Simulate all runs that the store lacks. It may be stopped at any time: the same command resumes it.
+
+    Exit code 1 if runs have failed.
+    """
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.experiments import read_study
@@ -45,7 +52,7 @@ def sweep(
     try:
         with ProgressBar(progress) as bar:
             run_sweep(
-                study, store, carsim, jobs or len(os.sched_getaffinity(0)), command, bar.update, progress
+                study, store, carsim, jobs or len(os.sched_getaffinity(0)), command, bar.update, progress, bar.say
             )
     except KeyboardInterrupt:
         typer.echo(
@@ -58,5 +65,17 @@ def sweep(
     failed = f", {progress.failed} failed" if progress.failed else ""
     typer.echo(
         f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s{rate}, "
-        f"{100 * progress.passed / progress.total:.1f} % passed{failed}; store: {store}"
+        f"{_success(progress)}{failed}; store: {store}"
     )
+    if progress.failed:
+        say_failed(store, [chosen.id for chosen in study.experiments], progress.failed, progress.total)
+        raise typer.Exit(1)
+
+
+def _success(progress: "Progress") -> str:
+    if not progress.judged:
+        return "success undefined"
+    share = f"{100 * progress.passed / progress.judged:.1f} %"
+    if progress.judged == progress.total:
+        return f"{share} passed"
+    return f"{share} of {progress.judged} passed, success undefined in {progress.total - progress.judged}"

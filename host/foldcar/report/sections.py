@@ -15,8 +15,8 @@ from foldcar.report.trial_series import TrialSummary, summarise_trials
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 
-# Different messages of failed runs that are shown.
-SHOWN_FAILURES = 3
+# Different messages of failed runs, and skipped cars, that are shown.
+SHOWN = 5
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,9 @@ def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> li
     if terminated and info.success_defined:
         remarks.append(f"The program itself ended {terminated} of {stored} runs; they count as not passed.")
     if info.skipped:
-        remarks.append(f"{len(info.skipped)} cars of the family cannot be built and were skipped: {'; '.join(info.skipped)}.")
+        more = f"; and {len(info.skipped) - SHOWN} more" if len(info.skipped) > SHOWN else ""
+        shown = "; ".join(info.skipped[:SHOWN]) + more
+        remarks.append(f"{len(info.skipped)} cars of the family cannot be built and were skipped: {shown}.")
     names = [parameter_label(name) for name in info.varied]
     if not names:
         remarks.append("One design: no parameter varies, so success is not drawn.")
@@ -78,8 +80,8 @@ def _failures(store: Store, info: ExperimentInfo, summary: Summary) -> list[str]
     if not failed:
         return []
     messages = store.failures([info.id])
-    shown = "; ".join(f"{count} x {message}" for message, count in messages[:SHOWN_FAILURES])
-    more = f"; and {len(messages) - SHOWN_FAILURES} other messages" if len(messages) > SHOWN_FAILURES else ""
+    shown = "; ".join(f"{count} x {message}" for message, count in messages[:SHOWN])
+    more = f"; and {len(messages) - SHOWN} other messages" if len(messages) > SHOWN else ""
     listed = shlex.join(["foldcar", "export", str(store.path), "--failed", "--csv", "-"])
     counted = ", and count as not passed" if info.success_defined else ""
     return [f"{failed} of {summary.total.runs} runs failed{counted}: {shown}{more}. List them: {listed}"]

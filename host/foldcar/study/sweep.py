@@ -24,9 +24,7 @@ from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
 from foldcar.study.family import Family
 
-
-# Cars that cannot be built: how many the store keeps of an experiment, how many are announced.
-MOST_SKIPPED = 1000
+# Cars that cannot be built: how many are announced by name.
 SHOWN_SKIPPED = 5
 
 
@@ -194,7 +192,7 @@ def _plan(
             "condition": experiment.condition,
             "variation": dict(experiment.variation),
             "variation_seed": experiment.variation_seed,
-            "skipped": experiment.family.skipped[:MOST_SKIPPED],
+            "skipped": experiment.family.skipped,
             "success_rule": rule,
             "success_defined": defined,
         },

@@ -1,7 +1,7 @@
 """The command `foldcar`: its subcommands, and errors as one line on stderr.
 
-Exit codes: 0 done, 1 the reader of the output closed it, 2 an error of input or environment, 130 stopped by Ctrl-C,
-SIGTERM or a closed terminal.
+Exit codes: 0 done, 1 runs failed, or the reader of the output closed it, 2 an error of input or environment,
+130 stopped by Ctrl-C, SIGTERM or a closed terminal.
 Slow imports are made inside the commands, so that help is printed at once.
 """
 
@@ -90,10 +90,10 @@ def main() -> None:
     try:
         app()
     except FoldcarError as error:
-        sys.exit(_fail(str(error), error.exit_code))
+        sys.exit(_fail("\n".join(error.lines()), error.exit_code))
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else ""
-        sys.exit(_fail(f"{where}{error.strerror or error}", 2))
+        sys.exit(_fail(" ".join(f"{where}{error.strerror or error}".split()), 2))
 
 
 def _fail(message: str, code: int) -> int:

@@ -2,6 +2,10 @@
 
 
 class FoldcarError(Exception):
-    """An error of input or environment. The command prints it as one line and exits with code 2."""
+    """An error of input or environment. The command prints its lines and exits with code 2."""
 
     exit_code = 2
+
+    def lines(self) -> list[str]:
+        """The lines that the command prints: one, but for an error that lists several mistakes."""
+        return [" ".join(str(self).split())]

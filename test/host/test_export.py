@@ -16,8 +16,8 @@ from foldcar.store.writer import PlannedRun
 from test_store import answer, fill
 
 COLUMNS = [
-    "experiment", "vehicle", "environment", "sample", "outcome", "elapsed_time_s", "distance_to_target_m",
-    "consumed_energy_j", "max_roll_rad", "max_pitch_rad", "message", "width_mm", "height_mm",
+    "experiment", "vehicle", "environment", "sample", "outcome", "passed", "elapsed_time_s",
+    "distance_to_target_m", "consumed_energy_j", "max_roll_rad", "max_pitch_rad", "message", "width_mm", "height_mm",
 ]  # fmt: skip
 
 

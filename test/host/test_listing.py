@@ -163,7 +163,7 @@ WIDTH = "vehicles.1.params.0.common.width"
             "vehicles.1.params.0.W.width: differs from vehicles.1.params.0.com",
         ),
         (WIDTH, 20, f"{WIDTH}: 20 is below the minimum 32.3 (two servos tail to tail between its walls)"),
-        (WIDTH, {"from": 30, "to": 90, "step": 5}, f"{WIDTH}: 30 is below the minimum 32.3"),
+        (WIDTH, {"from": 20, "to": 30, "step": 5}, f"{WIDTH}: 20 is below the minimum 32.3"),
         (WIDTH, 501, f"{WIDTH}: 501 is above the maximum 500"),
         (WIDTH, True, f"{WIDTH}: True is not a number; write a number, a list of numbers or a range"),
         (WIDTH, [], f"{WIDTH}: an empty list has no value"),

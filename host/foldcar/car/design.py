@@ -158,6 +158,19 @@ def compose(type_string: str, values: Mapping[str, float]) -> Design:
     return design
 
 
+def design_errors(type_string: str, values: Mapping[str, float]) -> tuple[list[DesignError], dict[str, float]]:
+    """An error for every value beyond its limits; and the values, those moved to the nearest limit."""
+    letters, errors, possible = modules_of(type_string), [], dict(values)
+    for key, parameter in parameters().items():
+        if parameter.modules.isdisjoint(letters) or key not in values:
+            continue
+        complaint = parameter.declared.complaint(values[key])
+        if complaint:
+            errors.append(DesignError(key, complaint))
+            possible[key] = min(max(values[key], parameter.declared.least), parameter.declared.maximum)
+    return errors, possible
+
+
 def _check_limits(design: Design) -> None:
     for key, value in design.values.items():
         complaint = parameters()[key].declared.complaint(value)

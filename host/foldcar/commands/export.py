@@ -30,6 +30,9 @@ def export(
             metavar="DIR", callback=output_folder, help="Folder to write the whole store to, logs of trials included."
         ),
     ] = None,
+    failed: Annotated[
+        bool, typer.Option("--failed", help="In --csv and --parquet only the runs that failed, each with its message.")
+    ] = False,
     table_format: Annotated[
         Literal["csv", "parquet"],
         typer.Option("--format", metavar="FORMAT", help="Of the folder's tables: csv or parquet."),
@@ -38,8 +41,9 @@ def export(
 ) -> None:
     """Write a store's runs as a table, or all of it.
 
-    A row a run: outcome, metrics with their units in the columns' names, design parameters, recorded values. With
-    --folder all of the store, so that nothing needs foldcar and `foldcar import` makes it again.
+    A row a run: outcome, metrics with their units in the columns' names, design parameters, recorded values; `passed` is
+    empty where the environment does not define success. With --folder all of the store, so that nothing needs foldcar
+    and `foldcar import` makes it again.
 
     \b
     Example: foldcar export study.db --csv study.csv
@@ -53,14 +57,16 @@ def export(
         raise FoldcarError("export: say what to write: --csv FILE, --parquet FILE, --trials FILE or --folder DIR")
     if as_json and csv == STANDARD_OUTPUT:
         raise FoldcarError("export: --csv - and --json both print on standard output; choose one")
+    if failed and csv is None and parquet is None:
+        raise FoldcarError("export: --failed: says nothing without --csv FILE or --parquet FILE")
     written: list[dict[str, Any]] = []
     with Store.open(store) as opened:
         if csv == STANDARD_OUTPUT:
-            write_csv(opened, sys.stdout)
+            write_csv(opened, sys.stdout, failed)
         elif csv is not None:
-            written.append({"path": csv, "runs": export_csv(opened, csv)})
+            written.append({"path": csv, "runs": export_csv(opened, csv, failed)})
         if parquet is not None:
-            written.append({"path": parquet, "runs": export_parquet(opened, parquet)})
+            written.append({"path": parquet, "runs": export_parquet(opened, parquet, failed)})
         if trials is not None:
             written.append({"path": trials, "trials": export_trials(opened, trials)})
         if folder is not None:

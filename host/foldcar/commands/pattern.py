@@ -76,8 +76,11 @@ def pattern(
         dash_bridge_mm=dash_bridge, bend_radius_mm=bend_radius, k_factor=k_factor, thickness_mm=thickness,
         margin_mm=margin, gap_mm=gap,
     )  # fmt: skip
+    skipped: list[str] = []
     if every:
-        places = list(_places(listed_families(listing, vehicle, settings or [])))
+        families = listed_families(listing, vehicle, settings or [])
+        places = list(_places(families))
+        skipped = [f"skipped, as it cannot be built: {one}" for family in families for one in family.skipped]
     else:
         family = listed_family(listing, vehicle, settings or [])[1]
         places = [_Place(family.vehicle, "", family.single())]
@@ -97,9 +100,10 @@ def pattern(
             (folder / MANIFEST).write_text(json.dumps({"files": [*listed, MANIFEST]}, indent=2) + "\n", encoding="utf-8")
     # The folder has been written by now.
     if as_json:
-        print_json({"folder": output, "cars": [car for car, _ in cars]})
+        print_json({"folder": output, "cars": [car for car, _ in cars], "skipped": skipped})
     elif every:
-        typer.echo("\n".join([*(line for _, line in cars), total_line([car for car, _ in cars], output)]))
+        total = total_line([car for car, _ in cars], output)
+        typer.echo("\n".join([*(line for _, line in cars), *skipped, total]))
     else:
         typer.echo("\n".join(car_lines(made, chosen, output)))
 

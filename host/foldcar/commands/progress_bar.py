@@ -46,7 +46,14 @@ class ProgressBar:
     def update(self, progress: "Progress") -> None:
         """Display the counts."""
         rate = progress.new / progress.seconds if progress.seconds > 0 else 0.0
-        success = 100 * progress.passed / progress.done if progress.done else 0.0
+        success = ""
+        # Where some experiments define no success, the shares of the others are told at the end.
+        if progress.done and progress.judged == progress.total:
+            success = f"{100 * progress.passed / progress.done:.0f} % passed"
         self._bar.update(
-            self._task, completed=progress.done, rate=f"{rate:.0f} runs/s", success=f"{success:.0f} % passed"
+            self._task, completed=progress.done, rate=f"{rate:.0f} runs/s", success=success
         )
+
+    def say(self, line: str) -> None:
+        """Print a line on stderr, above the bar."""
+        self._bar.console.print(line, soft_wrap=True, markup=False, highlight=False)

@@ -35,7 +35,7 @@ def run(
 ) -> None:
     """Simulate one car in one environment.
 
-    Prints outcome, metrics with their units in the names, and recorded values.
+    Prints outcome, metrics with their units in the names, and recorded values. Exit code 1 if the run failed.
 
     \b
     Example: foldcar run scenarios/width_study.json --experiment 1 --set width=115 --sample 3 --plot run.png
@@ -65,6 +65,7 @@ def run(
             if variation
             else []
         ),
+        ("success", listed.environment.success.text),
         *answer_lines(answer),
     ]
     width = max(LEAST_NAME_WIDTH, *(len(name) + 1 for name, _ in lines))
@@ -95,6 +96,8 @@ def run(
                 "picture": plot,
             }
         )
+    if "error" in answer:
+        raise typer.Exit(1)
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,18 @@ import os
 import shlex
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from foldcar.commands.components_option import Components
+from foldcar.commands.failed_runs import say_failed
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_file
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
+
+if TYPE_CHECKING:
+    from foldcar.study.sweep import Progress
 
 
 def sweep(
@@ -39,6 +43,7 @@ def sweep(
     """Simulate all runs that the store lacks.
 
     Every design of the listing in every sampled environment. It may be stopped at any time: the same command resumes it.
+    Exit code 1 if runs have failed.
 
     \b
     Example: foldcar sweep scenarios/width_study.json --store study.db
@@ -59,7 +64,7 @@ def sweep(
         return f"stopped: {progress.done} of {progress.total} runs are stored in {store}; the same command resumes"
 
     with said(stopped), ProgressBar(progress) as bar:
-        run_sweep(study, store, carsim, jobs or len(os.sched_getaffinity(0)), command, bar.update, progress)
+        run_sweep(study, store, carsim, jobs or len(os.sched_getaffinity(0)), command, bar.update, progress, bar.say)
     if as_json:
         print_json(
             {
@@ -67,15 +72,28 @@ def sweep(
                 "runs": progress.total,
                 "new": progress.new,
                 "there": progress.there,
-                "passed": progress.passed,
+                "judged": progress.judged,
+                "passed": progress.passed if progress.judged else None,
                 "failed": progress.failed,
                 "seconds": round(progress.seconds, 3),
             }
         )
-        return
-    rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
-    failed = f", {progress.failed} failed" if progress.failed else ""
-    typer.echo(
-        f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s{rate}, "
-        f"{100 * progress.passed / progress.total:.1f} % passed{failed}; store: {store}"
-    )
+    else:
+        rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
+        failed = f", {progress.failed} failed" if progress.failed else ""
+        typer.echo(
+            f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s{rate}, "
+            f"{_success(progress)}{failed}; store: {store}"
+        )
+    if progress.failed:
+        say_failed(store, [chosen.id for chosen in study.experiments], progress.failed, progress.total)
+        raise typer.Exit(1)
+
+
+def _success(progress: "Progress") -> str:
+    if not progress.judged:
+        return "success undefined"
+    share = f"{100 * progress.passed / progress.judged:.1f} %"
+    if progress.judged == progress.total:
+        return f"{share} passed"
+    return f"{share} of {progress.judged} passed, success undefined in {progress.total - progress.judged}"

@@ -46,7 +46,8 @@ def cases_of(study: Study, carsim: Carsim) -> Iterator[Case]:
         environment = Environment(experiment)
         beside = environment if environment.dynamic else None
         if not environment.success.defined:
-            raise FoldcarError(f"{experiment.place}: both engines are compared by success, and {environment.success.text}")
+            rule = environment.success.text
+            raise FoldcarError(f"{experiment.place}: engines are compared by success, and {rule}")
         designs = []
         for design in experiment.family:
             body = body_json(design)

@@ -1,4 +1,7 @@
-"""The axis of a design parameter: its label from its name, positions to scale for numbers, in a row for texts."""
+"""The axis of a design parameter: its label from its name, positions to scale for numbers, in a row for texts.
+
+Also how values, shares and intervals are written in tables.
+"""
 
 from collections.abc import Sequence
 
@@ -26,6 +29,16 @@ def value_text(value: Value) -> str:
 def extent_text(extent: Extent | None) -> str:
     """Mean and range as ``1.25 (0.9 to 1.6)``; a dash if nothing was recorded."""
     return f"{extent.mean:.4g} ({extent.lowest:.4g} to {extent.highest:.4g})" if extent else "–"
+
+
+def percent_text(share: float | None) -> str:
+    """A share of 0 to 1 in per cent with one decimal; ``undefined`` without one."""
+    return "undefined" if share is None else f"{100 * share:.1f}"
+
+
+def interval_text(interval: tuple[float, float] | None) -> str:
+    """An interval of shares in per cent, ``12.1 – 45.0``; a dash without one."""
+    return "–" if interval is None else f"{100 * interval[0]:.1f} – {100 * interval[1]:.1f}"
 
 
 class ParameterAxis:

@@ -1,6 +1,7 @@
 """A store's runs as CSV or Parquet: a row per run, in the store's order.
 
-There is a column for each design parameter and each recorded value. Values recorded as numbers, texts or
+There is a column for each design parameter and each recorded value. `passed` is true or false, and empty where the
+experiment does not define success. Values recorded as numbers, texts or
 truths stay so; series and all else are JSON text, in Parquet lists where all of that name are alike.
 
 Input: an open Store. Output: a file, written whole or not at all, or a text stream. Rows are streamed.
@@ -20,7 +21,7 @@ from foldcar.simulation.results import NUMBERS, Result
 from foldcar.store.reader import Store
 
 TEXT_COLUMNS = ("experiment", "vehicle", "environment")
-RESULT_COLUMNS = (*TEXT_COLUMNS, "sample", "outcome", *NUMBERS, "message")
+RESULT_COLUMNS = (*TEXT_COLUMNS, "sample", "outcome", "passed", *NUMBERS, "message")
 RECORDED_PREFIX = "recorded_"
 BATCH_ROWS = 10_000
 
@@ -34,30 +35,33 @@ RECORDED_KINDS = {
 Cell = str | float | int | None
 
 
-def export_csv(store: Store, file: Path) -> int:
-    """Write the runs as CSV atomically; returns the number of rows. Numbers are read back exactly. FoldcarError."""
+def export_csv(store: Store, file: Path, failed: bool = False) -> int:
+    """Write the runs, or the ``failed`` ones, as CSV atomically; returns the number of rows. FoldcarError.
+
+    Numbers are read back exactly.
+    """
     with atomic_file(file) as binary:
         text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
-        rows = write_csv(store, text)
+        rows = write_csv(store, text, failed)
         text.detach()
     return rows
 
 
-def write_csv(store: Store, text: TextIO) -> int:
-    """Write the runs as CSV to an open text stream; returns the number of rows."""
+def write_csv(store: Store, text: TextIO, failed: bool = False) -> int:
+    """Write the runs, or the ``failed`` ones, as CSV to an open text stream; returns the number of rows."""
     writer = csv.writer(text, lineterminator="\n")
     design, recorded = store.design_columns(), _recorded_kinds(store)
     writer.writerow(_columns(design, recorded))
     count = 0
-    for result in store.results():
-        writer.writerow([_csv_cell(cell) for cell in _cells(result, design, recorded)])
+    for cells in _rows(store, design, recorded, failed):
+        writer.writerow([_csv_cell(cell) for cell in cells])
         count += 1
     text.flush()
     return count
 
 
-def export_parquet(store: Store, file: Path) -> int:
-    """Write the runs as Parquet atomically; returns the number of rows. FoldcarError."""
+def export_parquet(store: Store, file: Path, failed: bool = False) -> int:
+    """Write the runs, or the ``failed`` ones, as Parquet atomically; returns the number of rows. FoldcarError."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -69,13 +73,14 @@ def export_parquet(store: Store, file: Path) -> int:
     types = {
         **dict.fromkeys((*TEXT_COLUMNS, "outcome", "message"), pa.string()),
         "sample": pa.int64(),
+        "passed": pa.bool_(),
         **{f"{RECORDED_PREFIX}{name}": lists.get(name, of_kind[kind]) for name, kind in recorded.items()},
     }
     columns = _columns(design, recorded)
     schema = pa.schema([field(column, types.get(column, pa.float64())) for column in columns])
     count = 0
     with atomic_file(file) as binary, pq.ParquetWriter(binary, schema) as writer:
-        for batch in _batches(_cells(result, design, recorded, lists) for result in store.results()):
+        for batch in _batches(_rows(store, design, recorded, failed, lists)):
             writer.write_table(
                 pa.table(dict(zip(columns, zip(*batch, strict=True), strict=True)), schema=schema)
             )
@@ -95,8 +100,18 @@ def _columns(design: list[str], recorded: Mapping[str, str]) -> list[str]:
     return [*RESULT_COLUMNS, *design, *(f"{RECORDED_PREFIX}{name}" for name in recorded)]
 
 
+def _rows(
+    store: Store, design: list[str], recorded: Mapping[str, str], failed: bool, lists: Collection[str] = ()
+) -> Iterator[list[Any]]:
+    defined = store.judged_experiments()
+    for result in store.results():
+        if not failed or result.outcome == "failed":
+            passed = result.outcome == "passed" if result.experiment in defined else None
+            yield _cells(result, passed, design, recorded, lists)
+
+
 def _cells(
-    result: Result, design: list[str], recorded: Mapping[str, str], lists: Collection[str] = ()
+    result: Result, passed: bool | None, design: list[str], recorded: Mapping[str, str], lists: Collection[str]
 ) -> list[Any]:
     return [
         result.experiment,
@@ -104,6 +119,7 @@ def _cells(
         result.environment,
         result.sample,
         result.outcome,
+        passed,
         *(result.metrics[name] for name in NUMBERS),
         result.message,
         *(result.design.get(column) for column in design),

@@ -8,7 +8,7 @@ from markupsafe import Markup
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.inline_svg import inline_svg
 from foldcar.page_template import page_template
-from foldcar.report.axis import extent_text, parameter_label, value_text
+from foldcar.report.axis import extent_text, interval_text, parameter_label, percent_text, value_text
 from foldcar.report.sections import Section
 from foldcar.store.info import StudyInfo
 
@@ -22,6 +22,8 @@ def page_html(
         "value_text": value_text,
         "assignments": _assignments,
         "extent_text": extent_text,
+        "percent_text": percent_text,
+        "interval_text": interval_text,
     }
     inlined = {
         drawing.name: Markup(inline_svg(svgs[drawing.name], drawing.name, drawing.caption))

@@ -1,5 +1,6 @@
 """An experiment's section of the report: its summary, remarks and figures."""
 
+import shlex
 from dataclasses import dataclass
 
 from matplotlib.figure import Figure
@@ -13,6 +14,9 @@ from foldcar.report.time_plot import draw_times
 from foldcar.report.trial_series import TrialSummary, summarise_trials
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
+
+# Different messages of failed runs, and skipped cars, that are shown.
+SHOWN = 5
 
 
 @dataclass(frozen=True)
@@ -37,9 +41,10 @@ class Section:
 
 def read_section(store: Store, info: ExperimentInfo) -> Section:
     """Count the experiment's runs and draw its figures with matplotlib's current settings."""
-    summary = summarise(store.results(info.id), info.varied)
+    summary = summarise(store.results(info.id), info.varied, info.success_defined)
     trials = summarise_trials(store.trials(info.id), info)
-    return Section(info, summary, trials, _remarks(info, summary, trials), _drawings(info, summary, trials))
+    remarks = _remarks(info, summary, trials) + _failures(store, info, summary)
+    return Section(info, summary, trials, remarks, _drawings(info, summary, trials))
 
 
 def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> list[str]:
@@ -50,15 +55,13 @@ def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> li
             f"Unfinished: {stored} of {info.planned_runs} runs are stored; the command that started "
             "the sweep resumes it."
         )
-    failed = summary.total.outcomes["failed"]
-    if failed:
-        remarks.append(
-            f"{failed} of {stored} runs failed: they crashed or could not be completed, and count as "
-            "not passed. The store's table run has a message for each."
-        )
     terminated = summary.total.outcomes["terminated"]
-    if terminated:
+    if terminated and info.success_defined:
         remarks.append(f"The program itself ended {terminated} of {stored} runs; they count as not passed.")
+    if info.skipped:
+        more = f"; and {len(info.skipped) - SHOWN} more" if len(info.skipped) > SHOWN else ""
+        shown = "; ".join(info.skipped[:SHOWN]) + more
+        remarks.append(f"{len(info.skipped)} cars of the family cannot be built and were skipped: {shown}.")
     names = [parameter_label(name) for name in info.varied]
     if not names:
         remarks.append("One design: no parameter varies, so success is not drawn.")
@@ -72,6 +75,18 @@ def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> li
     return remarks
 
 
+def _failures(store: Store, info: ExperimentInfo, summary: Summary) -> list[str]:
+    failed = summary.total.outcomes["failed"]
+    if not failed:
+        return []
+    messages = store.failures([info.id])
+    shown = "; ".join(f"{count} x {message}" for message, count in messages[:SHOWN])
+    more = f"; and {len(messages) - SHOWN} other messages" if len(messages) > SHOWN else ""
+    listed = shlex.join(["foldcar", "export", str(store.path), "--failed", "--csv", "-"])
+    counted = ", and count as not passed" if info.success_defined else ""
+    return [f"{failed} of {summary.total.runs} runs failed{counted}: {shown}{more}. List them: {listed}"]
+
+
 def _drawings(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> list[Drawing]:
     drawings = []
     start = "experiment_" + file_name_part(info.id)
@@ -83,11 +98,15 @@ def _drawings(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> l
             figure = draw_times(summary.timed, parameter, info.timeout_s)
             caption = f"Time to cross by {label} in one environment. Runs that did not pass are red."
             drawings.append(Drawing(f"{start}_time_by_{parameter}", caption, figure))
+        caption = f"Outcomes by {label}, as shares of the runs."
+        outcomes = Drawing(f"{start}_outcomes_by_{parameter}", caption, draw_outcomes(series))
+        if not info.success_defined:
+            drawings.append(outcomes)
+            continue
         caption = f"Mean success by {label} over all environments, with Wilson 95 % intervals."
         driven = trials.series[parameter]
         if any(tally.counted for tally in driven.values()):
             caption += " Diamonds: trials of built cars, with their intervals."
         drawings.append(Drawing(f"{start}_success_by_{parameter}", caption, draw_success(series, driven)))
-        caption = f"Outcomes by {label}, as shares of the runs."
-        drawings.append(Drawing(f"{start}_outcomes_by_{parameter}", caption, draw_outcomes(series)))
+        drawings.append(outcomes)
     return drawings

@@ -41,8 +41,12 @@ class Extent:
 
 @dataclass
 class Tally:
-    """Outcomes of the runs of one design, or of all designs that share a parameter's value."""
+    """Outcomes of the runs of one design, or of all designs that share a parameter's value.
 
+    ``judged`` is False where the experiment does not define success: then there is no share of passed runs.
+    """
+
+    judged: bool = True
     outcomes: dict[str, int] = field(default_factory=lambda: dict.fromkeys(OUTCOMES, 0))
     passed_time_s: float = 0.0
     recorded: dict[str, Extent] = field(default_factory=dict)
@@ -73,14 +77,14 @@ class Tally:
         return [outcome for outcome in OUTCOMES if self.outcomes[outcome] or outcome == "passed"]
 
     @property
-    def success(self) -> float:
-        """Share of runs that passed, 0 to 1; at least one run must have been counted."""
-        return self.passed / self.runs
+    def success(self) -> float | None:
+        """Share of runs that passed, 0 to 1; None if success is undefined or no run has been counted."""
+        return self.passed / self.runs if self.judged and self.runs else None
 
     @property
-    def interval(self) -> tuple[float, float]:
-        """Wilson 95 % interval (low, high) of the success, 0 to 1."""
-        return wilson_interval(self.passed, self.runs)
+    def interval(self) -> tuple[float, float] | None:
+        """Wilson 95 % interval (low, high) of the success, 0 to 1; None where there is no success."""
+        return wilson_interval(self.passed, self.runs) if self.judged and self.runs else None
 
     @property
     def mean_time_s(self) -> float | None:
@@ -107,23 +111,26 @@ class Series:
 
 @dataclass
 class Summary:
-    """One experiment: a series for each varied parameter; ``timed`` is empty unless exactly one varies."""
+    """One experiment: a series for each varied parameter; ``timed`` is empty unless exactly one varies.
+
+    It is empty, too, where success is undefined: a time to cross is that of a run that passed.
+    """
 
     total: Tally
     series: list[Series]
     timed: list[TimedRun]
 
 
-def summarise(results: Iterable[Result], varied: Mapping[str, Any]) -> Summary:
-    """Count ``results`` of one experiment by each parameter named in ``varied``."""
-    total = Tally()
+def summarise(results: Iterable[Result], varied: Mapping[str, Any], judged: bool = True) -> Summary:
+    """Count ``results`` of one experiment by each parameter named in ``varied``; ``judged`` as in :class:`Tally`."""
+    total = Tally(judged)
     tallies: dict[str, dict[Value, Tally]] = {parameter: {} for parameter in varied}
     timed: list[TimedRun] = []
     for result in results:
         total.add(result)
         for parameter, by_value in tallies.items():
-            by_value.setdefault(result.design[parameter], Tally()).add(result)
-        if result.sample == TIMED_SAMPLE and len(tallies) == 1:
+            by_value.setdefault(result.design[parameter], Tally(judged)).add(result)
+        if judged and result.sample == TIMED_SAMPLE and len(tallies) == 1:
             (parameter,) = tallies
             timed.append(TimedRun(result.design[parameter], result.outcome, result.metrics["elapsed_time_s"]))
     series = [

@@ -26,9 +26,12 @@ def success_colour(success: float) -> str:
 
 def error_bar_percent(tally: Tally | TrialTally) -> tuple[float, float]:
     """Distances from the success down and up to the ends of the 95 % interval (percentage points)."""
-    low, high = tally.interval
+    success, interval = tally.success, tally.interval
+    if success is None or interval is None:
+        return 0.0, 0.0
+    low, high = interval
     # Rounding can put an end of the interval beyond the success; matplotlib refuses negative bars.
-    return max(0.0, 100 * (tally.success - low)), max(0.0, 100 * (high - tally.success))
+    return max(0.0, 100 * (success - low)), max(0.0, 100 * (high - success))
 
 
 def draw_success(series: Series, trials: Mapping[float, TrialTally]) -> Figure:
@@ -40,6 +43,8 @@ def draw_success(series: Series, trials: Mapping[float, TrialTally]) -> Figure:
     outline = [withStroke(linewidth=2.2, foreground="white")]
     error_bar = {"elinewidth": 0.9, "capsize": 2.0, "ecolor": INK, "path_effects": outline}
     for value, tally in series.tallies.items():
+        if tally.success is None:
+            continue
         below, above = error_bar_percent(tally)
         axes.bar(
             axis.place(value),

@@ -16,6 +16,8 @@ def summary_object(section: Section) -> dict[str, Any]:
         "vehicle_type": info.vehicle_type,
         "scenic_program": info.scenic_program,
         "planned_runs": info.planned_runs,
+        "success_rule": info.success_rule,
+        "skipped": list(info.skipped),
         "remarks": list(section.remarks),
         "all": _tally_object(summary.total),
         "by": {
@@ -32,9 +34,9 @@ def summary_object(section: Section) -> dict[str, Any]:
 def _tally_object(tally: Tally) -> dict[str, Any]:
     return {
         "runs": tally.runs,
-        "passed": tally.passed,
-        "success": tally.success if tally.runs else None,
-        "success_interval": tally.interval if tally.runs else None,
+        "passed": tally.passed if tally.judged else None,
+        "success": tally.success,
+        "success_interval": tally.interval,
         "mean_time_s": tally.mean_time_s,
         "outcomes": {outcome: tally.outcomes[outcome] for outcome in tally.seen},
         "recorded": {

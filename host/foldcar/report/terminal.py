@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from foldcar.figures.style import OUTCOME_LABELS
-from foldcar.report.axis import extent_text, parameter_label, value_text
+from foldcar.report.axis import extent_text, interval_text, parameter_label, percent_text, value_text
 from foldcar.report.sections import Section
 from foldcar.report.series import Tally
 from foldcar.report.trial_series import TrialTally
@@ -25,6 +25,7 @@ def print_summary(sections: Sequence[Section]) -> None:
         console.print(
             f"Experiment {info.id}: {info.vehicle_type} in {info.scenic_program}", markup=False, style="bold"
         )
+        console.print(f"Rule: {info.success_rule}.", markup=False)
         for remark in section.remarks:
             console.print(remark, markup=False)
         tables = [
@@ -76,12 +77,11 @@ def _table(console: Console, first: str, rows: Sequence[tuple[str, Tally]], outc
     for name, tally in rows:
         if not tally.runs:
             continue
-        low, high = tally.interval
         table.add_row(
             name,
             str(tally.runs),
-            f"{100 * tally.success:.1f}",
-            f"{100 * low:.1f} - {100 * high:.1f}",
+            percent_text(tally.success),
+            interval_text(tally.interval).replace("–", "-"),
             "-" if tally.mean_time_s is None else f"{tally.mean_time_s:.2f}",
             *(str(tally.outcomes[outcome]) for outcome in outcomes),
         )

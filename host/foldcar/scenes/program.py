@@ -46,7 +46,7 @@ def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
 
 
 def may_end_itself(scenario: Any) -> bool:
-    """Whether the program can end a simulation: by its conditions, its monitors or its behaviors. It needs no Goal then."""
+    """Whether the program can end a simulation, by conditions, monitors or behaviors, and so needs no Goal."""
     return _ends_itself(scenario) or bool(scenario.monitors or scenario.dynamicScenario._agents)
 
 

@@ -86,7 +86,11 @@ class ScenicWorker:
                 "depends on more than its parameters, its seed and the files beside it"
             )
         simulator = CarSimulator(
-            self._carsim, request["body"], request["settings"], lambda _: str(request["scene"]), self._source.success.endings
+            self._carsim,
+            request["body"],
+            request["settings"],
+            lambda _: str(request["scene"]),
+            self._source.success.endings,
         )
         place = f"{self._source.program}: sample {k}"
         # Each run begins like the first one, whatever ran in this process before.

@@ -14,7 +14,8 @@ class ExperimentInfo:
     ``condition`` says what is frozen of the environment; ``variation`` maps what varies from car to car to
     its spread, drawn by ``variation_seed``, and is empty if cars are as designed. ``planned_runs`` is
     designs × environments, ``stored_runs`` how many of them have a result. ``success_rule`` says when a run has
-    passed, or why that is undefined (``success_defined`` False).
+    passed, or why that is undefined (``success_defined`` False). ``skipped`` names the cars of the family that
+    cannot be built, and why.
     """
 
     id: str
@@ -38,6 +39,7 @@ class ExperimentInfo:
     stored_runs: int
     success_rule: str
     success_defined: bool
+    skipped: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

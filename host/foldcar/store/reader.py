@@ -1,7 +1,8 @@
 """The results store, read: the facts of the study and its runs as rows. docs/store.md describes the file."""
 
+import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from sqlite3 import Connection
 from types import TracebackType
@@ -127,6 +128,20 @@ class Store:
         """Rows of a table as they stand there, checksums included; ``rest`` is SQL from WHERE on."""
         return read_rows(self.path, self._connection, table, rest, *values)
 
+    def failures(self, experiments: Sequence[str]) -> list[tuple[str, int]]:
+        """Why runs of these experiments failed: messages and how many have each, sample numbers aside, most first."""
+        counts: Counter[str] = Counter()
+        for name in experiments:
+            for message, count in self._rows(
+                f"SELECT r.message, count(*) {RESULT_JOIN} AND e.id = ? AND r.outcome = 'failed' GROUP BY 1", name
+            ):
+                counts[re.sub(r"\bsample \d+", "sample …", message or "no message")] += count
+        return counts.most_common()
+
+    def judged_experiments(self) -> set[str]:
+        """The experiments that define when a run has passed."""
+        return {row["id"] for row in self.rows(EXPERIMENT) if self._with_rule(row)["success_defined"]}
+
     def design_columns(self) -> list[str]:
         """Names of all design parameters in the store (``width_mm``, …), in order of appearance."""
         columns: dict[str, None] = {}
@@ -218,8 +233,29 @@ class Store:
                 carsim_build=builds[row["build_id"]],
                 planned_runs=designs * row["environments"],
                 stored_runs=stored,
-                **parsed(self.path, EXPERIMENT, row, "facts"),
+                **self._with_rule(row),
             )
+
+    def _with_rule(self, experiment: Row) -> dict[str, Any]:
+        """The facts of an experiment; if an earlier foldcar has left out the rule of success, the one it went by."""
+        facts: dict[str, Any] = parsed(self.path, EXPERIMENT, experiment, "facts")
+        if "success_rule" in facts:
+            return facts
+        reached = self._rows(
+            "SELECT 1 FROM sample s JOIN scene c ON c.id = s.scene_id "
+            "WHERE s.environment_id = ? AND json_type(c.json, '$.goal') IS NOT 'null' LIMIT 1",
+            experiment["environment_id"],
+        )
+        recorded = self._rows(
+            "SELECT 1 FROM result JOIN recorded v USING (build_id, body_id, scene_id, settings_id, variation_id) "
+            "WHERE experiment = ? AND v.name = 'passed' AND v.kind = 'final' LIMIT 1",
+            experiment["id"],
+        )
+        if next(reached, None) or next(recorded, None):
+            rule = "a run has passed if it reaches its Goal, or if the program ends it and records `passed` as true"
+            return {**facts, "success_rule": rule, "success_defined": True}
+        rule = "success is undefined: an earlier foldcar wrote the runs, with no Goal and no record `passed`; sweep again"
+        return {**facts, "success_rule": rule, "success_defined": False}
 
     def _rows(self, query: str, *values: Any) -> Iterator[Any]:
         with store_errors(self.path):

@@ -113,6 +113,14 @@ class StoreWriter(StoreConnection):
         with self._transaction():
             self._update(ENVIRONMENT, {**self._row(ENVIRONMENT, id=environment_id), "dynamic": int(dynamic)})
 
+    def success_rule(self, environment_id: int) -> tuple[str, bool] | None:
+        """When a run in the environment has passed and whether that is defined; None if no experiment says so yet."""
+        for row in self._rows(EXPERIMENT):
+            facts = json.loads(row["facts"])
+            if row["environment_id"] == environment_id and "success_rule" in facts:
+                return facts["success_rule"], facts["success_defined"]
+        return None
+
     def spread(self, fingerprint: str) -> int:
         """Id of the spread of cars with this fingerprint."""
         with self._transaction():

@@ -12,8 +12,10 @@ from foldcar.car.body import full_speed_m_s
 from foldcar.car.design import Design
 from foldcar.car.firmware_parameters import TableRow, check_parameters, firmware_parameters
 from foldcar.car.variation.spread import spread_named
+from foldcar.did_you_mean import did_you_mean
+from foldcar.study.checked_listing import read_checked_listing
 from foldcar.study.family import Family, read_family
-from foldcar.study.listing import ExperimentParams, ListingError, read_listing
+from foldcar.study.listing import ExperimentParams, ListingError
 
 TRIAL_LIMIT = "TRIAL_MAX_S"
 
@@ -54,7 +56,7 @@ class Experiment:
         if limit is not None and self.timeout_s > limit.default:
             if self.timeout_s > limit.maximum:
                 what = f"{self.timeout_s:g} is above the maximum {limit.maximum:g} s"
-                raise ListingError(f"{self.place}.params.timeout: {what} (the firmware's {TRIAL_LIMIT})")
+                raise ListingError(f"{self.place}.params.timeout", f"{what} (the firmware's {TRIAL_LIMIT})")
             values[TRIAL_LIMIT] = self.timeout_s
         check_parameters(values, table)
         return {
@@ -77,24 +79,21 @@ class Study:
 def read_study(file: Path, experiment: str | None = None, environments: int | None = None) -> Study:
     """The study in a listing, or one experiment of it; ``environments`` overrides the number of samples.
 
-    Every design is composed once, so that a family with an invalid design is refused here. ListingError.
+    ListingError of all mistakes of the listing, also in parts that were not chosen.
     """
-    listing, text = read_listing(file)
+    listing, text = read_checked_listing(file, programs=True)
     if not listing.experiments:
-        raise ListingError(f"{file}: experiments: is missing")
+        raise ListingError(file, "experiments: is missing")
     if experiment is not None and experiment not in listing.experiments:
-        raise ListingError(
-            f'{file}: experiments: has no "{experiment}"; known: {", ".join(listing.experiments)}'
-        )
+        known = list(listing.experiments)
+        close = did_you_mean(experiment, known)
+        raise ListingError(file, f'experiments: has no "{experiment}"; known: {", ".join(known)}{close}')
     chosen = []
     for name, listed in listing.experiments.items():
         if experiment is not None and name != experiment:
             continue
         environment = listing.environments[listed.env_id]
-        place = f"{file}: environments.{listed.env_id}.scenic_filename"
         program = file.parent / environment.scenic_filename
-        if not program.is_file():
-            raise ListingError(f"{place}: {program} is not a file")
         params = listed.params
         chosen.append(
             Experiment(

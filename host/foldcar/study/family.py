@@ -1,43 +1,86 @@
 """A listed vehicle as a family of designs: every combination of its parameters' values.
 
 Input: a vehicle of a listing. Output: designs, composed one by one in the order of the listing, the last varied
-parameter changing fastest. Errors name file and key.
+parameter changing fastest. Members that cannot be built are skipped, with the reason. Errors name file and key.
 """
 
 import itertools
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from foldcar.car.design import Design, DesignError, compose, modules_of
+from foldcar.car.design import Design, DesignError, compose, design_errors, modules_of
 from foldcar.car.folded_car import folded_car
 from foldcar.car.modules import find_parameter, names_in, parameters
+from foldcar.did_you_mean import did_you_mean
 from foldcar.study.listing import ListedVehicle, ListingError
 
 
 @dataclass(frozen=True)
 class Family:
-    """``choices`` maps parameter keys to their values (mm, degrees), ``origins`` to the places in the listing."""
+    """``choices`` maps parameter keys to their values (mm, degrees), ``origins`` to their places in the ``file``."""
 
     vehicle: str
     type: str
     choices: Mapping[str, tuple[float, ...]]
     origins: Mapping[str, str]
+    file: Path
     place: str
+    # Why a member cannot be built, or None, by its values: checking one takes some 20 ms.
+    _checked: dict[tuple[float, ...], DesignError | None] = field(default_factory=dict, repr=False, compare=False)
 
     def __len__(self) -> int:
-        return math.prod(len(values) for values in self.choices.values())
+        """The number of designs that can be built."""
+        return math.prod(len(values) for values in self.choices.values()) - len(self.skipped)
 
     def __iter__(self) -> Iterator[Design]:
-        """Every design, checked for valid parameters and space for its parts; ListingError."""
+        """Every design that can be built; ListingError, naming all that is wrong with the first, if none can."""
+        built = False
         for values in itertools.product(*self.choices.values()):
+            if self._error(values) is None:
+                built = True
+                yield compose(self.type, dict(zip(self.choices, values, strict=True)))
+        if not built:
+            first = dict(zip(self.choices, next(itertools.product(*self.choices.values())), strict=True))
+            raise self._listing_error([(self._origin(e.parameter), e.message) for e in self._errors(first)])
+
+    @property
+    def skipped(self) -> list[str]:
+        """The members that cannot be built, each with the reason: ``width=30: 30 is below the minimum …``."""
+        found = []
+        for values in itertools.product(*self.choices.values()):
+            error = self._error(values)
+            if error is not None:
+                members = zip(self.choices.items(), values, strict=True)
+                varied = [f"{key}={value:g}" for (key, choices), value in members if len(choices) > 1]
+                at_fault = "" if error.parameter is None else f"{error.parameter}: "
+                found.append(f"{' '.join(varied)}: {at_fault}{error.message}")
+        return found
+
+    def _error(self, values: tuple[float, ...]) -> DesignError | None:
+        if values not in self._checked:
+            self._checked[values] = None
             try:
-                design = compose(self.type, dict(zip(self.choices, values, strict=True)))
-                folded_car(design)
+                folded_car(compose(self.type, dict(zip(self.choices, values, strict=True))))
             except DesignError as error:
-                raise ListingError(f"{self._origin(error.parameter)}: {error.message}") from error
-            yield design
+                self._checked[values] = error
+        return self._checked[values]
+
+    def _errors(self, values: Mapping[str, float]) -> list[DesignError]:
+        """All that is wrong with a design: values beyond their limits, and what is wrong with them at their limits."""
+        errors, possible = design_errors(self.type, values)
+        try:
+            folded_car(compose(self.type, possible))
+        except DesignError as error:
+            errors.append(error)
+        return errors
+
+    def _listing_error(self, mistakes: list[tuple[str, str]]) -> ListingError:
+        origin, message = mistakes[0]
+        if origin.startswith("--set"):
+            return ListingError(origin, message)
+        return ListingError(self.file, *(f"{origin}: {message}" for origin, message in mistakes))
 
     @property
     def varied(self) -> dict[str, tuple[float, ...]]:
@@ -52,12 +95,13 @@ class Family:
                 known = [
                     name for name, p in parameters().items() if p.modules & set(self.type.split("_"))
                 ]
+                close = did_you_mean(key, known)
                 raise ListingError(
-                    f"--set {key}: {self.type} has no such parameter; it has {', '.join(known)}"
+                    f"--set {key}", f"{self.type} has no such parameter; it has {', '.join(known)}{close}"
                 )
             choices[key] = (value,)
             origins[key] = f"--set {key}"
-        return replace(self, choices=choices, origins=origins)
+        return replace(self, choices=choices, origins=origins, _checked={})
 
     def single(self) -> Design:
         """The only design; ListingError naming a parameter that has several values."""
@@ -66,7 +110,7 @@ class Family:
                 shown = ", ".join(f"{value:g}" for value in values[:3])
                 more = f", … {values[-1]:g}" if len(values) > 3 else ""
                 has = f"has {len(values)} values ({shown}{more})"
-                raise ListingError(f"{self.origins[key]}: {has}; choose one with --set {key}=…")
+                raise self._listing_error([(self.origins[key], f"{has}; choose one with --set {key}=…")])
         return next(iter(self))
 
     def _origin(self, key: str | None) -> str:
@@ -76,32 +120,34 @@ class Family:
 
 
 def read_family(file: Path, name: str, vehicle: ListedVehicle) -> Family:
-    """The family of the vehicle ``name`` of the listing ``file``; ListingError if it is invalid."""
-    place = f"{file}: vehicles.{name}"
+    """The family of the vehicle ``name`` of the listing ``file``; ListingError of all mistakes if it is invalid."""
+    place = f"vehicles.{name}"
     try:
         letters = modules_of(vehicle.type)
     except DesignError as error:
-        raise ListingError(f"{place}.type: {error.message}") from error
+        raise ListingError(file, f"{place}.type: {error.message}") from error
     choices: dict[str, tuple[float, ...]] = {}
     origins: dict[str, str] = {}
+    mistakes = []
     for index, groups in enumerate(vehicle.params):
         for group, settings in groups.items():
             here = f"{place}.params.{index}.{group}"
             if group != "common" and group not in letters:
                 known = ", ".join(sorted(set(letters)))
-                raise ListingError(f"{here}: {vehicle.type} has no module {group}; known: common, {known}")
+                mistakes.append(f"{here}: {vehicle.type} has no module {group}; known: common, {known}")
+                continue
             for parameter_name, values in settings.items():
                 parameter = find_parameter(group, parameter_name)
-                if parameter is None:
-                    raise ListingError(
-                        f'{here}: unknown parameter "{parameter_name}"; known: {", ".join(names_in(group))}'
-                    )
                 origin = f"{here}.{parameter_name}"
-                if choices.get(parameter.key, values) != values:
-                    raise ListingError(
-                        f"{origin}: differs from {origins[parameter.key].removeprefix(f'{file}: ')}, "
-                        "but the whole car has one value of it"
-                    )
-                if parameter.key not in choices:
-                    choices[parameter.key], origins[parameter.key] = values, origin
-    return Family(name, vehicle.type, choices, origins, place)
+                if parameter is None:
+                    names = names_in(group)
+                    close = did_you_mean(parameter_name, names)
+                    mistakes.append(f'{here}: unknown parameter "{parameter_name}"; known: {", ".join(names)}{close}')
+                elif choices.setdefault(parameter.key, values) != values:
+                    first = origins[parameter.key]
+                    mistakes.append(f"{origin}: differs from {first}, but the whole car has one value of it")
+                else:
+                    origins.setdefault(parameter.key, origin)
+    if mistakes:
+        raise ListingError(file, *mistakes)
+    return Family(name, vehicle.type, choices, origins, file, place)

@@ -5,7 +5,9 @@ A vehicle parameter may be a number, a list, or a range (``{"from": 65, "to": 24
 more than one value makes a family.
 """
 
+import contextlib
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,6 +15,7 @@ from typing import Annotated, Any
 import json5
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
+from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.study.json_numbers import check_numbers
 from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS
@@ -21,7 +24,20 @@ MAX_FAMILY_VALUES = 100_000
 
 
 class ListingError(FoldcarError):
-    """An error in a listing; the message starts with the file and the path of the key."""
+    """Mistakes in a listing; each starts with the path of its key, or the option that took its place."""
+
+    def __init__(self, file: Path | str, *mistakes: str) -> None:
+        self.file, self.mistakes = file, mistakes
+        super().__init__(f"{file}: {self._count()}{'; '.join(mistakes)}")
+
+    def lines(self) -> list[str]:
+        """The one mistake, or a line for each behind one that counts them."""
+        if len(self.mistakes) < 2:
+            return super().lines()
+        return [f"{self.file}: {self._count()}".rstrip(), *(f"  {' '.join(one.split())}" for one in self.mistakes)]
+
+    def _count(self) -> str:
+        return f"{len(self.mistakes)} mistakes: " if len(self.mistakes) > 1 else ""
 
 
 def _values(raw: Any) -> tuple[float, ...]:
@@ -77,15 +93,6 @@ class Strict(BaseModel):
     """A JSON object without unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _refuse_unknown_keys(cls, data: Any) -> Any:
-        if isinstance(data, dict):
-            for key in data:
-                if key not in cls.model_fields:
-                    raise ValueError(f'unknown key "{key}"; known: {", ".join(cls.model_fields)}')
-        return data
 
 
 class ExperimentParams(Strict):
@@ -153,36 +160,79 @@ class Listing(Strict):
     environments: dict[str, ListedEnvironment] = {}
 
 
+MODELS: dict[str, type[Strict]] = {
+    "experiments": ListedExperiment,
+    "vehicles": ListedVehicle,
+    "environments": ListedEnvironment,
+}
+INNER_MODELS: dict[str, type[Strict]] = {"params": ExperimentParams, "condition": ListedCondition}
+
+
 def read_listing(file: Path) -> tuple[Listing, str]:
-    """The listing in ``file`` and the file's text; ListingError of one line if it is invalid."""
-    try:
-        text = file.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ListingError(f"{file}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ListingError(f"{file}: is not UTF-8 text (byte {error.start})") from error
-    try:
-        data = json5.loads(text, allow_duplicate_keys=False)
-    except ValueError as error:
-        raise ListingError(f"{file}: is not JSON: {str(error).removeprefix('<string>:')}") from error
-    except RecursionError as error:
-        raise ListingError(f"{file}: is not a listing: nested too deeply") from error
-    try:
-        check_numbers(data)
-    except ValueError as error:
-        raise ListingError(f"{file}: {error}") from None
-    try:
-        listing = Listing.model_validate(data)
-    except ValidationError as error:
-        raise ListingError(f"{file}: {_first_mistake(error)}") from error
-    _check_references(file, listing)
+    """The listing in ``file`` and the file's text; ListingError of all its mistakes if it is invalid."""
+    data, text = load_listing(file)
+    listing, mistakes = validated_listing(data)
+    if mistakes:
+        raise ListingError(file, *mistakes)
     return listing, text
 
 
-def _first_mistake(error: ValidationError) -> str:
-    mistake = error.errors()[0]
-    path = ".".join(str(step) for step in mistake["loc"]) or "the file"
-    kind, value = mistake["type"], mistake["input"]
+def load_listing(file: Path) -> tuple[Any, str]:
+    """The JSON data in ``file`` and the file's text; ListingError."""
+    try:
+        text = file.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ListingError(file, f"cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ListingError(file, f"is not UTF-8 text (byte {error.start})") from error
+    try:
+        data = json5.loads(text, allow_duplicate_keys=False)
+    except ValueError as error:
+        raise ListingError(file, f"is not JSON: {str(error).removeprefix('<string>:')}") from error
+    except RecursionError as error:
+        raise ListingError(file, "is not a listing: nested too deeply") from error
+    try:
+        check_numbers(data)
+    except ValueError as error:
+        raise ListingError(file, str(error)) from None
+    return data, text
+
+
+def validated_listing(data: Any) -> tuple[Listing, list[str]]:
+    """The listing, without the parts that have mistakes of form, and all mistakes of form and reference."""
+    mistakes = []
+    try:
+        listing = Listing.model_validate(data)
+    except ValidationError as error:
+        mistakes = [_mistake(one) for one in error.errors()]
+        listing = _sound_part(data)
+    return listing, mistakes + _reference_mistakes(data, listing)
+
+
+def _sound_part(data: Any) -> Listing:
+    """What is valid by itself of a listing that is not."""
+    sound: dict[str, dict[str, Any]] = {}
+    for section, model in MODELS.items():
+        sound[section] = {}
+        for name, raw in _section(data, section).items():
+            with contextlib.suppress(ValidationError):
+                sound[section][name] = model.model_validate(raw)
+    return Listing.model_construct(**sound)  # type: ignore[arg-type]
+
+
+def _section(data: Any, section: str) -> dict[str, Any]:
+    found = data.get(section) if isinstance(data, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
+def _mistake(mistake: Any) -> str:
+    location, kind, value = mistake["loc"], mistake["type"], mistake["input"]
+    if kind == "extra_forbidden":
+        *parents, key = location
+        known = list(_model_at(parents).model_fields)
+        unknown = f'unknown key "{key}"; known: {", ".join(known)}{did_you_mean(str(key), known)}'
+        return f"{_path(parents)}: {unknown}"
+    path = _path(location)
     if kind == "missing":
         return f"{path}: is missing"
     message = mistake["msg"].removeprefix("Value error, ")
@@ -193,14 +243,28 @@ def _first_mistake(error: ValidationError) -> str:
     return f"{path}: {shown}: {message[0].lower()}{message[1:]}"
 
 
-def _check_references(file: Path, listing: Listing) -> None:
+def _path(location: Sequence[Any]) -> str:
+    return ".".join(str(step) for step in location) or "the file"
+
+
+def _model_at(location: Sequence[Any]) -> type[Strict]:
+    """The model of the JSON object at that place."""
+    if not location:
+        return Listing
+    return INNER_MODELS[location[2]] if len(location) > 2 else MODELS[location[0]]
+
+
+def _reference_mistakes(data: Any, listing: Listing) -> list[str]:
+    mistakes = []
     for name, experiment in listing.experiments.items():
-        for key, reference, known in (
-            ("veh_id", experiment.veh_id, listing.vehicles),
-            ("env_id", experiment.env_id, listing.environments),
+        for key, reference, section in (
+            ("veh_id", experiment.veh_id, "vehicles"),
+            ("env_id", experiment.env_id, "environments"),
         ):
+            known = _section(data, section)
             if reference not in known:
-                raise ListingError(
-                    f'{file}: experiments.{name}.{key}: "{reference}" is not among '
-                    f"{'vehicles' if key == 'veh_id' else 'environments'}: {', '.join(known) or 'none'}"
+                mistakes.append(
+                    f'experiments.{name}.{key}: "{reference}" is not among {section}: '
+                    f"{', '.join(known) or 'none'}{did_you_mean(reference, known)}"
                 )
+    return mistakes

@@ -7,7 +7,7 @@ in carsim's batch.
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from pathlib import Path
@@ -23,13 +23,21 @@ from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, 
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
+from foldcar.study.family import Family
+
+# Cars that cannot be built: how many are announced by name.
+SHOWN_SKIPPED = 5
 
 
 @dataclass
 class Progress:
-    """Counts of a sweep's runs: ``new`` were simulated, ``there`` stored before; ``passed`` and ``failed`` of both."""
+    """Counts of a sweep's runs: ``new`` were simulated, ``there`` stored before; ``passed`` and ``failed`` of both.
+
+    ``judged`` of the ``total`` are in environments that define success.
+    """
 
     total: int
+    judged: int = 0
     new: int = 0
     there: int = 0
     passed: int = 0
@@ -60,8 +68,11 @@ def sweep(
     command: str,
     report: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
+    announce: Callable[[str], None] = lambda line: None,
 ) -> Progress:
     """Simulate the missing runs; ``report`` is called after every step; ``progress``, if given, is updated.
+
+    ``announce`` is given what holds for the sweep, a line at a time, before its first run.
 
     Nothing is written before every design and, for a new store, every environment has been checked. FoldcarError.
     """
@@ -80,6 +91,16 @@ def sweep(
             _plan(experiment, environment, writer, table)
             for experiment, environment in zip(study.experiments, environments, strict=True)
         ]
+        counts.judged = sum(
+            len(experiment.family) * plan.environments
+            for experiment, plan in zip(study.experiments, plans, strict=True)
+            if plan.facts["success_defined"]
+        )
+        for line in _rules(plans):
+            announce(line)
+        for experiment in study.experiments:
+            for line in skipped_lines(experiment.id, experiment.family):
+                announce(line)
         with ChunkPool(writer, jobs, carsim.limits().numbers) as pool:
             for plan, environment in zip(plans, environments, strict=True):
                 dynamic = _is_dynamic(plan, environment, writer)
@@ -152,11 +173,13 @@ def _plan(
 ) -> PlannedExperiment:
     first = next(iter(experiment.family))
     varied = experiment.family.varied
+    environment_id = writer.environment(environment.fingerprint)
+    rule, defined = writer.success_rule(environment_id) or (environment.success.text, environment.success.defined)
     plan = PlannedExperiment(
         id=experiment.id,
         vehicle=experiment.family.vehicle,
         environment=experiment.environment,
-        environment_id=writer.environment(environment.fingerprint),
+        environment_id=environment_id,
         spread_id=writer.spread(environment.spread_fingerprint),
         environments=experiment.environments,
         facts={
@@ -172,10 +195,33 @@ def _plan(
             "condition": experiment.condition,
             "variation": dict(experiment.variation),
             "variation_seed": experiment.variation_seed,
+            "skipped": experiment.family.skipped,
+            "success_rule": rule,
+            "success_defined": defined,
         },
     )
     writer.put_experiment(plan, _designs(experiment, table))
     return plan
+
+
+def skipped_lines(experiment: str, family: Family) -> list[str]:
+    """Which cars of the family are not simulated because they cannot be built, and why; nothing if all can."""
+    skipped = family.skipped
+    if not skipped:
+        return []
+    count = len(family) + len(skipped)
+    more = [f"  and {len(skipped) - SHOWN_SKIPPED} more"] if len(skipped) > SHOWN_SKIPPED else []
+    head = f"experiment {experiment}: {len(skipped)} of {count} cars cannot be built and are skipped:"
+    return [head, *(f"  {one}" for one in skipped[:SHOWN_SKIPPED]), *more]
+
+
+def _rules(plans: Sequence[PlannedExperiment]) -> Iterator[str]:
+    """When a run has passed, a line for the experiments that share the rule."""
+    experiments: dict[str, list[str]] = {}
+    for plan in plans:
+        experiments.setdefault(plan.facts["success_rule"], []).append(plan.id)
+    for rule, names in experiments.items():
+        yield f"experiment{'s' if len(names) > 1 else ''} {', '.join(names)}: {rule}"
 
 
 def _designs(experiment: Experiment, table: dict[str, TableRow]) -> Iterator[PlannedDesign]:

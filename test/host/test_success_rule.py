@@ -1,0 +1,144 @@
+"""When a run has passed: the rule of a program, its runs, and how it is said; undefined where no rule can be read."""
+
+import csv
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from conftest import PROJECT
+from foldcar.scenes.source import open_environment
+
+WriteListing = Callable[[Any], Path]
+HEAD = "model model\nego = new Robot at (0, 0), facing -90 deg\n"
+TARGET = "target = new Marker at (0.6, 0)\n"
+ARRIVAL = "terminate when distance from ego to target <= 0.05\n"
+GOAL = "goal = new Goal at (0.8, 0), facing -90 deg\n"
+MONITOR = (
+    "monitor Late():\n    while simulation().currentRealTime < 0.5:\n        wait\n    terminate simulation\n"
+    "require monitor Late()\n"
+)
+UNDEFINED = "success is undefined: program.scenic has no Goal, no `record final … as passed` and no `terminate when`"
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    return tmp_path / "program.scenic"
+
+
+@pytest.fixture
+def listing(write_listing: WriteListing, listing_data: Any, program: Path) -> Path:
+    listing_data["environments"]["1"] = {"scenic_filename": program.name, "scenic_params": {"outer_step_s": 0.05}}
+    listing_data["experiments"]["1"]["params"] = {"timeout": 20, "environments": 2}
+    listing_data["vehicles"]["1"]["params"][0]["common"]["width"] = [95, 115]
+    return write_listing(listing_data)
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        (GOAL, "a run has passed if it reaches its Goal, within the time limit"),
+        (
+            f"{TARGET}{ARRIVAL}",
+            "a run has passed if `terminate when distance from ego to target <= 0.05` (line 4) ends it with the car "
+            "upright, within the time limit",
+        ),
+        (f"{TARGET}terminate simulation when 0.05 > (distance to target)\n", "(line 4) ends it"),
+        ("terminate when (distance from ego to (0.6, 0)) <= 0.05 and ego.speed > 0\n", "(line 3) ends it"),
+        ("terminate when (distance to 0.6 @ 0) <= 0.05\n", "(line 3) ends it"),
+        (f"end = new Marker at (1, 1)\n{TARGET}{ARRIVAL}terminate when (distance to end) < 1\n", "(line 5) ends it"),
+        (f"{TARGET}{ARRIVAL}record final ego.speed > 0 as passed\n", "passed if the program ends it and its record"),
+        (f"{TARGET}{ARRIVAL}record ego.speed > 0 as passed\n", "passed if the program ends it and its record"),
+        (f"{GOAL}{TARGET}{ARRIVAL}", "a run has passed if it reaches its Goal, within the time limit"),
+        (f"{GOAL}terminate when (distance to goal) <= 0.05\n", "it reaches its Goal, or if `terminate when (distance"),
+        (f"{TARGET}terminate when (distance to target) >= 0.05\n", UNDEFINED),
+        (f"{TARGET}terminate when (distance to target) <= 0.05 or ego.speed < 0\n", UNDEFINED),
+        ("post = new Bump at (0.6, 0)\nterminate when (distance to post.position) <= 0.2\n", UNDEFINED),
+        (
+            "a = new Marker at (1, 1)\nb = new Marker at (1, 0)\nterminate when (distance to a) < 1\n"
+            "terminate when (distance to b) < 1\n",
+            f"{UNDEFINED} on the distance of the car to its target (it measures",
+        ),
+        (MONITOR, UNDEFINED),
+        ("terminate after 1 seconds\n", UNDEFINED),
+        (f"{TARGET}{ARRIVAL}record initial ego.speed > 0 as passed\n", "(line 4) ends it"),
+    ],
+)
+def test_the_rule_is_read_from_the_program(program: Path, text: str, rule: str) -> None:
+    program.write_text(HEAD + text)
+    success = open_environment(program, {}, 0).success
+    assert rule in success.text
+    assert success.defined is not success.text.startswith("success is undefined")
+
+
+def test_the_shipped_programs_define_success() -> None:
+    programs = list((PROJECT / "scenarios").glob("*.scenic"))
+    assert len(programs) >= 7
+    for one in programs:
+        assert open_environment(one, {}, 42).success.defined, one
+
+
+def test_the_publications_own_ending_passes(listing: Path, program: Path, foldcar: Any) -> None:
+    program.write_text(f"{HEAD}{TARGET}{ARRIVAL}terminate after 10 seconds\n")
+
+    said = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
+
+    assert said.returncode == 0, said.stderr
+    assert ", 100.0 % passed; store" in said.stdout
+    rule = "experiment 1: a run has passed if `terminate when distance from ego to target <= 0.05` (line 4) ends it"
+    assert said.stderr.startswith(rule)
+    again = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
+    assert again.stderr == said.stderr and ", 100.0 % passed; store" in again.stdout
+
+
+def test_a_run_that_ends_otherwise_has_not_passed(listing: Path, program: Path, foldcar: Any) -> None:
+    program.write_text(f"{HEAD}{TARGET}{ARRIVAL}terminate after 0.3 seconds\n")
+    said = foldcar("run", listing, "--experiment", "1", "--set", "width=95")
+    told = dict(line.split(maxsplit=1) for line in said.stdout.splitlines())
+    assert (said.returncode, told["outcome"]) == (0, "terminated")
+    assert told["success"].startswith("a run has passed if `terminate when distance")
+
+    program.write_text(f"{HEAD}{TARGET}{ARRIVAL}terminate after 10 seconds\n")
+    listing.write_text(listing.read_text().replace('"timeout": 20', '"timeout": 0.3'))
+    said = foldcar("run", listing, "--experiment", "1", "--set", "width=95")
+    assert dict(line.split(maxsplit=1) for line in said.stdout.splitlines())["outcome"] == "timeout"
+
+
+@pytest.mark.parametrize("text", [MONITOR, f"{MONITOR}record final ego.speed > 0 as passed\n"])
+def test_a_monitor_may_end_a_run_without_a_goal(listing: Path, program: Path, foldcar: Any, text: str) -> None:
+    program.write_text(HEAD + text)
+    said = foldcar("run", listing, "--experiment", "1", "--set", "width=95")
+    told = dict(line.split(maxsplit=1) for line in said.stdout.splitlines())
+    assert said.returncode == 0, said.stderr
+    assert told["outcome"] == ("passed" if "record" in text else "terminated")
+    assert float(told["elapsed_time_s"]) == pytest.approx(0.5)
+
+
+def test_no_share_is_given_where_success_is_undefined(
+    listing: Path, program: Path, foldcar: Any, tmp_path: Path
+) -> None:
+    program.write_text(HEAD + MONITOR)
+
+    said = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
+    report = foldcar("report", "s.db", "-o", "report")
+    export = foldcar("export", "s.db", "--csv", "runs.csv")
+
+    assert (said.returncode, report.returncode, export.returncode) == (0, 0, 0), (said, report, export)
+    assert "success undefined; store" in said.stdout and "%" not in said.stdout
+    assert f"experiment 1: {UNDEFINED}" in said.stderr
+    assert UNDEFINED in " ".join(report.stdout.split())
+    assert not re.search(r"\b0\.0\b", report.stdout) and report.stdout.count("undefined") == 4
+    page = (tmp_path / "report" / "index.html").read_text()
+    assert UNDEFINED in page and "runs passed:" not in page and "<td>0.0</td>" not in page
+    assert [file.name for file in (tmp_path / "report").glob("*.svg")] == ["experiment_1_outcomes_by_width_mm.svg"]
+    with (tmp_path / "runs.csv").open(newline="") as file:
+        assert {(row["outcome"], row["passed"]) for row in csv.DictReader(file)} == {("terminated", "")}
+
+
+def test_export_says_which_runs_passed(listing: Path, program: Path, foldcar: Any) -> None:
+    program.write_text(HEAD + GOAL)
+    foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
+    exported = foldcar("export", "s.db", "--csv", "-").stdout.splitlines()
+    assert [row["passed"] for row in csv.DictReader(exported)] == ["true"] * 4

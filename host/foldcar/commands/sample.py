@@ -37,6 +37,8 @@ def sample(
     if plot is not None:
         check_format(plot)
     source = open_environment(scenario, dict(_parse_param(text) for text in param or []), seed)
+    for note in source.mutation_notes():
+        typer.echo(f"note: {note}", err=True)
     shown: list[dict[str, Any]] = []
     if output == Path("-"):
         for scene in _scenes(source, count, shown):

@@ -28,12 +28,15 @@ def sweep(
     """Simulate all runs that the store lacks. It may be stopped at any time: the same command resumes it."""
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.simulation.carsim import Carsim
+    from foldcar.study.environments import mutation_notes
     from foldcar.study.experiments import read_study
     from foldcar.study.sweep import Progress, planned_total
     from foldcar.study.sweep import sweep as run_sweep
 
     study = read_study(listing, experiment, environments)
     carsim = Carsim()
+    for note in mutation_notes(study.experiments):
+        typer.echo(f"note: {note}", err=True)
     progress = Progress(total=planned_total(study))
     command = shlex.join(["foldcar", *sys.argv[1:]])
     try:

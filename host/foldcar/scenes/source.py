@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.scenes.program import compile_program, ends_itself, is_dynamic, one_line
+from foldcar.scenes.program import compile_program, ends_itself, is_dynamic, one_line, overlap_hint
 from foldcar.scenes.scene_json import scene_object
 from foldcar.scenes.time_limit import time_limit
 
@@ -27,15 +27,23 @@ SAMPLE_LIMIT_S = 10.0
 class SceneSource:
     """A compiled program from which scenes are sampled. Made by :func:`open_environment`."""
 
-    def __init__(self, program: Path, scenario: Any, seed: int) -> None:
+    def __init__(self, program: Path, scenario: Any, seed: int, params: Mapping[str, Any]) -> None:
         self.program = program
         self.seed = seed
         self.scenario = scenario
+        self._params = params
 
     @property
     def dynamic(self) -> bool:
         """Whether the program has parts that Scenic must evaluate during a simulation, beside carsim."""
         return is_dynamic(self.scenario)
+
+    def mutation_notes(self) -> list[str]:
+        """What `mutate` moves without what is placed relative to it (see mutation_notes.py)."""
+        from foldcar.scenes.mutation_notes import mutation_notes
+
+        with seeded(f"{self.seed}/compile"):
+            return mutation_notes(self.program, self._params, self.scenario)
 
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
@@ -88,7 +96,8 @@ class SceneSource:
             contextlib.suppress(RejectionException),
         ):
             self.scenario.generate(maxIterations=1, verbosity=2)
-        return " ".join(printed.getvalue().rpartition("because of")[2].split()) or "its requirements"
+        reason = " ".join(printed.getvalue().rpartition("because of")[2].split())
+        return overlap_hint(reason or "its requirements")
 
 
 def open_environment(
@@ -107,7 +116,7 @@ def open_environment(
     """
     with seeded(f"{seed}/compile"):
         scenario = compile_program(program, params)
-    source = SceneSource(program, scenario, seed)
+    source = SceneSource(program, scenario, seed, params)
     if condition is not None:
         from foldcar.scenes.conditioning import condition as freeze
 

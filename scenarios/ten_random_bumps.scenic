@@ -1,30 +1,32 @@
-"""Ten bumps of random size and position between start and goal, without contact of each other.
+"""Figure 12 of the publication: ten bumps of random size and place between start and end, which do not intersect.
 
-The published field of bumps. Its target is a point; here it is the line through that point, because a car without
-steering leaves the field at any place along it.
+It differs from the print where a comment says so, and as Scenic 3 demands: `new` creates an object, a comma separates
+specifiers, and a robot faces `toward` a point.
 """
 
+# The print leaves out the world model, which defines Bump and Robot, and the course.
 model model
-
 param course_x_min = -1.2
 param course_x_max = 1.2
 param course_y_min = -1.2
 param course_y_max = 1.4
-param bumps = 10
-param lowest = 0.01         # range of heights
-param highest = 0.03
 
-start = new Marker at (0, 1)
-end = new Marker at (0, -1)
+# Declare several useful locations
+startPos = new Point at (0,1)
+endPos = new Point at (0,-1)
 
-bump_region = RectangularRegion((0, 0), 0, 2, 0.5)
+# Create 10 randomly sized bumps in a central region of the map
+bump_region = RectangularRegion((0,0), 0, 2, 0.5)
 
-for _ in range(globalParameters.bumps):
-    new Bump in bump_region, facing 0 deg,
-        with width Range(0.05, 0.1),
-        with length Range(0.05, 0.1),
-        with height Range(globalParameters.lowest, globalParameters.highest),
-        with allowCollisions False
+for _ in range(10):
+    new Bump in bump_region,
+      with width Range(0.05,0.1),
+      with length Range(0.05,0.1),
+      with height Range(0.01,0.03)
 
-ego = new Robot at start, facing toward end
-goal = new Goal at end, facing 180 deg
+# Create a robot, representing the ego
+ego = new Robot at startPos, facing toward endPos
+
+# The print has no end of a run. This one ends on the line through endPos, because a car without steering leaves the
+# bumps at any place along it.
+goal = new Goal at endPos, facing 180 deg

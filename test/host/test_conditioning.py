@@ -18,7 +18,7 @@ place = new Point at (Range(0.3, 0.4), Range(-0.1, 0.1))
 ego = new Robot at (0, Range(-0.02, 0.02)), facing -90 deg
 bump = new Bump at (Range(0.5, 0.6), 0), facing -90 deg, with height globalParameters.tall
 behind = new Step ahead of bump by Range(0.2, 0.3), with height 0.005
-stones = [new Bump at (x, Range(0.2, 0.4)), with height 0.01 for x in (0.4, 0.5)]
+stones = [new Bump at (x, Range(0.2, 0.4)), with height 0.01, with allowCollisions True for x in (0.4, 0.5)]
 mark = new Kerb at place, facing -90 deg
 goal = new Goal at (1.8, Range(-0.1, 0.1)), facing -90 deg
 mutate bump, goal by 0.02
@@ -31,7 +31,7 @@ Scene = dict[str, Any]
 SHARED = """model model
 turn = {value}
 ego = new Robot at (-0.35, 0), facing -90 deg
-one = new Bump at (0.5, 0), facing turn, with height 0.01
+one = new Bump at (0.5, 0), facing turn, with height 0.01, with allowCollisions True
 other = new Bump at (0.8, Range(-0.1, 0.1)), facing turn, with height 0.01
 {more}
 goal = new Goal at (1.8, 0), facing -90 deg

@@ -42,6 +42,131 @@ def test_programs_that_fail(tmp_path: Path, text: str, part: str) -> None:
     assert part in message(tmp_path, text)
 
 
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("ego = new Robot at (0, 0), at (1, 0)\n", "line 3: Cannot use At"),
+        ("ego = new Robot at (0, 0), with width 'a'\n" + GOAL, "line 3: TypeError"),
+        ("ego = new Robot at (7, 0)\n" + GOAL, "line 3: Robot at (7, 0): x: 7.0 m is outside"),
+        ("def car():\n    global ego\n    ego = new Robt at (0, 0)\ncar()\n", "line 5: NameError"),
+        ("if True:\n    x = 1\n    ego = new Robot at (7, 0)\n" + GOAL, "line 5: Robot at (7, 0)"),
+        ("ego = new Robot at (0, 0),\n  with heigth 3\n", "line 4: Robot has no property heigth"),
+    ],
+)
+def test_errors_about_the_ego_name_its_line(tmp_path: Path, text: str, part: str) -> None:
+    assert part in message(tmp_path, f"model model\n\n{text}")
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        (
+            "new Bump at (0.5, 0),\n  with width 1,\n  with heigth 0.1\n",
+            "line 6: Bump has no property heigth; did you mean height?",
+        ),
+        (
+            "new Bump at (0.5, 0), with heights 0.1\nrequire ego.heights\n",
+            "Bump has no property heights; did you mean height?",
+        ),
+        ("new Kerb at (0.5, 0), with Face 0.1\n", "Kerb has no property Face; did you mean face?"),
+        (
+            "new Goal at (0.5, 0), with radius 1\n",
+            "line 4: Goal has no property radius, and the program does not read it; "
+            "its own are height, length, reach, width",
+        ),
+        (
+            "new Point at (0.5, 0), with postion (1, 1)\n",
+            "line 4: Point has no property postion; did you mean position?",
+        ),
+        (
+            "class Own(Bump):\n    rise: 0.01\nnew Own at (0.5, 0), with rize 0.1\n",
+            "Own has no property rize; did you mean rise?",
+        ),
+    ],
+)
+def test_misspelt_properties(tmp_path: Path, text: str, part: str) -> None:
+    assert part in message(tmp_path, f"model model\n{EGO}{GOAL}{text}")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "post = new Marker at (0.5, 0), with visits 0\nrecord post.visits as visits\n",
+        "post = new Marker at (0.5, 0), with visits 3\nrequire getattr(post, 'visits') == 3\n",
+        "class Post(Marker):\n    visits: 0\nnew Post at (0.5, 0), with visits 3\n",
+        "new Bump at (0.5, 0), facing -90 deg, with mutator None, with name 'x', with color (1, 0, 0)\n",
+        "behavior Stay():\n    wait\nnew Marker at (0.5, 0), with behavior Stay(), with requireVisible False\n",
+        "new Bump at (0.5, 0), facing -90 deg, with render False, with mutationScale 0\n",
+    ],
+)
+def test_properties_that_the_program_or_scenic_uses(tmp_path: Path, text: str) -> None:
+    program = tmp_path / "good.scenic"
+    program.write_text(f"model model\n{EGO}{GOAL}{text}")
+    open_environment(program, {}, 1).sample(0)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("terminate when distance from ego to target <= 0.05\n", 4),
+        ("\nrecord final (distance to target) as far\n", 5),
+        ("monitor Near():\n    while True:\n        x = target\n        wait\nrequire monitor Near()\n", 6),
+        ("def far():\n    return [distance to target\n        for _ in range(3)]\nrecord far() as far\n", 5),
+        ("scenario Main():\n    compose:\n        while target:\n            wait\n", 6),
+    ],
+)
+def test_names_that_only_a_run_would_evaluate(tmp_path: Path, text: str, line: int) -> None:
+    assert f"line {line}: NameError: name 'target' is not defined" in message(
+        tmp_path, f"model model\n{EGO}{GOAL}{text}"
+    )
+
+
+def test_names_that_the_program_defines_somewhere(tmp_path: Path) -> None:
+    program = tmp_path / "good.scenic"
+    program.write_text(
+        f"model model\n{EGO}{GOAL}if 1 > 2:\n    target = goal\n"
+        "monitor Near():\n    global seen\n    seen = 0\n    local = seen\n    while local + seen < 3:\n        wait\n"
+        "require monitor Near()\nrecord (lambda near: min(near, 3))(2) as three\ndef never():\n    return target\n"
+    )
+    open_environment(program, {}, 1).sample(0)
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        (
+            "terminate when ego.position.x > 1\n",
+            "line 3: `terminate when` (line 3): Scenic drops such statements",
+        ),
+        ("terminate after 5 seconds\n", "line 3: `terminate after` (line 3): "),
+        (
+            "record ego.position as place\nterminate after 5 seconds\n",
+            "line 3: `record` (line 3), `terminate after` (line 4): ",
+        ),
+        ("monitor M():\n    wait\nrequire monitor M()\n", "line 5: `require monitor` (line 5): "),
+    ],
+)
+@pytest.mark.parametrize("imported", ["import other\n", "from other import ego\n"])
+def test_statements_that_an_import_would_lose(tmp_path: Path, imported: str, text: str, part: str) -> None:
+    (tmp_path / "other.scenic").write_text(f"model model\n{EGO}{text}")
+    said = message(tmp_path, f"model model\n{imported}{GOAL}")
+    assert f"other.scenic: {part}" in said
+    assert said.endswith("move them to the program, or into the scenario, that is run")
+
+
+def test_statements_beside_a_scenario_that_scenic_would_drop(tmp_path: Path) -> None:
+    scenario = "scenario Main():\n    setup:\n        ego = new Robot at (0, 0)\n"
+    said = message(tmp_path, f"model model\nterminate when 1 > 2\n{scenario}")
+    assert "bad.scenic: line 2: `terminate when` (line 2): Scenic drops" in said
+
+
+def test_what_an_import_takes_over_is_accepted(tmp_path: Path) -> None:
+    (tmp_path / "other.scenic").write_text(f"model model\n{EGO}{GOAL}require always ego.position.x < 3\n")
+    program = tmp_path / "good.scenic"
+    program.write_text("from other import ego, goal\nterminate when ego.position.x > 1\n")
+    assert open_environment(program, {}, 1).dynamic
+
+
 def test_an_error_in_an_imported_program_names_that_file(tmp_path: Path) -> None:
     (tmp_path / "other.scenic").write_text("model model\n\nnew Bump at (unknown, 0)\n")
     assert "other.scenic: line 3: NameError" in message(tmp_path, f"model model\nimport other\n{EGO}{GOAL}")
@@ -89,6 +214,21 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
         (EGO + GOAL + "new Marker at (0, 3)\n", "Marker at (0, 3): y: 3.0 m is outside the course"),
         (EGO + GOAL + "new Bump at (0.1, 0), facing 90 deg\n", "the start is inside an obstacle"),
         (EGO + GOAL + "new Ramp at (0.15, 0), facing -90 deg\n", "across the edge of a ramp at (0.15, 0)"),
+        (
+            EGO + GOAL + "new Bump at (0.5, 0)\n",
+            "line 4: Bump at (0.5, 0): the start is inside an obstacle because of the obstacle's heading, 0 deg, and "
+            "would not be if it faced -90 deg: the car would stand across the edge of a box at (0.5, 0)",
+        ),
+        (
+            "ego = new Robot at (0, 0)\nnew Goal at (0, 0.9)\nnew Bump at (0, 0.09)\n",
+            "line 2: Robot at (0, 0): the start is inside an obstacle because of the car's heading, 0 deg, and "
+            "would not be if it faced -90 deg: the car would stand across the edge of a box at (0, 0.09)",
+        ),
+        (EGO + GOAL + "new Bump at (0.5, 0)\nnew Bump at (0.51, 0)\n", "`with allowCollisions True` permits it"),
+        (
+            EGO + GOAL + "new Bump at (Range(0.5, 0.52), 0)\nnew Bump at (0.51, 0)\n",
+            "intersects unnamed Bump; `with allowCollisions True` permits it",
+        ),
         (
             EGO + "new Goal at (0.8, 0), with reach 0.05\n"
             "new Bump at (0.8, 0), with length 0.3, with width 0.3, with height 0.2\n",

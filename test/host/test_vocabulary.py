@@ -151,7 +151,8 @@ def test_rough_ground_differs_from_sample_to_sample_unless_it_has_a_seed(tmp_pat
 
 def test_every_class_takes_random_sizes_and_mutation(tmp_path: Path) -> None:
     text = "\n".join(
-        f"thing_{name} = new {name} at (0.8, 0), with width Range(0.2, 0.3)\nmutate thing_{name} by 0.01"
+        f"thing_{name} = new {name} at (0.8, 0), with width Range(0.2, 0.3), with allowCollisions True\n"
+        f"mutate thing_{name} by 0.01"
         for name in ("Bump", "RoundBump", "Step", "Kerb", "Ramp", "FrictionPatch", "RoughGround")
     )
     text += "\nhill = new GaussianHill at (0.8, 0), with sd_along Range(0.05, 0.06)\nmutate hill by 0.01"

@@ -56,6 +56,8 @@ def sample(
     if plot is not None:
         check_format(plot)
     source = open_environment(scenario, _parse_params(param or []), seed)
+    for note in source.mutation_notes():
+        typer.echo(f"note: {note}", err=True)
     shown: list[dict[str, Any]] = []
     result: dict[str, Any] = {"scenario": scenario, "seed": seed, "count": count}
     if output == STANDARD_OUTPUT and as_json:

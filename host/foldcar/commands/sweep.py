@@ -51,12 +51,15 @@ def sweep(
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
+    from foldcar.study.environments import mutation_notes
     from foldcar.study.experiments import read_study
     from foldcar.study.sweep import Progress, planned_total
     from foldcar.study.sweep import sweep as run_sweep
 
     study = read_study(listing, experiment, environments)
     carsim = Carsim()
+    for note in mutation_notes(study.experiments):
+        typer.echo(f"note: {note}", err=True)
     progress = Progress(total=planned_total(study))
     command = shlex.join(["foldcar", *sys.argv[1:]])
 

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from foldcar.scenes.reading import UnusableError, finite
+from foldcar.scenes.reading import UnusableError, finite, scenic_degrees
 from foldcar.scenes.terrain_kinds import kind_of, reach_m
 
 # Scenic's specifiers such as `on` leave a gap of its contact tolerance.
@@ -56,21 +56,44 @@ def check_on_course(course: Mapping[str, float], pieces: Iterable[Pose], thing: 
         _check_overlap(course, piece, along * cos + across * sin, along * sin + across * cos, thing)
 
 
-def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose]) -> None:
-    """The start is outside each block or completely on it, not across its edge, where the car would not stand level."""
+def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose], owners: Sequence[Any]) -> None:
+    """The start is outside each block or completely on it, not across its edge, where the car would not stand level.
+
+    ``owners`` are the Scenic objects of the pieces of ``terrain``.
+    """
     half = (finite("length", ego.length, ego) / 2, finite("width", ego.width, ego) / 2)
-    for piece in terrain:
+    for piece, owner in zip(terrain, owners, strict=True):
         if kind_of(piece).form != "block":
             continue
         reach = reach_m(piece)
         apart = math.hypot(piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"])
-        if apart > math.hypot(*reach) + math.hypot(*half):
+        if apart > math.hypot(*reach) + math.hypot(*half) or _stands_level(start, half, piece):
             continue
-        if _overlap(start, half, piece, reach) and not _contains(piece, reach, start, half):
-            what = f"{piece['kind']} at ({piece['x_m']:.4g}, {piece['y_m']:.4g})"
-            raise UnusableError(
-                f"the start is inside an obstacle: the car would stand across the edge of a {what}", ego
-            )
+        what = f"{piece['kind']} at ({piece['x_m']:.4g}, {piece['y_m']:.4g})"
+        where = f"the car would stand across the edge of a {what}"
+        other = _turned(piece)
+        if _stands_level(start, half, other):
+            raise UnusableError(f"the start is inside an obstacle{_because('obstacle', piece, other)}: {where}", owner)
+        other = _turned(start)
+        # The car's heading is the cause only if the program does not say one.
+        if scenic_degrees(start) == 0 and _stands_level(other, half, piece):
+            raise UnusableError(f"the start is inside an obstacle{_because('car', start, other)}: {where}", ego)
+        raise UnusableError(f"the start is inside an obstacle: {where}", ego)
+
+
+def _stands_level(start: Pose, half: tuple[float, float], piece: Pose) -> bool:
+    reach = reach_m(piece)
+    return not _overlap(start, half, piece, reach) or _contains(piece, reach, start, half)
+
+
+def _turned(place: Pose) -> Pose:
+    """The place after a quarter turn."""
+    return {**place, "heading_rad": place["heading_rad"] - math.pi / 2}
+
+
+def _because(what: str, place: Pose, other: Pose) -> str:
+    degrees, free = scenic_degrees(place), scenic_degrees(other)
+    return f" because of the {what}'s heading, {degrees:.4g} deg, and would not be if it faced {free:.4g} deg"
 
 
 def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: Any) -> None:

@@ -2,18 +2,20 @@
 
 Input: a compiled Scenic scenario and a scene of it. Output: none; later samples of the scenario are conditioned.
 Scenic's `conditionOn` does not suffice: it draws the noise of mutated objects again for every sample, which also moves
-the objects of the given scene; it accepts Objects only; a value converted to another type passes its own on to the one
-converted; and objects placed relative to a conditioned one do not follow it. Here frozen objects are copies without noise, Points can be frozen, and an object's random values with it.
+the objects of the given scene; it accepts Objects only; it fixes the value beneath a converted one too; and objects
+placed relative to a conditioned one do not follow it. Here frozen objects are copies without noise, Points can be
+frozen, and an object's random values with it.
 """
 
 import copy
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from typing import Any
 
-from scenic.core.distributions import ConstantSamplable, Samplable, needsSampling
+from scenic.core.distributions import ConstantSamplable, Samplable
 from scenic.core.object_types import Constructible, Object
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes.dependencies import reachable
 from foldcar.scenes.program_globals import named_things
 
 
@@ -48,7 +50,7 @@ def condition(
 
 def _freeze(roots: Collection[Any], sample: Any, excluded: set[int]) -> None:
     """Fix the roots and what they depend on at their values in ``sample``, except nodes with an id in ``excluded``."""
-    for node in [node for root in roots for node in _reachable(root)]:
+    for node in [node for root in roots for node in reachable(root)]:
         if id(node) in excluded or node not in sample:
             continue
         value = sample[node]
@@ -57,25 +59,11 @@ def _freeze(roots: Collection[Any], sample: Any, excluded: set[int]) -> None:
         Samplable.conditionTo(node, constant)
 
 
-def _reachable(root: Any) -> Iterator[Any]:
-    """Every random value on which ``root`` depends, itself included, each once."""
-    seen: set[int] = set()
-    waiting = [root]
-    while waiting:
-        node = waiting.pop()
-        if id(node) in seen or not isinstance(node, Samplable) or not needsSampling(node):
-            continue
-        seen.add(id(node))
-        # Scenic's pruning conditions distributions too, in order to narrow them.
-        waiting += [*node._dependencies, *node._conditioned._dependencies]
-        yield node
-
-
 def _ownership(scenario: Any) -> dict[int, Any]:
     """The owner of each random value, by the value's id: the first parameter or object that depends on it."""
     owners: dict[int, Any] = {}
     for owner in [*scenario.params.values(), *scenario._instances]:
-        for node in _reachable(owner):
+        for node in reachable(owner):
             # An object owns itself, even if others are placed relative to it.
             owners.setdefault(id(node), node if isinstance(node, Constructible) else owner)
     return owners

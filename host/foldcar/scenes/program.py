@@ -10,17 +10,27 @@ import math
 import sys
 import traceback
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.time_limit import time_limit
+
+if TYPE_CHECKING:
+    from foldcar.scenes.mutation import Mutations
 
 COMPILE_LIMIT_S = 30.0
 MOST_OBJECTS = 10_000
 # The vocabulary has its own folder: Scenic finds it on sys.path, which must not expose foldcar's modules.
 VOCABULARY_DIR = Path(__file__).resolve().parent / "vocabulary"
+
+
+class CompiledProgram(NamedTuple):
+    """A scenario as Scenic compiles it, and what the program creates and mutates."""
+
+    scenario: Any
+    mutations: "Mutations"
 
 
 def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
@@ -29,11 +39,13 @@ def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
         raise FoldcarError(f"{program}: no such Scenic program")
     if program.suffix != ".scenic":
         raise FoldcarError(f"{program}: a Scenic program's name ends in .scenic")
-    scenario = _compile(program, {})
     if params:
         # Scenic accepts any name as an override; compiling without overrides shows the declared names.
-        _check_params(program, params, scenario.params)
-        scenario = _compile(program, params)
+        _check_params(program, params, compile_observed(program, {}).scenario.params)
+    compiled = compile_observed(program, params)
+    if compiled.mutations.points:
+        compiled = compile_observed(program, params, compiled.mutations.points)
+    scenario = compiled.scenario
     if len(scenario.objects) > MOST_OBJECTS:
         raise FoldcarError(
             f"{program}: {len(scenario.objects)} objects are above the limit {MOST_OBJECTS} of a scene"
@@ -43,6 +55,27 @@ def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
     if scenario.externalParams:
         raise FoldcarError(f"{program}: an external sampler: its samples would depend on the ones before")
     return scenario
+
+
+def compile_observed(
+    program: Path, params: Mapping[str, Any], followed: Collection[int] = ()
+) -> CompiledProgram:
+    """The scenario of ``program`` and what it mutates; ``followed`` as in Mutations. Raises FoldcarError."""
+    with warnings.catch_warnings():
+        # Scenic installs an excepthook, and warns if another library has installed one before.
+        warnings.filterwarnings("ignore", message="unable to install sys.excepthook")
+        import scenic
+    from foldcar.scenes.mutation import Mutations
+    from foldcar.scenes.scenic_hooks import hooks
+
+    mutations = Mutations(followed)
+    try:
+        with _vocabulary_found(), hooks(mutations), time_limit(COMPILE_LIMIT_S, f"{program}: compiling"):
+            return CompiledProgram(scenic.scenarioFromFile(str(program), params=dict(params)), mutations)
+    except FoldcarError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise FoldcarError(f"{program}: {one_line(error, program)}") from error
 
 
 def may_end_itself(scenario: Any) -> bool:
@@ -76,22 +109,12 @@ def one_line(error: BaseException, program: Path) -> str:
         same = file is None or Path(file).resolve() == program.resolve()
         where = f"line {line}: " if same else f"{file}: line {line}: "
     kind = "" if type(error).__module__.startswith("scenic.") else f"{type(error).__name__}: "
-    return where + kind + (" ".join(str(error).split()) or "no message")
+    return where + kind + overlap_hint(" ".join(str(error).split()) or "no message")
 
 
-def _compile(program: Path, params: Mapping[str, Any]) -> Any:
-    with warnings.catch_warnings():
-        # Scenic installs an excepthook, and warns if another library has installed one before.
-        warnings.filterwarnings("ignore", message="unable to install sys.excepthook")
-        import scenic
-
-    try:
-        with _vocabulary_found(), time_limit(COMPILE_LIMIT_S, f"{program}: compiling"):
-            return scenic.scenarioFromFile(str(program), params=dict(params))
-    except FoldcarError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise FoldcarError(f"{program}: {one_line(error, program)}") from error
+def overlap_hint(message: str) -> str:
+    """Scenic's message, with the way to permit it if it is about objects that overlap."""
+    return f"{message}; `with allowCollisions True` permits it" if " intersects " in message else message
 
 
 @contextlib.contextmanager

@@ -45,6 +45,7 @@ def _scene_object(scene: Any, needs_goal: bool) -> dict[str, Any]:
     if not 0 < friction <= MOST_FRICTION:
         raise UnusableError(f"param friction: {friction} is not above 0 and at most {MOST_FRICTION:g}")
     terrain: list[dict[str, Any]] = []
+    owners: list[Any] = []
     goals = []
     for thing in scene.objects:
         check_standing(thing)
@@ -52,6 +53,7 @@ def _scene_object(scene: Any, needs_goal: bool) -> dict[str, Any]:
             pieces = terrain_pieces(thing)
             check_on_course(course, pieces, thing)
             terrain.extend(pieces)
+            owners.extend([thing] * len(pieces))
             if len(terrain) > MOST_PIECES:
                 raise UnusableError(f"the terrain has more than {MOST_PIECES} pieces", thing)
             continue
@@ -64,7 +66,7 @@ def _scene_object(scene: Any, needs_goal: bool) -> dict[str, Any]:
         elif not is_a(thing, "Marker"):
             raise UnusableError("is not one of model.scenic's Terrain, Marker, Goal or Robot", thing)
     start = pose(ego)
-    check_free_start(start, ego, terrain)
+    check_free_start(start, ego, terrain, owners)
     goal = _goal(goals[0]) if goals else None
     if len(goals) > 1:
         raise UnusableError("is a second Goal: the program must place exactly one", goals[1])
@@ -88,8 +90,7 @@ def _goal(thing: Any) -> dict[str, Any]:
 def _line(thing: Any, program: Path) -> str:
     """The line, as a prefix of messages, on which the program or one that it imports creates ``thing``."""
     file, line = getattr(thing, "creationLine", ("", 0))
-    # Scenic reports line 1, that of `model model`, for an object created in `ego = …`.
-    if line <= 1:
+    if not line:
         return ""
     same = Path(file).resolve() == program.resolve()
     return f"line {line}: " if same else f"{file}: line {line}: "

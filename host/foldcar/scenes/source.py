@@ -17,7 +17,7 @@ from typing import Any
 
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import at_once
-from foldcar.scenes.program import compile_program, is_dynamic, may_end_itself, one_line
+from foldcar.scenes.program import compile_program, is_dynamic, may_end_itself, one_line, overlap_hint
 from foldcar.scenes.scene_json import scene_object
 from foldcar.scenes.success import SuccessRule, success_rule
 from foldcar.scenes.time_limit import time_limit
@@ -30,10 +30,11 @@ SAMPLE_LIMIT_S = 10.0
 class SceneSource:
     """A compiled program from which scenes are sampled. Made by :func:`open_environment`."""
 
-    def __init__(self, program: Path, scenario: Any, seed: int) -> None:
+    def __init__(self, program: Path, scenario: Any, seed: int, params: Mapping[str, Any]) -> None:
         self.program = program
         self.seed = seed
         self.scenario = scenario
+        self._params = params
 
     @property
     def dynamic(self) -> bool:
@@ -44,6 +45,13 @@ class SceneSource:
     def success(self) -> SuccessRule:
         """When a run of the program has passed."""
         return success_rule(self.scenario, self.program)
+
+    def mutation_notes(self) -> list[str]:
+        """What `mutate` moves without what is placed relative to it (see mutation_notes.py)."""
+        from foldcar.scenes.mutation_notes import mutation_notes
+
+        with seeded(f"{self.seed}/compile"):
+            return mutation_notes(self.program, self._params, self.scenario)
 
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
@@ -97,7 +105,8 @@ class SceneSource:
             contextlib.suppress(RejectionException),
         ):
             self.scenario.generate(maxIterations=1, verbosity=2)
-        return " ".join(printed.getvalue().rpartition("because of")[2].split()) or "its requirements"
+        reason = " ".join(printed.getvalue().rpartition("because of")[2].split())
+        return overlap_hint(reason or "its requirements")
 
 
 def open_environment(
@@ -116,7 +125,7 @@ def open_environment(
     """
     with at_once(), seeded(f"{seed}/compile"):
         scenario = compile_program(program, params)
-    source = SceneSource(program, scenario, seed)
+    source = SceneSource(program, scenario, seed, params)
     if condition is not None:
         from foldcar.scenes.conditioning import condition as freeze
 

@@ -5,7 +5,8 @@ is compiled when first needed, which takes most of a second, and not at all if t
 """
 
 import contextlib
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from foldcar.car.variation.spread import draw
@@ -77,6 +78,11 @@ class Environment:
         e = self._experiment
         return ScenicRunner(e.program, e.scenic_params, e.seed, e.condition, carsim.binary, **options)
 
+    def mutation_notes(self) -> list[str]:
+        """What `mutate` moves without what is placed relative to it; programs without the word are not compiled."""
+        text = self._experiment.program.read_text(encoding="utf-8", errors="replace")
+        return self._open().mutation_notes() if re.search(r"\b(mutate|import|model (?!model\b))", text) else []
+
     def _open(self) -> "SceneSource":
         from foldcar.scenes.source import open_environment
 
@@ -84,3 +90,9 @@ class Environment:
             e = self._experiment
             self._source = open_environment(e.program, dict(e.scenic_params), e.seed, e.condition)
         return self._source
+
+
+def mutation_notes(experiments: Iterable[Experiment]) -> list[str]:
+    """The notes on `mutate` for each of the experiments' programs. FoldcarError."""
+    programs = {experiment.program: experiment for experiment in experiments}
+    return [note for one in programs.values() for note in Environment(one).mutation_notes()]

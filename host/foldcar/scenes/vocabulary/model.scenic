@@ -56,7 +56,9 @@ class Terrain(Thing):
 
 
 class SpeedBump(Terrain):
-    """Base of speed bumps: `Bump` has a rectangular section, `RoundBump` a circular arc."""
+    """Base of speed bumps: `Bump` has a rectangular section, `RoundBump` a circular arc. They do not overlap each
+    other, unless `with allowCollisions True`."""
+    allowCollisions: False
     length: 0.06
     width: 1.2
     height: 0.02
@@ -77,7 +79,8 @@ class RoundBump(SpeedBump):
 
 
 class Step(Bump):
-    """A platform as long as a car, with a step up and a step down."""
+    """A platform as long as a car, with a step up and a step down. Steps may be stacked."""
+    allowCollisions: True
     length: 0.4
 
 
@@ -183,7 +186,8 @@ class FrictionPatch(Flat):
 
 
 class Marker(Thing):
-    """A pose without an object. It can be mutated, which a Point cannot."""
+    """A pose without an object, on the course. Noise of `mutate` moves it alone; that of a Point moves what is placed
+    relative to it too."""
     width: 0.01
     length: 0.01
     height: 0.01

@@ -1,0 +1,75 @@
+"""What foldcar changes in Scenic's compiler while it compiles a program.
+
+`new` refuses unknown properties and `mutate` takes Points. Names that are nowhere defined and statements that Scenic
+would drop are refused. Statements keep the lines that they are on: Scenic gives `ego = …` the line of the block around
+it. The names of Scenic 3.1 that are used here are not public; tests fail when they change.
+"""
+
+import ast
+import contextlib
+import sys
+from collections.abc import Iterator
+from types import CodeType
+from typing import Any
+
+from scenic.core.dynamics.scenarios import DynamicScenario
+from scenic.core.object_types import Constructible
+from scenic.syntax import translator, veneer
+from scenic.syntax.compiler import ScenicToPythonTransformer
+
+from foldcar.scenes.lost_statements import refuse_lost_statements
+from foldcar.scenes.mutation import Mutations
+from foldcar.scenes.properties import check_properties
+from foldcar.scenes.undefined_names import refuse_undefined_names
+
+
+@contextlib.contextmanager
+def hooks(mutations: Mutations) -> Iterator[None]:
+    """Within the block, Scenic compiles with these changes and reports to ``mutations`` what it creates and mutates.
+
+    The program keeps its `new` and `mutate` for its simulations, in which they do what Scenic's do.
+    """
+    compiler, scenario = ScenicToPythonTransformer, DynamicScenario
+    scenics_new, scenics_mutate, scenics_visit = veneer.new, veneer.mutate, compiler.visit
+    scenics_execute, scenics_inherit = translator.executeCodeIn, scenario._inherit
+    compiling = True
+
+    def new(cls: Any, specifiers: list[Any]) -> Any:
+        if not (isinstance(cls, type) and issubclass(cls, Constructible)):
+            return scenics_new(cls, specifiers)
+        check_properties(cls, specifiers, sys._getframe(1))
+        return mutations.create(cls, specifiers) if compiling else scenics_new(cls, specifiers)
+
+    def mutate(*things: Any, scale: Any = 1) -> None:
+        objects = mutations.mutate_points(things, scale) if compiling else list(things)
+        if things and not objects:
+            return
+        scenics_mutate(*objects, scale=scale)
+        if compiling:
+            for thing in objects or veneer.currentScenario._objects:
+                mutations.note(thing)
+
+    def visit(self: Any, node: Any) -> Any:
+        made = scenics_visit(self, node)
+        if isinstance(node, ast.AST) and hasattr(node, "lineno"):
+            for one in made if isinstance(made, list) else [made]:
+                if isinstance(one, ast.AST) and not hasattr(one, "lineno"):
+                    ast.copy_location(one, node)
+        return made
+
+    def execute(code: CodeType, namespace: dict[str, Any]) -> None:
+        scenics_execute(code, namespace)
+        refuse_undefined_names(code, namespace)
+
+    def inherit(self: Any, other: Any) -> None:
+        refuse_lost_statements(other)
+        scenics_inherit(self, other)
+
+    veneer.new, veneer.mutate, compiler.visit = new, mutate, visit
+    translator.executeCodeIn, scenario._inherit = execute, inherit
+    try:
+        yield
+    finally:
+        compiling = False
+        veneer.new, veneer.mutate, compiler.visit = scenics_new, scenics_mutate, scenics_visit
+        translator.executeCodeIn, scenario._inherit = scenics_execute, scenics_inherit

@@ -148,11 +148,11 @@ def test_the_rules_of_a_trial_are_the_documented_ones(carsim_limits: CarsimLimit
     assert rules.stuck_turn_rad == pytest.approx(0.0349, abs=0.0002)
 
 
-def answer_of(binary: Path, body: dict[str, Any], terrain: list[dict[str, Any]]) -> dict[str, Any]:
+def answer_of(binary: Path, body: dict[str, Any], terrain: list[dict[str, Any]], **scene: Any) -> dict[str, Any]:
     """The answer to half a second of a run, in a batch that must not be killed by a signal."""
-    scene = {**empty_scene(goal_x_m=1.0), "terrain": terrain}
+    scene = {**empty_scene(goal_x_m=1.0), "terrain": terrain, **scene}
     run = {"id": "r", "body": "b", "scene": "s", "speed_m_s": 5.0, "time_limit_s": 0.5}
-    lines = [{"body": {"id": "b", **body}}, {"scene": {"id": "s", **scene}}, {"run": run}]
+    lines = [{"body": {**body, "id": "b"}}, {"scene": {**scene, "id": "s"}}, {"run": run}]
     text = "".join(json.dumps(line) + "\n" for line in lines)
     done = subprocess.run([binary, "batch"], input=text, capture_output=True, text=True, timeout=300)
     assert done.returncode in (0, 2), done.stderr
@@ -161,25 +161,32 @@ def answer_of(binary: Path, body: dict[str, Any], terrain: list[dict[str, Any]])
 
 
 def test_a_car_that_flies_apart_on_flat_ground_is_a_failed_run(carsim_binary: Path) -> None:
-    body = deepcopy(car_body())
-    body["track_m"] = 0.005
-    body["segments"][0] |= {"mass_kg": 50.0, "com_x_m": -0.021, "pitch_inertia_kg_m2": 1.8e-6}
-    body["wheels"] = [deepcopy(body["wheels"][0]) for _ in range(4)]
-    # x, radius, mass, stall torque and rotor inertia of each wheel, SI units.
-    odd = [
-        (0.00067, 0.025, 0.012, 50.0, 2e-4), (0.00067, 0.061, 0.012, 0.134, 0.011),
-        (-0.16, 0.06, 11.0, 0.134, 0.081), (-0.16, 0.021, 0.012, 47.0, 45.0),
+    segment = {
+        "x_m": 0.0, "length_m": 0.2, "width_m": 0.095, "height_m": 0.05, "center_z_m": 0.0, "mass_kg": 50.0,
+        "com_x_m": -0.021, "com_y_m": 0.0, "com_z_m": 0.004, "roll_inertia_kg_m2": 2e-4,
+        "pitch_inertia_kg_m2": 1.8e-6, "yaw_inertia_kg_m2": 7.3e-4, "grip": 0.58,
+    }  # fmt: skip
+    servo = {
+        "no_load_speed_rad_s": 11.5, "rated_v": 5.2, "stall_current_a": 0.7, "no_load_current_a": 0.11,
+        "neutral_us": 1500, "deadband_us": 45, "saturation_us": 200,
+    }  # fmt: skip
+    # Side, x, radius, mass, stall torque, rotor inertia of each wheel.
+    wheels = [
+        {
+            "channel": channel, "segment": 0, "side": side, "x_m": x_m, "radius_m": radius_m, "width_m": 0.012,
+            "mass_kg": mass_kg, "grip": 1.0, "eccentricity_m": 0.0, "eccentricity_phase_rad": 0.0,
+            "servo": {**servo, "stall_torque_n_m": torque_n_m, "rotor_inertia_kg_m2": rotor_kg_m2,
+                      "direction": 1 if side == "left" else -1},
+        }
+        for channel, (side, x_m, radius_m, mass_kg, torque_n_m, rotor_kg_m2) in enumerate([
+            ("left", 0.00067, 0.025, 0.012, 50.0, 2e-4), ("right", 0.00067, 0.061, 0.012, 0.134, 0.011),
+            ("left", -0.16, 0.06, 11.0, 0.134, 0.081), ("right", -0.16, 0.021, 0.012, 47.0, 45.0),
+        ])
     ]  # fmt: skip
-    for channel, (wheel, (x_m, radius_m, mass_kg, torque_n_m, inertia_kg_m2)) in enumerate(
-        zip(body["wheels"], odd, strict=True)
-    ):
-        side, direction = (("left", 1), ("right", -1))[channel % 2]
-        wheel |= {"channel": channel, "side": side, "x_m": x_m, "radius_m": radius_m, "mass_kg": mass_kg}
-        wheel["servo"] |= {
-            "direction": direction, "stall_torque_n_m": torque_n_m, "rotor_inertia_kg_m2": inertia_kg_m2
-        }  # fmt: skip
+    body = {"segments": [segment], "hinges": [], "track_m": 0.005, "wheels": wheels, "supply_v": 5.2}
+    start = {"x_m": 0.0, "y_m": 0.0, "heading_rad": -1.8}
 
-    answer = answer_of(carsim_binary, body, [])
+    answer = answer_of(carsim_binary, body, [], friction=1.1, start=start)
 
     assert answer["error"]["message"] == "the simulation left the finite numbers"
 

@@ -69,10 +69,14 @@ class Family:
         defaults = {key: float(parameters()[key].declared.default_value) for key in values}
         # Beside defaults for the values beyond their limits: what is wrong whatever takes their place.
         tried, others = {**values, **{key: defaults[key] for key in beyond}}, dict[str | None, DesignError]()
-        while (error := self._first_error(tried)) is not None and error.parameter not in others:
-            others[error.parameter] = error
-            if error.parameter in defaults:
-                tried[error.parameter] = defaults[error.parameter]
+        while (error := self._first_error(tried)) is not None:
+            key = error.parameter
+            if key not in values or tried[key] == parameters()[key].declared.maximum:
+                others.setdefault(key, error)
+                break
+            # The default may be too short for the parts as well.
+            tried[key] = parameters()[key].declared.maximum if key in others else defaults[key]
+            others.setdefault(key, error)
         # At the limits the parts around may ask for more.
         for key, (first, limit) in beyond.items():
             error = self._first_error({**tried, key: limit})

@@ -71,7 +71,7 @@ class Family:
         tried, others = {**values, **{key: defaults[key] for key in beyond}}, dict[str | None, DesignError]()
         while (error := self._first_error(tried)) is not None:
             key = error.parameter
-            if key not in values or tried[key] == parameters()[key].declared.maximum:
+            if key is None or key not in values or tried[key] == parameters()[key].declared.maximum:
                 others.setdefault(key, error)
                 break
             # The default may be too short for the parts as well.

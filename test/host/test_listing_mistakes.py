@@ -35,12 +35,16 @@ def test_the_published_listing_says_all_that_must_change_and_runs_then(tmp_path:
 
     assert said.returncode == 2
     assert said.stderr.splitlines() == [
-        "foldcar: error: l.json: 3 mistakes:",
+        "foldcar: error: l.json: 4 mistakes:",
         '  experiments.3.veh_id: "5" is not among vehicles: 1',
-        "  vehicles.1.params.3.W.length: 40 is below the minimum 45.1 (the opening and screws of one servo)",
+        "  vehicles.1.params.3.W.length: 40 is below the minimum 45.1 (the opening and screws of one servo); "
+        "at that limit: 45.1 is below the minimum 59.3 (a segment of its own: one FS90R servo and the cap's tabs)",
+        "  vehicles.1.params.1.B.length: 60 is below the minimum 111.3 (the battery behind the boards at height 36)",
         "  environments.4.scenic_filename: middle_hill.scenic is not a file",
     ]
-    text = text.replace('"veh_id": 5', '"veh_id": 1').replace('"length":40', '"length":45.1')
+    for before, after in (('"veh_id": 5', '"veh_id": 1'), ('h":40', 'h":59.3'), ('h":60', 'h":111.3')):
+        assert text.count(before) == 1
+        text = text.replace(before, after)
     listing.write_text(text)
     (tmp_path / "middle_hill.scenic").write_text(MIDDLE_HILL)
     done = foldcar("sweep", "l.json", "--store", "s.db", "--jobs", "1")

@@ -158,17 +158,16 @@ def compose(type_string: str, values: Mapping[str, float]) -> Design:
     return design
 
 
-def design_errors(type_string: str, values: Mapping[str, float]) -> tuple[list[DesignError], dict[str, float]]:
-    """An error for every value beyond its limits; and the values, those moved to the nearest limit."""
-    letters, errors, possible = modules_of(type_string), [], dict(values)
-    for key, parameter in parameters().items():
-        if parameter.modules.isdisjoint(letters) or key not in values:
-            continue
-        complaint = parameter.declared.complaint(values[key])
+def design_errors(type_string: str, values: Mapping[str, float]) -> dict[str, tuple[DesignError, float]]:
+    """For every value beyond its limits, by key: the error, and the limit."""
+    letters, errors = modules_of(type_string), {}
+    for key, value in values.items():
+        declared = parameters()[key].declared
+        complaint = None if parameters()[key].modules.isdisjoint(letters) else declared.complaint(value)
         if complaint:
-            errors.append(DesignError(key, complaint))
-            possible[key] = min(max(values[key], parameter.declared.least), parameter.declared.maximum)
-    return errors, possible
+            limit = declared.maximum if value > declared.maximum else declared.least
+            errors[key] = (DesignError(key, complaint), limit)
+    return errors
 
 
 def _check_limits(design: Design) -> None:

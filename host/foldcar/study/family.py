@@ -60,21 +60,36 @@ class Family:
 
     def _error(self, values: tuple[float, ...]) -> DesignError | None:
         if values not in self._checked:
-            self._checked[values] = None
-            try:
-                folded_car(compose(self.type, dict(zip(self.choices, values, strict=True))))
-            except DesignError as error:
-                self._checked[values] = error
+            self._checked[values] = self._first_error(dict(zip(self.choices, values, strict=True)))
         return self._checked[values]
 
     def _errors(self, values: Mapping[str, float]) -> list[DesignError]:
-        """All that is wrong with a design: values beyond their limits, and what is wrong with them at their limits."""
-        errors, possible = design_errors(self.type, values)
+        """All that is wrong with a design: the values beyond their limits, and what is wrong beside them."""
+        beyond = design_errors(self.type, values)
+        defaults = {key: float(parameters()[key].declared.default_value) for key in values}
+        # Beside defaults for the values beyond their limits: what is wrong whatever takes their place.
+        tried, others = {**values, **{key: defaults[key] for key in beyond}}, dict[str | None, DesignError]()
+        while (error := self._first_error(tried)) is not None:
+            key = error.parameter
+            if key is None or key not in values or tried[key] == parameters()[key].declared.maximum:
+                others.setdefault(key, error)
+                break
+            # The default may be too short for the parts as well.
+            tried[key] = parameters()[key].declared.maximum if key in others else defaults[key]
+            others.setdefault(key, error)
+        # At the limits the parts around may ask for more.
+        for key, (first, limit) in beyond.items():
+            error = self._first_error({**tried, key: limit})
+            if error is not None and error.parameter == key:
+                beyond[key] = (DesignError(key, f"{first.message}; at that limit: {error.message}"), limit)
+        return [*(error for error, _ in beyond.values()), *others.values()]
+
+    def _first_error(self, values: Mapping[str, float]) -> DesignError | None:
         try:
-            folded_car(compose(self.type, possible))
+            folded_car(compose(self.type, values))
         except DesignError as error:
-            errors.append(error)
-        return errors
+            return error
+        return None
 
     def _listing_error(self, mistakes: list[tuple[str, str]]) -> ListingError:
         origin, message = mistakes[0]

@@ -85,6 +85,12 @@ def _number(raw: Any) -> float:
     return float(raw)
 
 
+def _spread(raw: Any) -> Any:
+    if raw is not None and not isinstance(raw, str | dict):
+        raise ValueError(f"{raw!r} is neither the name of a spread nor an object of spreads")
+    return raw
+
+
 Values = Annotated[tuple[float, ...], BeforeValidator(_values)]
 Identifier = Annotated[str, BeforeValidator(lambda raw: str(raw) if type(raw) is int else raw)]
 
@@ -106,7 +112,7 @@ class ExperimentParams(Strict):
     environments: int = Field(1, ge=1, le=MOST_ENVIRONMENTS)
     speed: float | None = Field(None, gt=0, le=5)
     yaw_rate: float = Field(0.0, ge=-20, le=20)
-    variation: str | dict[str, Any] | None = None
+    variation: Annotated[str | dict[str, Any] | None, BeforeValidator(_spread)] = None
     variation_seed: int | None = Field(None, ge=0, le=GREATEST_SEED)
 
     @model_validator(mode="after")

@@ -173,12 +173,13 @@ def beside(tmp_path: Path, carsim_binary: Path) -> Iterator[tuple[ScenicRunner, 
 
 
 def simulator_of(worker: int, other_than: int = 0) -> int:
-    """The carsim that a Scenic worker has started, once it has."""
+    """The carsim that a Scenic worker's copy for a run has started, once it has."""
     deadline_s = time.monotonic() + WAIT_S
     while time.monotonic() < deadline_s:
-        if found := children(worker) - {other_than}:
-            (process,) = found
-            return process
+        for run in (run for sample in children(worker) for run in children(sample)):
+            if found := children(run) - {other_than}:
+                (process,) = found
+                return process
         time.sleep(0.01)
     pytest.fail("the worker has started no carsim")
 

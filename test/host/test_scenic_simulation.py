@@ -161,6 +161,28 @@ def test_terminate_after_is_exact(run: Run, limit: str, elapsed_s: float) -> Non
     assert times == sorted(set(times))
 
 
+@pytest.mark.parametrize("ending", ["terminate when ego.position.x > 0.35", "terminate after 0.8 seconds"])
+def test_requirements_are_decided_at_the_look_and_the_time_is_exact(run: Run, ending: str) -> None:
+    """The car is 1 cm further at the look that ends the run, and was not at the moment of the ending."""
+    eventually = "require eventually ego.position.x > {} as goal\nrecord ego.position.x as x\n"
+    exact = run(f"{HEAD}{ending}\nrecord ego.position.x as x\nrecord final ego.position.x as end\n")
+    looks = run(f"{HEAD}{eventually.format(value(exact, 'end') + 0.01)}{ending}\n")
+    assert (looks["outcome"], looks["elapsed_time_s"]) == ("terminated", exact["elapsed_time_s"])
+    assert value(looks, "x")[-1] == [exact["elapsed_time_s"], value(exact, "end")]
+    assert exact["elapsed_time_s"] % 0.25 > 0.01
+    assert run(f"{HEAD}{eventually.format(value(exact, 'end') + 0.3)}{ending}\n")["outcome"] == "rejected"
+
+
+def test_the_condition_that_held_first_is_the_reason(tmp_path: Path, stepped: SteppedCarsim) -> None:
+    program = tmp_path / "program.scenic"
+    program.write_text(f"{HEAD}terminate when ego.position.x > 0.42\nterminate when ego.position.x > 0.4\n")
+    source = open_environment(program, {}, 1)
+    scene = source.scenic_scene(0)
+    described = json.dumps(source.describe(scene, 0))
+    simulation = CarSimulator(stepped, *car(), lambda _: described).simulate(scene)
+    assert simulation.result.terminationReason == "termination condition on line 4"
+
+
 def test_terminate_simulation_when(run: Run) -> None:
     when = run(f"{HEAD}terminate when ego.position.x > 0.4\n")
     simulation_when = run(f"{HEAD}terminate simulation when ego.position.x > 0.4\n")

@@ -1,5 +1,6 @@
 """Sweeps of dynamic programs: worker processes, the store, the export."""
 
+import contextlib
 import csv
 import json
 import sqlite3
@@ -14,7 +15,10 @@ from foldcar.scenes.source import open_environment
 from foldcar.simulation import scenic_worker
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_step import SteppedCarsim
+from foldcar.simulation.own_code import may_change_state
 from foldcar.simulation.results import Result
+from foldcar.simulation.runner import RunRequest
+from foldcar.simulation.scenic_runner import ScenicRunner
 from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import Progress, sweep
@@ -108,16 +112,73 @@ def test_recorded_values_reach_store_and_export(
         assert json.loads(row["recorded_end"]) == recorded["end"]["value"]
 
 
-def test_runs_do_not_know_of_each_other_and_rows_do_not_depend_on_jobs(
+# Each changes something and records how often that was done, this run included.
+LEAKS = {
+    "a list": "seen = []\ndef noted():\n    seen.append(1)\n    return len(seen)\nrecord final noted() as count\n",
+    "a list in a list": (
+        "seen = [[]]\ndef noted():\n    seen[0].append(1)\n    return len(seen[0])\nrecord final noted() as count\n"
+    ),
+    "an attribute": (
+        "post = new Marker at (0.3, 0.3), with name 1\nmonitor M():\n    post.name += 1\n    wait\n"
+        "require monitor M()\nrecord final post.name - 1 as count\nrecord final len(simulation().objects) as objects\n"
+    ),
+    "a list in an attribute": (
+        "post = new Marker at (0.3, 0.3), with name []\nmonitor M():\n    post.name.append(1)\n    wait\n"
+        "require monitor M()\nrecord final len(post.name) as count\n"
+    ),
+    "a parameter": (
+        "param seen = [0]\nmonitor M():\n    globalParameters.seen[0] += 1\n    wait\nrequire monitor M()\n"
+        "record final globalParameters.seen[0] as count\n"
+    ),
+    "an iterator": "import itertools\nnumbers = itertools.count(1)\nrecord final numbers.__next__() as count\n",
+    "a module": (
+        "import colorsys\ncolorsys.seen = 0\nmonitor M():\n    colorsys.seen += 1\n    wait\n"
+        "require monitor M()\nrecord final colorsys.seen as count\n"
+    ),
+    "while sampling": (
+        "seen = []\ndef noted(x):\n    seen.append(x)\n    return True\nrequire noted(ego.position.x)\n"
+        "record final len(seen) as count\n"
+    ),
+}
+SETUP = (
+    "model model\nmonitor M(seen):\n    seen.append(1)\n    wait\n"
+    "scenario Main():\n    setup:\n        ego = new Robot at (Range(0, 0.02), 0), facing -90 deg\n"
+    "        new Goal at (0.8, 0), facing -90 deg\n        seen = []\n        require monitor M(seen)\n"
+    "        record final len(seen) as count\n    compose:\n        while True:\n            wait\n"
+)
+
+
+@pytest.mark.parametrize("text", [*(HEAD + GOAL + leak for leak in LEAKS.values()), SETUP], ids=[*LEAKS, "setup"])
+def test_a_run_begins_as_if_it_were_the_first(
+    listing_data: Any, write_listing: WriteListing, program: Path, carsim_binary: Path, text: str
+) -> None:
+    """Three runs of one worker, the samples in any order, and each in a worker of its own."""
+    program.write_text(text)
+    listing_data["environments"]["1"]["scenic_filename"] = program.name
+    (experiment,) = read_study(write_listing(listing_data)).experiments
+    design = next(iter(experiment.family))
+    body = body_json(design)
+    settings = json.dumps(experiment.settings(design, body, Carsim(carsim_binary).parameter_table()))
+    source = open_environment(program, {}, 42)
+    scenes = {str(k): json.dumps(source.sample(k)) for k in range(2)}
+
+    def answers(*samples: int) -> list[dict[str, Any]]:
+        requests = [RunRequest("b", str(k), settings, "a run", k) for k in samples]
+        with contextlib.closing(ScenicRunner(program, {}, 42, None, carsim_binary)) as runner:
+            return runner.run({"b": json.dumps(body)}, scenes, requests)
+
+    first, again, other = answers(0, 0, 1)
+    assert first["recorded"]["count"]["value"] == 1
+    assert again == first
+    assert [other, first] == answers(1, 0)
+
+
+def test_rows_do_not_depend_on_jobs(
     tmp_path: Path, listing: Path, program: Path, carsim_binary: Path
 ) -> None:
-    """The program changes a list and a global variable: each run starts with their values after compiling."""
-    counting = (
-        "import random\nseen = []\n"
-        "def noted(x):\n    seen.append(x)\n    return len(seen)\n"
-        "record final noted(1) as count\nrecord final random.random() as chance\n"
+    program.write_text(
+        HEAD + GOAL + "import random\n" + LEAKS["a list in an attribute"] + "record final random.random() as chance\n"
     )
-    program.write_text(HEAD + GOAL + counting)
     counts, one = swept(listing, tmp_path / "one.db", carsim_binary, jobs=1)
     swept(listing, tmp_path / "two.db", carsim_binary, jobs=2)
     assert counts.failed == 0
@@ -126,6 +187,49 @@ def test_runs_do_not_know_of_each_other_and_rows_do_not_depend_on_jobs(
     assert len({values["chance"]["value"] for values in recorded}) == 3
     assert shown(tmp_path / "one.db", "*") == shown(tmp_path / "two.db", "*")
     assert len(one) == 6
+
+
+def test_a_violated_precondition_rejects_its_own_run_only(
+    tmp_path: Path, listing: Path, program: Path, carsim_binary: Path
+) -> None:
+    program.write_text(
+        "model model\nscenario Main():\n    precondition: ego.position.x > 0.005\n    setup:\n"
+        "        ego = new Robot at (Range(0, 0.02), 0), facing -90 deg\n        record final 1 as one\n"
+        "    compose:\n        while ego.position.x < 0.1:\n            wait\n"
+    )
+    counts, results = swept(listing, tmp_path / "s.db", carsim_binary, jobs=1)
+    starts = {k: one["start"]["x_m"] for k in range(3) if (one := open_environment(program, {}, 42).sample(k))}
+    assert counts.failed == 0
+    assert {r.outcome for r in results} == {"rejected", "terminated"}
+    for sample, outcome in shown(tmp_path / "s.db", "sample, outcome"):
+        assert outcome == ("terminated" if starts[sample] > 0.005 else "rejected")
+
+
+def test_only_programs_that_may_change_something_pay_for_copies(program: Path) -> None:
+    for harmless in (
+        "terminate when (distance from ego to (1, 0)) <= 0.05\nrecord final simulation().currentRealTime as t\n",
+        "import math\ndef near(x):\n    y = x + 1\n    return (Normal(y, 0.1), math.sqrt(y))\nx = near(1)\n",
+        "monitor M(limit):\n    while abs(ego.roll) < limit:\n        wait\n    terminate simulation\n"
+        "require monitor M(30 deg)\n",
+    ):
+        program.write_text(HEAD + GOAL + harmless)
+        assert not may_change_state(program)
+    for statement in (
+        *LEAKS.values(),
+        "x = []\nabs = x.append\nrecord abs(1) as y\n",
+        "x = []\ndef f(abs):\n    abs(1)\n    return 1\nrecord f(x.append) as y\n",
+        "x = []\ndef f():\n    y = x\n    y += [1]\n    return 1\nrecord f() as y\n",
+        "x = (y for y in [1, 2])\nrecord 1 in x as y\n",
+        "monitor M():\n    x = 1\n    wait\nrequire monitor M()\n",
+        "behavior B():\n    wait\nnew Marker at (1, 0), with behavior B()\n",
+        "record open('x') as y\n",
+    ):
+        program.write_text(HEAD + GOAL + statement)
+        assert may_change_state(program)
+    program.write_text(HEAD + GOAL)
+    assert not may_change_state(program)
+    program.with_name("model.scenic").write_text("model model\n")
+    assert may_change_state(program)
 
 
 def test_a_program_that_fails_in_some_runs_is_those_runs_result(
@@ -154,8 +258,8 @@ def test_a_program_that_loops_while_the_car_drives_fails_after_its_time(
     settings = experiment.settings(design, body, Carsim(carsim_binary).parameter_table())
     texts = {"body": json.dumps(body), "scene": json.dumps(scene), "settings": json.dumps(settings)}
     opening = {"program": str(program), "params": {}, "seed": 42, "condition": None}
-    with SteppedCarsim(carsim_binary) as carsim:
-        answer = scenic_worker.ScenicWorker(opening, carsim).answer({**texts, "sample": 0})
+    with scenic_worker.ScenicWorker(opening, lambda _: SteppedCarsim(carsim_binary)) as worker:
+        answer = worker.answer({**texts, "sample": 0})
     assert answer == {"error": f"{program}: sample 0: running takes longer than the limit of 0.5 s"}
 
 

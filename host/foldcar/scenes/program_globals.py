@@ -1,32 +1,9 @@
-"""The global variables of a compiled Scenic program: the objects they name, and their values before a run.
+"""The global variables of a compiled Scenic program: the objects they name.
 
-Input: a compiled scenario. Output: its names, and a snapshot to restore. A program's monitors and functions may change
-globals during a simulation; each run starts with the values after compiling, so that it does not depend on earlier runs.
+Input: a compiled scenario. Output: its names and their values.
 """
 
 from typing import Any
-
-
-class ProgramGlobals:
-    """A snapshot of a program's globals; lists, dicts and sets are copied."""
-
-    def __init__(self, scenario: Any) -> None:
-        self._namespace = namespace(scenario)
-        self._values = dict(self._namespace)
-        # `__builtins__` and similar names belong to the interpreter and are shared by all modules.
-        own = (value for name, value in self._values.items() if not name.startswith("__"))
-        self._contents = [(value, value.copy()) for value in own if type(value) in (list, dict, set)]
-
-    def restore(self) -> None:
-        """Restore the globals to the snapshot."""
-        self._namespace.clear()
-        self._namespace.update(self._values)
-        for container, content in self._contents:
-            container.clear()
-            if isinstance(container, list):
-                container.extend(content)
-            else:
-                container.update(content)
 
 
 def namespace(scenario: Any) -> dict[str, Any]:

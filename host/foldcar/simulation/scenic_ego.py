@@ -31,7 +31,7 @@ class ShownEgo:
         # The copy represents the ego during a simulation; writing its dictionary bypasses Scenic's proxy.
         self._copy = object.__getattribute__(ego, "_dynamicProxy")
         own: Any = type(ego)
-        object.__setattr__(self._copy, "__class__", _shown_class(own))
+        object.__setattr__(self._copy, "__class__", shown_class(own))
         self._attributes = self._copy.__dict__
         self._caches = {CACHE_PREFIX + name for name in own._cache_clearers}
         self._z_offset_m = float(ego.position.z) - start.z_m
@@ -86,7 +86,7 @@ class _OrientationWhenRead:
 
 
 @functools.lru_cache(maxsize=8)
-def _shown_class(own: Any) -> Any:
+def shown_class(own: Any) -> Any:
     """A subclass of the ego's class with orientations computed when read; it inherits the defaults of its properties."""
     return type(own.__name__, (own,), {"_defaults": own._defaults, "orientation": _OrientationWhenRead()})
 

@@ -8,6 +8,7 @@ simulation a process at a time, hence one worker for each call under way; each c
 import contextlib
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -138,7 +139,8 @@ class _Worker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             encoding="utf-8",
-            env={**os.environ, "PYTHONPATH": path},
+            # Threads for linear algebra would do nothing but make every copy of the process slower.
+            env={**os.environ, "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1"},
             start_new_session=True,
         )
 
@@ -157,7 +159,7 @@ class _Worker:
 
     def stop(self) -> None:
         self._stopped = True
-        self._process.kill()
+        self._kill_all()
 
     def close(self) -> None:
         for pipe in (self._process.stdin, self._process.stdout):
@@ -178,7 +180,15 @@ class _Worker:
             answer: dict[str, Any] = json.loads(reply)
             return answer
         self._opened = False
+        self._kill_all()
         return_code = self._process.wait()
         if self._stopped:
             raise CarsimError("stopped")
         return {"error": f"the process that simulates with Scenic died ({process_ending(return_code)})"}
+
+    def _kill_all(self) -> None:
+        """Kill the process with its copies and simulators, which are the process group of its session."""
+        if self._process.returncode is not None:
+            return
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)

@@ -14,17 +14,19 @@ from typing import Any
 
 from scenic.core.distributions import RejectionException
 from scenic.core.dynamics import GuardViolation, RejectSimulationException
-from scenic.core.requirements import RequirementType
-from scenic.core.simulators import Simulation, SimulationCreationError, Simulator
+from scenic.core.object_types import setDynamicProxyFor
+from scenic.core.simulators import Simulation, SimulationCreationError, Simulator, TerminationType
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.success import VERDICT
 from foldcar.simulation.carsim_step import State, SteppedTrial
-from foldcar.simulation.recorded_values import to_json
+from foldcar.simulation.outer_step import OUTER_STEP_S, outer_step_s
 from foldcar.simulation.scenic_ego import ShownEgo
+from foldcar.simulation.scenic_endings import Moment, NativeEnding, TracedEnding
+from foldcar.simulation.scenic_records import Records, refuse_misplaced
+from foldcar.simulation.scenic_things import WatchedThing, dynamic_copy
 
-OUTER_STEP_S = 0.25
-OUTER_STEP_LIMITS_S = (1 / 240, 60.0)
+ROUNDING_S = 1e-9
 
 Result = dict[str, Any]
 
@@ -61,7 +63,7 @@ class CarSimulator(Simulator):  # type: ignore[misc]
         def start() -> Any:
             return self._carsim.start(self._body, scene_text, self._settings)
 
-        return CarSimulation(scene, carsim=self._carsim, start=start, timestep=_outer_step(timestep), **options)
+        return CarSimulation(scene, carsim=self._carsim, start=start, timestep=outer_step_s(timestep), **options)
 
     def run(self, scene: Any) -> Result:
         """One run's result as carsim gives it, with ``recorded`` and two more outcomes.
@@ -75,7 +77,7 @@ class CarSimulator(Simulator):  # type: ignore[misc]
                 scene, maxSteps=None, name="run", timestep=None, enableReplay=False
             )
         except (RejectSimulationException, RejectionException, GuardViolation) as rejection:
-            _refuse_misplaced(scene.dynamicScenario)
+            refuse_misplaced(scene.dynamicScenario)
             return _result(rejection.simulation, "rejected")
         ended_itself = simulation.run_result is not None and simulation.run_result["outcome"] == "terminated"
         if ended_itself and self._has_passed(simulation):
@@ -99,23 +101,28 @@ class CarSimulation(Simulation):  # type: ignore[misc]
     program recorded, as plain JSON.
     """
 
+    objects: list[Any]
+    timestep: float
+
     def __init__(
         self, scene: Any, *, carsim: SteppedTrial, start: Callable[[], Any], timestep: float, **options: Any
     ) -> None:
         self.run_result: Result | None = None
-        self.recorded: dict[str, dict[str, Any]] = {}
         self._carsim = carsim
         self._start_trial = start
         self._state: State | None = None
         self._native: Result | None = None
-        self._row: int | None = None  # of the last advance, if it is not its end that is shown
-        self._steps: float = 0
-        self._ending: Any = None  # the condition of the program that holds in the state that is shown
+        self._steps: float = 0.0
+        self._begun: tuple[float, float] = (0.0, 0.0)  # time (s) and steps at the last look but one
+        self._moment: Moment | None = None  # the ending's, if it lies before the last look
+        self._things: list[WatchedThing] = []
         super().__init__(scene, timestep=timestep, **options)
-        # Known only now: records are evaluated after the simulation's end.
-        for name, value in self.result.records.items():
-            if name not in self.recorded:
-                self.recorded[name] = {"kind": "final", "value": to_json(value, name)}
+        self._records.finish()
+
+    @property
+    def recorded(self) -> dict[str, dict[str, Any]]:
+        """What the program recorded, see scenic_records."""
+        return self._records.plain
 
     @property
     def currentTime(self) -> float:  # noqa: N802
@@ -132,26 +139,41 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         return 0.0 if self._state is None else self._state.t_s
 
     def setup(self) -> None:
-        """Put the car down and register what can change: the ego, and what has a behavior or senses."""
+        """Put the car down and create all objects of the scene."""
         self.agents: list[Any] = []
         scenario = self.scene.dynamicScenario
-        # Scenic leaves those that were running when the last simulation was ended from outside.
+        # Scenic leaves these as they were when the last simulation was ended from outside or by a precondition.
         scenario._subScenarios = []
+        scenario._isRunning = False
         advanced = self._start_trial()
         ego = self.scene.egoObject
         for thing in self.scene.objects:
-            if thing is ego or thing.behavior or thing.sensors:
-                self._createObject(thing)
+            self._createObject(thing)
         self._ego = ShownEgo(ego, advanced.state)
         self._native = advanced.result
         self._show(advanced.state, 0)
-        self._conditions = tuple(scenario._terminationConditions)
-        self._simulation_conditions = tuple(scenario._terminateSimulationConditions)
-        scenario._terminateSimulationConditions = (*self._simulation_conditions, _NativeEnding(self))
-        if self._conditions and scenario._compose is None:
-            # Nothing runs between `step` and Scenic's own check, which would only repeat the evaluation.
-            self._ending = self._program_ending()
-            scenario._terminationConditions = (_ProgramEnding(self),)
+        self._records = Records(self.records)
+        when, simulation_when = (
+            tuple(TracedEnding(one, kind, self.trace_back) for one in conditions)
+            for kind, conditions in (
+                (TerminationType.scenarioComplete, scenario._terminationConditions),
+                (TerminationType.simulationTerminationCondition, scenario._terminateSimulationConditions),
+            )
+        )
+        self._endings = (*when, *simulation_when)
+        scenario._terminationConditions = when
+        scenario._terminateSimulationConditions = (*simulation_when, NativeEnding(lambda: self._native))
+
+    def _createObject(self, obj: Any) -> None:  # noqa: N802
+        """As Scenic does it, but with a copy that takes less time."""
+        self.objects.append(obj)
+        if obj.behavior:
+            self.agents.append(obj)
+        setDynamicProxyFor(obj, dynamic_copy(obj))
+        self.createObjectInSimulator(obj)
+        obj.startDynamicSimulation()
+        if obj is not self.scene.egoObject:
+            self._things.append(WatchedThing(obj))
 
     def createObjectInSimulator(self, obj: Any) -> None:  # noqa: N802
         """Scenic's hook. What the car meets is baked when it is put down, so only Markers can come later."""
@@ -163,83 +185,96 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             )
 
     def step(self) -> None:
-        """Advance to the end of the outer step, or to the moment within it at which the program ends the run."""
+        """Advance to the next look, or to the end of the trial before it."""
         assert self._state is not None
-        begun_s, begun_steps = self._state.t_s, self._steps
-        to_s = (begun_steps + 1) * self.timestep
-        limit_s = self._time_limit_s()
-        advanced = self._carsim.advance(min(to_s, limit_s))
+        self._begun = self._state.t_s, self._steps
+        to_s = (self._steps + 1) * self.timestep
+        advanced = self._carsim.advance(to_s)
         self._native = advanced.result
+        self._show(advanced.state, self._steps_at(advanced.state) if advanced.result else self._steps + 1)
+        if self._time_limit_s() < advanced.state.t_s - ROUNDING_S:
+            self.trace_back()
 
-        def show(state: State) -> None:
-            whole = state is advanced.state and advanced.result is None and to_s <= limit_s
-            self._show(state, begun_steps + (1 if whole else (state.t_s - begun_s) / self.timestep))
-
-        show(advanced.state)
-        self._ending = self._program_ending()
-        if self._ending is None:
+    def trace_back(self) -> None:
+        """Find the first moment since the last look but one at which the program ends the run."""
+        if self._moment is not None or self._steps == 0:
             return
+        assert self._state is not None
+        look, steps = self._state, self._steps
+        limit_s = self._time_limit_s() - ROUNDING_S
         for row, state in enumerate(self._carsim.rows()[:-1]):
-            show(state)
-            ending = self._program_ending()
-            if ending is not None:
-                self._ending, self._native, self._row = ending, None, row
-                return
-        show(advanced.state)
+            self._show(state, self._steps_at(state))
+            condition = next((one for one in self._endings if one.holds()), None)
+            if condition is not None or state.t_s >= limit_s:
+                self._moment = Moment(state, self._steps, row, condition)
+                break
+        self._show(look, steps)
+
+    def _run(self, scenario: Any, max_steps: int | None) -> Any:
+        """As Scenic does it; then show the moment of the ending, for what is recorded at the end."""
+        ending = super()._run(scenario, max_steps)
+        if self._moment is None:
+            return ending
+        # Scenic evaluates a `terminate simulation when` after the records.
+        if self._records.withdraw_after(self._moment.state.t_s):
+            self.trajectory.pop()
+            self.recordCurrentState()
+        self._show(self._moment.state, self._moment.steps)
+        return self._moment.ending
 
     def updateObjects(self) -> None:  # noqa: N802
-        """Nothing but the ego moves, and it is up to date; the first call comes when limits are known in steps."""
+        """The ego is up to date; Scenic updates what the program has changed of the others."""
+        changed = [thing for thing in self._things if thing.changed]
+        objects = self.objects
+        self.objects = [thing.object for thing in changed]
+        try:
+            super().updateObjects()
+        finally:
+            self.objects = objects
+        for thing in changed:
+            thing.settle()
         scenario = self.scene.dynamicScenario
         if self._steps == 0 and scenario._timeLimitInSteps is not None:
             # 1.1 s in steps of 0.1 s is a little more than 11 steps in floating-point numbers.
             scenario._timeLimitInSteps = round(scenario._timeLimitInSteps, 9)
 
     def getProperties(self, obj: Any, properties: set[str]) -> dict[str, Any]:  # noqa: N802
-        """Scenic's hook: the values that `updateObjects` has set."""
+        """Scenic's hook: what does not drive is where the program has put it."""
         return {name: getattr(obj, name) for name in properties}
 
     def recordCurrentState(self) -> None:  # noqa: N802
-        """Evaluate the program's records, and keep each value as it is now."""
-        scenario = self.scene.dynamicScenario
-        _refuse_misplaced(scenario)
-        if self.currentTime == 0:
-            for name, value in scenario._evaluateRecordedExprs(RequirementType.recordInitial, 0).items():
-                self.records[name] = value
-                self.recorded[name] = {"kind": "initial", "value": to_json(value, name)}
-        values = scenario._evaluateRecordedExprs(RequirementType.record, self.currentTime)
-        for name, value in values.items():
-            self.records[name].append((self.currentTime, value))
-            series = self.recorded.setdefault(name, {"kind": "series", "value": []})
-            series["value"].append([self.currentRealTime, to_json(value, name)])
+        """Evaluate the program's records at this look, or at the moment of the ending before it."""
+        assert self._state is not None
+        look, steps = self._state, self._steps
+        if self._moment is not None:
+            self._show(self._moment.state, self._moment.steps)
+        self._records.take(self.scene.dynamicScenario, self._steps, self._state.t_s)
         self.trajectory.append(self.currentState())
+        self._show(look, steps)
 
     def currentState(self) -> tuple[Any, ...]:  # noqa: N802
-        """Scenic's hook: the positions of all that moves."""
-        return (self._ego.position,)
+        """Scenic's hook: the positions of all objects, the ego's first."""
+        return (self._ego.position, *(thing.position for thing in self._things))
 
     def destroy(self) -> None:
         """Scenic's hook: called in any case once the simulation is over."""
         if self._state is None or not self._carsim.alive:
             return
-        if self._native is not None:
+        # A run that is rejected was so at the look, not at the moment of an ending before it.
+        if self._moment is not None and self.result is not None:
+            self.run_result = self._carsim.end(self._moment.row)
+        elif self._native is not None:
             self.run_result = self._native
         else:
-            row = self._row if self._row is not None else len(self._carsim.rows()) - 1
-            self.run_result = self._carsim.end(row)
+            self.run_result = self._carsim.end(len(self._carsim.rows()) - 1)
+
+    def _steps_at(self, state: State) -> float:
+        begun_s, begun_steps = self._begun
+        return begun_steps + (state.t_s - begun_s) / self.timestep
 
     def _show(self, state: State, steps: float) -> None:
         self._state, self._steps = state, steps
         self._ego.show(state)
-
-    def _program_ending(self) -> Any:
-        """The condition of the top-level scenario that ends the run in the state that is shown, or None."""
-        for condition in self._conditions:
-            if condition.evaluate():
-                return condition
-        for condition in self._simulation_conditions:
-            if condition.isTrue().is_truthy:
-                return condition
-        return None
 
     def _time_limit_s(self) -> float:
         """The top-level scenario's `terminate after`, which may lie within an outer step."""
@@ -250,48 +285,6 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         return float(scenario._timeLimit * unit_s)
 
 
-class _ProgramEnding:
-    """The program's `terminate when` conditions, as the simulation has evaluated them for the shown state."""
-
-    def __init__(self, simulation: CarSimulation) -> None:
-        self._simulation = simulation
-
-    def evaluate(self) -> bool:
-        return self._simulation._ending in self._simulation._conditions
-
-    def __str__(self) -> str:
-        return str(self._simulation._ending)
-
-
-class _NativeEnding:
-    """A `terminate simulation when` that holds once carsim has ended the trial."""
-
-    def __init__(self, simulation: CarSimulation) -> None:
-        self._simulation = simulation
-
-    def isTrue(self) -> "_NativeEnding":  # noqa: N802
-        return self
-
-    @property
-    def is_truthy(self) -> bool:
-        return self._simulation._native is not None
-
-    def __str__(self) -> str:
-        return f"the trial ended: {(self._simulation._native or {}).get('outcome')}"
-
-
-def _refuse_misplaced(scenario: Any) -> None:
-    """Refuse what Scenic 3.1 takes for a requirement when a running scenario invokes the one it stands in."""
-    for sub in scenario._subScenarios:
-        for statement in sub._temporalRequirements:
-            if statement.ty is not RequirementType.require:
-                raise FoldcarError(
-                    f"line {statement.line}: `{statement.ty.value}` has no effect in a scenario that another one "
-                    "invokes; it works in the top-level scenario, and so does `do … until …`"
-                )
-        _refuse_misplaced(sub)
-
-
 def _result(simulation: CarSimulation, outcome: str | None) -> Result:
     if simulation.run_result is None:
         raise FoldcarError("the simulation ended before the car was put down")
@@ -299,14 +292,3 @@ def _result(simulation: CarSimulation, outcome: str | None) -> Result:
     if outcome is not None:
         result["outcome"] = outcome
     return result
-
-
-def _outer_step(value: Any) -> float:
-    low, high = OUTER_STEP_LIMITS_S
-    try:
-        outer_step_s = float(value)
-    except (TypeError, ValueError):
-        raise FoldcarError(f"param outer_step_s: {value} is no number") from None
-    if not low - 1e-9 <= outer_step_s <= high:
-        raise FoldcarError(f"param outer_step_s: {value} is not within {low:.4g} to {high:g} s")
-    return outer_step_s

@@ -4,26 +4,33 @@ Input: JSON Lines. First what to open, {"program", "params", "seed", "condition"
 run, {"body", "scene", "settings": JSON texts, "sample"}. Output: one line each, {"ready": true} and then
 {"result": …}, {"error": message} for a run that failed, or {"refused": message} where the input is at fault. Ends with
 its input.
+
+A program may change anything that it reaches. Unless it is certain to change nothing, each sample is drawn in a copy of
+the process in the state after compiling, and each run takes place in a copy of that one: no run can depend on others.
 """
 
 import json
 import os
 import sys
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import Any, TextIO
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.program import one_line
-from foldcar.scenes.program_globals import ProgramGlobals
 from foldcar.scenes.source import SceneSource, open_environment, seeded
 from foldcar.scenes.time_limit import time_limit
 from foldcar.simulation.carsim_step import SimulatorDiedError, SteppedCarsim, SteppedTrial, TrialFailedError
+from foldcar.simulation.forked import Forked, answers_on
+from foldcar.simulation.own_code import may_change_state
 from foldcar.simulation.runner import CarsimError
 
 # Wall time of one run. The longest trial takes a few seconds: what exceeds this hangs.
 RUN_LIMIT_S = 120.0
+
+# Makes the engine from what to open.
+Engine = Callable[[dict[str, Any]], AbstractContextManager[SteppedTrial]]
 
 
 def main() -> None:
@@ -31,40 +38,84 @@ def main() -> None:
     serve(lambda opening: SteppedCarsim(Path(opening["binary"])))
 
 
-def serve(engine: Callable[[dict[str, Any]], AbstractContextManager[SteppedTrial]]) -> None:
-    """The same, with the engine that is made of what to open."""
+def serve(engine: Engine) -> None:
+    """The same with another engine than carsim."""
     # What a program prints must not get between the answers.
     with os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8") as output:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+        answers_on(output.fileno())
         opening = json.loads(sys.stdin.readline() or "null")
         if opening is None:
             return
-        with engine(opening) as carsim:
-            try:
-                worker = ScenicWorker(opening, carsim)
-            except FoldcarError as error:
-                _say(output, {"refused": str(error)})
-                return
+        try:
+            worker = ScenicWorker(opening, engine)
+        except FoldcarError as error:
+            _say(output, {"refused": str(error)})
+            return
+        with worker:
             _say(output, {"ready": True})
             for line in sys.stdin:
                 _say(output, worker.answer(json.loads(line)))
 
 
 class ScenicWorker:
-    """A compiled program beside a simulator. Raises FoldcarError if it cannot be opened."""
+    """A compiled program beside an engine. A context manager. Raises FoldcarError if the program cannot be opened."""
 
-    def __init__(self, opening: dict[str, Any], carsim: SteppedTrial) -> None:
+    def __init__(self, opening: dict[str, Any], engine: Engine) -> None:
         self._source: SceneSource = open_environment(
             Path(opening["program"]), opening["params"], opening["seed"], opening["condition"]
         )
-        self._carsim = carsim
-        self._globals = ProgramGlobals(self._source.scenario)
+        # What every run needs is done before the process is copied.
+        from foldcar.simulation.scenic_ego import shown_class
+        from foldcar.simulation.scenic_simulator import CarSimulator
+
+        ego_class: Any = type(self._source.scenario.egoObject)
+        shown_class(ego_class)
+        self._simulator = CarSimulator
+        self._passing = self._source.success.endings
+        self._opening = opening
+        self._engine = engine
+        self._copies = may_change_state(self._source.program)
+        self._open = ExitStack()
+        self._carsim: SteppedTrial | None = None
+        self._copy: Forked | None = None
         self._sample: int | None = None
         self._scene: Any = None
         self._described: dict[str, Any] = {}
 
+    def __enter__(self) -> "ScenicWorker":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._open.close()
+
     def answer(self, request: dict[str, Any]) -> dict[str, Any]:
-        """The answer to one run. A simulator that dies in it is given the run once more, in a new process."""
+        """The answer to one run."""
+        if not self._copies:
+            if self._carsim is None:
+                self._carsim = self._open.enter_context(self._engine(self._opening))
+            return self._answer(request)
+        if self._copy is None or self._sample != request["sample"]:
+            self._open.close()
+            self._copy = self._open.enter_context(Forked(self._answer_for_sample))
+            self._sample = request["sample"]
+        return self._copy.ask(request)
+
+    def _answer_for_sample(self, request: dict[str, Any]) -> dict[str, Any]:
+        """In the copy for one sample: draw it, unless that is done, and run in another copy."""
+        try:
+            self._open_sample(request["sample"])
+        except FoldcarError as error:
+            return {"refused": str(error)}
+        with Forked(self._answer_in_copy) as copy:
+            return copy.ask(request)
+
+    def _answer_in_copy(self, request: dict[str, Any]) -> dict[str, Any]:
+        with self._engine(self._opening) as self._carsim:
+            return self._answer(request)
+
+    def _answer(self, request: dict[str, Any]) -> dict[str, Any]:
+        """The answer in this process. A simulator that dies in it is given the run once more, in a new process."""
         try:
             try:
                 return {"result": self._run(request)}
@@ -76,8 +127,6 @@ class ScenicWorker:
             return {"refused": str(error)}
 
     def _run(self, request: dict[str, Any]) -> dict[str, Any]:
-        from foldcar.simulation.scenic_simulator import CarSimulator
-
         k = request["sample"]
         self._open_sample(k)
         if self._described != json.loads(request["scene"]):
@@ -85,16 +134,15 @@ class ScenicWorker:
                 f"{self._source.program}: sample {k} is another scene now than when it was stored: the program "
                 "depends on more than its parameters, its seed and the files beside it"
             )
-        simulator = CarSimulator(
+        assert self._carsim is not None
+        simulator = self._simulator(
             self._carsim,
             request["body"],
             request["settings"],
             lambda _: str(request["scene"]),
-            self._source.success.endings,
+            self._passing,
         )
         place = f"{self._source.program}: sample {k}"
-        # Each run begins like the first one, whatever ran in this process before.
-        self._globals.restore()
         try:
             with seeded(f"{self._source.seed}/{k}/run"), time_limit(RUN_LIMIT_S, "running"):
                 return simulator.run(self._scene)
@@ -105,12 +153,12 @@ class ScenicWorker:
             raise TrialFailedError(f"{place}: {one_line(error, self._source.program)}") from error
 
     def _open_sample(self, k: int) -> None:
-        if self._sample == k:
+        if self._sample == k and self._scene is not None:
             return
-        self._sample = None
-        self._scene = self._source.scenic_scene(k)
-        self._described = self._source.describe(self._scene, k)
-        self._sample = k
+        self._sample, self._scene = None, None
+        scene = self._source.scenic_scene(k)
+        self._described = self._source.describe(scene, k)
+        self._sample, self._scene = k, scene
 
 
 def _say(output: TextIO, answer: dict[str, Any]) -> None:

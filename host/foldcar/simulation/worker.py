@@ -14,11 +14,12 @@ def main() -> None:
     """Watch the output's reader and run the module that the command line names."""
     # The worker keeps this pipe under a number of its own: standard output itself is given to what programs print.
     output = os.dup(sys.stdout.fileno())
-    threading.Thread(target=_end_without_reader, args=(output,), daemon=True).start()
+    threading.Thread(target=end_without_reader, args=(output,), daemon=True).start()
     import_module(sys.argv[1]).main()
 
 
-def _end_without_reader(pipe: int) -> None:
+def end_without_reader(pipe: int) -> None:
+    """End this process once the other end of ``pipe``, on which it writes, is closed."""
     watched = select.poll()
     # Without requested events, what is reported is that the other end is closed.
     watched.register(pipe, 0)

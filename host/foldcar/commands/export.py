@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from foldcar.commands.simulated_trials_option import SimulatedTrials
 from foldcar.errors import FoldcarError
 
 
@@ -16,8 +17,9 @@ def export(
     ] = None,
     parquet: Annotated[Path | None, typer.Option(metavar="FILE", help="Parquet file to write.")] = None,
     trials: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="CSV file to write the trials of built cars to.")
+        Path | None, typer.Option(metavar="FILE", help="CSV file to write trials of built cars to.")
     ] = None,
+    simulated_trials: SimulatedTrials = False,
     folder: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder to write the whole store to, logs of trials included.")
     ] = None,
@@ -44,7 +46,10 @@ def export(
         if parquet is not None:
             typer.echo(f"{parquet}: {export_parquet(opened, parquet)} runs", err=True)
         if trials is not None:
-            typer.echo(f"{trials}: {export_trials(opened, trials)} trials", err=True)
+            count, left_out = export_trials(opened, trials, simulated_trials)
+            typer.echo(f"{trials}: {count} trials", err=True)
+            if left_out is not None:
+                typer.echo(f"{trials}: {left_out}", err=True)
         if folder is not None:
             manifest = export_folder(opened, folder, table_format)
             gone = [log for log, digest in manifest["logs"].items() if digest is None]

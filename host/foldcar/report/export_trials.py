@@ -1,4 +1,4 @@
-"""A store's trials as CSV: a row per trial, aborted ones too, a column for each parameter of their designs.
+"""A store's trials that count as CSV: a row per trial, aborted ones too, a column for each parameter of their designs.
 
 Input: an open Store. Output: a file, written whole or not at all. What is not known is an empty cell.
 """
@@ -9,6 +9,7 @@ import json
 from pathlib import Path
 
 from foldcar.atomic_file import atomic_file
+from foldcar.report.trial_selection import left_out_text, select_trials
 from foldcar.store.reader import Store
 
 BEFORE = ("id", "experiment", "vehicle_type")
@@ -26,16 +27,19 @@ AFTER = (
     "log",
     "log_sha256",
     "source",
+    "car",
+    "scenic_program",
     "corrections",
 )
 
 
-def export_trials(store: Store, file: Path) -> int:
-    """Write the trials as CSV atomically; returns the number of rows. FoldcarError.
+def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int, str | None]:
+    """Write trials of built cars, with ``simulated_trials`` of simulated ones too, as CSV atomically. FoldcarError.
 
-    Deviations are JSON: {name: [x in m, y in m, heading in rad]}.
+    Returns the number of rows and a sentence that says which trials are left out, None if all are there. Deviations
+    are JSON: {name: [x in m, y in m, heading in rad]}.
     """
-    trials = list(store.trials())
+    trials, left_out = select_trials(store.trials(), simulated_trials)
     design = list(dict.fromkeys(name for trial in trials for name in trial.design))
     with atomic_file(file) as binary:
         text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
@@ -51,4 +55,4 @@ def export_trials(store: Store, file: Path) -> int:
                 ]
             )
         text.detach()
-    return len(trials)
+    return len(trials), left_out_text(left_out)

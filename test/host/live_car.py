@@ -3,7 +3,9 @@
 import contextlib
 import json
 import subprocess
+import tempfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,8 @@ from foldcar.car.car_file import car_json
 from foldcar.car.design import compose
 from foldcar.link.simulated_car import SimulatedCar, simulated_car
 from foldcar.link.tlog import read_tlog
+from foldcar.scenes.scene_name import scene_name
+from foldcar.scenes.source import open_environment
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
 from study_car import empty_scene
@@ -38,18 +42,30 @@ def write_free_course(folder: Path) -> Path:
     return folder / "l.json"
 
 
+@cache
+def free_course_scene() -> dict[str, Any]:
+    """Sample 0 of the free course."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_free_course(Path(folder))
+        return open_environment(Path(folder) / "free.scenic", {}, 1).sample(0)
+
+
 @contextlib.contextmanager
 def car_at_port(
     binary: Path, width: float = 95.0, goal_x_m: float | None = 1.0, tcp: bool = False, **servo: float
 ) -> Iterator[SimulatedCar]:
-    """A simulated car with its goal at ``goal_x_m`` (m); ``servo`` sets the true values of all its servos."""
+    """A simulated car with its goal at ``goal_x_m`` (m), which says that it is in sample 0 of the free course.
+
+    ``servo`` sets the true values of all its servos.
+    """
     design = compose("W_B_W", {"width": width})
     body = body_json(design)
     for wheel in body["wheels"]:
         wheel["servo"].update(servo)
     scene = empty_scene(goal_x_m=goal_x_m)
     port = 0 if tcp else None
-    with simulated_car(binary, body, scene, car_json(design), 1.0, port, subprocess.PIPE) as car:
+    says = scene_name(free_course_scene(), 0)
+    with simulated_car(binary, body, scene, car_json(design), 1.0, port, subprocess.PIPE, says) as car:
         yield car
 
 

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.program import compile_program
-from foldcar.scenes.scene_json import scene_object
+from foldcar.scenes.scene_json import scene_with_obstacles
 from foldcar.scenes.source import open_environment
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
@@ -148,7 +148,7 @@ def test_box_corners_are_where_scenic_puts_them(tmp_path: Path) -> None:
         "goal = new Goal at (0, 0.9)\n"
     )
     scene, _ = compile_program(program, {}).generate()
-    converted = scene_object(scene, program, "turned")
+    converted, _ = scene_with_obstacles(scene, program, "turned")
     boxes = [thing for thing in scene.objects if type(thing).__name__ in ("Bump", "Step")]
     assert len(boxes) == len(converted["terrain"]) == 2
     for thing, box in zip(boxes, converted["terrain"], strict=True):

@@ -26,46 +26,8 @@ from foldcar.link.stream import open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, read_tlog
 from foldcar.mavlink_dialect import load_dialect
 from foldcar.trials.identity import least_tried
-from foldcar.trials.placement import instructions, names_of, obstacles, parse_deviation, placed
+from foldcar.trials.placement import parse_deviation
 from foldcar.trials.servo_edges import find_edges
-from study_car import empty_scene
-
-BOX = {"kind": "box", "heading_rad": 0.1, "length_m": 0.2, "width_m": 0.3, "height_m": 0.02}
-PYRAMID = [{**BOX, "x_m": 0.45, "y_m": 0.05}, {**BOX, "x_m": 0.45, "y_m": 0.05, "length_m": 0.1, "width_m": 0.1}]
-HOLE = {"kind": "pothole", "x_m": 0.9, "y_m": -0.05, "radius_m": 0.1, "depth_m": 0.02, "edge_m": 0.01}
-
-
-def test_what_stands_on_one_middle_is_one_obstacle() -> None:
-    scene = empty_scene([*PYRAMID, HOLE], goal_x_m=1.3)
-
-    assert [(o.letter, o.pieces) for o in obstacles(scene)] == [("A", (0, 1)), ("B", (2,))]
-    assert names_of(scene) == ["car", "A", "B"]
-    rows = {row[0]: row[1:] for row in instructions(scene)}
-    assert rows["car"][:3] == ("0", "0", "0.0")
-    assert rows["A"] == ("450", "50", "5.7", "box 200 × 300 × 20.0 mm; box 100 × 100 × 20.0 mm")
-    assert rows["B"] == ("900", "-50", "0.0", "hole 20.0 mm deep, radius 100 mm")
-    assert rows["goal"][0] == "1300"
-
-
-def test_the_27th_obstacle_is_AA() -> None:  # noqa: N802
-    scene = empty_scene([{**BOX, "x_m": k / 10, "y_m": 0.0} for k in range(28)])
-
-    assert [o.letter for o in obstacles(scene)][24:] == ["Y", "Z", "AA", "AB"]
-
-
-def test_deviations_move_an_obstacle_as_a_whole() -> None:
-    scene = empty_scene([*PYRAMID, HOLE])
-    moves = dict(parse_deviation(text, names_of(scene)) for text in ("A 10 -5 90", "car -2.5 0", "B 1 1 45"))
-
-    moved = placed(scene, moves)
-
-    for before, after in zip(scene["terrain"][:2], moved["terrain"][:2], strict=True):
-        assert after["x_m"] - before["x_m"] == pytest.approx(0.010)
-        assert after["y_m"] - before["y_m"] == pytest.approx(-0.005)
-        assert after["heading_rad"] - before["heading_rad"] == pytest.approx(math.pi / 2)
-    assert moved["terrain"][2]["x_m"] == pytest.approx(0.901) and "heading_rad" not in moved["terrain"][2]
-    assert moved["start"]["x_m"] == pytest.approx(-0.0025)
-    assert scene["terrain"][0]["x_m"] == 0.45
 
 
 @pytest.mark.parametrize(

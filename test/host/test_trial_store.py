@@ -3,7 +3,6 @@
 import csv
 import json
 import re
-import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +21,10 @@ PUBLISHED = Path(__file__).resolve().parents[2] / "scenarios" / "published_trial
 HEADER = "vehicle_type,width_mm,outcome,count,source\n"
 
 
-def begin(writer: TrialWriter, width_mm: float = 95, sample: int = 2) -> int:
-    drive = Drive({"id": "b"}, {"time_limit_s": 120}, {"friction": 0.6}, "fingerprint", sample)
+def begin(writer: TrialWriter, width_mm: float = 95, sample: int = 2, car: str | None = "built") -> int:
+    drive = Drive({"id": "b"}, {"time_limit_s": 120}, {"friction": 0.6}, "fingerprint", "bumps.scenic", sample)
     moved = {"A": (0.01, -0.02, 0.5)}
-    facts = CarFacts("0123", "abcd", "/dev/pts/7")
+    facts = CarFacts("0123", "abcd", "/dev/pts/7", car)
     return writer.begin("1", TrialDesign("W_B_W", {"width_mm": width_mm}), drive, moved, facts, "logs/t.tlog", "Ada")
 
 
@@ -36,7 +35,7 @@ def test_a_trial_is_aborted_until_it_is_completed(tmp_path: Path) -> None:
 
     with Store.open(tmp_path / "s.db") as store:
         trial = store.trial(number)
-    assert (trial.outcome, trial.ending, trial.counts) == ("aborted", "running", False)
+    assert (trial.outcome, trial.ending, trial.completed) == ("aborted", "running", False)
     assert (trial.experiment, trial.sample, trial.operator, trial.log) == ("1", 2, "Ada", "logs/t.tlog")
     assert trial.deviations == {"A": (0.01, -0.02, 0.5)}
 
@@ -47,7 +46,7 @@ def test_a_trial_is_aborted_until_it_is_completed(tmp_path: Path) -> None:
         trial = store.trial(number)
         assert store.trial_drive(number) == ('{"id":"b"}', '{"time_limit_s":120}', '{"friction":0.6}')
     assert (trial.outcome, trial.ending, trial.elapsed_time_s, trial.note) == ("passed", "goal", 2.5, "fine")
-    assert trial.counts and trial.log_sha256 == "ff" and trial.ended_utc is not None
+    assert trial.completed and trial.log_sha256 == "ff" and trial.ended_utc is not None
 
 
 def test_trials_are_counted_by_sample(tmp_path: Path) -> None:
@@ -204,11 +203,9 @@ def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> No
     with write_trials(tmp_path / "s.db") as writer:
         for width, outcome, count in rows:
             design = {"width_mm": width, "height_mm": 50.0}
-            writer.import_trials(
-                [{"experiment": "1", "vehicle_type": "W_B_W", "design": design, "outcome": outcome, "source": "me"}]
-                * count
-            )
-        unknown_car = {"design": {"width_mm": 95.0, "height_mm": 60.0}, "source": "me"}
+            row = {"experiment": "1", "vehicle_type": "W_B_W", "design": design, "source": "me", "car": "built"}
+            writer.import_trials([{**row, "outcome": outcome}] * count)
+        unknown_car = {"design": {"width_mm": 95.0, "height_mm": 60.0}, "source": "me", "car": "built"}
         writer.import_trials([{"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", **unknown_car}])
 
     answer = foldcar("report", "s.db", "-o", "out")
@@ -216,7 +213,7 @@ def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> No
     assert answer.returncode == 0, answer.stderr
     with Store.open(tmp_path / "s.db") as store:
         summary = summarise_trials(store.trials("1"), store.info().experiments["1"])
-    tally = summary.series["width_mm"][95.0]
+    tally = summary.built.series["width_mm"][95.0]
     assert (tally.counted, tally.passed, tally.aborted, summary.unknown_cars) == (10, 7, 2, 1)
     # Wilson's score interval of 7 in 10 at z = 1.959964, solved by hand.
     z, n, p = 1.959964, 10, 0.7
@@ -229,12 +226,29 @@ def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> No
     assert re.search(r"trials\s+passed %", answer.stdout)
 
 
-def test_trials_alone_are_no_study(tmp_path: Path, foldcar: Any) -> None:
+def test_trials_alone_make_a_page(tmp_path: Path, foldcar: Any) -> None:
     foldcar("trials", "import", "s.db", PUBLISHED)
+    with write_trials(tmp_path / "s.db") as writer:
+        writer.complete(begin(writer, car="simulated"), Ending("passed", "goal", 2.5, "<b>", None))
 
     answer = foldcar("report", "s.db", "-o", "out")
 
-    assert answer.returncode == 2 and "holds no study yet" in answer.stderr
-    assert sqlite3.connect(tmp_path / "s.db").execute("SELECT count(*) FROM trial").fetchone() == (44,)
+    assert answer.returncode == 0, answer.stderr
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert "<title>foldcar report: s.db</title>" in page
+    # 10 of 44 in the paper's Table 1; Wilson's interval as test_report_series computes it.
+    assert "10 of 44 trials of built cars passed: 22.7 %\n(95 % interval 12.8 to 37.0 %)" in page
+    assert "1 of a simulated car (--simulated-trials shows them)" in page and "1 of a simulated" in answer.stdout
+    # "95 % interval" of the built car with 7 of 10, and no run to compare with.
+    assert "<td>95</td><td>10</td><td>7</td><td>70.0</td><td>39.7 – 89.2</td><td>0</td></tr>" in page
+    assert page.count("<svg") == 1 and page.count("<td>built</td>") == 44 and "<td>simulated</td>" not in page
+    assert [len(list((tmp_path / "out").glob(f"trials_1_*.{suffix}"))) for suffix in ("svg", "png")] == [1, 1]
 
 
+def test_a_store_without_runs_and_trials_has_no_report(tmp_path: Path, foldcar: Any) -> None:
+    with write_trials(tmp_path / "s.db"):
+        pass
+
+    answer = foldcar("report", "s.db", "-o", "out")
+
+    assert (answer.returncode, answer.stderr.count("\n")) == (2, 1) and "holds no study yet" in answer.stderr

@@ -45,8 +45,8 @@ def test_a_person_drives_a_trial(tmp_path: Path, free_course: Path, carsim_binar
         person.sees("Note")
         person.types("hit a chair\n")
         person.sees("Trial 1: off_course")
-        # The next trial has another sample; the person ends the session.
-        person.sees("Trial 2: sample 1")
+        # The simulated car stays in its sample; the person ends the session.
+        person.sees("Trial 2: sample 0")
         person.sees("deviation: ")
         person.types("\n")
         person.sees("Enter starts")
@@ -72,9 +72,9 @@ def test_a_script_drives_trials_that_other_tools_read(
     assert answer.returncode == 0, answer.stderr
     first, second = trials_in(tmp_path / "s.db")
     assert [(t.outcome, t.ending, t.sample, t.operator) for t in (first, second)] == [
-        ("passed", "goal", 0, "Ada"), ("passed", "goal", 1, "Ada"),
+        ("passed", "goal", 0, "Ada"), ("passed", "goal", 0, "Ada"),
     ]  # fmt: skip
-    replay = foldcar("trials", "replay", "s.db", "1", "--plot", "pair.png")
+    replay = foldcar("trials", "replay", "s.db", "1", "--plot", "pair.png", "--simulated-trials")
     assert replay.returncode == 0 and "both agree" in replay.stdout, replay.stderr
     simulated_s = float(replay.stdout.splitlines()[2].split()[2])
     # The firmware starts up to a tick later, with other initial angles of the wheels.

@@ -60,6 +60,11 @@ void a_write_takes_what_fits_and_never_waits() {
   TEST_ASSERT_FALSE(fake_esp32.uart.write_waited);
 }
 
+void the_board_is_no_simulator() {
+  FeatherBench bench;
+  TEST_ASSERT_FALSE(bench.hal.board.is_simulated());
+}
+
 void the_reset_reason_is_the_chips() {
   FeatherBench bench;
   const auto reason_for = [&bench](int reason) {
@@ -109,6 +114,7 @@ void run_board_tests() {
   RUN_TEST(the_serial_port_has_room_for_a_burst_of_packets);
   RUN_TEST(bytes_that_have_arrived_are_read_in_order);
   RUN_TEST(a_write_takes_what_fits_and_never_waits);
+  RUN_TEST(the_board_is_no_simulator);
   RUN_TEST(the_reset_reason_is_the_chips);
   RUN_TEST(a_restart_comes_after_the_last_byte_was_sent);
   RUN_TEST(the_watchdog_restarts_a_loop_that_stands_for_a_second);

@@ -106,6 +106,7 @@ void a_refused_design_is_told_in_full_and_other_designs_by_name() {
   const auto told =
       bench.host.all<mavlink_foldcar_design_t>(MAVLINK_MSG_ID_FOLDCAR_DESIGN, mavlink_msg_foldcar_design_decode);
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_DESIGN_SOURCE_REFUSED, told[0].source);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_HARDWARE_SIMULATED, told[0].hardware);
   TEST_ASSERT_EQUAL_STRING_LEN(kBuild, told[0].build, 16);
 }
 

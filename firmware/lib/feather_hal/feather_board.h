@@ -33,6 +33,7 @@ class Esp32Board : public Board {
   void start_watchdog();
   ResetReason reset_reason() const override;
   void restart() override;
+  bool is_simulated() const override { return false; }
 };
 
 }  // namespace foldcar

@@ -123,6 +123,8 @@ class Board {
   virtual ResetReason reset_reason() const = 0;
   // Restarts the board. A simulated board returns from this call; its stepper restarts the firmware.
   virtual void restart() = 0;
+  // Whether this is a simulator and no board: whoever keeps results must be able to tell them apart.
+  virtual bool is_simulated() const = 0;
 };
 
 // All parts of one board. Each board assembles its own in one place: FeatherHal::hal(), BasicSimHal::hal().

@@ -143,6 +143,7 @@ mavlink_foldcar_design_t design(const CarView& car) {
   for (std::size_t i = 0; i < kChannelCount; ++i) {
     if (parameters.get(i, ChannelParameter::kSide) != 0.0f) ++content.wheel_count;
   }
+  content.hardware = car.hal.board.is_simulated() ? FOLDCAR_HARDWARE_SIMULATED : FOLDCAR_HARDWARE_BOARD;
   std::memcpy(content.name, design.design.name, sizeof content.name);
   std::memcpy(content.hash, design.design.hash, sizeof content.hash);
   std::memcpy(content.build, car.build, std::min(std::strlen(car.build), sizeof content.build));

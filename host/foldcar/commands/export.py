@@ -8,6 +8,7 @@ import typer
 
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import STANDARD_OUTPUT, output_file, output_folder
+from foldcar.commands.simulated_trials_option import SimulatedTrials
 from foldcar.errors import FoldcarError
 
 
@@ -24,6 +25,7 @@ def export(
         Path | None,
         typer.Option(metavar="FILE", callback=output_file, help="CSV or .parquet file for the trials of built cars."),
     ] = None,
+    simulated_trials: SimulatedTrials = False,
     folder: Annotated[
         Path | None,
         typer.Option(
@@ -68,7 +70,8 @@ def export(
         if parquet is not None:
             written.append({"path": parquet, "runs": export_parquet(opened, parquet, failed)})
         if trials is not None:
-            written.append({"path": trials, "trials": export_trials(opened, trials)})
+            count, left_out = export_trials(opened, trials, simulated_trials)
+            written.append({"path": trials, "trials": count, "left_out": left_out})
         if folder is not None:
             manifest = export_folder(opened, folder, table_format)
             gone = [log for log, digest in manifest["logs"].items() if digest is None]
@@ -80,5 +83,7 @@ def export(
         print_json({"store": store, "written": written})
         return
     for one in written:
-        counts = ", ".join(f"{count} {what}" for what, count in one.items() if what != "path")
+        counts = ", ".join(f"{count} {what}" for what, count in one.items() if what not in ("path", "left_out"))
         typer.echo(f"{one['path']}: {counts}", err=True)
+        if one.get("left_out"):
+            typer.echo(f"{one['path']}: {one['left_out']}", err=True)

@@ -38,13 +38,16 @@ def link(
     from foldcar.car.car_file import car_json
     from foldcar.interrupts import said
     from foldcar.link.simulated_car import simulated_car
+    from foldcar.scenes.scene_name import scene_name
     from foldcar.simulation.runner import CarsimError
 
     one = listed_run(listing, experiment, settings, sample)
     binary = one.carsim.binary
     # carsim ends when its reader does: see sim2d/src/reader_watch.h.
+    scene_id = scene_name(one.scene, sample)
+    design, stdin = car_json(one.design), sys.stdin.fileno()
     with (
-        simulated_car(binary, one.body, one.scene, car_json(one.design), speedup, tcp, sys.stdin.fileno()) as car,
+        simulated_car(binary, one.body, one.scene, design, speedup, tcp, stdin, scene_id) as car,
         said(lambda: "ended"),
     ):
         typer.echo(car.port)

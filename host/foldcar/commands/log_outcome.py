@@ -28,9 +28,18 @@ OUTCOME_QUESTION = "Outcome: (p)assed, (t)ipped, (s)tuck, (o)ff course, t(i)me l
 
 
 def record_outcome(
-    writer: TrialWriter, number: int, end: DriveEnd, log: Path, options: LogOptions, answers: TypedAnswers
+    writer: TrialWriter,
+    number: int,
+    end: DriveEnd,
+    log: Path,
+    options: LogOptions,
+    answers: TypedAnswers,
+    mark: str = "",
 ) -> None:
-    """Complete the row of trial ``number``; FoldcarError if its outcome is unknown and may not be asked for."""
+    """Complete the row of trial ``number`` and say so, with the ``mark`` of a simulated car.
+
+    FoldcarError if its outcome is unknown and may not be asked for.
+    """
     digest = log_hash(log)
     ending = end.ending if end.outcome else f"{end.ending}; outcome not entered"
     writer.complete(number, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
@@ -41,7 +50,7 @@ def record_outcome(
     if options.note is None and not options.yes and end.error is None:
         note = answers.line("Note (Enter for none): ")
     writer.complete(number, Ending(outcome, end.ending, end.elapsed_time_s, note, digest))
-    typer.echo(f"Trial {number}: {outcome}; log: {log}")
+    typer.echo(f"Trial {number}: {outcome}{mark}; log: {log}")
 
 
 def log_hash(log: Path) -> str | None:

@@ -1,5 +1,6 @@
 """Instructions for placing car and obstacles for a trial: a table, a picture, and the question for deviations."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,9 @@ from rich.table import Table
 from foldcar.car.design import Design
 from foldcar.commands.typed_answers import TypedAnswers
 from foldcar.errors import FoldcarError
+from foldcar.scenes.obstacles import Obstacle
 from foldcar.simulation.carsim import Carsim
-from foldcar.trials.placement import instructions, names_of, parse_deviation
+from foldcar.trials.placement import CAR, instructions, parse_deviation
 
 
 @dataclass
@@ -21,7 +23,9 @@ class Placement:
     """A sample's scene for a design; its picture is drawn when first shown."""
 
     scene: dict[str, Any]
+    things: dict[str, Obstacle]
     sample: int
+    simulated: bool
     design: Design
     picture: Path
     carsim: Carsim
@@ -35,7 +39,7 @@ class Placement:
         table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
         for head in ("place", "x (mm)", "y (mm)", "turned (°)", ""):
             table.add_column(head, justify="left" if head in ("place", "") else "right")
-        for row in instructions(self.scene):
+        for row in instructions(self.scene, self.things):
             table.add_row(*row)
         console.print(table)
         if with_picture:
@@ -50,15 +54,17 @@ class Placement:
         self.picture.parent.mkdir(parents=True, exist_ok=True)
         length_m, width_m = self.design.length_mm / 1000, self.design.values["width"] / 1000
         title = f"Sample {self.sample}: where to put car and obstacles"
-        draw_placement(self.scene, length_m, width_m, carsim_heights(self.carsim), self.picture, title)
+        if self.simulated:
+            title = f"Sample {self.sample}: car and obstacles of the simulated trial"
+        draw_placement(self.scene, self.things, length_m, width_m, carsim_heights(self.carsim), self.picture, title)
         self._drawn = True
 
 
 def ask_deviations(
-    answers: TypedAnswers, scene: dict[str, Any], given: list[str] | None, yes: bool
+    answers: TypedAnswers, things: Mapping[str, Obstacle], given: list[str] | None, yes: bool
 ) -> dict[str, tuple[float, float, float]]:
     """Measured deviations (m, m, rad) by name: those of the options, else those typed; none with ``yes``."""
-    names = names_of(scene)
+    names = [CAR, *things]
     if given is not None:
         return dict(parse_deviation(text, names) for text in given)
     found: dict[str, tuple[float, float, float]] = {}

@@ -21,7 +21,7 @@ from foldcar.commands.log_options import LogOptions
 from foldcar.commands.log_outcome import log_hash, record_outcome
 from foldcar.commands.log_placement import Placement, ask_deviations
 from foldcar.commands.log_view import LogView
-from foldcar.commands.log_welcome import welcome
+from foldcar.commands.log_welcome import SIMULATED_TEXT, welcome
 from foldcar.commands.typed_answers import INPUT, TypedAnswers
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import at_once
@@ -30,15 +30,16 @@ from foldcar.link.parameters import read_parameters
 from foldcar.link.ports import choose_port
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import TlogWriter
+from foldcar.scenes.obstacles import Obstacle
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.log_files import log_file
-from foldcar.store.trial_records import Ending, TrialDesign
+from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
 from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
-from foldcar.trials.identity import least_tried
-from foldcar.trials.placement import placed
+from foldcar.trials.identity import least_tried, simulated_sample
+from foldcar.trials.placement import lettered, placed
 from foldcar.trials.untethered import collect
 
 LEAST_FREE_BYTES = 20_000_000
@@ -58,26 +59,27 @@ class LogSession:
         self._answers = TypedAnswers(self._idle)
         self._car: Car | None = None
         self._port = ""
-        self._placements: dict[tuple[int, str], Placement] = {}
+        self._placements: dict[tuple[int, str, bool], Placement] = {}
+        self._scenes: dict[int, tuple[dict[str, Any], dict[str, Obstacle]]] = {}
 
     def run(self, named_port: str | None) -> int:
         """Drive trials up to the requested number or until the person ends, and return their number. FoldcarError."""
         options = self.options
         self._connect(choose_port(named_port))
         try:
-            identity, design = self._welcome()
+            identity, design, said = self._welcome()
             with write_trials(options.store) as writer:
                 self._complete_interrupted(writer)
                 driven = 0
                 while options.trials is None or driven < options.trials:
-                    end = self._trial(writer, identity, design)
+                    end = self._trial(writer, identity, design, said)
                     if end is None:
                         break
                     driven += 1
                     if end.ending == CTRL_C:
                         raise KeyboardInterrupt
                     if end.error is not None:
-                        identity, design = self._after_error(end.error)
+                        identity, design, said = self._after_error(end.error)
                     if options.trials is None and options.yes:
                         break
                 return driven
@@ -94,40 +96,58 @@ class LogSession:
         if car is not None:
             car.connection.close()
 
-    def _welcome(self) -> tuple[CarIdentity, Design]:
+    def _welcome(self) -> tuple[CarIdentity, Design, int | None]:
+        """The car's identity, its design, and a simulated car's sample; FoldcarError if it cannot drive the trials."""
         assert self._car is not None
-        return welcome(self._car, self._experiment, self._family, self._carsim, self.options, self._answers)
+        identity, design = welcome(
+            self._car, self._experiment, self._family, self._carsim, self.options, self._answers
+        )
+        said = None
+        if identity.scene is not None:
+            said = simulated_sample(
+                identity.scene, self.options.sample, lambda k: self._scene(k)[0], self._experiment
+            )
+        return identity, design, said
 
-    def _trial(self, writer: TrialWriter, identity: CarIdentity, design: Design) -> DriveEnd | None:
-        """Drive one trial; None if the person ends the session."""
+    def _trial(
+        self, writer: TrialWriter, identity: CarIdentity, design: Design, said: int | None
+    ) -> DriveEnd | None:
+        """Drive one trial, in the sample ``said`` by a simulated car; None if the person ends the session."""
         options = self.options
         trial_design = TrialDesign(design.type, design.columns)
         fingerprint = self._environment.fingerprint
         counts = writer.trial_counts(self._experiment.id, trial_design, fingerprint)
-        sample = options.sample if options.sample is not None else least_tried(self._experiment.environments, counts)
+        sample = options.sample if said is None else said
+        if sample is None:
+            sample = least_tried(self._experiment.environments, counts)
         number = writer.next_number()
-        placement = self._placement(writer, sample, design)
-        typer.echo(f"\nTrial {number}: sample {sample} of experiment {self._experiment.id}")
+        placement = self._placement(sample, design, identity)
+        mark = f" ({SIMULATED_TEXT})" if identity.simulated else ""
+        typer.echo(f"\nTrial {number}: sample {sample} of experiment {self._experiment.id}{mark}")
         # With --yes no picture is drawn.
         with at_once():
             placement.show(with_picture=not options.yes)
-        deviations = ask_deviations(self._answers, placement.scene, options.deviations, options.yes)
+        deviations = ask_deviations(self._answers, placement.things, options.deviations, options.yes)
         if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
             return None
         body = body_json(design)
         settings = self._experiment.settings(design, body, self._carsim.parameter_table())
         log = self._log_file(number)
         assert self._car is not None
-        facts = CarFacts(identity.build, identity.hash, self._car.port)
-        scene = placed(placement.scene, deviations)
+        car = None if identity.simulated is None else SIMULATED if identity.simulated else BUILT
+        facts = CarFacts(identity.build, identity.hash, self._car.port, car)
+        scene = placed(placement.scene, placement.things, deviations)
+        if identity.simulated and deviations:
+            typer.echo("the simulated car meets its scene as planned: the deviations are kept, but not simulated")
         begun = writer.begin(
-            self._experiment.id, trial_design, Drive(body, settings, scene, fingerprint, sample), deviations, facts,
+            self._experiment.id, trial_design,
+            Drive(body, settings, scene, fingerprint, self._experiment.program_name, sample), deviations, facts,
             str(log.relative_to(options.store.parent)), options.operator,
         )  # fmt: skip
         end = self._drive(settings, begun, log)
         if end.ending == DRIVES_ON:
             end = self._collect(begun, log, settings["time_limit_s"])
-        record_outcome(writer, begun, end, log, options, self._answers)
+        record_outcome(writer, begun, end, log, options, self._answers, mark)
         return end
 
     def _drive(self, settings: dict[str, Any], number: int, log: Path) -> DriveEnd:
@@ -177,7 +197,7 @@ class LogSession:
                 typer.echo(f"{gone}", err=True)
             time.sleep(1.0)
 
-    def _after_error(self, error: FoldcarError) -> tuple[CarIdentity, Design]:
+    def _after_error(self, error: FoldcarError) -> tuple[CarIdentity, Design, int | None]:
         """After a lost link, wait for a car; raise every other error, and with --yes all errors."""
         options = self.options
         if options.yes or not self._answers.is_terminal or not isinstance(error, LinkLostError):
@@ -201,14 +221,20 @@ class LogSession:
         self._disconnect()
         self._connect(port)
 
-    def _placement(self, writer: TrialWriter, sample: int, design: Design) -> Placement:
-        key = (sample, design_name(design))
+    def _scene(self, sample: int) -> tuple[dict[str, Any], dict[str, Obstacle]]:
+        """A sample's scene and its lettered obstacles."""
+        if sample not in self._scenes:
+            scene, obstacles = self._environment.sample_with_obstacles(sample)
+            self._scenes[sample] = scene, lettered(obstacles)
+        return self._scenes[sample]
+
+    def _placement(self, sample: int, design: Design, identity: CarIdentity) -> Placement:
+        simulated = bool(identity.simulated)
+        key = (sample, design_name(design), simulated)
         if key not in self._placements:
-            scene = writer.scene(self._environment.fingerprint, sample)
-            if scene is None:
-                scene = self._environment.sample(sample)
             picture = self._logs() / f"place-{self._experiment.id}-{sample}.png"
-            self._placements[key] = Placement(scene, sample, design, picture, self._carsim)
+            scene, things = self._scene(sample)
+            self._placements[key] = Placement(scene, things, sample, simulated, design, picture, self._carsim)
         return self._placements[key]
 
     def _logs(self) -> Path:

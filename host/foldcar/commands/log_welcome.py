@@ -14,6 +14,8 @@ from foldcar.study.experiments import TRIAL_LIMIT, Experiment
 from foldcar.study.family import Family
 from foldcar.trials.identity import check_build, design_of, is_calibrated, parameter_deviations
 
+SIMULATED_TEXT = "SIMULATED CAR"
+
 
 def welcome(
     car: Car, experiment: Experiment, family: Family, carsim: Carsim, options: LogOptions, answers: TypedAnswers
@@ -23,6 +25,10 @@ def welcome(
     battery = car.battery_v()
     typer.echo(f"car       {identity.name or 'without a design'} ({identity.hash or 'no car.json'}) at {car.port}")
     typer.echo(f"firmware  {identity.build}")
+    if identity.simulated:
+        typer.echo(f"{SIMULATED_TEXT}: its trials are stored as simulated and do not count as trials of built cars")
+    elif identity.simulated is None:
+        typer.echo("its firmware does not say whether it is simulated: its trials do not count until someone does")
     typer.echo(f"battery   {'unreadable' if battery is None else f'{battery:.2f} V'}")
     design = design_of(identity, experiment, family)
     if not options.any_build:

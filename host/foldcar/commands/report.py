@@ -7,6 +7,7 @@ import typer
 
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_folder
+from foldcar.commands.simulated_trials_option import SimulatedTrials
 
 
 def report(
@@ -17,24 +18,29 @@ def report(
             "-o", "--output", metavar="DIR", callback=output_folder, help="Folder for the page and its figures."
         ),
     ],
+    simulated_trials: SimulatedTrials = False,
     as_json: Json = False,
 ) -> None:
-    """Draw a study's report and print its summary.
+    """Draw a report of a study, or of trials alone.
 
-    DIR/index.html is the page; each figure stands beside it as SVG, PNG and PDF.
+    Prints its summary. DIR/index.html is the page; each figure stands beside it as SVG, PNG and PDF.
 
     \b
     Example: foldcar report study.db -o report
     """
-    from foldcar.report.summary_object import summary_object
+    from foldcar.report.summary_object import summary_object, trials_object
     from foldcar.report.terminal import print_summary
     from foldcar.report.write import PAGE, write_report
     from foldcar.store.reader import Store
 
+    command = ["foldcar", "report", str(store), "-o", str(output)]
+    if simulated_trials:
+        command.append("--simulated-trials")
     with Store.open(store) as opened:
-        sections = write_report(opened, output, ["foldcar", "report", str(store), "-o", str(output)])
+        sections, driven = write_report(opened, output, command, simulated_trials)
     if as_json:
-        print_json({"store": store, "page": output / PAGE, "experiments": [summary_object(one) for one in sections]})
+        objects = {"experiments": [summary_object(one) for one in sections], "trials": [trials_object(one) for one in driven]}
+        print_json({"store": store, "page": output / PAGE, **objects})
         return
-    print_summary(sections)
+    print_summary(sections, driven)
     typer.echo(f"report: {output / PAGE}")

@@ -1,23 +1,27 @@
-"""`foldcar trials`: the trials in a store - listed, corrected, imported, exported, simulated again as pairs."""
+"""`foldcar trials`: a store's trials - listed, corrected, withdrawn, imported, exported, simulated again as pairs."""
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_file, output_folder
+from foldcar.commands.simulated_trials_option import SimulatedTrials
 from foldcar.errors import FoldcarError
-
-if TYPE_CHECKING:
-    from foldcar.store.trial_records import Correction, Trial
 
 StoreFile = Annotated[Path, typer.Argument(metavar="STORE", help="The store that holds the trials.")]
 Number = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="The trial's number, as `trials list` shows it.")]
 
+Numbers = Annotated[
+    list[int], typer.Argument(metavar="TRIAL...", min=1, help="Numbers of trials, as `trials list` shows them.")
+]
+Reason = Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept with the change.")]
+Operator = Annotated[str, typer.Option(metavar="NAME", help="Who changes it; kept with the change.")]
+
 trials = typer.Typer(
-    name="trials", help="List, correct and replay trials of built cars.", no_args_is_help=True, rich_markup_mode=None
+    name="trials", help="List, correct and replay trials of cars.", no_args_is_help=True, rich_markup_mode=None
 )
 
 
@@ -32,6 +36,7 @@ def list_trials(
     \b
     Example: foldcar trials list study.db --experiment 1
     """
+    from foldcar.commands.trial_table import correction_text, print_trials
     from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
@@ -40,22 +45,25 @@ def list_trials(
     if as_json:
         print_json({"trials": [asdict(one) for one in found], "corrections": [asdict(one) for one in trail]})
         return
-    _print_trials(found)
+    print_trials(found)
     for one in trail:
-        typer.echo(_correction_text(one))
+        typer.echo(correction_text(one))
 
 
 @trials.command()
 def correct(
     store: StoreFile,
     number: Number,
-    reason: Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept with the correction.")],
+    reason: Reason,
     outcome: Annotated[str | None, typer.Option(metavar="OUTCOME", help="The outcome it should have.")] = None,
     note: Annotated[str | None, typer.Option(metavar="TEXT", help="The note it should have.")] = None,
     elapsed_time: Annotated[
         float | None, typer.Option(metavar="S", min=0, help="How long it drove, in seconds.")
     ] = None,
-    operator: Annotated[str, typer.Option(metavar="NAME", help="Who corrects it.")] = "",
+    car: Annotated[
+        str | None, typer.Option(metavar="CAR", help="What drove, built or simulated, if no car has said it itself.")
+    ] = None,
+    operator: Operator = "",
     as_json: Json = False,
 ) -> None:
     """Change what a trial says.
@@ -65,15 +73,15 @@ def correct(
     \b
     Example: foldcar trials correct study.db 7 --outcome tipped --reason "seen on the film"
     """
+    from foldcar.commands.trial_table import correction_text
     from foldcar.store.opening import require_store
     from foldcar.store.reader import Store
     from foldcar.store.trial_writer import write_trials
 
-    changes = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time}
+    changes = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": car}
     if all(value is None for value in changes.values()):
-        raise FoldcarError("trials correct: say what to change: --outcome, --note or --elapsed-time")
-    if not reason.strip():
-        raise FoldcarError("trials correct: --reason: is empty")
+        raise FoldcarError("trials correct: say what to change: --outcome, --note, --elapsed-time or --car")
+    _check_reason("correct", reason)
     require_store(store)
     with write_trials(store) as writer:
         writer.correct(number, {k: v for k, v in changes.items() if v is not None}, reason, operator)
@@ -83,7 +91,35 @@ def correct(
         print_json({"corrections": [asdict(one) for one in trail]})
         return
     for one in trail:
-        typer.echo(_correction_text(one))
+        typer.echo(correction_text(one))
+
+
+@trials.command()
+def withdraw(
+    store: StoreFile, numbers: Numbers, reason: Reason, operator: Operator = "", as_json: Json = False
+) -> None:
+    """Withdraw trials, such as practice.
+
+    They stay in the store with their logs, but count nowhere.
+
+    \b
+    Example: foldcar trials withdraw study.db 7 8 --reason practice
+    """
+    _withdraw("withdraw", store, numbers, True, reason, operator, as_json)
+
+
+@trials.command()
+def restore(
+    store: StoreFile, numbers: Numbers, reason: Reason, operator: Operator = "", as_json: Json = False
+) -> None:
+    """Let withdrawn trials count again.
+
+    Both changes are kept, with their reasons.
+
+    \b
+    Example: foldcar trials restore study.db 8 --reason "was no practice"
+    """
+    _withdraw("restore", store, numbers, False, reason, operator, as_json)
 
 
 @trials.command("import")
@@ -125,6 +161,7 @@ def replay(
         Path | None,
         typer.Option(metavar="FILE", callback=output_file, help="Picture of the scene as it stood (.png, .svg, .pdf)."),
     ] = None,
+    simulated_trials: SimulatedTrials = False,
     as_json: Json = False,
 ) -> None:
     """Simulate a trial again as it was placed.
@@ -134,10 +171,12 @@ def replay(
     \b
     Example: foldcar trials replay study.db 7 --plot pair.png
     """
+    from foldcar.commands.trial_table import STANDING_TEXTS, seconds_text
     from foldcar.figures.output import check_format
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.results import outcome_of
     from foldcar.store.reader import Store
+    from foldcar.store.trial_records import BUILT, SIMULATED
     from foldcar.trials.replay import agree, simulate_pair
 
     if plot is not None:
@@ -149,13 +188,19 @@ def replay(
     answer = pair.answer
     outcome = outcome_of(answer)
     simulated_s = answer.get("elapsed_time_s")
-    agrees = agree(trial.outcome, outcome) if trial.counts else None
+    compared = trial.completed and (trial.standing == BUILT or (simulated_trials and trial.standing == SIMULATED))
+    agrees = agree(trial.outcome, outcome) if compared else None
     if not as_json:
+        mark = "" if trial.standing == BUILT else f"  ({STANDING_TEXTS[trial.standing]})"
         typer.echo(f"{'':<10}{'outcome':<12}{'time (s)':>9}")
-        typer.echo(f"{'trial':<10}{trial.outcome:<12}{_seconds(trial.elapsed_time_s):>9}")
-        typer.echo(f"{'simulated':<10}{outcome:<12}{_seconds(simulated_s):>9}")
-        words = {None: "the trial was aborted: nothing to compare", True: "both agree", False: "they disagree"}
-        typer.echo(words[agrees])
+        typer.echo(f"{'trial':<10}{trial.outcome:<12}{seconds_text(trial.elapsed_time_s):>9}{mark}")
+        typer.echo(f"{'simulated':<10}{outcome:<12}{seconds_text(simulated_s):>9}")
+        if agrees is not None:
+            typer.echo("both agree" if agrees else "they disagree")
+        elif not trial.completed:
+            typer.echo("the trial was aborted: nothing to compare")
+        else:
+            typer.echo(f"not compared: {STANDING_TEXTS[trial.standing]}")
     if plot is not None:
         from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
@@ -208,6 +253,8 @@ def export(
         "sample": str(trial.sample),
         "outcome": trial.outcome,
         "note": trial.note,
+        "car": trial.car or "unknown",
+        "withdrawn": str(trial.withdrawn).lower(),
     }
     scene_update, start = None, NO_START
     log = log_file(store, trial.log)
@@ -258,50 +305,28 @@ def dialect(
         typer.echo(f"{file}")
 
 
-def _print_trials(found: "list[Trial]") -> None:
-    from foldcar.commands.result_table import result_table
+def _withdraw(
+    command: str, store: Path, numbers: list[int], withdrawn: bool, reason: str, operator: str, as_json: bool
+) -> None:
+    from foldcar.commands.trial_table import correction_text
+    from foldcar.store.opening import require_store
+    from foldcar.store.reader import Store
+    from foldcar.store.trial_writer import write_trials
 
-    console, table = result_table(200)
-    shown = _varying(found)
-    for head in ("trial", "experiment", *shown, "sample", "outcome", "time (s)", "ending", "started (UTC)", "note"):
-        table.add_column(head, justify="left" if head in ("outcome", "ending", "note") else "right")
-    for trial in found:
-        corrected = "*" if trial.corrections else ""
-        table.add_row(
-            f"{trial.id}{corrected}",
-            trial.experiment,
-            *(f"{trial.design[name]:g}" if name in trial.design else "-" for name in shown),
-            "-" if trial.sample is None else str(trial.sample),
-            trial.outcome,
-            _seconds(trial.elapsed_time_s),
-            trial.ending,
-            (trial.started_utc or "-").removesuffix("+00:00").replace("T", " "),
-            trial.note or (trial.source or ""),
-        )
-    console.print(table)
-    counted = [trial for trial in found if trial.counts]
-    passed = sum(trial.outcome == "passed" for trial in counted)
-    aborted = len(found) - len(counted)
-    console.print(f"{len(found)} trials, {passed} of {len(counted)} passed, {aborted} aborted", markup=False)
+    _check_reason(command, reason)
+    require_store(store)
+    chosen = list(dict.fromkeys(numbers))
+    with write_trials(store) as writer:
+        writer.withdraw(chosen, withdrawn, reason, operator)
+    with Store.open(store) as opened:
+        trail = [opened.corrections(number)[-1] for number in chosen]
+    if as_json:
+        print_json({"corrections": [asdict(one) for one in trail]})
+        return
+    for one in trail:
+        typer.echo(correction_text(one))
 
 
-def _varying(found: "list[Trial]") -> list[str]:
-    """The design parameters in which the trials differ; width if they do not."""
-    names = dict.fromkeys(name for trial in found for name in trial.design)
-    return [name for name in names if len({trial.design.get(name) for trial in found}) > 1] or list(names)[:1]
-
-
-def _correction_text(one: "Correction") -> str:
-    by = f" by {one.operator}" if one.operator else ""
-    return (
-        f"* trial {one.trial}: {one.field} {_quoted(one.before)} -> {_quoted(one.after)} "
-        f"on {one.corrected_utc[:10]}{by}: {one.reason}"
-    )
-
-
-def _quoted(value: object) -> str:
-    return '"' + value + '"' if isinstance(value, str) else f"{value:g}" if isinstance(value, float) else "none"
-
-
-def _seconds(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"
+def _check_reason(command: str, reason: str) -> None:
+    if not reason.strip():
+        raise FoldcarError(f"trials {command}: --reason: is empty")

@@ -14,7 +14,8 @@ from foldcar.figures.height_colours import height_scale
 from foldcar.figures.output import check_format, save_figure
 from foldcar.figures.style import ACCENT, INK, RC
 from foldcar.figures.top_view import draw_top_view, view_of
-from foldcar.trials.placement import CAR, obstacles
+from foldcar.scenes.obstacles import Obstacle
+from foldcar.trials.placement import CAR
 
 WIDTH_IN = 10.0
 CELLS = 600
@@ -22,9 +23,18 @@ LETTER = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": INK,
 
 
 def draw_placement(
-    scene: Mapping[str, Any], length_m: float, width_m: float, heights: Heights, file: Path, title: str
+    scene: Mapping[str, Any],
+    things: Mapping[str, Obstacle],
+    length_m: float,
+    width_m: float,
+    heights: Heights,
+    file: Path,
+    title: str,
 ) -> None:
-    """Draw ``scene`` (docs/carsim.md) and the outline of a car of that size into ``file``. Raises FoldcarError."""
+    """Draw ``scene`` (docs/carsim.md), its lettered obstacles and the outline of a car of that size into ``file``.
+
+    Raises FoldcarError.
+    """
     check_format(file)
     extent = view_of([scene])
     ground = height_map(heights, scene, extent, CELLS)
@@ -35,11 +45,11 @@ def draw_placement(
         axes = figure.subplots()
         draw_top_view(axes, scene, ground, scale)
         _draw_car(axes, scene["start"], length_m, width_m)
-        for thing in obstacles(scene):
+        for letter, thing in things.items():
             place = (thing.x_m, thing.y_m)
             axes.plot(*place, "+", color="white", markersize=9, markeredgewidth=3, zorder=7)
             axes.plot(*place, "+", color=INK, markersize=7, zorder=7)
-            axes.annotate(thing.letter, place, (10, 10), textcoords="offset points", bbox=LETTER, ha="center",
+            axes.annotate(letter, place, (10, 10), textcoords="offset points", bbox=LETTER, ha="center",
                           va="center", fontsize=9, zorder=8)  # fmt: skip
             text = f"{1000 * thing.x_m:.0f}, {1000 * thing.y_m:.0f} mm"
             axes.annotate(text, place, (0, -9), textcoords="offset points", ha="center", va="top", fontsize=8,

@@ -64,12 +64,15 @@ class CarIdentity:
     """What a car reports of its design and firmware build.
 
     Name and hash are empty without a car.json; ``refused`` is set if the firmware refuses the car.json it has.
+    ``simulated`` is None if the firmware does not say it; a simulated car also says the id of its ``scene``.
     """
 
     name: str
     hash: str
     build: str
     refused: bool
+    simulated: bool | None
+    scene: str | None
 
 
 class Car:
@@ -85,10 +88,24 @@ class Car:
         return self.connection.stream.name
 
     def identity(self) -> CarIdentity:
-        """Request name and hash of the design and the firmware's build; NoCarError without an answer."""
+        """Request what the car is, and of a simulated one its scene; NoCarError without an answer."""
         design = self.request("FOLDCAR_DESIGN")
         refused = design.source == self.dialect.FOLDCAR_DESIGN_SOURCE_REFUSED
-        return CarIdentity(design.name, design.hash, design.build, refused)
+        simulated = {
+            self.dialect.FOLDCAR_HARDWARE_BOARD: False,
+            self.dialect.FOLDCAR_HARDWARE_SIMULATED: True,
+        }.get(design.hardware)
+        scene = self._scene() if simulated else None
+        return CarIdentity(design.name, design.hash, design.build, refused, simulated, scene)
+
+    def _scene(self) -> str:
+        """The id of a simulated car's scene, which it sends once a second of its own time."""
+        told = self.connection.latest.get("FOLDCAR_SCENE")
+        if told is None:
+            told = self.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_SCENE", GREETING_S)
+        if told is None:
+            raise NoCarError(f"{self.port}: the simulated car has not said its scene for {GREETING_S:g} s")
+        return str(told.id)
 
     def battery_v(self) -> float | None:
         """Battery voltage (V) as last reported; None if the car cannot measure it."""

@@ -36,11 +36,12 @@ def simulated_car(
     speedup: float = 1.0,
     tcp_port: int | None = None,
     stdin: int | None = None,
+    scene_id: str = "scene",
 ) -> Iterator[SimulatedCar]:
     """A simulated car that is stopped at the end of the block; CarsimError if it does not start.
 
     ``stdin`` is a file descriptor from which it reads commands that inject faults; its output after the port's line
-    can be read from the process.
+    can be read from the process. ``scene_id`` is what the car says its scene is.
     """
     with (
         tempfile.TemporaryDirectory(prefix="foldcar-link-", ignore_cleanup_errors=True) as folder,
@@ -49,7 +50,7 @@ def simulated_car(
         command = [str(binary), "link", *(["--tcp", str(tcp_port)] if tcp_port is not None else ["--pty"])]
         contents = {
             "body": {"body": {"id": "car", **body}},
-            "scene": {"scene": {"id": "scene", **scene}},
+            "scene": {"scene": {**scene, "id": scene_id}},
             "design": design,
         }
         for name, content in contents.items():

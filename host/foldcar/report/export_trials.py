@@ -1,4 +1,4 @@
-"""A store's trials as CSV or Parquet: a row per trial, aborted ones too, a column for each parameter of their designs.
+"""A store's trials that count as CSV or Parquet: a row per trial, aborted ones too, a column for each design parameter.
 
 Input: an open Store. Output: a file, written whole or not at all. What is not known is an empty cell.
 """
@@ -10,6 +10,7 @@ from pathlib import Path
 
 from foldcar.atomic_file import atomic_file
 from foldcar.report.parquet import write_trials
+from foldcar.report.trial_selection import left_out_text, select_trials
 from foldcar.store.reader import Store
 
 BEFORE = ("id", "experiment", "vehicle_type")
@@ -27,20 +28,23 @@ AFTER = (
     "log",
     "log_sha256",
     "source",
+    "car",
+    "scenic_program",
     "corrections",
 )
 
 
-def export_trials(store: Store, file: Path) -> int:
-    """Write the trials atomically, as Parquet to .parquet, else as CSV; returns the number of rows. FoldcarError.
+def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int, str | None]:
+    """Write trials of built cars, with ``simulated_trials`` of simulated ones too: Parquet to .parquet, else CSV.
 
-    Deviations in CSV are JSON: {name: [x in m, y in m, heading in rad]}.
+    Returns the number of rows and a sentence that says which trials are left out, None if all are there. The file is
+    written atomically. Deviations in CSV are JSON: {name: [x in m, y in m, heading in rad]}. FoldcarError.
     """
-    trials = list(store.trials())
+    trials, left_out = select_trials(store.trials(), simulated_trials)
     design = list(dict.fromkeys(name for trial in trials for name in trial.design))
     if file.suffix.lower() == ".parquet":
         write_trials(trials, design, (*BEFORE, *AFTER), file)
-        return len(trials)
+        return len(trials), left_out_text(left_out)
     with atomic_file(file) as binary:
         text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
         writer = csv.writer(text, lineterminator="\n")
@@ -55,4 +59,4 @@ def export_trials(store: Store, file: Path) -> int:
                 ]
             )
         text.detach()
-    return len(trials)
+    return len(trials), left_out_text(left_out)

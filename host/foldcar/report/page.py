@@ -10,13 +10,22 @@ from foldcar.inline_svg import inline_svg
 from foldcar.page_template import page_template
 from foldcar.report.axis import extent_text, interval_text, parameter_label, percent_text, value_text
 from foldcar.report.sections import Section
+from foldcar.report.trial_sections import TrialSection
 from foldcar.store.info import StudyInfo
 
 
 def page_html(
-    info: StudyInfo, sections: Sequence[Section], svgs: Mapping[str, str], report_command: Sequence[str]
+    store_name: str,
+    info: StudyInfo | None,
+    sections: Sequence[Section],
+    driven: Sequence[TrialSection],
+    svgs: Mapping[str, str],
+    report_command: Sequence[str],
 ) -> str:
-    """The page as HTML; ``svgs`` holds the SVG text of each drawing by the drawing's name."""
+    """The page as HTML: swept experiments, then those that have trials only; ``info`` is None if nothing was swept.
+
+    ``svgs`` holds the SVG text of each drawing by the drawing's name.
+    """
     filters: dict[str, Callable[..., str]] = {
         "parameter_label": parameter_label,
         "value_text": value_text,
@@ -27,12 +36,14 @@ def page_html(
     }
     inlined = {
         drawing.name: Markup(inline_svg(svgs[drawing.name], drawing.name, drawing.caption))
-        for section in sections
-        for drawing in section.drawings
+        for drawings in [*(one.drawings for one in sections), *(one.drawings for one in driven)]
+        for drawing in drawings
     }
     return page_template("foldcar.report", "page.html", filters).render(
+        store_name=store_name,
         info=info,
         sections=sections,
+        driven=driven,
         svgs=inlined,
         outcome_labels=OUTCOME_LABELS,
         report_command=shlex.join(report_command),

@@ -11,6 +11,7 @@ from foldcar.report.outcome_plot import draw_outcomes
 from foldcar.report.series import Summary, summarise
 from foldcar.report.success_plot import draw_success
 from foldcar.report.time_plot import draw_times
+from foldcar.report.trial_selection import left_out_text
 from foldcar.report.trial_series import TrialSummary, summarise_trials
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -39,10 +40,13 @@ class Section:
     drawings: list[Drawing]
 
 
-def read_section(store: Store, info: ExperimentInfo) -> Section:
-    """Count the experiment's runs and draw its figures with matplotlib's current settings."""
+def read_section(store: Store, info: ExperimentInfo, simulated_trials: bool) -> Section:
+    """Count the experiment's runs and draw its figures with matplotlib's current settings.
+
+    ``simulated_trials``: show trials of simulated cars too, apart from those of built ones.
+    """
     summary = summarise(store.results(info.id), info.varied, info.success_defined)
-    trials = summarise_trials(store.trials(info.id), info)
+    trials = summarise_trials(store.trials(info.id), info, simulated_trials)
     remarks = _remarks(info, summary, trials) + _failures(store, info, summary)
     return Section(info, summary, trials, remarks, _drawings(info, summary, trials))
 
@@ -72,6 +76,9 @@ def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> li
         )
     if trials.unknown_cars:
         remarks.append(f"{trials.unknown_cars} trials are of cars that do not belong to this family; they are not shown.")
+    left_out = left_out_text(trials.left_out)
+    if left_out is not None:
+        remarks.append(left_out)
     return remarks
 
 
@@ -104,9 +111,12 @@ def _drawings(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> l
             drawings.append(outcomes)
             continue
         caption = f"Mean success by {label} over all environments, with Wilson 95 % intervals."
-        driven = trials.series[parameter]
-        if any(tally.counted for tally in driven.values()):
+        built, simulated = trials.built.series[parameter], trials.simulated.series[parameter]
+        if any(tally.counted for tally in built.values()):
             caption += " Diamonds: trials of built cars, with their intervals."
-        drawings.append(Drawing(f"{start}_success_by_{parameter}", caption, draw_success(series, driven)))
+        if any(tally.counted for tally in simulated.values()):
+            caption += " Hollow diamonds: trials of simulated cars."
+        figure = draw_success(series, built, simulated)
+        drawings.append(Drawing(f"{start}_success_by_{parameter}", caption, figure))
         drawings.append(outcomes)
     return drawings

@@ -34,8 +34,10 @@ def error_bar_percent(tally: Tally | TrialTally) -> tuple[float, float]:
     return max(0.0, 100 * (success - low)), max(0.0, 100 * (high - success))
 
 
-def draw_success(series: Series, trials: Mapping[float, TrialTally]) -> Figure:
-    """Bars for the runs; diamonds for the trials at values that the runs have too."""
+def draw_success(
+    series: Series, built: Mapping[float, TrialTally], simulated: Mapping[float, TrialTally]
+) -> Figure:
+    """Bars for the runs; diamonds for trials at values that the runs have too, hollow ones for simulated trials."""
     axis = ParameterAxis(list(series.tallies))
     figure = Figure(figsize=(7.2, 3.7), layout="constrained")
     axes = figure.subplots()
@@ -54,37 +56,66 @@ def draw_success(series: Series, trials: Mapping[float, TrialTally]) -> Figure:
             yerr=[[below], [above]],
             error_kw=error_bar,
         )
-    _draw_trials(axes, axis, {value: tally for value, tally in trials.items() if tally.counted})
+    _draw_trials(axes, axis, 0.25, built, simulated)
+    _finish(axes, axis, series.parameter, "Mean success over all environments, Wilson 95 % intervals")
+    handles: list[Any] = [Patch(color=colour, label=label) for colour, label in LEGEND]
+    handles += axes.get_legend_handles_labels()[0]
+    figure.legend(handles=handles, loc="outside lower center", ncols=5)
+    return figure
+
+
+def draw_trial_success(
+    parameter: str, built: Mapping[float, TrialTally], simulated: Mapping[float, TrialTally]
+) -> Figure:
+    """Diamonds for the trials of a store without runs, hollow ones for simulated trials."""
+    axis = ParameterAxis(sorted({*built, *simulated}))
+    figure = Figure(figsize=(7.2, 3.7), layout="constrained")
+    axes = figure.subplots()
+    _draw_trials(axes, axis, 0.0, built, simulated)
+    _finish(axes, axis, parameter, "Success of trials, Wilson 95 % intervals")
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
+def _finish(axes: Axes, axis: ParameterAxis, parameter: str, title: str) -> None:
     for threshold in (50, 75):
         axes.axhline(threshold, color=INK, linewidth=0.7, linestyle=":")
     axes.set_ylim(0, 103)
     axes.set_ylabel("passed (%)")
-    axes.set_title("Mean success over all environments, Wilson 95 % intervals")
+    axes.set_title(title)
     axes.grid(axis="x", visible=False)
-    axis.label(axes, series.parameter)
-    handles: list[Any] = [Patch(color=colour, label=label) for colour, label in LEGEND]
-    handles += axes.get_legend_handles_labels()[0]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4)
-    return figure
+    axis.label(axes, parameter)
 
 
-def _draw_trials(axes: Axes, axis: ParameterAxis, trials: Mapping[float, TrialTally]) -> None:
-    shown = [value for value in trials if value in axis.values]
-    if not shown:
-        return
-    errors = [error_bar_percent(trials[value]) for value in shown]
-    axes.errorbar(
-        # Beside the middle of the bar, where the runs' interval is.
-        [axis.place(value) + 0.25 * axis.bar_width for value in shown],
-        [100 * trials[value].success for value in shown],
-        yerr=[list(side) for side in zip(*errors, strict=True)],
-        fmt="D",
-        markersize=5.5,
-        color=FAILURE,
-        markeredgecolor="white",
-        elinewidth=1.4,
-        capsize=3.0,
-        clip_on=False,
-        zorder=5,
-        label="trials",
-    )
+def _draw_trials(
+    axes: Axes,
+    axis: ParameterAxis,
+    beside: float,
+    built: Mapping[float, TrialTally],
+    simulated: Mapping[float, TrialTally],
+) -> None:
+    """Trials by the parameter's value, built cars ``beside`` × the bar's width to the right, simulated ones to the left.
+
+    The runs' own interval is in the middle of the bar.
+    """
+    looks = {"built": (built, beside, FAILURE, "white"), "simulated": (simulated, -beside or -0.12, "white", FAILURE)}
+    for car, (trials, side, face, edge) in looks.items():
+        shown = [value for value, tally in trials.items() if tally.counted and value in axis.values]
+        if not shown:
+            continue
+        errors = [error_bar_percent(trials[value]) for value in shown]
+        axes.errorbar(
+            [axis.place(value) + side * axis.bar_width for value in shown],
+            [100 * trials[value].success for value in shown],
+            yerr=[list(ends) for ends in zip(*errors, strict=True)],
+            fmt="D",
+            markersize=5.5,
+            color=FAILURE,
+            markerfacecolor=face,
+            markeredgecolor=edge,
+            elinewidth=1.4,
+            capsize=3.0,
+            clip_on=False,
+            zorder=5,
+            label="trials" if car == "built" else "simulated trials",
+        )

@@ -5,11 +5,12 @@ from typing import Any
 
 from foldcar.report.sections import Section
 from foldcar.report.series import Tally
-from foldcar.report.trial_series import TrialTally
+from foldcar.report.trial_sections import TrialSection
+from foldcar.report.trial_series import TrialGroup, TrialTally
 
 
 def summary_object(section: Section) -> dict[str, Any]:
-    """The section without its drawings; ``by`` and ``trials`` hold, by parameter, an object for each value."""
+    """The section without its drawings; ``by`` holds, by parameter, an object for each value, ``trials`` the same by car."""
     info, summary = section.info, section.summary
     return {
         "experiment": info.id,
@@ -24,10 +25,30 @@ def summary_object(section: Section) -> dict[str, Any]:
             series.parameter: [{"value": value, **_tally_object(tally)} for value, tally in series.tallies.items()]
             for series in summary.series
         },
-        "trials": {
-            parameter: [{"value": value, **_trials_object(tally)} for value, tally in driven.items()]
-            for parameter, driven in section.trials.series.items()
-        },
+        "trials": _cars_object(section.trials.built, section.trials.simulated),
+    }
+
+
+def trials_object(section: TrialSection) -> dict[str, Any]:
+    """The section of an experiment that has trials only."""
+    return {
+        "experiment": section.experiment,
+        "vehicle_type": section.vehicle_type,
+        "remarks": list(section.remarks),
+        "trials": _cars_object(section.built, section.simulated),
+    }
+
+
+def _cars_object(built: TrialGroup, simulated: TrialGroup) -> dict[str, Any]:
+    return {
+        car: {
+            "all": _trials_object(group.total),
+            "by": {
+                parameter: [{"value": value, **_trials_object(tally)} for value, tally in driven.items()]
+                for parameter, driven in group.series.items()
+            },
+        }
+        for car, group in (("built", built), ("simulated", simulated))
     }
 
 

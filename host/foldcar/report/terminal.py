@@ -1,6 +1,6 @@
 """Prints the report's summary: a table for each experiment, as plain text if the output is not a terminal."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -10,13 +10,14 @@ from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.report.axis import extent_text, interval_text, parameter_label, percent_text, value_text
 from foldcar.report.sections import Section
 from foldcar.report.series import Tally
-from foldcar.report.trial_series import TrialTally
+from foldcar.report.trial_sections import TrialSection
+from foldcar.report.trial_series import TrialGroup, TrialTally
 
 PIPED_WIDTH = 160
 
 
-def print_summary(sections: Sequence[Section]) -> None:
-    """Print every experiment's remarks and tables."""
+def print_summary(sections: Sequence[Section], driven: Sequence[TrialSection]) -> None:
+    """Print every experiment's remarks and tables; ``driven`` are experiments with trials only."""
     console = Console(highlight=False)
     if not console.is_terminal:
         console = Console(highlight=False, width=PIPED_WIDTH)
@@ -40,21 +41,33 @@ def print_summary(sections: Sequence[Section]) -> None:
             console.print(_table(console, first, rows, total.seen[1:]))
             if total.recorded:
                 console.print(_recorded_table(console, first, rows, list(total.recorded)))
-        for parameter, driven in section.trials.series.items():
-            if driven:
-                console.print(_trial_table(console, parameter_label(parameter), driven))
+        _print_trials(console, section.trials.built, section.trials.simulated)
+    for alone in driven:
+        console.print(f"Experiment {alone.experiment}: {alone.vehicle_type}, trials only", markup=False, style="bold")
+        for remark in alone.remarks:
+            console.print(remark, markup=False)
+        _print_trials(console, alone.built, alone.simulated)
 
 
-def _trial_table(console: Console, first: str, driven: Mapping[float, TrialTally]) -> Table:
+def _print_trials(console: Console, built: TrialGroup, simulated: TrialGroup) -> None:
+    for group, head in ((built, "trials"), (simulated, "SIMULATED trials")):
+        if not group.total.counted and not group.total.aborted:
+            continue
+        for parameter, by_value in group.series.items() or {"": {}}.items():
+            rows = [(value_text(value), tally) for value, tally in by_value.items()]
+            console.print(_trial_table(console, parameter_label(parameter), head, [*rows, ("all", group.total)]))
+
+
+def _trial_table(console: Console, first: str, head: str, rows: Sequence[tuple[str, TrialTally]]) -> Table:
     table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
-    for column in (first, "trials", "passed %", "95 % interval", "aborted"):
+    for column in (first, head, "passed %", "95 % interval", "aborted"):
         table.add_column(column, justify="right", no_wrap=True)
-    for value, tally in driven.items():
+    for name, tally in rows:
         shares = ("-", "-")
         if tally.counted:
             low, high = tally.interval
             shares = (f"{100 * tally.success:.1f}", f"{100 * low:.1f} - {100 * high:.1f}")
-        table.add_row(value_text(value), str(tally.counted), *shares, str(tally.aborted))
+        table.add_row(name, str(tally.counted), *shares, str(tally.aborted))
     return table
 
 

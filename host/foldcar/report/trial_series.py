@@ -3,12 +3,14 @@
 Input: trials. Output: tallies. Only cars of the experiment's family count: same modules, same fixed parameters.
 """
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+from foldcar.report.trial_selection import select_trials
 from foldcar.report.wilson import wilson_interval
 from foldcar.store.info import ExperimentInfo
-from foldcar.store.trial_records import Trial
+from foldcar.store.trial_records import CARS, Trial
 
 
 @dataclass
@@ -21,7 +23,7 @@ class TrialTally:
 
     def add(self, trial: Trial) -> None:
         """Count a trial."""
-        if trial.counts:
+        if trial.completed:
             self.counted += 1
             self.passed += trial.outcome == "passed"
         else:
@@ -39,29 +41,54 @@ class TrialTally:
 
 
 @dataclass
-class TrialSummary:
-    """An experiment's trials: all together, and by the value of each varied parameter, ascending.
-
-    ``unknown_cars`` is the number of trials whose car does not belong to the family.
-    """
+class TrialGroup:
+    """Trials: all together, and by the value of each parameter, ascending."""
 
     total: TrialTally = field(default_factory=TrialTally)
     series: dict[str, dict[float, TrialTally]] = field(default_factory=dict)
-    unknown_cars: int = 0
+
+    @classmethod
+    def of(cls, trials: Sequence[Trial], parameters: Iterable[str]) -> "TrialGroup":
+        """Count ``trials`` by each of the design parameters."""
+        group = cls(series={name: {} for name in parameters})
+        for trial in trials:
+            group.total.add(trial)
+            for name, by_value in group.series.items():
+                if name in trial.design:
+                    by_value.setdefault(trial.design[name], TrialTally()).add(trial)
+        group.series = {name: dict(sorted(by_value.items())) for name, by_value in group.series.items()}
+        return group
 
 
-def summarise_trials(trials: Iterable[Trial], info: ExperimentInfo) -> TrialSummary:
+@dataclass
+class TrialSummary:
+    """An experiment's trials: those of built cars, and apart from them those of simulated ones if they are asked for.
+
+    ``unknown_cars`` is the number of trials whose car does not belong to the family; ``left_out`` counts those that
+    do not count, by standing.
+    """
+
+    built: TrialGroup
+    simulated: TrialGroup
+    unknown_cars: int
+    left_out: Counter[str]
+
+
+def summarise_trials(trials: Iterable[Trial], info: ExperimentInfo, with_simulated: bool = False) -> TrialSummary:
     """Count ``trials`` of the experiment ``info``."""
-    summary = TrialSummary(series={name: {} for name in info.varied})
-    for trial in trials:
-        fits = trial.vehicle_type == info.vehicle_type and all(
-            trial.design.get(name) == value for name, value in info.fixed.items()
-        )
-        if not fits:
-            summary.unknown_cars += 1
-            continue
-        summary.total.add(trial)
-        for name, by_value in summary.series.items():
-            by_value.setdefault(trial.design[name], TrialTally()).add(trial)
-    summary.series = {name: dict(sorted(by_value.items())) for name, by_value in summary.series.items()}
-    return summary
+    kept, left_out = select_trials(trials, with_simulated)
+    family = [trial for trial in kept if _belongs(trial, info)]
+    return TrialSummary(*by_car(family, info.varied), len(kept) - len(family), left_out)
+
+
+def by_car(trials: Sequence[Trial], parameters: Iterable[str]) -> tuple[TrialGroup, TrialGroup]:
+    """The trials of built and those of simulated cars, counted by each of the design parameters."""
+    names = list(parameters)
+    built, simulated = ([trial for trial in trials if trial.standing == car] for car in CARS)
+    return TrialGroup.of(built, names), TrialGroup.of(simulated, names)
+
+
+def _belongs(trial: Trial, info: ExperimentInfo) -> bool:
+    return trial.vehicle_type == info.vehicle_type and all(
+        trial.design.get(name) == value for name, value in info.fixed.items()
+    )

@@ -14,22 +14,28 @@ from foldcar.interrupts import held
 from foldcar.output_folder import check_output_folder
 from foldcar.report.page import page_html
 from foldcar.report.sections import Section, read_section
+from foldcar.report.trial_sections import TrialSection, read_trial_sections
 from foldcar.store.reader import Store
 
 PAGE = "index.html"
 
 
-def write_report(store: Store, folder: Path, report_command: Sequence[str]) -> list[Section]:
+def write_report(
+    store: Store, folder: Path, report_command: Sequence[str], simulated_trials: bool
+) -> tuple[list[Section], list[TrialSection]]:
     """Write the page and its figures (SVG, PNG, PDF) into ``folder``, replacing those of an earlier report.
 
-    Returns the sections, for a summary on the terminal. Raises FoldcarError if there is nothing to report or
+    ``simulated_trials``: show trials of simulated cars too. Returns the sections of swept experiments and those of
+    experiments that have trials only, for a summary on the terminal. Raises FoldcarError if there is nothing to report or
     the folder cannot be written.
     """
-    info = store.info()
+    info = store.info() if store.holds_study() or next(store.trials(), None) is None else None
+    swept = info.experiments if info is not None else {}
     check_output_folder(folder)
     with matplotlib.rc_context(RC):
-        sections = [read_section(store, experiment) for experiment in info.experiments.values()]
-        if not any(section.summary.total.runs for section in sections):
+        sections = [read_section(store, experiment, simulated_trials) for experiment in swept.values()]
+        driven = read_trial_sections(store, list(swept), simulated_trials)
+        if not driven and not any(section.summary.total.runs for section in sections):
             raise FoldcarError(f"{store.path}: contains no runs yet; sweep the listing first")
         try:
             with (
@@ -37,8 +43,8 @@ def write_report(store: Store, folder: Path, report_command: Sequence[str]) -> l
                 held(lambda: shutil.rmtree(temporary)),
             ):
                 made = Path(temporary)
-                svgs = _save_figures(sections, made)
-                page = page_html(info, sections, svgs, report_command)
+                svgs = _save_figures([*sections, *driven], made)
+                page = page_html(store.path.name, info, sections, driven, svgs, report_command)
                 (made / PAGE).write_text(page, encoding="utf-8")
                 folder.mkdir(exist_ok=True)
                 # The page is moved last, so that it never refers to missing figures.
@@ -46,10 +52,10 @@ def write_report(store: Store, folder: Path, report_command: Sequence[str]) -> l
                     file.replace(folder / file.name)
         except OSError as error:
             raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
-    return sections
+    return sections, driven
 
 
-def _save_figures(sections: Sequence[Section], folder: Path) -> dict[str, str]:
+def _save_figures(sections: Sequence[Section | TrialSection], folder: Path) -> dict[str, str]:
     svgs = {}
     for section in sections:
         for drawing in section.drawings:

@@ -16,6 +16,7 @@ from foldcar.scenes.checks import (
     check_on_course,
     check_standing,
 )
+from foldcar.scenes.obstacles import Obstacle, obstacles_of
 from foldcar.scenes.reading import UnusableError, finite, is_a, param, pose
 from foldcar.scenes.terrain import MOST_PIECES, terrain_pieces
 
@@ -23,19 +24,21 @@ MOST_FRICTION = 5.0
 COURSE_SIDES = ("x_min", "x_max", "y_min", "y_max")
 
 
-def scene_object(scene: Any, program: Path, where: str, needs_goal: bool = True) -> dict[str, Any]:
-    """The scene in metres and radians, without an id.
+def scene_with_obstacles(
+    scene: Any, program: Path, where: str, needs_goal: bool = True
+) -> tuple[dict[str, Any], list[Obstacle]]:
+    """The scene in metres and radians, without an id, and what of its terrain stands on the floor as one thing.
 
     ``where`` follows the program's name in the messages of FoldcarErrors. Without ``needs_goal`` a program may have
     no Goal, and the scene's goal is None then.
     """
     try:
-        return _scene_object(scene, needs_goal)
+        return _scene_with_obstacles(scene, needs_goal)
     except UnusableError as problem:
         raise FoldcarError(f"{program}: {where}: {_line(problem.thing, program)}{problem}") from None
 
 
-def _scene_object(scene: Any, needs_goal: bool) -> dict[str, Any]:
+def _scene_with_obstacles(scene: Any, needs_goal: bool) -> tuple[dict[str, Any], list[Obstacle]]:
     ego = scene.egoObject
     if not is_a(ego, "Robot"):
         raise UnusableError(f"the ego is a {type(ego).__name__}, not a Robot", ego)
@@ -46,6 +49,7 @@ def _scene_object(scene: Any, needs_goal: bool) -> dict[str, Any]:
         raise UnusableError(f"param friction: {friction} is not above 0 and at most {MOST_FRICTION:g}")
     terrain: list[dict[str, Any]] = []
     owners: list[Any] = []
+    objects: list[tuple[str, float, range]] = []
     goals = []
     for thing in scene.objects:
         check_standing(thing)
@@ -54,6 +58,8 @@ def _scene_object(scene: Any, needs_goal: bool) -> dict[str, Any]:
             check_on_course(course, pieces, thing)
             terrain.extend(pieces)
             owners.extend([thing] * len(pieces))
+            indices = range(len(terrain) - len(pieces), len(terrain))
+            objects.append((type(thing).__name__, pose(thing)["heading_rad"], indices))
             if len(terrain) > MOST_PIECES:
                 raise UnusableError(f"the terrain has more than {MOST_PIECES} pieces", thing)
             continue
@@ -74,7 +80,8 @@ def _scene_object(scene: Any, needs_goal: bool) -> dict[str, Any]:
         check_goal_ahead(start, goal, terrain, goals[0])
     elif needs_goal:
         raise UnusableError("no Goal: the program must place one, or end the run: `terminate when …`")
-    return {"friction": friction, "terrain": terrain, "start": start, "goal": goal, "course": course}
+    described = {"friction": friction, "terrain": terrain, "start": start, "goal": goal, "course": course}
+    return described, obstacles_of(terrain, objects)
 
 
 def _goal(thing: Any) -> dict[str, Any]:

@@ -17,8 +17,9 @@ from typing import Any
 
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import at_once
+from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program import compile_program, is_dynamic, may_end_itself, one_line, overlap_hint
-from foldcar.scenes.scene_json import scene_object
+from foldcar.scenes.scene_json import scene_with_obstacles
 from foldcar.scenes.success import SuccessRule, success_rule
 from foldcar.scenes.time_limit import time_limit
 
@@ -91,8 +92,15 @@ class SceneSource:
 
     def describe(self, scene: Any, k: int) -> dict[str, Any]:
         """The "scene" object of docs/carsim.md for sample ``k``'s Scene. Raises FoldcarError."""
+        return self._with_obstacles(scene, k)[0]
+
+    def sample_with_obstacles(self, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
+        """What :meth:`sample` gives, and its obstacles."""
+        return self._with_obstacles(self.scenic_scene(k), k)
+
+    def _with_obstacles(self, scene: Any, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
         with time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"):
-            return scene_object(scene, self.program, f"sample {k}", not may_end_itself(self.scenario))
+            return scene_with_obstacles(scene, self.program, f"sample {k}", not may_end_itself(self.scenario))
 
     def _rejection_reason(self, k: int) -> str:
         """The reason for a rejection, read from Scenic's output, the only place where Scenic reports it."""

@@ -16,7 +16,7 @@ from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.migrations import VERSION
 from foldcar.store.opening import connect_reading, open_reading, store_version
 from foldcar.store.rows import columns_sql, is_intact, key_text
-from foldcar.store.tables import CHECKSUM, RECORDED, RESULT_VIEW, RUN, TABLES, Table
+from foldcar.store.tables import CHECKSUM, RECORDED, RUN, TABLES, VIEWS, Table
 
 
 @dataclass(slots=True)
@@ -73,7 +73,7 @@ def _structure(connection: sqlite3.Connection) -> list[str]:
 
 
 def _schema(connection: sqlite3.Connection) -> Iterator[str]:
-    """Tables and the view against their declarations; a metric may be missing in a store that is older than it."""
+    """Tables and views against their declarations; a metric may be missing in a store that is older than it."""
     try:
         texts = dict(connection.execute("SELECT name, sql FROM sqlite_master WHERE type IN ('table', 'view')"))
         there = {name for _, name, *_ in connection.execute("PRAGMA table_info(run)")}
@@ -86,8 +86,9 @@ def _schema(connection: sqlite3.Connection) -> Iterator[str]:
             yield f"table {table.name}: is missing"
         elif texts[table.name] != table.sql and table is not RUN:
             yield f"table {table.name}: is not declared as in version {VERSION}"
-    if texts.get("result") != RESULT_VIEW and not grown:
-        yield f"view result: is not declared as in version {VERSION}"
+    for name, view in VIEWS.items():
+        if texts.get(name) != view and not (grown and name == "result"):
+            yield f"view {name}: is not declared as in version {VERSION}"
 
 
 def _damaged_rows(connection: sqlite3.Connection, table: Table, done: StoreCheck) -> Iterator[str]:

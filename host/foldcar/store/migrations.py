@@ -9,6 +9,7 @@ names of their columns, checked and with checksums. All of it is one transaction
 | 2 | variations, programs beside the simulation, recorded values, failed runs |
 | 3 | trials and corrections |
 | 4 | checksums; a metric that is new gets its column without a new version |
+| 5 | whether a trial's car was built or simulated, withdrawn trials, the view of trials |
 """
 
 import contextlib
@@ -21,18 +22,21 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from foldcar.store.car_in_log import car_in_log
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.rows import check_json, insert_sql, key_text, stored
-from foldcar.store.tables import RESULT_VIEW, RUN, TABLES, Table
+from foldcar.store.tables import RESULT_VIEW, RUN, TABLES, VIEWS, Table
+from foldcar.store.trial_records import BUILT
 
-VERSION = 4
+VERSION = 5
 
 
 def create_tables(connection: sqlite3.Connection) -> None:
-    """Make the tables and the view of this version."""
+    """Make the tables and the views of this version."""
     for table in TABLES:
         connection.execute(table.sql)
-    connection.execute(RESULT_VIEW)
+    for view in VIEWS.values():
+        connection.execute(view)
 
 
 def migrate(path: Path, connection: sqlite3.Connection) -> None:
@@ -50,6 +54,8 @@ def migrate(path: Path, connection: sqlite3.Connection) -> None:
             (version,) = connection.execute("PRAGMA user_version").fetchone()
             if version < 2:
                 _cars_are_as_designed(path, connection)
+            if 3 <= version < 5:
+                _logs_tell_the_car(path, connection)
             _rebuild(path, connection)
             connection.execute(f"PRAGMA user_version = {VERSION}")
 
@@ -145,9 +151,19 @@ def _cars_are_as_designed(path: Path, connection: sqlite3.Connection) -> None:
         connection.execute("UPDATE experiment SET facts = ? WHERE id = ?", (json.dumps(facts), name))
 
 
+def _logs_tell_the_car(path: Path, connection: sqlite3.Connection) -> None:
+    """Up to version 4 a trial does not say what drove: its log does, and of an imported one its source vouched."""
+    connection.execute("ALTER TABLE trial ADD COLUMN car TEXT")
+    connection.execute("ALTER TABLE trial ADD COLUMN withdrawn INTEGER DEFAULT 0")
+    for number, log, digest, source in connection.execute("SELECT id, log, log_sha256, source FROM trial").fetchall():
+        car = BUILT if source is not None else car_in_log(path, log, digest) if log is not None else None
+        connection.execute("UPDATE trial SET car = ? WHERE id = ?", (car, number))
+
+
 def _rebuild(path: Path, connection: sqlite3.Connection) -> None:
     """Move all rows into the tables of this version."""
-    connection.execute("DROP VIEW IF EXISTS result")
+    for view in VIEWS:
+        connection.execute(f"DROP VIEW IF EXISTS {view}")
     there = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     old = [table for table in TABLES if table.name in there]
     for table in old:

@@ -32,7 +32,7 @@ __all__ = ["ExperimentInfo", "Store", "StoreError", "StudyInfo"]
 
 TRIAL_FIELDS = (
     "outcome", "ending", "elapsed_time_s", "note", "operator", "started_utc", "ended_utc", "firmware_build",
-    "design_hash", "log", "log_sha256", "source",
+    "design_hash", "log", "log_sha256", "source", "car", "scenic_program",
 )  # fmt: skip
 
 
@@ -59,6 +59,10 @@ class Store:
     ) -> None:
         self._connection.close()
 
+    def holds_study(self) -> bool:
+        """Whether a sweep has begun; a store may hold trials only."""
+        return next(self.rows(STUDY), None) is not None
+
     def info(self) -> StudyInfo:
         """The facts of the study, without its runs; StoreError if no sweep has begun yet."""
         facts = {row["key"]: row["value"] for row in self.rows(STUDY)}
@@ -75,7 +79,7 @@ class Store:
             yield from self._results(name)
 
     def trials(self, experiment: str | None = None) -> Iterator[Trial]:
-        """Trials of built cars in their order; of one experiment if it is named."""
+        """All trials in their order, whatever their standing; of one experiment if it is named."""
         corrections = Counter(row["trial_id"] for row in self.rows(CORRECTION))
         for row in self.rows(TRIAL, "WHERE ?1 IS NULL OR experiment = ?1 ORDER BY id", experiment):
             yield Trial(
@@ -85,6 +89,7 @@ class Store:
                 design=parsed(self.path, TRIAL, row, "design"),
                 sample=row["sample"],
                 deviations=self._deviations(row),
+                withdrawn=bool(row["withdrawn"]),
                 corrections=corrections[row["id"]],
                 **{field: row[field] for field in TRIAL_FIELDS},
             )

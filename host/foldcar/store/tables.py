@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from foldcar.simulation.results import METRICS, OUTCOMES
-from foldcar.store.trial_records import TRIAL_OUTCOMES
+from foldcar.store.trial_records import BUILT, CARS, TRIAL_OUTCOMES, UNKNOWN
 
 CHECKSUM = "checksum"
 
@@ -185,7 +185,7 @@ DESIGN = Table(
 )
 TRIAL = Table(
     "trial",
-    "a trial of a built car; what is empty is not known",
+    "a trial of a built or a simulated car; what is empty is not known",
     (
         Column("id", "INTEGER", "number"),
         Column("experiment", "TEXT", "the experiment's name"),
@@ -210,6 +210,9 @@ TRIAL = Table(
         Column("log", "TEXT", "its log (MAVLink .tlog), relative to the store's folder", null=True),
         Column("log_sha256", "TEXT", "SHA-256 of the log", null=True),
         Column("source", "TEXT", "where a trial that was imported comes from", null=True),
+        Column("car", "TEXT", "what drove, as the car or the imported file told it", null=True, choices=CARS),
+        Column("withdrawn", "INTEGER", "1 if it was withdrawn and does not count, else 0"),
+        Column("scenic_program", "TEXT", "the environment's program as the listing names it", null=True),
     ),
 )
 CORRECTION = Table(
@@ -264,3 +267,19 @@ RESULT_VIEW = f"""CREATE VIEW result AS
             WHERE {" AND ".join(f"v.{name} = r.{name}" for name in _RUN_KEY_NAMES)}) AS recorded,
         {", ".join(f"r.{name}" for name in _RUN_KEY_NAMES)}
     {RESULT_JOIN}"""
+
+# All trials with what a reader wants of them; only those with `counts` 1 belong in a success rate.
+TRIAL_VIEW = f"""CREATE VIEW trial_result AS
+    SELECT t.id AS trial, t.experiment, t.vehicle_type, t.design AS parameters, e.environment,
+        coalesce(t.scenic_program, json_extract(e.facts, '$.scenic_program')) AS scenic_program, t.sample, t.outcome,
+        t.elapsed_time_s, coalesce(t.car, '{UNKNOWN}') AS car, t.withdrawn,
+        t.car IS '{BUILT}' AND NOT t.withdrawn AND t.outcome <> 'aborted' AS counts,
+        CASE WHEN t.withdrawn THEN (SELECT c.reason FROM correction c
+            WHERE c.trial_id = t.id AND c.field = 'withdrawn' ORDER BY c.id DESC LIMIT 1) END AS withdrawn_because,
+        (SELECT count(*) FROM correction c WHERE c.trial_id = t.id) AS corrections,
+        t.ending, t.note, t.operator, t.started_utc, t.ended_utc, t.deviations, t.log, t.source,
+        t.environment_id, t.scene_id, t.body_id, t.settings_id
+    FROM trial t LEFT JOIN experiment e
+        ON e.id = t.experiment AND (t.environment_id IS NULL OR t.environment_id = e.environment_id)"""
+
+VIEWS = {"result": RESULT_VIEW, "trial_result": TRIAL_VIEW}

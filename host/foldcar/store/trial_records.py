@@ -1,4 +1,4 @@
-"""The record of a trial of a built car, which the store contains beside the simulated runs.
+"""The record of a trial, which the store contains beside the simulated runs.
 
 A person judges a trial, so its outcomes differ from those of a run (:mod:`foldcar.simulation.results`).
 """
@@ -10,11 +10,16 @@ from dataclasses import dataclass
 # not count in success rates.
 TRIAL_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "not_passed", "aborted")
 
+# What drove. Where a store does not say it, it is shown as UNKNOWN. Only trials of built cars count in success rates.
+BUILT, SIMULATED = CARS = ("built", "simulated")
+UNKNOWN = "unknown"
+WITHDRAWN = "withdrawn"
+
 # The ending of a row from before the start until the trial is completed.
 RUNNING = "running"
 
 # The fields that `foldcar trials correct` may change.
-CORRECTABLE = ("outcome", "elapsed_time_s", "note", "operator")
+CORRECTABLE = ("outcome", "elapsed_time_s", "note", "operator", "car")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +51,7 @@ class Trial:
 
     ``deviations`` maps "car" and obstacles' letters to (x in m, y in m, heading in rad). None stands for what is
     not known: ``sample``, times, builds and log of trials that come from elsewhere, whose ``source`` says where.
-    ``corrections`` counts what was changed afterwards.
+    ``car`` is one of CARS, None if that is not known. ``corrections`` counts what was changed afterwards.
     """
 
     id: int
@@ -67,11 +72,19 @@ class Trial:
     log: str | None
     log_sha256: str | None
     source: str | None
+    car: str | None
+    withdrawn: bool
+    scenic_program: str | None
     corrections: int
 
     @property
-    def counts(self) -> bool:
-        """Whether it counts in success rates: it was completed and not aborted."""
+    def standing(self) -> str:
+        """What it is good for: one of CARS, UNKNOWN or, whatever drove, WITHDRAWN."""
+        return WITHDRAWN if self.withdrawn else self.car or UNKNOWN
+
+    @property
+    def completed(self) -> bool:
+        """Whether it was completed and not aborted. Others count in no success rate."""
         return self.outcome != "aborted"
 
 

@@ -8,7 +8,7 @@ import contextlib
 import json
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -17,30 +17,38 @@ from typing import Any
 from foldcar.store.connection import StoreConnection
 from foldcar.store.errors import StoreError
 from foldcar.store.opening import writing
-from foldcar.store.rows import parsed
-from foldcar.store.tables import BY_NAME, CORRECTION, TRIAL
-from foldcar.store.trial_records import CORRECTABLE, RUNNING, TRIAL_OUTCOMES, Ending, TrialDesign
+from foldcar.store.rows import Row
+from foldcar.store.tables import CORRECTION, TRIAL
+from foldcar.store.trial_records import BUILT, CARS, CORRECTABLE, RUNNING, TRIAL_OUTCOMES, Ending, TrialDesign
 from foldcar.store.writer import canonical_json
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """The inputs of a trial's simulation: objects of docs/carsim.md, the scene as built on the floor."""
+    """The inputs of a trial's simulation: objects of docs/carsim.md, the scene as built on the floor.
+
+    ``scenic_program`` is the environment's program as the listing names it.
+    """
 
     body: Mapping[str, Any]
     settings: Mapping[str, Any]
     scene: Mapping[str, Any]
     environment_fingerprint: str
+    scenic_program: str
     sample: int
 
 
 @dataclass(frozen=True, slots=True)
 class CarFacts:
-    """The identity of the car: the firmware's build and the design's hash, as the car reported them, and the port."""
+    """The identity of the car: the firmware's build and the design's hash, as the car reported them, and the port.
+
+    ``car`` is one of CARS, None if the car did not say it.
+    """
 
     firmware_build: str
     design_hash: str
     port: str
+    car: str | None
 
 
 class TrialWriter(StoreConnection):
@@ -77,6 +85,9 @@ class TrialWriter(StoreConnection):
                 "design_hash": car.design_hash,
                 "port": car.port,
                 "log": log,
+                "car": car.car,
+                "withdrawn": 0,
+                "scenic_program": drive.scenic_program,
             }
             return self._add(TRIAL, row)
 
@@ -104,26 +115,17 @@ class TrialWriter(StoreConnection):
         (last,) = self._run("SELECT max(id) FROM trial").fetchone()
         return int(last or 0) + 1
 
-    def scene(self, environment_fingerprint: str, sample: int) -> dict[str, Any] | None:
-        """The sampled scene that a sweep stored, None if there is none."""
-        found = self._rows(
-            BY_NAME["scene"],
-            "WHERE id = (SELECT k.scene_id FROM environment e JOIN sample k ON k.environment_id = e.id "
-            "WHERE e.fingerprint = ? AND k.sample = ?)",
-            environment_fingerprint,
-            sample,
-        )
-        return dict(parsed(self.path, BY_NAME["scene"], found[0], "json")) if found else None
-
     def trial_counts(self, experiment: str, design: TrialDesign, environment_fingerprint: str) -> dict[int, int]:
-        """The numbers of this design's trials that were not aborted, by sample of the environment."""
+        """How many trials of built cars of this design count, by sample of the environment."""
         rows = self._rows(
             TRIAL,
             "WHERE experiment = ? AND vehicle_type = ? AND design = ? AND outcome <> 'aborted' "
+            "AND car = ? AND NOT withdrawn "
             "AND environment_id = (SELECT id FROM environment WHERE fingerprint = ?)",
             experiment,
             design.vehicle_type,
             json.dumps(dict(design.columns)),
+            BUILT,
             environment_fingerprint,
         )
         return dict(Counter(row["sample"] for row in rows))
@@ -139,20 +141,48 @@ class TrialWriter(StoreConnection):
                     _check_outcome(self.path, str(after))
                 if isinstance(after, float) and not math.isfinite(after):
                     raise StoreError(f"{self.path}: trial {trial}: {field}: {after} is no finite number")
-                found = self._rows(TRIAL, "WHERE id = ?", trial)
-                if not found:
-                    raise StoreError(f"{self.path}: has no trial {trial}")
-                correction = {
-                    "trial_id": trial,
-                    "corrected_utc": now_utc(),
-                    "field": field,
-                    "before": found[0][field],
-                    "after": after,
-                    "reason": reason,
-                    "operator": operator,
-                }
-                self._add(CORRECTION, correction)
-                self._update(TRIAL, {**found[0], field: after})
+                found = self._trial(trial)
+                if field == "car":
+                    self._check_car(found, after)
+                self._change(found, field, after, reason, operator)
+
+    def withdraw(self, trials: Iterable[int], withdrawn: bool, reason: str, operator: str) -> None:
+        """Withdraw trials, or restore them, all or none. Rows and logs stay. StoreError if one is so already."""
+        with self._transaction():
+            for trial in trials:
+                found = self._trial(trial)
+                if bool(found["withdrawn"]) == withdrawn:
+                    state = "is withdrawn already" if withdrawn else "is not withdrawn"
+                    raise StoreError(f"{self.path}: trial {trial} {state}")
+                self._change(found, "withdrawn", int(withdrawn), reason, operator)
+
+    def _trial(self, number: int) -> Row:
+        found = self._rows(TRIAL, "WHERE id = ?", number)
+        if not found:
+            raise StoreError(f"{self.path}: has no trial {number}")
+        return found[0]
+
+    def _change(self, trial: Row, field: str, after: str | float, reason: str, operator: str) -> None:
+        correction = {
+            "trial_id": trial["id"],
+            "corrected_utc": now_utc(),
+            "field": field,
+            "before": trial[field],
+            "after": after,
+            "reason": reason,
+            "operator": operator,
+        }
+        self._add(CORRECTION, correction)
+        self._update(TRIAL, {**trial, field: after})
+
+    def _check_car(self, trial: Row, after: str | float) -> None:
+        """A person may say what drove where no car has said it."""
+        where = f"{self.path}: trial {trial['id']}: car"
+        if after not in CARS:
+            raise StoreError(f'{where}: "{after}" is none of {", ".join(CARS)}')
+        said = self._rows(CORRECTION, "WHERE trial_id = ? AND field = 'car'", trial["id"])
+        if trial["car"] is not None and trial["source"] is None and not said:
+            raise StoreError(f"{where}: the car itself told that it is {trial['car']}; this cannot be corrected")
 
     def import_trials(self, trials: list[dict[str, Any]]) -> list[int]:
         """Store imported trials, all or none: columns of the table by name; returns their numbers."""
@@ -160,7 +190,7 @@ class TrialWriter(StoreConnection):
         with self._transaction():
             for trial in trials:
                 _check_outcome(self.path, trial["outcome"])
-                row = {"deviations": "{}", "ending": "imported", "note": "", "operator": "", **trial}
+                row = {"deviations": "{}", "ending": "imported", "note": "", "operator": "", "withdrawn": 0, **trial}
                 numbers.append(self._add(TRIAL, {**row, "design": json.dumps(row["design"])}))
         return numbers
 

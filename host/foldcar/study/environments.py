@@ -16,6 +16,7 @@ from foldcar.simulation.runner import Runner
 from foldcar.study.experiments import Experiment
 
 if TYPE_CHECKING:
+    from foldcar.scenes.obstacles import Obstacle
     from foldcar.scenes.source import SceneSource
     from foldcar.scenes.success import SuccessRule
     from foldcar.simulation.scenic_runner import ScenicRunner
@@ -48,6 +49,10 @@ class Environment:
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` as a scene object of docs/carsim.md, without id."""
         return self._open().sample(k)
+
+    def sample_with_obstacles(self, k: int) -> "tuple[dict[str, Any], list[Obstacle]]":
+        """Sample ``k``, and what of its terrain stands on the floor as one thing."""
+        return self._open().sample_with_obstacles(k)
 
     def scene_identity(self, k: int, dynamic: bool) -> str:
         """The identity of a scene in the store: a dynamic program can distinguish samples whose scenes are equal."""

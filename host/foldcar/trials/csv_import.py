@@ -1,7 +1,8 @@
 """Reads trials from a CSV file: one row for each trial, or one for ``count`` equal trials.
 
 Input: a file with the columns ``outcome``, ``source`` and ``vehicle_type``, and optionally ``experiment``, ``sample``,
-``count``, ``elapsed_time_s``, ``note``, ``operator``, ``started_utc`` and parameters of the design (``width_mm``, …).
+``count``, ``car`` (built or simulated; built if it does not say), ``elapsed_time_s``, ``note``, ``operator``,
+``started_utc`` and parameters of the design (``width_mm``, …).
 Lines that begin with # are comments. Output: rows for :meth:`TrialWriter.import_trials`.
 """
 
@@ -15,9 +16,10 @@ from typing import Any
 from foldcar.car.design import DesignError, compose
 from foldcar.car.modules import parameters
 from foldcar.errors import FoldcarError
-from foldcar.store.trial_records import TRIAL_OUTCOMES
+from foldcar.store.trial_records import BUILT, CARS, TRIAL_OUTCOMES
 
 NEEDED = ("vehicle_type", "outcome", "source")
+OPTIONAL = ("experiment", "count", "car", "sample", "elapsed_time_s", "note", "operator", "started_utc")
 MOST_COUNT = 100_000
 # The largest whole number that a store keeps.
 MOST_SAMPLE = 2**63 - 1
@@ -56,7 +58,7 @@ def _cells(file: Path, number: int, line: str) -> list[str]:
 
 def _check_header(file: Path, header: list[str]) -> None:
     design = [parameter.column for parameter in parameters().values()]
-    known = [*NEEDED, "experiment", "count", "sample", "elapsed_time_s", "note", "operator", "started_utc", *design]
+    known = [*NEEDED, *OPTIONAL, *design]
     for name in header:
         if name not in known:
             raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known)}')
@@ -73,6 +75,9 @@ def _trials(place: str, row: Mapping[str, str], experiment: str | None) -> list[
             raise FoldcarError(f"{place}: {name}: is empty")
     if row["outcome"] not in TRIAL_OUTCOMES:
         raise FoldcarError(f'{place}: outcome: "{row["outcome"]}" is not one of {", ".join(TRIAL_OUTCOMES)}')
+    car = row.get("car", BUILT)
+    if car not in CARS:
+        raise FoldcarError(f'{place}: car: "{car}" is not one of {", ".join(CARS)}')
     named = row.get("experiment", experiment)
     if named is None:
         raise FoldcarError(f"{place}: experiment: is empty; fill it or use --experiment ID")
@@ -88,6 +93,7 @@ def _trials(place: str, row: Mapping[str, str], experiment: str | None) -> list[
         "design": design.columns,
         "outcome": row["outcome"],
         "source": row["source"],
+        "car": car,
         **{name: row[name] for name in ("note", "operator", "started_utc") if name in row},
     }
     if "sample" in row:

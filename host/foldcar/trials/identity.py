@@ -1,16 +1,18 @@
-"""Checks a connected car's identity: its design, its firmware build, its parameters.
+"""Checks a connected car's identity: its design, its firmware build, its parameters, a simulated car's scene.
 
 Input: the identity and the parameters that a car reports. Output: the design of the experiment, differing parameters,
-or a FoldcarError with a remedy.
+the sample of a simulated car, or a FoldcarError with a remedy.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from foldcar.car.car_file import design_hash
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.link.car import CarIdentity
 from foldcar.link.parameters import equal_float32
+from foldcar.scenes.scene_name import sample_in, scene_name
 from foldcar.study.experiments import Experiment
 from foldcar.study.family import Family
 
@@ -42,6 +44,32 @@ def check_build(identity: CarIdentity, simulated: str) -> None:
             f"the car's firmware is build {identity.build}, the simulated one is {simulated}: load that with "
             "`foldcar flash`, or drive anyway with --any-build"
         )
+
+
+def simulated_sample(
+    said: str, asked: int | None, scene_of: Callable[[int], Mapping[str, Any]], experiment: Experiment
+) -> int:
+    """The sample that a simulated car drives in, whose scene has the id ``said``.
+
+    FoldcarError if that is not the sample ``asked`` for, or if its scene is not the one that ``scene_of`` gives.
+    """
+    sample = sample_in(said)
+    if sample is None:
+        raise FoldcarError(
+            f'the simulated car drives in the scene "{said}", which is no sample of experiment {experiment.id}: '
+            "simulate the car with `foldcar link`"
+        )
+    if asked is not None and asked != sample:
+        raise FoldcarError(
+            f"--sample {asked}: the simulated car drives in sample {sample}: leave the option out, or start "
+            f"`foldcar link` with --sample {asked}"
+        )
+    if scene_name(scene_of(sample), sample) != said:
+        raise FoldcarError(
+            f"the simulated car's scene is not sample {sample} of experiment {experiment.id}: start `foldcar link` "
+            f"with this experiment of {experiment.place.partition(': ')[0]} as it is now"
+        )
+    return sample
 
 
 def parameter_deviations(car: Mapping[str, float], expected: Mapping[str, float]) -> list[tuple[str, float, float]]:

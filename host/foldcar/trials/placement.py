@@ -1,19 +1,19 @@
 """Placement of obstacles and car on the floor for a trial: instructions, and deviations from them.
 
-Input: a scene of docs/carsim.md, measured deviations. Output: lettered obstacles, rows of instructions (mm and degrees),
-the scene with the deviations applied. Positions are measured in the scene's frame, which is marked on the floor by a
-point at its origin and a line along x; y is to the left of x, headings are counter-clockwise.
+Input: a scene of docs/carsim.md, its obstacles, measured deviations. Output: lettered obstacles, rows of instructions
+(mm and degrees), the scene with the deviations applied. Positions are measured in the scene's frame, which is marked
+on the floor by a point at its origin and a line along x; y is to the left of x, headings are counter-clockwise.
 """
 
 import copy
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from string import ascii_uppercase
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.scenes.terrain_kinds import description, kind_of
+from foldcar.scenes.obstacles import Obstacle
+from foldcar.scenes.terrain_kinds import description
 
 CAR = "car"
 MOST_DEVIATION_MM = 1000.0
@@ -21,36 +21,22 @@ MOST_DEVIATION_MM = 1000.0
 Deviations = Mapping[str, tuple[float, float, float]]
 
 
-@dataclass(frozen=True, slots=True)
-class Obstacle:
-    """One object to put on the floor: its pose, and the indices in the scene of its terrain pieces."""
-
-    letter: str
-    pieces: tuple[int, ...]
-    x_m: float
-    y_m: float
-    heading_rad: float
+def lettered(obstacles: Iterable[Obstacle]) -> dict[str, Obstacle]:
+    """The obstacles in their order, by letter: A, B, …, Z, AA, …"""
+    return {_letters(number): obstacle for number, obstacle in enumerate(obstacles)}
 
 
-def obstacles(scene: Mapping[str, Any]) -> list[Obstacle]:
-    """The scene's obstacles in the order of its terrain, lettered A, B, …, Z, AA, …; pieces with one centre are one."""
-    groups: dict[tuple[float, float], list[int]] = {}
-    for index, piece in enumerate(scene["terrain"]):
-        if not kind_of(piece).is_floor:
-            groups.setdefault((piece["x_m"], piece["y_m"]), []).append(index)
-    return [
-        Obstacle(_letters(number), tuple(indices), x, y, scene["terrain"][indices[0]].get("heading_rad", 0.0))
-        for number, ((x, y), indices) in enumerate(groups.items())
-    ]
-
-
-def instructions(scene: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str, str]]:
+def instructions(
+    scene: Mapping[str, Any], things: Mapping[str, Obstacle]
+) -> Iterator[tuple[str, str, str, str, str]]:
     """Rows of name, x (mm), y (mm), heading (°) and description: the car, the obstacles, the goal, the floor."""
     start = scene["start"]
     yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "its middle"
-    for thing in obstacles(scene):
+    for letter, thing in things.items():
         what = "; ".join(description(scene["terrain"][index]) for index in thing.pieces)
-        yield thing.letter, *_place(thing.x_m, thing.y_m, thing.heading_rad), what
+        if len(thing.pieces) > 1:
+            what = f"{thing.name} {1000 * thing.length_m:.0f} × {1000 * thing.width_m:.0f} mm: {what}"
+        yield letter, *_place(thing.x_m, thing.y_m, thing.heading_rad), what
     goal = scene["goal"]
     if goal is not None:
         line = goal["kind"] == "line"
@@ -59,7 +45,7 @@ def instructions(scene: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str,
     yield "floor", "", "", "", f"friction {scene['friction']:g} in the simulation"
 
 
-def parse_deviation(text: str, names: list[str]) -> tuple[str, tuple[float, float, float]]:
+def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, float, float]]:
     """Parse a name and deviations in x (mm), y (mm) and heading (°) to (name, (m, m, rad)); FoldcarError.
 
     ``"A 5 -3 1.5"`` gives ("A", (0.005, -0.003, 0.026…)).
@@ -83,23 +69,30 @@ def parse_deviation(text: str, names: list[str]) -> tuple[str, tuple[float, floa
     return words[0], (x_mm / 1000, y_mm / 1000, math.radians(turned_deg))
 
 
-def placed(scene: Mapping[str, Any], deviations: Deviations) -> dict[str, Any]:
-    """The scene as built on the floor: the car and each obstacle moved by its deviation (m, m, rad)."""
+def placed(scene: Mapping[str, Any], things: Mapping[str, Obstacle], deviations: Deviations) -> dict[str, Any]:
+    """The scene as built on the floor: the car and each obstacle moved as a whole by its deviation (m, m, rad).
+
+    An obstacle turns around the middle of its footprint.
+    """
     moved: dict[str, Any] = copy.deepcopy(dict(scene))
-    things = {CAR: [moved["start"]]}
-    things |= {o.letter: [moved["terrain"][index] for index in o.pieces] for o in obstacles(scene)}
-    for name, (x_m, y_m, turned_rad) in deviations.items():
-        for thing in things[name]:
-            thing["x_m"] += x_m
-            thing["y_m"] += y_m
-            if "heading_rad" in thing:
-                thing["heading_rad"] += turned_rad
+    for name, by in deviations.items():
+        if name == CAR:
+            _move(moved["start"], (moved["start"]["x_m"], moved["start"]["y_m"]), by)
+            continue
+        for index in things[name].pieces:
+            _move(moved["terrain"][index], (things[name].x_m, things[name].y_m), by)
     return moved
 
 
-def names_of(scene: Mapping[str, Any]) -> list[str]:
-    """The names that may deviate: the car and the obstacles' letters."""
-    return [CAR, *(obstacle.letter for obstacle in obstacles(scene))]
+def _move(thing: dict[str, Any], middle: tuple[float, float], by: tuple[float, float, float]) -> None:
+    x_m, y_m, turned_rad = by
+    ahead, left = thing["x_m"] - middle[0], thing["y_m"] - middle[1]
+    cos, sin = math.cos(turned_rad), math.sin(turned_rad)
+    # Written as a change of the planned place, so that what is in the middle keeps its digits.
+    thing["x_m"] += x_m + ahead * (cos - 1) - left * sin
+    thing["y_m"] += y_m + ahead * sin + left * (cos - 1)
+    if "heading_rad" in thing:
+        thing["heading_rad"] += turned_rad
 
 
 def _place(x_m: float, y_m: float, heading_rad: float) -> tuple[str, str, str]:

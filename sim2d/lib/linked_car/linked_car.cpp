@@ -1,6 +1,8 @@
 #include "linked_car.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <stdexcept>
 
@@ -11,7 +13,8 @@ namespace foldcar {
 namespace {
 
 constexpr std::uint64_t kTruthPeriodUs = 20000;
-constexpr std::uint8_t kTruthComponent = MAV_COMP_ID_USER1;
+constexpr std::uint64_t kScenePeriodUs = 1000000;
+constexpr std::uint8_t kSimulatorComponent = MAV_COMP_ID_USER1;
 // Time (µs) from a reset to the firmware's start, about that of an ESP32. The servo driver is not reset.
 constexpr std::uint64_t kBootUs = 300000;
 
@@ -89,6 +92,7 @@ std::vector<std::uint8_t> LinkedCar::step() {
   if (!booting_) firmware_->poll();
   if (hal_.board.restart_is_requested) restart(ResetReason::kSoftware);
   update_outcome();
+  send_scene();
   send_truth();
 
   car_->step(hal_.servos.pulses_us());
@@ -162,7 +166,22 @@ void LinkedCar::send_truth() {
   truth.outcome = code_of(outcome_);
   truth.outcome_time = static_cast<float>(outcome_ ? outcome_s_ : nan);
   mavlink_message_t message;
-  mavlink_msg_foldcar_truth_encode_status(kCarSystem, kTruthComponent, &truth_numbering_, &message, &truth);
+  mavlink_msg_foldcar_truth_encode_status(kCarSystem, kSimulatorComponent, &simulator_numbering_, &message, &truth);
+  send_from_simulator(message);
+}
+
+void LinkedCar::send_scene() {
+  if (now_us_ < next_scene_us_) return;
+  next_scene_us_ += kScenePeriodUs;
+  if (booting_) return;
+  mavlink_foldcar_scene_t scene{};
+  std::memcpy(scene.id, scene_.id.data(), std::min(scene_.id.size(), sizeof scene.id));
+  mavlink_message_t message;
+  mavlink_msg_foldcar_scene_encode_status(kCarSystem, kSimulatorComponent, &simulator_numbering_, &message, &scene);
+  send_from_simulator(message);
+}
+
+void LinkedCar::send_from_simulator(const mavlink_message_t& message) {
   std::uint8_t packet[MAVLINK_MAX_PACKET_LEN];
   const std::size_t size = mavlink_msg_to_send_buffer(packet, &message);
   hal_.link.from_car.insert(hal_.link.from_car.end(), packet, packet + size);

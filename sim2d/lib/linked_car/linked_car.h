@@ -56,6 +56,8 @@ class LinkedCar {
   void apply_faults();
   void update_outcome();
   void send_truth();
+  void send_scene();
+  void send_from_simulator(const mavlink_message_t& message);
 
   const BodySpec& body_;
   const SceneSpec& scene_;
@@ -79,8 +81,8 @@ class LinkedCar {
   double trial_started_s_ = 0;
   std::optional<Outcome> outcome_;
   double outcome_s_ = 0;
-  std::uint64_t next_truth_us_ = 0;
-  mavlink_status_t truth_numbering_{};
+  std::uint64_t next_truth_us_ = 0, next_scene_us_ = 0;
+  mavlink_status_t simulator_numbering_{};
 };
 
 }  // namespace foldcar

@@ -87,6 +87,7 @@ struct SimBoard : Board {
   bool restart_is_requested = false;
   ResetReason reset_reason() const override { return reason; }
   void restart() override { restart_is_requested = true; }
+  bool is_simulated() const override { return true; }
 };
 
 // All parts together. Tests put servos and a link in their place that record what is written to them.

@@ -1,0 +1,134 @@
+"""What stands on the floor as one thing has one letter and is moved as a whole, however many blocks it is made of."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy
+import pytest
+
+from foldcar.figures.ground import carsim_heights
+from foldcar.figures.placement import draw_placement
+from foldcar.scenes.obstacles import Obstacle, obstacles_of
+from foldcar.scenes.source import open_environment
+from foldcar.scenes.terrain_kinds import KINDS
+from foldcar.simulation.carsim import Carsim
+from foldcar.trials.placement import CAR, instructions, lettered, parse_deviation, placed
+from study_car import empty_scene
+
+BOX = {"kind": "box", "heading_rad": 0.1, "length_m": 0.2, "width_m": 0.3, "height_m": 0.02}
+PYRAMID = [{**BOX, "x_m": 0.45, "y_m": 0.05}, {**BOX, "x_m": 0.45, "y_m": 0.05, "length_m": 0.1, "width_m": 0.1}]
+HOLE = {"kind": "pothole", "x_m": 0.9, "y_m": -0.05, "radius_m": 0.1, "depth_m": 0.02, "edge_m": 0.01}
+PROGRAM = """
+model model
+ego = new Robot at (0, 0), facing -90 deg
+ramp = new Ramp at (0.6, 0.1), facing -60 deg, with run_up 0.2, with plateau 0.15, with run_down 0.1
+kerb = new Kerb at (1.2, -0.2), facing -90 deg, with length 0.2, with width 0.4
+rough = new RoughGround at (1.2, 0.4), with length 0.2, with width 0.2
+pyramid = new StepPyramid at (1.6, 0.1)
+hole = new Pothole at (0.3, -0.5)
+low = new Bump at (1.6, -0.6), with width 0.3
+top = new Bump at (1.6, -0.6), with width 0.2, with height 0.03
+goal = new Goal at (1.95, 0), facing -90 deg
+"""
+
+
+@pytest.fixture
+def sampled(tmp_path: Path) -> tuple[dict[str, Any], dict[str, Obstacle]]:
+    (tmp_path / "e.scenic").write_text(PROGRAM)
+    scene, obstacles = open_environment(tmp_path / "e.scenic", {}, 1).sample_with_obstacles(0)
+    return scene, lettered(obstacles)
+
+
+def test_each_object_of_several_blocks_is_one_letter(sampled: tuple[dict[str, Any], dict[str, Obstacle]]) -> None:
+    scene, things = sampled
+
+    assert [(letter, one.name, len(one.pieces)) for letter, one in things.items()] == [
+        ("A", "Ramp", 3), ("B", "Kerb", 2), ("C", "StepPyramid", 3), ("D", "Pothole", 1), ("E", "Bump", 2),
+    ]  # fmt: skip
+    assert sorted(index for one in things.values() for index in one.pieces) == [
+        index for index, piece in enumerate(scene["terrain"]) if not KINDS[piece["kind"]].is_floor
+    ]
+    rows = {row[0]: row[1:] for row in instructions(scene, things)}
+    # Scenic's heading of -60 degrees from +y is 30 degrees from +x.
+    assert rows["A"][:3] == ("600", "100", "30.0")
+    assert rows["A"][3].startswith("Ramp 450 × 600 mm: ramp 200 × 600 × 40.0 mm; box 150 × 600 × 40.0 mm; ramp 100")
+    assert rows["B"][:3] == ("1200", "-200", "0.0") and rows["B"][3].startswith("Kerb 200 × 400 mm: ramp 10 × 400")
+    assert rows["C"][:2] == ("1600", "100") and rows["C"][3].startswith("StepPyramid 230 × 230 mm: ")
+    assert rows["D"][3] == "hole 15.0 mm deep, radius 80 mm"
+    assert rows["E"][3] == "Bump 60 × 300 mm: box 60 × 300 × 20.0 mm; box 60 × 200 × 30.0 mm"
+
+
+def corners(piece: dict[str, Any]) -> numpy.ndarray:
+    """The four corners of a block in the world, (4, 2) in m."""
+    c, s = math.cos(piece["heading_rad"]), math.sin(piece["heading_rad"])
+    half = numpy.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * [piece["length_m"] / 2, piece["width_m"] / 2]
+    turned: numpy.ndarray = half @ [[c, s], [-s, c]] + [piece["x_m"], piece["y_m"]]
+    return turned
+
+
+def test_a_deviation_moves_a_ramp_rigidly(sampled: tuple[dict[str, Any], dict[str, Obstacle]]) -> None:
+    scene, things = sampled
+    name, by = parse_deviation("A 20 -10 15", [CAR, *things])
+
+    moved = placed(scene, things, {name: by})
+
+    ramp = things["A"].pieces
+    before = numpy.vstack([corners(scene["terrain"][k]) for k in ramp])
+    after = numpy.vstack([corners(moved["terrain"][k]) for k in ramp])
+    # One turn of 15 degrees around the ramp's middle and one shift explain all twelve corners, as complex numbers.
+    middle = complex(0.6, 0.1)
+    z = (before @ [1, 1j] - middle) * numpy.exp(1j * math.radians(15)) + middle + complex(0.020, -0.010)
+    assert after @ [1, 1j] == pytest.approx(z, abs=1e-9)
+    rest = [k for k in range(len(scene["terrain"])) if k not in ramp]
+    assert [moved["terrain"][k] for k in rest] == [scene["terrain"][k] for k in rest]
+    assert moved["start"] == scene["start"]
+
+
+def test_the_picture_has_a_letter_for_each_obstacle(
+    tmp_path: Path, sampled: tuple[dict[str, Any], dict[str, Obstacle]], carsim_binary: Path
+) -> None:
+    scene, things = sampled
+    draw_placement(scene, things, 0.2, 0.1, carsim_heights(Carsim(carsim_binary)), tmp_path / "p.svg", "where")
+
+    text = (tmp_path / "p.svg").read_text()
+    assert [text.count(f">{letter}</text>") for letter in "ABCDEF"] == [1, 1, 1, 1, 1, 0]
+
+
+def things_of(terrain: list[dict[str, Any]]) -> dict[str, Obstacle]:
+    """Each piece an object of its own."""
+    return lettered(obstacles_of(terrain, [("Bump", 0.0, [k]) for k in range(len(terrain))]))
+
+
+def test_what_stands_on_one_middle_is_one_obstacle() -> None:
+    scene = empty_scene([*PYRAMID, HOLE], goal_x_m=1.3)
+    things = things_of(scene["terrain"])
+
+    assert [(letter, one.pieces) for letter, one in things.items()] == [("A", (0, 1)), ("B", (2,))]
+    rows = {row[0]: row[1:] for row in instructions(scene, things)}
+    assert rows["car"][:3] == ("0", "0", "0.0")
+    assert rows["A"] == ("450", "50", "5.7", "Bump 200 × 300 mm: box 200 × 300 × 20.0 mm; box 100 × 100 × 20.0 mm")
+    assert rows["B"] == ("900", "-50", "0.0", "hole 20.0 mm deep, radius 100 mm")
+    assert rows["goal"][0] == "1300"
+
+
+def test_the_27th_obstacle_is_AA() -> None:  # noqa: N802
+    things = things_of([{**BOX, "x_m": k / 10, "y_m": 0.0} for k in range(28)])
+
+    assert list(things)[24:] == ["Y", "Z", "AA", "AB"]
+
+
+def test_deviations_move_an_obstacle_as_a_whole() -> None:
+    scene = empty_scene([*PYRAMID, HOLE])
+    things = things_of(scene["terrain"])
+    moves = dict(parse_deviation(text, [CAR, *things]) for text in ("A 10 -5 90", "car -2.5 0", "B 1 1 45"))
+
+    moved = placed(scene, things, moves)
+
+    for before, after in zip(scene["terrain"][:2], moved["terrain"][:2], strict=True):
+        assert after["x_m"] - before["x_m"] == pytest.approx(0.010)
+        assert after["y_m"] - before["y_m"] == pytest.approx(-0.005)
+        assert after["heading_rad"] - before["heading_rad"] == pytest.approx(math.pi / 2)
+    assert moved["terrain"][2]["x_m"] == pytest.approx(0.901) and "heading_rad" not in moved["terrain"][2]
+    assert moved["start"]["x_m"] == pytest.approx(-0.0025)
+    assert scene["terrain"][0]["x_m"] == 0.45

@@ -1,0 +1,136 @@
+"""`foldcar log` with the car of `foldcar link`: it says that it is simulated, and in which scene it drives."""
+
+import contextlib
+import hashlib
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.car.body import body_json
+from foldcar.car.car_file import car_json
+from foldcar.car.design import compose
+from foldcar.link.car import greet
+from foldcar.link.simulated_car import simulated_car
+from foldcar.link.tlog import read_tlog
+from foldcar.scenes.scene_name import sample_in, scene_name
+from foldcar.store.reader import Store
+from live_car import LOG, trials_in
+from study_car import empty_scene
+
+PROGRAM = """
+model model
+ego = new Robot at (0, 0), facing -90 deg
+ramp = new Ramp at (0.5, Range(0.5, 0.7)), facing -90 deg, with plateau 0.1
+goal = new Goal at (0.6, 0), facing -90 deg
+"""
+
+
+@pytest.fixture
+def course(tmp_path: Path) -> Path:
+    """The listing l.json: two experiments with other seeds, whose samples differ in the place of a ramp."""
+    (tmp_path / "ramp.scenic").write_text(PROGRAM)
+    params = {"timeout": 5, "environments": 8}
+    data = {
+        "experiments": {str(k): {"veh_id": 1, "env_id": k, "params": params} for k in (1, 2)},
+        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [95]}}]}},
+        "environments": {str(k): {"scenic_filename": "ramp.scenic", "seed": k} for k in (1, 2)},
+    }
+    (tmp_path / "l.json").write_text(json.dumps(data))
+    return tmp_path
+
+
+@contextlib.contextmanager
+def link(folder: Path, *words: str) -> Iterator[str]:
+    """The port of `foldcar link` on l.json."""
+    command = [sys.executable, "-c", "from foldcar.cli import main; main()", "link", "l.json", *words]
+    process = subprocess.Popen(
+        command, cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        yield process.stdout.readline().strip()
+    finally:
+        process.terminate()
+        process.communicate(timeout=60)
+
+
+def test_the_trial_takes_the_simulated_cars_sample(course: Path, carsim_binary: Path, foldcar: Any) -> None:
+    with link(course, "--experiment", "1", "--sample", "3") as port:
+        refused = foldcar(*LOG, "--port", port, "--yes", "--sample", "4")
+        made_nothing = not (course / "s.db").exists() and not (course / "s-logs").exists()
+        other = foldcar("log", "l.json", "--experiment", "2", "--store", "s.db", "--port", port, "--yes")
+        answer = foldcar(*LOG, "--port", port, "--yes", "--trials", "1", "--countdown", "0")
+        asked = foldcar(*LOG, "--port", port, "--yes", "--trials", "1", "--countdown", "0", "--sample", "3")
+
+    assert (refused.returncode, made_nothing) == (2, True)
+    assert refused.stderr == (
+        "foldcar: error: --sample 4: the simulated car drives in sample 3: leave the option out, or start "
+        "`foldcar link` with --sample 4\n"
+    )
+    assert (other.returncode, other.stderr) == (
+        2,
+        "foldcar: error: the simulated car's scene is not sample 3 of experiment 2: start `foldcar link` with this "
+        "experiment of l.json as it is now\n",
+    )
+    assert (answer.returncode, asked.returncode) == (0, 0), answer.stderr + asked.stderr
+    assert "SIMULATED CAR: its trials are stored as simulated" in answer.stdout
+    assert "Trial 1: sample 3 of experiment 1 (SIMULATED CAR)" in answer.stdout
+    assert "Trial 1: passed (SIMULATED CAR); log: " in answer.stdout
+    # The ramp is one obstacle.
+    assert [line.split()[0] for line in answer.stdout.splitlines() if line[:2] in ("A ", "B ")] == ["A"]
+    stored = [(trial.sample, trial.car, trial.scenic_program) for trial in trials_in(course / "s.db")]
+    assert stored == [(3, "simulated", "ramp.scenic")] * 2
+    with Store.open(course / "s.db") as store:
+        drive = store.trial_drive(1)
+    log = list(read_tlog(course / str(trials_in(course / "s.db")[0].log)))
+    told = {m.id for _, m in log if m.get_type() == "FOLDCAR_SCENE"}
+    # The first half of the name is the hash of the stored scene, as any program computes it.
+    assert drive is not None and told == {hashlib.sha256(drive[2].encode()).hexdigest()[:16] + "/3"}
+    assert {m.hardware for _, m in log if m.get_type() == "FOLDCAR_DESIGN"} == {2}
+    replayed = foldcar("trials", "replay", "s.db", "1")
+    assert "not compared: of a simulated car" in replayed.stdout and "agree" not in replayed.stdout
+    assert "agree" in foldcar("trials", "replay", "s.db", "1", "--simulated-trials").stdout
+
+
+def test_a_changed_program_is_refused(course: Path, carsim_binary: Path, foldcar: Any) -> None:
+    with link(course, "--experiment", "1") as port:
+        (course / "ramp.scenic").write_text(PROGRAM.replace("0.7", "0.6"))
+        answer = foldcar(*LOG, "--port", port, "--yes")
+
+    assert answer.returncode == 2 and answer.stderr.count("\n") == 1
+    assert "the simulated car's scene is not sample 0 of experiment 1" in answer.stderr
+
+
+@pytest.mark.parametrize("scene_id", ["bump", "42/0", "x" * 100])
+def test_a_car_in_a_scene_of_ones_own_is_refused(
+    course: Path, carsim_binary: Path, foldcar: Any, scene_id: str
+) -> None:
+    design = compose("W_B_W", {"width": 95.0})
+    with simulated_car(
+        carsim_binary, body_json(design), empty_scene(goal_x_m=0.6), car_json(design), scene_id=scene_id
+    ) as car:
+        connected = greet(car.port)
+        try:
+            identity = connected.identity()
+        finally:
+            connected.connection.close()
+        answer = foldcar(*LOG, "--port", car.port, "--yes")
+
+    assert (identity.simulated, identity.scene) == (True, scene_id[:64])
+    assert (answer.returncode, answer.stderr.count("\n")) == (2, 1) and not (course / "s.db").exists()
+    assert f'drives in the scene "{scene_id[:64]}", which is no sample of experiment 1' in answer.stderr
+
+
+def test_a_scenes_name_ignores_its_id_and_the_order_of_keys() -> None:
+    scene = empty_scene(goal_x_m=0.6)
+    name = scene_name(scene, 12)
+
+    assert scene_name({"id": "x", **dict(reversed(scene.items()))}, 12) == name
+    assert scene_name({**scene, "friction": 0.61}, 12) != name
+    assert sample_in(name) == 12
+    assert {sample_in(text) for text in ("42/0", "", "0123456789abcdef/", "0123456789abcdef/-1")} == {None}

@@ -1,0 +1,226 @@
+"""Trials of simulated cars and withdrawn ones: marked wherever they are shown, counted nowhere unless asked for."""
+
+import contextlib
+import csv
+import re
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.store.check import check_store
+from foldcar.store.reader import Store
+from foldcar.store.trial_records import Ending, TrialDesign
+from foldcar.store.trial_writer import write_trials
+from foldcar.store.writer import write_store
+from old_stores import contents, old_store
+from test_report_command import FACTS, add_experiment, width_outcome
+from test_trial_store import begin
+
+CARS = ("built", "built", "simulated", "simulated", None)
+
+
+@pytest.fixture
+def mixed(tmp_path: Path) -> Path:
+    """A study of 95 and 115 mm with trials of 95 mm: built passed, stuck; simulated 2 passed; 1 unknown passed."""
+    path = tmp_path / "s.db"
+    with write_store(path) as study:
+        study.begin_study(FACTS, "build-7")
+        add_experiment(study, "1", {"width_mm": (95.0, 115.0)}, 3, 3, width_outcome)
+    with write_trials(path) as writer:
+        for outcome, car in zip(("passed", "stuck", "passed", "passed", "passed"), CARS, strict=True):
+            row = {"experiment": "1", "vehicle_type": "W_B_W", "design": {"width_mm": 95.0, "height_mm": 50.0}}
+            writer.import_trials([{**row, "outcome": outcome, "source": "me", "car": car}])
+    return path
+
+
+def table_row(page: str) -> str:
+    """The report's row of 95 mm in the first table that has trials."""
+    table = page[page.index("<th>trials</th>") :]
+    found = re.search(r"<td>95</td>(.*?)</tr>", table, re.S)
+    assert found is not None
+    return re.sub(r"\s+", "", found[1])
+
+
+def test_the_report_counts_built_cars_and_says_what_is_left_out(mixed: Path, foldcar: Any) -> None:
+    plain = foldcar("report", "s.db", "-o", "plain")
+    asked = foldcar("report", "s.db", "-o", "asked", "--simulated-trials")
+
+    assert (plain.returncode, asked.returncode) == (0, 0), plain.stderr + asked.stderr
+    page = (mixed.parent / "plain" / "index.html").read_text()
+    assert "1 of 2 trials of built cars passed: 50.0 %" in page and table_row(page).startswith("<td>2</td><td>1</td>")
+    assert "Trials left out: 2 of a simulated car (--simulated-trials shows them); 1 of a car that may be" in page
+    assert "Trials left out: 2 of a simulated car" in plain.stdout and "Hollow diamonds" not in page
+    page = (mixed.parent / "asked" / "index.html").read_text()
+    # What is asked for stands apart: the built cars' numbers are the same.
+    assert "1 of 2 trials of built cars passed: 50.0 %" in page and table_row(page).startswith("<td>2</td><td>1</td>")
+    assert "2 of 2 trials of <strong>simulated</strong> cars passed" in page and "Hollow diamonds" in page
+    assert "simulated trials" in (mixed.parent / "asked" / "experiment_1_success_by_width_mm.svg").read_text()
+    assert "SIMULATED trials" in asked.stdout and "foldcar report s.db -o asked --simulated-trials" in page
+
+
+def test_the_export_leaves_them_out_too(mixed: Path, foldcar: Any) -> None:
+    plain = foldcar("export", "s.db", "--trials", "plain.csv")
+    asked = foldcar("export", "s.db", "--trials", "asked.csv", "--simulated-trials")
+
+    def cars(name: str) -> list[str]:
+        with (mixed.parent / name).open(newline="") as file:
+            return [row["car"] for row in csv.DictReader(file)]
+
+    assert cars("plain.csv") == ["built"] * 2 and cars("asked.csv") == ["built"] * 2 + ["simulated"] * 2
+    assert plain.stderr.startswith("plain.csv: 2 trials\nplain.csv: Trials left out: 2 of a simulated car")
+    assert asked.stderr.startswith("asked.csv: 4 trials\nasked.csv: Trials left out: 1 of a car that may be built")
+
+
+def test_the_list_marks_them(mixed: Path, foldcar: Any) -> None:
+    listed = foldcar("trials", "list", "s.db").stdout
+
+    cars = [line.split()[4] for line in listed.splitlines()[1:6]]
+    assert cars == ["built", "built", "simulated", "simulated", "unknown"]
+    assert "5 trials\nof built cars: 1 of 2 passed, 0 aborted\n" in listed
+    assert "of a simulated car: 2 of 2 passed, 0 aborted; they do not count\n" in listed
+    assert "of a car that may be built or simulated: 1 of 1 passed, 0 aborted; they do not count\n" in listed
+
+
+def test_a_withdrawn_trial_counts_nowhere_and_leaves_a_trail(mixed: Path, foldcar: Any) -> None:
+    foldcar("export", "s.db", "--trials", "before.csv")
+    answer = foldcar("trials", "withdraw", "s.db", "1", "3", "--reason", "wrong tyres", "--operator", "Ada")
+
+    assert answer.returncode == 0, answer.stderr
+    lines = [r"\* trial 1: withdrawn on \d{4}-\d\d-\d\d by Ada: wrong tyres", r"\* trial 3: withdrawn on .*"]
+    assert re.fullmatch("\n".join(lines) + "\n", answer.stdout)
+    listed = foldcar("trials", "list", "s.db").stdout
+    assert "of built cars: 0 of 1 passed" in listed and "withdrawn: 2 of 2 passed" in listed
+    assert listed.count("passed, withdrawn") == 2 and "by Ada: wrong tyres" in listed
+    foldcar("report", "s.db", "-o", "out", "--simulated-trials")
+    page = (mixed.parent / "out" / "index.html").read_text()
+    assert "0 of 1 trials of built cars" in page and "1 of 1 trials of <strong>simulated</strong> cars" in page
+    assert "2 withdrawn (`foldcar trials list` shows why)" in page
+    exported = foldcar("export", "s.db", "--trials", "after.csv")
+    assert exported.stderr.startswith("after.csv: 1 trials\n") and "2 withdrawn" in exported.stderr
+    again = foldcar("trials", "withdraw", "s.db", "2", "1", "--reason", "r")
+    assert (again.returncode, again.stderr) == (2, "foldcar: error: s.db: trial 1 is withdrawn already\n")
+    restored = foldcar("trials", "restore", "s.db", "1", "3", "--reason", "they were right")
+    assert restored.returncode == 0 and "trial 3: restored on " in restored.stdout
+    foldcar("export", "s.db", "--trials", "restored.csv")
+    before, after = ((mixed.parent / f"{name}.csv").read_text() for name in ("before", "restored"))
+    assert after == before.replace("built,,0,", "built,,2,", 1)
+    with Store.open(mixed) as store:
+        trail = [(c.field, c.before, c.after, c.reason, c.operator) for c in store.corrections(1)]
+    assert trail == [("withdrawn", 0, 1, "wrong tyres", "Ada"), ("withdrawn", 1, 0, "they were right", "")]
+    assert check_store(mixed).findings == []
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("withdraw", "s.db", "1", "--reason", " "), "trials withdraw: --reason: is empty"),
+        (("restore", "s.db", "1", "--reason", "r"), "s.db: trial 1 is not withdrawn"),
+        (("withdraw", "s.db", "2", "77", "--reason", "r"), "s.db: has no trial 77"),
+        (("withdraw", "none.db", "1", "--reason", "r"), "none.db: no such store"),
+        (("correct", "s.db", "5", "--reason", "r", "--car", "real"), 's.db: trial 5: car: "real" is none of built, '),
+        (("correct", "s.db", "6", "--reason", "r", "--car", "built"),
+         "s.db: trial 6: car: the car itself told that it is simulated; this cannot be corrected"),
+    ],
+)  # fmt: skip
+def test_mistakes_change_nothing(mixed: Path, foldcar: Any, words: tuple[str, ...], message: str) -> None:
+    with write_trials(mixed) as writer:
+        assert begin(writer, car="simulated") == 6
+    before = contents(mixed)
+
+    answer = foldcar("trials", *words)
+
+    assert (answer.returncode, answer.stdout) == (2, "")
+    assert answer.stderr.startswith(f"foldcar: error: {message}") and answer.stderr.count("\n") == 1
+    assert contents(mixed) == before and not (mixed.parent / "none.db").exists()
+
+
+def test_a_person_says_what_drove_where_no_car_did(mixed: Path, foldcar: Any) -> None:
+    answer = foldcar("trials", "correct", "s.db", "5", "--car", "built", "--reason", "I drove it", "--operator", "Bo")
+
+    assert 'trial 5: car none -> "built"' in answer.stdout, answer.stderr
+    exported = foldcar("export", "s.db", "--trials", "t.csv")
+    assert exported.stderr.startswith("t.csv: 3 trials\n")
+    assert foldcar("trials", "correct", "s.db", "5", "--car", "simulated", "--reason", "no").returncode == 0
+
+
+def test_the_next_sample_depends_on_trials_that_count(tmp_path: Path) -> None:
+    with write_trials(tmp_path / "s.db") as writer:
+        for sample, car in ((0, "built"), (0, "built"), (0, "simulated"), (1, "simulated"), (1, None)):
+            writer.complete(begin(writer, sample=sample, car=car), Ending("passed", "", None, "", None))
+        writer.withdraw([2], True, "r", "")
+
+        counts = writer.trial_counts("1", TrialDesign("W_B_W", {"width_mm": 95}), "fingerprint")
+
+    assert counts == {0: 1}
+
+
+def test_csv_says_what_drove(tmp_path: Path, foldcar: Any) -> None:
+    (tmp_path / "t.csv").write_text(
+        "vehicle_type,width_mm,outcome,source,car\nW_B_W,95,passed,a,\nW_B_W,95,stuck,a,simulated\nW_B_W,95,stuck,a,built\n"
+    )
+    (tmp_path / "bad.csv").write_text("vehicle_type,outcome,source,car\nW_B_W,passed,b,real\n")
+
+    assert foldcar("trials", "import", "s.db", "t.csv", "--experiment", "1").returncode == 0
+    refused = foldcar("trials", "import", "s.db", "bad.csv", "--experiment", "1")
+
+    with Store.open(tmp_path / "s.db") as store:
+        assert [trial.car for trial in store.trials()] == ["built", "simulated", "built"]
+    assert refused.stderr == 'foldcar: error: bad.csv: line 2: car: "real" is not one of built, simulated\n'
+
+
+def test_any_sqlite_tool_reads_the_view(mixed: Path, foldcar: Any) -> None:
+    with write_trials(mixed) as writer:
+        writer.complete(begin(writer, sample=4), Ending("tipped", "goal", 2.5, "n", None))
+        begin(writer, car="simulated")
+        writer.withdraw([2], True, "wrong tyres", "Ada")
+
+    with contextlib.closing(sqlite3.connect(mixed)) as connection:
+        connection.row_factory = sqlite3.Row
+        width = "json_extract(parameters, '$.width_mm') AS width_mm"
+        rows = [dict(row) for row in connection.execute(f"SELECT *, {width} FROM trial_result")]
+        (share,) = connection.execute("SELECT avg(outcome = 'passed') FROM trial_result WHERE counts").fetchone()
+    assert [(r["trial"], r["car"], r["withdrawn"], r["counts"], r["width_mm"]) for r in rows] == [
+        (1, "built", 0, 1, 95), (2, "built", 1, 0, 95), (3, "simulated", 0, 0, 95), (4, "simulated", 0, 0, 95),
+        (5, "unknown", 0, 0, 95), (6, "built", 0, 1, 95), (7, "simulated", 0, 0, 95),
+    ]  # fmt: skip
+    assert [r["withdrawn_because"] for r in rows[:3]] == [None, "wrong tyres", None] and rows[1]["corrections"] == 1
+    assert (rows[5]["sample"], rows[5]["scenic_program"], rows[5]["outcome"]) == (4, "bumps.scenic", "tipped")
+    # The experiment's own program and environment, where nothing says that the trial had another.
+    assert rows[0]["environment"] is not None and rows[0]["scenic_program"] is not None
+    assert share == 0.5
+
+
+@pytest.mark.parametrize("version", [3, 4])
+def test_older_stores_learn_it_from_their_logs(tmp_path: Path, version: int) -> None:
+    path = old_store(version, tmp_path / "s.db")
+    with Store.open(path) as store:
+        assert [trial.car for trial in store.trials()] == ["simulated", "simulated", "built", "built", "built"]
+    logs = sorted((tmp_path / "s-logs").iterdir())
+    logs[0].write_bytes(logs[0].read_bytes()[:-50])
+    logs[1].unlink()
+
+    with Store.open(path) as store:
+        # A log that is not what was written, and one that is gone, say nothing.
+        assert [trial.standing for trial in store.trials()] == ["unknown", "unknown", "built", "built", "built"]
+
+
+def test_a_log_without_truth_is_a_built_cars(tmp_path: Path) -> None:
+    """The log of a simulated car without what only the simulator sends."""
+    from foldcar.link.tlog import STAMP, records_of
+    from foldcar.store.car_in_log import car_in_log
+
+    old_store(4, tmp_path / "s.db")
+    log = sorted((tmp_path / "s-logs").iterdir())[0]
+    records = records_of(log.read_bytes(), "")
+    kept = [(t, packet) for t, packet in records if int.from_bytes(packet[7:10], "little") != 44003]
+    assert 0 < len(kept) < len(records)
+    log.write_bytes(b"".join(STAMP.pack(t) + packet for t, packet in kept))
+    name = f"s-logs/{log.name}"
+
+    assert car_in_log(tmp_path / "s.db", name, None) == "built"
+    assert car_in_log(tmp_path / "s.db", name, "0" * 64) is None
+    log.write_bytes(b"".join(STAMP.pack(t) + packet for t, packet in kept[:3]))
+    assert car_in_log(tmp_path / "s.db", name, None) is None
+    assert car_in_log(tmp_path / "s.db", "../s.db", None) is None

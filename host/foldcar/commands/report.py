@@ -39,8 +39,8 @@ def report(
     with Store.open(store) as opened:
         sections, driven = write_report(opened, output, command, simulated_trials)
     if as_json:
-        objects = {"experiments": [summary_object(one) for one in sections], "trials": [trials_object(one) for one in driven]}
-        print_json({"store": store, "page": output / PAGE, **objects})
+        experiments, only_trials = [summary_object(one) for one in sections], [trials_object(one) for one in driven]
+        print_json({"store": store, "page": output / PAGE, "experiments": experiments, "trials": only_trials})
         return
     print_summary(sections, driven)
     typer.echo(f"report: {output / PAGE}")

@@ -10,7 +10,7 @@ from foldcar.report.trial_series import TrialGroup, TrialTally
 
 
 def summary_object(section: Section) -> dict[str, Any]:
-    """The section without its drawings; ``by`` holds, by parameter, an object for each value, ``trials`` the same by car."""
+    """The section without its drawings; ``by`` holds, by parameter, an object for each value; ``trials`` too, by car."""
     info, summary = section.info, section.summary
     return {
         "experiment": info.id,

@@ -8,17 +8,18 @@ from typing import BinaryIO
 
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import held
-from foldcar.output_folder import check_output_file, make_output_folder
+from foldcar.output_folder import check_output_file, check_replaceable, make_output_folder
 
 
 @contextlib.contextmanager
 def atomic_file(file: Path) -> Iterator[BinaryIO]:
     """A binary file that replaces ``file`` at the end of the block, or is deleted if the block raises.
 
-    Its folder is made if it is missing. FoldcarError, naming the file, if it cannot be written; an existing file is
-    unchanged then.
+    Its folder is made if it is missing. FoldcarError, naming the file, if it cannot be written, or is a store; an
+    existing file is unchanged then.
     """
     check_output_file(file)
+    check_replaceable(file)
     made = make_output_folder(file.parent)
     temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
     try:

@@ -8,6 +8,9 @@ from pathlib import Path
 
 from foldcar.errors import FoldcarError
 
+# What every SQLite database begins with (sqlite.org/fileformat.html).
+SQLITE_MAGIC = b"SQLite format 3\0"
+
 
 def make_output_folder(folder: Path) -> bool:
     """Make ``folder`` if it is missing, and tell whether it was; FoldcarError as for `check_output_folder`."""
@@ -40,6 +43,17 @@ def check_output_file(file: Path) -> None:
     if file.exists() and not file.is_file():
         raise FoldcarError(f"{file}: not a regular file")
     check_output_folder(file.parent, file)
+
+
+def check_replaceable(file: Path) -> None:
+    """FoldcarError if ``file`` is an SQLite database: most likely a store, and so the only place of what was measured."""
+    try:
+        with file.open("rb") as opened:
+            start = opened.read(len(SQLITE_MAGIC))
+    except OSError:
+        return
+    if start == SQLITE_MAGIC:
+        raise FoldcarError(f"{file}: is a store or another SQLite database, which is not replaced; name another file")
 
 
 def _check_access(folder: Path, shown: Path) -> None:

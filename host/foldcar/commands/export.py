@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import STANDARD_OUTPUT, output_file, output_folder
+from foldcar.commands.output_option import STANDARD_OUTPUT, check_distinct, output_file, output_folder
 from foldcar.commands.simulated_trials_option import SimulatedTrials
 from foldcar.errors import FoldcarError
 
@@ -57,6 +57,7 @@ def export(
 
     if csv is None and parquet is None and trials is None and folder is None:
         raise FoldcarError("export: say what to write: --csv FILE, --parquet FILE, --trials FILE or --folder DIR")
+    check_distinct([store], [csv, parquet, trials, folder])
     if as_json and csv == STANDARD_OUTPUT:
         raise FoldcarError("export: --csv - and --json both print on standard output; choose one")
     if failed and csv is None and parquet is None:

@@ -13,7 +13,7 @@ import typer
 
 from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings, design_settings
-from foldcar.commands.output_option import output_file
+from foldcar.commands.output_option import check_distinct, output_file
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import held
 
@@ -49,6 +49,7 @@ def flash(
     content = car_json(chosen.family.narrowed(design_settings(settings or [])).single())
     text = json.dumps(content, indent=2) + "\n"
     if file is not None:
+        check_distinct([listing], [file])
         with atomic_file(file) as binary:
             binary.write(text.encode())
         typer.echo(f"{file}: {content['name']} ({content['hash']})")

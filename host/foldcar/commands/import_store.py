@@ -6,13 +6,13 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_file
+from foldcar.commands.output_option import output_store
 
 
 def import_store(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="What `foldcar export STORE --folder DIR` wrote.")],
     store: Annotated[
-        Path, typer.Option(metavar="FILE", callback=output_file, help="The store to make; there must be none.")
+        Path, typer.Option(metavar="FILE", callback=output_store, help="The store to make; there must be none.")
     ],
     as_json: Json = False,
 ) -> None:

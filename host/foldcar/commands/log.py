@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.components_option import Components
-from foldcar.commands.output_option import output_file
+from foldcar.commands.output_option import output_store
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
@@ -22,7 +22,7 @@ def log(
     ] = None,
     store: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", callback=output_file, help="Store for the trials; default: as LISTING, but .db."),
+        typer.Option(metavar="FILE", callback=output_store, help="Store for the trials; default: as LISTING, but .db."),
     ] = None,
     settings: Annotated[
         list[str] | None,

@@ -10,7 +10,7 @@ import typer
 
 from foldcar.atomic_file import atomic_file
 from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import STANDARD_OUTPUT, output_file
+from foldcar.commands.output_option import STANDARD_OUTPUT, check_distinct, output_file
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS
 
@@ -53,6 +53,7 @@ def sample(
     from foldcar.figures.output import check_format
     from foldcar.scenes.source import open_environment
 
+    check_distinct([scenario], [output, plot])
     if plot is not None:
         check_format(plot)
     source = open_environment(scenario, _parse_params(param or []), seed)

@@ -11,7 +11,7 @@ import typer
 from foldcar.commands.components_option import Components
 from foldcar.commands.failed_runs import say_failed
 from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_file
+from foldcar.commands.output_option import output_store
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def sweep(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
     store: Annotated[
-        Path, typer.Option(metavar="FILE", callback=output_file, help="Store to write; made if it is missing.")
+        Path, typer.Option(metavar="FILE", callback=output_store, help="Store to write; made if it is missing.")
     ],
     environments: Annotated[
         int | None,

@@ -140,6 +140,7 @@ def import_file(
     """
     from foldcar.store.trial_writer import write_trials
     from foldcar.trials.csv_import import read_trials
+    from foldcar.trials.import_notes import import_notes
 
     found = read_trials(file, experiment)
     with write_trials(store) as writer:
@@ -147,6 +148,8 @@ def import_file(
             if writer.source_is_there(source):
                 raise FoldcarError(f'{file}: source: trials of "{source}" are in {store} already')
         numbers = writer.import_trials(found)
+    for note in import_notes(store, found):
+        typer.echo(f"note: {note}", err=True)
     if as_json:
         print_json({"store": store, "imported": list(numbers)})
     else:

@@ -8,7 +8,7 @@ import typer
 from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings
 from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_file
+from foldcar.commands.output_option import check_distinct, output_file
 
 
 def view(
@@ -42,6 +42,7 @@ def view(
     from foldcar.fabrication.patterns.sheets import pattern
     from foldcar.fabrication.patterns.svg import svg
 
+    check_distinct([listing], [output])
     design = listed_family(listing, vehicle, settings or [])[1].single()
     folded, title = folded_car(design), design.title
     sheets = [Drawing(svg(one), one.name) for one in pattern(folded, options(machine, sheet=sheet), title).sheets]

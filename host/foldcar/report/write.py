@@ -45,7 +45,8 @@ def write_report(
                 made = Path(temporary)
                 svgs = _save_figures([*sections, *driven], made)
                 page = page_html(store.path.name, info, sections, driven, svgs, report_command)
-                (made / PAGE).write_text(page, encoding="utf-8")
+                # Names of files may hold bytes that are no text.
+                (made / PAGE).write_text(page, encoding="utf-8", errors="backslashreplace")
                 folder.mkdir(exist_ok=True)
                 # The page is moved last, so that it never refers to missing figures.
                 for file in sorted(made.iterdir(), key=lambda file: file.name == PAGE):

@@ -39,6 +39,7 @@ def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
         raise FoldcarError(f"{program}: no such Scenic program")
     if program.suffix != ".scenic":
         raise FoldcarError(f"{program}: a Scenic program's name ends in .scenic")
+    _check_text(program)
     if params:
         # Scenic accepts any name as an override; compiling without overrides shows the declared names.
         _check_params(program, params, compile_observed(program, {}).scenario.params)
@@ -55,6 +56,15 @@ def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
     if scenario.externalParams:
         raise FoldcarError(f"{program}: an external sampler: its samples would depend on the ones before")
     return scenario
+
+
+def _check_text(program: Path) -> None:
+    try:
+        program.read_text(encoding="utf-8")
+    except OSError as error:
+        raise FoldcarError(f"{program}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise FoldcarError(f"{program}: is not UTF-8 text (byte {error.start})") from error
 
 
 def compile_observed(

@@ -1,8 +1,8 @@
 """What foldcar changes in Scenic's compiler while it compiles a program.
 
-`new` refuses unknown properties and `mutate` takes Points. Names that are nowhere defined and statements that Scenic
-would drop are refused. Statements keep the lines that they are on: Scenic gives `ego = …` the line of the block around
-it. The names of Scenic 3.1 that are used here are not public; tests fail when they change.
+`new` refuses unknown properties and `mutate` takes Points. Headings in degrees, names that are nowhere defined and
+statements that Scenic would drop are refused. Statements keep the lines that they are on: Scenic gives `ego = …` the
+line of the block around it. The names of Scenic 3.1 that are used here are not public; tests fail when they change.
 """
 
 import ast
@@ -17,6 +17,7 @@ from scenic.core.object_types import Constructible
 from scenic.syntax import translator, veneer
 from scenic.syntax.compiler import ScenicToPythonTransformer
 
+from foldcar.scenes.degrees import refuse_degrees
 from foldcar.scenes.lost_statements import refuse_lost_statements
 from foldcar.scenes.mutation import Mutations
 from foldcar.scenes.properties import check_properties
@@ -50,6 +51,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
                 mutations.note(thing)
 
     def visit(self: Any, node: Any) -> Any:
+        refuse_degrees(node, self.filename)
         made = scenics_visit(self, node)
         if isinstance(node, ast.AST) and hasattr(node, "lineno"):
             for one in made if isinstance(made, list) else [made]:

@@ -144,6 +144,8 @@ class TrialWriter(StoreConnection):
                 found = self._trial(trial)
                 if field == "car":
                     self._check_car(found, after)
+                if found[field] == after:
+                    raise StoreError(f"{self.path}: trial {trial}: {field} is {after!r} already")
                 self._change(found, field, after, reason, operator)
 
     def withdraw(self, trials: Iterable[int], withdrawn: bool, reason: str, operator: str) -> None:

@@ -49,7 +49,8 @@ class Experiment:
     ) -> dict[str, Any]:
         """The settings of this design's runs: docs/carsim.md's ``run`` object without ids.
 
-        FoldcarError if a value is outside the limits of the firmware's parameter table ``table``.
+        FoldcarError if a value is outside the limits of the firmware's parameter table ``table``, or the car is slower
+        than the commanded speed.
         """
         values = firmware_parameters(design, body)
         limit = table.get(TRIAL_LIMIT)
@@ -59,8 +60,12 @@ class Experiment:
                 raise ListingError(f"{self.place}.params.timeout", f"{what} (the firmware's {TRIAL_LIMIT})")
             values[TRIAL_LIMIT] = self.timeout_s
         check_parameters(values, table)
+        full_m_s = full_speed_m_s(design)
+        if self.speed_m_s is not None and self.speed_m_s > full_m_s:
+            what = f"{self.speed_m_s:g} is above {full_m_s:.3g} m/s, the full speed of {design.title}"
+            raise ListingError(f"{self.place}.params.speed", what)
         return {
-            "speed_m_s": self.speed_m_s if self.speed_m_s is not None else full_speed_m_s(design),
+            "speed_m_s": self.speed_m_s if self.speed_m_s is not None else full_m_s,
             "yaw_rate_rad_s": self.yaw_rate_rad_s,
             "time_limit_s": self.timeout_s,
             "parameters": values,

@@ -171,6 +171,8 @@ MODELS: dict[str, type[Strict]] = {
     "vehicles": ListedVehicle,
     "environments": ListedEnvironment,
 }
+# What pydantic calls a value that should be a JSON object and is not.
+NO_OBJECT = ("dict_type", "model_type", "model_attributes_type")
 INNER_MODELS: dict[str, type[Strict]] = {"params": ExperimentParams, "condition": ListedCondition}
 
 
@@ -246,6 +248,8 @@ def _mistake(mistake: Any) -> str:
         return f"{path}: {message}"
     shown = repr(value)
     shown = shown if len(shown) <= 40 else f"{shown[:37]}..."
+    if kind in NO_OBJECT:
+        return f"{path}: {shown} is not a JSON object, {{…}}"
     return f"{path}: {shown}: {message[0].lower()}{message[1:]}"
 
 

@@ -1,0 +1,133 @@
+"""Mistakes that once passed without a word: outputs over inputs, headings in degrees, speeds that no car reaches."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.store.reader import Store
+from foldcar.study.listing import ListingError, read_listing
+
+PROGRAM = "model model\nego = new Robot at (0, 0), facing -90 deg\ngoal = new Goal at (1, 0), facing -90 deg\n"
+LISTING: dict[str, Any] = {
+    "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"environments": 2}}},
+    "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": 95}}]}},
+    "environments": {"1": {"scenic_filename": "p.scenic"}},
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a program, its listing and a store of two runs."""
+    (tmp_path / "p.scenic").write_text(PROGRAM)
+    (tmp_path / "l.json").write_text(json.dumps(LISTING))
+    foldcar(tmp_path, "sweep", "l.json", "--store", "a.db")
+    return tmp_path
+
+
+def foldcar(folder: Path, *words: str, fails: str | None = None, **environment: str) -> str:
+    """What the command prints; ``fails`` is in its one line of error, with exit code 2."""
+    done = subprocess.run(
+        [sys.executable, "-m", "foldcar", *words], cwd=folder, capture_output=True, text=True, errors="replace",
+        env={**os.environ, **environment}, check=False,
+    )  # fmt: skip
+    assert done.returncode == (0 if fails is None else 2), done.stderr
+    if fails is not None:
+        (line,) = [line for line in done.stderr.splitlines() if line.startswith("foldcar: error:")]
+        assert fails in line and "Traceback" not in done.stderr, done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("export", "a.db", "--csv", "a.db"), "a.db: is a store"),
+        (("export", "a.db", "--parquet", "./a.db"), "a.db: is a store"),
+        (("export", "a.db", "--csv", "z", "--parquet", "z"), "z: is named twice"),
+        (("sample", "p.scenic", "-o", "p.scenic"), "p.scenic: is read by this command"),
+        (("sample", "p.scenic", "-o", "a.db"), "a.db: is a store"),
+        (("view", "l.json", "-o", "l.json"), "l.json: is read by this command"),
+        (("flash", "l.json", "--experiment", "1", "--file", "l.json"), "l.json: is read by this command"),
+    ],
+)
+def test_no_output_replaces_an_input_or_a_store(folder: Path, words: tuple[str, ...], why: str) -> None:
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+
+    foldcar(folder, *words, fails=why)
+
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("specifier", "why"),
+    [
+        ("facing -90", "`facing`: -90 is"),
+        ("facing 7", "`facing`: 7 is"),
+        ("facing Normal(-90, 0.1)", "`facing`: -90 is"),
+        ("with yaw Range(0, 180)", "`with yaw`: 180 is"),
+    ],
+)
+def test_a_heading_in_degrees_is_refused_at_its_line(tmp_path: Path, specifier: str, why: str) -> None:
+    (tmp_path / "p.scenic").write_text(PROGRAM + f"new Bump at (0.5, 0),\n    {specifier}\n")
+
+    foldcar(tmp_path, "sample", "p.scenic", fails=f"line 5: {why}")
+
+
+@pytest.mark.parametrize("specifier", ["facing -90 deg", "facing Range(-180, 180) deg", "facing 6", "with yaw 90 deg"])
+def test_other_headings_are_taken(tmp_path: Path, specifier: str) -> None:
+    (tmp_path / "p.scenic").write_text(PROGRAM + f"new Pothole at (0.5, 0), {specifier}\n")
+
+    assert '"kind": "pothole"' in foldcar(tmp_path, "sample", "p.scenic")
+
+
+def test_a_speed_above_the_cars_own_is_refused_before_the_first_run(tmp_path: Path) -> None:
+    listing = json.loads(json.dumps(LISTING))
+    listing["experiments"]["1"]["params"]["speed"] = 2.0
+    (tmp_path / "p.scenic").write_text(PROGRAM)
+    (tmp_path / "l.json").write_text(json.dumps(listing))
+
+    foldcar(tmp_path, "sweep", "l.json", "--store", "a.db", fails="experiments.1.params.speed: 2 is above 0.")
+
+
+def test_a_program_in_another_encoding_is_named(tmp_path: Path) -> None:
+    (tmp_path / "p.scenic").write_bytes(PROGRAM.encode() + b"# \xe4\n")
+
+    foldcar(tmp_path, "sample", "p.scenic", fails=f"p.scenic: is not UTF-8 text (byte {len(PROGRAM) + 2})")
+
+
+def test_a_list_is_no_listing(tmp_path: Path) -> None:
+    (tmp_path / "l.json").write_text("[]")
+
+    with pytest.raises(ListingError, match=r"l.json: the file: \[\] is not a JSON object"):
+        read_listing(tmp_path / "l.json")
+
+
+def test_a_report_is_written_where_names_are_no_text(folder: Path) -> None:
+    foldcar(folder, "report", "a.db", "-o", os.fsdecode(b"r\xe4"), LC_ALL="C", PYTHONUTF8="0")
+
+    assert (folder / os.fsdecode(b"r\xe4") / "index.html").is_file()
+
+
+def test_imported_trials_of_other_experiments_and_samples_are_noticed(folder: Path) -> None:
+    rows = ["experiment,vehicle_type,width_mm,sample,outcome,source", "1,W_B_W,95,7,passed,me", "7,W_B_W,95,,passed,me"]
+    (folder / "t.csv").write_text("\n".join(rows))
+
+    said = foldcar(folder, "trials", "import", "a.db", "t.csv")
+
+    assert 'note: experiment "1" was swept in samples 0 to 1; sample 7 has no runs' in said
+    assert 'note: experiment "7" was not swept in a.db, only 1' in said
+
+
+def test_a_correction_that_changes_nothing_leaves_no_trail(folder: Path) -> None:
+    (folder / "t.csv").write_text("experiment,vehicle_type,width_mm,outcome,source\n1,W_B_W,95,passed,me\n")
+    foldcar(folder, "trials", "import", "a.db", "t.csv")
+
+    words = ("trials", "correct", "a.db", "1", "--outcome", "passed", "--reason", "same")
+    foldcar(folder, *words, fails="a.db: trial 1: outcome is 'passed' already")
+
+    with Store.open(folder / "a.db") as store:
+        assert list(store.corrections(1)) == []

@@ -28,7 +28,7 @@ def refuse_degrees(node: ast.AST, file: str) -> None:
                 f"`{statement}`: {number:g} is more than a turn of 2 pi radians; angles are in radians: "
                 f"for degrees write {number:g} deg"
             )
-            error.filename, error.lineno = file, getattr(node, "lineno", 0)  # type: ignore[attr-defined]
+            error.filename, error.lineno = file, getattr(node, "lineno", 0)
             raise error
 
 
@@ -39,7 +39,7 @@ def _numbers(angle: ast.AST) -> Iterator[float]:
             yield from _numbers(argument)
         return
     try:
-        value = ast.literal_eval(angle)  # type: ignore[arg-type]
+        value = ast.literal_eval(angle)
     except (ValueError, TypeError):
         return
     if isinstance(value, int | float):

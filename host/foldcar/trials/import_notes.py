@@ -20,7 +20,7 @@ def import_notes(store: Path, trials: Sequence[Mapping[str, Any]]) -> list[str]:
             notes.append(f'experiment "{experiment}" was not swept in {store}, only {known}; its trials stand alone')
             continue
         most = swept[experiment].environments
-        samples = {trial.get("sample") for trial in trials if trial["experiment"] == experiment} - {None}
+        samples = {trial["sample"] for trial in trials if trial["experiment"] == experiment and "sample" in trial}
         for sample in sorted(sample for sample in samples if sample >= most):
             notes.append(f'experiment "{experiment}" was swept in samples 0 to {most - 1}; sample {sample} has no runs')
     return notes

@@ -7,6 +7,7 @@ Slow imports are made inside the commands, so that help is printed at once.
 
 import atexit
 import gc
+import re
 import sys
 from typing import Annotated
 
@@ -98,6 +99,6 @@ def main() -> None:
 
 def _fail(message: str, code: int) -> int:
     # A file's longest words, such as numbers of 400 digits, are shortened.
-    words = (word if len(word) <= LONGEST_WORD else f"{word[:40]}…{word[-10:]}" for word in message.split())
-    sys.stderr.write(f"foldcar: error: {' '.join(words)}\n")
+    shown = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:40]}…{word[0][-10:]}", message)
+    sys.stderr.write(f"foldcar: error: {shown}\n")
     return code

@@ -13,7 +13,6 @@ from foldcar.link.ports import usb_ports
 
 BOARD_PLATFORM = "espressif32"
 TOOLCHAIN = "toolchain-xtensa-esp32"
-REGISTRY = "api.registry.platformio.org"
 REACH_S = 3.0
 
 
@@ -36,9 +35,9 @@ def toolchain(project: PlatformioProject) -> Finding:
     if not missing:
         return Finding("toolchain", "ok", f"{TOOLCHAIN} in {project.core}")
     text = f"no {missing[0]} in {project.core}: only `foldcar flash` needs it"
-    if _reaches(REGISTRY):
+    if any(_reaches(host) for host in _registry_hosts()):
         return Finding("toolchain", "absent", text, "the first `pio run` fetches it")
-    advice = f"{REGISTRY} cannot be reached: flash from a machine that reaches it"
+    advice = "PlatformIO's registry cannot be reached: flash from a machine that reaches it"
     return Finding("toolchain", "absent", text, advice)
 
 
@@ -57,6 +56,15 @@ def serial_ports() -> Finding:
     if not any(port.is_feather for port in ports):
         return Finding("car on USB", "absent", f"{shown}: none is a Feather's bridge", "name the car's port with --port")
     return Finding("car on USB", "ok", shown)
+
+
+def _registry_hosts() -> list[str]:
+    """The first host of PlatformIO's registry, if PlatformIO is in this environment."""
+    try:
+        import platformio
+    except ImportError:
+        return []
+    return [f"api.{host}" for host in platformio.__registry_mirror_hosts__[:1]]
 
 
 def _reaches(host: str) -> bool:

@@ -176,7 +176,8 @@ WIDTH = "vehicles.1.params.0.common.width"
             {"from": 65, "to": 90, "step": 1e-9},
             f"{WIDTH}: the range has 25000000001 values, the limit is",
         ),
-        (WIDTH, {"from": 0, "to": 1e300, "step": 1e-300}, f"{WIDTH}: the range has more than 10^12 values"),
+        (WIDTH, {"from": 0, "to": 1e300, "step": 1e-300}, f"{WIDTH}.to: 1e+300 is no number to compute with"),
+        (WIDTH, {"from": 0, "to": 1e13, "step": 0.1}, f"{WIDTH}: the range has more than 10^12 values"),
         (
             WIDTH,
             {"from": 65, "to": 245, "step": 7},
@@ -209,7 +210,7 @@ def test_a_mistake_is_named_with_file_key_value_and_limit(
         ('{"experiments": {', "is not JSON: "),
         ('{"a": 1, "a": 2}', "is not JSON: Duplicate key"),
         ("[" * 10000, "is not a listing: nested too deeply"),
-        ("[]", "the file: []: input should be"),
+        ("[]", "the file: [] is not a JSON object"),
         ("\x00", "is not JSON: "),
     ],
 )

@@ -27,8 +27,8 @@ kerb = new Kerb at (1.2, -0.2), facing -90 deg, with length 0.2, with width 0.4
 rough = new RoughGround at (1.2, 0.4), with length 0.2, with width 0.2
 pyramid = new StepPyramid at (1.6, 0.1)
 hole = new Pothole at (0.3, -0.5)
-low = new Bump at (1.6, -0.6), with width 0.3
-top = new Bump at (1.6, -0.6), with width 0.2, with height 0.03
+low = new Bump at (1.6, -0.6), with width 0.3, with allowCollisions True
+top = new Bump at (1.6, -0.6), with width 0.2, with height 0.03, with allowCollisions True
 goal = new Goal at (1.95, 0), facing -90 deg
 """
 

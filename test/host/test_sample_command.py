@@ -63,8 +63,8 @@ def test_mistakes_are_one_line_and_leave_no_file(sample: Command, tmp_path: Path
         (["--param", "step_height=-1"], "height_m: -1 is below the limit 0.0001"),
         (["--plot", str(tmp_path / "a.gif")], "a picture's name ends in one of .png, .svg, .pdf"),
         (
-            ["--plot", str(tmp_path / "nowhere" / "a.png")],
-            "No such file or directory",
+            ["--plot", str(tmp_path / "nowhere" / "deeper" / "a.png")],
+            "there is no folder",
         ),
     ):
         output = [] if "nowhere" in arguments[1] else ["-o", file]

@@ -300,4 +300,4 @@ def test_a_folder_is_no_store(tmp_path: Path) -> None:
 
 
 def test_writing_makes_the_folder(tmp_path: Path) -> None:
-    assert fill(tmp_path / "new" / "folder" / "s.db") == 4
+    assert fill(tmp_path / "folder" / "s.db") == 4

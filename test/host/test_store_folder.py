@@ -251,7 +251,7 @@ def test_a_log_that_leads_out_is_refused_though_its_checksum_fits(tmp_path: Path
     with (folder / "trial.csv").open(newline="", encoding="utf-8") as file:
         header, first, *others = csv.reader(file)
     row: dict[str, Any] = {name: value for name, value in zip(header[:-1], first, strict=False) if value}
-    row |= {name: int(row[name]) for name in row if name == "sample" or name.endswith("id")}
+    row |= {name: int(row[name]) for name in row if name in ("sample", "withdrawn") or name.endswith("id")}
     row |= {"elapsed_time_s": float(row["elapsed_time_s"]), "note": "n", "log": "../../etc/passwd"}
     told = zlib.crc32(json.dumps(row, sort_keys=True, separators=(",", ":")).encode())
     values = [row.get(name, "") for name in header[:-1]]

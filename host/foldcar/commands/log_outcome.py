@@ -50,7 +50,9 @@ def record_outcome(
     if options.note is None and not options.yes and end.error is None:
         note = answers.line("Note (Enter for none): ")
     writer.complete(number, Ending(outcome, end.ending, end.elapsed_time_s, note, digest))
-    typer.echo(f"Trial {number}: {outcome}{mark}; log: {log}")
+    typer.echo(f"Trial {number}: {outcome}{mark}; log: {log if digest else 'none'}")
+    if digest is None and end.error is None:
+        raise FoldcarError(f"{log}: is gone: it was deleted or moved; trial {number} is stored without its log")
 
 
 def log_hash(log: Path) -> str | None:

@@ -13,6 +13,7 @@ from rich.table import Table
 from foldcar.car.design import Design
 from foldcar.commands.typed_answers import TypedAnswers
 from foldcar.errors import FoldcarError
+from foldcar.output_folder import make_output_folder
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.simulation.carsim import Carsim
 from foldcar.trials.placement import CAR, instructions, parse_deviation
@@ -51,7 +52,7 @@ class Placement:
         from foldcar.figures.ground import carsim_heights
         from foldcar.figures.placement import draw_placement
 
-        self.picture.parent.mkdir(parents=True, exist_ok=True)
+        make_output_folder(self.picture.parent)
         length_m, width_m = self.design.length_mm / 1000, self.design.values["width"] / 1000
         title = f"Sample {self.sample}: where to put car and obstacles"
         if self.simulated:
@@ -66,7 +67,13 @@ def ask_deviations(
     """Measured deviations (m, m, rad) by name: those of the options, else those typed; none with ``yes``."""
     names = [CAR, *things]
     if given is not None:
-        return dict(parse_deviation(text, names) for text in given)
+        parsed: dict[str, tuple[float, float, float]] = {}
+        for text in given:
+            name, by = parse_deviation(text, names)
+            if name in parsed:
+                raise FoldcarError(f'--deviation "{text}": {name} is given twice')
+            parsed[name] = by
+        return parsed
     found: dict[str, tuple[float, float, float]] = {}
     if yes:
         return found

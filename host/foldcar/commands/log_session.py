@@ -30,6 +30,7 @@ from foldcar.link.parameters import read_parameters
 from foldcar.link.ports import choose_port
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import TlogWriter
+from foldcar.output_folder import make_output_folder
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.log_files import log_file
@@ -243,7 +244,7 @@ class LogSession:
 
     def _log_file(self, number: int) -> Path:
         folder = self._logs()
-        folder.mkdir(parents=True, exist_ok=True)
+        make_output_folder(folder)
         free = shutil.disk_usage(folder).free
         if free < LEAST_FREE_BYTES:
             raise FoldcarError(f"{folder}: only {free / 1e6:.0f} MB are free for the log; make room first")

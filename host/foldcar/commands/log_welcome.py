@@ -6,6 +6,7 @@ from foldcar.car.body import body_json
 from foldcar.car.design import Design
 from foldcar.commands.log_options import LogOptions
 from foldcar.commands.typed_answers import TypedAnswers
+from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.link.car import Car, CarIdentity
 from foldcar.link.parameters import read_file, read_parameters, set_parameter
@@ -42,6 +43,13 @@ def welcome(
     _fit_time_limit(car, values, settings["time_limit_s"])
     if options.parameters is not None:
         expected = read_file(options.parameters)
+        unknown = [name for name in expected if name not in values]
+        if unknown:
+            close = did_you_mean(unknown[0].upper(), values)
+            raise FoldcarError(f"{options.parameters}: {unknown[0]}: the car has no such parameter{close}")
+        missing = [name for name in values if name not in expected]
+        if missing:
+            typer.echo(f"{options.parameters} lacks {len(missing)} of the car's parameters; these are not compared")
     against = options.parameters or "the design"
     differing = [row for row in parameter_deviations(values, expected) if row[0] != TRIAL_LIMIT]
     if differing:

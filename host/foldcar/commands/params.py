@@ -9,6 +9,7 @@ import typer
 
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_file
+from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def get(
         values = read_parameters(car)
     for name in names or values:
         if name not in values:
-            raise FoldcarError(f"{name}: the car has no such parameter")
+            raise FoldcarError(f"{name}: the car has no such parameter{did_you_mean(name.upper(), values)}")
     shown = {name: values[name] for name in names or values}
     if as_json:
         print_json({"parameters": _numbers(shown)})
@@ -116,7 +117,8 @@ def load(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
         values = read_parameters(car)
         unknown = [name for name in wanted if name not in values]
         if unknown:
-            raise FoldcarError(f"{file}: {unknown[0]}: the car has no such parameter; nothing was set")
+            close = did_you_mean(unknown[0].upper(), values)
+            raise FoldcarError(f"{file}: {unknown[0]}: the car has no such parameter; nothing was set{close}")
         rows = [row for row in differences(values, wanted) if row[0] in wanted]
         for name, _, _ in rows:
             try:
@@ -155,7 +157,9 @@ def diff(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
         typer.echo(f"{'':<16} {'car':>12} {'file':>12}")
     for name, has, value in rows:
         typer.echo(f"{name:<16} {_text(has):>12} {_text(value):>12}")
-    typer.echo(f"{len(rows)} of {len(wanted)} parameters differ")
+    alone = sum(has is None or value is None for _, has, value in rows)
+    only = f"; {alone} are only on one side" if alone else ""
+    typer.echo(f"{len(rows) - alone} of {len(wanted)} parameters differ{only}")
 
 
 @params.command()

@@ -41,6 +41,9 @@ def list_trials(
 
     with Store.open(store) as opened:
         found = list(opened.trials(experiment))
+        if experiment is not None and not found:
+            known = ", ".join(dict.fromkeys(trial.experiment for trial in opened.trials())) or "none"
+            raise FoldcarError(f'{store}: has no trials of experiment "{experiment}"; experiments with trials: {known}')
         trail = [one for trial in found if trial.corrections for one in opened.corrections(trial.id)]
     if as_json:
         print_json({"trials": [asdict(one) for one in found], "corrections": [asdict(one) for one in trail]})
@@ -242,7 +245,7 @@ def export(
     from foldcar.models.ground import smooth_ground
     from foldcar.models.put_down import start_height_m
     from foldcar.simulation.carsim import Carsim
-    from foldcar.store.log_files import log_file
+    from foldcar.store.log_files import log_file, sha256_of
     from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
@@ -261,6 +264,8 @@ def export(
     }
     scene_update, start = None, NO_START
     log = log_file(store, trial.log)
+    if trial.log_sha256 is not None and sha256_of(log) not in (None, trial.log_sha256):
+        raise FoldcarError(f"{log}: is not the log that trial {number} of {store} wrote: its SHA-256 is another")
     if drive is not None and log.is_file():
         body, scene = json.loads(drive[0]), json.loads(drive[2])
         grid = smooth_ground(scene, Carsim())

@@ -17,6 +17,7 @@ from foldcar.link.connection import (
     Connection,
     connect,
 )
+from foldcar.link.stream import LinkLostError
 
 GREETING_S = 5.0
 ANSWER_S = 0.6
@@ -217,6 +218,9 @@ def greet(port: str, timeout_s: float = GREETING_S) -> Car:
             raise NoCarError(f"{port}: not a car: it sent {sent} for {timeout_s:g} s; {OTHER_FIRMWARE}")
         if heartbeat.type != dialect.MAV_TYPE_GROUND_ROVER or heartbeat.autopilot != dialect.MAV_AUTOPILOT_GENERIC:
             raise NoCarError(f"{port}: another MAVLink device (type {heartbeat.type}), not a foldcar; {OTHER_FIRMWARE}")
+    except LinkLostError as error:
+        connection.close()
+        raise NoCarError(f"{port}: it closed the connection at once; another program may be using the car") from error
     except BaseException:
         connection.close()
         raise

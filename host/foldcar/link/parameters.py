@@ -17,6 +17,9 @@ from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 
 LIST_S = 20.0
 QUIET_S = 0.4
+# The largest 32-bit floating-point number, and the longest name that a packet holds, in bytes.
+LARGEST = (2 - 2**-23) * 2.0**127
+LONGEST_NAME = 16
 # Requests per burst: a car's receive buffer is small.
 BURST = 4
 
@@ -51,6 +54,11 @@ def read_parameters(car: Car, report: Callable[[int, int], None] = lambda receiv
 
 def set_parameter(car: Car, name: str, value: float) -> None:
     """Set and save one parameter; FoldcarError with the car's reason if it refuses the value or does not answer."""
+    if not name.isascii() or not 0 < len(name) <= LONGEST_NAME:
+        # The packet would hold its beginning, which may be another parameter.
+        raise FoldcarError(f"{name}: no name of a parameter: those have 1 to {LONGEST_NAME} ASCII characters")
+    if not fits_float32(value):
+        raise FoldcarError(f"{name}: {value:g} is no number that a car keeps (32-bit floating point)")
     d = car.dialect
     car.connection.said = None
     for _ in range(TRIES):
@@ -72,6 +80,11 @@ def set_parameter(car: Car, name: str, value: float) -> None:
 def equal_float32(a: float, b: float) -> bool:
     """Whether two values are equal as 32-bit floating-point numbers."""
     return struct.pack("<f", a) == struct.pack("<f", b)
+
+
+def fits_float32(value: float) -> bool:
+    """Whether the value is finite, and not beyond the largest 32-bit floating-point number."""
+    return abs(value) <= LARGEST
 
 
 def value_text(value: float) -> str:
@@ -105,6 +118,8 @@ def read_file(file: Path) -> dict[str, float]:
             name, value = words[0], float(words[1])
         except (IndexError, ValueError):
             value = math.nan
+        if len(words) == 2 and math.isfinite(value) and not fits_float32(value):
+            raise FoldcarError(f"{file}: line {number}: {name}: {words[1]} is beyond ±{LARGEST:.3g}")
         if len(words) != 2 or not math.isfinite(value):
             raise FoldcarError(f"{file}: line {number}: not NAME VALUE: {line.strip()}")
         if name in values:

@@ -9,6 +9,7 @@ import grp
 import os
 import select
 import socket
+import termios
 from pathlib import Path
 from typing import Protocol
 
@@ -124,7 +125,9 @@ def _open_serial(name: str) -> Stream:
             raise FoldcarError(permission_text(name)) from error
         if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in str(error):
             raise FoldcarError(f"{name}: another program uses this port; close it first") from error
-        raise FoldcarError(f"{name}: cannot be opened: {error}") from error
+        if isinstance(error.__context__, termios.error):
+            raise FoldcarError(f"{name}: not a serial port") from error
+        raise FoldcarError(f"{name}: cannot be opened: {os.strerror(number) if number else error}") from error
 
 
 def permission_text(name: str) -> str:
@@ -148,3 +151,5 @@ def _open_tcp(name: str) -> Stream:
         return _TcpStream(name, host, int(port))
     except OSError as error:
         raise FoldcarError(f"{name}: cannot be reached: {error.strerror or error}") from error
+    except UnicodeError:
+        raise FoldcarError(f'{name}: "{host}" is no name of a host') from None

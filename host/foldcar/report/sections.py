@@ -1,6 +1,7 @@
 """An experiment's section of the report: its summary, remarks and figures."""
 
 import shlex
+from collections import Counter
 from dataclasses import dataclass
 
 from matplotlib.figure import Figure
@@ -11,7 +12,7 @@ from foldcar.report.outcome_plot import draw_outcomes
 from foldcar.report.series import Summary, summarise
 from foldcar.report.success_plot import draw_success
 from foldcar.report.time_plot import draw_times
-from foldcar.report.trial_selection import left_out_text
+from foldcar.report.trial_selection import left_out_text, select_trials
 from foldcar.report.trial_series import TrialSummary, summarise_trials
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -47,7 +48,8 @@ def read_section(store: Store, info: ExperimentInfo, simulated_trials: bool) -> 
     """
     summary = summarise(store.results(info.id), info.varied, info.success_defined)
     trials = summarise_trials(store.trials(info.id), info, simulated_trials)
-    remarks = _remarks(info, summary, trials) + _failures(store, info, summary)
+    remarks = _remarks(info, summary, trials) + _elsewhere(store, info, simulated_trials)
+    remarks += _failures(store, info, summary)
     return Section(info, summary, trials, remarks, _drawings(info, summary, trials))
 
 
@@ -79,6 +81,19 @@ def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> li
     left_out = left_out_text(trials.left_out)
     if left_out is not None:
         remarks.append(left_out)
+    return remarks
+
+
+def _elsewhere(store: Store, info: ExperimentInfo, simulated_trials: bool) -> list[str]:
+    """What is said of trials that were not driven in the environment of the runs they are shown beside."""
+    elsewhere = store.trials_elsewhere(info.id)
+    shown, _ = select_trials(store.trials(info.id), simulated_trials)
+    programs = Counter(elsewhere[trial.id] or "an unknown program" for trial in shown if trial.id in elsewhere)
+    remarks = []
+    for program, count in programs.items():
+        also = "other samples of it: its text, parameters or seed, or foldcar, have changed"
+        how = also if program == info.scenic_program else f"that is {info.scenic_program}"
+        remarks.append(f"{count} of the trials were driven in {program}, not in the environment of the runs ({how}).")
     return remarks
 
 

@@ -15,6 +15,7 @@ from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.migrations import transaction
 from foldcar.store.rows import Row, insert_sql, key_text, read_rows, stored
 from foldcar.store.tables import BY_NAME, CHECKSUM, Table
+from foldcar.store.writer_lock import is_written_here
 
 
 class StoreConnection:
@@ -80,3 +81,8 @@ class StoreConnection:
     def _transaction(self) -> Iterator[None]:
         with delayed(), store_errors(self.path), transaction(self._connection):
             yield
+        if not is_written_here(self.path):
+            # SQLite goes on writing a file that has lost its name.
+            raise StoreError(
+                f"{self.path}: was deleted, moved or replaced while it was written: the last changes are not in it"
+            )

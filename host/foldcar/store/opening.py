@@ -16,7 +16,7 @@ from foldcar.output_folder import make_output_folder
 from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
 from foldcar.store.migrations import VERSION, add_metrics, copy_beside, create_tables, migrate, transaction
 from foldcar.store.tables import CHECKSUM, RUN
-from foldcar.store.writer_lock import check_journal, writer_lock
+from foldcar.store.writer_lock import check_journal, is_written_here, writer_lock
 
 # "Fcar" in ASCII: tells a store from other SQLite files.
 APPLICATION_ID = 0x46636172
@@ -153,6 +153,9 @@ def _close_writing(path: Path, connection: sqlite3.Connection) -> None:
     """Close, leaving a single file if nobody reads it at the moment."""
     # An interrupt may have left a query half read, which would keep the mode: closing ends every query.
     connection.close()
+    if not is_written_here(path):
+        # To open the name would make a new file, or change one that is another.
+        return
     with contextlib.suppress(sqlite3.Error), contextlib.closing(sqlite3.connect(path)) as last:
         last.execute("PRAGMA journal_mode = DELETE")
 

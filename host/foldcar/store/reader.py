@@ -94,6 +94,14 @@ class Store:
                 **{field: row[field] for field in TRIAL_FIELDS},
             )
 
+    def trials_elsewhere(self, experiment: str) -> dict[int, str | None]:
+        """Trials in another environment than the experiment was last swept in: number and Scenic program, if known."""
+        where = (
+            "WHERE experiment = ?1 AND environment_id IS NOT NULL "
+            "AND environment_id <> (SELECT environment_id FROM experiment WHERE id = ?1)"
+        )
+        return {row["id"]: row["scenic_program"] for row in self.rows(TRIAL, where, experiment)}
+
     def trial(self, number: int) -> Trial:
         """The trial of that number; StoreError if there is none."""
         found = next((trial for trial in self.trials() if trial.id == number), None)

@@ -15,6 +15,12 @@ BUILT, SIMULATED = CARS = ("built", "simulated")
 UNKNOWN = "unknown"
 WITHDRAWN = "withdrawn"
 
+# The largest whole number that SQLite keeps.
+MOST_ID = 2**63 - 1
+
+# A trial of a day is a slip of the pen (s).
+LONGEST_S = 86_400.0
+
 # The ending of a row from before the start until the trial is completed.
 RUNNING = "running"
 

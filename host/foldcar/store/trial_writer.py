@@ -19,7 +19,17 @@ from foldcar.store.errors import StoreError
 from foldcar.store.opening import writing
 from foldcar.store.rows import Row
 from foldcar.store.tables import CORRECTION, TRIAL
-from foldcar.store.trial_records import BUILT, CARS, CORRECTABLE, RUNNING, TRIAL_OUTCOMES, Ending, TrialDesign
+from foldcar.store.trial_records import (
+    BUILT,
+    CARS,
+    CORRECTABLE,
+    LONGEST_S,
+    MOST_ID,
+    RUNNING,
+    TRIAL_OUTCOMES,
+    Ending,
+    TrialDesign,
+)
 from foldcar.store.writer import canonical_json
 
 
@@ -141,6 +151,8 @@ class TrialWriter(StoreConnection):
                     _check_outcome(self.path, str(after))
                 if isinstance(after, float) and not math.isfinite(after):
                     raise StoreError(f"{self.path}: trial {trial}: {field}: {after} is no finite number")
+                if isinstance(after, float) and after > LONGEST_S:
+                    raise StoreError(f"{self.path}: trial {trial}: {field}: {after:g} is above the maximum {LONGEST_S:g}")
                 found = self._trial(trial)
                 if field == "car":
                     self._check_car(found, after)
@@ -159,7 +171,7 @@ class TrialWriter(StoreConnection):
                 self._change(found, "withdrawn", int(withdrawn), reason, operator)
 
     def _trial(self, number: int) -> Row:
-        found = self._rows(TRIAL, "WHERE id = ?", number)
+        found = self._rows(TRIAL, "WHERE id = ?", number) if number <= MOST_ID else []
         if not found:
             raise StoreError(f"{self.path}: has no trial {number}")
         return found[0]

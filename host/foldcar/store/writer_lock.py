@@ -58,6 +58,14 @@ def writer_lock(path: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
+def is_written_here(path: Path) -> bool:
+    """Whether ``path`` still leads to a store that this process writes: it may have been deleted or replaced."""
+    try:
+        return _identity(path.stat()) in _written_here
+    except OSError:
+        return False
+
+
 def check_journal(path: Path) -> None:
     """StoreError if the file has several names (hard links) and its write-ahead log stands beside another of them.
 

@@ -9,20 +9,18 @@ Lines that begin with # are comments. Output: rows for :meth:`TrialWriter.import
 import csv
 import math
 from collections.abc import Callable, Mapping
-from datetime import datetime
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
 from foldcar.car.design import DesignError, compose
 from foldcar.car.modules import parameters
 from foldcar.errors import FoldcarError
-from foldcar.store.trial_records import BUILT, CARS, TRIAL_OUTCOMES
+from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MOST_ID, TRIAL_OUTCOMES
 
 NEEDED = ("vehicle_type", "outcome", "source")
 OPTIONAL = ("experiment", "count", "car", "sample", "elapsed_time_s", "note", "operator", "started_utc")
 MOST_COUNT = 100_000
-# The largest whole number that a store keeps.
-MOST_SAMPLE = 2**63 - 1
 
 
 def read_trials(file: Path, experiment: str | None) -> list[dict[str, Any]]:
@@ -98,13 +96,17 @@ def _trials(place: str, row: Mapping[str, str], experiment: str | None) -> list[
     }
     if "sample" in row:
         trial["sample"] = _number(place, row, "sample", int)
-        if trial["sample"] > MOST_SAMPLE:
-            raise FoldcarError(f"{place}: sample: {row['sample']} is above the maximum {MOST_SAMPLE}")
+        if trial["sample"] > MOST_ID:
+            raise FoldcarError(f"{place}: sample: {row['sample']} is above the maximum {MOST_ID}")
     if "elapsed_time_s" in row:
         trial["elapsed_time_s"] = _number(place, row, "elapsed_time_s", float)
+        if trial["elapsed_time_s"] > LONGEST_S:
+            raise FoldcarError(f"{place}: elapsed_time_s: {row['elapsed_time_s']} is above the maximum {LONGEST_S:g}")
     if "started_utc" in row:
-        _check_time(place, row["started_utc"])
+        trial["started_utc"] = _time_utc(place, row["started_utc"])
     count = _number(place, row, "count", int) if "count" in row else 1
+    if count < 1:
+        raise FoldcarError(f"{place}: count: {count} is below the minimum 1")
     if count > MOST_COUNT:
         raise FoldcarError(f"{place}: count: {count} is above the maximum {MOST_COUNT}")
     return [trial] * int(count)
@@ -123,11 +125,13 @@ def _number(place: str, row: Mapping[str, str], name: str, kind: Callable[[str],
     return value
 
 
-def _check_time(place: str, text: str) -> None:
+def _time_utc(place: str, text: str) -> str:
+    """The date, or date and time, as written; a time of another zone in UTC."""
     try:
         # Python 3.10 does not read the Z.
-        datetime.fromisoformat(text.removesuffix("Z"))
-    except ValueError:
+        time = datetime.fromisoformat(text.removesuffix("Z"))
+        return text if not time.utcoffset() else time.astimezone(timezone.utc).isoformat()
+    except (ValueError, OverflowError):
         raise FoldcarError(
             f'{place}: started_utc: "{text}" is not a date, or date and time, such as 2026-05-01T09:30:00'
         ) from None

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -238,3 +239,16 @@ def test_the_report_tells_trials_of_another_environment(
     assert told in other["experiments"][0]["remarks"]
     assert told not in same["experiments"][0]["remarks"]
     assert told in (tmp_path / "r" / "index.html").read_text()
+
+
+def test_a_link_lost_before_the_start_has_no_time_of_an_earlier_trial(
+    tmp_path: Path, free_course: Path, carsim_binary: Path, foldcar: Foldcar
+) -> None:
+    with car_at_port(carsim_binary) as car:
+        # The car's last trial is number 1, as the first of the next store is.
+        assert foldcar(*LOG[:-1], "first.db", "--port", car.port, "--yes", "--countdown", "0").returncode == 0
+        code, _, errors = log_and(tmp_path, car.port, lambda: (time.sleep(1.0), car.process.kill()))
+
+    assert code == 2 and "connection is lost" in errors
+    (trial,) = trials_in(tmp_path / "s.db")
+    assert (trial.outcome, trial.ending, trial.elapsed_time_s) == ("aborted", "link lost", None), trial.ending

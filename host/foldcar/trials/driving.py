@@ -55,6 +55,7 @@ def drive(
     ``settings`` has ``speed_m_s``, ``yaw_rate_rad_s`` and ``time_limit_s``. When the cable of an ``untethered`` drive
     is unplugged, the drive ends as DRIVES_ON and the car is not stopped.
     """
+    # Before the start, the car still tells of its last trial, which in another store may have had the same number.
     started = left_alone = False
     try:
         with contextlib.suppress(CommandRefusedError):
@@ -76,15 +77,16 @@ def drive(
         left_alone = untethered and started
         if left_alone:
             return DriveEnd(DRIVES_ON, None, None)
-        return DriveEnd("link lost", "aborted", _elapsed_s(car, trial), error)
+        return DriveEnd("link lost", "aborted", _elapsed_s(car, trial) if started else None, error)
     except LogError as error:
         car.connection.log = None
-        return DriveEnd("log could not be written", "aborted", _elapsed_s(car, trial), error)
+        return DriveEnd("log could not be written", "aborted", _elapsed_s(car, trial) if started else None, error)
     except CommandRefusedError as error:
         why = "; see what is wrong, then acknowledge it" if car.fault_text() else ""
         return DriveEnd("refused by the car", "aborted", None, FoldcarError(f"{error}{why}"))
     except KeyboardInterrupt:
-        return DriveEnd(CTRL_C, "aborted", _elapsed_s(car, trial), FoldcarError("stopped by Ctrl-C"))
+        elapsed_s = _elapsed_s(car, trial) if started else None
+        return DriveEnd(CTRL_C, "aborted", elapsed_s, FoldcarError("stopped by Ctrl-C"))
     finally:
         if not left_alone:
             _stand_still(car)

@@ -54,6 +54,8 @@ def log_and(folder: Path, port: str, accident: Callable[[], object]) -> tuple[in
         while not said.startswith("Countdown"):
             said = process.stdout.readline()
             assert said, process.stderr.read()
+        # The log is made after the line is printed.
+        time.sleep(1.0)
         accident()
         output, errors = process.communicate(timeout=100)
     return process.returncode, output, errors
@@ -247,7 +249,7 @@ def test_a_link_lost_before_the_start_has_no_time_of_an_earlier_trial(
     with car_at_port(carsim_binary) as car:
         # The car's last trial is number 1, as the first of the next store is.
         assert foldcar(*LOG[:-1], "first.db", "--port", car.port, "--yes", "--countdown", "0").returncode == 0
-        code, _, errors = log_and(tmp_path, car.port, lambda: (time.sleep(1.0), car.process.kill()))
+        code, _, errors = log_and(tmp_path, car.port, car.process.kill)
 
     assert code == 2 and "connection is lost" in errors
     (trial,) = trials_in(tmp_path / "s.db")

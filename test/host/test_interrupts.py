@@ -16,7 +16,11 @@ import pytest
 from shell_signals import like_a_shell
 
 FOLDCAR = [sys.executable, "-m", "foldcar"]
-BESIDE = "model model\nego = new Robot at (0, 0)\nnew Goal at (1.3, 0)\nrecord ego.position.x as way\n"
+BESIDE = """model model
+ego = new Robot at (0, 0), facing -90 deg
+new Goal at (1.3, 0), facing -90 deg
+record ego.position.x as way
+"""
 MARK = "FOLDCAR_TEST_MARK"
 RUN = ["--experiment", "1", "--set", "width=95"]
 # Everything that a command passes on its way is interrupted by some of these: imports, Scenic, sampling, simulating.
@@ -53,14 +57,14 @@ def started(study: Path) -> Iterator[Callable[..., "subprocess.Popen[str]"]]:
     def start(*words: str, ready: bool = True, **options: Any) -> "subprocess.Popen[str]":
         process = subprocess.Popen(
             [*FOLDCAR, *words], cwd=study, stdin=options.pop("stdin", subprocess.PIPE), stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE, text=True, preexec_fn=like_a_shell, env={**os.environ, MARK: study.name}, **options,
+            stderr=subprocess.PIPE, text=True, preexec_fn=like_a_shell, env={**os.environ, MARK: str(study)}, **options,
         )  # fmt: skip
         while ready and process.poll() is None and not catches(process.pid, signal.SIGTERM):
             time.sleep(0.001)
         return process
 
     yield start
-    for pid in marked(study.name):
+    for pid in marked(str(study)):
         os.kill(pid, signal.SIGKILL)
 
 
@@ -107,7 +111,7 @@ def test_ctrl_c_ends_a_command_at_any_moment_with_one_line(
             interrupted += 1
             assert (process.returncode, len(lines)) == (130, 1), f"after {moment_s} s: {errors}"
             assert "stopped" in lines[0] or lines == ["ended"]
-        assert no_process_of(study.name)
+        assert no_process_of(str(study))
         assert [file.name for file in study.iterdir() if file.name.startswith(".") or "-" in file.name] == []
     assert interrupted >= 1
 
@@ -130,14 +134,14 @@ def test_a_killed_command_leaves_no_process(
 ) -> None:
     process = started(*COMMANDS[command])
     end_s = time.monotonic() + 60
-    while len(marked(study.name)) < 2 and time.monotonic() < end_s:
+    while len(marked(str(study))) < 2 and time.monotonic() < end_s:
         time.sleep(0.01)
-    assert len(marked(study.name)) >= 2
+    assert len(marked(str(study))) >= 2
 
     process.kill()
     process.wait()
 
-    assert no_process_of(study.name)
+    assert no_process_of(str(study))
 
 
 def test_a_killed_link_leaves_its_terminal_as_it_was(
@@ -158,7 +162,7 @@ def test_a_killed_link_leaves_its_terminal_as_it_was(
     process.kill()
     process.wait()
 
-    assert no_process_of(study.name) and not port.exists()
+    assert no_process_of(str(study)) and not port.exists()
     assert (termios.tcgetattr(terminal), fcntl.fcntl(terminal, fcntl.F_GETFL)) == before
     os.close(master)
     os.close(terminal)

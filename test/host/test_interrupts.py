@@ -162,7 +162,7 @@ def test_a_killed_link_leaves_its_terminal_as_it_was(
     process.kill()
     process.wait()
 
-    assert no_process_of(str(study)) and not port.exists()
+    assert no_process_of(str(study))
     assert (termios.tcgetattr(terminal), fcntl.fcntl(terminal, fcntl.F_GETFL)) == before
     os.close(master)
     os.close(terminal)

@@ -11,9 +11,12 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import TypeVar
 
 EXIT_CODE = 130
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+_Entry = TypeVar("_Entry")
 
 _tidies: list[Callable[[], object]] = []
 _lines: list[Callable[[], str]] = [lambda: "foldcar: stopped"]
@@ -38,21 +41,24 @@ def listen() -> None:
 @contextmanager
 def held(tidy: Callable[[], object]) -> Iterator[None]:
     """``tidy`` is called if a signal ends the process within the block. At the block's end the caller tidies up."""
-    _tidies.append(tidy)
-    try:
+    with _within(_tidies, tidy):
         yield
-    finally:
-        _tidies.remove(tidy)
 
 
 @contextmanager
 def said(line: Callable[[], str]) -> Iterator[None]:
     """``line`` gives what a signal within the block makes the process say as it ends."""
-    _lines.append(line)
+    with _within(_lines, line):
+        yield
+
+
+@contextmanager
+def _within(entries: list[_Entry], entry: _Entry) -> Iterator[None]:
+    entries.append(entry)
     try:
         yield
     finally:
-        _lines.remove(line)
+        entries.remove(entry)
 
 
 @contextmanager

@@ -1,14 +1,18 @@
 """`foldcar trials correct`, `withdraw` and `restore`: changes of stored trials, each kept with its reason."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.trial_arguments import Number, StoreFile
 from foldcar.errors import FoldcarError
+
+if TYPE_CHECKING:
+    from foldcar.store.trial_records import Correction
 
 Numbers = Annotated[
     list[int], typer.Argument(metavar="TRIAL...", min=1, help="Numbers of trials, as `trials list` shows them.")
@@ -37,7 +41,6 @@ def correct(
     \b
     Example: foldcar trials correct study.db 7 --outcome tipped --reason "seen on the film"
     """
-    from foldcar.commands.trial_table import correction_text
     from foldcar.store.opening import require_store
     from foldcar.store.reader import Store
     from foldcar.store.trial_writer import write_trials
@@ -51,11 +54,7 @@ def correct(
         writer.correct(number, {k: v for k, v in changes.items() if v is not None}, reason, operator)
     with Store.open(store) as opened:
         trail = list(opened.corrections(number))
-    if as_json:
-        print_json({"corrections": [asdict(one) for one in trail]})
-        return
-    for one in trail:
-        typer.echo(correction_text(one))
+    _print_trail(trail, as_json)
 
 
 def withdraw(store: StoreFile, numbers: Numbers, reason: Reason, operator: Operator = "", as_json: Json = False) -> None:
@@ -83,7 +82,6 @@ def restore(store: StoreFile, numbers: Numbers, reason: Reason, operator: Operat
 def _withdraw(
     command: str, store: Path, numbers: list[int], withdrawn: bool, reason: str, operator: str, as_json: bool
 ) -> None:
-    from foldcar.commands.trial_table import correction_text
     from foldcar.store.opening import require_store
     from foldcar.store.reader import Store
     from foldcar.store.trial_writer import write_trials
@@ -95,6 +93,12 @@ def _withdraw(
         writer.withdraw(chosen, withdrawn, reason, operator)
     with Store.open(store) as opened:
         trail = [opened.corrections(number)[-1] for number in chosen]
+    _print_trail(trail, as_json)
+
+
+def _print_trail(trail: "Sequence[Correction]", as_json: bool) -> None:
+    from foldcar.commands.trial_table import correction_text
+
     if as_json:
         print_json({"corrections": [asdict(one) for one in trail]})
         return

@@ -4,15 +4,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from foldcar.api.names import columns_named
 from foldcar.car.design import Design, compose, modules_of
 from foldcar.car.folded_car import folded_car
 from foldcar.car.modules import parameters
 from foldcar.errors import FoldcarError
 from foldcar.study.family import read_family
-from foldcar.study.listing import ListedVehicle
+from foldcar.study.listing import ListingError, validated_listing
 
 
 def design(type: str, /, **values: float) -> Design:
@@ -39,10 +37,7 @@ def design_of(car: Design | Mapping[str, Any]) -> Design:
         return car
     if not isinstance(car, Mapping):
         raise FoldcarError(f"design: {car!r} is neither a Design nor a vehicle of a listing")
-    try:
-        vehicle = ListedVehicle.model_validate(dict(car))
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(step) for step in ("design", *first["loc"]))
-        raise FoldcarError(f"{place}: {first['msg'].removeprefix('Value error, ')}") from None
-    return read_family(Path("design"), "design", vehicle).single()
+    listing, mistakes = validated_listing({"vehicles": {"design": dict(car)}})
+    if mistakes:
+        raise ListingError("design", *mistakes)
+    return read_family(Path("design"), "design", listing.vehicles["design"]).single()

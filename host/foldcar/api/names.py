@@ -28,7 +28,7 @@ def column_named(name: str, columns: Iterable[str], what: str) -> str:
 
 
 def columns_named(values: Mapping[str, object], columns: Iterable[str], what: str) -> dict[str, float]:
-    """The numbers of ``values`` by column. FoldcarError for names as above, what is no number, or a column named twice."""
+    """The numbers of ``values`` by column. FoldcarError for names as above, no number, or a column named twice."""
     known, found = list(columns), dict[str, float]()
     for name, value in values.items():
         column = column_named(name, known, what)

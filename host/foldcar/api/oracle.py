@@ -52,7 +52,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A design in an environment's samples 0 to n - 1. ``runs``: sample, outcome, passed, message and the metrics of each.
+    """A design in an environment's samples 0 to n - 1. ``runs`` has sample, outcome, passed, message and metrics of each.
 
     ``success`` says when a run has passed; where nothing does (``success_defined`` False), there is no rate.
     """
@@ -95,11 +95,21 @@ def simulate(
         scene_text, sample, runner = _scene_json(scene), 0, simulator()
     else:
         raise FoldcarError(f"scene: {scene!r} is neither a scene of an environment nor a scene object")
-    requests = [RunRequest("car", "scene", text, f"{car.title}, sample {sample}", sample)]
-    (answer,) = runner.run({"car": body}, {"scene": scene_text}, requests)
-    path = None
-    if path_interval_s is not None and "error" not in answer:
-        path = _path(body, scene_text, requests[0], path_interval_s, answer)
+    label = f"{car.title}, sample {sample}"
+
+    def answer_of(by: Runner, **more: float) -> dict[str, Any]:
+        settings = canonical_json({**json.loads(text), **more}) if more else text
+        (found,) = by.run({"car": body}, {"scene": scene_text}, [RunRequest("car", "scene", settings, label, sample)])
+        return found
+
+    asked = {} if path_interval_s is None else {"path_interval_s": path_interval_s}
+    if runner is simulator():
+        answer = native = answer_of(runner, **asked)
+    else:
+        # A program that runs beside the simulation changes how the run ends, not the car's way until then.
+        answer = answer_of(runner)
+        native = answer_of(simulator(), **asked) if asked and "error" not in answer else {}
+    path = _path(native["path"], answer["elapsed_time_s"]) if "path" in native else None
     return Result(
         outcome_of(answer),
         {name: answer.get(name) for name in NUMBERS},
@@ -202,17 +212,8 @@ def _table(answers: Sequence[Mapping[str, Any]], judged: bool) -> "pandas.DataFr
     )
 
 
-def _path(
-    body: str, scene: str, request: RunRequest, interval_s: float, answer: Mapping[str, Any]
-) -> "pandas.DataFrame":
-    """The path of a batch run; where the Scenic program ended the run, the path ends."""
+def _path(rows: Sequence[Sequence[float]], elapsed_time_s: float) -> "pandas.DataFrame":
     import pandas
 
-    settings = canonical_json({**json.loads(request.settings), "path_interval_s": interval_s})
-    asked = RunRequest("car", "scene", settings, request.label, request.sample)
-    (native,) = simulator().run({"car": body}, {"scene": scene}, [asked])
-    if "path" not in native:
-        raise FoldcarError(f"{request.label}: a failed run has no path: {native['error']}")
-    rows = [row for row in native["path"] if row[0] <= answer["elapsed_time_s"]]
     hinges = [f"hinge_{i + 1}_rad" for i in range(len(rows[0]) - len(PATH_COLUMNS))]
-    return pandas.DataFrame(rows, columns=[*PATH_COLUMNS, *hinges])
+    return pandas.DataFrame([row for row in rows if row[0] <= elapsed_time_s], columns=[*PATH_COLUMNS, *hinges])

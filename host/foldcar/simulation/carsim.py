@@ -165,9 +165,9 @@ class Carsim:
                 error = answer["error"]
                 if error["kind"] == "simulation":
                     return {"error": str(error["message"])}
-                what = (
-                    requests[int(error["run"])].label if error["run"] is not None else f"line {error['line']}"
-                )
+                # Of one run alone, cars and scenes are its own.
+                index = 0 if len(requests) == 1 else error["run"]
+                what = requests[int(index)].label if index is not None else f"line {error['line']}"
                 raise CarsimError(f"{self.binary} refuses {what}: {error['message']}")
             sound = answer["outcome"] in NATIVE_OUTCOMES and all(
                 math.isfinite(answer[metric.name])
@@ -237,7 +237,8 @@ class Carsim:
 
 def input_line(kind: str, name: str, object_text: str) -> str:
     """A line of `carsim batch`'s input: a ``body`` or ``scene`` from its JSON text, with its id."""
-    return f'{{"{kind}": {{"id": {json.dumps(name)}, {object_text[1:]}}}'
+    rest = object_text.lstrip()[1:]
+    return f'{{"{kind}": {{"id": {json.dumps(name)}{"" if rest.lstrip() == "}" else ", "}{rest}}}'
 
 
 def run_line(name: str, request: RunRequest) -> str:

@@ -24,6 +24,7 @@ TRIAL_LIMIT = "TRIAL_MAX_S"
 class Experiment:
     """One experiment: each design of the family in each of ``environments`` samples of the program.
 
+    ``thresholds`` are the shares of passed runs, 0 to 1, that tell good designs from bad ones, in ascending order.
     ``condition`` is the listing's (see open_environment). ``variation`` maps the names of spreads to standard
     deviations; it is empty if cars are as designed.
     """
@@ -37,6 +38,7 @@ class Experiment:
     seed: int
     condition: Mapping[str, Any] | None
     environments: int
+    thresholds: tuple[float, ...]
     timeout_s: float
     speed_m_s: float | None
     yaw_rate_rad_s: float
@@ -113,6 +115,7 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
                 if environment.condition
                 else None,
                 environments=environments if environments is not None else params.environments,
+                thresholds=params.threshold,
                 timeout_s=params.timeout,
                 speed_m_s=params.speed,
                 yaw_rate_rad_s=params.yaw_rate,

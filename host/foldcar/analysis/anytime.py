@@ -12,6 +12,7 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
+from foldcar.analysis.intervals import check_confidence
 from foldcar.errors import FoldcarError
 
 # Parameters of the mixture: with 1/2 the interval is narrow near 0 and 1, where most designs are.
@@ -31,8 +32,7 @@ def anytime_interval(
     passed, total = numpy.broadcast_arrays(numpy.asarray(successes, float), numpy.asarray(runs, float))
     if not numpy.all((passed >= 0) & (passed <= total)):
         raise FoldcarError("successes must be 0 to the number of runs")
-    if not 0 < confidence < 1:
-        raise FoldcarError(f"confidence must be between 0 and 1, as 0.95; it is {confidence:g}")
+    check_confidence(confidence)
     threshold = -numpy.log1p(-confidence)
     return _lowest_rate(passed, total, threshold), 1 - _lowest_rate(total - passed, total, threshold)
 

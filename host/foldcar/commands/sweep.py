@@ -46,6 +46,10 @@ def sweep(
         typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
     ] = None,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
+    calibration: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Simulate under this calibration of the store (see `foldcar calibrate`)."),
+    ] = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
@@ -58,6 +62,7 @@ def sweep(
     Example: foldcar sweep scenarios/width_study.json --store study.db
     foldcar sweep scenarios/width_study.json --store study.db --until decided
     """
+    from foldcar.commands.calibration_option import under_calibration
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
@@ -68,7 +73,7 @@ def sweep(
     from foldcar.study.sweep import planned_total
     from foldcar.study.sweep import sweep as run_sweep
 
-    study = read_study(listing, experiment, environments)
+    study, environment_of = under_calibration(read_study(listing, experiment, environments), store, calibration)
     rules = stopping_rules(until, study) if until is not None else {}
     carsim = Carsim()
     for note in mutation_notes(study.experiments):
@@ -84,7 +89,7 @@ def sweep(
 
     workers = jobs or len(os.sched_getaffinity(0))
     with said(stopped), ProgressBar(progress, designs) as bar:
-        run_sweep(study, store, carsim, workers, command, bar.update, progress, bar.say, rules)
+        run_sweep(study, store, carsim, workers, command, bar.update, progress, bar.say, environment_of, rules)
     if as_json:
         print_json(
             {

@@ -19,7 +19,9 @@ class ExperimentInfo:
     designs × environments, ``stored_runs`` how many of them have a result. After a sweep ``until`` enough is known, those
     ``designs`` that are ``decided`` have no more runs planned than stored. ``success_rule`` says when a run has
     passed, or why that is undefined (``success_defined`` False). ``skipped`` names the cars of the family that
-    cannot be built, and why. ``thresholds`` are the shares of passed runs that tell good designs from bad ones.
+    cannot be built, and why. ``calibration`` is None for nominal simulations, else ``name``, ``fingerprint`` and
+    ``experiment``: the calibration, and the experiment of the listing that was simulated under it.
+    ``thresholds`` are the shares of passed runs that tell good designs from bad ones.
     """
 
     id: str
@@ -44,6 +46,7 @@ class ExperimentInfo:
     success_rule: str
     success_defined: bool
     skipped: tuple[str, ...] = ()
+    calibration: Mapping[str, str] | None = None
     thresholds: tuple[float, ...] = ()
     until: "StoppingRule | None" = None
     designs: int = 0

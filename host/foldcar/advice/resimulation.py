@@ -88,7 +88,8 @@ class Resimulation:
         calibration = getattr(info, "calibration", None)
         if calibration is not None:
             return f"the runs are those of the calibration {calibration['name']}"
-        (environment,) = self._store.rows(BY_NAME["environment"], "WHERE id = ?", self._experiment(info)["environment_id"])
+        number = self._experiment(info)["environment_id"]
+        (environment,) = self._store.rows(BY_NAME["environment"], "WHERE id = ?", number)
         if environment["dynamic"]:
             return f"{info.scenic_program} runs beside the simulation"
         try:

@@ -63,7 +63,7 @@ def _divergence(groups: NDArray[Any], chance: NDArray[Any], overall: NDArray[Any
 
 
 def _divergences(groups: NDArray[Any], chance: NDArray[Any], overall: NDArray[Any]) -> NDArray[Any]:
-    """How much (bits) the outcomes' distribution within each group, a column of 0 and 1, diverges from the overall one."""
+    """How much (bits) the outcomes' distribution within each group, a column of 0 and 1, diverges from the overall."""
     from scipy.special import xlogy
 
     sizes = groups.sum(axis=0)

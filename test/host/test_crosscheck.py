@@ -13,11 +13,11 @@ from typing import Any
 
 import pytest
 
+from foldcar.analysis.intervals import wilson_interval
 from foldcar.crosscheck.agreement import agreement, worst
 from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.ending import Ending, State
 from foldcar.crosscheck.result_cache import ResultCache
-from foldcar.report.wilson import wilson_interval
 from foldcar.simulation.carsim_limits import CarsimLimits
 from shell_signals import like_a_shell
 from study_car import empty_scene

@@ -37,6 +37,10 @@ def sweep(
         typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
     ] = None,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
+    calibration: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Simulate under this calibration of the store (see `foldcar calibrate`)."),
+    ] = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
@@ -48,6 +52,7 @@ def sweep(
     \b
     Example: foldcar sweep scenarios/width_study.json --store study.db
     """
+    from foldcar.commands.calibration_option import under_calibration
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
@@ -56,7 +61,7 @@ def sweep(
     from foldcar.study.sweep import Progress, planned_total
     from foldcar.study.sweep import sweep as run_sweep
 
-    study = read_study(listing, experiment, environments)
+    study, environment_of = under_calibration(read_study(listing, experiment, environments), store, calibration)
     carsim = Carsim()
     for note in mutation_notes(study.experiments):
         typer.echo(f"note: {note}", err=True)
@@ -67,7 +72,8 @@ def sweep(
         return f"stopped: {progress.done} of {progress.total} runs are stored in {store}; the same command resumes"
 
     with said(stopped), ProgressBar(progress) as bar:
-        run_sweep(study, store, carsim, jobs or len(os.sched_getaffinity(0)), command, bar.update, progress, bar.say)
+        processes = jobs or len(os.sched_getaffinity(0))
+        run_sweep(study, store, carsim, processes, command, bar.update, progress, bar.say, environment_of)
     if as_json:
         print_json(
             {

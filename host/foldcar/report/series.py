@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from foldcar.report.wilson import wilson_interval
+from foldcar.analysis.intervals import wilson_interval
 from foldcar.simulation.results import OUTCOMES, Result
 
 Value = float | str

@@ -15,7 +15,8 @@ class ExperimentInfo:
     its spread, drawn by ``variation_seed``, and is empty if cars are as designed. ``planned_runs`` is
     designs × environments, ``stored_runs`` how many of them have a result. ``success_rule`` says when a run has
     passed, or why that is undefined (``success_defined`` False). ``skipped`` names the cars of the family that
-    cannot be built, and why.
+    cannot be built, and why. ``calibration`` is None for nominal simulations, else ``name``, ``fingerprint`` and
+    ``experiment``: the calibration, and the experiment of the listing that was simulated under it.
     """
 
     id: str
@@ -40,6 +41,7 @@ class ExperimentInfo:
     success_rule: str
     success_defined: bool
     skipped: tuple[str, ...] = ()
+    calibration: Mapping[str, str] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from sqlite3 import Connection
 from types import TracebackType
@@ -73,10 +73,41 @@ class Store:
         except TypeError:
             raise StoreError(f"{self.path}: study: its facts are damaged") from None
 
+    def experiment_ids(self, experiment: str | None = None) -> list[str]:
+        """The swept experiments in their order, or the named one; StoreError if there is none of that name."""
+        known = [row["id"] for row in self.rows(EXPERIMENT, "ORDER BY position")]
+        if experiment is None:
+            return known
+        if experiment not in known:
+            raise StoreError(
+                f'{self.path}: has no experiment "{experiment}"; it has {", ".join(known) or "none"}'
+            )
+        return [experiment]
+
     def results(self, experiment: str | None = None) -> Iterator[Result]:
         """Stored runs, streamed by experiment, design and sample; of one experiment if it is named."""
-        for name in self._experiment_ids(experiment):
+        for name in self.experiment_ids(experiment):
             yield from self._results(name)
+
+    def designs(self, name: str) -> dict[int, Mapping[str, float | str]]:
+        """The parameters of an experiment's designs by their position in the family."""
+        rows = self.rows(DESIGN, "WHERE experiment = ? ORDER BY position", name)
+        return {row["position"]: parsed(self.path, DESIGN, row, "parameters") for row in rows}
+
+    def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
+        """The runs that an experiment shows, by design and sample: the design's position, the sample, the row."""
+        experiment = self._experiment(name)
+        # The samples say which runs are the experiment's: they are verified too.
+        for table, key in (("sample", "environment_id"), ("draw", "spread_id")):
+            for _ in self.rows(BY_NAME[table], f"WHERE {key} = ?", experiment[key]):
+                pass
+        names = (*RUN.names, CHECKSUM)
+        for design, sample, *cells in self._rows(
+            f"SELECT d.position, s.sample, {columns_sql(self._connection, RUN, 'r')} {RESULT_JOIN} "
+            "AND e.id = ? ORDER BY d.position, s.sample",
+            name,
+        ):
+            yield design, sample, verified(self.path, RUN, dict(zip(names, cells, strict=True)))
 
     def trials(self, experiment: str | None = None) -> Iterator[Trial]:
         """All trials in their order, whatever their standing; of one experiment if it is named."""
@@ -158,7 +189,7 @@ class Store:
     def design_columns(self) -> list[str]:
         """Names of all design parameters in the store (``width_mm``, …), in order of appearance."""
         columns: dict[str, None] = {}
-        for name in self._experiment_ids(None):
+        for name in self.experiment_ids(None):
             for design in self.rows(DESIGN, "WHERE experiment = ? AND position = 0", name):
                 columns.update(dict.fromkeys(parsed(self.path, DESIGN, design, "parameters")))
         return list(columns)
@@ -178,37 +209,11 @@ class Store:
             types.setdefault(name, set()).add(kind)
         return types
 
-    def _experiment_ids(self, experiment: str | None) -> list[str]:
-        known = [row["id"] for row in self.rows(EXPERIMENT, "ORDER BY position")]
-        if experiment is None:
-            return known
-        if experiment not in known:
-            raise StoreError(
-                f'{self.path}: has no experiment "{experiment}"; it has {", ".join(known) or "none"}'
-            )
-        return [experiment]
-
     def _results(self, name: str) -> Iterator[Result]:
-        experiment = next(self.rows(EXPERIMENT, "WHERE id = ?", name), None)
-        if experiment is None:
-            # It is in the list of all: an index is damaged.
-            raise StoreError(f"{self.path}: experiment (id={name}) is missing")
-        designs = {
-            row["position"]: parsed(self.path, DESIGN, row, "parameters")
-            for row in self.rows(DESIGN, "WHERE experiment = ?", name)
-        }
-        # The samples say which runs are the experiment's: they are verified too.
-        for table, key in (("sample", "environment_id"), ("draw", "spread_id")):
-            for _ in self.rows(BY_NAME[table], f"WHERE {key} = ?", experiment[key]):
-                pass
+        experiment = self._experiment(name)
+        designs = self.designs(name)
         with_recorded = next(self._rows("SELECT 1 FROM recorded LIMIT 1"), None) is not None
-        names = (*RUN.names, CHECKSUM)
-        for design, sample, *cells in self._rows(
-            f"SELECT d.position, s.sample, {columns_sql(self._connection, RUN, 'r')} {RESULT_JOIN} "
-            "AND e.id = ? ORDER BY d.position, s.sample",
-            name,
-        ):
-            run = verified(self.path, RUN, dict(zip(names, cells, strict=True)))
+        for design, sample, run in self.run_rows(name):
             if design not in designs:
                 raise StoreError(f"{self.path}: design (experiment={name}, position={design}) is missing")
             yield Result(
@@ -222,6 +227,13 @@ class Store:
                 designs[design],
                 self._recorded(run) if with_recorded else {},
             )
+
+    def _experiment(self, name: str) -> Row:
+        experiment = next(self.rows(EXPERIMENT, "WHERE id = ?", name), None)
+        if experiment is None:
+            # It is in the list of all: an index is damaged.
+            raise StoreError(f"{self.path}: experiment (id={name}) is missing")
+        return experiment
 
     def _recorded(self, run: Row) -> dict[str, Recorded]:
         where = " AND ".join(f"{column} = ?" for column in RUN.key)

@@ -69,10 +69,12 @@ def sweep(
     report: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
     announce: Callable[[str], None] = lambda line: None,
+    environment_of: Callable[[Experiment], Environment] = Environment,
 ) -> Progress:
     """Simulate the missing runs; ``report`` is called after every step; ``progress``, if given, is updated.
 
-    ``announce`` is given what holds for the sweep, a line at a time, before its first run.
+    ``announce`` is given what holds for the sweep, a line at a time, before its first run. ``environment_of`` makes the
+    environments: those of a calibration are others.
 
     Nothing is written before every design and, for a new store, every environment has been checked. FoldcarError.
     """
@@ -81,7 +83,7 @@ def sweep(
     for experiment in study.experiments:
         for _ in _designs(experiment, table):
             pass
-    environments = [Environment(experiment) for experiment in study.experiments]
+    environments = [environment_of(experiment) for experiment in study.experiments]
     if not store.exists():
         for environment in environments:
             environment.sample(0)
@@ -198,6 +200,7 @@ def _plan(
             "skipped": experiment.family.skipped,
             "success_rule": rule,
             "success_defined": defined,
+            "calibration": environment.calibration,
         },
     )
     writer.put_experiment(plan, _designs(experiment, table))

@@ -127,13 +127,14 @@ def parameters(summary: dict[str, Any]) -> list[str]:
 
 
 def said(summary: dict[str, Any]) -> list[str]:
-    """The findings, and the likelihood beside the best possible one."""
+    """What is found, but for the parameters' intervals, which are in the table; the likelihood."""
     likelihood = summary["log_likelihood"]
     fit = (
         f"Log-likelihood of the trials: {likelihood['expected']:.1f} on average over the posterior, "
         f"{likelihood['nominal']:.1f} nominal, {likelihood['best']:.1f} at best."
     )
-    return [f"- {line}" for line in (*summary["findings"], fit)]
+    told = [line for line in summary["findings"] if "before the trials" not in line]
+    return [f"- {line}" for line in (*told, fit)]
 
 
 def true_scores() -> FloatArray:

@@ -32,10 +32,10 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.store.reader import Store
 
 PROJECT = Path(__file__).resolve().parents[1]
-RUNS, SEED = 30_000, 1
+RUNS, SEED = 24_000, 1
 WIDTHS = (65, 80, 95, 115, 140, 180)
 CALIBRATED = (65, 95, 115, 180)
-TRUTHS, SCENES, REPLICATES, TRIALS = 100, 40, 4, 12
+TRUTHS, SCENES, REPLICATES, TRIALS = 80, 30, 4, 12
 PRIOR_DRAWS = 40_000
 CONFIDENCE = 0.9
 # Numbers of the truths' runs, so that they share no scatter with the calibration's.

@@ -27,7 +27,7 @@ LEAST_RUNS = 500  # as `foldcar calibrate` says
 
 @dataclass(frozen=True)
 class Inference:
-    """Everything a summary is made of. ``logits`` (n, designs) are those of all designs under the posterior's draws.
+    """Everything a summary is made of. ``logits`` (n, designs with trials) are those under the posterior's draws.
 
     ``chosen`` are the indices of the published draws, ``checked`` their simulated success rates (designs with trials,),
     each from ``check_runs`` runs. ``features`` (designs, features) are the emulator's. ``known`` maps the indices of
@@ -91,7 +91,7 @@ def infer(
     results = simulator.passed(_check(values, counts.designs, planned.scenes, number, simulator), done)
     table = np.array([np.nan if one is None else float(one) for one in results])
     checked = np.nanmean(table.reshape(DRAWS, planned.scenes, len(counts.designs)), axis=(0, 1))
-    logits = emulator.logits(posterior.scores, features)
+    logits = emulator.logits(posterior.scores, features[list(counts.designs)])
     return Inference(
         counts, emulator, features, posterior, logits, chosen, checked, planned.scenes * DRAWS, bank, dict(known)
     )

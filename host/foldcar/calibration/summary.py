@@ -153,7 +153,7 @@ def _designs(
     counts, posterior = inference.counts, inference.posterior
     stream, rows = np.random.default_rng(seed), []
     for index, design in enumerate(counts.designs):
-        logit, counted = inference.logits[:, design], counts.counted[index]
+        logit, counted = inference.logits[:, index], counts.counted[index]
         rates = expit(logit)
         shares = predicted_shares(logit, posterior.discrepancy, counted, stream)
         passed, runs = nominal.get(design, (0, 0))

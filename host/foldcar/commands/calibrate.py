@@ -12,7 +12,7 @@ from foldcar.study.limits import GREATEST_SEED, MOST_JOBS
 
 # What a name may be, so that it can be typed and stand in the names of experiments.
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
-DEFAULT_RUNS = 30_000
+DEFAULT_RUNS = 24_000
 LEAST_RUNS, MOST_RUNS = 500, 10_000_000
 
 

@@ -18,7 +18,8 @@ from foldcar.simulation.own_code import may_change_state
 from foldcar.simulation.results import Result
 from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
-from foldcar.study.sweep import Progress, sweep
+from foldcar.study.progress import Progress
+from foldcar.study.sweep import sweep
 
 WriteListing = Callable[[Any], Path]
 HEAD = "model model\nego = new Robot at (Range(0, 0.02), 0), facing -90 deg\n"

@@ -26,7 +26,8 @@ from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
-from foldcar.study.sweep import Progress, sweep
+from foldcar.study.progress import Progress
+from foldcar.study.sweep import sweep
 from shell_signals import like_a_shell
 
 WriteListing = Callable[[Any], Path]

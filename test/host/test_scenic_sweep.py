@@ -42,7 +42,7 @@ def listing(write_listing: WriteListing, listing_data: Any, program: Path) -> Pa
     return write_listing(listing_data)
 
 
-def swept(listing: Path, store: Path, carsim: Path, jobs: int = 2) -> tuple[Progress, list[Result]]:
+def swept(listing: Path, store: Path, carsim: Path, jobs: int = 1) -> tuple[Progress, list[Result]]:
     counts = sweep(read_study(listing), store, Carsim(carsim), jobs, "foldcar sweep …")
     with Store.open(store) as opened:
         return counts, list(opened.results())
@@ -163,8 +163,8 @@ def test_a_run_begins_as_if_it_were_the_first(
     def answers(*samples: int) -> list[dict[str, Any]]:
         opening = {"program": str(program), "params": {}, "seed": 42, "condition": None}
         with scenic_worker.ScenicWorker(opening, lambda _: SteppedCarsim(carsim_binary)) as worker:
-            requests = [{"body": json.dumps(body), "scene": scenes[k], "settings": settings, "sample": k} for k in samples]
-            return [worker.answer(request)["result"] for request in requests]
+            request = {"body": json.dumps(body), "settings": settings}
+            return [worker.answer({**request, "scene": scenes[k], "sample": k})["result"] for k in samples]
 
     first, again, other = answers(0, 0, 1)
     assert first["recorded"]["count"]["value"] == 1

@@ -14,8 +14,10 @@ from typing import Annotated
 import typer
 
 from foldcar import __version__
+from foldcar.commands.calibrate import calibrate
 from foldcar.commands.calibrate_servos import calibrate_servos
 from foldcar.commands.check import check
+from foldcar.commands.compare import compare
 from foldcar.commands.completion import Completion, enable_completion
 from foldcar.commands.crosscheck import crosscheck
 from foldcar.commands.doctor import doctor
@@ -52,8 +54,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for command in (
-    sweep, run, sample, gallery, report, export, check, migrate, crosscheck, model, pattern, view, link, log, flash,
-    doctor,
+    sweep, run, sample, gallery, report, compare, calibrate, export, check, migrate, crosscheck, model, pattern, view,
+    link, log, flash, doctor,
 ):  # fmt: skip
     app.command()(command)
 app.command("import")(import_store)

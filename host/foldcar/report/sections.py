@@ -12,10 +12,10 @@ from foldcar.report.outcome_plot import draw_outcomes
 from foldcar.report.series import Summary, summarise
 from foldcar.report.success_plot import draw_success
 from foldcar.report.time_plot import draw_times
-from foldcar.report.trial_selection import left_out_text, select_trials
 from foldcar.report.trial_series import TrialSummary, summarise_trials
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
+from foldcar.store.trial_selection import left_out_text, select_trials
 
 # Different messages of failed runs, and skipped cars, that are shown.
 SHOWN = 5

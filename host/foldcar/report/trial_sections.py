@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from foldcar.report.axis import parameter_label
 from foldcar.report.sections import Drawing
 from foldcar.report.success_plot import draw_trial_success
-from foldcar.report.trial_selection import left_out_text, select_trials
 from foldcar.report.trial_series import TrialGroup, by_car
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
+from foldcar.store.trial_selection import left_out_text, select_trials
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,10 @@ import numpy
 from numpy.typing import NDArray
 
 from foldcar.advice.evidence import DesignEvidence, Evidence
+from foldcar.analysis.intervals import wilson_interval
 from foldcar.analysis.pooled_bias import pooled_rates
 from foldcar.analysis.rate import Rate
+from foldcar.analysis.success_model import success_model
 from foldcar.analysis.truth_draws import truth_draws
 
 # More designs are thinned out: information is counted for every pair of them.
@@ -21,6 +23,8 @@ MOST_CANDIDATES = 400
 # Designs whose rates are stated together: the others only need those with trials.
 CHUNK = 40
 DRAWS = 3000
+# Below it a smooth model has little to go by.
+LEAST_SMOOTHED = 8
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,8 @@ class Outlook:
 
     ``parameters`` (D, k); ``runs`` and ``trials`` (D, 2) passed and all; ``draws`` (draws, D) of the true rates;
     ``passed`` (D, environments): what simulation says in each, NaN where there is no run; ``samples`` (environments,).
-    ``pooled`` are the rates that trials and simulation give together, None before two designs were driven.
+    ``pooled`` are the rates that trials and simulation give together, None before two designs were driven. ``smooth``
+    (D, 3) is simulation's success with its band (rate, low, high): smooth over one or two parameters, else each design's.
     """
 
     designs: tuple[DesignEvidence, ...]
@@ -41,6 +46,7 @@ class Outlook:
     passed: NDArray[Any]
     pooled: tuple[Rate, ...] | None
     thinned: int
+    smooth: NDArray[Any]
 
     @property
     def rates(self) -> NDArray[Any]:
@@ -70,7 +76,7 @@ def outlook(evidence: Evidence) -> Outlook | None:
     pooled = _pooled(x, runs, trials) if (trials[:, 1] > 0).sum() > 1 else None
     draws = truth_draws(x, runs, trials, DRAWS)
     thinned = len(family) + len(others) - len(designs)
-    return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned)
+    return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, _smooth(x, runs))
 
 
 def _belongs(one: DesignEvidence, evidence: Evidence) -> bool:
@@ -92,6 +98,14 @@ def _matrix(designs: Sequence[DesignEvidence]) -> tuple[NDArray[Any], NDArray[An
     for row, one in enumerate(designs):
         passed[row, numpy.searchsorted(samples, one.samples)] = one.passed
     return samples, passed
+
+
+def _smooth(x: NDArray[Any], runs: NDArray[Any]) -> NDArray[Any]:
+    """Simulation's rate and its band (D, 3), smooth where there is a model: few designs have none."""
+    differing = (numpy.ptp(x, axis=0) > 0).all() if x.size else False
+    if x.shape[1] in (1, 2) and len(x) >= LEAST_SMOOTHED and differing:
+        return numpy.column_stack(success_model(x, runs[:, 0], runs[:, 1]).rates(x))
+    return numpy.array([(k / n, *wilson_interval(int(k), int(n))) for k, n in runs])
 
 
 def _pooled(x: NDArray[Any], runs: NDArray[Any], trials: NDArray[Any]) -> tuple[Rate, ...]:

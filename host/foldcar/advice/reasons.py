@@ -64,7 +64,7 @@ def next_reason(seen: Outlook, index: int, threshold: float, parted: float | Non
 
 def region_text(seen: Outlook, threshold: float, parameters: Sequence[str]) -> str:
     """The feasible region of simulation: ranges of the one parameter, or how many designs."""
-    feasible = seen.rates >= threshold
+    feasible = seen.smooth[:, 0] >= threshold
     limit, total = percent(threshold), len(seen.designs)
     if not feasible.any():
         return f"In simulation no design reaches {limit}."

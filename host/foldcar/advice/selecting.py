@@ -148,7 +148,7 @@ class _Choice:
         """The designs, the most useful first."""
         seen, first = self.seen, []
         if not seen.driven:
-            first = first_designs(seen.parameters, seen.rates, self._doubt(), self.threshold)[:build]
+            first = first_designs(seen.parameters, seen.smooth[:, 0], self._doubt(), self.threshold)[:build]
         taken = [one.index for one in first]
         more = choose(seen.draws, self.threshold, ROUND_TRIALS, build - len(first), taken)
         return [*first, *(Placed(index, NEXT) for index in more)]
@@ -156,8 +156,7 @@ class _Choice:
     def _doubt(self) -> numpy.typing.NDArray[numpy.float64]:
         """How little is known of each design's side of the threshold: chance, and simulations that part."""
         found = []
-        for one, rate in zip(self.seen.designs, self.seen.rates, strict=True):
-            low, high = wilson_interval(one.runs_passed, one.runs)
+        for one, (rate, low, high) in zip(self.seen.designs, self.seen.smooth, strict=True):
             apart = abs(rate - self.threshold) / max(high - low, 1e-9)
             found.append(1 / (1 + apart) + abs(self._parted(one) or 0.0))
         return numpy.array(found)

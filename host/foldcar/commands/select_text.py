@@ -45,7 +45,7 @@ def _print_designs(console: Console, one: Selection) -> None:
         table.add_row(*cells, design.reason)
     console.print(table)
     half = points(one.precision, sign=False)
-    console.print(f"Trials: until a rate is known to ±{half} points (95 %), on average over what it may be.", markup=False)
+    console.print(f"Trials: until a rate is known to ±{half} points (95 %), averaged over what it may be.", markup=False)
     if one.environments:
         samples = ", ".join(map(str, one.environments))
         telling = f"the first {one.telling} tell" if one.telling else "none tells"

@@ -24,7 +24,7 @@ def print_calibration(calibration: Calibration) -> None:
     console.print(head, markup=False, style="bold")
     for note in summary["notes"]:
         typer.echo(note)
-    table = _table(console, "parameter", "before the trials", "after", "explained %")
+    table = _table(console, "parameter", "before the trials", "after", "told %")
     for one in summary["parameters"]:
         explained = "-" if one["explained"] is None else f"{100 * one['explained']:.0f}"
         name = one["name"] if one["name"].endswith(f"_{one['unit']}") else f"{one['name']} ({one['unit']})"
@@ -62,7 +62,9 @@ def _table(console: Console, *columns: str) -> Table:
 
 
 def _median(ends: Mapping[str, Any]) -> str:
-    return f"{ends['median']:.2g} ({ends['low']:.2g} - {ends['high']:.2g})"
+    # Millimetres and milliradians are the last digits that matter.
+    middle, low, high = (f"{round(ends[name], 3):.2g}" for name in ("median", "low", "high"))
+    return f"{middle} ({low}..{high})"
 
 
 def _percent(ends: Mapping[str, Any]) -> str:

@@ -204,6 +204,9 @@ def _trials(store: Store, info: ExperimentInfo) -> tuple[list[Trial], list[str]]
             f"The runs are of the calibration {info.calibration['name']}, which goes by trials of experiment "
             f"{listed_id(info)}: where they agree with those trials it is by fit, which later trials may test."
         )
+    corrected = sum(trial.corrections > 0 for trial in kept)
+    if corrected:
+        remarks.append(f"{count(corrected, 'trial')} corrected afterwards: the latest correction counts.")
     elsewhere = store.trials_elsewhere(listed_id(info))
     other = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] != info.scenic_program]
     moved = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] == info.scenic_program]

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from foldcar.advice.evidence import DesignEvidence, Evidence
 from foldcar.analysis.intervals import wilson_interval
@@ -73,10 +74,12 @@ def outlook(evidence: Evidence) -> Outlook | None:
     runs = numpy.array([(one.runs_passed, one.runs) for one in designs], dtype=float)
     trials = numpy.array([(one.trials_passed, len(one.trials)) for one in designs], dtype=float)
     samples, passed = _matrix(designs)
-    pooled = _pooled(x, runs, trials) if (trials[:, 1] > 0).sum() > 1 else None
-    draws = truth_draws(x, runs, trials, DRAWS)
     thinned = len(family) + len(others) - len(designs)
-    return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, _smooth(x, runs))
+    # Threads for matrices of some tens of rows only wait for each other.
+    with threadpool_limits(1):
+        pooled = _pooled(x, runs, trials) if (trials[:, 1] > 0).sum() > 1 else None
+        draws, smooth = truth_draws(x, runs, trials, DRAWS), _smooth(x, runs)
+    return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth)
 
 
 def _belongs(one: DesignEvidence, evidence: Evidence) -> bool:

@@ -4,8 +4,9 @@ Input: runs with their scores, the features of their designs and whether they pa
 of its own, so that one run for each set of parameters is enough. Output: success logits.
 
 The function is the mean of small neural networks (scikit-learn), fitted by the likelihood of single runs. Learning from
-24,000 runs of the width study under random parameters, it was 6 points from rates simulated apart (root mean square), boosted trees
-7, quadratic logistic regression, random Fourier features 8. Rates from 12 runs each, the same effort for 500 sets of parameters, are 9 off.
+24,000 runs of the width study under random parameters, it was 6 points off rates simulated apart (root mean square),
+boosted trees 7, quadratic logistic regression and random Fourier features 8. Rates from 12 runs each, for 500 sets of
+parameters the same effort, are 9 points off.
 """
 
 import warnings

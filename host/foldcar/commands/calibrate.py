@@ -22,7 +22,9 @@ def calibrate(
     experiment: Annotated[
         str | None, typer.Option(metavar="ID", help="Experiment whose trials count; default: the only one with trials.")
     ] = None,
-    runs: Annotated[int, typer.Option(metavar="N", min=LEAST_RUNS, max=MOST_RUNS, help="Runs to simulate.")] = DEFAULT_RUNS,
+    runs: Annotated[
+        int, typer.Option(metavar="N", min=LEAST_RUNS, max=MOST_RUNS, help="Runs to simulate, roughly.")
+    ] = DEFAULT_RUNS,
     seed: Annotated[int, typer.Option(metavar="N", min=0, max=GREATEST_SEED, help="Seed of all that is random.")] = 1,
     jobs: Annotated[
         int | None,

@@ -117,6 +117,8 @@ def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) 
     assert designs[95]["driven"]["low"] == pytest.approx(wilson_interval(7, 10)[0])
     assert found["mean_gap"]["value"] == pytest.approx((-7 - 30 - 75 - 56) / 400)
     assert "optimistic at 95, 115 and 180 mm" in found["sentence"]
+    # Simulation and the neighbours tell something of 65 mm.
+    assert designs[65]["pooled"]["high"] < designs[65]["driven"]["high"]
     assert "other samples of step_pyramids.scenic" in " ".join(found["remarks"])
     with (tmp_path / "gaps.csv").open() as text:
         rows = list(csv.DictReader(text))

@@ -99,6 +99,15 @@ class Evidence:
         """The varied design parameters."""
         return tuple(self.info.varied)
 
+    def in_family(self, one: DesignEvidence) -> bool:
+        """Whether a design is one of the family, swept or not: it differs in the varied parameters only."""
+        fixed = self.info.fixed
+        return (
+            one.vehicle_type == self.info.vehicle_type
+            and all(one.design.get(name) == value for name, value in fixed.items())
+            and set(one.design) == {*fixed, *self.info.varied}
+        )
+
     @property
     def driven(self) -> list[DesignEvidence]:
         """The designs with trials that count."""

@@ -68,7 +68,7 @@ def outlook(evidence: Evidence) -> Outlook | None:
         return None
     # Trials of designs that the sweep lacks inform their neighbours.
     names = evidence.parameters
-    others = [one for one in evidence.driven if one.runs and not one.swept and _belongs(one, evidence)]
+    others = [one for one in evidence.driven if one.runs and not one.swept and evidence.in_family(one)]
     designs = [*_thinned(family), *others]
     x = numpy.array([[float(one.design[name]) for name in names] for one in designs]).reshape(len(designs), len(names))
     runs = numpy.array([(one.runs_passed, one.runs) for one in designs], dtype=float)
@@ -80,11 +80,6 @@ def outlook(evidence: Evidence) -> Outlook | None:
         pooled = _pooled(x, runs, trials) if (trials[:, 1] > 0).sum() > 1 else None
         draws, smooth = truth_draws(x, runs, trials, DRAWS), _smooth(x, runs)
     return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth)
-
-
-def _belongs(one: DesignEvidence, evidence: Evidence) -> bool:
-    fixed = evidence.info.fixed
-    return one.vehicle_type == evidence.info.vehicle_type and all(one.design.get(key) == fixed[key] for key in fixed)
 
 
 def _thinned(family: Sequence[DesignEvidence]) -> list[DesignEvidence]:

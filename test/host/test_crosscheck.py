@@ -169,7 +169,7 @@ def test_an_interrupt_loses_nothing(tmp_path: Path, write_listing: Any, listing_
 
 
 def test_without_mujoco_one_line_says_how_to_get_it(
-    foldcar: Callable[..., "subprocess.CompletedProcess[str]"],
+    new_foldcar: Callable[..., "subprocess.CompletedProcess[str]"],
     tmp_path: Path,
     write_listing: Any,
     listing_data: Any,
@@ -177,7 +177,7 @@ def test_without_mujoco_one_line_says_how_to_get_it(
 ) -> None:
     (tmp_path / "mujoco.py").write_text("raise ImportError('no module named mujoco')\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=":")
-    done = foldcar("crosscheck", write_listing(listing_data), "-o", "check")
+    done = new_foldcar("crosscheck", write_listing(listing_data), "-o", "check")
 
     assert done.returncode == 2
     assert "pip install 'foldcar[crosscheck]'" in done.stderr and done.stderr.count("\n") == 1

@@ -21,7 +21,8 @@ from foldcar.simulation.runner import RunRequest
 from foldcar.simulation.scenic_runner import ScenicRunner
 from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
-from foldcar.study.sweep import Progress, sweep
+from foldcar.study.progress import Progress
+from foldcar.study.sweep import sweep
 
 WriteListing = Callable[[Any], Path]
 HEAD = "model model\nego = new Robot at (Range(0, 0.02), 0), facing -90 deg\n"

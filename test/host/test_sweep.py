@@ -26,7 +26,8 @@ from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
-from foldcar.study.sweep import Progress, sweep
+from foldcar.study.progress import Progress
+from foldcar.study.sweep import sweep
 from shell_signals import like_a_shell
 
 WriteListing = Callable[[Any], Path]
@@ -224,13 +225,13 @@ def test_ctrl_c_stops_keeps_and_says_how_to_go_on(
 
 
 def test_a_full_disk_is_one_line_and_loses_nothing(
-    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path, foldcar: Any
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path, new_foldcar: Any
 ) -> None:
     listing = write_listing(listing_data)
     swept(listing, tmp_path / "s.db", carsim_binary)
     limit = (tmp_path / "s.db").stat().st_size + 60_000
 
-    answer = foldcar(
+    answer = new_foldcar(
         "sweep", listing, "--store", "s.db", "--environments", "2000",
         env={**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)},
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),

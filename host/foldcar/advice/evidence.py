@@ -119,6 +119,11 @@ def read_evidence(store: Store, experiment: str | None = None, runs: pandas.Data
     return [_evidence(store, infos[name], table[table["experiment"] == name], again) for name in names]
 
 
+def listed_id(info: ExperimentInfo) -> str:
+    """The experiment's name in the listing, which trials go by: sweeps under a calibration have names of their own."""
+    return info.id if info.calibration is None else info.calibration["experiment"]
+
+
 def unswept_trials(store: Store, experiment: str | None = None) -> list[Trial]:
     """The trials of built cars that count, in experiments that were not swept."""
     kept, _ = select_trials(store.trials(experiment), False)
@@ -139,7 +144,7 @@ def _evidence(store: Store, info: ExperimentInfo, runs: pandas.DataFrame, again:
     stored = info.stored_runs
     if stored < info.planned_runs:
         remarks.insert(0, f"Unfinished: {stored} of {info.planned_runs} runs are stored; the same sweep resumes.")
-    elsewhere = store.trials_elsewhere(info.id)
+    elsewhere = store.trials_elsewhere(listed_id(info))
     found = [_with_trials(info, one, by_design.get(key, []), elsewhere, again) for key, one in designs.items()]
     return Evidence(info, tuple(found), (*remarks, *_pair_remarks(found), *again.remarks(info.id)))
 
@@ -191,10 +196,15 @@ def _unswept(info: ExperimentInfo, trial: Trial, again: Resimulation) -> tuple[D
 
 def _trials(store: Store, info: ExperimentInfo) -> tuple[list[Trial], list[str]]:
     """The trials to compare, aborted ones among them, and what is said of those left out or driven elsewhere."""
-    kept, left_out = select_trials(store.trials(info.id), False)
+    kept, left_out = select_trials(store.trials(listed_id(info)), False)
     text = left_out_text(left_out)
     remarks = [] if text is None else [text]
-    elsewhere = store.trials_elsewhere(info.id)
+    if info.calibration is not None and kept:
+        remarks.append(
+            f"The runs are of the calibration {info.calibration['name']}, which goes by trials of experiment "
+            f"{listed_id(info)}: where they agree with those trials it is by fit, which later trials may test."
+        )
+    elsewhere = store.trials_elsewhere(listed_id(info))
     other = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] != info.scenic_program]
     moved = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] == info.scenic_program]
     for program, number in Counter(elsewhere[trial.id] or "an unknown program" for trial in other).items():

@@ -85,10 +85,10 @@ class Resimulation:
         return self._refusals[info.id]
 
     def _why_not(self, info: ExperimentInfo) -> str | None:
-        calibration = getattr(info, "calibration", None)
-        if calibration is not None:
-            return f"the runs are those of the calibration {calibration['name']}"
-        (environment,) = self._store.rows(BY_NAME["environment"], "WHERE id = ?", self._experiment(info)["environment_id"])
+        if info.calibration is not None:
+            return f"the runs are those of the calibration {info.calibration['name']}"
+        number = self._experiment(info)["environment_id"]
+        (environment,) = self._store.rows(BY_NAME["environment"], "WHERE id = ?", number)
         if environment["dynamic"]:
             return f"{info.scenic_program} runs beside the simulation"
         try:

@@ -70,8 +70,8 @@ def _experiment(design: Design, arguments: tuple[float | None, ...]) -> Experime
     family = Family("", design.type, {key: (value,) for key, value in design.values.items()}, {}, Path(), "")
     return Experiment(
         id="", family=family, environment="", program=Path(), program_name="", scenic_params={}, seed=0, condition=None,
-        environments=1, timeout_s=params.timeout, speed_m_s=params.speed, yaw_rate_rad_s=params.yaw_rate, variation={},
-        variation_seed=0, place="simulation",
+        environments=1, thresholds=(), timeout_s=params.timeout, speed_m_s=params.speed, yaw_rate_rad_s=params.yaw_rate,
+        variation={}, variation_seed=0, place="simulation",
     )  # fmt: skip
 
 

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from sqlite3 import Connection
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from foldcar.simulation.results import NUMBERS, Recorded, Result
+from foldcar.store.design_counts import DesignCounts, design_counts
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.info import ExperimentInfo, StudyInfo
 from foldcar.store.opening import open_reading
@@ -27,6 +28,9 @@ from foldcar.store.tables import (
     Table,
 )
 from foldcar.store.trial_records import Correction, Trial
+
+if TYPE_CHECKING:
+    from foldcar.analysis.stopping import StoppingRule
 
 __all__ = ["ExperimentInfo", "Store", "StoreError", "StudyInfo"]
 
@@ -182,6 +186,10 @@ class Store:
                 counts[re.sub(r"\bsample \d+", "sample …", message or "no message")] += count
         return counts.most_common()
 
+    def design_counts(self, experiment: str) -> DesignCounts:
+        """How many runs of each of the experiment's designs are stored, and how many of them passed."""
+        return design_counts(self.path, self._connection, experiment)
+
     def judged_experiments(self) -> set[str]:
         """The experiments that define when a run has passed."""
         return {row["id"] for row in self.rows(EXPERIMENT) if self._with_rule(row)["success_defined"]}
@@ -246,8 +254,8 @@ class Store:
         builds = {row["id"]: row["name"] for row in self.rows(BY_NAME["build"])}
         for row in self.rows(EXPERIMENT, "ORDER BY position"):
             name = row["id"]
-            ((designs,),) = self._rows("SELECT count(*) FROM design WHERE experiment = ?", name)
-            ((stored,),) = self._rows("SELECT count(*) FROM result WHERE experiment = ?", name)
+            counts, facts = self.design_counts(name), self._with_rule(row)
+            until, decided = _stopped(facts.pop("until", None), counts)
             if row["build_id"] not in builds:
                 raise StoreError(f"{self.path}: build (id={row['build_id']}) is missing")
             yield ExperimentInfo(
@@ -256,9 +264,15 @@ class Store:
                 environment=row["environment"],
                 environments=row["environments"],
                 carsim_build=builds[row["build_id"]],
-                planned_runs=designs * row["environments"],
-                stored_runs=stored,
-                **self._with_rule(row),
+                planned_runs=sum(
+                    runs if done or facts.get("searched") else row["environments"]
+                    for runs, done in zip(counts.runs, decided, strict=True)
+                ),
+                stored_runs=sum(counts.runs),
+                until=until,
+                designs=len(decided),
+                decided=sum(decided),
+                **facts,
             )
 
     def _with_rule(self, experiment: Row) -> dict[str, Any]:
@@ -285,3 +299,13 @@ class Store:
     def _rows(self, query: str, *values: Any) -> Iterator[Any]:
         with store_errors(self.path):
             yield from self._connection.execute(query, values)
+
+
+def _stopped(facts: Mapping[str, Any] | None, counts: DesignCounts) -> "tuple[StoppingRule | None, list[bool]]":
+    """The rule that the sweep stopped by, if any, and whether each design is decided by it."""
+    if facts is None:
+        return None, [False] * len(counts.runs)
+    from foldcar.analysis.stopping import StoppingRule
+
+    rule = StoppingRule.from_facts(facts)
+    return rule, rule.decided(counts.passed, counts.runs).tolist()

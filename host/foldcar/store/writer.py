@@ -15,6 +15,7 @@ from typing import Any
 
 from foldcar.simulation.results import NUMBERS, outcome_of
 from foldcar.store.connection import StoreConnection
+from foldcar.store.design_counts import DesignCounts, design_counts
 from foldcar.store.opening import writing
 from foldcar.store.tables import BY_NAME, DESIGN, ENVIRONMENT, EXPERIMENT, RECORDED, RUN, STUDY
 
@@ -170,6 +171,10 @@ class StoreWriter(StoreConnection):
             variation_id = self._put_text("variation", canonical_json(variation), identity)
             row = {"spread_id": spread_id, "sample": sample, "variation_id": variation_id}
             self._insert(BY_NAME["draw"], [row], "OR IGNORE")
+
+    def design_counts(self, plan: PlannedExperiment) -> DesignCounts:
+        """How many runs of each of the experiment's designs are stored, and how many of them passed."""
+        return design_counts(self.path, self._connection, plan.id)
 
     def planned_runs(self, plan: PlannedExperiment, sample: int) -> Iterator[PlannedRun]:
         """The runs of all designs in one stored sample, in the order of designs, read in pages."""

@@ -24,6 +24,7 @@ TRIAL_LIMIT = "TRIAL_MAX_S"
 class Experiment:
     """One experiment: each design of the family in each of ``environments`` samples of the program.
 
+    ``thresholds`` are the shares of passed runs, 0 to 1, that tell good designs from bad ones, in ascending order.
     ``condition`` is the listing's (see open_environment). ``variation`` maps the names of spreads to standard
     deviations; it is empty if cars are as designed.
     """
@@ -43,6 +44,7 @@ class Experiment:
     variation: Mapping[str, float]
     variation_seed: int
     place: str
+    thresholds: tuple[float, ...] = ()
 
     def settings(
         self, design: Design, body: Mapping[str, Any], table: Mapping[str, TableRow]
@@ -102,6 +104,7 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
                 variation=_variation(params, f"{file}: experiments.{name}.params.variation"),
                 variation_seed=environment.seed if params.variation_seed is None else params.variation_seed,
                 place=f"{file}: experiments.{name}",
+                thresholds=params.threshold,
             )
         )
     return Study(str(file), text, tuple(chosen))

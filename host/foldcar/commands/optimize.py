@@ -91,7 +91,7 @@ def optimize(
     are kept as a sweep's. It may be stopped at any time: the same command resumes it.
 
     \b
-    Example: foldcar optimize scenarios/design_space.json --store space.db --designs 60 --environments 50
+    Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --environments 50
     """
     from foldcar.commands.calibration_option import under_calibration
     from foldcar.commands.search_bar import SearchBar

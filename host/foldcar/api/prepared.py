@@ -10,7 +10,8 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from foldcar.api.environment import simulator, whole
+from foldcar.api.environment import simulator
+from foldcar.api.whole import whole
 from foldcar.car.body import body_json
 from foldcar.car.design import Design, compose
 from foldcar.car.firmware_parameters import TableRow

@@ -13,7 +13,7 @@ from foldcar.study.limits import GREATEST_SEED, MOST_JOBS
 # What a name may be, so that it can be typed and stand in the names of experiments.
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
 DEFAULT_RUNS = 30_000
-MOST_RUNS = 10_000_000
+LEAST_RUNS, MOST_RUNS = 500, 10_000_000
 
 
 def calibrate(
@@ -22,7 +22,9 @@ def calibrate(
     experiment: Annotated[
         str | None, typer.Option(metavar="ID", help="Experiment whose trials count; default: the only one with trials.")
     ] = None,
-    runs: Annotated[int, typer.Option(metavar="N", min=2000, max=MOST_RUNS, help="Runs to simulate.")] = DEFAULT_RUNS,
+    runs: Annotated[
+        int, typer.Option(metavar="N", min=LEAST_RUNS, max=MOST_RUNS, help="Runs to simulate, roughly.")
+    ] = DEFAULT_RUNS,
     seed: Annotated[int, typer.Option(metavar="N", min=0, max=GREATEST_SEED, help="Seed of all that is random.")] = 1,
     jobs: Annotated[
         int | None,

@@ -10,6 +10,7 @@ from foldcar.report.axis import parameter_label
 from foldcar.report.file_names import file_name_part
 from foldcar.report.outcome_plot import draw_outcomes
 from foldcar.report.series import Summary, summarise
+from foldcar.report.stopped_remarks import stopped_remarks
 from foldcar.report.success_plot import draw_success
 from foldcar.report.time_plot import draw_times
 from foldcar.report.trial_series import TrialSummary, summarise_trials
@@ -46,7 +47,7 @@ def read_section(store: Store, info: ExperimentInfo, simulated_trials: bool) -> 
 
     ``simulated_trials``: show trials of simulated cars too, apart from those of built ones.
     """
-    summary = summarise(store.results(info.id), info.varied, info.success_defined)
+    summary = summarise(store.results(info.id), info.varied, info.success_defined, info.until is not None)
     trials = summarise_trials(store.trials(info.id), info, simulated_trials)
     remarks = _remarks(info, summary, trials) + _elsewhere(store, info, simulated_trials)
     remarks += _failures(store, info, summary)
@@ -61,6 +62,7 @@ def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> li
             f"Unfinished: {stored} of {info.planned_runs} runs are stored; the command that started "
             "the sweep resumes it."
         )
+    remarks += stopped_remarks(info)
     terminated = summary.total.outcomes["terminated"]
     if terminated and info.success_defined:
         remarks.append(f"The program itself ended {terminated} of {stored} runs; they count as not passed.")
@@ -125,7 +127,7 @@ def _drawings(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> l
         if not info.success_defined:
             drawings.append(outcomes)
             continue
-        caption = f"Mean success by {label} over all environments, with Wilson 95 % intervals."
+        caption = f"Mean success by {label} over all environments, with {series.interval_name} 95 % intervals."
         built, simulated = trials.built.series[parameter], trials.simulated.series[parameter]
         if any(tally.counted for tally in built.values()):
             caption += " Diamonds: trials of built cars, with their intervals."

@@ -1,4 +1,4 @@
-"""Draws mean success by a design parameter in three colours, with Wilson 95 % intervals."""
+"""Draws mean success by a design parameter in three colours, with 95 % intervals."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -57,7 +57,7 @@ def draw_success(
             error_kw=error_bar,
         )
     _draw_trials(axes, axis, 0.25, built, simulated)
-    _finish(axes, axis, series.parameter, "Mean success over all environments, Wilson 95 % intervals")
+    _finish(axes, axis, series.parameter, f"Mean success over all environments, {series.interval_name} 95 % intervals")
     handles: list[Any] = [Patch(color=colour, label=label) for colour, label in LEGEND]
     handles += axes.get_legend_handles_labels()[0]
     figure.legend(handles=handles, loc="outside lower center", ncols=5)

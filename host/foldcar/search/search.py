@@ -162,7 +162,7 @@ def _try_designs(
             return
         rows: list[Row] = []
         pruned = False
-        for number, batch in enumerate(_batches(experiment.environments)):
+        for number, batch in enumerate(batches(experiment.environments)):
             new = bench.rows(values, batch)
             rows += new
             if plan.prune:
@@ -204,7 +204,8 @@ def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[Row
     )
 
 
-def _batches(environments: int) -> list[range]:
+def batches(environments: int) -> list[range]:
+    """The samples that are simulated between looks at a design."""
     size = math.ceil(environments / BATCHES)
     return [range(first, min(first + size, environments)) for first in range(0, environments, size)]
 
@@ -213,14 +214,14 @@ def _check(experiment: Experiment, environment: Environment, plan: Plan) -> None
     """FoldcarError if the plan has no meaning for the experiment."""
     if all(one.value is None for one in plan.objectives):
         raise FoldcarError("--objective sheet-area: needs no simulation; name what the car shall do as well")
+    if plan.runs is not None and plan.runs < experiment.environments:
+        raise FoldcarError(f"--runs {plan.runs}: one design takes {experiment.environments}, one in each environment")
     if experiment.condition is not None:
         raise FoldcarError(
             f"{experiment.place}: environment {experiment.environment} has a condition: fresh samples would not have it"
         )
     if not environment.success.defined:
         raise FoldcarError(f"{experiment.place}: {environment.success.text}")
-    if plan.runs is not None and plan.runs < experiment.environments:
-        raise FoldcarError(f"--runs {plan.runs}: one design takes {experiment.environments}, one in each environment")
 
 
 def _identity(experiment: Experiment, environment: Environment, plan: Plan, carsim: Carsim) -> list[Any]:

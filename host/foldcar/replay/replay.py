@@ -49,14 +49,14 @@ def no_replay_because(info: ExperimentInfo, drives: StoredDrives, carsim: Carsim
     """Why the runs of an experiment cannot be simulated again; None if they can. ``carsim`` may be the reason itself."""
     if isinstance(carsim, str):
         return carsim
-    if drives.dynamic is not False:
-        how = "runs beside the simulation" if drives.dynamic else "may run beside the simulation: the store does not say"
-        return f"{info.scenic_program} {how}, and a replay is of the simulator alone"
     if carsim.build != info.carsim_build:
         return (
             f"the runs are of carsim build {info.carsim_build}, and the one here is {carsim.build}: it may end them "
             "otherwise. Sweep again, or report with the other build"
         )
+    if drives.dynamic is not False:
+        how = "runs beside the simulation" if drives.dynamic else "may run beside the simulation: the store does not say"
+        return f"{info.scenic_program} {how}, and a replay is of the simulator alone"
     return None
 
 

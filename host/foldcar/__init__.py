@@ -1,6 +1,8 @@
 """foldcar: which folding cars to build. Design, simulate, sweep, store, report.
 
-``foldcar.condition`` is for scripts that use Scenic: it conditions an environment on a scene (scenes/conditioning.py).
+In Python (docs/python.md): ``Study`` reads a store; ``design``, ``environment``, ``simulate`` and ``evaluate`` are the
+simulator as a black box. ``foldcar.condition`` is for scripts that use Scenic: it conditions an environment on a scene
+(scenes/conditioning.py).
 """
 
 # Not typing's: this file comes before `__main__` handles signals, and so imports nothing.
@@ -8,7 +10,49 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Collection
 
+    from foldcar.analysis.rate import Rate
+    from foldcar.api.designs import design
+    from foldcar.api.environment import environment
+    from foldcar.api.oracle import Evaluation, Result, evaluate, simulate
+    from foldcar.api.study import Study
+    from foldcar.car.design import Design
+    from foldcar.errors import FoldcarError
+
 __version__ = "0.1.0"
+
+__all__ = [
+    "Design", "Evaluation", "FoldcarError", "Rate", "Result", "Study", "condition", "design", "environment", "evaluate",
+    "simulate",
+]  # fmt: skip
+
+_MODULES = {
+    "Design": "foldcar.car.design",
+    "Evaluation": "foldcar.api.oracle",
+    "FoldcarError": "foldcar.errors",
+    "Rate": "foldcar.analysis.rate",
+    "Result": "foldcar.api.oracle",
+    "Study": "foldcar.api.study",
+    "design": "foldcar.api.designs",
+    "environment": "foldcar.api.environment",
+    "evaluate": "foldcar.api.oracle",
+    "simulate": "foldcar.api.oracle",
+}
+
+
+if not TYPE_CHECKING:
+    # A type checker shall know the names above only.
+    def __getattr__(name: str) -> object:
+        """Import what is used first."""
+        if name not in _MODULES:
+            raise AttributeError(f"module 'foldcar' has no attribute {name!r}")
+        from importlib import import_module
+
+        found = globals()[name] = getattr(import_module(_MODULES[name]), name)
+        return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
 
 
 def condition(

@@ -14,8 +14,10 @@ from typing import Annotated
 import typer
 
 from foldcar import __version__
+from foldcar.commands.calibrate import calibrate
 from foldcar.commands.calibrate_servos import calibrate_servos
 from foldcar.commands.check import check
+from foldcar.commands.compare import compare
 from foldcar.commands.completion import Completion, enable_completion
 from foldcar.commands.crosscheck import crosscheck
 from foldcar.commands.doctor import doctor
@@ -27,11 +29,13 @@ from foldcar.commands.link import link
 from foldcar.commands.log import log
 from foldcar.commands.migrate import migrate
 from foldcar.commands.model import model
+from foldcar.commands.optimize import optimize
 from foldcar.commands.params import params
 from foldcar.commands.pattern import pattern
 from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import sample
+from foldcar.commands.select import select
 from foldcar.commands.sweep import sweep
 from foldcar.commands.trials import trials
 from foldcar.commands.view import view
@@ -52,8 +56,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for command in (
-    sweep, run, sample, gallery, report, export, check, migrate, crosscheck, model, pattern, view, link, log, flash,
-    doctor,
+    sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, migrate, crosscheck, model,
+    pattern, view, link, log, flash, doctor,
 ):  # fmt: skip
     app.command()(command)
 app.command("import")(import_store)

@@ -12,11 +12,10 @@ import pytest
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim, find_carsim
 from foldcar.simulation.carsim_limits import CarsimLimits
+from forked_foldcar import HANGS_S, original
 from live_car import write_free_course
 
 PROJECT = Path(__file__).resolve().parents[2]
-# Ends a test that hangs; far beyond what a busy machine makes of any command.
-HANGS_S = 600
 STEP_PYRAMIDS = PROJECT / "scenarios" / "step_pyramids.scenic"
 
 
@@ -59,7 +58,17 @@ def write_listing(tmp_path: Path) -> Callable[[Any], Path]:
 
 @pytest.fixture
 def foldcar(tmp_path: Path) -> Callable[..., "subprocess.CompletedProcess[str]"]:
-    """A function that runs `foldcar` in a temporary folder."""
+    """A function that runs `foldcar` in a temporary folder, with ``env`` and ``input``, in a copy of a process."""
+
+    def run(*words: str | Path, **options: Any) -> "subprocess.CompletedProcess[str]":
+        return original().run([*map(str, words)], tmp_path, **options)
+
+    return run
+
+
+@pytest.fixture
+def new_foldcar(tmp_path: Path) -> Callable[..., "subprocess.CompletedProcess[str]"]:
+    """A function that runs `foldcar` in a temporary folder, in a new Python."""
 
     def run(*words: str | Path, **options: Any) -> "subprocess.CompletedProcess[str]":
         command = [sys.executable, "-c", "from foldcar.cli import main; main()", *map(str, words)]

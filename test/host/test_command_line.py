@@ -13,6 +13,7 @@ import pytest
 import typer
 
 from foldcar.cli import app
+from forked_foldcar import original
 
 PROJECT = Path(__file__).resolve().parents[2]
 COMMAND = [sys.executable, "-m", "foldcar"]
@@ -55,10 +56,8 @@ def test_python_m_foldcar_is_the_command() -> None:
 def test_short_help_is_the_help_with_an_example_that_exists(words: tuple[str, ...]) -> None:
     texts = []
     for option in ("-h", "--help"):
-        environment = {**os.environ, "COLUMNS": "80"}
-        answer = subprocess.run(
-            [*COMMAND, *words, option], capture_output=True, text=True, check=True, env=environment, cwd=PROJECT
-        )
+        answer = original().run([*words, option], PROJECT, {**os.environ, "COLUMNS": "80"})
+        assert answer.returncode == 0, answer.stderr
         texts.append(answer.stdout)
 
     assert texts[0] == texts[1]
@@ -73,9 +72,8 @@ def test_short_help_is_the_help_with_an_example_that_exists(words: tuple[str, ..
 
 def test_the_list_of_commands_is_readable_on_eighty_columns() -> None:
     for words in ((), ("trials",), ("params",)):
-        answer = subprocess.run(
-            [*COMMAND, *words, "-h"], capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "80"}
-        )
+        answer = original().run([*words, "-h"], PROJECT, {**os.environ, "COLUMNS": "80"})
+        assert answer.returncode == 0 and "Commands:" in answer.stdout
         assert "..." not in answer.stdout.partition("Commands:")[2]
 
 

@@ -13,11 +13,11 @@ from typing import Any
 
 import pytest
 
+from foldcar.analysis.intervals import wilson_interval
 from foldcar.crosscheck.agreement import agreement, worst
 from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.ending import Ending, State
 from foldcar.crosscheck.result_cache import ResultCache
-from foldcar.report.wilson import wilson_interval
 from foldcar.simulation.carsim_limits import CarsimLimits
 from shell_signals import like_a_shell
 from study_car import empty_scene
@@ -169,7 +169,7 @@ def test_an_interrupt_loses_nothing(tmp_path: Path, write_listing: Any, listing_
 
 
 def test_without_mujoco_one_line_says_how_to_get_it(
-    foldcar: Callable[..., "subprocess.CompletedProcess[str]"],
+    new_foldcar: Callable[..., "subprocess.CompletedProcess[str]"],
     tmp_path: Path,
     write_listing: Any,
     listing_data: Any,
@@ -177,7 +177,7 @@ def test_without_mujoco_one_line_says_how_to_get_it(
 ) -> None:
     (tmp_path / "mujoco.py").write_text("raise ImportError('no module named mujoco')\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=":")
-    done = foldcar("crosscheck", write_listing(listing_data), "-o", "check")
+    done = new_foldcar("crosscheck", write_listing(listing_data), "-o", "check")
 
     assert done.returncode == 2
     assert "pip install 'foldcar[crosscheck]'" in done.stderr and done.stderr.count("\n") == 1
@@ -215,21 +215,18 @@ def test_a_program_with_dynamics_decides_in_both_engines(
 
 
 def test_a_full_disk_is_one_line_and_the_command_goes_on_when_there_is_room(
-    tmp_path: Path, write_listing: Any, listing_data: Any
+    foldcar: Callable[..., "subprocess.CompletedProcess[str]"],
+    new_foldcar: Callable[..., "subprocess.CompletedProcess[str]"],
+    tmp_path: Path,
+    write_listing: Any,
+    listing_data: Any,
 ) -> None:
-    command = [sys.executable, "-c", "from foldcar.cli import main; main()", "crosscheck"]
-    command += [str(write_listing(listing_data)), "--environments", "1", "--baseline", "0", "-o", "check"]
+    words = ("crosscheck", write_listing(listing_data), "--environments", "1", "--baseline", "0", "-o", "check")
     limit = 700  # one result's line and a part of the next
-    full = subprocess.run(
-        command,
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
-    )
+    full = new_foldcar(*words, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
 
     assert full.returncode == 2
     assert "check/results.jsonl: cannot be written" in full.stderr and full.stderr.count("\n") == 1
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    done = foldcar(*words)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "check" / "index.html").read_text().rstrip().endswith("</html>")

@@ -17,8 +17,8 @@ PROJECT = Path(__file__).resolve().parents[2]
 SOURCES = ("firmware/lib", "firmware/src", "sim2d", "tools", "host/foldcar/mavlink_dialect")
 
 
-def test_the_machine_of_the_tests_is_sound(foldcar: Command, carsim_binary: Path, tmp_path: Path) -> None:
-    done = foldcar("doctor")
+def test_the_machine_of_the_tests_is_sound(new_foldcar: Command, carsim_binary: Path, tmp_path: Path) -> None:
+    done = new_foldcar("doctor")
 
     assert (done.returncode, done.stderr) == (0, "")
     found = {line[9:20].strip(): line for line in done.stdout.splitlines()}

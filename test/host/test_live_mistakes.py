@@ -3,7 +3,6 @@
 import json
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,6 +19,7 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from foldcar.trials.csv_import import read_trials
+from forked_foldcar import original
 from live_car import LOG, car_at_port, trials_in
 from test_trial_store import begin
 
@@ -43,22 +43,17 @@ def refused(answer: "subprocess.CompletedProcess[str]") -> str:
 def log_and(folder: Path, port: str, accident: Callable[[], object]) -> tuple[int, str, str]:
     """Run `foldcar log`; the accident happens in its countdown."""
     words = [*LOG, "--port", port, "--yes", "--countdown", "2"]
-    command = [sys.executable, "-c", "from foldcar.cli import main; main()", *words]
-    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(
-        command, cwd=folder, env=environment, text=True,
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    ) as process:  # fmt: skip
-        assert process.stdout is not None and process.stderr is not None
-        said = ""
-        while not said.startswith("Countdown"):
-            said = process.stdout.readline()
-            assert said, process.stderr.read()
-        # The log is made after the line is printed.
-        time.sleep(1.0)
-        accident()
-        output, errors = process.communicate(timeout=100)
-    return process.returncode, output, errors
+    process = original().start(words, folder, {**os.environ, "PYTHONUNBUFFERED": "1"})
+    process.stdin.close()
+    said = ""
+    while not said.startswith("Countdown"):
+        said = process.stdout.readline()
+        assert said, process.stderr.read()
+    # The log is made after the line is printed.
+    time.sleep(1.0)
+    accident()
+    output, errors = process.communicate()
+    return process.wait(), output, errors
 
 
 @pytest.mark.parametrize("replaced", [False, True])

@@ -11,6 +11,7 @@ import pytest
 
 from foldcar.store.reader import Store
 from foldcar.study.listing import ListingError, read_listing
+from forked_foldcar import original
 
 PROGRAM = "model model\nego = new Robot at (0, 0), facing -90 deg\ngoal = new Goal at (1, 0), facing -90 deg\n"
 LISTING: dict[str, Any] = {
@@ -29,12 +30,9 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def foldcar(folder: Path, *words: str, fails: str | None = None, **environment: str) -> str:
+def foldcar(folder: Path, *words: str, fails: str | None = None) -> str:
     """What the command prints; ``fails`` is in its one line of error, with exit code 2."""
-    done = subprocess.run(
-        [sys.executable, "-m", "foldcar", *words], cwd=folder, capture_output=True, text=True, errors="replace",
-        env={**os.environ, **environment}, check=False,
-    )  # fmt: skip
+    done = original().run(words, folder)
     assert done.returncode == (0 if fails is None else 2), done.stderr
     if fails is not None:
         (line,) = [line for line in done.stderr.splitlines() if line.startswith("foldcar: error:")]
@@ -107,7 +105,9 @@ def test_a_list_is_no_listing(tmp_path: Path) -> None:
 
 
 def test_a_report_is_written_where_names_are_no_text(folder: Path) -> None:
-    foldcar(folder, "report", "a.db", "-o", os.fsdecode(b"r\xe4"), LC_ALL="C", PYTHONUTF8="0")
+    words = [sys.executable, "-m", "foldcar", "report", "a.db", "-o", os.fsdecode(b"r\xe4")]
+    environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0"}
+    subprocess.run(words, cwd=folder, env=environment, check=True, capture_output=True)
 
     assert (folder / os.fsdecode(b"r\xe4") / "index.html").is_file()
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
+from foldcar.analysis.intervals import wilson_interval
 from foldcar.inline_svg import inline_svg
 from foldcar.report.axis import ParameterAxis, extent_text, parameter_label, value_text
 from foldcar.report.series import Extent, Tally, summarise
 from foldcar.report.success_plot import BLUE, GREEN, NAVY, error_bar_percent, success_colour
-from foldcar.report.wilson import wilson_interval
 from foldcar.simulation.results import Recorded, Result
 
 

@@ -3,8 +3,6 @@
 import contextlib
 import hashlib
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,7 @@ from foldcar.link.simulated_car import simulated_car
 from foldcar.link.tlog import read_tlog
 from foldcar.scenes.scene_name import sample_in, scene_name
 from foldcar.store.reader import Store
+from forked_foldcar import original
 from live_car import LOG, trials_in
 from study_car import empty_scene
 
@@ -47,16 +46,12 @@ def course(tmp_path: Path) -> Path:
 @contextlib.contextmanager
 def link(folder: Path, *words: str) -> Iterator[str]:
     """The port of `foldcar link` on l.json."""
-    command = [sys.executable, "-c", "from foldcar.cli import main; main()", "link", "l.json", *words]
-    process = subprocess.Popen(
-        command, cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    process = original().start(["link", "l.json", *words], folder)
     try:
-        assert process.stdout is not None
         yield process.stdout.readline().strip()
     finally:
         process.terminate()
-        process.communicate(timeout=60)
+        process.communicate()
 
 
 def test_the_trial_takes_the_simulated_cars_sample(course: Path, carsim_binary: Path, foldcar: Any) -> None:

@@ -7,8 +7,6 @@ import resource
 import shlex
 import signal
 import sqlite3
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -26,8 +24,9 @@ from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
-from foldcar.study.sweep import Progress, sweep
-from shell_signals import like_a_shell
+from foldcar.study.progress import Progress
+from foldcar.study.sweep import sweep
+from forked_foldcar import ForkedProcess, original
 
 WriteListing = Callable[[Any], Path]
 
@@ -159,16 +158,9 @@ def test_a_sweep_does_with_a_nearby_car_what_carsim_does_with_its_body(
     ]
 
 
-def start(listing: Path, store: Path, carsim: Path, environments: int) -> "subprocess.Popen[str]":
+def start(listing: Path, store: Path, carsim: Path, environments: int) -> ForkedProcess:
     words = ["sweep", str(listing), "--store", str(store), "--environments", str(environments), "--jobs", "2"]
-    return subprocess.Popen(
-        [sys.executable, "-c", "from foldcar.cli import main; main()", *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "FOLDCAR_CARSIM": str(carsim)},
-        preexec_fn=like_a_shell,
-    )
+    return original().start(words, listing.parent, {**os.environ, "FOLDCAR_CARSIM": str(carsim)})
 
 
 def stored_runs(store: Path) -> int:
@@ -224,13 +216,13 @@ def test_ctrl_c_stops_keeps_and_says_how_to_go_on(
 
 
 def test_a_full_disk_is_one_line_and_loses_nothing(
-    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path, foldcar: Any
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path, new_foldcar: Any
 ) -> None:
     listing = write_listing(listing_data)
     swept(listing, tmp_path / "s.db", carsim_binary)
     limit = (tmp_path / "s.db").stat().st_size + 60_000
 
-    answer = foldcar(
+    answer = new_foldcar(
         "sweep", listing, "--store", "s.db", "--environments", "2000",
         env={**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)},
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),

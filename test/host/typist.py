@@ -4,19 +4,16 @@ import os
 import pty
 import re
 import select
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from shell_signals import like_a_shell
+from forked_foldcar import original
 
 # Ends a test that hangs; far beyond what a busy machine makes of any step.
 WAIT_S = 300.0
-COMMAND = [sys.executable, "-c", "from foldcar.cli import main; main()"]
 COLOURS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 
@@ -27,10 +24,8 @@ class Typist:
         self._terminal, inner = pty.openpty()
         self.said = ""
         self._read_to = 0
-        self.process = subprocess.Popen(
-            [*COMMAND, *map(str, words)], cwd=folder, stdin=inner, stdout=inner, stderr=inner, start_new_session=True,
-            env={**os.environ, "TERM": "xterm", "COLUMNS": "160"}, preexec_fn=like_a_shell,
-        )  # fmt: skip
+        environment = {**os.environ, "TERM": "xterm", "COLUMNS": "160"}
+        self.process = original().start([*map(str, words)], folder, environment, [inner] * 3)
         os.close(inner)
 
     def __enter__(self) -> "Typist":

@@ -1,5 +1,6 @@
 """`foldcar link`: runs a design in a sampled environment as a simulated car for any MAVLink program."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -23,6 +24,10 @@ def link(
             metavar="PORT", min=0, max=65535, help="A loopback TCP port instead of a pseudo-terminal; 0: any free port."
         ),
     ] = None,
+    reality: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="JSON of what car and ground truly are, unknown to the host."),
+    ] = None,
     components: Components = None,
 ) -> None:
     """Pose as a car on USB, simulated, until Ctrl-C.
@@ -35,6 +40,7 @@ def link(
     import json
     import sys
 
+    from foldcar.calibration.reality import read_reality, real_run
     from foldcar.car.car_file import car_json
     from foldcar.interrupts import said
     from foldcar.link.simulated_car import simulated_car
@@ -42,12 +48,15 @@ def link(
     from foldcar.simulation.runner import CarsimError
 
     one = listed_run(listing, experiment, settings, sample)
-    binary = one.carsim.binary
+    binary, scene, body = one.carsim.binary, one.scene, one.body
+    if reality is not None:
+        values, limits = read_reality(reality), one.carsim.limits().numbers
+        body, scene = real_run(one.experiment, one.nominal, one.scene, values, sample, limits)
     # carsim ends when its reader does: see sim2d/src/reader_watch.h.
     scene_id = scene_name(one.scene, sample)
     design, stdin = car_json(one.design), sys.stdin.fileno()
     with (
-        simulated_car(binary, one.body, one.scene, design, speedup, tcp, stdin, scene_id) as car,
+        simulated_car(binary, body, scene, design, speedup, tcp, stdin, scene_id) as car,
         said(lambda: "ended"),
     ):
         typer.echo(car.port)

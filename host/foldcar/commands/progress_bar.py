@@ -11,13 +11,15 @@ from rich.progress import Progress as RichProgress
 from foldcar.interrupts import held
 
 if TYPE_CHECKING:
-    from foldcar.study.sweep import Progress
+    from foldcar.study.progress import Progress
 
 
 class ProgressBar:
     """``with ProgressBar(progress) as bar``: call ``bar.update`` when the counts change."""
 
-    def __init__(self, progress: "Progress") -> None:
+    def __init__(self, progress: "Progress", designs: int | None = None) -> None:
+        """``designs`` is the number of those to be decided; None: there is nothing to decide."""
+        self._designs = designs
         console = Console(stderr=True)
         self._bar = RichProgress(
             TextColumn("sweep"),
@@ -48,10 +50,12 @@ class ProgressBar:
         rate = progress.new / progress.seconds if progress.seconds > 0 else 0.0
         success = ""
         # Where some experiments define no success, the shares of the others are told at the end.
-        if progress.done and progress.judged == progress.total:
+        if self._designs is not None:
+            success = f"{progress.decided} of {self._designs} designs decided"
+        elif progress.done and progress.judged == progress.total:
             success = f"{100 * progress.passed / progress.done:.0f} % passed"
         self._bar.update(
-            self._task, completed=progress.done, rate=f"{rate:.0f} runs/s", success=success
+            self._task, completed=progress.done, total=progress.total, rate=f"{rate:.0f} runs/s", success=success
         )
 
     def say(self, line: str) -> None:

@@ -12,10 +12,11 @@ from foldcar.commands.components_option import Components
 from foldcar.commands.failed_runs import say_failed
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_store
+from foldcar.commands.sweep_text import state_objects, stopping_lines
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
 if TYPE_CHECKING:
-    from foldcar.study.sweep import Progress
+    from foldcar.study.progress import Progress
 
 
 def sweep(
@@ -29,7 +30,15 @@ def sweep(
             metavar="N",
             min=1,
             max=MOST_ENVIRONMENTS,
-            help="Sampled environments, instead of the listing's number.",
+            help="Sampled environments, instead of the listing's number; with --until the most of them.",
+        ),
+    ] = None,
+    until: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RULE",
+            help="Simulate each design only until its 95 % interval reaches 5 percentage points to each side (5pp), or "
+            "lies on one side of the listing's thresholds (decided).",
         ),
     ] = None,
     jobs: Annotated[
@@ -37,6 +46,10 @@ def sweep(
         typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
     ] = None,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
+    calibration: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Simulate under this calibration of the store (see `foldcar calibrate`)."),
+    ] = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
@@ -47,27 +60,36 @@ def sweep(
 
     \b
     Example: foldcar sweep scenarios/width_study.json --store study.db
+    foldcar sweep scenarios/width_study.json --store study.db --until decided
     """
+    from foldcar.commands.calibration_option import under_calibration
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.environments import mutation_notes
     from foldcar.study.experiments import read_study
-    from foldcar.study.sweep import Progress, planned_total
+    from foldcar.study.progress import Progress
+    from foldcar.study.stopping import stopping_rules
+    from foldcar.study.sweep import planned_total
     from foldcar.study.sweep import sweep as run_sweep
 
-    study = read_study(listing, experiment, environments)
+    study, environment_of = under_calibration(read_study(listing, experiment, environments), store, calibration)
+    rules = stopping_rules(until, study) if until is not None else {}
     carsim = Carsim()
     for note in mutation_notes(study.experiments):
         typer.echo(f"note: {note}", err=True)
-    progress = Progress(total=planned_total(study))
+    most = planned_total(study)
+    progress = Progress(total=most)
+    designs = sum(len(chosen.family) for chosen in study.experiments) if rules else None
     command = shlex.join(["foldcar", *sys.argv[1:]])
 
     def stopped() -> str:
-        return f"stopped: {progress.done} of {progress.total} runs are stored in {store}; the same command resumes"
+        total = f"at most {progress.total}" if rules else f"{progress.total}"
+        return f"stopped: {progress.done} of {total} runs are stored in {store}; the same command resumes"
 
-    with said(stopped), ProgressBar(progress) as bar:
-        run_sweep(study, store, carsim, jobs or len(os.sched_getaffinity(0)), command, bar.update, progress, bar.say)
+    workers = jobs or len(os.sched_getaffinity(0))
+    with said(stopped), ProgressBar(progress, designs) as bar:
+        run_sweep(study, store, carsim, workers, command, bar.update, progress, bar.say, environment_of, rules)
     if as_json:
         print_json(
             {
@@ -79,15 +101,21 @@ def sweep(
                 "passed": progress.passed if progress.judged else None,
                 "failed": progress.failed,
                 "seconds": round(progress.seconds, 3),
+                **({"most_runs": most, "designs": state_objects(progress.states)} if rules else {}),
             }
         )
     else:
         rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
         failed = f", {progress.failed} failed" if progress.failed else ""
+        # A share over designs of which some have more runs than others would say nothing.
+        success = "" if rules else f", {_success(progress)}"
         typer.echo(
-            f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s{rate}, "
-            f"{_success(progress)}{failed}; store: {store}"
+            f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s{rate}"
+            f"{success}{failed}; store: {store}"
         )
+        for chosen in study.experiments if rules else ():
+            for line in stopping_lines(chosen, rules[chosen.id], progress.states):
+                typer.echo(line)
     if progress.failed:
         say_failed(store, [chosen.id for chosen in study.experiments], progress.failed, progress.total)
         raise typer.Exit(1)

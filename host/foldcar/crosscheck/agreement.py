@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy
 
+from foldcar.analysis.intervals import wilson_interval
 from foldcar.crosscheck.cases import Case
-from foldcar.report.wilson import wilson_interval
 
 Pair = tuple[Case, Mapping[str, Any], Mapping[str, Any]]
 DesignId = tuple[str, int]

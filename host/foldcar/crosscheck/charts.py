@@ -7,6 +7,7 @@ import numpy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from foldcar.analysis.intervals import wilson_interval
 from foldcar.crosscheck.agreement import Agreement, DesignRates, Pair
 from foldcar.figures.ground import Heights, height_map
 from foldcar.figures.height_colours import height_scale
@@ -14,7 +15,6 @@ from foldcar.figures.profile import travelled_m
 from foldcar.figures.style import ACCENT, INK, OUTCOME_LABELS
 from foldcar.figures.top_view import draw_top_view, view_of
 from foldcar.report.axis import parameter_label
-from foldcar.report.wilson import wilson_interval
 
 FIRST, SECOND = "carsim", "MuJoCo"
 SECOND_COLOUR = "#d55e00"

@@ -4,7 +4,7 @@ A part is laid out as it is: its title, remarks, drawings, tables. The report ne
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
@@ -55,7 +55,8 @@ class Part:
 
 @dataclass(frozen=True)
 class Slots:
-    """What is given to a section: designs to build, and parts in their order."""
+    """What is given to a section: designs to build, parts in their order, sentences for the headline."""
 
     recommendations: Sequence[Recommendation] = ()
-    parts: Sequence[Part] = field(default_factory=tuple)
+    parts: Sequence[Part] = ()
+    sentences: Sequence[str] = ()

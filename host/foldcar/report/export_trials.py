@@ -10,8 +10,8 @@ from pathlib import Path
 
 from foldcar.atomic_file import atomic_file
 from foldcar.report.parquet import write_trials
-from foldcar.report.trial_selection import left_out_text, select_trials
 from foldcar.store.reader import Store
+from foldcar.store.trial_selection import left_out_text, select_trials
 
 BEFORE = ("id", "experiment", "vehicle_type")
 AFTER = (

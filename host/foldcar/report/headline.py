@@ -1,11 +1,10 @@
 """The headline of an experiment in words: where designs are feasible, what trials say of it, what is advised.
 
-Input: counts. Output: sentences that say no more than the counts support.
+Input: counts, what advice says. Output: sentences that say no more than the counts support.
 """
 
 from collections.abc import Mapping, Sequence
 
-from foldcar.report.advice_slots import Recommendation
 from foldcar.report.axis import parameter_label, value_text
 from foldcar.report.series import Series, Summary, Tally, Value
 from foldcar.report.trial_series import TrialSummary, TrialTally
@@ -15,20 +14,20 @@ FEASIBLE = 0.75
 
 
 def headline(
-    info: ExperimentInfo, summary: Summary, trials: TrialSummary, recommended: Sequence[Recommendation] = ()
+    info: ExperimentInfo, summary: Summary, trials: TrialSummary, said: Sequence[str] = ()
 ) -> list[str]:
-    """The sentences, the most important first."""
+    """The sentences, the most important first: what is ``said`` of trials and of what to build, then the counts' own."""
     total = summary.total
-    sentences = []
-    if recommended:
-        sentences.append(f"Build {_listed([one.label for one in recommended])}.")
+    sentences = list(said)
     if not total.runs:
         return [*sentences, "No run is stored yet: nothing can be said."]
     if not info.success_defined:
         return [*sentences, "What counts as success is not defined here, so no design can be called feasible."]
     if len(summary.series) == 1:
         (series,) = summary.series
-        sentences += [_region(series), *_trial_verdict(series, trials.built.series.get(series.parameter, {}))]
+        sentences.append(_region(series))
+        if not said:
+            sentences += _trial_verdict(series, trials.built.series.get(series.parameter, {}))
     else:
         sentences.append(_over_all(total, len(summary.series)))
     if not trials.built.total.counted:

@@ -17,13 +17,14 @@ from foldcar.report.headline import headline
 from foldcar.report.outcome_plot import draw_outcomes
 from foldcar.report.replayer import Replayer
 from foldcar.report.series import Summary, summarise
+from foldcar.report.stopped_remarks import stopped_remarks
 from foldcar.report.success_plot import draw_success
 from foldcar.report.time_plot import draw_times
-from foldcar.report.trial_selection import left_out_text, select_trials
 from foldcar.report.trial_series import TrialSummary, TrialTally, summarise_trials
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
+from foldcar.store.trial_selection import left_out_text, select_trials
 
 # Different messages of failed runs, and skipped cars, that are shown.
 SHOWN = 5
@@ -66,7 +67,8 @@ def read_section(
     ``simulated_trials``: show trials of simulated cars too, apart from those of built ones.
     """
     grid = OutcomeGrid(read_drives(store, info.id).parameters, info.environments)
-    summary = summarise(grid.watching(store.results(info.id)), info.varied, info.success_defined)
+    results = grid.watching(store.results(info.id))
+    summary = summarise(results, info.varied, info.success_defined, info.until is not None)
     trials = summarise_trials(store.trials(info.id), info, simulated_trials)
     shown, _ = select_trials(store.trials(info.id), simulated_trials)
     replay = replayer.replay(store, info, grid, shown)
@@ -81,7 +83,7 @@ def read_section(
         _drawings(info, summary, trials, slots),
         replay,
         slots,
-        headline(info, summary, trials, slots.recommendations),
+        headline(info, summary, trials, slots.sentences),
     )
 
 
@@ -93,6 +95,7 @@ def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> li
             f"Unfinished: {stored} of {info.planned_runs} runs are stored; the command that started "
             "the sweep resumes it."
         )
+    remarks += stopped_remarks(info)
     terminated = summary.total.outcomes["terminated"]
     if terminated and info.success_defined:
         remarks.append(f"The program itself ended {terminated} of {stored} runs; they count as not passed.")
@@ -151,12 +154,12 @@ def _drawings(info: ExperimentInfo, summary: Summary, trials: TrialSummary, slot
         if info.success_defined:
             diamonds = _diamonds(built, simulated)
             caption = (
-                f"Success by {label}: the curve is simulation, its band the Wilson 95 % intervals; "
+                f"Success by {label}: the curve is simulation, its band the {series.interval_name} 95 % intervals; "
                 f"tinted where more than {FEASIBLE_PERCENT} % pass.{diamonds}"
             )
             draw = partial(draw_feasibility, series, built, simulated, slots.recommendations)
             drawings.append(Drawing(f"{start}_feasibility_by_{parameter}", caption, draw, "feasibility"))
-            caption = f"Mean success by {label} over all environments, with Wilson 95 % intervals.{diamonds}"
+            caption = f"Mean success by {label} over all environments, with {series.interval_name} 95 % intervals.{diamonds}"
             draw = partial(draw_success, series, built, simulated)
             drawings.append(Drawing(f"{start}_success_by_{parameter}", caption, draw, "success"))
         if summary.timed:

@@ -1,4 +1,4 @@
-"""Draws mean success by a design parameter in three colours, with Wilson 95 % intervals."""
+"""Draws mean success by a design parameter in three colours, with 95 % intervals."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -64,7 +64,8 @@ def draw_success(
         )
         set_tip(bars[0], success_tip(series.parameter, value, tally))
     draw_trials(axes, axis, series.parameter, 0.25, built, simulated)
-    finish_success(axes, axis, series.parameter, "Mean success over all environments, Wilson 95 % intervals", narrow)
+    title = f"Mean success over all environments, {series.interval_name} 95 % intervals"
+    finish_success(axes, axis, series.parameter, title, narrow)
     handles: list[Any] = [Patch(color=colour, label=label) for colour, label in LEGEND]
     handles += axes.get_legend_handles_labels()[0]
     figure.legend(handles=handles, loc="outside lower center", ncols=legend_columns(narrow, 5))

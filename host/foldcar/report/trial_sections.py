@@ -8,10 +8,10 @@ from functools import partial
 from foldcar.report.advice_slots import Drawing
 from foldcar.report.axis import parameter_label
 from foldcar.report.success_plot import draw_trial_success
-from foldcar.report.trial_selection import left_out_text, select_trials
 from foldcar.report.trial_series import TrialGroup, by_car
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
+from foldcar.store.trial_selection import left_out_text, select_trials
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,10 @@ from foldcar.figures.output import save_figure, svg_text
 from foldcar.figures.style import RC
 from foldcar.interrupts import held
 from foldcar.output_folder import check_output_folder
+from foldcar.report.advice import read_advice
 from foldcar.report.page import Picture, page_html
 from foldcar.report.replayer import Replayer
-from foldcar.report.sections import Section, read_section
+from foldcar.report.sections import NO_SLOTS, Section, read_section
 from foldcar.report.tips import with_tips
 from foldcar.report.trial_sections import TrialSection, read_trial_sections
 from foldcar.store.reader import Store
@@ -35,8 +36,9 @@ def write_report(
     swept = info.experiments if info is not None else {}
     check_output_folder(folder)
     with matplotlib.rc_context(RC):
+        advice = read_advice(store) if swept else {}
         sections = [
-            read_section(store, experiment, simulated_trials, replayer, f"e{number}")
+            read_section(store, experiment, simulated_trials, replayer, f"e{number}", advice.get(experiment.id, NO_SLOTS))
             for number, experiment in enumerate(swept.values())
         ]
         driven = read_trial_sections(store, list(swept), simulated_trials)

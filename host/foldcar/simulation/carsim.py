@@ -141,16 +141,14 @@ class Carsim:
 
         The next run is then the one that it was at. CarsimError as for `run`.
         """
-        lines = [f'{{"body": {_with_id(name, text)}}}' for name, text in bodies.items()]
-        lines += [f'{{"scene": {_with_id(name, text)}}}' for name, text in scenes.items()]
-        for index, request in enumerate(requests):
-            head = f'"body": {json.dumps(request.body)}, "scene": {json.dumps(request.scene)}'
-            lines.append(f'{{"run": {_with_id(str(index), f"{{{head}, {request.settings[1:]}")}}}')
+        lines = [input_line("body", name, text) for name, text in bodies.items()]
+        lines += [input_line("scene", name, text) for name, text in scenes.items()]
+        lines += [run_line(str(index), request) for index, request in enumerate(requests)]
         answer = self._start(call, ["batch"], "\n".join(lines) + "\n")
         killed = answer.returncode < 0
         # A line without its end was being written.
         whole = [line for line in answer.stdout.splitlines(keepends=True) if line.endswith("\n")]
-        results = [self._read_line(line, requests) for line in whole]
+        results = [self.read_answer(line, requests) for line in whole]
         if killed and len(results) < len(requests):
             return results, process_ending(answer.returncode, answer.stderr)
         expected = 2 if any("error" in result for result in results) else 0
@@ -159,16 +157,17 @@ class Carsim:
             raise CarsimError(f"{self.binary}: {ending} after {len(results)} of {len(requests)} runs")
         return results, ""
 
-    def _read_line(self, line: str, requests: Sequence[RunRequest]) -> dict[str, Any]:
+    def read_answer(self, line: str, requests: Sequence[RunRequest]) -> dict[str, Any]:
+        """The answer to one of ``requests``, whose index is its id; CarsimError if the simulator refuses its input."""
         try:
             answer = json.loads(line)
             if "error" in answer:
                 error = answer["error"]
                 if error["kind"] == "simulation":
                     return {"error": str(error["message"])}
-                what = (
-                    requests[int(error["run"])].label if error["run"] is not None else f"line {error['line']}"
-                )
+                # Of one run alone, cars and scenes are its own.
+                index = 0 if len(requests) == 1 else error["run"]
+                what = requests[int(index)].label if index is not None else f"line {error['line']}"
                 raise CarsimError(f"{self.binary} refuses {what}: {error['message']}")
             sound = answer["outcome"] in NATIVE_OUTCOMES and all(
                 math.isfinite(answer[metric.name])
@@ -236,5 +235,13 @@ class Carsim:
         return subprocess.CompletedProcess(command, process.returncode, output, messages)
 
 
-def _with_id(name: str, object_text: str) -> str:
-    return f'{{"id": {json.dumps(name)}, {object_text[1:]}'
+def input_line(kind: str, name: str, object_text: str) -> str:
+    """A line of `carsim batch`'s input: a ``body`` or ``scene`` from its JSON text, with its id."""
+    rest = object_text.lstrip()[1:]
+    return f'{{"{kind}": {{"id": {json.dumps(name)}{"" if rest.lstrip() == "}" else ", "}{rest}}}'
+
+
+def run_line(name: str, request: RunRequest) -> str:
+    """The line that asks for the run, by its id."""
+    head = f'"body": {json.dumps(request.body)}, "scene": {json.dumps(request.scene)}'
+    return input_line("run", name, f"{{{head}, {request.settings[1:]}")

@@ -2,7 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from foldcar.analysis.stopping import StoppingRule
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,9 +16,12 @@ class ExperimentInfo:
     ``fixed`` holds the other ones. ``speed_m_s`` is None where every car drives at its own full speed.
     ``condition`` says what is frozen of the environment; ``variation`` maps what varies from car to car to
     its spread, drawn by ``variation_seed``, and is empty if cars are as designed. ``planned_runs`` is
-    designs × environments, ``stored_runs`` how many of them have a result. ``success_rule`` says when a run has
+    designs × environments, ``stored_runs`` how many of them have a result. After a sweep ``until`` enough is known, those
+    ``designs`` that are ``decided`` have no more runs planned than stored. ``success_rule`` says when a run has
     passed, or why that is undefined (``success_defined`` False). ``skipped`` names the cars of the family that
-    cannot be built, and why.
+    cannot be built, and why. ``calibration`` is None for nominal simulations, else ``name``, ``fingerprint`` and
+    ``experiment``: the calibration, and the experiment of the listing that was simulated under it.
+    ``thresholds`` are the shares of passed runs that tell good designs from bad ones.
     """
 
     id: str
@@ -40,6 +46,11 @@ class ExperimentInfo:
     success_rule: str
     success_defined: bool
     skipped: tuple[str, ...] = ()
+    calibration: Mapping[str, str] | None = None
+    thresholds: tuple[float, ...] = ()
+    until: "StoppingRule | None" = None
+    designs: int = 0
+    decided: int = 0
 
 
 @dataclass(frozen=True, slots=True)

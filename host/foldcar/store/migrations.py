@@ -10,6 +10,7 @@ names of their columns, checked and with checksums. All of it is one transaction
 | 3 | trials and corrections |
 | 4 | checksums; a metric that is new gets its column without a new version |
 | 5 | whether a trial's car was built or simulated, withdrawn trials, the view of trials |
+| 6 | calibrations of the simulator |
 """
 
 import contextlib
@@ -28,7 +29,7 @@ from foldcar.store.rows import check_json, insert_sql, key_text, stored
 from foldcar.store.tables import RESULT_VIEW, RUN, TABLES, VIEWS, Table
 from foldcar.store.trial_records import BUILT
 
-VERSION = 5
+VERSION = 6
 
 
 def create_tables(connection: sqlite3.Connection) -> None:

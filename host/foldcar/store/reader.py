@@ -2,13 +2,14 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from sqlite3 import Connection
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from foldcar.simulation.results import NUMBERS, Recorded, Result
+from foldcar.store.design_counts import DesignCounts, design_counts
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.info import ExperimentInfo, StudyInfo
 from foldcar.store.opening import open_reading
@@ -27,6 +28,9 @@ from foldcar.store.tables import (
     Table,
 )
 from foldcar.store.trial_records import Correction, Trial
+
+if TYPE_CHECKING:
+    from foldcar.analysis.stopping import StoppingRule
 
 __all__ = ["ExperimentInfo", "Store", "StoreError", "StudyInfo"]
 
@@ -73,10 +77,41 @@ class Store:
         except TypeError:
             raise StoreError(f"{self.path}: study: its facts are damaged") from None
 
+    def experiment_ids(self, experiment: str | None = None) -> list[str]:
+        """The swept experiments in their order, or the named one; StoreError if there is none of that name."""
+        known = [row["id"] for row in self.rows(EXPERIMENT, "ORDER BY position")]
+        if experiment is None:
+            return known
+        if experiment not in known:
+            raise StoreError(
+                f'{self.path}: has no experiment "{experiment}"; it has {", ".join(known) or "none"}'
+            )
+        return [experiment]
+
     def results(self, experiment: str | None = None) -> Iterator[Result]:
         """Stored runs, streamed by experiment, design and sample; of one experiment if it is named."""
-        for name in self._experiment_ids(experiment):
+        for name in self.experiment_ids(experiment):
             yield from self._results(name)
+
+    def designs(self, name: str) -> dict[int, Mapping[str, float | str]]:
+        """The parameters of an experiment's designs by their position in the family."""
+        rows = self.rows(DESIGN, "WHERE experiment = ? ORDER BY position", name)
+        return {row["position"]: parsed(self.path, DESIGN, row, "parameters") for row in rows}
+
+    def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
+        """The runs that an experiment shows, by design and sample: the design's position, the sample, the row."""
+        experiment = self._experiment(name)
+        # The samples say which runs are the experiment's: they are verified too.
+        for table, key in (("sample", "environment_id"), ("draw", "spread_id")):
+            for _ in self.rows(BY_NAME[table], f"WHERE {key} = ?", experiment[key]):
+                pass
+        names = (*RUN.names, CHECKSUM)
+        for design, sample, *cells in self._rows(
+            f"SELECT d.position, s.sample, {columns_sql(self._connection, RUN, 'r')} {RESULT_JOIN} "
+            "AND e.id = ? ORDER BY d.position, s.sample",
+            name,
+        ):
+            yield design, sample, verified(self.path, RUN, dict(zip(names, cells, strict=True)))
 
     def trials(self, experiment: str | None = None) -> Iterator[Trial]:
         """All trials in their order, whatever their standing; of one experiment if it is named."""
@@ -151,6 +186,10 @@ class Store:
                 counts[re.sub(r"\bsample \d+", "sample …", message or "no message")] += count
         return counts.most_common()
 
+    def design_counts(self, experiment: str) -> DesignCounts:
+        """How many runs of each of the experiment's designs are stored, and how many of them passed."""
+        return design_counts(self.path, self._connection, experiment)
+
     def judged_experiments(self) -> set[str]:
         """The experiments that define when a run has passed."""
         return {row["id"] for row in self.rows(EXPERIMENT) if self._with_rule(row)["success_defined"]}
@@ -158,7 +197,7 @@ class Store:
     def design_columns(self) -> list[str]:
         """Names of all design parameters in the store (``width_mm``, …), in order of appearance."""
         columns: dict[str, None] = {}
-        for name in self._experiment_ids(None):
+        for name in self.experiment_ids(None):
             for design in self.rows(DESIGN, "WHERE experiment = ? AND position = 0", name):
                 columns.update(dict.fromkeys(parsed(self.path, DESIGN, design, "parameters")))
         return list(columns)
@@ -178,37 +217,11 @@ class Store:
             types.setdefault(name, set()).add(kind)
         return types
 
-    def _experiment_ids(self, experiment: str | None) -> list[str]:
-        known = [row["id"] for row in self.rows(EXPERIMENT, "ORDER BY position")]
-        if experiment is None:
-            return known
-        if experiment not in known:
-            raise StoreError(
-                f'{self.path}: has no experiment "{experiment}"; it has {", ".join(known) or "none"}'
-            )
-        return [experiment]
-
     def _results(self, name: str) -> Iterator[Result]:
-        experiment = next(self.rows(EXPERIMENT, "WHERE id = ?", name), None)
-        if experiment is None:
-            # It is in the list of all: an index is damaged.
-            raise StoreError(f"{self.path}: experiment (id={name}) is missing")
-        designs = {
-            row["position"]: parsed(self.path, DESIGN, row, "parameters")
-            for row in self.rows(DESIGN, "WHERE experiment = ?", name)
-        }
-        # The samples say which runs are the experiment's: they are verified too.
-        for table, key in (("sample", "environment_id"), ("draw", "spread_id")):
-            for _ in self.rows(BY_NAME[table], f"WHERE {key} = ?", experiment[key]):
-                pass
+        experiment = self._experiment(name)
+        designs = self.designs(name)
         with_recorded = next(self._rows("SELECT 1 FROM recorded LIMIT 1"), None) is not None
-        names = (*RUN.names, CHECKSUM)
-        for design, sample, *cells in self._rows(
-            f"SELECT d.position, s.sample, {columns_sql(self._connection, RUN, 'r')} {RESULT_JOIN} "
-            "AND e.id = ? ORDER BY d.position, s.sample",
-            name,
-        ):
-            run = verified(self.path, RUN, dict(zip(names, cells, strict=True)))
+        for design, sample, run in self.run_rows(name):
             if design not in designs:
                 raise StoreError(f"{self.path}: design (experiment={name}, position={design}) is missing")
             yield Result(
@@ -223,6 +236,13 @@ class Store:
                 self._recorded(run) if with_recorded else {},
             )
 
+    def _experiment(self, name: str) -> Row:
+        experiment = next(self.rows(EXPERIMENT, "WHERE id = ?", name), None)
+        if experiment is None:
+            # It is in the list of all: an index is damaged.
+            raise StoreError(f"{self.path}: experiment (id={name}) is missing")
+        return experiment
+
     def _recorded(self, run: Row) -> dict[str, Recorded]:
         where = " AND ".join(f"{column} = ?" for column in RUN.key)
         rows = self.rows(RECORDED, f"WHERE {where} ORDER BY name", *(run[column] for column in RUN.key))
@@ -234,8 +254,8 @@ class Store:
         builds = {row["id"]: row["name"] for row in self.rows(BY_NAME["build"])}
         for row in self.rows(EXPERIMENT, "ORDER BY position"):
             name = row["id"]
-            ((designs,),) = self._rows("SELECT count(*) FROM design WHERE experiment = ?", name)
-            ((stored,),) = self._rows("SELECT count(*) FROM result WHERE experiment = ?", name)
+            counts, facts = self.design_counts(name), self._with_rule(row)
+            until, decided = _stopped(facts.pop("until", None), counts)
             if row["build_id"] not in builds:
                 raise StoreError(f"{self.path}: build (id={row['build_id']}) is missing")
             yield ExperimentInfo(
@@ -244,9 +264,14 @@ class Store:
                 environment=row["environment"],
                 environments=row["environments"],
                 carsim_build=builds[row["build_id"]],
-                planned_runs=designs * row["environments"],
-                stored_runs=stored,
-                **self._with_rule(row),
+                planned_runs=sum(
+                    runs if done else row["environments"] for runs, done in zip(counts.runs, decided, strict=True)
+                ),
+                stored_runs=sum(counts.runs),
+                until=until,
+                designs=len(decided),
+                decided=sum(decided),
+                **facts,
             )
 
     def _with_rule(self, experiment: Row) -> dict[str, Any]:
@@ -273,3 +298,13 @@ class Store:
     def _rows(self, query: str, *values: Any) -> Iterator[Any]:
         with store_errors(self.path):
             yield from self._connection.execute(query, values)
+
+
+def _stopped(facts: Mapping[str, Any] | None, counts: DesignCounts) -> "tuple[StoppingRule | None, list[bool]]":
+    """The rule that the sweep stopped by, if any, and whether each design is decided by it."""
+    if facts is None:
+        return None, [False] * len(counts.runs)
+    from foldcar.analysis.stopping import StoppingRule
+
+    rule = StoppingRule.from_facts(facts)
+    return rule, rule.decided(counts.passed, counts.runs).tolist()

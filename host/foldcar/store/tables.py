@@ -229,6 +229,19 @@ CORRECTION = Table(
         Column("operator", "TEXT", "who corrected it"),
     ),
 )
+CALIBRATION = Table(
+    "calibration",
+    "parameters of the simulator, inferred from the trials of an experiment",
+    (
+        Column("name", "TEXT", "its name; experiments swept under it carry it"),
+        Column("experiment", "TEXT", "the experiment whose trials it goes by"),
+        Column("build_id", "INTEGER", "the build of carsim that simulated them", refers="build"),
+        Column("created_utc", "TEXT", "when it was made"),
+        Column("draws", "JSON", "a list of equally likely sets of parameters by name, units in the names"),
+        Column("summary", "JSON", "trials, priors, posterior, predictions and advice, as the command printed them"),
+    ),
+    key=("name",),
+)
 
 # What is referred to stands before what refers to it.
 TABLES = (
@@ -248,6 +261,7 @@ TABLES = (
     RECORDED,
     TRIAL,
     CORRECTION,
+    CALIBRATION,
 )
 BY_NAME = {table.name: table for table in TABLES}
 

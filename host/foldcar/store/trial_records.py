@@ -93,6 +93,11 @@ class Trial:
         """Whether it was completed and not aborted. Others count in no success rate."""
         return self.outcome != "aborted"
 
+    @property
+    def counts(self) -> bool:
+        """Whether it counts in success rates: of a built car, completed, not withdrawn."""
+        return self.standing == BUILT and self.completed
+
 
 @dataclass(frozen=True, slots=True)
 class Correction:

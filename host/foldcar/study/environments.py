@@ -37,6 +37,11 @@ class Environment:
         )
 
     @property
+    def calibration(self) -> dict[str, str] | None:
+        """What it is simulated under, as in ExperimentInfo; None if the simulator is nominal."""
+        return None
+
+    @property
     def dynamic(self) -> bool:
         """Whether the program has parts that Scenic must evaluate during a simulation."""
         return self._open().dynamic

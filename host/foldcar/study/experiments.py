@@ -24,6 +24,7 @@ TRIAL_LIMIT = "TRIAL_MAX_S"
 class Experiment:
     """One experiment: each design of the family in each of ``environments`` samples of the program.
 
+    ``thresholds`` are the shares of passed runs, 0 to 1, that tell good designs from bad ones, in ascending order.
     ``condition`` is the listing's (see open_environment). ``variation`` maps the names of spreads to standard
     deviations; it is empty if cars are as designed.
     """
@@ -43,6 +44,7 @@ class Experiment:
     variation: Mapping[str, float]
     variation_seed: int
     place: str
+    thresholds: tuple[float, ...] = ()
 
     def settings(
         self, design: Design, body: Mapping[str, Any], table: Mapping[str, TableRow]
@@ -52,24 +54,7 @@ class Experiment:
         FoldcarError if a value is outside the limits of the firmware's parameter table ``table``, or the car is slower
         than the commanded speed.
         """
-        values = firmware_parameters(design, body)
-        limit = table.get(TRIAL_LIMIT)
-        if limit is not None and self.timeout_s > limit.default:
-            if self.timeout_s > limit.maximum:
-                what = f"{self.timeout_s:g} is above the maximum {limit.maximum:g} s"
-                raise ListingError(f"{self.place}.params.timeout", f"{what} (the firmware's {TRIAL_LIMIT})")
-            values[TRIAL_LIMIT] = self.timeout_s
-        check_parameters(values, table)
-        full_m_s = full_speed_m_s(design)
-        if self.speed_m_s is not None and self.speed_m_s > full_m_s:
-            what = f"{self.speed_m_s:g} is above {full_m_s:.3g} m/s, the full speed of {design.title}"
-            raise ListingError(f"{self.place}.params.speed", what)
-        return {
-            "speed_m_s": self.speed_m_s if self.speed_m_s is not None else full_m_s,
-            "yaw_rate_rad_s": self.yaw_rate_rad_s,
-            "time_limit_s": self.timeout_s,
-            "parameters": values,
-        }
+        return run_settings(design, body, table, self.timeout_s, self.speed_m_s, self.yaw_rate_rad_s, self.place)
 
 
 @dataclass(frozen=True)
@@ -119,9 +104,40 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
                 variation=_variation(params, f"{file}: experiments.{name}.params.variation"),
                 variation_seed=environment.seed if params.variation_seed is None else params.variation_seed,
                 place=f"{file}: experiments.{name}",
+                thresholds=params.threshold,
             )
         )
     return Study(str(file), text, tuple(chosen))
+
+
+def run_settings(
+    design: Design,
+    body: Mapping[str, Any],
+    table: Mapping[str, TableRow],
+    timeout_s: float,
+    speed_m_s: float | None,
+    yaw_rate_rad_s: float,
+    place: str,
+) -> dict[str, Any]:
+    """As :meth:`Experiment.settings`; ``place`` names the experiment in errors."""
+    values = firmware_parameters(design, body)
+    limit = table.get(TRIAL_LIMIT)
+    if limit is not None and timeout_s > limit.default:
+        if timeout_s > limit.maximum:
+            what = f"{timeout_s:g} is above the maximum {limit.maximum:g} s"
+            raise ListingError(f"{place}.params.timeout", f"{what} (the firmware's {TRIAL_LIMIT})")
+        values[TRIAL_LIMIT] = timeout_s
+    check_parameters(values, table)
+    full_m_s = full_speed_m_s(design)
+    if speed_m_s is not None and speed_m_s > full_m_s:
+        what = f"{speed_m_s:g} is above {full_m_s:.3g} m/s, the full speed of {design.title}"
+        raise ListingError(f"{place}.params.speed", what)
+    return {
+        "speed_m_s": speed_m_s if speed_m_s is not None else full_m_s,
+        "yaw_rate_rad_s": yaw_rate_rad_s,
+        "time_limit_s": timeout_s,
+        "parameters": values,
+    }
 
 
 def _variation(params: ExperimentParams, place: str) -> Mapping[str, float]:

@@ -101,15 +101,29 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
+def _thresholds(raw: Any) -> tuple[float, ...]:
+    """The thresholds of success, from one number or a list of them."""
+    thresholds = tuple(_number(item) for item in (raw if isinstance(raw, list) else [raw]))
+    if not thresholds:
+        raise ValueError("an empty list has no threshold")
+    if not all(0 < threshold < 1 for threshold in thresholds):
+        raise ValueError(f"{raw!r} is not between 0 and 1: a threshold is a share of runs, as 0.75")
+    if list(thresholds) != sorted(set(thresholds)):
+        raise ValueError(f"{raw!r} does not ascend")
+    return thresholds
+
+
 class ExperimentParams(Strict):
     """``timeout`` in s, number of sampled ``environments``, ``speed`` in m/s (None: full), ``yaw_rate`` in rad/s.
 
+    ``threshold``: the shares of passed runs, 0 to 1 and ascending, that tell good designs from bad ones.
     ``variation``: the spread of built cars by name or as overrides (None: cars are as designed);
     ``variation_seed`` None: the environment's.
     """
 
     timeout: float = Field(120.0, gt=0)
     environments: int = Field(1, ge=1, le=MOST_ENVIRONMENTS)
+    threshold: Annotated[tuple[float, ...], BeforeValidator(_thresholds)] = ()
     speed: float | None = Field(None, gt=0, le=5)
     yaw_rate: float = Field(0.0, ge=-20, le=20)
     variation: Annotated[str | dict[str, Any] | None, BeforeValidator(_spread)] = None

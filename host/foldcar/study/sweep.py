@@ -1,20 +1,21 @@
 """A sweep: simulates every design of every experiment in every environment that the store lacks.
 
-Input: a study, a store's path, a simulator. Output: rows in the store and their counts. All designs are simulated in
-one sample before the next, so that partial results cover the whole family. Only the calling thread samples, plans
-and writes; workers wait for simulator processes. Dynamic programs run with Scenic beside the simulation, all others
-in carsim's batch.
+Input: a study, a store's path, a simulator. Output: rows in the store and their counts. Only the calling thread samples,
+plans and writes; workers wait for simulator processes. Dynamic programs run with Scenic beside the simulation, all
+others in carsim's batch.
 """
 
-import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from datetime import datetime, timezone
 from pathlib import Path
 
 from foldcar import __version__
+from foldcar.analysis.stopping import StoppingRule
 from foldcar.car.body import body_json
+from foldcar.car.design import Design
 from foldcar.car.firmware_parameters import TableRow
+from foldcar.errors import FoldcarError
 from foldcar.interrupts import delayed
 from foldcar.scenes.fingerprint import scenic_version
 from foldcar.simulation.carsim import Carsim
@@ -22,42 +23,14 @@ from foldcar.simulation.results import outcome_of
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
+from foldcar.study.experiment_runs import ExperimentRuns
 from foldcar.study.experiments import Experiment, Study
 from foldcar.study.family import Family
+from foldcar.study.progress import Progress
+from foldcar.study.stopping import design_states
 
 # Cars that cannot be built: how many are announced by name.
 SHOWN_SKIPPED = 5
-
-
-@dataclass
-class Progress:
-    """Counts of a sweep's runs: ``new`` were simulated, ``there`` stored before; ``passed`` and ``failed`` of both.
-
-    ``judged`` of the ``total`` are in environments that define success.
-    """
-
-    total: int
-    judged: int = 0
-    new: int = 0
-    there: int = 0
-    passed: int = 0
-    failed: int = 0
-    started_s: float = field(default_factory=time.perf_counter)
-
-    @property
-    def done(self) -> int:
-        """Runs that are in the store or share the result of a run in progress."""
-        return self.new + self.there
-
-    @property
-    def seconds(self) -> float:
-        """Time since the start of the sweep (s)."""
-        return time.perf_counter() - self.started_s
-
-    def count(self, outcome: str | None, runs: int = 1) -> None:
-        """Count ``runs`` runs of the study with that outcome."""
-        self.passed += runs * (outcome == "passed")
-        self.failed += runs * (outcome == "failed")
 
 
 def sweep(
@@ -69,10 +42,13 @@ def sweep(
     report: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
     announce: Callable[[str], None] = lambda line: None,
+    environment_of: Callable[[Experiment], Environment] = Environment,
+    until: Mapping[str, StoppingRule] | None = None,
 ) -> Progress:
     """Simulate the missing runs; ``report`` is called after every step; ``progress``, if given, is updated.
 
-    ``announce`` is given what holds for the sweep, a line at a time, before its first run.
+    ``announce`` is given what holds for the sweep, a line at a time, before its first run. ``environment_of`` makes the
+    environments: those of a calibration are others. ``until`` holds, by experiment, when a design needs no more runs.
 
     Nothing is written before every design and, for a new store, every environment has been checked. FoldcarError.
     """
@@ -81,14 +57,16 @@ def sweep(
     for experiment in study.experiments:
         for _ in _designs(experiment, table):
             pass
-    environments = [Environment(experiment) for experiment in study.experiments]
+    environments = [environment_of(experiment) for experiment in study.experiments]
     if not store.exists():
         for environment in environments:
             environment.sample(0)
+    if until:
+        _check_success(study, environments)
     with write_store(store) as writer:
-        writer.begin_study(_facts(study, carsim, command), carsim.build)
+        writer.begin_study(study_facts(study, carsim, command), carsim.build)
         plans = [
-            _plan(experiment, environment, writer, table)
+            plan_experiment(experiment, environment, writer, table, (until or {}).get(experiment.id))
             for experiment, environment in zip(study.experiments, environments, strict=True)
         ]
         counts.judged = sum(
@@ -102,49 +80,36 @@ def sweep(
             for line in skipped_lines(experiment.id, experiment.family):
                 announce(line)
         with ChunkPool(writer, jobs, carsim.limits().numbers) as pool:
-            for plan, environment in zip(plans, environments, strict=True):
-                dynamic = _is_dynamic(plan, environment, writer)
+            for experiment, plan, environment in zip(study.experiments, plans, environments, strict=True):
+                dynamic = is_dynamic(plan.environment_id, environment, writer)
+                rule = (until or {}).get(plan.id)
                 with environment.runner(carsim, dynamic) as runner, pool.using(runner):
-                    for finished in _run_experiment(plan, environment, dynamic, writer, pool, counts, report):
+                    runs = ExperimentRuns(plan, environment, dynamic, writer, pool, counts, report)
+                    for finished in runs.all() if rule is None else runs.until(rule):
                         _keep(finished, writer, counts, report)
+                    if rule is not None:
+                        counts.states += design_states(experiment, rule, writer.design_counts(plan))
                     if runner is not carsim:
                         # This runner is closed at the end of its experiment.
                         for finished in pool.finish():
                             _keep(finished, writer, counts, report)
             for finished in pool.finish():
                 _keep(finished, writer, counts, report)
+    if until:
+        counts.judged = counts.total
     return counts
+
+
+def _check_success(study: Study, environments: Sequence[Environment]) -> None:
+    """FoldcarError if an experiment does not define when a run has passed."""
+    for experiment, environment in zip(study.experiments, environments, strict=True):
+        if not environment.success.defined:
+            raise FoldcarError(f"{experiment.place}: --until has nothing to decide: {environment.success.text}")
 
 
 def planned_total(study: Study) -> int:
     """The number of runs of the study, stored or not."""
     return sum(len(experiment.family) * experiment.environments for experiment in study.experiments)
-
-
-def _run_experiment(
-    plan: PlannedExperiment,
-    environment: Environment,
-    dynamic: bool,
-    writer: StoreWriter,
-    pool: ChunkPool,
-    counts: Progress,
-    report: Callable[[Progress], None],
-) -> Iterator[list[FinishedRun]]:
-    samples, draws = writer.sample_count(plan.environment_id), writer.draw_count(plan.spread_id)
-    for sample in range(plan.environments):
-        if sample >= samples:
-            scene = environment.sample(sample)
-            writer.put_sample(plan.environment_id, sample, scene, environment.scene_identity(sample, dynamic))
-        if sample >= draws:
-            identity = environment.variation_identity()
-            writer.put_draw(plan.spread_id, sample, environment.variation(sample), identity)
-        for run in writer.planned_runs(plan, sample):
-            if run.outcome is not None or pool.joins(run):
-                counts.there += 1
-                counts.count(run.outcome)
-                continue
-            yield from pool.add(run, counts.total - counts.done)
-        report(counts)
 
 
 def _keep(
@@ -159,22 +124,27 @@ def _keep(
     report(counts)
 
 
-def _is_dynamic(plan: PlannedExperiment, environment: Environment, writer: StoreWriter) -> bool:
+def is_dynamic(environment_id: int, environment: Environment, writer: StoreWriter) -> bool:
     """Whether the program is dynamic, from the store, or else from compiling the program."""
-    dynamic = writer.is_dynamic(plan.environment_id)
+    dynamic = writer.is_dynamic(environment_id)
     if dynamic is None:
         dynamic = environment.dynamic
-        writer.put_dynamic(plan.environment_id, dynamic)
+        writer.put_dynamic(environment_id, dynamic)
     return dynamic
 
 
-def _plan(
-    experiment: Experiment, environment: Environment, writer: StoreWriter, table: dict[str, TableRow]
+def plan_experiment(
+    experiment: Experiment,
+    environment: Environment,
+    writer: StoreWriter,
+    table: dict[str, TableRow],
+    rule: StoppingRule | None = None,
 ) -> PlannedExperiment:
+    """Record an experiment and its family's designs, replacing an earlier one of that id. FoldcarError."""
     first = next(iter(experiment.family))
     varied = experiment.family.varied
     environment_id = writer.environment(environment.fingerprint)
-    rule, defined = writer.success_rule(environment_id) or (environment.success.text, environment.success.defined)
+    success_rule, defined = writer.success_rule(environment_id) or (environment.success.text, environment.success.defined)
     plan = PlannedExperiment(
         id=experiment.id,
         vehicle=experiment.family.vehicle,
@@ -196,8 +166,11 @@ def _plan(
             "variation": dict(experiment.variation),
             "variation_seed": experiment.variation_seed,
             "skipped": experiment.family.skipped,
-            "success_rule": rule,
+            "success_rule": success_rule,
             "success_defined": defined,
+            "calibration": environment.calibration,
+            "thresholds": experiment.thresholds,
+            **({} if rule is None else {"until": asdict(rule)}),
         },
     )
     writer.put_experiment(plan, _designs(experiment, table))
@@ -226,11 +199,17 @@ def _rules(plans: Sequence[PlannedExperiment]) -> Iterator[str]:
 
 def _designs(experiment: Experiment, table: dict[str, TableRow]) -> Iterator[PlannedDesign]:
     for design in experiment.family:
-        body = body_json(design)
-        yield PlannedDesign(design.columns, body, experiment.settings(design, body, table))
+        yield planned_design(experiment, design, table)
 
 
-def _facts(study: Study, carsim: Carsim, command: str) -> dict[str, str]:
+def planned_design(experiment: Experiment, design: Design, table: dict[str, TableRow]) -> PlannedDesign:
+    """A design with its inputs of the simulator. FoldcarError."""
+    body = body_json(design)
+    return PlannedDesign(design.columns, body, experiment.settings(design, body, table))
+
+
+def study_facts(study: Study, carsim: Carsim, command: str) -> dict[str, str]:
+    """What a store keeps of a sweep: versions, listing, command, time."""
     return {
         "foldcar_version": __version__,
         "scenic_version": scenic_version(),

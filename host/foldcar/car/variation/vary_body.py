@@ -21,6 +21,7 @@ def vary_body(body: Mapping[str, Any], variation: Mapping[str, Any], limits: Num
         **body,
         "segments": [_segment(segment, variation, limits) for segment in body["segments"]],
         "wheels": [_wheel(wheel, variation, limits) for wheel in body["wheels"]],
+        "track_m": _within(limits["body.track_m"], body["track_m"] + variation.get("track_m", 0.0)),
         "supply_v": _within(limits["body.supply_v"], body["supply_v"] + variation.get("supply_v", 0.0)),
     }
 

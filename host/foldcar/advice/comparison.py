@@ -1,0 +1,263 @@
+"""Simulation against trials of built cars, design by design: rates, gaps, ranks, and what follows from them in words.
+
+Input: a store, or its evidence. Output: a Comparison of each experiment. A gap is trials minus simulation. The gaps of
+one experiment hold together with 95 %: each is wider than a single one would be.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy
+import pandas
+
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, unswept_trials
+from foldcar.advice.words import count, design_text, listed, percent, points
+from foldcar.analysis.gap import (
+    AGREES,
+    OPTIMISTIC,
+    PESSIMISTIC,
+    TOO_FEW,
+    Gap,
+    RankAgreement,
+    gap,
+    mean_gap,
+    rank_agreement,
+)
+from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.prediction_powered import rectified_rate
+from foldcar.analysis.rate import Rate
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.store.trial_records import Trial
+
+CONFIDENCE = 0.95
+# Rates that differ by less agree, as far as a choice of cars goes.
+MARGIN = 0.15
+
+
+@dataclass(frozen=True)
+class DesignComparison:
+    """One design with trials. ``simulated`` and ``gap`` are None without runs; ``driven`` are the trials alone.
+
+    ``rectified`` is the trials' rate with the help of simulation; None where not every trial has a run of its
+    environment. ``agreeing`` of the ``paired`` trials ended as simulation says there, passed or not. ``verdict`` is
+    one of those of :mod:`foldcar.analysis.gap`, None where there is nothing to compare.
+    """
+
+    evidence: DesignEvidence
+    simulated: Rate | None
+    driven: Rate
+    rectified: Rate | None
+    gap: Gap | None
+    verdict: str | None
+
+    @property
+    def label(self) -> str:
+        """The design for the reader."""
+        return self.evidence.label
+
+    @property
+    def design(self) -> Design:
+        """The design's parameters."""
+        return self.evidence.design
+
+    @property
+    def paired(self) -> int:
+        """The number of trials with a simulation of their environment."""
+        return len(self.evidence.paired)
+
+    @property
+    def agreeing(self) -> int:
+        """How many paired trials passed where simulation passes, or did not where it does not."""
+        return sum(trial.passed == bool(trial.simulated) for trial in self.evidence.paired)
+
+    @property
+    def driven_outcomes(self) -> Mapping[str, int]:
+        """The trials by outcome."""
+        return Counter(trial.outcome for trial in self.evidence.trials)
+
+
+@dataclass(frozen=True)
+class ExperimentComparison:
+    """One swept experiment; ``mean_gap`` is over its designs with runs and trials, None if there are none.
+
+    ``verdict`` is one of a design's, "mixed", or None; ``sentence`` says it. ``info`` is the experiment.
+    """
+
+    info: ExperimentInfo
+    designs: tuple[DesignComparison, ...]
+    ranks: RankAgreement | None
+    mean_gap: Gap | None
+    verdict: str | None
+    sentence: str
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class TrialsAlone:
+    """Trials of an experiment that was not swept: each design with its rate; ``sentence`` says what to do."""
+
+    experiment: str
+    designs: tuple[tuple[str, int, Rate], ...]
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A store's comparison; ``sentence`` is its answer in short."""
+
+    experiments: tuple[ExperimentComparison, ...]
+    alone: tuple[TrialsAlone, ...]
+    margin: float
+    sentence: str
+
+
+def compare(
+    store: Store, experiment: str | None = None, margin: float = MARGIN, runs: pandas.DataFrame | None = None
+) -> Comparison:
+    """Compare a store's trials with its runs; rates that differ by at most ``margin`` (0 to 1) agree.
+
+    ``runs`` is the store's table of runs if the caller has it. FoldcarError.
+    """
+    known = {trial.experiment for trial in store.trials()} - {*store.experiment_ids()}
+    evidence = [] if experiment in known else read_evidence(store, experiment, runs)
+    alone = unswept_trials(store, experiment if experiment in known else None)
+    return compare_evidence(evidence, alone if experiment is None or experiment in known else [], margin)
+
+
+def compare_evidence(evidence: Sequence[Evidence], alone: Sequence[Trial] = (), margin: float = MARGIN) -> Comparison:
+    """As :func:`compare`, from evidence that was read; ``alone`` are trials of experiments that were not swept."""
+    experiments = tuple(_experiment(one, margin) for one in evidence)
+    grouped: dict[str, list[Trial]] = {}
+    for trial in alone:
+        grouped.setdefault(trial.experiment, []).append(trial)
+    apart = tuple(_alone(name, trials) for name, trials in grouped.items())
+    return Comparison(experiments, apart, margin, _overall(experiments, apart))
+
+
+def wilson_rate(passed: int, number: int, what: str, confidence: float = CONFIDENCE) -> Rate:
+    """The share with its Wilson interval; ``what`` was counted."""
+    return Rate(passed / number, *wilson_interval(passed, number, confidence), confidence, f"Wilson interval of {what}")
+
+
+def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
+    info, driven = evidence.info, evidence.driven
+    if not info.success_defined:
+        rows = [DesignComparison(one, None, _driven(one, CONFIDENCE), None, None, None) for one in driven]
+        why = "success is undefined in this environment, so that there is no rate to compare; only outcomes are shown."
+        return ExperimentComparison(info, tuple(rows), None, None, None, f"Nothing to compare: {why}", evidence.remarks)
+    both = [one for one in driven if one.runs]
+    # Bonferroni: all gaps of the experiment hold together.
+    together = 1 - (1 - CONFIDENCE) / max(1, len(both))
+    compared = tuple(_design(one, together, margin) for one in driven)
+    if not both:
+        return ExperimentComparison(info, compared, None, None, None, _nothing(driven), evidence.remarks)
+    rates = [(_simulated(one, CONFIDENCE), _best(one, CONFIDENCE)) for one in both]
+    mean = mean_gap([f for f, _ in rates], [y for _, y in rates])
+    ranks = rank_agreement(
+        [(one.runs_passed, one.runs) for one in both], [(one.trials_passed, len(one.trials)) for one in both]
+    )
+    verdict, sentence = _verdict(compared, mean, margin)
+    return ExperimentComparison(info, compared, ranks, mean, verdict, sentence, evidence.remarks)
+
+
+def _design(one: DesignEvidence, together: float, margin: float) -> DesignComparison:
+    driven = _driven(one, CONFIDENCE)
+    if not one.runs:
+        return DesignComparison(one, None, driven, None, None, None)
+    found = gap(_simulated(one, together), _best(one, together))
+    rectified = _rectified(one, CONFIDENCE)
+    return DesignComparison(one, _simulated(one, CONFIDENCE), driven, rectified, found, found.verdict(margin))
+
+
+def _simulated(one: DesignEvidence, confidence: float) -> Rate:
+    return wilson_rate(one.runs_passed, one.runs, count(one.runs, "run"), confidence)
+
+
+def _driven(one: DesignEvidence, confidence: float) -> Rate:
+    return wilson_rate(one.trials_passed, len(one.trials), count(len(one.trials), "trial"), confidence)
+
+
+def _rectified(one: DesignEvidence, confidence: float) -> Rate | None:
+    """The rate of trials that are all paired; None if they are not, or if no other environment was simulated."""
+    if len(one.paired) < len(one.trials):
+        return None
+    met = [trial.sample for trial in one.trials if trial.sample is not None]
+    others = one.passed[~numpy.isin(one.samples, met)]
+    if not len(others):
+        return None
+    y, f = [int(trial.passed) for trial in one.paired], [float(trial.simulated or 0) for trial in one.paired]
+    return rectified_rate(y, f, others.astype(float), confidence)
+
+
+def _best(one: DesignEvidence, confidence: float) -> Rate:
+    return _rectified(one, confidence) or _driven(one, confidence)
+
+
+def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float) -> tuple[str, str]:
+    """The experiment's verdict and its sentence."""
+    labels: dict[str, list[str]] = {}
+    for one in compared:
+        if one.verdict is not None:
+            labels.setdefault(one.verdict, []).append(one.label)
+    more = "less" if mean.value < 0 else "more"
+    apart = f"trials pass {points(mean.value, sign=False)} points {more} often than simulation"
+    interval = f"{points(mean.low)} to {points(mean.high)}"
+    average = f"on average over {count(sum(map(len, labels.values())), 'design')}, {apart} (95 %: {interval})"
+    unsure = f"; too few trials to say at {listed(labels[TOO_FEW])}" if TOO_FEW in labels else ""
+    if OPTIMISTIC in labels and PESSIMISTIC in labels:
+        text = f"optimistic at {listed(labels[OPTIMISTIC])} and pessimistic at {listed(labels[PESSIMISTIC])}{unsure}"
+        return "mixed", f"Simulation is {text}; {average}."
+    for verdict in (OPTIMISTIC, PESSIMISTIC):
+        if verdict in labels:
+            return verdict, f"Simulation is {verdict} at {listed(labels[verdict])}{unsure}; {average}."
+    verdict = mean.verdict(margin)
+    if verdict in (OPTIMISTIC, PESSIMISTIC):
+        return verdict, f"Simulation is {verdict} {average}; no single design shows it."
+    within = f"within {points(margin, sign=False)} points"
+    if verdict == AGREES and TOO_FEW not in labels:
+        return AGREES, f"Simulation and trials agree {within} at {listed(labels[AGREES])}; {average}."
+    if AGREES in labels:
+        return TOO_FEW, f"Simulation and trials agree {within} at {listed(labels[AGREES])}{unsure}; {average}."
+    return TOO_FEW, f"Too few trials to say whether simulation and trials agree {within}; {average}."
+
+
+def _nothing(driven: Sequence[DesignEvidence]) -> str:
+    if driven:
+        return "Nothing to compare: no design has both runs and trials."
+    return "Nothing to compare: there are no trials of built cars yet. `foldcar select` says which cars to build."
+
+
+def _alone(name: str, trials: Sequence[Trial]) -> TrialsAlone:
+    groups: dict[str, list[Trial]] = {}
+    varied = {key for trial in trials for key in trial.design if len({one.design.get(key) for one in trials}) > 1}
+    for trial in trials:
+        label = design_text({key: value for key, value in trial.design.items() if key in varied}) if varied else "the car"
+        groups.setdefault(f"{trial.vehicle_type}, {label}", []).append(trial)
+    rows = []
+    for label, some in groups.items():
+        passed = sum(trial.outcome == "passed" for trial in some)
+        rows.append((label, passed, wilson_rate(passed, len(some), count(len(some), "trial"))))
+    return TrialsAlone(name, tuple(rows), f"Experiment {name} was not swept: {count(len(trials), 'trial')} without runs.")
+
+
+def _overall(experiments: Sequence[ExperimentComparison], alone: Sequence[TrialsAlone]) -> str:
+    if not experiments:
+        return "Nothing to compare: the store has no runs yet; sweep the listing into it with `foldcar sweep`."
+    several = len(experiments) > 1
+    sentences = [f"{f'Experiment {one.info.id}: ' if several else ''}{one.sentence}" for one in experiments]
+    builds = {one.info.carsim_build for one in experiments}
+    if len(builds) > 1:
+        sentences.append(f"The experiments were simulated by {len(builds)} builds of carsim: do not compare them.")
+    return " ".join(sentences)
+
+
+def design_sentence(one: DesignComparison) -> str:
+    """What is found of one design: ``95 mm: simulation passes 100 %, the car 7 of 10 (70 %): optimistic …``."""
+    passed, number = one.evidence.trials_passed, len(one.evidence.trials)
+    car = f"the car {passed} of {number} ({percent(one.driven.value)})"
+    if one.simulated is None or one.gap is None or one.verdict is None:
+        return f"{one.label}: {car}; not simulated."
+    interval = f"gap {points(one.gap.value)} points, {points(one.gap.low)} to {points(one.gap.high)}"
+    return f"{one.label}: simulation passes {percent(one.simulated.value)}, {car}: {one.verdict} ({interval})."

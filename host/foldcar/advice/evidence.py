@@ -1,0 +1,269 @@
+"""What a store tells of each design of an experiment: runs in sampled environments, and trials of built cars.
+
+Input: a store. Output: Evidence of each swept experiment. A trial has beside it what simulation makes of the same
+environment: the stored run, or a run made now where the trial was placed otherwise than planned.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy
+import pandas
+from numpy.typing import NDArray
+
+from foldcar.advice.resimulation import Resimulation
+from foldcar.advice.words import count, design_text
+from foldcar.store.frames import runs_frame
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.store.trial_records import Trial
+from foldcar.store.trial_selection import left_out_text, select_trials
+
+Design = Mapping[str, float | str]
+# Designs that are named in one remark.
+SHOWN = 5
+
+
+@dataclass(frozen=True)
+class PairedTrial:
+    """A completed trial of a built car; ``simulated`` is 1 if simulation passes in its environment, 0 if not.
+
+    ``simulated`` is None where that is not known; ``again`` says that it was simulated now, as it was placed.
+    ``sample`` is None where the environment is not known.
+    """
+
+    number: int
+    outcome: str
+    sample: int | None
+    simulated: int | None
+    again: bool
+
+    @property
+    def passed(self) -> bool:
+        """Whether the car passed."""
+        return self.outcome == "passed"
+
+
+@dataclass(frozen=True)
+class DesignEvidence:
+    """One design: ``passed`` (runs,) tells of its runs in the environments ``samples`` (runs,) whether they passed.
+
+    ``swept`` is False for a design of trials that the sweep lacks, whose runs were made now or are none. ``label`` is
+    its name for the reader, ``outcomes`` counts the runs by outcome, ``mean_time_s`` is that of all runs (None without).
+    """
+
+    vehicle_type: str
+    design: Design
+    label: str
+    swept: bool
+    samples: NDArray[Any]
+    passed: NDArray[Any]
+    outcomes: Mapping[str, int]
+    mean_time_s: float | None
+    trials: tuple[PairedTrial, ...] = ()
+    aborted: int = 0
+
+    @property
+    def runs(self) -> int:
+        """The number of runs."""
+        return len(self.passed)
+
+    @property
+    def runs_passed(self) -> int:
+        """The number of runs that passed."""
+        return int(self.passed.sum())
+
+    @property
+    def trials_passed(self) -> int:
+        """The number of trials that passed."""
+        return sum(trial.passed for trial in self.trials)
+
+    @property
+    def paired(self) -> list[PairedTrial]:
+        """The trials with a simulation of their environment."""
+        return [trial for trial in self.trials if trial.simulated is not None]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """One experiment: its designs in the order of the family, then those of trials only; ``remarks`` for the reader."""
+
+    info: ExperimentInfo
+    designs: tuple[DesignEvidence, ...]
+    remarks: tuple[str, ...]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The varied design parameters."""
+        return tuple(self.info.varied)
+
+    @property
+    def driven(self) -> list[DesignEvidence]:
+        """The designs with trials that count."""
+        return [one for one in self.designs if one.trials]
+
+
+def read_evidence(store: Store, experiment: str | None = None, runs: pandas.DataFrame | None = None) -> list[Evidence]:
+    """The evidence of every swept experiment, or of one; none if no sweep has begun.
+
+    ``runs`` is the store's :func:`runs_frame` if the caller has it. FoldcarError.
+    """
+    if not store.holds_study():
+        return []
+    infos = store.info().experiments
+    names = store.experiment_ids(experiment)
+    table = runs_frame(store, experiment) if runs is None else runs
+    again = Resimulation(store)
+    return [_evidence(store, infos[name], table[table["experiment"] == name], again) for name in names]
+
+
+def listed_id(info: ExperimentInfo) -> str:
+    """The experiment's name in the listing, which trials go by: sweeps under a calibration have names of their own."""
+    return info.id if info.calibration is None else info.calibration["experiment"]
+
+
+def unswept_trials(store: Store, experiment: str | None = None) -> list[Trial]:
+    """The trials of built cars that count, in experiments that were not swept."""
+    kept, _ = select_trials(store.trials(experiment), False)
+    swept = store.experiment_ids()
+    return [trial for trial in kept if trial.completed and trial.experiment not in swept]
+
+
+def _evidence(store: Store, info: ExperimentInfo, runs: pandas.DataFrame, again: Resimulation) -> Evidence:
+    trials, remarks = _trials(store, info)
+    designs = {_key(info.vehicle_type, one.design): one for one in _swept(store, info, runs)}
+    by_design: dict[Any, list[Trial]] = {}
+    for trial in trials:
+        by_design.setdefault(_key(trial.vehicle_type, trial.design), []).append(trial)
+    for key, some in by_design.items():
+        if key not in designs:
+            designs[key], remark = _unswept(info, some[0], again)
+            remarks.append(remark)
+    stored = info.stored_runs
+    if stored < info.planned_runs:
+        remarks.insert(0, f"Unfinished: {stored} of {info.planned_runs} runs are stored; the same sweep resumes.")
+    elsewhere = store.trials_elsewhere(listed_id(info))
+    found = [_with_trials(info, one, by_design.get(key, []), elsewhere, again) for key, one in designs.items()]
+    return Evidence(info, tuple(found), (*remarks, *_pair_remarks(found), *again.remarks(info.id)))
+
+
+def _swept(store: Store, info: ExperimentInfo, runs: pandas.DataFrame) -> Iterator[DesignEvidence]:
+    """The designs of the family with their runs."""
+    designs = list(store.designs(info.id).values())
+    names = list(designs[0]) if designs else []
+    groups = runs.groupby([*info.varied], sort=False, dropna=False).indices if info.varied else {(): range(len(runs))}
+    keyed = {key if isinstance(key, tuple) else (key,): rows for key, rows in groups.items()}
+    for design in designs:
+        some = runs.iloc[keyed.get(tuple(design[name] for name in info.varied), [])]
+        mean = some["elapsed_time_s"].mean()
+        yield DesignEvidence(
+            info.vehicle_type,
+            {name: design[name] for name in names},
+            design_text({name: design[name] for name in info.varied}),
+            True,
+            some["sample"].to_numpy(),
+            (some["outcome"] == "passed").to_numpy(dtype=bool),
+            Counter(some["outcome"]),
+            None if pandas.isna(mean) else float(mean),
+        )
+
+
+def _unswept(info: ExperimentInfo, trial: Trial, again: Resimulation) -> tuple[DesignEvidence, str]:
+    """A design of trials that the sweep lacks, simulated now if that is possible, and what is said of it."""
+    differing = {name: value for name, value in trial.design.items() if info.fixed.get(name) != value}
+    label = design_text({name: value for name, value in trial.design.items() if name in info.varied or name in differing})
+    if trial.vehicle_type != info.vehicle_type:
+        label = f"{trial.vehicle_type} of {label}"
+    found, why_not = again.design(info, trial)
+    outcomes = [outcome for outcome, _ in found]
+    times = [time_s for _, time_s in found if time_s is not None]
+    evidence = DesignEvidence(
+        trial.vehicle_type,
+        trial.design,
+        label,
+        False,
+        numpy.arange(len(found)),
+        numpy.array([outcome == "passed" for outcome in outcomes], dtype=bool),
+        Counter(outcomes),
+        float(numpy.mean(times)) if times else None,
+    )
+    if why_not is None:
+        return evidence, f"{label} is not in the sweep: it was simulated now, in {len(found)} environments."
+    return evidence, f"{label} is not in the sweep, and cannot be simulated now: {why_not}."
+
+
+def _trials(store: Store, info: ExperimentInfo) -> tuple[list[Trial], list[str]]:
+    """The trials to compare, aborted ones among them, and what is said of those left out or driven elsewhere."""
+    kept, left_out = select_trials(store.trials(listed_id(info)), False)
+    text = left_out_text(left_out)
+    remarks = [] if text is None else [text]
+    if info.calibration is not None and kept:
+        remarks.append(
+            f"The runs are of the calibration {info.calibration['name']}, which goes by trials of experiment "
+            f"{listed_id(info)}: where they agree with those trials it is by fit, which later trials may test."
+        )
+    elsewhere = store.trials_elsewhere(listed_id(info))
+    other = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] != info.scenic_program]
+    moved = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] == info.scenic_program]
+    for program, number in Counter(elsewhere[trial.id] or "an unknown program" for trial in other).items():
+        remarks.append(f"{count(number, 'trial')} left out: driven in {program}, not in {info.scenic_program}.")
+    if moved:
+        remarks.append(
+            f"{count(len(moved), 'trial')} were driven in other samples of {info.scenic_program} than the runs: "
+            "its text, parameters or seed, or foldcar, have changed."
+        )
+    return [trial for trial in kept if trial not in other], remarks
+
+
+def _with_trials(
+    info: ExperimentInfo,
+    evidence: DesignEvidence,
+    trials: Sequence[Trial],
+    elsewhere: Mapping[int, Any],
+    again: Resimulation,
+) -> DesignEvidence:
+    stored = dict(zip(evidence.samples.tolist(), evidence.passed.tolist(), strict=True))
+    found = []
+    for trial in trials:
+        if not trial.completed:
+            continue
+        planned = trial.id not in elsewhere and not trial.deviations and trial.sample in stored
+        if planned and trial.sample is not None:
+            found.append(PairedTrial(trial.id, trial.outcome, trial.sample, int(stored[trial.sample]), False))
+            continue
+        outcome = again.trial(info, trial)
+        simulated = None if outcome is None else int(outcome == "passed")
+        sample = None if trial.id in elsewhere else trial.sample
+        found.append(PairedTrial(trial.id, trial.outcome, sample, simulated, simulated is not None))
+    aborted = sum(not trial.completed for trial in trials)
+    return replace(evidence, trials=tuple(found), aborted=aborted) if trials else evidence
+
+
+def _pair_remarks(designs: Sequence[DesignEvidence]) -> Iterator[str]:
+    trials = [trial for one in designs for trial in one.trials]
+    again = sum(trial.again for trial in trials)
+    if again:
+        what = "placed otherwise than planned, or has no stored run" if again == 1 else "placed otherwise, or have no run"
+        yield f"{count(again, 'trial')} {what}: simulated again as placed."
+    alone = sum(trial.simulated is None for trial in trials)
+    if trials and alone:
+        yield (
+            f"{alone} of {len(trials)} trials cannot be paired with a run of the same environment, which is not known or "
+            "not simulated: they count by their rate alone."
+        )
+    repeated = sum(
+        number - 1
+        for one in designs
+        for number in Counter(trial.sample for trial in one.trials if trial.sample is not None).values()
+    )
+    if repeated:
+        yield (
+            f"{count(repeated, 'trial')} repeat an environment of the same design: intervals take all trials as "
+            "independent, and are too narrow by that."
+        )
+
+
+def _key(vehicle_type: str, design: Design) -> Any:
+    return vehicle_type, tuple(sorted(design.items()))

@@ -1,0 +1,140 @@
+"""Simulates what a sweep lacks: trials as they were placed, and designs that only trials have.
+
+Input: a store. Output: outcomes, from the simulator that made the store's runs; nothing is stored. What would not be
+comparable with the runs is not simulated: another build of carsim, a calibration, a program that runs beside the car.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from foldcar.advice.words import count
+from foldcar.car.body import body_json
+from foldcar.car.design import Design, compose
+from foldcar.car.folded_car import folded_car
+from foldcar.car.modules import parameters
+from foldcar.car.variation.vary_body import vary_body
+from foldcar.errors import FoldcarError
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.results import outcome_of
+from foldcar.simulation.runner import RunRequest
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.store.tables import BY_NAME, EXPERIMENT
+from foldcar.store.trial_records import Trial
+from foldcar.store.writer import canonical_json
+from foldcar.study.experiments import run_settings
+
+# An outcome, and the time of the run (s), None if it failed.
+Ended = tuple[str, float | None]
+
+
+class Resimulation:
+    """Runs of one store that are made now. The simulator is looked for when it is first needed."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._carsim: Carsim | None = None
+        self._refusals: dict[str, str | None] = {}
+        self._refused: Counter[str] = Counter()
+
+    def trial(self, info: ExperimentInfo, trial: Trial) -> str | None:
+        """The outcome of a trial's car in the scene as placed, varied as the run of that sample; None if unknown."""
+        drive = self._store.trial_drive(trial.id)
+        if drive is None:
+            return None
+        if self._refusal(info) is not None:
+            self._refused[info.id] += 1
+            return None
+        body, settings, scene = drive
+        variation = self._variations(info).get(trial.sample if trial.sample is not None else -1, {})
+        ((outcome, _),) = self._run(body, [(variation, scene)], settings)
+        return outcome
+
+    def design(self, info: ExperimentInfo, trial: Trial) -> tuple[list[Ended], str | None]:
+        """The design of a trial in all stored environments of the experiment, in order; else none, and why."""
+        refusal = self._refusal(info)
+        if refusal is not None:
+            return [], refusal
+        columns = {parameter.column: key for key, parameter in parameters().items()}
+        try:
+            design: Design = compose(trial.vehicle_type, {columns[name]: value for name, value in trial.design.items()})
+            folded_car(design)
+            body = body_json(design)
+            place = f"{self._store.path}: experiment {info.id}"
+            table = self._simulator().parameter_table()
+            settings = run_settings(
+                design, body, table, info.timeout_s, info.speed_m_s, info.yaw_rate_rad_s, place
+            )
+        except (FoldcarError, KeyError) as error:
+            unknown = isinstance(error, KeyError)
+            return [], f"no module has the parameter {error.args[0]}" if unknown else str(error).rstrip(".")
+        variations = self._variations(info)
+        scenes = [(variations.get(sample, {}), text) for sample, text in self._scenes(info).items()]
+        return self._run(canonical_json(body), scenes, canonical_json(settings)), None
+
+    def remarks(self, experiment: str) -> list[str]:
+        """What is said of trials of that experiment that should have been simulated and were not."""
+        number = self._refused[experiment]
+        return [f"{count(number, 'trial')} not simulated as placed: {self._refusals[experiment]}."] if number else []
+
+    def _refusal(self, info: ExperimentInfo) -> str | None:
+        if info.id not in self._refusals:
+            self._refusals[info.id] = self._why_not(info)
+        return self._refusals[info.id]
+
+    def _why_not(self, info: ExperimentInfo) -> str | None:
+        if info.calibration is not None:
+            return f"the runs are those of the calibration {info.calibration['name']}"
+        number = self._experiment(info)["environment_id"]
+        (environment,) = self._store.rows(BY_NAME["environment"], "WHERE id = ?", number)
+        if environment["dynamic"]:
+            return f"{info.scenic_program} runs beside the simulation"
+        try:
+            build = self._simulator().build
+        except FoldcarError as error:
+            return str(error)
+        if build != info.carsim_build:
+            there = info.carsim_build
+            return f"the runs are of carsim {there[:12]}, this one is {build[:12]}; sweep again"
+        return None
+
+    def _simulator(self) -> Carsim:
+        if self._carsim is None:
+            self._carsim = Carsim()
+        return self._carsim
+
+    def _run(self, body: str, cases: Sequence[tuple[Mapping[str, Any], str]], settings: str) -> list[Ended]:
+        """The body in each case, which is a variation and a scene."""
+        carsim = self._simulator()
+        cars, scenes, requests = {}, {}, []
+        for number, (variation, scene) in enumerate(cases):
+            cars[f"b{number}"] = (
+                canonical_json(vary_body(json.loads(body), variation, carsim.limits().numbers)) if variation else body
+            )
+            scenes[f"s{number}"] = scene
+            requests.append(RunRequest(f"b{number}", f"s{number}", settings, f"environment {number}", number))
+        answers = carsim.run(cars, scenes, requests)
+        return [(outcome_of(answer), answer.get("elapsed_time_s")) for answer in answers]
+
+    def _scenes(self, info: ExperimentInfo) -> dict[int, str]:
+        """The texts of the scenes that the sweep has stored, by sample."""
+        experiment = self._experiment(info)
+        where = "WHERE environment_id = ? AND sample < ? ORDER BY sample"
+        samples = self._store.rows(BY_NAME["sample"], where, experiment["environment_id"], info.environments)
+        return {row["sample"]: self._text("scene", row["scene_id"]) for row in samples}
+
+    def _variations(self, info: ExperimentInfo) -> dict[int, Mapping[str, Any]]:
+        if not info.variation:
+            return {}
+        rows = self._store.rows(BY_NAME["draw"], "WHERE spread_id = ?", self._experiment(info)["spread_id"])
+        return {row["sample"]: json.loads(self._text("variation", row["variation_id"])) for row in rows}
+
+    def _text(self, table: str, number: int) -> str:
+        (row,) = self._store.rows(BY_NAME[table], "WHERE id = ?", number)
+        return str(row["json"])
+
+    def _experiment(self, info: ExperimentInfo) -> dict[str, Any]:
+        (row,) = self._store.rows(EXPERIMENT, "WHERE id = ?", info.id)
+        return row

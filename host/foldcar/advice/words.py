@@ -1,0 +1,67 @@
+"""Designs and rates as readers are told of them: ``95 mm``, ``width 95 mm, radius 60 mm``, ``12 %``."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+# The units in which designs are written.
+UNITS = {"mm": " mm", "deg": "°"}
+
+
+def design_text(design: Mapping[str, float | str]) -> str:
+    """A design by the given parameters: the value with its unit; with names if there are several or it has no unit."""
+    if not design:
+        return "the design"
+    parts = {name: value_text(name, value) for name, value in design.items()}
+    if len(parts) == 1 and any(name.endswith(f"_{unit}") for name in parts for unit in UNITS):
+        return next(iter(parts.values()))
+    return ", ".join(f"{_words(name)} {text}" for name, text in parts.items())
+
+
+def value_text(name: str, value: float | str | None) -> str:
+    """The value of the parameter ``name`` with its unit."""
+    if value is None:
+        return "unknown"
+    unit = next((text for unit, text in UNITS.items() if name.endswith(f"_{unit}")), "")
+    return value if isinstance(value, str) else f"{value:g}{unit}"
+
+
+def percent(share: float) -> str:
+    """A share of 0 to 1 in whole per cent; what is not quite none or all is said so."""
+    if 0 < share < 0.005:
+        return "below 0.5 %"
+    if 0.995 < share < 1:
+        return "above 99.5 %"
+    return f"{100 * share:.0f} %"
+
+
+def points(difference: float, sign: bool = True) -> str:
+    """A difference of shares in whole points, with a sign: ``-30``."""
+    return f"{100 * difference:+.0f}" if sign and round(100 * difference) else f"{abs(100 * difference):.0f}"
+
+
+def span_text(name: str, first: float, last: float) -> str:
+    """A range of values of the parameter ``name``: ``75 to 150 mm``; the one value if it is one."""
+    low, high = value_text(name, first), value_text(name, last)
+    return low if low == high else f"{first:g} to {high}"
+
+
+def listed(names: Iterable[str]) -> str:
+    """``a``, ``a and b``, ``a, b and c``; numbers with one unit share it: ``95, 115 and 180 mm``."""
+    texts = _sharing_unit(list(names))
+    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}" if texts else "none"
+
+
+def count(number: int, noun: str) -> str:
+    """``1 trial``, ``2 trials``."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def _sharing_unit(texts: Sequence[str]) -> list[str]:
+    parts = [text.rpartition(" ") for text in texts]
+    if len(texts) > 1 and all(head and " " not in head and unit == parts[0][2] for head, _, unit in parts):
+        return [*(head for head, _, _ in parts[:-1]), texts[-1]]
+    return list(texts)
+
+
+def _words(name: str) -> str:
+    stem = next((name.removesuffix(f"_{unit}") for unit in UNITS if name.endswith(f"_{unit}")), name)
+    return stem.replace("_", " ")

@@ -1,0 +1,1 @@
+"""Statistics of runs and trials on plain arrays: intervals of rates, comparisons, smooth success, times, convergence."""

@@ -1,0 +1,118 @@
+"""Environments in Python: a Scenic program with its parameters and seed, and its samples.
+
+A program is compiled once (most of a second) and each sample taken once (some 50 ms), as long as Python runs.
+"""
+
+import atexit
+import contextlib
+import operator
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from foldcar.errors import FoldcarError
+from foldcar.scenes.fingerprint import environment_fingerprint
+from foldcar.scenes.source import SceneSource, open_environment
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.kept_carsim import KeptCarsim
+from foldcar.simulation.runner import Runner
+from foldcar.store.writer import canonical_json
+from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS
+
+if TYPE_CHECKING:
+    from foldcar.simulation.scenic_runner import ScenicRunner
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Sample ``sample`` of ``environment``; ``json`` is the scene object of docs/carsim.md as text."""
+
+    environment: "Environment"
+    sample: int
+    json: str
+
+
+class Environment:
+    """A Scenic program, ``params`` in place of its own parameters (SI units), a seed. Made by :func:`environment`."""
+
+    def __init__(self, program: Path, params: Mapping[str, Any], seed: int) -> None:
+        self.program = program
+        self.params = params
+        self.seed = seed
+        self._scenes: dict[int, Scene] = {}
+
+    def __repr__(self) -> str:
+        return f"environment({str(self.program)!r}, seed={self.seed}, params={dict(self.params)})"
+
+    def scene(self, k: int) -> Scene:
+        """Sample ``k`` (0, 1, …), the same as a sweep's. FoldcarError if the program is at fault."""
+        number = whole("scene", k, 0, MOST_ENVIRONMENTS - 1)
+        if number not in self._scenes:
+            self._scenes[number] = Scene(self, number, canonical_json(self._source.sample(number)))
+        return self._scenes[number]
+
+    @property
+    def success(self) -> str:
+        """When a run has passed, or why that is undefined."""
+        return self._source.success.text
+
+    @property
+    def success_defined(self) -> bool:
+        """Whether runs can pass at all."""
+        return self._source.success.defined
+
+    @cached_property
+    def runner(self) -> Runner:
+        """What simulates in this environment: carsim, or Scenic beside it for a dynamic program."""
+        if not self._source.dynamic:
+            return simulator()
+        return self._scenic_runner()
+
+    def _scenic_runner(self) -> "ScenicRunner":
+        from foldcar.simulation.scenic_runner import ScenicRunner
+
+        runner = ScenicRunner(self.program, self.params, self.seed, None, simulator().carsim.binary)
+        atexit.register(runner.close)
+        return runner
+
+    @cached_property
+    def _source(self) -> SceneSource:
+        return open_environment(self.program, self.params, self.seed)
+
+
+_opened: dict[str, Environment] = {}
+
+
+def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any] | None = None) -> Environment:
+    """The environment of a Scenic program; the same one as before unless program, parameters or seed have changed.
+
+    FoldcarError if there is no such file or the seed is none.
+    """
+    number = whole("seed", seed, 0, GREATEST_SEED)
+    file = Path(program)
+    if not file.is_file():
+        raise FoldcarError(f"{file}: no such Scenic program")
+    try:
+        fingerprint = environment_fingerprint(file, params or {}, number)
+    except TypeError as error:
+        raise FoldcarError(f"params: {error}; write numbers, texts, truths or lists") from None
+    return _opened.setdefault(fingerprint, Environment(file, dict(params or {}), number))
+
+
+@cache
+def simulator() -> KeptCarsim:
+    """The simulator of this process, which keeps running until Python ends."""
+    kept = KeptCarsim(Carsim())
+    atexit.register(kept.close)
+    return kept
+
+
+def whole(name: str, value: object, least: int, most: int) -> int:
+    """``value`` as a whole number from ``least`` to ``most``; FoldcarError naming it if it is none."""
+    with contextlib.suppress(TypeError):
+        number = operator.index(value)  # type: ignore[arg-type]
+        if not isinstance(value, bool) and least <= number <= most:
+            return number
+    raise FoldcarError(f"{name}: {value!r} is not a whole number from {least} to {most}")

@@ -1,0 +1,44 @@
+"""The names of design parameters in Python: ``width_mm`` as in tables, or ``width`` where that is clear."""
+
+from collections.abc import Iterable, Mapping
+
+from foldcar.car.modules import parameters
+from foldcar.did_you_mean import did_you_mean
+from foldcar.errors import FoldcarError
+
+
+def column_named(name: str, columns: Iterable[str], what: str) -> str:
+    """The column called ``name``, or its only one without unit (``W_length``) or without module too (``tire_thickness``).
+
+    FoldcarError, which begins with ``what``, if there is none or several.
+    """
+    known = list(columns)
+    if name in known:
+        return name
+    units = {parameter.column: parameter.declared.unit for parameter in parameters().values()}
+    short = {column: column.removesuffix(f"_{units.get(column, '')}") for column in known}
+    found = [column for column in known if short[column] == name]
+    found = found or [column for column in known if short[column].endswith(f"_{name}")]
+    if len(found) > 1:
+        raise FoldcarError(f"{what}: {name} may be {' or '.join(found)}; write which")
+    if not found:
+        close = did_you_mean(name, [*known, *short.values()])
+        raise FoldcarError(f"{what}: {name} is no design parameter; there are {', '.join(known)}{close}")
+    return found[0]
+
+
+def columns_named(values: Mapping[str, object], columns: Iterable[str], what: str) -> dict[str, float]:
+    """The numbers of ``values`` by column. FoldcarError for names as above, no number, or a column named twice."""
+    known, found = list(columns), dict[str, float]()
+    for name, value in values.items():
+        column = column_named(name, known, what)
+        if column in found:
+            raise FoldcarError(f"{what}: {name}: {column} is given twice")
+        try:
+            # numpy's numbers are numbers too, texts and truths are not.
+            found[column] = float(value) if not isinstance(value, str | bool) else float("nan")  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            found[column] = float("nan")
+        if found[column] != found[column]:
+            raise FoldcarError(f"{what}: {name}: {value!r} is not a number (mm or degrees)")
+    return found

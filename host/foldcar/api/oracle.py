@@ -1,0 +1,219 @@
+"""Design and environment in, result out: the black box for notebooks and optimisers. Nothing is stored.
+
+The numbers are those of `foldcar run` and of a sweep: the same cars, samples and settings.
+"""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from foldcar.analysis.intervals import check_confidence, wilson_interval
+from foldcar.analysis.rate import Rate
+from foldcar.api.designs import design_of
+from foldcar.api.environment import Environment, Scene, environment, simulator, whole
+from foldcar.api.prepared import built_cars, prepared
+from foldcar.car.design import Design
+from foldcar.errors import FoldcarError
+from foldcar.simulation.results import NUMBERS, outcome_of
+from foldcar.simulation.runner import Runner, RunRequest
+from foldcar.store.writer import canonical_json
+from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
+
+if TYPE_CHECKING:
+    import pandas
+
+PATH_COLUMNS = ("t_s", "x_m", "y_m", "z_m", "heading_rad", "pitch_rad", "roll_rad")
+
+
+@dataclass(frozen=True)
+class Result:
+    """One run. ``metrics`` holds the numbers of docs/carsim.md; a failed run has None for them, and a ``message``.
+
+    ``recorded`` holds what the Scenic program recorded, by name. ``path`` is None unless asked for: a table of t_s, x_m,
+    y_m, z_m, heading_rad, pitch_rad, roll_rad, and the angle of each hinge (``hinge_1_rad``, …).
+    """
+
+    outcome: str
+    metrics: Mapping[str, float | None]
+    message: str | None
+    recorded: Mapping[str, Any]
+    path: "pandas.DataFrame | None"
+
+    @property
+    def passed(self) -> bool:
+        """Whether the car did what its environment asks for."""
+        return self.outcome == "passed"
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A design in an environment's samples 0 to n - 1. ``runs`` has sample, outcome, passed, message and metrics of each.
+
+    ``success`` says when a run has passed; where nothing does (``success_defined`` False), there is no rate.
+    """
+
+    runs: "pandas.DataFrame"
+    success: str
+    success_defined: bool
+    confidence: float
+
+    @cached_property
+    def rate(self) -> Rate:
+        """The share of runs that passed with its interval; failed runs count as not passed. FoldcarError if undefined."""
+        if not self.success_defined:
+            raise FoldcarError(self.success)
+        passed, runs = int((self.runs["outcome"] == "passed").sum()), len(self.runs)
+        low, high = wilson_interval(passed, runs, self.confidence)
+        method = f"Wilson interval of {passed} of {runs} simulated runs that passed"
+        return Rate(passed / runs, low, high, self.confidence, method)
+
+
+def simulate(
+    design: Design | Mapping[str, Any],
+    scene: Scene | Mapping[str, Any],
+    *,
+    timeout_s: float = 120.0,
+    speed_m_s: float | None = None,
+    yaw_rate_rad_s: float = 0.0,
+    path_interval_s: float | None = None,
+) -> Result:
+    """Simulate a design in one scene: ``environment(…).scene(k)``, or an object as docs/carsim.md describes scenes.
+
+    ``speed_m_s`` None is the car's full speed. ``path_interval_s`` asks for the path; where a Scenic program ends the
+    run itself, the path ends there. FoldcarError if an argument is invalid or the simulator refuses it.
+    """
+    car = design_of(design)
+    body, text = prepared(car, timeout_s, speed_m_s, yaw_rate_rad_s)
+    if isinstance(scene, Scene):
+        scene_text, sample, runner = scene.json, scene.sample, scene.environment.runner
+    elif isinstance(scene, Mapping):
+        scene_text, sample, runner = _scene_json(scene), 0, simulator()
+    else:
+        raise FoldcarError(f"scene: {scene!r} is neither a scene of an environment nor a scene object")
+    label = f"{car.title}, sample {sample}"
+
+    def answer_of(by: Runner, **more: float) -> dict[str, Any]:
+        settings = canonical_json({**json.loads(text), **more}) if more else text
+        (found,) = by.run({"car": body}, {"scene": scene_text}, [RunRequest("car", "scene", settings, label, sample)])
+        return found
+
+    asked = {} if path_interval_s is None else {"path_interval_s": path_interval_s}
+    if runner is simulator():
+        answer = native = answer_of(runner, **asked)
+    else:
+        # A program that runs beside the simulation changes how the run ends, not the car's way until then.
+        answer = answer_of(runner)
+        native = answer_of(simulator(), **asked) if asked and "error" not in answer else {}
+    path = _path(native["path"], answer["elapsed_time_s"]) if "path" in native else None
+    return Result(
+        outcome_of(answer),
+        {name: answer.get(name) for name in NUMBERS},
+        answer.get("error"),
+        {name: one["value"] for name, one in answer.get("recorded", {}).items()},
+        path,
+    )
+
+
+def evaluate(
+    design: Design | Mapping[str, Any],
+    environment: Environment | str | Path,
+    n: int,
+    *,
+    seed: int | None = None,
+    params: Mapping[str, Any] | None = None,
+    timeout_s: float = 120.0,
+    speed_m_s: float | None = None,
+    yaw_rate_rad_s: float = 0.0,
+    variation: str | Mapping[str, float] | None = None,
+    variation_seed: int | None = None,
+    jobs: int | None = None,
+    confidence: float = 0.95,
+) -> Evaluation:
+    """Simulate a design in samples 0 to ``n`` - 1 of an environment: equal seeds give equal samples to every design.
+
+    ``environment`` is a Scenic program, with ``params`` and ``seed`` (None: 0), or what :func:`environment` returned.
+    ``variation`` ("workshop", or standard deviations) gives each sample a built car of its own, as in listings. ``jobs``
+    simulators run side by side (None: one per processor). FoldcarError if an argument is invalid.
+    """
+    check_confidence(confidence)
+    car = design_of(design)
+    place = _environment(environment, seed, params)
+    count = whole("n", n, 1, MOST_ENVIRONMENTS)
+    workers = whole("jobs", jobs, 1, MOST_JOBS) if jobs is not None else len(os.sched_getaffinity(0))
+    body, text = prepared(car, timeout_s, speed_m_s, yaw_rate_rad_s)
+    bodies = {"car": body}
+    if variation is not None:
+        bodies = built_cars(body, count, variation, place.seed if variation_seed is None else variation_seed)
+    scenes = {f"s{k}": place.scene(k).json for k in range(count)}
+    names = list(bodies)
+    requests = [
+        RunRequest(names[k % len(names)], f"s{k}", text, f"{car.title}, sample {k}", k) for k in range(count)
+    ]
+    answers = _side_by_side(place.runner, bodies, scenes, requests, workers)
+    return Evaluation(_table(answers, place.success_defined), place.success, place.success_defined, confidence)
+
+
+def _environment(given: Environment | str | Path, seed: int | None, params: Mapping[str, Any] | None) -> Environment:
+    if not isinstance(given, Environment):
+        return environment(given, seed=0 if seed is None else seed, params=params)
+    if seed is not None or params is not None:
+        raise FoldcarError("seed, params: belong to environment(…); its samples are taken with its own")
+    return given
+
+
+def _scene_json(scene: Mapping[str, Any]) -> str:
+    try:
+        return canonical_json({key: value for key, value in scene.items() if key != "id"})
+    except (TypeError, ValueError) as error:
+        raise FoldcarError(f"scene: {error}") from None
+
+
+def _side_by_side(
+    runner: Runner,
+    bodies: Mapping[str, str],
+    scenes: Mapping[str, str],
+    requests: Sequence[RunRequest],
+    workers: int,
+) -> list[dict[str, Any]]:
+    """The answers in order, each worker's share simulated in a process of its own."""
+    shares = [requests[first::workers] for first in range(min(workers, len(requests)))]
+    if len(shares) == 1:
+        return runner.run(bodies, scenes, requests)
+    with ThreadPoolExecutor(len(shares), thread_name_prefix="carsim") as pool:
+        futures = [pool.submit(runner.run, bodies, scenes, share) for share in shares]
+        try:
+            found = [future.result() for future in futures]
+        except BaseException:
+            runner.stop()
+            raise
+    return [found[k % len(shares)][k // len(shares)] for k in range(len(requests))]
+
+
+def _table(answers: Sequence[Mapping[str, Any]], judged: bool) -> "pandas.DataFrame":
+    import pandas
+
+    outcomes = [outcome_of(answer) for answer in answers]
+    passed = [outcome == "passed" if judged else None for outcome in outcomes]
+    return pandas.DataFrame(
+        {
+            "sample": range(len(answers)),
+            "outcome": pandas.array(outcomes, dtype="str"),
+            "passed": pandas.array(passed, dtype="boolean"),
+            "message": pandas.array([answer.get("error") for answer in answers], dtype="str"),
+            **{
+                name: pandas.array([answer.get(name) for answer in answers], dtype="float64") for name in NUMBERS
+            },
+        }
+    )
+
+
+def _path(rows: Sequence[Sequence[float]], elapsed_time_s: float) -> "pandas.DataFrame":
+    import pandas
+
+    hinges = [f"hinge_{i + 1}_rad" for i in range(len(rows[0]) - len(PATH_COLUMNS))]
+    return pandas.DataFrame([row for row in rows if row[0] <= elapsed_time_s], columns=[*PATH_COLUMNS, *hinges])

@@ -1,0 +1,87 @@
+"""The environment of an experiment under a calibration: sample k is simulated with the calibration's draw k mod n.
+
+Input: an experiment of a listing and a calibration. Output: an Environment for sweeps, with scenes, variations and
+fingerprints of its own, so that its runs stand beside the nominal ones and are never taken for them.
+"""
+
+import hashlib
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from foldcar.calibration import effects
+from foldcar.calibration.effects import calibrated_scene, calibrated_variation
+from foldcar.calibration.parameters import check_values
+from foldcar.errors import FoldcarError
+from foldcar.scenes.fingerprint import variation_code
+from foldcar.store.calibrations import Calibration
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import Experiment, Study
+
+
+class CalibratedEnvironment(Environment):
+    """Built from the calibrated experiment of :func:`calibrated_study`. FoldcarError if it cannot be simulated so."""
+
+    def __init__(self, experiment: Experiment, calibration: Calibration, listed_id: str) -> None:
+        super().__init__(experiment)
+        if not all(check_values(draw) for draw in calibration.draws):
+            raise FoldcarError(
+                f'calibration "{calibration.name}": its parameters are not those of this foldcar: calibrate again'
+            )
+        if super().dynamic:
+            raise FoldcarError(
+                f"{experiment.place}: {experiment.program_name} runs beside the simulation, whose scenes a calibration "
+                "cannot change; sweep this experiment without --calibration"
+            )
+        self._calibration = calibration
+        self._listed_id = listed_id
+        self._seed = experiment.variation_seed
+        self.fingerprint = _hashed(self.fingerprint, calibration.fingerprint, self._seed, _effects_code())
+        listed = dict(experiment.variation)
+        self.spread_fingerprint = _hashed(listed, calibration.fingerprint, self._seed, _effects_code(), variation_code())
+
+    @property
+    def calibration(self) -> dict[str, str] | None:
+        """Name, fingerprint and the listing's name of the experiment."""
+        one = self._calibration
+        return {"name": one.name, "fingerprint": one.fingerprint, "experiment": self._listed_id}
+
+    def sample(self, k: int) -> dict[str, Any]:
+        """Sample ``k`` of the nominal environment, changed by the calibration's draw."""
+        return calibrated_scene(super().sample(k), self._calibration.draw_of(k), self._seed, k)
+
+    def variation(self, k: int) -> dict[str, Any]:
+        """The differences of the cars of sample ``k`` from their designs: the draw's, and the listing's of whole cars."""
+        return calibrated_variation(self._calibration.draw_of(k), self._experiment.variation, self._seed, k)
+
+    def variation_identity(self) -> str:
+        """A hash of the code that applies variations."""
+        return variation_code()
+
+
+def calibrated_id(experiment: str, calibration: str) -> str:
+    """The name, in stores, of an experiment under a calibration."""
+    return f"{experiment} (calibrated {calibration})"
+
+
+def calibrated_study(study: Study, calibration: Calibration) -> Study:
+    """The study with its experiments named for the calibration."""
+    named = (replace(one, id=calibrated_id(one.id, calibration.name)) for one in study.experiments)
+    return replace(study, experiments=tuple(named))
+
+
+def calibrated_environment(experiment: Experiment, calibration: Calibration) -> CalibratedEnvironment:
+    """The environment of an experiment of :func:`calibrated_study`."""
+    listed_id = experiment.id.removesuffix(calibrated_id("", calibration.name))
+    return CalibratedEnvironment(experiment, calibration, listed_id)
+
+
+def _hashed(*parts: Any) -> str:
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+@cache
+def _effects_code() -> str:
+    return hashlib.sha256(Path(effects.__file__).read_bytes()).hexdigest()

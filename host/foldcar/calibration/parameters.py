@@ -1,0 +1,106 @@
+"""The simulator's uncertain parameters with their priors, one row each.
+
+A parameter is described by its score z, which is standard normal before any trial: ``value(z)`` turns scores into the
+parameter's unit. All inference works on scores; what a value does to a run stands in effects.py.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+FloatArray = np.ndarray[Any, np.dtype[np.float64]]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter; ``nominal`` is its value in an uncalibrated simulation.
+
+    ``prior``: ``log-normal`` with median ``middle`` and standard deviation ``sd`` of the logarithm, ``normal``, or
+    ``half-normal`` (``middle`` 0). ``unit`` is that of value, middle and sd; × is a factor.
+    """
+
+    name: str
+    unit: str
+    prior: Literal["log-normal", "normal", "half-normal"]
+    middle: float
+    sd: float
+    nominal: float
+    meaning: str
+    source: str
+
+    def value(self, score: Any) -> Any:
+        """The value that belongs to a score, or to an array of them; it grows with the score."""
+        if self.prior == "log-normal":
+            return self.middle * np.exp(self.sd * score)
+        if self.prior == "normal":
+            return self.middle + self.sd * score
+        # P(|x| < value) = P(z < score); the upper tail keeps its digits that way.
+        return -self.sd * ndtri(ndtr(-np.asarray(score, dtype=float)) / 2)
+
+
+PARAMETERS = (
+    Parameter(
+        "friction", "×", "log-normal", 1.0, 0.3, 1.0,
+        "friction coefficient of tyres on the ground, relative to the environment's",
+        "published coefficients of soft rims on floors are 0.35 to 1, around the environments' 0.6",
+    ),
+    Parameter(
+        "servo_torque", "×", "log-normal", 0.85, 0.3, 1.0,
+        "stall torque of all servos, relative to the data sheet's at the nominal supply",
+        "torque follows the supply, 4.2 to 6 V for four cells under load and charged; worn and copied servos have half",
+    ),
+    Parameter(
+        "servo_speed", "×", "log-normal", 0.95, 0.15, 1.0,
+        "no-load speed of all servos, relative to the data sheet's at the nominal supply",
+        "speed follows the supply as torque does, and less the make of the servo",
+    ),
+    Parameter(
+        "obstacle_height", "×", "log-normal", 1.0, 0.2, 1.0,
+        "heights and depths of the ground, relative to the environment's",
+        "obstacles that were not measured: the published pyramids have no sizes; measured ones would have sd 0.02",
+    ),
+    Parameter(
+        "com_height_m", "m", "normal", 0.005, 0.01, 0.0,
+        "height of the centre of mass above the drawn one",
+        "wires, board and battery holder stand on the lid or hang from it; the drawn car has no wires",
+    ),
+    Parameter(
+        "track_m", "m", "normal", 0.008, 0.008, 0.0,
+        "distance between left and right tyres beyond the drawn one",
+        "a servo's turret and horn set each wheel up to 8 mm further out than drawn",
+    ),
+    Parameter(
+        "start_position_sd_m", "m", "half-normal", 0.0, 0.01, 0.0,
+        "scatter of the start along and across, one sd, beyond the environment's own",
+        "a car put down by hand at a mark",
+    ),
+    Parameter(
+        "start_heading_sd_rad", "rad", "half-normal", 0.0, 0.06, 0.0,
+        "scatter of the heading at the start, one sd, beyond the environment's own",
+        "a car of 0.2 m that is put down by eye, each end 6 mm off",
+    ),
+    Parameter(
+        "wheel_spread", "×", "log-normal", 1.0, 0.5, 0.0,
+        "differences between the wheels of a car, relative to the spreads of `workshop`",
+        "data sheets' tolerances as in workshop.json, right within a factor of 2 or so",
+    ),
+)  # fmt: skip
+NAMES = tuple(parameter.name for parameter in PARAMETERS)
+NOMINAL: Mapping[str, float] = {parameter.name: parameter.nominal for parameter in PARAMETERS}
+
+
+def values_of(scores: FloatArray) -> list[dict[str, float]]:
+    """The parameters by name for each row of ``scores`` (n, parameters), rounded to six significant digits."""
+    columns = [np.asarray(parameter.value(scores[:, i])) for i, parameter in enumerate(PARAMETERS)]
+    return [
+        {name: float(f"{value:.6g}") for name, value in zip(NAMES, row, strict=True)}
+        for row in zip(*columns, strict=True)
+    ]
+
+
+def check_values(values: Mapping[str, float], names: Sequence[str] = NAMES) -> bool:
+    """Whether ``values`` has a finite number for each name, and none besides."""
+    return set(values) == set(names) and all(np.isfinite(value) for value in values.values())

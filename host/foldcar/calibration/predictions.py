@@ -1,0 +1,84 @@
+"""What a posterior predicts for trials: shares of trials, scores of held-out ones, what the next trials would tell.
+
+Input: success logits of designs under draws of the posterior (n, designs), discrepancies' sd τ (n). Output: intervals,
+log scores (natural logarithms) and expected information in bits.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import expit, logsumexp
+
+from foldcar.calibration.parameters import FloatArray
+from foldcar.calibration.posterior import built_logits, log_likelihood
+
+# Groups of a parameter's values of which trials are to tell.
+GROUPS = 5
+
+
+def predicted_shares(logit: FloatArray, tau: FloatArray, counted: int, stream: np.random.Generator) -> FloatArray:
+    """Draws (n,) of the share that passes of ``counted`` trials of another car of a design, by its logits (n,)."""
+    none = np.zeros(1)
+    built = built_logits(logit[:, None], tau, none, none, stream)[:, 0]
+    return np.asarray(stream.binomial(counted, expit(built)) / counted)
+
+
+def interval(values: FloatArray, confidence: float) -> tuple[float, float]:
+    """The central interval of draws."""
+    low, high = np.quantile(values, [(1 - confidence) / 2, (1 + confidence) / 2])
+    return float(low), float(high)
+
+
+def log_score(logit: FloatArray, tau: FloatArray, passed: int, counted: int) -> float:
+    """The log probability of ``passed`` of ``counted`` trials of a design, averaged over draws (n,)."""
+    found = log_likelihood(logit[:, None], tau, np.array([float(passed)]), np.array([float(counted)]))
+    return float(logsumexp(found) - np.log(len(found)))
+
+
+def expected_bits(
+    logit: FloatArray, tau: FloatArray, done: tuple[int, int], more: int, scores: FloatArray
+) -> tuple[float, FloatArray]:
+    """Mutual information (bits) of how many of ``more`` trials of a design pass with all parameters, and with each.
+
+    ``done`` is how many of how many trials passed before, of the same car; ``scores`` (n, parameters).
+    """
+    probabilities = np.exp(_counts_to_come(logit, tau, done, more))
+    alone = [
+        _information(np.stack([probabilities[chosen].mean(axis=0) for chosen in _groups(column)]))
+        for column in scores.T
+    ]
+    return _information(probabilities), np.array(alone)
+
+
+def _counts_to_come(logit: FloatArray, tau: FloatArray, done: tuple[int, int], more: int) -> FloatArray:
+    """Log probabilities (n, more + 1) of each count, given the trials done: joint over conditional."""
+    passed, counted = (float(one) for one in done)
+    before = log_likelihood(logit[:, None], tau, np.array([passed]), np.array([counted]))[:, 0]
+    columns = []
+    for count in range(more + 1):
+        together = log_likelihood(logit[:, None], tau, np.array([passed + count]), np.array([counted + more]))[:, 0]
+        # Ways to order the trials: those of the joint count, taken apart into before and after.
+        columns.append(together - before + _log_ways(passed, counted, count, more))
+    return np.stack(columns, axis=1)
+
+
+def _log_ways(passed: float, counted: float, count: int, more: int) -> float:
+    from scipy.special import gammaln
+
+    def ways(k: float, n: float) -> float:
+        return float(gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1))
+
+    return ways(passed, counted) + ways(count, more) - ways(passed + count, counted + more)
+
+
+def _groups(column: FloatArray) -> Sequence[np.ndarray[tuple[int], np.dtype[np.int64]]]:
+    return np.array_split(np.argsort(column, kind="stable"), GROUPS)
+
+
+def _information(probabilities: FloatArray) -> float:
+    """Mutual information (bits) of an outcome with the row, all rows equally likely."""
+
+    def entropy(p: FloatArray) -> FloatArray:
+        return np.asarray(-(p * np.log2(np.maximum(p, 1e-300))).sum(axis=-1))
+
+    return max(0.0, float(entropy(probabilities.mean(axis=0)) - entropy(probabilities).mean()))

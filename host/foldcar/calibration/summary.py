@@ -1,0 +1,173 @@
+"""What a calibration says, as JSON values: parameters, designs, correlations, findings in words, next trials.
+
+Input: an Inference, nominal runs by design. Output: the object that the store keeps and the command prints. Rates and
+shares are 0 to 1; ``low`` and ``high`` are the ends of 90 % intervals.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.special import expit
+from scipy.stats import binom
+
+from foldcar.calibration.experiment import SweptExperiment
+from foldcar.calibration.inference import Inference, posterior_of
+from foldcar.calibration.next_trials import TRIALS, rank_next_trials
+from foldcar.calibration.parameters import NAMES, PARAMETERS, FloatArray, Parameter
+from foldcar.calibration.posterior import DISCREPANCY
+from foldcar.calibration.predictions import interval, log_score, predicted_shares
+from foldcar.calibration.trial_counts import TrialCounts
+from foldcar.calibration.words import findings
+
+CONFIDENCE = 0.9
+SHOWN_TRIALS = 3
+
+# Passed and all nominal runs of designs, by their index.
+Nominal = Mapping[int, tuple[int, int]]
+
+
+def summarise(
+    inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int, runs: int, leave_one_out: bool
+) -> dict[str, Any]:
+    """The summary; ``leave_one_out`` also predicts each design from the trials of the others."""
+    counts = inference.counts
+    summary: dict[str, Any] = {
+        "experiment": experiment.info.id,
+        "seed": seed,
+        "runs": runs,
+        "simulated_trials": counts.simulated,
+        "parameters": _parameters(inference),
+        "correlations": _correlations(inference),
+        "designs": _designs(inference, experiment, nominal, seed),
+        "log_likelihood": _log_likelihood(inference, nominal),
+        "check_runs": inference.check_runs,
+        "notes": list(counts.notes),
+    }
+    if leave_one_out:
+        summary["leave_one_out"] = left_out(inference, experiment, nominal, seed)
+    summary["next_trials"] = [
+        {
+            "design": varied(experiment, one.design),
+            "obstacle_height": one.height,
+            "trials": TRIALS,
+            "bits": round(one.bits, 3),
+            "parameter": one.parameter,
+        }
+        for one in rank_next_trials(inference, experiment)[:SHOWN_TRIALS]
+    ]
+    summary["findings"] = findings(summary)
+    return summary
+
+
+def varied(experiment: SweptExperiment, design: int) -> dict[str, float]:
+    """The parameters of a design that tell it from others of its family."""
+    return {name: float(experiment.designs[design].parameters[name]) for name in experiment.info.varied}
+
+
+def left_out(inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int) -> list[dict[str, Any]]:
+    """Each design's trials as predicted from those of the others, with the log scores of what happened.
+
+    The emulator is the same: it knows the simulator only. Nothing if there are fewer than two designs.
+    """
+    counts, stream, rows = inference.counts, np.random.default_rng(seed), []
+    for index, design in enumerate(counts.designs if len(counts.designs) > 1 else ()):
+        kept = [i for i in range(len(counts.designs)) if i != index]
+        designs, passes, trials = (
+            tuple(one[i] for i in kept) for one in (counts.designs, counts.passed, counts.counted)
+        )
+        others = TrialCounts(designs, passes, trials, counts.simulated, ())
+        posterior = posterior_of(inference.emulator, inference.features, others, seed)
+        logit = inference.emulator.logits(posterior.scores, inference.features[[design]])[:, 0]
+        passed, counted = counts.passed[index], counts.counted[index]
+        shares = predicted_shares(logit, posterior.discrepancy, counted, stream)
+        rows.append(
+            {
+                "design": varied(experiment, design),
+                "passed": passed,
+                "counted": counted,
+                "predicted": _ends(shares),
+                "log_score": log_score(logit, posterior.discrepancy, passed, counted),
+                "nominal_log_score": nominal_log_score(nominal.get(design), passed, counted),
+            }
+        )
+    return rows
+
+
+def nominal_log_score(runs: tuple[int, int] | None, passed: int, counted: int) -> float | None:
+    """The log probability of the trials if a car passes as often as nominal ``runs`` (passed, all) did; None without."""
+    if runs is None or not runs[1]:
+        return None
+    return float(binom.logpmf(passed, counted, (runs[0] + 0.5) / (runs[1] + 1)))
+
+
+def _parameters(inference: Inference) -> list[dict[str, Any]]:
+    columns: list[tuple[Parameter, FloatArray]] = list(zip(PARAMETERS, inference.posterior.scores.T, strict=True))
+    rows = [_parameter(parameter, np.asarray(parameter.value(scores)), scores) for parameter, scores in columns]
+    return [*rows, _parameter(DISCREPANCY, inference.posterior.discrepancy, None)]
+
+
+def _parameter(parameter: Parameter, values: FloatArray, scores: FloatArray | None) -> dict[str, Any]:
+    prior = [float(parameter.value(z)) for z in (-1.6448536, 0.0, 1.6448536)]
+    return {
+        "name": parameter.name,
+        "unit": parameter.unit,
+        "meaning": parameter.meaning,
+        "source": parameter.source,
+        "nominal": parameter.nominal,
+        "prior": dict(zip(("low", "median", "high"), prior, strict=True)),
+        "posterior": {**_ends(values), "median": float(np.median(values))},
+        # Share of the prior's variance that is gone; scores have variance 1 before.
+        "explained": None if scores is None else max(0.0, 1 - float(scores.var())),
+    }
+
+
+def _correlations(inference: Inference) -> list[dict[str, Any]]:
+    """Of all pairs of parameters, the strongest first."""
+    matrix = np.corrcoef(inference.posterior.scores.T)
+    pairs = [(NAMES[i], NAMES[j], float(matrix[i, j])) for i in range(len(NAMES)) for j in range(i)]
+    ranked = sorted(pairs, key=lambda pair: -abs(pair[2]))
+    return [{"parameters": [b, a], "correlation": round(r, 3)} for a, b, r in ranked]
+
+
+def _designs(
+    inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int
+) -> list[dict[str, Any]]:
+    counts, posterior = inference.counts, inference.posterior
+    stream, rows = np.random.default_rng(seed), []
+    for index, design in enumerate(counts.designs):
+        logit, counted = inference.logits[:, design], counts.counted[index]
+        rates = expit(logit)
+        shares = predicted_shares(logit, posterior.discrepancy, counted, stream)
+        passed, runs = nominal.get(design, (0, 0))
+        rows.append(
+            {
+                "design": varied(experiment, design),
+                "passed": counts.passed[index],
+                "counted": counted,
+                "nominal": passed / runs if runs else None,
+                "simulated": {**_ends(rates), "median": float(np.median(rates)), "mean": float(rates.mean())},
+                "checked": float(inference.checked[index]),
+                "emulated": float(rates[inference.chosen].mean()),
+                "predicted": {**_ends(shares), "mean": float(shares.mean())},
+                "predicted_95": dict(zip(("low", "high"), interval(shares, 0.95), strict=True)),
+            }
+        )
+    return rows
+
+
+def _log_likelihood(inference: Inference, nominal: Nominal) -> dict[str, float | None]:
+    """Of the trials: mean over the posterior, by nominal runs, and the best that any rates could have."""
+    counts = inference.counts
+    trials = list(zip(counts.designs, counts.passed, counts.counted, strict=True))
+    scores = [nominal_log_score(nominal.get(design), k, n) for design, k, n in trials]
+    told = [score for score in scores if score is not None]
+    return {
+        "expected": float(inference.posterior.log_likelihood.mean()),
+        "nominal": sum(told) if len(told) == len(scores) else None,
+        "best": float(sum(binom.logpmf(k, n, k / n) for _, k, n in trials)),
+    }
+
+
+def _ends(values: FloatArray) -> dict[str, float]:
+    return dict(zip(("low", "high"), interval(values, CONFIDENCE), strict=True))

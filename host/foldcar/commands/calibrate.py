@@ -1,0 +1,90 @@
+"""`foldcar calibrate`: infers the simulator's parameters from the trials of a store."""
+
+import os
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foldcar.commands.json_option import Json, print_json
+from foldcar.study.limits import GREATEST_SEED, MOST_JOBS
+
+# What a name may be, so that it can be typed and stand in the names of experiments.
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
+DEFAULT_RUNS = 30_000
+LEAST_RUNS, MOST_RUNS = 500, 10_000_000
+
+
+def calibrate(
+    store: Annotated[Path, typer.Argument(metavar="STORE", help="A store with a swept experiment and trials of it.")],
+    name: Annotated[str, typer.Option(metavar="NAME", help="Name of the calibration in the store.")] = "trials",
+    experiment: Annotated[
+        str | None, typer.Option(metavar="ID", help="Experiment whose trials count; default: the only one with trials.")
+    ] = None,
+    runs: Annotated[
+        int, typer.Option(metavar="N", min=LEAST_RUNS, max=MOST_RUNS, help="Runs to simulate, roughly.")
+    ] = DEFAULT_RUNS,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, max=GREATEST_SEED, help="Seed of all that is random.")] = 1,
+    jobs: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
+    ] = None,
+    leave_one_out: Annotated[
+        bool, typer.Option("--leave-one-out", help="Also predict each design from the trials of the others.")
+    ] = False,
+    simulated_trials: Annotated[
+        bool, typer.Option("--simulated-trials", help="Go by the trials of simulated cars instead of built ones.")
+    ] = False,
+    replace: Annotated[bool, typer.Option("--replace", help="Replace the calibration of that name.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Infer the simulator's parameters from trials of built cars.
+
+    Friction, servos, heights, centre of mass, track and scatter, each with a prior, as far as the trials tell. The store
+    keeps the result: `foldcar sweep LISTING --calibration NAME` simulates under it. It says which parameters the trials
+    cannot tell apart, and which further trials would.
+
+    \b
+    Example: foldcar calibrate study.db --name published --leave-one-out
+    """
+    from foldcar.calibration.experiment import read_experiment
+    from foldcar.calibration.inference import infer, plan
+    from foldcar.calibration.simulation import Simulator
+    from foldcar.calibration.summary import summarise
+    from foldcar.calibration.trial_counts import count_trials, experiment_with_trials
+    from foldcar.commands.calibration_text import print_calibration
+    from foldcar.commands.run_bar import run_bar
+    from foldcar.errors import FoldcarError
+    from foldcar.interrupts import said
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.store.calibrations import calibrations, name_is_taken, new_calibration, write_calibrations
+    from foldcar.store.reader import Store
+
+    if not NAME.fullmatch(name):
+        raise FoldcarError(f'--name "{name}": a name is at most 40 letters, digits, _ . or -, a letter or digit first')
+    with Store.open(store) as opened:
+        if not replace and any(one.name == name for one in calibrations(opened)):
+            raise FoldcarError(name_is_taken(store, name))
+        chosen = read_experiment(opened, experiment_with_trials(opened, experiment))
+        counts = count_trials(opened, chosen, simulated_trials)
+        nominal: dict[int, tuple[int, int]] = {}
+        for result in opened.results(chosen.info.id):
+            index = chosen.design_of({key: float(value) for key, value in result.design.items()})
+            if index is not None and result.outcome != "failed":
+                passed, all_runs = nominal.get(index, (0, 0))
+                nominal[index] = (passed + (result.outcome == "passed"), all_runs + 1)
+    carsim = Carsim()
+    simulator = Simulator(chosen, carsim, jobs or len(os.sched_getaffinity(0)), seed)
+    planned = plan(runs, len(counts.designs)).runs
+    with said(lambda: "stopped: nothing is stored"), run_bar("calibrate", planned) as done:
+        inference = infer(simulator, counts, runs, done)
+        summary = summarise(inference, chosen, nominal, seed, planned, leave_one_out)
+    made = new_calibration(name, chosen.info.id, carsim.build, inference.draws, summary)
+    with write_calibrations(store) as writer:
+        writer.put(made, replace)
+    if as_json:
+        print_json({"store": store, "name": name, "draws": [dict(draw) for draw in made.draws], **summary})
+    else:
+        print_calibration(made)
+        typer.echo(f'calibration "{name}": {len(made.draws)} draws; store: {store}')

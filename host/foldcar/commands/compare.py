@@ -1,0 +1,51 @@
+"""`foldcar compare`: simulation against trials of built cars, design by design."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import check_distinct, output_file
+
+
+def compare(
+    store: Annotated[Path, typer.Argument(metavar="STORE", help="The store of a sweep and its trials.")],
+    experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
+    margin: Annotated[
+        str, typer.Option(metavar="POINTS", help="Rates that differ by no more agree, in percentage points.")
+    ] = "15pp",
+    csv: Annotated[
+        Path | None, typer.Option(metavar="FILE", callback=output_file, help="CSV file to write: a row a design.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Compare simulation with trials of built cars.
+
+    For each design that was driven: success in simulation and in trials, their gap with its interval, and whether
+    simulation agrees, is optimistic or pessimistic, or the trials are too few to say. docs/advice.md explains it.
+
+    \b
+    Example, the published trials:
+    foldcar sweep scenarios/width_study.json --store study.db
+    foldcar trials import study.db scenarios/published_trials.csv
+    foldcar compare study.db
+    """
+    from foldcar.advice.comparison import compare as compare_store
+    from foldcar.advice.comparison_table import comparison_object, write_comparison
+    from foldcar.commands.compare_text import print_comparison
+    from foldcar.commands.points_option import parse_points
+    from foldcar.store.reader import Store
+
+    check_distinct([store], [csv])
+    share = parse_points("--margin", margin)
+    with Store.open(store) as opened:
+        found = compare_store(opened, experiment, share)
+    if csv is not None:
+        write_comparison(found, csv)
+    if as_json:
+        print_json({"store": store, **comparison_object(found)})
+        return
+    print_comparison(found)
+    if csv is not None:
+        typer.echo(f"{csv}: {sum(len(one.designs) for one in found.experiments)} designs", err=True)

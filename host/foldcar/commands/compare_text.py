@@ -1,0 +1,115 @@
+"""Prints a comparison of simulation and trials: the answer first, then a table for each experiment."""
+
+from collections.abc import Sequence
+
+from rich.console import Console
+
+from foldcar.advice.comparison import Comparison, DesignComparison, ExperimentComparison, TrialsAlone
+from foldcar.advice.words import percent, points
+from foldcar.analysis.gap import Gap, RankAgreement
+from foldcar.analysis.rate import Rate
+from foldcar.commands.result_table import result_table
+from foldcar.figures.style import OUTCOME_LABELS
+
+PLAIN_WIDTH = 180
+TRIAL_LABELS = {**OUTCOME_LABELS, "not_passed": "not passed"}
+
+
+def print_comparison(found: Comparison) -> None:
+    """Print it: the sentence, each experiment's tables, ranks and remarks, trials without a sweep."""
+    console, _ = result_table(PLAIN_WIDTH)
+    console.print(found.sentence, markup=False, style="bold")
+    for one in found.experiments:
+        _print_experiment(console, one)
+    for alone in found.alone:
+        _print_alone(console, alone)
+
+
+def _print_experiment(console: Console, one: ExperimentComparison) -> None:
+    console.print()
+    title = f"Experiment {one.info.id}: {one.info.vehicle_type} in {one.info.scenic_program}"
+    console.print(title, markup=False, style="bold")
+    if one.designs:
+        _print_rates(one.designs)
+        _print_outcomes(one.designs)
+        if one.mean_gap is not None:
+            console.print(
+                f"gap: trials minus simulation, points; all gaps hold together with {percent(one.mean_gap.confidence)}",
+                markup=False,
+            )
+    if one.ranks is not None and one.ranks.designs > 1:
+        console.print(_rank_text(one.ranks), markup=False)
+    for remark in one.remarks:
+        console.print(remark, markup=False)
+
+
+def _print_rates(designs: Sequence[DesignComparison]) -> None:
+    console, table = result_table(PLAIN_WIDTH)
+    rectified = any(one.rectified is not None for one in designs)
+    paired = any(one.paired for one in designs)
+    heads = ["design", "runs", "simulation %", "trials", "passed", "trials %"]
+    heads += ["rectified %"] * rectified + ["same outcome"] * paired + ["gap", "verdict"]
+    for head in heads:
+        table.add_column(head, justify="left" if head in ("design", "verdict") else "right")
+    for one in designs:
+        cells = [one.label, str(one.evidence.runs), _rate(one.simulated), str(len(one.evidence.trials))]
+        cells += [str(one.evidence.trials_passed), _rate(one.driven)]
+        cells += [_rate(one.rectified)] * rectified
+        cells += [f"{one.agreeing} of {one.paired}" if one.paired else "-"] * paired
+        table.add_row(*cells, _gap(one.gap), one.verdict or "-")
+    console.print(table)
+
+
+def _print_outcomes(designs: Sequence[DesignComparison]) -> None:
+    kinds = dict.fromkeys(
+        kind for one in designs for counts in (one.evidence.outcomes, one.driven_outcomes) for kind in counts
+    )
+    shown = [kind for kind in TRIAL_LABELS if kind in kinds]
+    console, table = result_table(PLAIN_WIDTH)
+    table.add_column("outcomes")
+    for head in ("of", *(TRIAL_LABELS[kind] for kind in shown), "aborted"):
+        table.add_column(head, justify="left" if head == "of" else "right")
+    for one in designs:
+        for what, counts, aborted in (
+            ("runs", one.evidence.outcomes, None),
+            ("trials", one.driven_outcomes, one.evidence.aborted),
+        ):
+            if counts:
+                cells = [str(counts.get(kind, 0)) for kind in shown]
+                table.add_row(one.label, what, *cells, "" if aborted is None else str(aborted))
+    console.print(table)
+
+
+def _print_alone(console: Console, alone: TrialsAlone) -> None:
+    console.print()
+    console.print(alone.sentence, markup=False, style="bold")
+    _, table = result_table(PLAIN_WIDTH)
+    table.add_column("design")
+    table.add_column("passed", justify="right")
+    table.add_column("trials %", justify="right")
+    for label, passed, rate in alone.designs:
+        table.add_row(label, str(passed), _rate(rate))
+    console.print(table)
+
+
+def _rank_text(ranks: RankAgreement) -> str:
+    parts = []
+    for name, value, interval in (
+        ("Pearson", ranks.pearson, ranks.pearson_interval),
+        ("rank", ranks.spearman, ranks.spearman_interval),
+    ):
+        if value is not None and interval is not None:
+            parts.append(f"{name} correlation {value:.2f} (95 %: {interval[0]:.2f} to {interval[1]:.2f})")
+    if ranks.mmrv is not None:
+        parts.append(f"mean maximum rank violation {ranks.mmrv:.2f}")
+    return f"Over {ranks.designs} designs: {', '.join(parts)}."
+
+
+def _rate(rate: Rate | None) -> str:
+    if rate is None:
+        return "-"
+    return f"{100 * rate.value:.0f} ({100 * rate.low:.0f} to {100 * rate.high:.0f})"
+
+
+def _gap(found: Gap | None) -> str:
+    return "-" if found is None else f"{points(found.value)} ({points(found.low)} to {points(found.high)})"

@@ -1,0 +1,112 @@
+"""Calibrations in a store: draws of the simulator's parameters from their posterior, and what was told with them.
+
+Input: a store, read or opened to be written. Output: Calibrations. A name is given once: runs are simulated under it.
+"""
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from foldcar.store.connection import StoreConnection
+from foldcar.store.errors import StoreError
+from foldcar.store.opening import writing
+from foldcar.store.reader import Store
+from foldcar.store.rows import Row, parsed
+from foldcar.store.tables import BUILD, CALIBRATION
+from foldcar.store.trial_writer import now_utc
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """A calibration of the simulator by the trials of one experiment.
+
+    ``draws`` are equally likely values of the parameters by name, in the order in which samples take them;
+    ``summary`` is what docs/calibration.md describes, as JSON values. ``build`` is carsim's.
+    """
+
+    name: str
+    experiment: str
+    build: str
+    created_utc: str
+    draws: tuple[Mapping[str, float], ...]
+    summary: Mapping[str, Any]
+
+    @property
+    def fingerprint(self) -> str:
+        """A hash of what simulations under it depend on."""
+        return hashlib.sha256(json.dumps(self.draws, sort_keys=True).encode()).hexdigest()
+
+    def draw_of(self, sample: int) -> Mapping[str, float]:
+        """The values that sample ``sample`` of an environment is simulated with."""
+        return self.draws[sample % len(self.draws)]
+
+
+def calibrations(store: Store) -> list[Calibration]:
+    """All calibrations of a store by name. StoreError."""
+    builds = {row["id"]: row["name"] for row in store.rows(BUILD)}
+    return [_read(store.path, row, builds) for row in store.rows(CALIBRATION, "ORDER BY name")]
+
+
+def calibration_named(store: Store, name: str) -> Calibration:
+    """The calibration of that name; StoreError if there is none."""
+    known = {one.name: one for one in calibrations(store)}
+    if name not in known:
+        has = f"it has {', '.join(known)}" if known else "make one with `foldcar calibrate`"
+        raise StoreError(f'{store.path}: has no calibration "{name}"; {has}')
+    return known[name]
+
+
+class CalibrationWriter(StoreConnection):
+    """A store opened for a calibration. Made by :func:`write_calibrations`; its method raises StoreError."""
+
+    def put(self, calibration: Calibration, replace: bool) -> None:
+        """Store it; StoreError if its name is taken, unless it is to ``replace`` what has it."""
+        with self._transaction():
+            row = {
+                "name": calibration.name,
+                "experiment": calibration.experiment,
+                "build_id": self._identify("build", "name", calibration.build),
+                "created_utc": calibration.created_utc,
+                "draws": json.dumps(list(calibration.draws), allow_nan=False),
+                "summary": json.dumps(calibration.summary, allow_nan=False),
+            }
+            if not replace and self._rows(CALIBRATION, "WHERE name = ?", calibration.name):
+                raise StoreError(name_is_taken(self.path, calibration.name))
+            self._insert(CALIBRATION, [row], "OR REPLACE")
+
+
+def name_is_taken(store: Path, name: str) -> str:
+    """What a user is told who gives a name again."""
+    return f'{store}: has a calibration "{name}" already: choose another --name, or --replace it'
+
+
+@contextlib.contextmanager
+def write_calibrations(path: Path) -> Iterator[CalibrationWriter]:
+    """The store at ``path`` for calibrations. StoreError if it is in use."""
+    with writing(path) as connection:
+        yield CalibrationWriter(path, connection)
+
+
+def new_calibration(
+    name: str, experiment: str, build: str, draws: list[dict[str, float]], summary: Mapping[str, Any]
+) -> Calibration:
+    """A calibration that is made now."""
+    return Calibration(name, experiment, build, now_utc(), tuple(draws), summary)
+
+
+def _read(path: Path, row: Row, builds: Mapping[int, str]) -> Calibration:
+    draws = parsed(path, CALIBRATION, row, "draws", list)
+    if not draws or not all(isinstance(draw, dict) for draw in draws) or row["build_id"] not in builds:
+        raise StoreError(f"{path}: calibration (name={row['name']}) is damaged: it is not what foldcar writes")
+    return Calibration(
+        row["name"],
+        row["experiment"],
+        builds[row["build_id"]],
+        row["created_utc"],
+        tuple(draws),
+        parsed(path, CALIBRATION, row, "summary"),
+    )

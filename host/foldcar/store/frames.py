@@ -1,0 +1,122 @@
+"""A store's runs and trials as pandas tables, for analysis.
+
+A cell that is not known is missing: NaN in columns of numbers, NA in those of truths and texts.
+"""
+
+import itertools
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from foldcar.simulation.results import NUMBERS, OUTCOMES
+from foldcar.store.errors import StoreError
+from foldcar.store.reader import Store
+from foldcar.store.tables import EXPERIMENT
+
+# Columns of texts, and where they stand in the row of an experiment.
+HEAD = {"experiment": "id", "vehicle": "vehicle", "environment": "environment"}
+
+# Rows that become arrays together: the rows of a million runs as Python's objects would take a gigabyte.
+BATCH_ROWS = 50_000
+
+
+def runs_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
+    """A row for each stored run of all experiments, or of one, by experiment, design and sample.
+
+    Columns: ``experiment``, ``vehicle``, ``environment`` (texts); each design parameter (``width_mm``, float64);
+    ``sample`` (int64); ``outcome`` (text); ``passed`` (boolean, NA where the experiment does not define success); the
+    metrics of :mod:`foldcar.simulation.results` (float64). StoreError.
+    """
+    names = store.experiment_ids(experiment)
+    judged = store.judged_experiments()
+    parameters = dict.fromkeys(name for one in names for design in store.designs(one).values() for name in design)
+    tables = [_run_columns(store, name, list(parameters), name in judged) for name in names]
+    if len(tables) == 1:
+        return pd.DataFrame(tables[0])
+    return pd.concat([pd.DataFrame(table) for table in tables] or [_no_runs()], ignore_index=True)
+
+
+def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
+    """A row for each trial, whatever its standing, in their order; of one experiment if it is named.
+
+    Columns: ``trial`` (int64), ``experiment``, ``vehicle_type`` (texts); each design parameter (float64); ``sample``
+    (Int64, NA if unknown); ``outcome`` (text); ``passed`` (boolean, NA if aborted); ``counts`` (bool, True for
+    trials of built cars that are neither withdrawn nor aborted); ``car`` (text, NA if unknown); ``elapsed_time_s``.
+    StoreError.
+    """
+    trials = list(store.trials(experiment))
+    parameters = dict.fromkeys(name for trial in trials for name in trial.design)
+    completed = [trial.completed for trial in trials]
+    return pd.DataFrame(
+        {
+            "trial": np.array([trial.id for trial in trials], dtype=np.int64),
+            "experiment": _texts(trial.experiment for trial in trials),
+            "vehicle_type": _texts(trial.vehicle_type for trial in trials),
+            **{name: _numbers([trial.design.get(name) for trial in trials]) for name in parameters},
+            "sample": pd.array([trial.sample for trial in trials], dtype="Int64"),
+            "outcome": _texts(trial.outcome for trial in trials),
+            "passed": _truths(np.array([trial.outcome == "passed" for trial in trials], dtype=bool), completed),
+            "counts": np.array([trial.counts for trial in trials], dtype=bool),
+            "car": _texts(trial.car for trial in trials),
+            "elapsed_time_s": _numbers([trial.elapsed_time_s for trial in trials]),
+        }
+    )
+
+
+def _no_runs() -> pd.DataFrame:
+    """The table of a store without runs."""
+    texts, none = _texts([]), np.empty(0)
+    columns = {**dict.fromkeys(HEAD, texts), "sample": none.astype(np.int64), "outcome": texts}
+    return pd.DataFrame({**columns, "passed": _truths(none, none), **dict.fromkeys(NUMBERS, none)})
+
+
+def _run_columns(store: Store, name: str, parameters: Sequence[str], judged: bool) -> dict[str, Any]:
+    """The columns of one experiment's runs."""
+    (experiment,) = store.rows(EXPERIMENT, "WHERE id = ?", name)
+    designs = store.designs(name)
+    position, sample, outcome, metrics = _run_arrays(store, name)
+    places = np.array(list(designs), dtype=np.int64)
+    row = np.searchsorted(places, position)
+    if len(position) and (row.max() >= len(places) or (places[row] != position).any()):
+        raise StoreError(f"{store.path}: experiment {name} has runs of a design that is missing")
+    return {
+        **{column: _texts([experiment[key]]).repeat(len(row)) for column, key in HEAD.items()},
+        **{column: _numbers([design.get(column) for design in designs.values()])[row] for column in parameters},
+        "sample": sample,
+        "outcome": _texts(OUTCOMES).take(outcome),
+        "passed": _truths(outcome == OUTCOMES.index("passed"), np.full(len(row), judged)),
+        **{metric: metrics[:, index] for index, metric in enumerate(NUMBERS)},
+    }
+
+
+def _run_arrays(store: Store, name: str) -> tuple[Any, Any, Any, Any]:
+    """Of each run the design's position, the sample, the outcome's place in OUTCOMES, and the metrics (runs, metrics)."""
+    codes = {outcome: code for code, outcome in enumerate(OUTCOMES)}
+    cells = (
+        (design, sample, codes[run["outcome"]], *(run[metric] for metric in NUMBERS))
+        for design, sample, run in store.run_rows(name)
+    )
+    # None becomes NaN.
+    width = 3 + len(NUMBERS)
+    batches = [np.empty((0, width))]
+    while batch := list(itertools.islice(cells, BATCH_ROWS)):
+        batches.append(np.array(batch, dtype=np.float64))
+    table = np.concatenate(batches)
+    position, sample, outcome = table[:, :3].T.astype(np.int64)
+    return position, sample, outcome, table[:, 3:]
+
+
+def _texts(values: Iterable[str | None]) -> Any:
+    return pd.array(list(values), dtype="str")
+
+
+def _numbers(values: Sequence[float | str | None]) -> Any:
+    """Numbers as float64 with NaN for None; as objects if there are texts among them."""
+    texts = any(isinstance(value, str) for value in values)
+    return np.array(values, dtype=object if texts else np.float64)
+
+
+def _truths(values: Any, known: Any) -> Any:
+    return pd.arrays.BooleanArray(np.asarray(values, dtype=bool), ~np.asarray(known, dtype=bool))

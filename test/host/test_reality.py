@@ -1,0 +1,57 @@
+"""`foldcar link --reality`: a simulated car and ground that differ from what the host believes, by named parameters."""
+
+from pathlib import Path
+
+import pytest
+
+from foldcar.calibration.parameters import NOMINAL
+from foldcar.calibration.reality import read_reality, real_run
+from foldcar.commands.listed_run import listed_run
+from foldcar.errors import FoldcarError
+
+LISTING = Path(__file__).resolve().parents[2] / "scenarios" / "width_study.json"
+
+
+def test_a_reality_changes_what_it_names_and_nothing_else(tmp_path: Path) -> None:
+    file = tmp_path / "reality.json"
+    file.write_text('{"obstacle_height": 1.3, "servo_torque": 0.6, "track_m": 0.016}')
+    one = listed_run(LISTING, "1", ["width=95"], 3)
+
+    values = read_reality(file)
+    body, scene = real_run(one.experiment, one.nominal, one.scene, values, 3, one.carsim.limits().numbers)
+
+    assert {name for name, value in values.items() if value != NOMINAL[name]} == {
+        "obstacle_height",
+        "servo_torque",
+        "track_m",
+    }
+    assert scene["friction"] == one.scene["friction"] and scene["start"] == one.scene["start"]
+    believed_heights = [piece["height_m"] for piece in one.scene["terrain"]]
+    heights = [piece["height_m"] for piece in scene["terrain"]]
+    assert heights and heights == pytest.approx([1.3 * height for height in believed_heights], rel=1e-8)
+    assert body["track_m"] == pytest.approx(one.nominal["track_m"] + 0.016)
+    torques = [wheel["servo"]["stall_torque_n_m"] for wheel in body["wheels"]]
+    believed_torques = [wheel["servo"]["stall_torque_n_m"] for wheel in one.nominal["wheels"]]
+    assert torques == pytest.approx([0.6 * torque for torque in believed_torques])
+    assert body["segments"] == one.nominal["segments"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"frction": 1}', 'unknown parameter "frction"; did you mean "friction"?'),
+        ('{"friction": "low"}', "friction: 'low' is not a number"),
+        ('{"friction": 100}', "friction: 100 is outside"),
+        ('{"friction": true}', "friction: True is not a number"),
+        ("[1]", "is not a JSON object"),
+        ("{", "is not JSON"),
+    ],
+)
+def test_a_mistake_in_a_reality_is_named(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "reality.json"
+    file.write_text(text)
+
+    with pytest.raises(FoldcarError) as caught:
+        read_reality(file)
+
+    assert str(file) in str(caught.value) and message in str(caught.value) and "\n" not in str(caught.value)

@@ -1,0 +1,116 @@
+"""Writes stores of studies with given outcomes, as a sweep and `foldcar log` write them, for tests of what reads them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from foldcar.store.trial_writer import CarFacts, Drive, Ending, TrialDesign, write_trials
+from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
+
+BUILD = "build-7"
+FACTS = {
+    "foldcar_version": "0.1.0",
+    "scenic_version": "3.1.1",
+    "carsim_build": BUILD,
+    "listing_name": "study.json",
+    "listing_text": "{}",
+    "command": "foldcar sweep study.json --store study.db",
+    "created_utc": "2025-01-02T03:04:05",
+}
+RULE = {"success_rule": "a run has passed if it reaches its Goal", "success_defined": True}
+FIXED = {"height_mm": 50.0}
+METRICS = {
+    "elapsed_time_s": 12.5,
+    "distance_to_target_m": None,
+    "consumed_energy_j": 3.0,
+    "max_roll_rad": 0.2,
+    "max_pitch_rad": 0.3,
+}
+Outcome = Callable[[Mapping[str, float], int], str]
+
+
+def write_study(
+    store: Path,
+    varied: Mapping[str, Sequence[float]],
+    samples: int,
+    outcome: Outcome,
+    experiment: str = "1",
+    build: str = BUILD,
+    **facts: Any,
+) -> Path:
+    """Every combination of ``varied`` in ``samples`` environments; ``outcome`` (design, sample) is that of a run."""
+    with write_store(store) as writer:
+        writer.begin_study({**FACTS, "carsim_build": build}, build)
+        add_experiment(writer, experiment, varied, samples, outcome, facts)
+    return store
+
+
+def add_experiment(
+    writer: StoreWriter,
+    name: str,
+    varied: Mapping[str, Sequence[float]],
+    samples: int,
+    outcome: Outcome,
+    facts: Mapping[str, Any],
+) -> None:
+    """Add one experiment to an open store."""
+    environment, spread = writer.environment(fingerprint(name)), writer.spread("nominal")
+    told: dict[str, Any] = {
+        "vehicle_type": "W_B_W",
+        "varied": {key: list(values) for key, values in varied.items()},
+        "fixed": FIXED,
+        "timeout_s": 120.0,
+        "speed_m_s": None,
+        "yaw_rate_rad_s": 0.0,
+        "scenic_program": "step_pyramids.scenic",
+        "scenic_params": {},
+        "seed": 42,
+        "condition": None,
+        "variation": {},
+        "variation_seed": 42,
+        **RULE,
+        **facts,
+    }
+    plan = PlannedExperiment(name, "car", "pyramids", environment, spread, samples, told)
+    designs = [{**dict(zip(varied, values, strict=True)), **FIXED} for values in product(*varied.values())]
+    writer.put_experiment(plan, [PlannedDesign(one, {"id": name, **one}, {"time_limit_s": 120}) for one in designs])
+    for sample in range(samples):
+        writer.put_sample(environment, sample, {"of": name, "sample": sample})
+        writer.put_draw(spread, sample, {})
+        runs = writer.planned_runs(plan, sample)
+        writer.add_results((run, {**METRICS, "outcome": outcome(designs[run.design], sample)}) for run in runs)
+
+
+def fingerprint(experiment: str) -> str:
+    """The fingerprint of the environment of an experiment written here."""
+    return f"environment of {experiment}"
+
+
+def add_trial(
+    store: Path,
+    design: Mapping[str, float],
+    sample: int,
+    outcome: str,
+    experiment: str = "1",
+    car: str | None = "built",
+    environment: str | None = None,
+    program: str = "step_pyramids.scenic",
+) -> int:
+    """Add a trial where a stored run of the same design was simulated; returns its number."""
+    whole = {**design, **FIXED}
+    scene = {"of": experiment, "sample": sample}
+    drive = Drive(
+        {"id": experiment, **whole},
+        {"time_limit_s": 120},
+        scene,
+        environment or fingerprint(experiment),
+        program,
+        sample,
+    )
+    with write_trials(store) as writer:
+        number = writer.begin(
+            experiment, TrialDesign("W_B_W", whole), drive, {}, CarFacts("fw", "hash", "/dev/null", car), "log", "Ada"
+        )
+        writer.complete(number, Ending(outcome, "time limit", 12.0, "", None))
+    return number

@@ -1,0 +1,102 @@
+"""Measures whether `foldcar select` finds the best width with fewer trials than a uniform choice of widths.
+
+Synthetic truths: simulation's success over 37 widths is a plateau with two smooth edges; the true rates differ from it
+by shifted edges, a lower plateau and a smooth wave, of which the selector knows nothing. Both choices pick the width of
+the highest posterior mean, from the same model; only the widths that are tried differ. Printed by number of trials: the
+mean loss (points of success that the picked width lacks against the best) and how often it lacks at most 10 points.
+
+Example: python tools/selection.py --truths 200
+"""
+
+import argparse
+from collections.abc import Sequence
+
+import numpy
+
+from foldcar.analysis.region import first_designs
+from foldcar.analysis.selection import choose, expected_loss
+from foldcar.analysis.truth_draws import truth_draws
+
+WIDTHS = numpy.arange(65.0, 250.0, 5.0)
+RUNS = 100
+THRESHOLD = 0.75
+# Designs a round, and trials of each.
+BUILD, TRIALS = 4, 5
+ROUNDS = 10
+DRAWS = 600
+NEAR = 0.10
+
+
+def plateau(low: float, high: float, edge: float, top: float) -> numpy.ndarray:
+    """Success by width: ``top`` between ``low`` and ``high`` (mm), falling over ``edge`` (mm) on both sides."""
+    rise, fall = (WIDTHS - low) / edge, (high - WIDTHS) / edge
+    return top / (1 + numpy.exp(-rise)) / (1 + numpy.exp(-fall))
+
+
+def synthetic(random: numpy.random.Generator) -> tuple[numpy.ndarray, numpy.ndarray]:
+    """Rates (widths,) of simulation and of the truth."""
+    low, high = random.uniform(70, 120), random.uniform(150, 220)
+    edge = random.uniform(4, 12)
+    simulated = plateau(low, high, edge, 0.99)
+    moved = plateau(low + random.normal(0, 15), high + random.normal(0, 25), 2 * edge, random.uniform(0.5, 0.98))
+    wave = random.normal(0, 0.1) * numpy.cos(WIDTHS / random.uniform(20, 40) + random.uniform(0, 6.28))
+    return simulated, (moved + wave).clip(0.01, 0.99)
+
+
+def losses(random: numpy.random.Generator, selecting: bool) -> list[float]:
+    """What the picked width lacks against the best after each round of one synthetic truth."""
+    simulated, truth = synthetic(random)
+    runs = numpy.column_stack([random.binomial(RUNS, simulated), numpy.full(len(WIDTHS), RUNS)])
+    trials = numpy.zeros((len(WIDTHS), 2))
+    found = []
+    draws = truth_draws(WIDTHS[:, None], runs, trials, DRAWS)
+    for number in range(ROUNDS):
+        tried = selected(runs, draws, number) if selecting else uniform(random)
+        for index in tried:
+            trials[index] += random.binomial(TRIALS, truth[index]), TRIALS
+        draws = truth_draws(WIDTHS[:, None], runs, trials, DRAWS)
+        best, _ = expected_loss(draws)
+        found.append(float(truth.max() - truth[best]))
+    return found
+
+
+def selected(runs: numpy.ndarray, draws: numpy.ndarray, number: int) -> Sequence[int]:
+    """The designs of a round as `foldcar select` names them."""
+    if number:
+        return choose(draws, THRESHOLD, TRIALS, BUILD)
+    rates = runs[:, 0] / runs[:, 1]
+    placed = [one.index for one in first_designs(WIDTHS[:, None], rates, rates * (1 - rates), THRESHOLD)][:BUILD]
+    return [*placed, *choose(draws, THRESHOLD, TRIALS, BUILD - len(placed), placed)]
+
+
+def uniform(random: numpy.random.Generator) -> Sequence[int]:
+    """As many designs, one of each equal part of the range."""
+    parts = numpy.array_split(numpy.arange(len(WIDTHS)), BUILD)
+    return [int(random.choice(part)) for part in parts]
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--truths", type=int, default=200, help="synthetic truths")
+    parser.add_argument("--seed", type=int, default=1)
+    chosen = parser.parse_args()
+    table = {
+        selecting: numpy.array(
+            [losses(numpy.random.default_rng([chosen.seed, one]), selecting) for one in range(chosen.truths)]
+        )
+        for selecting in (True, False)
+    }
+    print(f"{chosen.truths} truths; loss of the picked width in points, and how often it is at most {100 * NEAR:.0f}")
+    print("trials   select            uniform")
+    for number in range(ROUNDS):
+        cells = []
+        for selecting in (True, False):
+            loss = table[selecting][:, number]
+            error = loss.std(ddof=1) / numpy.sqrt(len(loss))
+            cells.append(f"{100 * loss.mean():5.1f} ± {100 * error:.1f}  {100 * (loss <= NEAR).mean():3.0f} %")
+        print(f"{(number + 1) * BUILD * TRIALS:6}   {'   '.join(cells)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -39,7 +39,7 @@ def main() -> int:
     listing = write_listing(folder, given.environments, given.step)
     study, reality = folder / "study.db", folder / "reality.json"
 
-    foldcar("sweep", listing, "--store", study)
+    run("sweep", listing, "--store", study)
     for number in (1, 2):
         chosen = select(study, given.cars)
         show(f"round {number}: {chosen['sentence']}")
@@ -47,14 +47,14 @@ def main() -> int:
             width = f"width={car['design']['width_mm']:g}"
             for sample in chosen["environments"][: given.trials]:
                 drive(listing, study, reality, width, sample)
-        foldcar("compare", study, "--simulated-trials", "--experiment", "1")
-        foldcar("calibrate", study, "--simulated-trials", "--name", f"round{number}")
-        foldcar("sweep", listing, "--store", study, "--calibration", f"round{number}")
+        run("compare", study, "--simulated-trials", "--experiment", "1")
+        run("calibrate", study, "--simulated-trials", "--name", f"round{number}")
+        run("sweep", listing, "--store", study, "--calibration", f"round{number}")
     answer = select(study, given.cars)
     show(f"answer: {answer['sentence']}")
-    foldcar("report", study, "--simulated-trials", "-o", folder / "report")
+    run("report", study, "--simulated-trials", "-o", folder / "report")
 
-    foldcar("sweep", listing, "--store", folder / "truth.db", "--reality", reality)
+    run("sweep", listing, "--store", folder / "truth.db", "--reality", reality)
     return judge(folder, answer)
 
 
@@ -77,13 +77,13 @@ def write_listing(folder: Path, environments: int, step: float) -> Path:
 def select(study: Path, cars: int) -> Any:
     """What `foldcar select` says, as it prints it with --json."""
     words = ("select", study, "--build", str(cars), "--simulated-trials", "--experiment", "1", "--json")
-    return json.loads(foldcar(*words, quiet=True))["experiments"][0]
+    return json.loads(run(*words, quiet=True))["experiments"][0]
 
 
 def drive(listing: Path, study: Path, reality: Path, width: str, sample: int) -> None:
     """One trial of a car that `foldcar link` poses as. A busy machine that lets a car wait aborts it: then once more."""
     chosen = ["--experiment", "1", "--sample", str(sample)]
-    words = ["link", listing, *chosen, "--set", width, "--reality", reality, "--speedup", SPEEDUP]
+    words: list[str | Path] = ["link", listing, *chosen, "--set", width, "--reality", reality, "--speedup", SPEEDUP]
     for _ in range(5):
         with subprocess.Popen(command(words), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as car:
             assert car.stdout is not None
@@ -127,7 +127,7 @@ def rates(store: Path, experiment: str) -> dict[float, float]:
     return dict(chosen.groupby("width_mm")["passed"].mean())
 
 
-def foldcar(*words: str | Path, quiet: bool = False) -> str:
+def run(*words: str | Path, quiet: bool = False) -> str:
     """Run a command of foldcar and show what it prints; returns that."""
     if not quiet:
         show("$ foldcar " + " ".join(str(word) for word in words))

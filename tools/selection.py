@@ -23,7 +23,7 @@ THRESHOLD = 0.75
 # Designs a round, and trials of each.
 BUILD, TRIALS = 4, 5
 ROUNDS = 10
-DRAWS = 1000
+DRAWS = 600
 NEAR = 0.10
 
 

@@ -29,11 +29,13 @@ from foldcar.commands.link import link
 from foldcar.commands.log import log
 from foldcar.commands.migrate import migrate
 from foldcar.commands.model import model
+from foldcar.commands.optimize import optimize
 from foldcar.commands.params import params
 from foldcar.commands.pattern import pattern
 from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import sample
+from foldcar.commands.select import select
 from foldcar.commands.sweep import sweep
 from foldcar.commands.trials import trials
 from foldcar.commands.view import view
@@ -54,8 +56,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for command in (
-    sweep, run, sample, gallery, report, compare, calibrate, export, check, migrate, crosscheck, model, pattern, view,
-    link, log, flash, doctor,
+    sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, migrate, crosscheck, model,
+    pattern, view, link, log, flash, doctor,
 ):  # fmt: skip
     app.command()(command)
 app.command("import")(import_store)

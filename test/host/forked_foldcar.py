@@ -36,7 +36,7 @@ from shell_signals import like_a_shell
 PROGRAM = Path(__file__).resolve().parents[2] / "scenarios" / "two_bumps.scenic"
 # Ends a test that hangs; far beyond what a busy machine makes of any command.
 HANGS_S = 600.0
-MESSAGE_BYTES = 100_000
+MESSAGE_BYTES = 200_000
 NUMBER = struct.Struct("i")
 # These are programs; the second is Webots' to run.
 PROGRAMS = {"foldcar.__main__", "foldcar.models.foldcar_pulses", "foldcar.simulation.worker"}
@@ -51,7 +51,9 @@ class ForkedProcess:
         self.args = ["foldcar", *words]
         self.returncode: int | None = None
         self._answers = answers
-        (self.pid,) = NUMBER.unpack(os.read(answers, NUMBER.size))
+        answer = os.read(answers, NUMBER.size)
+        assert answer, "the process that imports foldcar for the tests has ended"
+        (self.pid,) = NUMBER.unpack(answer)
         if pipes:
             self.stdin, self.stdout, self.stderr = os.fdopen(pipes[0], "w"), os.fdopen(pipes[1]), os.fdopen(pipes[2])
 

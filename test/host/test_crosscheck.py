@@ -215,21 +215,18 @@ def test_a_program_with_dynamics_decides_in_both_engines(
 
 
 def test_a_full_disk_is_one_line_and_the_command_goes_on_when_there_is_room(
-    tmp_path: Path, write_listing: Any, listing_data: Any
+    foldcar: Callable[..., "subprocess.CompletedProcess[str]"],
+    new_foldcar: Callable[..., "subprocess.CompletedProcess[str]"],
+    tmp_path: Path,
+    write_listing: Any,
+    listing_data: Any,
 ) -> None:
-    command = [sys.executable, "-c", "from foldcar.cli import main; main()", "crosscheck"]
-    command += [str(write_listing(listing_data)), "--environments", "1", "--baseline", "0", "-o", "check"]
+    words = ("crosscheck", write_listing(listing_data), "--environments", "1", "--baseline", "0", "-o", "check")
     limit = 700  # one result's line and a part of the next
-    full = subprocess.run(
-        command,
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
-    )
+    full = new_foldcar(*words, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
 
     assert full.returncode == 2
     assert "check/results.jsonl: cannot be written" in full.stderr and full.stderr.count("\n") == 1
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    done = foldcar(*words)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "check" / "index.html").read_text().rstrip().endswith("</html>")

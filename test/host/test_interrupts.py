@@ -41,7 +41,7 @@ COMMANDS = {
 @pytest.fixture
 def study(tmp_path: Path, listing_data: dict[str, Any], foldcar: Callable[..., Any]) -> Path:
     """A folder with a listing, one that needs Scenic beside the simulation, and a store."""
-    listing_data["experiments"]["1"]["params"]["environments"] = 5000
+    listing_data["experiments"]["1"]["params"]["environments"] = 300
     (tmp_path / "flat.json").write_text(json.dumps(listing_data))
     (tmp_path / "beside.scenic").write_text(BESIDE)
     listing_data["environments"]["1"]["scenic_filename"] = "beside.scenic"
@@ -134,7 +134,7 @@ def test_a_killed_command_leaves_no_process(
     study: Path, started: Callable[..., "subprocess.Popen[str]"], command: str
 ) -> None:
     process = started(*COMMANDS[command])
-    end_s = time.monotonic() + 60
+    end_s = time.monotonic() + 300
     while len(marked(str(study))) < 2 and time.monotonic() < end_s:
         time.sleep(0.01)
     assert len(marked(str(study))) >= 2

@@ -190,7 +190,7 @@ def test_figure_11_moves_the_start_and_both_bumps_and_turns_the_car_to_the_end()
 
 
 def test_figure_12_has_bumps_that_never_intersect() -> None:
-    for scene in samples("ten_random_bumps", 300):
+    for scene in samples("ten_random_bumps", 100):
         for one, other in combinations(scene["terrain"], 2):
             # All face +y: length lies along y.
             apart_x = abs(one["x_m"] - other["x_m"]) >= (one["width_m"] + other["width_m"]) / 2

@@ -1,6 +1,5 @@
 """Sweeps of dynamic programs: worker processes, the store, the export."""
 
-import contextlib
 import csv
 import json
 import sqlite3
@@ -17,8 +16,6 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_step import SteppedCarsim
 from foldcar.simulation.own_code import may_change_state
 from foldcar.simulation.results import Result
-from foldcar.simulation.runner import RunRequest
-from foldcar.simulation.scenic_runner import ScenicRunner
 from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
 from foldcar.study.progress import Progress
@@ -45,7 +42,7 @@ def listing(write_listing: WriteListing, listing_data: Any, program: Path) -> Pa
     return write_listing(listing_data)
 
 
-def swept(listing: Path, store: Path, carsim: Path, jobs: int = 2) -> tuple[Progress, list[Result]]:
+def swept(listing: Path, store: Path, carsim: Path, jobs: int = 1) -> tuple[Progress, list[Result]]:
     counts = sweep(read_study(listing), store, Carsim(carsim), jobs, "foldcar sweep …")
     with Store.open(store) as opened:
         return counts, list(opened.results())
@@ -153,7 +150,7 @@ SETUP = (
 def test_a_run_begins_as_if_it_were_the_first(
     listing_data: Any, write_listing: WriteListing, program: Path, carsim_binary: Path, text: str
 ) -> None:
-    """Three runs of one worker, the samples in any order, and each in a worker of its own."""
+    """Three runs of one worker, the samples in any order, in another worker too."""
     program.write_text(text)
     listing_data["environments"]["1"]["scenic_filename"] = program.name
     (experiment,) = read_study(write_listing(listing_data)).experiments
@@ -161,12 +158,13 @@ def test_a_run_begins_as_if_it_were_the_first(
     body = body_json(design)
     settings = json.dumps(experiment.settings(design, body, Carsim(carsim_binary).parameter_table()))
     source = open_environment(program, {}, 42)
-    scenes = {str(k): json.dumps(source.sample(k)) for k in range(2)}
+    scenes = [json.dumps(source.sample(k)) for k in range(2)]
 
     def answers(*samples: int) -> list[dict[str, Any]]:
-        requests = [RunRequest("b", str(k), settings, "a run", k) for k in samples]
-        with contextlib.closing(ScenicRunner(program, {}, 42, None, carsim_binary)) as runner:
-            return runner.run({"b": json.dumps(body)}, scenes, requests)
+        opening = {"program": str(program), "params": {}, "seed": 42, "condition": None}
+        with scenic_worker.ScenicWorker(opening, lambda _: SteppedCarsim(carsim_binary)) as worker:
+            request = {"body": json.dumps(body), "settings": settings}
+            return [worker.answer({**request, "scene": scenes[k], "sample": k})["result"] for k in samples]
 
     first, again, other = answers(0, 0, 1)
     assert first["recorded"]["count"]["value"] == 1
@@ -267,12 +265,13 @@ def test_a_program_that_loops_while_the_car_drives_fails_after_its_time(
 def test_a_program_that_ends_the_process_costs_its_own_run_only(
     tmp_path: Path, listing: Path, program: Path, carsim_binary: Path
 ) -> None:
+    listing.write_text(listing.read_text().replace("[95, 245]", "95"))
     deadly = "import os\ndef deadly(x):\n    return x if x < 0.005 else os._exit(7)\n"
     program.write_text(f"{HEAD}{GOAL}{deadly}record initial deadly(ego.position.x) as one\n")
     counts, results = swept(listing, tmp_path / "s.db", carsim_binary, jobs=1)
-    assert counts.new == 6
+    assert counts.new == 3
     failed = [r for r in results if r.outcome == "failed"]
-    assert 0 < len(failed) == counts.failed < 6
+    assert 0 < len(failed) == counts.failed < 3
     (message,) = {text for (text,) in shown(tmp_path / "s.db", "message") if text}
     assert message == "the process that simulates with Scenic died (exit code 7)"
 

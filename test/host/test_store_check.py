@@ -44,6 +44,7 @@ CHANGES = {
     "recorded": "value = '0'",
     "trial": "outcome = 'stuck'",
     "correction": "before = 1",
+    "calibration": "created_utc = 'x'",
 }
 
 

@@ -7,8 +7,6 @@ import resource
 import shlex
 import signal
 import sqlite3
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -28,7 +26,7 @@ from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
 from foldcar.study.progress import Progress
 from foldcar.study.sweep import sweep
-from shell_signals import like_a_shell
+from forked_foldcar import ForkedProcess, original
 
 WriteListing = Callable[[Any], Path]
 
@@ -160,16 +158,9 @@ def test_a_sweep_does_with_a_nearby_car_what_carsim_does_with_its_body(
     ]
 
 
-def start(listing: Path, store: Path, carsim: Path, environments: int) -> "subprocess.Popen[str]":
+def start(listing: Path, store: Path, carsim: Path, environments: int) -> ForkedProcess:
     words = ["sweep", str(listing), "--store", str(store), "--environments", str(environments), "--jobs", "2"]
-    return subprocess.Popen(
-        [sys.executable, "-c", "from foldcar.cli import main; main()", *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "FOLDCAR_CARSIM": str(carsim)},
-        preexec_fn=like_a_shell,
-    )
+    return original().start(words, listing.parent, {**os.environ, "FOLDCAR_CARSIM": str(carsim)})
 
 
 def stored_runs(store: Path) -> int:

@@ -38,6 +38,12 @@ def points(difference: float, sign: bool = True) -> str:
     return f"{100 * difference:+.0f}" if sign and round(100 * difference) else f"{abs(100 * difference):.0f}"
 
 
+def span_text(name: str, first: float, last: float) -> str:
+    """A range of values of the parameter ``name``: ``75 to 150 mm``; the one value if it is one."""
+    low, high = value_text(name, first), value_text(name, last)
+    return low if low == high else f"{first:g} to {high}"
+
+
 def listed(names: Iterable[str]) -> str:
     """``a``, ``a and b``, ``a, b and c``; numbers with one unit share it: ``95, 115 and 180 mm``."""
     texts = _sharing_unit(list(names))

@@ -31,7 +31,8 @@ class Information:
     @property
     def total(self) -> NDArray[Any]:
         """Both together."""
-        return self.best + self.threshold
+        found: NDArray[Any] = self.best + self.threshold
+        return found
 
 
 def information(draws: ArrayLike, threshold: float, trials: int) -> Information:

@@ -20,7 +20,7 @@ DISCREPANCY = Parameter(
     "what separates built cars of a design from the best simulation of it, one sd",
     "0.7 is 17 points at 50 %: two simulators of these cars differ by 18 points",
 )  # fmt: skip
-PARTICLES = 3000
+PARTICLES = 2000
 MOVES = 12
 # Share of the particles that a step of the temperature leaves effective.
 EFFECTIVE = 0.5

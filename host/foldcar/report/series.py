@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from foldcar.analysis.anytime import anytime_mean_interval
 from foldcar.analysis.intervals import wilson_interval
 from foldcar.simulation.results import OUTCOMES, Result
 
@@ -43,17 +44,25 @@ class Extent:
 class Tally:
     """Outcomes of the runs of one design, or of all designs that share a parameter's value.
 
-    ``judged`` is False where the experiment does not define success: then there is no share of passed runs.
+    ``judged`` is False where the experiment does not define success: then there is no share of passed runs. After a
+    sweep that stopped when it knew (``stopped``) designs differ in their number of runs: each counts alike.
     """
 
     judged: bool = True
     outcomes: dict[str, int] = field(default_factory=lambda: dict.fromkeys(OUTCOMES, 0))
     passed_time_s: float = 0.0
     recorded: dict[str, Extent] = field(default_factory=dict)
+    stopped: bool = False
+    # Runs and passed runs by the design's values, after a sweep that stopped.
+    _designs: dict[tuple[Value, ...], list[int]] = field(default_factory=dict)
 
     def add(self, result: Result) -> None:
         """Count a run."""
         self.outcomes[result.outcome] += 1
+        if self.stopped:
+            counts = self._designs.setdefault(tuple(result.design.values()), [0, 0])
+            counts[0] += 1
+            counts[1] += result.outcome == "passed"
         if result.outcome == "passed":
             self.passed_time_s += result.metrics["elapsed_time_s"] or 0.0
         for name, recorded in result.recorded.items():
@@ -79,12 +88,24 @@ class Tally:
     @property
     def success(self) -> float | None:
         """Share of runs that passed, 0 to 1; None if success is undefined or no run has been counted."""
-        return self.passed / self.runs if self.judged and self.runs else None
+        if not self.judged or not self.runs:
+            return None
+        if self.stopped:
+            return sum(passed / runs for runs, passed in self._designs.values()) / len(self._designs)
+        return self.passed / self.runs
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Wilson 95 % interval (low, high) of the success, 0 to 1; None where there is no success."""
-        return wilson_interval(self.passed, self.runs) if self.judged and self.runs else None
+        """The 95 % interval (low, high) of the success, 0 to 1; None where there is no success.
+
+        Wilson's, or after a sweep that stopped the anytime-valid one: Wilson's holds for a number of runs fixed before.
+        """
+        if not self.judged or not self.runs:
+            return None
+        if self.stopped:
+            runs, passed = zip(*self._designs.values(), strict=True)
+            return anytime_mean_interval(passed, runs)
+        return wilson_interval(self.passed, self.runs)
 
     @property
     def mean_time_s(self) -> float | None:
@@ -107,6 +128,7 @@ class Series:
 
     parameter: str
     tallies: dict[Value, Tally]
+    interval_name: str = "Wilson"
 
 
 @dataclass
@@ -121,20 +143,26 @@ class Summary:
     timed: list[TimedRun]
 
 
-def summarise(results: Iterable[Result], varied: Mapping[str, Any], judged: bool = True) -> Summary:
-    """Count ``results`` of one experiment by each parameter named in ``varied``; ``judged`` as in :class:`Tally`."""
-    total = Tally(judged)
+def summarise(
+    results: Iterable[Result], varied: Mapping[str, Any], judged: bool = True, stopped: bool = False
+) -> Summary:
+    """Count ``results`` of one experiment by each parameter named in ``varied``; the rest as in :class:`Tally`."""
+    total = Tally(judged, stopped=stopped)
     tallies: dict[str, dict[Value, Tally]] = {parameter: {} for parameter in varied}
     timed: list[TimedRun] = []
     for result in results:
         total.add(result)
         for parameter, by_value in tallies.items():
-            by_value.setdefault(result.design[parameter], Tally(judged)).add(result)
+            by_value.setdefault(result.design[parameter], Tally(judged, stopped=stopped)).add(result)
         if judged and result.sample == TIMED_SAMPLE and len(tallies) == 1:
             (parameter,) = tallies
             timed.append(TimedRun(result.design[parameter], result.outcome, result.metrics["elapsed_time_s"]))
     series = [
-        Series(name, {v: by_value[v] for v in sorted(by_value, key=_order)})
+        Series(
+            name,
+            {v: by_value[v] for v in sorted(by_value, key=_order)},
+            "anytime-valid" if stopped else "Wilson",
+        )
         for name, by_value in tallies.items()
     ]
     return Summary(total, series, sorted(timed, key=lambda run: _order(run.value)))

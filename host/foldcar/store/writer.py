@@ -90,14 +90,33 @@ class StoreWriter(StoreConnection):
             }
             self._insert(EXPERIMENT, [experiment], "OR REPLACE")
             for position, design in enumerate(designs):
-                row = {
-                    "experiment": plan.id,
-                    "position": position,
-                    "parameters": json.dumps(design.columns),
-                    "body_id": self._put_text("body", canonical_json(design.body)),
-                    "settings_id": self._put_text("settings", canonical_json(design.settings)),
-                }
-                self._insert(DESIGN, [row])
+                self._put_design(plan.id, position, design)
+
+    def add_design(self, experiment: str, position: int, design: PlannedDesign) -> None:
+        """Record one more design of an experiment, at the position after its last."""
+        with self._transaction():
+            self._put_design(experiment, position, design)
+
+    def _put_design(self, experiment: str, position: int, design: PlannedDesign) -> None:
+        row = {
+            "experiment": experiment,
+            "position": position,
+            "parameters": json.dumps(design.columns),
+            "body_id": self._put_text("body", canonical_json(design.body)),
+            "settings_id": self._put_text("settings", canonical_json(design.settings)),
+        }
+        self._insert(DESIGN, [row])
+
+    def swept(self, experiment: str, environment_id: int, spread_id: int) -> tuple[int, list[dict[str, Any]]]:
+        """How many samples an experiment has, and its designs' parameters by column, in their order.
+
+        None of either if it was not swept by this build in that environment with those cars.
+        """
+        for row in self._rows(EXPERIMENT, "WHERE id = ?", experiment):
+            if (row["build_id"], row["environment_id"], row["spread_id"]) == (self._build_id, environment_id, spread_id):
+                designs = self._rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment)
+                return row["environments"], [json.loads(design["parameters"]) for design in designs]
+        return 0, []
 
     def environment(self, fingerprint: str) -> int:
         """Id of the environment with this fingerprint."""
@@ -178,6 +197,14 @@ class StoreWriter(StoreConnection):
     def text(self, table: str, row_id: int) -> str:
         """The JSON text of a row of ``body``, ``scene``, ``settings`` or ``variation``."""
         return str(self._row(BY_NAME[table], id=row_id)["json"])
+
+    def result(self, run: PlannedRun) -> dict[str, Any]:
+        """The stored outcome and metrics of a run that has a result."""
+        row = self._row(
+            RUN, build_id=self._build_id, body_id=run.body_id, scene_id=run.scene_id, settings_id=run.settings_id,
+            variation_id=run.variation_id,
+        )  # fmt: skip
+        return {name: row[name] for name in ("outcome", *NUMBERS)}
 
     def add_results(self, results: Iterable[tuple[PlannedRun, Mapping[str, Any]]]) -> None:
         """Store a chunk: runs with their results as the simulator answered them (:mod:`foldcar.simulation.carsim`)."""

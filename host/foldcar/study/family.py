@@ -6,7 +6,7 @@ parameter changing fastest. Members that cannot be built are skipped, with the r
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,7 +19,10 @@ from foldcar.study.listing import ListedVehicle, ListingError
 
 @dataclass(frozen=True)
 class Family:
-    """``choices`` maps parameter keys to their values (mm, degrees), ``origins`` to their places in the ``file``."""
+    """``choices`` maps parameter keys to their values (mm, degrees), ``origins`` to their places in the ``file``.
+
+    ``members`` are the combinations that are wanted, in the order of ``choices``; None: every one.
+    """
 
     vehicle: str
     type: str
@@ -27,30 +30,33 @@ class Family:
     origins: Mapping[str, str]
     file: Path
     place: str
+    members: tuple[tuple[float, ...], ...] | None = None
     # Why a member cannot be built, or None, by its values: checking one takes some 20 ms.
     _checked: dict[tuple[float, ...], DesignError | None] = field(default_factory=dict, repr=False, compare=False)
 
     def __len__(self) -> int:
         """The number of designs that can be built."""
+        if self.members is not None:
+            return len(self.members) - len(self.skipped)
         return math.prod(len(values) for values in self.choices.values()) - len(self.skipped)
 
     def __iter__(self) -> Iterator[Design]:
         """Every design that can be built; ListingError, naming all that is wrong with the first, if none can."""
         built = False
-        for values in itertools.product(*self.choices.values()):
-            if self._error(values) is None:
+        for values in self._combinations():
+            if self.error(values) is None:
                 built = True
-                yield compose(self.type, dict(zip(self.choices, values, strict=True)))
+                yield self.design(values)
         if not built:
-            first = dict(zip(self.choices, next(itertools.product(*self.choices.values())), strict=True))
+            first = dict(zip(self.choices, next(self._combinations()), strict=True))
             raise self._listing_error([(self._origin(e.parameter), e.message) for e in self._errors(first)])
 
     @property
     def skipped(self) -> list[str]:
         """The members that cannot be built, each with the reason: ``width=30: 30 is below the minimum …``."""
         found = []
-        for values in itertools.product(*self.choices.values()):
-            error = self._error(values)
+        for values in self._combinations():
+            error = self.error(values)
             if error is not None:
                 members = zip(self.choices.items(), values, strict=True)
                 varied = [f"{key}={value:g}" for (key, choices), value in members if len(choices) > 1]
@@ -58,7 +64,27 @@ class Family:
                 found.append(f"{' '.join(varied)}: {at_fault}{error.message}")
         return found
 
-    def _error(self, values: tuple[float, ...]) -> DesignError | None:
+    def design(self, values: tuple[float, ...]) -> Design:
+        """The design with these values, in the order of ``choices``; DesignError if it cannot be built."""
+        return compose(self.type, dict(zip(self.choices, values, strict=True)))
+
+    def has(self, values: tuple[float, ...]) -> bool:
+        """Whether they are one of the family's combinations, whatever its ``members``."""
+        return all(value in choices for value, choices in zip(values, self.choices.values(), strict=True))
+
+    def columns(self) -> list[str]:
+        """The column names in results of the parameters, in the order of ``choices``."""
+        return [parameters()[key].column for key in self.choices]
+
+    def only(self, members: Iterable[tuple[float, ...]]) -> "Family":
+        """The family of these combinations alone."""
+        return replace(self, members=tuple(members))
+
+    def _combinations(self) -> Iterator[tuple[float, ...]]:
+        return itertools.product(*self.choices.values()) if self.members is None else iter(self.members)
+
+    def error(self, values: tuple[float, ...]) -> DesignError | None:
+        """Why the car with these values cannot be built; None if it can."""
         if values not in self._checked:
             self._checked[values] = self._first_error(dict(zip(self.choices, values, strict=True)))
         return self._checked[values]

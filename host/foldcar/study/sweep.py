@@ -13,6 +13,7 @@ from pathlib import Path
 from foldcar import __version__
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.car.body import body_json
+from foldcar.car.design import Design
 from foldcar.car.firmware_parameters import TableRow
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import delayed
@@ -63,9 +64,9 @@ def sweep(
     if until:
         _check_success(study, environments)
     with write_store(store) as writer:
-        writer.begin_study(_facts(study, carsim, command), carsim.build)
+        writer.begin_study(study_facts(study, carsim, command), carsim.build)
         plans = [
-            _plan(experiment, environment, writer, table, (until or {}).get(experiment.id))
+            plan_experiment(experiment, environment, writer, table, (until or {}).get(experiment.id))
             for experiment, environment in zip(study.experiments, environments, strict=True)
         ]
         counts.judged = sum(
@@ -80,7 +81,7 @@ def sweep(
                 announce(line)
         with ChunkPool(writer, jobs, carsim.limits().numbers) as pool:
             for experiment, plan, environment in zip(study.experiments, plans, environments, strict=True):
-                dynamic = _is_dynamic(plan, environment, writer)
+                dynamic = is_dynamic(plan.environment_id, environment, writer)
                 rule = (until or {}).get(plan.id)
                 with environment.runner(carsim, dynamic) as runner, pool.using(runner):
                     runs = ExperimentRuns(plan, environment, dynamic, writer, pool, counts, report)
@@ -123,22 +124,27 @@ def _keep(
     report(counts)
 
 
-def _is_dynamic(plan: PlannedExperiment, environment: Environment, writer: StoreWriter) -> bool:
+def is_dynamic(environment_id: int, environment: Environment, writer: StoreWriter) -> bool:
     """Whether the program is dynamic, from the store, or else from compiling the program."""
-    dynamic = writer.is_dynamic(plan.environment_id)
+    dynamic = writer.is_dynamic(environment_id)
     if dynamic is None:
         dynamic = environment.dynamic
-        writer.put_dynamic(plan.environment_id, dynamic)
+        writer.put_dynamic(environment_id, dynamic)
     return dynamic
 
 
-def _plan(
+def plan_experiment(
     experiment: Experiment,
     environment: Environment,
     writer: StoreWriter,
     table: dict[str, TableRow],
-    rule: StoppingRule | None,
+    rule: StoppingRule | None = None,
+    searched: bool = False,
 ) -> PlannedExperiment:
+    """Record an experiment and its family's designs, replacing an earlier one of that id. FoldcarError.
+
+    ``rule`` and ``searched`` are ExperimentInfo's ``until`` and ``searched``.
+    """
     first = next(iter(experiment.family))
     varied = experiment.family.varied
     environment_id = writer.environment(environment.fingerprint)
@@ -169,6 +175,7 @@ def _plan(
             "calibration": environment.calibration,
             "thresholds": experiment.thresholds,
             **({} if rule is None else {"until": asdict(rule)}),
+            **({"searched": True} if searched else {}),
         },
     )
     writer.put_experiment(plan, _designs(experiment, table))
@@ -197,11 +204,17 @@ def _rules(plans: Sequence[PlannedExperiment]) -> Iterator[str]:
 
 def _designs(experiment: Experiment, table: dict[str, TableRow]) -> Iterator[PlannedDesign]:
     for design in experiment.family:
-        body = body_json(design)
-        yield PlannedDesign(design.columns, body, experiment.settings(design, body, table))
+        yield planned_design(experiment, design, table)
 
 
-def _facts(study: Study, carsim: Carsim, command: str) -> dict[str, str]:
+def planned_design(experiment: Experiment, design: Design, table: dict[str, TableRow]) -> PlannedDesign:
+    """A design with its inputs of the simulator. FoldcarError."""
+    body = body_json(design)
+    return PlannedDesign(design.columns, body, experiment.settings(design, body, table))
+
+
+def study_facts(study: Study, carsim: Carsim, command: str) -> dict[str, str]:
+    """What a store keeps of a sweep: versions, listing, command, time."""
     return {
         "foldcar_version": __version__,
         "scenic_version": scenic_version(),

@@ -1,0 +1,120 @@
+"""What is believed of every design of an experiment before the next trials: the numbers that a selection goes by.
+
+Input: evidence. Output: an Outlook, arrays over the candidates. True rates are drawn jointly for choices
+(:mod:`foldcar.analysis.truth_draws`); stated rates are pooled ones (:mod:`foldcar.analysis.pooled_bias`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from foldcar.advice.evidence import DesignEvidence, Evidence
+from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.pooled_bias import pooled_rates
+from foldcar.analysis.rate import Rate
+from foldcar.analysis.success_model import success_model
+from foldcar.analysis.truth_draws import truth_draws
+
+# More designs are thinned out: information is counted for every pair of them.
+MOST_CANDIDATES = 400
+# Designs whose rates are stated together: the others only need those with trials.
+CHUNK = 40
+DRAWS = 3000
+# Below it a smooth model has little to go by.
+LEAST_SMOOTHED = 8
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """The candidates of a selection, D designs of one family with runs.
+
+    ``parameters`` (D, k); ``runs`` and ``trials`` (D, 2) passed and all; ``draws`` (draws, D) of the true rates;
+    ``passed`` (D, environments): what simulation says in each, NaN where there is no run; ``samples`` (environments,).
+    ``pooled`` are the rates that trials and simulation give together, None before two designs were driven. ``smooth``
+    (D, 3) is simulation's success with its band (rate, low, high): smooth over one or two parameters, else each design's.
+    """
+
+    designs: tuple[DesignEvidence, ...]
+    parameters: NDArray[Any]
+    runs: NDArray[Any]
+    trials: NDArray[Any]
+    draws: NDArray[Any]
+    samples: NDArray[Any]
+    passed: NDArray[Any]
+    pooled: tuple[Rate, ...] | None
+    thinned: int
+    smooth: NDArray[Any]
+
+    @property
+    def rates(self) -> NDArray[Any]:
+        """The simulated rates (D,)."""
+        found: NDArray[Any] = self.runs[:, 0] / self.runs[:, 1]
+        return found
+
+    @property
+    def driven(self) -> bool:
+        """Whether there are trials that count."""
+        return bool(self.trials[:, 1].any())
+
+
+def outlook(evidence: Evidence) -> Outlook | None:
+    """The outlook of an experiment; None if no design of it has runs."""
+    family = [one for one in evidence.designs if one.swept and one.runs]
+    if not family:
+        return None
+    # Trials of designs that the sweep lacks inform their neighbours.
+    names = evidence.parameters
+    others = [one for one in evidence.driven if one.runs and not one.swept and evidence.in_family(one)]
+    designs = [*_thinned(family), *others]
+    x = numpy.array([[float(one.design[name]) for name in names] for one in designs]).reshape(len(designs), len(names))
+    runs = numpy.array([(one.runs_passed, one.runs) for one in designs], dtype=float)
+    trials = numpy.array([(one.trials_passed, len(one.trials)) for one in designs], dtype=float)
+    samples, passed = _matrix(designs)
+    thinned = len(family) + len(others) - len(designs)
+    # Threads for matrices of some tens of rows only wait for each other.
+    with threadpool_limits(1):
+        pooled = _pooled(x, runs, trials) if (trials[:, 1] > 0).sum() > 1 else None
+        draws, smooth = truth_draws(x, runs, trials, DRAWS), _smooth(x, runs)
+    return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth)
+
+
+def _thinned(family: Sequence[DesignEvidence]) -> list[DesignEvidence]:
+    """Evenly spaced designs of the family, and all that have trials."""
+    if len(family) <= MOST_CANDIDATES:
+        return list(family)
+    kept = set(numpy.linspace(0, len(family) - 1, MOST_CANDIDATES).round().astype(int).tolist())
+    return [one for index, one in enumerate(family) if index in kept or one.trials]
+
+
+def _matrix(designs: Sequence[DesignEvidence]) -> tuple[NDArray[Any], NDArray[Any]]:
+    samples = numpy.unique(numpy.concatenate([one.samples for one in designs]))
+    passed = numpy.full((len(designs), len(samples)), numpy.nan)
+    for row, one in enumerate(designs):
+        passed[row, numpy.searchsorted(samples, one.samples)] = one.passed
+    return samples, passed
+
+
+def _smooth(x: NDArray[Any], runs: NDArray[Any]) -> NDArray[Any]:
+    """Simulation's rate and its band (D, 3), smooth where there is a model: few designs have none."""
+    differing = (numpy.ptp(x, axis=0) > 0).all() if x.size else False
+    if x.shape[1] in (1, 2) and len(x) >= LEAST_SMOOTHED and differing:
+        return numpy.column_stack(success_model(x, runs[:, 0], runs[:, 1]).rates(x))
+    return numpy.array([(k / n, *wilson_interval(int(k), int(n))) for k, n in runs])
+
+
+def _pooled(x: NDArray[Any], runs: NDArray[Any], trials: NDArray[Any]) -> tuple[Rate, ...]:
+    """The pooled rates of all designs, some at a time beside those with trials."""
+    driven, rest = numpy.flatnonzero(trials[:, 1] > 0), numpy.flatnonzero(trials[:, 1] == 0)
+    # All chunks have the ends of the parameters' ranges: distances are measured by them.
+    ends = numpy.concatenate([x.argmin(axis=0), x.argmax(axis=0)])
+    found: dict[int, Rate] = {}
+    for start in range(0, max(1, len(rest)), CHUNK):
+        some = numpy.unique(numpy.concatenate([driven, ends, rest[start : start + CHUNK]]))
+        share = runs[some, 0] / runs[some, 1]
+        rates = pooled_rates(x[some], trials[some, 0], trials[some, 1], share, simulated_runs=runs[some, 1])
+        found |= {int(index): rate for index, rate in zip(some, rates, strict=True)}
+    return tuple(found[index] for index in range(len(x)))

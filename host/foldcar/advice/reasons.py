@@ -1,0 +1,105 @@
+"""Why a design is worth building, in words."""
+
+from collections.abc import Sequence
+
+import numpy
+
+from foldcar.advice.evidence import DesignEvidence
+from foldcar.advice.outlook import Outlook
+from foldcar.advice.words import count, listed, percent, points, span_text
+from foldcar.analysis.region import (
+    ABOVE,
+    BELOW,
+    BEST,
+    EDGE,
+    END,
+    LOWER_EDGE,
+    MIDDLE,
+    OUTSIDE,
+    UPPER_EDGE,
+    Placed,
+)
+from foldcar.analysis.truth_draws import unit_range
+
+# Differences of rates that are worth a word.
+WORTH = 0.15
+
+_FIRST = {
+    MIDDLE: "the middle of the feasible region: if it fails, simulation is wrong where it is surest",
+    LOWER_EDGE: "the lower edge of the feasible region: is the border where simulation sees it?",
+    UPPER_EDGE: "the upper edge of the feasible region: is the border where simulation sees it?",
+    EDGE: "an edge of the feasible region: is the border where simulation sees it?",
+    BELOW: "just outside, below the region: bounds it, or shows that simulation is too strict",
+    ABOVE: "just outside, above the region: bounds it, or shows that simulation is too strict",
+    OUTSIDE: "just outside the region: bounds it, or shows that simulation is too strict",
+    BEST: "the best in simulation, though no design reaches the threshold there",
+    END: "an end of the range, all of which is feasible in simulation: no border is in it",
+}
+
+
+def first_reason(place: str, one: DesignEvidence, threshold: float, parted: float | None) -> str:
+    """Why a design is built before there are trials; ``parted``: another simulation's rate minus this one's, if any."""
+    passes = f"simulation passes {percent(one.runs_passed / one.runs)}"
+    return "; ".join([_FIRST[place], passes, *_parted_text(parted)])
+
+
+def next_reason(seen: Outlook, index: int, threshold: float, parted: float | None, together: Sequence[Placed]) -> str:
+    """Why a design is tried next, from what is believed of it."""
+    parts = []
+    above = float((seen.draws[:, index] >= threshold).mean())
+    best = float((seen.draws.argmax(axis=1) == index).mean())
+    low, high = numpy.quantile(seen.draws[:, index], [0.025, 0.975])
+    if seen.pooled is not None:
+        low, high = seen.pooled[index].low, seen.pooled[index].high
+    if low < threshold <= high:
+        span = f"its rate may be {percent(low)} to {percent(high)}"
+        parts.append(f"{span}: reaches {percent(threshold)} with a chance of {percent(above)}")
+    else:
+        parts.append(f"its rate is {percent(low)} to {percent(high)}, which bounds its neighbours'")
+    if best >= 1.5 / len(seen.designs):
+        parts.append(f"it is the best with a chance of {percent(best)}")
+    parts += _nearby(seen, index)
+    return "; ".join([*parts, *_parted_text(parted)])
+
+
+def region_text(seen: Outlook, threshold: float, parameters: Sequence[str]) -> str:
+    """The feasible region of simulation: ranges of the one parameter, or how many designs."""
+    feasible = seen.smooth[:, 0] >= threshold
+    limit, total = percent(threshold), len(seen.designs)
+    if not feasible.any():
+        return f"In simulation no design reaches {limit}."
+    if feasible.all():
+        return f"In simulation {'the design' if total == 1 else f'all {total} designs'} reaches {limit}."
+    if len(parameters) != 1:
+        return f"In simulation {int(feasible.sum())} of {total} designs reach {limit}."
+    order = numpy.argsort(seen.parameters[:, 0], kind="stable")
+    values, inside = seen.parameters[order, 0], feasible[order]
+    ranges = []
+    for run in numpy.split(numpy.arange(total), numpy.flatnonzero(numpy.diff(inside)) + 1):
+        if inside[run[0]]:
+            ranges.append(span_text(parameters[0], float(values[run[0]]), float(values[run[-1]])))
+    return f"In simulation {limit} is reached at {listed(ranges)}."
+
+
+def _nearby(seen: Outlook, index: int) -> list[str]:
+    """What the nearest driven design says: that it is this one, that simulation was wrong there, or that it is far."""
+    one = seen.designs[index]
+    if one.trials:
+        return [f"it was driven: {one.trials_passed} of {count(len(one.trials), 'trial')} passed"]
+    driven = numpy.flatnonzero(seen.trials[:, 1])
+    if not len(driven):
+        return []
+    unit = unit_range(seen.parameters)
+    apart = numpy.sqrt(((unit[driven] - unit[index]) ** 2).sum(axis=1))
+    near = driven[int(apart.argmin())]
+    gap = seen.trials[near, 0] / seen.trials[near, 1] - seen.rates[near]
+    if abs(gap) > WORTH:
+        nearest = f"at {seen.designs[near].label}, the nearest driven one"
+        return [f"{nearest}, trials and simulation part by {points(gap)} points"]
+    return []
+
+
+def _parted_text(parted: float | None) -> list[str]:
+    if parted is None or abs(parted) <= WORTH:
+        return []
+    return [f"nominal and calibrated simulation part by {points(parted, sign=False)} points"]

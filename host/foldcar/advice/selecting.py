@@ -1,0 +1,238 @@
+"""Which designs are worth building next, and why, in words: before any trial, and again after each round of them.
+
+Input: a store, or its evidence. Output: a Selection of each swept experiment. Before trials it names the middle, the
+edges and the outside of the feasible region, as the publication of the width study chose; after trials the designs
+whose trials would tell most about which design is best and which ones reach the threshold.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy
+import pandas
+from threadpoolctl import threadpool_limits
+
+from foldcar.advice.cost import Cost, cost
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence, listed_id, read_evidence
+from foldcar.advice.outlook import Outlook, outlook
+from foldcar.advice.reasons import first_reason, next_reason, region_text
+from foldcar.advice.words import count, listed, percent, points
+from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.rate import Rate
+from foldcar.analysis.region import Placed, first_designs
+from foldcar.analysis.selection import choose, expected_loss, honest_best, telling_environments, trials_needed
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+
+BUILD, THRESHOLD, PRECISION = 4, 0.75, 0.15
+# Trials whose information is compared between designs: what an afternoon allows.
+ROUND_TRIALS = 10
+NEXT = "next"
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """A design to try. ``place`` is one of :mod:`foldcar.analysis.region`, or NEXT after trials; ``reason`` says why.
+
+    ``expected`` is the rate that trials and simulation give together, None before two designs were driven. ``trials``
+    more bring its interval to the precision asked for; ``built``: trials of this design are there. ``cost`` None: the
+    car cannot be cut, or was not nested.
+    """
+
+    label: str
+    design: Design
+    place: str
+    reason: str
+    simulated: Rate
+    expected: Rate | None
+    built: bool
+    trials_done: int
+    trials: int
+    cost: Cost | None
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The advice for one experiment: the answer in ``sentence``, then what it rests on.
+
+    ``enough`` says that trials decide already; then there are no recommendations. ``environments`` are the samples to set
+    up for all recommended designs, ``telling`` of them tell the designs apart in simulation. ``loss``: by how much the
+    best design may be missed if no more trials are made (0 to 1), None before trials.
+    """
+
+    info: ExperimentInfo
+    threshold: float
+    precision: float
+    recommendations: tuple[Recommendation, ...]
+    environments: tuple[int, ...]
+    telling: int
+    enough: bool
+    loss: float | None
+    sentence: str
+    remarks: tuple[str, ...]
+
+
+def select(
+    store: Store,
+    build: int = BUILD,
+    threshold: float | None = None,
+    precision: float = PRECISION,
+    experiment: str | None = None,
+    runs: pandas.DataFrame | None = None,
+    with_cost: bool = True,
+) -> list[Selection]:
+    """Advice for every swept experiment, or one: up to ``build`` designs each; none if nothing was swept.
+
+    ``threshold`` (0 to 1) is the success that a good design reaches; None: the listing's highest, or THRESHOLD.
+    ``precision`` is the half-width (0 to 0.5) to which trials are to bring a rate. ``runs`` is the store's table of runs
+    if the caller has it. FoldcarError.
+    """
+    return select_evidence(read_evidence(store, experiment, runs), build, threshold, precision, with_cost)
+
+
+def select_evidence(
+    evidence: Sequence[Evidence],
+    build: int = BUILD,
+    threshold: float | None = None,
+    precision: float = PRECISION,
+    with_cost: bool = True,
+) -> list[Selection]:
+    """As :func:`select`, from evidence that was read; ``with_cost`` nests the sheets, a second a car."""
+    found = []
+    for one in evidence:
+        limit = threshold if threshold is not None else max(one.info.thresholds, default=THRESHOLD)
+        seen = outlook(one) if one.info.success_defined else None
+        if seen is None:
+            found.append(Selection(one.info, limit, precision, (), (), 0, False, None, _nothing(one), one.remarks))
+        else:
+            choice = _Choice(one, evidence, seen, limit, precision)
+            # Threads for matrices of some tens of rows only wait for each other.
+            with threadpool_limits(1):
+                found.append(choice.selection(build, with_cost))
+    return found
+
+
+def _nothing(one: Evidence) -> str:
+    if not one.info.success_defined:
+        return "Nothing to select: success is undefined in this environment, so that no design is better than another."
+    return "Nothing to select: no runs are stored yet; sweep the listing with `foldcar sweep`."
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """What one experiment's selection is made of."""
+
+    evidence: Evidence
+    all_evidence: Sequence[Evidence]
+    seen: Outlook
+    threshold: float
+    precision: float
+
+    def selection(self, build: int, with_cost: bool) -> Selection:
+        seen, enough, loss = self.seen, False, None
+        if seen.driven:
+            _, loss = expected_loss(seen.draws)
+            enough = not self._open().any() and loss <= self.precision
+        placed = [] if enough else self._placed(build)
+        recommended = tuple(self._recommendation(one, placed, with_cost) for one in placed)
+        rows = [one.index for one in placed]
+        met = {trial.sample for index in rows for trial in seen.designs[index].trials}
+        known = [index for index, sample in enumerate(seen.samples) if sample in met]
+        wanted = max((one.trials for one in recommended), default=0)
+        columns = telling_environments(seen.passed[rows], wanted, known) if rows else []
+        telling = int(sum(numpy.ptp(seen.passed[rows][:, column]) > 0 for column in columns))
+        samples = tuple(int(seen.samples[column]) for column in columns)
+        info, remarks = self.evidence.info, self._remarks(recommended, wanted, len(samples))
+        sentence = self._sentence(recommended, enough, loss)
+        return Selection(
+            info, self.threshold, self.precision, recommended, samples, telling, enough, loss, sentence, remarks
+        )
+
+    def _placed(self, build: int) -> list[Placed]:
+        """The designs, the most useful first."""
+        seen, first = self.seen, []
+        if not seen.driven:
+            first = first_designs(seen.parameters, seen.smooth[:, 0], self._doubt(), self.threshold)[:build]
+        taken = [one.index for one in first]
+        more = choose(seen.draws, self.threshold, ROUND_TRIALS, build - len(first), taken)
+        return [*first, *(Placed(index, NEXT) for index in more)]
+
+    def _doubt(self) -> numpy.typing.NDArray[numpy.float64]:
+        """How little is known of each design's side of the threshold: chance, and simulations that part."""
+        found = []
+        for one, (rate, low, high) in zip(self.seen.designs, self.seen.smooth, strict=True):
+            apart = abs(rate - self.threshold) / max(high - low, 1e-9)
+            found.append(1 / (1 + apart) + abs(self._parted(one) or 0.0))
+        return numpy.array(found)
+
+    def _parted(self, design: DesignEvidence) -> float | None:
+        """How much more another simulation of the same experiment passes (a calibration, or the nominal one), if any."""
+        for other in self.all_evidence:
+            if other is self.evidence or listed_id(other.info) != listed_id(self.evidence.info):
+                continue
+            for one in other.designs:
+                if one.design == design.design and one.runs:
+                    return one.runs_passed / one.runs - design.runs_passed / design.runs
+        return None
+
+    def _open(self) -> numpy.typing.NDArray[numpy.bool_]:
+        """The designs whose rate may lie on both sides of the threshold."""
+        if self.seen.pooled is None:
+            return numpy.ones(len(self.seen.designs), dtype=bool)
+        return numpy.array([rate.low < self.threshold <= rate.high for rate in self.seen.pooled])
+
+    def _recommendation(self, placed: Placed, together: Sequence[Placed], with_cost: bool) -> Recommendation:
+        seen, index = self.seen, placed.index
+        one = seen.designs[index]
+        expected = None if seen.pooled is None else seen.pooled[index]
+        done = len(one.trials)
+        trials = max(1, trials_needed(seen.draws[:, index], self.precision) - done)
+        if placed.place == NEXT:
+            reason = next_reason(seen, index, self.threshold, self._parted(one), together)
+        else:
+            reason = first_reason(placed.place, one, self.threshold, self._parted(one))
+        simulated = Rate(
+            one.runs_passed / one.runs,
+            *wilson_interval(one.runs_passed, one.runs),
+            0.95,
+            f"Wilson interval of {count(one.runs, 'run')}",
+        )
+        price = cost(one.vehicle_type, one.design, trials, one.mean_time_s, bool(done)) if with_cost else None
+        return Recommendation(
+            one.label, one.design, placed.place, reason, simulated, expected, bool(done), done, trials, price
+        )
+
+    def _remarks(self, recommended: Sequence[Recommendation], wanted: int, environments: int) -> tuple[str, ...]:
+        seen = self.seen
+        remarks = [region_text(seen, self.threshold, self.evidence.parameters)]
+        best, passed, number = honest_best(seen.passed)
+        if number and len(seen.designs) > 1:
+            low, high = wilson_interval(passed, number)
+            remarks.append(
+                f"Best in simulation: {seen.designs[best].label}, {percent(passed / number)} ({percent(low)} to "
+                f"{percent(high)}), chosen in one half of the environments and counted in the other."
+            )
+        if seen.thinned:
+            remarks.append(f"{count(seen.thinned, 'design')} between these were left out of the choice, to save time.")
+        if environments < wanted:
+            remarks.append(f"Only {environments} environments are left that no chosen car has met: sweep more of them.")
+        return (*remarks, *self.evidence.remarks)
+
+    def _sentence(self, recommended: Sequence[Recommendation], enough: bool, loss: float | None) -> str:
+        seen, limit = self.seen, percent(self.threshold)
+        # In the order of the family, not of use.
+        order = {one.label: row for row, one in enumerate(seen.designs)}
+        named = listed(sorted((one.label for one in recommended), key=order.__getitem__))
+        if loss is None:
+            return f"Build {named}: no trials yet, so these mark the region that reaches {limit} in simulation."
+        best, _ = expected_loss(seen.draws)
+        rate = None if seen.pooled is None else seen.pooled[best]
+        shown = "" if rate is None else f" with {percent(rate.value)} ({percent(rate.low)} to {percent(rate.high)})"
+        leads = f"by trials and simulation together {seen.designs[best].label} leads{shown}"
+        loses = f"to settle for it loses {points(loss, sign=False)} points on average against the best there may be"
+        if not enough:
+            return f"Next, try {named}: {leads}; {loses}."
+        rates = zip(seen.designs, seen.pooled or (), strict=True)
+        above = [one.label for one, known in rates if known.low >= self.threshold]
+        reach = f"{listed(above)} reach" if len(above) > 1 else f"{above[0] if above else 'no design'} reaches"
+        return f"Enough: {reach} {limit}, which is decided for every design; {leads}; {loses}."

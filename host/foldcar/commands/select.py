@@ -1,0 +1,58 @@
+"""`foldcar select`: which designs to build next, and why."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import check_distinct, output_file
+
+MOST_BUILD = 50
+
+
+def select(
+    store: Annotated[Path, typer.Argument(metavar="STORE", help="The store of a sweep, and of trials if there are any.")],
+    build: Annotated[int, typer.Option(metavar="N", min=1, max=MOST_BUILD, help="How many designs to name.")] = 4,
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SHARE", min=0.01, max=0.99, help="Success of a good design, 0 to 1; default: the listing's, or 0.75."
+        ),
+    ] = None,
+    precision: Annotated[
+        str, typer.Option(metavar="POINTS", help="Half-width that trials are to bring a rate's interval to.")
+    ] = "15pp",
+    experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
+    csv: Annotated[
+        Path | None, typer.Option(metavar="FILE", callback=output_file, help="CSV file to write: a row a design.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Say which designs to build next, and why.
+
+    Before trials: the middle, the edges and the outside of the region that reaches the threshold in simulation. After
+    trials: the designs whose trials would tell most about which one is best and which ones reach the threshold; or that
+    it is enough. With trials needed, sampled environments to set up, sheets and minutes. docs/advice.md explains it.
+
+    \b
+    Example: foldcar select study.db --build 4
+    """
+    from foldcar.advice.selecting import select as select_designs
+    from foldcar.advice.selection_table import selection_object, write_selection
+    from foldcar.commands.points_option import parse_points
+    from foldcar.commands.select_text import print_selections
+    from foldcar.store.reader import Store
+
+    check_distinct([store], [csv])
+    half_width = parse_points("--precision", precision, least=1, most=45)
+    with Store.open(store) as opened:
+        found = select_designs(opened, build, threshold, half_width, experiment)
+    if csv is not None:
+        write_selection(found, csv)
+    if as_json:
+        print_json({"store": store, "experiments": [selection_object(one) for one in found]})
+        return
+    print_selections(found)
+    if csv is not None:
+        typer.echo(f"{csv}: {sum(len(one.recommendations) for one in found)} designs", err=True)

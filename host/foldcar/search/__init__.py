@@ -1,0 +1,1 @@
+"""Search for the best designs of a family, with simulation as the oracle (docs/optimize.md)."""

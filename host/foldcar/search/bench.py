@@ -1,0 +1,146 @@
+"""Designs of one experiment, simulated on demand into a store that is open: what a sweep does, design by design.
+
+Runs have the keys of a sweep's, so that each finds what the other has stored. The experiment's designs in the store are
+those that it had and those that were tried since.
+"""
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from foldcar.car.firmware_parameters import TableRow
+from foldcar.interrupts import delayed
+from foldcar.simulation.carsim import Carsim
+from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter
+from foldcar.study.chunks import ChunkPool, FinishedRun
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import Experiment
+from foldcar.study.sweep import is_dynamic, plan_experiment, planned_design
+
+# The values of a family's parameters, in the order of its choices.
+Values = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """The stored result of a run; a failed one has no numbers."""
+
+    outcome: str
+    elapsed_time_s: float | None
+    consumed_energy_j: float | None
+
+    @property
+    def passed(self) -> bool:
+        """Whether the car did what its environment asks for."""
+        return self.outcome == "passed"
+
+
+class Bench:
+    """One experiment's environment with its simulators. Made by :func:`open_bench`."""
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        environment: Environment,
+        writer: StoreWriter,
+        pool: ChunkPool,
+        dynamic: bool,
+        table: dict[str, TableRow],
+        simulated: Callable[[int], None],
+    ) -> None:
+        self._experiment = experiment
+        self._environment = environment
+        self._writer = writer
+        self._pool = pool
+        self._dynamic = dynamic
+        self._table = table
+        self._simulated = simulated
+        self._plan: PlannedExperiment | None = None
+        self._positions: dict[Values, int] = {}
+
+    def rows(self, values: Values, samples: Sequence[int]) -> list[Row]:
+        """The results of a design that can be built in these samples, simulated if the store lacks them. FoldcarError."""
+        plan, position = self._place(values)
+        runs: list[PlannedRun] = []
+        for number, sample in enumerate(samples):
+            self._take(plan, sample)
+            (run,) = (one for one in self._writer.planned_runs(plan, sample) if one.design == position)
+            runs.append(run)
+            if run.outcome is None and not self._pool.joins(run):
+                for finished in self._pool.add(run, len(samples) - number):
+                    self._keep(finished)
+        for finished in self._pool.finish():
+            self._keep(finished)
+        stored = [self._writer.result(run) for run in runs]
+        return [Row(one["outcome"], one["elapsed_time_s"], one["consumed_energy_j"]) for one in stored]
+
+    def finish(self, skipped: Sequence[Values] = ()) -> None:
+        """Record the designs in the order of the family, with those that cannot be built among the skipped ones."""
+        if self._positions:
+            self._record(sorted({*self._positions, *skipped}))
+
+    def _place(self, values: Values) -> tuple[PlannedExperiment, int]:
+        if self._plan is None:
+            self._record([*self._known(), values])
+        assert self._plan is not None
+        if values not in self._positions:
+            design = self._experiment.family.design(values)
+            self._positions[values] = len(self._positions)
+            planned = planned_design(self._experiment, design, self._table)
+            self._writer.add_design(self._experiment.id, self._positions[values], planned)
+        return self._plan, self._positions[values]
+
+    def _record(self, members: Sequence[Values]) -> None:
+        family = self._experiment.family.only(dict.fromkeys(members))
+        experiment = replace(self._experiment, family=family)
+        self._plan = plan_experiment(experiment, self._environment, self._writer, self._table, searched=True)
+        built = [values for values in dict.fromkeys(members) if family.error(values) is None]
+        self._positions = {values: position for position, values in enumerate(built)}
+
+    def _known(self) -> list[Values]:
+        """The designs that an earlier sweep or search has left in the experiment, of those that the family has."""
+        environment_id = self._writer.environment(self._environment.fingerprint)
+        spread_id = self._writer.spread(self._environment.spread_fingerprint)
+        environments, designs = self._writer.swept(self._experiment.id, environment_id, spread_id)
+        self._experiment = replace(
+            self._experiment, environments=max(environments, self._experiment.environments)
+        )
+        family = self._experiment.family
+        found = [tuple(design.get(column, float("nan")) for column in family.columns()) for design in designs]
+        return [values for values in found if family.has(values)]
+
+    def _take(self, plan: PlannedExperiment, sample: int) -> None:
+        """Store the sample's scene and the differences of its cars, if they are not there."""
+        environment, writer = self._environment, self._writer
+        for number in range(writer.sample_count(plan.environment_id), sample + 1):
+            scene = environment.sample(number)
+            identity = environment.scene_identity(number, self._dynamic)
+            writer.put_sample(plan.environment_id, number, scene, identity)
+        for number in range(writer.draw_count(plan.spread_id), sample + 1):
+            writer.put_draw(plan.spread_id, number, environment.variation(number), environment.variation_identity())
+
+    def _keep(self, finished: list[FinishedRun]) -> None:
+        # The counts are of what is stored, also when a signal ends the search.
+        with delayed():
+            self._writer.add_results((one.run, one.answer) for one in finished)
+            self._simulated(len(finished))
+
+
+@contextlib.contextmanager
+def open_bench(
+    experiment: Experiment,
+    environment: Environment,
+    writer: StoreWriter,
+    carsim: Carsim,
+    jobs: int,
+    simulated: Callable[[int], None],
+) -> Iterator[Bench]:
+    """The bench of an experiment in its ``environment``; ``simulated`` is told how many runs were simulated."""
+    dynamic = is_dynamic(writer.environment(environment.fingerprint), environment, writer)
+    table = carsim.parameter_table()
+    with (
+        ChunkPool(writer, jobs, carsim.limits().numbers) as pool,
+        environment.runner(carsim, dynamic) as runner,
+        pool.using(runner),
+    ):
+        yield Bench(experiment, environment, writer, pool, dynamic, table, simulated)

@@ -1,0 +1,98 @@
+"""What a search makes large or small: numbers of a design, from its runs or from its film, with intervals.
+
+Each is defined so that a car that fails at once gains nothing by it.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from foldcar.analysis.betting import betting_interval
+from foldcar.analysis.intervals import wilson_interval
+from foldcar.car.design import Design
+from foldcar.car.folded.weight import area_mm2
+from foldcar.car.folded_car import folded_car
+from foldcar.search.bench import Row
+
+Interval = tuple[float, float]
+RESAMPLES = 2000
+CM2 = 0.01
+
+
+@dataclass(frozen=True)
+class Objective:
+    """``value`` takes a design's rows and the time limit (s); ``interval`` the same, and gives its 95 % interval.
+
+    ``unit`` is empty for shares. Both functions are None for what follows from the design alone.
+    """
+
+    name: str
+    unit: str
+    largest: bool
+    meaning: str
+    value: Callable[[Sequence[Row], float], float] | None
+    interval: Callable[[Sequence[Row], float], Interval] | None
+
+
+def _success(rows: Sequence[Row], limit_s: float) -> float:
+    return sum(row.passed for row in rows) / len(rows)
+
+
+def _success_interval(rows: Sequence[Row], limit_s: float) -> Interval:
+    return wilson_interval(sum(row.passed for row in rows), len(rows))
+
+
+def times_s(rows: Sequence[Row], limit_s: float) -> list[float]:
+    """The times to pass; those of runs that did not pass are the limit."""
+    return [min(row.elapsed_time_s or 0.0, limit_s) if row.passed else limit_s for row in rows]
+
+
+def _time(rows: Sequence[Row], limit_s: float) -> float:
+    return math.fsum(times_s(rows, limit_s)) / len(rows)
+
+
+def _time_interval(rows: Sequence[Row], limit_s: float) -> Interval:
+    return betting_interval(times_s(rows, limit_s), low=0.0, high=limit_s)
+
+
+def _energy(rows: Sequence[Row], limit_s: float) -> float:
+    table = _energies(rows)
+    passed = table[:, 1].sum()
+    return float(table[:, 0].sum() / passed) if passed else math.inf
+
+
+def _energy_interval(rows: Sequence[Row], limit_s: float) -> Interval:
+    """Percentiles of the ratio over resampled runs (Efron's bootstrap), with a fixed seed."""
+    table = _energies(rows)
+    picks = np.random.default_rng(0).integers(0, len(table), (RESAMPLES, len(table)))
+    totals = table[picks].sum(axis=1)
+    ratios = np.divide(totals[:, 0], totals[:, 1], out=np.full(RESAMPLES, math.inf), where=totals[:, 1] > 0)
+    low, high = np.quantile(ratios, (0.025, 0.975), method="nearest")
+    return float(low), float(high)
+
+
+def _energies(rows: Sequence[Row]) -> Any:
+    """(runs, 2): energy (J) and whether the run passed. A failed run, whose energy is unknown, counts as the mean."""
+    known = [row.consumed_energy_j for row in rows if row.consumed_energy_j is not None]
+    mean = math.fsum(known) / len(known) if known else math.inf
+    return np.array([(mean if row.consumed_energy_j is None else row.consumed_energy_j, row.passed) for row in rows])
+
+
+def film_area_cm2(design: Design) -> float:
+    """The area of the car's flat pieces (cm²): the outlines of all faces, tabs included, holes not taken off."""
+    pieces = folded_car(design).pieces
+    return CM2 * sum(piece.count * sum(area_mm2(face.outline_mm) for face in piece.faces) for piece in pieces)
+
+
+OBJECTIVES = {
+    one.name: one
+    for one in (
+        Objective("success", "", True, "share of runs that pass", _success, _success_interval),
+        Objective("time", "s", False, "mean time to pass, the limit where a run does not", _time, _time_interval),
+        Objective("energy", "J", False, "energy drawn in all runs, per run that passed", _energy, _energy_interval),
+        Objective("sheet-area", "cm²", False, "area of the car's flat pieces of film", None, None),
+    )
+}

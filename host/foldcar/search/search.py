@@ -1,0 +1,240 @@
+"""The search: asks for designs, simulates them, tells what they are worth, and judges the best in fresh environments.
+
+Input: an experiment of a listing. Output: runs in the store under the keys of a sweep's, the study beside it, and a
+Found. What was best of many in some environments was lucky there as well: only runs in environments that no design was
+chosen by say how good it is.
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from foldcar.errors import FoldcarError
+from foldcar.search.bench import Bench, Row, Values, open_bench
+from foldcar.search.objectives import OBJECTIVES, Objective, film_area_cm2
+from foldcar.search.proposals import Proposals, Tried
+from foldcar.simulation.carsim import Carsim
+from foldcar.store.writer import write_store
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import Experiment, Study
+from foldcar.study.limits import GREATEST_SEED
+from foldcar.study.sweep import study_facts
+
+# Looks at a design, each after as many environments.
+BATCHES = 10
+# Turns a seed into one of environments that nothing is chosen by.
+FRESH_BIT = 1 << 40
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is searched for and how: at most ``designs`` designs and, if given, ``runs`` runs.
+
+    The ``best`` are judged in ``fresh`` environments. ``prune``: designs that look worse than the best are left early.
+    """
+
+    objectives: tuple[Objective, ...]
+    sampler: str
+    seed: int
+    designs: int
+    runs: int | None
+    fresh: int
+    best: int
+    prune: bool
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A design of the best: its values while it was chosen, and those in fresh environments with 95 % intervals.
+
+    What follows from the design alone has no interval.
+    """
+
+    design: Mapping[str, float]
+    chosen_by: tuple[float, ...]
+    fresh: tuple[float, ...]
+    intervals: tuple[tuple[float, float] | None, ...]
+
+
+@dataclass
+class Found:
+    """The counts of a search, for its progress, and what it found at its end. ``runs`` are those of the tried designs.
+
+    ``new`` is how many runs were simulated in all; ``exhausted`` says that no more design was found to try.
+    """
+
+    planned: int
+    designs: int = 0
+    pruned: int = 0
+    runs: int = 0
+    new: int = 0
+    best_so_far: float | None = None
+    exhausted: bool = False
+    unbuildable: dict[str, str] = field(default_factory=dict)
+    best: list[Judged] = field(default_factory=list)
+    started_s: float = field(default_factory=time.perf_counter)
+
+    @property
+    def seconds(self) -> float:
+        """Time since the start (s)."""
+        return time.perf_counter() - self.started_s
+
+
+def searched_study(study: Study, fresh: int) -> Study:
+    """The study's only experiment, and the same in ``fresh`` other samples, with other built cars. FoldcarError."""
+    if len(study.experiments) > 1:
+        known = ", ".join(one.id for one in study.experiments)
+        raise FoldcarError(f"{study.listing_name}: experiments: has several; choose one with --experiment: {known}")
+    (chosen,) = study.experiments
+    other = replace(
+        chosen,
+        id=f"{chosen.id} fresh",
+        environments=fresh,
+        seed=(chosen.seed ^ FRESH_BIT) & GREATEST_SEED,
+        variation_seed=(chosen.variation_seed ^ FRESH_BIT) & GREATEST_SEED,
+    )
+    return replace(study, experiments=(chosen, other))
+
+
+def search(
+    study: Study,
+    plan: Plan,
+    store: Path,
+    carsim: Carsim,
+    jobs: int,
+    command: str,
+    found: Found,
+    report: Callable[[Found], None] = lambda found: None,
+    environment_of: Callable[[Experiment], Environment] = Environment,
+) -> None:
+    """Search the family of the first experiment of :func:`searched_study`; the second has the fresh environments.
+
+    ``found`` is updated and ``report`` called after every step. ``environment_of`` makes the environments: those of a
+    calibration are others. What the store holds is not simulated again, and an interrupted search of the same plan goes
+    on. FoldcarError.
+    """
+    experiment, fresh = study.experiments
+    environment = environment_of(experiment)
+    _check(experiment, environment, plan)
+
+    def simulated(runs: int) -> None:
+        found.new += runs
+        report(found)
+
+    with write_store(store) as writer:
+        writer.begin_study(study_facts(study, carsim, command), carsim.build)
+        proposals = Proposals(
+            store.with_name(f"{store.name}.optuna"), experiment.family, plan.objectives, plan.sampler, plan.seed,
+            _identity(experiment, environment, plan, carsim), plan.designs,
+        )  # fmt: skip
+        with open_bench(experiment, environment, writer, carsim, jobs, simulated) as bench:
+            _try_designs(experiment, plan, proposals, bench, found, report)
+            unbuildable = proposals.unbuildable()
+            bench.finish(list(unbuildable))
+        best = proposals.best(proposals.tried(), plan.best)
+        with open_bench(fresh, environment_of(fresh), writer, carsim, jobs, simulated) as bench:
+            for one in best:
+                rows = bench.rows(one.values, range(plan.fresh))
+                found.best.append(_judged(experiment, plan, one, rows))
+                report(found)
+    found.unbuildable = {_named(experiment, values): reason for values, reason in unbuildable.items()}
+
+
+def _try_designs(
+    experiment: Experiment,
+    plan: Plan,
+    proposals: Proposals,
+    bench: Bench,
+    found: Found,
+    report: Callable[[Found], None],
+) -> None:
+    for one in proposals.tried():
+        _count(found, one, plan)
+    while found.designs < plan.designs and (
+        plan.runs is None or found.runs + experiment.environments <= plan.runs
+    ):
+        values = proposals.next()
+        if values is None:
+            found.exhausted = True
+            return
+        rows: list[Row] = []
+        pruned = False
+        for number, batch in enumerate(batches(experiment.environments)):
+            new = bench.rows(values, batch)
+            rows += new
+            if plan.prune:
+                value = plan.objectives[0].value
+                assert value is not None
+                pruned = len(rows) < experiment.environments and proposals.worse(number, value(new, experiment.timeout_s))
+                if pruned:
+                    break
+        mean_time_s = _value(OBJECTIVES["time"], experiment, values, rows)
+        worth = [_value(one, experiment, values, rows) for one in plan.objectives]
+        _count(found, proposals.tell(worth, len(rows), pruned, mean_time_s), plan)
+        report(found)
+
+
+def _count(found: Found, tried: Tried, plan: Plan) -> None:
+    found.designs += 1
+    found.pruned += tried.pruned
+    found.runs += tried.environments
+    if not tried.pruned:
+        first, better = tried.objectives[0], max if plan.objectives[0].largest else min
+        found.best_so_far = first if found.best_so_far is None else better(found.best_so_far, first)
+
+
+def _value(objective: Objective, experiment: Experiment, values: Values, rows: Sequence[Row]) -> float:
+    if objective.value is None:
+        return film_area_cm2(experiment.family.design(values))
+    return objective.value(rows, experiment.timeout_s)
+
+
+def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[Row]) -> Judged:
+    return Judged(
+        experiment.family.design(tried.values).columns,
+        tried.objectives,
+        tuple(_value(one, experiment, tried.values, rows) for one in plan.objectives),
+        tuple(
+            None if one.interval is None else one.interval(rows, experiment.timeout_s)
+            for one in plan.objectives
+        ),
+    )
+
+
+def batches(environments: int) -> list[range]:
+    """The samples that are simulated between looks at a design."""
+    size = math.ceil(environments / BATCHES)
+    return [range(first, min(first + size, environments)) for first in range(0, environments, size)]
+
+
+def _check(experiment: Experiment, environment: Environment, plan: Plan) -> None:
+    """FoldcarError if the plan has no meaning for the experiment."""
+    if all(one.value is None for one in plan.objectives):
+        raise FoldcarError("--objective sheet-area: needs no simulation; name what the car shall do as well")
+    if plan.runs is not None and plan.runs < experiment.environments:
+        raise FoldcarError(f"--runs {plan.runs}: one design takes {experiment.environments}, one in each environment")
+    if experiment.condition is not None:
+        raise FoldcarError(
+            f"{experiment.place}: environment {experiment.environment} has a condition: fresh samples would not have it"
+        )
+    if not environment.success.defined:
+        raise FoldcarError(f"{experiment.place}: {environment.success.text}")
+
+
+def _identity(experiment: Experiment, environment: Environment, plan: Plan, carsim: Carsim) -> list[Any]:
+    """What a design's worth depends on besides its values."""
+    driving = [experiment.timeout_s, experiment.speed_m_s, experiment.yaw_rate_rad_s]
+    places = [environment.fingerprint, environment.spread_fingerprint, experiment.environments]
+    return [carsim.build, *driving, *places, plan.prune]
+
+
+def _named(experiment: Experiment, values: Values) -> str:
+    varied = (
+        f"{key}={value:g}"
+        for (key, choices), value in zip(experiment.family.choices.items(), values, strict=True)
+        if len(choices) > 1
+    )
+    return " ".join(varied)

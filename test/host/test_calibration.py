@@ -1,0 +1,308 @@
+"""Calibration: priors, effects on runs, posterior, information against closed forms; the command, its store, sweeps."""
+
+import json
+import math
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import expit
+from scipy.stats import binom, halfnorm, lognorm, norm
+
+from foldcar.calibration.bank import features_of, prior_scores, simulate_bank
+from foldcar.calibration.effects import calibrated_scene, calibrated_variation
+from foldcar.calibration.experiment import read_experiment
+from foldcar.calibration.parameters import NAMES, NOMINAL, PARAMETERS, Parameter, values_of
+from foldcar.calibration.posterior import DISCREPANCY, built_logits, log_likelihood, sample_posterior
+from foldcar.calibration.predictions import expected_bits, log_score
+from foldcar.calibration.simulation import Simulator
+from foldcar.car.variation.spread import draw, workshop
+from foldcar.car.variation.vary_body import vary_body
+from foldcar.errors import FoldcarError
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.carsim_limits import CarsimLimits
+from foldcar.store.calibrations import Calibration, calibration_named
+from foldcar.store.reader import Store
+from forked_foldcar import original
+from study_car import car_body
+
+BUMP = """model model
+param height = 0.03
+ego = new Robot at (0, Normal(0, 0.01)), facing Normal(-90 deg, 0.02)
+bump = new Bump at (0.25, 0), facing -90 deg, with height globalParameters.height
+goal = new Goal at (0.45, 0), facing -90 deg
+"""
+TRIALS = """experiment,vehicle_type,radius_mm,outcome,count,source
+1,W_B_W,40,not_passed,8,a paper
+1,W_B_W,48,not_passed,8,a paper
+"""
+DRAWS = 100
+
+
+@pytest.mark.parametrize("parameter", PARAMETERS, ids=lambda one: str(one.name))
+def test_a_standard_normal_score_has_the_declared_prior(parameter: Parameter) -> None:
+    prior: Any = {
+        "log-normal": lognorm(parameter.sd, scale=parameter.middle or 1),
+        "normal": norm(parameter.middle, parameter.sd),
+        "half-normal": halfnorm(scale=parameter.sd),
+    }[parameter.prior]
+    scores = np.array([-2.5, -1.0, 0.0, 0.7, 3.0])
+
+    values = parameter.value(scores)
+    assert values == pytest.approx(prior.ppf(norm.cdf(scores)))
+    assert [parameter.score(value) for value in values] == pytest.approx(list(scores))
+
+
+def test_effects_are_those_that_the_table_names(carsim_limits: CarsimLimits) -> None:
+    values = {**NOMINAL, "friction": 0.5, "servo_torque": 0.7, "servo_speed": 1.2, "obstacle_height": 1.5}
+    values |= {"com_height_m": 0.01, "track_m": 0.016}
+    round_bump = {"kind": "half_round", "length_m": 0.06, "height_m": 0.025}
+    terrain = [{"kind": "box", "height_m": 0.02}, {"kind": "pothole", "depth_m": 0.01}, round_bump]
+    scene = {"friction": 0.6, "start": {"x_m": 0, "y_m": 0.1, "heading_rad": 0.2}}
+    scene["terrain"] = [*terrain, {"kind": "patch", "friction": 0.3}]
+    body = car_body()
+
+    changed = calibrated_scene(scene, values, 1, 2)
+    varied = vary_body(body, calibrated_variation(values, {}, 1, 2), carsim_limits.numbers)
+
+    assert changed["friction"] == pytest.approx(0.3) and changed["start"] == scene["start"]
+    heights = [piece.get("height_m", piece.get("depth_m", piece.get("friction"))) for piece in changed["terrain"]]
+    # An arc is at most half as high as long.
+    assert heights == pytest.approx([0.03, 0.015, 0.03, 0.15])
+    assert varied["track_m"] == pytest.approx(body["track_m"] + 0.016)
+    assert varied["segments"][0]["com_z_m"] == pytest.approx(body["segments"][0]["com_z_m"] + 0.01)
+    for wheel, drawn in zip(varied["wheels"], body["wheels"], strict=True):
+        servo = drawn["servo"]
+        assert wheel["servo"]["stall_torque_n_m"] == pytest.approx(0.7 * servo["stall_torque_n_m"])
+        assert wheel["servo"]["no_load_speed_rad_s"] == pytest.approx(1.2 * servo["no_load_speed_rad_s"])
+        assert wheel["grip"] == drawn["grip"]
+
+
+def test_scatter_has_its_spread_and_is_shared_by_all_values() -> None:
+    scene = {"friction": 1, "terrain": [], "start": {"x_m": 0, "y_m": 0, "heading_rad": 0}}
+    wide = {**NOMINAL, "start_position_sd_m": 0.02, "start_heading_sd_rad": 0.1, "wheel_spread": 2.0}
+    starts = [calibrated_scene(scene, wide, 5, k)["start"] for k in range(2000)]
+
+    sds = [np.std([start[key] for start in starts]) for key in ("x_m", "y_m", "heading_rad")]
+
+    assert sds == pytest.approx([0.02, 0.02, 0.1], rel=0.08)
+    half = calibrated_scene(scene, {**wide, "start_heading_sd_rad": 0.05}, 5, 7)["start"]
+    assert half["heading_rad"] == pytest.approx(starts[7]["heading_rad"] / 2) and half["x_m"] == starts[7]["x_m"]
+    # The listing's own spreads of the whole car stay, those of wheels give way.
+    varied = calibrated_variation(wide, {"mass": 0.03, "tyre_grip": 0.5}, 5, 7)
+    doubled = draw({"tyre_grip": 2 * workshop()["tyre_grip"].sd, "mass": 0.03}, 5, 7)
+    assert varied["tyre_grip"] == pytest.approx(doubled["tyre_grip"]) and varied["mass"] == doubled["mass"]
+
+
+def grid() -> tuple[Any, Any, Any, Any]:
+    """Score, discrepancy's sd and the log-likelihood of 2/10 and 9/10 at logits 1 + 2 z and 2, by plain quadrature."""
+    z, t, e = (np.linspace(-5, 5, n) for n in (201, 81, 301))
+    tau = np.asarray(DISCREPANCY.value(t))
+    weight = norm.pdf(e) / norm.pdf(e).sum()
+    first, second = 1 + 2 * z[:, None, None] + tau[:, None] * e, 2 + tau[:, None] * e
+    likelihood = (binom.pmf(2, 10, expit(first)) @ weight) * (binom.pmf(9, 10, expit(second)) @ weight)
+    prior = norm.pdf(z)[:, None] * norm.pdf(t)
+    return z, tau, likelihood, prior / prior.sum()
+
+
+def test_the_posterior_is_that_of_plain_quadrature() -> None:
+    z, tau, likelihood, prior = grid()
+    exact = likelihood * prior
+    evidence = exact.sum()
+    mean = (exact.sum(axis=1) * z).sum() / evidence
+    sd = math.sqrt((exact.sum(axis=1) * z**2).sum() / evidence - mean**2)
+    told = np.array([2.0, 9.0]), np.array([10.0, 10.0])
+
+    found = sample_posterior(lambda s: np.column_stack([1 + 2 * s[:, 0], np.full(len(s), 2.0)]), 1, *told, seed=3)
+
+    assert found.log_evidence == pytest.approx(math.log(evidence), abs=0.1)
+    assert found.scores.mean() == pytest.approx(mean, abs=5 * sd / math.sqrt(500))
+    assert found.scores.std() == pytest.approx(sd, rel=0.15)
+    assert found.discrepancy.mean() == pytest.approx((exact.sum(axis=0) * tau).sum() / evidence, rel=0.1)
+    again = sample_posterior(lambda s: np.column_stack([1 + 2 * s[:, 0], np.full(len(s), 2.0)]), 1, *told, seed=3)
+    assert np.array_equal(found.scores, again.scores)
+
+
+def test_a_misfit_widens_what_is_said_of_a_built_car() -> None:
+    """Simulated to pass surely, 0 of 10 passed: the built car's rate is low, and another car's is in doubt."""
+    simulated, none, stream = np.full((4000, 1), 4.0), np.zeros(1), np.random.default_rng(1)
+    tau = np.full(4000, 2.0)
+
+    same = expit(built_logits(simulated, tau, none, np.array([10.0]), stream))
+    other = expit(built_logits(simulated, tau, none, none, stream))
+
+    assert np.median(same) < 0.5 < np.median(other) and np.quantile(other, 0.05) < 0.75
+    # Without a discrepancy the score is the binomial's.
+    assert log_score(np.array([0.3]), np.zeros(1), 3, 7) == pytest.approx(binom.logpmf(3, 7, expit(0.3)))
+
+
+def test_information_is_that_of_the_joint_table() -> None:
+    logit, scores = np.array([-40.0, 40.0] * 50), np.array([[-1.0, 1.0] * 50, [0.0] * 100]).T
+
+    bits, alone = expected_bits(logit, np.zeros(100), (0, 0), 1, scores)
+
+    # One trial tells which half of the draws is true. Four of five groups of the first parameter lie in one half.
+    assert bits == pytest.approx(1.0) and alone == pytest.approx([0.8, 0.0], abs=1e-9)
+    nothing, _ = expected_bits(np.full(100, 0.3), np.full(100, 0.5), (2, 6), 10, scores)
+    assert nothing == pytest.approx(0.0, abs=1e-9)
+    # Counts to come, given 2 of 6, add up to one.
+    both = [log_likelihood(np.array([[0.3]]), np.ones(1), np.array([2.0 + k]), np.array([9.0])) for k in range(4)]
+    before = log_likelihood(np.array([[0.3]]), np.ones(1), np.array([2.0]), np.array([6.0]))
+    ways = [math.comb(6, 2) * math.comb(3, k) / math.comb(9, 2 + k) for k in range(4)]
+    assert sum(w * math.exp(one[0, 0] - before[0, 0]) for w, one in zip(ways, both, strict=True)) == pytest.approx(1)
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a listing, trials, and the store s.db in which it was swept and calibrated."""
+    folder = tmp_path_factory.mktemp("calibration")
+    (folder / "bump.scenic").write_text(BUMP)
+    listing = {
+        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 1.5, "environments": 20}}},
+        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"radius": [40, 48]}}]}},
+        "environments": {"1": {"scenic_filename": "bump.scenic", "seed": 1}},
+    }
+    (folder / "l.json").write_text(json.dumps(listing))
+    (folder / "t.csv").write_text(TRIALS)
+    run(folder, "sweep", "l.json", "--store", "swept.db")
+    shutil.copy(folder / "swept.db", folder / "s.db")
+    run(folder, "trials", "import", "s.db", "t.csv")
+    answer = run(folder, "calibrate", "s.db", "--name", "mine", "--runs", "500", "--known", "track_m=0", "--json")
+    (folder / "told.json").write_text(answer.stdout)
+    return folder
+
+
+def run(folder: Path, *words: str, code: int = 0) -> Any:
+    """The command, run in the folder."""
+    answer = original().run(list(words), folder)
+    assert answer.returncode == code, answer.stderr
+    return answer
+
+
+def test_trials_that_fail_raise_obstacles_and_predict_failures(swept: Path) -> None:
+    told = json.loads((swept / "told.json").read_text())
+
+    high = next(one for one in told["parameters"] if one["name"] == "obstacle_height")
+    assert high["posterior"]["median"] > 1.15 * high["prior"]["median"] and high["explained"] > 0.1
+    for one in told["designs"]:
+        assert one["simulated"]["median"] < one["nominal"] or one["nominal"] < 0.2
+        assert one["predicted"]["low"] == 0
+    assert told["log_likelihood"]["best"] == 0 > told["log_likelihood"]["expected"] > told["log_likelihood"]["nominal"]
+    assert any("None of the 16 trials passed" in note for note in told["notes"])
+    assert len(told["draws"]) == DRAWS and all(set(one) == set(NAMES) for one in told["draws"])
+    # What was measured is known, not inferred.
+    assert all(one["track_m"] == pytest.approx(0, abs=1e-9) for one in told["draws"])
+    assert not any("track_m" in pair["parameters"] for pair in told["correlations"])
+    assert any(line.startswith("Most would be learned by 10 trials of radius_mm 4") for line in told["findings"])
+
+
+def calibration(folder: Path, name: str = "mine", store: str = "s.db") -> Calibration:
+    with Store.open(folder / store) as opened:
+        return calibration_named(opened, name)
+
+
+def test_the_runs_depend_on_their_numbers_alone_and_so_does_the_emulator(swept: Path, carsim_binary: Path) -> None:
+    with Store.open(swept / "s.db") as opened:
+        experiment = read_experiment(opened, "1")
+    scores, banks = prior_scores(10, 1), []
+    for jobs in (1, 2):
+        simulator = Simulator(experiment, Carsim(carsim_binary), jobs, 1)
+        banks.append(simulate_bank(simulator, scores, (0, 1), 0, lambda runs: None))
+
+    assert len(banks[0].passed) == 40 and 0 < banks[0].passed.mean() < 1
+    assert np.array_equal(banks[0].passed, banks[1].passed) and np.array_equal(banks[0].designs, banks[1].designs)
+    features = features_of(experiment)
+    told = [bank.emulator(features, 1).logits(scores, features) for bank in banks]
+    assert np.array_equal(*told)
+    # With so few runs of its own it can only tell those that pass from others.
+    passes = told[0][np.arange(40) // 4, banks[0].designs][banks[0].passed == 1]
+    fails = told[0][np.arange(40) // 4, banks[0].designs][banks[0].passed == 0]
+    assert passes.mean() > fails.mean() + 1
+
+
+def test_a_sweep_under_a_calibration_takes_its_draws_and_leaves_nominal_runs(swept: Path) -> None:
+    store = swept / "swept_under.db"
+    shutil.copy(swept / "s.db", store)
+    sweep = ["sweep", "l.json", "--store", store.name, "--calibration", "mine", "--environments", "3"]
+    first, second = run(swept, *sweep), run(swept, *sweep)
+
+    assert first.stdout.startswith("6 runs new") and second.stdout.startswith("0 runs new, 6 there")
+    draws = calibration(swept).draws
+    with Store.open(store) as opened:
+        info = opened.info().experiments
+        assert [len(list(opened.results(name))) for name in ("1", "1 (calibrated mine)")] == [40, 6]
+        scenes: dict[str, list[Any]] = {
+            name: [json.loads(json_text) for (json_text,) in opened._rows(
+                "SELECT c.json FROM experiment e JOIN sample s USING (environment_id) JOIN scene c ON c.id = s.scene_id "
+                "WHERE e.id = ? ORDER BY s.sample LIMIT 3", name)]
+            for name in info
+        }  # fmt: skip
+    assert info["1"].calibration is None
+    assert info["1 (calibrated mine)"].calibration == {
+        "name": "mine", "fingerprint": calibration(swept).fingerprint, "experiment": "1",
+    }  # fmt: skip
+    for k, (nominal, calibrated) in enumerate(zip(scenes["1"], scenes["1 (calibrated mine)"], strict=True)):
+        factor = calibrated["terrain"][0]["height_m"] / nominal["terrain"][0]["height_m"]
+        assert factor == pytest.approx(draws[k]["obstacle_height"])
+        assert calibrated["friction"] == pytest.approx(0.6 * draws[k]["friction"])
+    refused = run(swept, "calibrate", store.name, "--experiment", "1 (calibrated mine)", code=2)
+    assert "has no trials of experiment" in refused.stderr
+
+
+def test_a_folder_keeps_calibrations(swept: Path) -> None:
+    run(swept, "export", "s.db", "--folder", "out", "--format", "csv")
+    run(swept, "import", "out", "--store", "back.db")
+
+    assert calibration(swept, store="back.db") == calibration(swept)
+
+
+def test_draws_are_rounded_values_of_scores() -> None:
+    (values,) = values_of(np.zeros((1, len(PARAMETERS))))
+
+    assert values["servo_torque"] == 0.85 and values["track_m"] == 0.008
+    assert values["start_heading_sd_rad"] == pytest.approx(0.06 * halfnorm.median(), rel=1e-5)
+
+
+CSV = "experiment,vehicle_type,radius_mm,outcome,count,source,car\n"
+
+
+@pytest.mark.parametrize(
+    ("trials", "options", "message"),
+    [
+        ("", (), "holds no trials: drive some"),
+        ("1,W_B_W,40,passed,3,x,simulated", (), "no trial to calibrate by: 3 of simulated cars (--simulated-trials"),
+        ("1,W_B_W,33,passed,3,x,built", (), "3 of cars that are no designs of the experiment as swept"),
+        ("1,W_B_W,40,aborted,2,x,built", (), "no trial to calibrate by: 2 aborted"),
+        ("2,W_B_W,40,passed,3,x,built", (), "experiment 2: was not swept into this store, which has 1"),
+        ("1,W_B_W,40,passed,3,x,built\n2,W_B_W,40,passed,3,y,built", (), "has trials of experiments 1, 2: choose one"),
+        ("1,W_B_W,40,passed,3,x,built", ("--experiment", "7"), 'has no trials of experiment "7", only of 1'),
+        ("1,W_B_W,40,passed,3,x,built", ("--name", "a b"), '--name "a b": a name is at most 40 letters'),
+        ("", ("--known", "friction=9"), "--known friction: 9 is outside 0.472 to 2.12 (×)"),
+        ("", ("--known", "frictoin=1"), 'did you mean "friction"?'),
+    ],
+)
+def test_trials_that_say_nothing_are_refused_in_a_sentence(
+    swept: Path, tmp_path: Path, trials: str, options: tuple[str, ...], message: str
+) -> None:
+    shutil.copy(swept / "swept.db", tmp_path / "s.db")
+    if trials:
+        (tmp_path / "t.csv").write_text(CSV + trials + "\n")
+        run(tmp_path, "trials", "import", "s.db", "t.csv")
+    before = (tmp_path / "s.db").read_bytes()
+
+    refused = run(tmp_path, "calibrate", "s.db", *options, code=2)
+
+    assert refused.stderr.count("\n") == 1 and message in refused.stderr, refused.stderr
+    assert (tmp_path / "s.db").read_bytes() == before
+
+
+def test_names_are_given_once_and_unknown_ones_refused(swept: Path) -> None:
+    taken = run(swept, "calibrate", "s.db", "--name", "mine", code=2)
+    unknown = run(swept, "sweep", "l.json", "--store", "s.db", "--calibration", "none", code=2)
+
+    assert 's.db: has a calibration "mine" already: choose another --name, or --replace it' in taken.stderr
+    assert 's.db: has no calibration "none"; it has' in unknown.stderr
+    with Store.open(swept / "swept.db") as opened, pytest.raises(FoldcarError, match="make one with `foldcar calibrate`"):
+        calibration_named(opened, "mine")

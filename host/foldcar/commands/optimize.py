@@ -78,6 +78,10 @@ def optimize(
         typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
     ] = None,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="This experiment of the listing.")] = None,
+    calibration: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Simulate under this calibration of the store (see `foldcar calibrate`)."),
+    ] = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
@@ -87,23 +91,22 @@ def optimize(
     are kept as a sweep's. It may be stopped at any time: the same command resumes it.
 
     \b
-    Example: foldcar optimize scenarios/design_space.json --store space.db --designs 60 --environments 50
+    Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --environments 50
     """
+    from foldcar.commands.calibration_option import under_calibration
     from foldcar.commands.search_bar import SearchBar
     from foldcar.commands.search_text import print_search, search_object
     from foldcar.interrupts import said
     from foldcar.search.objectives import OBJECTIVES
-    from foldcar.search.search import Found, Plan, search
+    from foldcar.search.search import Found, Plan, search, searched_study
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.experiments import read_study
 
     names = [one.value for one in objective or [ObjectiveName.success]]
     if len(set(names)) < len(names):
         raise FoldcarError(f"--objective: {', '.join(names)}: one is named twice")
-    study = read_study(listing, experiment, environments)
-    if len(study.experiments) > 1:
-        known = ", ".join(one.id for one in study.experiments)
-        raise FoldcarError(f"{listing}: experiments: has several; choose one with --experiment: {known}")
+    study = searched_study(read_study(listing, experiment, environments), fresh)
+    study, environment_of = under_calibration(study, store, calibration)
     plan = Plan(
         objectives=tuple(OBJECTIVES[name] for name in names),
         sampler=sampler.value,
@@ -121,7 +124,8 @@ def optimize(
         return f"stopped: {found.designs} of {designs} designs are tried, their runs in {store}; the same command resumes"
 
     with said(stopped), SearchBar(found) as bar:
-        search(study, plan, store, Carsim(), jobs or len(os.sched_getaffinity(0)), command, found, bar.update)
+        workers = jobs or len(os.sched_getaffinity(0))
+        search(study, plan, store, Carsim(), workers, command, found, bar.update, environment_of)
     if as_json:
         print_json(search_object(plan, found, store, study.experiments[0].id))
     else:

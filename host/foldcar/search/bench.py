@@ -93,7 +93,7 @@ class Bench:
     def _record(self, members: Sequence[Values]) -> None:
         family = self._experiment.family.only(dict.fromkeys(members))
         experiment = replace(self._experiment, family=family)
-        self._plan = plan_experiment(experiment, self._environment, self._writer, self._table)
+        self._plan = plan_experiment(experiment, self._environment, self._writer, self._table, searched=True)
         built = [values for values in dict.fromkeys(members) if family.error(values) is None]
         self._positions = {values: position for position, values in enumerate(built)}
 
@@ -129,13 +129,13 @@ class Bench:
 @contextlib.contextmanager
 def open_bench(
     experiment: Experiment,
+    environment: Environment,
     writer: StoreWriter,
     carsim: Carsim,
     jobs: int,
-    simulated: Callable[[int], None] = lambda runs: None,
+    simulated: Callable[[int], None],
 ) -> Iterator[Bench]:
-    """The bench of an experiment. ``simulated`` is called with the number of runs that were simulated and stored."""
-    environment = Environment(experiment)
+    """The bench of an experiment in its ``environment``; ``simulated`` is told how many runs were simulated."""
     dynamic = is_dynamic(writer.environment(environment.fingerprint), environment, writer)
     table = carsim.parameter_table()
     with (

@@ -39,6 +39,7 @@ MARKS = {
     "coverage": ("<!-- coverage of tools/interval_coverage.py -->", "<!-- end of coverage -->"),
     "saved": ("<!-- saved of tools/interval_coverage.py -->", "<!-- end of saved -->"),
 }
+PICTURE = "\n![Trials that simulation saves](statistics/saved.png)\n"
 COUNTS = (10, 20, 50, 100)
 CORRELATIONS = (0.0, 0.5, 0.9)
 CURVE = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
@@ -264,7 +265,7 @@ def main(page: Path) -> None:
             print(name, *(f"{cells[name, n].result()[1]:.3f}" for n in COUNTS))
     text = page.read_text(encoding="utf-8")
     text = replaced(text, *MARKS["coverage"], markdown(table))
-    text = replaced(text, *MARKS["saved"], markdown(savings_table(savings, rough_saved)))
+    text = replaced(text, *MARKS["saved"], markdown(savings_table(savings, rough_saved)) + PICTURE)
     with atomic_file(page) as binary:
         binary.write(text.encode())
     folder = page.with_suffix("")

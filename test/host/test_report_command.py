@@ -138,7 +138,7 @@ class Page(HTMLParser):
         self.text += data
 
 
-def test_a_width_study_gives_one_page_and_three_figures_within_ten_seconds(
+def test_a_width_study_gives_one_page_and_four_figures_within_ten_seconds(
     study: Path, tmp_path: Path, report: Callable[..., tuple[int, str, str]]
 ) -> None:
     folder = tmp_path / "report"
@@ -147,7 +147,7 @@ def test_a_width_study_gives_one_page_and_three_figures_within_ten_seconds(
     # Of the processor: what else the machine does takes none of it.
     assert time.process_time() - started_s < 10.0
     assert (code, said) == (0, "")
-    figures = [f"experiment_1_{kind}_by_width_mm" for kind in ("outcomes", "success", "time")]
+    figures = [f"experiment_1_{kind}_by_width_mm" for kind in ("outcomes", "success", "time", "feasibility")]
     names = [f"{figure}{suffix}" for figure in figures for suffix in (".pdf", ".png", ".svg")]
     assert sorted(path.name for path in folder.iterdir()) == sorted([*names, "index.html"])
 
@@ -158,8 +158,9 @@ def test_a_width_study_gives_one_page_and_three_figures_within_ten_seconds(
     assert page_findings(html) == []
     pdf = PdfReader(folder / f"{figures[1]}.pdf").pages[0]
     assert "passed (%)" in pdf.extract_text() and pdf.mediabox.width == pytest.approx(7.2 * 72, rel=0.1)
-    assert html.count("<svg") == 3
-    assert not re.search(r"url\((?!#)|@import|<script|<link|<img", html)
+    assert html.count("<svg") == 2 * 4
+    assert not re.search(r"url\((?!#)|@import|<script [^>]*src|<link|<img", html)
+    assert "No replay: the runs are of carsim build build-7, and the one here is " in page.text
     passed = sum(
         width_outcome({"width_mm": width}, sample) == "passed" for width in WIDTHS for sample in range(100)
     )
@@ -212,7 +213,7 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(
     code, shown, _ = report(store, "-o", folder)
     assert code == 0
     start = f"experiment_{file_name_part('a/b')}"
-    names = [f"{start}_{kind}_by_{name}.svg" for kind in ("outcomes", "success") for name in sorted(two)]
+    names = [f"{start}_{kind}_by_{name}.svg" for kind in ("feasibility", "outcomes", "success") for name in sorted(two)]
     assert sorted(path.name for path in folder.glob("*.svg")) == sorted(names)
     text = Page((folder / "index.html").read_text()).text
     for sentence in (
@@ -233,7 +234,10 @@ def test_a_study_where_no_run_passed_is_drawn(
     with write_store(store) as writer:
         writer.begin_study(FACTS, "build-7")
         add_experiment(writer, "1", {"width_mm": (80.0, 100.0)}, 3, 3, lambda design, sample: "tipped")
-    assert report(store, "-o", folder)[0] == 0
+    assert report(store, "-o", folder, "--no-replay")[0] == 0
+    page = (folder / "index.html").read_text()
+    assert "No replay: the report was made with --no-replay." in page and '<script type="text/plain"' not in page
+    assert "In simulation, no width passes more than 75 % of the environments" in page
     drawn = (folder / "experiment_1_time_by_width_mm.svg").read_text()
     assert "no run passed" in drawn
     assert "limit 120 s" in drawn
@@ -282,7 +286,7 @@ def test_every_experiment_has_figures_of_its_own_whatever_its_name(
     assert report(store, "-o", folder)[0] == 0
 
     files = [path.name for path in folder.iterdir()]
-    assert len({name.lower() for name in files}) == len(files) == 9 * len(some) + 1
+    assert len({name.lower() for name in files}) == len(files) == 12 * len(some) + 1
     # The widest car of an experiment stands on the axis of its figure.
     drawn = {path.read_text() for path in folder.glob("*success*.svg")}
     assert len(drawn) == len(some)

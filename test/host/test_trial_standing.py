@@ -37,7 +37,7 @@ def mixed(tmp_path: Path) -> Path:
 
 def table_row(page: str) -> str:
     """The report's row of 95 mm in the first table that has trials."""
-    table = page[page.index("<th>trials</th>") :]
+    table = page[page.index(">trials</th>") :]
     found = re.search(r"<td>95</td>(.*?)</tr>", table, re.S)
     assert found is not None
     return re.sub(r"\s+", "", found[1])

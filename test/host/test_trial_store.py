@@ -241,7 +241,7 @@ def test_trials_alone_make_a_page(tmp_path: Path, foldcar: Any) -> None:
     assert "1 of a simulated car (--simulated-trials shows them)" in page and "1 of a simulated" in answer.stdout
     # "95 % interval" of the built car with 7 of 10, and no run to compare with.
     assert "<td>95</td><td>10</td><td>7</td><td>70.0</td><td>39.7 – 89.2</td><td>0</td></tr>" in page
-    assert page.count("<svg") == 1 and page.count("<td>built</td>") == 44 and "<td>simulated</td>" not in page
+    assert page.count("<svg") == 2 and page.count("<td>built</td>") == 44 and "<td>simulated</td>" not in page
     assert [len(list((tmp_path / "out").glob(f"trials_1_*.{suffix}"))) for suffix in ("svg", "png")] == [1, 1]
 
 

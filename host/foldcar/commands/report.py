@@ -1,13 +1,17 @@
 """`foldcar report`: writes a page with figures of a store's study, and prints a summary."""
 
+import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_folder
 from foldcar.commands.simulated_trials_option import SimulatedTrials
+
+if TYPE_CHECKING:
+    from foldcar.simulation.carsim import Carsim
 
 
 def report(
@@ -19,15 +23,21 @@ def report(
         ),
     ],
     simulated_trials: SimulatedTrials = False,
+    replay: Annotated[
+        bool, typer.Option("--replay/--no-replay", help="Simulate the runs again, to be watched on the page.")
+    ] = True,
     as_json: Json = False,
 ) -> None:
     """Draw a report of a study, or of trials alone.
 
-    Prints its summary. DIR/index.html is the page; each figure stands beside it as SVG, PNG and PDF.
+    Prints its summary. DIR/index.html is the page, one file that needs no network; each figure stands beside it as SVG,
+    PNG and PDF. The page replays runs, which the same build of carsim simulates again; each must end as the stored one.
 
     \b
     Example: foldcar report study.db -o report
     """
+    from foldcar.commands.replay_bar import ReplayBar
+    from foldcar.report.replayer import Replayer
     from foldcar.report.summary_object import summary_object, trials_object
     from foldcar.report.terminal import print_summary
     from foldcar.report.write import PAGE, write_report
@@ -36,11 +46,27 @@ def report(
     command = ["foldcar", "report", str(store), "-o", str(output)]
     if simulated_trials:
         command.append("--simulated-trials")
-    with Store.open(store) as opened:
-        sections, driven = write_report(opened, output, command, simulated_trials)
+    if not replay:
+        command.append("--no-replay")
+    with Store.open(store) as opened, ReplayBar() as bar:
+        replayer = Replayer(_carsim(replay), len(os.sched_getaffinity(0)), bar.plan, bar.done)
+        sections, driven = write_report(opened, output, command, simulated_trials, replayer)
     if as_json:
         experiments, only_trials = [summary_object(one) for one in sections], [trials_object(one) for one in driven]
         print_json({"store": store, "page": output / PAGE, "experiments": experiments, "trials": only_trials})
         return
     print_summary(sections, driven)
     typer.echo(f"report: {output / PAGE}")
+
+
+def _carsim(replay: bool) -> "Carsim | str":
+    """The simulator, or why there is none: a report does not depend on it."""
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.runner import CarsimError
+
+    if not replay:
+        return "the report was made with --no-replay"
+    try:
+        return Carsim()
+    except CarsimError as error:
+        return str(error)

@@ -44,5 +44,15 @@ def save_figure(figure: Any, file: Path, dpi: int | None = None, colours: int | 
             _with_fewer_colours(drawn, colours).save(binary, format="PNG", optimize=True)
 
 
+def svg_text(figure: Any) -> str:
+    """A matplotlib figure as the text of an SVG file, cut to what is drawn."""
+    import matplotlib
+
+    drawn = io.BytesIO()
+    with matplotlib.rc_context(RC):
+        figure.savefig(drawn, format="svg", metadata=UNDATED[".svg"], bbox_inches="tight", pad_inches=0.08)
+    return drawn.getvalue().decode("utf-8")
+
+
 def _with_fewer_colours(drawn: io.BytesIO, colours: int) -> Image.Image:
     return Image.open(drawn).convert("RGB").quantize(colours, kmeans=1, dither=Image.Dither.NONE)

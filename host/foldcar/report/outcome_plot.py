@@ -3,21 +3,23 @@
 from matplotlib.figure import Figure
 
 from foldcar.figures.style import OUTCOME_COLOURS, OUTCOME_LABELS
-from foldcar.report.axis import ParameterAxis
+from foldcar.report.axis import ParameterAxis, parameter_label, value_text
+from foldcar.report.figure_size import legend_columns, set_title, sized_figure
 from foldcar.report.series import Series
+from foldcar.report.tips import set_tip
 from foldcar.simulation.results import OUTCOMES
 
 
-def draw_outcomes(series: Series) -> Figure:
+def draw_outcomes(series: Series, narrow: bool = False) -> Figure:
     """Stacked bars of the share of each outcome (%), one bar per value of the parameter."""
     axis = ParameterAxis(list(series.tallies))
-    figure = Figure(figsize=(7.2, 3.7), layout="constrained")
+    figure = sized_figure(narrow)
     axes = figure.subplots()
     places = [axis.place(value) for value in series.tallies]
     bottom = [0.0] * len(places)
     for outcome in _seen(series):
         shares = [100 * tally.outcomes[outcome] / tally.runs for tally in series.tallies.values()]
-        axes.bar(
+        bars = axes.bar(
             places,
             shares,
             width=axis.bar_width,
@@ -27,13 +29,16 @@ def draw_outcomes(series: Series) -> Figure:
             linewidth=0.3,
             label=OUTCOME_LABELS[outcome],
         )
+        for bar, (value, tally) in zip(bars, series.tallies.items(), strict=True):
+            count = f"{tally.outcomes[outcome]} of {tally.runs}"
+            set_tip(bar, f"{parameter_label(series.parameter)} {value_text(value)}: {OUTCOME_LABELS[outcome]} {count}")
         bottom = [low + share for low, share in zip(bottom, shares, strict=True)]
     axes.set_ylim(0, 100)
     axes.set_ylabel("share of runs (%)")
-    axes.set_title("How the runs ended")
+    set_title(axes, "How the runs ended", narrow)
     axes.grid(axis="x", visible=False)
     axis.label(axes, series.parameter)
-    figure.legend(loc="outside lower center", ncols=6)
+    figure.legend(loc="outside lower center", ncols=legend_columns(narrow, 6))
     return figure
 
 

@@ -1,57 +1,90 @@
-"""An experiment's section of the report: its summary, remarks and figures."""
+"""An experiment's section of the report: its headline, counts, remarks, figures and replay."""
 
 import shlex
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
-from matplotlib.figure import Figure
-
+from foldcar.replay.outcome_grid import OutcomeGrid
+from foldcar.replay.replay import Replay
+from foldcar.replay.stored_drives import read_drives
+from foldcar.report.advice_slots import Drawing, Slots
 from foldcar.report.axis import parameter_label
+from foldcar.report.feasibility_plot import FEASIBLE_PERCENT, draw_feasibility
 from foldcar.report.file_names import file_name_part
+from foldcar.report.headline import headline
 from foldcar.report.outcome_plot import draw_outcomes
+from foldcar.report.replayer import Replayer
 from foldcar.report.series import Summary, summarise
 from foldcar.report.stopped_remarks import stopped_remarks
 from foldcar.report.success_plot import draw_success
 from foldcar.report.time_plot import draw_times
-from foldcar.report.trial_series import TrialSummary, summarise_trials
+from foldcar.report.trial_series import TrialSummary, TrialTally, summarise_trials
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
+from foldcar.store.trial_records import Trial
 from foldcar.store.trial_selection import left_out_text, select_trials
 
 # Different messages of failed runs, and skipped cars, that are shown.
 SHOWN = 5
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A figure, the name of its files without suffix, and its caption."""
-
-    name: str
-    caption: str
-    figure: Figure
+NO_SLOTS = Slots()
 
 
 @dataclass(frozen=True)
 class Section:
-    """The section of one experiment; ``remarks`` are sentences for the reader."""
+    """The section of one experiment; ``remarks`` are sentences for the reader, ``key`` tells its ids on the page apart.
 
+    ``headline`` is its result in words; ``slots`` what other rooms say of it.
+    """
+
+    key: str
     info: ExperimentInfo
     summary: Summary
     trials: TrialSummary
     remarks: list[str]
     drawings: list[Drawing]
+    replay: Replay
+    slots: Slots
+    headline: list[str]
+
+    @property
+    def all_drawings(self) -> list[Drawing]:
+        """Its own drawings and those of its parts."""
+        return [*self.drawings, *(drawing for part in self.slots.parts for drawing in part.drawings)]
 
 
-def read_section(store: Store, info: ExperimentInfo, simulated_trials: bool) -> Section:
-    """Count the experiment's runs and draw its figures with matplotlib's current settings.
+def read_section(
+    store: Store,
+    info: ExperimentInfo,
+    simulated_trials: bool,
+    replayer: Replayer,
+    key: str = "e0",
+    slots: Slots = NO_SLOTS,
+) -> Section:
+    """Count the experiment's runs, in one pass, and plan its figures.
 
     ``simulated_trials``: show trials of simulated cars too, apart from those of built ones.
     """
-    summary = summarise(store.results(info.id), info.varied, info.success_defined, info.until is not None)
+    grid = OutcomeGrid(read_drives(store, info.id).parameters, info.environments)
+    results = grid.watching(store.results(info.id))
+    summary = summarise(results, info.varied, info.success_defined, info.until is not None)
     trials = summarise_trials(store.trials(info.id), info, simulated_trials)
-    remarks = _remarks(info, summary, trials) + _elsewhere(store, info, simulated_trials)
+    shown, _ = select_trials(store.trials(info.id), simulated_trials)
+    replay = replayer.replay(store, info, grid, shown)
+    remarks = _remarks(info, summary, trials) + _elsewhere(store, info, shown)
     remarks += _failures(store, info, summary)
-    return Section(info, summary, trials, remarks, _drawings(info, summary, trials))
+    return Section(
+        key,
+        info,
+        summary,
+        trials,
+        remarks,
+        _drawings(info, summary, trials, slots),
+        replay,
+        slots,
+        headline(info, summary, trials, slots.sentences),
+    )
 
 
 def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> list[str]:
@@ -86,10 +119,9 @@ def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> li
     return remarks
 
 
-def _elsewhere(store: Store, info: ExperimentInfo, simulated_trials: bool) -> list[str]:
+def _elsewhere(store: Store, info: ExperimentInfo, shown: Sequence[Trial]) -> list[str]:
     """What is said of trials that were not driven in the environment of the runs they are shown beside."""
     elsewhere = store.trials_elsewhere(info.id)
-    shown, _ = select_trials(store.trials(info.id), simulated_trials)
     programs = Counter(elsewhere[trial.id] or "an unknown program" for trial in shown if trial.id in elsewhere)
     remarks = []
     for program, count in programs.items():
@@ -111,29 +143,38 @@ def _failures(store: Store, info: ExperimentInfo, summary: Summary) -> list[str]
     return [f"{failed} of {summary.total.runs} runs failed{counted}: {shown}{more}. List them: {listed}"]
 
 
-def _drawings(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> list[Drawing]:
+def _drawings(info: ExperimentInfo, summary: Summary, trials: TrialSummary, slots: Slots) -> list[Drawing]:
     drawings = []
     start = "experiment_" + file_name_part(info.id)
     for series in summary.series:
         if not series.tallies:
             continue
         parameter, label = series.parameter, parameter_label(series.parameter)
-        if summary.timed:
-            figure = draw_times(summary.timed, parameter, info.timeout_s)
-            caption = f"Time to cross by {label} in one environment. Runs that did not pass are red."
-            drawings.append(Drawing(f"{start}_time_by_{parameter}", caption, figure))
-        caption = f"Outcomes by {label}, as shares of the runs."
-        outcomes = Drawing(f"{start}_outcomes_by_{parameter}", caption, draw_outcomes(series))
-        if not info.success_defined:
-            drawings.append(outcomes)
-            continue
-        caption = f"Mean success by {label} over all environments, with {series.interval_name} 95 % intervals."
         built, simulated = trials.built.series[parameter], trials.simulated.series[parameter]
-        if any(tally.counted for tally in built.values()):
-            caption += " Diamonds: trials of built cars, with their intervals."
-        if any(tally.counted for tally in simulated.values()):
-            caption += " Hollow diamonds: trials of simulated cars."
-        figure = draw_success(series, built, simulated)
-        drawings.append(Drawing(f"{start}_success_by_{parameter}", caption, figure))
-        drawings.append(outcomes)
+        if info.success_defined:
+            diamonds = _diamonds(built, simulated)
+            caption = (
+                f"Success by {label}: the curve is simulation, its band the {series.interval_name} 95 % intervals; "
+                f"tinted where more than {FEASIBLE_PERCENT} % pass.{diamonds}"
+            )
+            draw = partial(draw_feasibility, series, built, simulated, slots.recommendations)
+            drawings.append(Drawing(f"{start}_feasibility_by_{parameter}", caption, draw, "feasibility"))
+            caption = f"Mean success by {label} over all environments, with {series.interval_name} 95 % intervals.{diamonds}"
+            draw = partial(draw_success, series, built, simulated)
+            drawings.append(Drawing(f"{start}_success_by_{parameter}", caption, draw, "success"))
+        if summary.timed:
+            draw = partial(draw_times, summary.timed, parameter, info.timeout_s)
+            caption = f"Time to cross by {label} in one environment. Runs that did not pass are red."
+            drawings.append(Drawing(f"{start}_time_by_{parameter}", caption, draw, "success"))
+        caption = f"Outcomes by {label}, as shares of the runs."
+        drawings.append(Drawing(f"{start}_outcomes_by_{parameter}", caption, partial(draw_outcomes, series), "outcomes"))
     return drawings
+
+
+def _diamonds(built: Mapping[float, TrialTally], simulated: Mapping[float, TrialTally]) -> str:
+    text = ""
+    if any(tally.counted for tally in built.values()):
+        text += " Diamonds: trials of built cars, with their intervals."
+    if any(tally.counted for tally in simulated.values()):
+        text += " Hollow diamonds: trials of simulated cars."
+    return text

@@ -11,10 +11,12 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
     rest = f"; {undecided} were still undecided after {info.environments} environments" if undecided else ""
     if info.stored_runs < info.planned_runs:
         rest = f"; {undecided} are not yet" if undecided else ""
+    away = "the thresholds" if info.until.thresholds else "50 %"
     most = info.designs * info.environments
     return [
         f"The sweep stopped simulating a design when {info.until.text}: {info.decided} of {info.designs} designs are "
         f"decided{rest}. {info.stored_runs} of at most {most} runs were made.",
         "Intervals are anytime-valid (Beta-binomial mixture): each holds for its design at whatever number of runs it "
-        "stopped, by itself and not for all designs together. Rates over several designs count each design alike.",
+        "stopped, by itself and not for all designs together. Rates of designs that stopped early lie on average somewhat too far from "
+        f"{away}. Rates over several designs count each design alike.",
     ]

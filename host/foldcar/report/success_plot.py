@@ -9,8 +9,10 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from foldcar.figures.style import FAILURE, INK
-from foldcar.report.axis import ParameterAxis
+from foldcar.report.axis import ParameterAxis, interval_text, parameter_label, value_text
+from foldcar.report.figure_size import legend_columns, set_title, sized_figure
 from foldcar.report.series import Series, Tally
+from foldcar.report.tips import set_tip
 from foldcar.report.trial_series import TrialTally
 
 GREEN, BLUE, NAVY = "#62b85f", "#3f7fd0", "#14265c"
@@ -35,20 +37,24 @@ def error_bar_percent(tally: Tally | TrialTally) -> tuple[float, float]:
 
 
 def draw_success(
-    series: Series, built: Mapping[float, TrialTally], simulated: Mapping[float, TrialTally]
+    series: Series,
+    built: Mapping[float, TrialTally],
+    simulated: Mapping[float, TrialTally],
+    narrow: bool = False,
 ) -> Figure:
     """Bars for the runs; diamonds for trials at values that the runs have too, hollow ones for simulated trials."""
     axis = ParameterAxis(list(series.tallies))
-    figure = Figure(figsize=(7.2, 3.7), layout="constrained")
+    figure = sized_figure(narrow)
     axes = figure.subplots()
     # A white outline keeps the dark error bars visible on navy.
     outline = [withStroke(linewidth=2.2, foreground="white")]
-    error_bar = {"elinewidth": 0.9, "capsize": 2.0, "ecolor": INK, "path_effects": outline}
+    width, cap = (0.6, 0.0) if narrow else (0.9, 2.0)
+    error_bar = {"elinewidth": width, "capsize": cap, "ecolor": INK, "path_effects": outline}
     for value, tally in series.tallies.items():
         if tally.success is None:
             continue
         below, above = error_bar_percent(tally)
-        axes.bar(
+        bars = axes.bar(
             axis.place(value),
             100 * tally.success,
             width=axis.bar_width,
@@ -56,40 +62,54 @@ def draw_success(
             yerr=[[below], [above]],
             error_kw=error_bar,
         )
-    _draw_trials(axes, axis, 0.25, built, simulated)
-    _finish(axes, axis, series.parameter, f"Mean success over all environments, {series.interval_name} 95 % intervals")
+        set_tip(bars[0], success_tip(series.parameter, value, tally))
+    draw_trials(axes, axis, series.parameter, 0.25, built, simulated)
+    title = f"Mean success over all environments, {series.interval_name} 95 % intervals"
+    finish_success(axes, axis, series.parameter, title, narrow)
     handles: list[Any] = [Patch(color=colour, label=label) for colour, label in LEGEND]
     handles += axes.get_legend_handles_labels()[0]
-    figure.legend(handles=handles, loc="outside lower center", ncols=5)
+    figure.legend(handles=handles, loc="outside lower center", ncols=legend_columns(narrow, 5))
     return figure
 
 
 def draw_trial_success(
-    parameter: str, built: Mapping[float, TrialTally], simulated: Mapping[float, TrialTally]
+    parameter: str, built: Mapping[float, TrialTally], simulated: Mapping[float, TrialTally], narrow: bool = False
 ) -> Figure:
     """Diamonds for the trials of a store without runs, hollow ones for simulated trials."""
     axis = ParameterAxis(sorted({*built, *simulated}))
-    figure = Figure(figsize=(7.2, 3.7), layout="constrained")
+    figure = sized_figure(narrow)
     axes = figure.subplots()
-    _draw_trials(axes, axis, 0.0, built, simulated)
-    _finish(axes, axis, parameter, "Success of trials, Wilson 95 % intervals")
+    draw_trials(axes, axis, parameter, 0.0, built, simulated)
+    finish_success(axes, axis, parameter, "Success of trials, Wilson 95 % intervals", narrow)
     figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 
-def _finish(axes: Axes, axis: ParameterAxis, parameter: str, title: str) -> None:
+def success_tip(parameter: str, value: float | str, tally: Tally | TrialTally) -> str:
+    """What a bar or a point of a success plot stands for."""
+    count = tally.runs if isinstance(tally, Tally) else tally.counted
+    what = "runs" if isinstance(tally, Tally) else "trials"
+    return (
+        f"{parameter_label(parameter)} {value_text(value)}: {tally.passed} of {count} {what} passed, "
+        f"95 % interval {interval_text(tally.interval)} %"
+    )
+
+
+def finish_success(axes: Axes, axis: ParameterAxis, parameter: str, title: str, narrow: bool) -> None:
+    """Axes of shares (%), the lines at 50 and 75 %, the title."""
     for threshold in (50, 75):
         axes.axhline(threshold, color=INK, linewidth=0.7, linestyle=":")
     axes.set_ylim(0, 103)
     axes.set_ylabel("passed (%)")
-    axes.set_title(title)
+    set_title(axes, title, narrow)
     axes.grid(axis="x", visible=False)
     axis.label(axes, parameter)
 
 
-def _draw_trials(
+def draw_trials(
     axes: Axes,
     axis: ParameterAxis,
+    parameter: str,
     beside: float,
     built: Mapping[float, TrialTally],
     simulated: Mapping[float, TrialTally],
@@ -103,6 +123,12 @@ def _draw_trials(
         shown = [value for value, tally in trials.items() if tally.counted and value in axis.values]
         if not shown:
             continue
+        for value in shown:
+            # Only the tip: a larger invisible point under each diamond.
+            (point,) = axes.plot(
+                axis.place(value) + side * axis.bar_width, 100 * trials[value].success, "o", markersize=14, alpha=0.0
+            )
+            set_tip(point, success_tip(parameter, value, trials[value]))
         errors = [error_bar_percent(trials[value]) for value in shown]
         axes.errorbar(
             [axis.place(value) + side * axis.bar_width for value in shown],

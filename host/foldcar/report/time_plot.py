@@ -9,14 +9,15 @@ from matplotlib.figure import Figure
 
 from foldcar.figures.style import ACCENT, FAILURE, OUTCOME_LABELS, OUTCOME_MARKERS
 from foldcar.report.axis import ParameterAxis
+from foldcar.report.figure_size import legend_columns, set_title, sized_figure
 from foldcar.report.series import TIMED_SAMPLE, TimedRun
 from foldcar.simulation.results import OUTCOMES
 
 
-def draw_times(runs: Sequence[TimedRun], parameter: str, time_limit_s: float) -> Figure:
+def draw_times(runs: Sequence[TimedRun], parameter: str, time_limit_s: float, narrow: bool = False) -> Figure:
     """Crossing times (s) by the parameter's value; the time axis is broken below the limit, which is often minutes."""
     axis = ParameterAxis([run.value for run in runs])
-    figure = Figure(figsize=(7.2, 3.7), layout="constrained")
+    figure = sized_figure(narrow)
     limit, times = figure.subplots(2, 1, sharex=True, height_ratios=(1, 6))
     for outcome in OUTCOMES:
         points = [run for run in runs if run.outcome == outcome]
@@ -46,10 +47,10 @@ def draw_times(runs: Sequence[TimedRun], parameter: str, time_limit_s: float) ->
     times.set_ylabel("time to cross (s)")
     limit.set_ylim(time_limit_s - 1.0, time_limit_s + 1.0)
     limit.set_yticks([time_limit_s], [f"limit {time_limit_s:g} s"])
-    limit.set_title(f"Time to cross in one environment (sample {TIMED_SAMPLE})")
+    set_title(limit, f"Time to cross in one environment (sample {TIMED_SAMPLE})", narrow)
     axis.label(times, parameter)
     _break_axis(limit, times)
-    figure.legend(*_legend(times, limit), loc="outside lower center", ncols=6)
+    figure.legend(*_legend(times, limit), loc="outside lower center", ncols=legend_columns(narrow, 6))
     return figure
 
 

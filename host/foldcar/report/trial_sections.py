@@ -3,9 +3,10 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
+from foldcar.report.advice_slots import Drawing
 from foldcar.report.axis import parameter_label
-from foldcar.report.sections import Drawing
 from foldcar.report.success_plot import draw_trial_success
 from foldcar.report.trial_series import TrialGroup, by_car
 from foldcar.store.reader import Store
@@ -30,6 +31,11 @@ class TrialSection:
     listed: Sequence[Trial]
     remarks: list[str]
     drawings: list[Drawing]
+
+    @property
+    def all_drawings(self) -> list[Drawing]:
+        """Its drawings."""
+        return self.drawings
 
 
 def read_trial_sections(store: Store, swept: Sequence[str], simulated_trials: bool) -> list[TrialSection]:
@@ -78,5 +84,5 @@ def _drawings(
         caption = f"Success of trials by {parameter_label(parameter)}, with Wilson 95 % intervals."
         if simulated.total.counted:
             caption += " Hollow diamonds: trials of simulated cars."
-        figure = draw_trial_success(parameter, built.series[parameter], simulated.series[parameter])
-        yield Drawing(f"{start}_success_by_{parameter}", caption, figure)
+        draw = partial(draw_trial_success, parameter, built.series[parameter], simulated.series[parameter])
+        yield Drawing(f"{start}_success_by_{parameter}", caption, draw)

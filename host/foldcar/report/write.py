@@ -8,12 +8,15 @@ from pathlib import Path
 import matplotlib
 
 from foldcar.errors import FoldcarError
-from foldcar.figures.output import save_figure
+from foldcar.figures.output import save_figure, svg_text
 from foldcar.figures.style import RC
 from foldcar.interrupts import held
 from foldcar.output_folder import check_output_folder
-from foldcar.report.page import page_html
-from foldcar.report.sections import Section, read_section
+from foldcar.report.advice import read_advice
+from foldcar.report.page import Picture, page_html
+from foldcar.report.replayer import Replayer
+from foldcar.report.sections import NO_SLOTS, Section, read_section
+from foldcar.report.tips import with_tips
 from foldcar.report.trial_sections import TrialSection, read_trial_sections
 from foldcar.store.reader import Store
 
@@ -21,19 +24,23 @@ PAGE = "index.html"
 
 
 def write_report(
-    store: Store, folder: Path, report_command: Sequence[str], simulated_trials: bool
+    store: Store, folder: Path, report_command: Sequence[str], simulated_trials: bool, replayer: Replayer
 ) -> tuple[list[Section], list[TrialSection]]:
     """Write the page and its figures (SVG, PNG, PDF) into ``folder``, replacing those of an earlier report.
 
-    ``simulated_trials``: show trials of simulated cars too. Returns the sections of swept experiments and those of
-    experiments that have trials only, for a summary on the terminal. Raises FoldcarError if there is nothing to report or
-    the folder cannot be written.
+    ``simulated_trials``: show trials of simulated cars too; ``replayer`` simulates the runs that the page replays.
+    Returns the sections of swept experiments and those of experiments that have trials only, for a summary on the
+    terminal. Raises FoldcarError if there is nothing to report or the folder cannot be written.
     """
     info = store.info() if store.holds_study() or next(store.trials(), None) is None else None
     swept = info.experiments if info is not None else {}
     check_output_folder(folder)
     with matplotlib.rc_context(RC):
-        sections = [read_section(store, experiment, simulated_trials) for experiment in swept.values()]
+        advice = read_advice(store) if swept else {}
+        sections = [
+            read_section(store, experiment, simulated_trials, replayer, f"e{number}", advice.get(experiment.id, NO_SLOTS))
+            for number, experiment in enumerate(swept.values())
+        ]
         driven = read_trial_sections(store, list(swept), simulated_trials)
         if not driven and not any(section.summary.total.runs for section in sections):
             raise FoldcarError(f"{store.path}: contains no runs yet; sweep the listing first")
@@ -43,8 +50,8 @@ def write_report(
                 held(lambda: shutil.rmtree(temporary)),
             ):
                 made = Path(temporary)
-                svgs = _save_figures([*sections, *driven], made)
-                page = page_html(store.path.name, info, sections, driven, svgs, report_command)
+                pictures = _save_figures([*sections, *driven], made)
+                page = page_html(store.path.name, info, sections, driven, pictures, report_command)
                 # Names of files may hold bytes that are no text.
                 (made / PAGE).write_text(page, encoding="utf-8", errors="backslashreplace")
                 folder.mkdir(exist_ok=True)
@@ -56,11 +63,14 @@ def write_report(
     return sections, driven
 
 
-def _save_figures(sections: Sequence[Section | TrialSection], folder: Path) -> dict[str, str]:
-    svgs = {}
+def _save_figures(sections: Sequence[Section | TrialSection], folder: Path) -> dict[str, Picture]:
+    """The drawings as files, and as the page shows them."""
+    pictures = {}
     for section in sections:
-        for drawing in section.drawings:
-            for suffix in (".svg", ".png", ".pdf"):
-                save_figure(drawing.figure, folder / f"{drawing.name}{suffix}")
-            svgs[drawing.name] = (folder / f"{drawing.name}.svg").read_text(encoding="utf-8")
-    return svgs
+        for drawing in section.all_drawings:
+            wide = drawing.draw(False)
+            for suffix in (".png", ".pdf"):
+                save_figure(wide, folder / f"{drawing.name}{suffix}")
+            pictures[drawing.name] = Picture(with_tips(svg_text(wide)), with_tips(svg_text(drawing.draw(True))))
+            (folder / f"{drawing.name}.svg").write_text(pictures[drawing.name].wide, encoding="utf-8")
+    return pictures

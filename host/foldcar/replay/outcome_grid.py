@@ -1,0 +1,74 @@
+"""Which run ended how: an experiment's outcomes by design and sample, collected while its results are read for tables.
+
+Input: results in the store's order, one pass. Output: arrays; 9 bytes a run.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy
+
+from foldcar.simulation.results import OUTCOMES, Result
+
+# More cells than these cannot be told apart on a screen, and would make the page slow.
+MOST_CELLS = 40_000
+MOST_DESIGNS = 400
+NONE = 0
+
+
+class OutcomeGrid:
+    """``outcomes`` (designs, samples): 0 for no run, else 1 + the place in OUTCOMES; ``elapsed_s`` likewise, NaN unknown.
+
+    ``designs`` are the parameters in the order of the store, ``samples`` how many the experiment has.
+    """
+
+    def __init__(self, designs: Sequence[Mapping[str, Any]], samples: int) -> None:
+        self.designs = designs
+        self.samples = samples
+        self.outcomes = numpy.zeros((len(designs), samples), dtype=numpy.uint8)
+        self.elapsed_s = numpy.full((len(designs), samples), numpy.nan)
+        self._places = {_key(design): place for place, design in enumerate(designs)}
+
+    def watching(self, results: Iterable[Result]) -> Iterator[Result]:
+        """The results as they come, entered on the way."""
+        known: Mapping[str, Any] | None = None
+        place = 0
+        for result in results:
+            if result.design is not known:
+                known, place = result.design, self._places[_key(result.design)]
+            self.outcomes[place, result.sample] = 1 + OUTCOMES.index(result.outcome)
+            elapsed_s = result.metrics["elapsed_time_s"]
+            if elapsed_s is not None:
+                self.elapsed_s[place, result.sample] = elapsed_s
+            yield result
+
+    def outcome(self, design: int, sample: int) -> str | None:
+        """How that run ended; None if there is none."""
+        code = int(self.outcomes[design, sample])
+        return OUTCOMES[code - 1] if code else None
+
+    def shown_designs(self) -> list[int]:
+        """The places of the designs that a page shows: all, or as many as fit, evenly spread over the family."""
+        count = len(self.designs)
+        if count <= MOST_DESIGNS:
+            return list(range(count))
+        return [int(place) for place in numpy.linspace(0, count - 1, MOST_DESIGNS).round()]
+
+    def shown_samples(self) -> list[int]:
+        """The samples that a page shows: all, or each design's first of each outcome and the first."""
+        room = max(1, MOST_CELLS // max(1, len(self.shown_designs())))
+        if self.samples <= room:
+            return list(range(self.samples))
+        wanted: dict[int, None] = {}
+        for code in range(1, len(OUTCOMES) + 1):
+            ended = self.outcomes[self.shown_designs()] == code
+            wanted.update(dict.fromkeys(int(first) for first in ended.argmax(axis=1)[ended.any(axis=1)]))
+        for sample in range(room):
+            if len(wanted) >= room:
+                break
+            wanted.setdefault(sample)
+        return sorted(list(wanted)[:room])
+
+
+def _key(design: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
+    return tuple(sorted(design.items()))

@@ -1,0 +1,92 @@
+"""Where a trial's car was, from the trial's log: a simulated car's whole path, of a built one with an IMU roll and pitch.
+
+Input: a trial of the store. Output: a compact path, or angles over time, or a sentence that says why there is neither.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy
+
+from foldcar.errors import FoldcarError
+from foldcar.link.connection import CAR_SYSTEM
+from foldcar.link.tlog import read_tlog
+from foldcar.replay.compact_path import INTERVAL_S, compact_path
+from foldcar.store.log_files import log_file, sha256_of
+from foldcar.store.reader import Store
+from foldcar.store.trial_records import Trial
+
+
+@dataclass(frozen=True)
+class TrialPath:
+    """``path`` of ``rows`` rows until ``end_s``, or ``attitude`` (s; pitch, roll in rad), or why both are ``missing``."""
+
+    path: bytes | None = None
+    rows: int = 0
+    end_s: float = 0.0
+    attitude: tuple[tuple[float, float, float], ...] = ()
+    missing: str = ""
+
+
+def trial_path(store: Store, trial: Trial) -> TrialPath:
+    """What the log of ``trial`` tells of the car's movement."""
+    if trial.log is None:
+        return TrialPath(missing="it has no log" if trial.source is None else "it was imported, without a log")
+    try:
+        file = log_file(store.path, trial.log)
+        if sha256_of(file) is None:
+            return TrialPath(missing=f"its log {trial.log} is gone")
+        messages = [message for _, message in read_tlog(file)]
+    except FoldcarError as error:
+        return TrialPath(missing=f"its log cannot be read ({error})")
+    start_s = _start_s(messages)
+    if start_s is None:
+        return TrialPath(missing="its log has no trial that runs")
+    return _driven(messages, start_s) or _felt(messages, start_s)
+
+
+def _start_s(messages: list[Any]) -> float | None:
+    """When the trial began by the car's time since boot (s)."""
+    running = [
+        message
+        for message in messages
+        if message.get_type() == "FOLDCAR_TRIAL" and message.trial_id and 0 < message.elapsed_ms < message.time_boot_ms
+    ]
+    # The elapsed time stands still after the end: the first message of the last trial tells the start best.
+    last = [message for message in running if message.trial_id == running[-1].trial_id]
+    return (last[0].time_boot_ms - last[0].elapsed_ms) / 1000 if last else None
+
+
+def _driven(messages: list[Any], start_s: float) -> TrialPath | None:
+    rows = {}
+    end_s = math.inf
+    for message in messages:
+        if message.get_type() == "FOLDCAR_TRUTH":
+            place = (message.x, message.y, message.z, message.heading, message.pitch, message.roll)
+            time_s = message.time_usec / 1e6 - start_s
+            if all(map(math.isfinite, place)) and 0 <= time_s <= end_s:
+                rows[time_s] = place
+            if message.outcome and math.isfinite(message.outcome_time):
+                end_s = min(end_s, float(message.outcome_time))
+    times = sorted(time_s for time_s in rows if time_s <= end_s)
+    if len(times) < 2:
+        return None
+    values = numpy.array([rows[time_s] for time_s in times])
+    values[:, 3] = numpy.unwrap(values[:, 3])
+    last_s = times[-1]
+    at = numpy.append(numpy.arange(0, last_s - 1e-9, INTERVAL_S), last_s)
+    path = numpy.column_stack([at, *(numpy.interp(at, times, column) for column in values.T)])
+    return TrialPath(compact_path(path.tolist()), len(path), last_s)
+
+
+def _felt(messages: list[Any], start_s: float) -> TrialPath:
+    felt = [
+        (round(message.time_boot_ms / 1000 - start_s, 3), round(message.pitch, 3), round(message.roll, 3))
+        for message in messages
+        if message.get_type() == "ATTITUDE" and message.get_srcSystem() == CAR_SYSTEM
+    ]
+    during = tuple(one for one in felt if one[0] >= 0 and all(map(math.isfinite, one)))
+    if len(during) < 2:
+        return TrialPath(missing="a built car without an IMU does not know where it is: its log has no path")
+    return TrialPath(attitude=during, end_s=during[-1][0])

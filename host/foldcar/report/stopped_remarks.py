@@ -8,8 +8,8 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
     if info.searched:
         return [
             "A search chose these designs, and left those early that did worse than the best. Rates of its best are too "
-            "good as a rule: `foldcar optimize` judged them in fresh environments. Rates over several designs tell little "
-            "of a parameter."
+            "good as a rule: `foldcar optimize` judged them in fresh environments. Rates over several designs tell "
+            "little of a parameter."
         ]
     if info.until is None:
         return []

@@ -23,6 +23,6 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
         f"The sweep stopped simulating a design when {info.until.text}: {info.decided} of {info.designs} designs are "
         f"decided{rest}. {info.stored_runs} of at most {most} runs were made.",
         "Intervals are anytime-valid (Beta-binomial mixture): each holds for its design at whatever number of runs it "
-        "stopped, by itself and not for all designs together. Rates of designs that stopped early lie on average somewhat too far from "
-        f"{away}. Rates over several designs count each design alike.",
+        "stopped, by itself and not for all designs together. Rates of designs that stopped early lie on average "
+        f"somewhat too far from {away}. Rates over several designs count each design alike.",
     ]

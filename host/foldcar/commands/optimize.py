@@ -89,9 +89,9 @@ def optimize(
     components: Components = None,
     as_json: Json = False,
 ) -> None:
-    """Search a listing's family for its best designs, with far fewer runs than a sweep.
+    """Search a family of cars for the best ones.
 
-    Tries designs in the listing's environments, then judges the best in fresh ones: those rates are what to believe. Runs
+    With far fewer runs than a sweep: tries designs in the listing's environments, then judges the best in fresh ones: those rates are what to believe. Runs
     are kept as a sweep's. It may be stopped at any time: the same command resumes it.
 
     \b

@@ -36,7 +36,7 @@ RUNS, SEED = 24_000, 1
 WIDTHS = (65, 80, 95, 115, 140, 180)
 CALIBRATED = (65, 95, 115, 180)
 TRUTHS, SCENES, REPLICATES, TRIALS = 80, 30, 4, 12
-PRIOR_DRAWS = 40_000
+PRIOR_DRAWS = 80_000
 CONFIDENCE = 0.9
 # Numbers of the truths' runs, so that they share no scatter with the calibration's.
 FIRST_NUMBER = 10_000_000

@@ -249,6 +249,8 @@ def test_a_sweep_under_a_calibration_takes_its_draws_and_leaves_nominal_runs(swe
         assert calibrated["friction"] == pytest.approx(0.6 * draws[k]["friction"])
     refused = run(swept, "calibrate", store.name, "--experiment", "1 (calibrated mine)", code=2)
     assert "has no trials of experiment" in refused.stderr
+    kept = run(swept, "calibrate", store.name, "--name", "mine", "--replace", code=2)
+    assert 'calibration "mine": experiment "1 (calibrated mine)" was swept under it: choose another' in kept.stderr
 
 
 def test_a_folder_keeps_calibrations(swept: Path) -> None:

@@ -63,15 +63,20 @@ def calibrate(
     from foldcar.errors import FoldcarError
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
-    from foldcar.store.calibrations import calibrations, name_is_taken, new_calibration, write_calibrations
+    from foldcar.store.calibrations import (
+        calibrations,
+        check_replaceable_calibration,
+        new_calibration,
+        write_calibrations,
+    )
     from foldcar.store.reader import Store
 
     if not NAME.fullmatch(name):
         raise FoldcarError(f'--name "{name}": a name is at most 40 letters, digits, _ . or -, a letter or digit first')
     measured = known_scores(dict(_value(text) for text in known or []))
     with Store.open(store) as opened:
-        if not replace and any(one.name == name for one in calibrations(opened)):
-            raise FoldcarError(name_is_taken(store, name))
+        if any(one.name == name for one in calibrations(opened)):
+            check_replaceable_calibration(opened, name, replace)
         chosen = read_experiment(opened, experiment_with_trials(opened, experiment))
         counts = count_trials(opened, chosen, simulated_trials)
         nominal: dict[int, tuple[int, int]] = {}

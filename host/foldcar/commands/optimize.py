@@ -92,8 +92,8 @@ def optimize(
 ) -> None:
     """Search a family of cars for the best ones.
 
-    With far fewer runs than a sweep: tries designs in the listing's environments, then judges the best in fresh ones, whose
-    rates are what to believe. Runs are kept as a sweep's. It may be stopped at any time: the same command resumes it.
+    With far fewer runs than a sweep: tries designs in the listing's environments, then judges the best in fresh ones,
+    whose rates are what to believe. Runs are kept as a sweep's. It may be stopped at any time: the same command resumes.
 
     \b
     Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --environments 50

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy
 import pandas
 
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, unswept_trials
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, swept_ids, unswept_trials
 from foldcar.advice.words import count, design_text, listed, percent, points
 from foldcar.analysis.gap import (
     AGREES,
@@ -123,7 +123,7 @@ def compare(
 
     ``runs`` is the store's table of runs if the caller has it. FoldcarError.
     """
-    known = {trial.experiment for trial in store.trials()} - {*store.experiment_ids()}
+    known = {trial.experiment for trial in store.trials()} - swept_ids(store)
     evidence = [] if experiment in known else read_evidence(store, experiment, runs)
     alone = unswept_trials(store, experiment if experiment in known else None)
     return compare_evidence(evidence, alone if experiment is None or experiment in known else [], margin)

@@ -136,8 +136,14 @@ def listed_id(info: ExperimentInfo) -> str:
 def unswept_trials(store: Store, experiment: str | None = None) -> list[Trial]:
     """The trials of built cars that count, in experiments that were not swept."""
     kept, _ = select_trials(store.trials(experiment), False)
-    swept = store.experiment_ids()
+    swept = swept_ids(store)
     return [trial for trial in kept if trial.completed and trial.experiment not in swept]
+
+
+def swept_ids(store: Store) -> set[str]:
+    """The experiments that trials may be compared with, by their names in the listing and in the store."""
+    infos = store.info().experiments if store.holds_study() else {}
+    return {*infos, *(listed_id(info) for info in infos.values())}
 
 
 def _evidence(store: Store, info: ExperimentInfo, runs: pandas.DataFrame, again: Resimulation) -> Evidence:

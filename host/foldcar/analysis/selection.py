@@ -56,9 +56,9 @@ def value_of_trials(draws: ArrayLike, threshold: float, trials: int) -> Value:
 
 
 def choose(draws: ArrayLike, threshold: float, trials: int, number: int, chosen: Sequence[int] = ()) -> list[int]:
-    """Up to ``number`` more designs, those first whose trials are worth most beside those of the ``chosen`` ones.
+    """Up to ``number`` more designs, first those whose trials are worth most beside those of the ``chosen`` ones.
 
-    What two tell alike counts once: a design whose rate goes with that of a chosen one counts by the rest of its variance.
+    What two tell alike counts once: a design whose rate goes with a chosen one's counts by the rest of its variance.
     """
     p = numpy.asarray(draws, dtype=float)
     # Where nothing is worth a trial the least known designs come first.

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from foldcar.errors import FoldcarError
 
 MOST_TRIALS = 10_000
+THRESHOLD_WEIGHT = 0.1
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,8 @@ class Value:
 
     @property
     def total(self) -> NDArray[Any]:
-        """Both together."""
-        found: NDArray[Any] = self.choice + self.threshold
+        """The value for the choice; the threshold counts little, so that it decides where the choice is alike."""
+        found: NDArray[Any] = self.choice + THRESHOLD_WEIGHT * self.threshold
         return found
 
 

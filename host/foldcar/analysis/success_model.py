@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy
 from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
 
 from foldcar.analysis.intervals import check_confidence
 from foldcar.errors import FoldcarError
@@ -93,11 +94,21 @@ def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike, 
         )
     with_runs = n > 0
     basis, k, n = _basis((x[with_runs] - low) / span), k[with_runs], n[with_runs]
+    # Matrices this small take up to 25 times as long when BLAS shares them among threads.
+    with threadpool_limits(1):
+        fits, held_out = _fits(basis, k, n, x.shape[1], seed)
+    return SuccessModel(fits, held_out / float(n.sum()), low, span)
+
+
+def _fits(
+    basis: NDArray[Any], k: NDArray[Any], n: NDArray[Any], dimensions: int, seed: int
+) -> tuple[tuple[Fit, ...], float]:
+    """The candidates of weight, and the best log-likelihood of held-out designs."""
     fold = numpy.random.default_rng(seed).permutation(len(n)) % min(FOLDS, len(n))
-    candidates = list(product(product(LENGTHS, repeat=x.shape[1]), STRENGTHS))
+    candidates = list(product(product(LENGTHS, repeat=dimensions), STRENGTHS))
     scores = []
     for lengths, strength in candidates:
-        scaled = basis * _scales(x.shape[1], lengths, strength)
+        scaled = basis * _scales(dimensions, lengths, strength)
         score = 0.0
         for out in range(fold.max() + 1):
             mean, root = _laplace(scaled[fold != out], k[fold != out], n[fold != out])
@@ -107,11 +118,11 @@ def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike, 
     weights = numpy.where(weights >= LEAST_WEIGHT * weights.sum(), weights, 0.0)
     weights /= weights.sum()
     fits = tuple(
-        Fit(*candidate, float(weight), *_laplace(basis * _scales(x.shape[1], *candidate), k, n))
+        Fit(*candidate, float(weight), *_laplace(basis * _scales(dimensions, *candidate), k, n))
         for candidate, weight in zip(candidates, weights, strict=True)
         if weight
     )
-    return SuccessModel(fits, max(scores) / float(n.sum()), low, span)
+    return fits, max(scores)
 
 
 def _frequencies(count: int) -> NDArray[Any]:

@@ -16,10 +16,9 @@ def design_matrix(panel: Panel) -> Table | None:
         return None
     counts = {count.runs for count in table.cells.values()}
     alike = len(counts) == 1
-    each = min(counts)
-    runs = f"{each} run{"s" if each > 1 else ""} of each design" if alike else "passed and all runs of each design"
+    each = "1 run" if counts == {1} else f"{min(counts)} runs" if alike else "passed and all runs"
     fixed = f" with {panel.fixed_text}" if panel.fixed else ""
-    what = f"Passed (%){fixed}, with {table.interval_name} 95 % intervals; {runs}"
+    what = f"Passed (%){fixed}, with {table.interval_name} 95 % intervals; {each} of each design"
     xs = table.values(panel.x)
     if panel.y is None:
         rows = [[value_text(x), _cell(table.cells[(x,)], alike)] for x in xs]

@@ -69,6 +69,11 @@ class DesignTable:
         return float(numpy.var([numpy.mean(group) for group in groups.values()]))
 
     @property
+    def single(self) -> bool:
+        """Whether every design has one run: then there are no shares, and nothing to estimate."""
+        return all(count.runs == 1 for count in self.cells.values())
+
+    @property
     def stopped(self) -> bool:
         """Whether a sweep stopped when it knew enough."""
         return any(count.stopped for count in self.cells.values())

@@ -43,7 +43,7 @@ def _part(store: Store, number: int, group: EnvironmentGroup, thresholds: Sequen
     drawings = [slices_drawing(slices, thresholds, f"{start}_success")]
     if plan is not None:
         drawings.append(map_drawing(plan, thresholds, f"{start}_map_by_{plan.y}"))
-    return Part(_title(name, group), [*_said(group), *group.remarks, *remarks(panels)], drawings, tables(panels))
+    return Part(_title(name, group), [*group.remarks, *remarks(panels)], drawings, tables(panels))
 
 
 def _only_design(table: DesignTable, name: str) -> dict[str, float]:
@@ -70,12 +70,3 @@ def _title(name: str, group: EnvironmentGroup) -> str:
     under = "" if info.calibration is None else f", under calibration {info.calibration['name']}"
     return f"Success by {parameter_label(name)} in {info.scenic_program}{', ' + others if others else ''}{under}"
 
-
-def _said(group: EnvironmentGroup) -> list[str]:
-    samples = {info.environments for info in group.experiments.values()}
-    if samples == {1}:
-        return [
-            "One environment of each value: a design passes or not, and its interval is that of a single run. "
-            "Mutated environments would show how certain that is."
-        ]
-    return []

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from foldcar.figures.style import INK
 from foldcar.report.axis import interval_text, parameter_label, value_text
-from foldcar.report.design_table import assigned, every
+from foldcar.report.design_table import Count, assigned, every
 from foldcar.report.figure_size import NARROW_IN, WIDE_IN, legend_columns
 from foldcar.report.map_plan import MapPlan, Panel
 from foldcar.report.tips import set_tip
@@ -75,6 +75,12 @@ def edges(values: Sequence[float]) -> NDArray[Any]:
     return numpy.concatenate([[2 * values[0] - middles[0]], middles, [2 * values[-1] - middles[-1]]])
 
 
+def is_open(count: Count, thresholds: Sequence[float]) -> bool:
+    """Whether the design's own interval leaves open on which side of the highest threshold it is."""
+    low, high = count.interval
+    return low < max(thresholds) < high
+
+
 def _draw_panel(
     axes: Axes,
     panel: Panel,
@@ -97,13 +103,16 @@ def _draw_panel(
         x, y = values[at_x], values[1 - at_x]
         left, low = xs.index(x), ys.index(y)
         colour = colours(norm(100 * count.success))
+        # Of single runs every side is open.
+        open_side = not panel.table.single and is_open(count, thresholds)
         cell = Rectangle(
             (float(across[left]), float(up[low])),
             float(across[left + 1] - across[left]),
             float(up[low + 1] - up[low]),
             facecolor=colour,
-            edgecolor="white",
-            linewidth=0.4,
+            edgecolor=HATCH if open_side else "white",
+            linewidth=0.0 if open_side else 0.4,
+            hatch="///" if open_side else None,
         )
         set_tip(
             cell,
@@ -127,16 +136,11 @@ def _draw_panel(
 
 
 def _draw_contours(axes: Axes, panel: Panel, y_name: str, thresholds: Sequence[float]) -> None:
-    """Lines where the model crosses the thresholds, and the ground where its band holds the highest one, stippled."""
+    """Lines where the model crosses the thresholds."""
     if panel.surface is None:
         return
-    x, y, rate, lower, upper = panel.surface
-    unknown = ~_run(panel, y_name, *numpy.meshgrid(x, y))
-    rate = numpy.ma.masked_array(rate, unknown)
-    highest = max(thresholds)
-    doubtful = numpy.ma.masked_array(((lower < highest) & (upper > highest)).astype(float), unknown)
-    with matplotlib.rc_context({"hatch.linewidth": 0.5, "hatch.color": HATCH}):
-        axes.contourf(x, y, doubtful, levels=[0.5, 1.5], colors="none", hatches=["///"], zorder=2)
+    x, y, rate, _, _ = panel.surface
+    rate = numpy.ma.masked_array(rate, ~_run(panel, y_name, *numpy.meshgrid(x, y)))
     for threshold, line in zip(sorted(thresholds, reverse=True), LINES, strict=False):
         if rate.min() < threshold < rate.max():
             style: dict[str, Any] = {"colors": "white", "linewidths": 1.6, "linestyles": line, "zorder": 3}
@@ -163,8 +167,10 @@ def _legend(plan: MapPlan, thresholds: Sequence[float]) -> list[Any]:
         look: dict[str, Any] = {"color": "white", "linewidth": 1.6, "path_effects": OUTLINE}
         for threshold, line in zip(sorted(thresholds, reverse=True), LINES, strict=False):
             handles.append(Line2D([], [], linestyle=line, label=f"{100 * threshold:g} % of the smooth model", **look))
-        label = f"{100 * max(thresholds):g} % inside its 95 % band"
-        handles.append(Patch(facecolor="#c5b56b", hatch="///", edgecolor=HATCH, linewidth=0, label=label))
+    counts = [count for one in plan.panels if not one.table.single for count in one.table.cells.values()]
+    if any(is_open(count, thresholds) for count in counts):
+        label = f"95 % interval holds {100 * max(thresholds):g} %"
+        handles.append(Patch(facecolor="#c5b56b", hatch="///", edgecolor=HATCH, linewidth=0.0, label=label))
     places = [len(one.table.values(plan.x)) * len(one.table.values(plan.y)) for one in plan.panels]
     if any(len(one.table.cells) < count for one, count in zip(plan.panels, places, strict=True)):
         handles.append(Patch(facecolor=NOT_RUN, edgecolor="none", label="no run"))

@@ -39,11 +39,12 @@ def map_drawing(plan: MapPlan, thresholds: Sequence[float], name: str) -> Drawin
     highest = 100 * max(thresholds)
     names = f"{parameter_label(plan.x)} and {parameter_label(plan.y)}"
     text = f"Success over {names}: each cell is a design's share of passed runs."
+    if not all(panel.table.single for panel in plan.panels):
+        text += f" Hatched: its own 95 % interval leaves open on which side of {highest:g} % it is."
     if any(panel.model is not None for panel in plan.panels):
         text += (
-            " Lines: where a smooth model of the cells crosses the thresholds; hatched: where its 95 % band holds "
-            f"{highest:g} %."
-            " The model takes runs as independent; designs meet the same environments, so neighbours err together."
+            " Lines: where a smooth model of the cells crosses the thresholds. It takes runs as independent; designs"
+            " meet the same environments, so neighbours err together."
         )
     text += f" {plan.choice}" if plan.choice else ""
     return Drawing(name, text, partial(draw_map, plan, thresholds))
@@ -58,19 +59,25 @@ def slices_drawing(slices: Slices, thresholds: Sequence[float], name: str) -> Dr
         shown = "" if len(slices.values) == count else f" ({len(slices.values)} of {count})"
         text += f" at fixed values of {parameter_label(slices.fixed)}{shown}"
     text += f", with {panel.fixed_text}" if panel.fixed else ""
-    text += f". Points: shares of runs with {panel.table.interval_name} 95 % intervals."
+    if panel.table.single:
+        text += ". Each point is one run: that is no share, so it has no interval."
+    else:
+        text += f". Points: shares of runs with {panel.table.interval_name} 95 % intervals."
     if panel.model is not None:
         text += " Curve and band: the smooth model."
     if slices.overall:
-        text += (
-            " First panel: the mean of all designs with an interval that holds although they share environments"
-            " (Bonferroni), and the range from the worst design to the best."
-        )
+        held = " with an interval that holds although they share environments (Bonferroni),"
+        interval = "" if panel.table.single else held
+        text += f" First panel: the mean of all designs{interval} and the range from the worst design to the best."
     return Drawing(name, text, partial(draw_slices, slices, thresholds))
 
 
 def remarks(panels: Sequence[Panel]) -> list[str]:
     """What a reader must know of a map's panels."""
+    if any(panel.table.single for panel in panels):
+        return [
+            "Each design has one run of each environment: it passed or not. More sampled environments would show a share."
+        ]
     without = sum(panel.model is None for panel in panels)
     if not without:
         return []

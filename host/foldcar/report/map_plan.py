@@ -36,7 +36,9 @@ class Panel:
 
     @cached_property
     def model(self) -> SuccessModel | None:
-        """Success as a smooth function of x, or of (x, y); None if the designs are too few for one."""
+        """Success as a smooth function of x, or of (x, y); None if designs or runs are too few for one."""
+        if self.table.single:
+            return None
         order = [self.table.names.index(name) for name in (self.x, self.y) if name is not None]
         parameters = numpy.array([[values[at] for at in order] for values in self.table.cells], dtype=float)
         counts = list(self.table.cells.values())

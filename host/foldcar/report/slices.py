@@ -105,12 +105,15 @@ def _draw_slice(axes: Axes, slices: Slices, value: float | None) -> None:
 
 
 def _draw_counts(axes: Axes, slices: Slices, counts: dict[float, Count]) -> None:
+    single = slices.panel.table.single
+    bars = _bars([count.success for count in counts.values()], [count.interval for count in counts.values()])
     axes.errorbar(
         list(counts),
         [100 * count.success for count in counts.values()],
-        yerr=_bars([count.success for count in counts.values()], [count.interval for count in counts.values()]),
-        fmt="o",
+        yerr=None if single else bars,
+        fmt="o:" if single else "o",
         color=INK,
+        linewidth=0.8,
         markersize=3.2,
         elinewidth=0.9,
         capsize=0,
@@ -131,8 +134,9 @@ def _draw_overall(axes: Axes, slices: Slices) -> None:
     axes.fill_between(along, lowest, highest, color=DESIGNS, alpha=0.3, linewidth=0)
     axes.plot(along, [100 * mean for mean in means], color=INK, linewidth=1.2)
     bars = _bars(means, [mean_interval(slices.overall[value]) for value in along])
+    shown = None if slices.panel.table.single else bars
     axes.errorbar(
-        along, [100 * mean for mean in means], yerr=bars, fmt="s", color=INK, markersize=3.6, elinewidth=0.9, zorder=3
+        along, [100 * mean for mean in means], yerr=shown, fmt="s", color=INK, markersize=3.6, elinewidth=0.9, zorder=3
     )
     most = max(len(each) for each in shares)
     axes.set_title(f"mean of {most} designs")
@@ -148,7 +152,8 @@ def _bars(shares: Sequence[float], intervals: Sequence[tuple[float, float]]) -> 
 
 
 def _legend(slices: Slices) -> list[Line2D | Patch]:
-    handles: list[Line2D | Patch] = [Line2D([], [], color=INK, marker="o", markersize=4, label="runs, 95 % interval")]
+    label = "single runs" if slices.panel.table.single else "runs, 95 % interval"
+    handles: list[Line2D | Patch] = [Line2D([], [], color=INK, marker="o", markersize=4, label=label)]
     if slices.panel.model is not None:
         handles.append(Line2D([], [], color=ACCENT, linewidth=1.4, label="smooth model"))
         handles.append(Patch(color=ACCENT, alpha=0.22, label="its 95 % band"))

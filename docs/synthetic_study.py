@@ -82,8 +82,9 @@ def select(study: Path, cars: int) -> Any:
 
 def drive(listing: Path, study: Path, reality: Path, width: str, sample: int) -> None:
     """One trial of a car that `foldcar link` poses as. A busy machine that lets a car wait aborts it: then once more."""
-    chosen = ["--experiment", "1", "--sample", str(sample)]
-    words: list[str | Path] = ["link", listing, *chosen, "--set", width, "--reality", reality, "--speedup", SPEEDUP]
+    chosen: list[str | Path] = ["--experiment", "1", "--sample", str(sample)]
+    words: list[str | Path] = ["link", listing, *chosen, "--set", width]
+    words += ["--reality", reality, "--speedup", SPEEDUP]
     for _ in range(5):
         with subprocess.Popen(command(words), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as car:
             assert car.stdout is not None

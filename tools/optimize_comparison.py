@@ -93,7 +93,7 @@ def judge(
     assert SUCCESS.value is not None
     with write_store(store) as writer:
         writer.begin_study(study_facts(study, carsim, "tools/optimize_comparison.py"), carsim.build)
-        with open_bench(fresh, Environment(fresh), writer, carsim, jobs, lambda runs: None) as bench:
+        with open_bench(fresh, Environment(fresh), writer, carsim, jobs, lambda runs: None, False) as bench:
             return {one: SUCCESS.value(bench.rows(one, range(fresh.environments)), 0.0) for one in sorted(designs)}
 
 

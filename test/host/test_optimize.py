@@ -17,12 +17,14 @@ import shapely
 
 import foldcar
 from conftest import STEP_PYRAMIDS
+from foldcar.calibration.parameters import PARAMETERS
 from foldcar.car.design import compose
 from foldcar.car.folded.check_flat import flat_polygons
 from foldcar.car.folded_car import folded_car
 from foldcar.search.bench import Row
 from foldcar.search.objectives import OBJECTIVES, film_area_cm2
 from foldcar.search.proposals import Proposals, grid
+from foldcar.store.calibrations import new_calibration, write_calibrations
 from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME
 from foldcar.study.experiments import read_study
@@ -99,6 +101,23 @@ def test_a_search_of_all_designs_finds_what_a_sweep_finds(
         assert (one["chosen_by"]["time"], one["chosen_by"]["sheet-area"]) == pytest.approx(mine)
         assert not any(other[0] < mine[0] and other[1] < mine[1] for other in worth.values())
     assert multiple["new"] <= 2 * 4
+
+
+def test_a_search_under_a_calibration_shares_the_runs_of_such_a_sweep(
+    foldcar_command: Command, listing: Path, tmp_path: Path
+) -> None:
+    draw = {one.name: one.nominal for one in PARAMETERS}
+    with write_calibrations(tmp_path / "s.db") as writer:
+        writer.put(new_calibration("high", "1", "a build", [{**draw, "obstacle_height": 2.0}], {}), False)
+    words = ("--calibration", "high")
+
+    found = optimized(foldcar_command, listing, "s.db", "--designs", "2", "--no-prune", *words)
+    swept = json.loads(foldcar_command("sweep", listing, "--store", "s.db", "--json", *words).stdout)
+
+    assert (found["experiment"], found["runs"], swept["there"]) == ("1 (calibrated high)", 6, 6)
+    # No car climbs steps of 48 mm.
+    assert swept["passed"] == 0 and found["best"][0]["fresh"]["success"]["value"] == 0
+    assert list(foldcar.Study(tmp_path / "s.db").experiments) == ["1 (calibrated high)", "1 fresh (calibrated high)"]
 
 
 def test_fresh_environments_are_others(foldcar_command: Command, listing: Path, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import numpy
 import pytest
 from scipy.stats import binom
 from typer.testing import CliRunner
-from written_study import add_trials, write_study
+from written_study import add_trials, import_trials, write_study
 
 from foldcar.advice.selecting import NEXT, Selection
 from foldcar.advice.selecting import select as select_designs
@@ -22,9 +22,9 @@ from foldcar.analysis.selection import (
     choose,
     expected_loss,
     honest_best,
-    information,
     telling_environments,
     trials_needed,
+    value_of_trials,
 )
 from foldcar.analysis.truth_draws import truth_draws
 from foldcar.cli import app
@@ -84,24 +84,22 @@ def test_first_designs_of_two_parameters_are_on_the_level_set() -> None:
     assert numpy.hypot(*(first - second)) > 3
 
 
-def test_information_is_the_mutual_information() -> None:
+def test_the_value_of_trials_is_what_they_improve() -> None:
     random = numpy.random.default_rng(5)
-    p = random.random((50, 3))
-    found = information(p, 0.6, 4)
-
-    def mutual(label: numpy.ndarray, design: int) -> float:
-        joint: dict[tuple[Any, int], float] = {}
-        for kind, rate in zip(label.tolist(), p[:, design], strict=True):
-            for k in range(5):
-                joint[kind, k] = joint.get((kind, k), 0) + binom.pmf(k, 4, rate) / len(p)
-        of_kind = {kind: sum(w for (other, _), w in joint.items() if other == kind) for kind, _ in joint}
-        of_count = {k: sum(w for (_, other), w in joint.items() if other == k) for k in range(5)}
-        return sum(w * numpy.log2(w / of_kind[kind] / of_count[k]) for (kind, k), w in joint.items())
+    p = random.random((200, 3))
+    found = value_of_trials(p, 0.6, 4)
 
     for design in range(3):
-        assert found.best[design] == pytest.approx(mutual(p.argmax(axis=1), design))
-        reached = sum(mutual(p[:, other] >= 0.6, design) for other in range(3))
-        assert found.threshold[design] == pytest.approx(reached)
+        best, wrong = 0.0, 0.0
+        for passed in range(5):
+            weight = binom.pmf(passed, 4, p[:, design])
+            share = weight.mean()
+            best += share * numpy.average(p, axis=0, weights=weight).max()
+            above = numpy.average(p >= 0.6, axis=0, weights=weight)
+            wrong += share * numpy.minimum(above, 1 - above).mean()
+        assert found.choice[design] == pytest.approx(best - p.mean(axis=0).max())
+        above = (p >= 0.6).mean(axis=0)
+        assert found.threshold[design] == pytest.approx(numpy.minimum(above, 1 - above).mean() - wrong)
 
 
 def test_a_twin_of_a_chosen_design_tells_nothing_more() -> None:
@@ -182,21 +180,23 @@ FAMILY = {"width_mm": [float(width) for width in range(70, 190, 10)]}
 def test_advice_before_trials_and_after_each_round(tmp_path: Path) -> None:
     store = write_study(tmp_path / "s.db", FAMILY, 40, outcome, thresholds=[0.5, 0.75])
 
-    (before,) = select(store, "--csv", tmp_path / "build.csv")["experiments"]
+    (before,) = advise(store)
+    (printed,) = select(store, "--build", 1, "--csv", tmp_path / "build.csv")["experiments"]
 
-    assert before["threshold"] == 0.75 and not before["enough"] and before["loss"] is None
-    first = [one["design"]["width_mm"] for one in before["recommendations"]]
-    assert len(first) == 4 and before["recommendations"][0]["place"] == MIDDLE and 100 <= first[0] <= 130
+    assert before.threshold == 0.75 and not before.enough and before.loss is None
+    first = [float(one.design["width_mm"]) for one in before.recommendations]
+    assert len(first) == 4 and before.recommendations[0].place == MIDDLE and 100 <= first[0] <= 130
     assert min(first) < 90 and max(first) > 140
-    assert all(one["cost"]["sheets"] >= 1 and one["trials"] > 5 for one in before["recommendations"])
-    assert len(set(before["environments"])) == max(one["trials"] for one in before["recommendations"])
+    assert len(set(before.environments)) == max(one.trials for one in before.recommendations)
+    (middle,) = printed["recommendations"]
+    assert middle["cost"]["sheets"] >= 1 and middle["trials"] > 5
     with (tmp_path / "build.csv").open() as text:
-        assert [float(row["width_mm"]) for row in csv.DictReader(text)] == first
+        assert [float(row["width_mm"]) for row in csv.DictReader(text)] == first[:1]
 
     # The truth: only 100 mm and below pass.
     truth = {width: 0.9 if width <= 100 else 0.1 for width in FAMILY["width_mm"]}
-    met = before["environments"][:10]
-    add_trials(
+    met = before.environments[:10]
+    import_trials(
         store,
         [({"width_mm": w}, k, "passed" if i < 10 * truth[w] else "stuck") for w in first for i, k in enumerate(met)],
     )
@@ -209,10 +209,8 @@ def test_advice_before_trials_and_after_each_round(tmp_path: Path) -> None:
     assert not set(after.environments) & set(met) or all(not one.built for one in after.recommendations)
 
     # Enough trials of every design decide; then nothing is to be built.
-    add_trials(
-        store,
-        [({"width_mm": w}, k, "passed" if k % 40 < 40 * (truth[w] > 0.5) else "stuck") for w in truth for k in range(40)],
-    )
+    passing = {width: "passed" if rate > 0.5 else "stuck" for width, rate in truth.items()}
+    import_trials(store, [({"width_mm": w}, k, passing[w]) for w in truth for k in range(40)], "more")
     (last,) = advise(store)
     assert last.enough and not last.recommendations and last.loss is not None and last.loss < 0.15
     assert last.sentence.startswith("Enough: 70, 80, 90 and 100 mm reach 75 %")

@@ -118,3 +118,13 @@ def add_trials(
             writer.complete(number, Ending(outcome, "time limit", 12.0, "", None))
             numbers.append(number)
     return numbers
+
+
+def import_trials(store: Path, trials: Sequence[tuple[Mapping[str, float], int, str]], source: str = "table") -> None:
+    """Add many trials (design, sample, outcome) of built cars of experiment 1, as `foldcar trials import` does."""
+    told = {"experiment": "1", "vehicle_type": "W_B_W", "source": source, "car": "built"}
+    with write_trials(store) as writer:
+        writer.import_trials(
+            {**told, "design": {**varied, **FIXED}, "sample": sample, "outcome": outcome}
+            for varied, sample, outcome in trials
+        )

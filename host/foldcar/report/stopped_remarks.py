@@ -1,10 +1,16 @@
-"""What a reader must know of an experiment whose sweep stopped when it knew enough."""
+"""What a reader must know of an experiment that lacks runs on purpose: its sweep stopped early, or it was searched."""
 
 from foldcar.store.info import ExperimentInfo
 
 
 def stopped_remarks(info: ExperimentInfo) -> list[str]:
     """How many designs are decided, and how to read their rates; nothing after a sweep of all runs."""
+    if info.searched:
+        return [
+            "A search chose these designs, and left those early that did worse than the best. Rates of its best are too "
+            "good as a rule: `foldcar optimize` judged them in fresh environments. Rates over several designs tell "
+            "little of a parameter."
+        ]
     if info.until is None:
         return []
     undecided = info.designs - info.decided

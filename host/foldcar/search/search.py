@@ -130,12 +130,12 @@ def search(
             store.with_name(f"{store.name}.optuna"), experiment.family, plan.objectives, plan.sampler, plan.seed,
             _identity(experiment, environment, plan, carsim), plan.designs,
         )  # fmt: skip
-        with open_bench(experiment, environment, writer, carsim, jobs, simulated) as bench:
+        with open_bench(experiment, environment, writer, carsim, jobs, simulated, True) as bench:
             _try_designs(experiment, plan, proposals, bench, found, report)
             unbuildable = proposals.unbuildable()
             bench.finish(list(unbuildable))
         best = proposals.best(proposals.tried(), plan.best)
-        with open_bench(fresh, environment_of(fresh), writer, carsim, jobs, simulated) as bench:
+        with open_bench(fresh, environment_of(fresh), writer, carsim, jobs, simulated, False) as bench:
             for one in best:
                 rows = bench.rows(one.values, range(plan.fresh))
                 found.best.append(_judged(experiment, plan, one, rows))

@@ -43,7 +43,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup study fidelity test test-native headers test-host lint bench fuzz fresh clean lock system-packages platformio
+.PHONY: help setup study calibration fidelity test test-native headers test-host lint bench fuzz fresh clean lock system-packages platformio
 .DELETE_ON_ERROR:
 
 help:
@@ -54,6 +54,7 @@ help:
 	@echo 'make fuzz      feed the car'"'"'s link with $(FUZZ_BYTES) random and damaged bytes (FUZZ_BYTES=, FUZZ_SEED=)'
 	@echo 'make mutation  plant faults in the car'"'"'s physics and firmware and see whether the suites notice (MUTANTS=, MUTATION_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
+	@echo 'make calibration  set up, calibrate by the published trials, try it on known truths, renew docs/calibration.md'
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
 	@echo 'make lint      set up and check the Python sources only'
 	@echo 'make lock      renew $(LOCK) after a change of host/pyproject.toml (LOCK_FLAGS=--upgrade: newest versions)'
@@ -67,6 +68,10 @@ study: setup
 	$(BIN)/foldcar sweep scenarios/$(STUDY).json --store out/$(STUDY).db
 	$(BIN)/foldcar report out/$(STUDY).db -o out/$(STUDY)
 	@echo "The report is $(CURDIR)/out/$(STUDY)/index.html"
+
+calibration: setup
+	@mkdir -p out
+	$(BIN)/python tools/calibration.py out/calibration docs/calibration.md
 
 fidelity: setup
 	@mkdir -p out

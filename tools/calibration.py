@@ -32,11 +32,11 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.store.reader import Store
 
 PROJECT = Path(__file__).resolve().parents[1]
-RUNS, SEED = 30_000, 1
+RUNS, SEED = 24_000, 1
 WIDTHS = (65, 80, 95, 115, 140, 180)
 CALIBRATED = (65, 95, 115, 180)
-TRUTHS, SCENES, REPLICATES, TRIALS = 100, 40, 4, 12
-PRIOR_DRAWS = 40_000
+TRUTHS, SCENES, REPLICATES, TRIALS = 80, 30, 4, 12
+PRIOR_DRAWS = 80_000
 CONFIDENCE = 0.9
 # Numbers of the truths' runs, so that they share no scatter with the calibration's.
 FIRST_NUMBER = 10_000_000
@@ -127,13 +127,14 @@ def parameters(summary: dict[str, Any]) -> list[str]:
 
 
 def said(summary: dict[str, Any]) -> list[str]:
-    """The findings, and the likelihood beside the best possible one."""
+    """What is found, but for the parameters' intervals, which are in the table; the likelihood."""
     likelihood = summary["log_likelihood"]
     fit = (
         f"Log-likelihood of the trials: {likelihood['expected']:.1f} on average over the posterior, "
         f"{likelihood['nominal']:.1f} nominal, {likelihood['best']:.1f} at best."
     )
-    return [f"- {line}" for line in (*summary["findings"], fit)]
+    told = [line for line in summary["findings"] if "before the trials" not in line]
+    return [f"- {line}" for line in (*told, fit)]
 
 
 def true_scores() -> FloatArray:

@@ -1,8 +1,8 @@
 """foldcar: which folding cars to build. Design, simulate, sweep, store, report.
 
-In Python (docs/python.md): ``Study`` reads a store; ``design``, ``environment``, ``simulate`` and ``evaluate`` are the
-simulator as a black box. ``foldcar.condition`` is for scripts that use Scenic: it conditions an environment on a scene
-(scenes/conditioning.py).
+In Python (docs/python.md): ``sweep`` writes a store and ``Study`` reads it; ``design``, ``environment``, ``simulate`` and
+``evaluate`` are the simulator as a black box. ``foldcar.condition`` is for scripts that use Scenic: it conditions an
+environment on a scene (scenes/conditioning.py).
 """
 
 # Not typing's: this file comes before `__main__` handles signals, and so imports nothing.
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from foldcar.api.environment import environment
     from foldcar.api.oracle import Evaluation, Result, evaluate, simulate
     from foldcar.api.study import Study
+    from foldcar.api.sweeping import sweep
     from foldcar.car.design import Design
     from foldcar.errors import FoldcarError
 
@@ -22,7 +23,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Design", "Evaluation", "FoldcarError", "Rate", "Result", "Study", "condition", "design", "environment", "evaluate",
-    "simulate",
+    "simulate", "sweep",
 ]  # fmt: skip
 
 _MODULES = {
@@ -36,6 +37,7 @@ _MODULES = {
     "environment": "foldcar.api.environment",
     "evaluate": "foldcar.api.oracle",
     "simulate": "foldcar.api.oracle",
+    "sweep": "foldcar.api.sweeping",
 }
 
 

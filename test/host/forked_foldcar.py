@@ -171,35 +171,39 @@ def import_all() -> None:
 
 
 def serve(asked: socket.socket) -> None:
-    """Run commands in copies of this process until the socket's other end is closed."""
+    """Run commands in copies of this process until the socket's other end is closed; tell their numbers and ends."""
     # A copy has none of the other threads, which are libraries' for linear algebra.
     warnings.simplefilter("ignore", DeprecationWarning)
+    events = select.poll()
+    events.register(asked, select.POLLIN)
+    # By a descriptor that becomes readable when the copy ends: the copy and where to tell it.
+    running: dict[int, tuple[int, int]] = {}
     while True:
-        message, given, _, _ = socket.recv_fds(asked, MESSAGE_BYTES, 4)
-        with suppress(ChildProcessError):
-            while os.waitpid(-1, os.WNOHANG)[0]:
-                pass
-        if not message:
-            return
-        if os.fork() == 0:
-            asked.close()
-            _watch(json.loads(message), given[:3], given[3])
-        for descriptor in given:
-            os.close(descriptor)
-
-
-def _watch(request: dict[str, Any], files: list[int], answered: int) -> NoReturn:
-    """Run the command in a copy of this copy, and tell its number and its end."""
-    copy = os.fork()
-    if copy == 0:
-        os.close(answered)
-        _be_foldcar(request, files)
-    for descriptor in files:
-        os.close(descriptor)
-    os.write(answered, NUMBER.pack(copy))
-    code = os.waitstatus_to_exitcode(os.waitpid(copy, 0)[1])
-    os.write(answered, NUMBER.pack(code))
-    os._exit(0)
+        for descriptor, _ in events.poll():
+            if descriptor in running:
+                events.unregister(descriptor)
+                copy, answered = running.pop(descriptor)
+                os.close(descriptor)
+                code = os.waitstatus_to_exitcode(os.waitpid(copy, 0)[1])
+                # Nobody may ask any more.
+                with suppress(BrokenPipeError):
+                    os.write(answered, NUMBER.pack(code))
+                os.close(answered)
+                continue
+            message, given, _, _ = socket.recv_fds(asked, MESSAGE_BYTES, 4)
+            if not message:
+                return
+            copy = os.fork()
+            if copy == 0:
+                asked.close()
+                os.close(given[3])
+                _be_foldcar(json.loads(message), given[:3])
+            for one in given[:3]:
+                os.close(one)
+            os.write(given[3], NUMBER.pack(copy))
+            ended = os.pidfd_open(copy)
+            events.register(ended, select.POLLIN)
+            running[ended] = copy, given[3]
 
 
 def _be_foldcar(request: dict[str, Any], files: list[int]) -> NoReturn:

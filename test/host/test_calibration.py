@@ -50,7 +50,9 @@ def test_a_standard_normal_score_has_the_declared_prior(parameter: Parameter) ->
     }[parameter.prior]
     scores = np.array([-2.5, -1.0, 0.0, 0.7, 3.0])
 
-    assert parameter.value(scores) == pytest.approx(prior.ppf(norm.cdf(scores)))
+    values = parameter.value(scores)
+    assert values == pytest.approx(prior.ppf(norm.cdf(scores)))
+    assert [parameter.score(value) for value in values] == pytest.approx(list(scores))
 
 
 def test_effects_are_those_that_the_table_names(carsim_limits: CarsimLimits) -> None:
@@ -158,7 +160,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("calibration")
     (folder / "bump.scenic").write_text(BUMP)
     listing = {
-        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 2, "environments": 20}}},
+        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"timeout": 1.5, "environments": 20}}},
         "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"radius": [40, 48]}}]}},
         "environments": {"1": {"scenic_filename": "bump.scenic", "seed": 1}},
     }
@@ -167,7 +169,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run(folder, "sweep", "l.json", "--store", "swept.db")
     shutil.copy(folder / "swept.db", folder / "s.db")
     run(folder, "trials", "import", "s.db", "t.csv")
-    answer = run(folder, "calibrate", "s.db", "--name", "mine", "--runs", "500", "--jobs", "2", "--json")
+    answer = run(folder, "calibrate", "s.db", "--name", "mine", "--runs", "500", "--known", "track_m=0", "--json")
     (folder / "told.json").write_text(answer.stdout)
     return folder
 
@@ -190,6 +192,9 @@ def test_trials_that_fail_raise_obstacles_and_predict_failures(swept: Path) -> N
     assert told["log_likelihood"]["best"] == 0 > told["log_likelihood"]["expected"] > told["log_likelihood"]["nominal"]
     assert any("None of the 16 trials passed" in note for note in told["notes"])
     assert len(told["draws"]) == DRAWS and all(set(one) == set(NAMES) for one in told["draws"])
+    # What was measured is known, not inferred.
+    assert all(one["track_m"] == pytest.approx(0, abs=1e-9) for one in told["draws"])
+    assert not any("track_m" in pair["parameters"] for pair in told["correlations"])
     assert any(line.startswith("Most would be learned by 10 trials of radius_mm 4") for line in told["findings"])
 
 
@@ -244,6 +249,8 @@ def test_a_sweep_under_a_calibration_takes_its_draws_and_leaves_nominal_runs(swe
         assert calibrated["friction"] == pytest.approx(0.6 * draws[k]["friction"])
     refused = run(swept, "calibrate", store.name, "--experiment", "1 (calibrated mine)", code=2)
     assert "has no trials of experiment" in refused.stderr
+    kept = run(swept, "calibrate", store.name, "--name", "mine", "--replace", code=2)
+    assert 'calibration "mine": experiment "1 (calibrated mine)" was swept under it: choose another' in kept.stderr
 
 
 def test_a_folder_keeps_calibrations(swept: Path) -> None:
@@ -274,6 +281,8 @@ CSV = "experiment,vehicle_type,radius_mm,outcome,count,source,car\n"
         ("1,W_B_W,40,passed,3,x,built\n2,W_B_W,40,passed,3,y,built", (), "has trials of experiments 1, 2: choose one"),
         ("1,W_B_W,40,passed,3,x,built", ("--experiment", "7"), 'has no trials of experiment "7", only of 1'),
         ("1,W_B_W,40,passed,3,x,built", ("--name", "a b"), '--name "a b": a name is at most 40 letters'),
+        ("", ("--known", "friction=9"), "--known friction: 9 is outside 0.472 to 2.12 (×)"),
+        ("", ("--known", "frictoin=1"), 'did you mean "friction"?'),
     ],
 )
 def test_trials_that_say_nothing_are_refused_in_a_sentence(

@@ -167,8 +167,9 @@ def test_each_summary_is_one_json_object(foldcar: Any, study: Path, tmp_path: Pa
     assert told("gallery", environment, "-o", "pictures")["files"] == ["pictures/two_bumps.png"]
     model = told("model", study, "--vehicle", "2", "--to", "urdf", "-o", "models")
     view = told("view", study, "--vehicle", "2", "-o", "car.html")
-    cars = told("pattern", study, "--vehicle", "2", "--machine", "laser", "-o", "car")["cars"]
-    assert [(car["vehicle"], car["parameters"]["width"]) for car in cars] == [("2", 120)]
+    cars = told("pattern", study, "--all", "--vehicle", "2", "--machine", "laser", "-o", "car")["cars"]
+    # The vehicle's only car, among all that the file may have of it.
+    assert [(car["vehicle"], car["parameters"]["width"], car["folder"]) for car in cars] == [("2", 120, "car/car")]
     for file in (*model["files"], *view["files"], Path(cars[0]["folder"]) / "sheet_1.svg"):
         assert (tmp_path / file).is_file()
     assert told("trials", "import", "s.db", published, "--experiment", "1")["imported"] == list(range(1, 45))

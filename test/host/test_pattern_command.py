@@ -77,9 +77,6 @@ def test_all_means_every_vehicle_of_the_file(
     assert lines[-1].startswith(f"2 cars of 2 vehicles in cars: {sheets} sheets, cut ")
     assert f", {mass_g:.0f} g, " in lines[-1]
 
-    one = foldcar("pattern", listing, "--all", "--vehicle", "two axles", "--machine", "laser", "-o", "one", "--json")
-    assert [car["folder"] for car in json.loads(one.stdout)["cars"]] == ["one/car"]
-
 
 def test_a_folder_is_made_anew_but_never_over_other_files(
     foldcar: Command, new_foldcar: Command, listing: Path, tmp_path: Path

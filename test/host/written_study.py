@@ -87,30 +87,44 @@ def fingerprint(experiment: str) -> str:
     return f"environment of {experiment}"
 
 
-def add_trial(
+def add_trial(store: Path, design: Mapping[str, float], sample: int, outcome: str, **options: Any) -> int:
+    """Add one trial as :func:`add_trials` does; returns its number."""
+    return add_trials(store, [(design, sample, outcome)], **options)[0]
+
+
+def add_trials(
     store: Path,
-    design: Mapping[str, float],
-    sample: int,
-    outcome: str,
+    trials: Sequence[tuple[Mapping[str, float], int, str]],
     experiment: str = "1",
     car: str | None = "built",
     environment: str | None = None,
     program: str = "step_pyramids.scenic",
-) -> int:
-    """Add a trial where a stored run of the same design was simulated; returns its number."""
-    whole = {**design, **FIXED}
-    scene = {"of": experiment, "sample": sample}
-    drive = Drive(
-        {"id": experiment, **whole},
-        {"time_limit_s": 120},
-        scene,
-        environment or fingerprint(experiment),
-        program,
-        sample,
-    )
+) -> list[int]:
+    """Add trials (design, sample, outcome) where a stored run of the same design was simulated; returns their numbers."""
+    numbers = []
+    facts = CarFacts("fw", "hash", "/dev/null", car)
     with write_trials(store) as writer:
-        number = writer.begin(
-            experiment, TrialDesign("W_B_W", whole), drive, {}, CarFacts("fw", "hash", "/dev/null", car), "log", "Ada"
+        for varied, sample, outcome in trials:
+            design = {**varied, **FIXED}
+            drive = Drive(
+                {"id": experiment, **design},
+                {"time_limit_s": 120},
+                {"of": experiment, "sample": sample},
+                environment or fingerprint(experiment),
+                program,
+                sample,
+            )
+            number = writer.begin(experiment, TrialDesign("W_B_W", design), drive, {}, facts, "log", "Ada")
+            writer.complete(number, Ending(outcome, "time limit", 12.0, "", None))
+            numbers.append(number)
+    return numbers
+
+
+def import_trials(store: Path, trials: Sequence[tuple[Mapping[str, float], int, str]], source: str = "table") -> None:
+    """Add many trials (design, sample, outcome) of built cars of experiment 1, as `foldcar trials import` does."""
+    told = {"experiment": "1", "vehicle_type": "W_B_W", "source": source, "car": "built"}
+    with write_trials(store) as writer:
+        writer.import_trials(
+            {**told, "design": {**varied, **FIXED}, "sample": sample, "outcome": outcome}
+            for varied, sample, outcome in trials
         )
-        writer.complete(number, Ending(outcome, "time limit", 12.0, "", None))
-    return number

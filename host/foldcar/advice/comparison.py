@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy
 import pandas
 
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, unswept_trials
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, swept_ids, unswept_trials
 from foldcar.advice.words import count, design_text, listed, percent, points
 from foldcar.analysis.gap import (
     AGREES,
@@ -25,6 +25,7 @@ from foldcar.analysis.gap import (
     rank_agreement,
 )
 from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.pooled_bias import pooled_rates
 from foldcar.analysis.prediction_powered import rectified_rate
 from foldcar.analysis.rate import Rate
 from foldcar.store.info import ExperimentInfo
@@ -41,14 +42,16 @@ class DesignComparison:
     """One design with trials. ``simulated`` and ``gap`` are None without runs; ``driven`` are the trials alone.
 
     ``rectified`` is the trials' rate with the help of simulation; None where not every trial has a run of its
-    environment. ``agreeing`` of the ``paired`` trials ended as simulation says there, passed or not. ``verdict`` is
-    one of those of :mod:`foldcar.analysis.gap`, None where there is nothing to compare.
+    environment. ``pooled`` is that with the help of simulation and of the other designs' trials; None if no other design
+    of the family was driven. ``agreeing`` of the ``paired`` trials ended as simulation says there, passed or not.
+    ``verdict`` is one of those of :mod:`foldcar.analysis.gap`, None where there is nothing to compare.
     """
 
     evidence: DesignEvidence
     simulated: Rate | None
     driven: Rate
     rectified: Rate | None
+    pooled: Rate | None
     gap: Gap | None
     verdict: str | None
 
@@ -120,7 +123,7 @@ def compare(
 
     ``runs`` is the store's table of runs if the caller has it. FoldcarError.
     """
-    known = {trial.experiment for trial in store.trials()} - {*store.experiment_ids()}
+    known = {trial.experiment for trial in store.trials()} - swept_ids(store)
     evidence = [] if experiment in known else read_evidence(store, experiment, runs)
     alone = unswept_trials(store, experiment if experiment in known else None)
     return compare_evidence(evidence, alone if experiment is None or experiment in known else [], margin)
@@ -144,13 +147,14 @@ def wilson_rate(passed: int, number: int, what: str, confidence: float = CONFIDE
 def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
     info, driven = evidence.info, evidence.driven
     if not info.success_defined:
-        rows = [DesignComparison(one, None, _driven(one, CONFIDENCE), None, None, None) for one in driven]
+        rows = [DesignComparison(one, None, _driven(one, CONFIDENCE), None, None, None, None) for one in driven]
         why = "success is undefined in this environment, so that there is no rate to compare; only outcomes are shown."
         return ExperimentComparison(info, tuple(rows), None, None, None, f"Nothing to compare: {why}", evidence.remarks)
     both = [one for one in driven if one.runs]
     # Bonferroni: all gaps of the experiment hold together.
     together = 1 - (1 - CONFIDENCE) / max(1, len(both))
-    compared = tuple(_design(one, together, margin) for one in driven)
+    pooled = _pooled(evidence)
+    compared = tuple(_design(one, pooled.get(one.label), together, margin) for one in driven)
     if not both:
         return ExperimentComparison(info, compared, None, None, None, _nothing(driven), evidence.remarks)
     rates = [(_simulated(one, CONFIDENCE), _best(one, CONFIDENCE)) for one in both]
@@ -162,13 +166,30 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
     return ExperimentComparison(info, compared, ranks, mean, verdict, sentence, evidence.remarks)
 
 
-def _design(one: DesignEvidence, together: float, margin: float) -> DesignComparison:
+def _design(one: DesignEvidence, pooled: Rate | None, together: float, margin: float) -> DesignComparison:
     driven = _driven(one, CONFIDENCE)
     if not one.runs:
-        return DesignComparison(one, None, driven, None, None, None)
+        return DesignComparison(one, None, driven, None, None, None, None)
     found = gap(_simulated(one, together), _best(one, together))
     rectified = _rectified(one, CONFIDENCE)
-    return DesignComparison(one, _simulated(one, CONFIDENCE), driven, rectified, found, found.verdict(margin))
+    return DesignComparison(one, _simulated(one, CONFIDENCE), driven, rectified, pooled, found, found.verdict(margin))
+
+
+def _pooled(evidence: Evidence) -> dict[str, Rate]:
+    """The pooled rates of the family's driven designs by label; none if there are fewer than two."""
+    some = [one for one in evidence.driven if one.runs and evidence.in_family(one)]
+    if len(some) < 2 or not evidence.parameters:
+        return {}
+    x = [[float(one.design[name]) for name in evidence.parameters] for one in some]
+    rates = pooled_rates(
+        x,
+        [one.trials_passed for one in some],
+        [len(one.trials) for one in some],
+        [one.runs_passed / one.runs for one in some],
+        CONFIDENCE,
+        [one.runs for one in some],
+    )
+    return {one.label: rate for one, rate in zip(some, rates, strict=True)}
 
 
 def _simulated(one: DesignEvidence, confidence: float) -> Rate:

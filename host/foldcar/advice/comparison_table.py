@@ -13,7 +13,7 @@ from foldcar.analysis.rate import Rate
 from foldcar.atomic_file import atomic_file
 
 COUNTS = ("runs", "runs_passed", "trials", "trials_passed", "aborted", "paired", "agreeing")
-RATES = ("simulated", "driven", "rectified")
+RATES = ("simulated", "driven", "rectified", "pooled")
 
 
 def comparison_object(found: Comparison) -> dict[str, Any]:

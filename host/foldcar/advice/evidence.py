@@ -99,6 +99,15 @@ class Evidence:
         """The varied design parameters."""
         return tuple(self.info.varied)
 
+    def in_family(self, one: DesignEvidence) -> bool:
+        """Whether a design is one of the family, swept or not: it differs in the varied parameters only."""
+        fixed = self.info.fixed
+        return (
+            one.vehicle_type == self.info.vehicle_type
+            and all(one.design.get(name) == value for name, value in fixed.items())
+            and set(one.design) == {*fixed, *self.info.varied}
+        )
+
     @property
     def driven(self) -> list[DesignEvidence]:
         """The designs with trials that count."""
@@ -127,8 +136,14 @@ def listed_id(info: ExperimentInfo) -> str:
 def unswept_trials(store: Store, experiment: str | None = None) -> list[Trial]:
     """The trials of built cars that count, in experiments that were not swept."""
     kept, _ = select_trials(store.trials(experiment), False)
-    swept = store.experiment_ids()
+    swept = swept_ids(store)
     return [trial for trial in kept if trial.completed and trial.experiment not in swept]
+
+
+def swept_ids(store: Store) -> set[str]:
+    """The experiments that trials may be compared with, by their names in the listing and in the store."""
+    infos = store.info().experiments if store.holds_study() else {}
+    return {*infos, *(listed_id(info) for info in infos.values())}
 
 
 def _evidence(store: Store, info: ExperimentInfo, runs: pandas.DataFrame, again: Resimulation) -> Evidence:
@@ -204,6 +219,9 @@ def _trials(store: Store, info: ExperimentInfo) -> tuple[list[Trial], list[str]]
             f"The runs are of the calibration {info.calibration['name']}, which goes by trials of experiment "
             f"{listed_id(info)}: where they agree with those trials it is by fit, which later trials may test."
         )
+    corrected = sum(trial.corrections > 0 for trial in kept)
+    if corrected:
+        remarks.append(f"{count(corrected, 'trial')} corrected afterwards: the latest correction counts.")
     elsewhere = store.trials_elsewhere(listed_id(info))
     other = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] != info.scenic_program]
     moved = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] == info.scenic_program]

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from foldcar.advice.evidence import DesignEvidence, Evidence
 from foldcar.analysis.intervals import wilson_interval
@@ -67,21 +68,18 @@ def outlook(evidence: Evidence) -> Outlook | None:
         return None
     # Trials of designs that the sweep lacks inform their neighbours.
     names = evidence.parameters
-    others = [one for one in evidence.driven if one.runs and not one.swept and _belongs(one, evidence)]
+    others = [one for one in evidence.driven if one.runs and not one.swept and evidence.in_family(one)]
     designs = [*_thinned(family), *others]
     x = numpy.array([[float(one.design[name]) for name in names] for one in designs]).reshape(len(designs), len(names))
     runs = numpy.array([(one.runs_passed, one.runs) for one in designs], dtype=float)
     trials = numpy.array([(one.trials_passed, len(one.trials)) for one in designs], dtype=float)
     samples, passed = _matrix(designs)
-    pooled = _pooled(x, runs, trials) if (trials[:, 1] > 0).sum() > 1 else None
-    draws = truth_draws(x, runs, trials, DRAWS)
     thinned = len(family) + len(others) - len(designs)
-    return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, _smooth(x, runs))
-
-
-def _belongs(one: DesignEvidence, evidence: Evidence) -> bool:
-    fixed = evidence.info.fixed
-    return one.vehicle_type == evidence.info.vehicle_type and all(one.design.get(key) == fixed[key] for key in fixed)
+    # Threads for matrices of some tens of rows only wait for each other.
+    with threadpool_limits(1):
+        pooled = _pooled(x, runs, trials) if (trials[:, 1] > 0).sum() > 1 else None
+        draws, smooth = truth_draws(x, runs, trials, DRAWS), _smooth(x, runs)
+    return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth)
 
 
 def _thinned(family: Sequence[DesignEvidence]) -> list[DesignEvidence]:

@@ -6,7 +6,7 @@ import numpy
 
 from foldcar.advice.evidence import DesignEvidence
 from foldcar.advice.outlook import Outlook
-from foldcar.advice.words import count, percent, points, span_text
+from foldcar.advice.words import count, listed, percent, points, span_text
 from foldcar.analysis.region import (
     ABOVE,
     BELOW,
@@ -78,7 +78,7 @@ def region_text(seen: Outlook, threshold: float, parameters: Sequence[str]) -> s
     for run in numpy.split(numpy.arange(total), numpy.flatnonzero(numpy.diff(inside)) + 1):
         if inside[run[0]]:
             ranges.append(span_text(parameters[0], float(values[run[0]]), float(values[run[-1]])))
-    return f"In simulation {limit} is reached at {', '.join(ranges)}."
+    return f"In simulation {limit} is reached at {listed(ranges)}."
 
 
 def _nearby(seen: Outlook, index: int) -> list[str]:

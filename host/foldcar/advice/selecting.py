@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy
 import pandas
+from threadpoolctl import threadpool_limits
 
 from foldcar.advice.cost import Cost, cost
 from foldcar.advice.evidence import Design, DesignEvidence, Evidence, listed_id, read_evidence
@@ -104,7 +105,10 @@ def select_evidence(
         if seen is None:
             found.append(Selection(one.info, limit, precision, (), (), 0, False, None, _nothing(one), one.remarks))
         else:
-            found.append(_Choice(one, evidence, seen, limit, precision).selection(build, with_cost))
+            choice = _Choice(one, evidence, seen, limit, precision)
+            # Threads for matrices of some tens of rows only wait for each other.
+            with threadpool_limits(1):
+                found.append(choice.selection(build, with_cost))
     return found
 
 
@@ -136,7 +140,7 @@ class _Choice:
         known = [index for index, sample in enumerate(seen.samples) if sample in met]
         wanted = max((one.trials for one in recommended), default=0)
         columns = telling_environments(seen.passed[rows], wanted, known) if rows else []
-        telling = sum(numpy.ptp(seen.passed[rows][:, column]) > 0 for column in columns)
+        telling = int(sum(numpy.ptp(seen.passed[rows][:, column]) > 0 for column in columns))
         samples = tuple(int(seen.samples[column]) for column in columns)
         info, remarks = self.evidence.info, self._remarks(recommended, wanted, len(samples))
         sentence = self._sentence(recommended, enough, loss)

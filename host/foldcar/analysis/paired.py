@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from foldcar.analysis.intervals import check_confidence
 from foldcar.errors import FoldcarError
 
-RESAMPLES = 4000
+# Midpoints of equal parts of a distribution.
+PARTS = (numpy.arange(200) + 0.5) / 200
 
 
 @dataclass(frozen=True)
@@ -32,52 +33,44 @@ class PairedRates:
 def paired_rates(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> PairedRates:
     """Compare two designs that passed (1) or failed (0) in the same environments (n,).
 
-    The test is McNemar's exact one (1947): the binomial test of the discordant environments. The interval is Wald's with
-    one discordant environment added to each kind (Bonett and Price 2012, doi:10.3102/1076998611411915).
+    The test is McNemar's exact one (1947): the binomial test of the discordant environments. The interval is Bayesian:
+    of the environments a share is discordant, with a flat prior, and of these a share goes to the first, with Jeffreys'.
+    It covers as stated from 10 environments on, and is narrower than Bonett and Price's (doi:10.3102/1076998611411915).
     """
-    from scipy.stats import binomtest, norm
+    from scipy.stats import beta, binomtest
 
     check_confidence(confidence)
     a, b = _pair(first, second)
     if not numpy.all(((a == 0) | (a == 1)) & ((b == 0) | (b == 1))):
         raise FoldcarError("results to compare must be 0 (failed) or 1 (passed)")
-    n, only_first, only_second = len(a), int(((a > b)).sum()), int(((a < b)).sum())
-    p_value = binomtest(only_first, only_first + only_second).pvalue if only_first + only_second else 1.0
-    up, down = (only_first + 1) / (n + 2), (only_second + 1) / (n + 2)
-    half = norm.ppf((1 + confidence) / 2) * numpy.sqrt((up + down - (up - down) ** 2) / (n + 2))
-    low, high = max(up - down - half, -1.0), min(up - down + half, 1.0)
+    n, only_first, only_second = len(a), int((a > b).sum()), int((a < b).sum())
+    discordant = only_first + only_second
+    p_value = float(binomtest(only_first, discordant).pvalue) if discordant else 1.0
+    shares = beta.ppf(PARTS, discordant + 1, n - discordant + 1)
+    sides = 2 * beta.ppf(PARTS, only_first + 0.5, only_second + 0.5) - 1
+    low, high = numpy.quantile(numpy.outer(shares, sides), [(1 - confidence) / 2, (1 + confidence) / 2])
     difference = (only_first - only_second) / n
-    return PairedRates(
-        difference, min(float(low), difference), max(float(high), difference), confidence, only_first, only_second, n,
-        float(p_value),
-    )
+    low, high = min(float(low), difference), max(float(high), difference)
+    return PairedRates(difference, low, high, confidence, only_first, only_second, n, p_value)
 
 
-def paired_bootstrap(
-    first: ArrayLike, second: ArrayLike, confidence: float = 0.95, seed: int = 1007
-) -> tuple[float, float, float]:
+def paired_means(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> tuple[float, float, float]:
     """The mean of ``first`` less ``second`` (n,), any metric, and its interval: (difference, low, high) in its unit.
 
-    Environments are resampled; the interval is the expanded percentile one, which allows for few of them (Hesterberg
-    2015, doi:10.1080/00031305.2015.1089789). For passed and failed, ``paired_rates`` is better.
+    The interval is Student's paired one. Bootstraps over environments cover 90 to 93 % at 10 to 20 of them, with skew
+    metrics (tools/interval_coverage.py). For passed and failed, ``paired_rates`` is better.
     """
-    from scipy.stats import norm, t
+    from scipy.stats import ttest_rel
 
     check_confidence(confidence)
     a, b = _pair(first, second)
-    differences = a - b
-    n = len(differences)
-    if n < 2 or numpy.ptp(differences) == 0:
+    if len(a) < 2 or numpy.ptp(a - b) == 0:
         raise FoldcarError(
-            f"a paired bootstrap needs environments whose differences vary; {n} of them, all different by "
-            f"{differences[0]:g}, say nothing about its error"
+            f"a difference of means needs environments whose differences vary; {len(a)} of them, all different by "
+            f"{a[0] - b[0]:g}, say nothing about its error"
         )
-    rng = numpy.random.default_rng(seed)
-    # Resampling n of n is drawing the number of times that each one is taken.
-    means = rng.multinomial(n, numpy.full(n, 1 / n), size=RESAMPLES) @ differences / n
-    tail = norm.cdf(numpy.sqrt(n / (n - 1)) * t.ppf((1 - confidence) / 2, n - 1))
-    low, high = numpy.quantile(means, [tail, 1 - tail])
-    return float(differences.mean()), float(low), float(high)
+    interval = ttest_rel(a, b).confidence_interval(confidence)
+    return float((a - b).mean()), float(interval.low), float(interval.high)
 
 
 def _pair(first: ArrayLike, second: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -20,7 +20,7 @@ from foldcar.errors import FoldcarError
 
 # Standard deviations, on the log-odds scale, of the constant difference and of its slope on simulation's log-odds.
 CONSTANT, SLOPE = 1.5, 0.5
-# The grid: standard deviation and length (as a part of the parameters' range) of the smooth part; deviation of one design.
+# The grid: standard deviation and length (as a part of the parameters' range) of the smooth part; of one design's own.
 SMOOTH = (0.2, 0.7, 2.0)
 LENGTHS = (0.15, 0.4, 1.0)
 ALONE = (0.1, 0.6, 1.3)
@@ -62,9 +62,9 @@ def pooled_rates(
 
 def _unpooled(passed: float, counted: float, confidence: float) -> Rate:
     if not counted:
-        return Rate(0.5, 0.0, 1.0, confidence, "no trials of this design, and of one other at most: nothing is known")
+        return Rate(0.5, 0.0, 1.0, confidence, "no trials of this design, of one other at most: nothing is known")
     low, high = jeffreys_interval(passed, counted, confidence)
-    return Rate(passed / counted, low, high, confidence, "Jeffreys interval of the trials alone (no other design has any)")
+    return Rate(passed / counted, low, high, confidence, "Jeffreys interval of the trials alone (no others to pool)")
 
 
 def _kernels(x: NDArray[Any], log_odds: NDArray[Any], errors: NDArray[Any]) -> NDArray[Any]:
@@ -127,7 +127,8 @@ class _Fit:
             LOG_ODDS, self.passed[design], self.counted[design]
         )
         density = numpy.exp(logs - logs.max(axis=1, keepdims=True))
-        return self.weights @ (density / density.sum(axis=1, keepdims=True))
+        mixture: NDArray[Any] = self.weights @ (density / density.sum(axis=1, keepdims=True))
+        return mixture
 
 
 def _posterior(kernels: NDArray[Any], precision: NDArray[Any], shift: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -139,7 +140,9 @@ def _posterior(kernels: NDArray[Any], precision: NDArray[Any], shift: NDArray[An
     return numpy.diagonal(covariance, axis1=1, axis2=2), (covariance @ shift[..., None])[..., 0]
 
 
-def _tilted(mean: NDArray[Any], variance: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any]) -> tuple[Any, Any, Any]:
+def _tilted(
+    mean: NDArray[Any], variance: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any]
+) -> tuple[Any, Any, Any]:
     """Log of the mass, mean and variance (h, d) of normal times binomial likelihood, by nodes about its highest point."""
     mode = numpy.where(counted > 0, numpy.log((passed + 0.5) / (counted - passed + 0.5)), mean)
     for _ in range(12):
@@ -180,8 +183,9 @@ def _weights(
     _, determinant = numpy.linalg.slogdet(total)
     fit = (observed * numpy.linalg.solve(total, observed[..., None])[..., 0]).sum(axis=1)
     logs = sites.sum(axis=1) - 0.5 * determinant - 0.5 * fit
-    weights: NDArray[Any] = numpy.exp(logs - logs.max())
-    return weights / weights.sum()
+    weights = numpy.exp(logs - logs.max())
+    shares: NDArray[Any] = weights / weights.sum()
+    return shares
 
 
 def _checked(

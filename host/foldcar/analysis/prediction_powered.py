@@ -1,9 +1,11 @@
 """A success rate from few trials and many simulated runs (Angelopoulos et al. 2023, 2301.09633; PPI++, 2311.01453).
 
 The estimate is that of PPI++: the trials' mean, corrected by how much easier or harder than all environments the trials'
-own were to simulation. The interval is Bayesian, since normal ones cover too little at ten trials: a trial passes with
-probability a + (b - a) f, where f is simulation's result in its environment; a and b have Jeffreys' prior, and the mean
-of f over all environments is nearly known. Without other runs it is Jeffreys' interval of the trials.
+own were to simulation. The interval is Bayesian, since normal ones cover too little at ten trials: a trial's log-odds of
+passing go linearly from those of a where simulation fails to those of b where it passes; a and b have Jeffreys' prior.
+The rate is the mean over all environments, simulated only or tried. With results 0 and 1 this is the table of two by two,
+without other assumptions; with rates between, the logistic link keeps the mean right where the line does not fit.
+Without other runs it is Jeffreys' interval of the trials.
 """
 
 from typing import Any
@@ -17,8 +19,10 @@ from foldcar.errors import FoldcarError
 
 # Nodes of a and of b: midpoints of equal parts of the angles whose squared sine they are; Jeffreys' prior is flat there.
 NODES = 48
-# Nodes of the mean of f: midpoints of equal parts of its normal distribution, scaled to its variance.
+# Nodes of the error of a mean over environments: midpoints of equal parts of the normal distribution, of variance 1.
 MEAN_NODES = 11
+# Groups that differing results of simulation are sorted into.
+GROUPS = 24
 
 
 def rectified_rate(trials: ArrayLike, paired_runs: ArrayLike, other_runs: ArrayLike, confidence: float = 0.95) -> Rate:
@@ -50,50 +54,53 @@ def power_tuned_mean(trials: ArrayLike, paired_runs: ArrayLike, other_runs: Arra
     """The PPI++ estimate of the trials' mean, its weight of simulation limited to 0 to 1; arrays as above."""
     y, f, other = (numpy.asarray(values, dtype=float) for values in (trials, paired_runs, other_runs))
     spread = numpy.concatenate([f, other]).var(ddof=1)
-    weight = numpy.cov(y, f)[0, 1] / ((1 + len(f) / len(other)) * spread) if len(f) > 1 and spread > 0 else 0.0
+    covariance = (y * f).mean() - y.mean() * f.mean()
+    weight = covariance / ((1 + len(f) / len(other)) * spread) if spread > 0 else 0.0
     weight = min(max(float(weight), 0.0), 1.0)
     return float(weight * other.mean() + (y - weight * f).mean())
 
 
 def _interval(passed: NDArray[Any], paired: NDArray[Any], every: NDArray[Any], confidence: float) -> tuple[float, float]:
-    """The posterior's interval of a + (b - a) mean(f)."""
+    """The posterior's interval of the mean of the trials' probability over all environments."""
     from scipy.stats import norm
 
-    results, which = numpy.unique(paired, return_inverse=True)
-    successes = numpy.bincount(which, weights=passed)
-    failures = numpy.bincount(which) - successes
+    results, group, counts = _groups(every)
+    successes = numpy.bincount(group[: len(paired)], weights=passed, minlength=len(results))
+    failures = numpy.bincount(group[: len(paired)], minlength=len(results)) - successes
     # Twice narrowed to the angles where the likelihood is above e^-18 of its highest.
     box = numpy.array([[0.0, numpy.pi / 2]] * 2)
     for _ in range(3):
         steps = numpy.ptp(box, axis=1) / NODES
         angles = box[:, :1] + steps[:, None] * (numpy.arange(NODES) + 0.5)
-        a, b = numpy.sin(angles) ** 2
-        weights = _likelihood(a[:, None], b[None, :], results, successes, failures)
+        ends = 2 * numpy.log(numpy.tan(angles))
+        log_odds = ends[0][:, None, None] * (1 - results) + ends[1][None, :, None] * results
+        probability = 1 / (1 + numpy.exp(-log_odds))
+        logs = numpy.log(probability) @ successes + numpy.log1p(-probability) @ failures
+        weights = numpy.exp(logs - logs.max())
         likely = weights > numpy.exp(-18)
         for axis in range(2):
             inside = angles[axis][likely.any(axis=1 - axis)]
             box[axis] = numpy.clip([inside.min() - steps[axis], inside.max() + steps[axis]], 0, numpy.pi / 2)
-    error = every.std(ddof=1) / numpy.sqrt(len(every))
+    share = counts / len(every)
+    means = probability @ share
+    errors = numpy.sqrt(numpy.maximum(probability**2 @ share - means**2, 0) / len(every))
     normal = norm.ppf((numpy.arange(MEAN_NODES) + 0.5) / MEAN_NODES)
-    means = every.mean() + error * normal / normal.std()
-    rates = (a[:, None, None] + (b[None, :, None] - a[:, None, None]) * numpy.clip(means, 0, 1)).ravel()
+    rates = (means[..., None] + errors[..., None] * normal / normal.std()).ravel()
     order = numpy.argsort(rates)
     masses = numpy.repeat(weights.ravel(), MEAN_NODES)[order].cumsum()
     tail = (1 - confidence) / 2
     low, high = numpy.interp([tail * masses[-1], (1 - tail) * masses[-1]], masses, rates[order])
-    return float(low), float(high)
+    return max(float(low), 0.0), min(float(high), 1.0)
 
 
-def _likelihood(
-    a: NDArray[Any], b: NDArray[Any], results: NDArray[Any], successes: NDArray[Any], failures: NDArray[Any]
-) -> NDArray[Any]:
-    """The likelihood on the grid of a and b, 1 at its highest."""
-    logs = numpy.zeros(numpy.broadcast_shapes(a.shape, b.shape))
-    for result, passed, failed in zip(results, successes, failures, strict=True):
-        probability = a + (b - a) * result
-        logs += passed * numpy.log(probability) + failed * numpy.log1p(-probability)
-    likelihood: NDArray[Any] = numpy.exp(logs - logs.max())
-    return likelihood
+def _groups(every: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Results sorted into at most GROUPS: the groups' mean results, each result's group, the groups' numbers."""
+    edges = numpy.unique(every)
+    if len(edges) > GROUPS:
+        edges = numpy.unique(numpy.quantile(every, numpy.arange(GROUPS) / GROUPS))
+    group = numpy.searchsorted(edges, every, side="right") - 1
+    counts = numpy.bincount(group)
+    return numpy.bincount(group, weights=every) / counts, group, counts
 
 
 def _checked(name: str, values: ArrayLike) -> NDArray[Any]:

@@ -46,8 +46,8 @@ def first_designs(
     if feasible.all():
         ends = [index for index in (int(unit.sum(axis=1).argmin()), int(unit.sum(axis=1).argmax())) if index != middle]
         return found + [Placed(index, END) for index in dict.fromkeys(ends)]
-    edges = _spread(_edges(unit, feasible), doubt, unit, 2)
-    outside = _spread(numpy.flatnonzero(~feasible), -numpy.abs(p - threshold / 2), unit, 2, edges[:1])
+    edges = _opposite(_edges(unit, feasible), doubt, unit, middle)
+    outside = _opposite(numpy.flatnonzero(~feasible), -numpy.abs(p - threshold / 2), unit, middle, edges[:1])
     ordered = [*((index, EDGE) for index in edges[:1]), *((index, OUTSIDE) for index in outside)]
     ordered += [(index, EDGE) for index in edges[1:]]
     taken = {middle}
@@ -96,17 +96,17 @@ def _steps(unit: NDArray[Any]) -> NDArray[Any]:
     return numpy.array([numpy.diff(numpy.unique(column)).max(initial=0.0) for column in unit.T])
 
 
-def _spread(
-    indices: NDArray[Any], score: NDArray[Any], unit: NDArray[Any], number: int, apart_from: Sequence[int] = ()
+def _opposite(
+    indices: NDArray[Any], score: NDArray[Any], unit: NDArray[Any], middle: int, apart_from: Sequence[int] = ()
 ) -> list[int]:
-    """Those of the highest score, each at least half as far from those before as the farthest one is."""
+    """Two of the highest score, the first opposite of ``apart_from`` as seen from the middle, the second of the first."""
     chosen: list[int] = []
     before = list(apart_from)
-    for _ in range(min(number, len(indices))):
+    for _ in range(min(2, len(indices))):
         left = numpy.array([index for index in indices if index not in chosen])
         if before:
-            away = numpy.sqrt(((unit[left][:, None, :] - unit[before][None, :, :]) ** 2).sum(axis=2)).min(axis=1)
-            left = left[away >= away.max() / 2]
+            opposite = (unit[left] - unit[middle]) @ (unit[before[-1]] - unit[middle]) < 0
+            left = left[opposite] if opposite.any() else left
         chosen.append(int(left[score[left].argmax()]))
         before = list(chosen)
     return chosen

@@ -12,77 +12,60 @@ from numpy.typing import ArrayLike, NDArray
 
 from foldcar.errors import FoldcarError
 
-# A design is decided if it is believed above, or below, the threshold with this probability.
-SURE = 0.95
 MOST_TRIALS = 10_000
 
 
 @dataclass(frozen=True)
-class Information:
-    """What ``trials`` more trials of each design (designs,) would tell, in bits.
+class Value:
+    """What ``trials`` more trials of each design (designs,) are worth on average, 0 to 1.
 
-    ``best`` is about which design is best; ``threshold`` about which designs reach the threshold, summed over all.
+    ``choice``: by how much more the design that is best then would pass than the one that is best now (the knowledge
+    gradient, Frazier, Powell and Dayanik 2008). ``threshold``: by how much smaller the share of designs would be that are
+    put on the wrong side of the threshold.
     """
 
     trials: int
-    best: NDArray[Any]
+    choice: NDArray[Any]
     threshold: NDArray[Any]
 
     @property
     def total(self) -> NDArray[Any]:
         """Both together."""
-        found: NDArray[Any] = self.best + self.threshold
+        found: NDArray[Any] = self.choice + self.threshold
         return found
 
 
-def information(draws: ArrayLike, threshold: float, trials: int) -> Information:
-    """The mutual information of the number that passes of ``trials`` trials with what is to be decided.
-
-    ``draws`` (draws, designs) of the true rates.
-    """
+def value_of_trials(draws: ArrayLike, threshold: float, trials: int) -> Value:
+    """The value of ``trials`` trials of each design, over how many of them would pass; ``draws`` (draws, designs)."""
     from scipy.stats import binom
 
     p = numpy.asarray(draws, dtype=float)
-    best, reached = p.argmax(axis=1), p >= threshold
-    about_best, about_threshold = numpy.zeros(p.shape[1]), numpy.zeros(p.shape[1])
-    labels, groups = numpy.unique(best, return_inverse=True)
-    # Rows: draws by which design is best there; then by which designs reach the threshold.
-    is_best = numpy.eye(len(labels))[groups]
+    reached = (p >= threshold).astype(float)
+    now = p.mean(axis=0).max()
+    wrong_now = numpy.minimum(reached.mean(axis=0), 1 - reached.mean(axis=0)).mean()
+    choice, right = numpy.zeros(p.shape[1]), numpy.zeros(p.shape[1])
     for design in range(p.shape[1]):
-        chance = binom.pmf(numpy.arange(trials + 1), trials, p[:, design, None])
-        overall = chance.mean(axis=0)
-        about_best[design] = _divergence(is_best, chance, overall)
-        reaching = reached.astype(float)
-        weights = reaching.mean(axis=0)
-        for part, weight in ((reaching, weights), (1 - reaching, 1 - weights)):
-            about_threshold[design] += float(_divergences(part, chance, overall) @ weight)
-    return Information(trials, about_best, about_threshold)
-
-
-def _divergence(groups: NDArray[Any], chance: NDArray[Any], overall: NDArray[Any]) -> float:
-    return float(_divergences(groups, chance, overall) @ groups.mean(axis=0))
-
-
-def _divergences(groups: NDArray[Any], chance: NDArray[Any], overall: NDArray[Any]) -> NDArray[Any]:
-    """How much (bits) the outcomes' distribution within each group, a column of 0 and 1, diverges from the overall."""
-    from scipy.special import xlogy
-
-    sizes = groups.sum(axis=0)
-    within = (groups.T @ chance) / sizes.clip(1)[:, None]
-    found: NDArray[Any] = (xlogy(within, within) - xlogy(within, overall.clip(1e-300))).sum(axis=1) / numpy.log(2)
-    return numpy.where(sizes > 0, found, 0.0)
+        # Rows: outcomes of the trials; columns: draws, by their weight once the outcome is known.
+        chance = binom.pmf(numpy.arange(trials + 1)[:, None], trials, p[:, design]) / len(p)
+        choice[design] = (chance @ p).max(axis=1).sum() - now
+        above = chance @ reached
+        below = chance.sum(axis=1, keepdims=True) - above
+        right[design] = wrong_now - numpy.minimum(above, below).sum(axis=0).mean()
+    # Rounding may leave a hair below 0.
+    return Value(trials, choice.clip(0), right.clip(0))
 
 
 def choose(draws: ArrayLike, threshold: float, trials: int, number: int, chosen: Sequence[int] = ()) -> list[int]:
-    """Up to ``number`` more designs, by what their trials tell that those of the ``chosen`` ones do not.
+    """Up to ``number`` more designs, first those whose trials are worth most beside those of the ``chosen`` ones.
 
-    Information is counted once: a design whose rate goes with that of a chosen one counts by the rest of its variance.
+    What two tell alike counts once: a design whose rate goes with a chosen one's counts by the rest of its variance.
     """
     p = numpy.asarray(draws, dtype=float)
-    bits = information(p, threshold, trials).total
+    # Where nothing is worth a trial the least known designs come first.
+    value = value_of_trials(p, threshold, trials).total + 1e-9
     found = list(chosen)
     while len(found) < min(len(chosen) + number, p.shape[1]):
-        left = bits * _unexplained(p, found)
+        left = value * _unexplained(p, found)
         left[found] = -numpy.inf
         found.append(int(left.argmax()))
     return found[len(chosen) :]
@@ -97,13 +80,6 @@ def _unexplained(draws: NDArray[Any], chosen: Sequence[int]) -> NDArray[Any]:
     rest = centred - basis @ (basis.T @ centred)
     variance = (centred**2).sum(axis=0)
     found: NDArray[Any] = (rest**2).sum(axis=0) / numpy.where(variance > 0, variance, 1.0)
-    return found
-
-
-def undecided(draws: ArrayLike, threshold: float) -> NDArray[Any]:
-    """Which designs (designs,) are believed neither above nor below the threshold with the probability SURE."""
-    above = (numpy.asarray(draws) >= threshold).mean(axis=0)
-    found: NDArray[Any] = (above < SURE) & (above > 1 - SURE)
     return found
 
 

@@ -1,9 +1,9 @@
 """Success as a smooth function of one or two design parameters, with credible bands, from counts of each design.
 
-The log-odds are a Gaussian process with a Matérn 5/2 covariance in each parameter. Candidates of lengths and strength are
-weighted by the likelihood of designs that are held out (pseudo-BMA: Yao et al. 2018, doi:10.1214/17-BA1091). The process
-is computed by its leading harmonics (Solin and Särkkä 2020, doi:10.1007/s11222-019-09886-w) and Laplace's approximation:
-time grows with the number of designs, not its cube.
+The log-odds are a Gaussian process with a Matérn 5/2 covariance (Rasmussen and Williams 2006, section 3.4: Laplace's
+approximation). Candidates of lengths and strength are weighted by the likelihood of designs that are held out
+(pseudo-BMA: Yao et al. 2018, doi:10.1214/17-BA1091). Beyond 80 designs the process is spanned by 80 of them (section
+8.3.1), so that time grows with the number of designs, not its cube.
 """
 
 from dataclasses import dataclass
@@ -12,16 +12,14 @@ from typing import Any
 
 import numpy
 from numpy.typing import ArrayLike, NDArray
-from threadpoolctl import threadpool_limits
 
 from foldcar.analysis.intervals import check_confidence
 from foldcar.errors import FoldcarError
 
-# Harmonics of each parameter, for one and for two parameters, on an interval wider than the parameters' range.
-HARMONICS = {1: 32, 2: 12}
-MARGIN = 1.4
+# Designs that span the process.
+SPANNING = 80
 # Candidates: length as a part of the range, standard deviation of the log-odds.
-LENGTHS = (0.1, 0.2, 0.4, 0.8)
+LENGTHS = {1: (0.1, 0.2, 0.4, 0.8), 2: (0.15, 0.35, 0.8)}
 STRENGTHS = (1.5, 5.0)
 # Candidates of less weight are left out.
 LEAST_WEIGHT = 0.01
@@ -31,11 +29,33 @@ FOLDS = 4
 
 
 @dataclass(frozen=True)
-class Fit:
-    """One candidate: its lengths and strength, its weight 0 to 1, and the weights of its basis (p,) and their root (p, p)."""
+class Basis:
+    """Functions whose sum with standard normal factors is the process: a constant, those of spanning designs (p, k)."""
 
+    spanning: NDArray[Any]
     lengths: tuple[float, ...]
     strength: float
+
+    def at(self, scaled: NDArray[Any]) -> NDArray[Any]:
+        """The functions (m, p + 1) at parameters (m, k) scaled to 0 to 1."""
+        values, vectors = numpy.linalg.eigh(self.covariance(self.spanning, self.spanning))
+        roots = vectors / numpy.sqrt(numpy.maximum(values, 1e-9 * values[-1]))
+        functions = self.covariance(scaled, self.spanning) @ roots
+        return numpy.hstack([numpy.full((len(scaled), 1), CONSTANT), functions])
+
+    def covariance(self, one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+        """The process' covariance (m, n) of two lists of scaled parameters, without the constant."""
+        steps = (one[:, None] - other[None, :]) / numpy.array(self.lengths)
+        r = numpy.sqrt(5 * (steps**2).sum(axis=-1))
+        found: NDArray[Any] = self.strength**2 * (1 + r + r**2 / 3) * numpy.exp(-r)
+        return found
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One candidate and its weight, 0 to 1; the mean of its basis' factors (p,) and a root of their covariance (p, p)."""
+
+    basis: "Basis"
     weight: float
     mean: NDArray[Any]
     root: NDArray[Any]
@@ -67,13 +87,14 @@ class SuccessModel:
         scaled = (x - self.low) / self.span
         if not numpy.all((scaled > -1e-9) & (scaled < 1 + 1e-9)):
             raise FoldcarError("a success model has rates only within the range of the designs that it was fitted to")
-        basis = _basis(scaled)
         first, second = numpy.zeros(len(x)), numpy.zeros(len(x))
         for fit in self.fits:
-            here = basis * _scales(len(self.low), fit.lengths, fit.strength)
+            here = fit.basis.at(scaled)
             middle = here @ fit.mean
+            # What the spanning designs leave open between them is added to the variance.
+            left = numpy.maximum(fit.basis.strength**2 - (here[:, 1:] ** 2).sum(axis=1), 0)
             first += fit.weight * middle
-            second += fit.weight * (middle**2 + ((here @ fit.root) ** 2).sum(axis=1))
+            second += fit.weight * (middle**2 + ((here @ fit.root) ** 2).sum(axis=1) + left)
         reach = norm.ppf((1 + confidence) / 2) * numpy.sqrt(numpy.maximum(second - first**2, 0))
         rate, low, high = (1 / (1 + numpy.exp(-value)) for value in (first, first - reach, first + reach))
         return rate, low, high
@@ -82,8 +103,10 @@ class SuccessModel:
 def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike, seed: int = 1007) -> SuccessModel:
     """Fit to designs with parameters (d, k), k 1 or 2, of which ``passed`` of ``counted`` runs (d,) succeeded."""
     x, k, n = (numpy.asarray(values, dtype=float) for values in (parameters, passed, counted))
-    if x.ndim != 2 or x.shape[1] not in HARMONICS:
+    if x.ndim != 2 or x.shape[1] not in LENGTHS:
         raise FoldcarError("a success model needs a table of designs with one or two parameters")
+    if not numpy.all(numpy.isfinite(x)):
+        raise FoldcarError("a success model needs finite parameters of each design")
     if k.shape != (len(x),) or n.shape != (len(x),) or not numpy.all((k >= 0) & (k <= n)):
         raise FoldcarError(f"a success model needs 0 ≤ passed ≤ counted for each of the {len(x)} designs")
     low, span = x[n > 0].min(axis=0, initial=numpy.inf), numpy.ptp(x[n > 0], axis=0) if (n > 0).any() else numpy.zeros(1)
@@ -93,60 +116,42 @@ def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike, 
             "designs have runs"
         )
     with_runs = n > 0
-    basis, k, n = _basis((x[with_runs] - low) / span), k[with_runs], n[with_runs]
-    # Matrices this small take up to 25 times as long when BLAS shares them among threads.
-    with threadpool_limits(1):
-        fits, held_out = _fits(basis, k, n, x.shape[1], seed)
-    return SuccessModel(fits, held_out / float(n.sum()), low, span)
-
-
-def _fits(
-    basis: NDArray[Any], k: NDArray[Any], n: NDArray[Any], dimensions: int, seed: int
-) -> tuple[tuple[Fit, ...], float]:
-    """The candidates of weight, and the best log-likelihood of held-out designs."""
+    scaled, k, n = (x[with_runs] - low) / span, k[with_runs], n[with_runs]
+    spanning = _spread(scaled)
     fold = numpy.random.default_rng(seed).permutation(len(n)) % min(FOLDS, len(n))
-    candidates = list(product(product(LENGTHS, repeat=dimensions), STRENGTHS))
+    candidates = [
+        Basis(spanning, lengths, strength)
+        for lengths in product(LENGTHS[x.shape[1]], repeat=x.shape[1])
+        for strength in STRENGTHS
+    ]
     scores = []
-    for lengths, strength in candidates:
-        scaled = basis * _scales(dimensions, lengths, strength)
+    for basis in candidates:
+        here = basis.at(scaled)
         score = 0.0
         for out in range(fold.max() + 1):
-            mean, root = _laplace(scaled[fold != out], k[fold != out], n[fold != out])
-            score += _predictive(scaled[fold == out], mean, root, k[fold == out], n[fold == out])
+            mean, root = _laplace(here[fold != out], k[fold != out], n[fold != out])
+            score += _predictive(here[fold == out], mean, root, k[fold == out], n[fold == out])
         scores.append(score)
     weights = numpy.exp(numpy.array(scores) - max(scores))
     weights = numpy.where(weights >= LEAST_WEIGHT * weights.sum(), weights, 0.0)
     weights /= weights.sum()
     fits = tuple(
-        Fit(*candidate, float(weight), *_laplace(basis * _scales(dimensions, *candidate), k, n))
-        for candidate, weight in zip(candidates, weights, strict=True)
+        Fit(basis, float(weight), *_laplace(basis.at(scaled), k, n))
+        for basis, weight in zip(candidates, weights, strict=True)
         if weight
     )
-    return fits, max(scores)
+    return SuccessModel(fits, max(scores) / float(n.sum()), low, span)
 
 
-def _frequencies(count: int) -> NDArray[Any]:
-    return numpy.pi * numpy.arange(1, count + 1) / (2 * MARGIN * 0.5)
-
-
-def _basis(scaled: NDArray[Any]) -> NDArray[Any]:
-    """The constant and the harmonics (m, p) at parameters scaled to 0 to 1."""
-    half = MARGIN * 0.5
-    waves = [
-        numpy.sin(_frequencies(HARMONICS[scaled.shape[1]]) * (column[:, None] - 0.5 + half)) / numpy.sqrt(half)
-        for column in scaled.T
-    ]
-    harmonics = waves[0] if len(waves) == 1 else (waves[0][:, :, None] * waves[1][:, None, :]).reshape(len(scaled), -1)
-    return numpy.hstack([numpy.ones((len(scaled), 1)), harmonics])
-
-
-def _scales(dimensions: int, lengths: tuple[float, ...], strength: float) -> NDArray[Any]:
-    """The prior standard deviations (p,) of the basis: the root of the covariance's spectral density."""
-    frequencies = _frequencies(HARMONICS[dimensions])
-    # 16/3 is 2 √π Γ(3) / Γ(5/2).
-    densities = [16 / 3 * (5 / a**2) ** 2.5 / (5 / a**2 + frequencies**2) ** 3 for a in lengths]
-    joint = densities[0] if dimensions == 1 else numpy.outer(densities[0], densities[1]).ravel()
-    return numpy.concatenate([[CONSTANT], strength * numpy.sqrt(joint)])
+def _spread(scaled: NDArray[Any]) -> NDArray[Any]:
+    """At most SPANNING of the designs, each the one that is furthest from those before it."""
+    designs = numpy.unique(scaled, axis=0)
+    chosen = [0]
+    distances = numpy.full(len(designs), numpy.inf)
+    while len(chosen) < min(SPANNING, len(designs)):
+        distances = numpy.minimum(distances, ((designs - designs[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(distances.argmax()))
+    return designs[chosen]
 
 
 def _laplace(basis: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -4,14 +4,13 @@ A program is compiled once (most of a second) and each sample taken once (some 5
 """
 
 import atexit
-import contextlib
-import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from foldcar.api.whole import whole
 from foldcar.errors import FoldcarError
 from foldcar.scenes.fingerprint import environment_fingerprint
 from foldcar.scenes.source import SceneSource, open_environment
@@ -107,12 +106,3 @@ def simulator() -> KeptCarsim:
     kept = KeptCarsim(Carsim())
     atexit.register(kept.close)
     return kept
-
-
-def whole(name: str, value: object, least: int, most: int) -> int:
-    """``value`` as a whole number from ``least`` to ``most``; FoldcarError naming it if it is none."""
-    with contextlib.suppress(TypeError):
-        number = operator.index(value)  # type: ignore[arg-type]
-        if not isinstance(value, bool) and least <= number <= most:
-            return number
-    raise FoldcarError(f"{name}: {value!r} is not a whole number from {least} to {most}")

@@ -12,11 +12,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foldcar.analysis.intervals import check_confidence, wilson_interval
+from foldcar.advice.comparison import wilson_rate
+from foldcar.analysis.intervals import check_confidence
 from foldcar.analysis.rate import Rate
 from foldcar.api.designs import design_of
-from foldcar.api.environment import Environment, Scene, environment, simulator, whole
+from foldcar.api.environment import Environment, Scene, environment, simulator
 from foldcar.api.prepared import built_cars, prepared
+from foldcar.api.whole import whole
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.simulation.results import NUMBERS, outcome_of
@@ -68,9 +70,7 @@ class Evaluation:
         if not self.success_defined:
             raise FoldcarError(self.success)
         passed, runs = int((self.runs["outcome"] == "passed").sum()), len(self.runs)
-        low, high = wilson_interval(passed, runs, self.confidence)
-        method = f"Wilson interval of {passed} of {runs} simulated runs that passed"
-        return Rate(passed / runs, low, high, self.confidence, method)
+        return wilson_rate(passed, runs, f"{passed} of {runs} simulated runs that passed", self.confidence)
 
 
 def simulate(

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from foldcar.api.environment import simulator, whole
+from foldcar.api.environment import simulator
+from foldcar.api.whole import whole
 from foldcar.car.body import body_json
 from foldcar.car.design import Design, compose
 from foldcar.car.firmware_parameters import TableRow
@@ -70,8 +71,8 @@ def _experiment(design: Design, arguments: tuple[float | None, ...]) -> Experime
     family = Family("", design.type, {key: (value,) for key, value in design.values.items()}, {}, Path(), "")
     return Experiment(
         id="", family=family, environment="", program=Path(), program_name="", scenic_params={}, seed=0, condition=None,
-        environments=1, timeout_s=params.timeout, speed_m_s=params.speed, yaw_rate_rad_s=params.yaw_rate, variation={},
-        variation_seed=0, place="simulation",
+        environments=1, thresholds=(), timeout_s=params.timeout, speed_m_s=params.speed, yaw_rate_rad_s=params.yaw_rate,
+        variation={}, variation_seed=0, place="simulation",
     )  # fmt: skip
 
 

@@ -5,9 +5,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from foldcar.analysis.intervals import jeffreys_interval, wilson_interval
+from foldcar.advice.comparison import MARGIN, Comparison, compare, wilson_rate
+from foldcar.advice.selecting import BUILD, PRECISION, Selection, select
 from foldcar.analysis.rate import Rate
-from foldcar.api.names import columns_named
+from foldcar.analysis.success_model import SuccessModel, success_model
+from foldcar.api.names import column_named, columns_named
+from foldcar.api.whole import whole
 from foldcar.errors import FoldcarError
 from foldcar.store.frames import runs_frame, trials_frame
 from foldcar.store.reader import ExperimentInfo, Store
@@ -16,6 +19,7 @@ if TYPE_CHECKING:
     import pandas
 
 T = TypeVar("T")
+MOST_BUILT = 50
 
 
 class Study:
@@ -69,14 +73,52 @@ class Study:
             raise FoldcarError(f'source: {source!r} is neither "simulation" nor "trials"')
         table = self.runs if source == "simulation" else self.trials[self.trials["counts"]]
         chosen = self._of_design(self._of_experiment(table, experiment, source), design, source)
-        passed = chosen["passed"]
-        if passed.isna().any():
-            raise FoldcarError(self.experiments[str(chosen["experiment"].iloc[0])].success_rule)
+        passed = self._judged(chosen)["passed"]
         count, runs = int(passed.sum()), len(passed)
-        interval, name = (wilson_interval, "Wilson") if source == "simulation" else (jeffreys_interval, "Jeffreys")
-        low, high = interval(count, runs, confidence)
         what = "simulated runs" if source == "simulation" else "trials of built cars"
-        return Rate(count / runs, low, high, confidence, f"{name} interval of {count} of {runs} {what} that passed")
+        return wilson_rate(count, runs, f"{count} of {runs} {what} that passed", confidence)
+
+    def select(
+        self,
+        *,
+        build: int = BUILD,
+        threshold: float | None = None,
+        precision: float = PRECISION,
+        experiment: str | None = None,
+        with_cost: bool = False,
+    ) -> list[Selection]:
+        """Which designs to build and try next, for each experiment: :func:`foldcar.advice.selecting.select`.
+
+        Sheets are nested, and costs known, only ``with_cost``: a second a car. FoldcarError.
+        """
+        number = whole("build", build, 1, MOST_BUILT)
+        return self._read(
+            lambda store: select(store, number, threshold, precision, experiment, self.runs, with_cost=with_cost)
+        )
+
+    def compare(self, *, experiment: str | None = None, margin: float = MARGIN) -> Comparison:
+        """Simulation against trials of built cars: :func:`foldcar.advice.comparison.compare`. FoldcarError."""
+        return self._read(lambda store: compare(store, experiment, margin, self.runs))
+
+    def success_model(self, *parameters: str, experiment: str | None = None) -> SuccessModel:
+        """Success as a smooth function of one or two design parameters, with credible bands, from the simulated runs.
+
+        Its ``rates([[95], [100]])`` are (rate, low, high) at those values. Other parameters are averaged over, as the
+        runs have them. FoldcarError if there are too few designs or success is undefined.
+        """
+        runs = self._judged(self._of_experiment(self.runs, experiment, "simulation"))
+        columns = [column_named(name, _parameters(runs), "success_model") for name in parameters]
+        if not columns:
+            raise FoldcarError(f"success_model: name one or two of {', '.join(_parameters(runs))}")
+        counts = runs.groupby(columns)["passed"].agg(["sum", "count"])
+        values = counts.index.to_frame().to_numpy(dtype=float)
+        return success_model(values, counts["sum"].to_numpy(dtype=float), counts["count"].to_numpy(dtype=float))
+
+    def _judged(self, table: "pandas.DataFrame") -> "pandas.DataFrame":
+        """The table, in which it is known of every row whether it passed."""
+        if table["passed"].isna().any():
+            raise FoldcarError(self.experiments[str(table["experiment"].iloc[0])].success_rule)
+        return table
 
     def _of_experiment(self, table: "pandas.DataFrame", experiment: str | None, source: str) -> "pandas.DataFrame":
         known = list(dict.fromkeys(table["experiment"]))

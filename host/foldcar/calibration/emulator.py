@@ -46,7 +46,7 @@ class Emulator:
                 for weights, shift in others:
                     hidden = np.tanh(hidden) @ weights + shift
                 total += expit(hidden[..., 0])
-        return np.clip(logit(total / len(self.networks)), -LARGEST_LOGIT, LARGEST_LOGIT)
+        return np.asarray(np.clip(logit(total / len(self.networks)), -LARGEST_LOGIT, LARGEST_LOGIT))
 
 
 def fit(scores: FloatArray, features: FloatArray, passed: FloatArray, seed: int) -> Emulator:

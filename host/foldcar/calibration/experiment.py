@@ -7,6 +7,7 @@ changed parameters.
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from foldcar.errors import FoldcarError
@@ -28,7 +29,7 @@ class SweptDesign:
     settings: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SweptExperiment:
     """``designs`` and ``scenes`` in the store's order; ``info`` as the store has it."""
 
@@ -38,8 +39,11 @@ class SweptExperiment:
 
     def design_of(self, parameters: Mapping[str, float]) -> int | None:
         """The index of the design with these parameters; None if it has none such."""
-        wanted = dict(parameters)
-        return next((i for i, design in enumerate(self.designs) if dict(design.parameters) == wanted), None)
+        return self._indices.get(frozenset(parameters.items()))
+
+    @cached_property
+    def _indices(self) -> dict[frozenset[tuple[str, float]], int]:
+        return {frozenset(design.parameters.items()): i for i, design in enumerate(self.designs)}
 
 
 def read_experiment(store: Store, name: str) -> SweptExperiment:

@@ -4,15 +4,16 @@ Input: trials counted, a simulator of their experiment. Output: an Inference. Th
 the same numbers, on any number of processes.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from foldcar.calibration.bank import OTHERS, Bank, IntArray, features_of, near_scores, prior_scores, simulate_bank
 from foldcar.calibration.emulator import Emulator
 from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
-from foldcar.calibration.posterior import PARTICLES, Posterior, sample_posterior
+from foldcar.calibration.posterior import Posterior, sample_posterior
 from foldcar.calibration.simulation import CalibrationRun, Simulator
 from foldcar.calibration.trial_counts import TrialCounts
 
@@ -26,10 +27,11 @@ LEAST_RUNS = 500  # as `foldcar calibrate` says
 
 @dataclass(frozen=True)
 class Inference:
-    """Everything a summary is made of. ``logits`` (n, designs) are those of all designs under the posterior's draws.
+    """Everything a summary is made of. ``logits`` (n, designs with trials) are those under the posterior's draws.
 
     ``chosen`` are the indices of the published draws, ``checked`` their simulated success rates (designs with trials,),
-    each from ``check_runs`` runs. ``features`` (designs, features) are the emulator's.
+    each from ``check_runs`` runs. ``features`` (designs, features) are the emulator's. ``known`` maps the indices of
+    parameters that were measured to their scores.
     """
 
     counts: TrialCounts
@@ -41,6 +43,7 @@ class Inference:
     checked: FloatArray
     check_runs: int
     bank: Bank
+    known: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def draws(self) -> list[dict[str, float]]:
@@ -68,37 +71,49 @@ def plan(runs: int, designs: int) -> Plan:
 
 
 def infer(
-    simulator: Simulator, counts: TrialCounts, runs: int, done: Callable[[int], None] = lambda runs: None
+    simulator: Simulator,
+    counts: TrialCounts,
+    runs: int,
+    done: Callable[[int], None] = lambda runs: None,
+    known: Mapping[int, float] = MappingProxyType({}),
 ) -> Inference:
-    """Infer the parameters; ``done`` is told of finished runs, Plan.runs in all. FoldcarError."""
+    """Infer the parameters but for ``known`` ones; ``done`` is told of finished runs, Plan.runs in all. FoldcarError."""
     seed, features = simulator.seed, features_of(simulator.experiment)
     planned = plan(runs, len(counts.designs))
     bank = simulate_bank(simulator, prior_scores(planned.first, seed), counts.designs, 0, done)
-    first = posterior_of(bank.emulator(features, seed), features, counts, seed)
+    first = posterior_of(bank.emulator(features, seed), features, counts, seed, known)
     near = near_scores(first.scores, planned.second, seed)
     bank = bank.joined(simulate_bank(simulator, near, counts.designs, planned.first, done))
     emulator = bank.emulator(features, seed)
-    posterior = posterior_of(emulator, features, counts, seed)
+    posterior = posterior_of(emulator, features, counts, seed, known)
     chosen = np.random.default_rng(seed).choice(len(posterior.scores), DRAWS, replace=False)
     values, number = values_of(posterior.scores[chosen]), planned.first + planned.second
     results = simulator.passed(_check(values, counts.designs, planned.scenes, number, simulator), done)
     table = np.array([np.nan if one is None else float(one) for one in results])
     checked = np.nanmean(table.reshape(DRAWS, planned.scenes, len(counts.designs)), axis=(0, 1))
-    logits = emulator.logits(posterior.scores, features)
+    logits = emulator.logits(posterior.scores, features[list(counts.designs)])
     return Inference(
-        counts, emulator, features, posterior, logits, chosen, checked, planned.scenes * DRAWS, bank
+        counts, emulator, features, posterior, logits, chosen, checked, planned.scenes * DRAWS, bank, dict(known)
     )
 
 
 def posterior_of(
-    emulator: Emulator, features: FloatArray, counts: TrialCounts, seed: int, particles: int = PARTICLES
+    emulator: Emulator, features: FloatArray, counts: TrialCounts, seed: int, known: Mapping[int, float]
 ) -> Posterior:
-    """The posterior given these trials."""
+    """The posterior given these trials and the scores of ``known`` parameters."""
     wanted = features[list(counts.designs)]
     passed, counted = np.array(counts.passed, dtype=float), np.array(counts.counted, dtype=float)
-    return sample_posterior(
-        lambda scores: emulator.logits(scores, wanted), len(PARAMETERS), passed, counted, seed, particles
+
+    def pinned(scores: FloatArray) -> FloatArray:
+        scores = scores.copy()
+        for index, score in known.items():
+            scores[:, index] = score
+        return scores
+
+    found = sample_posterior(
+        lambda scores: emulator.logits(pinned(scores), wanted), len(PARAMETERS), passed, counted, seed
     )
+    return replace(found, scores=pinned(found.scores))
 
 
 def _check(

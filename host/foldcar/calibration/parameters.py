@@ -11,6 +11,9 @@ from typing import Any, Literal
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from foldcar.did_you_mean import did_you_mean
+from foldcar.errors import FoldcarError
+
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
 
@@ -39,6 +42,14 @@ class Parameter:
             return self.middle + self.sd * score
         # P(|x| < value) = P(z < score); the upper tail keeps its digits that way.
         return -self.sd * ndtri(ndtr(-np.asarray(score, dtype=float)) / 2)
+
+    def score(self, value: float) -> float:
+        """The score of a value: what ``value`` undoes. Infinite for values that the prior excludes."""
+        if self.prior == "normal":
+            return (value - self.middle) / self.sd
+        if self.prior == "log-normal":
+            return float(np.log(value / self.middle)) / self.sd if value > 0 else -np.inf
+        return float(ndtri(2 * ndtr(value / self.sd) - 1)) if value > 0 else -np.inf
 
 
 PARAMETERS = (
@@ -89,6 +100,8 @@ PARAMETERS = (
     ),
 )  # fmt: skip
 NAMES = tuple(parameter.name for parameter in PARAMETERS)
+# Farther out, the emulator has seen no runs.
+LARGEST_SCORE = 2.5
 NOMINAL: Mapping[str, float] = {parameter.name: parameter.nominal for parameter in PARAMETERS}
 
 
@@ -99,6 +112,23 @@ def values_of(scores: FloatArray) -> list[dict[str, float]]:
         {name: float(f"{value:.6g}") for name, value in zip(NAMES, row, strict=True)}
         for row in zip(*columns, strict=True)
     ]
+
+
+def known_scores(known: Mapping[str, float]) -> dict[int, float]:
+    """The scores of values that were measured, by the parameter's index. FoldcarError naming option and limits."""
+    found = {}
+    for name, value in known.items():
+        if name not in NAMES:
+            close = did_you_mean(name, NAMES)
+            raise FoldcarError(f"--known {name}: no such parameter; there are {', '.join(NAMES)}{close}")
+        parameter = PARAMETERS[NAMES.index(name)]
+        # The least value of a scatter is none at all.
+        least = 0.0 if parameter.prior == "half-normal" else float(parameter.value(-LARGEST_SCORE))
+        most = float(parameter.value(LARGEST_SCORE))
+        if not least <= value <= most:
+            raise FoldcarError(f"--known {name}: {value:g} is outside {least:.3g} to {most:.3g} ({parameter.unit})")
+        found[NAMES.index(name)] = max(-LARGEST_SCORE, parameter.score(value))
+    return found
 
 
 def check_values(values: Mapping[str, float], names: Sequence[str] = NAMES) -> bool:

@@ -14,6 +14,7 @@ from foldcar.calibration.parameters import NOMINAL, PARAMETERS
 from foldcar.car.variation.vary_body import NumberLimits, vary_body
 from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
+from foldcar.store.calibrations import Calibration
 from foldcar.study.experiments import Experiment
 from foldcar.study.listing import load_listing
 
@@ -40,6 +41,11 @@ def read_reality(file: Path) -> dict[str, float]:
             raise FoldcarError(f"{file}: {name}: {value:g} is outside {low:.3g} to {high:.3g} {known[name].unit}")
         values[name] = float(value)
     return values
+
+
+def as_calibration(name: str, values: Mapping[str, float]) -> Calibration:
+    """A calibration whose only draw is ``values``: sweeps take parameters in that form. It is not stored."""
+    return Calibration(name, "", "", "", (values,), {})
 
 
 def real_run(

@@ -77,7 +77,7 @@ def left_out(inference: Inference, experiment: SweptExperiment, nominal: Nominal
             tuple(one[i] for i in kept) for one in (counts.designs, counts.passed, counts.counted)
         )
         others = TrialCounts(designs, passes, trials, counts.simulated, ())
-        posterior = posterior_of(inference.emulator, inference.features, others, seed)
+        posterior = posterior_of(inference.emulator, inference.features, others, seed, inference.known)
         logit = inference.emulator.logits(posterior.scores, inference.features[[design]])[:, 0]
         passed, counted = counts.passed[index], counts.counted[index]
         shares = predicted_shares(logit, posterior.discrepancy, counted, stream)
@@ -103,8 +103,20 @@ def nominal_log_score(runs: tuple[int, int] | None, passed: int, counted: int) -
 
 def _parameters(inference: Inference) -> list[dict[str, Any]]:
     columns: list[tuple[Parameter, FloatArray]] = list(zip(PARAMETERS, inference.posterior.scores.T, strict=True))
-    rows = [_parameter(parameter, np.asarray(parameter.value(scores)), scores) for parameter, scores in columns]
+    rows = [
+        _known(parameter, float(parameter.value(scores[0])))
+        if index in inference.known
+        else _parameter(parameter, np.asarray(parameter.value(scores)), scores)
+        for index, (parameter, scores) in enumerate(columns)
+    ]
     return [*rows, _parameter(DISCREPANCY, inference.posterior.discrepancy, None)]
+
+
+def _known(parameter: Parameter, value: float) -> dict[str, Any]:
+    """A parameter that was measured: there is nothing to infer."""
+    same = dict.fromkeys(("low", "median", "high"), value)
+    row = _parameter(parameter, np.full(1, value), None)
+    return {**row, "source": "measured (--known)", "prior": same, "posterior": same}
 
 
 def _parameter(parameter: Parameter, values: FloatArray, scores: FloatArray | None) -> dict[str, Any]:
@@ -124,8 +136,13 @@ def _parameter(parameter: Parameter, values: FloatArray, scores: FloatArray | No
 
 def _correlations(inference: Inference) -> list[dict[str, Any]]:
     """Of all pairs of parameters, the strongest first."""
-    matrix = np.corrcoef(inference.posterior.scores.T)
-    pairs = [(NAMES[i], NAMES[j], float(matrix[i, j])) for i in range(len(NAMES)) for j in range(i)]
+    free = [i for i in range(len(NAMES)) if i not in inference.known]
+    matrix = np.atleast_2d(np.corrcoef(inference.posterior.scores[:, free].T))
+    pairs = [
+        (NAMES[first], NAMES[second], float(matrix[i, j]))
+        for i, first in enumerate(free)
+        for j, second in enumerate(free[:i])
+    ]
     ranked = sorted(pairs, key=lambda pair: -abs(pair[2]))
     return [{"parameters": [b, a], "correlation": round(r, 3)} for a, b, r in ranked]
 
@@ -136,7 +153,7 @@ def _designs(
     counts, posterior = inference.counts, inference.posterior
     stream, rows = np.random.default_rng(seed), []
     for index, design in enumerate(counts.designs):
-        logit, counted = inference.logits[:, design], counts.counted[index]
+        logit, counted = inference.logits[:, index], counts.counted[index]
         rates = expit(logit)
         shares = predicted_shares(logit, posterior.discrepancy, counted, stream)
         passed, runs = nominal.get(design, (0, 0))

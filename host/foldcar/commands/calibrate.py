@@ -12,7 +12,7 @@ from foldcar.study.limits import GREATEST_SEED, MOST_JOBS
 
 # What a name may be, so that it can be typed and stand in the names of experiments.
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
-DEFAULT_RUNS = 30_000
+DEFAULT_RUNS = 24_000
 LEAST_RUNS, MOST_RUNS = 500, 10_000_000
 
 
@@ -36,6 +36,10 @@ def calibrate(
     simulated_trials: Annotated[
         bool, typer.Option("--simulated-trials", help="Go by the trials of simulated cars instead of built ones.")
     ] = False,
+    known: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="A parameter that was measured; may be repeated."),
+    ] = None,
     replace: Annotated[bool, typer.Option("--replace", help="Replace the calibration of that name.")] = False,
     as_json: Json = False,
 ) -> None:
@@ -50,6 +54,7 @@ def calibrate(
     """
     from foldcar.calibration.experiment import read_experiment
     from foldcar.calibration.inference import infer, plan
+    from foldcar.calibration.parameters import known_scores
     from foldcar.calibration.simulation import Simulator
     from foldcar.calibration.summary import summarise
     from foldcar.calibration.trial_counts import count_trials, experiment_with_trials
@@ -58,14 +63,20 @@ def calibrate(
     from foldcar.errors import FoldcarError
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
-    from foldcar.store.calibrations import calibrations, name_is_taken, new_calibration, write_calibrations
+    from foldcar.store.calibrations import (
+        calibrations,
+        check_replaceable_calibration,
+        new_calibration,
+        write_calibrations,
+    )
     from foldcar.store.reader import Store
 
     if not NAME.fullmatch(name):
         raise FoldcarError(f'--name "{name}": a name is at most 40 letters, digits, _ . or -, a letter or digit first')
+    measured = known_scores(dict(_value(text) for text in known or []))
     with Store.open(store) as opened:
-        if not replace and any(one.name == name for one in calibrations(opened)):
-            raise FoldcarError(name_is_taken(store, name))
+        if any(one.name == name for one in calibrations(opened)):
+            check_replaceable_calibration(opened, name, replace)
         chosen = read_experiment(opened, experiment_with_trials(opened, experiment))
         counts = count_trials(opened, chosen, simulated_trials)
         nominal: dict[int, tuple[int, int]] = {}
@@ -78,7 +89,7 @@ def calibrate(
     simulator = Simulator(chosen, carsim, jobs or len(os.sched_getaffinity(0)), seed)
     planned = plan(runs, len(counts.designs)).runs
     with said(lambda: "stopped: nothing is stored"), run_bar("calibrate", planned) as done:
-        inference = infer(simulator, counts, runs, done)
+        inference = infer(simulator, counts, runs, done, measured)
         summary = summarise(inference, chosen, nominal, seed, planned, leave_one_out)
     made = new_calibration(name, chosen.info.id, carsim.build, inference.draws, summary)
     with write_calibrations(store) as writer:
@@ -88,3 +99,13 @@ def calibrate(
     else:
         print_calibration(made)
         typer.echo(f'calibration "{name}": {len(made.draws)} draws; store: {store}')
+
+
+def _value(text: str) -> tuple[str, float]:
+    from foldcar.errors import FoldcarError
+
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise FoldcarError(f"--known {text}: is not NAME=VALUE with a number") from None

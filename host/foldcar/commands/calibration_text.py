@@ -20,22 +20,22 @@ def print_calibration(calibration: Calibration) -> None:
     console = Console(highlight=False)
     if not console.is_terminal:
         console = Console(highlight=False, width=PIPED_WIDTH)
-    head = f"Experiment {summary['experiment']}, {summary['runs']} runs, 90 % intervals"
+    head = f"Experiment {summary['experiment']}, {summary['runs']} runs; ranges are 90 % intervals"
     console.print(head, markup=False, style="bold")
     for note in summary["notes"]:
         typer.echo(note)
-    table = _table(console, "parameter", "unit", "before the trials", "median", "after", "explained %")
+    table = _table(console, "parameter", "before the trials", "after", "told %")
     for one in summary["parameters"]:
-        before, after = one["prior"], one["posterior"]
         explained = "-" if one["explained"] is None else f"{100 * one['explained']:.0f}"
-        table.add_row(one["name"], one["unit"], _ends(before), f"{after['median']:.3g}", _ends(after), explained)
+        name = one["name"] if one["name"].endswith(f"_{one['unit']}") else f"{one['name']} ({one['unit']})"
+        table.add_row(name, _median(one["prior"]), _median(one["posterior"]), explained)
     console.print(table)
-    table = _table(console, "design", "trials", "passed %", "nominal %", "calibrated %", "simulated", "predicted trials")
+    table = _table(console, "design", "trials", "passed %", "nominal", "calibrated", "predicted")
     for one in summary["designs"]:
         nominal = "-" if one["nominal"] is None else f"{100 * one['nominal']:.0f}"
-        shares = [f"{100 * one['passed'] / one['counted']:.0f}", nominal, f"{100 * one['simulated']['median']:.0f}"]
-        ends = (_percent(one["simulated"]), _percent(one["predicted"]))
-        table.add_row(design_text(one["design"]), f"{one['passed']}/{one['counted']}", *shares, *ends)
+        share, trials = f"{100 * one['passed'] / one['counted']:.0f}", f"{one['passed']}/{one['counted']}"
+        calibrated = f"{100 * one['simulated']['median']:.0f} ({_percent(one['simulated'])})"
+        table.add_row(design_text(one["design"]), trials, share, nominal, calibrated, _percent(one["predicted"]))
     console.print(table)
     if summary.get("leave_one_out"):
         table = _table(console, "left out", "trials", "passed %", "predicted", "log score", "nominal")
@@ -61,8 +61,10 @@ def _table(console: Console, *columns: str) -> Table:
     return table
 
 
-def _ends(ends: Mapping[str, Any]) -> str:
-    return f"{ends['low']:.2g} - {ends['high']:.2g}"
+def _median(ends: Mapping[str, Any]) -> str:
+    # Millimetres and milliradians are the last digits that matter.
+    middle, low, high = (f"{round(ends[name], 3):.2g}" for name in ("median", "low", "high"))
+    return f"{middle} ({low}..{high})"
 
 
 def _percent(ends: Mapping[str, Any]) -> str:

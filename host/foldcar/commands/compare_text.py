@@ -47,14 +47,15 @@ def _print_rates(designs: Sequence[DesignComparison]) -> None:
     console, table = result_table(PLAIN_WIDTH)
     rectified = any(one.rectified is not None for one in designs)
     paired = any(one.paired for one in designs)
-    heads = ["design", "runs", "simulation %", "trials", "passed", "trials %"]
-    heads += ["rectified %"] * rectified + ["same outcome"] * paired + ["gap", "verdict"]
+    heads = ["design", "runs", "simulated %", "passed", "trials %"]
+    pooled = any(one.pooled is not None for one in designs)
+    heads += ["rectified %"] * rectified + ["pooled %"] * pooled + ["same outcome"] * paired + ["gap", "verdict"]
     for head in heads:
         table.add_column(head, justify="left" if head in ("design", "verdict") else "right")
     for one in designs:
-        cells = [one.label, str(one.evidence.runs), _rate(one.simulated), str(len(one.evidence.trials))]
-        cells += [str(one.evidence.trials_passed), _rate(one.driven)]
-        cells += [_rate(one.rectified)] * rectified
+        passed = f"{one.evidence.trials_passed} of {len(one.evidence.trials)}"
+        cells = [one.label, str(one.evidence.runs), _rate(one.simulated), passed, _rate(one.driven)]
+        cells += [_rate(one.rectified)] * rectified + [_rate(one.pooled)] * pooled
         cells += [f"{one.agreeing} of {one.paired}" if one.paired else "-"] * paired
         table.add_row(*cells, _gap(one.gap), one.verdict or "-")
     console.print(table)
@@ -108,7 +109,7 @@ def _rank_text(ranks: RankAgreement) -> str:
 def _rate(rate: Rate | None) -> str:
     if rate is None:
         return "-"
-    return f"{100 * rate.value:.0f} ({100 * rate.low:.0f} to {100 * rate.high:.0f})"
+    return f"{100 * rate.value:.0f} ({100 * rate.low:.0f}–{100 * rate.high:.0f})"
 
 
 def _gap(found: Gap | None) -> str:

@@ -43,7 +43,11 @@ def optimize(
     ],
     objective: Annotated[
         list[ObjectiveName] | None,
-        typer.Option(help="May be repeated: then none of the best is beaten in all. Default: success."),
+        typer.Option(
+            metavar="NAME",
+            help="success (default); time to pass (s), the limit if a run does not; energy per pass (J); sheet-area (cm²). "
+            "May be repeated: then none of the best is beaten in all.",
+        ),
     ] = None,
     designs: Annotated[
         int, typer.Option(metavar="N", min=1, max=MOST_DESIGNS, help="Designs to try at most.")
@@ -67,10 +71,10 @@ def optimize(
         int, typer.Option(metavar="N", min=1, max=MOST_ENVIRONMENTS, help="Fresh environments to judge them in.")
     ] = 200,
     sampler: Annotated[
-        SamplerName, typer.Option(help="How designs are chosen (docs/optimize.md).")
+        SamplerName, typer.Option(metavar="NAME", help="How designs are chosen: tpe, nsga2, random or grid.")
     ] = SamplerName.tpe,
     prune: Annotated[
-        bool, typer.Option("--prune/--no-prune", help="Leave a design early that does worse than the best.")
+        bool, typer.Option("--prune/--no-prune", help="With one objective, leave a design early that does worse than the best.")
     ] = True,
     seed: Annotated[int, typer.Option(metavar="S", min=0, max=2**31, help="Of the sampler.")] = 0,
     jobs: Annotated[
@@ -78,32 +82,35 @@ def optimize(
         typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
     ] = None,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="This experiment of the listing.")] = None,
+    calibration: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Simulate under this calibration of the store (see `foldcar calibrate`)."),
+    ] = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
-    """Search a listing's family for its best designs, with far fewer runs than a sweep.
+    """Search a family of cars for the best ones.
 
-    Tries designs in the listing's environments, then judges the best in fresh ones: those rates are what to believe. Runs
+    With far fewer runs than a sweep: tries designs in the listing's environments, then judges the best in fresh ones: those rates are what to believe. Runs
     are kept as a sweep's. It may be stopped at any time: the same command resumes it.
 
     \b
-    Example: foldcar optimize scenarios/design_space.json --store space.db --designs 60 --environments 50
+    Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --environments 50
     """
+    from foldcar.commands.calibration_option import under_calibration
     from foldcar.commands.search_bar import SearchBar
     from foldcar.commands.search_text import print_search, search_object
     from foldcar.interrupts import said
     from foldcar.search.objectives import OBJECTIVES
-    from foldcar.search.search import Found, Plan, search
+    from foldcar.search.search import Found, Plan, search, searched_study
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.experiments import read_study
 
     names = [one.value for one in objective or [ObjectiveName.success]]
     if len(set(names)) < len(names):
         raise FoldcarError(f"--objective: {', '.join(names)}: one is named twice")
-    study = read_study(listing, experiment, environments)
-    if len(study.experiments) > 1:
-        known = ", ".join(one.id for one in study.experiments)
-        raise FoldcarError(f"{listing}: experiments: has several; choose one with --experiment: {known}")
+    study = searched_study(read_study(listing, experiment, environments), fresh)
+    study, environment_of = under_calibration(study, store, calibration)
     plan = Plan(
         objectives=tuple(OBJECTIVES[name] for name in names),
         sampler=sampler.value,
@@ -121,7 +128,8 @@ def optimize(
         return f"stopped: {found.designs} of {designs} designs are tried, their runs in {store}; the same command resumes"
 
     with said(stopped), SearchBar(found) as bar:
-        search(study, plan, store, Carsim(), jobs or len(os.sched_getaffinity(0)), command, found, bar.update)
+        workers = jobs or len(os.sched_getaffinity(0))
+        search(study, plan, store, Carsim(), workers, command, found, bar.update, environment_of)
     if as_json:
         print_json(search_object(plan, found, store, study.experiments[0].id))
     else:

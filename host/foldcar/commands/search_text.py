@@ -52,7 +52,7 @@ def print_search(plan: Plan, found: Found, store: Path, varied: Sequence[str]) -
     )
     reasons = list(found.unbuildable.items())
     if reasons:
-        typer.echo(f"{len(reasons)} proposed cars cannot be built:")
+        typer.echo(f"proposed cars that cannot be built: {len(reasons)}")
         for name, reason in reasons[:SHOWN_UNBUILDABLE]:
             typer.echo(f"  {name}: {reason}")
         if len(reasons) > SHOWN_UNBUILDABLE:
@@ -93,5 +93,5 @@ def _unit(objective: Objective) -> str:
 
 def _number(objective: Objective, value: float) -> str:
     if not math.isfinite(value):
-        return "unlimited"
+        return "∞"
     return f"{100 * value:.1f}" if not objective.unit else f"{value:.4g}"

@@ -33,7 +33,7 @@ def print_selections(found: Sequence[Selection]) -> None:
 def _print_designs(console: Console, one: Selection) -> None:
     _, table = result_table(PLAIN_WIDTH)
     expected = any(design.expected is not None for design in one.recommendations)
-    heads = ["design", "simulation %", *["expected %"] * expected, "trials", "sheets", "minutes", "why"]
+    heads = ["design", "simulated %", *["expected %"] * expected, "trials", "sheets", "minutes", "why"]
     for head in heads:
         left = head in ("design", "why")
         table.add_column(head, justify="left" if left else "right", no_wrap=head != "why")
@@ -61,4 +61,4 @@ def _print_designs(console: Console, one: Selection) -> None:
 def _rate(rate: Rate | None) -> str:
     if rate is None:
         return "-"
-    return f"{100 * rate.value:.0f} ({100 * rate.low:.0f} to {100 * rate.high:.0f})"
+    return f"{100 * rate.value:.0f} ({100 * rate.low:.0f}–{100 * rate.high:.0f})"

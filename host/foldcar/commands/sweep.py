@@ -50,6 +50,10 @@ def sweep(
         str | None,
         typer.Option(metavar="NAME", help="Simulate under this calibration of the store (see `foldcar calibrate`)."),
     ] = None,
+    reality: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Simulate with the parameters of this JSON file, as `foldcar link` does."),
+    ] = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
@@ -73,7 +77,8 @@ def sweep(
     from foldcar.study.sweep import planned_total
     from foldcar.study.sweep import sweep as run_sweep
 
-    study, environment_of = under_calibration(read_study(listing, experiment, environments), store, calibration)
+    study = read_study(listing, experiment, environments)
+    study, environment_of = under_calibration(study, store, calibration, reality)
     rules = stopping_rules(until, study) if until is not None else {}
     carsim = Carsim()
     for note in mutation_notes(study.experiments):

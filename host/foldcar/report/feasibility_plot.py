@@ -26,7 +26,7 @@ def draw_feasibility(
     recommended: Sequence[Recommendation] = (),
     narrow: bool = False,
 ) -> Figure:
-    """The curve through the designs' shares with the band of their Wilson 95 % intervals; trials as diamonds.
+    """The curve through the designs' shares with the band of their 95 % intervals; trials as diamonds.
 
     Where the share is above FEASIBLE_PERCENT the ground is tinted; recommended designs are marked under the axis' top.
     """

@@ -159,7 +159,8 @@ def _drawings(info: ExperimentInfo, summary: Summary, trials: TrialSummary, slot
             )
             draw = partial(draw_feasibility, series, built, simulated, slots.recommendations)
             drawings.append(Drawing(f"{start}_feasibility_by_{parameter}", caption, draw, "feasibility"))
-            caption = f"Mean success by {label} over all environments, with {series.interval_name} 95 % intervals.{diamonds}"
+            intervals = f"{series.interval_name} 95 % intervals"
+            caption = f"Mean success by {label} over all environments, with {intervals}.{diamonds}"
             draw = partial(draw_success, series, built, simulated)
             drawings.append(Drawing(f"{start}_success_by_{parameter}", caption, draw, "success"))
         if summary.timed:

@@ -1,20 +1,28 @@
-"""What a reader must know of an experiment whose sweep stopped when it knew enough."""
+"""What a reader must know of an experiment that lacks runs on purpose: its sweep stopped early, or it was searched."""
 
 from foldcar.store.info import ExperimentInfo
 
 
 def stopped_remarks(info: ExperimentInfo) -> list[str]:
     """How many designs are decided, and how to read their rates; nothing after a sweep of all runs."""
+    if info.searched:
+        return [
+            "A search chose these designs, and left those early that did worse than the best. Rates of its best are too "
+            "good as a rule: `foldcar optimize` judged them in fresh environments. Rates over several designs tell "
+            "little of a parameter."
+        ]
     if info.until is None:
         return []
     undecided = info.designs - info.decided
     rest = f"; {undecided} were still undecided after {info.environments} environments" if undecided else ""
     if info.stored_runs < info.planned_runs:
         rest = f"; {undecided} are not yet" if undecided else ""
+    away = "the thresholds" if info.until.thresholds else "50 %"
     most = info.designs * info.environments
     return [
         f"The sweep stopped simulating a design when {info.until.text}: {info.decided} of {info.designs} designs are "
         f"decided{rest}. {info.stored_runs} of at most {most} runs were made.",
         "Intervals are anytime-valid (Beta-binomial mixture): each holds for its design at whatever number of runs it "
-        "stopped, by itself and not for all designs together. Rates over several designs count each design alike.",
+        "stopped, by itself and not for all designs together. Rates of designs that stopped early lie on average "
+        f"somewhat too far from {away}. Rates over several designs count each design alike.",
     ]

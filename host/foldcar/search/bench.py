@@ -47,6 +47,7 @@ class Bench:
         dynamic: bool,
         table: dict[str, TableRow],
         simulated: Callable[[int], None],
+        searched: bool,
     ) -> None:
         self._experiment = experiment
         self._environment = environment
@@ -55,6 +56,7 @@ class Bench:
         self._dynamic = dynamic
         self._table = table
         self._simulated = simulated
+        self._searched = searched
         self._plan: PlannedExperiment | None = None
         self._positions: dict[Values, int] = {}
 
@@ -93,7 +95,9 @@ class Bench:
     def _record(self, members: Sequence[Values]) -> None:
         family = self._experiment.family.only(dict.fromkeys(members))
         experiment = replace(self._experiment, family=family)
-        self._plan = plan_experiment(experiment, self._environment, self._writer, self._table)
+        self._plan = plan_experiment(
+            experiment, self._environment, self._writer, self._table, searched=self._searched
+        )
         built = [values for values in dict.fromkeys(members) if family.error(values) is None]
         self._positions = {values: position for position, values in enumerate(built)}
 
@@ -129,13 +133,17 @@ class Bench:
 @contextlib.contextmanager
 def open_bench(
     experiment: Experiment,
+    environment: Environment,
     writer: StoreWriter,
     carsim: Carsim,
     jobs: int,
-    simulated: Callable[[int], None] = lambda runs: None,
+    simulated: Callable[[int], None],
+    searched: bool,
 ) -> Iterator[Bench]:
-    """The bench of an experiment. ``simulated`` is called with the number of runs that were simulated and stored."""
-    environment = Environment(experiment)
+    """The bench of an experiment in its ``environment``; ``simulated`` is told how many runs were simulated.
+
+    ``searched`` says whether designs are chosen by these runs, as ExperimentInfo keeps it.
+    """
     dynamic = is_dynamic(writer.environment(environment.fingerprint), environment, writer)
     table = carsim.parameter_table()
     with (
@@ -143,4 +151,4 @@ def open_bench(
         environment.runner(carsim, dynamic) as runner,
         pool.using(runner),
     ):
-        yield Bench(experiment, environment, writer, pool, dynamic, table, simulated)
+        yield Bench(experiment, environment, writer, pool, dynamic, table, simulated, searched)

@@ -34,6 +34,8 @@ POPULATION = 16
 MOST_REPEATS = 8
 DRAWS = 2000
 PRUNING_RISK = 0.1
+# Optuna's constraint: met at 0, violated above.
+BUILDABLE = "buildable"
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,7 @@ class Proposals:
                 return values
             with delayed():
                 trial.set_user_attr("unbuildable", str(error))
+                trial.set_constraint(BUILDABLE, 1.0)
                 self._study.tell(trial, state=TrialState.PRUNED)
             known.add(values)
             repeats += 1
@@ -140,6 +143,7 @@ class Proposals:
         """What the design under trial is worth."""
         assert self._trial is not None
         with delayed():
+            self._trial.set_constraint(BUILDABLE, 0.0)
             facts = {"environments": environments, "pruned": pruned, "mean_time_s": mean_time_s}
             for key, fact in facts.items():
                 self._trial.set_user_attr(key, fact)
@@ -179,9 +183,9 @@ class Proposals:
     def _sampler(self, number: int) -> Any:
         seed = (self._seed * 1_000_003 + number) % 2**32
         if self._sampler_name == "tpe":
-            return optuna.samplers.TPESampler(seed=seed, multivariate=True, constraints_func=_violation)
+            return optuna.samplers.TPESampler(seed=seed, multivariate=True)
         if self._sampler_name == "nsga2":
-            return optuna.samplers.NSGAIISampler(seed=seed, population_size=POPULATION, constraints_func=_violation)
+            return optuna.samplers.NSGAIISampler(seed=seed, population_size=POPULATION)
         return optuna.samplers.RandomSampler(seed=seed)
 
     def _suggested(self, trial: Trial) -> Values:
@@ -225,8 +229,3 @@ def grid(levels: Sequence[int], points: int) -> list[tuple[int, ...]]:
 def _tried(values: Values, trial: FrozenTrial) -> Tried:
     facts = trial.user_attrs
     return Tried(values, tuple(trial.values), facts["environments"], facts["pruned"], facts["mean_time_s"])
-
-
-def _violation(trial: FrozenTrial) -> tuple[float]:
-    """Optuna's measure of infeasibility: above 0 if the design cannot be built."""
-    return (float("unbuildable" in trial.user_attrs),)

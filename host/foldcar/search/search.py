@@ -83,6 +83,22 @@ class Found:
         return time.perf_counter() - self.started_s
 
 
+def searched_study(study: Study, fresh: int) -> Study:
+    """The study's only experiment, and the same in ``fresh`` other samples, with other built cars. FoldcarError."""
+    if len(study.experiments) > 1:
+        known = ", ".join(one.id for one in study.experiments)
+        raise FoldcarError(f"{study.listing_name}: experiments: has several; choose one with --experiment: {known}")
+    (chosen,) = study.experiments
+    other = replace(
+        chosen,
+        id=f"{chosen.id} fresh",
+        environments=fresh,
+        seed=(chosen.seed ^ FRESH_BIT) & GREATEST_SEED,
+        variation_seed=(chosen.variation_seed ^ FRESH_BIT) & GREATEST_SEED,
+    )
+    return replace(study, experiments=(chosen, other))
+
+
 def search(
     study: Study,
     plan: Plan,
@@ -92,13 +108,16 @@ def search(
     command: str,
     found: Found,
     report: Callable[[Found], None] = lambda found: None,
+    environment_of: Callable[[Experiment], Environment] = Environment,
 ) -> None:
-    """Search the family of the study's only experiment; ``found`` is updated, ``report`` called, after every step.
+    """Search the family of the first experiment of :func:`searched_study`; the second has the fresh environments.
 
-    What the store holds is not simulated again, and an interrupted search of the same plan goes on. FoldcarError.
+    ``found`` is updated and ``report`` called after every step. ``environment_of`` makes the environments: those of a
+    calibration are others. What the store holds is not simulated again, and an interrupted search of the same plan goes
+    on. FoldcarError.
     """
-    (experiment,) = study.experiments
-    environment = Environment(experiment)
+    experiment, fresh = study.experiments
+    environment = environment_of(experiment)
     _check(experiment, environment, plan)
 
     def simulated(runs: int) -> None:
@@ -111,12 +130,12 @@ def search(
             store.with_name(f"{store.name}.optuna"), experiment.family, plan.objectives, plan.sampler, plan.seed,
             _identity(experiment, environment, plan, carsim), plan.designs,
         )  # fmt: skip
-        with open_bench(experiment, writer, carsim, jobs, simulated) as bench:
+        with open_bench(experiment, environment, writer, carsim, jobs, simulated, True) as bench:
             _try_designs(experiment, plan, proposals, bench, found, report)
             unbuildable = proposals.unbuildable()
             bench.finish(list(unbuildable))
         best = proposals.best(proposals.tried(), plan.best)
-        with open_bench(_fresh(experiment, plan.fresh), writer, carsim, jobs, simulated) as bench:
+        with open_bench(fresh, environment_of(fresh), writer, carsim, jobs, simulated, False) as bench:
             for one in best:
                 rows = bench.rows(one.values, range(plan.fresh))
                 found.best.append(_judged(experiment, plan, one, rows))
@@ -143,7 +162,7 @@ def _try_designs(
             return
         rows: list[Row] = []
         pruned = False
-        for number, batch in enumerate(_batches(experiment.environments)):
+        for number, batch in enumerate(batches(experiment.environments)):
             new = bench.rows(values, batch)
             rows += new
             if plan.prune:
@@ -185,34 +204,24 @@ def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[Row
     )
 
 
-def _batches(environments: int) -> list[range]:
+def batches(environments: int) -> list[range]:
+    """The samples that are simulated between looks at a design."""
     size = math.ceil(environments / BATCHES)
     return [range(first, min(first + size, environments)) for first in range(0, environments, size)]
-
-
-def _fresh(experiment: Experiment, environments: int) -> Experiment:
-    """The experiment in other samples of its environment, with other built cars."""
-    return replace(
-        experiment,
-        id=f"{experiment.id} fresh",
-        environments=environments,
-        seed=(experiment.seed ^ FRESH_BIT) & GREATEST_SEED,
-        variation_seed=(experiment.variation_seed ^ FRESH_BIT) & GREATEST_SEED,
-    )
 
 
 def _check(experiment: Experiment, environment: Environment, plan: Plan) -> None:
     """FoldcarError if the plan has no meaning for the experiment."""
     if all(one.value is None for one in plan.objectives):
         raise FoldcarError("--objective sheet-area: needs no simulation; name what the car shall do as well")
+    if plan.runs is not None and plan.runs < experiment.environments:
+        raise FoldcarError(f"--runs {plan.runs}: one design takes {experiment.environments}, one in each environment")
     if experiment.condition is not None:
         raise FoldcarError(
             f"{experiment.place}: environment {experiment.environment} has a condition: fresh samples would not have it"
         )
     if not environment.success.defined:
         raise FoldcarError(f"{experiment.place}: {environment.success.text}")
-    if plan.runs is not None and plan.runs < experiment.environments:
-        raise FoldcarError(f"--runs {plan.runs}: one design takes {experiment.environments}, one in each environment")
 
 
 def _identity(experiment: Experiment, environment: Environment, plan: Plan, carsim: Carsim) -> list[Any]:

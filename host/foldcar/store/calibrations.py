@@ -75,12 +75,22 @@ class CalibrationWriter(StoreConnection):
                 "summary": json.dumps(calibration.summary, allow_nan=False),
             }
             if not replace and self._rows(CALIBRATION, "WHERE name = ?", calibration.name):
-                raise StoreError(name_is_taken(self.path, calibration.name))
+                raise StoreError(_name_is_taken(self.path, calibration.name))
             self._insert(CALIBRATION, [row], "OR REPLACE")
 
 
-def name_is_taken(store: Path, name: str) -> str:
-    """What a user is told who gives a name again."""
+def check_replaceable_calibration(store: Store, name: str, replace: bool) -> None:
+    """StoreError if the calibration of that name is not to be replaced, or experiments were swept under it."""
+    if not replace:
+        raise StoreError(_name_is_taken(store.path, name))
+    for info in store.info().experiments.values():
+        if info.calibration is not None and info.calibration["name"] == name:
+            raise StoreError(
+                f'{store.path}: calibration "{name}": experiment "{info.id}" was swept under it: choose another --name'
+            )
+
+
+def _name_is_taken(store: Path, name: str) -> str:
     return f'{store}: has a calibration "{name}" already: choose another --name, or --replace it'
 
 

@@ -21,6 +21,7 @@ class ExperimentInfo:
     passed, or why that is undefined (``success_defined`` False). ``skipped`` names the cars of the family that
     cannot be built, and why. ``calibration`` is None for nominal simulations, else ``name``, ``fingerprint`` and
     ``experiment``: the calibration, and the experiment of the listing that was simulated under it.
+    ``searched`` says that a search chose the designs, and how many runs each has: no more are planned.
     ``thresholds`` are the shares of passed runs that tell good designs from bad ones.
     """
 
@@ -51,6 +52,7 @@ class ExperimentInfo:
     until: "StoppingRule | None" = None
     designs: int = 0
     decided: int = 0
+    searched: bool = False
 
 
 @dataclass(frozen=True, slots=True)

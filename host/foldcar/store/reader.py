@@ -265,7 +265,8 @@ class Store:
                 environments=row["environments"],
                 carsim_build=builds[row["build_id"]],
                 planned_runs=sum(
-                    runs if done else row["environments"] for runs, done in zip(counts.runs, decided, strict=True)
+                    runs if done or facts.get("searched") else row["environments"]
+                    for runs, done in zip(counts.runs, decided, strict=True)
                 ),
                 stored_runs=sum(counts.runs),
                 until=until,

@@ -139,8 +139,12 @@ def plan_experiment(
     writer: StoreWriter,
     table: dict[str, TableRow],
     rule: StoppingRule | None = None,
+    searched: bool = False,
 ) -> PlannedExperiment:
-    """Record an experiment and its family's designs, replacing an earlier one of that id. FoldcarError."""
+    """Record an experiment and its family's designs, replacing an earlier one of that id. FoldcarError.
+
+    ``rule`` and ``searched`` are ExperimentInfo's ``until`` and ``searched``.
+    """
     first = next(iter(experiment.family))
     varied = experiment.family.varied
     environment_id = writer.environment(environment.fingerprint)
@@ -171,6 +175,7 @@ def plan_experiment(
             "calibration": environment.calibration,
             "thresholds": experiment.thresholds,
             **({} if rule is None else {"until": asdict(rule)}),
+            **({"searched": True} if searched else {}),
         },
     )
     writer.put_experiment(plan, _designs(experiment, table))

@@ -1,0 +1,152 @@
+"""foldcar in Python: the oracle gives a sweep's numbers, studies read a store, mistakes are one plain line."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import foldcar
+from conftest import STEP_PYRAMIDS
+from foldcar.api.environment import simulator
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.results import NUMBERS
+from foldcar.study.experiments import read_study
+from foldcar.study.sweep import sweep
+
+SEED = 42
+SAMPLES = 3
+LISTING = {
+    "experiments": {
+        "plain": {"veh_id": 1, "env_id": 1, "params": {"environments": SAMPLES, "timeout": 60}},
+        "built": {
+            "veh_id": 1,
+            "env_id": 1,
+            "params": {"environments": SAMPLES, "variation": "workshop", "variation_seed": 5},
+        },
+    },
+    "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [65, 95]}}, {"B": {"length": [80, 100]}}]}},
+    "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": SEED}},
+}
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> foldcar.Study:
+    folder = tmp_path_factory.mktemp("api")
+    listing = folder / "listing.json"
+    listing.write_text(json.dumps(LISTING), encoding="utf-8")
+    sweep(read_study(listing), folder / "study.db", Carsim(carsim_binary), 2, "a test")
+    return foldcar.Study(folder / "study.db")
+
+
+def swept(study: foldcar.Study, experiment: str, width_mm: float, b_length_mm: float) -> Any:
+    runs = study.runs
+    chosen = runs["experiment"].eq(experiment) & runs["width_mm"].eq(width_mm) & runs["B_length_mm"].eq(b_length_mm)
+    return runs[chosen].reset_index(drop=True)
+
+
+def test_importing_foldcar_imports_nothing_else() -> None:
+    code = "import sys; before = set(sys.modules); import foldcar; print(sorted(set(sys.modules) - before))"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert shown == "['foldcar']\n"
+    assert set(foldcar.__all__) <= set(dir(foldcar))
+    with pytest.raises(AttributeError, match="foldcar"):
+        foldcar.studdy  # noqa: B018
+
+
+def test_the_oracle_gives_the_numbers_of_a_sweep(study: foldcar.Study) -> None:
+    place = foldcar.environment(STEP_PYRAMIDS, seed=SEED)
+    car = foldcar.design("W_B_W", width=65, B_length_mm=100)
+    vehicle = {"type": "W_B_W", "params": [{"common": {"width": 65}}, {"B": {"length": 100}}]}
+    plain, built = swept(study, "plain", 65, 100), swept(study, "built", 65, 100)
+
+    found = foldcar.evaluate(car, place, SAMPLES, timeout_s=60).runs
+    varied = foldcar.evaluate(vehicle, STEP_PYRAMIDS, SAMPLES, seed=SEED, variation="workshop", variation_seed=5, jobs=1)
+    singly = [foldcar.simulate(vehicle, place.scene(k), timeout_s=60) for k in range(SAMPLES)]
+
+    columns = ["sample", "outcome", "passed", *NUMBERS]
+    assert found[columns].equals(plain[columns])
+    assert varied.runs[columns].equals(built[columns])
+    assert not plain[list(NUMBERS)].equals(built[list(NUMBERS)])
+    assert [one.metrics for one in singly] == plain[list(NUMBERS)].to_dict("records")
+    assert [one.passed for one in singly] == plain["passed"].to_list()
+
+
+def test_the_simulator_is_kept_and_replaced_when_it_dies() -> None:
+    car, scene = foldcar.design("W_B_W", width=95), foldcar.environment(STEP_PYRAMIDS, seed=SEED).scene(0)
+    first = foldcar.simulate(car, scene)
+    (process,) = simulator()._idle[-1:]
+
+    assert foldcar.simulate(car, scene) == first
+    assert simulator()._idle[-1] is process
+    process._process.kill()
+    process._process.wait()
+    assert foldcar.simulate(car, scene) == first
+    assert process not in simulator()._idle
+
+
+def test_a_path_goes_from_start_to_end() -> None:
+    place = foldcar.environment(STEP_PYRAMIDS, seed=SEED)
+    start = json.loads(place.scene(1).json)["start"]
+
+    run = foldcar.simulate(foldcar.design("W_B_W", width=95), place.scene(1), path_interval_s=0.05)
+
+    assert run.path is not None
+    first, last = run.path.iloc[0], run.path.iloc[-1]
+    # The car settles before its time starts.
+    assert math.dist((first["x_m"], first["y_m"]), (start["x_m"], start["y_m"])) < 2e-3
+    assert 0 <= float(run.metrics["elapsed_time_s"] or 0) - last["t_s"] <= 0.05 + 1e-9
+    assert run.path["roll_rad"].abs().max() <= float(run.metrics["max_roll_rad"] or 0) + 1e-9
+
+
+def test_rates_and_models_come_from_the_store(study: foldcar.Study) -> None:
+    passed, n, z = int(swept(study, "plain", 95, 80)["passed"].sum()), SAMPLES, 1.959963984540054
+    # Wilson 1927.
+    middle = (passed + z * z / 2) / (n + z * z)
+    reach = z / (n + z * z) * math.sqrt(passed * (n - passed) / n + z * z / 4)
+
+    rate = study.rate(experiment="plain", width=95, B_length=80)
+
+    assert (rate.value, rate.low, rate.high) == pytest.approx((passed / n, middle - reach, middle + reach))
+    assert str(n) in rate.method and "Wilson" in rate.method
+    assert len(study.runs) == 2 * 4 * SAMPLES and study.trials.empty
+    assert list(study.experiments) == ["plain", "built"]
+    assert study.compare().experiments[0].verdict is None
+    assert study.select(build=1, experiment="plain")[0].info.id == "plain"
+
+
+MISTAKES = {
+    'design("W_B_W"): widht is no design parameter': lambda s: foldcar.design("W_B_W", widht=95),
+    'design("W_B_W"): length may be W_length_mm or B_length_mm': lambda s: foldcar.design("W_B_W", length=95),
+    "design(\"W_B_W\"): width: '95' is not a number": lambda s: foldcar.design("W_B_W", width="95"),
+    "width: 3 is below the minimum": lambda s: foldcar.design("W_B_W", width=3),
+    'unknown key "parms"': lambda s: foldcar.evaluate({"type": "W_B_W", "parms": []}, STEP_PYRAMIDS, 1),
+    "has 2 values (65, 95)": lambda s: foldcar.evaluate(
+        {"type": "W_B_W", "params": [{"common": {"width": [65, 95]}}]}, STEP_PYRAMIDS, 1
+    ),
+    "none.scenic: no such Scenic program": lambda s: foldcar.environment("none.scenic"),
+    "seed: -1 is not a whole number": lambda s: foldcar.environment(STEP_PYRAMIDS, seed=-1),
+    "n: 0 is not a whole number": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 0),
+    "scene.friction: is missing": lambda s: foldcar.simulate(foldcar.design("W_B_W"), {}),
+    "timeout_s: -1:": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, timeout_s=-1),
+    "unknown variation 'shop'": lambda s: foldcar.evaluate(
+        foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, variation="shop"
+    ),
+    "none.db: no such store": lambda s: foldcar.Study("none.db"),
+    "choose with experiment=: plain, built": lambda s: s.rate(width=95),
+    "B_length_mm has several values (80, 100)": lambda s: s.rate(experiment="plain", width=95),
+    "no simulation with width_mm 70; there are 65, 95": lambda s: s.rate(experiment="plain", width=70),
+    "has no trials of built cars": lambda s: s.rate(source="trials", width=95),
+    "at least 4 designs": lambda s: s.success_model("width", experiment="plain"),
+}
+
+
+@pytest.mark.parametrize("message", MISTAKES)
+def test_a_mistake_is_one_line_that_names_it(study: foldcar.Study, message: str) -> None:
+    with pytest.raises(foldcar.FoldcarError) as raised:
+        MISTAKES[message](study)
+    (line,) = raised.value.lines()
+    assert message in line

@@ -1,0 +1,227 @@
+"""`foldcar compare`: gaps against published examples, verdicts on stores with known rates, trials simulated again."""
+
+import csv
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy
+import pytest
+from scipy.stats import pearsonr, spearmanr
+from typer.testing import CliRunner
+from written_study import add_trial, add_trials, write_study
+
+from foldcar.analysis.gap import AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW, Gap, gap, mean_gap, rank_agreement
+from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.rate import Rate
+from foldcar.cli import app
+from foldcar.simulation.carsim import Carsim
+from foldcar.store.reader import Store
+from foldcar.store.tables import BY_NAME
+from foldcar.store.trial_records import Ending, TrialDesign
+from foldcar.store.trial_writer import CarFacts, Drive, write_trials
+from foldcar.study.experiments import read_study
+from foldcar.study.sweep import sweep
+from live_car import write_free_course
+
+WIDTHS = {"width_mm": [65.0, 95.0, 115.0, 180.0]}
+# Percent passed in simulation; trials passed and all, of the published table.
+SIMULATED = {65.0: 7, 95.0: 100, 115.0: 100, 180.0: 56}
+PUBLISHED = {65.0: (0, 10), 95.0: (7, 10), 115.0: (3, 12), 180.0: (0, 12)}
+
+
+def compare(*words: Any) -> dict[str, Any]:
+    answer = CliRunner().invoke(app, ["compare", *map(str, words), "--json"])
+    assert answer.exit_code == 0, answer.output
+    found: dict[str, Any] = json.loads(answer.stdout)
+    return found
+
+
+def plain(store: Path) -> str:
+    answer = CliRunner().invoke(app, ["compare", str(store)])
+    assert answer.exit_code == 0, answer.output
+    assert "nan" not in answer.stdout.lower()
+    return answer.stdout
+
+
+def passing(percent: Mapping[float, int]) -> Callable[[Mapping[str, float], int], str]:
+    """An outcome of runs by width: environments are the harder the higher their number."""
+    return lambda design, sample: "passed" if sample < percent[design["width_mm"]] else "tipped"
+
+
+def rate(passed: int, number: int) -> Rate:
+    return Rate(passed / number, *wilson_interval(passed, number), 0.95, "")
+
+
+def test_a_gap_is_newcombes_hybrid_score_interval() -> None:
+    # Newcombe 1998, Statistics in Medicine 17, 873, table II, method 10: 56/70 against 48/80, 9/10 against 3/10, 0/10.
+    for (driven, simulated), (low, high) in {
+        ((56, 70), (48, 80)): (0.0524, 0.3339),
+        ((9, 10), (3, 10)): (0.1705, 0.8090),
+        ((10, 10), (0, 20)): (0.6791, 1.0),
+    }.items():
+        found = gap(rate(*simulated), rate(*driven))
+        assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_the_mean_of_gaps_covers() -> None:
+    random = numpy.random.default_rng(3)
+    truth = [(0.3, 0.4), (0.9, 0.8), (0.5, 0.2)]
+    held = 0
+    for _ in range(200):
+        f = [rate(random.binomial(100, p), 100) for p, _ in truth]
+        y = [rate(random.binomial(12, p), 12) for _, p in truth]
+        found = mean_gap(f, y)
+        held += found.low <= -0.1 <= found.high
+    # 95 % of 200, less three standard deviations.
+    assert held >= 180
+
+
+def test_verdicts_are_those_of_the_interval() -> None:
+    for low, high, verdict in (
+        (-0.1, 0.1, AGREES),
+        (-0.1, -0.01, AGREES),
+        (-0.3, -0.01, OPTIMISTIC),
+        (0.01, 0.3, PESSIMISTIC),
+        (-0.2, 0.1, TOO_FEW),
+    ):
+        assert Gap((low + high) / 2, low, high, 0.95).verdict(0.15) == verdict
+
+
+def test_ranks_are_those_of_scipy_and_of_the_definition() -> None:
+    f, y = [7, 99, 90, 56], [0, 7, 3, 1]
+    found = rank_agreement([(k, 100) for k in f], [(k, 12) for k in y])
+
+    assert found.pearson == pytest.approx(pearsonr(f, y).statistic)
+    assert found.spearman == pytest.approx(spearmanr(f, y).statistic)
+    low, high = found.pearson_interval or (1, -1)
+    assert low < (found.pearson or 0) < high
+    assert found.mmrv == 0
+    # The published table: only 95 and 115 mm, equal in simulation, differ otherwise: by 70 - 25 %, which counts for one.
+    table = [PUBLISHED[width] for width in SIMULATED]
+    assert rank_agreement([(k, 100) for k in SIMULATED.values()], table).mmrv == pytest.approx(0.45 / 4)
+
+
+def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) -> None:
+    store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
+    for width, (passed, number) in PUBLISHED.items():
+        trials = [({"width_mm": width}, 100 + k, "passed" if k < passed else "not_passed") for k in range(number)]
+        add_trials(store, trials, environment="unknown")
+
+    found = compare(store, "--csv", tmp_path / "gaps.csv")["experiments"][0]
+
+    designs = {one["design"]["width_mm"]: one for one in found["designs"]}
+    verdicts = {width: one["verdict"] for width, one in designs.items()}
+    assert verdicts == {65: TOO_FEW, 95: OPTIMISTIC, 115: OPTIMISTIC, 180: OPTIMISTIC}
+    assert designs[95]["driven"]["low"] == pytest.approx(wilson_interval(7, 10)[0])
+    assert found["mean_gap"]["value"] == pytest.approx((-7 - 30 - 75 - 56) / 400)
+    assert "optimistic at 95, 115 and 180 mm" in found["sentence"]
+    # Simulation and the neighbours tell something of 65 mm.
+    assert designs[65]["pooled"]["high"] < designs[65]["driven"]["high"]
+    assert "other samples of step_pyramids.scenic" in " ".join(found["remarks"])
+    with (tmp_path / "gaps.csv").open() as text:
+        rows = list(csv.DictReader(text))
+    assert [float(row["gap"]) for row in rows] == pytest.approx([-0.07, -0.3, -0.75, -0.56])
+    assert "65 mm" in plain(store)
+
+
+def test_paired_trials_are_rectified_and_only_built_cars_count(tmp_path: Path) -> None:
+    store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
+    design = {"width_mm": 180.0}
+    # Trials do as simulation says in hard and in easy environments, of which they met too many hard ones.
+    met = [*range(50, 56), *range(60, 70)]
+    add_trials(store, [(design, k, "passed" if k < 56 else "stuck") for k in met])
+    for car in ("simulated", None):
+        add_trials(store, [(design, k, "passed") for k in range(5)], car=car)
+    add_trial(store, design, 1, "aborted")
+    add_trial(store, design, 0, "passed", environment="elsewhere", program="hills.scenic")
+
+    (found,) = compare(store)["experiments"]
+    (one,) = found["designs"]
+
+    assert (one["trials"], one["trials_passed"], one["paired"], one["agreeing"], one["aborted"]) == (16, 6, 16, 16, 1)
+    # The share of trials is 38 %, of environments 56 %.
+    assert one["rectified"]["value"] == pytest.approx(0.56, abs=0.03)
+    assert one["rectified"]["high"] - one["rectified"]["low"] < 0.8 * (one["driven"]["high"] - one["driven"]["low"])
+    remarks = " ".join(found["remarks"])
+    assert "5 of a simulated car" in remarks and "5 of a car that may be" in remarks
+    assert "1 trial left out: driven in hills.scenic" in remarks
+
+
+@pytest.fixture(scope="module")
+def free_course(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
+    """A swept study of two widths in two environments without obstacles, which all runs pass."""
+    listing = write_free_course(tmp_path_factory.mktemp("free"))
+    sweep(read_study(listing), listing.parent / "s.db", Carsim(carsim_binary), 1, "foldcar sweep")
+    return listing.parent / "s.db"
+
+
+def test_what_the_sweep_lacks_is_simulated_as_it_was_placed(free_course: Path) -> None:
+    with Store.open(free_course) as opened:
+        drawn = next(opened.rows(BY_NAME["body"], "WHERE id = 1")), next(opened.rows(BY_NAME["settings"], "WHERE id = 1"))
+        scene = json.loads(next(opened.rows(BY_NAME["scene"], "WHERE id = 1"))["json"])
+        design = dict(opened.designs("1")[0])
+        print_of = next(opened.rows(BY_NAME["environment"]))["fingerprint"]
+    body, settings = (json.loads(row["json"]) for row in drawn)
+    # Turned away from the goal, the car cannot pass.
+    turned = {**scene, "start": {**scene["start"], "heading_rad": scene["start"]["heading_rad"] + 3.0}}
+    with write_trials(free_course) as writer:
+        drive = Drive(body, settings, turned, print_of, "free.scenic", 0)
+        facts = CarFacts("fw", "hash", "/dev/null", "built")
+        number = writer.begin("1", TrialDesign("W_B_W", design), drive, {"car": (0, 0, 3.0)}, facts, "log", "Ada")
+        writer.complete(number, Ending("timeout", "time limit", 3.0, "", None))
+        other = {"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", "source": "x", "car": "built"}
+        writer.import_trials([{**other, "design": {**design, "width_mm": 100.0}}])
+
+    (found,) = compare(free_course)["experiments"]
+
+    as_swept, new = found["designs"]
+    assert (as_swept["simulated"]["value"], as_swept["paired"], as_swept["agreeing"]) == (1.0, 1, 1)
+    assert (new["design"]["width_mm"], new["swept"], new["runs"], new["simulated"]["value"]) == (100, False, 2, 1.0)
+    assert any("simulated again as placed" in one for one in found["remarks"])
+    assert any("100 mm is not in the sweep: it was simulated now" in one for one in found["remarks"])
+
+
+ONE = ({"width_mm": 95.0}, 3, "passed")
+STORES: dict[str, tuple[list[tuple[Mapping[str, float], int, str]], str]] = {
+    "no trials": ([], "no trials of built cars yet"),
+    "one trial": ([ONE], "Too few trials to say"),
+    "all failed": ([({"width_mm": width}, k, "stuck") for width in (65.0, 95.0) for k in range(6)], "optimistic at 95"),
+    "all passed": ([({"width_mm": width}, k, "passed") for width in (65.0, 95.0) for k in range(6)], "pessimistic at 65"),
+    "an unknown design": ([({"width_mm": 300.0, "depth_mm": 3.0}, 1, "passed")], "no design has both runs and trials"),
+}
+
+
+@pytest.mark.parametrize("kind", STORES)
+def test_odd_trials_get_a_plain_sentence(tmp_path: Path, kind: str) -> None:
+    trials, sentence = STORES[kind]
+    store = write_study(tmp_path / "s.db", WIDTHS, 20, passing({65.0: 1, 95.0: 20, 115.0: 20, 180.0: 10}))
+    if trials:
+        add_trials(store, trials)
+
+    assert sentence in " ".join(plain(store).split())
+
+
+def test_odd_stores_get_a_plain_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "s.db"
+    add_trials(path, [ONE])
+    assert "the store has no runs yet" in plain(path)
+    assert "Experiment 1 was not swept: 1 trial without runs" in plain(path)
+
+    undefined = {"success_defined": False, "success_rule": "success is undefined"}
+    write_study(path, WIDTHS, 5, passing(SIMULATED), **undefined)
+    assert "success is undefined" in plain(path)
+
+    write_study(path, WIDTHS, 5, passing(SIMULATED), experiment="2", build="build-8")
+    write_study(path, WIDTHS, 5, passing(SIMULATED))
+    with write_trials(path) as writer:
+        writer.correct(1, {"outcome": "tipped"}, "seen", "Ada")
+        writer.correct(1, {"outcome": "passed"}, "no", "Bo")
+    text = " ".join(plain(path).split())
+    assert "simulated by 2 builds of carsim" in text
+    assert "1 trial corrected afterwards: the latest correction counts" in text
+    answer = CliRunner().invoke(app, ["compare", str(path), "--experiment", "7"])
+    assert 'has no experiment "7"' in str(answer.exception)
+    answer = CliRunner().invoke(app, ["compare", str(path), "--margin", "0.1"])
+    assert "--margin" in str(answer.exception) and "15pp" in str(answer.exception)

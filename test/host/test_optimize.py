@@ -1,0 +1,223 @@
+"""`foldcar optimize`: finds what a sweep finds, resumes, judges the best in environments where nothing was chosen."""
+
+import json
+import math
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import pytest
+import shapely
+
+import foldcar
+from conftest import STEP_PYRAMIDS
+from foldcar.calibration.parameters import PARAMETERS
+from foldcar.car.design import compose
+from foldcar.car.folded.check_flat import flat_polygons
+from foldcar.car.folded_car import folded_car
+from foldcar.search.bench import Row
+from foldcar.search.objectives import OBJECTIVES, film_area_cm2
+from foldcar.search.proposals import Proposals, grid
+from foldcar.store.calibrations import new_calibration, write_calibrations
+from foldcar.store.reader import Store
+from foldcar.store.tables import BY_NAME
+from foldcar.study.experiments import read_study
+
+Command = Callable[..., "subprocess.CompletedProcess[str]"]
+# One of the six cars cannot be built: its wheels would touch.
+LISTING = {
+    "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"environments": 3, "timeout": 30}}},
+    "vehicles": {
+        "1": {
+            "type": "W_B_W",
+            "params": [{"common": {"width": [65, 95, 125], "radius": [48, 72]}}, {"B": {"length": [80]}}],
+        }
+    },
+    "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": 7, "scenic_params": {"step_height": 0.024}}},
+}
+SPACE = {
+    **LISTING,
+    "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": {"from": 65, "to": 245, "step": 5}}}]}},
+}
+
+
+@pytest.fixture
+def foldcar_command(request: pytest.FixtureRequest) -> Command:
+    """The command, whose fixture has the package's name."""
+    command: Command = request.getfixturevalue("foldcar")
+    return command
+
+
+@pytest.fixture(scope="module")
+def listing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("optimize") / "listing.json"
+    file.write_text(json.dumps(LISTING), encoding="utf-8")
+    return file
+
+
+def optimized(command: Command, listing: Path, store: str, *words: str) -> Any:
+    options = ("--fresh", "4", "--best", "2", "--json", *words)
+    done = command("optimize", listing, "--store", store, *options)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_a_search_of_all_designs_finds_what_a_sweep_finds(
+    foldcar_command: Command, listing: Path, tmp_path: Path
+) -> None:
+    found = optimized(foldcar_command, listing, "s.db", "--designs", "9", "--no-prune")
+    swept = json.loads(foldcar_command("sweep", listing, "--store", "s.db", "--json").stdout)
+    multiple = optimized(
+        foldcar_command, listing, "s.db", "--designs", "9", "--objective", "time", "--objective", "sheet-area"
+    )
+
+    study = foldcar.Study(tmp_path / "s.db")
+    runs = study.runs[study.runs["experiment"] == "1"]
+    rates = runs.groupby(["width_mm", "radius_mm"])["passed"].mean()
+    # Every design that can be built was simulated, under the keys of a sweep.
+    assert (found["designs"], found["exhausted"], found["runs"]) == (len(rates), True, 3 * len(rates))
+    assert list(found["unbuildable"].values()) != [] and "wheels touch" in str(found["unbuildable"])
+    assert (swept["new"], swept["there"]) == (0, 3 * len(rates))
+    assert found["best"][0]["chosen_by"]["success"] == rates.max()
+    for one in found["best"]:
+        place = (one["design"]["width_mm"], one["design"]["radius_mm"])
+        rate = study.rate(experiment="1 fresh", width_mm=place[0], radius_mm=place[1])
+        assert one["chosen_by"]["success"] == rates[place]
+        assert one["fresh"]["success"] == {"value": rate.value, "interval": [rate.low, rate.high]}
+    # None of the best of two objectives is beaten in both by any design.
+    times = runs["elapsed_time_s"].where(runs["passed"].astype(bool), 30.0)
+    worth = {
+        key: (times[index].mean(), film_area_cm2(compose("W_B_W", dict(zip(("width", "radius"), key, strict=True)))))
+        for key, index in runs.groupby(["width_mm", "radius_mm"]).groups.items()
+    }
+    for one in multiple["best"]:
+        mine = worth[one["design"]["width_mm"], one["design"]["radius_mm"]]
+        assert (one["chosen_by"]["time"], one["chosen_by"]["sheet-area"]) == pytest.approx(mine)
+        assert not any(other[0] < mine[0] and other[1] < mine[1] for other in worth.values())
+    assert multiple["new"] <= 2 * 4
+
+
+def test_a_search_under_a_calibration_shares_the_runs_of_such_a_sweep(
+    foldcar_command: Command, listing: Path, tmp_path: Path
+) -> None:
+    draw = {one.name: one.nominal for one in PARAMETERS}
+    with write_calibrations(tmp_path / "s.db") as writer:
+        writer.put(new_calibration("high", "1", "a build", [{**draw, "obstacle_height": 2.0}], {}), False)
+    words = ("--calibration", "high")
+
+    found = optimized(foldcar_command, listing, "s.db", "--designs", "2", "--no-prune", *words)
+    swept = json.loads(foldcar_command("sweep", listing, "--store", "s.db", "--json", *words).stdout)
+
+    assert (found["experiment"], found["runs"], swept["there"]) == ("1 (calibrated high)", 6, 6)
+    # No car climbs steps of 48 mm.
+    assert swept["passed"] == 0 and found["best"][0]["fresh"]["success"]["value"] == 0
+    assert list(foldcar.Study(tmp_path / "s.db").experiments) == ["1 (calibrated high)", "1 fresh (calibrated high)"]
+
+
+def test_fresh_environments_are_others(foldcar_command: Command, listing: Path, tmp_path: Path) -> None:
+    optimized(foldcar_command, listing, "s.db", "--designs", "1")
+
+    with Store.open(tmp_path / "s.db") as store:
+        environments: dict[int, set[int]] = {}
+        for row in store.rows(BY_NAME["sample"]):
+            environments.setdefault(row["environment_id"], set()).add(row["scene_id"])
+    searched, fresh = environments.values()
+    assert (len(searched), len(fresh)) == (3, 4)
+    assert not searched & fresh
+
+
+def test_an_interrupted_search_ends_where_an_uninterrupted_one_does(
+    foldcar_command: Command, tmp_path: Path, write_listing: Callable[[Any], Path]
+) -> None:
+    listing = write_listing(SPACE)
+    words = ("optimize", listing, "--designs", "14", "--fresh", "4", "--best", "2", "--json", "--jobs", "1")
+    command = [sys.executable, "-m", "foldcar", *map(str, words), "--store", "cut.db"]
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    journal = tmp_path / "cut.db.optuna"
+    while process.poll() is None and (not journal.exists() or journal.read_bytes().count(b"mean_time_s") < 3):
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    shown, said = process.communicate()
+
+    resumed = optimized(foldcar_command, listing, "cut.db", *map(str, words[2:4]), "--jobs", "1")
+    straight = optimized(foldcar_command, listing, "straight.db", *map(str, words[2:4]), "--jobs", "1")
+
+    assert (process.returncode, shown) == (130, "")
+    assert "designs are tried, their runs in cut.db; the same command resumes" in said
+    differing = {key for key in straight if straight[key] != resumed[key]}
+    assert differing == {"store", "new", "seconds"}
+    assert foldcar.Study(tmp_path / "cut.db").runs.equals(foldcar.Study(tmp_path / "straight.db").runs)
+
+
+def test_objectives_make_failing_at_once_no_gain() -> None:
+    passed, tipped, failed = Row("passed", 2.0, 6.0), Row("tipped", 0.1, 0.2), Row("failed", None, None)
+    rows = [passed, passed, tipped, failed]
+    values = {name: one.value(rows, 30.0) for name, one in OBJECTIVES.items() if one.value is not None}
+
+    # The failed run's energy counts as the mean of the others, 12.2 / 3.
+    assert values == {"success": 0.5, "time": 16.0, "energy": pytest.approx((12.2 + 12.2 / 3) / 2)}
+    for one in OBJECTIVES.values():
+        if one.value is not None and one.interval is not None:
+            low, high = one.interval(rows, 30.0)
+            assert low <= one.value(rows, 30.0) <= high
+            worse, better = one.value([tipped, tipped, failed], 30.0), values[one.name]
+            assert worse < better if one.largest else worse > better
+    assert OBJECTIVES["energy"].value is not None and math.isinf(OBJECTIVES["energy"].value([tipped], 30.0))
+
+
+def test_the_film_is_that_of_the_flat_pieces() -> None:
+    design = compose("W_B_W", {"width": 105, "radius": 56})
+    area = 0.0
+    for piece in folded_car(design).pieces:
+        faces = [shapely.Polygon(face.exterior) for face in flat_polygons(piece).values()]
+        area += piece.count * shapely.union_all(faces).area
+
+    assert film_area_cm2(design) == pytest.approx(area / 100, rel=1e-6)
+
+
+def test_a_grid_divides_all_parameters_alike() -> None:
+    draw = random.Random(3)
+    for _ in range(50):
+        levels, points = [draw.randint(1, 9) for _ in range(draw.randint(1, 4))], draw.randint(1, 200)
+        places = grid(levels, points)
+        assert 1 <= len(places) == len(set(places)) <= points
+        assert set(places) <= set(product(*map(range, levels)))
+        assert len(places) == math.prod(len({place[axis] for place in places}) for axis in range(len(levels)))
+        if points >= math.prod(levels):
+            assert len(places) == math.prod(levels)
+    assert grid([10, 10], 4) == [(2, 2), (2, 7), (7, 2), (7, 7)]
+
+
+def test_nsga2_and_a_grid_propose_each_design_once(listing: Path, tmp_path: Path) -> None:
+    (experiment,) = read_study(listing).experiments
+    for sampler in ("nsga2", "grid", "random"):
+        proposals = Proposals(tmp_path / sampler, experiment.family, [OBJECTIVES["success"]], sampler, 1, "test", 6)
+        seen = []
+        while (values := proposals.next()) is not None:
+            seen.append(values)
+            proposals.tell([0.5], 3, False, 30.0)
+        assert len(seen) == len(set(seen)) == len(experiment.family), sampler
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--objective", "sheet-area"], "--objective sheet-area: needs no simulation"),
+        (["--objective", "time", "--objective", "time"], "one is named twice"),
+        (["--runs", "2"], "--runs 2: one design takes 3"),
+    ],
+)
+def test_a_search_without_meaning_is_refused(
+    foldcar_command: Command, listing: Path, tmp_path: Path, words: list[str], message: str
+) -> None:
+    done = foldcar_command("optimize", listing, "--store", "s.db", *words)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert message in done.stderr and len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "s.db").exists()

@@ -1,0 +1,313 @@
+"""Measures how often the 95 % intervals hold the truth, and how many trials simulation saves; renews docs/statistics.md.
+
+Usage: interval_coverage.py PAGE. Synthetic truths with fixed seeds; rates are drawn uniformly, since the coverage of
+results 0 or 1 at a single rate jumps with n. Output: the page with its tables replaced, and the figure beside it.
+"""
+
+import os
+
+# One thread each: the processes share the cores.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import matplotlib.figure
+import numpy
+from scipy.special import betainc, betaln, xlog1py, xlogy
+from scipy.stats import norm
+from synthetic_trials import binary_pairs, graded_pairs, rows
+
+from foldcar.analysis.anytime import anytime_interval
+from foldcar.analysis.betting import betting_interval
+from foldcar.analysis.intervals import clopper_pearson_interval, jeffreys_interval, wilson_interval
+from foldcar.analysis.paired import paired_means, paired_rates
+from foldcar.analysis.pooled_bias import pooled_rates
+from foldcar.analysis.prediction_powered import power_tuned_mean, rectified_rate
+from foldcar.analysis.success_model import success_model
+from foldcar.analysis.times import times_to_cross
+from foldcar.atomic_file import atomic_file
+from foldcar.figures.output import save_figure
+from foldcar.figures.style import ACCENT, FAILURE, INK, RC
+
+MARKS = {
+    "coverage": ("<!-- coverage of tools/interval_coverage.py -->", "<!-- end of coverage -->"),
+    "saved": ("<!-- saved of tools/interval_coverage.py -->", "<!-- end of saved -->"),
+}
+COUNTS = (10, 20, 50, 100)
+CORRELATIONS = (0.0, 0.5, 0.9)
+CURVE = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
+CURVE_COUNTS = (10, 50)
+# Synthetic truths of each cell.
+REPEATS = 2000
+ROWS = 80
+DESIGNS = 19
+SEED = 1007
+# A time limit, and the spread of the logarithms of times.
+LIMIT_S, SPREAD = 20.0, 0.6
+# Each of them: was the truth held, and how wide was the interval.
+Cell = tuple[float, float]
+# Correlations and the shares of trials saved at them, by name of the estimator.
+Savings = dict[str, tuple[Sequence[float], list[float]]]
+
+
+def share(found: Iterator[tuple[float, float, float]]) -> Cell:
+    """The coverage and mean width of (truth, low, high)."""
+    table = numpy.array(list(found))
+    held = (table[:, 1] <= table[:, 0]) & (table[:, 0] <= table[:, 2])
+    return float(held.mean()), float((table[:, 2] - table[:, 1]).mean())
+
+
+def exact(interval: Callable[[int, int], tuple[float, float]], n: int) -> Cell:
+    """Coverage and width over all numbers of successes, for rates uniform over 0 to 1."""
+    ends = [interval(k, n) for k in range(n + 1)]
+    # The probability of k successes is 1/(n+1), and the rate is then Beta(k+1, n-k+1).
+    held = [betainc(k + 1, n - k + 1, high) - betainc(k + 1, n - k + 1, low) for k, (low, high) in enumerate(ends)]
+    return float(numpy.mean(held)), float(numpy.mean([high - low for low, high in ends]))
+
+
+def betting(n: int) -> Cell:
+    """Bets on the mean of rates, of Beta distributions."""
+    random = numpy.random.default_rng(SEED)
+    shapes = random.uniform(0.3, 3, (REPEATS // 4, 2))
+    return share((a / (a + b), *betting_interval(random.beta(a, b, n))) for a, b in shapes)
+
+
+def rectified(correlation: float | None, n: int) -> Cell:
+    """Trials that rectify simulation; without a correlation, simulation gives rates."""
+    random = numpy.random.default_rng(SEED)
+    pairs = graded_pairs(random, n, REPEATS) if correlation is None else binary_pairs(random, n, correlation, REPEATS)
+    rates = ((pair.rate, rectified_rate(pair.trials, pair.paired, pair.others)) for pair in pairs)
+    return share((truth, rate.low, rate.high) for truth, rate in rates)
+
+
+def normal_rectified(correlation: float, n: int) -> Cell:
+    """The normal interval of PPI++, which foldcar does not use."""
+    reach = norm.ppf(0.975)
+
+    def intervals() -> Iterator[tuple[float, float, float]]:
+        for pair in binary_pairs(numpy.random.default_rng(SEED), n, correlation, REPEATS):
+            y, f, others = pair.trials, pair.paired, pair.others
+            weight = numpy.cov(y, f)[0, 1] / ((1 + n / len(others)) * max(numpy.append(f, others).var(ddof=1), 1e-12))
+            weight = min(max(weight, 0.0), 1.0)
+            error = numpy.sqrt((y - weight * f).var(ddof=1) / n + weight**2 * others.var(ddof=1) / len(others))
+            value = power_tuned_mean(y, f, others)
+            yield pair.rate, value - reach * error, value + reach * error
+
+    return share(intervals())
+
+
+def pooled(rough: bool, correlation: float, n: int) -> Cell:
+    """Designs in a row, their bias pooled."""
+
+    def intervals() -> Iterator[tuple[float, float, float]]:
+        for row in rows(numpy.random.default_rng(SEED), DESIGNS, n, rough, correlation, ROWS):
+            found = pooled_rates(row.parameters, row.passed, numpy.full(DESIGNS, n), row.simulated)
+            yield from ((truth, rate.low, rate.high) for truth, rate in zip(row.rates, found, strict=True))
+
+    return share(intervals())
+
+
+def compared(n: int) -> Cell:
+    """The difference of two designs that pass or fail in the same environments."""
+    random = numpy.random.default_rng(SEED)
+
+    def intervals() -> Iterator[tuple[float, float, float]]:
+        for pair in binary_pairs(random, n, 0.5, REPEATS):
+            # The other design passes where the first one and a coin of its own both do, or another coin.
+            keep, add = random.uniform(0.3, 1), random.uniform(0, 0.3)
+            second = numpy.where(pair.trials == 1, random.random(n) < keep, random.random(n) < add)
+            found = paired_rates(pair.trials, second)
+            yield pair.rate - (pair.rate * keep + (1 - pair.rate) * add), found.low, found.high
+
+    return share(intervals())
+
+
+def mean_difference(bootstrap: bool, n: int) -> Cell:
+    """The mean difference of two designs' log-normal times over the same environments; or a bootstrap of it."""
+    random = numpy.random.default_rng(SEED)
+    ratio = 1.1
+    truth = numpy.exp(2 + SPREAD**2 / 2 + 0.3**2 / 2) * (1 - ratio)
+
+    def intervals() -> Iterator[tuple[float, float, float]]:
+        for _ in range(REPEATS):
+            common = random.normal(2, SPREAD, n)
+            first, second = (numpy.exp(common + random.normal(0, 0.3, n)) for _ in range(2))
+            second = ratio * second
+            if bootstrap:
+                means = (first - second)[random.integers(n, size=(500, n))].mean(axis=1)
+                yield truth, *numpy.quantile(means, [0.025, 0.975])
+            else:
+                yield truth, *paired_means(first, second)[1:]
+
+    return share(intervals())
+
+
+def restricted(n: int) -> Cell:
+    """The mean time up to the limit: log-normal times, up to half beyond it, and one run of five ended earlier."""
+    random = numpy.random.default_rng(SEED)
+    grid = norm.ppf((numpy.arange(20_000) + 0.5) / 20_000)
+
+    def intervals() -> Iterator[tuple[float, float, float]]:
+        for _ in range(REPEATS // 2):
+            middle = random.uniform(numpy.log(5), numpy.log(LIMIT_S))
+            times = numpy.exp(middle + SPREAD * random.standard_normal(n))
+            ends = numpy.where(random.random(n) < 0.2, random.uniform(0, LIMIT_S, n), LIMIT_S)
+            found = times_to_cross(numpy.minimum(times, ends), times < ends, LIMIT_S).restricted_mean_interval_s
+            truth = numpy.minimum(numpy.exp(middle + SPREAD * grid), LIMIT_S).mean()
+            yield float(truth), *found
+
+    return share(intervals())
+
+
+def smooth(n: int) -> Cell:
+    """The band of the success model, over designs in a row."""
+    random = numpy.random.default_rng(SEED)
+
+    def intervals() -> Iterator[tuple[float, float, float]]:
+        for row in rows(random, DESIGNS, n, False, 0.0, ROWS):
+            _, low, high = success_model(row.parameters, row.passed, numpy.full(DESIGNS, n)).rates(row.parameters)
+            yield from zip(row.rates, low, high, strict=True)
+
+    return share(intervals())
+
+
+def anytime(n: int) -> Cell:
+    """The anytime-valid interval at every look up to n, all of which must hold the rate; width at n."""
+    random = numpy.random.default_rng(SEED)
+    rates = random.uniform(size=(REPEATS, 1))
+    runs = numpy.arange(1, n + 1)
+    passed = (random.random((REPEATS, n)) < rates).cumsum(axis=1)
+    # As in anytime_interval, but at the true rate: no ends to look for.
+    mixed = betaln(passed + 0.5, runs - passed + 0.5) - betaln(0.5, 0.5)
+    inside = mixed - xlogy(passed, rates) - xlog1py(runs - passed, -rates) <= -numpy.log(0.05)
+    low, high = anytime_interval(passed[:, -1], numpy.full(REPEATS, n))
+    return float(inside.all(axis=1).mean()), float((high - low).mean())
+
+
+def saved(paired_width: float, n: int, alone: Callable[[int], float]) -> float:
+    """The share of trials saved: n trials are as precise as so many, for which ``alone`` gives the width."""
+    counts = numpy.unique(numpy.round(n * numpy.geomspace(0.7, 12, 60)).astype(int))
+    widths = numpy.array([alone(int(count)) for count in counts])
+    return 1 - n / float(numpy.interp(-paired_width, -widths, counts))
+
+
+def alone_uniform(n: int) -> float:
+    """The mean width of Jeffreys' interval for uniform rates."""
+    return exact(jeffreys_interval, n)[1]
+
+
+def alone_in_rows(n: int) -> float:
+    """The expected width of Jeffreys' interval for the rates of the rows of designs."""
+    from scipy.stats import binom
+
+    k = numpy.arange(n + 1)
+    widths = numpy.array([high - low for low, high in (jeffreys_interval(int(i), n) for i in k)])
+    rates = numpy.concatenate([row.rates for row in rows(numpy.random.default_rng(SEED), DESIGNS, 1, False, 0.4, ROWS)])
+    return float((binom.pmf(k, n, rates[::5, None]) @ widths).mean())
+
+
+LINES: dict[str, Callable[[int], Cell]] = {
+    "Wilson (counts in figures)": partial(exact, wilson_interval),
+    "Jeffreys (trials alone)": partial(exact, jeffreys_interval),
+    "Clopper-Pearson": partial(exact, clopper_pearson_interval),
+    **{f"trials and simulation, ρ = {value:g}": partial(rectified, value) for value in CORRELATIONS},
+    "trials and simulation, rates by environment": partial(rectified, None),
+    "the same, normal interval of PPI++, ρ = 0.5": partial(normal_rectified, 0.5),
+    "designs pooled, smooth bias, ρ = 0.4": partial(pooled, False, 0.4),
+    "designs pooled, rough bias, ρ = 0.4": partial(pooled, True, 0.4),
+    "difference of two designs": compared,
+    "difference of two mean times": partial(mean_difference, False),
+    "the same, percentile bootstrap": partial(mean_difference, True),
+    "restricted mean time": restricted,
+    "smooth success model": smooth,
+    "anytime-valid, at every look up to n": anytime,
+    "bets on a bounded mean": betting,
+}
+
+
+def main(page: Path) -> None:
+    """Measure everything and renew the page and its figure."""
+    with ProcessPoolExecutor(2) as pool:
+        cells = {(name, n): pool.submit(line, n) for name, line in LINES.items() for n in COUNTS}
+        late = pool.submit(anytime, 10_000)
+        curve = {(n, value): pool.submit(rectified, value, n) for n in CURVE_COUNTS for value in CURVE}
+        in_rows = {(n, value): pool.submit(pooled, False, value, n) for n in CURVE_COUNTS for value in CURVE[::2]}
+        rough = {n: pool.submit(pooled, True, 0.4, n) for n in CURVE_COUNTS}
+        table = [["95 % interval", *(f"n = {n}" for n in COUNTS)]]
+        table += [[name, *(f"{100 * cells[name, n].result()[0]:.1f}" for n in COUNTS)] for name in LINES]
+        savings: Savings = {
+            f"paired, n = {n}": (CURVE, [saved(curve[n, v].result()[1], n, alone_uniform) for v in CURVE])
+            for n in CURVE_COUNTS
+        }
+        savings |= {
+            f"pooled, n = {n}": (CURVE[::2], [saved(in_rows[n, v].result()[1], n, alone_in_rows) for v in CURVE[::2]])
+            for n in CURVE_COUNTS
+        }
+        rough_saved = {n: saved(rough[n].result()[1], n, alone_in_rows) for n in CURVE_COUNTS}
+        print(f"anytime-valid, at every look up to 10,000: {100 * late.result()[0]:.1f} %")
+        for name in LINES:
+            print(name, *(f"{cells[name, n].result()[1]:.3f}" for n in COUNTS))
+    text = page.read_text(encoding="utf-8")
+    text = replaced(text, *MARKS["coverage"], markdown(table))
+    text = replaced(text, *MARKS["saved"], markdown(savings_table(savings, rough_saved)))
+    with atomic_file(page) as binary:
+        binary.write(text.encode())
+    folder = page.with_suffix("")
+    folder.mkdir(exist_ok=True)
+    with matplotlib.rc_context(RC):
+        save_figure(drawing(savings), folder / "saved.png", colours=64)
+
+
+def savings_table(savings: Savings, rough_saved: dict[int, float]) -> list[list[str]]:
+    """Rows of trials saved (%) by correlation."""
+    table = [["trials saved, %", *(f"ρ = {value:g}" for value in CURVE)]]
+    for name, (values, shares) in savings.items():
+        found = dict(zip(values, shares, strict=True))
+        table.append([name, *(f"{100 * found[v]:.0f}" if v in found else "" for v in CURVE)])
+    table += [
+        [f"pooled, n = {n}, rough bias", *(f"{100 * part:.0f}" if v == 0.4 else "" for v in CURVE)]
+        for n, part in rough_saved.items()
+    ]
+    return table
+
+
+def drawing(savings: Savings) -> Any:
+    """Trials saved by correlation."""
+    figure = matplotlib.figure.Figure(figsize=(6.0, 3.2), layout="constrained")
+    axes = figure.subplots()
+    fine = numpy.linspace(0, 0.95, 50)
+    axes.plot(fine, 100 * fine**2, color="#999999", linestyle=":", label="limit of pairing, ρ²")
+    for (name, (values, shares)), colour, marker in zip(
+        savings.items(), (ACCENT, ACCENT, FAILURE, FAILURE), "osos", strict=True
+    ):
+        filled = colour if marker == "o" else "white"
+        axes.plot(values, 100 * numpy.array(shares), marker=marker, color=colour, markerfacecolor=filled, label=name)
+    axes.axhline(0, color=INK, linewidth=0.8)
+    axes.set_xlabel("correlation ρ of trial and simulation within a design")
+    axes.set_ylabel("trials saved (%)")
+    axes.set_title("Trials that simulation saves")
+    figure.legend(loc="outside right center")
+    return figure
+
+
+def replaced(text: str, begin: str, end: str, between: str) -> str:
+    """The text with the part between two marks, each of which occurs once, replaced."""
+    before, rest = text.split(begin)
+    _, after = rest.split(end)
+    return f"{before}{begin}\n{between}{end}{after}"
+
+
+def markdown(table: Sequence[Sequence[str]]) -> str:
+    """A Markdown table; the first row is its head."""
+    lines = [table[0], ["---"] * len(table[0]), *table[1:]]
+    return "".join("| " + " | ".join(cells) + " |\n" for cells in lines)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,136 @@
+"""Compares samplers of `foldcar optimize` with grid search on equal numbers of runs, and prints docs/optimize.md's table.
+
+The family is swept once; every search then finds its runs in the store. What a search recommends after some number of
+runs is judged in fresh environments. Example: `.venv/bin/python tools/optimize_comparison.py --store out/space.db`
+"""
+
+import argparse
+import os
+import statistics
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from foldcar.search.bench import Row, Values, open_bench
+from foldcar.search.objectives import OBJECTIVES
+from foldcar.search.proposals import Proposals, Tried
+from foldcar.search.search import batches, searched_study
+from foldcar.simulation.carsim import Carsim
+from foldcar.store.frames import runs_frame
+from foldcar.store.reader import Store
+from foldcar.store.writer import write_store
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import Experiment, Study, read_study
+from foldcar.study.sweep import study_facts, sweep
+
+LISTING = Path(__file__).resolve().parents[1] / "examples" / "design_space.json"
+# Designs that a search without pruning tries, each in all environments.
+BUDGETS = (10, 20, 40, 80)
+SUCCESS = OBJECTIVES["success"]
+# Sampler and whether designs are left early.
+SEARCHES = {
+    "TPE, leaving designs early": ("tpe", True),
+    "TPE": ("tpe", False),
+    "NSGA-II": ("nsga2", False),
+    "random": ("random", False),
+    "grid": ("grid", False),
+}
+
+
+def swept(study: Study, store: Path, carsim: Carsim, jobs: int) -> dict[Values, list[Row]]:
+    """The rows of every design, by its values."""
+    (experiment,) = study.experiments
+    sweep(study, store, carsim, jobs, "tools/optimize_comparison.py", announce=print)
+    with Store.open(store) as opened:
+        runs = runs_frame(opened, experiment.id)
+    rows: dict[Values, list[Row]] = {}
+    columns = [*experiment.family.columns(), "outcome", "elapsed_time_s", "consumed_energy_j"]
+    # In the order of samples.
+    for *values, outcome, time_s, energy_j in runs[columns].itertuples(index=False):
+        rows.setdefault(tuple(values), []).append(Row(outcome, time_s, energy_j))
+    return rows
+
+
+def picks(
+    experiment: Experiment, rows: dict[Values, list[Row]], sampler: str, prune: bool, seed: int
+) -> Iterator[Values | None]:
+    """What the search recommends after each of the budgets; None if it has tried no design in all environments."""
+    # A grid is laid out for its number of designs.
+    spans = [[budget] for budget in BUDGETS] if sampler == "grid" else [list(BUDGETS)]
+    for span in spans:
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder, "study")
+            proposals = Proposals(file, experiment.family, [SUCCESS], sampler, seed, "comparison", span[-1])
+            tried: list[Tried] = []
+            for budget in span:
+                while sum(one.environments for one in tried) < budget * experiment.environments:
+                    values = proposals.next()
+                    if values is None:
+                        break
+                    tried.append(one_design(proposals, rows[values], prune))
+                best = proposals.best(tried, 1)
+                yield best[0].values if best else None
+
+
+def one_design(proposals: Proposals, rows: list[Row], prune: bool) -> Tried:
+    """Try the proposed design as `foldcar optimize` does."""
+    assert SUCCESS.value is not None and OBJECTIVES["time"].value is not None
+    seen: list[Row] = []
+    pruned = False
+    for number, batch in enumerate(batches(len(rows))):
+        new = [rows[k] for k in batch]
+        seen += new
+        if prune and len(seen) < len(rows) and proposals.worse(number, SUCCESS.value(new, 0.0)):
+            pruned = True
+            break
+    return proposals.tell([SUCCESS.value(seen, 0.0)], len(seen), pruned, OBJECTIVES["time"].value(seen, 60.0))
+
+
+def judge(
+    study: Study, fresh: Experiment, designs: set[Values], store: Path, carsim: Carsim, jobs: int
+) -> dict[Values, float]:
+    """The success of each design in the fresh environments."""
+    assert SUCCESS.value is not None
+    with write_store(store) as writer:
+        writer.begin_study(study_facts(study, carsim, "tools/optimize_comparison.py"), carsim.build)
+        with open_bench(fresh, Environment(fresh), writer, carsim, jobs, lambda runs: None, False) as bench:
+            return {one: SUCCESS.value(bench.rows(one, range(fresh.environments)), 0.0) for one in sorted(designs)}
+
+
+def main() -> None:
+    """Sweep, search, judge, print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--listing", type=Path, default=LISTING)
+    parser.add_argument("--store", type=Path, required=True)
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--fresh", type=int, default=100)
+    parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
+    options = parser.parse_args()
+    study, carsim = read_study(options.listing), Carsim()
+    (experiment,) = study.experiments
+    fresh = searched_study(study, options.fresh).experiments[1]
+    rows = swept(study, options.store, carsim, options.jobs)
+
+    found: dict[str, list[list[Values | None]]] = {}
+    for name, (sampler, prune) in SEARCHES.items():
+        seeds = 1 if sampler == "grid" else options.seeds
+        found[name] = [list(picks(experiment, rows, sampler, prune, seed)) for seed in range(seeds)]
+    by_sweep = sorted(rows, key=lambda values: -SUCCESS.value(rows[values], 0.0) if SUCCESS.value else 0.0)[:5]
+    picked = {values for runs in found.values() for row in runs for values in row if values is not None}
+    rate = judge(study, fresh, picked | set(by_sweep), options.store, carsim, options.jobs)
+
+    print(f"\n{len(rows)} designs; best of the sweep in fresh environments: {max(rate[one] for one in by_sweep):.2f}")
+    counts = [f"{budget * experiment.environments} runs" for budget in BUDGETS]
+    print(f"| search | {' | '.join(counts)} |\n|---|{'---|' * len(counts)}")
+    for name, runs in found.items():
+        cells = []
+        for index in range(len(BUDGETS)):
+            reached = sorted(rate[row[index]] if row[index] is not None else 0.0 for row in runs)  # type: ignore[index]
+            low, high = reached[len(reached) // 10], reached[-1 - len(reached) // 10]
+            spread = f" ({100 * low:.0f} to {100 * high:.0f})" if len(reached) > 1 else ""
+            cells.append(f"{100 * statistics.mean(reached):.0f}{spread}")
+        print(f"| {name} | {' | '.join(cells)} |")
+
+
+if __name__ == "__main__":
+    main()

@@ -213,7 +213,9 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(
     code, shown, _ = report(store, "-o", folder)
     assert code == 0
     start = f"experiment_{file_name_part('a/b')}"
-    names = [f"{start}_{kind}_by_{name}.svg" for kind in ("feasibility", "outcomes", "success") for name in sorted(two)]
+    kinds = ("feasibility", "outcomes", "slices", "success")
+    names = [f"{start}_{kind}_by_{name}.svg" for kind in kinds for name in sorted(two)]
+    names.append(f"{start}_map_by_width_mm_and_radius_mm.svg")
     assert sorted(path.name for path in folder.glob("*.svg")) == sorted(names)
     text = Page((folder / "index.html").read_text()).text
     for sentence in (

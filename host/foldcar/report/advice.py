@@ -20,11 +20,14 @@ from foldcar.store.reader import Store
 DASH = "–"
 
 
-def read_advice(store: Store) -> dict[str, Slots]:
-    """The advice for every swept experiment by its name. Sheets are not nested: `foldcar select` does that."""
+def read_advice(store: Store, threshold: float | None = None) -> dict[str, Slots]:
+    """The advice for every swept experiment by its name; ``threshold`` None: the listing's.
+
+    Sheets are not nested: `foldcar select` does that.
+    """
     try:
         evidence = read_evidence(store)
-        selections = select_evidence(evidence, with_cost=False)
+        selections = select_evidence(evidence, threshold=threshold, with_cost=False)
         comparison = compare_evidence(evidence, unswept_trials(store))
     except FoldcarError as error:
         unknown = Slots(parts=(Part("What to build next", (f"No advice: {error}.",)),))

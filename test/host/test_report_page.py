@@ -112,21 +112,19 @@ def test_the_page_holds_every_run_as_stored(study: Path) -> None:
         assert numpy.hypot(x - scene["goal"]["x_m"], y - scene["goal"]["y_m"]) == pytest.approx(distance_m, abs=1e-3)
 
 
-def test_the_replay_moves_when_it_is_scrubbed_and_the_page_is_quick(study: Path) -> None:
-    page = study / "report" / "index.html"
-    moments = []
-    for time_s in ("0", "1.0"):
-        dom = browse(page, f"run=0.0.2&t={time_s}", "--dump-dom")
-        moments.append(dict(re.findall(r'data-(t|x|y|end|ready-ms|state)="([^"]*)"', dom)))
+def test_the_page_opens_at_a_moment_of_a_run_within_a_second(study: Path) -> None:
+    for _ in range(3):
+        dom = browse(study / "report" / "index.html", "run=0.0.2&t=1.0", "--dump-dom")
+        shown = dict(re.findall(r'data-(t|x|y|end|ready-ms|state)="([^"]*)"', dom))
+        # Other work of the machine may hold the browser up.
+        if float(shown["ready-ms"]) < 1000:
+            break
 
-    start, later = moments
-    assert (start["state"], later["state"]) == ("ready", "ready")
-    # A busy machine may hold one of them up.
-    assert min(float(one["ready-ms"]) for one in moments) < 1000
     (start_x,) = [json.loads(row[0])["start"]["x_m"] for row in scenes_of(study, 2)]
-    assert float(start["x"]) == pytest.approx(start_x, abs=2e-3)
-    assert float(later["x"]) - float(start["x"]) > 0.2
-    assert float(later["t"]) == 1.0
+    assert (shown["state"], float(shown["t"])) == ("ready", 1.0)
+    assert float(shown["ready-ms"]) < 1000
+    # The car of 95 mm drives at 0.6 m/s on level ground, slower over steps.
+    assert 0.2 < float(shown["x"]) - start_x < 0.7
 
 
 def scenes_of(study: Path, sample: int) -> list[tuple[str]]:
@@ -144,14 +142,16 @@ console.error = (...words) => errors.push("console: " + words.join(" "));
 PROBE = """
 <script>
 const found = [];
+const text = %s;
+const look = (width) => new Promise((seen) => {
 const frame = document.createElement("iframe");
-frame.style.cssText = "width:%dpx;height:900px;border:0";
-frame.srcdoc = %s;
+frame.style.cssText = `width:${width}px;height:900px;border:0`;
+frame.srcdoc = text;
 frame.onload = async () => {
   const view = frame.contentWindow, page = frame.contentDocument;
   const pause = (time) => new Promise((go) => setTimeout(go, time));
   for (let turn = 0; turn < 100 && page.documentElement.dataset.state !== "ready"; turn++) await pause(20);
-  if (page.documentElement.scrollWidth > %d) found.push("overflows: " + page.documentElement.scrollWidth);
+  if (page.documentElement.scrollWidth > width) found.push("overflows: " + page.documentElement.scrollWidth);
   for (const text of page.querySelectorAll("svg text, h1, h2, h3, .headline p")) {
     const box = text.getBoundingClientRect();
     if (!box.width) continue;
@@ -178,21 +178,22 @@ frame.onload = async () => {
     if (!named) found.push("no name: " + control.outerHTML.slice(0, 60));
   }
   found.push(...view.errors);
-  document.body.dataset.found = JSON.stringify(found);
+  frame.remove();
+  seen();
 };
 document.body.append(frame);
+});
+look(1280).then(() => look(390)).then(() => (document.body.dataset.found = JSON.stringify(found)));
 </script>
 """
 
 
-@pytest.mark.parametrize("width", [1280, 390])
-def test_the_page_fits_and_answers_keys_and_scrubber(study: Path, width: int) -> None:
+def test_the_page_fits_both_widths_and_answers_keys_and_scrubber(study: Path) -> None:
     text = (study / "report" / "index.html").read_text()
-    probe = study / f"probe{width}.html"
     inside = json.dumps(text.replace("<head>", f"<head>{LISTENER}")).replace("</", "<\\/")
-    probe.write_text(f"<body>{PROBE % (width, inside, width)}</body>", encoding="utf-8")
+    (study / "probe.html").write_text(f"<body>{PROBE % inside}</body>", encoding="utf-8")
 
-    dom = browse(probe, "", "--dump-dom", "--window-size=1400,1000")
+    dom = browse(study / "probe.html", "", "--dump-dom", "--window-size=1400,1000", "--virtual-time-budget=10000")
 
     found = re.search(r'data-found="([^"]*)"', dom)
     assert found is not None and found[1] == "[]"

@@ -21,6 +21,7 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.pulses import ask_pulses
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
+from foldcar.store.tables import TRIAL
 from foldcar.store.trial_records import Trial
 
 
@@ -98,19 +99,28 @@ def make_replay(
         return replay
     assert not isinstance(carsim, str)
     chosen = choose_runs(grid)
+    if not chosen and grid.outcomes.any():
+        replay.remarks.append("No replay: no run ended in the simulator's own way, so that none has a path.")
     plan(len(chosen) + len({sample for _, sample in chosen}))
     places = {design: place for place, design in enumerate(designs)}
     _add_paths(replay, drives, grid, chosen, places, carsim, jobs, done)
     _add_scenes(replay, drives, sorted({sample for _, sample in chosen}), carsim, jobs, done)
     replay.data["cars"] = _cars(drives, sorted({design for design, _ in chosen}), places, carsim)
-    elsewhere = store.trials_elsewhere(info.id)
+    elsewhere = _elsewhere(store, info, drives)
     loose = sum(trial.sample is None or trial.id in elsewhere for trial in trials)
     if loose:
         replay.remarks.append(
-            f"{loose} of {len(trials)} trials name no environment of these runs: they are laid over none."
+            f"{loose} of {len(trials)} trials name no environment of these runs: they are laid over none of them."
         )
     replay.data["trials"] = [_trial(store, replay, grid, designs, trial, trial.id in elsewhere) for trial in trials]
     return replay
+
+
+def _elsewhere(store: Store, info: ExperimentInfo, drives: StoredDrives) -> set[int]:
+    """The trials that were driven in another environment than the runs', and not by chance in the very same scene."""
+    rows = store.rows(TRIAL, "WHERE experiment = ? AND scene_id IS NOT NULL", info.id)
+    there = {row["id"] for row in rows if drives.scenes.get(row["sample"]) == row["scene_id"]}
+    return set(store.trials_elsewhere(info.id)) - there
 
 
 def _add_paths(

@@ -1,6 +1,6 @@
 """What advice and calibration say of each experiment of a store, as the report lays it out.
 
-Input: a store. Output: sentences, recommendations and tables by experiment; where advice cannot be given, a remark says why.
+Input: a store. Output: sentences, recommendations and tables by experiment; where advice fails, a remark says why.
 """
 
 from dataclasses import replace
@@ -62,7 +62,7 @@ def _recommendations(selection: Selection) -> tuple[Recommendation, ...]:
 
 def _selected(selection: Selection) -> Part:
     expected = any(one.expected is not None for one in selection.recommendations)
-    columns = ["design", "simulation %", *["expected %"] * expected, "trials done", "more trials", "why"]
+    columns = ["design", "simulation %", *["expected %"] * expected, "trials done", "more trials"]
     rows = [
         [
             one.label,
@@ -70,16 +70,16 @@ def _selected(selection: Selection) -> Part:
             *[_rate(one.expected)] * expected,
             str(one.trials_done),
             str(one.trials),
-            one.reason,
         ]
         for one in selection.recommendations
     ]
     half = points(selection.precision, sign=False)
-    remarks = [selection.sentence, *selection.remarks]
+    remarks = [f"{one.label}: {one.reason}." for one in selection.recommendations]
+    remarks += selection.remarks
     if selection.environments:
         samples = ", ".join(map(str, selection.environments))
         remarks.append(f"Environments to set up, the same for all (`foldcar log --sample K`): {samples}.")
-    caption = f"More trials: until a rate is known to ±{half} points (95 %). `foldcar select` counts sheets and minutes, too."
+    caption = f"More trials: until a rate is known to ±{half} points (95 %). `foldcar select` counts sheets too."
     return Part("What to build next", tuple(remarks), tables=(Table(caption, columns, rows),) if rows else ())
 
 
@@ -102,7 +102,9 @@ def _compared(compared: ExperimentComparison) -> Part:
     caption = "Gap: trials minus simulation, in points; all gaps of the table hold together with 95 %."
     if rectified:
         caption += " Rectified: the trials' rate with the help of simulation."
-    remarks = [compared.sentence, *_ranks(compared.ranks), *compared.remarks]
+    remarks = [*_ranks(compared.ranks), *compared.remarks]
+    if compared.mean_gap is None:
+        remarks.insert(0, compared.sentence)
     table = Table(caption, [*columns, "gap", "verdict"], rows)
     return Part("Simulation against trials", tuple(remarks), tables=(table,))
 

@@ -14,9 +14,6 @@ from foldcar.simulation.results import OUTCOMES, Result
 
 Value = float | str
 
-# The sample whose runs are drawn individually.
-TIMED_SAMPLE = 0
-
 
 @dataclass
 class Extent:
@@ -144,9 +141,16 @@ class Summary:
 
 
 def summarise(
-    results: Iterable[Result], varied: Mapping[str, Any], judged: bool = True, stopped: bool = False
+    results: Iterable[Result],
+    varied: Mapping[str, Any],
+    judged: bool = True,
+    stopped: bool = False,
+    timed_sample: int = 0,
 ) -> Summary:
-    """Count ``results`` of one experiment by each parameter named in ``varied``; the rest as in :class:`Tally`."""
+    """Count ``results`` of one experiment by each parameter named in ``varied``; the rest as in :class:`Tally`.
+
+    ``timed_sample`` is the sample whose runs are drawn individually.
+    """
     total = Tally(judged, stopped=stopped)
     tallies: dict[str, dict[Value, Tally]] = {parameter: {} for parameter in varied}
     timed: list[TimedRun] = []
@@ -154,7 +158,7 @@ def summarise(
         total.add(result)
         for parameter, by_value in tallies.items():
             by_value.setdefault(result.design[parameter], Tally(judged, stopped=stopped)).add(result)
-        if judged and result.sample == TIMED_SAMPLE and len(tallies) == 1:
+        if judged and result.sample == timed_sample and len(tallies) == 1:
             (parameter,) = tallies
             timed.append(TimedRun(result.design[parameter], result.outcome, result.metrics["elapsed_time_s"]))
     series = [

@@ -1,8 +1,9 @@
 """Draws mean success by a design parameter in three colours, with 95 % intervals."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -10,20 +11,37 @@ from matplotlib.patheffects import withStroke
 
 from foldcar.figures.style import FAILURE, INK
 from foldcar.report.axis import ParameterAxis, interval_text, parameter_label, value_text
+from foldcar.report.figure_options import THRESHOLDS
 from foldcar.report.figure_size import legend_columns, set_title, sized_figure
 from foldcar.report.series import Series, Tally
 from foldcar.report.tips import set_tip
 from foldcar.report.trial_series import TrialTally
 
 GREEN, BLUE, NAVY = "#62b85f", "#3f7fd0", "#14265c"
-LEGEND = ((GREEN, "above 75 %"), (BLUE, "50 to 75 %"), (NAVY, "below 50 %"))
+# For as many thresholds; for more, evenly from a map of colours.
+PUBLISHED = {1: (NAVY, GREEN), 2: (NAVY, BLUE, GREEN)}
 
 
-def success_colour(success: float) -> str:
-    """Green above 75 %, blue from 50 to 75 %, navy below 50 %."""
-    if success > 0.75:
-        return GREEN
-    return BLUE if success >= 0.5 else NAVY
+def class_colours(thresholds: Sequence[float]) -> Sequence[Any]:
+    """A colour for each class between the thresholds, from the lowest class to the highest."""
+    count = len(thresholds)
+    if count in PUBLISHED:
+        return PUBLISHED[count]
+    return [matplotlib.colormaps["viridis"](0.1 + 0.8 * place / count) for place in range(count + 1)]
+
+
+def success_colour(success: float, thresholds: Sequence[float] = THRESHOLDS) -> Any:
+    """Of the thresholds 0.5 and 0.75: green above 75 %, blue from 50 to 75 %, navy below 50 %."""
+    reached = sum(success >= threshold for threshold in thresholds[:-1])
+    return class_colours(thresholds)[reached + (success > thresholds[-1])]
+
+
+def _legend(thresholds: Sequence[float]) -> list[Any]:
+    limits = [f"{100 * threshold:g}" for threshold in thresholds]
+    between = [f"{low} to {high} %" for low, high in zip(limits, limits[1:], strict=False)]
+    labels = [f"below {limits[0]} %", *between, f"above {limits[-1]} %"]
+    pairs = zip(class_colours(thresholds), labels, strict=True)
+    return [Patch(color=colour, label=label) for colour, label in reversed(list(pairs))]
 
 
 def error_bar_percent(tally: Tally | TrialTally) -> tuple[float, float]:
@@ -40,6 +58,7 @@ def draw_success(
     series: Series,
     built: Mapping[float, TrialTally],
     simulated: Mapping[float, TrialTally],
+    thresholds: Sequence[float],
     narrow: bool = False,
 ) -> Figure:
     """Bars for the runs; diamonds for trials at values that the runs have too, hollow ones for simulated trials."""
@@ -58,7 +77,7 @@ def draw_success(
             axis.place(value),
             100 * tally.success,
             width=axis.bar_width,
-            color=success_colour(tally.success),
+            color=success_colour(tally.success, thresholds),
             yerr=[[below], [above]],
             error_kw=error_bar,
         )
@@ -66,7 +85,7 @@ def draw_success(
     draw_trials(axes, axis, series.parameter, 0.25, built, simulated)
     title = f"Mean success over all environments, {series.interval_name} 95 % intervals"
     finish_success(axes, axis, series.parameter, title, narrow)
-    handles: list[Any] = [Patch(color=colour, label=label) for colour, label in LEGEND]
+    handles = _legend(thresholds)
     handles += axes.get_legend_handles_labels()[0]
     figure.legend(handles=handles, loc="outside lower center", ncols=legend_columns(narrow, 5))
     return figure
@@ -96,9 +115,9 @@ def success_tip(parameter: str, value: float | str, tally: Tally | TrialTally) -
 
 
 def finish_success(axes: Axes, axis: ParameterAxis, parameter: str, title: str, narrow: bool) -> None:
-    """Axes of shares (%), the lines at 50 and 75 %, the title."""
-    for threshold in (50, 75):
-        axes.axhline(threshold, color=INK, linewidth=0.7, linestyle=":")
+    """Axes of shares (%), lines at the thresholds, the title."""
+    for threshold in thresholds:
+        axes.axhline(100 * threshold, color=INK, linewidth=0.7, linestyle=":")
     axes.set_ylim(0, 103)
     axes.set_ylabel("passed (%)")
     set_title(axes, title, narrow)

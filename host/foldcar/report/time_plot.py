@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from foldcar.figures.style import ACCENT, FAILURE, OUTCOME_LABELS, OUTCOME_MARKERS
 from foldcar.report.axis import ParameterAxis
 from foldcar.report.figure_size import legend_columns, set_title, sized_figure
-from foldcar.report.series import TIMED_SAMPLE, TimedRun
+from foldcar.report.series import TimedRun
 from foldcar.simulation.results import OUTCOMES
 
 
-def draw_times(runs: Sequence[TimedRun], parameter: str, time_limit_s: float, narrow: bool = False) -> Figure:
+def draw_times(runs: Sequence[TimedRun], parameter: str, time_limit_s: float, sample: int, narrow: bool = False) -> Figure:
     """Crossing times (s) by the parameter's value; the time axis is broken below the limit, which is often minutes."""
     axis = ParameterAxis([run.value for run in runs])
     figure = sized_figure(narrow)
@@ -47,7 +47,7 @@ def draw_times(runs: Sequence[TimedRun], parameter: str, time_limit_s: float, na
     times.set_ylabel("time to cross (s)")
     limit.set_ylim(time_limit_s - 1.0, time_limit_s + 1.0)
     limit.set_yticks([time_limit_s], [f"limit {time_limit_s:g} s"])
-    set_title(limit, f"Time to cross in one environment (sample {TIMED_SAMPLE})", narrow)
+    set_title(limit, f"Time to cross in one environment (sample {sample})", narrow)
     axis.label(times, parameter)
     _break_axis(limit, times)
     figure.legend(*_legend(times, limit), loc="outside lower center", ncols=legend_columns(narrow, 6))

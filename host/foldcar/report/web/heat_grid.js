@@ -27,9 +27,10 @@ class HeatGrid {
     return this.data.cells[design].charCodeAt(row) - 48;
   }
 
-  text(design, row) {
+  // A run in words, with its time if it is known.
+  text(design, row, end_s = null) {
     const code = this.code(design, row);
-    const ended = code ? this.outcomes[code - 1].label : "no run";
+    const ended = (code ? this.outcomes[code - 1].label : "no run") + (end_s === null ? "" : ` after ${end_s.toFixed(2)} s`);
     const trial = this.trials.get(`${design} ${row}`);
     return `${this.labels[design]}, environment ${this.data.samples[row]}: ${ended}${trial ? `; trial ${trial.id}: ${trial.outcome.replace("_", " ")}` : ""}`;
   }

@@ -124,7 +124,7 @@ class Replay {
     if (asked !== this.asked) return;
     const path = runs.get(sample);
     this.parts.stage.hidden = !path;
-    this.parts.title.textContent = `${this.grid.text(design, row)}${path ? ` after ${path.end_s.toFixed(2)} s` : ""}. ${path ? ghost.note : "This run has no replay."}`;
+    this.parts.title.textContent = `${this.grid.text(design, row, path?.end_s)}. ${path ? ghost.note : "This run has no replay."}`;
     if (!path) {
       this.drives = null;
       this.player.stop();

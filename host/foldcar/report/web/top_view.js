@@ -24,7 +24,7 @@ function drawScene(canvas, ground, view, most_height, legend = true) {
   const left = (width - scale * (view.x_max - view.x_min)) / 2;
   const place = (x, y) => [left + (x - view.x_min) * scale, height - (y - view.y_min) * scale];
   context.fillStyle = "rgb(246,244,238)";
-  context.fillRect(left, 0, width - 2 * left, height);
+  context.fillRect(0, 0, width, height);
   const [x, y] = place(ground.x_min_m, ground.y_max_m);
   context.imageSmoothingEnabled = true;
   context.drawImage(ground.picture(), x, y, ground.columns * ground.cell_m * scale, ground.rows * ground.cell_m * scale);

@@ -49,6 +49,8 @@ def _region(series: Series) -> str:
     share = f"more than {100 * FEASIBLE:.0f} % of the environments"
     if not feasible:
         value, best = max(series.tallies.items(), key=lambda pair: pair[1].success or 0)
+        if not best.passed:
+            return f"In simulation, no {name} passes a single environment."
         most = f"the best, {_valued(series.parameter, [value])}, passes {100 * (best.success or 0):.0f} %"
         return f"In simulation, no {name} passes {share}; {most}."
     if len(feasible) == len(series.tallies):

@@ -217,7 +217,7 @@ class Store:
 
     def design_counts(self, experiment: str) -> DesignCounts:
         """How many runs of each of the experiment's designs are stored, and how many of them passed."""
-        return design_counts(self.path, self._connection, experiment)
+        return self.once(("counts", experiment), lambda: design_counts(self.path, self._connection, experiment))
 
     def judged_experiments(self) -> set[str]:
         """The experiments that define when a run has passed."""

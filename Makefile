@@ -43,7 +43,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup study calibration fidelity test test-native headers test-host lint bench fuzz fresh clean lock system-packages platformio
+.PHONY: help setup study calibration fidelity statistics test test-native headers test-host lint bench fuzz fresh clean lock system-packages platformio
 .DELETE_ON_ERROR:
 
 help:
@@ -55,6 +55,7 @@ help:
 	@echo 'make mutation  plant faults in the car'"'"'s physics and firmware and see whether the suites notice (MUTANTS=, MUTATION_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
 	@echo 'make calibration  set up, calibrate by the published trials, try it on known truths, renew docs/calibration.md'
+	@echo 'make statistics  measure coverage of the intervals and trials saved, and bring docs/statistics.md up to date'
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
 	@echo 'make lint      set up and check the Python sources only'
 	@echo 'make lock      renew $(LOCK) after a change of host/pyproject.toml (LOCK_FLAGS=--upgrade: newest versions)'
@@ -77,6 +78,9 @@ fidelity: setup
 	@mkdir -p out
 	$(BIN)/foldcar crosscheck scenarios/fidelity.json --baseline 20 -o out/fidelity
 	$(BIN)/python tools/fidelity.py out/fidelity docs/fidelity.md
+
+statistics: .venv/installed
+	$(BIN)/python tools/interval_coverage.py docs/statistics.md
 
 # One after the other, also under make -j, so that what fails stands last.
 test: setup

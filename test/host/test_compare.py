@@ -147,6 +147,9 @@ def test_paired_trials_are_rectified_and_only_built_cars_count(tmp_path: Path) -
     remarks = " ".join(found["remarks"])
     assert "5 of a simulated car" in remarks and "5 of a car that may be" in remarks
     assert "1 trial left out: driven in hills.scenic" in remarks
+    (simulated,) = compare(store, "--simulated-trials")["experiments"]
+    assert [(one["trials"], one["trials_passed"]) for one in simulated["designs"]] == [(5, 5)]
+    assert "SIMULATED trials" in simulated["remarks"][0] and "18 trials of built cars left out" in simulated["remarks"][0]
 
 
 @pytest.fixture(scope="module")

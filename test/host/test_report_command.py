@@ -239,7 +239,7 @@ def test_a_study_where_no_run_passed_is_drawn(
     assert report(store, "-o", folder, "--no-replay")[0] == 0
     page = (folder / "index.html").read_text()
     assert "No replay: the report was made with --no-replay." in page and '<script type="text/plain"' not in page
-    assert "In simulation, no width passes more than 75 % of the environments" in page
+    assert "In simulation, no width passes a single environment." in page
     drawn = (folder / "experiment_1_time_by_width_mm.svg").read_text()
     assert "no run passed" in drawn
     assert "limit 120 s" in drawn

@@ -114,10 +114,10 @@ def test_the_page_holds_every_run_as_stored(study: Path) -> None:
 
 def test_the_page_opens_at_a_moment_of_a_run_within_a_second(study: Path) -> None:
     for _ in range(3):
-        dom = browse(study / "report" / "index.html", "run=0.0.2&t=1.0", "--dump-dom")
+        dom = browse(study / "report" / "index.html", "run=0.0.2&t=1.0", "--dump-dom", "--virtual-time-budget=10000")
         shown = dict(re.findall(r'data-(t|x|y|end|ready-ms|state)="([^"]*)"', dom))
         # Other work of the machine may hold the browser up.
-        if float(shown["ready-ms"]) < 1000:
+        if "state" in shown and float(shown["ready-ms"]) < 1000:
             break
 
     (start_x,) = [json.loads(row[0])["start"]["x_m"] for row in scenes_of(study, 2)]
@@ -213,13 +213,13 @@ def test_a_page_that_cannot_hold_all_runs_keeps_every_kind_and_those_at_the_thre
     codes[11, :800] = 3
     grid = grid_of(codes)
 
-    chosen = choose_runs(grid, most_bytes=1_000_000, most_runs=1200)
+    chosen = choose_runs(grid, most_bytes=1_000_000, most_runs=150)
 
-    assert len(grid.shown_samples()) * 20 <= 40_000 and 2900 in grid.shown_samples()
-    assert len(chosen) == len(set(chosen)) <= 1200
+    assert len(grid.shown_samples()) == 200 and 2900 in grid.shown_samples()
+    assert len(chosen) == len(set(chosen)) <= 150
     assert {(7, 2900), (11, 0)} <= set(chosen)
     # The design at 73 % success is nearest to the threshold of 75 %: after one run of each kind come its runs.
-    assert sum(design == 11 for design, _ in chosen) > 1000
+    assert sum(design == 11 for design, _ in chosen) > 100
 
 
 def test_the_grid_takes_results_as_they_come() -> None:

@@ -6,7 +6,7 @@ one experiment hold together with 95 %: each is wider than a single one would be
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy
 import pandas
@@ -117,16 +117,22 @@ class Comparison:
 
 
 def compare(
-    store: Store, experiment: str | None = None, margin: float = MARGIN, runs: pandas.DataFrame | None = None
+    store: Store,
+    experiment: str | None = None,
+    margin: float = MARGIN,
+    runs: pandas.DataFrame | None = None,
+    simulated_trials: bool = False,
 ) -> Comparison:
     """Compare a store's trials with its runs; rates that differ by at most ``margin`` (0 to 1) agree.
 
-    ``runs`` is the store's table of runs if the caller has it. FoldcarError.
+    ``runs`` is the store's table of runs if the caller has it. ``simulated_trials``: trials of simulated cars instead of
+    those of built ones. FoldcarError.
     """
     known = {trial.experiment for trial in store.trials()} - swept_ids(store)
-    evidence = [] if experiment in known else read_evidence(store, experiment, runs)
-    alone = unswept_trials(store, experiment if experiment in known else None)
-    return compare_evidence(evidence, alone if experiment is None or experiment in known else [], margin)
+    evidence = [] if experiment in known else read_evidence(store, experiment, runs, simulated_trials)
+    alone = unswept_trials(store, experiment if experiment in known else None, simulated_trials)
+    found = compare_evidence(evidence, alone if experiment is None or experiment in known else [], margin)
+    return replace(found, sentence=f"SIMULATED trials. {found.sentence}") if simulated_trials else found
 
 
 def compare_evidence(evidence: Sequence[Evidence], alone: Sequence[Trial] = (), margin: float = MARGIN) -> Comparison:

@@ -18,7 +18,7 @@ from foldcar.advice.words import count, design_text
 from foldcar.store.frames import runs_frame
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import Trial
+from foldcar.store.trial_records import SIMULATED, Trial
 from foldcar.store.trial_selection import left_out_text, select_trials
 
 Design = Mapping[str, float | str]
@@ -114,10 +114,13 @@ class Evidence:
         return [one for one in self.designs if one.trials]
 
 
-def read_evidence(store: Store, experiment: str | None = None, runs: pandas.DataFrame | None = None) -> list[Evidence]:
+def read_evidence(
+    store: Store, experiment: str | None = None, runs: pandas.DataFrame | None = None, simulated_trials: bool = False
+) -> list[Evidence]:
     """The evidence of every swept experiment, or of one; none if no sweep has begun.
 
-    ``runs`` is the store's :func:`runs_frame` if the caller has it. FoldcarError.
+    ``runs`` is the store's :func:`runs_frame` if the caller has it. ``simulated_trials``: trials of simulated cars
+    instead of those of built ones; a remark says so. FoldcarError.
     """
     if not store.holds_study():
         return []
@@ -125,7 +128,9 @@ def read_evidence(store: Store, experiment: str | None = None, runs: pandas.Data
     names = store.experiment_ids(experiment)
     table = runs_frame(store, experiment) if runs is None else runs
     again = Resimulation(store)
-    return [_evidence(store, infos[name], table[table["experiment"] == name], again) for name in names]
+    return [
+        _evidence(store, infos[name], table[table["experiment"] == name], again, simulated_trials) for name in names
+    ]
 
 
 def listed_id(info: ExperimentInfo) -> str:
@@ -133,9 +138,9 @@ def listed_id(info: ExperimentInfo) -> str:
     return info.id if info.calibration is None else info.calibration["experiment"]
 
 
-def unswept_trials(store: Store, experiment: str | None = None) -> list[Trial]:
-    """The trials of built cars that count, in experiments that were not swept."""
-    kept, _ = select_trials(store.trials(experiment), False)
+def unswept_trials(store: Store, experiment: str | None = None, simulated_trials: bool = False) -> list[Trial]:
+    """The trials of built cars that count, or of simulated ones instead, in experiments that were not swept."""
+    kept, _ = _kept(store, experiment, simulated_trials)
     swept = swept_ids(store)
     return [trial for trial in kept if trial.completed and trial.experiment not in swept]
 
@@ -146,8 +151,10 @@ def swept_ids(store: Store) -> set[str]:
     return {*infos, *(listed_id(info) for info in infos.values())}
 
 
-def _evidence(store: Store, info: ExperimentInfo, runs: pandas.DataFrame, again: Resimulation) -> Evidence:
-    trials, remarks = _trials(store, info)
+def _evidence(
+    store: Store, info: ExperimentInfo, runs: pandas.DataFrame, again: Resimulation, simulated_trials: bool
+) -> Evidence:
+    trials, remarks = _trials(store, info, simulated_trials)
     designs = {_key(info.vehicle_type, one.design): one for one in _swept(store, info, runs)}
     by_design: dict[Any, list[Trial]] = {}
     for trial in trials:
@@ -209,11 +216,21 @@ def _unswept(info: ExperimentInfo, trial: Trial, again: Resimulation) -> tuple[D
     return evidence, f"{label} is not in the sweep, and cannot be simulated now: {why_not}."
 
 
-def _trials(store: Store, info: ExperimentInfo) -> tuple[list[Trial], list[str]]:
-    """The trials to compare, aborted ones among them, and what is said of those left out or driven elsewhere."""
-    kept, left_out = select_trials(store.trials(listed_id(info)), False)
+def _kept(store: Store, experiment: str | None, simulated_trials: bool) -> tuple[list[Trial], list[str]]:
+    """The trials of built cars, or of simulated ones instead, aborted ones among them, and what is said of the others."""
+    kept, left_out = select_trials(store.trials(experiment), simulated_trials)
     text = left_out_text(left_out)
     remarks = [] if text is None else [text]
+    if not simulated_trials:
+        return kept, remarks
+    simulated = [trial for trial in kept if trial.standing == SIMULATED]
+    built = f"; {count(len(kept) - len(simulated), 'trial')} of built cars left out" if len(simulated) < len(kept) else ""
+    return simulated, [f"SIMULATED trials: of simulated cars, not of built ones{built}.", *remarks]
+
+
+def _trials(store: Store, info: ExperimentInfo, simulated_trials: bool) -> tuple[list[Trial], list[str]]:
+    """The trials to compare, aborted ones among them, and what is said of those left out or driven elsewhere."""
+    kept, remarks = _kept(store, listed_id(info), simulated_trials)
     if info.calibration is not None and kept:
         remarks.append(
             f"The runs are of the calibration {info.calibration['name']}, which goes by trials of experiment "

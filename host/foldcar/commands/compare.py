@@ -18,6 +18,9 @@ def compare(
     csv: Annotated[
         Path | None, typer.Option(metavar="FILE", callback=output_file, help="CSV file to write: a row a design.")
     ] = None,
+    simulated_trials: Annotated[
+        bool, typer.Option("--simulated-trials", help="Go by the trials of simulated cars instead of built ones.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Compare simulation with trials of built cars.
@@ -40,7 +43,7 @@ def compare(
     check_distinct([store], [csv])
     share = parse_points("--margin", margin)
     with Store.open(store) as opened:
-        found = compare_store(opened, experiment, share)
+        found = compare_store(opened, experiment, share, simulated_trials=simulated_trials)
     if csv is not None:
         write_comparison(found, csv)
     if as_json:

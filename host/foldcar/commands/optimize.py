@@ -45,8 +45,8 @@ def optimize(
         list[ObjectiveName] | None,
         typer.Option(
             metavar="NAME",
-            help="success (default); time to pass (s), the limit if a run does not; energy per pass (J); sheet-area (cm²). "
-            "May be repeated: then none of the best is beaten in all.",
+            help="success (default); time to pass (s), the limit if a run does not; energy per pass (J); sheet-area "
+            "(cm²). May be repeated: then none of the best is beaten in all.",
         ),
     ] = None,
     designs: Annotated[
@@ -74,7 +74,8 @@ def optimize(
         SamplerName, typer.Option(metavar="NAME", help="How designs are chosen: tpe, nsga2, random or grid.")
     ] = SamplerName.tpe,
     prune: Annotated[
-        bool, typer.Option("--prune/--no-prune", help="With one objective, leave a design early that does worse than the best.")
+        bool,
+        typer.Option("--prune/--no-prune", help="With one objective, leave a design early that is worse than the best."),
     ] = True,
     seed: Annotated[int, typer.Option(metavar="S", min=0, max=2**31, help="Of the sampler.")] = 0,
     jobs: Annotated[
@@ -91,8 +92,8 @@ def optimize(
 ) -> None:
     """Search a family of cars for the best ones.
 
-    With far fewer runs than a sweep: tries designs in the listing's environments, then judges the best in fresh ones: those rates are what to believe. Runs
-    are kept as a sweep's. It may be stopped at any time: the same command resumes it.
+    With far fewer runs than a sweep: tries designs in the listing's environments, then judges the best in fresh ones,
+    whose rates are what to believe. Runs are kept as a sweep's. It may be stopped at any time: the same command resumes.
 
     \b
     Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --environments 50

@@ -27,6 +27,9 @@ def select(
     csv: Annotated[
         Path | None, typer.Option(metavar="FILE", callback=output_file, help="CSV file to write: a row a design.")
     ] = None,
+    simulated_trials: Annotated[
+        bool, typer.Option("--simulated-trials", help="Go by the trials of simulated cars instead of built ones.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Say which designs to build next, and why.
@@ -47,7 +50,9 @@ def select(
     check_distinct([store], [csv])
     half_width = parse_points("--precision", precision, least=1, most=45)
     with Store.open(store) as opened:
-        found = select_designs(opened, build, threshold, half_width, experiment)
+        found = select_designs(
+            opened, build, threshold, half_width, experiment, simulated_trials=simulated_trials
+        )
     if csv is not None:
         write_selection(found, csv)
     if as_json:

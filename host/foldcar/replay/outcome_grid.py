@@ -10,9 +10,9 @@ import numpy
 
 from foldcar.simulation.results import OUTCOMES, Result
 
-# More cells than these cannot be told apart on a screen, and would make the page slow.
-MOST_CELLS = 40_000
+# More columns and rows than these cannot be told apart on a screen.
 MOST_DESIGNS = 400
+MOST_SAMPLES = 200
 NONE = 0
 
 
@@ -56,18 +56,17 @@ class OutcomeGrid:
 
     def shown_samples(self) -> list[int]:
         """The samples that a page shows: all, or each design's first of each outcome and the first."""
-        room = max(1, MOST_CELLS // max(1, len(self.shown_designs())))
-        if self.samples <= room:
+        if self.samples <= MOST_SAMPLES:
             return list(range(self.samples))
         wanted: dict[int, None] = {}
         for code in range(1, len(OUTCOMES) + 1):
             ended = self.outcomes[self.shown_designs()] == code
             wanted.update(dict.fromkeys(int(first) for first in ended.argmax(axis=1)[ended.any(axis=1)]))
-        for sample in range(room):
-            if len(wanted) >= room:
+        for sample in range(MOST_SAMPLES):
+            if len(wanted) >= MOST_SAMPLES:
                 break
             wanted.setdefault(sample)
-        return sorted(list(wanted)[:room])
+        return sorted(list(wanted)[:MOST_SAMPLES])
 
 
 def _key(design: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:

@@ -43,7 +43,9 @@ def read_advice(store: Store, threshold: float | None = None) -> dict[str, Slots
 def _slots(selection: Selection, comparison: Comparison) -> Slots:
     compared = next(one for one in comparison.experiments if one.info.id == selection.info.id)
     sentences = []
-    if selection.recommendations or selection.enough:
+    # Where nothing reaches the threshold, the table says what bounds it; a headline would sound like praise.
+    reaching = [one for one in selection.recommendations if one.trials_done or one.simulated.value >= selection.threshold]
+    if reaching or selection.enough:
         sentences.append(selection.sentence)
     if compared.mean_gap is not None:
         sentences.append(compared.sentence)

@@ -50,13 +50,16 @@ def _region(series: Series, threshold: float) -> str:
     share = f"more than {100 * threshold:g} % of the environments"
     if not feasible:
         value, best = max(series.tallies.items(), key=lambda pair: pair[1].success or 0)
+        if not best.passed:
+            return f"In simulation, no {name} passes a single environment."
         most = f"the best, {_valued(series.parameter, [value])}, passes {100 * (best.success or 0):.0f} %"
         return f"In simulation, no {name} passes {share}; {most}."
-    if len(feasible) == len(series.tallies):
-        return f"In simulation, every {name} tried passes {share}: the feasible region reaches beyond them."
     certain = [value for value in feasible if (series.tallies[value].interval or (0, 0))[0] > threshold]
     values = list(series.tallies)
-    text = f"In simulation, cars with a {name} of {_valued(series.parameter, feasible, values)} pass {share}"
+    if len(feasible) == len(values):
+        text = f"In simulation, every {name} tried passes {share}, so that no border of the region is among them"
+    else:
+        text = f"In simulation, cars with a {name} of {_valued(series.parameter, feasible, values)} pass {share}"
     if not certain:
         return f"{text}; with so few runs the 95 % intervals leave all of them open."
     if len(certain) == len(feasible):

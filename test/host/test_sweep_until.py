@@ -14,9 +14,12 @@ from scipy.integrate import quad
 from scipy.stats import binom
 from typer.testing import CliRunner
 
+from foldcar.advice.evidence import read_evidence
+from foldcar.advice.selecting import select
 from foldcar.analysis.anytime import anytime_interval, anytime_mean_interval
 from foldcar.analysis.intervals import wilson_interval
 from foldcar.analysis.stopping import StoppingRule
+from foldcar.api.study import Study
 from foldcar.cli import app
 from foldcar.commands.sweep_text import stopping_lines
 from foldcar.errors import FoldcarError
@@ -237,3 +240,24 @@ def test_undefined_success_is_refused_before_the_store_is_made(
         swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary)
 
     assert not (tmp_path / "s.db").exists()
+
+
+def test_advice_and_python_give_the_interval_that_a_sweep_that_stopped_may_give(
+    decided: tuple[Path, Progress], full_store: Path
+) -> None:
+    store, counts = decided
+    with Store.open(store) as opened, Store.open(full_store) as full:
+        stopped, fixed = read_evidence(opened)[0].designs, read_evidence(full)[0].designs
+        (selection,) = select(opened, with_cost=False)
+    study = Study(store)
+
+    for state, one in zip(counts.states, stopped, strict=True):
+        expected = pytest.approx([float(end) for end in anytime_interval(state.passed, state.runs)])
+        for rate in (one.simulated(), study.rate(width=state.design["width_mm"])):
+            assert [rate.low, rate.high] == expected
+            assert rate.method.startswith("anytime-valid interval of")
+    shown = [one.simulated for one in selection.recommendations]
+    assert shown and all(rate.method.startswith("anytime-valid") for rate in shown)
+    assert [(one.simulated().low, one.simulated().high) for one in fixed] == [
+        wilson_interval(one.runs_passed, one.runs) for one in fixed
+    ]

@@ -13,11 +13,10 @@ import pandas
 from threadpoolctl import threadpool_limits
 
 from foldcar.advice.cost import Cost, cost
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence, listed_id, read_evidence
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence, listed_id, read_evidence, run_rate
 from foldcar.advice.outlook import Outlook, outlook
 from foldcar.advice.reasons import first_reason, next_reason, region_text
 from foldcar.advice.words import count, listed, percent, points
-from foldcar.analysis.intervals import wilson_interval
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.region import Placed, first_designs
 from foldcar.analysis.selection import choose, expected_loss, honest_best, telling_environments, trials_needed
@@ -194,15 +193,9 @@ class _Choice:
             reason = next_reason(seen, index, self.threshold, self._parted(one), together)
         else:
             reason = first_reason(placed.place, one, self.threshold, self._parted(one))
-        simulated = Rate(
-            one.runs_passed / one.runs,
-            *wilson_interval(one.runs_passed, one.runs),
-            0.95,
-            f"Wilson interval of {count(one.runs, 'run')}",
-        )
         price = cost(one.vehicle_type, one.design, trials, one.mean_time_s, bool(done)) if with_cost else None
         return Recommendation(
-            one.label, one.design, placed.place, reason, simulated, expected, bool(done), done, trials, price
+            one.label, one.design, placed.place, reason, one.simulated(), expected, bool(done), done, trials, price
         )
 
     def _remarks(self, recommended: Sequence[Recommendation], wanted: int, environments: int) -> tuple[str, ...]:
@@ -210,10 +203,10 @@ class _Choice:
         remarks = [region_text(seen, self.threshold, self.evidence.parameters)]
         best, passed, number = honest_best(seen.passed)
         if number and len(seen.designs) > 1:
-            low, high = wilson_interval(passed, number)
+            rate = run_rate(passed, number, count(number, "run"), self.evidence.info.until is not None)
             remarks.append(
-                f"Best in simulation: {seen.designs[best].label}, {percent(passed / number)} ({percent(low)} to "
-                f"{percent(high)}), chosen in one half of the environments and counted in the other."
+                f"Best in simulation: {seen.designs[best].label}, {percent(rate.value)} ({percent(rate.low)} to "
+                f"{percent(rate.high)}), chosen in one half of the environments and counted in the other."
             )
         if seen.thinned:
             remarks.append(f"{count(seen.thinned, 'design')} between these were left out of the choice, to save time.")

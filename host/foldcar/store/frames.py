@@ -3,7 +3,6 @@
 A cell that is not known is missing: NaN in columns of numbers, NA in those of truths and texts.
 """
 
-import itertools
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -12,14 +11,11 @@ import pandas as pd
 
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.errors import StoreError
-from foldcar.store.reader import Store
+from foldcar.store.reader import RUN_CELLS, Store
 from foldcar.store.tables import EXPERIMENT
 
 # Columns of texts, and where they stand in the row of an experiment.
 HEAD = {"experiment": "id", "vehicle": "vehicle", "environment": "environment"}
-
-# Rows that become arrays together: the rows of a million runs as Python's objects would take a gigabyte.
-BATCH_ROWS = 50_000
 
 
 def runs_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
@@ -32,10 +28,10 @@ def runs_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
     names = store.experiment_ids(experiment)
     judged = store.judged_experiments()
     parameters = dict.fromkeys(name for one in names for design in store.designs(one).values() for name in design)
-    tables = [_run_columns(store, name, list(parameters), name in judged) for name in names]
+    tables = [_table(store, name, list(parameters), name in judged) for name in names]
     if len(tables) == 1:
-        return pd.DataFrame(tables[0])
-    return pd.concat([pd.DataFrame(table) for table in tables] or [_no_runs()], ignore_index=True)
+        return tables[0].copy(deep=False)
+    return pd.concat(tables or [_no_runs()], ignore_index=True)
 
 
 def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
@@ -72,6 +68,13 @@ def _no_runs() -> pd.DataFrame:
     return pd.DataFrame({**columns, "passed": _truths(none, none), **dict.fromkeys(NUMBERS, none)})
 
 
+def _table(store: Store, name: str, parameters: list[str], judged: bool) -> pd.DataFrame:
+    """The table of one experiment's runs, read once from an open store."""
+    return store.once(
+        ("runs", name, *parameters), lambda: pd.DataFrame(_run_columns(store, name, parameters, judged), copy=False)
+    )
+
+
 def _run_columns(store: Store, name: str, parameters: Sequence[str], judged: bool) -> dict[str, Any]:
     """The columns of one experiment's runs."""
     (experiment,) = store.rows(EXPERIMENT, "WHERE id = ?", name)
@@ -94,18 +97,17 @@ def _run_columns(store: Store, name: str, parameters: Sequence[str], judged: boo
 def _run_arrays(store: Store, name: str) -> tuple[Any, Any, Any, Any]:
     """Of each run the design's position, the sample, the outcome's place in OUTCOMES, and the metrics (runs, metrics)."""
     codes = {outcome: code for code, outcome in enumerate(OUTCOMES)}
-    cells = (
-        (design, sample, codes[run["outcome"]], *(run[metric] for metric in NUMBERS))
-        for design, sample, run in store.run_rows(name)
-    )
-    # None becomes NaN.
-    width = 3 + len(NUMBERS)
-    batches = [np.empty((0, width))]
-    while batch := list(itertools.islice(cells, BATCH_ROWS)):
-        batches.append(np.array(batch, dtype=np.float64))
-    table = np.concatenate(batches)
-    position, sample, outcome = table[:, :3].T.astype(np.int64)
-    return position, sample, outcome, table[:, 3:]
+    wanted = [RUN_CELLS.index(metric) for metric in NUMBERS]
+    at = RUN_CELLS.index("outcome")
+    places, outcomes, metrics = [np.empty((0, 2), np.int64)], [np.empty(0, np.uint8)], [np.empty((0, len(NUMBERS)))]
+    for batch, cells in store.run_batches(name):
+        columns = list(zip(*cells, strict=True))
+        places.append(np.array(batch, dtype=np.int64))
+        outcomes.append(np.fromiter(map(codes.__getitem__, columns[at]), np.uint8, len(batch)))
+        # None becomes NaN.
+        metrics.append(np.array([columns[metric] for metric in wanted], dtype=np.float64).T)
+    place = np.concatenate(places)
+    return place[:, 0], place[:, 1], np.concatenate(outcomes), np.concatenate(metrics)
 
 
 def _texts(values: Iterable[str | None]) -> Any:

@@ -61,7 +61,8 @@ def main() -> None:
         study = read_study(file)
         (experiment,) = study.experiments
         with write_store(chosen.store) as writer:
-            writer.begin_study(study_facts(study, carsim, "bench/big_store.py: results drawn, not simulated"), carsim.build)
+            facts = study_facts(study, carsim, "bench/big_store.py: results drawn, not simulated")
+            writer.begin_study(facts, carsim.build)
             print(write_runs(writer, experiment, carsim), "runs")
 
 

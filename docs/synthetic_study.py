@@ -23,6 +23,8 @@ REALITY = {
 }
 THRESHOLD = 0.5
 SPEEDUP = "8"
+# A car whose clock runs faster than its host's waits longer for it.
+PATIENCE = "CMD_TIMEOUT_MS 5000\nARM_TIMEOUT_S 60\n"
 
 
 def main() -> int:
@@ -61,6 +63,7 @@ def main() -> int:
 def write_listing(folder: Path, environments: int, step: float) -> Path:
     """Write listing and reality; returns the listing's path."""
     (folder / "reality.json").write_text(json.dumps(REALITY, indent=2))
+    (folder / "patience.parm").write_text(PATIENCE)
     experiment = {"timeout": 60, "environments": environments, "threshold": THRESHOLD}
     common = {"width": {"from": 65, "to": 185, "step": step}, "height": 50, "radius": 60}
     lengths = [{"common": common}, {"W": {"length": 60}}, {"B": {"length": 80}}]
@@ -89,6 +92,8 @@ def drive(listing: Path, study: Path, reality: Path, width: str, sample: int) ->
         with subprocess.Popen(command(words), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as car:
             assert car.stdout is not None
             port = car.stdout.readline().strip()
+            patience = ["params", "load", reality.with_name("patience.parm"), "--port", port]
+            subprocess.run(command(patience), stdout=subprocess.DEVNULL, check=True)
             words_of_log = ["log", listing, *chosen, "--store", study, "--port", port, "--trials", "1"]
             done = subprocess.run(command([*words_of_log, "--countdown", "0", "--yes"]), capture_output=True, text=True)
             car.terminate()

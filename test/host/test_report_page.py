@@ -18,7 +18,6 @@ from foldcar.replay.choice import choose_runs
 from foldcar.replay.compact_path import ANGLE_RAD, INTERVAL_S, PLACE_M, compact_path, twice_differenced, varints
 from foldcar.replay.outcome_grid import OutcomeGrid
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.results import NUMBERS, Result
 from page_check import page_findings
 
 STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
@@ -220,17 +219,6 @@ def test_a_page_that_cannot_hold_all_runs_keeps_every_kind_and_those_at_the_thre
     assert {(7, 2900), (11, 0)} <= set(chosen)
     # The design at 73 % success is nearest to the threshold of 75 %: after one run of each kind come its runs.
     assert sum(design == 11 for design, _ in chosen) > 100
-
-
-def test_the_grid_takes_results_as_they_come() -> None:
-    designs = [{"width_mm": 65.0}, {"width_mm": 70.0}]
-    metrics = {name: 1.5 for name in NUMBERS}
-    results = [Result("1", "v", "e", 1, "stuck", metrics, None, designs[1], {})]
-    grid = OutcomeGrid(designs, 2)
-
-    assert list(grid.watching(results)) == results
-    assert [grid.outcome(design, sample) for design in range(2) for sample in range(2)] == [None, None, None, "stuck"]
-    assert grid.elapsed_s[1, 1] == 1.5
 
 
 def test_the_ground_is_the_simulators(study: Path, carsim_binary: Path) -> None:

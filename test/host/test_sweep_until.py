@@ -23,10 +23,11 @@ from foldcar.api.study import Study
 from foldcar.cli import app
 from foldcar.commands.sweep_text import stopping_lines
 from foldcar.errors import FoldcarError
-from foldcar.report.series import summarise
+from foldcar.report.series import summarise, summarise_runs
 from foldcar.report.stopped_remarks import stopped_remarks
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import Result
+from foldcar.store.frames import run_arrays
 from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
 from foldcar.study.progress import Progress
@@ -261,3 +262,16 @@ def test_advice_and_python_give_the_interval_that_a_sweep_that_stopped_may_give(
     assert [(one.simulated().low, one.simulated().high) for one in fixed] == [
         wilson_interval(one.runs_passed, one.runs) for one in fixed
     ]
+
+
+def test_runs_as_arrays_are_counted_like_results(decided: tuple[Path, Progress], full_store: Path) -> None:
+    for store, stopped in ((decided[0], True), (full_store, False)):
+        with Store.open(store) as opened:
+            info, designs = opened.info().experiments["1"], list(opened.designs("1").values())
+            one = summarise(opened.results("1"), info.varied, True, stopped, 2)
+            other = summarise_runs(run_arrays(opened, "1"), designs, info.varied, True, stopped, 2)
+        assert other.timed == one.timed and len(one.timed) == len(WIDTHS)
+        tallies = [[summary.total, *summary.series[0].tallies.values()] for summary in (one, other)]
+        for tally, counted in zip(*tallies, strict=True):
+            assert counted.outcomes == tally.outcomes and counted.mean_time_s == pytest.approx(tally.mean_time_s)
+            assert (counted.success, counted.interval) == (tally.success, tally.interval)

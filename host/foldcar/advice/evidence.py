@@ -197,18 +197,21 @@ def _swept(store: Store, info: ExperimentInfo, runs: pandas.DataFrame) -> Iterat
     names = list(designs[0]) if designs else []
     groups = runs.groupby([*info.varied], sort=False, dropna=False).indices if info.varied else {(): range(len(runs))}
     keyed = {key if isinstance(key, tuple) else (key,): rows for key, rows in groups.items()}
+    samples, elapsed_s = runs["sample"].to_numpy(), runs["elapsed_time_s"].to_numpy()
+    codes, outcomes = pandas.factorize(runs["outcome"])
     for design in designs:
-        some = runs.iloc[keyed.get(tuple(design[name] for name in info.varied), [])]
-        mean = some["elapsed_time_s"].mean()
+        rows = numpy.asarray(keyed.get(tuple(design[name] for name in info.varied), []), dtype=int)
+        counts = numpy.bincount(codes[rows], minlength=len(outcomes)).tolist()
+        times = elapsed_s[rows][~numpy.isnan(elapsed_s[rows])]
         yield DesignEvidence(
             info.vehicle_type,
             {name: design[name] for name in names},
             design_text({name: design[name] for name in info.varied}),
             True,
-            some["sample"].to_numpy(),
-            (some["outcome"] == "passed").to_numpy(dtype=bool),
-            Counter(some["outcome"]),
-            None if pandas.isna(mean) else float(mean),
+            samples[rows],
+            numpy.isin(codes[rows], numpy.flatnonzero(outcomes == "passed")),
+            Counter({outcome: number for outcome, number in zip(outcomes, counts, strict=True) if number}),
+            float(times.mean()) if len(times) else None,
             stopped=info.until is not None,
         )
 

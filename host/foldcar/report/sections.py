@@ -8,7 +8,6 @@ from functools import partial
 
 from foldcar.replay.outcome_grid import OutcomeGrid
 from foldcar.replay.replay import Replay
-from foldcar.replay.stored_drives import read_drives
 from foldcar.report.advice_slots import Drawing, Slots
 from foldcar.report.axis import parameter_label
 from foldcar.report.feasibility_plot import draw_feasibility
@@ -17,11 +16,12 @@ from foldcar.report.file_names import file_name_part
 from foldcar.report.headline import headline
 from foldcar.report.outcome_plot import draw_outcomes
 from foldcar.report.replayer import Replayer
-from foldcar.report.series import Summary, summarise
+from foldcar.report.series import Summary, summarise, summarise_runs
 from foldcar.report.stopped_remarks import stopped_remarks
 from foldcar.report.success_plot import draw_success
 from foldcar.report.time_plot import draw_times
 from foldcar.report.trial_series import TrialSummary, TrialTally, summarise_trials
+from foldcar.store.frames import run_arrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
@@ -65,13 +65,16 @@ def read_section(
     slots: Slots = NO_SLOTS,
     options: FigureOptions = NO_OPTIONS,
 ) -> Section:
-    """Count the experiment's runs, in one pass, and plan its figures.
+    """Count the experiment's runs and plan its figures.
 
     ``simulated_trials``: show trials of simulated cars too, apart from those of built ones.
     """
-    grid = OutcomeGrid(read_drives(store, info.id).parameters, info.environments)
-    results = grid.watching(store.results(info.id))
-    summary = summarise(results, info.varied, info.success_defined, info.until is not None, options.sample)
+    runs, designs = run_arrays(store, info.id), list(store.designs(info.id).values())
+    grid = OutcomeGrid(designs, info.environments)
+    grid.enter(runs)
+    how = (info.varied, info.success_defined, info.until is not None, options.sample)
+    recorded = store.holds_recorded()
+    summary = summarise(store.results(info.id), *how) if recorded else summarise_runs(runs, designs, *how)
     trials = summarise_trials(store.trials(info.id), info, simulated_trials)
     shown, _ = select_trials(store.trials(info.id), simulated_trials)
     replay = replayer.replay(store, info, grid, shown)

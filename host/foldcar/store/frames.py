@@ -4,10 +4,12 @@ A cell that is not known is missing: NaN in columns of numbers, NA in those of t
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.errors import StoreError
@@ -16,6 +18,24 @@ from foldcar.store.tables import EXPERIMENT
 
 # Columns of texts, and where they stand in the row of an experiment.
 HEAD = {"experiment": "id", "vehicle": "vehicle", "environment": "environment"}
+
+
+@dataclass(frozen=True)
+class RunArrays:
+    """The runs of one experiment by design and sample, arrays (runs,): ``design`` is its place in the family.
+
+    ``outcome`` is the place in OUTCOMES; ``metrics`` (runs, metrics) are in the order of NUMBERS, NaN unknown.
+    """
+
+    design: NDArray[np.int64]
+    sample: NDArray[np.int64]
+    outcome: NDArray[np.uint8]
+    metrics: NDArray[np.float64]
+
+
+def run_arrays(store: Store, experiment: str) -> RunArrays:
+    """The runs of an experiment, which are read once from an open store. StoreError."""
+    return store.once(("arrays", experiment), lambda: _read_runs(store, experiment))
 
 
 def runs_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
@@ -78,24 +98,20 @@ def _table(store: Store, name: str, parameters: list[str], judged: bool) -> pd.D
 def _run_columns(store: Store, name: str, parameters: Sequence[str], judged: bool) -> dict[str, Any]:
     """The columns of one experiment's runs."""
     (experiment,) = store.rows(EXPERIMENT, "WHERE id = ?", name)
-    designs = store.designs(name)
-    position, sample, outcome, metrics = _run_arrays(store, name)
-    places = np.array(list(designs), dtype=np.int64)
-    row = np.searchsorted(places, position)
-    if len(position) and (row.max() >= len(places) or (places[row] != position).any()):
-        raise StoreError(f"{store.path}: experiment {name} has runs of a design that is missing")
+    designs, runs = store.designs(name), run_arrays(store, name)
     return {
-        **{column: _texts([experiment[key]]).repeat(len(row)) for column, key in HEAD.items()},
-        **{column: _numbers([design.get(column) for design in designs.values()])[row] for column in parameters},
-        "sample": sample,
-        "outcome": _texts(OUTCOMES).take(outcome),
-        "passed": _truths(outcome == OUTCOMES.index("passed"), np.full(len(row), judged)),
-        **{metric: metrics[:, index] for index, metric in enumerate(NUMBERS)},
+        **{column: _texts([experiment[key]]).repeat(len(runs.design)) for column, key in HEAD.items()},
+        **{
+            column: _numbers([design.get(column) for design in designs.values()])[runs.design] for column in parameters
+        },
+        "sample": runs.sample,
+        "outcome": _texts(OUTCOMES).take(runs.outcome),
+        "passed": _truths(runs.outcome == OUTCOMES.index("passed"), np.full(len(runs.design), judged)),
+        **{metric: runs.metrics[:, index] for index, metric in enumerate(NUMBERS)},
     }
 
 
-def _run_arrays(store: Store, name: str) -> tuple[Any, Any, Any, Any]:
-    """Of each run the design's position, the sample, the outcome's place in OUTCOMES, and the metrics (runs, metrics)."""
+def _read_runs(store: Store, name: str) -> RunArrays:
     codes = {outcome: code for code, outcome in enumerate(OUTCOMES)}
     wanted = [RUN_CELLS.index(metric) for metric in NUMBERS]
     at = RUN_CELLS.index("outcome")
@@ -106,8 +122,12 @@ def _run_arrays(store: Store, name: str) -> tuple[Any, Any, Any, Any]:
         outcomes.append(np.fromiter(map(codes.__getitem__, columns[at]), np.uint8, len(batch)))
         # None becomes NaN.
         metrics.append(np.array([columns[metric] for metric in wanted], dtype=np.float64).T)
-    place = np.concatenate(places)
-    return place[:, 0], place[:, 1], np.concatenate(outcomes), np.concatenate(metrics)
+    position, sample = np.concatenate(places).T
+    known = np.array(list(store.designs(name)), dtype=np.int64)
+    design = np.searchsorted(known, position)
+    if len(position) and (design.max() >= len(known) or (known[design] != position).any()):
+        raise StoreError(f"{store.path}: experiment {name} has runs of a design that is missing")
+    return RunArrays(design, sample, np.concatenate(outcomes), np.concatenate(metrics))
 
 
 def _texts(values: Iterable[str | None]) -> Any:

@@ -231,6 +231,10 @@ class Store:
                 columns.update(dict.fromkeys(parsed(self.path, DESIGN, design, "parameters")))
         return list(columns)
 
+    def holds_recorded(self) -> bool:
+        """Whether programs recorded values in any run."""
+        return next(self._rows("SELECT 1 FROM recorded LIMIT 1"), None) is not None
+
     def recorded_types(self) -> dict[str, set[str]]:
         """Names of all recorded values that results show, in order of the alphabet, with their types.
 
@@ -249,7 +253,7 @@ class Store:
     def _results(self, name: str) -> Iterator[Result]:
         experiment = self._experiment(name)
         designs = self.designs(name)
-        with_recorded = next(self._rows("SELECT 1 FROM recorded LIMIT 1"), None) is not None
+        with_recorded = self.holds_recorded()
         for design, sample, run in self.run_rows(name):
             if design not in designs:
                 raise StoreError(f"{self.path}: design (experiment={name}, position={design}) is missing")

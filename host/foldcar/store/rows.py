@@ -84,7 +84,8 @@ def columns_sql(connection: Connection, table: Table, alias: str = "", names: Se
     """
     there = {name for _, name, *_ in connection.execute(f"PRAGMA table_info({table.name})")}
     prefix = f"{alias}." if alias else ""
-    return ", ".join(f"{prefix}{name}" if name in there else f"NULL AS {name}" for name in (*(names or table.names), CHECKSUM))
+    wanted = (*(names or table.names), CHECKSUM)
+    return ", ".join(f"{prefix}{name}" if name in there else f"NULL AS {name}" for name in wanted)
 
 
 def read_rows(path: Path, connection: Connection, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:

@@ -36,6 +36,8 @@ RUNS, SEED = 24_000, 1
 WIDTHS = (65, 80, 95, 115, 140, 180)
 CALIBRATED = (65, 95, 115, 180)
 TRUTHS, SCENES, REPLICATES, TRIALS = 80, 30, 4, 12
+# Parameters on the page: from this share of explained variance on.
+SHOWN = 0.2
 PRIOR_DRAWS = 80_000
 CONFIDENCE = 0.9
 # Numbers of the truths' runs, so that they share no scatter with the calibration's.
@@ -59,7 +61,7 @@ def main(folder: Path, page: Path) -> None:
     tables["truths"] = truths(rates, inference, designs, nominal)
     text = page.read_text(encoding="utf-8")
     for mark, lines in tables.items():
-        begin, end = f"<!-- {mark} of tools/calibration.py -->", f"<!-- end of {mark} -->"
+        begin, end = f"<!-- {mark} of tools/calibration.py -->", "<!-- end -->"
         head, _, rest = text.partition(begin)
         _, _, tail = rest.partition(end)
         if not tail:
@@ -104,7 +106,7 @@ def nominal_runs(store: Store, experiment: SweptExperiment) -> dict[int, tuple[i
 
 def published(summary: dict[str, Any]) -> list[str]:
     """Each width's trials, nominal and calibrated success, predictions with and without its own trials."""
-    head = ["width (mm)", "trials", "nominal", "calibrated simulation", "predicted trials", "without its own trials"]
+    head = ["width (mm)", "trials", "nominal", "calibrated", "predicted", "without"]
     rows = []
     for one, left in zip(summary["designs"], summary["leave_one_out"], strict=True):
         simulated = f"{100 * one['simulated']['median']:.0f} ({ends(one['simulated'])})"
@@ -116,25 +118,28 @@ def published(summary: dict[str, Any]) -> list[str]:
 
 
 def parameters(summary: dict[str, Any]) -> list[str]:
-    """Each parameter before and after, and how much of its variance the trials explain."""
+    """The parameters that the trials tell of, before and after, and how much of their variance the trials explain."""
     rows = []
     for one in summary["parameters"]:
-        told = (one["prior"], one["posterior"])
-        before, after = (f"{p['median']:.2g} ({p['low']:.2g} to {p['high']:.2g})" for p in told)
-        explained = "" if one["explained"] is None else f"{100 * one['explained']:.0f}"
-        rows.append([f"{one['name']} ({one['unit']})", before, after, explained])
+        if (one["explained"] or 0) >= SHOWN:
+            told = (one["prior"], one["posterior"])
+            before, after = (f"{p['median']:.2g} ({p['low']:.2g} to {p['high']:.2g})" for p in told)
+            rows.append([one["name"], before, after, f"{100 * one['explained']:.0f}"])
     return table(["parameter", "prior", "posterior", "explained %"], rows)
 
 
 def said(summary: dict[str, Any]) -> list[str]:
-    """What is found, but for the parameters' intervals, which are in the table; the likelihood."""
+    """Correlations, next trials and the likelihood."""
     likelihood = summary["log_likelihood"]
-    fit = (
-        f"Log-likelihood of the trials: {likelihood['expected']:.1f} on average over the posterior, "
-        f"{likelihood['nominal']:.1f} nominal, {likelihood['best']:.1f} at best."
-    )
-    told = [line for line in summary["findings"] if "before the trials" not in line]
-    return [f"- {line}" for line in (*told, fit)]
+    strongest = summary["correlations"][:3]
+    pairs = ", ".join(f"{' and '.join(one['parameters'])} {one['correlation']:+.2f}" for one in strongest)
+    return [
+        f"- {summary['findings'][0]}",
+        f"- Log-likelihood: {likelihood['expected']:.1f} on average, {likelihood['nominal']:.1f} nominal, "
+        f"{likelihood['best']:.1f} at best.",
+        f"- The trials cannot tell apart what is correlated: {pairs}.",
+        f"- {summary['findings'][-1].partition('; ')[0]}.",
+    ]
 
 
 def true_scores() -> FloatArray:
@@ -170,7 +175,7 @@ def truths(
     error = 100 * np.sqrt(max(0.0, float(np.mean(wrong**2) - noise)))
     return [
         f"- {100 * CONFIDENCE:.0f} % intervals contain the true parameters in {shares.mean():.1f} % of {len(covered)} "
-        f"replicates, by parameter in {shares.min():.0f} to {shares.max():.0f} %.",
+        f"replicates ({TRUTHS} truths), by parameter in {shares.min():.0f} to {shares.max():.0f} %.",
         f"- Held-out widths: mean log score {np.mean(calibrated):.2f} calibrated, {np.mean(prior):.2f} with the prior, "
         f"{np.mean(uncalibrated):.2f} uncalibrated.",
         f"- The emulator is {error:.0f} points off simulated rates (root mean square, over the whole prior).",
@@ -237,7 +242,7 @@ def width_index(experiment: SweptExperiment, width: float) -> int:
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """A table in Markdown."""
-    return [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)]
+    return [f"|{'|'.join(head)}|", "|---" * len(head) + "|", *(f"|{'|'.join(row)}|" for row in rows)]
 
 
 def ends(interval: dict[str, float]) -> str:

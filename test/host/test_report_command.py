@@ -213,7 +213,9 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(
     code, shown, _ = report(store, "-o", folder)
     assert code == 0
     start = f"experiment_{file_name_part('a/b')}"
-    names = [f"{start}_{kind}_by_{name}.svg" for kind in ("feasibility", "outcomes", "success") for name in sorted(two)]
+    kinds = ("feasibility", "outcomes", "slices", "success")
+    names = [f"{start}_{kind}_by_{name}.svg" for kind in kinds for name in sorted(two)]
+    names.append(f"{start}_map_by_width_mm_and_radius_mm.svg")
     assert sorted(path.name for path in folder.glob("*.svg")) == sorted(names)
     text = Page((folder / "index.html").read_text()).text
     for sentence in (
@@ -237,7 +239,7 @@ def test_a_study_where_no_run_passed_is_drawn(
     assert report(store, "-o", folder, "--no-replay")[0] == 0
     page = (folder / "index.html").read_text()
     assert "No replay: the report was made with --no-replay." in page and '<script type="text/plain"' not in page
-    assert "In simulation, no width passes more than 75 % of the environments" in page
+    assert "In simulation, no width passes a single environment." in page
     drawn = (folder / "experiment_1_time_by_width_mm.svg").read_text()
     assert "no run passed" in drawn
     assert "limit 120 s" in drawn

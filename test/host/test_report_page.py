@@ -18,7 +18,6 @@ from foldcar.replay.choice import choose_runs
 from foldcar.replay.compact_path import ANGLE_RAD, INTERVAL_S, PLACE_M, compact_path, twice_differenced, varints
 from foldcar.replay.outcome_grid import OutcomeGrid
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.results import NUMBERS, Result
 from page_check import page_findings
 
 STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
@@ -114,10 +113,10 @@ def test_the_page_holds_every_run_as_stored(study: Path) -> None:
 
 def test_the_page_opens_at_a_moment_of_a_run_within_a_second(study: Path) -> None:
     for _ in range(3):
-        dom = browse(study / "report" / "index.html", "run=0.0.2&t=1.0", "--dump-dom")
+        dom = browse(study / "report" / "index.html", "run=0.0.2&t=1.0", "--dump-dom", "--virtual-time-budget=10000")
         shown = dict(re.findall(r'data-(t|x|y|end|ready-ms|state)="([^"]*)"', dom))
         # Other work of the machine may hold the browser up.
-        if float(shown["ready-ms"]) < 1000:
+        if "state" in shown and float(shown["ready-ms"]) < 1000:
             break
 
     (start_x,) = [json.loads(row[0])["start"]["x_m"] for row in scenes_of(study, 2)]
@@ -213,24 +212,13 @@ def test_a_page_that_cannot_hold_all_runs_keeps_every_kind_and_those_at_the_thre
     codes[11, :800] = 3
     grid = grid_of(codes)
 
-    chosen = choose_runs(grid, most_bytes=1_000_000, most_runs=1200)
+    chosen = choose_runs(grid, most_bytes=1_000_000, most_runs=150)
 
-    assert len(grid.shown_samples()) * 20 <= 40_000 and 2900 in grid.shown_samples()
-    assert len(chosen) == len(set(chosen)) <= 1200
+    assert len(grid.shown_samples()) == 200 and 2900 in grid.shown_samples()
+    assert len(chosen) == len(set(chosen)) <= 150
     assert {(7, 2900), (11, 0)} <= set(chosen)
     # The design at 73 % success is nearest to the threshold of 75 %: after one run of each kind come its runs.
-    assert sum(design == 11 for design, _ in chosen) > 1000
-
-
-def test_the_grid_takes_results_as_they_come() -> None:
-    designs = [{"width_mm": 65.0}, {"width_mm": 70.0}]
-    metrics = {name: 1.5 for name in NUMBERS}
-    results = [Result("1", "v", "e", 1, "stuck", metrics, None, designs[1], {})]
-    grid = OutcomeGrid(designs, 2)
-
-    assert list(grid.watching(results)) == results
-    assert [grid.outcome(design, sample) for design in range(2) for sample in range(2)] == [None, None, None, "stuck"]
-    assert grid.elapsed_s[1, 1] == 1.5
+    assert sum(design == 11 for design, _ in chosen) > 100
 
 
 def test_the_ground_is_the_simulators(study: Path, carsim_binary: Path) -> None:

@@ -1,15 +1,19 @@
 """The numbers of a report: counts by parameter, Wilson intervals, colours and labels."""
 
 import math
+from collections import Counter
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from foldcar.analysis.intervals import wilson_interval
 from foldcar.inline_svg import inline_svg
 from foldcar.report.axis import ParameterAxis, extent_text, parameter_label, value_text
+from foldcar.report.headline import headline
 from foldcar.report.series import Extent, Tally, summarise
 from foldcar.report.success_plot import BLUE, GREEN, NAVY, error_bar_percent, success_colour
+from foldcar.report.trial_series import TrialGroup, TrialSummary, TrialTally
 from foldcar.simulation.results import Recorded, Result
 
 
@@ -141,3 +145,31 @@ def test_inlined_figures_share_no_names() -> None:
         '<svg role="img" aria-label="width &lt; &quot;95&quot;" viewBox="0 0 10 5">'
         '<defs><g id="one-a"/></defs><use xlink:href="#one-a" clip-path="url(#one-c)"/></svg>'
     )
+
+
+def headline_of(passed: dict[float, int], runs: int, trials: dict[float, tuple[int, int]] | None = None) -> str:
+    """The headline of a study of widths with so many of ``runs`` passed, and trials passed and counted."""
+    results = [
+        result(sample, "passed" if sample < count else "stuck", 1.0, w_mm=width)
+        for width, count in passed.items()
+        for sample in range(runs)
+    ]
+    summary = summarise(results, {"w_mm": tuple(passed)})
+    tallies = {width: TrialTally(number, good) for width, (good, number) in (trials or {}).items()}
+    total = TrialTally(sum(one.counted for one in tallies.values()), 0)
+    built = TrialGroup(total, {"w_mm": tallies})
+    info = SimpleNamespace(success_defined=True, planned_runs=len(results))
+    return " ".join(headline(info, summary, TrialSummary(built, TrialGroup(), 0, Counter()), 0.75))  # type: ignore[arg-type]
+
+
+def test_the_headline_says_no_more_than_the_counts() -> None:
+    some = headline_of({65.0: 7, 70.0: 90, 75.0: 100, 80.0: 80, 85.0: 20}, 100, {75.0: (3, 12), 65.0: (0, 10)})
+    few = headline_of({65.0: 4, 70.0: 4}, 4)
+
+    # 80 of 100: Wilson's interval begins at 71.1 %.
+    assert "cars with a w of 70 to 80 mm pass more than 75 %" in some and "too, for 70 to 75 mm" in some
+    # 3 of 12: 8.9 to 53.2 %, below 96.3 %; 0 of 10: 0 to 27.8 %, which meets 3.4 to 13.7 %.
+    assert "optimistic at 75 mm; not contradicted at 65 mm" in some
+    # 4 of 4: from 51.0 % on.
+    assert "leave all of them open" in few and "No trial of a built car counts yet" in few
+    assert "no w passes a single environment" in headline_of({65.0: 0, 70.0: 0}, 5)

@@ -14,16 +14,20 @@ from scipy.integrate import quad
 from scipy.stats import binom
 from typer.testing import CliRunner
 
+from foldcar.advice.evidence import read_evidence
+from foldcar.advice.selecting import select
 from foldcar.analysis.anytime import anytime_interval, anytime_mean_interval
 from foldcar.analysis.intervals import wilson_interval
 from foldcar.analysis.stopping import StoppingRule
+from foldcar.api.study import Study
 from foldcar.cli import app
 from foldcar.commands.sweep_text import stopping_lines
 from foldcar.errors import FoldcarError
-from foldcar.report.series import summarise
+from foldcar.report.series import summarise, summarise_runs
 from foldcar.report.stopped_remarks import stopped_remarks
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import Result
+from foldcar.store.frames import run_arrays
 from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
 from foldcar.study.progress import Progress
@@ -237,3 +241,37 @@ def test_undefined_success_is_refused_before_the_store_is_made(
         swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary)
 
     assert not (tmp_path / "s.db").exists()
+
+
+def test_advice_and_python_give_the_interval_that_a_sweep_that_stopped_may_give(
+    decided: tuple[Path, Progress], full_store: Path
+) -> None:
+    store, counts = decided
+    with Store.open(store) as opened, Store.open(full_store) as full:
+        stopped, fixed = read_evidence(opened)[0].designs, read_evidence(full)[0].designs
+        (selection,) = select(opened, with_cost=False)
+    study = Study(store)
+
+    for state, one in zip(counts.states, stopped, strict=True):
+        expected = pytest.approx([float(end) for end in anytime_interval(state.passed, state.runs)])
+        for rate in (one.simulated(), study.rate(width=state.design["width_mm"])):
+            assert [rate.low, rate.high] == expected
+            assert rate.method.startswith("anytime-valid interval of")
+    shown = [one.simulated for one in selection.recommendations]
+    assert shown and all(rate.method.startswith("anytime-valid") for rate in shown)
+    assert [(one.simulated().low, one.simulated().high) for one in fixed] == [
+        wilson_interval(one.runs_passed, one.runs) for one in fixed
+    ]
+
+
+def test_runs_as_arrays_are_counted_like_results(decided: tuple[Path, Progress], full_store: Path) -> None:
+    for store, stopped in ((decided[0], True), (full_store, False)):
+        with Store.open(store) as opened:
+            info, designs = opened.info().experiments["1"], list(opened.designs("1").values())
+            one = summarise(opened.results("1"), info.varied, True, stopped, 2)
+            other = summarise_runs(run_arrays(opened, "1"), designs, info.varied, True, stopped, 2)
+        assert other.timed == one.timed and len(one.timed) == len(WIDTHS)
+        tallies = [[summary.total, *summary.series[0].tallies.values()] for summary in (one, other)]
+        for tally, counted in zip(*tallies, strict=True):
+            assert counted.outcomes == tally.outcomes and counted.mean_time_s == pytest.approx(tally.mean_time_s)
+            assert (counted.success, counted.interval) == (tally.success, tally.interval)

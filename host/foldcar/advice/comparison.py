@@ -163,7 +163,7 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
     compared = tuple(_design(one, pooled.get(one.label), together, margin) for one in driven)
     if not both:
         return ExperimentComparison(info, compared, None, None, None, _nothing(driven), evidence.remarks)
-    rates = [(_simulated(one, CONFIDENCE), _best(one, CONFIDENCE)) for one in both]
+    rates = [(one.simulated(CONFIDENCE), _best(one, CONFIDENCE)) for one in both]
     mean = mean_gap([f for f, _ in rates], [y for _, y in rates])
     ranks = rank_agreement(
         [(one.runs_passed, one.runs) for one in both], [(one.trials_passed, len(one.trials)) for one in both]
@@ -176,9 +176,9 @@ def _design(one: DesignEvidence, pooled: Rate | None, together: float, margin: f
     driven = _driven(one, CONFIDENCE)
     if not one.runs:
         return DesignComparison(one, None, driven, None, None, None, None)
-    found = gap(_simulated(one, together), _best(one, together))
+    found = gap(one.simulated(together), _best(one, together))
     rectified = _rectified(one, CONFIDENCE)
-    return DesignComparison(one, _simulated(one, CONFIDENCE), driven, rectified, pooled, found, found.verdict(margin))
+    return DesignComparison(one, one.simulated(CONFIDENCE), driven, rectified, pooled, found, found.verdict(margin))
 
 
 def _pooled(evidence: Evidence) -> dict[str, Rate]:
@@ -196,10 +196,6 @@ def _pooled(evidence: Evidence) -> dict[str, Rate]:
         [one.runs for one in some],
     )
     return {one.label: rate for one, rate in zip(some, rates, strict=True)}
-
-
-def _simulated(one: DesignEvidence, confidence: float) -> Rate:
-    return wilson_rate(one.runs_passed, one.runs, count(one.runs, "run"), confidence)
 
 
 def _driven(one: DesignEvidence, confidence: float) -> Rate:

@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 from foldcar.advice.resimulation import Resimulation
 from foldcar.advice.words import count, design_text
+from foldcar.analysis.anytime import anytime_interval
+from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.rate import Rate
 from foldcar.store.frames import runs_frame
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -52,6 +55,7 @@ class DesignEvidence:
 
     ``swept`` is False for a design of trials that the sweep lacks, whose runs were made now or are none. ``label`` is
     its name for the reader, ``outcomes`` counts the runs by outcome, ``mean_time_s`` is that of all runs (None without).
+    ``stopped``: its runs are those of a sweep that stopped when it knew.
     """
 
     vehicle_type: str
@@ -64,6 +68,11 @@ class DesignEvidence:
     mean_time_s: float | None
     trials: tuple[PairedTrial, ...] = ()
     aborted: int = 0
+    stopped: bool = False
+
+    def simulated(self, confidence: float = 0.95) -> Rate:
+        """The rate of its runs, at least one."""
+        return run_rate(self.runs_passed, self.runs, count(self.runs, "run"), self.stopped, confidence)
 
     @property
     def runs(self) -> int:
@@ -133,6 +142,17 @@ def read_evidence(
     ]
 
 
+def run_rate(passed: int, runs: int, what: str, stopped: bool, confidence: float = 0.95) -> Rate:
+    """The share of runs that passed, with its interval; ``what`` was counted, by a sweep that ``stopped`` when it knew.
+
+    Wilson's interval holds for a number of runs that was fixed before: after such a sweep the anytime-valid one holds.
+    """
+    if stopped:
+        low, high = map(float, anytime_interval(passed, runs, confidence))
+        return Rate(passed / runs, low, high, confidence, f"anytime-valid interval of {what}")
+    return Rate(passed / runs, *wilson_interval(passed, runs, confidence), confidence, f"Wilson interval of {what}")
+
+
 def listed_id(info: ExperimentInfo) -> str:
     """The experiment's name in the listing, which trials go by: sweeps under a calibration have names of their own."""
     return info.id if info.calibration is None else info.calibration["experiment"]
@@ -177,18 +197,22 @@ def _swept(store: Store, info: ExperimentInfo, runs: pandas.DataFrame) -> Iterat
     names = list(designs[0]) if designs else []
     groups = runs.groupby([*info.varied], sort=False, dropna=False).indices if info.varied else {(): range(len(runs))}
     keyed = {key if isinstance(key, tuple) else (key,): rows for key, rows in groups.items()}
+    samples, elapsed_s = runs["sample"].to_numpy(), runs["elapsed_time_s"].to_numpy()
+    codes, outcomes = pandas.factorize(runs["outcome"])
     for design in designs:
-        some = runs.iloc[keyed.get(tuple(design[name] for name in info.varied), [])]
-        mean = some["elapsed_time_s"].mean()
+        rows = numpy.asarray(keyed.get(tuple(design[name] for name in info.varied), []), dtype=int)
+        counts = numpy.bincount(codes[rows], minlength=len(outcomes)).tolist()
+        times = elapsed_s[rows][~numpy.isnan(elapsed_s[rows])]
         yield DesignEvidence(
             info.vehicle_type,
             {name: design[name] for name in names},
             design_text({name: design[name] for name in info.varied}),
             True,
-            some["sample"].to_numpy(),
-            (some["outcome"] == "passed").to_numpy(dtype=bool),
-            Counter(some["outcome"]),
-            None if pandas.isna(mean) else float(mean),
+            samples[rows],
+            numpy.isin(codes[rows], numpy.flatnonzero(outcomes == "passed")),
+            Counter({outcome: number for outcome, number in zip(outcomes, counts, strict=True) if number}),
+            float(times.mean()) if len(times) else None,
+            stopped=info.until is not None,
         )
 
 

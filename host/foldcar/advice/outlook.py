@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from foldcar.advice.evidence import DesignEvidence, Evidence
-from foldcar.analysis.intervals import wilson_interval
 from foldcar.analysis.pooled_bias import pooled_rates
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.success_model import success_model
@@ -78,7 +77,7 @@ def outlook(evidence: Evidence) -> Outlook | None:
     # Threads for matrices of some tens of rows only wait for each other.
     with threadpool_limits(1):
         pooled = _pooled(x, runs, trials) if (trials[:, 1] > 0).sum() > 1 else None
-        draws, smooth = truth_draws(x, runs, trials, DRAWS), _smooth(x, runs)
+        draws, smooth = truth_draws(x, runs, trials, DRAWS), _smooth(designs, x, runs)
     return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth)
 
 
@@ -98,12 +97,13 @@ def _matrix(designs: Sequence[DesignEvidence]) -> tuple[NDArray[Any], NDArray[An
     return samples, passed
 
 
-def _smooth(x: NDArray[Any], runs: NDArray[Any]) -> NDArray[Any]:
+def _smooth(designs: Sequence[DesignEvidence], x: NDArray[Any], runs: NDArray[Any]) -> NDArray[Any]:
     """Simulation's rate and its band (D, 3), smooth where there is a model: few designs have none."""
     differing = (numpy.ptp(x, axis=0) > 0).all() if x.size else False
     if x.shape[1] in (1, 2) and len(x) >= LEAST_SMOOTHED and differing:
         return numpy.column_stack(success_model(x, runs[:, 0], runs[:, 1]).rates(x))
-    return numpy.array([(k / n, *wilson_interval(int(k), int(n))) for k, n in runs])
+    rates = [one.simulated() for one in designs]
+    return numpy.array([(rate.value, rate.low, rate.high) for rate in rates])
 
 
 def _pooled(x: NDArray[Any], runs: NDArray[Any], trials: NDArray[Any]) -> tuple[Rate, ...]:

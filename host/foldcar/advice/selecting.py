@@ -13,11 +13,10 @@ import pandas
 from threadpoolctl import threadpool_limits
 
 from foldcar.advice.cost import Cost, cost
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence, listed_id, read_evidence
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence, listed_id, read_evidence, run_rate
 from foldcar.advice.outlook import Outlook, outlook
 from foldcar.advice.reasons import first_reason, next_reason, region_text
 from foldcar.advice.words import count, listed, percent, points
-from foldcar.analysis.intervals import wilson_interval
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.region import Placed, first_designs
 from foldcar.analysis.selection import choose, expected_loss, honest_best, telling_environments, trials_needed
@@ -56,8 +55,9 @@ class Selection:
     """The advice for one experiment: the answer in ``sentence``, then what it rests on.
 
     ``enough`` says that trials decide already; then there are no recommendations. ``environments`` are the samples to set
-    up for all recommended designs, ``telling`` of them tell the designs apart in simulation. ``loss``: by how much the
-    best design may be missed if no more trials are made (0 to 1), None before trials.
+    up for all recommended designs, ``telling`` of them tell the designs apart in simulation. ``leader``: the best design
+    by trials and simulation together; ``loss``: how much (0 to 1) it lacks on average to the best there may be. Both are
+    None before trials.
     """
 
     info: ExperimentInfo
@@ -67,6 +67,7 @@ class Selection:
     environments: tuple[int, ...]
     telling: int
     enough: bool
+    leader: Design | None
     loss: float | None
     sentence: str
     remarks: tuple[str, ...]
@@ -106,7 +107,7 @@ def select_evidence(
         limit = threshold if threshold is not None else max(one.info.thresholds, default=THRESHOLD)
         seen = outlook(one) if one.info.success_defined else None
         if seen is None:
-            found.append(Selection(one.info, limit, precision, (), (), 0, False, None, _nothing(one), one.remarks))
+            found.append(Selection(one.info, limit, precision, (), (), 0, False, None, None, _nothing(one), one.remarks))
         else:
             choice = _Choice(one, evidence, seen, limit, precision)
             # Threads for matrices of some tens of rows only wait for each other.
@@ -132,9 +133,10 @@ class _Choice:
     precision: float
 
     def selection(self, build: int, with_cost: bool) -> Selection:
-        seen, enough, loss = self.seen, False, None
+        seen, enough, leader, loss = self.seen, False, None, None
         if seen.driven:
-            _, loss = expected_loss(seen.draws)
+            best, loss = expected_loss(seen.draws)
+            leader = seen.designs[best].design
             enough = not self._open().any() and loss <= self.precision
         placed = [] if enough else self._placed(build)
         recommended = tuple(self._recommendation(one, placed, with_cost) for one in placed)
@@ -148,7 +150,7 @@ class _Choice:
         info, remarks = self.evidence.info, self._remarks(recommended, wanted, len(samples))
         sentence = self._sentence(recommended, enough, loss)
         return Selection(
-            info, self.threshold, self.precision, recommended, samples, telling, enough, loss, sentence, remarks
+            info, self.threshold, self.precision, recommended, samples, telling, enough, leader, loss, sentence, remarks
         )
 
     def _placed(self, build: int) -> list[Placed]:
@@ -194,15 +196,9 @@ class _Choice:
             reason = next_reason(seen, index, self.threshold, self._parted(one), together)
         else:
             reason = first_reason(placed.place, one, self.threshold, self._parted(one))
-        simulated = Rate(
-            one.runs_passed / one.runs,
-            *wilson_interval(one.runs_passed, one.runs),
-            0.95,
-            f"Wilson interval of {count(one.runs, 'run')}",
-        )
         price = cost(one.vehicle_type, one.design, trials, one.mean_time_s, bool(done)) if with_cost else None
         return Recommendation(
-            one.label, one.design, placed.place, reason, simulated, expected, bool(done), done, trials, price
+            one.label, one.design, placed.place, reason, one.simulated(), expected, bool(done), done, trials, price
         )
 
     def _remarks(self, recommended: Sequence[Recommendation], wanted: int, environments: int) -> tuple[str, ...]:
@@ -210,10 +206,10 @@ class _Choice:
         remarks = [region_text(seen, self.threshold, self.evidence.parameters)]
         best, passed, number = honest_best(seen.passed)
         if number and len(seen.designs) > 1:
-            low, high = wilson_interval(passed, number)
+            rate = run_rate(passed, number, count(number, "run"), self.evidence.info.until is not None)
             remarks.append(
-                f"Best in simulation: {seen.designs[best].label}, {percent(passed / number)} ({percent(low)} to "
-                f"{percent(high)}), chosen in one half of the environments and counted in the other."
+                f"Best in simulation: {seen.designs[best].label}, {percent(rate.value)} ({percent(rate.low)} to "
+                f"{percent(rate.high)}), chosen in one half of the environments and counted in the other."
             )
         if seen.thinned:
             remarks.append(f"{count(seen.thinned, 'design')} between these were left out of the choice, to save time.")

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from foldcar.errors import FoldcarError
 
 MOST_TRIALS = 10_000
-THRESHOLD_WEIGHT = 0.1
 
 
 @dataclass(frozen=True)
@@ -31,8 +30,8 @@ class Value:
 
     @property
     def total(self) -> NDArray[Any]:
-        """The value for the choice; the threshold counts little, so that it decides where the choice is alike."""
-        found: NDArray[Any] = self.choice + THRESHOLD_WEIGHT * self.threshold
+        """Both together."""
+        found: NDArray[Any] = self.choice + self.threshold
         return found
 
 

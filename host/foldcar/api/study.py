@@ -5,7 +5,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from foldcar.advice.comparison import MARGIN, Comparison, compare, wilson_rate
+from foldcar.advice.comparison import MARGIN, Comparison, compare
+from foldcar.advice.evidence import run_rate
 from foldcar.advice.selecting import BUILD, PRECISION, Selection, select
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.success_model import SuccessModel, success_model
@@ -76,7 +77,9 @@ class Study:
         passed = self._judged(chosen)["passed"]
         count, runs = int(passed.sum()), len(passed)
         what = "simulated runs" if source == "simulation" else "trials of built cars"
-        return wilson_rate(count, runs, f"{count} of {runs} {what} that passed", confidence)
+        name = str(chosen["experiment"].iloc[0])
+        stopped = source == "simulation" and self.experiments[name].until is not None
+        return run_rate(count, runs, f"{count} of {runs} {what} that passed", stopped, confidence)
 
     def select(
         self,

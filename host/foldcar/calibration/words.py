@@ -62,13 +62,16 @@ def _check(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _next(summary: Mapping[str, Any]) -> Iterator[str]:
-    for one in summary["next_trials"][:1]:
-        height = one["obstacle_height"]
-        at = "" if height == 1 else f" with obstacles {100 * height:.0f} % as high"
-        yield (
-            f"Most would be learned by {one['trials']} trials of {_design(one)}{at}: {one['bits']:.2f} bits, most of all "
-            f"about {one['parameter']}."
-        )
+    found = summary["next_trials"]
+    if found:
+        trials = "; of ".join(_trials(one) for one in found)
+        yield f"Most would be learned by {found[0]['trials']} trials of {trials}."
+
+
+def _trials(one: Mapping[str, Any]) -> str:
+    height = one["obstacle_height"]
+    at = "" if height == 1 else f" with obstacles {100 * height:.0f} % as high"
+    return f"{_design(one)}{at} ({one['bits']:.2f} bits, most about {one['parameter']})"
 
 
 def design_text(design: Mapping[str, float]) -> str:

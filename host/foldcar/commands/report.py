@@ -23,6 +23,18 @@ def report(
         ),
     ],
     simulated_trials: SimulatedTrials = False,
+    threshold: Annotated[
+        list[float] | None,
+        typer.Option(
+            metavar="SHARE",
+            min=0.01,
+            max=0.99,
+            help="Success of good designs, 0 to 1; may be repeated. Default: the listing's, or 0.5 and 0.75.",
+        ),
+    ] = None,
+    sample: Annotated[
+        int, typer.Option(metavar="K", min=0, help="The environment whose times to cross are drawn, counted from 0.")
+    ] = 0,
     replay: Annotated[
         bool, typer.Option("--replay/--no-replay", help="Simulate the runs again, to be watched on the page.")
     ] = True,
@@ -34,9 +46,10 @@ def report(
     PNG and PDF. The page replays runs, which the same build of carsim simulates again; each must end as the stored one.
 
     \b
-    Example: foldcar report study.db -o report
+    Example: foldcar report study.db -o report --threshold 0.6 --threshold 0.8
     """
     from foldcar.commands.replay_bar import ReplayBar
+    from foldcar.report.figure_options import figure_options
     from foldcar.report.replayer import Replayer
     from foldcar.report.summary_object import summary_object, trials_object
     from foldcar.report.terminal import print_summary
@@ -46,11 +59,14 @@ def report(
     command = ["foldcar", "report", str(store), "-o", str(output)]
     if simulated_trials:
         command.append("--simulated-trials")
+    options = figure_options(threshold or [], sample)
+    command += [word for share in options.chosen for word in ("--threshold", f"{share:g}")]
+    command += ["--sample", str(sample)] if sample else []
     if not replay:
         command.append("--no-replay")
     with Store.open(store) as opened, ReplayBar() as bar:
         replayer = Replayer(_carsim(replay), len(os.sched_getaffinity(0)), bar.plan, bar.done)
-        sections, driven = write_report(opened, output, command, simulated_trials, replayer)
+        sections, driven = write_report(opened, output, command, simulated_trials, replayer, options)
     if as_json:
         experiments, only_trials = [summary_object(one) for one in sections], [trials_object(one) for one in driven]
         print_json({"store": store, "page": output / PAGE, "experiments": experiments, "trials": only_trials})

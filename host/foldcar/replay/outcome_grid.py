@@ -1,18 +1,19 @@
-"""Which run ended how: an experiment's outcomes by design and sample, collected while its results are read for tables.
+"""Which run ended how: an experiment's outcomes by design and sample.
 
-Input: results in the store's order, one pass. Output: arrays; 9 bytes a run.
+Input: an experiment's runs. Output: arrays; 9 bytes a run.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy
 
-from foldcar.simulation.results import OUTCOMES, Result
+from foldcar.simulation.results import NUMBERS, OUTCOMES
+from foldcar.store.frames import RunArrays
 
-# More cells than these cannot be told apart on a screen, and would make the page slow.
-MOST_CELLS = 40_000
+# More columns and rows than these cannot be told apart on a screen.
 MOST_DESIGNS = 400
+MOST_SAMPLES = 200
 NONE = 0
 
 
@@ -27,20 +28,11 @@ class OutcomeGrid:
         self.samples = samples
         self.outcomes = numpy.zeros((len(designs), samples), dtype=numpy.uint8)
         self.elapsed_s = numpy.full((len(designs), samples), numpy.nan)
-        self._places = {_key(design): place for place, design in enumerate(designs)}
 
-    def watching(self, results: Iterable[Result]) -> Iterator[Result]:
-        """The results as they come, entered on the way."""
-        known: Mapping[str, Any] | None = None
-        place = 0
-        for result in results:
-            if result.design is not known:
-                known, place = result.design, self._places[_key(result.design)]
-            self.outcomes[place, result.sample] = 1 + OUTCOMES.index(result.outcome)
-            elapsed_s = result.metrics["elapsed_time_s"]
-            if elapsed_s is not None:
-                self.elapsed_s[place, result.sample] = elapsed_s
-            yield result
+    def enter(self, runs: RunArrays) -> None:
+        """Enter the experiment's runs."""
+        self.outcomes[runs.design, runs.sample] = 1 + runs.outcome
+        self.elapsed_s[runs.design, runs.sample] = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
 
     def outcome(self, design: int, sample: int) -> str | None:
         """How that run ended; None if there is none."""
@@ -56,19 +48,14 @@ class OutcomeGrid:
 
     def shown_samples(self) -> list[int]:
         """The samples that a page shows: all, or each design's first of each outcome and the first."""
-        room = max(1, MOST_CELLS // max(1, len(self.shown_designs())))
-        if self.samples <= room:
+        if self.samples <= MOST_SAMPLES:
             return list(range(self.samples))
         wanted: dict[int, None] = {}
         for code in range(1, len(OUTCOMES) + 1):
             ended = self.outcomes[self.shown_designs()] == code
             wanted.update(dict.fromkeys(int(first) for first in ended.argmax(axis=1)[ended.any(axis=1)]))
-        for sample in range(room):
-            if len(wanted) >= room:
+        for sample in range(MOST_SAMPLES):
+            if len(wanted) >= MOST_SAMPLES:
                 break
             wanted.setdefault(sample)
-        return sorted(list(wanted)[:room])
-
-
-def _key(design: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
-    return tuple(sorted(design.items()))
+        return sorted(list(wanted)[:MOST_SAMPLES])

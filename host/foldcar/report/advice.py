@@ -20,11 +20,14 @@ from foldcar.store.reader import Store
 DASH = "–"
 
 
-def read_advice(store: Store) -> dict[str, Slots]:
-    """The advice for every swept experiment by its name. Sheets are not nested: `foldcar select` does that."""
+def read_advice(store: Store, threshold: float | None = None) -> dict[str, Slots]:
+    """The advice for every swept experiment by its name; ``threshold`` None: the listing's.
+
+    Sheets are not nested: `foldcar select` does that.
+    """
     try:
         evidence = read_evidence(store)
-        selections = select_evidence(evidence, with_cost=False)
+        selections = select_evidence(evidence, threshold=threshold, with_cost=False)
         comparison = compare_evidence(evidence, unswept_trials(store))
     except FoldcarError as error:
         unknown = Slots(parts=(Part("What to build next", (f"No advice: {error}.",)),))
@@ -40,7 +43,9 @@ def read_advice(store: Store) -> dict[str, Slots]:
 def _slots(selection: Selection, comparison: Comparison) -> Slots:
     compared = next(one for one in comparison.experiments if one.info.id == selection.info.id)
     sentences = []
-    if selection.recommendations or selection.enough:
+    # Where nothing reaches the threshold, the table says what bounds it; a headline would sound like praise.
+    reaching = [one for one in selection.recommendations if one.trials_done or one.simulated.value >= selection.threshold]
+    if reaching or selection.enough:
         sentences.append(selection.sentence)
     if compared.mean_gap is not None:
         sentences.append(compared.sentence)

@@ -1,11 +1,12 @@
 """The report's parts on success by a parameter of the environment, over experiments that differ in nothing else."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from foldcar.report.advice_slots import Part
 from foldcar.report.axis import parameter_label, value_text
 from foldcar.report.design_table import Count, DesignTable, read_table
 from foldcar.report.environment_groups import EnvironmentGroup, environment_groups
+from foldcar.report.figure_options import FigureOptions
 from foldcar.report.file_names import file_name_part
 from foldcar.report.map_part import map_drawing, remarks, slices_drawing, tables
 from foldcar.report.map_plan import Panel, plan_map
@@ -14,10 +15,10 @@ from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 
 
-def environment_parts(store: Store, infos: Iterable[ExperimentInfo], thresholds: Sequence[float]) -> list[Part]:
-    """A part for each parameter in one number of which experiments differ; ``thresholds`` 0 to 1. StoreError."""
+def environment_parts(store: Store, infos: Iterable[ExperimentInfo], options: FigureOptions) -> list[Part]:
+    """A part for each parameter in one number of which experiments differ. StoreError."""
     groups = environment_groups(infos)
-    return [_part(store, number, group, thresholds) for number, group in enumerate(groups, 1)]
+    return [_part(store, number, group, options) for number, group in enumerate(groups, 1)]
 
 
 def joined_table(store: Store, group: EnvironmentGroup) -> tuple[str, DesignTable]:
@@ -32,7 +33,8 @@ def joined_table(store: Store, group: EnvironmentGroup) -> tuple[str, DesignTabl
     return name, DesignTable((name, *names), cells)
 
 
-def _part(store: Store, number: int, group: EnvironmentGroup, thresholds: Sequence[float]) -> Part:
+def _part(store: Store, number: int, group: EnvironmentGroup, options: FigureOptions) -> Part:
+    thresholds = options.thresholds(next(iter(group.experiments.values())))
     name, table = joined_table(store, group)
     plan = plan_map(table, name)
     designs = {values[1:] for values in table.cells}

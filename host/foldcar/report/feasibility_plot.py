@@ -14,7 +14,6 @@ from foldcar.report.success_plot import draw_trials, finish_success, success_tip
 from foldcar.report.tips import set_tip
 from foldcar.report.trial_series import TrialTally
 
-FEASIBLE_PERCENT = 75
 REGION = "#dff1ea"
 ADVISED = "#e69f00"
 
@@ -23,12 +22,14 @@ def draw_feasibility(
     series: Series,
     built: Mapping[float, TrialTally],
     simulated: Mapping[float, TrialTally],
+    thresholds: Sequence[float],
     recommended: Sequence[Recommendation] = (),
     narrow: bool = False,
 ) -> Figure:
     """The curve through the designs' shares with the band of their 95 % intervals; trials as diamonds.
 
-    Where the share is above FEASIBLE_PERCENT the ground is tinted; recommended designs are marked under the axis' top.
+    Where the share is above the highest of the thresholds, 0 to 1, the ground is tinted; recommended designs are
+    marked under the axis' top.
     """
     axis = ParameterAxis(list(series.tallies))
     figure = sized_figure(narrow, 4.0)
@@ -39,7 +40,7 @@ def draw_feasibility(
     bands = [tally.interval or (0.0, 1.0) for _, tally in judged]
     half = axis.bar_width / 0.8 / 2
     for place, share in zip(places, shares, strict=True):
-        if share > FEASIBLE_PERCENT:
+        if share > 100 * max(thresholds):
             axes.axvspan(place - half, place + half, color=REGION, linewidth=0, zorder=0)
     low, high = [100 * band[0] for band in bands], [100 * band[1] for band in bands]
     if axis.to_scale:
@@ -58,10 +59,10 @@ def draw_feasibility(
         axes.axvline(place, color=ADVISED, linewidth=1.4, linestyle="--", zorder=1)
         (mark,) = axes.plot([place], [106], "v", color=ADVISED, markeredgecolor=INK, markersize=9, clip_on=False)
         set_tip(mark, f"build {one.label}: {one.why}")
-    finish_success(axes, axis, series.parameter, "Feasible region: simulation, trials, what to build", narrow)
+    finish_success(axes, axis, series.parameter, "Feasible region: simulation, trials, what to build", thresholds, narrow)
     axes.set_ylim(0, 112 if advised else 103)
     axes.set_yticks(range(0, 101, 25))
-    handles = [*axes.get_legend_handles_labels()[0], Patch(color=REGION, label=f"above {FEASIBLE_PERCENT} %")]
+    handles = [*axes.get_legend_handles_labels()[0], Patch(color=REGION, label=f"above {100 * max(thresholds):g} %")]
     if advised:
         (shown,) = axes.plot([], [], "v", color=ADVISED, markeredgecolor=INK, label="advised to build")
         handles.append(shown)

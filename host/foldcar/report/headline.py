@@ -10,13 +10,14 @@ from foldcar.report.series import Series, Summary, Tally, Value
 from foldcar.report.trial_series import TrialSummary, TrialTally
 from foldcar.store.info import ExperimentInfo
 
-FEASIBLE = 0.75
-
 
 def headline(
-    info: ExperimentInfo, summary: Summary, trials: TrialSummary, said: Sequence[str] = ()
+    info: ExperimentInfo, summary: Summary, trials: TrialSummary, threshold: float, said: Sequence[str] = ()
 ) -> list[str]:
-    """The sentences, the most important first: what is ``said`` of trials and of what to build, then the counts' own."""
+    """The sentences, the most important first: what is ``said`` of trials and of what to build, then the counts' own.
+
+    A design is feasible above the ``threshold``, 0 to 1.
+    """
     total = summary.total
     sentences = list(said)
     if not total.runs:
@@ -25,7 +26,7 @@ def headline(
         return [*sentences, "What counts as success is not defined here, so no design can be called feasible."]
     if len(summary.series) == 1:
         (series,) = summary.series
-        sentences.append(_region(series))
+        sentences.append(_region(series, threshold))
         if not said:
             sentences += _trial_verdict(series, trials.built.series.get(series.parameter, {}))
     else:
@@ -42,20 +43,23 @@ def _over_all(total: Tally, parameters: int) -> str:
     return f"{what} passed {total.passed} of {total.runs} simulated runs ({100 * (total.success or 0):.0f} %)."
 
 
-def _region(series: Series) -> str:
-    """Which values pass in more than FEASIBLE of the environments, and for which the interval says so too."""
-    feasible = [value for value, tally in series.tallies.items() if (tally.success or 0) > FEASIBLE]
+def _region(series: Series, threshold: float) -> str:
+    """Which values pass in more than the threshold of the environments, and for which the interval says so too."""
+    feasible = [value for value, tally in series.tallies.items() if (tally.success or 0) > threshold]
     name, _ = _name_and_unit(series.parameter)
-    share = f"more than {100 * FEASIBLE:.0f} % of the environments"
+    share = f"more than {100 * threshold:g} % of the environments"
     if not feasible:
         value, best = max(series.tallies.items(), key=lambda pair: pair[1].success or 0)
+        if not best.passed:
+            return f"In simulation, no {name} passes a single environment."
         most = f"the best, {_valued(series.parameter, [value])}, passes {100 * (best.success or 0):.0f} %"
         return f"In simulation, no {name} passes {share}; {most}."
-    if len(feasible) == len(series.tallies):
-        return f"In simulation, every {name} tried passes {share}: the feasible region reaches beyond them."
-    certain = [value for value in feasible if (series.tallies[value].interval or (0, 0))[0] > FEASIBLE]
+    certain = [value for value in feasible if (series.tallies[value].interval or (0, 0))[0] > threshold]
     values = list(series.tallies)
-    text = f"In simulation, cars with a {name} of {_valued(series.parameter, feasible, values)} pass {share}"
+    if len(feasible) == len(values):
+        text = f"In simulation, every {name} tried passes {share}, so that no border of the region is among them"
+    else:
+        text = f"In simulation, cars with a {name} of {_valued(series.parameter, feasible, values)} pass {share}"
     if not certain:
         return f"{text}; with so few runs the 95 % intervals leave all of them open."
     if len(certain) == len(feasible):

@@ -7,6 +7,7 @@ from foldcar.report.advice_slots import Drawing, Part, Table
 from foldcar.report.axis import parameter_label
 from foldcar.report.design_matrix import design_matrix
 from foldcar.report.design_table import read_table
+from foldcar.report.figure_options import FigureOptions
 from foldcar.report.file_names import file_name_part
 from foldcar.report.heat_map import draw_map
 from foldcar.report.map_plan import MapPlan, Panel, plan_map
@@ -15,8 +16,8 @@ from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 
 
-def map_parts(store: Store, info: ExperimentInfo, thresholds: Sequence[float]) -> list[Part]:
-    """The part of an experiment in which at least two parameters vary, thresholds 0 to 1; no part otherwise.
+def map_parts(store: Store, info: ExperimentInfo, options: FigureOptions) -> list[Part]:
+    """The part of an experiment in which at least two parameters vary; no part otherwise.
 
     StoreError.
     """
@@ -25,6 +26,7 @@ def map_parts(store: Store, info: ExperimentInfo, thresholds: Sequence[float]) -
     plan = plan_map(read_table(store, info))
     if plan is None:
         return []
+    thresholds = options.thresholds(info)
     start = "experiment_" + file_name_part(info.id)
     drawings = [map_drawing(plan, thresholds, f"{start}_map_by_{plan.x}_and_{plan.y}")]
     for along in (plan.x, plan.y):

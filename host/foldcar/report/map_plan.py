@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from foldcar.analysis.success_model import SuccessModel, success_model
 from foldcar.errors import FoldcarError
@@ -43,7 +44,9 @@ class Panel:
         parameters = numpy.array([[values[at] for at in order] for values in self.table.cells], dtype=float)
         counts = list(self.table.cells.values())
         try:
-            return success_model(parameters, [one.passed for one in counts], [one.runs for one in counts])
+            # Matrices this small take many times as long when BLAS shares them among threads.
+            with threadpool_limits(1):
+                return success_model(parameters, [one.passed for one in counts], [one.runs for one in counts])
         except FoldcarError:
             return None
 
@@ -54,7 +57,8 @@ class Panel:
             return None
         x, y = (numpy.linspace(low, low + span, FINE) for low, span in zip(self.model.low, self.model.span, strict=True))
         across, up = numpy.meshgrid(x, y)
-        rates = self.model.rates(numpy.column_stack([across.ravel(), up.ravel()]))
+        with threadpool_limits(1):
+            rates = self.model.rates(numpy.column_stack([across.ravel(), up.ravel()]))
         return x, y, *(values.reshape(across.shape) for values in rates)
 
     @property

@@ -12,6 +12,7 @@ from markupsafe import Markup
 from foldcar.figures.style import OUTCOME_COLOURS, OUTCOME_LABELS
 from foldcar.inline_svg import inline_svg
 from foldcar.page_template import page_template
+from foldcar.report.advice_slots import Part
 from foldcar.report.axis import extent_text, interval_text, parameter_label, percent_text, value_text
 from foldcar.report.sections import Section
 from foldcar.report.trial_sections import TrialSection
@@ -39,12 +40,15 @@ class Picture:
 def page_html(
     store_name: str,
     info: StudyInfo | None,
+    across: Sequence[Part],
     sections: Sequence[Section],
     driven: Sequence[TrialSection],
     pictures: Mapping[str, Picture],
     report_command: Sequence[str],
 ) -> str:
     """The page as HTML: swept experiments, then those that have trials only; ``info`` is None if nothing was swept.
+
+    ``across`` are parts on several experiments, which stand before those of each.
 
     ``pictures`` holds each drawing by its name.
     """
@@ -57,13 +61,15 @@ def page_html(
         "interval_text": interval_text,
         "script_json": _script_json,
     }
-    drawings = [drawing for section in sections for drawing in section.all_drawings]
+    drawings = [drawing for part in across for drawing in part.drawings]
+    drawings += [drawing for section in sections for drawing in section.all_drawings]
     drawings += [drawing for section in driven for drawing in section.all_drawings]
     captions = {drawing.name: drawing.caption for drawing in drawings}
     outcomes = [{"label": OUTCOME_LABELS[name], "colour": OUTCOME_COLOURS[name]} for name in OUTCOMES]
     return page_template("foldcar.report", "web/page.html", filters).render(
         store_name=store_name,
         info=info,
+        across=across,
         sections=sections,
         driven=driven,
         svgs={name: _inlined(name, picture, captions[name]) for name, picture in pictures.items()},

@@ -8,19 +8,20 @@ from functools import partial
 
 from foldcar.replay.outcome_grid import OutcomeGrid
 from foldcar.replay.replay import Replay
-from foldcar.replay.stored_drives import read_drives
 from foldcar.report.advice_slots import Drawing, Slots
 from foldcar.report.axis import parameter_label
-from foldcar.report.feasibility_plot import FEASIBLE_PERCENT, draw_feasibility
+from foldcar.report.feasibility_plot import draw_feasibility
+from foldcar.report.figure_options import FigureOptions
 from foldcar.report.file_names import file_name_part
 from foldcar.report.headline import headline
 from foldcar.report.outcome_plot import draw_outcomes
 from foldcar.report.replayer import Replayer
-from foldcar.report.series import Summary, summarise
+from foldcar.report.series import Summary, summarise, summarise_runs
 from foldcar.report.stopped_remarks import stopped_remarks
 from foldcar.report.success_plot import draw_success
 from foldcar.report.time_plot import draw_times
 from foldcar.report.trial_series import TrialSummary, TrialTally, summarise_trials
+from foldcar.store.frames import run_arrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
@@ -29,6 +30,7 @@ from foldcar.store.trial_selection import left_out_text, select_trials
 # Different messages of failed runs, and skipped cars, that are shown.
 SHOWN = 5
 NO_SLOTS = Slots()
+NO_OPTIONS = FigureOptions()
 
 
 @dataclass(frozen=True)
@@ -61,29 +63,35 @@ def read_section(
     replayer: Replayer,
     key: str = "e0",
     slots: Slots = NO_SLOTS,
+    options: FigureOptions = NO_OPTIONS,
 ) -> Section:
-    """Count the experiment's runs, in one pass, and plan its figures.
+    """Count the experiment's runs and plan its figures.
 
     ``simulated_trials``: show trials of simulated cars too, apart from those of built ones.
     """
-    grid = OutcomeGrid(read_drives(store, info.id).parameters, info.environments)
-    results = grid.watching(store.results(info.id))
-    summary = summarise(results, info.varied, info.success_defined, info.until is not None)
+    runs, designs = run_arrays(store, info.id), list(store.designs(info.id).values())
+    grid = OutcomeGrid(designs, info.environments)
+    grid.enter(runs)
+    how = (info.varied, info.success_defined, info.until is not None, options.sample)
+    recorded = store.holds_recorded()
+    summary = summarise(store.results(info.id), *how) if recorded else summarise_runs(runs, designs, *how)
     trials = summarise_trials(store.trials(info.id), info, simulated_trials)
     shown, _ = select_trials(store.trials(info.id), simulated_trials)
     replay = replayer.replay(store, info, grid, shown)
     remarks = _remarks(info, summary, trials) + _elsewhere(store, info, shown)
     remarks += _failures(store, info, summary)
+    if options.sample >= info.environments:
+        remarks.append(f"There is no environment {options.sample} here, so times to cross are not drawn.")
     return Section(
         key,
         info,
         summary,
         trials,
         remarks,
-        _drawings(info, summary, trials, slots),
+        _drawings(info, summary, trials, slots, options),
         replay,
         slots,
-        headline(info, summary, trials, slots.sentences),
+        headline(info, summary, trials, max(options.thresholds(info)), slots.sentences),
     )
 
 
@@ -143,7 +151,10 @@ def _failures(store: Store, info: ExperimentInfo, summary: Summary) -> list[str]
     return [f"{failed} of {summary.total.runs} runs failed{counted}: {shown}{more}. List them: {listed}"]
 
 
-def _drawings(info: ExperimentInfo, summary: Summary, trials: TrialSummary, slots: Slots) -> list[Drawing]:
+def _drawings(
+    info: ExperimentInfo, summary: Summary, trials: TrialSummary, slots: Slots, options: FigureOptions
+) -> list[Drawing]:
+    thresholds = options.thresholds(info)
     drawings = []
     start = "experiment_" + file_name_part(info.id)
     for series in summary.series:
@@ -155,17 +166,17 @@ def _drawings(info: ExperimentInfo, summary: Summary, trials: TrialSummary, slot
             diamonds = _diamonds(built, simulated)
             caption = (
                 f"Success by {label}: the curve is simulation, its band the {series.interval_name} 95 % intervals; "
-                f"tinted where more than {FEASIBLE_PERCENT} % pass.{diamonds}"
+                f"tinted where more than {100 * max(thresholds):g} % pass.{diamonds}"
             )
-            draw = partial(draw_feasibility, series, built, simulated, slots.recommendations)
+            draw = partial(draw_feasibility, series, built, simulated, thresholds, slots.recommendations)
             drawings.append(Drawing(f"{start}_feasibility_by_{parameter}", caption, draw, "feasibility"))
             intervals = f"{series.interval_name} 95 % intervals"
             caption = f"Mean success by {label} over all environments, with {intervals}.{diamonds}"
-            draw = partial(draw_success, series, built, simulated)
+            draw = partial(draw_success, series, built, simulated, thresholds)
             drawings.append(Drawing(f"{start}_success_by_{parameter}", caption, draw, "success"))
         if summary.timed:
-            draw = partial(draw_times, summary.timed, parameter, info.timeout_s)
-            caption = f"Time to cross by {label} in one environment. Runs that did not pass are red."
+            draw = partial(draw_times, summary.timed, parameter, info.timeout_s, options.sample)
+            caption = f"Time to cross by {label} in environment {options.sample}. Runs that did not pass are red."
             drawings.append(Drawing(f"{start}_time_by_{parameter}", caption, draw, "success"))
         caption = f"Outcomes by {label}, as shares of the runs."
         drawings.append(Drawing(f"{start}_outcomes_by_{parameter}", caption, partial(draw_outcomes, series), "outcomes"))

@@ -4,13 +4,16 @@ Input: results of runs. Output: tallies and single runs for tables and plots.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy
+
 from foldcar.analysis.anytime import anytime_mean_interval
 from foldcar.analysis.intervals import wilson_interval
-from foldcar.simulation.results import OUTCOMES, Result
+from foldcar.simulation.results import NUMBERS, OUTCOMES, Result
+from foldcar.store.frames import RunArrays
 
 Value = float | str
 
@@ -52,6 +55,16 @@ class Tally:
     stopped: bool = False
     # Runs and passed runs by the design's values, after a sweep that stopped.
     _designs: dict[tuple[Value, ...], list[int]] = field(default_factory=dict)
+
+    def add_design(self, design: Mapping[str, Value], outcomes: Sequence[int], passed_time_s: float) -> None:
+        """Count all runs of a design: how many ended in each of OUTCOMES, and the time of those that passed."""
+        for outcome, count in zip(OUTCOMES, outcomes, strict=True):
+            self.outcomes[outcome] += count
+        if self.stopped:
+            counts = self._designs.setdefault(tuple(design.values()), [0, 0])
+            counts[0] += sum(outcomes)
+            counts[1] += outcomes[OUTCOMES.index("passed")]
+        self.passed_time_s += passed_time_s
 
     def add(self, result: Result) -> None:
         """Count a run."""
@@ -161,6 +174,44 @@ def summarise(
         if judged and result.sample == timed_sample and len(tallies) == 1:
             (parameter,) = tallies
             timed.append(TimedRun(result.design[parameter], result.outcome, result.metrics["elapsed_time_s"]))
+    return _summary(total, tallies, timed, stopped)
+
+
+def summarise_runs(
+    runs: RunArrays,
+    designs: Sequence[Mapping[str, Value]],
+    varied: Mapping[str, Any],
+    judged: bool = True,
+    stopped: bool = False,
+    timed_sample: int = 0,
+) -> Summary:
+    """As :func:`summarise`, of runs without recorded values, by the million; ``designs`` are the family's."""
+    kinds, passed = len(OUTCOMES), OUTCOMES.index("passed")
+    elapsed_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
+    counts = numpy.bincount(runs.design * kinds + runs.outcome, minlength=len(designs) * kinds).reshape(-1, kinds)
+    times = numpy.where(runs.outcome == passed, numpy.nan_to_num(elapsed_s), 0.0)
+    passed_s = numpy.bincount(runs.design, times, minlength=len(designs))
+    total = Tally(judged, stopped=stopped)
+    tallies: dict[str, dict[Value, Tally]] = {parameter: {} for parameter in varied}
+    for design, outcomes, time_s in zip(designs, counts.tolist(), passed_s.tolist(), strict=True):
+        if not any(outcomes):
+            continue
+        total.add_design(design, outcomes, time_s)
+        for parameter, by_value in tallies.items():
+            tally = by_value.setdefault(design[parameter], Tally(judged, stopped=stopped))
+            tally.add_design(design, outcomes, time_s)
+    timed = []
+    if judged and len(tallies) == 1:
+        (parameter,) = tallies
+        for at in numpy.flatnonzero(runs.sample == timed_sample):
+            time_s = None if math.isnan(elapsed_s[at]) else float(elapsed_s[at])
+            timed.append(TimedRun(designs[runs.design[at]][parameter], OUTCOMES[runs.outcome[at]], time_s))
+    return _summary(total, tallies, timed, stopped)
+
+
+def _summary(
+    total: Tally, tallies: Mapping[str, dict[Value, Tally]], timed: list[TimedRun], stopped: bool
+) -> Summary:
     series = [
         Series(
             name,

@@ -1,6 +1,7 @@
 """Draws mean success by a design parameter in three colours, with 95 % intervals."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import matplotlib
@@ -38,7 +39,7 @@ def success_colour(success: float, thresholds: Sequence[float] = THRESHOLDS) -> 
 
 def _legend(thresholds: Sequence[float]) -> list[Any]:
     limits = [f"{100 * threshold:g}" for threshold in thresholds]
-    between = [f"{low} to {high} %" for low, high in zip(limits, limits[1:], strict=False)]
+    between = [f"{low} to {high} %" for low, high in pairwise(limits)]
     labels = [f"below {limits[0]} %", *between, f"above {limits[-1]} %"]
     pairs = zip(class_colours(thresholds), labels, strict=True)
     return [Patch(color=colour, label=label) for colour, label in reversed(list(pairs))]
@@ -84,7 +85,7 @@ def draw_success(
         set_tip(bars[0], success_tip(series.parameter, value, tally))
     draw_trials(axes, axis, series.parameter, 0.25, built, simulated)
     title = f"Mean success over all environments, {series.interval_name} 95 % intervals"
-    finish_success(axes, axis, series.parameter, title, narrow)
+    finish_success(axes, axis, series.parameter, title, thresholds, narrow)
     handles = _legend(thresholds)
     handles += axes.get_legend_handles_labels()[0]
     figure.legend(handles=handles, loc="outside lower center", ncols=legend_columns(narrow, 5))
@@ -92,14 +93,18 @@ def draw_success(
 
 
 def draw_trial_success(
-    parameter: str, built: Mapping[float, TrialTally], simulated: Mapping[float, TrialTally], narrow: bool = False
+    parameter: str,
+    built: Mapping[float, TrialTally],
+    simulated: Mapping[float, TrialTally],
+    thresholds: Sequence[float],
+    narrow: bool = False,
 ) -> Figure:
     """Diamonds for the trials of a store without runs, hollow ones for simulated trials."""
     axis = ParameterAxis(sorted({*built, *simulated}))
     figure = sized_figure(narrow)
     axes = figure.subplots()
     draw_trials(axes, axis, parameter, 0.0, built, simulated)
-    finish_success(axes, axis, parameter, "Success of trials, Wilson 95 % intervals", narrow)
+    finish_success(axes, axis, parameter, "Success of trials, Wilson 95 % intervals", thresholds, narrow)
     figure.legend(loc="outside lower center", ncols=2)
     return figure
 
@@ -114,7 +119,9 @@ def success_tip(parameter: str, value: float | str, tally: Tally | TrialTally) -
     )
 
 
-def finish_success(axes: Axes, axis: ParameterAxis, parameter: str, title: str, narrow: bool) -> None:
+def finish_success(
+    axes: Axes, axis: ParameterAxis, parameter: str, title: str, thresholds: Sequence[float], narrow: bool
+) -> None:
     """Axes of shares (%), lines at the thresholds, the title."""
     for threshold in thresholds:
         axes.axhline(100 * threshold, color=INK, linewidth=0.7, linestyle=":")

@@ -14,7 +14,9 @@ from foldcar.report.series import TimedRun
 from foldcar.simulation.results import OUTCOMES
 
 
-def draw_times(runs: Sequence[TimedRun], parameter: str, time_limit_s: float, sample: int, narrow: bool = False) -> Figure:
+def draw_times(
+    runs: Sequence[TimedRun], parameter: str, time_limit_s: float, sample: int, narrow: bool = False
+) -> Figure:
     """Crossing times (s) by the parameter's value; the time axis is broken below the limit, which is often minutes."""
     axis = ParameterAxis([run.value for run in runs])
     figure = sized_figure(narrow)

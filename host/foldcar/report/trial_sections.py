@@ -7,6 +7,7 @@ from functools import partial
 
 from foldcar.report.advice_slots import Drawing
 from foldcar.report.axis import parameter_label
+from foldcar.report.figure_options import THRESHOLDS
 from foldcar.report.success_plot import draw_trial_success
 from foldcar.report.trial_series import TrialGroup, by_car
 from foldcar.store.reader import Store
@@ -38,17 +39,27 @@ class TrialSection:
         return self.drawings
 
 
-def read_trial_sections(store: Store, swept: Sequence[str], simulated_trials: bool) -> list[TrialSection]:
+def read_trial_sections(
+    store: Store, swept: Sequence[str], simulated_trials: bool, thresholds: Sequence[float] = THRESHOLDS
+) -> list[TrialSection]:
     """A section for each type of car of each experiment that is not in ``swept``, in the order of their trials."""
     groups: dict[tuple[str, str], list[Trial]] = {}
     for trial in store.trials():
         if trial.experiment not in swept:
             groups.setdefault((trial.experiment, trial.vehicle_type), []).append(trial)
-    return [_section(number, *key, trials, simulated_trials) for number, (key, trials) in enumerate(groups.items(), 1)]
+    return [
+        _section(number, *key, trials, simulated_trials, thresholds)
+        for number, (key, trials) in enumerate(groups.items(), 1)
+    ]
 
 
 def _section(
-    number: int, experiment: str, vehicle_type: str, trials: Sequence[Trial], simulated_trials: bool
+    number: int,
+    experiment: str,
+    vehicle_type: str,
+    trials: Sequence[Trial],
+    simulated_trials: bool,
+    thresholds: Sequence[float],
 ) -> TrialSection:
     listed, left_out = select_trials(trials, simulated_trials)
     values: dict[str, set[float | None]] = {}
@@ -68,12 +79,12 @@ def _section(
         fixed,
         listed,
         [remark] if remark else [],
-        list(_drawings(f"trials_{number}_{experiment}_{vehicle_type}", varied, built, simulated)),
+        list(_drawings(f"trials_{number}_{experiment}_{vehicle_type}", varied, built, simulated, thresholds)),
     )
 
 
 def _drawings(
-    name: str, varied: Sequence[str], built: TrialGroup, simulated: TrialGroup
+    name: str, varied: Sequence[str], built: TrialGroup, simulated: TrialGroup, thresholds: Sequence[float]
 ) -> Iterator[Drawing]:
     # The number keeps the names apart: different experiments may become the same text.
     start = re.sub(r"[^A-Za-z0-9-]+", "_", name)
@@ -84,5 +95,5 @@ def _drawings(
         caption = f"Success of trials by {parameter_label(parameter)}, with Wilson 95 % intervals."
         if simulated.total.counted:
             caption += " Hollow diamonds: trials of simulated cars."
-        draw = partial(draw_trial_success, parameter, built.series[parameter], simulated.series[parameter])
+        draw = partial(draw_trial_success, parameter, built.series[parameter], simulated.series[parameter], thresholds)
         yield Drawing(f"{start}_success_by_{parameter}", caption, draw)

@@ -3,6 +3,7 @@
 import shutil
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -13,9 +14,13 @@ from foldcar.figures.style import RC
 from foldcar.interrupts import held
 from foldcar.output_folder import check_output_folder
 from foldcar.report.advice import read_advice
+from foldcar.report.advice_slots import Drawing
+from foldcar.report.environment_plot import environment_parts
+from foldcar.report.figure_options import THRESHOLDS, FigureOptions
+from foldcar.report.map_part import map_parts
 from foldcar.report.page import Picture, page_html
 from foldcar.report.replayer import Replayer
-from foldcar.report.sections import NO_SLOTS, Section, read_section
+from foldcar.report.sections import NO_OPTIONS, NO_SLOTS, Section, read_section
 from foldcar.report.tips import with_tips
 from foldcar.report.trial_sections import TrialSection, read_trial_sections
 from foldcar.store.reader import Store
@@ -24,24 +29,33 @@ PAGE = "index.html"
 
 
 def write_report(
-    store: Store, folder: Path, report_command: Sequence[str], simulated_trials: bool, replayer: Replayer
+    store: Store,
+    folder: Path,
+    report_command: Sequence[str],
+    simulated_trials: bool,
+    replayer: Replayer,
+    options: FigureOptions = NO_OPTIONS,
 ) -> tuple[list[Section], list[TrialSection]]:
     """Write the page and its figures (SVG, PNG, PDF) into ``folder``, replacing those of an earlier report.
 
-    ``simulated_trials``: show trials of simulated cars too; ``replayer`` simulates the runs that the page replays.
+    ``simulated_trials``: show trials of simulated cars too; ``replayer`` simulates the runs that the page replays;
+    ``options`` are those of the figures.
     Returns the sections of swept experiments and those of experiments that have trials only, for a summary on the
     terminal. Raises FoldcarError if there is nothing to report or the folder cannot be written.
     """
     info = store.info() if store.holds_study() or next(store.trials(), None) is None else None
     swept = info.experiments if info is not None else {}
     check_output_folder(folder)
+    options.check(swept.values())
     with matplotlib.rc_context(RC):
-        advice = read_advice(store) if swept else {}
-        sections = [
-            read_section(store, experiment, simulated_trials, replayer, f"e{number}", advice.get(experiment.id, NO_SLOTS))
-            for number, experiment in enumerate(swept.values())
-        ]
-        driven = read_trial_sections(store, list(swept), simulated_trials)
+        advice = read_advice(store, max(options.chosen, default=None)) if swept else {}
+        sections = []
+        for number, one in enumerate(swept.values()):
+            slots = advice.get(one.id, NO_SLOTS)
+            slots = replace(slots, parts=(*map_parts(store, one, options), *slots.parts))
+            sections.append(read_section(store, one, simulated_trials, replayer, f"e{number}", slots, options))
+        across = environment_parts(store, swept.values(), options)
+        driven = read_trial_sections(store, list(swept), simulated_trials, options.chosen or THRESHOLDS)
         if not driven and not any(section.summary.total.runs for section in sections):
             raise FoldcarError(f"{store.path}: contains no runs yet; sweep the listing first")
         try:
@@ -50,8 +64,11 @@ def write_report(
                 held(lambda: shutil.rmtree(temporary)),
             ):
                 made = Path(temporary)
-                pictures = _save_figures([*sections, *driven], made)
-                page = page_html(store.path.name, info, sections, driven, pictures, report_command)
+                drawings = [drawing for part in across for drawing in part.drawings]
+                drawings += [drawing for section in sections for drawing in section.all_drawings]
+                drawings += [drawing for section in driven for drawing in section.all_drawings]
+                pictures = _save_figures(drawings, made)
+                page = page_html(store.path.name, info, across, sections, driven, pictures, report_command)
                 # Names of files may hold bytes that are no text.
                 (made / PAGE).write_text(page, encoding="utf-8", errors="backslashreplace")
                 folder.mkdir(exist_ok=True)
@@ -63,14 +80,13 @@ def write_report(
     return sections, driven
 
 
-def _save_figures(sections: Sequence[Section | TrialSection], folder: Path) -> dict[str, Picture]:
+def _save_figures(drawings: Sequence[Drawing], folder: Path) -> dict[str, Picture]:
     """The drawings as files, and as the page shows them."""
     pictures = {}
-    for section in sections:
-        for drawing in section.all_drawings:
-            wide = drawing.draw(False)
-            for suffix in (".png", ".pdf"):
-                save_figure(wide, folder / f"{drawing.name}{suffix}")
-            pictures[drawing.name] = Picture(with_tips(svg_text(wide)), with_tips(svg_text(drawing.draw(True))))
-            (folder / f"{drawing.name}.svg").write_text(pictures[drawing.name].wide, encoding="utf-8")
+    for drawing in drawings:
+        wide = drawing.draw(False)
+        for suffix in (".png", ".pdf"):
+            save_figure(wide, folder / f"{drawing.name}{suffix}")
+        pictures[drawing.name] = Picture(with_tips(svg_text(wide)), with_tips(svg_text(drawing.draw(True))))
+        (folder / f"{drawing.name}.svg").write_text(pictures[drawing.name].wide, encoding="utf-8")
     return pictures

@@ -3,23 +3,39 @@
 A cell that is not known is missing: NaN in columns of numbers, NA in those of truths and texts.
 """
 
-import itertools
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.errors import StoreError
-from foldcar.store.reader import Store
+from foldcar.store.reader import RUN_CELLS, Store
 from foldcar.store.tables import EXPERIMENT
 
 # Columns of texts, and where they stand in the row of an experiment.
 HEAD = {"experiment": "id", "vehicle": "vehicle", "environment": "environment"}
 
-# Rows that become arrays together: the rows of a million runs as Python's objects would take a gigabyte.
-BATCH_ROWS = 50_000
+
+@dataclass(frozen=True)
+class RunArrays:
+    """The runs of one experiment by design and sample, arrays (runs,): ``design`` is its place in the family.
+
+    ``outcome`` is the place in OUTCOMES; ``metrics`` (runs, metrics) are in the order of NUMBERS, NaN unknown.
+    """
+
+    design: NDArray[np.int64]
+    sample: NDArray[np.int64]
+    outcome: NDArray[np.uint8]
+    metrics: NDArray[np.float64]
+
+
+def run_arrays(store: Store, experiment: str) -> RunArrays:
+    """The runs of an experiment, which are read once from an open store. StoreError."""
+    return store.once(("arrays", experiment), lambda: _read_runs(store, experiment))
 
 
 def runs_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
@@ -32,10 +48,10 @@ def runs_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
     names = store.experiment_ids(experiment)
     judged = store.judged_experiments()
     parameters = dict.fromkeys(name for one in names for design in store.designs(one).values() for name in design)
-    tables = [_run_columns(store, name, list(parameters), name in judged) for name in names]
+    tables = [_table(store, name, list(parameters), name in judged) for name in names]
     if len(tables) == 1:
-        return pd.DataFrame(tables[0])
-    return pd.concat([pd.DataFrame(table) for table in tables] or [_no_runs()], ignore_index=True)
+        return tables[0].copy(deep=False)
+    return pd.concat(tables or [_no_runs()], ignore_index=True)
 
 
 def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
@@ -72,40 +88,46 @@ def _no_runs() -> pd.DataFrame:
     return pd.DataFrame({**columns, "passed": _truths(none, none), **dict.fromkeys(NUMBERS, none)})
 
 
+def _table(store: Store, name: str, parameters: list[str], judged: bool) -> pd.DataFrame:
+    """The table of one experiment's runs, read once from an open store."""
+    return store.once(
+        ("runs", name, *parameters), lambda: pd.DataFrame(_run_columns(store, name, parameters, judged), copy=False)
+    )
+
+
 def _run_columns(store: Store, name: str, parameters: Sequence[str], judged: bool) -> dict[str, Any]:
     """The columns of one experiment's runs."""
     (experiment,) = store.rows(EXPERIMENT, "WHERE id = ?", name)
-    designs = store.designs(name)
-    position, sample, outcome, metrics = _run_arrays(store, name)
-    places = np.array(list(designs), dtype=np.int64)
-    row = np.searchsorted(places, position)
-    if len(position) and (row.max() >= len(places) or (places[row] != position).any()):
-        raise StoreError(f"{store.path}: experiment {name} has runs of a design that is missing")
+    designs, runs = store.designs(name), run_arrays(store, name)
     return {
-        **{column: _texts([experiment[key]]).repeat(len(row)) for column, key in HEAD.items()},
-        **{column: _numbers([design.get(column) for design in designs.values()])[row] for column in parameters},
-        "sample": sample,
-        "outcome": _texts(OUTCOMES).take(outcome),
-        "passed": _truths(outcome == OUTCOMES.index("passed"), np.full(len(row), judged)),
-        **{metric: metrics[:, index] for index, metric in enumerate(NUMBERS)},
+        **{column: _texts([experiment[key]]).repeat(len(runs.design)) for column, key in HEAD.items()},
+        **{
+            column: _numbers([design.get(column) for design in designs.values()])[runs.design] for column in parameters
+        },
+        "sample": runs.sample,
+        "outcome": _texts(OUTCOMES).take(runs.outcome),
+        "passed": _truths(runs.outcome == OUTCOMES.index("passed"), np.full(len(runs.design), judged)),
+        **{metric: runs.metrics[:, index] for index, metric in enumerate(NUMBERS)},
     }
 
 
-def _run_arrays(store: Store, name: str) -> tuple[Any, Any, Any, Any]:
-    """Of each run the design's position, the sample, the outcome's place in OUTCOMES, and the metrics (runs, metrics)."""
+def _read_runs(store: Store, name: str) -> RunArrays:
     codes = {outcome: code for code, outcome in enumerate(OUTCOMES)}
-    cells = (
-        (design, sample, codes[run["outcome"]], *(run[metric] for metric in NUMBERS))
-        for design, sample, run in store.run_rows(name)
-    )
-    # None becomes NaN.
-    width = 3 + len(NUMBERS)
-    batches = [np.empty((0, width))]
-    while batch := list(itertools.islice(cells, BATCH_ROWS)):
-        batches.append(np.array(batch, dtype=np.float64))
-    table = np.concatenate(batches)
-    position, sample, outcome = table[:, :3].T.astype(np.int64)
-    return position, sample, outcome, table[:, 3:]
+    wanted = [RUN_CELLS.index(metric) for metric in NUMBERS]
+    at = RUN_CELLS.index("outcome")
+    places, outcomes, metrics = [np.empty((0, 2), np.int64)], [np.empty(0, np.uint8)], [np.empty((0, len(NUMBERS)))]
+    for batch, cells in store.run_batches(name):
+        columns = list(zip(*cells, strict=True))
+        places.append(np.array(batch, dtype=np.int64))
+        outcomes.append(np.fromiter(map(codes.__getitem__, columns[at]), np.uint8, len(batch)))
+        # None becomes NaN.
+        metrics.append(np.array([columns[metric] for metric in wanted], dtype=np.float64).T)
+    position, sample = np.concatenate(places).T
+    known = np.array(list(store.designs(name)), dtype=np.int64)
+    design = np.searchsorted(known, position)
+    if len(position) and (design.max() >= len(known) or (known[design] != position).any()):
+        raise StoreError(f"{store.path}: experiment {name} has runs of a design that is missing")
+    return RunArrays(design, sample, np.concatenate(outcomes), np.concatenate(metrics))
 
 
 def _texts(values: Iterable[str | None]) -> Any:

@@ -1,19 +1,20 @@
 """The results store, read: the facts of the study and its runs as rows. docs/store.md describes the file."""
 
+import itertools
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from sqlite3 import Connection
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from foldcar.simulation.results import NUMBERS, Recorded, Result
 from foldcar.store.design_counts import DesignCounts, design_counts
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.info import ExperimentInfo, StudyInfo
 from foldcar.store.opening import open_reading
-from foldcar.store.rows import Row, columns_sql, key_text, parsed, read_rows, verified
+from foldcar.store.rows import Row, columns_sql, key_text, parsed, read_rows, verify_cells
 from foldcar.store.tables import (
     BY_NAME,
     CHECKSUM,
@@ -39,6 +40,12 @@ TRIAL_FIELDS = (
     "design_hash", "log", "log_sha256", "source", "car", "scenic_program",
 )  # fmt: skip
 
+# What :meth:`Store.run_batches` gives of each run, at so many runs a time.
+RUN_CELLS = (*sorted(RUN.names), CHECKSUM)
+BATCH_ROWS = 20_000
+
+T = TypeVar("T")
+
 
 class Store:
     """A store as it was at one moment: ``with Store.open(path) as store: …``. Never changes a file.
@@ -49,6 +56,7 @@ class Store:
     def __init__(self, path: Path, connection: Connection) -> None:
         self.path = path
         self._connection = connection
+        self._read_once: dict[Any, Any] = {}
 
     @classmethod
     def open(cls, path: Path) -> "Store":
@@ -63,12 +71,22 @@ class Store:
     ) -> None:
         self._connection.close()
 
+    def once(self, key: Any, read: Callable[[], T]) -> T:
+        """What ``read`` gives, kept under ``key``: an open store never changes, and a million runs take long to read."""
+        if key not in self._read_once:
+            self._read_once[key] = read()
+        found: T = self._read_once[key]
+        return found
+
     def holds_study(self) -> bool:
         """Whether a sweep has begun; a store may hold trials only."""
         return next(self.rows(STUDY), None) is not None
 
     def info(self) -> StudyInfo:
         """The facts of the study, without its runs; StoreError if no sweep has begun yet."""
+        return self.once("info", self._info)
+
+    def _info(self) -> StudyInfo:
         facts = {row["key"]: row["value"] for row in self.rows(STUDY)}
         if not facts:
             raise StoreError(f"{self.path}: holds no study yet: sweep a listing into it")
@@ -98,20 +116,31 @@ class Store:
         rows = self.rows(DESIGN, "WHERE experiment = ? ORDER BY position", name)
         return {row["position"]: parsed(self.path, DESIGN, row, "parameters") for row in rows}
 
-    def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
-        """The runs that an experiment shows, by design and sample: the design's position, the sample, the row."""
+    def run_batches(self, name: str) -> Iterator[tuple[Any, list[tuple[Any, ...]]]]:
+        """The runs that an experiment shows, by design and sample, in lists of at most BATCH_ROWS.
+
+        Two lists of equally many: (design's position, sample), and the cells of RUN_CELLS.
+        """
         experiment = self._experiment(name)
         # The samples say which runs are the experiment's: they are verified too.
         for table, key in (("sample", "environment_id"), ("draw", "spread_id")):
             for _ in self.rows(BY_NAME[table], f"WHERE {key} = ?", experiment[key]):
                 pass
-        names = (*RUN.names, CHECKSUM)
-        for design, sample, *cells in self._rows(
-            f"SELECT d.position, s.sample, {columns_sql(self._connection, RUN, 'r')} {RESULT_JOIN} "
+        rows = self._rows(
+            f"SELECT d.position, s.sample, {columns_sql(self._connection, RUN, 'r', RUN_CELLS[:-1])} {RESULT_JOIN} "
             "AND e.id = ? ORDER BY d.position, s.sample",
             name,
-        ):
-            yield design, sample, verified(self.path, RUN, dict(zip(names, cells, strict=True)))
+        )
+        while batch := list(itertools.islice(rows, BATCH_ROWS)):
+            cells = [row[2:] for row in batch]
+            verify_cells(self.path, RUN, cells)
+            yield [row[:2] for row in batch], cells
+
+    def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
+        """The runs that an experiment shows, by design and sample: the design's position, the sample, the row."""
+        for places, rows in self.run_batches(name):
+            for (design, sample), cells in zip(places, rows, strict=True):
+                yield design, sample, dict(zip(RUN_CELLS, cells, strict=True))
 
     def trials(self, experiment: str | None = None) -> Iterator[Trial]:
         """All trials in their order, whatever their standing; of one experiment if it is named."""
@@ -188,7 +217,7 @@ class Store:
 
     def design_counts(self, experiment: str) -> DesignCounts:
         """How many runs of each of the experiment's designs are stored, and how many of them passed."""
-        return design_counts(self.path, self._connection, experiment)
+        return self.once(("counts", experiment), lambda: design_counts(self.path, self._connection, experiment))
 
     def judged_experiments(self) -> set[str]:
         """The experiments that define when a run has passed."""
@@ -201,6 +230,10 @@ class Store:
             for design in self.rows(DESIGN, "WHERE experiment = ? AND position = 0", name):
                 columns.update(dict.fromkeys(parsed(self.path, DESIGN, design, "parameters")))
         return list(columns)
+
+    def holds_recorded(self) -> bool:
+        """Whether programs recorded values in any run."""
+        return next(self._rows("SELECT 1 FROM recorded LIMIT 1"), None) is not None
 
     def recorded_types(self) -> dict[str, set[str]]:
         """Names of all recorded values that results show, in order of the alphabet, with their types.
@@ -220,7 +253,7 @@ class Store:
     def _results(self, name: str) -> Iterator[Result]:
         experiment = self._experiment(name)
         designs = self.designs(name)
-        with_recorded = next(self._rows("SELECT 1 FROM recorded LIMIT 1"), None) is not None
+        with_recorded = self.holds_recorded()
         for design, sample, run in self.run_rows(name):
             if design not in designs:
                 raise StoreError(f"{self.path}: design (experiment={name}, position={design}) is missing")

@@ -7,7 +7,7 @@ is added later, empty, changes none.
 
 import json
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from json.encoder import encode_basestring_ascii
 from pathlib import Path
 from sqlite3 import Connection
@@ -77,11 +77,15 @@ def insert_sql(table: Table, otherwise: str = "") -> str:
     return f"INSERT {otherwise} INTO {table.name} ({', '.join(names)}) VALUES ({', '.join('?' * len(names))})"
 
 
-def columns_sql(connection: Connection, table: Table, alias: str = "") -> str:
-    """The table's columns and its checksum, to be selected; NULL stands for metrics that the file does not have yet."""
+def columns_sql(connection: Connection, table: Table, alias: str = "", names: Sequence[str] = ()) -> str:
+    """The table's columns, or those of ``names``, and its checksum, to be selected.
+
+    NULL stands for metrics that the file does not have yet.
+    """
     there = {name for _, name, *_ in connection.execute(f"PRAGMA table_info({table.name})")}
     prefix = f"{alias}." if alias else ""
-    return ", ".join(f"{prefix}{name}" if name in there else f"NULL AS {name}" for name in (*table.names, CHECKSUM))
+    wanted = (*(names or table.names), CHECKSUM)
+    return ", ".join(f"{prefix}{name}" if name in there else f"NULL AS {name}" for name in wanted)
 
 
 def read_rows(path: Path, connection: Connection, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
@@ -100,6 +104,17 @@ def verified(path: Path, table: Table, row: Row) -> Row:
             "`foldcar check` names all that is"
         )
     return row
+
+
+def verify_cells(path: Path, table: Table, rows: Sequence[tuple[Any, ...]]) -> None:
+    """StoreError if one of many ``rows`` is not what was written: cells in alphabetical order, checksum last.
+
+    For rows by the million: three times as fast as :func:`verified`, which has the last word.
+    """
+    text, names = table.checksum_text, (*sorted(table.names), CHECKSUM)
+    for cells in rows:
+        if zlib.crc32((text % cells[:-1]).encode(errors="replace")) != cells[-1]:
+            verified(path, table, dict(zip(names, cells, strict=True)))
 
 
 def parsed(path: Path, table: Table, row: Row, column: str, kind: type | tuple[type, ...] = dict) -> Any:

@@ -58,6 +58,21 @@ class Table:
         """The columns' names in alphabetical order, each behind itself as a key of a JSON object."""
         return tuple((f'"{name}":', name) for name in sorted(self.names))
 
+    @cached_property
+    def checksum_text(self) -> str:
+        """The text that a checksum is of, to be filled by ``%`` with a row's cells in alphabetical order.
+
+        It is right for rows whose texts need no escapes, without a text that may be empty, and with all else.
+        """
+        parts = []
+        for column in sorted(self.columns, key=lambda column: column.name):
+            if column.type in ("INTEGER", "REAL"):
+                parts.append(f'"{column.name}":%r,')
+            else:
+                # The second takes a cell and shows nothing of it.
+                parts.append("%.0s" if column.null else f'"{column.name}":"%s",')
+        return f"{{{''.join(parts)[:-1]}}}"
+
     @property
     def sql(self) -> str:
         """CREATE TABLE."""

@@ -159,7 +159,7 @@ def headline_of(passed: dict[float, int], runs: int, trials: dict[float, tuple[i
     total = TrialTally(sum(one.counted for one in tallies.values()), 0)
     built = TrialGroup(total, {"w_mm": tallies})
     info = SimpleNamespace(success_defined=True, planned_runs=len(results))
-    return " ".join(headline(info, summary, TrialSummary(built, TrialGroup(), 0, Counter())))  # type: ignore[arg-type]
+    return " ".join(headline(info, summary, TrialSummary(built, TrialGroup(), 0, Counter()), 0.75))  # type: ignore[arg-type]
 
 
 def test_the_headline_says_no_more_than_the_counts() -> None:

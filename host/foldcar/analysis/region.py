@@ -62,7 +62,7 @@ def _middle(unit: NDArray[Any], feasible: NDArray[Any]) -> int:
     step = _steps(unit)
     ends = numpy.minimum(unit, 1 - unit) + step
     # A parameter that does not vary has no ends.
-    to_end = numpy.where(numpy.ptp(unit, axis=0) > 0, ends, numpy.inf).min(axis=1)
+    to_end = numpy.where(numpy.ptp(unit, axis=0) > 0, ends, numpy.inf).min(axis=1, initial=numpy.inf)
     others = unit[~feasible]
     to_border = numpy.full(len(unit), numpy.inf)
     if len(others):

@@ -138,7 +138,7 @@ class Page(HTMLParser):
         self.text += data
 
 
-def test_a_width_study_gives_one_page_and_four_figures_within_ten_seconds(
+def test_a_width_study_gives_one_page_and_five_figures_within_ten_seconds(
     study: Path, tmp_path: Path, report: Callable[..., tuple[int, str, str]]
 ) -> None:
     folder = tmp_path / "report"
@@ -148,6 +148,7 @@ def test_a_width_study_gives_one_page_and_four_figures_within_ten_seconds(
     assert time.process_time() - started_s < 10.0
     assert (code, said) == (0, "")
     figures = [f"experiment_1_{kind}_by_width_mm" for kind in ("outcomes", "success", "time", "feasibility")]
+    figures.append("experiment_1_environments")
     names = [f"{figure}{suffix}" for figure in figures for suffix in (".pdf", ".png", ".svg")]
     assert sorted(path.name for path in folder.iterdir()) == sorted([*names, "index.html"])
 
@@ -158,7 +159,7 @@ def test_a_width_study_gives_one_page_and_four_figures_within_ten_seconds(
     assert page_findings(html) == []
     pdf = PdfReader(folder / f"{figures[1]}.pdf").pages[0]
     assert "passed (%)" in pdf.extract_text() and pdf.mediabox.width == pytest.approx(7.2 * 72, rel=0.1)
-    assert html.count("<svg") == 2 * 4
+    assert html.count("<svg") == 2 * len(figures)
     assert not re.search(r"url\((?!#)|@import|<script [^>]*src|<link|<img", html)
     assert "No replay: the runs are of carsim build build-7, and the one here is " in page.text
     passed = sum(

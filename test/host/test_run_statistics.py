@@ -10,7 +10,7 @@ from foldcar.analysis.convergence import advice, chance_of_crossing, convergence
 from foldcar.analysis.intervals import jeffreys_interval
 from foldcar.analysis.paired import paired_means, paired_rates
 from foldcar.analysis.success_model import Basis, success_model
-from foldcar.analysis.times import times_to_cross
+from foldcar.analysis.times import limited_mean, times_to_cross
 from foldcar.errors import FoldcarError
 
 
@@ -81,6 +81,21 @@ def test_times_of_many_runs_are_the_t_interval_and_without_a_crossing_say_so() -
     assert none.low[-1] == 0 and none.high[-1] == 1
     with pytest.raises(FoldcarError, match="limit"):
         times_to_cross([21.0], [True], 20)
+
+
+@pytest.mark.parametrize(("crossing", "never"), [(60, 40), (100, 0), (2, 8), (0, 10)])
+def test_mean_time_from_sums_has_the_interval_of_the_bootstrap(crossing: int, never: int) -> None:
+    times = numpy.random.default_rng(1007).gamma(4.0, 1.0, crossing)
+    limit_s, runs = 60.0, crossing + never
+    drawn = times_to_cross([*times, *[limit_s] * never], [True] * crossing + [False] * never, limit_s)
+
+    mean, low, high = limited_mean(crossing, runs, times.sum(), (times**2).sum(), limit_s)
+
+    assert mean == pytest.approx(drawn.restricted_mean_s)
+    width = numpy.ptp(drawn.restricted_mean_interval_s)
+    assert (low, high) == pytest.approx(drawn.restricted_mean_interval_s, abs=0.04 * width)
+    with pytest.raises(FoldcarError, match="limit"):
+        limited_mean(1, 2, 61.0, 61.0**2, limit_s)
 
 
 def test_convergence_ends_at_the_interval_of_all_runs() -> None:

@@ -98,7 +98,7 @@ def limited_mean(
         strength = centre * (1 - centre) / variance - 1
         crossing = betaincinv(centre * strength, (1 - centre) * strength, PARTS)
     means = limit_s * (1 - numpy.outer(shares, 1 - crossing))
-    low, high = numpy.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2])
+    low, high = numpy.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2], method="hazen")
     return mean, min(float(low), mean), max(float(high), mean)
 
 

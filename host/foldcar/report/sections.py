@@ -38,7 +38,7 @@ NO_OPTIONS = FigureOptions()
 class Section:
     """The section of one experiment; ``remarks`` are sentences for the reader, ``key`` tells its ids on the page apart.
 
-    ``headline`` is its result in words; ``slots`` what other rooms say of it; ``times`` are means among all runs by parameter.
+    ``headline`` is its result in words; ``slots`` what other rooms say of it; ``times`` the mean times of all runs.
     """
 
     key: str

@@ -26,6 +26,8 @@ from foldcar.store.reader import Store
 # Curves of one figure, and their colours; more designs than that are named in a sentence.
 COLOURS = (ACCENT, "#d55e00", "#009e73")
 NAMED = 6
+# Fewer environments than this give no picture.
+LEAST = 10
 # Points of a curve.
 MOST_POINTS = 200
 # The half-width, 0 to 0.5, that the advice is for where a threshold decides nothing.
@@ -45,7 +47,7 @@ def settling_parts(store: Store, info: ExperimentInfo, options: FigureOptions) -
     total = numpy.bincount(runs.design, minlength=len(designs))
     successes = numpy.bincount(runs.design, passed, minlength=len(designs)).astype(int)
     threshold = max(options.thresholds(info))
-    if total.max() < 2:
+    if total.max() < LEAST:
         return []
     shares = numpy.divide(successes, total, out=numpy.full(len(designs), numpy.inf), where=total > 0)
     nearest = numpy.argsort(numpy.abs(shares - threshold), kind="stable")

@@ -53,7 +53,8 @@ def write_report(
         sections = []
         for number, one in enumerate(swept.values()):
             slots = advice.get(one.id, NO_SLOTS)
-            slots = replace(slots, parts=(*map_parts(store, one, options), *slots.parts, *settling_parts(store, one, options)))
+            parts = (*map_parts(store, one, options), *slots.parts, *settling_parts(store, one, options))
+            slots = replace(slots, parts=parts)
             sections.append(read_section(store, one, simulated_trials, replayer, f"e{number}", slots, options))
         across = environment_parts(store, swept.values(), options)
         driven = read_trial_sections(store, list(swept), simulated_trials, options.chosen or THRESHOLDS)

@@ -125,7 +125,7 @@ def pairs_of(rows: Sequence[Mapping[str, str]], engine: str) -> list[Pair]:
 
 def markdown(table: Sequence[Sequence[str]]) -> str:
     """A Markdown table; the first row is its head."""
-    head, *rows = ("| " + " | ".join(cells) + " |\n" for cells in table)
+    head, *rows = ("|" + "|".join(cells) + "|\n" for cells in table)
     return "".join([head, "|" + "---|" * len(table[0]) + "\n", *rows])
 
 

@@ -316,7 +316,7 @@ def replaced(text: str, begin: str, end: str, between: str) -> str:
 def markdown(table: Sequence[Sequence[str]]) -> str:
     """A Markdown table; the first row is its head."""
     lines = [table[0], ["---"] * len(table[0]), *table[1:]]
-    return "".join("| " + " | ".join(cells) + " |\n" for cells in lines)
+    return "".join("|" + "|".join(cells) + "|\n" for cells in lines)
 
 
 if __name__ == "__main__":

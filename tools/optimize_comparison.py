@@ -121,7 +121,7 @@ def main() -> None:
 
     print(f"\n{len(rows)} designs; best of the sweep in fresh environments: {max(rate[one] for one in by_sweep):.2f}")
     counts = [f"{budget * experiment.environments} runs" for budget in BUDGETS]
-    print(f"| search | {' | '.join(counts)} |\n|---|{'---|' * len(counts)}")
+    print(f"|search|{'|'.join(counts)}|\n|---|{'---|' * len(counts)}")
     for name, runs in found.items():
         cells = []
         for index in range(len(BUDGETS)):
@@ -129,7 +129,7 @@ def main() -> None:
             low, high = reached[len(reached) // 10], reached[-1 - len(reached) // 10]
             spread = f" ({100 * low:.0f} to {100 * high:.0f})" if len(reached) > 1 else ""
             cells.append(f"{100 * statistics.mean(reached):.0f}{spread}")
-        print(f"| {name} | {' | '.join(cells)} |")
+        print(f"|{name}|{'|'.join(cells)}|")
 
 
 if __name__ == "__main__":

@@ -11,18 +11,18 @@ DOC = Path(__file__).parents[2] / "docs" / "compiler.md"
 
 def test_the_parameter_table_is_that_of_the_components() -> None:
     rows = {
-        f"| `{key}` | {' '.join(sorted(p.modules))} | {p.declared.unit} | {p.declared.default_value:g} "
-        f"| {p.declared.least:g} | {p.declared.maximum:g} | {p.declared.help} |"
+        f"|`{key}`|{' '.join(sorted(p.modules))}|{p.declared.unit}|{p.declared.default_value:g}"
+        f"|{p.declared.least:g}|{p.declared.maximum:g}|{p.declared.help}|"
         for key, p in parameters().items()
     }
 
-    written = set(re.findall(r"^\| `[\w.]+` \| [A-Z ]+ \| (?:mm|deg) \|.*$", DOC.read_text(encoding="utf-8"), re.M))
+    written = set(re.findall(r"^\|`[\w.]+`\|[A-Z ]+\|(?:mm|deg)\|.*$", DOC.read_text(encoding="utf-8"), re.M))
 
     assert written == rows
 
 
 def test_the_components_are_where_it_says() -> None:
-    found = re.findall(r"^\| `(\w+)`(?: \w)? \| `(\w+)\.py` \|", DOC.read_text(encoding="utf-8"), re.M)
+    found = re.findall(r"^\|`(\w+)`(?: \w)?\|`(\w+)\.py`\|", DOC.read_text(encoding="utf-8"), re.M)
 
     assert len(found) == 10
     for name, module in found:

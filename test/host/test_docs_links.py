@@ -35,7 +35,7 @@ def test_every_page_is_reached_from_the_readme() -> None:
 
 def test_the_files_to_add_to_exist() -> None:
     section = (PROJECT / "docs" / "overview.md").read_text(encoding="utf-8").partition("\n## Where to add\n")[2]
-    rows = [row for row in section.partition("\n## ")[0].splitlines() if row.startswith("| ")][1:]
+    rows = [row for row in section.partition("\n## ")[0].splitlines() if row.startswith("|")][2:]
     named = {row.split("|")[1].strip(): re.findall(r"`([\w./]+/[\w./]*)`", row) for row in rows}
 
     assert {"a sensor", "a kind of terrain", "a metric of a run"} <= set(named)

@@ -13,7 +13,7 @@ OVERVIEW = Path(__file__).resolve().parents[2] / "docs" / "overview.md"
 def documented_rooms() -> list[str]:
     """The folders of the table under "Rooms" in docs/overview.md, upstream first."""
     section = OVERVIEW.read_text(encoding="utf-8").partition("\n## Rooms\n")[2].partition("\n## ")[0]
-    return re.findall(r"^\| `([a-z_/]+)/` \|", section, re.MULTILINE)
+    return re.findall(r"^\|`([a-z_/]+)/`\|", section, re.MULTILINE)
 
 
 def room_of(module: str) -> str:

@@ -15,9 +15,9 @@ from typing import Any
 
 PROGRAM = Path(__file__).resolve().parent.parent / "scenarios" / "step_pyramids.scenic"
 REALITY = {
-    "obstacle_height": 1.25,
-    "servo_torque": 0.7,
-    "com_height_m": 0.012,
+    "obstacle_height": 1.2,
+    "servo_torque": 0.75,
+    "com_height_m": 0.01,
     "track_m": 0.012,
     "start_heading_sd_rad": 0.06,
 }
@@ -50,7 +50,7 @@ def main() -> int:
             for sample in chosen["environments"][: given.trials]:
                 drive(listing, study, reality, width, sample)
         run("compare", study, "--simulated-trials", "--experiment", "1")
-        run("calibrate", study, "--simulated-trials", "--name", f"round{number}")
+        run("calibrate", study, "--simulated-trials", "--runs", "12000", "--name", f"round{number}")
         run("sweep", listing, "--store", study, "--calibration", f"round{number}")
     answer = select(study, given.cars)
     show(f"answer: {answer['sentence']}")
@@ -92,10 +92,10 @@ def drive(listing: Path, study: Path, reality: Path, width: str, sample: int) ->
         with subprocess.Popen(command(words), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as car:
             assert car.stdout is not None
             port = car.stdout.readline().strip()
-            patience = ["params", "load", reality.with_name("patience.parm"), "--port", port]
+            patience: list[str | Path] = ["params", "load", reality.with_name("patience.parm"), "--port", port]
             subprocess.run(command(patience), stdout=subprocess.DEVNULL, check=True)
-            words_of_log = ["log", listing, *chosen, "--store", study, "--port", port, "--trials", "1"]
-            done = subprocess.run(command([*words_of_log, "--countdown", "0", "--yes"]), capture_output=True, text=True)
+            logged: list[str | Path] = ["log", listing, *chosen, "--store", study, "--port", port, "--trials", "1"]
+            done = subprocess.run(command([*logged, "--countdown", "0", "--yes"]), capture_output=True, text=True)
             car.terminate()
         if done.returncode == 0:
             show(f"{width}, sample {sample}: {done.stdout.strip().splitlines()[-1]}")

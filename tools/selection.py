@@ -32,7 +32,8 @@ NEAR = 0.05
 def plateau(low: float, high: float, edge: float, top: float) -> numpy.ndarray:
     """Success by width: ``top`` between ``low`` and ``high`` (mm), falling over ``edge`` (mm) on both sides."""
     rise, fall = (WIDTHS - low) / edge, (high - WIDTHS) / edge
-    return top / (1 + numpy.exp(-rise)) / (1 + numpy.exp(-fall))
+    success: numpy.ndarray = top / (1 + numpy.exp(-rise)) / (1 + numpy.exp(-fall))
+    return success
 
 
 def synthetic(random: numpy.random.Generator) -> tuple[numpy.ndarray, numpy.ndarray]:

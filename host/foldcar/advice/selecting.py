@@ -55,8 +55,9 @@ class Selection:
     """The advice for one experiment: the answer in ``sentence``, then what it rests on.
 
     ``enough`` says that trials decide already; then there are no recommendations. ``environments`` are the samples to set
-    up for all recommended designs, ``telling`` of them tell the designs apart in simulation. ``loss``: by how much the
-    best design may be missed if no more trials are made (0 to 1), None before trials.
+    up for all recommended designs, ``telling`` of them tell the designs apart in simulation. ``leader``: the best design
+    by trials and simulation together; ``loss``: how much (0 to 1) it lacks on average to the best there may be. Both are
+    None before trials.
     """
 
     info: ExperimentInfo
@@ -66,6 +67,7 @@ class Selection:
     environments: tuple[int, ...]
     telling: int
     enough: bool
+    leader: Design | None
     loss: float | None
     sentence: str
     remarks: tuple[str, ...]
@@ -105,7 +107,7 @@ def select_evidence(
         limit = threshold if threshold is not None else max(one.info.thresholds, default=THRESHOLD)
         seen = outlook(one) if one.info.success_defined else None
         if seen is None:
-            found.append(Selection(one.info, limit, precision, (), (), 0, False, None, _nothing(one), one.remarks))
+            found.append(Selection(one.info, limit, precision, (), (), 0, False, None, None, _nothing(one), one.remarks))
         else:
             choice = _Choice(one, evidence, seen, limit, precision)
             # Threads for matrices of some tens of rows only wait for each other.
@@ -131,9 +133,10 @@ class _Choice:
     precision: float
 
     def selection(self, build: int, with_cost: bool) -> Selection:
-        seen, enough, loss = self.seen, False, None
+        seen, enough, leader, loss = self.seen, False, None, None
         if seen.driven:
-            _, loss = expected_loss(seen.draws)
+            best, loss = expected_loss(seen.draws)
+            leader = seen.designs[best].design
             enough = not self._open().any() and loss <= self.precision
         placed = [] if enough else self._placed(build)
         recommended = tuple(self._recommendation(one, placed, with_cost) for one in placed)
@@ -147,7 +150,7 @@ class _Choice:
         info, remarks = self.evidence.info, self._remarks(recommended, wanted, len(samples))
         sentence = self._sentence(recommended, enough, loss)
         return Selection(
-            info, self.threshold, self.precision, recommended, samples, telling, enough, loss, sentence, remarks
+            info, self.threshold, self.precision, recommended, samples, telling, enough, leader, loss, sentence, remarks
         )
 
     def _placed(self, build: int) -> list[Placed]:

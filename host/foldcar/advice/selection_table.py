@@ -18,7 +18,8 @@ def selection_object(one: Selection) -> dict[str, Any]:
         for name in ("threshold", "precision", "enough", "loss", "sentence", "environments", "telling", "remarks")
     }
     designs = [{**asdict(design), "design": dict(design.design)} for design in one.recommendations]
-    return {"experiment": one.info.id, **plain, "recommendations": designs}
+    leader = None if one.leader is None else dict(one.leader)
+    return {"experiment": one.info.id, **plain, "leader": leader, "recommendations": designs}
 
 
 def write_selection(found: Sequence[Selection], file: Path) -> None:

@@ -7,6 +7,7 @@ approximation). Candidates of lengths and strength are weighted by the likelihoo
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -38,10 +39,14 @@ class Basis:
 
     def at(self, scaled: NDArray[Any]) -> NDArray[Any]:
         """The functions (m, p + 1) at parameters (m, k) scaled to 0 to 1."""
-        values, vectors = numpy.linalg.eigh(self.covariance(self.spanning, self.spanning))
-        roots = vectors / numpy.sqrt(numpy.maximum(values, 1e-9 * values[-1]))
-        functions = self.covariance(scaled, self.spanning) @ roots
+        functions = self.covariance(scaled, self.spanning) @ self._roots
         return numpy.hstack([numpy.full((len(scaled), 1), CONSTANT), functions])
+
+    @cached_property
+    def _roots(self) -> NDArray[Any]:
+        values, vectors = numpy.linalg.eigh(self.covariance(self.spanning, self.spanning))
+        found: NDArray[Any] = vectors / numpy.sqrt(numpy.maximum(values, 1e-9 * values[-1]))
+        return found
 
     def covariance(self, one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
         """The process' covariance (m, n) of two lists of scaled parameters, without the constant."""

@@ -66,12 +66,13 @@ def region_text(seen: Outlook, threshold: float, parameters: Sequence[str]) -> s
     """The feasible region of simulation: ranges of the one parameter, or how many designs."""
     feasible = seen.smooth[:, 0] >= threshold
     limit, total = percent(threshold), len(seen.designs)
+    considered = " considered" if seen.thinned else ""
     if not feasible.any():
-        return f"In simulation no design reaches {limit}."
+        return f"In simulation no design{considered} reaches {limit}."
     if feasible.all():
-        return f"In simulation {'the design' if total == 1 else f'all {total} designs'} reaches {limit}."
+        return f"In simulation {'the design' if total == 1 else f'each of {total} designs{considered}'} reaches {limit}."
     if len(parameters) != 1:
-        return f"In simulation {int(feasible.sum())} of {total} designs reach {limit}."
+        return f"In simulation {int(feasible.sum())} of {total} designs{considered} reach {limit}."
     order = numpy.argsort(seen.parameters[:, 0], kind="stable")
     values, inside = seen.parameters[order, 0], feasible[order]
     ranges = []

@@ -16,6 +16,7 @@ from foldcar.advice.cost import Cost, cost
 from foldcar.advice.evidence import Design, DesignEvidence, Evidence, listed_id, read_evidence, run_rate
 from foldcar.advice.outlook import Outlook, outlook
 from foldcar.advice.reasons import first_reason, next_reason, region_text
+from foldcar.advice.told_apart import told_apart_text
 from foldcar.advice.words import count, listed, percent, points
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.region import Placed, first_designs
@@ -211,6 +212,13 @@ class _Choice:
                 f"Best in simulation: {seen.designs[best].label}, {percent(rate.value)} ({percent(rate.low)} to "
                 f"{percent(rate.high)}), chosen in one half of the environments and counted in the other."
             )
+            info = self.evidence.info
+            # Trials say more; the test holds for a number of runs that was fixed before.
+            if not (seen.driven or info.until or info.searched):
+                labels = [design.label for design in seen.designs]
+                rows = sorted(labels.index(one.label) for one in recommended)
+                apart = told_apart_text(seen.passed[:, 1::2], labels, best, rows)
+                remarks += [apart] if apart else []
         if seen.thinned:
             remarks.append(f"{count(seen.thinned, 'design')} between these were left out of the choice, to save time.")
         if environments < wanted:

@@ -45,8 +45,13 @@ def span_text(name: str, first: float, last: float) -> str:
 
 
 def listed(names: Iterable[str]) -> str:
-    """``a``, ``a and b``, ``a, b and c``; numbers with one unit share it: ``95, 115 and 180 mm``."""
+    """``a``, ``a and b``, ``a, b and c``; numbers with one unit share it: ``95, 115 and 180 mm``.
+
+    Names that have commas themselves are set apart by semicolons: ``a, b; c, d``.
+    """
     texts = _sharing_unit(list(names))
+    if len(texts) > 1 and any("," in text for text in texts):
+        return "; ".join(texts)
     return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}" if texts else "none"
 
 

@@ -151,7 +151,7 @@ def _add_paths(
         )
     if len(chosen) < shown:
         replay.remarks.append(
-            f"{len(chosen)} of the {shown} runs shown can be replayed: every design's first of each ending, then the "
+            f"{replay.runs} of the {shown} runs shown can be replayed: every design's first of each ending, then the "
             "designs nearest to 75 % success, as many as fit into the page and half a minute of simulation."
         )
 

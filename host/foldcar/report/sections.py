@@ -14,9 +14,10 @@ from foldcar.report.feasibility_plot import draw_feasibility
 from foldcar.report.figure_options import FigureOptions
 from foldcar.report.file_names import file_name_part
 from foldcar.report.headline import headline
+from foldcar.report.limited_times import LimitedTime, limited_times
 from foldcar.report.outcome_plot import draw_outcomes
 from foldcar.report.replayer import Replayer
-from foldcar.report.series import Summary, summarise, summarise_runs
+from foldcar.report.series import Summary, Value, summarise, summarise_runs
 from foldcar.report.stopped_remarks import stopped_remarks
 from foldcar.report.success_plot import draw_success
 from foldcar.report.time_plot import draw_times
@@ -37,7 +38,7 @@ NO_OPTIONS = FigureOptions()
 class Section:
     """The section of one experiment; ``remarks`` are sentences for the reader, ``key`` tells its ids on the page apart.
 
-    ``headline`` is its result in words; ``slots`` what other rooms say of it.
+    ``headline`` is its result in words; ``slots`` what other rooms say of it; ``times`` are means among all runs by parameter.
     """
 
     key: str
@@ -49,6 +50,7 @@ class Section:
     replay: Replay
     slots: Slots
     headline: list[str]
+    times: Mapping[str, Mapping[Value, LimitedTime]]
 
     @property
     def all_drawings(self) -> list[Drawing]:
@@ -92,6 +94,7 @@ def read_section(
         replay,
         slots,
         headline(info, summary, trials, max(options.thresholds(info)), slots.sentences),
+        limited_times(runs, designs, info),
     )
 
 

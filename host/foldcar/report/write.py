@@ -21,6 +21,7 @@ from foldcar.report.map_part import map_parts
 from foldcar.report.page import Picture, page_html
 from foldcar.report.replayer import Replayer
 from foldcar.report.sections import NO_OPTIONS, NO_SLOTS, Section, read_section
+from foldcar.report.settling import settling_parts
 from foldcar.report.tips import with_tips
 from foldcar.report.trial_sections import TrialSection, read_trial_sections
 from foldcar.store.reader import Store
@@ -52,7 +53,7 @@ def write_report(
         sections = []
         for number, one in enumerate(swept.values()):
             slots = advice.get(one.id, NO_SLOTS)
-            slots = replace(slots, parts=(*map_parts(store, one, options), *slots.parts))
+            slots = replace(slots, parts=(*map_parts(store, one, options), *slots.parts, *settling_parts(store, one, options)))
             sections.append(read_section(store, one, simulated_trials, replayer, f"e{number}", slots, options))
         across = environment_parts(store, swept.values(), options)
         driven = read_trial_sections(store, list(swept), simulated_trials, options.chosen or THRESHOLDS)

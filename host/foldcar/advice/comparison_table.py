@@ -1,16 +1,14 @@
 """A comparison as an object for JSON and as a CSV file; names end with their units, shares are 0 to 1."""
 
-import csv
-import io
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from foldcar.advice.comparison import Comparison, DesignComparison, ExperimentComparison, TrialsAlone
+from foldcar.advice.csv_rows import write_csv
 from foldcar.analysis.gap import Gap
 from foldcar.analysis.rate import Rate
-from foldcar.atomic_file import atomic_file
 
 COUNTS = ("runs", "runs_passed", "trials", "trials_passed", "aborted", "paired", "agreeing")
 RATES = ("simulated", "driven", "rectified", "pooled")
@@ -29,13 +27,7 @@ def comparison_object(found: Comparison) -> dict[str, Any]:
 def write_comparison(found: Comparison, file: Path) -> None:
     """Write a row for each design of each experiment as CSV, atomically. FoldcarError."""
     rows = [row for one in found.experiments for row in map(_csv_row, [one] * len(one.designs), one.designs)]
-    columns = list(dict.fromkeys(name for row in rows for name in row)) or ["experiment"]
-    with atomic_file(file) as binary:
-        text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
-        writer = csv.DictWriter(text, columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        text.detach()
+    write_csv(rows, file)
 
 
 def _experiment_object(one: ExperimentComparison) -> dict[str, Any]:

@@ -1,14 +1,12 @@
 """A selection as an object for JSON and as a CSV file; names end with their units, shares are 0 to 1."""
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from foldcar.advice.csv_rows import write_csv
 from foldcar.advice.selecting import Recommendation, Selection
-from foldcar.atomic_file import atomic_file
 
 
 def selection_object(one: Selection) -> dict[str, Any]:
@@ -25,13 +23,7 @@ def selection_object(one: Selection) -> dict[str, Any]:
 def write_selection(found: Sequence[Selection], file: Path) -> None:
     """Write a row for each recommended design as CSV, atomically. FoldcarError."""
     rows = [_row(one, rank, design) for one in found for rank, design in enumerate(one.recommendations, 1)]
-    columns = list(dict.fromkeys(name for row in rows for name in row)) or ["experiment"]
-    with atomic_file(file) as binary:
-        text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
-        writer = csv.DictWriter(text, columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        text.detach()
+    write_csv(rows, file)
 
 
 def _row(one: Selection, rank: int, design: Recommendation) -> dict[str, Any]:

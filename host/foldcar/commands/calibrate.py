@@ -59,7 +59,7 @@ def calibrate(
     from foldcar.calibration.summary import summarise
     from foldcar.calibration.trial_counts import count_trials, experiment_with_trials
     from foldcar.commands.calibration_text import print_calibration
-    from foldcar.commands.run_bar import run_bar
+    from foldcar.commands.terminal_bar import TerminalBar
     from foldcar.errors import FoldcarError
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
@@ -88,8 +88,8 @@ def calibrate(
     carsim = Carsim()
     simulator = Simulator(chosen, carsim, jobs or len(os.sched_getaffinity(0)), seed)
     planned = plan(runs, len(counts.designs)).runs
-    with said(lambda: "stopped: nothing is stored"), run_bar("calibrate", planned) as done:
-        inference = infer(simulator, counts, runs, done, measured)
+    with said(lambda: "stopped: nothing is stored"), TerminalBar("calibrate", planned) as bar:
+        inference = infer(simulator, counts, runs, bar.done, measured)
         summary = summarise(inference, chosen, nominal, seed, planned, leave_one_out)
     made = new_calibration(name, chosen.info.id, carsim.build, inference.draws, summary)
     with write_calibrations(store) as writer:

@@ -52,15 +52,13 @@ def crosscheck(
     \b
     Example: foldcar crosscheck scenarios/step_pyramids.json -o check
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
+    from foldcar.commands.terminal_bar import TerminalBar
     from foldcar.crosscheck.cases import cases_of
     from foldcar.crosscheck.compare import compare, planned_runs
     from foldcar.crosscheck.mujoco_car import import_mujoco
     from foldcar.crosscheck.page import PAGE, comparison_numbers, write_page
     from foldcar.crosscheck.result_cache import ResultCache
-    from foldcar.interrupts import held, said
+    from foldcar.interrupts import said
     from foldcar.output_folder import make_output_folder
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.experiments import read_study
@@ -68,24 +66,20 @@ def crosscheck(
     import_mujoco()
     study = read_study(listing, experiment, environments)
     carsim = Carsim()
-    console = Console(stderr=True)
-    columns = (TextColumn("crosscheck"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with said(lambda: f"stopped: finished runs are in {output}; the same command resumes"):
         cases = list(cases_of(study, carsim))
         make_output_folder(output)
         with (
             ResultCache(output / "results.jsonl") as cache,
-            Progress(*columns, console=console, disable=not console.is_terminal) as bar,
-            held(bar.stop),
+            TerminalBar("crosscheck", planned_runs(cases, baseline)) as bar,
         ):
-            task = bar.add_task("runs", total=planned_runs(cases, baseline))
             results = compare(
                 cases,
                 carsim,
                 cache,
                 jobs or len(os.sched_getaffinity(0)),
                 baseline,
-                lambda count: bar.advance(task, count),
+                bar.done,
             )
         comparisons = write_page(output, listing.name, cases, results, baseline, carsim)
     if as_json:

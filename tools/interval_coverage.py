@@ -249,7 +249,7 @@ def main(page: Path) -> None:
         curve = {(n, value): pool.submit(rectified, value, n) for n in CURVE_COUNTS for value in CURVE}
         in_rows = {(n, value): pool.submit(pooled, False, value, n) for n in CURVE_COUNTS for value in CURVE[::2]}
         rough = {n: pool.submit(pooled, True, 0.4, n) for n in CURVE_COUNTS}
-        table = [["95 % interval", *(f"n = {n}" for n in COUNTS)]]
+        table = [["95 % interval, n =", *(f"{n}" for n in COUNTS)]]
         table += [[name, *(f"{100 * cells[name, n].result()[0]:.1f}" for n in COUNTS)] for name in LINES]
         savings: Savings = {
             f"paired, n = {n}": (CURVE, [saved(curve[n, v].result()[1], n, alone_uniform) for v in CURVE])
@@ -276,7 +276,7 @@ def main(page: Path) -> None:
 
 def savings_table(savings: Savings, rough_saved: dict[int, float]) -> list[list[str]]:
     """Rows of trials saved (%) by correlation."""
-    table = [["trials saved, %", *(f"ρ = {value:g}" for value in CURVE)]]
+    table = [["trials saved, %, at ρ =", *(f"{value:g}" for value in CURVE)]]
     for name, (values, shares) in savings.items():
         found = dict(zip(values, shares, strict=True))
         table.append([name, *(f"{100 * found[v]:.0f}" if v in found else "" for v in CURVE)])

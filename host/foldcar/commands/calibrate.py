@@ -43,7 +43,7 @@ def calibrate(
     replace: Annotated[bool, typer.Option("--replace", help="Replace the calibration of that name.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Infer the simulator's parameters from trials of built cars.
+    """Infer the simulator's parameters from trials.
 
     Friction, servos, heights, centre of mass, track and scatter, each with a prior, as far as the trials tell. The store
     keeps the result: `foldcar sweep LISTING --calibration NAME` simulates under it. It says which parameters the trials

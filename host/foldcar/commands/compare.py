@@ -29,10 +29,7 @@ def compare(
     simulation agrees, is optimistic or pessimistic, or the trials are too few to say. docs/advice.md explains it.
 
     \b
-    Example, the published trials:
-    foldcar sweep scenarios/width_study.json --store study.db
-    foldcar trials import study.db scenarios/published_trials.csv
-    foldcar compare study.db
+    Example: foldcar compare study.db
     """
     from foldcar.advice.comparison import compare as compare_store
     from foldcar.advice.comparison_table import comparison_object, write_comparison

@@ -93,7 +93,7 @@ def settling_text(labels: Sequence[str], successes: Any, total: Any, threshold: 
     said = advice(int(successes[first]), int(total[first]), HALF_WIDTH, threshold)
     return (
         f"{len(undecided)} of {count(len(counted), 'design')} {verb} not decided against {limit} ({names}{more}). "
-        f"Nearest to it, {labels[first]}: {said} More environments would hardly move the others across."
+        f"Nearest to it, {labels[first]}: {said} More environments would hardly move the decided ones across."
     )
 
 

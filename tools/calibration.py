@@ -175,7 +175,7 @@ def truths(
     error = 100 * np.sqrt(max(0.0, float(np.mean(wrong**2) - noise)))
     return [
         f"- {100 * CONFIDENCE:.0f} % intervals contain the true parameters in {shares.mean():.1f} % of {len(covered)} "
-        f"replicates ({TRUTHS} truths), by parameter in {shares.min():.0f} to {shares.max():.0f} %.",
+        f"replicates ({TRUTHS} truths), by parameter in {np.min(shares):.0f} to {np.max(shares):.0f} %.",
         f"- Held-out widths: mean log score {np.mean(calibrated):.2f} calibrated, {np.mean(prior):.2f} with the prior, "
         f"{np.mean(uncalibrated):.2f} uncalibrated.",
         f"- The emulator is {error:.0f} points off simulated rates (root mean square, over the whole prior).",

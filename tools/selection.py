@@ -61,7 +61,7 @@ def losses(random: numpy.random.Generator, selecting: bool) -> list[float]:
             trials[index] += random.binomial(TRIALS, truth[index]), TRIALS
         draws = truth_draws(WIDTHS[:, None], runs, trials, DRAWS)
         best, _ = expected_loss(draws)
-        found.append(float(truth.max() - truth[best]))
+        found.append(float(numpy.max(truth) - truth[best]))
     return found
 
 

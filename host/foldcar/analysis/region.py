@@ -39,12 +39,13 @@ def first_designs(
     x, p, doubt = (numpy.asarray(values, dtype=float) for values in (parameters, rates, uncertainty))
     feasible = p >= threshold
     if not feasible.any():
-        return [Placed(int(p.argmax()), BEST)]
+        return [Placed(int(numpy.argmax(p)), BEST)]
     unit = unit_range(x)
     middle = _middle(unit, feasible)
     found = [Placed(middle, MIDDLE)]
     if feasible.all():
-        ends = [index for index in (int(unit.sum(axis=1).argmin()), int(unit.sum(axis=1).argmax())) if index != middle]
+        sums = unit.sum(axis=1)
+        ends = [index for index in (int(numpy.argmin(sums)), int(numpy.argmax(sums))) if index != middle]
         return found + [Placed(index, END) for index in dict.fromkeys(ends)]
     edges = _opposite(_edges(unit, feasible), doubt, unit, middle)
     outside = _opposite(numpy.flatnonzero(~feasible), -numpy.abs(p - threshold / 2), unit, middle, edges[:1])

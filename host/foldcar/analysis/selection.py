@@ -41,7 +41,7 @@ def value_of_trials(draws: ArrayLike, threshold: float, trials: int) -> Value:
 
     p = numpy.asarray(draws, dtype=float)
     reached = (p >= threshold).astype(float)
-    now = p.mean(axis=0).max()
+    now = numpy.max(p.mean(axis=0))
     wrong_now = numpy.minimum(reached.mean(axis=0), 1 - reached.mean(axis=0)).mean()
     choice, right = numpy.zeros(p.shape[1]), numpy.zeros(p.shape[1])
     for design in range(p.shape[1]):
@@ -157,5 +157,5 @@ def honest_best(passed: ArrayLike) -> tuple[int, int, int]:
 def expected_loss(draws: ArrayLike) -> tuple[int, float]:
     """The design of the highest mean rate, and by how much the truly best one passes more often, 0 to 1, on average."""
     p = numpy.asarray(draws, dtype=float)
-    best = int(p.mean(axis=0).argmax())
+    best = int(numpy.argmax(p.mean(axis=0)))
     return best, float((p.max(axis=1) - p[:, best]).mean())

@@ -133,7 +133,7 @@ def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike, 
     for basis in candidates:
         here = basis.at(scaled)
         score = 0.0
-        for out in range(fold.max() + 1):
+        for out in range(int(numpy.max(fold)) + 1):
             mean, root = _laplace(here[fold != out], k[fold != out], n[fold != out])
             score += _predictive(here[fold == out], mean, root, k[fold == out], n[fold == out])
         scores.append(score)

@@ -47,7 +47,7 @@ def rank_next_trials(inference: Inference, experiment: SweptExperiment) -> list[
         for index, design in enumerate(designs):
             before = done.get(design, (0, 0)) if height == 1 else (0, 0)
             bits, alone = expected_bits(logits[:, index], tau, before, TRIALS, scores)
-            found.append(NextTrials(design, height, bits, NAMES[int(alone.argmax())]))
+            found.append(NextTrials(design, height, bits, NAMES[int(np.argmax(alone))]))
     return sorted(found, key=lambda one: -one.bits)
 
 

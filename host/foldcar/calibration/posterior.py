@@ -115,4 +115,4 @@ def _next_step(found: FloatArray, most: float) -> float:
 def _resampled(weights: FloatArray, stream: np.random.Generator) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """Indices of a systematic resampling."""
     places = (np.arange(len(weights)) + stream.random()) / len(weights)
-    return np.searchsorted(weights.cumsum(), places).clip(max=len(weights) - 1)
+    return np.searchsorted(np.cumsum(weights), places).clip(max=len(weights) - 1)

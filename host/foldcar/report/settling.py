@@ -47,7 +47,7 @@ def settling_parts(store: Store, info: ExperimentInfo, options: FigureOptions) -
     total = numpy.bincount(runs.design, minlength=len(designs))
     successes = numpy.bincount(runs.design, passed, minlength=len(designs)).astype(int)
     threshold = max(options.thresholds(info))
-    if total.max() < LEAST:
+    if numpy.max(total) < LEAST:
         return []
     shares = numpy.divide(successes, total, out=numpy.full(len(designs), numpy.inf), where=total > 0)
     nearest = numpy.argsort(numpy.abs(shares - threshold), kind="stable")

@@ -135,9 +135,10 @@ def test_a_killed_command_leaves_no_process(
 ) -> None:
     process = started(*COMMANDS[command])
     end_s = time.monotonic() + 300
-    while len(marked(str(study))) < 2 and time.monotonic() < end_s:
+    # What was seen once counts: some processes live for a moment only.
+    while len(running := marked(str(study))) < 2 and time.monotonic() < end_s:
         time.sleep(0.01)
-    assert len(marked(str(study))) >= 2
+    assert len(running) >= 2
 
     process.kill()
     process.wait()

@@ -216,17 +216,20 @@ def test_advice_before_trials_and_after_each_round(tmp_path: Path) -> None:
     assert last.sentence.startswith("Enough: 70, 80, 90 and 100 mm reach 75 %")
 
 
-def test_advice_of_two_parameters_and_of_one_design(tmp_path: Path) -> None:
+def test_advice_of_two_parameters_of_one_design_and_of_none_that_passes(tmp_path: Path) -> None:
     family = {"width_mm": [80.0, 100.0, 120.0, 140.0], "depth_mm": [1.0, 2.0, 3.0]}
     write_study(tmp_path / "two.db", family, 20, outcome)
     write_study(tmp_path / "one.db", {"width_mm": [100.0]}, 20, outcome)
+    write_study(tmp_path / "none.db", FAMILY, 20, lambda design, sample: "stuck")
 
     (two,) = advise(tmp_path / "two.db")
     (one,) = advise(tmp_path / "one.db", precision=0.1)
+    (none,) = advise(tmp_path / "none.db")
 
     assert len({tuple(found.design.values()) for found in two.recommendations}) == 4
     assert two.recommendations[0].label.startswith("width ")
     assert len(one.recommendations) == 1 and "the design reaches 75 %" in " ".join(one.remarks)
+    assert "no design reaches 75 % in simulation" in none.sentence and none.recommendations[0].place == BEST
 
 
 ONE = ({"width_mm": 110.0}, 3, "passed")

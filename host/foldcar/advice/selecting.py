@@ -230,6 +230,8 @@ class _Choice:
         # In the order of the family, not of use.
         order = {one.label: row for row, one in enumerate(seen.designs)}
         named = listed(sorted((one.label for one in recommended), key=order.__getitem__))
+        if loss is None and not (seen.smooth[:, 0] >= self.threshold).any():
+            return f"Build {named}: no trials yet, and no design reaches {limit} in simulation; first the best."
         if loss is None:
             return f"Build {named}: no trials yet, so these mark the region that reaches {limit} in simulation."
         best, _ = expected_loss(seen.draws)

@@ -4,6 +4,7 @@ The answers are those of :class:`foldcar.simulation.carsim.Carsim`. For callers 
 send runs in chunks, whose processes are soon paid for.
 """
 
+import contextlib
 import os
 import subprocess
 import threading
@@ -124,6 +125,10 @@ class _Process:
         """Kill the process; it has nothing to tidy up."""
         self._process.kill()
         self._process.wait()
+        assert self._process.stdin is not None
+        # What was written for a dead process goes nowhere.
+        with contextlib.suppress(OSError):
+            self._process.stdin.close()
 
 
 def _forget(kept: KeptCarsim | None) -> None:

@@ -12,7 +12,7 @@ import numpy
 import pandas
 
 from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, swept_ids, unswept_trials
-from foldcar.advice.words import count, design_text, listed, percent, points
+from foldcar.advice.words import count, design_text, listed, points
 from foldcar.analysis.gap import (
     AGREES,
     OPTIMISTIC,
@@ -274,13 +274,3 @@ def _overall(experiments: Sequence[ExperimentComparison], alone: Sequence[Trials
     if len(builds) > 1:
         sentences.append(f"The experiments were simulated by {len(builds)} builds of carsim: do not compare them.")
     return " ".join(sentences)
-
-
-def design_sentence(one: DesignComparison) -> str:
-    """What is found of one design: ``95 mm: simulation passes 100 %, the car 7 of 10 (70 %): optimistic …``."""
-    passed, number = one.evidence.trials_passed, len(one.evidence.trials)
-    car = f"the car {passed} of {number} ({percent(one.driven.value)})"
-    if one.simulated is None or one.gap is None or one.verdict is None:
-        return f"{one.label}: {car}; not simulated."
-    interval = f"gap {points(one.gap.value)} points, {points(one.gap.low)} to {points(one.gap.high)}"
-    return f"{one.label}: simulation passes {percent(one.simulated.value)}, {car}: {one.verdict} ({interval})."

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from foldcar.analysis.gap import RankAgreement
+
 # The units in which designs are written.
 UNITS = {"mm": " mm", "deg": "°"}
 
@@ -70,3 +72,19 @@ def _sharing_unit(texts: Sequence[str]) -> list[str]:
 def _words(name: str) -> str:
     stem = next((name.removesuffix(f"_{unit}") for unit in UNITS if name.endswith(f"_{unit}")), name)
     return stem.replace("_", " ")
+
+
+def rank_text(ranks: RankAgreement | None) -> str | None:
+    """How well simulation ranks the driven designs; None for fewer than two."""
+    if ranks is None or ranks.designs < 2:
+        return None
+    said = []
+    for name, value, interval in (
+        ("Pearson", ranks.pearson, ranks.pearson_interval),
+        ("rank", ranks.spearman, ranks.spearman_interval),
+    ):
+        if value is not None and interval is not None:
+            said.append(f"{name} correlation {value:.2f} (95 %: {interval[0]:.2f} to {interval[1]:.2f})")
+    if ranks.mmrv is not None:
+        said.append(f"mean maximum rank violation {ranks.mmrv:.2f}")
+    return f"Over {ranks.designs} designs: {', '.join(said)}."

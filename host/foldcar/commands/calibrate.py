@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
+from foldcar.commands.jobs_option import Jobs
 from foldcar.commands.json_option import Json, print_json
-from foldcar.study.limits import GREATEST_SEED, MOST_JOBS
+from foldcar.commands.simulated_trials_option import SimulatedTrialsInstead
+from foldcar.study.limits import GREATEST_SEED
 
 # What a name may be, so that it can be typed and stand in the names of experiments.
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
@@ -26,16 +28,11 @@ def calibrate(
         int, typer.Option(metavar="N", min=LEAST_RUNS, max=MOST_RUNS, help="Runs to simulate, roughly.")
     ] = DEFAULT_RUNS,
     seed: Annotated[int, typer.Option(metavar="N", min=0, max=GREATEST_SEED, help="Seed of all that is random.")] = 1,
-    jobs: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
-    ] = None,
+    jobs: Jobs = None,
     leave_one_out: Annotated[
         bool, typer.Option("--leave-one-out", help="Also predict each design from the trials of the others.")
     ] = False,
-    simulated_trials: Annotated[
-        bool, typer.Option("--simulated-trials", help="Go by the trials of simulated cars instead of built ones.")
-    ] = False,
+    simulated_trials: SimulatedTrialsInstead = False,
     known: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="A parameter that was measured; may be repeated."),

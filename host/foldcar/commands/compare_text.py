@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from foldcar.advice.comparison import Comparison, DesignComparison, ExperimentComparison, TrialsAlone
-from foldcar.advice.words import percent, points
-from foldcar.analysis.gap import Gap, RankAgreement
+from foldcar.advice.words import percent, points, rank_text
+from foldcar.analysis.gap import Gap
 from foldcar.analysis.rate import Rate
 from foldcar.commands.result_table import result_table
 from foldcar.figures.style import OUTCOME_LABELS
@@ -37,8 +37,9 @@ def _print_experiment(console: Console, one: ExperimentComparison) -> None:
                 f"gap: trials minus simulation, points; all gaps hold together with {percent(one.mean_gap.confidence)}",
                 markup=False,
             )
-    if one.ranks is not None and one.ranks.designs > 1:
-        console.print(_rank_text(one.ranks), markup=False)
+    ranks = rank_text(one.ranks)
+    if ranks:
+        console.print(ranks, markup=False)
     for remark in one.remarks:
         console.print(remark, markup=False)
 
@@ -91,19 +92,6 @@ def _print_alone(console: Console, alone: TrialsAlone) -> None:
     for label, passed, rate in alone.designs:
         table.add_row(label, str(passed), _rate(rate))
     console.print(table)
-
-
-def _rank_text(ranks: RankAgreement) -> str:
-    parts = []
-    for name, value, interval in (
-        ("Pearson", ranks.pearson, ranks.pearson_interval),
-        ("rank", ranks.spearman, ranks.spearman_interval),
-    ):
-        if value is not None and interval is not None:
-            parts.append(f"{name} correlation {value:.2f} (95 %: {interval[0]:.2f} to {interval[1]:.2f})")
-    if ranks.mmrv is not None:
-        parts.append(f"mean maximum rank violation {ranks.mmrv:.2f}")
-    return f"Over {ranks.designs} designs: {', '.join(parts)}."
 
 
 def _rate(rate: Rate | None) -> str:

@@ -10,10 +10,11 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.components_option import Components
+from foldcar.commands.jobs_option import Jobs
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_store
 from foldcar.errors import FoldcarError
-from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
+from foldcar.study.limits import MOST_ENVIRONMENTS
 
 MOST_DESIGNS = 100_000
 
@@ -78,10 +79,7 @@ def optimize(
         typer.Option("--prune/--no-prune", help="With one objective, leave a design early that is worse than the best."),
     ] = True,
     seed: Annotated[int, typer.Option(metavar="S", min=0, max=2**31, help="Of the sampler.")] = 0,
-    jobs: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
-    ] = None,
+    jobs: Jobs = None,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="This experiment of the listing.")] = None,
     calibration: Annotated[
         str | None,

@@ -7,6 +7,7 @@ import typer
 
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import check_distinct, output_file
+from foldcar.commands.simulated_trials_option import SimulatedTrialsInstead
 
 MOST_BUILD = 50
 
@@ -27,9 +28,7 @@ def select(
     csv: Annotated[
         Path | None, typer.Option(metavar="FILE", callback=output_file, help="CSV file to write: a row a design.")
     ] = None,
-    simulated_trials: Annotated[
-        bool, typer.Option("--simulated-trials", help="Go by the trials of simulated cars instead of built ones.")
-    ] = False,
+    simulated_trials: SimulatedTrialsInstead = False,
     as_json: Json = False,
 ) -> None:
     """Say which designs to build next, and why.

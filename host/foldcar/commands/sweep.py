@@ -10,10 +10,11 @@ import typer
 
 from foldcar.commands.components_option import Components
 from foldcar.commands.failed_runs import say_failed
+from foldcar.commands.jobs_option import Jobs
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_store
 from foldcar.commands.sweep_text import state_objects, stopping_lines
-from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
+from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.study.progress import Progress
@@ -41,10 +42,7 @@ def sweep(
             "lies on one side of the listing's thresholds (decided).",
         ),
     ] = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Simulators in parallel; default: one per processor."),
-    ] = None,
+    jobs: Jobs = None,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
     calibration: Annotated[
         str | None,

@@ -8,8 +8,8 @@ from dataclasses import replace
 from foldcar.advice.comparison import Comparison, ExperimentComparison, compare_evidence
 from foldcar.advice.evidence import read_evidence, unswept_trials
 from foldcar.advice.selecting import Selection, select_evidence
-from foldcar.advice.words import points
-from foldcar.analysis.gap import Gap, RankAgreement
+from foldcar.advice.words import points, rank_text
+from foldcar.analysis.gap import Gap
 from foldcar.analysis.rate import Rate
 from foldcar.calibration.words import findings
 from foldcar.errors import FoldcarError
@@ -107,26 +107,12 @@ def _compared(compared: ExperimentComparison) -> Part:
     caption = "Gap: trials minus simulation, in points; all gaps of the table hold together with 95 %."
     if rectified:
         caption += " Rectified: the trials' rate with the help of simulation."
-    remarks = [*_ranks(compared.ranks), *compared.remarks]
+    ranks = rank_text(compared.ranks)
+    remarks = [*([ranks] if ranks else []), *compared.remarks]
     if compared.mean_gap is None:
         remarks.insert(0, compared.sentence)
     table = Table(caption, [*columns, "gap", "verdict"], rows)
     return Part("Simulation against trials", tuple(remarks), tables=(table,))
-
-
-def _ranks(ranks: RankAgreement | None) -> list[str]:
-    if ranks is None or ranks.designs < 2:
-        return []
-    said = []
-    for name, value, interval in (
-        ("Pearson correlation", ranks.pearson, ranks.pearson_interval),
-        ("rank correlation", ranks.spearman, ranks.spearman_interval),
-    ):
-        if value is not None and interval is not None:
-            said.append(f"{name} {value:.2f} (95 %: {interval[0]:.2f} to {interval[1]:.2f})")
-    if ranks.mmrv is not None:
-        said.append(f"mean maximum rank violation {ranks.mmrv:.2f}")
-    return [f"Over {ranks.designs} designs: {', '.join(said)}."] if said else []
 
 
 def _calibrated(calibration: Calibration) -> Part:

@@ -27,7 +27,6 @@ from foldcar.search.bench import Values
 from foldcar.search.objectives import Objective
 from foldcar.study.family import Family
 
-SAMPLERS = ("tpe", "nsga2", "random", "grid")
 # Generations of NSGA-II: of Optuna's default of 50, a search of some hundred designs would see two.
 POPULATION = 16
 # After so many proposals in a row that are known, a design is drawn from those that are not.

@@ -17,6 +17,7 @@ LOCK := host/requirements.txt
 UV_VERSION := 0.13.9
 
 CARSIM := .pio/build/carsim/program
+CARSIM_MUJOCO := .pio/build/carsim_mujoco/program
 # Folders are among the prerequisites so that a removed file counts as a change.
 CARSIM_SOURCES := $(shell find firmware/lib firmware/src sim2d platformio.ini host/foldcar/mavlink_dialect -not -name '*.pyc' \
   -not -name __pycache__) tools/build_id.py tools/firmware_id.py tools/mavlink_headers.py tools/simulation_digest.py
@@ -38,20 +39,22 @@ FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h sim2d/lib/sim_hal/*.h test/*.h
 # Every header but the one that needs ArduinoJson, and where they find each other's; the board's find the tests' fakes.
 HEADERS := $(filter-out firmware/lib/design_json/%,$(shell find firmware/lib sim2d test -name '*.h' | sort))
 HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNITY_INCLUDE_DOUBLE -Itest -Itest/arduino_fakes \
-  $(addprefix -I,$(wildcard firmware/lib/* sim2d/lib/*)) $(addprefix -isystem ,.pio/mavlink \
+  $(addprefix -I,$(wildcard firmware/lib/* sim2d/lib/*)) $(addprefix -isystem ,.pio/mavlink $(wildcard .venv/lib/python3*/site-packages/mujoco/include) \
   $(wildcard .pio-core/lib/Unity .pio/libdeps/native/*/include .pio/libdeps/native/*/src .pio/libdeps/native/*))
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup study calibration fidelity statistics test test-native headers test-host lint bench fuzz fresh clean lock system-packages platformio
+.PHONY: help setup mujoco study calibration fidelity statistics test test-native headers test-host lint bench fuzz races fresh clean lock system-packages platformio
 .DELETE_ON_ERROR:
 
 help:
 	@echo 'make setup     install what is missing (system packages, .venv, PlatformIO) and build the simulator'
+	@echo 'make mujoco    set up and build the simulator in three dimensions, for --engine mujoco'
 	@echo 'make study     set up, run the width study and write its report to out/$(STUDY)'
 	@echo 'make test      set up and run every test'
 	@echo 'make bench     set up and measure the speed'
 	@echo 'make fuzz      feed the car'"'"'s link with $(FUZZ_BYTES) random and damaged bytes (FUZZ_BYTES=, FUZZ_SEED=)'
+	@echo 'make races     record and store a log in two threads under ThreadSanitizer'
 	@echo 'make mutation  plant faults in the car'"'"'s physics and firmware and see whether the suites notice (MUTANTS=, MUTATION_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
 	@echo 'make calibration  set up, calibrate by the published trials, try it on known truths, renew docs/calibration.md'
@@ -64,6 +67,8 @@ help:
 
 setup: $(CARSIM)
 
+mujoco: $(CARSIM_MUJOCO)
+
 study: setup
 	@mkdir -p out
 	$(BIN)/foldcar sweep scenarios/$(STUDY).json --store out/$(STUDY).db
@@ -74,7 +79,7 @@ calibration: setup
 	@mkdir -p out
 	$(BIN)/python tools/calibration.py out/calibration docs/calibration.md
 
-fidelity: setup
+fidelity: setup mujoco
 	@mkdir -p out
 	$(BIN)/foldcar crosscheck scenarios/fidelity.json --baseline 20 -o out/fidelity
 	$(BIN)/python tools/fidelity.py out/fidelity docs/fidelity.md
@@ -95,7 +100,7 @@ lint: .venv/installed
 	$(BIN)/mypy --config-file host/pyproject.toml --ignore-missing-imports tools/*.py bench/*.py
 
 test-native: setup
-	$(BIN)/pio test -e native
+	$(BIN)/pio test -e native -e native_mujoco
 	$(MAKE) headers
 
 # Each header compiles alone: what it needs it includes itself. After the tests' build, which fetches Unity.
@@ -105,15 +110,18 @@ headers: setup
 	  echo "$(words $(HEADERS)) headers compile alone with $$compiler"; done
 
 # A third process: several tests wait for a car that drives in real time.
-test-host: setup
+test-host: setup mujoco
 	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . -n 3 --dist worksteal --durations 25 --durations-min 3 test/host
 
-bench: setup .pio/bench/firmware_tick
+bench: setup mujoco .pio/bench/firmware_tick
 	.pio/bench/firmware_tick
 	$(BIN)/python bench/bench.py
 
 fuzz: .pio/fuzz/fuzz_link
 	.pio/fuzz/fuzz_link $(FUZZ_BYTES) $(FUZZ_SEED)
+
+races: .pio/races/log_races
+	TSAN_OPTIONS=history_size=7 .pio/races/log_races
 
 # Both commands, as a new user on a machine with nothing on it (as root).
 fresh:
@@ -123,6 +131,10 @@ fresh:
 .pio/fuzz/fuzz_link: test/fuzz/fuzz_link.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
 	@mkdir -p $(@D)
 	$(CXX) $(FIRMWARE_FLAGS) $(FUZZ_FLAGS) $(filter %.cpp,$^) -o $@
+
+.pio/races/log_races: test/races/log_races.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
+	@mkdir -p $(@D)
+	$(CXX) $(FIRMWARE_FLAGS) -O1 -g -fsanitize=thread -pthread $(filter %.cpp,$^) -o $@
 
 .pio/bench/firmware_tick: bench/firmware_tick.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
 	@mkdir -p $(@D)
@@ -158,6 +170,10 @@ platformio: .venv/installed
 
 $(CARSIM): $(CARSIM_SOURCES) | platformio
 	$(BIN)/pio run -e carsim
+	@touch $@
+
+$(CARSIM_MUJOCO): $(CARSIM_SOURCES) tools/mujoco_library.py | platformio
+	$(BIN)/pio run -e carsim_mujoco
 	@touch $@
 
 # Plants small faults in the C++ sources and sees whether the tests notice them: MUTANTS of each file, or all.

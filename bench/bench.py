@@ -1,7 +1,7 @@
 """Measures the speed of the width study and its parts; run it with `make bench`.
 
 Output: a table of the study by `foldcar sweep` with one and two jobs, of the same runs in one `carsim` process that
-measures its own times, of terrain slicing in a field of hills, and of Scenic's cost (scenic_way.py).
+measures its own times, of MuJoCo, of terrain slicing in a field of hills, and of Scenic's cost (scenic_way.py).
 """
 
 import json
@@ -14,6 +14,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from mujoco_way import python_factor
 from rich.console import Console
 from rich.table import Table
 from scenic_way import OBJECTS, RUN_S, TURNS, sampling_ms, scenic_run_ms
@@ -24,6 +25,7 @@ PROJECT = Path(__file__).resolve().parents[1]
 LISTING = PROJECT / "scenarios" / "width_study.json"
 HILLS = PROJECT / "scenarios" / "gaussian_hills.json"
 CARSIM = PROJECT / ".pio" / "build" / "carsim" / "program"
+CARSIM_MUJOCO = PROJECT / ".pio" / "build" / "carsim_mujoco" / "program"
 FOLDCAR = Path(sys.executable).with_name("foldcar")
 
 
@@ -47,10 +49,12 @@ def run(*arguments: str | Path) -> Timed:
     return Timed(time.perf_counter() - start_s, usage.ru_maxrss / 1024)
 
 
-def sweep(store: Path, jobs: int, environments: int | None = None, listing: Path = LISTING) -> Timed:
+def sweep(
+    store: Path, jobs: int, environments: int | None = None, listing: Path = LISTING, engine: str = "side-view"
+) -> Timed:
     """Sweep the study, or another listing, into a new store."""
     more = () if environments is None else ("--environments", str(environments))
-    return run("sweep", listing, "--store", store, "--jobs", str(jobs), *more)
+    return run("sweep", listing, "--store", store, "--jobs", str(jobs), "--engine", engine, *more)
 
 
 def batch_lines(store: Path) -> str:
@@ -72,10 +76,10 @@ def batch_lines(store: Path) -> str:
     return "\n".join(lines) + "\n"
 
 
-def carsim_timing(lines: str) -> dict[str, float]:
+def carsim_timing(lines: str, program: Path = CARSIM) -> dict[str, float]:
     """The times (s) that `carsim batch --timing` reports."""
     answer = subprocess.run(
-        [CARSIM, "batch", "--timing"],
+        [program, "batch", "--timing"],
         input=lines,
         text=True,
         capture_output=True,
@@ -108,6 +112,11 @@ def main() -> None:
         lines = batch_lines(two_store)
         timing = carsim_timing(lines)
         runs = lines.count('{"run"')
+        status.update("a part of the study in MuJoCo")
+        solid_store = Path(folder, "mujoco.db")
+        sweep(solid_store, 2, environments=3, engine="mujoco")
+        solid = carsim_timing(batch_lines(solid_store), CARSIM_MUJOCO)
+        from_python = python_factor(solid_store)
         status.update("a field of hills")
         hills_store = Path(folder, "hills.db")
         sweep(hills_store, 2, listing=HILLS)
@@ -124,6 +133,8 @@ def main() -> None:
     table.columns[1].justify = "right"
     rows = [
         ("real-time factor of one core, firmware in the loop", f"{timing['simulated_s'] / wall_s:.0f} ×"),
+        ("  with MuJoCo in place of the side view", f"{solid['simulated_s'] / solid['wall_s']:.0f} ×"),
+        ("  MuJoCo from Python, exported model, no firmware", f"{from_python:.0f} ×"),
         ("share of b2World::Step in carsim", f"{100 * timing['physics_s'] / wall_s:.1f} %"),
         ("share of everything else", f"{100 * outside:.1f} %"),
         ("  of which cutting terrain", f"{100 * timing['terrain_s'] / wall_s:.1f} %"),

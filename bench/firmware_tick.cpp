@@ -29,6 +29,7 @@ int main() {
       if (tick % 10 == 0) board.link.incoming += host.heartbeat();
       board.clock.time_us += kTickUs;
       firmware.poll();
+      firmware.store_log();
       board.link.outgoing.clear();
       board.servos.writes.clear();
     }

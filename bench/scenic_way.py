@@ -57,7 +57,7 @@ def scenic_run_ms(binary: Path) -> float:
         "parameters": {**firmware_parameters(design, body), "TRIAL_MAX_S": RUN_S},
     }
     car = json.dumps(body), json.dumps(settings)
-    with SteppedCarsim(binary) as carsim:
+    with SteppedCarsim([str(binary)]) as carsim:
         simulator = CarSimulator(carsim, *car, lambda _: text)
 
         def alone() -> Any:

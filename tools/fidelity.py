@@ -16,18 +16,18 @@ from matplotlib.figure import Figure
 
 from foldcar.atomic_file import atomic_file
 from foldcar.crosscheck.agreement import Pair, agreement
-from foldcar.crosscheck.cases import Case
 from foldcar.crosscheck.charts import FIRST, LOOKS
-from foldcar.crosscheck.compare import CARSIM, ELLIPSOID, HALF_STEP, MUJOCO
-from foldcar.crosscheck.page import COMPARISON_HEAD, comparison_row, experiment_table
+from foldcar.crosscheck.page import COMPARISON_HEAD, column_name, comparison_row, experiment_table
+from foldcar.crosscheck.stored import Case
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import RC
+from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, SIDE_VIEW
 
-# The tables' marks: experiments in carsim and MuJoCo, engines on step pyramids.
+# The tables' marks: experiments in the side view and in MuJoCo, engines on step pyramids.
 BEGIN, END = "<!-- table of tools/fidelity.py -->", "<!-- end of table -->"
 BEGIN_ENGINES, END_ENGINES = "<!-- engines of tools/fidelity.py -->", "<!-- end of engines -->"
 ENGINES = {
-    "carsim": CARSIM,
+    "side view": SIDE_VIEW,
     "MuJoCo, half step": HALF_STEP,
     "MuJoCo, ellipsoid tyres": ELLIPSOID,
 }
@@ -68,7 +68,7 @@ def main(folder: Path, page: Path) -> None:
     groups = {
         name: [
             agreement(pairs)
-            for engine in (CARSIM, HALF_STEP, ELLIPSOID)
+            for engine in (SIDE_VIEW, HALF_STEP, ELLIPSOID)
             if (pairs := pairs_of([row for row in rows if name in (name_of(row), EVERYTHING)], engine))
         ]
         for name in names
@@ -114,12 +114,12 @@ def pairs_of(rows: Sequence[Mapping[str, str]], engine: str) -> list[Pair]:
     """The outcomes of an engine and of MuJoCo for the runs that both have."""
     return [
         (
-            Case(row["experiment"], int(row["design"]), int(row["sample"]), {}, {}, {}, {}),
-            {"outcome": row[f"{engine}_outcome"]},
-            {"outcome": row[f"{MUJOCO}_outcome"]},
+            Case(row["experiment"], int(row["design"]), int(row["sample"]), {}),
+            {"outcome": row[f"{column_name(engine)}_outcome"]},
+            {"outcome": row[f"{column_name(MUJOCO)}_outcome"]},
         )
         for row in rows
-        if row[f"{engine}_outcome"] and row[f"{MUJOCO}_outcome"]
+        if row[f"{column_name(engine)}_outcome"] and row[f"{column_name(MUJOCO)}_outcome"]
     ]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from foldcar.car.folded_car import folded_car
 from foldcar.commands.listed_design import listed_family
+from foldcar.commands.pattern_text import car_command
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import pattern
@@ -29,7 +30,9 @@ def sheets_of(vehicle: str) -> tuple[Sheet, ...]:
     """The sheets of a published car as the current code generates them."""
     car = cars()[vehicle]
     design = listed_family(PATTERNS / car["listing"], vehicle, [])[1].single()
-    return pattern(folded_car(design), options(car["machine"]), design.title).sheets
+    chosen = options(car["machine"])
+    command = car_command(Path("patterns", car["listing"]), vehicle, [], chosen, [])
+    return pattern(folded_car(design), chosen, design.title, command).sheets
 
 
 def main() -> None:

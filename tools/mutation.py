@@ -33,8 +33,9 @@ CAR = [
 ]  # fmt: skip
 # Sources, or folders of them, and the suites that concern them, the quick ones first. The first entry that fits counts.
 TARGETS = {
-    "sim2d/lib/car/track_terrain.cpp": [*CAR, "test_sim_terrain"],
-    "sim2d/lib/car": CAR,
+    "sim2d/lib/side_view/track_terrain.cpp": [*CAR, "test_sim_terrain"],
+    "sim2d/lib/engine": CAR,
+    "sim2d/lib/side_view": CAR,
     "firmware/lib/control": ["test_control"],
     "firmware/lib/supervisor": ["test_supervisor", "test_application"],
 }

@@ -23,8 +23,12 @@ Car& car() {
   return the_car;
 }
 
+bool store_log(void*) { return car().firmware.store_log(); }
+
 }  // namespace
 
+// begin() turns the outputs off, which may still be driving from before a reset, before it does anything else.
+//
 // The oscillator's frequency is a parameter, so the servos are ready only behind begin(). If they are not, the first pulse
 // is a bus fault.
 void setup() {
@@ -32,6 +36,7 @@ void setup() {
   me.board.begin(kBaud);
   me.firmware.begin(foldcar::read_stored_design(me.board.logs.present()));
   me.board.servos.set_oscillator_hz(me.firmware.parameters().get(foldcar::Parameter::kPwmOscHz));
+  if (!foldcar::start_background_task(store_log, nullptr)) me.board.logs.give_up();
   me.board.board.start_watchdog();
 }
 

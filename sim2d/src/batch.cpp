@@ -5,6 +5,7 @@
 
 #include "answer_lines.h"
 #include "batch_session.h"
+#include "built_engine.h"
 
 namespace foldcar {
 namespace {
@@ -23,7 +24,7 @@ void report_timing(const BatchSession& session, double wall_s) {
 
 int run_batch(bool timing) {
   const auto start = std::chrono::steady_clock::now();
-  BatchSession session(timing);
+  BatchSession session(engine(), timing);
   const int code =
       answer_lines([&](std::size_t number, const std::string& line) { return session.answer(number, line); });
   if (timing) {

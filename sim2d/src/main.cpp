@@ -7,6 +7,7 @@
 
 #include "batch.h"
 #include "build_id.h"
+#include "built_engine.h"
 #include "ending.h"
 #include "firmware_id.h"
 #include "input_limits.h"
@@ -82,17 +83,20 @@ int print_limits() {
   nlohmann::ordered_json input = nlohmann::ordered_json::object();
   for (const auto& [path, limits] : foldcar::input_limits()) input[path] = {limits.minimum, limits.maximum};
   const nlohmann::ordered_json trial = {{"settling_s", foldcar::kSettling_s},
-                                        {"step_s", 1 / foldcar::StepOptions{}.rate_hz},
+                                        {"step_s", foldcar::engine().step_s()},
                                         {"firmware_tick_s", foldcar::kTickUs * 1e-6},
                                         {"tipped_up", foldcar::kTippedUp},
                                         {"stuck_distance_m", foldcar::kStuckDistance_m},
                                         {"stuck_turn_rad", foldcar::kStuckTurn_rad},
-                                        {"stuck_time_s", foldcar::kStuckTime_s}};
+                                        {"stuck_time_s", foldcar::kStuckTime_s},
+                                        {"held_distance_m", foldcar::kHeldDistance_m},
+                                        {"held_time_s", foldcar::kHeldTime_s}};
   return print({{"input", input}, {"trial", trial}}, 1);
 }
 
 nlohmann::ordered_json version() {
-  return {{"program", "carsim"}, {"build", FOLDCAR_BUILD_ID}, {"firmware", FOLDCAR_FIRMWARE_ID}};
+  return {{"program", "carsim"}, {"build", FOLDCAR_BUILD_ID}, {"firmware", FOLDCAR_FIRMWARE_ID},
+          {"engine", foldcar::engine().name()}};
 }
 
 int batch(const std::vector<std::string>& words) {
@@ -102,7 +106,8 @@ int batch(const std::vector<std::string>& words) {
   return foldcar::run_batch(!words.empty());
 }
 
-int run(const std::vector<std::string>& words) {
+int run(std::vector<std::string> words) {
+  while (!words.empty() && foldcar::take_engine_option(words.front())) words.erase(words.begin());
   if (words.empty()) return usage_error("no command");
   const std::string& command = words.front();
   foldcar::end_without_reader();

@@ -58,6 +58,15 @@ struct FakeFlash {
   std::map<std::string, int> open_count;     // open handles, by path
 };
 
+struct FakeTask {
+  void (*function)(void*) = nullptr;  // null: none was made
+  void* argument = nullptr;
+  std::uint32_t stack_size = 0;  // bytes
+  unsigned priority = 0;
+  int core = -1;
+  std::uint32_t delay_ms = 0;  // the last one
+};
+
 struct FakeEsp32 {
   std::int64_t time_us = 0;
   std::uint32_t pin_mv[40] = {};  // voltage (mV) at each analogue input
@@ -65,6 +74,9 @@ struct FakeEsp32 {
   std::uint32_t watchdog_s = 0;  // 0 before its initialisation
   bool watchdog_panics = false;
   bool watchdog_guards_loop = false;
+  int log_level = 1;  // of the SDK's libraries: errors
+  bool heap_is_full = false;
+  FakeTask task;
   FakeI2c i2c;
   FakeUart uart;
   FakeFlash flash;

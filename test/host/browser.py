@@ -29,10 +29,11 @@ FLAGS = [
 HANGS_S = 600
 
 
-def browse(page: Path, fragment: str, *options: str) -> str:
-    """Open ``page`` at ``#fragment`` with an empty profile; gives the browser's standard output."""
+def browse(page: Path | str, fragment: str, *options: str) -> str:
+    """Open ``page``, a file or an address, at ``#fragment`` with an empty profile; gives the standard output."""
+    address = page.as_uri() if isinstance(page, Path) else page
     with tempfile.TemporaryDirectory(prefix="foldcar-browser-", ignore_cleanup_errors=True) as profile:
-        command = [browser(), *FLAGS, f"--user-data-dir={profile}", *options, f"{page.as_uri()}#{fragment}"]
+        command = [browser(), *FLAGS, f"--user-data-dir={profile}", *options, f"{address}#{fragment}"]
         return subprocess.run(command, capture_output=True, text=True, timeout=HANGS_S, check=True).stdout
 
 

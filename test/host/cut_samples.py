@@ -4,6 +4,7 @@ import itertools
 import math
 
 from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Hole, Join, Piece, Point
+from foldcar.car.parts.catalogue import catalogue
 
 LENGTH, WIDTH, HEIGHT, FLAP, TAB = 120.0, 60.0, 30.0, 10.0, 8.0
 RIGHT_ANGLE = math.pi / 2
@@ -71,7 +72,7 @@ def rim(radius: float, width: float = 12.0, teeth: int = 40) -> Piece:
     facet = 2 * radius * math.sin(math.pi / teeth)
     faces = [Face(f"rim {i}", rectangle(facet, width), role="rim") for i in range(teeth)]
     creases = [
-        Crease(f"bend {i}", EdgeRef(f"rim {i}", 1), EdgeRef(f"rim {i + 1}", 3), 2 * math.pi / teeth)
+        Crease(f"bend {i}", EdgeRef(f"rim {i}", 1), EdgeRef(f"rim {i + 1}", 3), 2 * math.pi / teeth, bend=True)
         for i in range(teeth - 1)
     ]
     for i in range(teeth):
@@ -93,4 +94,4 @@ def folded_box(radius: float = 40.0) -> FoldedCar:
     joins += [
         Join(6, "rim", "rim", EdgeRef(f"tooth {i} 0", 0), "disc", EdgeRef("disc", i), 1.0) for i in range(40)
     ]
-    return FoldedCar((beam(), cap(), disc(radius), rim(radius)), (), tuple(joins), (), (), (), ())
+    return FoldedCar((beam(), cap(), disc(radius), rim(radius)), (), tuple(joins), (), (), (), (), catalogue())

@@ -17,6 +17,7 @@ from foldcar.car.folded.model import (
     PlacedPiece,
     Pose,
 )
+from foldcar.car.parts.catalogue import catalogue
 
 LENGTH_MM, WIDTH_MM, HEIGHT_MM, FLAP_MM, THICKNESS_MM = 60.0, 40.0, 30.0, 8.0, 0.25
 QUARTER = math.pi / 2
@@ -93,4 +94,5 @@ def folded_box() -> FoldedCar:
         axles=(),
         hinges=(),
         wires=(),
+        parts=catalogue(),
     )

@@ -65,7 +65,7 @@ def car_at_port(
     scene = empty_scene(goal_x_m=goal_x_m)
     port = 0 if tcp else None
     says = scene_name(free_course_scene(), 0)
-    with simulated_car(binary, body, scene, car_json(design), 1.0, port, subprocess.PIPE, says) as car:
+    with simulated_car([str(binary)], body, scene, car_json(design), 1.0, port, subprocess.PIPE, says) as car:
         yield car
 
 

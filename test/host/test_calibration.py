@@ -263,7 +263,7 @@ def test_a_folder_keeps_calibrations(swept: Path) -> None:
 def test_draws_are_rounded_values_of_scores() -> None:
     (values,) = values_of(np.zeros((1, len(PARAMETERS))))
 
-    assert values["servo_torque"] == 0.85 and values["track_m"] == 0.008
+    assert values["servo_torque"] == 0.85 and values["track_m"] == 0.0
     assert values["start_heading_sd_rad"] == pytest.approx(0.06 * halfnorm.median(), rel=1e-5)
 
 

@@ -8,16 +8,18 @@ from typing import Any
 import pytest
 
 from foldcar.car.body import body_json
+from foldcar.car.design import compose
 from foldcar.scenes.source import open_environment
 from foldcar.study.experiments import read_study
 
 WIDTHS = ("65", "115", "245")
+TOP_HEAVY = "top-heavy"
 SAMPLES = 4
 
 
 @pytest.fixture(scope="module")
 def definitions() -> list[dict[str, Any]]:
-    """Bodies of three widths and a few step-pyramid scenes."""
+    """Bodies of three widths, a narrow one with its battery on the roof, and a few step-pyramid scenes."""
     project = Path(__file__).resolve().parents[2]
     experiment = read_study(project / "scenarios" / "width_study.json").experiments[0]
     source = open_environment(experiment.program, dict(experiment.scenic_params), experiment.seed)
@@ -26,6 +28,8 @@ def definitions() -> list[dict[str, Any]]:
         for design in experiment.family
         if f"{design.values['width']:.0f}" in WIDTHS
     ]
+    top_heavy = compose("W_B_W+battery_place=roof", {"width": 54, "height": 60})
+    bodies.append({"body": {"id": TOP_HEAVY, **body_json(top_heavy)}})
     return bodies + [{"scene": {"id": str(k), **source.sample(k)}} for k in range(SAMPLES)]
 
 
@@ -35,7 +39,7 @@ def run_line(body: str, scene: int, **more: Any) -> dict[str, Any]:
 
 
 def all_runs(**more: Any) -> list[dict[str, Any]]:
-    return [run_line(body, scene, **more) for scene in range(SAMPLES) for body in WIDTHS]
+    return [run_line(body, scene, **more) for scene in range(SAMPLES) for body in (*WIDTHS, TOP_HEAVY)]
 
 
 def batch(carsim: Path, lines: list[Any], *options: str) -> "subprocess.CompletedProcess[str]":

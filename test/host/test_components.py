@@ -222,7 +222,7 @@ def test_a_user_module_is_part_of_the_car(tmp_path: Path) -> None:
         (('letter = "Tail"', 'letter = "W"'), ':8: Tail: letter "W" is that of WheelModule already'),
         (('letter = "Tail"', 'letter = "a_b"'), ':8: Tail: letter "a_b" is not made of letters and digits'),
         (('letter = "Tail"', "letter = 3"), ':8: Tail has no text "letter"'),
-        (('"offset", 5, 0, 50, "of', '"width", 5, 0, 50, "of'), ':8: Tail: its parameter "width" is declared otherwise'),
+        (('"offset", 5, 0', '"width", 5, 0'), ':8: Tail: its parameter "width" is declared otherwise'),
         (("class Tail(Module):", "from foldcar.car.components.wheel_module import *\nclass Tail(WheelModule):"),
          ":9: Tail: carries wheels or electronics"),
         (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.car.components.module.Module"),

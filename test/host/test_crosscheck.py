@@ -1,8 +1,7 @@
-"""The cross-check: agreement computed from given results, the cache of results, and the command."""
+"""The cross-check: agreement computed from given results, and the command, which sweeps both engines into one store."""
 
 import csv
 import json
-import resource
 import signal
 import subprocess
 import sys
@@ -14,20 +13,19 @@ from typing import Any
 import pytest
 
 from foldcar.analysis.intervals import wilson_interval
-from foldcar.crosscheck.agreement import agreement, worst
-from foldcar.crosscheck.cases import Case
-from foldcar.crosscheck.ending import Ending, State
-from foldcar.crosscheck.result_cache import ResultCache
-from foldcar.simulation.carsim_limits import CarsimLimits
+from foldcar.crosscheck.agreement import agreement
+from foldcar.crosscheck.parted import parted
+from foldcar.crosscheck.stored import Case, read_cases
+from foldcar.errors import FoldcarError
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import MUJOCO, SIDE_VIEW
+from foldcar.store.reader import Store
 from shell_signals import like_a_shell
-from study_car import empty_scene
 
 
-def pair(design: int, sample: int, first: str, second: str, apart_m: float = 0.0) -> Any:
-    """A case and its results in two engines, which end ``apart_m`` apart."""
-    case = Case("1", design, sample, {"width_mm": 100.0 + design}, {}, {"sample": sample}, {})
-    ends = ([0.0, 0.0], [0.0, apart_m])
-    return case, *({"outcome": o, "end": end} for o, end in zip((first, second), ends, strict=True))
+def pair(design: int, sample: int, first: str, second: str) -> Any:
+    """A case and its results in two engines."""
+    return Case("1", design, sample, {"width_mm": 100.0 + design}), {"outcome": first}, {"outcome": second}
 
 
 def test_agreement_counts_runs_and_compares_success_rates() -> None:
@@ -59,65 +57,6 @@ def test_one_rate_for_all_has_no_correlation() -> None:
     assert found.correlation is None
 
 
-def test_the_worst_are_disagreements_that_end_furthest_apart_each_in_its_own_scene() -> None:
-    scenes = [{"scene": k} for k in range(4)]
-    raw = [
-        pair(0, 0, "passed", "stuck", 0.5),
-        pair(1, 0, "passed", "stuck", 0.9),
-        pair(0, 1, "passed", "passed", 2.0),
-        pair(0, 2, "tipped", "stuck", 3.0),
-        pair(0, 3, "tipped", "passed", 0.7),
-    ]
-    pairs = [
-        (Case(c.experiment, c.design, c.sample, c.columns, c.body, scenes[c.sample], {}), a, b)
-        for c, a, b in raw
-    ]
-
-    assert [(case.design, case.sample) for case, *_ in worst(pairs, 3)] == [(1, 0), (0, 3)]
-
-
-def test_the_cache_keeps_whole_lines_and_passes_over_a_torn_one(tmp_path: Path) -> None:
-    file = tmp_path / "results.jsonl"
-    with ResultCache(file) as cache:
-        cache.put("a", "carsim", {"outcome": "passed"})
-    file.write_text(file.read_text() + '{"key": "b", "engine": "carsim", "resu')
-    with ResultCache(file) as cache:
-        assert (cache.get("a"), cache.get("b")) == ({"outcome": "passed"}, None)
-        cache.put("b", "carsim", {"outcome": "stuck"})
-    with ResultCache(file) as cache:
-        assert cache.get("b") == {"outcome": "stuck"}
-
-
-def state(x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0, up: float = 1.0) -> State:
-    return State(x_m, y_m, 0.06, heading_rad, 0.0, 0.0, up)
-
-
-def test_endings_follow_the_rules(carsim_limits: CarsimLimits) -> None:
-    rules = carsim_limits.trial
-    scene = empty_scene(goal_x_m=1.0)
-
-    assert Ending(scene, state(), rules).check(state(0.99), 1.0) is None
-    assert Ending(scene, state(), rules).check(state(1.0), 1.0) == "passed"
-    assert Ending(scene, state(), rules).check(state(1.0, up=0.25), 1.0) == "tipped"
-    assert Ending(scene, state(2.0), rules).check(state(3.0), 1.0) is None
-    assert Ending(scene, state(), rules).check(state(0.5, 10.1), 1.0) == "off_course"
-    assert Ending({**scene, "goal": None}, state(), rules).check(state(2.0), 1.0) is None
-    disc = {"kind": "disc", "x_m": 1.0, "y_m": 0.0, "radius_m": 0.2}
-    assert Ending({**scene, "goal": disc}, state(), rules).check(state(0.81, 0.05), 1.0) == "passed"
-
-
-def test_a_car_is_stuck_after_four_seconds_without_way_or_turn(carsim_limits: CarsimLimits) -> None:
-    rules = carsim_limits.trial
-    ending = Ending(empty_scene(goal_x_m=1.0), state(), rules)
-
-    assert ending.check(state(0.009), 3.9) is None
-    assert ending.check(state(0.011), 3.95) is None
-    assert ending.check(state(0.011, heading_rad=0.034), 7.9) is None
-    assert ending.check(state(0.011, heading_rad=0.036), 7.94) is None
-    assert ending.check(state(0.011, heading_rad=0.036), 11.93) is None
-    assert ending.check(state(0.011, heading_rad=0.036), 11.95) == "stuck"
-
-
 def test_the_command_compares_and_goes_on_from_what_is_there(
     foldcar: Callable[..., "subprocess.CompletedProcess[str]"], write_listing: Any, listing_data: Any
 ) -> None:
@@ -129,24 +68,55 @@ def test_the_command_compares_and_goes_on_from_what_is_there(
     folder = file.parent / "check"
     with (folder / "runs.csv").open() as lines:
         rows = list(csv.DictReader(lines))
-    assert [(row["design"], row["sample"]) for row in rows] == [
-        ("1", "0"),
-        ("2", "0"),
-        ("1", "1"),
-        ("2", "1"),
-    ]
-    assert all(row["carsim_outcome"] and row["mujoco_outcome"] for row in rows)
-    assert [bool(row["mujoco_half_step_outcome"]) for row in rows] == [True, True, False, False]
-    alike = sum((row["carsim_outcome"] == "passed") == (row["mujoco_outcome"] == "passed") for row in rows)
+    assert [(row["design"], row["sample"]) for row in rows] == [("1", "0"), ("2", "0"), ("1", "1"), ("2", "1")]
+    assert all(row["side_view_outcome"] and row["mujoco_outcome"] for row in rows)
+    for engine in ("mujoco_half_step", "mujoco_ellipsoid_tyres"):
+        assert [bool(row[f"{engine}_outcome"]) for row in rows] == [True, True, False, False]
+    alike = sum((row["side_view_outcome"] == "passed") == (row["mujoco_outcome"] == "passed") for row in rows)
     numbers = json.loads((folder / "summary.json").read_text())
-    assert numbers["comparisons"]["carsim – MuJoCo"]["alike"] == alike
+    assert numbers["comparisons"]["side view – MuJoCo"]["alike"] == alike
     page = (folder / "index.html").read_text()
-    assert f"<td>carsim – MuJoCo</td><td>4</td><td>{100 * alike / 4:.1f}</td>" in page
+    assert f"<td>side view – MuJoCo</td><td>4</td><td>{100 * alike / 4:.1f}</td>" in page
     assert (folder / "success_1.png").read_bytes().startswith(b"\x89PNG")
+    with Store.open(folder / "study.db") as store:
+        infos = store.info().experiments
+        assert list(infos) == ["1", "1 (MuJoCo)", "1 (MuJoCo, half step)", "1 (MuJoCo, ellipsoid tyres)"]
+        assert {info.listed_id for info in infos.values()} == {"1"}
+        assert len({info.carsim_build for info in infos.values()}) == 4
+        assert [info.stored_runs for info in infos.values()] == [4, 4, 2, 2]
+    # Another step and another tyre are other numbers.
+    times = {engine: float(rows[0][f"{engine}_elapsed_time_s"]) for engine in ("mujoco", "mujoco_half_step")}
+    assert times["mujoco"] != times["mujoco_half_step"]
 
-    kept = (folder / "results.jsonl").read_bytes()
     assert foldcar(*words).stdout == done.stdout
-    assert (folder / "results.jsonl").read_bytes() == kept
+    with Store.open(folder / "study.db") as store:
+        assert sum(info.stored_runs for info in store.info().experiments.values()) == 12
+
+
+def test_the_worst_are_simulated_again_to_the_same_end(
+    tmp_path: Path, foldcar: Callable[..., "subprocess.CompletedProcess[str]"], write_listing: Any, listing_data: Any
+) -> None:
+    listing_data["vehicles"]["1"]["params"][0]["common"]["width"] = 95
+    file = write_listing(listing_data)
+    for engine in (SIDE_VIEW, MUJOCO):
+        assert foldcar("sweep", file, "--store", "s.db", "--engine", engine).returncode == 0
+    engines = {engine: Carsim(engine=engine) for engine in (SIDE_VIEW, MUJOCO)}
+    with Store.open(tmp_path / "s.db") as store:
+        cases, results = read_cases(store, ["1"], engines)
+        first, second = ([one for one in results[engine] if one is not None] for engine in engines)
+        # What ended alike in both is entered as if it had not: its end must be found again, or it is left out.
+        pairs = [
+            (case, one, {**other, "outcome": "stuck" if one["outcome"] == "passed" else "passed"})
+            for case, one, other in zip(cases, first, second, strict=True)
+        ]
+        assert parted(store, pairs, engines, 2, 3) == []
+        apart = [(case, one, other) for case, one, other in zip(cases, first, second, strict=True)]
+        found = parted(store, apart, engines, 2, 3)
+    for one in found:
+        known = {case: (a, b) for case, a, b in apart}[one.case]
+        for result, stored in zip((one.first, one.second), known, strict=True):
+            assert result["path"][-1][0] == pytest.approx(stored["elapsed_time_s"])
+    assert [one.apart_m for one in found] == sorted((one.apart_m for one in found), reverse=True)
 
 
 def test_an_interrupt_loses_nothing(tmp_path: Path, write_listing: Any, listing_data: Any) -> None:
@@ -155,33 +125,30 @@ def test_an_interrupt_loses_nothing(tmp_path: Path, write_listing: Any, listing_
     process = subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=like_a_shell
     )
-    file = tmp_path / "check" / "results.jsonl"
+    file = tmp_path / "check" / "study.db"
     deadline = time.monotonic() + 300
-    while time.monotonic() < deadline and '"mujoco"' not in (file.read_text() if file.exists() else ""):
+    while time.monotonic() < deadline and stored_runs(file, "1 (MuJoCo)") == 0:
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, message = process.communicate(timeout=300)
 
     assert process.returncode == 130
-    assert message == "stopped: finished runs are in check; the same command resumes\n"
-    for line in file.read_text().splitlines():
-        assert json.loads(line)["result"]["outcome"]
+    assert message.endswith("stopped: finished runs are in check/study.db; the same command resumes\n")
+    with Store.open(file) as store:
+        assert store.info().experiments["1"].stored_runs == 80
+        assert store.info().experiments["1 (MuJoCo)"].stored_runs > 0
 
 
-def test_without_mujoco_one_line_says_how_to_get_it(
-    new_foldcar: Callable[..., "subprocess.CompletedProcess[str]"],
-    tmp_path: Path,
-    write_listing: Any,
-    listing_data: Any,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    (tmp_path / "mujoco.py").write_text("raise ImportError('no module named mujoco')\n")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=":")
-    done = new_foldcar("crosscheck", write_listing(listing_data), "-o", "check")
-
-    assert done.returncode == 2
-    assert "pip install 'foldcar[crosscheck]'" in done.stderr and done.stderr.count("\n") == 1
-    assert not (tmp_path / "check").exists()
+def stored_runs(file: Path, experiment: str) -> int:
+    """Runs that a store which is being written shows of an experiment."""
+    if not file.exists():
+        return 0
+    try:
+        with Store.open(file) as store:
+            info = store.info().experiments.get(experiment)
+    except FoldcarError:
+        return 0
+    return info.stored_runs if info is not None else 0
 
 
 def test_a_program_with_dynamics_decides_in_both_engines(
@@ -195,6 +162,7 @@ def test_a_program_with_dynamics_decides_in_both_engines(
         "ego = new Robot at (0, 0), facing -90 deg\n"
         "terminate when ego.position.x > 0.8\n"
         "record final ego.position.x > 0.8 as passed\n"
+        "record final ego.position.x as x_m\n"
     )
     listing_data["environments"]["1"]["scenic_filename"] = "drive.scenic"
     file = write_listing(listing_data)
@@ -203,30 +171,12 @@ def test_a_program_with_dynamics_decides_in_both_engines(
     assert done.returncode == 0, done.stderr
     with (tmp_path / "check" / "runs.csv").open() as lines:
         rows = list(csv.DictReader(lines))
-    results = [json.loads(line) for line in (tmp_path / "check" / "results.jsonl").read_text().splitlines()]
-    assert len(rows) == 2 and len(results) == 8
+    assert len(rows) == 2
     for row in rows:
-        assert row["carsim_outcome"] == row["mujoco_outcome"] == row["mujoco_half_step_outcome"] == "passed"
-        times = [float(row[f"{engine}_elapsed_time_s"]) for engine in ("carsim", "mujoco")]
+        assert row["side_view_outcome"] == row["mujoco_outcome"] == row["mujoco_half_step_outcome"] == "passed"
+        times = [float(row[f"{engine}_elapsed_time_s"]) for engine in ("side_view", "mujoco")]
         assert times[0] == pytest.approx(times[1], rel=0.03)
-    for one in results:
-        # A tick is 14 mm of way, of which the end is the first beyond the limit.
-        assert 0.8 < one["result"]["end"][0] < 0.815
-
-
-def test_a_full_disk_is_one_line_and_the_command_goes_on_when_there_is_room(
-    foldcar: Callable[..., "subprocess.CompletedProcess[str]"],
-    new_foldcar: Callable[..., "subprocess.CompletedProcess[str]"],
-    tmp_path: Path,
-    write_listing: Any,
-    listing_data: Any,
-) -> None:
-    words = ("crosscheck", write_listing(listing_data), "--environments", "1", "--baseline", "0", "-o", "check")
-    limit = 700  # one result's line and a part of the next
-    full = new_foldcar(*words, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
-
-    assert full.returncode == 2
-    assert "check/results.jsonl: cannot be written" in full.stderr and full.stderr.count("\n") == 1
-    done = foldcar(*words)
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "check" / "index.html").read_text().rstrip().endswith("</html>")
+    with Store.open(tmp_path / "check" / "study.db") as store:
+        ends = [result.recorded["x_m"].value for result in store.results()]
+    # Scenic looks every 0.1 s at most: 70 mm of way.
+    assert len(ends) == 8 and all(0.8 < end < 0.88 for end in ends)

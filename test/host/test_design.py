@@ -24,13 +24,13 @@ def test_modules_stand_from_front_to_back() -> None:
     assert design.module_centers_mm == (170, 65, -40, -170)
 
 
-def test_the_track_is_body_tyre_what_the_servos_stand_out_and_two_gaps() -> None:
+def test_the_track_is_body_tyre_and_what_the_horns_stand_out() -> None:
     design = compose("W_B_W", {"width": 95, "W.tire_thickness": 12})
 
     left, right, *_ = folded_car(design).axles
 
-    # A servo 22 mm deep, its ears' undersides 15.9 mm above its bottom, lies with them on the wall.
-    assert left.center_mm[1] - right.center_mm[1] == pytest.approx(95 + 12 + 2 * (22 - 15.9 + 2))
+    # A servo lies with its ears, 15.9 mm above its bottom, on the wall; a horn's outer face is 32 mm above it.
+    assert left.center_mm[1] - right.center_mm[1] == pytest.approx(95 + 12 + 2 * (32 - 15.9))
 
 
 def test_columns_carry_module_and_unit() -> None:
@@ -124,14 +124,17 @@ def test_hinge_parameters_have_their_units_in_results() -> None:
 def test_electronics_ride_in_the_first_body_module_and_servos_with_their_axles() -> None:
     car = folded_car(compose("W_H_B_H_B_H_W", {"W.length": 130}))
 
-    assert {mount.body for mount in car.mounts if "servo" not in mount.name and "horn" not in mount.name} == {"segment1"}
+    electronics = {getattr(car.parts, name).name for name in ("feather", "featherwing", "lipo", "battery", "pad")}
+    assert {mount.body for mount in car.mounts if mount.part in electronics} == {"segment1"}
+    # The switch is on the nearer end of the car, where a finger reaches it.
+    assert [mount.body for mount in car.mounts if mount.part == car.parts.switch.name] == ["segment0"]
     servos = [mount for mount in car.mounts if mount.part == "FS90R servo"]
     assert [servo.body for servo in servos] == ["segment0", "segment0", "segment3", "segment3"]
 
 
 def test_a_hinge_folds_up_until_the_lids_meet() -> None:
-    # Two lids 49.75 mm above the strip and 6 mm apart: 2 · atan(3 / 49.75) = 6.9°.
-    with pytest.raises(DesignError, match=r"^H.fold_up: 7 is above the maximum 6.9 \(where the lids meet"):
+    # Two lids 49.75 mm above the strip and 6 mm apart: 2 · atan(3 / 49.75) = 6.901°.
+    with pytest.raises(DesignError, match=r"^H.fold_up: 7 is above the maximum 6.901 \(where the lids meet"):
         folded_car(compose("W_B_H_W", {"W.length": 120, "H.fold_up": 7}))
 
 
@@ -140,31 +143,40 @@ def test_wheels_may_come_as_close_as_the_limit() -> None:
 
 
 def test_a_lone_wheel_module_has_room_for_servo_and_tabs() -> None:
-    # From the axis to the end of the layer behind the servo: 5.7 + (27.5 + 2.2 + 2.2) / 2; the tab is 8 mm deep.
-    with pytest.raises(DesignError, match=r"^W.length: 59 is below the minimum 59.3 \(a segment of its own"):
+    # From the axis to the last corner of a screw's nut: 5.7 + 27.5 / 2 + 4 / sqrt(3); the tab is 8 mm deep.
+    with pytest.raises(DesignError, match=r"^W.length: 59 is below the minimum 59.6 \(a segment of its own"):
         folded_car(compose("B_H_W", {"W.length": 59}))
 
 
 @pytest.mark.parametrize(
     ("values", "parameter", "message"),
     [
-        ({"width": 50}, "width", "50 is below the minimum 58.5 (the 4xAA holder at B.length 80)"),
+        # The wall's film twice; 1.5 mm to the socket's mouth, 25.25 mm to the boards' middle, 22.86 + 1.1 + 2 mm from
+        # there to the bridge's end, 0.5 mm to the other wall.
+        ({"width": 53.7}, "width", "53.7 is below the minimum 53.71 (the boards across it)"),
+        # The films of floor and lid; LiPo 4.75, screws' heads 2.4, film, spacer 5, board 1.6, headers 11.04, plugs 18.2
+        # and their leads 4.
+        ({"height": 47.7}, "height", "47.7 is below the minimum 47.74 (the boards and their plugs over the LiPo)"),
+        # B lies between axles 120 mm apart, with 27.5 - 21.76 mm of floor behind it, where the holder begins: 31.5 mm,
+        # 1 mm and 12.94 mm farther is the boards' middle, 7.2 mm before the axles'. The plug, 12.7 mm in diameter and
+        # 9.45 mm below the axles and 1 mm from a tyre, is at least sqrt((56 + 6.35 + 1)² - 9.45²) = 62.64 mm from the
+        # front one, 2.64 mm behind the middle.
         (
-            {"B.length": 60, "W.length": 70, "width": 62},
-            "width",
-            "62 is below the minimum 63 (the 4xAA holder at B.length 60)",
-        ),
-        (
-            {"B.length": 50, "W.length": 80},
+            {"B.length": 65, "W.length": 55, "radius": 56},
             "B.length",
-            "50 is below the minimum 58 (the batteries and boards)",
+            "65 is below the minimum 74.9 (the boards and the square 4xAA holder, with a USB plug clear of the tyres)",
+        ),
+        # A holder 58 mm wide does not stand across a body 58.4 mm wide.
+        (
+            {"width": 58.4, "B.length": 60, "radius": 30},
+            "B.length",
+            "60 is below the minimum 72.2 (the boards and the square 4xAA holder lengthwise at width 58.4)",
         ),
         (
-            {"height": 30},
+            {"B.length": 44, "W.length": 61, "radius": 30},
             "B.length",
-            "80 is below the minimum 111.3 (the battery behind the boards at height 30)",
+            "44 is below the minimum 44.7 (the boards and the square 4xAA holder)",
         ),
-        ({"height": 28}, "height", "28 is below the minimum 28.5 (the board stack)"),
     ],
 )
 def test_parts_that_find_no_room_are_named(values: dict[str, float], parameter: str, message: str) -> None:
@@ -206,7 +218,7 @@ def test_a_family_is_narrowed_to_one_car() -> None:
         "choose one with --set width=…"
     )
     assert cars.narrowed({"width": 95}).single().values["width"] == 95
-    with pytest.raises(FoldcarError, match=r"^--set width: 20 is below the minimum 32.3"):
+    with pytest.raises(FoldcarError, match=r"^--set width: 20 is below the minimum 53.71"):
         cars.narrowed({"width": 20}).single()
     with pytest.raises(
         FoldcarError, match=r"^--set colour: W_B_W has no such parameter; it has width, height"

@@ -15,7 +15,7 @@ PUBLISHED_STYLE = """{
   // as printed: comments, trailing commas, ids as numbers and as strings
   "experiments": {"3": {"veh_id": 5, "env_id": "4", "params": {"timeout": 400}}},
   "vehicles": {"5": {"type": "W_B_W", "params": [
-    {"common": {"width": 80, "height": 36, "radius": 30,}},
+    {"common": {"width": 80, "height": 48, "radius": 30,}},
     {"B": {"length": 120}},
     {"W": {"tire_thickness": 1, "radius": 30, "length": 40}},
   ]}},
@@ -162,8 +162,8 @@ WIDTH = "vehicles.1.params.0.common.width"
             {"width": 96},
             "vehicles.1.params.0.W.width: differs from vehicles.1.params.0.com",
         ),
-        (WIDTH, 20, f"{WIDTH}: 20 is below the minimum 32.3 (two servos tail to tail between its walls)"),
-        (WIDTH, {"from": 20, "to": 30, "step": 5}, f"{WIDTH}: 20 is below the minimum 32.3"),
+        (WIDTH, 20, f"{WIDTH}: 20 is below the minimum 53.71 (the boards across it)"),
+        (WIDTH, {"from": 20, "to": 30, "step": 5}, f"{WIDTH}: 20 is below the minimum 53.71"),
         (WIDTH, 501, f"{WIDTH}: 501 is above the maximum 500"),
         (WIDTH, True, f"{WIDTH}: True is not a number; write a number, a list of numbers or a range"),
         (WIDTH, [], f"{WIDTH}: an empty list has no value"),

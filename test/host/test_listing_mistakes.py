@@ -35,14 +35,17 @@ def test_the_published_listing_says_all_that_must_change_and_runs_then(tmp_path:
 
     assert said.returncode == 2
     assert said.stderr.splitlines() == [
-        "foldcar: error: l.json: 4 mistakes:",
+        "foldcar: error: l.json: 6 mistakes:",
         '  experiments.3.veh_id: "5" is not among vehicles: 1',
+        "  vehicles.1.params.0.common.height: 36 is below the minimum 47.74 (the boards and their plugs over the LiPo)",
+        "  vehicles.1.params.3.W.tire_thickness: 1 is below the minimum 8 (the tongues of its rim)",
         "  vehicles.1.params.3.W.length: 40 is below the minimum 45.1 (the opening and screws of one servo); "
-        "at that limit: 45.1 is below the minimum 59.3 (a segment of its own: one FS90R servo and the cap's tabs)",
-        "  vehicles.1.params.1.B.length: 60 is below the minimum 111.3 (the battery behind the boards at height 36)",
+        "at that limit: 45.1 is below the minimum 59.6 (a segment of its own: one FS90R servo and the cap's tabs)",
+        "  vehicles.1.params.1.B.length: 60 is below the minimum 78.2 (the boards and the square 4xAA holder)",
         "  environments.4.scenic_filename: middle_hill.scenic is not a file",
     ]
-    for before, after in (('"veh_id": 5', '"veh_id": 1'), ('h":40', 'h":59.3'), ('h":60', 'h":111.3')):
+    limits = (('t":36', 't":47.74'), ('s":1', 's":8'), ('h":40', 'h":59.6'), ('h":60', 'h":78.2'))
+    for before, after in (('"veh_id": 5', '"veh_id": 1'), *limits):
         assert text.count(before) == 1
         text = text.replace(before, after)
     listing.write_text(text)
@@ -73,7 +76,7 @@ def test_all_mistakes_come_at_once_with_what_was_meant(
         ("experiments.1.params.environments: 0: input should be greater than or equal to 1", ""),
         ("experiments.2.veh_id: \"narow\" is not among vehicles", "; did you mean \"narrow\"?"),
         ("vehicles.narrow.params.0.common: unknown parameter \"widht\"", "; did you mean \"width\"?"),
-        ("vehicles.1.params.0.common.width: 20 is below the minimum 32.3", ""),
+        ("vehicles.1.params.0.common.width: 20 is below the minimum 53.71", ""),
         ("vehicles.1.params.0.common.radius: 500 is above the maximum 150", ""),
         ("environments.1.scenic_filename: ", "; did you mean \"pyramids.scenic\"?"),
     ]
@@ -89,7 +92,7 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     listing_data["experiments"]["1"]["params"]["environments"] = 1
     listing = write_listing(listing_data)
     why = [
-        "width=20: width: 20 is below the minimum 32.3 (two servos tail to tail between its walls)",
+        "width=20: width: 20 is below the minimum 53.71 (the boards across it)",
         "width=600: width: 600 is above the maximum 500",
     ]
 
@@ -111,4 +114,4 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     ]
     single = foldcar("run", listing, "--experiment", "1", "--set", "width=20")
     assert single.returncode == 2
-    assert single.stderr.startswith("foldcar: error: --set width: 20 is below the minimum 32.3")
+    assert single.stderr.startswith("foldcar: error: --set width: 20 is below the minimum 53.71")

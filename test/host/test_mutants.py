@@ -38,7 +38,7 @@ def test_comments_strings_types_and_includes_are_left_alone(line: str) -> None:
 
 
 def test_the_list_is_the_same_every_time() -> None:
-    text = (TOOLS.parent / "sim2d" / "lib" / "car" / "servo_model.cpp").read_text(encoding="utf-8")
+    text = (TOOLS.parent / "sim2d" / "lib" / "engine" / "servo_model.cpp").read_text(encoding="utf-8")
     assert mutants_of(text) == mutants_of(text)
     assert len({mutant.text for mutant in mutants_of(text)}) == len(mutants_of(text)) > 30
 
@@ -46,7 +46,7 @@ def test_the_list_is_the_same_every_time() -> None:
 def test_every_explained_line_is_still_in_its_file() -> None:
     reasons = read_explained(TOOLS / "mutation_explained.txt")
     assert stale_reasons(TOOLS.parent, reasons) == []
-    assert stale_reasons(TOOLS.parent, {("sim2d/lib/car/mechanism.cpp", "no such line", "*"): "x"}) != []
+    assert stale_reasons(TOOLS.parent, {("sim2d/lib/side_view/mechanism.cpp", "no such line", "*"): "x"}) != []
 
 
 def test_a_broken_explanation_names_its_line(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import shlex
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -31,7 +32,8 @@ def test_a_car_becomes_a_folder_of_files(foldcar: Command, listing: Path, tmp_pa
     manifest = json.loads((folder / "pattern.json").read_text())
     written = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
     assert written == set(manifest["files"])
-    assert {"sheet_1.svg", "sheet_1.dxf", "sheets.pdf", "coupon.svg", "car.stl", "wiring.md", "parts.csv"} <= written
+    wanted = {"how_to_cut.md", "sheet_1.svg", "sheet_1.dxf", "sheets.pdf", "coupon.svg", "car.stl", "wiring.md"}
+    assert {*wanted, "parts.csv"} <= written
     assert (manifest["type"], manifest["parameters"]["width"]) == ("W_B_W", 95)
     sheet = read_svg((folder / "sheet_1.svg").read_text())
     assert (sheet.width_mm, sheet.height_mm) == pytest.approx((304.8, 304.8))
@@ -45,9 +47,9 @@ def test_a_family_becomes_a_folder_each(foldcar: Command, listing: Path, tmp_pat
     assert "2 cars in cars" in done.stdout
     for width in (95, 245):
         assert (tmp_path / "cars" / f"width_{width}" / "sheet_1.svg").is_file()
-    refused = foldcar("pattern", listing, "--all", "--sheet", "240x240", "-o", "cars")
+    refused = foldcar("pattern", listing, "--all", "--sheet", "110x110", "-o", "cars")
     assert (refused.returncode, refused.stdout) == (2, "")
-    assert "width=245" in refused.stderr and "240 x 240 mm" in refused.stderr
+    assert "width=95" in refused.stderr and "110 x 110 mm" in refused.stderr
     assert (tmp_path / "cars" / "width_95" / "sheet_1.svg").is_file()
 
 
@@ -83,9 +85,12 @@ def test_a_folder_is_made_anew_but_never_over_other_files(
 ) -> None:
     words = ("pattern", listing, "--set", "width=95", "--machine", "laser", "-o", "car")
     made = []
-    # Different hash seeds give sets different orders.
+    # Different hash seeds give sets different orders. The second time by the command that stands on the sheets.
     for seed in ("0", "4"):
         assert new_foldcar(*words, env={**os.environ, "PYTHONHASHSEED": seed}).returncode == 0
+        command = json.loads((tmp_path / "car" / "pattern.json").read_text())["command"]
+        assert command in (tmp_path / "car" / "how_to_cut.md").read_text()
+        words = tuple(shlex.split(command)[1:])
         made.append({file: file.read_bytes() for file in (tmp_path / "car").rglob("*") if file.is_file()})
     assert made[0] == made[1]
 
@@ -100,7 +105,7 @@ def test_a_folder_is_made_anew_but_never_over_other_files(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--set", "width=95", "--sheet", "150x150"), "--sheet: beam is "),
+        (("--set", "width=95", "--sheet", "110x110"), "it cannot be parted; --sheet 12in would do"),
         (("--set", "width=95", "--sheet", "huge"), "--sheet huge: neither one of a4, letter, 12in"),
         (("--set", "width=95", "--machine", "axe"), "--machine axe: not one of silhouette, cricut, laser, scissors"),
         (("--set", "width=95", "--kerf", "3"), "--kerf 3: not within 0 to 1 mm"),

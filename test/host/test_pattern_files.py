@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 
 import ezdxf
 import pytest
+import segno
 from cut_samples import folded_box
 from ezdxf.addons.drawing import RenderContext
 from pypdf import PdfReader, PdfWriter, Transformation
+from shapely.geometry import LineString, box
 
 from foldcar.fabrication.patterns.coupon import coupon
 from foldcar.fabrication.patterns.drawing import Circle, Motion, Path, Sheet, bounds
@@ -36,11 +38,17 @@ class Made:
 
 
 CHOSEN = options("laser", sheet="300x200")
+COMMAND = "foldcar pattern cars.json --vehicle w95 --set W.length=80 --machine laser --sheet 300x200 -o car"
+# RGB by number, as its documentation lists them.
+LIGHTBURN = {
+    "C00": (0, 0, 0), "C01": (0, 0, 255), "C02": (255, 0, 0), "C05": (255, 128, 0), "C11": (0, 160, 0),
+    "C15": (160, 0, 160), "C16": (128, 128, 128),
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def made() -> Made:
-    sheet = pattern(folded_box(40.0), CHOSEN, "sample").sheets[0]
+    sheet = pattern(folded_box(40.0), CHOSEN, "sample", COMMAND).sheets[0]
     return Made(sheet, svg(sheet), dxf(sheet), pdf([sheet], "a4", "sample"))
 
 
@@ -78,6 +86,63 @@ def test_dxf_has_named_layers_with_their_colours_and_passes_the_audit(made: Made
         assert document.layers.get(layer.name).color == layer.aci
         assert document.layers.get(layer.name).rgb == (None if layer.name == "CUT_OUTER" else layer.rgb)
         assert document.layers.get(layer.name).dxf.lineweight == round(100 * layer.width_mm)
+
+
+def test_colours_are_layers_of_lightburn() -> None:
+    assert {layer.lightburn: layer.rgb for layer in LAYERS.values()} == LIGHTBURN
+
+
+@pytest.mark.parametrize("form", ["svg", "dxf", "pdf"])
+def test_the_code_says_the_command(made: Made, form: str) -> None:
+    if form == "pdf":
+        # A code lies whole on one of the pages at least.
+        pages = [page.shapes for page in read_pdf(made.pdf)]
+        shapes = max(pages, key=lambda page: sum(shape.layer == "QR_CODE" for shape in page))
+    else:
+        shapes = (read_svg(made.svg) if form == "svg" else read_dxf(made.dxf)).shapes
+    lines = [s for s in shapes if isinstance(s, Path) and s.layer == "QR_CODE"]
+    left, low, right, top = bounds(lines)
+    module = LAYERS["QR_CODE"].width_mm
+    matrix = [[bool(module) for module in row] for row in segno.make(COMMAND, error="l", micro=False).matrix]
+    seen = [[False] * len(matrix) for _ in matrix]
+    for line in lines:
+        (x0, y), (x1, _) = line.points_mm
+        for column in range(round((x0 - left) / module), round((x1 - left) / module)):
+            seen[round((top - y) / module)][column] = True
+
+    assert module >= 0.5
+    assert seen == matrix
+    quiet = box(left, low, right, top).buffer(4 * module - module / 2 - 0.01, join_style="mitre")
+    others = [LineString(s.points_mm) for s in shapes if isinstance(s, Path) and s.layer != "QR_CODE"]
+    assert not any(quiet.intersects(line) for line in others)
+
+
+def test_the_codes_lines_are_as_wide_as_its_modules_in_every_file(made: Made) -> None:
+    document = ezdxf.read(io.StringIO(made.dxf))
+    width = LAYERS["QR_CODE"].width_mm
+
+    assert {line.dxf.const_width for line in document.modelspace().query("LWPOLYLINE[layer=='QR_CODE']")} == {width}
+    group = re.search(r'<g id="QR_CODE"[^>]*>', made.svg)
+    assert group and f'stroke-width="{width:g}"' in group[0] and 'stroke-linecap="butt"' in group[0]
+
+
+def test_folds_that_no_machine_cuts_are_dashed_lines() -> None:
+    chosen = options("scissors")
+    sheet = pattern(folded_box(30.0), chosen, "sample").sheets[0]
+    drawn, written, printed = svg(sheet), dxf(sheet), pdf([sheet], "a4", "sample")
+    document = ezdxf.read(io.StringIO(written))
+
+    for name, kind in (("FOLD_MOUNTAIN", "DASHDOT"), ("FOLD_VALLEY", "DASHED"), ("CUT_OUTER", "CONTINUOUS")):
+        assert document.layers.get(name).dxf.linetype.upper() == kind
+        group = re.search(rf'<g id="{name}"[^>]*>', drawn)
+        assert group and ("stroke-dasharray" in group[0]) == (kind != "CONTINUOUS")
+    pattern_tags = document.linetypes.get("DASHED").pattern_tags
+    assert pattern_tags.tags.get_first_value(40) == pytest.approx(sum(LAYERS["FOLD_VALLEY"].dashes_mm))
+    # One line for a fold, whatever its look.
+    folds = [s for s in read_dxf(written).shapes if s.layer == "FOLD_VALLEY"]
+    assert max(s.length_mm for s in folds) > 100
+    assert [*check_svg(sheet, drawn, chosen), *check_dxf(sheet, written, chosen)] == []
+    assert check_pdf([sheet], printed, chosen) == []
 
 
 @pytest.mark.parametrize("ground", ["#ffffff", "#212830", "#000000"])
@@ -292,8 +357,8 @@ def test_pages_of_paper_show_neighbouring_crosses_at_the_same_place(made: Made) 
     reader = PdfReader(io.BytesIO(made.pdf))
     assert [round(float(page.mediabox.width) / 72 * 25.4, 1) for page in reader.pages] == [210.0, 210.0]
     outline = max((s for s in made.sheet.shapes if isinstance(s, Path)), key=lambda s: s.length_mm)
-    (shown_left,) = (s for s in left.shapes if isinstance(s, Path) and s.length_mm > outline.length_mm - 0.01)
-    (shown_right,) = (s for s in right.shapes if isinstance(s, Path) and s.length_mm > outline.length_mm - 0.01)
+    shown_left = next(s for s in left.shapes if isinstance(s, Path) and s.length_mm > outline.length_mm - 0.01)
+    shown_right = next(s for s in right.shapes if isinstance(s, Path) and s.length_mm > outline.length_mm - 0.01)
     assert shown_left.points_mm[0][0] - shown_right.points_mm[0][0] == pytest.approx(moved_mm.pop(), abs=0.01)
 
 

@@ -218,7 +218,7 @@ class Replay(Simulation):  # type: ignore[misc]
 
 @pytest.fixture(scope="module")
 def stepped(carsim_binary: Path) -> Iterator[SteppedCarsim]:
-    with SteppedCarsim(carsim_binary) as carsim:
+    with SteppedCarsim([str(carsim_binary)]) as carsim:
         yield carsim
 
 

@@ -30,7 +30,7 @@ Run = Callable[..., dict[str, Any]]
 
 @pytest.fixture(scope="module")
 def stepped(carsim_binary: Path) -> Iterator[SteppedCarsim]:
-    with SteppedCarsim(carsim_binary) as carsim:
+    with SteppedCarsim([str(carsim_binary)]) as carsim:
         yield carsim
 
 

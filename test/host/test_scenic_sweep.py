@@ -13,7 +13,6 @@ from foldcar.car.body import body_json
 from foldcar.scenes.source import open_environment
 from foldcar.simulation import scenic_worker
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.carsim_step import SteppedCarsim
 from foldcar.simulation.own_code import may_change_state
 from foldcar.simulation.results import Result
 from foldcar.store.reader import Store
@@ -161,8 +160,8 @@ def test_a_run_begins_as_if_it_were_the_first(
     scenes = [json.dumps(source.sample(k)) for k in range(2)]
 
     def answers(*samples: int) -> list[dict[str, Any]]:
-        opening = {"program": str(program), "params": {}, "seed": 42, "condition": None}
-        with scenic_worker.ScenicWorker(opening, lambda _: SteppedCarsim(carsim_binary)) as worker:
+        opening = {"program": str(program), "params": {}, "seed": 42, "condition": None, "command": [str(carsim_binary)]}
+        with scenic_worker.ScenicWorker(opening) as worker:
             request = {"body": json.dumps(body), "settings": settings}
             return [worker.answer({**request, "scene": scenes[k], "sample": k})["result"] for k in samples]
 
@@ -256,8 +255,8 @@ def test_a_program_that_loops_while_the_car_drives_fails_after_its_time(
     body = body_json(design)
     settings = experiment.settings(design, body, Carsim(carsim_binary).parameter_table())
     texts = {"body": json.dumps(body), "scene": json.dumps(scene), "settings": json.dumps(settings)}
-    opening = {"program": str(program), "params": {}, "seed": 42, "condition": None}
-    with scenic_worker.ScenicWorker(opening, lambda _: SteppedCarsim(carsim_binary)) as worker:
+    opening = {"program": str(program), "params": {}, "seed": 42, "condition": None, "command": [str(carsim_binary)]}
+    with scenic_worker.ScenicWorker(opening) as worker:
         answer = worker.answer({**texts, "sample": 0})
     assert answer == {"error": f"{program}: sample 0: running takes longer than the limit of 0.5 s"}
 

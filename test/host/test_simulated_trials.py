@@ -107,7 +107,7 @@ def test_a_car_in_a_scene_of_ones_own_is_refused(
 ) -> None:
     design = compose("W_B_W", {"width": 95.0})
     with simulated_car(
-        carsim_binary, body_json(design), empty_scene(goal_x_m=0.6), car_json(design), scene_id=scene_id
+        [str(carsim_binary)], body_json(design), empty_scene(goal_x_m=0.6), car_json(design), scene_id=scene_id
     ) as car:
         connected = greet(car.port)
         try:

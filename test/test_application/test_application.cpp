@@ -395,13 +395,16 @@ void a_test_puts_its_pulse_on_one_output_only_and_ends() {
 void a_parameter_that_is_set_is_saved_and_forgotten_on_request() {
   Bench bench;
   bench.application.begin();
-  bool saved = false;
-  TEST_ASSERT_TRUE(bench.application.set_parameter(Parameter::kTrackM, 0.2f, saved) == SetResult::kOk);
-  TEST_ASSERT_TRUE(saved);
+  Application& application = bench.application;
+  TEST_ASSERT_TRUE(application.set_parameter(Parameter::kTrackM, 0.2f) == SetResult::kOk);
+  TEST_ASSERT_TRUE(application.unsaved_parameter() == Parameter::kTrackM);
+  TEST_ASSERT_TRUE(application.save_parameter(Parameter::kTrackM));
   TEST_ASSERT_EQUAL_FLOAT(0.2f, bench.board.storage.values["TRACK_M"]);
-  TEST_ASSERT_TRUE(bench.application.set_parameter(Parameter::kTrackM, -1.0f, saved) == SetResult::kBelowMinimum);
-  TEST_ASSERT_FALSE(saved);
-  TEST_ASSERT_TRUE(bench.application.reset_parameters());
+  TEST_ASSERT_TRUE(application.set_parameter(Parameter::kTrackM, -1.0f) == SetResult::kBelowMinimum);
+  TEST_ASSERT_FALSE(application.unsaved_parameter().has_value());
+  TEST_ASSERT_TRUE(application.set_parameter(Parameter::kTrackM, 0.3f) == SetResult::kOk);
+  TEST_ASSERT_TRUE(application.reset_parameters());
+  TEST_ASSERT_FALSE_MESSAGE(application.unsaved_parameter().has_value(), "would be saved after the reset");
   TEST_ASSERT_TRUE(bench.board.storage.values.empty());
   TEST_ASSERT_EQUAL_FLOAT(0.111f, bench.parameters.get(Parameter::kTrackM));
 }

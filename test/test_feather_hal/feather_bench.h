@@ -34,5 +34,6 @@ void run_servo_tests();
 void run_imu_tests();
 void run_flash_tests();
 void run_whole_board_tests();
+void run_main_tests();
 
 }  // namespace foldcar

@@ -1,6 +1,8 @@
 // Clock, battery, serial port, reset and watchdog of the ESP32.
 #include <unity.h>
 
+#include <esp_log.h>
+
 #include <cmath>
 #include <cstring>
 
@@ -20,10 +22,17 @@ void the_clock_counts_on_where_32_bits_end() {
 void the_battery_has_twice_the_voltage_of_its_pin() {
   FeatherBench bench;
   TEST_ASSERT_EQUAL_FLOAT(3.8f, bench.hal.battery.voltage_v());
-  fake_esp32.pin_mv[35] = 1;
-  TEST_ASSERT_EQUAL_FLOAT(0.002f, bench.hal.battery.voltage_v());
-  fake_esp32.pin_mv[35] = 0;
-  TEST_ASSERT_FLOAT_IS_NAN(bench.hal.battery.voltage_v());
+  fake_esp32.pin_mv[35] = 1250;
+  TEST_ASSERT_EQUAL_FLOAT(2.5f, bench.hal.battery.voltage_v());
+}
+
+// The converter gives 142 mV for a pin without voltage, and the core 0 if the conversion fails.
+void a_broken_divider_is_no_battery() {
+  FeatherBench bench;
+  for (const std::uint32_t pin_mv : {0u, 142u, 499u}) {
+    fake_esp32.pin_mv[35] = pin_mv;
+    TEST_ASSERT_FLOAT_IS_NAN(bench.hal.battery.voltage_v());
+  }
 }
 
 void the_serial_port_has_room_for_a_burst_of_packets() {
@@ -31,6 +40,7 @@ void the_serial_port_has_room_for_a_burst_of_packets() {
   bench.begin();
   TEST_ASSERT_EQUAL_UINT(115200, fake_esp32.uart.baud);
   TEST_ASSERT_EQUAL_UINT(1024, fake_esp32.uart.receive_capacity);
+  TEST_ASSERT_EQUAL_INT_MESSAGE(ESP_LOG_NONE, fake_esp32.log_level, "the SDK's texts break packets");
 }
 
 void bytes_that_have_arrived_are_read_in_order() {
@@ -111,6 +121,7 @@ void run_board_tests() {
   UnitySetTestFile(__FILE__);
   RUN_TEST(the_clock_counts_on_where_32_bits_end);
   RUN_TEST(the_battery_has_twice_the_voltage_of_its_pin);
+  RUN_TEST(a_broken_divider_is_no_battery);
   RUN_TEST(the_serial_port_has_room_for_a_burst_of_packets);
   RUN_TEST(bytes_that_have_arrived_are_read_in_order);
   RUN_TEST(a_write_takes_what_fits_and_never_waits);

@@ -46,5 +46,6 @@ int main() {
   run_imu_tests();
   run_flash_tests();
   run_whole_board_tests();
+  run_main_tests();
   return UNITY_END();
 }

@@ -38,6 +38,7 @@ struct Car {
     for (const char byte : bytes) fake_esp32.uart.receive_buffer.push_back(static_cast<std::uint8_t>(byte));
     for (int ms = 0; ms < time_ms; ++ms) {
       firmware.poll();
+      firmware.store_log();
       fake_esp32.time_us += 1000;
       std::size_t& waiting = fake_esp32.uart.transmit_fifo;
       waiting -= std::min<std::size_t>(waiting, 11);

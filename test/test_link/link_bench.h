@@ -31,6 +31,7 @@ struct Bench {
     for (std::uint64_t t_ms = 0; t_ms < time_ms; t_ms += 4) {
       board.clock.time_us += 4000;
       firmware.poll();
+      firmware.store_log();
     }
     host.receive(board.link.outgoing);
     board.link.outgoing.clear();
@@ -71,6 +72,7 @@ void run_holder_tests();
 void run_late_input_tests();
 void run_link_loss_tests();
 void run_log_tests();
+void run_slow_flash_tests();
 void run_packet_parser_tests();
 void run_heap_tests();
 

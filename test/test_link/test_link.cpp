@@ -15,6 +15,7 @@ int main() {
   foldcar::run_late_input_tests();
   foldcar::run_link_loss_tests();
   foldcar::run_log_tests();
+  foldcar::run_slow_flash_tests();
   foldcar::run_packet_parser_tests();
   foldcar::run_heap_tests();
   return UNITY_END();

@@ -66,6 +66,7 @@ void the_newest_logs_are_kept_and_all_can_be_erased() {
     bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStartUntethered);
     bench.run(300);
     bench.answer(MAV_CMD_FOLDCAR_STOP_TRIAL, {});
+    bench.run(60);
   }
   TEST_ASSERT_EQUAL_UINT(kLogsKept, bench.board.logs.logs.size());
   TEST_ASSERT_EQUAL_UINT(3, bench.board.logs.logs.begin()->first);
@@ -75,6 +76,7 @@ void the_newest_logs_are_kept_and_all_can_be_erased() {
   TEST_ASSERT_EQUAL_UINT(0, bench.board.logs.logs.size());
 }
 
+// What the log has no room for is told, in its last packet too.
 void the_longest_trial_fits_its_log() {
   Bench bench;
   bench.board.imu.fitted = true;
@@ -91,8 +93,11 @@ void the_longest_trial_fits_its_log() {
   TEST_ASSERT_TRUE(stored.size() <= kLargestLog);
   TEST_ASSERT_TRUE(stored.size() > kLargestLog - 2048);
   MavlinkHost reader;
-  reader.receive(stored.substr(stored.size() - 40));
+  reader.receive(stored.substr(stored.size() - 12 - MAVLINK_MSG_ID_FOLDCAR_TRIAL_LEN));
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, reader.trials().back().end);
+  TEST_ASSERT_TRUE(reader.trials().back().log_lost > 3600 * 5 * 200 - kLargestLog);
+  bench.run(1000);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_INCOMPLETE, bench.host.trials().back().log);
 }
 
 }  // namespace

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "../full_speed.h"
+#include "../side_view_trial.h"
 #include "../study_car.h"
 #include "scene_terrain.h"
 #include "trial.h"
@@ -54,15 +56,6 @@ SceneSpec field(const TerrainSpec& terrain) {
   scene.goal = GoalSpec{GoalSpec::Kind::kLine, 1.2, 0, 0, 0};
   scene.course = {-2, 2, -2, 2};
   return scene;
-}
-
-TrialSpec full_speed(const BodySpec& body) {
-  TrialSpec trial;
-  trial.speed_m_s = 0.69;
-  trial.time_limit_s = 20;
-  trial.path_interval_s = 0.05;
-  trial.parameters.set("TRACK_M", static_cast<float>(body.track_m));
-  return trial;
 }
 
 // What a wheel of the car touches at its lowest: the axle's height over a function of x, by sampling.
@@ -210,7 +203,7 @@ void test_a_patch_over_everything_is_the_ground() {
   slippery.friction = 0.35;
   bare.friction = patched.friction = 0.6;
   patched.terrain.patches = {{0, 0, 0, 20, 20, 0.35}};
-  TrialSpec trial = full_speed(body);
+  TrialSpec trial = full_speed(body, 20);
   trial.speed_m_s = 0.4;
   trial.yaw_rate_rad_s = 3;
   trial.time_limit_s = 3;
@@ -236,9 +229,9 @@ void test_a_flank_turns_the_car_where_friction_is_low() {
     const double side = i % 2 == 0 ? 1 : -1, y_m = 0.09 + 0.015 * (i / 2);
     SceneSpec scene = field(one_hill({0.5, side * y_m, side * -0.5, 0.06, 0.1, 0.05}));
     scene.friction = 0.6;
-    const double dry_rad = side * run_trial(body, scene, full_speed(body)).path.back()[4];
+    const double dry_rad = side * run_trial(body, scene, full_speed(body, 20)).path.back()[4];
     scene.friction = 0.25;
-    const double icy_rad = side * run_trial(body, scene, full_speed(body)).path.back()[4];
+    const double icy_rad = side * run_trial(body, scene, full_speed(body, 20)).path.back()[4];
     TEST_ASSERT_TRUE(dry_rad > 0 && dry_rad < 0.12 && icy_rad > 0.15);
     icy_mean_rad += icy_rad / (2 * kHills);
   }
@@ -252,8 +245,8 @@ void test_a_mirrored_hill_is_driven_as_a_mirror_image() {
   double left_rad = 0, right_rad = 0, left_m = 0, right_m = 0, left_turn = 0, right_turn = 0;
   for (int i = 0; i < kHills; ++i) {
     const double y_m = 0.08 + 0.005 * i;
-    const TrialResult left = run_trial(body, field(one_hill({0.5, y_m, 0.4, 0.1, 0.07, 0.06})), full_speed(body));
-    const TrialResult right = run_trial(body, field(one_hill({0.5, -y_m, -0.4, 0.1, 0.07, 0.06})), full_speed(body));
+    const TrialResult left = run_trial(body, field(one_hill({0.5, y_m, 0.4, 0.1, 0.07, 0.06})), full_speed(body, 20));
+    const TrialResult right = run_trial(body, field(one_hill({0.5, -y_m, -0.4, 0.1, 0.07, 0.06})), full_speed(body, 20));
     TEST_ASSERT_EQUAL_STRING("passed", text(left.outcome));
     TEST_ASSERT_DOUBLE_WITHIN(0.02, left.elapsed_time_s, right.elapsed_time_s);
     const PathRow &a = left.path.back(), &b = right.path.back();
@@ -277,7 +270,7 @@ void test_a_turned_hill_changes_nothing_but_the_direction() {
   SceneSpec turned = field(one_hill({0.5 * c - 0.1 * s, 0.5 * s + 0.1 * c, 0.4 + turn_rad, 0.1, 0.07, 0.06}));
   turned.start = {0, 0, turn_rad};
   turned.goal = GoalSpec{GoalSpec::Kind::kLine, 1.2 * c, 1.2 * s, turn_rad, 0};
-  const TrialResult a = run_trial(body, plain, full_speed(body)), b = run_trial(body, turned, full_speed(body));
+  const TrialResult a = run_trial(body, plain, full_speed(body, 20)), b = run_trial(body, turned, full_speed(body, 20));
   const PathRow &p = a.path.back(), &r = b.path.back();
   TEST_ASSERT_DOUBLE_WITHIN(0.02, a.elapsed_time_s, b.elapsed_time_s);
   TEST_ASSERT_DOUBLE_WITHIN(0.005, p[1], c * r[1] + s * r[2]);
@@ -291,9 +284,9 @@ void test_the_same_ground_gives_the_same_numbers_whoever_made_it() {
   scene.terrain.potholes = {{0.8, -0.06, 0.05, 0.02, 0.02}};
   scene.terrain.patches = {{0.9, 0, 0, 0.2, 1, 0.3}};
   const SceneTerrain terrain(scene.terrain);
-  const TrialResult own = run_trial(body, scene, full_speed(body));
+  const TrialResult own = run_trial(body, scene, full_speed(body, 20));
   for (int i = 0; i < 2; ++i) {
-    const TrialResult shared = run_trial(body, scene, full_speed(body), {}, nullptr, &terrain);
+    const TrialResult shared = run_trial(body, scene, full_speed(body, 20), {}, nullptr, &terrain);
     TEST_ASSERT_TRUE(own.path == shared.path && own.consumed_energy_j == shared.consumed_energy_j);
   }
 }

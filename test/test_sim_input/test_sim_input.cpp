@@ -1,5 +1,6 @@
 // The batch's input: what docs/carsim.md shows is taken, everything else is refused by name, nothing aborts.
 #include "batch_session.h"
+#include "side_view_engine.h"
 
 #include <functional>
 #include <string>
@@ -66,7 +67,8 @@ json run() {
 
 // The answer to a line in a session that knows body b and scene s; empty if there is none.
 std::string answer(const std::string& line) {
-  BatchSession session(false);
+  const SideViewEngine engine;
+  BatchSession session(engine, false);
   TEST_ASSERT_FALSE(session.answer(1, body().dump()).has_value());
   TEST_ASSERT_FALSE(session.answer(2, scene().dump()).has_value());
   return session.answer(3, line).value_or("");
@@ -113,7 +115,8 @@ void test_what_may_be_left_out_of_a_run_can_be() {
 }
 
 void test_a_scene_may_have_no_goal() {
-  BatchSession session(false);
+  const SideViewEngine engine;
+  BatchSession session(engine, false);
   session.answer(1, body().dump());
   json aimless = scene();
   aimless["scene"]["goal"] = nullptr;
@@ -225,7 +228,8 @@ void test_a_run_may_only_name_what_is_known() {
 }
 
 void test_a_later_definition_replaces_an_earlier_one() {
-  BatchSession session(false);
+  const SideViewEngine engine;
+  BatchSession session(engine, false);
   session.answer(1, body().dump());
   session.answer(2, scene().dump());
   const std::string before = *session.answer(3, run().dump());

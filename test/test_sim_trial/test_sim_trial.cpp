@@ -5,7 +5,10 @@
 #include <cstring>
 
 #include "../hal_contract.h"
+#include "../full_speed.h"
+#include "../side_view_trial.h"
 #include "../study_car.h"
+#include "ending.h"
 #include "sim_hal.h"
 #include "supervisor.h"
 #include "trial.h"
@@ -16,15 +19,6 @@ void setUp() {}
 void tearDown() {}
 
 namespace {
-
-TrialSpec full_speed(const BodySpec& body, double time_limit_s = 60) {
-  TrialSpec trial;
-  trial.speed_m_s = 0.69;
-  trial.time_limit_s = time_limit_s;
-  trial.path_interval_s = 0.05;
-  trial.parameters.set("TRACK_M", static_cast<float>(body.track_m));
-  return trial;
-}
 
 SceneSpec one_bump(double y_m, double heading_rad) {
   SceneSpec scene;
@@ -248,6 +242,27 @@ void test_a_refused_trial_says_why() {
   }
 }
 
+// A car that hangs on its belly turns and rocks, and gets nowhere.
+void test_a_car_that_turns_where_it_is_ends_stuck_unless_it_was_told_to() {
+  const SceneSpec scene = one_bump(0, 0);
+  const auto ends_s = [&](float speed_m_s, float yaw_rate_rad_s, double drift_m_s) {
+    TrialRequest trial;
+    trial.speed_m_s = speed_m_s;
+    trial.yaw_rate_rad_s = yaw_rate_rad_s;
+    CarState state;
+    Ending ending(scene, state, trial);
+    for (double t_s = 0; t_s < 20; t_s += 0.01) {
+      state.heading_rad = 0.5 * t_s;
+      state.x_m = 0.02 * std::sin(3 * t_s) + drift_m_s * t_s;
+      if (ending.check(state, t_s)) return t_s;
+    }
+    return 20.0;
+  };
+  TEST_ASSERT_DOUBLE_WITHIN(0.02, 8, ends_s(0.6f, 0, 0));
+  TEST_ASSERT_EQUAL_DOUBLE(20, ends_s(0, 0.5f, 0));
+  TEST_ASSERT_EQUAL_DOUBLE(20, ends_s(0.6f, 0, 0.01));
+}
+
 int main() {
   UNITY_BEGIN();
   RUN_TEST(test_the_simulated_hal_keeps_the_contract);
@@ -264,6 +279,7 @@ int main() {
   RUN_TEST(test_it_leaves_the_course_at_its_edge);
   RUN_TEST(test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for);
   RUN_TEST(test_the_largest_tilt_counts_to_both_sides);
+  RUN_TEST(test_a_car_that_turns_where_it_is_ends_stuck_unless_it_was_told_to);
   RUN_TEST(test_a_refused_trial_says_why);
   return UNITY_END();
 }

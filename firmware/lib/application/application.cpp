@@ -106,14 +106,26 @@ Refusal Application::acknowledge(bool confirms) {
 
 Refusal Application::refresh_command() { return supervisor_.refresh_command(hal_.clock.now_us()); }
 
-SetResult Application::set_parameter(Parameter parameter, float value, bool& saved) {
+SetResult Application::set_parameter(Parameter parameter, float value) {
   const SetResult result = parameters_.set(parameter, value);
-  saved = result == SetResult::kOk && parameters_.save(hal_.storage, parameter);
+  if (result == SetResult::kOk) unsaved_[static_cast<std::size_t>(parameter)] = true;
   return result;
+}
+
+std::optional<Parameter> Application::unsaved_parameter() const {
+  const auto found = std::find(unsaved_.begin(), unsaved_.end(), true);
+  if (found == unsaved_.end()) return std::nullopt;
+  return static_cast<Parameter>(found - unsaved_.begin());
+}
+
+bool Application::save_parameter(Parameter parameter) {
+  unsaved_[static_cast<std::size_t>(parameter)] = false;
+  return parameters_.save(hal_.storage, parameter);
 }
 
 bool Application::reset_parameters() {
   if (!hal_.storage.clear()) return false;
+  unsaved_.fill(false);
   parameters_ = Parameters();
   configure(parameters_, design_, hal_.storage);
   return true;

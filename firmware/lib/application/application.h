@@ -4,8 +4,10 @@
 // HAL's clock, so a late tick changes no result. Nothing waits. Many applications fit in one process.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "attitude.h"
 #include "calibration.h"
@@ -54,8 +56,12 @@ class Application {
   // Notes that the host that armed or drives is still there.
   Refusal refresh_command();
 
-  // Sets a parameter and saves it. Returns kFixed for a parameter that car.json sets; saved tells whether it was stored.
-  SetResult set_parameter(Parameter parameter, float value, bool& saved);
+  // Sets a parameter, which is to be saved then. Returns kFixed for a parameter that car.json sets.
+  SetResult set_parameter(Parameter parameter, float value);
+  // The first of the parameters that are to be saved, if there is one.
+  std::optional<Parameter> unsaved_parameter() const;
+  // Saves it, or gives it up; returns false if it could not be stored. Writing to flash takes up to 0.1 s.
+  bool save_parameter(Parameter parameter);
   // Deletes the stored values: those of the design hold again, else the table's defaults. Returns false if that failed.
   bool reset_parameters();
 
@@ -86,6 +92,7 @@ class Application {
   Parameters& parameters_;
   Supervisor supervisor_;
   DesignResult design_;
+  std::array<bool, kParameterCount> unsaved_{};
   Calibration calibration_;
   DriveState drive_state_;
   SetPoint set_point_;

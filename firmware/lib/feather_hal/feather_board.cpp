@@ -1,6 +1,8 @@
 #include "feather_board.h"
 
 #include <Arduino.h>
+#include <esp_idf_version.h>
+#include <esp_log.h>
 #include <esp_system.h>
 #include <esp_task_wdt.h>
 #include <esp_timer.h>
@@ -13,6 +15,8 @@ namespace {
 
 constexpr std::uint8_t kBatteryPin = 35;  // A13
 constexpr float kBatteryDivider = 2.0f;   // 100 kΩ over 100 kΩ
+// No cell that supplies the board has so little (V): the divider is broken. A pin without voltage reads 142 mV, 0.28 V.
+constexpr float kLowestCellV = 1.0f;
 constexpr std::uint32_t kWatchdogS = 1;
 // Bytes; more than a host sends between two polls. A PARAM_SET packet has 37.
 constexpr std::size_t kReceiveBufferSize = 1024;
@@ -22,13 +26,13 @@ constexpr std::size_t kReceiveBufferSize = 1024;
 std::uint64_t FeatherClock::now_us() const { return static_cast<std::uint64_t>(esp_timer_get_time()); }
 
 float FeatherBattery::voltage_v() {
-  const std::uint32_t pin_mv = analogReadMilliVolts(kBatteryPin);
-  // The core returns 0 if the conversion fails. A cell that supplies the board never measures 0 V.
-  if (pin_mv == 0) return NAN;
-  return kBatteryDivider * 0.001f * static_cast<float>(pin_mv);
+  const float volts = kBatteryDivider * 0.001f * static_cast<float>(analogReadMilliVolts(kBatteryPin));
+  return volts < kLowestCellV ? NAN : volts;
 }
 
+// What the SDK's libraries print goes to the same port and would break packets.
 void SerialLink::begin(std::uint32_t baud) {
+  esp_log_level_set("*", ESP_LOG_NONE);
   Serial.setRxBufferSize(kReceiveBufferSize);  // has an effect only before begin
   Serial.begin(baud);
 }
@@ -46,8 +50,14 @@ std::size_t SerialLink::write(const std::uint8_t* data, std::size_t size) {
   return count == 0 ? 0 : Serial.write(data, count);
 }
 
+// The core has started the watchdog; with its own interval, and for the idle task of core 0, which stays.
 void Esp32Board::start_watchdog() {
+#if ESP_IDF_VERSION_MAJOR >= 5
+  const esp_task_wdt_config_t settings = {1000 * kWatchdogS, 1, true};
+  esp_task_wdt_reconfigure(&settings);
+#else
   esp_task_wdt_init(kWatchdogS, true);
+#endif
   enableLoopWDT();  // the core feeds it after every loop()
 }
 

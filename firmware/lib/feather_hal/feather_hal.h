@@ -1,6 +1,7 @@
 // The HAL of the real car: HUZZAH32 Feather and Servo FeatherWing. This library alone includes Arduino's headers.
 #pragma once
 
+#include "background_task.h"
 #include "feather_board.h"
 #include "feather_imu.h"
 #include "feather_servos.h"

@@ -46,7 +46,9 @@ bool FeatherImu::begin() {
 
 bool FeatherImu::read(ImuSample& sample) {
   std::uint8_t bytes[12];
-  if (device_ == nullptr || !device_->write_then_read(&kFirstOutput, 1, bytes, sizeof bytes)) return false;
+  const auto answers = [&] { return device_->write_then_read(&kFirstOutput, 1, bytes, sizeof bytes); };
+  // The second attempt is for a transfer that an erasure of flash has interrupted.
+  if (device_ == nullptr || !(answers() || answers())) return false;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     sample.rate_rad_s[axis] = kRatePerBit * value_at(bytes + 2 * axis);
     sample.acceleration_m_s2[axis] = kAccelerationPerBit * value_at(bytes + 6 + 2 * axis);

@@ -13,8 +13,11 @@ constexpr std::uint8_t kAddress = 0x40;
 constexpr int kSdaPin = 23;
 constexpr int kSclPin = 22;
 constexpr std::uint32_t kBusHz = 400000;
-// A write takes 0.2 ms; a bus that hangs must not delay the loop by more than half a tick.
-constexpr std::uint16_t kBusTimeOutMs = 10;
+// A write takes 0.2 ms. A bus that fails should not delay the loop by more than half a tick, in kAttempts. The SDK's driver
+// may wait for up to 1 s all the same where its own state machine hangs; the watchdog then restarts the board.
+constexpr std::uint16_t kBusTimeOutMs = 5;
+// Erasing flash stops both cores of the ESP32 for about 45 ms. A transfer that it interrupts times out.
+constexpr int kAttempts = 2;
 constexpr float kPulseRateHz = 50.0f;
 constexpr std::uint16_t kTicksPerPeriod = 4096;
 
@@ -63,17 +66,26 @@ bool FeatherServos::write_pulses(const PulsesUs& pulses_us) {
     // An off time of a whole period is the chip's full-off bit.
     const std::uint16_t ticks =
         pulse_us == kNoPulse ? kTicksPerPeriod : static_cast<std::uint16_t>(pulse_us / us_per_tick_ + 0.5f);
-    if (driver_.setPWM(static_cast<std::uint8_t>(channel), 0, ticks) != 0) return false;
+    if (!write_ticks(static_cast<std::uint8_t>(channel), ticks)) return false;
   }
   return true;
 }
 
+bool FeatherServos::write_ticks(std::uint8_t channel, std::uint16_t ticks) {
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    if (driver_.setPWM(channel, 0, ticks) == 0) return true;
+  }
+  return false;
+}
+
 bool FeatherServos::write_off() {
-  if (!bus_open_) return false;
-  Wire.beginTransmission(kAddress);
-  Wire.write(kAllOffRegister);
-  Wire.write(kFullOff);
-  return Wire.endTransmission() == 0;
+  for (int attempt = 0; bus_open_ && attempt < kAttempts; ++attempt) {
+    Wire.beginTransmission(kAddress);
+    Wire.write(kAllOffRegister);
+    Wire.write(kFullOff);
+    if (Wire.endTransmission() == 0) return true;
+  }
+  return false;
 }
 
 }  // namespace foldcar

@@ -5,6 +5,8 @@
 
 #include <Adafruit_PWMServoDriver.h>
 
+#include <cstdint>
+
 #include "hal.h"
 
 namespace foldcar {
@@ -23,6 +25,7 @@ class FeatherServos : public WheelServos {
   bool write_pulses(const PulsesUs& pulses_us) override;
 
  private:
+  bool write_ticks(std::uint8_t channel, std::uint16_t ticks);
   bool write_off();
 
   Adafruit_PWMServoDriver driver_;

@@ -35,6 +35,11 @@ bool FlashLogs::begin() {
   return mounted_;
 }
 
+void FlashLogs::give_up() {
+  mounted_ = false;
+  first_ = last_ = 0;
+}
+
 bool FlashLogs::create(std::uint16_t id) {
   if (!mounted_ || id == 0) return false;
   close_reading();

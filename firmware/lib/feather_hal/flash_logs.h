@@ -15,6 +15,8 @@ class FlashLogs : public LogStorage {
  public:
   // Mounts the file system. Returns false if there is none that mounts; it is not formatted, as a design may be in it.
   bool begin();
+  // From now on no log can be stored.
+  void give_up();
 
   bool present() const override { return mounted_; }
   bool create(std::uint16_t id) override;

@@ -1,6 +1,6 @@
 // The whole firmware of one car on a HAL: parameters, application and link, and the loop that ticks them at 50 Hz.
 //
-// The board and `carsim link` run this object. Call begin() once, then poll() as often as possible.
+// The board and `carsim link` run this object. Call begin() once, then poll() as often as possible, and store_log() beside it.
 #pragma once
 
 #include <cstdint>
@@ -22,6 +22,9 @@ class Firmware {
   void begin(const DesignResult& design);
   // Receives and sends bytes, and runs a tick if one is due.
   void poll();
+  // To be called again and again beside poll(), from a task of low priority: stores a part of a trial's log in flash, which
+  // may take long. Returns whether there is more to do at once.
+  bool store_log() { return link_.store_log(); }
   // To be called when the loop has stood still and its clock too, as in a simulation that was stopped: what has arrived
   // meanwhile is refused. poll() sees by itself when the loop was late.
   void stood_still() { link_.receive(true); }

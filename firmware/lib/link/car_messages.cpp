@@ -64,6 +64,8 @@ mavlink_foldcar_trial_t trial(const CarView& car) {
   content.end = static_cast<std::uint8_t>(car.application.trial_end());
   content.fault = static_cast<std::uint8_t>(status.fault);
   content.flags = request.untethered ? FOLDCAR_TRIAL_FLAGS_UNTETHERED : 0;
+  content.log = static_cast<std::uint8_t>(car.log.state);
+  content.log_lost = car.log.lost_bytes;
   return content;
 }
 

@@ -7,6 +7,7 @@
 
 #include "application.h"
 #include "hal.h"
+#include "log_writer.h"
 #include "outbox.h"
 
 namespace foldcar {
@@ -32,6 +33,7 @@ struct CarView {
   const Hal& hal;
   const LoopStatistics& loop;
   LinkStatistics link;
+  LogStatus log;
   const char* build;  // 16 hexadecimal digits
 };
 

@@ -157,7 +157,8 @@ CommandService::Answer CommandService::start(const mavlink_command_long_t& comma
   request.time_limit_s = command.param3;
   request.untethered = command.param4 != 0.0f;
   request.id = static_cast<std::uint32_t>(command.param5);
-  const Refusal refusal = application_.start(request);
+  const bool lacks_log = request.untethered && !trial_log_.is_ready();
+  const Refusal refusal = lacks_log ? Refusal::kNoLog : application_.start(request);
   return {result_of(refusal), refusal};
 }
 

@@ -9,13 +9,20 @@
 #include "outbox.h"
 #include "status_text.h"
 #include "telemetry.h"
+#include "trial_log.h"
 
 namespace foldcar {
 
 class CommandService {
  public:
-  CommandService(Application& application, Hal& hal, Telemetry& telemetry, Outbox& outbox, StatusText& status_text)
-      : application_(application), hal_(hal), telemetry_(telemetry), outbox_(outbox), status_text_(status_text) {}
+  CommandService(Application& application, Hal& hal, Telemetry& telemetry, const TrialLog& trial_log, Outbox& outbox,
+                 StatusText& status_text)
+      : application_(application),
+        hal_(hal),
+        telemetry_(telemetry),
+        trial_log_(trial_log),
+        outbox_(outbox),
+        status_text_(status_text) {}
 
   // Handles a command for this car. Whoever arms the car or tests an output becomes its holder: while it is armed, all
   // others may only stop and disarm it and ask for messages.
@@ -49,6 +56,7 @@ class CommandService {
   Application& application_;
   Hal& hal_;
   Telemetry& telemetry_;
+  const TrialLog& trial_log_;
   Outbox& outbox_;
   StatusText& status_text_;
   bool restart_is_due_ = false;

@@ -7,7 +7,9 @@
 namespace foldcar {
 namespace {
 
-// Reads of 128 bytes in one call: more than 115200 baud bring in a tick, and a bounded time.
+// Packets and reads of 128 bytes in one call, so that a burst cannot keep the tick waiting. On the board, whose loop comes
+// round every millisecond or two, more than 115200 baud can bring.
+constexpr int kMaxPackets = 4;
 constexpr int kMaxReads = 16;
 // A damaged packet passes its checksum of 16 bits with a probability of 1/65536. Only a host that has sent another packet
 // within this time (ms) before may set wheels in motion, so a single damaged packet never does.
@@ -47,17 +49,20 @@ Link::Link(const Hal& hal, Application& application, const LoopStatistics& loop,
 
 void Link::receive(bool late) {
   const std::uint64_t now_us = hal_.clock.now_us();
-  mavlink_message_t message;
-  while (parser_.next(message, now_us)) handle(message, late);
+  int packets = 0;
   // What is late is handled completely, so that none of it counts as new at the next call.
-  for (int i = 0; late || i < kMaxReads; ++i) {
+  for (int reads = 0; late || reads < kMaxReads; ++reads) {
+    mavlink_message_t message;
+    while ((late || packets < kMaxPackets) && parser_.next(message, now_us)) {
+      handle(message, late);
+      ++packets;
+    }
+    if (!late && packets == kMaxPackets) return;
     std::uint8_t bytes[128];
+    static_assert(sizeof bytes <= MAVLINK_MAX_PACKET_LEN, "they fit behind an incomplete packet");
     const std::size_t size = hal_.link.read(bytes, sizeof bytes);
     if (size == 0) return;
-    for (std::size_t fed = 0; fed < size;) {
-      fed += parser_.feed(bytes + fed, size - fed, now_us);
-      while (parser_.next(message, now_us)) handle(message, late);
-    }
+    parser_.feed(bytes, size, now_us);
   }
 }
 
@@ -71,7 +76,7 @@ void Link::run() {
   const std::uint64_t now_us = hal_.clock.now_us();
   report_changes();
   parameters_.run();
-  if (!application_.is_driving()) logs_.run();
+  if (!application_.is_driving() && trial_log_.is_idle()) logs_.run();
   telemetry_.run(now_us, view(), outbox_);
   trial_log_.run(now_us, view());
 }
@@ -106,7 +111,11 @@ void Link::handle(const mavlink_message_t& message, bool late) {
     case MAVLINK_MSG_ID_COMMAND_INT:
     case MAVLINK_MSG_ID_SET_MODE:
     case MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE: return refuse_stations_controls(message, sender);
-    default: return handle_log_request(message, sender);
+    case MAVLINK_MSG_ID_LOG_REQUEST_LIST:
+    case MAVLINK_MSG_ID_LOG_REQUEST_DATA:
+    case MAVLINK_MSG_ID_LOG_ERASE:
+    case MAVLINK_MSG_ID_LOG_REQUEST_END: return handle_log_request(message, sender);
+    default: return;
   }
 }
 
@@ -118,6 +127,7 @@ void Link::handle_late(const mavlink_message_t& message) {
 
 void Link::handle_log_request(const mavlink_message_t& message, const Sender& sender) {
   if (application_.is_driving()) return;  // reading and erasing flash would delay the loop
+  if (!trial_log_.is_idle()) return complain("the log of the last trial is being stored");
   switch (message.msgid) {
     case MAVLINK_MSG_ID_LOG_REQUEST_LIST: {
       const auto request = decoded<mavlink_log_request_list_t>(mavlink_msg_log_request_list_decode, message);
@@ -248,7 +258,12 @@ void Link::report_left_alone() {
 
 CarView Link::view() const {
   const LinkStatistics link{parser_.packet_count(), parser_.bad_byte_count(), outbox_.unsent_count()};
-  return {application_, hal_, loop_, link, build_};
+  return {application_, hal_, loop_, link, trial_log_.status(), build_};
+}
+
+bool Link::restart_is_due() const {
+  const bool is_stored = trial_log_.is_idle() && !application_.unsaved_parameter();
+  return commands_.restart_is_due() && is_stored && !application_.is_driving();
 }
 
 }  // namespace foldcar

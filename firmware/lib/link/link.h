@@ -37,8 +37,11 @@ class Link {
   // Hands waiting bytes to the HAL's link.
   void flush() { outbox_.flush(hal_.link); }
 
-  // Whether a host has requested a restart of the board.
-  bool restart_is_due() const { return commands_.restart_is_due(); }
+  // For another task: stores a part of a trial's log. Returns whether there is more to do at once.
+  bool store_log() { return trial_log_.store(); }
+
+  // Whether a host has requested a restart of the board, and all is stored.
+  bool restart_is_due() const;
 
  private:
   void handle(const mavlink_message_t& message, bool late);
@@ -70,8 +73,8 @@ class Link {
   StatusText status_text_{outbox_};
   Telemetry telemetry_;
   ParameterService parameters_{application_, outbox_, status_text_};
-  CommandService commands_{application_, hal_, telemetry_, outbox_, status_text_};
   TrialLog trial_log_{hal_.logs, status_text_};
+  CommandService commands_{application_, hal_, telemetry_, trial_log_, outbox_, status_text_};
   LogService logs_{hal_.logs, outbox_};
   Host holder_;  // the host that armed the car last
   std::array<std::uint32_t, 256> last_packet_ms_{};  // by system number; 0 before the first

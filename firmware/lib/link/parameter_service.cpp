@@ -42,19 +42,22 @@ void ParameterService::set(const mavlink_param_set_t& request, const char* obsta
     // Writing to flash would delay the loop.
     report_refusal(name.text, "cannot be set while wheels are driven");
   } else {
-    bool saved = false;
-    const SetResult result = application_.set_parameter(*parameter, request.param_value, saved);
-    if (result != SetResult::kOk) {
-      report_refusal(name.text, text(result));
-    } else if (!saved) {
-      report_refusal(name.text, "is set, but could not be saved");
-    }
+    const SetResult result = application_.set_parameter(*parameter, request.param_value);
+    if (result != SetResult::kOk) report_refusal(name.text, text(result));
   }
   send(static_cast<std::size_t>(*parameter));
 }
 
 void ParameterService::run() {
   while (next_index_ < kParameterCount && outbox_.has_room_for(8) && send(next_index_)) ++next_index_;
+  if (!application_.is_driving()) save_one();
+}
+
+// One in a tick: a parameter that is set many times is saved once, and no burst of settings delays the loop.
+void ParameterService::save_one() {
+  const std::optional<Parameter> parameter = application_.unsaved_parameter();
+  if (!parameter || application_.save_parameter(*parameter)) return;
+  report_refusal(parameter_info(*parameter).name, "is set, but could not be saved");
 }
 
 bool ParameterService::send(std::size_t index) {

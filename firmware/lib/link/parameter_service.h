@@ -23,10 +23,11 @@ class ParameterService {
   // obstacle: why no parameter can be set now; null if they can.
   void set(const mavlink_param_set_t& request, const char* obstacle);
 
-  // Continues a list, as far as the outbox has room.
+  // Continues a list, as far as the outbox has room, and saves a parameter that was set.
   void run();
 
  private:
+  void save_one();
   bool send(std::size_t index);
   void report_refusal(const char* name, const char* why);
 

@@ -1,45 +1,53 @@
 // Records untethered trials in the HAL's log storage, as a .tlog whose time counts from the start of the board.
 //
-// Input: the car's state. Rate: each tick. docs/link.md describes the format.
+// Input: the car's state. Rate: run() each tick; store() in another task. docs/link.md describes the format.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 
 #include "car_messages.h"
 #include "hal.h"
+#include "log_writer.h"
 #include "outbox.h"
 #include "status_text.h"
 
 namespace foldcar {
 
-// The number of logs that are kept, and the largest size (bytes) of one.
-constexpr std::uint16_t kLogsKept = 4;
+// The largest size (bytes) of a log.
 constexpr std::size_t kLargestLog = 256 * 1024;
 
 class TrialLog {
  public:
-  TrialLog(LogStorage& storage, StatusText& status_text) : storage_(storage), status_text_(status_text) {}
+  TrialLog(LogStorage& storage, StatusText& status_text)
+      : storage_(storage), writer_(storage), status_text_(status_text) {}
 
   // now_us: time since start (µs).
   void run(std::uint64_t now_us, const CarView& car);
+  // As LogWriter::work().
+  bool store() { return writer_.work(); }
+
+  // Whether no log is being recorded or stored: only then may others use the storage.
+  bool is_idle() const { return writer_.is_idle(); }
+  // Whether a trial can be recorded.
+  bool is_ready() const { return storage_.present() && is_idle(); }
+  LogStatus status() const { return writer_.status(); }
 
  private:
-  void open(const CarView& car);
+  void open(std::uint64_t now_us, const CarView& car);
   void close(const CarView& car);
-  void record(std::uint32_t message_id, const CarView& car);
-  void append_buffer();
+  void report();
+  // reserve: bytes that the log keeps free behind the record.
+  void record(std::uint32_t message_id, const CarView& car, std::size_t reserve);
 
   LogStorage& storage_;
+  LogWriter writer_;
   StatusText& status_text_;
-  bool is_open_ = false;
-  bool failed_ = false;
+  bool is_recording_ = false;
+  bool is_unreported_ = false;  // a log was closed, and nothing was said about it yet
   std::uint64_t next_us_ = 0;
   std::size_t size_ = 0;
   PacketNumbers numbers_;
-  std::array<std::uint8_t, 768> buffer_{};
-  std::size_t buffered_ = 0;
 };
 
 }  // namespace foldcar

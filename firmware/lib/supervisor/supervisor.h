@@ -56,7 +56,8 @@ enum class Refusal : std::uint8_t {
   kHeld,
   kLate,
   kNoDesign,
-  kUnknownCommand
+  kUnknownCommand,
+  kNoLog
 };
 
 const char* text(State state);

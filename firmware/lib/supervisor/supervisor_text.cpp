@@ -59,6 +59,7 @@ const char* text(Refusal refusal) {
     case Refusal::kLate: return "it waited while the car stood still";
     case Refusal::kNoDesign: return "no car.json, and its absence is not confirmed";
     case Refusal::kUnknownCommand: return "not a command of this car";
+    case Refusal::kNoLog: return "a log cannot be stored, or the last one is being stored";
   }
   return "?";
 }

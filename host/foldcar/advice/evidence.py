@@ -153,11 +153,6 @@ def run_rate(passed: int, runs: int, what: str, stopped: bool, confidence: float
     return Rate(passed / runs, *wilson_interval(passed, runs, confidence), confidence, f"Wilson interval of {what}")
 
 
-def listed_id(info: ExperimentInfo) -> str:
-    """The experiment's name in the listing, which trials go by: sweeps under a calibration have names of their own."""
-    return info.id if info.calibration is None else info.calibration["experiment"]
-
-
 def unswept_trials(store: Store, experiment: str | None = None, simulated_trials: bool = False) -> list[Trial]:
     """The trials of built cars that count, or of simulated ones instead, in experiments that were not swept."""
     kept, _ = _kept(store, experiment, simulated_trials)
@@ -168,7 +163,7 @@ def unswept_trials(store: Store, experiment: str | None = None, simulated_trials
 def swept_ids(store: Store) -> set[str]:
     """The experiments that trials may be compared with, by their names in the listing and in the store."""
     infos = store.info().experiments if store.holds_study() else {}
-    return {*infos, *(listed_id(info) for info in infos.values())}
+    return {*infos, *(info.listed_id for info in infos.values())}
 
 
 def _evidence(
@@ -186,7 +181,7 @@ def _evidence(
     stored = info.stored_runs
     if stored < info.planned_runs:
         remarks.insert(0, f"Unfinished: {stored} of {info.planned_runs} runs are stored; the same sweep resumes.")
-    elsewhere = store.trials_elsewhere(listed_id(info))
+    elsewhere = store.trials_elsewhere(info.listed_id)
     found = [_with_trials(info, one, by_design.get(key, []), elsewhere, again) for key, one in designs.items()]
     return Evidence(info, tuple(found), (*remarks, *_pair_remarks(found), *again.remarks(info.id)))
 
@@ -254,16 +249,16 @@ def _kept(store: Store, experiment: str | None, simulated_trials: bool) -> tuple
 
 def _trials(store: Store, info: ExperimentInfo, simulated_trials: bool) -> tuple[list[Trial], list[str]]:
     """The trials to compare, aborted ones among them, and what is said of those left out or driven elsewhere."""
-    kept, remarks = _kept(store, listed_id(info), simulated_trials)
+    kept, remarks = _kept(store, info.listed_id, simulated_trials)
     if info.calibration is not None and kept:
         remarks.append(
             f"The runs are of the calibration {info.calibration['name']}, which goes by trials of experiment "
-            f"{listed_id(info)}: where they agree with those trials it is by fit, which later trials may test."
+            f"{info.listed_id}: where they agree with those trials it is by fit, which later trials may test."
         )
     corrected = sum(trial.corrections > 0 for trial in kept)
     if corrected:
         remarks.append(f"{count(corrected, 'trial')} corrected afterwards: the latest correction counts.")
-    elsewhere = store.trials_elsewhere(listed_id(info))
+    elsewhere = store.trials_elsewhere(info.listed_id)
     other = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] != info.scenic_program]
     moved = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] == info.scenic_program]
     for program, number in Counter(elsewhere[trial.id] or "an unknown program" for trial in other).items():

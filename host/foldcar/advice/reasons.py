@@ -1,6 +1,7 @@
 """Why a design is worth building, in words."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy
 
@@ -20,6 +21,8 @@ from foldcar.analysis.region import (
     Placed,
 )
 from foldcar.analysis.truth_draws import unit_range
+from foldcar.simulation.engines import engine_title
+from foldcar.store.info import ExperimentInfo
 
 # Differences of rates that are worth a word.
 WORTH = 0.15
@@ -37,13 +40,28 @@ _FIRST = {
 }
 
 
-def first_reason(place: str, one: DesignEvidence, threshold: float, parted: float | None) -> str:
-    """Why a design is built before there are trials; ``parted``: another simulation's rate minus this one's, if any."""
+@dataclass(frozen=True, slots=True)
+class Parting:
+    """How much more (0 to 1) another simulation of the same experiment passes; ``between`` names both."""
+
+    difference: float
+    between: str
+
+
+def between(one: ExperimentInfo, other: ExperimentInfo) -> str:
+    """What two simulations of the same experiment are to each other: other engines, or one of them calibrated."""
+    if one.engine != other.engine:
+        return " and ".join(engine_title(info.engine) or "the side view" for info in (one, other))
+    return "nominal and calibrated simulation"
+
+
+def first_reason(place: str, one: DesignEvidence, threshold: float, parted: Parting | None) -> str:
+    """Why a design is built before there are trials."""
     passes = f"simulation passes {percent(one.runs_passed / one.runs)}"
     return "; ".join([_FIRST[place], passes, *_parted_text(parted)])
 
 
-def next_reason(seen: Outlook, index: int, threshold: float, parted: float | None, together: Sequence[Placed]) -> str:
+def next_reason(seen: Outlook, index: int, threshold: float, parted: Parting | None, together: Sequence[Placed]) -> str:
     """Why a design is tried next, from what is believed of it."""
     parts = []
     above = float((seen.draws[:, index] >= threshold).mean())
@@ -100,7 +118,7 @@ def _nearby(seen: Outlook, index: int) -> list[str]:
     return []
 
 
-def _parted_text(parted: float | None) -> list[str]:
-    if parted is None or abs(parted) <= WORTH:
+def _parted_text(parted: Parting | None) -> list[str]:
+    if parted is None or abs(parted.difference) <= WORTH:
         return []
-    return [f"nominal and calibrated simulation part by {points(parted, sign=False)} points"]
+    return [f"{parted.between} part by {points(parted.difference, sign=False)} points"]

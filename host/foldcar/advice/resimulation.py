@@ -17,6 +17,7 @@ from foldcar.car.modules import parameters
 from foldcar.car.variation.vary_body import vary_body
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import engine_of
 from foldcar.simulation.results import outcome_of
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.info import ExperimentInfo
@@ -35,7 +36,7 @@ class Resimulation:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._carsim: Carsim | None = None
+        self._carsims: dict[str, Carsim] = {}
         self._refusals: dict[str, str | None] = {}
         self._refused: Counter[str] = Counter()
 
@@ -49,7 +50,7 @@ class Resimulation:
             return None
         body, settings, scene = drive
         variation = self._variations(info).get(trial.sample if trial.sample is not None else -1, {})
-        ((outcome, _),) = self._run(body, [(variation, scene)], settings)
+        ((outcome, _),) = self._run(self._simulator(info), body, [(variation, scene)], settings)
         return outcome
 
     def design(self, info: ExperimentInfo, trial: Trial) -> tuple[list[Ended], str | None]:
@@ -63,7 +64,7 @@ class Resimulation:
             folded_car(design)
             body = body_json(design)
             place = f"{self._store.path}: experiment {info.id}"
-            table = self._simulator().parameter_table()
+            table = self._simulator(info).parameter_table()
             settings = run_settings(
                 design, body, table, info.timeout_s, info.speed_m_s, info.yaw_rate_rad_s, place
             )
@@ -72,7 +73,7 @@ class Resimulation:
             return [], f"no module has the parameter {error.args[0]}" if unknown else str(error).rstrip(".")
         variations = self._variations(info)
         scenes = [(variations.get(sample, {}), text) for sample, text in self._scenes(info).items()]
-        return self._run(canonical_json(body), scenes, canonical_json(settings)), None
+        return self._run(self._simulator(info), canonical_json(body), scenes, canonical_json(settings)), None
 
     def remarks(self, experiment: str) -> list[str]:
         """What is said of trials of that experiment that should have been simulated and were not."""
@@ -92,7 +93,7 @@ class Resimulation:
         if environment["dynamic"]:
             return f"{info.scenic_program} runs beside the simulation"
         try:
-            build = self._simulator().build
+            build = self._simulator(info).build
         except FoldcarError as error:
             return str(error)
         if build != info.carsim_build:
@@ -100,14 +101,15 @@ class Resimulation:
             return f"the runs are of carsim {there[:12]}, this one is {build[:12]}; sweep again"
         return None
 
-    def _simulator(self) -> Carsim:
-        if self._carsim is None:
-            self._carsim = Carsim()
-        return self._carsim
+    def _simulator(self, info: ExperimentInfo) -> Carsim:
+        if info.engine not in self._carsims:
+            self._carsims[info.engine] = Carsim(engine=engine_of(info.engine))
+        return self._carsims[info.engine]
 
-    def _run(self, body: str, cases: Sequence[tuple[Mapping[str, Any], str]], settings: str) -> list[Ended]:
+    def _run(
+        self, carsim: Carsim, body: str, cases: Sequence[tuple[Mapping[str, Any], str]], settings: str
+    ) -> list[Ended]:
         """The body in each case, which is a variation and a scene."""
-        carsim = self._simulator()
         cars, scenes, requests = {}, {}, []
         for number, (variation, scene) in enumerate(cases):
             cars[f"b{number}"] = (

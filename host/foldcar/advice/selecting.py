@@ -13,9 +13,9 @@ import pandas
 from threadpoolctl import threadpool_limits
 
 from foldcar.advice.cost import Cost, cost
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence, listed_id, read_evidence, run_rate
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, run_rate
 from foldcar.advice.outlook import Outlook, outlook
-from foldcar.advice.reasons import first_reason, next_reason, region_text
+from foldcar.advice.reasons import Parting, between, first_reason, next_reason, region_text
 from foldcar.advice.told_apart import told_apart_text
 from foldcar.advice.words import count, listed, percent, points
 from foldcar.analysis.rate import Rate
@@ -168,18 +168,24 @@ class _Choice:
         found = []
         for one, (rate, low, high) in zip(self.seen.designs, self.seen.smooth, strict=True):
             apart = abs(rate - self.threshold) / max(high - low, 1e-9)
-            found.append(1 / (1 + apart) + abs(self._parted(one) or 0.0))
+            parted = self._parted(one)
+            found.append(1 / (1 + apart) + (abs(parted.difference) if parted is not None else 0.0))
         return numpy.array(found)
 
-    def _parted(self, design: DesignEvidence) -> float | None:
-        """How much more another simulation of the same experiment passes (a calibration, or the nominal one), if any."""
+    def _parted(self, design: DesignEvidence) -> Parting | None:
+        """The other simulation of the same experiment (engine or calibration) from which this one parts most, if any."""
+        here, found = self.evidence.info, []
         for other in self.all_evidence:
-            if other is self.evidence or listed_id(other.info) != listed_id(self.evidence.info):
+            info = other.info
+            # Of what differs in both, neither could be named as the cause.
+            causes = (info.engine != here.engine) + (info.calibration != here.calibration)
+            if other is self.evidence or info.listed_id != here.listed_id or causes != 1:
                 continue
             for one in other.designs:
                 if one.design == design.design and one.runs:
-                    return one.runs_passed / one.runs - design.runs_passed / design.runs
-        return None
+                    difference = one.runs_passed / one.runs - design.runs_passed / design.runs
+                    found.append(Parting(difference, between(here, info)))
+        return max(found, key=lambda one: abs(one.difference), default=None)
 
     def _open(self) -> numpy.typing.NDArray[numpy.bool_]:
         """The designs whose rate may lie on both sides of the threshold."""

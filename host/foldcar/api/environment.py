@@ -72,7 +72,7 @@ class Environment:
     def _scenic_runner(self) -> "ScenicRunner":
         from foldcar.simulation.scenic_runner import ScenicRunner
 
-        runner = ScenicRunner(self.program, self.params, self.seed, None, simulator().carsim.binary)
+        runner = ScenicRunner(self.program, self.params, self.seed, None, simulator().carsim.command)
         atexit.register(runner.close)
         return runner
 

@@ -68,7 +68,8 @@ def _experiment(design: Design, arguments: tuple[float | None, ...]) -> Experime
         first = error.errors()[0]
         name = {listed: name for name, listed in LISTED.items()}[str(first["loc"][0])]
         raise FoldcarError(f"{name}: {first['input']:g}: {first['msg'].lower()}") from None
-    family = Family("", design.type, {key: (value,) for key, value in design.values.items()}, {}, Path(), "")
+    given_values = {key: (value,) for key, value in design.values.items()}
+    family = Family("", design.composition, given_values, {}, Path(), "", parts=design.choices)
     return Experiment(
         id="", family=family, environment="", program=Path(), program_name="", scenic_params={}, seed=0, condition=None,
         environments=1, thresholds=(), timeout_s=params.timeout, speed_m_s=params.speed, yaw_rate_rad_s=params.yaw_rate,

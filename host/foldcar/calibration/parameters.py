@@ -74,14 +74,14 @@ PARAMETERS = (
         "obstacles that were not measured: the published pyramids have no sizes; measured ones would have sd 0.02",
     ),
     Parameter(
-        "com_height_m", "m", "normal", 0.005, 0.01, 0.0,
+        "com_height_m", "m", "normal", 0.01, 0.012, 0.0,
         "height of the centre of mass above the drawn one",
-        "wires, board and battery holder stand on the lid or hang from it; the drawn car has no wires",
+        "a battery on the roof lifts it by 28 mm; where the published cars have theirs is not known",
     ),
     Parameter(
-        "track_m", "m", "normal", 0.008, 0.008, 0.0,
+        "track_m", "m", "normal", 0.0, 0.004, 0.0,
         "distance between left and right tyres beyond the drawn one",
-        "a servo's turret and horn set each wheel up to 8 mm further out than drawn",
+        "horns and servos differ by some 1 mm a side; a horn turned round sets its wheel 3 mm further in",
     ),
     Parameter(
         "start_position_sd_m", "m", "half-normal", 0.0, 0.01, 0.0,

@@ -11,7 +11,8 @@ from foldcar.car.design import Design
 from foldcar.car.folded.model import Axle, FoldedCar, HingeJoint
 from foldcar.car.folded.weight import body_mass_kg, body_properties
 from foldcar.car.folded_car import folded_car
-from foldcar.car.parts.catalogue import catalogue
+from foldcar.car.parts.catalogue import Catalogue, catalogue
+from foldcar.car.parts.film import Film
 
 MM = 1e-3
 
@@ -26,10 +27,10 @@ def body_json(design: Design) -> dict[str, Any]:
     wheel_kg = body_mass_kg(car, car.axles[0].wheel)
     body = {
         "segments": [_segment(design, car, index) for index in range(len(design.segments))],
-        "hinges": [_hinge(hinge) for hinge in car.hinges],
+        "hinges": [_hinge(hinge, car.parts.film) for hinge in car.hinges],
         "track_m": (car.axles[0].center_mm[1] - car.axles[1].center_mm[1]) * MM,
-        "wheels": [_wheel(axle, wheel_kg) for axle in car.axles],
-        "supply_v": catalogue().battery.supply_v.value,
+        "wheels": [_wheel(axle, wheel_kg, car.parts) for axle in car.axles],
+        "supply_v": car.parts.battery.supply_v.value,
     }
     rounded: dict[str, Any] = _rounded(body)
     return rounded
@@ -37,13 +38,13 @@ def body_json(design: Design) -> dict[str, Any]:
 
 def full_speed_m_s(design: Design) -> float:
     """The design's highest speed (m/s): no-load wheel speed at the supply voltage times the wheel radius."""
-    line = catalogue().servo.at_voltage(catalogue().battery.supply_v.value)
+    line = design.parts.servo.at_voltage(design.parts.battery.supply_v.value)
     speed: float = _rounded(line.no_load_speed_rad_s * design.values["radius"] * MM)
     return speed
 
 
 def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
-    assembly, box = catalogue().assembly, design.segments[index]
+    assembly, box = car.parts.assembly, design.segments[index]
     properties = body_properties(car, f"segment{index}")
     return {
         "x_m": box.center_mm * MM,
@@ -59,12 +60,12 @@ def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
         "pitch_inertia_kg_m2": properties.inertia_kg_m2[1, 1],
         "yaw_inertia_kg_m2": properties.inertia_kg_m2[2, 2],
         # Grip is a contact's friction coefficient relative to that of a tyre.
-        "grip": assembly.belly_friction.value / assembly.tyre_friction.value,
+        "grip": assembly.belly_friction.value / catalogue().tyre.friction.value,
     }
 
 
-def _hinge(hinge: HingeJoint) -> dict[str, Any]:
-    film, stiffness = catalogue().film, hinge.stiffness_n_m_rad
+def _hinge(hinge: HingeJoint, film: Film) -> dict[str, Any]:
+    stiffness = hinge.stiffness_n_m_rad
     # A loss factor is damping times angular frequency over stiffness, at the frequency of its measurement.
     damping = film.loss_factor.value * stiffness / (2 * math.pi * film.loss_frequency_hz.value)
     return {
@@ -77,8 +78,8 @@ def _hinge(hinge: HingeJoint) -> dict[str, Any]:
     }
 
 
-def _wheel(axle: Axle, mass_kg: float) -> dict[str, Any]:
-    servo, supply_v = catalogue().servo, catalogue().battery.supply_v.value
+def _wheel(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
+    servo, supply_v = parts.servo, parts.battery.supply_v.value
     line = servo.at_voltage(supply_v)
     return {
         "channel": axle.channel,
@@ -88,7 +89,7 @@ def _wheel(axle: Axle, mass_kg: float) -> dict[str, Any]:
         "radius_m": axle.radius_mm * MM,
         "width_m": axle.tyre_width_mm * MM,
         "mass_kg": mass_kg,
-        "grip": catalogue().assembly.tyre_grip.value,
+        "grip": parts.tyre.friction.value / catalogue().tyre.friction.value,
         "eccentricity_m": 0.0,
         "eccentricity_phase_rad": 0.0,
         "servo": {

@@ -41,9 +41,9 @@ def car_json(design: Design) -> dict[str, Any]:
 
 
 def design_name(design: Design) -> str:
-    """A readable name: type, width × length and wheel radius in mm, at most 32 bytes of UTF-8."""
+    """A readable name: modules, width × length and wheel radius in mm, at most 32 bytes of UTF-8."""
     values = design.values
-    text = f"{design.type} {values['width']:g}x{design.length_mm:g} r{values['radius']:g}"
+    text = f"{design.composition} {values['width']:g}x{design.length_mm:g} r{values['radius']:g}"
     return text.encode()[:MOST_NAME_BYTES].decode(errors="ignore")
 
 

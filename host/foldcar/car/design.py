@@ -10,8 +10,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from foldcar.car.compiler.parameter import at_least
 from foldcar.car.modules import REQUIRED_MODULES, modules, parameters
-from foldcar.car.parts.catalogue import catalogue
+from foldcar.car.parts.catalogue import Catalogue, chosen
+from foldcar.car.parts.choices import DEFAULT_CHOICES, PartChoices, PartError, split_type
 from foldcar.errors import FoldcarError
 
 # Each wheel has a servo of its own, and the servo driver has eight outputs.
@@ -44,11 +46,22 @@ class Design:
 
     modules: tuple[str, ...]
     values: Mapping[str, float]
+    choices: PartChoices = DEFAULT_CHOICES
+
+    @property
+    def parts(self) -> Catalogue:
+        """The data of the car's parts."""
+        return chosen(self.choices)
+
+    @property
+    def composition(self) -> str:
+        """The modules, front to back."""
+        return "_".join(self.modules)
 
     @property
     def type(self) -> str:
-        """The type string, front to back."""
-        return "_".join(self.modules)
+        """The type string: the modules, front to back, and the parts that are not the default ones."""
+        return self.composition + self.choices.suffix
 
     @property
     def title(self) -> str:
@@ -111,7 +124,7 @@ class Design:
 
 def modules_of(type_string: str) -> tuple[str, ...]:
     """The module letters of a type string; DesignError for unknown, missing or wrongly placed modules."""
-    letters = tuple(type_string.split("_"))
+    letters = tuple(type_string.partition("+")[0].split("_"))
     for letter in letters:
         if letter not in modules():
             known = ", ".join(f"{known} ({kind.title})" for known, kind in modules().items())
@@ -141,52 +154,70 @@ def _check_hinges(type_string: str, letters: tuple[str, ...]) -> None:
         )
 
 
-def compose(type_string: str, values: Mapping[str, float]) -> Design:
-    """The design with ``values`` (mm, degrees; by key) and defaults for all others; DesignError if it cannot be built."""
+def compose(type_string: str, values: Mapping[str, float], choices: PartChoices | None = None) -> Design:
+    """The design with ``values`` (mm, degrees; by key) and defaults for all others; DesignError if it cannot be built.
+
+    Without ``choices`` the parts are those that the type string names.
+    """
     letters = modules_of(type_string)
+    if choices is None:
+        try:
+            _, choices = split_type(type_string)
+        except PartError as error:
+            raise DesignError(None, str(error)) from error
     complete = {
-        key: float(values.get(key, parameter.declared.default_value))
+        key: float(values.get(key, parameter.declared.default_with(chosen(choices))))
         for key, parameter in parameters().items()
         if not parameter.modules.isdisjoint(letters)
     }
     for key in values:
         if key not in complete:
             raise DesignError(key, f"{type_string} has no such parameter; it has {', '.join(complete)}")
-    design = Design(letters, complete)
+    design = Design(letters, complete, choices)
     _check_limits(design)
+    _check_tyre(design)
     _check_wheels(design)
     return design
 
 
-def design_errors(type_string: str, values: Mapping[str, float]) -> dict[str, tuple[DesignError, float]]:
+def design_errors(
+    type_string: str, values: Mapping[str, float], parts: Catalogue
+) -> dict[str, tuple[DesignError, float]]:
     """For every value beyond its limits, by key: the error, and the limit."""
     letters, errors = modules_of(type_string), {}
     for key, value in values.items():
         declared = parameters()[key].declared
-        complaint = None if parameters()[key].modules.isdisjoint(letters) else declared.complaint(value)
+        complaint = None if parameters()[key].modules.isdisjoint(letters) else declared.complaint(value, parts)
         if complaint:
-            limit = declared.maximum if value > declared.maximum else declared.least
+            limit = declared.maximum if value > declared.maximum else declared.least_with(parts)
             errors[key] = (DesignError(key, complaint), limit)
     return errors
 
 
 def _check_limits(design: Design) -> None:
     for key, value in design.values.items():
-        complaint = parameters()[key].declared.complaint(value)
+        complaint = parameters()[key].declared.complaint(value, design.parts)
         if complaint:
             raise DesignError(key, complaint)
 
 
+def _check_tyre(design: Design) -> None:
+    """DesignError if the tyre is wider than the rims."""
+    tyre, key = design.parts.tyre, "W.tire_thickness"
+    if key in design.values and tyre.width_mm is not None and design.values[key] < tyre.width_mm.value:
+        raise DesignError(key, f"{design.values[key]:g} is below the {tyre.width_mm.value:g} of the {tyre.name}")
+
+
 def _check_wheels(design: Design) -> None:
     """DesignError if neighbouring wheels would touch or the belly would touch the ground."""
-    assembly = catalogue().assembly
+    assembly = design.parts.assembly
     radius = design.values["radius"]
     # Axles are at half the body's height.
     least_radius = design.values["height"] / 2 + assembly.belly_clearance_mm.value
     if radius < least_radius:
         raise DesignError(
             "radius",
-            f"{radius:g} is below the minimum {least_radius:g} (half of height {design.values['height']:g} "
+            f"{radius:g} is below the minimum {at_least(least_radius)} (half of height {design.values['height']:g} "
             f"and {assembly.belly_clearance_mm.value:g} under the belly)",
         )
     least_distance = 2 * radius + assembly.wheel_distance_mm.value

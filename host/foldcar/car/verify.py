@@ -1,11 +1,12 @@
-"""The verification of a design: its folded car against the volumes that the design implies.
+"""The verification of a design: its folded car against the volumes that the design implies, and its assembly.
 
-Input: a design. Output: findings and measures (see folded/check.py). A segment should enclose the box between the
-middle surfaces of its walls, a wheel the prism over the polygon of its discs.
+Input: a design. Output: findings and measures (see folded/check.py and assembly/prove.py). A segment should enclose the
+box between the middle surfaces of its walls.
 """
 
-import math
+from dataclasses import replace
 
+from foldcar.car.assembly.prove import prove
 from foldcar.car.components.box_beam import wall_mm
 from foldcar.car.design import Design
 from foldcar.car.folded.check import Verification, check_design
@@ -15,9 +16,8 @@ from foldcar.car.folded_car import folded_car
 def verify(design: Design) -> Verification:
     """All checks of the design's folded car; DesignError if the design cannot be compiled."""
     car = folded_car(design)
-    across = wall_mm(design.values["width"]) * wall_mm(design.values["height"])
+    across = wall_mm(design.values["width"], design.parts) * wall_mm(design.values["height"], design.parts)
     volumes = {f"segment{i}": segment.length_mm * across for i, segment in enumerate(design.segments)}
-    corners = next(len(piece.faces[0].outline_mm) for piece in car.pieces if piece.name == "wheel inner disc")
-    disc_mm2 = design.values["radius"] ** 2 * math.sin(2 * math.pi / corners) * corners / 2
-    volumes["wheel0"] = disc_mm2 * design.values["W.tire_thickness"]
-    return check_design(car, volumes)
+    folded = check_design(car, volumes)
+    findings = (*folded.findings, *prove(car).findings)
+    return replace(folded, findings=findings, checked=(*folded.checked, "assembly"))

@@ -1,6 +1,8 @@
-"""`foldcar crosscheck`: simulates a listing's runs in carsim and in MuJoCo and compares the results."""
+"""`foldcar crosscheck`: sweeps a listing in the side view and in MuJoCo and compares the results."""
 
 import os
+import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +15,8 @@ from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
 if TYPE_CHECKING:
     from foldcar.crosscheck.agreement import Agreement
+
+STORE = "study.db"
 
 
 def crosscheck(
@@ -47,41 +51,32 @@ def crosscheck(
 ) -> None:
     """Simulate a listing's runs in MuJoCo too and compare.
 
-    The same cars with the same firmware in the same scenes. It may be stopped at any time: the same command resumes it.
+    The same cars with the same firmware in the same scenes, swept into DIR/study.db (needs `make mujoco`). It may be
+    stopped at any time: the same command resumes it.
 
     \b
     Example: foldcar crosscheck scenarios/step_pyramids.json -o check
     """
+    from foldcar.commands.progress_bar import ProgressBar
     from foldcar.commands.terminal_bar import TerminalBar
-    from foldcar.crosscheck.cases import cases_of
-    from foldcar.crosscheck.compare import compare, planned_runs
-    from foldcar.crosscheck.mujoco_car import import_mujoco
     from foldcar.crosscheck.page import PAGE, comparison_numbers, write_page
-    from foldcar.crosscheck.result_cache import ResultCache
+    from foldcar.crosscheck.sweeps import check_success, simulators, sweep_all
     from foldcar.interrupts import said
     from foldcar.output_folder import make_output_folder
-    from foldcar.simulation.carsim import Carsim
+    from foldcar.store.reader import Store
     from foldcar.study.experiments import read_study
 
-    import_mujoco()
+    carsims = simulators(baseline)
     study = read_study(listing, experiment, environments)
-    carsim = Carsim()
-    with said(lambda: f"stopped: finished runs are in {output}; the same command resumes"):
-        cases = list(cases_of(study, carsim))
+    check_success(study)
+    workers = jobs or len(os.sched_getaffinity(0))
+    command = shlex.join(["foldcar", *sys.argv[1:]])
+    with said(lambda: f"stopped: finished runs are in {output / STORE}; the same command resumes"):
         make_output_folder(output)
-        with (
-            ResultCache(output / "results.jsonl") as cache,
-            TerminalBar("crosscheck", planned_runs(cases, baseline)) as bar,
-        ):
-            results = compare(
-                cases,
-                carsim,
-                cache,
-                jobs or len(os.sched_getaffinity(0)),
-                baseline,
-                bar.done,
-            )
-        comparisons = write_page(output, listing.name, cases, results, baseline, carsim)
+        sweep_all(study, output / STORE, carsims, baseline, workers, command, ProgressBar)
+        names = [one.id for one in study.experiments]
+        with Store.open(output / STORE) as store, TerminalBar("pictures", len(names)) as bar:
+            comparisons = write_page(output, listing.name, store, names, baseline, carsims, workers, bar.done)
     if as_json:
         print_json({"page": output / PAGE, "comparisons": {name: comparison_numbers(one) for name, one in comparisons}})
         return

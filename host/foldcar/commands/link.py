@@ -7,6 +7,7 @@ import typer
 
 from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings
+from foldcar.commands.engine_option import Engine
 from foldcar.commands.listed_run import ExperimentId, Listing, Sample, listed_run
 
 
@@ -28,6 +29,7 @@ def link(
         Path | None,
         typer.Option(metavar="FILE", help="JSON of what car and ground truly are, unknown to the host."),
     ] = None,
+    engine: Engine = "side-view",
     components: Components = None,
 ) -> None:
     """Pose as a car on USB, simulated, until Ctrl-C.
@@ -47,7 +49,7 @@ def link(
     from foldcar.scenes.scene_name import scene_name
     from foldcar.simulation.runner import CarsimError
 
-    one = listed_run(listing, experiment, settings, sample)
+    one = listed_run(listing, experiment, settings, sample, engine)
     binary, scene, body = one.carsim.binary, one.scene, one.body
     if reality is not None:
         values, limits = read_reality(reality), one.carsim.limits().numbers
@@ -56,7 +58,7 @@ def link(
     scene_id = scene_name(one.scene, sample)
     design, stdin = car_json(one.design), sys.stdin.fileno()
     with (
-        simulated_car(binary, body, scene, design, speedup, tcp, stdin, scene_id) as car,
+        simulated_car(one.carsim.command, body, scene, design, speedup, tcp, stdin, scene_id) as car,
         said(lambda: "ended"),
     ):
         typer.echo(car.port)

@@ -1,7 +1,7 @@
 """One run of a listing: a design of an experiment in a sample of its environment, as `run` and `link` take it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -39,18 +39,26 @@ class ListedRun:
     body: dict[str, Any]
     scene: dict[str, Any]
 
+    def with_design(self, design: "Design") -> "ListedRun":
+        """The run of another design in the same environment, built with the same differences."""
+        from foldcar.car.body import body_json
+        from foldcar.car.variation.vary_body import vary_body
 
-def listed_run(listing: Path, experiment: str, settings: Sequence[str] | None, sample: int) -> ListedRun:
+        nominal = body_json(design)
+        body = vary_body(nominal, self.variation, self.carsim.limits().numbers) if self.variation else nominal
+        return replace(self, design=design, nominal=nominal, body=body)
+
+
+def listed_run(
+    listing: Path, experiment: str, settings: Sequence[str] | None, sample: int, engine: str = "side-view"
+) -> ListedRun:
     """The run of those options; FoldcarError if they name no single design or the program is at fault."""
-    from foldcar.car.body import body_json
-    from foldcar.car.variation.vary_body import vary_body
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.environments import Environment
     from foldcar.study.experiments import read_study
 
     (chosen,) = read_study(listing, experiment).experiments
     design = chosen.family.narrowed(design_settings(settings or [])).single()
-    carsim, environment, nominal = Carsim(), Environment(chosen), body_json(design)
-    variation = environment.variation(sample)
-    body = vary_body(nominal, variation, carsim.limits().numbers) if variation else nominal
-    return ListedRun(carsim, chosen, design, environment, nominal, variation, body, environment.sample(sample))
+    environment = Environment(chosen)
+    variation, scene = environment.variation(sample), environment.sample(sample)
+    return ListedRun(Carsim(engine=engine), chosen, design, environment, {}, variation, {}, scene).with_design(design)

@@ -62,7 +62,7 @@ def model(
     varied = [key for key, values in family.choices.items() if len(values) > 1]
     design = family.narrowed(chosen).single()
     body = body_json(design)
-    car = car_name(vehicle, {key: design.values[key] for key in dict.fromkeys([*varied, *chosen])})
+    car = car_name(vehicle, {key: design.values[key] for key in varied} | chosen)
     scene, grid = _ground(listing, listed, environment, sample)
     surroundings = f"_{scene_name(environment, sample)}" if environment is not None else ""
     files = {}

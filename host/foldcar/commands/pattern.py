@@ -36,7 +36,7 @@ def pattern(
         str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: presets of the options below.")
     ] = "silhouette",
     sheet: Annotated[
-        str | None, typer.Option(metavar="SIZE", help="a4, letter, 12in or WIDTHxHEIGHT in mm.")
+        str | None, typer.Option(metavar="SIZE", help="a4, letter, a3, 12in, 12x24in or WIDTHxHEIGHT in mm.")
     ] = None,
     paper: Annotated[str | None, typer.Option(metavar="SIZE", help="Of PDF pages: a4 or letter.")] = None,
     fold: Annotated[str | None, typer.Option(metavar="STYLE", help="How folds are cut: dash or score.")] = None,
@@ -67,7 +67,7 @@ def pattern(
     """
     from foldcar.atomic_folder import atomic_folder
     from foldcar.commands.listed_design import listed_families, listed_family
-    from foldcar.commands.pattern_text import car_line, car_lines, car_object, total_line
+    from foldcar.commands.pattern_text import car_command, car_line, car_lines, car_object, total_line
     from foldcar.fabrication.make_car import MANIFEST, make_car
     from foldcar.fabrication.patterns.options import options
 
@@ -83,12 +83,13 @@ def pattern(
         skipped = [f"skipped, as it cannot be built: {one}" for family in families for one in family.skipped]
     else:
         family = listed_family(listing, vehicle, settings or [])[1]
-        places = [_Place(family.vehicle, "", family.single())]
+        places = [_Place(family.vehicle, "", family.single(), ())]
     cars = []
     with atomic_folder(output, MANIFEST) as folder:
         listed = []
         for place in _with_progress(places):
-            made = make_car(place.design, chosen)
+            words = [*(settings or []), *place.settings]
+            made = make_car(place.design, chosen, car_command(listing, place.vehicle, words, chosen, components or []))
             for file, content in made.files.items():
                 target = folder / place.folder / file
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -110,11 +111,15 @@ def pattern(
 
 @dataclass(frozen=True)
 class _Place:
-    """A design of a vehicle, and the folder for its files below the output's; "" for that itself."""
+    """A design of a vehicle, and the folder for its files below the output's; "" for that itself.
+
+    ``settings`` are the values (NAME=MM) that tell it from the family's others.
+    """
 
     vehicle: str
     folder: str
     design: "Design"
+    settings: tuple[str, ...]
 
 
 def _places(families: "Sequence[Family]") -> "Iterator[_Place]":
@@ -128,7 +133,8 @@ def _places(families: "Sequence[Family]") -> "Iterator[_Place]":
         for design in family:
             name = "-".join(f"{key.replace('.', '_')}_{design.values[key]:.10g}" for key in varied)
             parts = [part for part in (start, name) if part]
-            yield _Place(family.vehicle, "/".join(parts) or "car", design)
+            settings = tuple(f"{key}={design.values[key]:.10g}" for key in varied)
+            yield _Place(family.vehicle, "/".join(parts) or "car", design, settings)
 
 
 def _free_name(vehicle: str, taken: set[str]) -> str:

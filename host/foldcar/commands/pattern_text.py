@@ -1,18 +1,27 @@
 """What `foldcar pattern` says of the cars that it made: a line or a page of text, or an object."""
 
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from foldcar.fabrication.make_car import MANIFEST, MadeCar
-from foldcar.fabrication.patterns.options import Options
+from foldcar.fabrication.patterns.options import Options, arguments
 
 
 def car_object(vehicle: str, folder: Path, made: MadeCar) -> dict[str, Any]:
     """The car's manifest with its vehicle, folder and checks."""
     manifest = json.loads(made.files[MANIFEST])
     return {"vehicle": vehicle, "folder": folder, "title": made.title, **manifest, "checks": list(made.checks)}
+
+
+def car_command(listing: Path, vehicle: str, settings: Sequence[str], chosen: Options, components: Sequence[Path]) -> str:
+    """The command that makes this car alone, in a folder ``car``."""
+    words = ["foldcar", "pattern", listing.as_posix(), "--vehicle", vehicle]
+    words += [word for setting in settings for word in ("--set", setting)]
+    words += [word for file in components for word in ("--components", file.as_posix())]
+    return shlex.join([*words, *arguments(chosen), "-o", "car"])
 
 
 def car_line(folder: str, made: MadeCar) -> str:
@@ -41,6 +50,7 @@ def car_lines(made: MadeCar, chosen: Options, output: Path) -> list[str]:
         f"  sheets    {len(cut.sheets)} of {width:g} x {height:g} mm, {used:.0%} of the film used",
         f"  pieces    {copies} of {len(cut.pieces)} kinds",
         f"  cut       {cut.cut_length_mm / 1000:.1f} m for {chosen.machine}, kerf {chosen.kerf_mm:g} mm",
+        f"  building  {made.operations.total} operations, about {made.operations.minutes:.0f} min (an estimate)",
         f"  mass      {made.mass_kg * 1000:.0f} g",
         f"  cost      about {made.cost_usd:.0f} USD",
         *(f"  checked   {text}" for text in made.checks),

@@ -1,6 +1,7 @@
 """`foldcar report`: writes a page with figures of a store's study, and prints a summary."""
 
 import os
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -65,7 +66,7 @@ def report(
     if not replay:
         command.append("--no-replay")
     with Store.open(store) as opened, ReplayBar() as bar:
-        replayer = Replayer(_carsim(replay), len(os.sched_getaffinity(0)), bar.plan, bar.done)
+        replayer = Replayer(partial(_carsim, replay), len(os.sched_getaffinity(0)), bar.plan, bar.done)
         sections, driven = write_report(opened, output, command, simulated_trials, replayer, options)
     if as_json:
         experiments, only_trials = [summary_object(one) for one in sections], [trials_object(one) for one in driven]
@@ -75,14 +76,15 @@ def report(
     typer.echo(f"report: {output / PAGE}")
 
 
-def _carsim(replay: bool) -> "Carsim | str":
-    """The simulator, or why there is none: a report does not depend on it."""
+def _carsim(replay: bool, engine: str) -> "Carsim | str":
+    """The simulator with that engine, or why there is none: a report does not depend on it."""
     from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.engines import engine_of
     from foldcar.simulation.runner import CarsimError
 
     if not replay:
         return "the report was made with --no-replay"
     try:
-        return Carsim()
+        return Carsim(engine=engine_of(engine))
     except CarsimError as error:
         return str(error)

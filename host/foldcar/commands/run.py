@@ -1,24 +1,18 @@
 """`foldcar run`: simulates one design in one sampled environment, prints the result and optionally draws it."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings
+from foldcar.commands.engine_option import Engine
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.listed_run import ExperimentId, Listing, Sample, listed_run
 from foldcar.commands.output_option import output_file
-from foldcar.errors import FoldcarError
+from foldcar.commands.simulated_run import simulated_run
 
-if TYPE_CHECKING:
-    from foldcar.simulation.carsim import Carsim
-    from foldcar.simulation.runner import Runner
-
-PATH_INTERVAL_S = 0.02
 LEAST_NAME_WIDTH = 22
 
 
@@ -30,6 +24,7 @@ def run(
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", callback=output_file, help="Picture to draw (.png, .svg, .pdf).")
     ] = None,
+    engine: Engine = "side-view",
     components: Components = None,
     as_json: Json = False,
 ) -> None:
@@ -45,17 +40,9 @@ def run(
 
     if plot is not None:
         check_format(plot)
-    listed = listed_run(listing, experiment, settings, sample)
+    listed = listed_run(listing, experiment, settings, sample, engine)
     carsim, chosen, design, variation = listed.carsim, listed.experiment, listed.design, listed.variation
-    one = _Run(
-        label=f"experiment {experiment}, sample {sample}",
-        body=listed.body,
-        scene=listed.scene,
-        settings=chosen.settings(design, listed.nominal, carsim.parameter_table()),
-        sample=sample,
-    )
-    with listed.environment.runner(carsim, listed.environment.dynamic) as runner:
-        answer = one.by(runner)
+    one, answer = simulated_run(listed, sample)
     lines = [
         ("experiment", f"{experiment}: vehicle {chosen.family.vehicle} in environment {chosen.environment}"),
         ("design", f"{design.type} " + " ".join(f"{key}={value:g}" for key, value in design.values.items())),
@@ -76,7 +63,7 @@ def run(
         from foldcar.figures.ground import carsim_heights
         from foldcar.figures.run import draw_run
 
-        path = _path(one, carsim, answer, plot)
+        path = one.path(carsim, answer, plot)
         draw_run(one.body, one.scene, answer, path, carsim_heights(carsim), plot)
         if not as_json:
             typer.echo(f"{'picture':<{width}}{plot}")
@@ -99,34 +86,3 @@ def run(
     if "error" in answer:
         raise typer.Exit(1)
 
-
-@dataclass(frozen=True)
-class _Run:
-    """The parts of a run of docs/carsim.md."""
-
-    label: str
-    body: Mapping[str, Any]
-    scene: Mapping[str, Any]
-    settings: Mapping[str, Any]
-    sample: int
-
-    def by(self, runner: "Runner", **more: float) -> dict[str, Any]:
-        """The runner's answer; ``more`` is added to the settings."""
-        from foldcar.simulation.runner import RunRequest
-        from foldcar.store.writer import canonical_json
-
-        settings = canonical_json({**self.settings, **more})
-        (answer,) = runner.run(
-            {"car": canonical_json(self.body)},
-            {"scene": canonical_json(self.scene)},
-            [RunRequest("car", "scene", settings, self.label, self.sample)],
-        )
-        return answer
-
-
-def _path(one: _Run, carsim: "Carsim", answer: Mapping[str, Any], plot: Path) -> list[list[float]]:
-    """The car's path, simulated by a batch; where the Scenic program ended the run, the path ends."""
-    native = {} if "error" in answer else one.by(carsim, path_interval_s=PATH_INTERVAL_S)
-    if "path" not in native:
-        raise FoldcarError(f"{plot}: a failed run has no picture")
-    return [row for row in native["path"] if row[0] <= answer["elapsed_time_s"]]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foldcar.commands.components_option import Components
+from foldcar.commands.engine_option import Engine
 from foldcar.commands.failed_runs import say_failed
 from foldcar.commands.jobs_option import Jobs
 from foldcar.commands.json_option import Json, print_json
@@ -52,6 +53,7 @@ def sweep(
         Path | None,
         typer.Option(metavar="FILE", help="Simulate with the parameters of this JSON file, as `foldcar link` does."),
     ] = None,
+    engine: Engine = "side-view",
     components: Components = None,
     as_json: Json = False,
 ) -> None:
@@ -68,6 +70,7 @@ def sweep(
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
+    from foldcar.study.engine_study import engine_study
     from foldcar.study.environments import mutation_notes
     from foldcar.study.experiments import read_study
     from foldcar.study.progress import Progress
@@ -76,9 +79,9 @@ def sweep(
     from foldcar.study.sweep import sweep as run_sweep
 
     study = read_study(listing, experiment, environments)
-    study, environment_of = under_calibration(study, store, calibration, reality)
+    carsim = Carsim(engine=engine)
+    study, environment_of = under_calibration(engine_study(study, carsim), store, calibration, reality)
     rules = stopping_rules(until, study) if until is not None else {}
-    carsim = Carsim()
     for note in mutation_notes(study.experiments):
         typer.echo(f"note: {note}", err=True)
     most = planned_total(study)

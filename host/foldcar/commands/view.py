@@ -1,7 +1,7 @@
-"""`foldcar view`: writes one page with a car's sheets and an animated folding model."""
+"""`foldcar view`: a page with a car that is put together step by step, drives a run, or is changed by sliders."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -9,47 +9,96 @@ from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import check_distinct, output_file
+from foldcar.errors import FoldcarError
+
+if TYPE_CHECKING:
+    from foldcar.car.design import Design
+    from foldcar.commands.viewed_run import ViewedRun
 
 
 def view(
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing or design (JSON).")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE", callback=output_file, help="The page to write (HTML).")
-    ],
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", callback=output_file, help="The page to write (HTML)."),
+    ] = None,
     vehicle: Annotated[
         str | None, typer.Option(metavar="ID", help="Vehicle of the listing, if it has several.")
     ] = None,
     settings: Settings = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Serve the page to this machine's browser, with sliders; until Ctrl-C.")
+    ] = False,
+    run: Annotated[
+        str | None,
+        typer.Option(metavar="ID[/K]", help="Show the car driving: an experiment and its sampled environment, e.g. 1/3."),
+    ] = None,
     machine: Annotated[
         str, typer.Option(metavar="NAME", help="silhouette, cricut, laser or scissors: presets for the sheets.")
     ] = "silhouette",
-    sheet: Annotated[str | None, typer.Option(metavar="SIZE", help="a4, letter, 12in or WIDTHxHEIGHT in mm.")] = None,
+    sheet: Annotated[
+        str | None, typer.Option(metavar="SIZE", help="a4, letter, a3, 12in, 12x24in or WIDTHxHEIGHT in mm.")
+    ] = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
-    """Write a page on which a car folds in the browser.
+    """Show a car in the browser: its assembly, sheets, a run.
 
-    It shows the sheets, the folding and the assembled car, and needs no network.
+    The page that is written needs no network. With --live it has sliders for the design instead of sheets.
 
     \b
     Example: foldcar view patterns/published_cars.json --vehicle w95 -o car.html
+             foldcar view scenarios/width_study.json --set width=95 --run 1/3 --live
     """
-    from foldcar.atomic_file import atomic_file
-    from foldcar.car.folded_car import folded_car
     from foldcar.commands.listed_design import listed_family
-    from foldcar.fabrication.assembly.view_page import Drawing, view_page
-    from foldcar.fabrication.patterns.options import options
-    from foldcar.fabrication.patterns.sheets import pattern
-    from foldcar.fabrication.patterns.svg import svg
+    from foldcar.commands.viewed_run import viewed_run
 
+    if live == (output is not None):
+        raise FoldcarError("-o: --live serves the page and writes none" if live else "-o FILE is missing (or --live)")
     check_distinct([listing], [output])
-    design = listed_family(listing, vehicle, settings or [])[1].single()
-    folded, title = folded_car(design), design.title
-    sheets = [Drawing(svg(one), one.name) for one in pattern(folded, options(machine, sheet=sheet), title).sheets]
-    page = view_page(folded, title, sheets)
-    with atomic_file(output) as binary:
-        binary.write(page.encode())
+    shown = viewed_run(listing, run, vehicle, settings or []) if run is not None else None
+    design = shown.design if shown else listed_family(listing, vehicle, settings or [])[1].single()
+    if output is None:
+        _serve(design, listing, shown.vehicle if shown else vehicle, settings or [], shown, as_json)
+        return
+    _write(design, output, shown.of(design) if shown else None, machine, sheet)
     if as_json:
         print_json({"files": [output]})
     else:
         typer.echo(str(output))
+
+
+def _write(design: "Design", output: Path, run: dict[str, Any] | None, machine: str, sheet: str | None) -> None:
+    from foldcar.atomic_file import atomic_file
+    from foldcar.fabrication.assembly.view_page import Drawing, view_page
+    from foldcar.fabrication.patterns.options import options
+    from foldcar.fabrication.patterns.sheets import pattern
+    from foldcar.fabrication.patterns.svg import svg
+    from foldcar.view.live_car import checked_car
+
+    folded, title = checked_car(design), design.title
+    sheets = [Drawing(svg(one), one.name) for one in pattern(folded, options(machine, sheet=sheet), title).sheets]
+    page = view_page(folded, title, sheets, run)
+    with atomic_file(output) as binary:
+        binary.write(page.encode())
+
+
+def _serve(
+    design: "Design", listing: Path, vehicle: str | None, settings: list[str], run: "ViewedRun | None", as_json: bool
+) -> None:
+    from foldcar.commands.design_settings import design_settings
+    from foldcar.interrupts import said
+    from foldcar.view.live_car import LiveCar
+    from foldcar.view.server import PageServer
+
+    words = ["foldcar", "pattern", str(listing), *(["--vehicle", vehicle] if vehicle else [])]
+    car = LiveCar(design, words, list(design_settings(settings)), run.of if run else None)
+    with (
+        PageServer(car.page(), {"/car": car.answer, "/draft": car.draft}) as server,
+        said(lambda: f"foldcar: {server.url} is closed"),
+    ):
+        if as_json:
+            print_json({"url": server.url})
+        else:
+            typer.echo(f"{server.url} (until Ctrl-C)")
+        server.serve_forever()

@@ -3,7 +3,6 @@
 Input: pairs of results of the same cases. Output: numbers; shares are between 0 and 1.
 """
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from typing import Any
 import numpy
 
 from foldcar.analysis.intervals import wilson_interval
-from foldcar.crosscheck.cases import Case
+from foldcar.crosscheck.stored import Case
 
 Pair = tuple[Case, Mapping[str, Any], Mapping[str, Any]]
 DesignId = tuple[str, int]
@@ -86,22 +85,6 @@ def agreement(pairs: Sequence[Pair]) -> Agreement:
     )
 
 
-def worst(pairs: Sequence[Pair], count: int) -> list[Pair]:
-    """The disagreements with the largest distances of the final positions, at most one per scene."""
-    apart = [pair for pair in pairs if passes(pair[1]) != passes(pair[2]) and "failed" not in outcomes(pair)]
-    apart.sort(key=lambda pair: -math.dist(pair[1]["end"], pair[2]["end"]))
-    chosen: list[Pair] = []
-    for pair in apart:
-        if all(other[0].scene is not pair[0].scene for other in chosen):
-            chosen.append(pair)
-    return chosen[:count]
-
-
 def passes(result: Mapping[str, Any]) -> bool:
     """Whether a run passed."""
     return bool(result["outcome"] == "passed")
-
-
-def outcomes(pair: Pair) -> tuple[str, str]:
-    """Both engines' outcomes."""
-    return pair[1]["outcome"], pair[2]["outcome"]

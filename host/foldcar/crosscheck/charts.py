@@ -8,7 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from foldcar.analysis.intervals import wilson_interval
-from foldcar.crosscheck.agreement import Agreement, DesignRates, Pair
+from foldcar.crosscheck.agreement import Agreement, DesignRates
+from foldcar.crosscheck.parted import Parted
 from foldcar.figures.ground import Heights, height_map
 from foldcar.figures.height_colours import height_scale
 from foldcar.figures.profile import travelled_m
@@ -16,7 +17,7 @@ from foldcar.figures.style import ACCENT, INK, OUTCOME_LABELS
 from foldcar.figures.top_view import draw_top_view, view_of
 from foldcar.report.axis import parameter_label
 
-FIRST, SECOND = "carsim", "MuJoCo"
+FIRST, SECOND = "side view", "MuJoCo"
 SECOND_COLOUR = "#d55e00"
 LOOKS: Sequence[tuple[str, str, str, str]] = (
     (FIRST, ACCENT, "o", "-"),
@@ -62,12 +63,12 @@ def success_figure(result: Agreement, experiment: str) -> Figure:
     return figure
 
 
-def worst_figure(pairs: Sequence[Pair], heights: Heights) -> Figure:
-    """Each pair, whose results have paths, from above and in height and roll over the distance driven."""
+def worst_figure(pairs: Sequence[Parted], heights: Heights) -> Figure:
+    """Each pair from above and in height and roll over the distance driven."""
     figure = Figure(figsize=(10.0, 3.1 * len(pairs)), layout="constrained")
     parts = figure.subfigures(len(pairs), 1, squeeze=False)
     for part, pair in zip(parts[:, 0], pairs, strict=True):
-        case, first, second = pair
+        case, first, second = pair.case, pair.first, pair.second
         above, right = part.subfigures(1, 2, width_ratios=(1.25, 1))
         left, (height, roll) = above.subplots(), right.subplots(2, 1, sharex=True)
         parameters = ", ".join(f"{parameter_label(key)} {value:g}" for key, value in _shown(case.columns, pairs))
@@ -79,8 +80,8 @@ def worst_figure(pairs: Sequence[Pair], heights: Heights) -> Figure:
             weight="bold",
         )
         paths = [numpy.asarray(result["path"], dtype=float) for result in (first, second)]
-        ground = height_map(heights, case.scene, view_of([case.scene], numpy.concatenate(paths)), CELLS)
-        draw_top_view(left, case.scene, ground, height_scale([ground]))
+        ground = height_map(heights, pair.scene, view_of([pair.scene], numpy.concatenate(paths)), CELLS)
+        draw_top_view(left, pair.scene, ground, height_scale([ground]))
         for (name, colour, marker, line), result, rows in zip(LOOKS, (first, second), paths, strict=True):
             ending = f"{OUTCOME_LABELS[result['outcome']]}, {result['elapsed_time_s']:.1f} s"
             look = {"color": colour, "linestyle": line, "linewidth": 1.5}
@@ -111,7 +112,7 @@ def _places(designs: Sequence[DesignRates]) -> tuple[list[float], str]:
     return [float(number + 1) for number in range(len(designs))], "design"
 
 
-def _shown(columns: Mapping[str, float], pairs: Sequence[Pair]) -> list[tuple[str, float]]:
+def _shown(columns: Mapping[str, float], pairs: Sequence[Parted]) -> list[tuple[str, float]]:
     """The parameters in which the drawn designs differ; of alike ones the width, if they have one."""
-    varied = [key for key in columns if len({case.columns.get(key) for case, *_ in pairs}) > 1]
+    varied = [key for key in columns if len({pair.case.columns.get(key) for pair in pairs}) > 1]
     return [(key, columns[key]) for key in varied or ["width_mm"] if key in columns]

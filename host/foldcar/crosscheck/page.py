@@ -1,44 +1,47 @@
 """A cross-check's files: a page with its pictures, the runs as CSV, the numbers as JSON.
 
-Input: cases and the results of all engines. Output: index.html, success_N.png and worst_N.png of the Nth
+Input: a store into which all engines were swept. Output: index.html, success_N.png and worst_N.png of the Nth
 experiment, runs.csv, summary.json.
 """
 
 import csv
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 
 from foldcar.atomic_file import atomic_file
-from foldcar.crosscheck.agreement import Agreement, Pair, agreement, worst
-from foldcar.crosscheck.cases import Case
+from foldcar.crosscheck.agreement import Agreement, Pair, agreement
 from foldcar.crosscheck.charts import success_figure, worst_figure
-from foldcar.crosscheck.compare import CARSIM, ELLIPSOID, ENGINES, HALF_STEP, MUJOCO, Results, run_with_paths
+from foldcar.crosscheck.parted import CANDIDATES, Parted, parted
+from foldcar.crosscheck.stored import Case, Results, read_cases
+from foldcar.crosscheck.sweeps import BASELINE
 from foldcar.figures.ground import carsim_heights
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import OUTCOME_LABELS, RC
 from foldcar.page_template import page_template
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, SIDE_VIEW
+from foldcar.simulation.results import NUMBERS as METRICS
 from foldcar.simulation.results import OUTCOMES
+from foldcar.store.reader import Store
 
 PAGE, RUNS, NUMBERS = "index.html", "runs.csv", "summary.json"
 WORST = 3
-PATH_INTERVAL_S = 0.02
 MOST_FAILURES = 10
 COLOURS = 256
 NAMES = {
-    CARSIM: "carsim",
+    SIDE_VIEW: "side view",
     MUJOCO: "MuJoCo",
     HALF_STEP: "MuJoCo, half the time step",
     ELLIPSOID: "MuJoCo, ellipsoid tyres",
 }
-BOTH = f"{NAMES[CARSIM]} – {NAMES[MUJOCO]}"
+BOTH = f"{NAMES[SIDE_VIEW]} – {NAMES[MUJOCO]}"
 COMPARISON_HEAD = ["engines", "runs", "alike %", "95 % interval", "r of rates", "RMSE", "bias"]
-EXPERIMENT_HEAD = ["experiment", "runs", "carsim passed %", "MuJoCo passed %", *COMPARISON_HEAD[2:]]
+EXPERIMENT_HEAD = ["experiment", "runs", "side view passed %", "MuJoCo passed %", *COMPARISON_HEAD[2:]]
 BASELINE_HEAD = ["half step alike %", "ellipsoid alike %"]
 
 
@@ -52,42 +55,53 @@ def pairs_of(cases: Sequence[Case], results: Results, first: str, second: str, s
 
 
 def write_page(
-    folder: Path, title: str, cases: Sequence[Case], results: Results, baseline: int, carsim: Carsim
+    folder: Path,
+    title: str,
+    store: Store,
+    experiments: Sequence[str],
+    baseline: int,
+    carsims: Mapping[str, Carsim],
+    jobs: int,
+    done: Callable[[int], None] = lambda experiments: None,
 ) -> list[tuple[str, Agreement]]:
-    """Write all files; returns the comparisons of the page's first table with their names."""
+    """Write all files; returns the comparisons of the page's first table with their names. FoldcarError.
+
+    ``store`` holds the listed ``experiments`` in the engines of ``carsims``; ``done`` hears of each one's pictures.
+    """
+    cases, results = read_cases(store, experiments, carsims)
     everything = max(case.sample for case in cases) + 1
-    pairs = pairs_of(cases, results, CARSIM, MUJOCO, everything)
+    pairs = pairs_of(cases, results, SIDE_VIEW, MUJOCO, everything)
     whole = agreement(pairs)
     comparisons = [(BOTH, whole)]
     few = min(baseline, everything)
     if few:
-        for engine in (CARSIM, HALF_STEP, ELLIPSOID):
+        for engine in (SIDE_VIEW, *BASELINE):
             name = f"{NAMES[engine]} – {NAMES[MUJOCO]}, samples 0 to {few - 1}"
             comparisons.append((name, agreement(pairs_of(cases, results, engine, MUJOCO, few))))
-    selves = [pairs_of(cases, results, engine, MUJOCO, few) for engine in (HALF_STEP, ELLIPSOID) if few]
-    experiments = {
-        name: [agreement(_of(name, some)) for some in (pairs, *selves)]
-        for name in dict.fromkeys(case.experiment for case in cases)
-    }
-    with matplotlib.rc_context(RC):
-        sections = [
-            _section(folder, number + 1, name, one, _of(name, pairs), carsim)
-            for number, (name, (one, *_)) in enumerate(experiments.items())
-        ]
+    selves = [pairs_of(cases, results, engine, MUJOCO, few) for engine in BASELINE if few]
+    by_experiment = {name: [agreement(_of(name, some)) for some in (pairs, *selves)] for name in experiments}
+    sections = []
+    for number, (name, (one, *_)) in enumerate(by_experiment.items(), start=1):
+        both = {engine: carsims[engine] for engine in (SIDE_VIEW, MUJOCO)}
+        worst = parted(store, _of(name, pairs), both, jobs, WORST)
+        with matplotlib.rc_context(RC):
+            sections.append(_section(folder, number, name, one, worst, carsims[SIDE_VIEW]))
+        done(1)
     page = page_template("foldcar.crosscheck", "page.html").render(
         title=title,
         comparisons=[COMPARISON_HEAD, *(comparison_row(name, one) for name, one in comparisons)],
-        by_experiment=experiment_table(experiments) if len(experiments) > 1 else [],
+        by_experiment=experiment_table(by_experiment) if len(experiments) > 1 else [],
         confusion=_confusion(whole),
         kinds=[[OUTCOME_LABELS[a], OUTCOME_LABELS[b], str(count)] for (a, b), count in whole.kinds],
         failures=_failures(cases, results),
         sections=sections,
+        candidates=CANDIDATES,
     )
     _write(folder / PAGE, page)
     _write(folder / RUNS, _runs_csv(cases, results))
     numbers = {
         "comparisons": {name: comparison_numbers(one) for name, one in comparisons},
-        "by_experiment": experiment_table(experiments),
+        "by_experiment": experiment_table(by_experiment),
     }
     _write(folder / NUMBERS, json.dumps(numbers, indent=2, ensure_ascii=False) + "\n")
     return comparisons
@@ -132,7 +146,7 @@ def _confusion(one: Agreement) -> list[list[str]]:
 def _failures(cases: Sequence[Case], results: Results) -> list[str]:
     found = [
         f"{case.label}, {NAMES[engine]}: {result['message']}"
-        for engine in ENGINES
+        for engine in results
         for case, result in zip(cases, results[engine], strict=True)
         if result is not None and result["outcome"] == "failed"
     ]
@@ -141,7 +155,7 @@ def _failures(cases: Sequence[Case], results: Results) -> list[str]:
 
 
 def _section(
-    folder: Path, number: int, name: str, one: Agreement, pairs: Sequence[Pair], carsim: Carsim
+    folder: Path, number: int, name: str, one: Agreement, worst: Sequence[Parted], carsim: Carsim
 ) -> dict[str, Any]:
     chart, picture = f"success_{number}.png", f"worst_{number}.png"
     save_figure(success_figure(one, name), folder / chart, colours=COLOURS)
@@ -156,20 +170,16 @@ def _section(
         ]
         for d in one.designs.values()
     ]
-    drawn = []
-    for case, *known in worst(pairs, WORST):
-        first, second = run_with_paths(case, known, carsim, PATH_INTERVAL_S)
-        drawn.append((case, first, second))
-    if drawn:
-        save_figure(worst_figure(drawn, carsim_heights(carsim)), folder / picture, colours=COLOURS)
+    if worst:
+        save_figure(worst_figure(worst, carsim_heights(carsim)), folder / picture, colours=COLOURS)
     else:
         (folder / picture).unlink(missing_ok=True)
     return {
         "name": name,
         "comparison": [COMPARISON_HEAD, comparison_row(BOTH, one)],
         "chart": chart,
-        "designs": [[*keys, "runs", "carsim passed %", "MuJoCo passed %"], *rows],
-        "worst": picture if drawn else None,
+        "designs": [[*keys, "runs", "side view passed %", "MuJoCo passed %"], *rows],
+        "worst": picture if worst else None,
     }
 
 
@@ -177,16 +187,21 @@ def _runs_csv(cases: Sequence[Case], results: Results) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     parameters = list(dict.fromkeys(key for case in cases for key in case.columns))
-    values = ("outcome", "elapsed_time_s", "distance_to_target_m", "max_roll_rad", "max_pitch_rad")
-    answers = (f"{engine}_{value}" for engine in ENGINES for value in values)
+    values = ("outcome", *METRICS)
+    answers = (f"{column_name(engine)}_{value}" for engine in results for value in values)
     writer.writerow(["experiment", "design", "sample", *parameters, *answers])
     for index, case in enumerate(cases):
         row = [case.experiment, case.design + 1, case.sample, *(case.columns.get(key) for key in parameters)]
-        for engine in ENGINES:
+        for engine in results:
             result = results[engine][index] or {}
             row += [result.get(value) for value in values]
         writer.writerow(row)
     return text.getvalue()
+
+
+def column_name(engine: str) -> str:
+    """How the names of an engine's columns in runs.csv begin."""
+    return engine.replace("-", "_")
 
 
 def comparison_numbers(one: Agreement) -> Mapping[str, Any]:

@@ -1,10 +1,10 @@
 """A car's files: its sheets and coupon, read back and checked as written; its shape for programs, pages for people.
 
-Input: Sheets and Options; a FoldedCar, for the guide the same with its pieces as they are cut. Output: contents by
+Input: Sheets and Options; a FoldedCar, for the guide its CutCar. Output: contents by
 relative path; of sheets with findings in words, none if all is well.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from foldcar.car.folded.model import FoldedCar
@@ -19,6 +19,7 @@ from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.dxf import dxf
 from foldcar.fabrication.patterns.options import Options
 from foldcar.fabrication.patterns.pdf import pdf
+from foldcar.fabrication.patterns.sheets import CutCar
 from foldcar.fabrication.patterns.svg import svg
 from foldcar.fabrication.patterns.verify import check_dxf, check_pdf, check_svg
 
@@ -82,10 +83,10 @@ def shape_files(folded: FoldedCar, title: str) -> dict[str, bytes]:
     }
 
 
-def pages(folded: FoldedCar, as_cut: FoldedCar, strips: Mapping[str, int], title: str) -> dict[str, bytes]:
-    """Guide, wiring and parts list. ``as_cut`` and ``strips`` are a CutCar's."""
+def pages(folded: FoldedCar, cut: CutCar, machine: str, title: str) -> dict[str, bytes]:
+    """Guide, wiring and parts list of a car that is cut on a machine of that name."""
     texts = {
-        "assembly.html": guide_page(folded, as_cut, strips, title),
+        "assembly.html": guide_page(folded, cut, machine, title),
         "wiring.md": wiring_text(folded, title),
         "wiring.svg": wiring_drawing(folded, title),
         "parts.md": parts_list_text(folded, title),

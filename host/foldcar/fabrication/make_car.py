@@ -15,10 +15,12 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
+from foldcar.fabrication.assembly.operations import Operations, operations
 from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, total_mass_kg
 from foldcar.fabrication.assembly.view_page import Drawing, view_page
 from foldcar.fabrication.files import dxf_files, pages, pdf_files, shape_files, svg_files
 from foldcar.fabrication.patterns.coupon import coupon
+from foldcar.fabrication.patterns.how_to_cut import how_to_cut
 from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import Options
 from foldcar.fabrication.patterns.sheets import Pattern, cut_car, pattern_of
@@ -40,23 +42,27 @@ class MadeCar:
     pattern: Pattern
     mass_kg: float
     cost_usd: float
+    operations: Operations
     files: Mapping[str, bytes]
     checks: tuple[str, ...]
 
 
-def make_car(design: Design, chosen: Options) -> MadeCar:
-    """The car with all its files; CheckError if something is wrong with one, FoldcarError if it cannot be cut."""
+def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
+    """The car with all its files; CheckError if something is wrong with one, FoldcarError if it cannot be cut.
+
+    ``command`` is what makes the same files again; it stands on the sheets.
+    """
     title, folded = design.title, folded_car(design)
     pieces = cut_car(folded, chosen)
     try:
-        cut = pattern_of(pieces, chosen, title)
+        cut = pattern_of(pieces, chosen, title, command)
     except NestingError as error:
         raise NestingError(f"{error} ({title})") from error
     thickness = max(piece.thickness_mm for piece in folded.pieces)
     sheets = (*cut.sheets, coupon(chosen, chosen.thickness_mm or thickness))
     verified = verify(design)
     written = [svg_files(sheets, chosen), pdf_files(sheets, chosen, title), dxf_files(sheets, chosen)]
-    findings = [str(finding) for finding in verified.findings]
+    findings = [*(str(finding) for finding in verified.findings), *cut.torn]
     findings += [f"{sheet.name}: {found}" for sheet in sheets for found in check_sheet(sheet, chosen.margin_mm)]
     _refuse(title, [*findings, *(found for files in written for found in files.findings)])
     files = {name: content for some in written for name, content in some.files.items()}
@@ -64,18 +70,20 @@ def make_car(design: Design, chosen: Options) -> MadeCar:
         "view.html": _view(folded, title, cut, files).encode(),
         "body.json": (json.dumps(body_json(design), indent=2) + "\n").encode(),
         "car.json": (json.dumps(car_json(design), indent=2) + "\n").encode(),
+        "how_to_cut.md": how_to_cut(cut, command).encode(),
         **shape_files(folded, title),
-        **pages(folded, pieces.car, pieces.strips, title),
+        **pages(folded, pieces, chosen.machine, title),
     }
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
     checks = (
         *verified.lines(),
         f"{lines} lines on {len(cut.sheets)} sheets read back from SVG, DXF and PDF: as meant within "
         f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed, none twice",
+        f"film between two cuts at least {cut.least_film_mm:.2f} mm, bridges in folds aside",
     )
     rows = parts_list(folded)
-    made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), files, checks)
-    files[MANIFEST] = _manifest(design, made).encode()
+    made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), operations(folded, pieces), files, checks)
+    files[MANIFEST] = _manifest(design, made, command).encode()
     return made
 
 
@@ -93,19 +101,24 @@ def _view(folded: FoldedCar, title: str, cut: Pattern, drawings: Mapping[str, by
     return view_page(folded, title, [Drawing(svg, sheet.name) for svg, sheet in zip(elements, cut.sheets, strict=True)])
 
 
-def _manifest(design: Design, made: MadeCar) -> str:
+def _manifest(design: Design, made: MadeCar, command: str) -> str:
     """What was made, and of what: to make it again, and to know which files may be replaced."""
     chosen = made.pattern.options
     return json.dumps(
         {
             "foldcar": __version__,
+            "command": command,
             "type": design.type,
             "parameters": dict(design.values),
             "options": {field.name: getattr(chosen, field.name) for field in fields(chosen)},
             "sheets": len(made.pattern.sheets),
+            "least_film_mm": round(made.pattern.least_film_mm, 2),
             "cut_length_mm": round(made.pattern.cut_length_mm, 1),
             "mass_kg": round(made.mass_kg, 6),
             "cost_usd": round(made.cost_usd, 2),
+            "operations": {**made.operations.counts, "total": made.operations.total},
+            "assembly_min": round(made.operations.minutes),
+            "assembly_min_between": [round(end) for end in made.operations.minutes_between],
             "warnings": list(made.pattern.warnings),
             "files": sorted([*made.files, MANIFEST]),
         },

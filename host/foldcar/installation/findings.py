@@ -7,8 +7,8 @@ from foldcar.installation.board import platformio, serial_ports, toolchain
 from foldcar.installation.finding import Finding
 from foldcar.installation.machine import browser, writing
 from foldcar.installation.platformio_project import read_project
-from foldcar.installation.python_packages import foldcar_itself, mavproxy, mujoco, packages, scenic
-from foldcar.installation.simulator import simulator
+from foldcar.installation.python_packages import foldcar_itself, mavproxy, packages, scenic
+from foldcar.installation.simulator import simulator, simulator_with_mujoco
 
 PROJECT = Path(__file__).resolve().parents[3]
 
@@ -26,6 +26,6 @@ def findings() -> Iterator[Finding]:
     if project is not None:
         yield toolchain(project)
     yield serial_ports()
-    yield mujoco()
+    yield simulator_with_mujoco(checkout, project)
     yield mavproxy()
     yield browser()

@@ -50,11 +50,6 @@ def scenic() -> Finding:
     return Finding("Scenic", "ok", str(importlib.metadata.version(scenic.__name__)))
 
 
-def mujoco() -> Finding:
-    """The second engine."""
-    return _optional("MuJoCo", "mujoco", "foldcar crosscheck", "pip install 'foldcar[crosscheck]'")
-
-
 def mavproxy() -> Finding:
     """A ground station for the car."""
     return _optional("MAVProxy", "MAVProxy", "driving by hand and `make test`", "pip install MAVProxy")

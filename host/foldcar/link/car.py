@@ -48,6 +48,7 @@ REASONS = (
     "the command waited while the car stood still",
     "it has no car.json: load a design with `foldcar flash`, or `foldcar params confirm` that it drives without",
     "it does not know this command",
+    "it cannot store a log now: it stores the last one, or its flash cannot be read",
 )
 FAULT_LATCHED, HELD = 4, 18
 

@@ -8,7 +8,7 @@ import json
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ class SimulatedCar:
 
 @contextlib.contextmanager
 def simulated_car(
-    binary: Path,
+    simulator: Sequence[str],
     body: Mapping[str, Any],
     scene: Mapping[str, Any],
     design: Mapping[str, Any],
@@ -40,6 +40,7 @@ def simulated_car(
 ) -> Iterator[SimulatedCar]:
     """A simulated car that is stopped at the end of the block; CarsimError if it does not start.
 
+    ``simulator`` is the command that starts carsim.
     ``stdin`` is a file descriptor from which it reads commands that inject faults; its output after the port's line
     can be read from the process. ``scene_id`` is what the car says its scene is.
     """
@@ -47,7 +48,7 @@ def simulated_car(
         tempfile.TemporaryDirectory(prefix="foldcar-link-", ignore_cleanup_errors=True) as folder,
         held(lambda: shutil.rmtree(folder)),
     ):
-        command = [str(binary), "link", *(["--tcp", str(tcp_port)] if tcp_port is not None else ["--pty"])]
+        command = [*simulator, "link", *(["--tcp", str(tcp_port)] if tcp_port is not None else ["--pty"])]
         contents = {
             "body": {"body": {"id": "car", **body}},
             "scene": {"scene": {**scene, "id": scene_id}},
@@ -62,7 +63,7 @@ def simulated_car(
         # carsim ends when nothing reads its output any more: with the caller, however that ends.
         process = subprocess.Popen(command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:
-            port = _port(binary, process)
+            port = _port(simulator[0], process)
             # It has been read; a caller that is killed leaves no folder.
             shutil.rmtree(folder)
             yield SimulatedCar(port, process)
@@ -75,7 +76,7 @@ def simulated_car(
                 process.wait()
 
 
-def _port(binary: Path, process: "subprocess.Popen[str]") -> str:
+def _port(binary: str, process: "subprocess.Popen[str]") -> str:
     assert process.stdout is not None and process.stderr is not None
     line = process.stdout.readline()
     try:

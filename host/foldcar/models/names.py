@@ -14,8 +14,8 @@ def identifier(text: str) -> str:
     return plain if plain == text else f"{plain}_{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
-def car_name(vehicle: str, values: Mapping[str, float]) -> str:
-    """The name of the listing's vehicle with these parameters (mm, degrees): ``Foldcar1_width95``."""
+def car_name(vehicle: str, values: Mapping[str, float | str]) -> str:
+    """The name of the listing's vehicle with these parameters (mm, degrees) and parts: ``Foldcar1_width95``."""
     return "_".join([f"Foldcar{identifier(vehicle)}", *(f"{_letters(key)}{_number(values[key])}" for key in values)])
 
 
@@ -28,5 +28,7 @@ def _letters(key: str) -> str:
     return key.replace(".", "_")
 
 
-def _number(value: float) -> str:
+def _number(value: float | str) -> str:
+    if isinstance(value, str):
+        return f"_{value.replace('.', 'p')}"
     return f"{value:.9g}".replace(".", "p").replace("-", "m").replace("+", "")

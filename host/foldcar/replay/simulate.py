@@ -44,7 +44,7 @@ def simulate_paths(
     chunks = [chosen[start : start + CHUNK_RUNS] for start in range(0, len(chosen), CHUNK_RUNS)]
     # The store is read in this thread; carsim's answers are awaited, and parsed, in the others.
     with ThreadPoolExecutor(jobs, thread_name_prefix="carsim") as pool:
-        calls = (_call(drives, chunk, carsim) for chunk in chunks)
+        calls = (run_call(drives, chunk, carsim, INTERVAL_S) for chunk in chunks)
         # A bounded number of chunks wait with their texts.
         for start in range(0, len(chunks), 2 * jobs):
             ahead = [pool.submit(next(calls)) for _ in chunks[start : start + 2 * jobs]]
@@ -55,7 +55,10 @@ def simulate_paths(
     return found
 
 
-def _call(drives: StoredDrives, chunk: Sequence[Key], carsim: Carsim) -> Callable[[], list[dict[str, Any]]]:
+def run_call(
+    drives: StoredDrives, chunk: Sequence[Key], carsim: Carsim, interval_s: float
+) -> Callable[[], list[dict[str, Any]]]:
+    """A function, for any thread, that simulates these (design, sample) pairs with paths and returns carsim's answers."""
     bodies, scenes, settings = {}, {}, {}
     requests = []
     for design, sample in chunk:
@@ -67,7 +70,7 @@ def _call(drives: StoredDrives, chunk: Sequence[Key], carsim: Carsim) -> Callabl
             scenes[f"s{scene}"] = drives.text("scene", scene)
         number = drives.settings[design]
         if number not in settings:
-            settings[number] = json.dumps({**drives.value("settings", number), "path_interval_s": INTERVAL_S})
+            settings[number] = json.dumps({**drives.value("settings", number), "path_interval_s": interval_s})
         requests.append(RunRequest(body, f"s{scene}", settings[number], f"design {design + 1}, sample {sample}", sample))
     return lambda: carsim.run(bodies, scenes, requests)
 

@@ -16,13 +16,13 @@ from foldcar.store.trial_records import Trial
 
 @dataclass(frozen=True)
 class Replayer:
-    """``carsim`` is the simulator or the reason why there is none; ``plan`` and ``done`` are told steps of work."""
+    """``carsim`` gives the simulator with an engine, or why there is none; ``plan`` and ``done`` hear of steps."""
 
-    carsim: Carsim | str
+    carsim: Callable[[str], Carsim | str]
     jobs: int = 1
     plan: Callable[[int], None] = lambda steps: None
     done: Callable[[int], None] = lambda steps: None
 
     def replay(self, store: Store, info: ExperimentInfo, grid: OutcomeGrid, trials: Sequence[Trial]) -> Replay:
         """The replay of an experiment. FoldcarError if the simulator breaks down."""
-        return make_replay(store, info, grid, trials, self.carsim, self.jobs, self.done, self.plan)
+        return make_replay(store, info, grid, trials, self.carsim(info.engine), self.jobs, self.done, self.plan)

@@ -76,7 +76,7 @@ class Proposals:
             raise FoldcarError(f"{family.file}: {family.place}: has one design only: nothing to search for")
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-        space = [family.type, list(self._levels.items()), identity]
+        space = [family.vehicle_type, list(self._levels.items()), identity]
         # A grid is laid out for its number of designs.
         kind = f"grid of {designs}" if sampler == "grid" else sampler
         digest = hashlib.sha256(json.dumps(space).encode()).hexdigest()[:12]

@@ -7,7 +7,6 @@ result, or ``{"error": message}`` for a run that failed. A process that dies tak
 import contextlib
 import json
 import math
-import os
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -15,26 +14,10 @@ from typing import Any
 
 from foldcar.car.firmware_parameters import TableRow
 from foldcar.simulation.carsim_limits import CarsimLimits, TrialRules
+from foldcar.simulation.engines import ENGINES, SIDE_VIEW, engine_title, find_carsim
 from foldcar.simulation.process_ending import process_ending
 from foldcar.simulation.results import METRICS, NATIVE_OUTCOMES
 from foldcar.simulation.runner import CarsimError, RunRequest
-
-BINARY_VARIABLE = "FOLDCAR_CARSIM"
-BUILT_BINARY = Path(".pio", "build", "carsim", "program")
-
-
-def find_carsim() -> Path:
-    """The simulator named by FOLDCAR_CARSIM, else the one built in the project this package belongs to."""
-    named = os.environ.get(BINARY_VARIABLE)
-    if named:
-        if not os.access(named, os.X_OK) or not Path(named).is_file():
-            raise CarsimError(f"{BINARY_VARIABLE}: {named} is no program")
-        return Path(named)
-    project = Path(__file__).resolve().parents[3]
-    binary = project / BUILT_BINARY
-    if not binary.is_file():
-        raise CarsimError(f"no carsim built at {binary}: run `make setup`")
-    return binary
 
 
 class _Call:
@@ -59,13 +42,20 @@ class _Call:
 
 
 class Carsim:
-    """A simulator program. Its methods may be called from several threads at once."""
+    """A simulator program. Its methods may be called from several threads at once.
 
-    def __init__(self, binary: Path | None = None) -> None:
-        self.binary = binary if binary is not None else find_carsim()
+    ``engine`` is name and version of what moves the cars, "" in the side view; ``build`` contains it. ``command`` starts
+    the program: its file, and words that choose the engine.
+    """
+
+    def __init__(self, binary: Path | None = None, engine: str = SIDE_VIEW) -> None:
+        self.binary = binary if binary is not None else find_carsim(engine)
+        self.command = (str(self.binary), *(ENGINES[engine].options if binary is None else ()))
         self._calls: set[_Call] = set()
         self._limits: CarsimLimits | None = None
-        self.build, self.firmware = self._ask_builds()
+        self.build, self.firmware, self.engine = self._ask_builds()
+        if binary is None and engine_title(self.engine) != ENGINES[engine].title:
+            raise CarsimError(f"{self.binary}: its engine is {self.engine or 'the side view'}, not {engine}")
 
     def stop(self) -> None:
         """End every call that is under way; it raises CarsimError."""
@@ -180,16 +170,18 @@ class Carsim:
             raise CarsimError(f"{self.binary}: answered an impossible result: {line[:200]}")
         return {key: value for key, value in answer.items() if key != "run"}
 
-    def _ask_builds(self) -> tuple[str, str]:
-        """The id of all that results depend on, and that of the firmware in it, which a car has too."""
+    def _ask_builds(self) -> tuple[str, str, str]:
+        """The id of all that results depend on, that of the firmware in it, which a car has too, and the engine."""
         try:
             told = json.loads(self._output("--version"))
-            build, firmware = told["build"], told["firmware"]
+            build, firmware, engine = str(told["build"]), str(told["firmware"]), str(told["engine"])
         except (ValueError, TypeError, KeyError) as error:
             raise CarsimError(
                 f"{self.binary}: is no carsim (`--version` does not print its build)"
             ) from error
-        return str(build), str(firmware)
+        if engine == "side view":
+            return build, firmware, ""
+        return f"{build} {engine}", firmware, engine
 
     def _output(self, argument: str) -> str:
         with self._call() as call:
@@ -214,7 +206,7 @@ class Carsim:
         self, call: _Call, arguments: Sequence[str], text: str
     ) -> subprocess.CompletedProcess[str]:
         """Run the program on that input to its end. CarsimError if it cannot be started or the call is stopped."""
-        command = [str(self.binary), *arguments]
+        command = [*self.command, *arguments]
         try:
             # A session of its own keeps Ctrl-C from the simulator: the caller decides what is to end.
             process = subprocess.Popen(

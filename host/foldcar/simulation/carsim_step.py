@@ -6,9 +6,9 @@ Input: a body, a scene and settings as JSON text, then times to advance to. Outp
 import contextlib
 import json
 import subprocess
-from pathlib import Path
+from collections.abc import Sequence
 from types import TracebackType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from foldcar.simulation.process_ending import process_ending
 from foldcar.simulation.runner import CarsimError
@@ -44,31 +44,12 @@ class SimulatorDiedError(TrialFailedError):
     """The simulator process ended in the middle of the trial, of itself or from outside."""
 
 
-class SteppedTrial(Protocol):
-    """What Scenic needs of an engine: SteppedCarsim's methods of these names."""
-
-    @property
-    def alive(self) -> bool:
-        """Whether the engine runs and has answered every request."""
-
-    def start(self, body: str, scene: str, settings: str) -> Advanced:
-        """Start a trial."""
-
-    def advance(self, to_s: float) -> Advanced:
-        """Advance to that time of the trial (s), or to its end."""
-
-    def rows(self) -> list[State]:
-        """The states at every step of the last advance."""
-
-    def end(self, row: int) -> dict[str, Any]:
-        """End the trial at that row of the last advance; returns its result."""
-
-
 class SteppedCarsim:
-    """A simulator process. For one thread; a context manager, at whose end the process ends."""
+    """A simulator process, started by ``command``. For one thread; a context manager, whose end ends the process."""
 
-    def __init__(self, binary: Path) -> None:
-        self.binary = binary
+    def __init__(self, command: Sequence[str]) -> None:
+        self._command = command
+        self.binary = command[0]
         self._process: subprocess.Popen[str] | None = None
         self._known: dict[str, str] = {}
         self._awaits_answer = False
@@ -132,7 +113,7 @@ class SteppedCarsim:
     def _spawn(self) -> subprocess.Popen[str]:
         try:
             return subprocess.Popen(
-                [str(self.binary), "step"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, encoding="utf-8"
+                [*self._command, "step"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, encoding="utf-8"
             )
         except OSError as error:
             raise CarsimError(f"{self.binary}: cannot be started: {error.strerror}") from error

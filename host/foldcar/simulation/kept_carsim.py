@@ -87,7 +87,7 @@ class _Process:
     """One `carsim batch`, which knows the last body and the last scene."""
 
     def __init__(self, carsim: Carsim) -> None:
-        command = [str(carsim.binary), "batch"]
+        command = [*carsim.command, "batch"]
         try:
             # A session of its own keeps Ctrl-C from the simulator: the caller decides what is to end.
             self._process = subprocess.Popen(

@@ -23,8 +23,7 @@ from foldcar.simulation.runner import CarsimError, RunRequest
 class ScenicRunner:
     """Worker processes for one environment. `run` and `stop` may be called from several threads at once.
 
-    ``condition`` is the listing's, or None; ``binary`` the carsim program. ``worker`` is the module that runs, and
-    ``engine`` what that one must know besides.
+    ``condition`` is the listing's, or None; ``command`` starts carsim (see Carsim).
     """
 
     def __init__(
@@ -33,19 +32,15 @@ class ScenicRunner:
         params: Mapping[str, Any],
         seed: int,
         condition: Mapping[str, Any] | None,
-        binary: Path,
-        worker: str = "foldcar.simulation.scenic_worker",
-        engine: Mapping[str, Any] | None = None,
+        command: Sequence[str],
     ) -> None:
-        self._module = worker
         self._opening = json.dumps(
             {
                 "program": str(program),
                 "params": dict(params),
                 "seed": seed,
                 "condition": None if condition is None else dict(condition),
-                "binary": str(binary),
-                "engine": dict(engine or {}),
+                "command": list(command),
             }
         )
         self._lock = threading.Lock()
@@ -109,7 +104,7 @@ class ScenicRunner:
 
     def _take(self) -> "_Worker":
         with self._lock:
-            worker = self._idle.pop() if self._idle else _Worker(self._module)
+            worker = self._idle.pop() if self._idle else _Worker()
             self._busy.add(worker)
         try:
             worker.open(self._opening)
@@ -128,14 +123,14 @@ class ScenicRunner:
 class _Worker:
     """One worker process; for one thread, but for `stop`."""
 
-    def __init__(self, module: str) -> None:
+    def __init__(self) -> None:
         self._stopped = False
         self._opened = False
         package = str(Path(__file__).resolve().parents[2])
         path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH")]))
         # A session of its own keeps Ctrl-C from it: the caller decides what is to end.
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "foldcar.simulation.worker", module],
+            [sys.executable, "-m", "foldcar.simulation.worker", "foldcar.simulation.scenic_worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             encoding="utf-8",

@@ -19,7 +19,7 @@ from scenic.core.simulators import Simulation, SimulationCreationError, Simulato
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.success import VERDICT
-from foldcar.simulation.carsim_step import State, SteppedTrial
+from foldcar.simulation.carsim_step import State, SteppedCarsim
 from foldcar.simulation.outer_step import OUTER_STEP_S, outer_step_s
 from foldcar.simulation.scenic_ego import ShownEgo
 from foldcar.simulation.scenic_endings import Moment, NativeEnding, TracedEnding
@@ -41,7 +41,7 @@ class CarSimulator(Simulator):  # type: ignore[misc]
 
     def __init__(
         self,
-        carsim: SteppedTrial,
+        carsim: SteppedCarsim,
         body: str,
         settings: str,
         describe: Callable[[Any], str],
@@ -105,7 +105,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
     timestep: float
 
     def __init__(
-        self, scene: Any, *, carsim: SteppedTrial, start: Callable[[], Any], timestep: float, **options: Any
+        self, scene: Any, *, carsim: SteppedCarsim, start: Callable[[], Any], timestep: float, **options: Any
     ) -> None:
         self.run_result: Result | None = None
         self._carsim = carsim

@@ -1,6 +1,6 @@
 """`python -m foldcar.simulation.scenic_worker`: runs a Scenic program for a sweep, one run at a time (see scenic_runner).
 
-Input: JSON Lines. First what to open, {"program", "params", "seed", "condition", "binary", "engine"}; then one line a
+Input: JSON Lines. First what to open, {"program", "params", "seed", "condition", "command"}; then one line a
 run, {"body", "scene", "settings": JSON texts, "sample"}. Output: one line each, {"ready": true} and then
 {"result": …}, {"error": message} for a run that failed, or {"refused": message} where the input is at fault. Ends with
 its input.
@@ -12,8 +12,7 @@ the process in the state after compiling, and each run takes place in a copy of 
 import json
 import os
 import sys
-from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -21,7 +20,7 @@ from foldcar.errors import FoldcarError
 from foldcar.scenes.program import one_line
 from foldcar.scenes.source import SceneSource, open_environment, seeded
 from foldcar.scenes.time_limit import time_limit
-from foldcar.simulation.carsim_step import SimulatorDiedError, SteppedCarsim, SteppedTrial, TrialFailedError
+from foldcar.simulation.carsim_step import SimulatorDiedError, SteppedCarsim, TrialFailedError
 from foldcar.simulation.forked import Forked, answers_on
 from foldcar.simulation.own_code import may_change_state
 from foldcar.simulation.runner import CarsimError
@@ -29,17 +28,9 @@ from foldcar.simulation.runner import CarsimError
 # Wall time of one run. The longest trial takes a few seconds: what exceeds this hangs.
 RUN_LIMIT_S = 120.0
 
-# Makes the engine from what to open.
-Engine = Callable[[dict[str, Any]], AbstractContextManager[SteppedTrial]]
-
 
 def main() -> None:
     """Serve standard input until its end."""
-    serve(lambda opening: SteppedCarsim(Path(opening["binary"])))
-
-
-def serve(engine: Engine) -> None:
-    """The same with another engine than carsim."""
     # What a program prints must not get between the answers.
     with os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8") as output:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
@@ -48,7 +39,7 @@ def serve(engine: Engine) -> None:
         if opening is None:
             return
         try:
-            worker = ScenicWorker(opening, engine)
+            worker = ScenicWorker(opening)
         except FoldcarError as error:
             _say(output, {"refused": str(error)})
             return
@@ -59,9 +50,9 @@ def serve(engine: Engine) -> None:
 
 
 class ScenicWorker:
-    """A compiled program beside an engine. A context manager. Raises FoldcarError if the program cannot be opened."""
+    """A compiled program beside carsim. A context manager. Raises FoldcarError if the program cannot be opened."""
 
-    def __init__(self, opening: dict[str, Any], engine: Engine) -> None:
+    def __init__(self, opening: dict[str, Any]) -> None:
         self._source: SceneSource = open_environment(
             Path(opening["program"]), opening["params"], opening["seed"], opening["condition"]
         )
@@ -73,11 +64,10 @@ class ScenicWorker:
         shown_class(ego_class)
         self._simulator = CarSimulator
         self._passing = self._source.success.endings
-        self._opening = opening
-        self._engine = engine
+        self._command = opening["command"]
         self._copies = may_change_state(self._source.program)
         self._open = ExitStack()
-        self._carsim: SteppedTrial | None = None
+        self._carsim: SteppedCarsim | None = None
         self._copy: Forked | None = None
         self._sample: int | None = None
         self._scene: Any = None
@@ -93,7 +83,7 @@ class ScenicWorker:
         """The answer to one run."""
         if not self._copies:
             if self._carsim is None:
-                self._carsim = self._open.enter_context(self._engine(self._opening))
+                self._carsim = self._open.enter_context(SteppedCarsim(self._command))
             return self._answer(request)
         if self._copy is None or self._sample != request["sample"]:
             self._open.close()
@@ -111,7 +101,7 @@ class ScenicWorker:
             return copy.ask(request)
 
     def _answer_in_copy(self, request: dict[str, Any]) -> dict[str, Any]:
-        with self._engine(self._opening) as self._carsim:
+        with SteppedCarsim(self._command) as self._carsim:
             return self._answer(request)
 
     def _answer(self, request: dict[str, Any]) -> dict[str, Any]:

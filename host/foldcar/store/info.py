@@ -4,8 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from foldcar.simulation.engines import engine_title
+
 if TYPE_CHECKING:
     from foldcar.analysis.stopping import StoppingRule
+
+
+def engine_id(experiment: str, engine: str) -> str:
+    """The name, in stores, of an experiment in that engine; its own in the side view, whose name is empty."""
+    return f"{experiment} ({engine_title(engine)})" if engine else experiment
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +29,8 @@ class ExperimentInfo:
     cannot be built, and why. ``calibration`` is None for nominal simulations, else ``name``, ``fingerprint`` and
     ``experiment``: the calibration, and the experiment of the listing that was simulated under it.
     ``searched`` says that a search chose the designs, and how many runs each has: no more are planned.
-    ``thresholds`` are the shares of passed runs that tell good designs from bad ones.
+    ``thresholds`` are the shares of passed runs that tell good designs from bad ones. ``engine`` is the name and version
+    of what moved the cars, "" in the side view.
     """
 
     id: str
@@ -53,6 +61,13 @@ class ExperimentInfo:
     designs: int = 0
     decided: int = 0
     searched: bool = False
+    engine: str = ""
+
+    @property
+    def listed_id(self) -> str:
+        """The experiment's name in the listing: under a calibration, or in another engine, it has a name of its own."""
+        under = self.id if self.calibration is None else self.calibration["experiment"]
+        return under.removesuffix(engine_id("", self.engine))
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,12 +81,12 @@ class Environment:
         with contextlib.closing(self.scenic_runner(carsim)) as runner:
             yield runner
 
-    def scenic_runner(self, carsim: Carsim, **options: Any) -> "ScenicRunner":
-        """A runner with Scenic beside the simulation, which the caller closes; ``options`` are ScenicRunner's."""
+    def scenic_runner(self, carsim: Carsim) -> "ScenicRunner":
+        """A runner with Scenic beside the simulation, which the caller closes."""
         from foldcar.simulation.scenic_runner import ScenicRunner
 
         e = self._experiment
-        return ScenicRunner(e.program, e.scenic_params, e.seed, e.condition, carsim.binary, **options)
+        return ScenicRunner(e.program, e.scenic_params, e.seed, e.condition, carsim.command)
 
     def mutation_notes(self) -> list[str]:
         """What `mutate` moves without what is placed relative to it; programs without the word are not compiled."""

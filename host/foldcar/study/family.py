@@ -13,6 +13,8 @@ from pathlib import Path
 from foldcar.car.design import Design, DesignError, compose, design_errors, modules_of
 from foldcar.car.folded_car import folded_car
 from foldcar.car.modules import find_parameter, names_in, parameters
+from foldcar.car.parts.catalogue import chosen
+from foldcar.car.parts.choices import DEFAULT_CHOICES, OPTIONS, PartChoices, PartError, split_type
 from foldcar.did_you_mean import did_you_mean
 from foldcar.study.listing import ListedVehicle, ListingError
 
@@ -21,6 +23,7 @@ from foldcar.study.listing import ListedVehicle, ListingError
 class Family:
     """``choices`` maps parameter keys to their values (mm, degrees), ``origins`` to their places in the ``file``.
 
+    ``type`` is the modules, ``parts`` are the parts of all members.
     ``members`` are the combinations that are wanted, in the order of ``choices``; None: every one.
     """
 
@@ -31,6 +34,7 @@ class Family:
     file: Path
     place: str
     members: tuple[tuple[float, ...], ...] | None = None
+    parts: PartChoices = DEFAULT_CHOICES
     # Why a member cannot be built, or None, by its values: checking one takes some 20 ms.
     _checked: dict[tuple[float, ...], DesignError | None] = field(default_factory=dict, repr=False, compare=False)
 
@@ -52,6 +56,11 @@ class Family:
             raise self._listing_error([(self._origin(e.parameter), e.message) for e in self._errors(first)])
 
     @property
+    def vehicle_type(self) -> str:
+        """The type string of its members: their modules and the parts that are not the default ones."""
+        return self.type + self.parts.suffix
+
+    @property
     def skipped(self) -> list[str]:
         """The members that cannot be built, each with the reason: ``width=30: 30 is below the minimum …``."""
         found = []
@@ -66,7 +75,7 @@ class Family:
 
     def design(self, values: tuple[float, ...]) -> Design:
         """The design with these values, in the order of ``choices``; DesignError if it cannot be built."""
-        return compose(self.type, dict(zip(self.choices, values, strict=True)))
+        return compose(self.type, dict(zip(self.choices, values, strict=True)), self.parts)
 
     def has(self, values: tuple[float, ...]) -> bool:
         """Whether they are one of the family's combinations, whatever its ``members``."""
@@ -91,8 +100,8 @@ class Family:
 
     def _errors(self, values: Mapping[str, float]) -> list[DesignError]:
         """All that is wrong with a design: the values beyond their limits, and what is wrong beside them."""
-        beyond = design_errors(self.type, values)
-        defaults = {key: float(parameters()[key].declared.default_value) for key in values}
+        beyond = design_errors(self.type, values, chosen(self.parts))
+        defaults = {key: parameters()[key].declared.default_with(chosen(self.parts)) for key in values}
         # Beside defaults for the values beyond their limits: what is wrong whatever takes their place.
         tried, others = {**values, **{key: defaults[key] for key in beyond}}, dict[str | None, DesignError]()
         while (error := self._first_error(tried)) is not None:
@@ -112,7 +121,7 @@ class Family:
 
     def _first_error(self, values: Mapping[str, float]) -> DesignError | None:
         try:
-            folded_car(compose(self.type, values))
+            folded_car(compose(self.type, values, self.parts))
         except DesignError as error:
             return error
         return None
@@ -128,21 +137,26 @@ class Family:
         """The parameters with more than one value, by their column names in results (``width_mm``)."""
         return {parameters()[key].column: values for key, values in self.choices.items() if len(values) > 1}
 
-    def narrowed(self, settings: Mapping[str, float]) -> "Family":
-        """The family with these parameters fixed (keys as ``width`` or ``W.length``); FoldcarError for unknown ones."""
-        choices, origins = dict(self.choices), dict(self.origins)
+    def narrowed(self, settings: Mapping[str, float | str]) -> "Family":
+        """The family with these parameters fixed (``width``, ``W.length``) and parts of these names; FoldcarError."""
+        choices, origins, parts = dict(self.choices), dict(self.origins), self.parts
         for key, value in settings.items():
+            if isinstance(value, str):
+                try:
+                    parts = parts.changed({key: value})
+                except PartError as error:
+                    raise ListingError(f"--set {key}={value}", error.message) from error
+                continue
             if key not in parameters() or not parameters()[key].modules & set(self.type.split("_")):
-                known = [
-                    name for name, p in parameters().items() if p.modules & set(self.type.split("_"))
-                ]
+                known = [name for name, p in parameters().items() if p.modules & set(self.type.split("_"))]
+                known += OPTIONS
                 close = did_you_mean(key, known)
                 raise ListingError(
                     f"--set {key}", f"{self.type} has no such parameter; it has {', '.join(known)}{close}"
                 )
             choices[key] = (value,)
             origins[key] = f"--set {key}"
-        return replace(self, choices=choices, origins=origins, _checked={})
+        return replace(self, choices=choices, origins=origins, parts=parts, _checked={})
 
     def single(self) -> Design:
         """The only design; ListingError naming a parameter that has several values."""
@@ -160,9 +174,9 @@ class Family:
         return self.origins.get(key, f"{self.place}: {key} (its default)")
 
 
-def read_family(file: Path, name: str, vehicle: ListedVehicle) -> Family:
-    """The family of the vehicle ``name`` of the listing ``file``; ListingError of all mistakes if it is invalid."""
-    place = f"vehicles.{name}"
+def read_family(file: Path, vehicle_id: str, vehicle: ListedVehicle) -> Family:
+    """The family of the vehicle ``vehicle_id`` of the listing ``file``; ListingError of all mistakes if it is invalid."""
+    place = f"vehicles.{vehicle_id}"
     try:
         letters = modules_of(vehicle.type)
     except DesignError as error:
@@ -170,6 +184,17 @@ def read_family(file: Path, name: str, vehicle: ListedVehicle) -> Family:
     choices: dict[str, tuple[float, ...]] = {}
     origins: dict[str, str] = {}
     mistakes = []
+    composition, parts = vehicle.type, DEFAULT_CHOICES
+    try:
+        composition, parts = split_type(vehicle.type)
+    except PartError as error:
+        mistakes.append(f"{place}.type: {error}")
+    for kind, name in vehicle.parts.items():
+        try:
+            parts = parts.changed({kind: name})
+        except PartError as error:
+            at = "" if error.kind is None else f".{error.kind}"
+            mistakes.append(f"{place}.parts{at}: {error.message}")
     for index, groups in enumerate(vehicle.params):
         for group, settings in groups.items():
             here = f"{place}.params.{index}.{group}"
@@ -191,4 +216,4 @@ def read_family(file: Path, name: str, vehicle: ListedVehicle) -> Family:
                     origins.setdefault(parameter.key, origin)
     if mistakes:
         raise ListingError(file, *mistakes)
-    return Family(name, vehicle.type, choices, origins, file, place)
+    return Family(vehicle_id, composition, choices, origins, file, place, parts=parts)

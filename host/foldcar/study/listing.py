@@ -91,6 +91,11 @@ def _spread(raw: Any) -> Any:
     return raw
 
 
+def _part_name(raw: Any) -> Any:
+    """The name of a part: a film's may be written as the number that it is."""
+    return f"{raw:g}" if isinstance(raw, int | float) and not isinstance(raw, bool) else raw
+
+
 Values = Annotated[tuple[float, ...], BeforeValidator(_values)]
 Identifier = Annotated[str, BeforeValidator(lambda raw: str(raw) if type(raw) is int else raw)]
 
@@ -145,9 +150,10 @@ class ListedExperiment(Strict):
 
 
 class ListedVehicle(Strict):
-    """A type string and groups of parameters, ``common`` or of a module letter."""
+    """A type string, groups of parameters, ``common`` or of a module letter, and names of parts by kind."""
 
     type: str
+    parts: dict[str, Annotated[str, BeforeValidator(_part_name)]] = {}
     params: list[dict[str, dict[str, Values]]] = []
 
 

@@ -66,7 +66,9 @@ def sweep(
     with write_store(store) as writer:
         writer.begin_study(study_facts(study, carsim, command), carsim.build)
         plans = [
-            plan_experiment(experiment, environment, writer, table, (until or {}).get(experiment.id))
+            plan_experiment(
+                experiment, environment, writer, table, (until or {}).get(experiment.id), engine=carsim.engine
+            )
             for experiment, environment in zip(study.experiments, environments, strict=True)
         ]
         counts.judged = sum(
@@ -140,10 +142,11 @@ def plan_experiment(
     table: dict[str, TableRow],
     rule: StoppingRule | None = None,
     searched: bool = False,
+    engine: str = "",
 ) -> PlannedExperiment:
     """Record an experiment and its family's designs, replacing an earlier one of that id. FoldcarError.
 
-    ``rule`` and ``searched`` are ExperimentInfo's ``until`` and ``searched``.
+    ``rule``, ``searched`` and ``engine`` are ExperimentInfo's ``until``, ``searched`` and ``engine``.
     """
     first = next(iter(experiment.family))
     varied = experiment.family.varied
@@ -157,7 +160,7 @@ def plan_experiment(
         spread_id=writer.spread(environment.spread_fingerprint),
         environments=experiment.environments,
         facts={
-            "vehicle_type": experiment.family.type,
+            "vehicle_type": experiment.family.vehicle_type,
             "varied": varied,
             "fixed": {column: value for column, value in first.columns.items() if column not in varied},
             "timeout_s": experiment.timeout_s,
@@ -176,6 +179,7 @@ def plan_experiment(
             "thresholds": experiment.thresholds,
             **({} if rule is None else {"until": asdict(rule)}),
             **({"searched": True} if searched else {}),
+            **({"engine": engine} if engine else {}),
         },
     )
     writer.put_experiment(plan, _designs(experiment, table))

@@ -13,22 +13,35 @@ from foldcar.link.car_logs import fetch_log, list_logs
 from foldcar.link.tlog import merge_records, messages_of, records_of
 from foldcar.trials.driving import DriveEnd
 
+# After a trial the car stores what it has kept in RAM, which takes a second.
+STORING_S = 10.0
+
 
 def collect(car: Car, trial: int, log: Path) -> DriveEnd:
-    """Merge the car's log of ``trial`` into ``log``; FoldcarError if the car has none.
+    """Merge the car's log of ``trial`` into ``log``; FoldcarError if the car has none, or has not stored it in 10 s.
 
     The car's times count from its boot; the offset to the host's clock is that of the first packet of the trial that
     the host received.
     """
     offset_us = _clock_offset_us(log, trial)
+    told = car.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_TRIAL" and _is_stored(car, m), STORING_S)
+    if told is None:
+        raise FoldcarError(f"{car.port}: the car still stores its log after {STORING_S:g} s")
+    lost_bytes = told.log_lost if told.trial_id == trial else 0
     for stored in reversed(list_logs(car)):
         records = records_of(fetch_log(car, stored), f"log {stored.id} of the car")
         messages = [m for _, m in messages_of(records) if m.get_type() == "FOLDCAR_TRIAL" and m.trial_id == trial]
         if not messages:
             continue
         merge_records(log, [(time_us + offset_us, packet) for time_us, packet in records])
-        return _end(car, messages[-1])
-    raise FoldcarError(f"{car.port}: the car has no log of trial {trial}")
+        return drive_end(car.dialect, messages[-1], lost_bytes)
+    raise FoldcarError(
+        f"{car.port}: the car has no log of trial {trial}: it restarted while it drove, or its flash is full"
+    )
+
+
+def _is_stored(car: Car, message: Any) -> bool:
+    return bool(message.log != car.dialect.FOLDCAR_LOG_OPEN)
 
 
 def _clock_offset_us(log: Path, trial: int) -> int:
@@ -38,10 +51,15 @@ def _clock_offset_us(log: Path, trial: int) -> int:
     raise FoldcarError(f"{log}: contains no message of trial {trial} from before the cable was unplugged")
 
 
-def _end(car: Car, last: Any) -> DriveEnd:
-    dialect, elapsed_s = car.dialect, last.elapsed_ms / 1000
+def drive_end(dialect: Any, last: Any, lost_bytes: int) -> DriveEnd:
+    """How a drive ended, by its log's last FOLDCAR_TRIAL; ``lost_bytes``: what the car has said later to be missing."""
+    elapsed_s = last.elapsed_ms / 1000
+    lost_bytes = max(lost_bytes, last.log_lost)
+    gap = f", {lost_bytes} bytes of its log lost" if lost_bytes else ""
     if last.end == dialect.FOLDCAR_END_TIME_LIMIT:
-        return DriveEnd("time limit, untethered", "timeout", elapsed_s)
+        return DriveEnd(f"time limit, untethered{gap}", "timeout", elapsed_s)
     if last.end == dialect.FOLDCAR_END_FAULT:
-        return DriveEnd("fault, untethered", "aborted", elapsed_s)
-    return DriveEnd("stopped, untethered", None, elapsed_s)
+        return DriveEnd(f"fault, untethered{gap}", "aborted", elapsed_s)
+    if last.end == dialect.FOLDCAR_END_NONE:
+        return DriveEnd(f"its log breaks off, untethered{gap}", "aborted", elapsed_s)
+    return DriveEnd(f"stopped, untethered{gap}", None, elapsed_s)

@@ -31,9 +31,10 @@ std::uint8_t code_of(const std::optional<Outcome>& outcome) {
 
 }  // namespace
 
-LinkedCar::LinkedCar(const BodySpec& body, const SceneSpec& scene, const LinkedCarOptions& options,
-                     std::string firmware_id)
-    : body_(body),
+LinkedCar::LinkedCar(const Engine& engine, const BodySpec& body, const SceneSpec& scene,
+                     const LinkedCarOptions& options, std::string firmware_id)
+    : engine_(engine),
+      body_(body),
       scene_(scene),
       options_(options),
       firmware_id_(std::move(firmware_id)),
@@ -89,7 +90,10 @@ std::vector<std::uint8_t> LinkedCar::step() {
     firmware_ = std::make_unique<Firmware>(hal_.hal(), firmware_id_.c_str());
     firmware_->begin(options_.design);
   }
-  if (!booting_) firmware_->poll();
+  if (!booting_) {
+    firmware_->poll();
+    firmware_->store_log();
+  }
   if (hal_.board.restart_is_requested) restart(ResetReason::kSoftware);
   update_outcome();
   send_scene();
@@ -97,9 +101,9 @@ std::vector<std::uint8_t> LinkedCar::step() {
 
   car_->step(hal_.servos.pulses_us());
   if (!car_->finite()) throw std::runtime_error("the simulation left the finite numbers");
-  hal_.imu.now = motion_sensor_.observe(car_->state(), car_->step_s());
+  hal_.imu.now = motion_sensor_.observe(car_->state(), engine_.step_s());
   ++steps_;
-  now_us_ = to_us(static_cast<double>(steps_) * car_->step_s());
+  now_us_ = to_us(static_cast<double>(steps_) * engine_.step_s());
 
   std::vector<std::uint8_t> sent = from_car_noise_.pass(hal_.link.from_car, now_us_);
   hal_.link.from_car.clear();
@@ -108,7 +112,7 @@ std::vector<std::uint8_t> LinkedCar::step() {
 }
 
 void LinkedCar::place_at_start() {
-  car_ = std::make_unique<TwinTrackCar>(body_, scene_.friction, terrain_, scene_.start, StepOptions{}, nullptr);
+  car_ = engine_.put_down(body_, scene_, terrain_, nullptr);
   motion_sensor_ = MotionSensor();
 }
 
@@ -135,7 +139,7 @@ void LinkedCar::update_outcome() {
   if (options_.put_back && state == State::kArmed && seen_state_ != State::kArmed) place_at_start();
   const double now_s = 1e-6 * static_cast<double>(now_us_);
   if (state == State::kRunning && seen_state_ != State::kRunning) {
-    ending_.emplace(scene_, car_->state());
+    ending_.emplace(scene_, car_->state(), firmware_->application().trial());
     trial_started_s_ = now_s;
     outcome_.reset();
   }

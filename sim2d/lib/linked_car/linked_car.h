@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "body_spec.h"
+#include "engine.h"
 #include "ending.h"
 #include "firmware.h"
 #include "injection.h"
@@ -21,7 +22,6 @@
 #include "scene_spec.h"
 #include "scene_terrain.h"
 #include "sim_hal.h"
-#include "twin_track_car.h"
 
 namespace foldcar {
 
@@ -34,8 +34,8 @@ struct LinkedCarOptions {
 
 class LinkedCar {
  public:
-  // body and scene must outlive the car. firmware_id: 16 hexadecimal digits.
-  LinkedCar(const BodySpec& body, const SceneSpec& scene, const LinkedCarOptions& options, std::string firmware_id);
+  // engine, body and scene must outlive the car. firmware_id: 16 hexadecimal digits.
+  LinkedCar(const Engine& engine, const BodySpec& body, const SceneSpec& scene, const LinkedCarOptions& options, std::string firmware_id);
 
   // Gives the car the bytes of a host. They are lost while the cable is unplugged and while the board starts. late: they
   // waited while the simulation stood still.
@@ -59,13 +59,14 @@ class LinkedCar {
   void send_scene();
   void send_from_simulator(const mavlink_message_t& message);
 
+  const Engine& engine_;
   const BodySpec& body_;
   const SceneSpec& scene_;
   const LinkedCarOptions options_;
   const std::string firmware_id_;
   const SceneTerrain terrain_;
   SimHal hal_;
-  std::unique_ptr<TwinTrackCar> car_;
+  std::unique_ptr<SimCar> car_;
   std::unique_ptr<Firmware> firmware_;
   MotionSensor motion_sensor_;
   LineNoise to_car_noise_{1}, from_car_noise_{2};

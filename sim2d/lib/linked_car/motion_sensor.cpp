@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "body_spec.h"
+
 namespace foldcar {
 namespace {
 

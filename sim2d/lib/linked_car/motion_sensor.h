@@ -4,7 +4,7 @@
 #include <array>
 
 #include "hal.h"
-#include "twin_track_car.h"
+#include "sim_car.h"
 
 namespace foldcar {
 

@@ -7,6 +7,8 @@
 
 namespace foldcar {
 
+constexpr double kGravity_m_s2 = 9.81;
+
 // A continuous-rotation servo: a torque-speed line at rated_v and the pulses that command it.
 struct ServoSpec {
   double stall_torque_n_m = 0;

@@ -21,9 +21,9 @@ std::string result_reply(const RunLine& run, const TrialResult& result) {
   return one_line(reply);
 }
 
-std::string pulses_reply(const PulsesLine& pulses) {
+std::string pulses_reply(const PulsesLine& pulses, double step_s) {
   ordered_json changes = ordered_json::array();
-  for (const PulseChange& change : record_pulses(pulses.trial)) {
+  for (const PulseChange& change : record_pulses(pulses.trial, step_s)) {
     ordered_json row = {change.t_s};
     for (const float pulse_us : change.pulses_us) row.push_back(as_printed(pulse_us));
     changes.push_back(std::move(row));
@@ -74,7 +74,7 @@ std::optional<std::string> BatchSession::answer(std::size_t line_number, const s
       case LineKind::kHeights:
         return heights(read_heights(parsed));
       case LineKind::kPulses:
-        return pulses_reply(read_pulses(parsed));
+        return pulses_reply(read_pulses(parsed), engine_.step_s());
     }
     return std::nullopt;
   } catch (const InputError& error) {
@@ -89,7 +89,7 @@ std::string BatchSession::run(const RunLine& run) {
   if (body == bodies_.end()) throw InputError("run.body: no body \"" + run.body + "\" on an earlier line");
   const SceneSpec& in = scene("run", run.scene);
   const TrialResult result =
-      run_trial(body->second, in, run.trial, StepOptions{}, timed_ ? &stopwatch_ : nullptr, &terrain(in));
+      run_trial(engine_, body->second, in, run.trial, timed_ ? &stopwatch_ : nullptr, &terrain(in));
   simulated_s_ += result.elapsed_time_s;
   return result_reply(run, result);
 }

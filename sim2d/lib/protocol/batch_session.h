@@ -7,6 +7,7 @@
 #include <unordered_map>
 
 #include "batch_input.h"
+#include "engine.h"
 #include "scene_terrain.h"
 #include "scoped_timer.h"
 
@@ -26,7 +27,8 @@ std::string error_reply(std::size_t line_number, const std::string& run_id, Erro
 // Remembers bodies and scenes by id and answers the other lines.
 class BatchSession {
  public:
-  explicit BatchSession(bool timed) : timed_(timed) {}
+  // The engine must outlive the session.
+  BatchSession(const Engine& engine, bool timed) : engine_(engine), timed_(timed) {}
 
   // The reply to a line, if it has one: a result or an error. Does not throw for bad input.
   std::optional<std::string> answer(std::size_t line_number, const std::string& line);
@@ -41,6 +43,7 @@ class BatchSession {
   // The scene's terrain, made anew only when another scene is asked for.
   const SceneTerrain& terrain(const SceneSpec& scene);
 
+  const Engine& engine_;
   bool timed_;
   std::unordered_map<std::string, BodySpec> bodies_;
   std::unordered_map<std::string, SceneSpec> scenes_;

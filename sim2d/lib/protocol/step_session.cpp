@@ -64,7 +64,7 @@ ordered_json StepSession::start(const json& line) {
   trial_.reset();
   body_ = body;
   scene_ = scene;
-  trial_ = std::make_unique<Trial>(*body_, *scene_, run.trial);
+  trial_ = std::make_unique<Trial>(engine_, *body_, *scene_, run.trial);
   advanced_ = {trial_->now()};
   return state_reply();
 }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "body_spec.h"
+#include "engine.h"
 #include "json_reader.h"
 #include "scene_spec.h"
 #include "trial.h"
@@ -20,6 +21,8 @@ namespace foldcar {
 // Remembers bodies and scenes by id and has at most one trial under way.
 class StepSession {
  public:
+  // The engine must outlive the session.
+  explicit StepSession(const Engine& engine) : engine_(engine) {}
   // The reply to a line, if it has one. Does not throw for bad input or a trial that fails.
   std::optional<std::string> answer(std::size_t line_number, const std::string& line);
 
@@ -31,6 +34,7 @@ class StepSession {
   nlohmann::ordered_json state_reply() const;
   Trial& trial(const char* line_kind) const;
 
+  const Engine& engine_;
   // Shared with the trial under way, which goes on with its own when a later line has the same id.
   std::unordered_map<std::string, std::shared_ptr<const BodySpec>> bodies_;
   std::unordered_map<std::string, std::shared_ptr<const SceneSpec>> scenes_;

@@ -9,8 +9,19 @@ std::optional<double> distance_to_target_m(const SceneSpec& scene, const CarStat
   return std::hypot(state.x_m - scene.goal->x_m, state.y_m - scene.goal->y_m);
 }
 
-Ending::Ending(const SceneSpec& scene, const CarState& start)
-    : scene_(scene), was_short_of_goal_(short_of_goal(start)), moved_at_(start) {}
+namespace {
+
+double distance_m(const CarState& a, const CarState& b) { return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m); }
+
+}  // namespace
+
+// The circle that the set-point asks for is twice as wide as its radius.
+Ending::Ending(const SceneSpec& scene, const CarState& start, const TrialRequest& trial)
+    : scene_(scene),
+      leaves_(std::abs(trial.speed_m_s) > kHeldDistance_m * std::abs(trial.yaw_rate_rad_s)),
+      was_short_of_goal_(short_of_goal(start)),
+      moved_at_(start),
+      left_at_(start) {}
 
 bool Ending::short_of_goal(const CarState& state) const {
   if (!scene_.goal) return true;
@@ -30,8 +41,13 @@ std::optional<Outcome> Ending::check(const CarState& state, double elapsed_s) {
       state.y_m > course.y_max_m) {
     return Outcome::kOffCourse;
   }
-  const double moved_m = std::hypot(state.x_m - moved_at_.x_m, state.y_m - moved_at_.y_m);
-  if (moved_m > kStuckDistance_m || std::abs(state.heading_rad - moved_at_.heading_rad) > kStuckTurn_rad) {
+  if (distance_m(state, left_at_) > kHeldDistance_m) {
+    left_at_ = state;
+    left_at_s_ = elapsed_s;
+  } else if (leaves_ && elapsed_s - left_at_s_ >= kHeldTime_s) {
+    return Outcome::kStuck;
+  }
+  if (distance_m(state, moved_at_) > kStuckDistance_m || std::abs(state.heading_rad - moved_at_.heading_rad) > kStuckTurn_rad) {
     moved_at_ = state;
     moved_at_s_ = elapsed_s;
   } else if (elapsed_s - moved_at_s_ >= kStuckTime_s) {

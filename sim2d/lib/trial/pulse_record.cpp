@@ -8,8 +8,7 @@
 
 namespace foldcar {
 
-std::vector<PulseChange> record_pulses(const TrialSpec& trial) {
-  const double step_s = 1 / StepOptions{}.rate_hz;
+std::vector<PulseChange> record_pulses(const TrialSpec& trial, double step_s) {
   Parameters parameters = trial.parameters;
   SimHal hal(kLogicBattery_v);
   Application application(hal.hal(), parameters);

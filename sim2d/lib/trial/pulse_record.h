@@ -18,7 +18,7 @@ struct PulseChange {
   PulsesUs pulses_us{};
 };
 
-// The changes up to and including the tick at which the firmware ends the trial. TrialError if it refuses to start it.
-std::vector<PulseChange> record_pulses(const TrialSpec& trial);
+// step_s: the length of the simulator's steps. The changes up to and including the tick at which the firmware ends the trial. TrialError if it refuses to start it.
+std::vector<PulseChange> record_pulses(const TrialSpec& trial, double step_s);
 
 }  // namespace foldcar

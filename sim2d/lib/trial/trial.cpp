@@ -25,14 +25,15 @@ PathRow path_row(const Trial& trial, std::size_t hinges) {
 // The firmware and the car, stepped together: the application ticks whenever its period has passed.
 class Trial::Simulation {
  public:
-  Simulation(const BodySpec& body, const SceneSpec& scene, const Terrain* terrain, const Parameters& parameters,
-             const StepOptions& options, Stopwatch* stopwatch)
+  Simulation(const Engine& engine, const BodySpec& body, const SceneSpec& scene, const Terrain* terrain,
+             const Parameters& parameters, Stopwatch* stopwatch)
       : stopwatch_(stopwatch),
+        step_s_(engine.step_s()),
         parameters_(parameters),
         hal_(kLogicBattery_v),
         application_(hal_.hal(), parameters_),
         own_terrain_(terrain == nullptr ? std::make_unique<const SceneTerrain>(scene.terrain) : nullptr),
-        car_(body, scene.friction, terrain == nullptr ? *own_terrain_ : *terrain, scene.start, options, stopwatch) {
+        car_(engine.put_down(body, scene, terrain == nullptr ? *own_terrain_ : *terrain, stopwatch)) {
     application_.begin();
   }
 
@@ -42,26 +43,27 @@ class Trial::Simulation {
       application_.tick();
       next_tick_us_ += kTickUs;
     }
-    car_.step(hal_.servos.pulses_us());
+    car_->step(hal_.servos.pulses_us());
     ++steps_;
-    hal_.clock.advance_to_us(to_us(static_cast<double>(steps_) * car_.step_s()));
-    if (!car_.finite()) throw TrialError("the simulation left the finite numbers");
+    hal_.clock.advance_to_us(to_us(static_cast<double>(steps_) * step_s_));
+    if (!car_->finite()) throw TrialError("the simulation left the finite numbers");
   }
 
-  double now_s() const { return static_cast<double>(steps_) * car_.step_s(); }
-  double step_s() const { return car_.step_s(); }
-  double hinge_rad(std::size_t hinge) const { return car_.hinge_rad(hinge); }
+  double now_s() const { return static_cast<double>(steps_) * step_s_; }
+  double step_s() const { return step_s_; }
+  double hinge_rad(std::size_t hinge) const { return car_->hinge_rad(hinge); }
   Application& application() { return application_; }
-  const CarState& state() const { return car_.state(); }
+  const CarState& state() const { return car_->state(); }
   std::optional<Ending> ending;  // from the start of the trial on
 
  private:
   Stopwatch* stopwatch_;
+  const double step_s_;
   Parameters parameters_;
   SimHal hal_;
   Application application_;
   std::unique_ptr<const SceneTerrain> own_terrain_;
-  TwinTrackCar car_;
+  std::unique_ptr<SimCar> car_;
   std::uint64_t next_tick_us_ = 0;
   std::uint64_t steps_ = 0;
 };
@@ -79,16 +81,16 @@ const char* text(Outcome outcome) {
   return "fault";
 }
 
-Trial::Trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec, const StepOptions& options,
+Trial::Trial(const Engine& engine, const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec,
              Stopwatch* stopwatch, const Terrain* terrain)
     : scene_(scene),
-      simulation_(std::make_unique<Simulation>(body, scene, terrain, spec.parameters, options, stopwatch)) {
+      simulation_(std::make_unique<Simulation>(engine, body, scene, terrain, spec.parameters, stopwatch)) {
   Simulation& simulation = *simulation_;
   while (simulation.now_s() < kSettling_s) simulation.step();
   start_firmware(simulation.application(), spec);
   start_s_ = simulation.now_s();
   start_energy_j_ = simulation.state().consumed_energy_j;
-  simulation.ending.emplace(scene_, simulation.state());
+  simulation.ending.emplace(scene_, simulation.state(), simulation.application().trial());
   observe();
 }
 
@@ -124,9 +126,9 @@ TrialResult result_at(const Snapshot& at, Outcome outcome) {
   return result;
 }
 
-TrialResult run_trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec,
-                      const StepOptions& options, Stopwatch* stopwatch, const Terrain* terrain) {
-  Trial trial(body, scene, spec, options, stopwatch, terrain);
+TrialResult run_trial(const Engine& engine, const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec,
+                      Stopwatch* stopwatch, const Terrain* terrain) {
+  Trial trial(engine, body, scene, spec, stopwatch, terrain);
   std::vector<PathRow> path;
   double next_path_s = 0;
   for (;;) {

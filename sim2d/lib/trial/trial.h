@@ -13,11 +13,11 @@
 #include <vector>
 
 #include "body_spec.h"
+#include "engine.h"
 #include "metrics.h"
 #include "parameters.h"
 #include "scene_spec.h"
 #include "scoped_timer.h"
-#include "twin_track_car.h"
 
 namespace foldcar {
 
@@ -61,7 +61,7 @@ TrialResult result_at(const Snapshot& at, Outcome outcome);
 class Trial {
  public:
   // Puts the car down, lets it come to rest and starts it. Throws TrialError.
-  Trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec, const StepOptions& options = {},
+  Trial(const Engine& engine, const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec,
         Stopwatch* stopwatch = nullptr, const Terrain* terrain = nullptr);
   ~Trial();
 
@@ -88,8 +88,7 @@ class Trial {
 };
 
 // Runs a trial to its end. Arguments as of Trial. Throws TrialError.
-TrialResult run_trial(const BodySpec& body, const SceneSpec& scene, const TrialSpec& trial,
-                      const StepOptions& options = {}, Stopwatch* stopwatch = nullptr,
-                      const Terrain* terrain = nullptr);
+TrialResult run_trial(const Engine& engine, const BodySpec& body, const SceneSpec& scene, const TrialSpec& trial,
+                      Stopwatch* stopwatch = nullptr, const Terrain* terrain = nullptr);
 
 }  // namespace foldcar

@@ -10,7 +10,7 @@
 
 namespace foldcar {
 
-// Time between putting the car down (it falls by StepOptions::drop_m) and the start of the trial.
+// Time between putting the car down (it falls a little) and the start of the trial.
 constexpr double kSettling_s = 0.25;
 // A charged lithium cell, which the firmware's low-voltage guard reads; the servos have their own supply.
 constexpr double kLogicBattery_v = 4.0;

@@ -14,9 +14,11 @@ from foldcar.car.compiler.graph import Graph, Link, PlacedAxle
 from foldcar.car.compiler.slot import ComponentError
 from foldcar.car.folded.folding import edge, folded
 from foldcar.car.folded.model import Crease, EdgeRef, Face, Join, Mount, Piece, PlacedPiece, Pose
-from foldcar.car.folded.pose import IDENTITY, across_crease, apply, compose, inverse
+from foldcar.car.folded.pose import IDENTITY, across_crease, apply, compose, inverse, translation
 
 Seam = tuple[Link, Edge, Edge, float]
+# Links that make creases of one piece.
+FOLDED = ("fold", "bend", "hinge")
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ def assemble(graph: Graph) -> Assembly:
     fused = fuse(graph)
     found = seams(graph.links, fused)
     owner = {path: first for first, one in fused.items() for path in one.poses}
-    sheets = _sheets(fused, [seam for seam in found if seam[0].kind in ("fold", "hinge")])
+    sheets = _sheets(fused, [seam for seam in found if seam[0].kind in FOLDED])
     home = {first: index for index, sheet in enumerate(sheets) for first in sheet}
     names = _names(sheets)
     tabs = {seam[2]: _Tab(seam, names, home) for seam in found if seam[0].kind == "tab"}
@@ -61,7 +63,7 @@ def assemble(graph: Graph) -> Assembly:
     kept, placed, joins = counted(pieces, places, found_joins)
     mounts = tuple(
         Mount(part.part, part.name, graph.atoms[part.on].body, compose(world[part.on], part.pose), part.size_mm,
-              part.mass_kg, names[owner[part.on]], part.holes)
+              part.mass_kg, names[owner[part.on]], part.holes, part.solids, part.accesses)
         for part in graph.parts
     )  # fmt: skip
     axles = tuple((axle, graph.atoms[axle.on].body, apply(world[axle.on], *axle.center_mm)) for axle in graph.axles)
@@ -137,7 +139,7 @@ def _piece(
     order = {first: i for i, first in enumerate(sheet)}
     creases = []
     for link, a, b, _ in found:
-        if link.kind not in ("fold", "hinge") or a[0] not in members:
+        if link.kind not in FOLDED or a[0] not in members:
             continue
         parent, child = (a, b) if order[a[0]] < order[b[0]] else (b, a)
         bends = link.kind == "hinge"
@@ -145,7 +147,7 @@ def _piece(
             order[child[0]],
             Crease(
                 f"{names[parent[0]]} to {names[child[0]]}", _ref(parent, names), _ref(child, names), link.angle_rad,
-                bends, link.min_rad if bends else None, link.max_rad if bends else None,
+                bends, link.min_rad if bends else None, link.max_rad if bends else None, link.kind == "bend",
             ),
         ))  # fmt: skip
     creases.sort(key=lambda pair: pair[0])
@@ -187,7 +189,8 @@ def _root_poses(
     for link, edge_a, edge_b, _ in found:
         if link.kind == "tab" and home[edge_a[0]] != home[edge_b[0]]:
             ends = [edge({e[0]: fused[e[0]].face}, EdgeRef(e[0], e[1])) for e in (edge_a, edge_b)]
-            add(edge_a[0], edge_b[0], across_crease(ends[0], ends[1], link.angle_rad))
+            over = translation(0, 0, link.inset_mm)
+            add(edge_a[0], edge_b[0], compose(over, across_crease(ends[0], ends[1], link.angle_rad)))
     path, pose = graph.origin or (next(iter(graph.atoms)), IDENTITY)
     first = owner[path]
     start = compose(pose, inverse(fused[first].poses[path]), inverse(local(first)))
@@ -209,20 +212,15 @@ def _joins(
     graph: Graph, fused: dict[str, Fused], owner: dict[str, str], tabs: dict[Edge, _Tab], home: dict[str, int],
     pieces: list[Piece], names: dict[str, str],
 ) -> list[tuple[Join, int, int]]:  # fmt: skip
-    """Joins with the indices of their two pieces. All tabs between a rim and one disc share a number."""
+    """Joins with the indices of their two pieces."""
     joins: list[tuple[Join, int, int]] = []
-    rims: dict[tuple[int, int], int] = {}
     number = 0
     for tab in tabs.values():
         pair = (home[tab.b[0]], home[tab.a[0]])
-        around = fused[tab.b[0]].face.role == "rim" and not tab.own_piece
-        if not around or pair not in rims:
-            number += 1
-            rims[pair] = number
-        kind: Literal["rim", "lap", "tab"] = "rim" if around else "lap" if tab.own_piece else "tab"
+        number += 1
+        kind: Literal["lap", "tab"] = "lap" if tab.own_piece else "tab"
         a, b = EdgeRef(tab.face.name, 0), _ref(tab.a, names)
-        join = Join(rims[pair] if around else number, kind, pieces[pair[0]].name, a, pieces[pair[1]].name, b, tab.length)
-        joins.append((join, *pair))
+        joins.append((Join(number, kind, pieces[pair[0]].name, a, pieces[pair[1]].name, b, tab.length), *pair))
     for placement in graph.placements:
         first, on = owner[placement.face], owner[placement.on]
         pair = (home[first], home[on])
@@ -241,4 +239,29 @@ def _joins(
             refs = EdgeRef(names[first], 0), EdgeRef(names[on], 0)
             join = Join(number, "laminate", pieces[pair[0]].name, refs[0], pieces[pair[1]].name, refs[1], 0.0)
             joins.append((join, *pair))
-    return joins
+    return joins + _contacts(graph, fused, owner, home, pieces, names, number)
+
+
+def _contacts(
+    graph: Graph, fused: dict[str, Fused], owner: dict[str, str], home: dict[str, int], pieces: list[Piece],
+    names: dict[str, str], last: int,
+) -> list[tuple[Join, int, int]]:  # fmt: skip
+    """Joins of faces that are in their places already.
+
+    Edges that tuck into the same one share a number, as do all hooks of one strip in one disc.
+    """
+    joins: dict[tuple[object, ...], tuple[Join, int, int]] = {}
+    numbers: dict[object, int] = {}
+    for contact in graph.contacts:
+        a, b = ((owner[path], fused[owner[path]].edges.get((path, index), 0)) for path, index in (contact.a, contact.b))
+        seam: object = ("tuck", a[0], b) if contact.kind == "tuck" else contact
+        if fused[a[0]].face.role == "rim":
+            seam = (contact.kind, home[a[0]], home[b[0]])
+        number = numbers.setdefault(seam, last + len(numbers) + 1)
+        length = 0.0 if contact.kind == "laminate" else graph.edge_length_mm(contact.a)
+        pair = (home[a[0]], home[b[0]])
+        refs = _ref(a, names), _ref(b, names)
+        ends = (pieces[pair[0]].name, refs[0], pieces[pair[1]].name, refs[1])
+        join = Join(number, contact.kind, *ends, length, contact.slot)
+        joins.setdefault((contact.kind, a, b, contact.slot), (join, *pair))
+    return list(joins.values())

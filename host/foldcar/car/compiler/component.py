@@ -14,6 +14,7 @@ from foldcar.car.compiler.graph import Graph
 from foldcar.car.compiler.parameter import Parameter
 from foldcar.car.compiler.shape import Shape
 from foldcar.car.compiler.slot import ComponentError, Slot
+from foldcar.car.parts.catalogue import Catalogue, catalogue
 
 Expression = Callable[["Component"], float]
 
@@ -43,19 +44,22 @@ class Equal:
 
 
 class Component:
-    """The base class of all that is folded, cut or bought: subclasses declare parameters and override ``build``."""
+    """The base class of all that is folded, cut or bought: subclasses declare parameters and override ``build``.
+
+    ``parts`` are the chosen parts, those of the whole car.
+    """
 
     parameters: ClassVar[tuple[Parameter, ...]] = ()
 
-    def __init__(self, path: str = "", body: str = "") -> None:
-        self.path, self.body = path, body
-        self.slots = {parameter.name: Slot(parameter, self._under(parameter.name)) for parameter in self.parameters}
+    def __init__(self, path: str = "", body: str = "", parts: Catalogue | None = None) -> None:
+        self.path, self.body, self.parts = path, body, parts or catalogue()
+        self.slots = {one.name: Slot(one, self._under(one.name), self.parts) for one in self.parameters}
         self._subs = sorted(self.subcomponents(), key=lambda sub: not sub.root)
         self.children: dict[str, Component] = {}
         for sub in self._subs:
             if sub.name in self.children:
                 raise ComponentError(path, f'two subcomponents are called "{sub.name}"')
-            self.children[sub.name] = sub.kind(self._under(sub.name), sub.body or body)
+            self.children[sub.name] = sub.kind(self._under(sub.name), sub.body or body, self.parts)
             self._bind(sub, self.children[sub.name])
         for rule in self.constraints():
             self.slot(rule.a).unite(self.slot(rule.b))
@@ -130,4 +134,4 @@ def build(component: Component) -> Graph:
 def _build(component: Component, graph: Graph) -> None:
     for child in component.children.values():
         _build(child, graph)
-    component.build(Shape(component.path, component.body, graph))
+    component.build(Shape(component.path, component.body, graph, component.parts))

@@ -165,11 +165,11 @@ def seams(links: Iterable[Link], fused: dict[str, Fused]) -> list[tuple[Link, Ed
         if (a, b) in found:
             continue
         lengths = [_length(fused[edge[0]].face, edge[1]) for edge in (a, b)]
-        if abs(lengths[0] - lengths[1]) > 1e-4:
+        if abs(lengths[0] - lengths[1] - 2 * link.inset_mm) > 1e-4:
             raise ComponentError(
                 link.a[0], f"meets {link.b[0]} in edges of {lengths[0]:g} and {lengths[1]:g} mm once they are fused"
             )
-        found[a, b] = (link, a, b, lengths[0])
+        found[a, b] = (link, a, b, lengths[1])
     return list(found.values())
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from foldcar.car.compiler.slot import ComponentError
-from foldcar.car.folded.model import Hole, Point, Pose, Wire
+from foldcar.car.folded.model import Access, Hole, JoinKind, Point, Pose, Solid, Wire
 
-LinkKind = Literal["fold", "rigid", "hinge", "tab"]
+LinkKind = Literal["fold", "bend", "rigid", "hinge", "tab"]
 
 
 @dataclass
@@ -20,7 +20,7 @@ class Atom:
     path: str
     outline_mm: tuple[Point, ...]
     edges: tuple[str, ...]
-    role: Literal["panel", "rim"]
+    role: Literal["panel", "tab", "rim"]
     piece: str
     thickness_mm: float
     body: str
@@ -31,7 +31,7 @@ class Atom:
 class Link:
     """Two edges (face path, index) that meet at ``angle_rad``. A tab grows from edge ``b`` and is glued at edge ``a``.
 
-    ``depth_mm`` and ``mitre`` describe a tab (see Shape.connect), ``min_rad`` and ``max_rad`` a hinge.
+    ``depth_mm``, ``mitre`` and ``inset_mm`` describe a tab (see Shape.connect), ``min_rad`` and ``max_rad`` a hinge.
     """
 
     kind: LinkKind
@@ -42,6 +42,7 @@ class Link:
     mitre: float = 1.0
     min_rad: float = 0.0
     max_rad: float = 0.0
+    inset_mm: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,19 @@ class Placement:
 
 
 @dataclass(frozen=True)
+class Contact:
+    """A join between faces that other links and placements have put in their places: edges, or the face of ``b``.
+
+    ``slot`` is the hole of b's face that the tongue with tip ``a`` goes through.
+    """
+
+    kind: JoinKind
+    a: tuple[str, int]
+    b: tuple[str, int]
+    slot: str | None = None
+
+
+@dataclass(frozen=True)
 class PlacedPart:
     """A bought part: the pose of its box's centre in the frame of the face ``on``; ``holes`` are its screw holes."""
 
@@ -69,6 +83,8 @@ class PlacedPart:
     size_mm: tuple[float, float, float]
     mass_kg: float
     holes: tuple[str, ...]
+    solids: tuple[Solid, ...] = ()
+    accesses: tuple[Access, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -90,6 +106,7 @@ class Graph:
     atoms: dict[str, Atom] = field(default_factory=dict)
     links: list[Link] = field(default_factory=list)
     placements: list[Placement] = field(default_factory=list)
+    contacts: list[Contact] = field(default_factory=list)
     parts: list[PlacedPart] = field(default_factory=list)
     axles: list[PlacedAxle] = field(default_factory=list)
     wires: list[Wire] = field(default_factory=list)

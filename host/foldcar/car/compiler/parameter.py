@@ -1,9 +1,13 @@
 """A component's parameter: a number with its unit, default, limits and the reason for its lower limit."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from foldcar.car.parts.catalogue import Catalogue, catalogue
+
+# Computed limits carry errors of rounding.
+ROUNDING = 1e-9
 
 # A number, or a function that computes it from the parts catalogue.
 Number = float | Callable[[Catalogue], float]
@@ -28,22 +32,41 @@ class Parameter:
 
     @property
     def default_value(self) -> float:
-        """The default, computed from the parts catalogue if it depends on it."""
-        return _number(self.default)
+        """The default, with the default parts if it depends on them."""
+        return _number(self.default, catalogue())
 
     @property
     def least(self) -> float:
-        """The minimum, computed from the parts catalogue if it depends on it."""
-        return _number(self.minimum)
+        """The minimum, with the default parts if it depends on them."""
+        return _number(self.minimum, catalogue())
 
-    def complaint(self, value: float) -> str | None:
-        """The error message for a value outside the limits, or None."""
-        if not value >= self.least:
-            return f"{value:g} is below the minimum {self.least:g} ({self.reason})"
-        if not value <= self.maximum:
-            return f"{value:g} is above the maximum {self.maximum:g}"
+    def default_with(self, parts: Catalogue) -> float:
+        """The default with these parts."""
+        return _number(self.default, parts)
+
+    def least_with(self, parts: Catalogue) -> float:
+        """The minimum with these parts."""
+        return _number(self.minimum, parts)
+
+    def complaint(self, value: float, parts: Catalogue) -> str | None:
+        """The error message for a value outside the limits with these parts, or None."""
+        least = self.least_with(parts)
+        if not value >= least - ROUNDING:
+            return f"{value:g} is below the minimum {at_least(least)} ({self.reason})"
+        if not value <= self.maximum + ROUNDING:
+            return f"{value:g} is above the maximum {at_most(self.maximum)}"
         return None
 
 
-def _number(number: Number) -> float:
-    return float(number(catalogue())) if callable(number) else float(number)
+def at_least(limit: float) -> str:
+    """A lower limit as text, rounded so that a value like it is not below."""
+    return f"{math.ceil(limit * 1000 - 1e-6) / 1000:.10g}"
+
+
+def at_most(limit: float) -> str:
+    """An upper limit as text, rounded so that a value like it is not above."""
+    return f"{math.floor(limit * 1000 + 1e-6) / 1000:.10g}"
+
+
+def _number(number: Number, parts: Catalogue) -> float:
+    return float(number(parts)) if callable(number) else float(number)

@@ -9,11 +9,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from foldcar.car.compiler.graph import Atom, Graph, Link, LinkKind, PlacedAxle, PlacedPart, Placement
+from foldcar.car.compiler.graph import Atom, Contact, Graph, Link, LinkKind, PlacedAxle, PlacedPart, Placement
 from foldcar.car.compiler.slot import ComponentError
-from foldcar.car.folded.model import Hole, HoleKind, Point, Pose
+from foldcar.car.folded.model import Access, Hole, HoleKind, Point, Pose, Solid
 from foldcar.car.folded.pose import translation
-from foldcar.car.parts.catalogue import BoxPart, catalogue
+from foldcar.car.parts.catalogue import Catalogue
+from foldcar.car.parts.quantity import BoxPart
 
 RECTANGLE_EDGES = ("near", "front", "far", "rear")
 CIRCLE_POINTS = 48
@@ -23,12 +24,13 @@ _CIRCLE = [
 # Tolerance on the equality of the lengths of two joined edges.
 LENGTH_TOLERANCE_MM = 1e-6
 
+
 class Shape:
     """Writes one component's faces, parts and axles into the graph; all paths are relative to that component."""
 
-    def __init__(self, name: str, body: str, graph: Graph) -> None:
+    def __init__(self, name: str, body: str, graph: Graph, parts: Catalogue) -> None:
         """``name`` is the component's path, ``body`` the rigid body that its faces belong to."""
-        self.name, self._body, self.graph = name, body, graph
+        self.name, self._body, self.graph, self.parts = name, body, graph, parts
 
     def face(
         self,
@@ -37,7 +39,7 @@ class Shape:
         edges: Sequence[str] | None = None,
         *,
         piece: str = "",
-        role: Literal["panel", "rim"] = "panel",
+        role: Literal["panel", "tab", "rim"] = "panel",
         thickness_mm: float | None = None,
         body: str | None = None,
     ) -> None:
@@ -46,7 +48,7 @@ class Shape:
         ``piece`` names the piece whose root this face becomes. ComponentError for a second face of that name, a wrong
         count of edge names or an outline that runs clockwise.
         """
-        path = self._path(name)
+        path = self.path(name)
         if path in self.graph.atoms:
             raise ComponentError(path, "there is a face of that name already")
         names = tuple(edges) if edges is not None else tuple(str(i) for i in range(len(outline_mm)))
@@ -54,7 +56,7 @@ class Shape:
             raise ComponentError(path, f"has {len(outline_mm)} edges and {len(names)} names for them")
         if _area(outline_mm) <= 0:
             raise ComponentError(path, "its outline does not run counter-clockwise around an area")
-        thickness = catalogue().film.thickness_mm.value if thickness_mm is None else thickness_mm
+        thickness = self.parts.film.thickness_mm.value if thickness_mm is None else thickness_mm
         body = self._body if body is None else body
         self.graph.atoms[path] = Atom(path, tuple(outline_mm), names, role, piece, thickness, body)
 
@@ -69,14 +71,18 @@ class Shape:
         """Cut a rectangle with sides along x and y of the face; returns its full name."""
         (x, y), a, b = center_mm, length_mm / 2, width_mm / 2
         outline = ((x - a, y - b), (x + a, y - b), (x + a, y + b), (x - a, y + b))
-        return self._hole(face, Hole(self._path(name), kind, outline, None, center_mm))
+        return self._hole(face, Hole(self.path(name), kind, outline, None, center_mm))
 
     def round_hole(self, face: str, name: str, kind: HoleKind, center_mm: Point, diameter_mm: float) -> str:
         """Cut a circle; returns its full name."""
         x, y = center_mm
         r = diameter_mm / 2
         outline = tuple((x + r * c, y + r * s) for c, s in _CIRCLE)
-        return self._hole(face, Hole(self._path(name), kind, outline, diameter_mm, center_mm))
+        return self._hole(face, Hole(self.path(name), kind, outline, diameter_mm, center_mm))
+
+    def polygon_hole(self, face: str, name: str, kind: HoleKind, outline_mm: Sequence[Point]) -> None:
+        """Cut a polygon, counter-clockwise."""
+        self._hole(face, Hole(self.path(name), kind, tuple(outline_mm)))
 
     def connect(
         self,
@@ -87,23 +93,25 @@ class Shape:
         *,
         depth_mm: float = 0.0,
         mitre: float = 1.0,
+        inset_mm: float = 0.0,
         limits_rad: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Join two edges of equal length: folded by the angle, fused flat, hinged, or by a tab on ``b`` glued to ``a``.
+        """Join two edges of equal length: folded or bent by the angle, fused flat, hinged, or by a tab of ``b`` on ``a``.
 
         ``depth_mm`` is a tab's depth, ``mitre`` the inset of its ends per depth (mm/mm), ``limits_rad`` a hinge's range.
+        A tab lies ``inset_mm`` above the face it is glued to, and its edge may be shorter by twice as much.
         ComponentError if the lengths differ or an edge is joined already.
         """
         first, second = self._edge(a), self._edge(b)
         lengths = [self.graph.edge_length_mm(edge) for edge in (first, second)]
-        if abs(lengths[0] - lengths[1]) > LENGTH_TOLERANCE_MM:
+        if abs(lengths[0] - lengths[1] - 2 * inset_mm) > LENGTH_TOLERANCE_MM:
             raise ComponentError(
                 self.graph.edge_path(first),
                 f"is {lengths[0]:g} mm long, {self.graph.edge_path(second)} is {lengths[1]:g} mm: "
                 f"a {kind} joins edges of equal length",
             )
         angle = math.radians(angle_deg)
-        self.graph.add(Link(kind, first, second, angle, depth_mm, mitre, *limits_rad))
+        self.graph.add(Link(kind, first, second, angle, depth_mm, mitre, *limits_rad, inset_mm))
 
     def laminate(self, face: str, on: str, pose: Pose) -> None:
         """Glue the face flat onto the face ``on``, at that pose in the frame of ``on``."""
@@ -112,22 +120,49 @@ class Shape:
     def put_through(self, face: str, on: str, pose: Pose, tongues: Mapping[str, tuple[str, str]]) -> None:
         """Place ``face`` at that pose in the frame of ``on``; ``tongues``: its edges → (face, slot) they go through."""
         slots = tuple(
-            (*self._edge(f"{face}.{edge}"), self._face(other), self._path(slot))
+            (*self._edge(f"{face}.{edge}"), self._face(other), self.path(slot))
             for edge, (other, slot) in tongues.items()
         )
         self.graph.placements.append(Placement(self._face(face), self._face(on), pose, "tab_slot", slots))
 
+    def place(self, face: str, on: str, pose: Pose) -> None:
+        """Set a face's pose in the frame of the face ``on``, without a join."""
+        self.graph.placements.append(Placement(self._face(face), self._face(on), pose, None))
+
+    def lock(self, tongue: str, face: str, slot: str, kind: Literal["lock", "tab_slot"] = "lock") -> None:
+        """Let the tongue whose tip is the edge ``tongue`` go through a hole of ``face``; a lock can be opened again."""
+        self.graph.contacts.append(Contact(kind, self._edge(tongue), (self._face(face), 0), self.path(slot)))
+
+    def hook(self, tip: str, notch: str) -> None:
+        """Let the neck behind the edge ``tip`` lie in a notch, whose bottom is the edge ``notch``."""
+        self.graph.contacts.append(Contact("rim", self._edge(tip), self._edge(notch)))
+
+    def tuck(self, edge: str, inside: str) -> None:
+        """Let an edge lie loosely inside another one."""
+        self.graph.contacts.append(Contact("tuck", self._edge(edge), self._edge(inside)))
+
+    def stick(self, face: str, on: str) -> None:
+        """Glue a face onto the face ``on``, on which folds have put it."""
+        self.graph.contacts.append(Contact("laminate", (self._face(face), 0), (self._face(on), 0)))
+
     def part(self, part: BoxPart, name: str, on: str, center_mm: tuple[float, float, float], *,
-             turned: bool = False, holes: Sequence[str] = ()) -> None:  # fmt: skip
+             turned: bool = False, holes: Sequence[str] = (), solids: Sequence[Solid] = (),
+             accesses: Sequence[Access] = ()) -> None:  # fmt: skip
         """Add a bought part of the catalogue, its height along the face's z; ``turned`` puts its length along y."""
         sizes = (part.length_mm.value, part.width_mm.value, part.height_mm.value)
         size = (sizes[1], sizes[0], sizes[2]) if turned else sizes
-        self.box(part.name, name, on, translation(*center_mm), size, part.mass_kg.value, holes)
+        pose = translation(*center_mm)
+        self.box(part.name, name, on, pose, size, part.mass_kg.value, holes, solids, accesses)
 
     def box(self, part: str, name: str, on: str, pose: Pose, size_mm: tuple[float, float, float],
-            mass_kg: float, holes: Sequence[str] = ()) -> None:  # fmt: skip
-        """Add a bought part of that size (x, y, z); ``pose`` is that of its centre in the frame of the face ``on``."""
-        found = PlacedPart(part, name, self._face(on), pose, size_mm, mass_kg, tuple(holes))
+            mass_kg: float, holes: Sequence[str] = (), solids: Sequence[Solid] = (),
+            accesses: Sequence[Access] = ()) -> None:  # fmt: skip
+        """Add a bought part of that size (x, y, z); ``pose`` is that of its centre in the frame of the face ``on``.
+
+        ``solids`` and ``accesses`` are given in the frame of its centre.
+        """
+        on_face, shown = self._face(on), (tuple(solids), tuple(accesses))
+        found = PlacedPart(part, name, on_face, pose, size_mm, mass_kg, tuple(holes), *shown)
         self.graph.parts.append(found)
 
     def axle(self, on: str, servo: str, side: Literal["left", "right"], center_mm: tuple[float, float, float],
@@ -146,15 +181,20 @@ class Shape:
         xs, ys = zip(*outline, strict=True)
         return (max(xs) - min(xs), max(ys) - min(ys))
 
+    def edges(self, face: str) -> tuple[str, ...]:
+        """The names of a face's edges."""
+        return self.graph.atoms[self._face(face)].edges
+
     def _hole(self, face: str, hole: Hole) -> str:
         self.graph.atoms[self._face(face)].holes.append(hole)
         return hole.name
 
-    def _path(self, name: str) -> str:
+    def path(self, name: str) -> str:
+        """The full path of a face, hole or part of this component."""
         return f"{self.name}.{name}" if self.name else name
 
     def _face(self, name: str) -> str:
-        path = self._path(name)
+        path = self.path(name)
         if path not in self.graph.atoms:
             raise ComponentError(self.name, f'has no face "{name}"')
         return path

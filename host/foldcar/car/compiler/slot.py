@@ -5,6 +5,7 @@ error that names both.
 """
 
 from foldcar.car.compiler.parameter import Parameter
+from foldcar.car.parts.catalogue import Catalogue
 from foldcar.errors import FoldcarError
 
 # Values that differ by less than this, a rounding error, are equal.
@@ -23,8 +24,8 @@ class ComponentError(FoldcarError):
 class Slot:
     """The variable that holds one parameter's value; united slots share one value."""
 
-    def __init__(self, parameter: Parameter, path: str) -> None:
-        self.parameter, self.path = parameter, path
+    def __init__(self, parameter: Parameter, path: str, parts: Catalogue) -> None:
+        self.parameter, self.path, self.parts = parameter, path, parts
         self._value: float | None = None
         self._source = ""
         self._same: Slot | None = None
@@ -56,8 +57,8 @@ class Slot:
         """The value, or the default if none was assigned; ComponentError outside the limits of this slot's parameter."""
         head = self.head
         if head._value is None:
-            head._value, head._source = head.parameter.default_value, f"{head.path} (its default)"
-        complaint = self.parameter.complaint(head._value)
+            head._value, head._source = head.parameter.default_with(head.parts), f"{head.path} (its default)"
+        complaint = self.parameter.complaint(head._value, self.parts)
         if complaint:
             raise ComponentError(self.path, complaint, self)
         return head._value

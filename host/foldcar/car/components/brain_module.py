@@ -1,22 +1,31 @@
 """The body module B; the first B of a car carries the electronics.
 
-The LiPo lies on the floor under a deck, the board stack stands on the deck. The servos' battery hangs under the lid,
-where its cells can be changed; where the car is too low for that, it lies on the floor behind the boards.
+The boards stand on a bridge over the LiPo, USB behind a hole of the left wall. The servos' battery stands on the floor
+behind or before them, or on the roof; both may reach into the free floor of the neighbouring modules.
 """
 
+import math
 from collections.abc import Sequence
+from typing import ClassVar
 
 from foldcar.car.compiler.component import Sub
 from foldcar.car.compiler.parameter import Parameter
 from foldcar.car.compiler.shape import Shape
+from foldcar.car.components.boards import mouth_mm, plug_room_mm
 from foldcar.car.components.box_beam import wall_mm
-from foldcar.car.components.deck import Deck
+from foldcar.car.components.bridge import Bridge, usb_height_mm
 from foldcar.car.components.dimensions import HEIGHT, WIDTH
 from foldcar.car.components.module import Module
+from foldcar.car.components.room import Layout, Span, layouts
 from foldcar.car.folded.model import Wire
-from foldcar.car.parts.catalogue import catalogue
+from foldcar.car.parts.catalogue import Catalogue
 
 LENGTH = Parameter("length", 80, 10, 400, "length of a body module", "a strip that can be folded")
+# Set by the car: the free floor of the neighbours, less than 0 if an end cap's tab lies there, and where USB may be.
+FLOOR_FRONT = Parameter("floor_front", 0, -1000, 2000, "free floor before the module", "none", internal=True)
+FLOOR_REAR = Parameter("floor_rear", 0, -1000, 2000, "free floor behind the module", "none", internal=True)
+USB_LOW = Parameter("usb_low", -1000, -4000, 4000, "the tyres behind USB, from the rear", "none", internal=True)
+USB_HIGH = Parameter("usb_high", 1000, -4000, 4000, "the tyres before USB, from the rear", "none", internal=True)
 
 
 class BrainModule(Module):
@@ -24,117 +33,107 @@ class BrainModule(Module):
 
     letter = "B"
     title = "body module: electronics and batteries"
-    parameters = (WIDTH, HEIGHT, LENGTH)
+    parameters: ClassVar[tuple[Parameter, ...]] = (WIDTH, HEIGHT, LENGTH)
 
 
 class ElectronicsModule(BrainModule):
-    """The body module that carries boards and batteries on a deck."""
+    """The body module that carries boards and batteries."""
+
+    parameters = (WIDTH, HEIGHT, LENGTH, FLOOR_FRONT, FLOOR_REAR, USB_LOW, USB_HIGH)
 
     def subcomponents(self) -> Sequence[Sub]:
-        """The beam, and a deck as long as the boards."""
+        """The beam, and the bridge that carries the boards."""
         return (
             *super().subcomponents(),
-            Sub("deck", Deck, inherit=("width",), settings={"length": lambda _: stack_length_mm()}),
+            Sub("bridge", Bridge, settings={"side": lambda module: module.layout.side}),  # type: ignore[attr-defined]
         )
 
     def build(self, shape: Shape) -> None:
         """Place the parts in the floor's frame: x from the rear, y from the right wall, z from the middle surface."""
-        parts = catalogue()
-        film, assembly = parts.film.thickness_mm.value, parts.assembly
-        room, across = self["length"], wall_mm(self["width"])
-        battery_x, stack_x, under_lid, turned = self._arrange()
-        middle = across / 2
+        parts, assembly, layout = self.parts, self.parts.assembly, self.layout
+        x = layout.boards_mm(self["length"] / 2)
+        film, across = parts.film.thickness_mm.value, wall_mm(self["width"], parts)
         bottom = film / 2
-        shape.part(parts.lipo, parts.lipo.name, "beam.floor", (stack_x, middle, bottom + parts.lipo.height_mm.value / 2))
-        shelf_z = bottom + parts.lipo.height_mm.value + assembly.shelf_clearance_mm.value + film / 2
-        deck = self.children["deck"]
-        assert isinstance(deck, Deck)
-        deck.insert(shape, "deck", "beam.floor", ("beam.left", "beam.right"), stack_x - stack_length_mm() / 2, shelf_z)
-        shelf_middle = (stack_length_mm() / 2, middle - deck.gap_mm)
-        holes = self._board_holes(shape, shelf_middle)
-        height = film / 2
-        for board in (parts.feather, parts.featherwing):
-            at = (*shelf_middle, height + board.height_mm.value / 2)
-            shape.part(board, board.name, "deck.shelf", at, holes=holes if board is parts.feather else ())
-            height += board.height_mm.value
-        half = parts.battery.height_mm.value / 2
-        z = wall_mm(self["height"]) - film / 2 - half if under_lid else film / 2 + half
-        shape.part(parts.battery, parts.battery.name, "beam.floor", (battery_x, middle, z), turned=turned)
-        wires_z = wall_mm(self["height"]) / 2
-        shape.part(parts.wiring, parts.wiring.name, "beam.floor", (room / 2, middle, wires_z))
-        shape.graph.wires += _power_wires()
+        y = across - film / 2 - assembly.usb_inside_mm.value - mouth_mm(parts)
+        bridge = self.children["bridge"]
+        assert isinstance(bridge, Bridge)
+        bridge.insert(shape, "bridge", "beam.floor", x, y)
+        lipo = (layout.lipo_mm(x), bridge.middle_mm(y), bottom + parts.lipo.height_mm.value / 2)
+        shape.part(parts.lipo, parts.lipo.name, "beam.floor", lipo, turned=True)
+        hole = plug_room_mm(parts.plugs.usb) + 2 * assembly.slot_clearance_mm.value
+        shape.round_hole("beam.left", "USB", "opening", (x, usb_height_mm(parts)), hole)
+        self._battery(shape, layout, x, y)
+        wires = (self["length"] / 2, across / 2, wall_mm(self["height"], parts) / 2)
+        shape.part(parts.wiring, parts.wiring.name, "beam.floor", wires)
+        shape.graph.wires += _power_wires(parts)
 
-    def _board_holes(self, shape: Shape, middle: tuple[float, float]) -> list[str]:
-        feather = catalogue().feather
-        a, b = feather.hole_spacing_length_mm.value / 2, feather.hole_spacing_width_mm.value / 2
-        return [
-            shape.round_hole("deck.shelf", f"board screw {i + 1}", "screw", (middle[0] + x, middle[1] + y),
-                             feather.hole_mm.value)
-            for i, (x, y) in enumerate(((-a, -b), (a, -b), (a, b), (-a, b)))
-        ]  # fmt: skip
+    def _battery(self, shape: Shape, layout: Layout, boards_x: float, boards_y: float) -> None:
+        """Stand the battery on its pad onto the floor or the roof, across the car where it balances the boards."""
+        parts, film, across = self.parts, self.parts.film.thickness_mm.value, wall_mm(self["width"], self.parts)
+        battery, pad, roof = parts.battery, parts.pad, parts.battery_place == "roof"
+        light = sum(part.mass_kg.value for part in (parts.feather, parts.featherwing, parts.lipo))
+        reach = (across - film - (battery.length_mm if layout.turned else battery.width_mm).value) / 2
+        off = (boards_y - across / 2) * light / battery.mass_kg.value
+        y = across / 2 - min(max(off, -reach), reach)
+        x = self["length"] / 2 if roof else layout.battery_mm(boards_x)
+        up = film / 2
+        for part in (pad, battery):
+            height = part.height_mm.value
+            # The lid's printed side faces down, its y runs from the left wall.
+            at = (x, across - y, -up - height / 2) if roof else (x, y, up + height / 2)
+            shape.part(part, part.name, "beam.lid" if roof else "beam.floor", at, turned=layout.turned)
+            up += height
+        if roof:
+            self._lead(shape, x + battery.width_mm.value / 2)
 
-    def _arrange(self) -> tuple[float, float, bool, bool]:
-        """x of battery and boards from the rear (mm), whether the battery hangs from the lid, whether it is turned.
+    def _lead(self, shape: Shape, end_mm: float) -> None:
+        """Cut a hole for the battery's lead into the lid, before the battery and near the left wall."""
+        hole, edge = self.parts.assembly.lead_hole_mm.value, self.parts.assembly.fold_distance_mm.value
+        x, least = end_mm + edge + hole / 2, 2 * (end_mm + 2 * edge + hole) - self["length"]
+        if least > self["length"]:
+            what = f"the {self.parts.battery.name} on the roof and its lead"
+            raise self.misfit("length", _too_small(self["length"], least, what))
+        shape.round_hole("beam.lid", "lead", "slit", (x, edge + hole), hole)
 
-        ComponentError if the module is too short or too low for them.
-        """
-        parts = catalogue()
-        film = parts.film.thickness_mm.value
-        battery = parts.battery
-        room, width = self["length"], self["width"]
-        inside, stack, length = self["height"] - 2 * film, stack_height_mm(), stack_length_mm()
-        under_lid = stack + battery.height_mm.value <= inside
-        for_battery = room if under_lid else room - length
-        turned = battery.length_mm.value > for_battery
-        along, across = battery.length_mm.value, battery.width_mm.value
-        if turned:
-            along, across = across, along
-        if inside < stack:
-            raise self.misfit("height", _too_small(self["height"], stack + 2 * film, "the board stack"))
-        if for_battery < along or room < length:
-            needed = max(length, along) if under_lid else length + along
-            what = "the batteries and boards"
-            if not under_lid:
-                what = f"the battery behind the boards at height {self['height']:g}"
-            raise self.misfit("length", _too_small(room, needed, what))
-        if width - 2 * film < across:
-            what = f"the {battery.name} at B.length {room:g}"
-            raise self.misfit("width", _too_small(width, across + 2 * film, what))
-        if under_lid:
-            return room / 2, room / 2, True, turned
-        return along / 2, room - length / 2, False, turned
-
-
-def stack_length_mm() -> float:
-    """Length of the stack (mm): that of its longest part."""
-    parts = catalogue()
-    return max(part.length_mm.value for part in (parts.lipo, parts.feather, parts.featherwing))
+    @property
+    def layout(self) -> Layout:
+        """How boards and battery lie; ComponentError if there is no place for them."""
+        film, length = self.parts.film.thickness_mm.value, self["length"]
+        floor = Span(-self["floor_rear"], length + self["floor_front"])
+        tyres = Span(self["usb_low"], self["usb_high"])
+        found = list(layouts(self.parts, floor, tyres, self["width"] - 2 * film))
+        battery = self.parts.battery
+        if not found:
+            least = min(battery.length_mm.value, battery.width_mm.value) + 2 * film
+            raise self.misfit("width", _too_small(self["width"], least, battery.name))
+        possible = [layout for layout in found if layout.missing_mm <= 0]
+        if possible:
+            return min(possible, key=lambda layout: abs(layout.boards_mm(length / 2) - length / 2))
+        best = min(found, key=lambda layout: layout.missing_mm)
+        what = "the boards" if best.along_mm == 0 else f"the boards and the {battery.name}"
+        if all(not layout.turned for layout in found):
+            what += f" lengthwise at width {self['width']:g}"
+        if best.boards.low == tyres.low or best.boards.high == tyres.high:
+            what += ", with a USB plug clear of the tyres"
+        raise self.misfit("length", _too_small(length, length + best.missing_mm, what))
 
 
-def stack_height_mm() -> float:
-    """Height of the stack (mm): LiPo, nuts, deck and boards."""
-    parts = catalogue()
-    boards = parts.feather.height_mm.value + parts.featherwing.height_mm.value
-    under = parts.lipo.height_mm.value + parts.assembly.shelf_clearance_mm.value
-    return under + parts.film.thickness_mm.value + boards
-
-
-def _power_wires() -> list[Wire]:
-    parts = catalogue()
-    feather, wing = parts.feather.name, parts.featherwing.name
+def _power_wires(parts: Catalogue) -> list[Wire]:
+    feather, wing, switch = parts.feather.name, parts.featherwing.name, parts.switch.name
     return [
         Wire(f"{feather} headers", f"{wing} headers", "stack", "the wing sits on the Feather: I2C on SDA 23 and SCL 22"),
         Wire(f"{parts.lipo.name}", f"{feather} JST", "supply", "3.7 V for the processor"),
         Wire(
             f"{parts.battery.name} +",
-            f"{wing} terminal +",
+            f"{switch} 1",
             "supply",
             f"{parts.battery.supply_v.value:g} V for the servos",
         ),
+        Wire(f"{switch} 2", f"{wing} terminal +", "supply", "switched"),
         Wire(f"{parts.battery.name} -", f"{wing} terminal -", "supply", "ground"),
         Wire(f"{feather} USB", "computer", "usb", "to flash, and for trials by cable"),
     ]
 
 
 def _too_small(value: float, needed: float, what: str) -> str:
-    return f"{value:g} is below the minimum {needed:g} ({what})"
+    return f"{value:g} is below the minimum {math.ceil(needed * 10 - 1e-6) / 10:g} ({what})"

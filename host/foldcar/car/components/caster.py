@@ -8,7 +8,6 @@ import math
 from foldcar.car.compiler.component import Component
 from foldcar.car.compiler.shape import Shape
 from foldcar.car.folded.pose import compose, rotation, translation
-from foldcar.car.parts.catalogue import catalogue
 
 
 class Caster(Component):
@@ -16,7 +15,7 @@ class Caster(Component):
 
     def build(self, shape: Shape) -> None:
         """The face ``plate``, its origin at its centre."""
-        caster, margin = catalogue().caster, catalogue().assembly.doubler_margin_mm.value
+        caster, margin = self.parts.caster, self.parts.assembly.doubler_margin_mm.value
         a = caster.length_mm.value / 2 + margin
         b = caster.width_mm.value / 2 + margin
         shape.face("plate", ((-a, -b), (a, -b), (a, b), (-a, b)), piece="caster plate")
@@ -25,7 +24,7 @@ class Caster(Component):
     @staticmethod
     def attach(shape: Shape, mount: str, floor: str, at_mm: tuple[float, float]) -> None:
         """Fix the caster of the subcomponent ``mount`` under the caller's face ``floor``, its centre at ``at_mm``."""
-        caster, film = catalogue().caster, catalogue().film.thickness_mm.value
+        caster, film = shape.parts.caster, shape.parts.film.thickness_mm.value
         holes = _holes(shape, floor, f"{mount}.", at_mm)
         shape.laminate(f"{mount}.plate", floor, translation(*at_mm, film))
         under = translation(*at_mm, -(film + caster.height_mm.value) / 2)
@@ -35,7 +34,7 @@ class Caster(Component):
 
 
 def _holes(shape: Shape, face: str, prefix: str, middle: tuple[float, float]) -> list[str]:
-    half, size = catalogue().caster.hole_spacing_mm.value / 2, catalogue().assembly.screw_hole_mm.value
+    half, size = shape.parts.caster.hole_spacing_mm.value / 2, shape.parts.assembly.screw_hole_mm.value
     return [
         shape.round_hole(face, f"{prefix}screw {i + 1}", "screw", (middle[0] + x, middle[1]), size)
         for i, x in enumerate((-half, half))

@@ -1,6 +1,10 @@
 """The parameters that the whole car shares, and the minimums that follow from a servo in a wall."""
 
 from foldcar.car.compiler.parameter import Parameter
+from foldcar.car.components.boards import mouth_mm
+from foldcar.car.components.bridge import span_mm, stack_height_mm
+from foldcar.car.components.servo_mount import least_doubler_mm
+from foldcar.car.components.wheel_size import least_radius_mm
 from foldcar.car.parts.catalogue import Catalogue
 
 
@@ -12,8 +16,18 @@ def servo_reach_mm(parts: Catalogue) -> float:
 
 
 def _least_height(parts: Catalogue) -> float:
-    edge = parts.assembly.opening_clearance_mm.value + parts.assembly.fold_distance_mm.value
-    return parts.servo.width_mm.value + 2 * edge + parts.film.thickness_mm.value
+    film, assembly = parts.film.thickness_mm.value, parts.assembly
+    boards = stack_height_mm(parts) + film / 2
+    # A servo's layer in the middle of the right wall ends below the lid's flap.
+    beside_flap = least_doubler_mm(parts) + 2 * (assembly.flap_mm.value + film + assembly.slot_clearance_mm.value)
+    return max(boards, beside_flap) + film
+
+
+def _least_width(parts: Catalogue) -> float:
+    assembly, film = parts.assembly, parts.film.thickness_mm.value
+    _, right = span_mm(parts)
+    boards = assembly.usb_inside_mm.value + mouth_mm(parts) + right + assembly.bridge_gap_mm.value
+    return max(boards, 2 * parts.servo.ear_underside_mm.value) + 2 * film
 
 
 def _least_wheel_module(parts: Catalogue) -> float:
@@ -21,14 +35,17 @@ def _least_wheel_module(parts: Catalogue) -> float:
 
 
 WIDTH = Parameter(
-    "width", 95, lambda parts: 2 * (parts.servo.ear_underside_mm.value + parts.film.thickness_mm.value), 500,
-    "outer width of the body", "two servos tail to tail between its walls", shared=True,
+    "width", 95, _least_width, 500,
+    "outer width of the body", "the boards across it", shared=True,
 )  # fmt: skip
 HEIGHT = Parameter(
     "height", 50, _least_height, 200, "outer height of the body; axles stand at half of it",
-    "the opening of one servo and film to the folds", shared=True,
+    "the boards and their plugs over the LiPo", shared=True,
 )  # fmt: skip
-RADIUS = Parameter("radius", 60, 13, 150, "wheel radius", "the servo's horn and a rim", shared=True)
+RADIUS = Parameter(
+    "radius", 60, least_radius_mm, 150, "rolling radius of the wheels, tyre included",
+    "a hub ring that a driver reaches the horn's screws through, and a rim", shared=True,
+)  # fmt: skip
 WHEEL_MODULE_LENGTH = Parameter(
     "length", 60, _least_wheel_module, 400, "length of a wheel module, its axle in the middle",
     "the opening and screws of one servo",

@@ -8,12 +8,13 @@ import math
 from itertools import pairwise
 
 from foldcar.car.compiler.component import Component
-from foldcar.car.compiler.parameter import Parameter
+from foldcar.car.compiler.parameter import Parameter, at_most
 from foldcar.car.compiler.shape import Shape
 from foldcar.car.components.box_beam import wall_mm
 from foldcar.car.components.dimensions import HEIGHT, WIDTH
+from foldcar.car.components.end_cap import cap_inset_mm
 from foldcar.car.folded.pose import compose, rotation, translation
-from foldcar.car.parts.catalogue import catalogue
+from foldcar.car.parts.film import Film
 
 THICKNESS = Parameter(
     "thickness", lambda parts: parts.film.thickness_mm.value, 0.05, 1,
@@ -33,10 +34,10 @@ def fold_up_limit_rad(length_mm: float, height_mm: float) -> float:
     return 2 * math.atan2(length_mm / 2, height_mm)
 
 
-def stiffness_n_m_rad(width_mm: float, thickness_mm: float, length_mm: float) -> float:
+def stiffness_n_m_rad(width_mm: float, thickness_mm: float, length_mm: float, film: Film) -> float:
     """Rotational stiffness of the strip (N m/rad), an Euler-Bernoulli beam bent to a circular arc: E w t³ / 12 l."""
     second_moment_m4 = width_mm * thickness_mm**3 / 12 * 1e-12
-    return catalogue().film.youngs_modulus_pa.value * second_moment_m4 / (length_mm * 1e-3)
+    return film.youngs_modulus_pa.value * second_moment_m4 / (length_mm * 1e-3)
 
 
 class HingeModule(Component):
@@ -60,12 +61,13 @@ class HingeModule(Component):
 
         ComponentError if ``fold_up`` is beyond the angle at which the lids meet.
         """
-        limit = fold_up_limit_rad(self["length"], wall_mm(self["height"]))
+        limit = fold_up_limit_rad(self["length"], wall_mm(self["height"], self.parts))
         if math.radians(self["fold_up"]) > limit:
             meet = f"where the lids meet at H.length {self['length']:g} and height {self['height']:g}"
-            raise self.misfit("fold_up", f"{self['fold_up']:g} is above the maximum {math.degrees(limit):.3g} ({meet})")
-        half = self["length"] / 2 + catalogue().assembly.hinge_glue_mm.value
-        width = wall_mm(self["width"])
+            most = at_most(math.degrees(limit))
+            raise self.misfit("fold_up", f"{self['fold_up']:g} is above the maximum {most} ({meet})")
+        half = self["length"] / 2 + self.parts.assembly.hinge_glue_mm.value
+        width = wall_mm(self["width"], self.parts)
         outline = ((0.0, 0.0), (half, 0.0), (half, width), (0.0, width))
         edges = ("near", "front", "far", "rear")
         for name in ("front half", "rear half"):
@@ -81,35 +83,36 @@ class HingeModule(Component):
         ``hinge`` is this component's path, ``modules`` and ``caps`` are those in front of and behind the gap. The
         strip determines the pose of everything behind it.
         """
-        glue, gap = catalogue().assembly.hinge_glue_mm.value, self["length"] / 2
+        glue, gap = self.parts.assembly.hinge_glue_mm.value, self["length"] / 2
         front, rear = modules
-        film = catalogue().film.thickness_mm.value
+        film = self.parts.film.thickness_mm.value
         under = -(film + self["thickness"]) / 2
         shape.laminate(f"{hinge}.front half", f"{front}.beam.floor", translation(-gap, 0, under))
         length = shape.face_size_mm(f"{rear}.beam.floor")[0]
         shape.laminate(f"{hinge}.rear half", f"{rear}.beam.floor", translation(length - glue, 0, under))
         if self._stop_mm() >= LEAST_STOP_MM:
-            width, height = shape.face_size_mm(f"{caps[0]}.cap")
+            width = shape.face_size_mm(f"{caps[0]}.cap")[0]
+            top = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM - cap_inset_mm(self.parts)
             glue = self._web_mm() * GLUE_SHARE
             # A cap's printed side faces inwards, and the stop stands outside: it is turned over.
-            corner = translation(width * (1 + STOP_SHARE) / 2, height - STOP_FROM_LID_MM - glue, -film)
+            corner = translation(width * (1 + STOP_SHARE) / 2, top - glue, -film)
             shape.laminate(f"{hinge}.glue 1", f"{caps[0]}.cap", compose(corner, rotation("y", math.pi)))
 
     def _stop_mm(self) -> float:
         """Reach of the stop (mm) from the front segment's cap, such that it meets the other cap at the upper limit."""
         half, up = self["length"] / 2, math.radians(self["fold_up"])
-        gap = half + half / math.cos(up) - (wall_mm(self["height"]) - STOP_FROM_LID_MM) * math.tan(up)
+        gap = half + half / math.cos(up) - (wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM) * math.tan(up)
         # Less the film: half a thickness each of cap and stop at the contact, and of cap and flap at the glued end.
-        return gap - 2 * catalogue().film.thickness_mm.value
+        return gap - 2 * self.parts.film.thickness_mm.value
 
     def _web_mm(self) -> float:
         """Height of the stop (mm), which ends above the slit for cables."""
-        slit = catalogue().assembly.cable_slit_mm.value
-        return min(STOP_WEB_MM, wall_mm(self["height"]) / 2 - slit / 2 - STOP_FROM_LID_MM - 1)
+        slit = self.parts.assembly.cable_slit_mm.value
+        return min(STOP_WEB_MM, wall_mm(self["height"], self.parts) / 2 - slit / 2 - STOP_FROM_LID_MM - 1)
 
     def _stop(self, shape: Shape, reach_mm: float) -> None:
         """The stop's tube: two flaps glued to the cap, two sides of that reach, and the face that the other cap meets."""
-        width, web = wall_mm(self["width"]) * STOP_SHARE, self._web_mm()
+        width, web = wall_mm(self["width"], self.parts) * STOP_SHARE, self._web_mm()
         sizes = {"glue 1": web * GLUE_SHARE, "side 1": reach_mm, "stop": web, "side 2": reach_mm,
                  "glue 2": web * GLUE_SHARE}  # fmt: skip
         for name, size in sizes.items():

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from foldcar.car.compiler.component import Component, Sub
 from foldcar.car.compiler.parameter import Parameter
-from foldcar.car.components.box_beam import BoxBeam
+from foldcar.car.components.box_beam import FROM_CAR, BoxBeam
 from foldcar.car.components.dimensions import HEIGHT, WIDTH
 
 # Set by the car: 1 if the middle of the segment lies in front of the module's, else -1.
@@ -31,4 +31,4 @@ class Module(Component):
 
     def subcomponents(self) -> Sequence[Sub]:
         """The beam; a subclass adds to it with ``(*super().subcomponents(), Sub(…))``."""
-        return (Sub("beam", BoxBeam, inherit=("length", "width", "height"), root=True),)
+        return (Sub("beam", BoxBeam, inherit=("length", "width", "height", *FROM_CAR), root=True),)

@@ -9,14 +9,33 @@ import math
 from foldcar.car.compiler.component import Component
 from foldcar.car.compiler.parameter import Parameter
 from foldcar.car.compiler.shape import Shape
-from foldcar.car.folded.pose import compose, rotation, translation
-from foldcar.car.parts.catalogue import catalogue
+from foldcar.car.components.fasteners import cylinder, screw_in
+from foldcar.car.folded.model import Solid
+from foldcar.car.folded.pose import IDENTITY, compose, rotation, translation
+from foldcar.car.parts.catalogue import Catalogue
+from foldcar.car.parts.quantity import Quantity
+from foldcar.car.parts.servo import Servo
 
 
-def doubler_length_mm() -> float:
+def inside_mm(parts: Catalogue) -> tuple[float, float]:
+    """From the axis to the last layer or nut inside (mm), on the servo's long side and on its short one."""
+    servo, nut = parts.servo, parts.screw.nut_width_mm
+    middle = servo.length_mm.value / 2 - servo.axis_from_end_mm.value
+    corner = 0.0 if nut is None else nut.value / 3**0.5
+    reach = max(doubler_length_mm(parts) / 2, servo.screw_spacing_mm.value / 2 + corner)
+    return reach + middle, reach - middle
+
+
+def doubler_length_mm(parts: Catalogue) -> float:
     """Length of the second layer (mm), which reaches past the screw holes."""
-    servo, assembly = catalogue().servo, catalogue().assembly
+    servo, assembly = parts.servo, parts.assembly
     return servo.screw_spacing_mm.value + assembly.screw_hole_mm.value + 2 * assembly.doubler_margin_mm.value
+
+
+def least_doubler_mm(parts: Catalogue) -> float:
+    """The least height of the second layer (mm)."""
+    margins = parts.assembly.opening_clearance_mm.value + parts.assembly.doubler_margin_mm.value
+    return parts.servo.width_mm.value + 2 * margins
 
 
 class ServoMount(Component):
@@ -26,7 +45,7 @@ class ServoMount(Component):
 
     def build(self, shape: Shape) -> None:
         """The face ``doubler``, its origin at the centre of the opening."""
-        a, b = doubler_length_mm() / 2, self["height"] / 2
+        a, b = doubler_length_mm(self.parts) / 2, self["height"] / 2
         shape.face("doubler", ((-a, -b), (a, -b), (a, b), (-a, b)), piece="servo doubler")
         _holes(shape, "doubler", "", 0.0, 0.0)
 
@@ -37,7 +56,7 @@ class ServoMount(Component):
         ``axis_mm``: the point where its axis passes the wall; ``inward`` is 1 if its long side lies towards +x, else -1.
         Returns the name of the mounted part.
         """
-        servo, wall_mm = catalogue().servo, catalogue().film.thickness_mm.value
+        servo, wall_mm = shape.parts.servo, shape.parts.film.thickness_mm.value
         x = axis_mm[0] + inward * (servo.length_mm.value / 2 - servo.axis_from_end_mm.value)
         y = axis_mm[1]
         holes = _holes(shape, wall, f"{mount}.wall ", x, y)
@@ -48,12 +67,39 @@ class ServoMount(Component):
         turn = rotation("z", 0.0 if inward > 0 else math.pi)
         size = (servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value)
         name = f"{shape.name}.{mount}"
-        shape.box(servo.name, name, wall, compose(translation(x, y, depth), turn), size, servo.mass_kg.value, holes)
+        pose = compose(translation(x, y, depth), turn)
+        shape.box(servo.name, name, wall, pose, size, servo.mass_kg.value, holes, _solids(servo))
+        under_head = -wall_mm / 2 - servo.ear_thickness_mm.value
+        grip = servo.ear_thickness_mm.value + 2 * wall_mm
+        for i, side in enumerate((-1, 1), 1):
+            at = translation(x + side * servo.screw_spacing_mm.value / 2, y, under_head)
+            screw_in(shape, shape.parts.screw, f"{name} screw {i}", wall, compose(at, rotation("x", math.pi)), grip)
         return name
 
 
+def _solids(servo: Servo) -> list[Solid]:
+    """Body, ears, turret, idler and spline in the frame of the body's middle, whose z points to the servo's bottom."""
+    length, width, depth = servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value
+
+    def z(height: Quantity) -> float:
+        return depth / 2 - height.value
+
+    ears = z(servo.ear_underside_mm)
+    thickness = servo.ear_thickness_mm.value
+    axis = servo.axis_from_end_mm.value - length / 2
+    top, turret, spline = -depth / 2, z(servo.turret_top_mm), z(servo.spline_top_mm)
+    idler = axis + servo.idler_from_axis_mm.value
+    return [
+        Solid("box", (length, width, depth), IDENTITY),
+        Solid("box", (servo.ear_span_mm.value, width, thickness), translation(0, 0, ears - thickness / 2)),
+        cylinder(servo.turret_diameter_mm.value, turret, top, axis),
+        cylinder(servo.idler_diameter_mm.value, turret, top, idler),
+        cylinder(servo.spline_diameter_mm.value, spline, turret, axis),
+    ]
+
+
 def _holes(shape: Shape, face: str, prefix: str, x: float, y: float) -> list[str]:
-    servo, assembly = catalogue().servo, catalogue().assembly
+    servo, assembly = shape.parts.servo, shape.parts.assembly
     clearance, pitch = 2 * assembly.opening_clearance_mm.value, servo.screw_spacing_mm.value / 2
     length, width = servo.length_mm.value + clearance, servo.width_mm.value + clearance
     screw = assembly.screw_hole_mm.value

@@ -1,7 +1,7 @@
-"""A wheel: an outer disc, an inner one with layers laminated around its hub, and a rim strip with sawtooth tabs.
+"""A wheel: a spool of two discs on a hub ring, rim strips hooked around it, the horn, its screws and the tyre.
 
-The wheel's frame has its origin at the wheel's centre and y along the axle, outwards on the left side. The rim is
-modelled as a prism of many sides, whose corners lie on the wheel's radius.
+The wheel's frame has its origin at the wheel's centre and y along the axle, outwards on the left side. The discs' edges
+are the running circle, the tyre lies over them.
 """
 
 import math
@@ -10,66 +10,96 @@ from foldcar.car.compiler.component import Component
 from foldcar.car.compiler.parameter import Parameter
 from foldcar.car.compiler.shape import Shape
 from foldcar.car.components.dimensions import RADIUS
-from foldcar.car.folded.model import Point
-from foldcar.car.folded.pose import compose, rotation, translation
-from foldcar.car.parts.catalogue import catalogue
+from foldcar.car.components.hub_ring import FIRST_RAD, build_ring
+from foldcar.car.components.rim_strip import build_rim, facet_pose, notch_mm, tie_angles_rad
+from foldcar.car.components.wheel_parts import add_wheel_parts
+from foldcar.car.components.wheel_size import BRIDGE_MM, WheelSize, wheel_screws_mm
+from foldcar.car.folded.model import Point, Pose
+from foldcar.car.folded.pose import compose, inverse, rotation, translation
 
-TYRE_WIDTH = Parameter("tire_thickness", 12, 1, 40, "axial width of a tyre", "a rim strip that can be folded")
-# Approximate length of a tooth: the rim bends smoothly, and the teeth can be cut by hand.
-TOOTH_MM = 6.0
-LEAST_TEETH = 24
+TYRE_WIDTH = Parameter(
+    "tire_thickness", 12, 8, 40, "width of a wheel, from outside to outside of its discs", "the tongues of its rim"
+)
+# Deviation of the discs' outline from a circle.
+EVEN_MM = 0.02
 
 
 class Wheel(Component):
-    """Two discs and a rim; the servo's horn is screwed to the inner disc."""
+    """Two discs, a hub ring and a rim; the servo's horn is screwed to the inner disc."""
 
     parameters = (RADIUS, TYRE_WIDTH)
 
     def build(self, shape: Shape) -> None:
-        """Faces ``inner``, ``outer``, ``hub 1`` … and ``rim 0`` …"""
-        assembly = catalogue().assembly
-        radius, width = self["radius"], self["tire_thickness"]
-        teeth = max(LEAST_TEETH, round(2 * math.pi * radius / TOOTH_MM))
-        # Discs are drawn as seen from inside the wheel.
-        for name, label in (("inner", "wheel inner disc"), ("outer", "wheel outer disc")):
-            shape.face(name, _disc(radius, teeth), piece=label)
-        layers = round(assembly.hub_layers.value)
-        hubs = [f"hub {i + 1}" for i in range(layers)]
-        hub_radius = max(assembly.hub_radius_share.value * radius, assembly.horn_screw_radius_mm.value + 3)
-        thickness = catalogue().film.thickness_mm.value
-        for i, hub in enumerate(hubs):
-            shape.face(hub, _disc(min(hub_radius, radius), teeth), piece="wheel hub layer")
-            shape.laminate(hub, "inner", translation(0, 0, (i + 1) * thickness))
-        for face in ("inner", "outer", *hubs):
-            shape.round_hole(face, f"{face}.hub", "axle", (0, 0), assembly.hub_hole_mm.value)
-        for face in ("inner", *hubs):
-            for i, side in enumerate((-1, 1)):
-                center = (side * assembly.horn_screw_radius_mm.value, 0.0)
-                shape.round_hole(face, f"{face}.horn screw {i + 1}", "screw", center, assembly.horn_hole_mm.value)
-        self._rim(shape, radius, width, teeth)
-        # The inner disc's printed side faces +y of the wheel's frame; their x axes agree.
-        shape.begin_at("inner", compose(translation(0, -width / 2, 0), rotation("x", -math.pi / 2)))
-        horn = catalogue().horn
-        size = (horn.length_mm.value, horn.hub_diameter_mm.value, horn.thickness_mm.value)
-        at = translation(0, 0, -(thickness + size[2]) / 2)
-        shape.box(horn.name, "horn", "inner", at, size, assembly.horn_mass_kg.value)
+        """Faces ``inner``, ``outer``, ``hub 1`` …, ``ring 0`` … and ``rim 0 0`` …"""
+        size = WheelSize(self["radius"], self["tire_thickness"], self.parts)
+        poses = self._discs(shape, size)
+        self._hub(shape, size)
+        build_ring(shape, size)
+        build_rim(shape, size)
+        at = facet_pose(size, size.ring.apothem_mm, size.ring.facet_mm, FIRST_RAD)
+        shape.place("ring 0", "inner", compose(inverse(poses["inner"]), at))
+        for strip in range(size.strips):
+            angle = tie_angles_rad(size)[strip * size.ties]
+            at = facet_pose(size, size.rim.apothem_mm, size.rim.facet_mm, angle)
+            shape.place(f"rim {strip} 0", "inner", compose(inverse(poses["inner"]), at))
+        shape.place("outer", "inner", compose(inverse(poses["inner"]), poses["outer"]))
+        add_wheel_parts(shape, size)
+        shape.begin_at("inner", poses["inner"])
 
-    def _rim(self, shape: Shape, radius: float, width: float, teeth: int) -> None:
-        facet = 2 * radius * math.sin(math.pi / teeth)
-        turn = 360 / teeth
-        depth = min(TOOTH_MM, radius / 3)
-        outline = ((0.0, 0.0), (facet, 0.0), (facet, width), (0.0, width))
-        for i in range(teeth):
-            shape.face(f"rim {i}", outline, ("inner", "next", "outer", "last"), role="rim", piece="wheel rim")
-        for i in range(teeth):
-            if i + 1 < teeth:
-                shape.connect(f"rim {i}.next", f"rim {i + 1}.last", "fold", turn)
-            # Both discs are drawn from inside the wheel: the rim runs along the outline of one, against the other's.
-            shape.connect(f"inner.{-i % teeth}", f"rim {i}.inner", "tab", 90, depth_mm=depth, mitre=0.25)
-            shape.connect(f"outer.{i}", f"rim {i}.outer", "tab", 90, depth_mm=depth, mitre=0.25)
-        shape.connect("rim 0.last", f"rim {teeth - 1}.next", "tab", turn, depth_mm=facet, mitre=0)
+    def _discs(self, shape: Shape, size: WheelSize) -> dict[str, Pose]:
+        """The faces of the discs, drawn as seen from inside the wheel, and their poses in the wheel's frame."""
+        out = (size.width_mm - size.film_mm) / 2
+        for name, mirror in (("inner", -1), ("outer", 1)):
+            points, names = _disc(size, mirror)
+            shape.face(name, points, names, piece=f"wheel {name} disc")
+        return {
+            "inner": compose(translation(0, -out, 0), rotation("x", -math.pi / 2)),
+            "outer": compose(translation(0, out, 0), rotation("x", math.pi / 2)),
+        }
+
+    def _hub(self, shape: Shape, size: WheelSize) -> None:
+        """Layers on the inner disc within the ring, holes for the horn's screws, and the access to them."""
+        assembly = self.parts.assembly
+        layers = [f"hub {i + 1}" for i in range(round(assembly.hub_layers.value))]
+        radius = size.ring.apothem_mm - 1.5 * size.film_mm - BRIDGE_MM / 2
+        for i, layer in enumerate(layers):
+            shape.face(layer, _circle(radius), piece="wheel hub layer")
+            shape.laminate(layer, "inner", translation(0, 0, (i + 1) * size.film_mm))
+        for face in ("inner", *layers):
+            shape.round_hole(face, f"{face}.hub", "axle", (0, 0), self.parts.horn.recess_diameter_mm.value)
+            for i, center in enumerate(wheel_screws_mm(self.parts.horn)):
+                hole = self.parts.horn_screw.diameter_mm.value + 2 * assembly.opening_clearance_mm.value
+                shape.round_hole(face, f"{face}.horn screw {i + 1}", "screw", center, hole)
+        shape.round_hole("outer", "outer.access", "opening", (0, 0), 2 * size.access_radius_mm)
 
 
-def _disc(radius: float, corners: int) -> tuple[Point, ...]:
-    step = 2 * math.pi / corners
-    return tuple((radius * math.cos(i * step), radius * math.sin(i * step)) for i in range(corners))
+def _circle(radius: float) -> list[Point]:
+    count = math.ceil(math.pi / math.acos(1 - EVEN_MM / radius))
+    step = 2 * math.pi / count
+    return [(radius * math.cos(i * step), radius * math.sin(i * step)) for i in range(count)]
+
+
+def _disc(size: WheelSize, mirror: int) -> tuple[list[Point], list[str]]:
+    """The outline of a disc with a notch for each tie: the bottom of notch i is the edge ``notch i``.
+
+    ``mirror`` is -1 if directions in the wheel's frame run clockwise in the disc's.
+    """
+    radius, (half, bottom) = size.disc_radius_mm, notch_mm(size)
+    ties = tie_angles_rad(size)
+    order = sorted(range(len(ties)), key=lambda i: mirror * ties[i])
+    opening = math.asin(half / radius)
+    points: list[Point] = []
+    names: list[str] = []
+    for place, tie in enumerate(order):
+        angle = mirror * ties[tie]
+        following = mirror * ties[order[(place + 1) % len(order)]] + (0.0 if place + 1 < len(order) else 2 * math.pi)
+        c, s = math.cos(angle), math.sin(angle)
+        points += [(c * x - s * y, s * x + c * y) for x, y in ((bottom, -half), (bottom, half))]
+        names += [f"notch {tie}", f"wall a {tie}"]
+        start, end = angle + opening, following - opening
+        steps = math.ceil((end - start) / 2 / math.acos(1 - EVEN_MM / radius))
+        for i in range(steps + 1):
+            at = start + (end - start) * i / steps
+            points.append((radius * math.cos(at), radius * math.sin(at)))
+            names.append(f"arc {tie} {i}" if i < steps else f"wall b {tie}")
+    return points, names

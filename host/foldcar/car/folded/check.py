@@ -6,21 +6,25 @@ Input: a FoldedCar and the volumes it should enclose. Output: findings (none, if
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from foldcar.car.folded.check_crossings import check_crossings
+from foldcar.car.folded.check_crossings import check_crossings, check_layers
 from foldcar.car.folded.check_flat import check_flat
 from foldcar.car.folded.check_hinges import check_hinges
 from foldcar.car.folded.check_joins import CLOSURE_MM, check_joins, worst_gap_mm
 from foldcar.car.folded.check_parts import check_parts
 from foldcar.car.folded.check_skin import check_skin, skin_of, volume_mm3
+from foldcar.car.folded.check_turning import check_turning
+from foldcar.car.folded.check_wheels import ROUND_MM, check_wheels, roundness_mm
 from foldcar.car.folded.finding import Finding
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.placed import place
-from foldcar.car.parts.catalogue import catalogue
 
 
 @dataclass(frozen=True)
 class Verification:
-    """Findings and measures: counts of faces, folds and joins, the widest gap (mm), enclosed volumes by body (mm³)."""
+    """Findings and measures: counts of faces, folds and joins, the widest gap (mm), enclosed volumes by segment (mm³).
+
+    ``roundness_mm`` is the largest deviation of a wheel's circle from its radius; ``checked`` names what was checked.
+    """
 
     findings: tuple[Finding, ...]
     faces: int
@@ -28,6 +32,8 @@ class Verification:
     joins: int
     worst_gap_mm: float
     volumes_mm3: Mapping[str, float]
+    roundness_mm: float
+    checked: tuple[str, ...] = ("flat", "folded", "parts", "wheels")
 
     @property
     def passed(self) -> bool:
@@ -40,29 +46,32 @@ class Verification:
         measured = [
             f"{self.faces} faces, {self.folds} folds, {self.joins} joins; edges meet within {self.worst_gap_mm:.3f} mm "
             f"(limit {CLOSURE_MM:g})",
-            f"enclosed: {volumes}",
+            f"enclosed: {volumes}; wheels are round within {self.roundness_mm:.2f} mm (limit {ROUND_MM:g})",
         ]
         if self.passed:
-            return [*measured, "flat, folded, parts, wheels: nothing found"]
+            return [*measured, f"{', '.join(self.checked)}: nothing found"]
         return [*measured, *(str(finding) for finding in self.findings)]
 
 
 def check_design(car: FoldedCar, volumes_mm3: Mapping[str, float] | None = None) -> Verification:
     """Verify a car; ``volumes_mm3`` maps bodies to the volumes they should enclose, where these are known."""
     bodies = place(car)
-    assembly, soft = catalogue().assembly, catalogue().wiring.name
+    assembly, soft = car.parts.assembly, car.parts.wiring.name
     findings = [finding for piece in car.pieces for finding in check_flat(piece, assembly.fold_distance_mm.value)]
     findings += check_joins(car, bodies)
     findings += check_skin(car, bodies, volumes_mm3 or {})
     for faces in bodies.values():
-        findings += check_crossings(faces)
+        findings += [*check_crossings(faces), *check_layers(faces)]
     findings += check_hinges(car, bodies, assembly.wheel_distance_mm.value)
-    findings += check_parts(car, bodies, soft, assembly.wheel_distance_mm.value)
+    findings += check_wheels(car, bodies)
+    findings += check_parts(car, bodies, soft)
+    findings += check_turning(car, bodies, soft, assembly.wheel_distance_mm.value)
     return Verification(
         tuple(findings),
         sum(len(piece.faces) * piece.count for piece in car.pieces),
-        sum(len(piece.creases) * piece.count for piece in car.pieces),
+        sum(sum(not crease.bend for crease in piece.creases) * piece.count for piece in car.pieces),
         len({join.number for join in car.joins}),
         worst_gap_mm(car, bodies),
-        {body: volume_mm3(skin_of(car, faces)) for body, faces in bodies.items()},
+        {body: volume_mm3(skin_of(car, faces)) for body, faces in bodies.items() if not body.startswith("wheel")},
+        roundness_mm(car, bodies),
     )

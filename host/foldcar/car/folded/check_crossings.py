@@ -17,12 +17,42 @@ SHRINK_MM = 0.3
 LEAST_MM = 0.2
 PARALLEL = 1e-3
 TOUCH_MM = 1e-6
+# Layers lie on each other closer than their thickness by less than this.
+LAYER_MM = 0.01
+LEAST_MM2 = 0.2
 
 
 def check_crossings(faces: Sequence[PlacedFace]) -> Iterator[Finding]:
     """A finding for each pair of faces that cross."""
     for one, other, length in crossings(faces, faces):
         yield Finding("crossing", one.title, f"runs through {other.title} over {length:.2f} mm")
+
+
+def check_layers(faces: Sequence[PlacedFace]) -> Iterator[Finding]:
+    """A finding for each pair of parallel faces of which one lies in the other's film."""
+    for one, other, area in layers(faces):
+        yield Finding("crossing", one.title, f"lies in the film of {other.title} over {area:.1f} mm²")
+
+
+def layers(faces: Sequence[PlacedFace]) -> Iterator[tuple[PlacedFace, PlacedFace, float]]:
+    """Pairs of parallel faces that overlap closer than their films are thick, and the area of it (mm²)."""
+    low, high = (np.array([pick(face.corners_mm, axis=0) for face in faces]) for pick in (np.min, np.max))
+    normals = np.array([face.normal for face in faces])
+    thickest = max(face.piece.thickness_mm for face in faces)
+    for i, face in enumerate(faces):
+        near = (low <= high[i] + thickest).all(axis=1) & (high >= low[i] - thickest).all(axis=1)
+        near &= np.linalg.norm(np.cross(normals, face.normal), axis=1) <= PARALLEL
+        near[: i + 1] = False
+        for k in np.flatnonzero(near):
+            other = faces[int(k)]
+            local = face.in_face(other.corners_mm)
+            apart = (face.piece.thickness_mm + other.piece.thickness_mm) / 2
+            if float(np.abs(local[:, 2]).max()) > apart - LAYER_MM:
+                continue
+            shape = shapely.Polygon(local[:, :2]).buffer(-SHRINK_MM)
+            area = shape.intersection(face.polygon.buffer(-SHRINK_MM)).area
+            if area > LEAST_MM2:
+                yield face, other, float(area)
 
 
 def crossings(

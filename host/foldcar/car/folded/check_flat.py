@@ -79,7 +79,7 @@ def _holes_at_folds(piece: Piece, least_mm: float) -> Iterator[Finding]:
     faces = {face.name: face for face in piece.faces}
     folds: dict[str, list[shapely.LineString]] = {}
     for crease in piece.creases:
-        for ref in (crease.parent, crease.child):
+        for ref in () if crease.bend else (crease.parent, crease.child):
             if faces[ref.face].holes:
                 folds.setdefault(ref.face, []).append(shapely.LineString(edge(faces, ref)))
     for name, lines in folds.items():

@@ -14,6 +14,8 @@ from foldcar.car.folded.model import EdgeRef, FoldedCar, Join
 from foldcar.car.folded.placed import PlacedFace
 
 CLOSURE_MM = 0.05
+# Between films that lie on or inside each other.
+FIT_MM = 0.3
 # The area of a tab that may lie beside its face or over a hole in it.
 TAB_OVER_MM2 = 0.05
 
@@ -28,12 +30,17 @@ def check_joins(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> I
         second = index.get((join.piece_b, join.b.face), [])
         if not first or not second:
             yield Finding("join", f"join {join.number}", f"{join.a.face} or {join.b.face} is nowhere in the car")
-        elif join.kind in ("tab", "lap", "rim"):
+        elif join.kind in ("tab", "lap"):
             for a, b in _pairs(first, second):
                 yield from _tab(join, a, b)
-        elif join.kind == "tab_slot":
+        elif join.kind == "tuck":
             for a, b in _pairs(first, second):
-                yield from _tongue(join, a, b)
+                yield from _tucked(join, a, b)
+        elif join.kind in ("tab_slot", "lock"):
+            # Hooks of wheels turn behind the film: check_wheels.py.
+            for a, b in _pairs(first, second):
+                if not a.body.startswith("wheel"):
+                    yield from _tongue(join, a, b)
     yield from _laminates(car, index)
 
 
@@ -42,9 +49,9 @@ def worst_gap_mm(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> 
     index = _index(bodies)
     return max(
         (
-            _gap_mm(a, join.a, b, join.b)
+            _gap_mm(join, a, b)
             for join in car.joins
-            if join.kind in ("tab", "lap", "rim")
+            if join.kind in ("tab", "lap")
             for a, b in _pairs(index.get((join.piece_a, join.a.face), []), index.get((join.piece_b, join.b.face), []))
         ),
         default=0.0,
@@ -72,22 +79,29 @@ def _edge(face: PlacedFace, ref: EdgeRef) -> NDArray[np.float64]:
     return corners[[ref.index, (ref.index + 1) % len(corners)]]
 
 
-def _gap_mm(a: PlacedFace, edge_a: EdgeRef, b: PlacedFace, edge_b: EdgeRef) -> float:
-    """The larger distance between the ends of two edges (mm), in the better of the two directions."""
-    first, second = _edge(a, edge_a), _edge(b, edge_b)
+def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
+    """The larger distance between the ends of two edges (mm), in the better of the two directions.
+
+    A tab lies on the inside of a wall and may be narrower: its edge must lie along the wall's, seen across the wall.
+    """
+    first, second = _edge(a, join.a), _edge(b, join.b)
+    if join.kind == "tab":
+        line = shapely.LineString(b.in_face(second)[:, :2])
+        return max(float(line.distance(shapely.Point(point))) for point in b.in_face(first)[:, :2])
     ends = [np.max(np.linalg.norm(first - other, axis=1)) for other in (second, second[::-1])]
     return float(min(ends))
 
 
 def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
     place = f"join {join.number}: {a.title} on {b.title}"
-    gap = _gap_mm(a, join.a, b, join.b)
+    gap = _gap_mm(join, a, b)
     if gap > CLOSURE_MM:
         yield Finding("closure", place, f"the edges are {gap:.3f} mm apart, the limit is {CLOSURE_MM:g} mm")
     local = b.in_face(a.corners_mm)
-    height = float(np.abs(local[:, 2]).max())
-    # A rim's lap bends with the curve of the rim, so its tab may stand off the flat facet by 1 mm.
-    limit = CLOSURE_MM if b.face.role != "rim" else 1.0
+    # A tab lies inside the wall, one film above it.
+    layer = (a.piece.thickness_mm + b.piece.thickness_mm) / 2 if join.kind == "tab" else 0.0
+    height = float(np.abs(local[:, 2] - layer).max())
+    limit = FIT_MM if join.kind == "tab" else CLOSURE_MM
     if height > limit:
         yield Finding(
             "tab", place, f"the tab stands {height:.3f} mm off the face it is glued to, the limit is {limit:g} mm"
@@ -97,6 +111,19 @@ def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
     # Shrinking removes the slivers that a tab as wide as its face leaves.
     if over.buffer(-CLOSURE_MM).area > TAB_OVER_MM2:
         yield Finding("tab", place, f"{over.area:.2f} mm² of the tab lie beside its face or over a hole in it")
+
+
+def _tucked(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
+    """A finding if the edge of a is farther from the edge of b than the film between them and a clearance."""
+    ends, (start, end) = _edge(a, join.a), _edge(b, join.b)
+    length = float(np.linalg.norm(end - start))
+    along = (end - start) / length
+    share = np.clip((ends - start) @ along, 0.0, length)
+    gap = float(np.max(np.linalg.norm(ends - start - share[:, None] * along, axis=1)))
+    limit = max(a.piece.thickness_mm, b.piece.thickness_mm) + FIT_MM
+    if gap > limit:
+        place = f"join {join.number}: {a.title} inside {b.title}"
+        yield Finding("tuck", place, f"the edges are {gap:.3f} mm apart, the limit is {limit:g} mm")
 
 
 def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:

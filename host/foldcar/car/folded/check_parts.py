@@ -1,4 +1,4 @@
-"""Checks of parts and wheels in the folded car: nothing overlaps, wheels turn freely.
+"""Checks of parts in the folded car: nothing overlaps, holes lie under their parts.
 
 Input: a car and its placed faces. Output: findings.
 """
@@ -11,8 +11,12 @@ import shapely
 from numpy.typing import NDArray
 
 from foldcar.car.folded.finding import Finding
-from foldcar.car.folded.model import Axle, FoldedCar, Mount
+from foldcar.car.folded.model import FoldedCar, Mount
 from foldcar.car.folded.placed import PlacedFace
+from foldcar.car.folded.pose import compose
+from foldcar.car.parts.fasteners import Screw, Spacer
+
+Box = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 # Parts may touch: overlaps of boxes up to this depth are contact.
 TOUCH_MM = 0.1
@@ -23,31 +27,51 @@ FIT_MM = 0.3
 
 
 def check_parts(
-    car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]], soft: str, wheel_distance_mm: float
+    car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]], soft: str
 ) -> Iterator[Finding]:
-    """Findings about parts and wheels. Parts named ``soft`` are ignored; tyres must be ``wheel_distance_mm`` apart."""
+    """Findings about parts. Those named ``soft`` are ignored."""
     firm = [mount for mount in car.mounts if mount.part != soft and mount.body.startswith("segment")]
-    for one, other in itertools.combinations(firm, 2):
-        depth = _depth_mm(one, other)
+    fasteners = {part.name for part in dict(car.parts).values() if isinstance(part, Screw | Spacer)}
+    solids = [boxes(mount) for mount in firm]
+    for (one, first), (other, second) in itertools.combinations(zip(firm, solids, strict=True), 2):
+        # What screws hold is on the same face.
+        if fasteners & {one.part, other.part} and one.face == other.face:
+            continue
+        depth = max((_depth_mm(a, b) for a in first for b in second if _near(a, b)), default=0.0)
         if depth > TOUCH_MM:
             yield Finding("parts", one.name, f"runs {depth:.2f} mm into {other.name}")
-    for mount in firm:
+    for mount, mine in zip(firm, solids, strict=True):
         for face in bodies.get(mount.body, ()):
-            area = _film_inside_mm2(mount, face)
+            area = max(_film_inside_mm2(box, face) for box in mine)
             if area > FILM_MM2:
                 yield Finding("parts", mount.name, f"is cut by {area:.1f} mm² of {face.title}")
         yield from _holes(mount, bodies.get(mount.body, ()))
-    yield from _wheels(car, bodies, firm, wheel_distance_mm)
 
 
-def _box(mount: Mount) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _box(mount: Mount) -> Box:
+    """A part's box: centre (3,), axes as columns (3, 3), half sizes (3,), in mm in the car's frame."""
     pose = np.array(mount.pose)
     return pose[:3, 3], pose[:3, :3], np.array(mount.size_mm) / 2
 
 
-def _depth_mm(one: Mount, other: Mount) -> float:
+def boxes(mount: Mount) -> list[Box]:
+    """The boxes around a part's solids; its own box if it has none."""
+    if not mount.solids:
+        return [_box(mount)]
+    poses = [np.array(compose(mount.pose, solid.pose)) for solid in mount.solids]
+    halves = (np.array(solid.size_mm) / 2 for solid in mount.solids)
+    return [(pose[:3, 3], pose[:3, :3], half) for pose, half in zip(poses, halves, strict=True)]
+
+
+def _near(one: Box, other: Box) -> bool:
+    """Whether the boxes that enclose two boxes along the car's axes overlap."""
+    (c1, r1, h1), (c2, r2, h2) = one, other
+    return bool((np.abs(c1 - c2) < np.abs(r1) @ h1 + np.abs(r2) @ h2).all())
+
+
+def _depth_mm(one: Box, other: Box) -> float:
     """Depth (mm) by which two boxes overlap (separating-axis theorem), negative if they are apart."""
-    (c1, r1, h1), (c2, r2, h2) = _box(one), _box(other)
+    (c1, r1, h1), (c2, r2, h2) = one, other
     between = c2 - c1
     axes = [*r1.T, *r2.T, *(np.cross(a, b) for a in r1.T for b in r2.T)]
     depth = np.inf
@@ -60,9 +84,9 @@ def _depth_mm(one: Mount, other: Mount) -> float:
     return float(depth)
 
 
-def _film_inside_mm2(mount: Mount, face: PlacedFace) -> float:
+def _film_inside_mm2(box: Box, face: PlacedFace) -> float:
     """The area (mm²) of a face, without holes, inside a box slightly smaller than the part."""
-    center, turn, half = _box(mount)
+    center, turn, half = box
     half = half - TOUCH_MM - face.piece.thickness_mm / 2
     corners = (face.corners_mm - center) @ turn
     if (corners.min(axis=0) > half).any() or (corners.max(axis=0) < -half).any():
@@ -96,35 +120,3 @@ def _holes(mount: Mount, faces: Sequence[PlacedFace]) -> Iterator[Finding]:
         off = float(np.linalg.norm(np.mean(middles, axis=0)))
         if off > FIT_MM:
             yield Finding("parts", mount.name, f"is {off:.2f} mm off the middle of its holes, the limit is {FIT_MM:g} mm")
-
-
-def _wheels(
-    car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]], firm: Sequence[Mount], distance_mm: float
-) -> Iterator[Finding]:
-    for one, other in itertools.combinations(car.axles, 2):
-        widths = (one.tyre_width_mm + other.tyre_width_mm) / 2
-        if abs(one.center_mm[1] - other.center_mm[1]) >= widths:
-            continue
-        gap = float(np.hypot(one.center_mm[0] - other.center_mm[0], one.center_mm[2] - other.center_mm[2]))
-        gap -= one.radius_mm + other.radius_mm
-        if gap < distance_mm - 1e-6:
-            yield Finding("wheels", one.wheel, f"is {gap:.2f} mm from {other.wheel}, the limit is {distance_mm:g} mm")
-    for axle in car.axles:
-        for face in (face for faces in bodies.values() for face in faces if face.body.startswith("segment")):
-            if _reaches(axle, face.corners_mm):
-                yield Finding("wheels", axle.wheel, f"runs into {face.title}")
-        for mount in firm:
-            center, turn, half = _box(mount)
-            signs = np.array(list(itertools.product((-1, 1), repeat=3)))
-            if _reaches(axle, signs * half @ turn.T + center):
-                yield Finding("wheels", axle.wheel, f"runs into {mount.name}")
-
-
-def _reaches(axle: Axle, corners: NDArray[np.float64]) -> bool:
-    """Whether the convex hull of the corners, (n, 3) in mm, intersects the wheel's cylinder."""
-    across = np.abs(corners[:, 1] - axle.center_mm[1])
-    same_side = np.ptp(np.sign(corners[:, 1] - axle.center_mm[1])) == 0
-    if same_side and across.min() >= axle.tyre_width_mm / 2 - 1e-6:
-        return False
-    outline = shapely.MultiPoint(corners[:, [0, 2]]).convex_hull
-    return bool(outline.distance(shapely.Point(axle.center_mm[0], axle.center_mm[2])) < axle.radius_mm)

@@ -7,14 +7,16 @@ The faces are the film's middle surface. The car's frame: x forward, y left, z u
 height, hinges flat. Poses are 4x4 row-major homogeneous matrices as nested tuples.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
+
+from foldcar.car.parts.catalogue import Catalogue
 
 Point = tuple[float, float]
 Pose = tuple[tuple[float, float, float, float], ...]
 
 HoleKind = Literal["opening", "screw", "slot", "slit", "axle", "vent"]
-JoinKind = Literal["lap", "tab", "tab_slot", "laminate", "rim"]
+JoinKind = Literal["lap", "tab", "tab_slot", "lock", "tuck", "laminate", "rim"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,8 @@ class EdgeRef:
 class Crease:
     """Two faces of a piece that share an edge; the two faces' outlines run along it in opposite directions.
 
-    ``angle_rad`` is the assembled angle. A flexure bends in use, between ``min_rad`` and ``max_rad``.
+    ``angle_rad`` is the assembled angle. A flexure bends in use, between ``min_rad`` and ``max_rad``. A ``bend`` is part
+    of a smooth elastic curve, which stays neither cut nor scored.
     """
 
     name: str
@@ -61,6 +64,7 @@ class Crease:
     flexure: bool = False
     min_rad: float | None = None
     max_rad: float | None = None
+    bend: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +95,8 @@ class Join:
 
     tab, lap, rim: edge 0 of tab ``a`` and the edge ``b`` meet, the tab is glued to the inside of b's face; lap within
     one piece, rim around a wheel. laminate: face ``a`` lies on face ``b``. tab_slot: edge ``a`` is a tongue's tip, put
-    through hole ``slot`` of b's face.
+    through hole ``slot`` of b's face; a lock is one that opens again without harm. tuck: edge ``a`` lies inside edge
+    ``b``, closer than a film and its clearance, and is not glued.
     """
 
     number: int
@@ -105,8 +110,33 @@ class Join:
 
 
 @dataclass(frozen=True, slots=True)
+class Solid:
+    """A box, or a cylinder along z (diameter, diameter, length); ``pose`` is that of its middle in its part's frame."""
+
+    kind: Literal["box", "cylinder"]
+    size_mm: tuple[float, float, float]
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """A cylinder along +z from ``pose`` in its part's frame that must be free, from the part outwards.
+
+    ``tool`` is what needs it: a screwdriver, a plug with its hand, a finger.
+    """
+
+    tool: Literal["driver", "plug", "finger"]
+    pose: Pose
+    diameter_mm: float
+    length_mm: float
+
+
+@dataclass(frozen=True, slots=True)
 class Mount:
-    """A bought part: the name of its catalogue entry, the pose of its box's centre in the car, size along its axes."""
+    """A bought part: the name of its catalogue entry, the pose of its box's centre in the car, size along its axes.
+
+    ``solids`` are its shape, if that is more than its box.
+    """
 
     part: str
     name: str
@@ -116,6 +146,8 @@ class Mount:
     mass_kg: float
     face: str | None = None
     holes: tuple[str, ...] = ()
+    solids: tuple[Solid, ...] = ()
+    accesses: tuple[Access, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +192,7 @@ class Wire:
 
 @dataclass(frozen=True, slots=True)
 class FoldedCar:
-    """One car: its cut pieces, bought parts, joins, axles, hinges and wires."""
+    """One car: its cut pieces, bought parts, joins, axles, hinges and wires; ``parts`` is the data of its parts."""
 
     pieces: tuple[Piece, ...]
     placed: tuple[PlacedPiece, ...]
@@ -169,3 +201,4 @@ class FoldedCar:
     axles: tuple[Axle, ...]
     hinges: tuple[HingeJoint, ...]
     wires: tuple[Wire, ...]
+    parts: Catalogue = field(repr=False)

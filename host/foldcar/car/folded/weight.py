@@ -1,36 +1,50 @@
-"""Mass properties of a folded car's bodies: film as plates of its thickness, bought parts as solid boxes.
+"""Mass properties of a folded car's bodies: film as plates of its thickness, bought parts as their solids.
 
 Input: a FoldedCar (millimetres). Output: mass, centre of mass and inertia of one body in SI units, in the car's frame.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foldcar.car.folded.folding import folded
-from foldcar.car.folded.model import Face, FoldedCar, Piece, Point, Pose
-from foldcar.car.folded.pose import compose
-from foldcar.car.parts.catalogue import catalogue
-from foldcar.car.parts.mass import MassProperties, assemble, box_properties
+from foldcar.car.folded.model import Face, FoldedCar, Mount, Piece, Point, Pose, Solid
+from foldcar.car.folded.pose import IDENTITY, compose
+from foldcar.car.parts.film import Film
+from foldcar.car.parts.mass import MassProperties, assemble, box_properties, cylinder_properties
 
 MM = 1e-3
 
 
 def body_properties(car: FoldedCar, body: str) -> MassProperties:
     """Film and parts of ``segment0`` … or ``wheel0`` … as one rigid body, hinges flat (SI units, car's frame)."""
-    film = (plate_properties(face, piece.thickness_mm, pose) for face, piece, pose in faces_of(car, body))
-    parts = (
-        _turned(box_properties(m.mass_kg, (m.size_mm[0] * MM, m.size_mm[1] * MM, m.size_mm[2] * MM), (0, 0, 0)), m.pose)
-        for m in car.mounts
-        if m.body == body
-    )
-    return assemble([*film, *parts])
+    data = car.parts.film
+    film = (plate_properties(face, piece.thickness_mm, pose, data) for face, piece, pose in faces_of(car, body))
+    return assemble([*film, *(mount_properties(mount) for mount in car.mounts if mount.body == body)])
+
+
+def mount_properties(mount: Mount) -> MassProperties:
+    """A part of uniform density, the sum of its solids, or else its box (SI units, car's frame)."""
+    solids = mount.solids or (Solid("box", mount.size_mm, IDENTITY),)
+    volumes = [math.prod(solid.size_mm) * (math.pi / 4 if solid.kind == "cylinder" else 1.0) for solid in solids]
+    found = []
+    for solid, volume in zip(solids, volumes, strict=True):
+        mass_kg = mount.mass_kg * volume / sum(volumes)
+        x, y, z = (size * MM for size in solid.size_mm)
+        if solid.kind == "cylinder":
+            own = cylinder_properties(mass_kg, x, z)
+        else:
+            own = box_properties(mass_kg, (x, y, z), (0, 0, 0))
+        found.append(_turned(own, compose(mount.pose, solid.pose)))
+    return assemble(found)
 
 
 def body_mass_kg(car: FoldedCar, body: str) -> float:
     """The mass of a body (kg)."""
-    film = sum(film_mass_kg(face, piece.thickness_mm) for face, piece, _ in _faces(car, body, placed=False))
+    data = car.parts.film
+    film = sum(film_mass_kg(face, piece.thickness_mm, data) for face, piece, _ in _faces(car, body, placed=False))
     return film + sum(m.mass_kg for m in car.mounts if m.body == body)
 
 
@@ -44,9 +58,9 @@ def net_area_mm2(face: Face) -> float:
     return area_mm2(face.outline_mm) - sum(area_mm2(hole.outline_mm) for hole in face.holes)
 
 
-def film_mass_kg(face: Face, thickness_mm: float) -> float:
+def film_mass_kg(face: Face, thickness_mm: float, film: Film) -> float:
     """The mass of the film of a face (kg)."""
-    return net_area_mm2(face) * thickness_mm * MM**3 * catalogue().film.density_kg_m3.value
+    return net_area_mm2(face) * thickness_mm * MM**3 * film.density_kg_m3.value
 
 
 def area_mm2(outline: Sequence[Point]) -> float:
@@ -59,13 +73,13 @@ def area_mm2(outline: Sequence[Point]) -> float:
     return doubled / 2
 
 
-def plate_properties(face: Face, thickness_mm: float, pose: Pose) -> MassProperties:
+def plate_properties(face: Face, thickness_mm: float, pose: Pose, film: Film) -> MassProperties:
     """A face as a plate of uniform thickness, in SI units, in the frame in which ``pose`` (mm) is given."""
     moments = _moments(face.outline_mm) - sum((_moments(hole.outline_mm) for hole in face.holes), np.zeros(6))
     area, first_x, first_y, xx, yy, xy = moments
     x, y = first_x / area, first_y / area
     xx, yy, xy = xx - area * x * x, yy - area * y * y, xy - area * x * y
-    density_kg_mm2 = thickness_mm * MM**3 * catalogue().film.density_kg_m3.value
+    density_kg_mm2 = thickness_mm * MM**3 * film.density_kg_m3.value
     through = area * thickness_mm**2 / 12
     inertia = np.array([[yy + through, -xy, 0.0], [-xy, xx + through, 0.0], [0.0, 0.0, xx + yy]])
     inertia *= density_kg_mm2 * MM**2

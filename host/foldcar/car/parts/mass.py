@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of rigid bodies and of solid boxes, in SI units."""
+"""Mass, centre of mass and inertia of rigid bodies, of solid boxes and cylinders, in SI units."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -26,6 +26,12 @@ def box_properties(
     squares = np.square(size_m)
     inertia = np.diag(mass_kg / 12 * (squares.sum() - squares))
     return MassProperties(mass_kg, np.array(center_m, dtype=np.float64), inertia)
+
+
+def cylinder_properties(mass_kg: float, diameter_m: float, length_m: float) -> MassProperties:
+    """A solid cylinder of uniform density around z, its middle at the origin."""
+    across = mass_kg * (0.75 * diameter_m**2 + length_m**2) / 12
+    return MassProperties(mass_kg, np.zeros(3), np.diag([across, across, mass_kg * diameter_m**2 / 8]))
 
 
 def assemble(bodies: Iterable[MassProperties]) -> MassProperties:

@@ -1,11 +1,14 @@
-"""Draws faces in space as SVG: hidden parts removed, faces shaded, folds dashed, marks with numbers.
+"""Draws faces in space as SVG: hidden parts removed, faces shaded, folds dashed, numbers.
 
-Input: a Shape, a Camera, marks. Output: a self-contained SVG element as text, in millimetres of the picture.
+Input: a Shape, a Camera, marks, arrows, the facets in the background. Output: a self-contained SVG element as
+text, in millimetres of the picture.
 """
 
 import html
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 import shapely
@@ -30,10 +33,13 @@ LINES = {
     "valley": ("#0b62a8", (3.5, 2), 0.32),
     "flat": ("#777777", (1, 2), 0.24),
 }
+# Of what is there already: share of the way to a pale grey.
+FADED, PALE = 0.62, np.array((243, 244, 246))
+ARROWS = {"way": ("#c8102e", 0.6), "tool": ("#6a3d9a", 0.45)}
 # Lines along the common edge of two faces lie on the border of their visible regions: tolerance for drawing them.
 EDGE_SLACK_MM = 0.08
-# Share of the larger side.
-MARGIN = 0.04
+# Shares of the larger side.
+MARGIN, LEAST_ARROW = 0.04, 0.012
 
 
 @dataclass(frozen=True)
@@ -45,27 +51,63 @@ class Mark:
     key: str
 
 
-def picture(
-    shape: Shape, view: Camera, title: str, marks: Sequence[Mark] = (), enlarged: float = 1.0
-) -> str:
-    """The SVG element; its viewBox fits the shape. ``enlarged`` scales the marks, for pictures that are shown small."""
-    seen = seen_facets(shape.facets, view)
-    left, low, right, high = shapely.total_bounds([one.region for one in seen])
-    size = max(right - left, high - low)
-    edge = MARGIN * size
-    box = f"{left - edge:.2f} {-high - edge:.2f} {right - left + 2 * edge:.2f} {high - low + 2 * edge:.2f}"
-    body = [_face(one, shape.materials[one.facet.key], size) for one in seen]
-    body += _lines(shape, seen, view, size)
-    body += _marks(marks, seen, view, size * enlarged)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" role="img"><title>{html.escape(title)}</title>'
-        + "".join(body)
-        + "</svg>"
-    )
+@dataclass(frozen=True)
+class Arrow:
+    """A way through points, (n, 3) in mm, drawn over everything: of something that moves, or of a tool.
+
+    ``text`` stands at its start.
+    """
+
+    points_mm: Vector
+    kind: Literal["way", "tool"] = "way"
+    text: str = ""
 
 
-def _face(seen: Seen, material: str, size: float) -> str:
+@dataclass(frozen=True)
+class Drawing:
+    """One picture; it is drawn when its SVG is asked for.
+
+    ``enlarged`` scales the marks, for pictures that are shown small; facets with keys in ``faded`` are paler.
+    """
+
+    shape: Shape
+    view: Camera
+    title: str
+    marks: Sequence[Mark] = ()
+    enlarged: float = 1.0
+    faded: Collection[str] = ()
+    arrows: Sequence[Arrow] = ()
+
+    @cached_property
+    def seen(self) -> list[Seen]:
+        """The facets that are at least partly visible, farthest first."""
+        return seen_facets(self.shape.facets, self.view)
+
+    @cached_property
+    def svg(self) -> str:
+        """The SVG element; its viewBox fits the shape and the arrows."""
+        seen, view = self.seen, self.view
+        drawn = [one.region for one in seen] + [shapely.linestrings(view.flat(arrow.points_mm)) for arrow in self.arrows]
+        left, low, right, high = shapely.total_bounds(drawn)
+        size = max(right - left, high - low)
+        edge = MARGIN * size
+        box = f"{left - edge:.2f} {-high - edge:.2f} {right - left + 2 * edge:.2f} {high - low + 2 * edge:.2f}"
+        materials = self.shape.materials
+        body = [_face(one, materials[one.facet.key], size, one.facet.key in self.faded) for one in seen]
+        body += _lines(self.shape, seen, view, size)
+        body += [_arrow(arrow, view, size) for arrow in self.arrows]
+        body += _marks(self.marks, seen, view, size * self.enlarged)
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" role="img"><title>{html.escape(self.title)}</title>'
+            + "".join(body)
+            + "</svg>"
+        )
+
+
+def _face(seen: Seen, material: str, size: float, faded: bool) -> str:
     base = np.array(COLOURS[material][0 if seen.front else 1])
+    if faded:
+        base = base + (PALE - base) * FADED
     red, green, blue = (base * (0.72 + 0.28 * seen.lit)).astype(int)
     colour = f"#{red:02x}{green:02x}{blue:02x}"
     # The thin stroke closes the gaps that renderers leave between neighbours.
@@ -121,6 +163,37 @@ def _marks(marks: Sequence[Mark], seen: Sequence[Seen], view: Camera, size: floa
             f'fill="#222222">{html.escape(mark.text)}</text>'
         )
     return texts
+
+
+def _arrow(arrow: Arrow, view: Camera, size: float) -> str:
+    """The line with a white edge, so that it is visible on any colour, and its head."""
+    points = view.flat(arrow.points_mm)
+    colour, width = ARROWS[arrow.kind]
+    thick, head = size * width / 100, size * (0.008 + 0.025 * width)
+    along = points[-1] - points[-2]
+    length = float(np.linalg.norm(along))
+    if length < LEAST_ARROW * size:
+        return ""
+    along = along / length * min(head, 0.6 * length)
+    across = 0.42 * np.array([-along[1], along[0]])
+    neck = points[-1] - along
+    line = _polyline(np.vstack([points[:-1], neck + 0.2 * along]))
+    tip = _polyline(np.stack([points[-1], neck + across, neck - across])) + "Z"
+    label = ""
+    if arrow.text:
+        (u, v), up = points[0], points[0][1] > points[-1][1]
+        label = (
+            f'<text x="{u:.2f}" y="{-v:.2f}" dy="{-0.4 if up else 1.1:g}em" font-size="{size * 0.03:.2f}" '
+            f'fill="{colour}" text-anchor="middle" stroke="#ffffff" stroke-width="{size * 0.008:.2f}" '
+            'paint-order="stroke">'
+            f"{html.escape(arrow.text)}</text>"
+        )
+    return (
+        f'<path d="{line}" fill="none" stroke="#ffffff" stroke-width="{2.2 * thick:.3f}"/>'
+        f'<path d="{line}" fill="none" stroke="{colour}" stroke-width="{thick:.3f}"/>'
+        f'<path d="{tip}" fill="{colour}" stroke="#ffffff" stroke-width="{0.5 * thick:.3f}"/>'
+        + label
+    )
 
 
 def _path(region: BaseGeometry) -> str:

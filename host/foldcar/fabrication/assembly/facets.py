@@ -3,18 +3,23 @@
 Input: pieces with their poses and fold fractions, mounts. Output: Facets and the lines along their edges.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from foldcar.car.folded.model import Hole, Mount, Piece
+from foldcar.car.folded.model import Hole, Mount, Piece, Solid
+from foldcar.car.folded.pose import IDENTITY
 from foldcar.fabrication.assembly.hidden_surfaces import Facet, Vector
-from foldcar.fabrication.assembly.poses import Matrix, face_poses, glued_offset_mm, moved
+from foldcar.fabrication.assembly.poses import Fraction, Matrix, face_poses, glued_offset_mm, moved
 from foldcar.fabrication.assembly.solids import mount_material
 
 SMALL_HOLE_MM = 4.0
+CYLINDER_ENDS = 2
+# So many boxes stand for a ring around z, as those of a tyre; it is drawn round.
+RING_SOLIDS, RING_SIDES = 16, 40
+CYLINDER_SIDES, SMALL_CYLINDER_SIDES = 16, 8
 
 LineKind = Literal["cut", "mountain", "valley", "flat"]
 
@@ -50,25 +55,25 @@ def together(shapes: Iterable[Shape]) -> Shape:
 def film_shape(
     piece: Piece,
     pose: Matrix,
-    fraction: float = 1.0,
+    fraction: Fraction = 1.0,
     prefix: str = "",
     tabs: bool = True,
     creases: bool = True,
 ) -> Shape:
-    """One copy of a piece, folded by ``fraction`` (0 to 1), its root face at ``pose``.
+    """One copy of a piece, folded by ``fraction``, its root face at ``pose``.
 
     Keys are ``prefix`` and the face's name. ``creases`` draws folds as such, not as edges.
     """
     poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
     facets, lines = [], []
-    offsets = glued_offset_mm(piece)
+    offsets = glued_offset_mm(piece, fraction)
     shown = {face.name for face in piece.faces if tabs or face.role != "tab"}
     folds = _folded_edges(piece, shown)
     for face in piece.faces:
         if face.name not in shown:
             continue
         at, key = poses[face.name].copy(), prefix + face.name
-        at[:3, 3] += fraction * offsets.get(face.name, 0.0) * at[:3, 2]
+        at[:3, 3] += offsets.get(face.name, 0.0) * at[:3, 2]
         rings = tuple(moved(at, ring) for ring in (np.array(face.outline_mm), *map(_hole_ring, face.holes)))
         facets.append(Facet(key, rings, at[:3, 2]))
         for number, ring in enumerate(rings):
@@ -77,27 +82,77 @@ def film_shape(
                 if kind is not None:
                     keys = (key, *(prefix + other for other in others))
                     lines.append(EdgeLine(keys, ends, kind if creases else "cut"))
-    rim = any(face.role == "rim" for face in piece.faces)
-    return Shape(tuple(facets), tuple(lines), {f.key: "tyre" if rim else "film" for f in facets})
+    return Shape(tuple(facets), tuple(lines), {f.key: "film" for f in facets})
 
 
-def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
-    """A bought part's box, at its pose in the car or at ``pose``."""
+def mount_shape(mount: Mount, pose: Matrix | None = None, prefix: str = "") -> Shape:
+    """A bought part's solids, or its box without any, at its pose in the car or at ``pose``."""
     pose = np.array(mount.pose) if pose is None else pose
-    half = np.array(mount.size_mm) / 2
+    if len(mount.solids) >= RING_SOLIDS:
+        return _ring(mount, pose, prefix)
     facets, lines = [], []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            u, v = (axis + 1) % 3, (axis + 2) % 3
-            corners = np.zeros((4, 3))
-            corners[:, axis] = sign * half[axis]
-            corners[:, u] = np.array([-1, 1, 1, -1]) * half[u]
-            corners[:, v] = np.array([-1, -1, 1, 1]) * half[v]
-            ring = moved(pose, corners)
-            key = f"{mount.name} {axis}{sign:+g}"
-            facets.append(Facet(key, (ring,), sign * pose[:3, axis], closed=True))
-            lines += [EdgeLine((key,), ends, "cut") for ends in np.stack([ring, np.roll(ring, -1, 0)], axis=1)]
+    for number, (solid, at) in enumerate(_solids(mount)):
+        for side, (ring, normal) in enumerate(_sides(solid, pose @ at)):
+            key = f"{prefix}{mount.name} {number}.{side}"
+            facets.append(Facet(key, (ring,), normal, closed=True))
+            # The sides of a cylinder meet smoothly.
+            if solid.kind == "box" or side < CYLINDER_ENDS:
+                lines += [EdgeLine((key,), ends, "cut") for ends in np.stack([ring, np.roll(ring, -1, 0)], axis=1)]
     return Shape(tuple(facets), tuple(lines), {facet.key: mount_material(mount) for facet in facets})
+
+
+def _ring(mount: Mount, pose: Matrix, prefix: str) -> Shape:
+    """Both faces and the outer side of the ring in a mount's box; it is as thick as the first of its solids."""
+    turns = np.linspace(0, 2 * np.pi, RING_SIDES, endpoint=False)
+    circle = np.column_stack([np.cos(turns), np.sin(turns)])
+    outer_mm, half = mount.size_mm[0] / 2, mount.size_mm[2] / 2
+    inner_mm = outer_mm - min(mount.solids[0].size_mm)
+    facets, lines = [], []
+    for side, z in enumerate((-half, half)):
+        rings = tuple(moved(pose, np.column_stack([r * circle, np.full(RING_SIDES, z)])) for r in (outer_mm, inner_mm))
+        facets.append(Facet(f"{prefix}{mount.name} 0.{side}", rings, np.sign(z) * pose[:3, 2], closed=True))
+        for ring in rings:
+            lines += [EdgeLine((facets[-1].key,), e, "cut") for e in np.stack([ring, np.roll(ring, -1, 0)], axis=1)]
+    low, high = facets[0].rings_mm[0], facets[1].rings_mm[0]
+    for i in range(RING_SIDES):
+        j = (i + 1) % RING_SIDES
+        normal = pose[:3, :2] @ (circle[i] + circle[j])
+        side_ring = np.stack([low[i], low[j], high[j], high[i]])
+        key = f"{prefix}{mount.name} 0.{i + 2}"
+        facets.append(Facet(key, (side_ring,), normal / np.linalg.norm(normal), closed=True))
+    return Shape(tuple(facets), tuple(lines), {facet.key: mount_material(mount) for facet in facets})
+
+
+def _solids(mount: Mount) -> Iterator[tuple[Solid, Matrix]]:
+    if not mount.solids:
+        yield Solid("box", mount.size_mm, IDENTITY), np.eye(4)
+    for solid in mount.solids:
+        yield solid, np.array(solid.pose)
+
+
+def _sides(solid: Solid, pose: Matrix) -> Iterator[tuple[Vector, Vector]]:
+    """The sides of a solid, each with its normal; both ends of a cylinder come first."""
+    half = np.array(solid.size_mm) / 2
+    if solid.kind == "box":
+        for axis in range(3):
+            for sign in (-1.0, 1.0):
+                corners = np.zeros((4, 3))
+                corners[:, axis] = sign * half[axis]
+                corners[:, (axis + 1) % 3] = np.array([-1, 1, 1, -1]) * half[(axis + 1) % 3]
+                corners[:, (axis + 2) % 3] = np.array([-1, -1, 1, 1]) * half[(axis + 2) % 3]
+                yield moved(pose, corners), sign * pose[:3, axis]
+        return
+    sides = CYLINDER_SIDES if half[0] > SMALL_HOLE_MM / 2 else SMALL_CYLINDER_SIDES
+    turns = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+    round_mm = half[0] * np.column_stack([np.cos(turns), np.sin(turns)])
+    low, high = (np.column_stack([round_mm, np.full(sides, z)]) for z in (-half[2], half[2]))
+    yield moved(pose, low), -pose[:3, 2]
+    yield moved(pose, high), pose[:3, 2]
+    middles = turns + np.pi / sides
+    for i in range(sides):
+        j = (i + 1) % sides
+        normal = pose[:3, 0] * np.cos(middles[i]) + pose[:3, 1] * np.sin(middles[i])
+        yield moved(pose, np.stack([low[i], low[j], high[j], high[i]])), normal
 
 
 def _hole_ring(hole: Hole) -> Vector:
@@ -111,14 +166,12 @@ def _hole_ring(hole: Hole) -> Vector:
 def _folded_edges(piece: Piece, shown: set[str]) -> dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]]:
     """The line along each edge that two shown faces share (None for no line) and the other face, by the parent's edge.
 
-    A rim bends smoothly and has no folds between its facets.
+    Smooth bends have no folds between their facets.
     """
     edges: dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]] = {}
-    rims = {face.name for face in piece.faces if face.role == "rim"}
     for crease in piece.creases:
         if {crease.parent.face, crease.child.face} <= shown:
             kind: LineKind = "valley" if crease.angle_rad > 0 else "mountain" if crease.angle_rad < 0 else "flat"
-            even = {crease.parent.face, crease.child.face} <= rims
-            edges[crease.parent.face, crease.parent.index] = (None if even else kind, (crease.child.face,))
+            edges[crease.parent.face, crease.parent.index] = (None if crease.bend else kind, (crease.child.face,))
             edges[crease.child.face, crease.child.index] = (None, ())
     return edges

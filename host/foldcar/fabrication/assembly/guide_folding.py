@@ -1,115 +1,82 @@
-"""The guide's first steps: cut all pieces, fold each.
+"""The guide's first steps: cut all pieces, join those that the sheets have in parts.
 
-Input: a FoldedCar, and the car with its pieces as cut. Output: Steps with pictures of each piece flat, half folded and
-folded.
+Input: a FoldedCar, and the CutCar of its sheets. Output: Steps with a picture of each piece.
 """
 
-import math
-from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
-from foldcar.car.folded.model import FoldedCar, Piece
-from foldcar.fabrication.assembly.drawing import picture
+from foldcar.car.folded.model import FoldedCar
+from foldcar.fabrication.assembly.drawing import Drawing
 from foldcar.fabrication.assembly.facets import film_shape
-from foldcar.fabrication.assembly.guide_shapes import same_shapes
 from foldcar.fabrication.assembly.guide_step import Picture, Step, listed, numbers
 from foldcar.fabrication.assembly.hidden_surfaces import camera
 from foldcar.fabrication.assembly.join_marks import join_marks
+from foldcar.fabrication.assembly.operations import of_parting, of_sheets
+from foldcar.fabrication.patterns.options import MACHINES
+from foldcar.fabrication.patterns.sheets import CutCar
 
 ABOVE = camera(-90, 90)
 ASLANT = camera(-55, 32)
+# Long pieces are turned along the picture's wider side.
+UPRIGHT = 1.3
 
 
-def cut(as_cut: FoldedCar) -> Step:
-    """The step that cuts all pieces, with a picture of each."""
+def out_of_sheets(cut: CutCar, machine: str) -> Step:
+    """The step that cuts all pieces, with a picture of each, for a machine of that name."""
     pictures = []
-    for piece in as_cut.pieces:
-        rim = any(face.role == "rim" for face in piece.faces)
-        marks = [] if rim else join_marks(as_cut, piece, np.eye(4), 0.0)
-        svg = picture(film_shape(piece, np.eye(4), 0.0), ABOVE, piece.label, marks, enlarged=2.0)
+    for piece in cut.car.pieces:
+        shape = film_shape(piece, np.eye(4), 0.0)
+        points = np.concatenate([facet.rings_mm[0] for facet in shape.facets])
+        across, along, _ = np.ptp(points, axis=0)
+        view = camera(180, 90) if along > UPRIGHT * across else ABOVE
+        drawing = Drawing(shape, view, piece.label, join_marks(cut.car, piece, np.eye(4), 0.0), enlarged=2.0)
         times = f", {piece.count} times" if piece.count > 1 else ""
-        pictures.append(Picture(svg, f"{piece.label}{times}"))
+        pictures.append(Picture(drawing, f"{piece.label}{times}"))
+    program, files = MACHINES[machine].program, MACHINES[machine].files
     lines = (
-        "Cut all pieces from the sheets. Score the folds or cut them as dashes; do not fold yet.",
-        "Pictures show the printed side. Numbers in circles are joins: both sides of a join have the same number.",
-        "Fold valleys (blue, dashed) towards you and mountains (red, dash-dotted) away from you, the printed side up.",
+        f"Cut the sheets ({machine}: {files.upper()} files, {program}); how_to_cut.md says how, layer by layer. Cut the "
+        "coupon first.",
+        "Take the pieces out of the sheets. Pictures show the printed side, which is inside the car; numbers in circles "
+        "are joins, the same on both sides of a join.",
+        "Crease every fold once before you build: valleys (blue, dashed) towards you, mountains (red, dash-dotted) away "
+        "from you, the printed side up.",
     )
-    return Step("Cut the pieces", lines, tuple(pictures))
+    return Step("Cut the pieces", lines, tuple(pictures), of_sheets(cut))
 
 
-def parted(folded: FoldedCar, as_cut: FoldedCar) -> Iterator[Step]:
-    """Steps that glue pieces split to fit the sheet."""
+def parted(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
+    """The step that joins pieces split to fit the sheets, along folds and across."""
     known = {join.number for join in folded.joins}
-    cut_names = {piece.name for piece in as_cut.pieces}
-    for piece in folded.pieces:
-        if piece.name in cut_names:
-            continue
-        parts = [part for part in as_cut.pieces if part.name.startswith(f"{piece.name}, part ")]
+    cut_names = {piece.name for piece in cut.car.pieces}
+    lines, pictures = [], []
+    for piece in (piece for piece in folded.pieces if piece.name not in cut_names):
+        parts = [part for part in cut.car.pieces if part.name.startswith(f"{piece.name}, part ")]
         names = {part.name for part in parts}
-        new = {join.number for join in as_cut.joins if join.piece_a in names and join.number not in known}
-        times = f" ({piece.count} times)" if piece.count > 1 else ""
-        lines = (
-            f"The {piece.label} is too large for a sheet, so it is cut as {listed([part.label for part in parts])}.",
-            f"Fold each tab and glue it to the printed side of the panel with the same number: join {numbers(new)}.",
-            f"That corner is the fold there; from now on the pictures show the {piece.label} whole.",
+        new = {join.number for join in cut.car.joins if join.piece_a in names and join.number not in known}
+        times = f", {piece.count} times" if piece.count > 1 else ""
+        lines.append(
+            f"The {piece.label} is cut as {listed([part.label for part in parts])}{times}: fold each tab and tape it to "
+            f"the printed side of the panel with the same number, join {numbers(new)}. From now on it is one piece."
         )
-        pictures = tuple(
+        pictures += [
             Picture(
-                picture(
+                Drawing(
                     film_shape(part, np.eye(4), 0.5), ASLANT, f"{part.label}, half folded",
-                    [mark for mark in join_marks(as_cut, part, np.eye(4), 0.5) if int(mark.text) in new],
+                    [mark for mark in join_marks(cut.car, part, np.eye(4), 0.5) if int(mark.text) in new],
                 ),
-                part.label,
+                f"{part.label}, half folded",
             )
             for part in parts
-        )  # fmt: skip
-        yield Step(f"Glue the parts of the {piece.label} together{times}", lines, pictures)
-
-
-def folds(folded: FoldedCar, strips: Mapping[str, int]) -> Iterator[Step]:
-    """Steps that fold each piece; ``strips`` is the number of parts of strips that are cut across."""
-    for group in same_shapes(piece for piece in folded.pieces if any(crease.angle_rad for crease in piece.creases)):
-        piece = group[0]
-        rim = any(face.role == "rim" for face in piece.faces)
-        names = listed([one.label for one in group])
-        times = f" ({piece.count} times)" if piece.count > 1 else ""
-        states = ((0.0, "flat"), (0.5, "half folded"), (1.0, "folded"))[1 if rim else 0 :]
-        view = camera(-70, 25) if rim else ASLANT
-        pictures = tuple(
-            Picture(
-                picture(
-                    film_shape(piece, np.eye(4), share), view, f"{names}, {state}",
-                    [] if rim else join_marks(folded, piece, np.eye(4), share),
-                ),
-                state,
-            )
-            for share, state in states
-        )  # fmt: skip
-        lines = [*_fold_lines(folded, piece, rim, strips.get(piece.name, 1))]
-        if len(group) > 1:
-            lines.append(f"The numbers in the pictures are those of the {piece.label}; see step 1 for the others.")
-        yield Step(f"Fold the {names}{times}", tuple(lines), pictures)
-
-
-def _fold_lines(folded: FoldedCar, piece: Piece, rim: bool, parts: int) -> Iterator[str]:
-    if rim:
-        if parts > 1:
-            yield f"Glue the {parts} parts of the strip end to end, each one's tongue under the next."
-        tabs = sum(face.role == "tab" for face in piece.faces)
-        yield f"Bend the {tabs} teeth to the printed side by 90°; roll the strip evenly to a ring, printed side inside."
-    else:
-        rims = {face.name for face in piece.faces if face.role == "rim"}
-        folds = Counter(
-            ("valley" if c.angle_rad > 0 else "mountain", round(math.degrees(abs(c.angle_rad))))
-            for c in piece.creases
-            if c.child.face not in rims and not c.flexure and c.angle_rad
+        ]  # fmt: skip
+    for name, count in cut.strips.items():
+        parts_across = [flat for flat in cut.pieces if flat.origin == name]
+        seams = {number for flat in parts_across for number, _ in flat.seams}
+        copies = parts_across[0].count
+        lines.append(
+            f"The {name} is cut across, in {count} parts{f', {copies} times' if copies > 1 else ''}: lay the edge of one "
+            f"onto the line of the part with the same number, printed side up, and tape it there: join {numbers(seams)}."
         )
-        for (kind, degrees), count in folds.items():
-            yield f"{count} {kind} fold{'s' if count > 1 else ''} of {degrees}°. Crease each fully once, then let go."
-    own = sorted({join.number for join in folded.joins if join.piece_a == join.piece_b == piece.name})
-    if own and rim:
-        yield f"Glue the ends together: join {numbers(own)}."
-    elif own:
-        yield f"Its own seam, join {numbers(own)}, is glued later."
+    if lines:
+        yield Step("Join the parts of pieces", tuple(lines), tuple(pictures), of_parting(folded, cut))

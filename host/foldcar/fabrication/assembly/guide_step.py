@@ -3,22 +3,67 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from markupsafe import Markup
+
+from foldcar.fabrication.assembly.drawing import Drawing
+from foldcar.fabrication.assembly.operations import Operations
+
+NOTHING = Operations()
+
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """An SVG element and its caption."""
+    """A drawing and its caption."""
 
-    svg: str
+    drawing: Drawing
     caption: str
+
+    @property
+    def svg(self) -> Markup:
+        """The drawing's SVG element, which a template does not escape."""
+        return Markup(self.drawing.svg)
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step: a title, instructions line by line, pictures."""
+    """One step: a title, instructions line by line, pictures, and what is done in it."""
 
     title: str
     lines: tuple[str, ...]
     pictures: tuple[Picture, ...] = ()
+    done: Operations = NOTHING
+
+    @property
+    def effort(self) -> str:
+        """What is done in it and how long that takes, as text; "" for nothing to do."""
+        return effort(self.done)
+
+
+# Kind of operation: singular and plural.
+KINDS = {
+    "piece": ("piece out of the sheet", "pieces out of the sheets"),
+    "fold": ("fold", "folds"),
+    "wind": ("strip wound", "strips wound"),
+    "tape": ("join taped", "joins taped"),
+    "turn": ("disc turned onto its hooks", "discs turned onto their hooks"),
+    "tongue": ("tongue or hook pushed in", "tongues and hooks pushed in"),
+    "part": ("part put in", "parts put in"),
+    "screw": ("screw", "screws"),
+    "plug": ("plug or lead", "plugs and leads"),
+}
+
+
+def effort(done: Operations) -> str:
+    """Operations and minutes as text."""
+    if not done.total:
+        return ""
+    counts = ", ".join(f"{count} {KINDS[kind][count > 1]}" for kind, count in done.counts.items() if count)
+    return f"{counts}: about {minutes(done.minutes)}"
+
+
+def minutes(value: float) -> str:
+    """Minutes as text."""
+    return f"{value:.0f} min" if value >= 1 else "1 min"
 
 
 def numbers(joins: Iterable[int]) -> str:

@@ -85,7 +85,10 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
     found = []
     for place, index in enumerate(kept):
         region, rest = shapes[place], shapes[place]
-        for part in hidden[place]:
+        # The largest first, since most faces are soon hidden.
+        for part in sorted(hidden[place], key=shapely.area, reverse=True):
+            if not shapely.intersects(rest, part):
+                continue
             rest = _polygons(shapely.difference(rest, part, grid_size=GRID_MM))
             if rest.is_empty:
                 break

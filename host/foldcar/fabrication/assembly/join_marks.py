@@ -6,15 +6,15 @@ from foldcar.car.folded.folding import edge
 from foldcar.car.folded.model import FoldedCar, Join, Piece
 from foldcar.fabrication.assembly.drawing import Mark
 from foldcar.fabrication.assembly.hidden_surfaces import Vector
-from foldcar.fabrication.assembly.poses import Matrix, face_poses, glued_offset_mm, moved
+from foldcar.fabrication.assembly.poses import Fraction, Matrix, face_poses, glued_offset_mm, moved
 
 BESIDE_EDGE_MM = 7.0
 
 
-def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: float, prefix: str = "") -> list[Mark]:
+def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction, prefix: str = "") -> list[Mark]:
     """The numbers on one copy of a piece; the joins around a rim have their number once on each side."""
     poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
-    offsets = glued_offset_mm(piece)
+    offsets = glued_offset_mm(piece, fraction)
     marks: dict[tuple[int, str], Mark] = {}
     for join in folded.joins:
         for side in ("a", "b"):
@@ -25,8 +25,7 @@ def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: float, p
                 continue
             face, at = found
             once = (join.number, side if join.kind in ("rim", "laminate") else f"{side} {face}")
-            lift = fraction * offsets.get(face, 0.0)
-            point = moved(poses[face], np.array([[*at, lift]]))[0]
+            point = moved(poses[face], np.array([[*at, offsets.get(face, 0.0)]]))[0]
             marks.setdefault(once, Mark(str(join.number), point, prefix + face))
     return list(marks.values())
 

@@ -9,32 +9,33 @@ from collections import Counter
 from dataclasses import dataclass
 
 from foldcar.car.folded.model import FoldedCar
-from foldcar.car.parts.catalogue import BoxPart, Servo, catalogue
+from foldcar.car.folded.weight import body_properties
+from foldcar.car.parts.mass import assemble
+from foldcar.car.parts.quantity import Bought
+from foldcar.car.parts.wheel_parts import Tyre
 from foldcar.fabrication.assembly.skin import piece_area_mm2
-
-SCREWS_PER_SERVO = 2
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One line: a quantity of a part with the total mass and cost; None if they are counted elsewhere."""
+    """One line: a quantity of a part with its total mass and its cost, None if nobody knows it."""
 
     name: str
     quantity: float
     unit: str
-    mass_kg: float | None
+    mass_kg: float
     cost_usd: float | None
     note: str = ""
 
 
 def parts_list(folded: FoldedCar) -> tuple[Row, ...]:
-    """All rows: film, placed bought parts, then small parts."""
-    return (*_film(folded), *_bought(folded), *_small(folded))
+    """All rows: film, then the bought parts that are placed in the car."""
+    return (*_film(folded), *_bought(folded))
 
 
 def total_mass_kg(rows: tuple[Row, ...]) -> float:
     """The car's mass (kg)."""
-    return sum(row.mass_kg or 0.0 for row in rows)
+    return sum(row.mass_kg for row in rows)
 
 
 def total_cost_usd(rows: tuple[Row, ...]) -> float:
@@ -47,12 +48,13 @@ def parts_list_text(folded: FoldedCar, title: str) -> str:
     rows = parts_list(folded)
     lines = [f"# Parts of {title}", "", "| part | quantity | mass g | cost USD | |", "|---|---:|---:|---:|---|"]
     lines += [
-        f"| {row.name} | {_amount(row)} | {_grams(row.mass_kg)} | {_dollars(row.cost_usd)} | {row.note} |"
+        f"| {row.name} | {_amount(row)} | {row.mass_kg * 1e3:.2f} | {_dollars(row)} | {row.note} |"
         for row in rows
     ]
     lines += [
         f"| **together** | | **{total_mass_kg(rows) * 1e3:.1f}** | **{total_cost_usd(rows):.2f}** | |",
         "",
+        *_balance(folded),
         "Prices are guides: see the tolerances and sources in the parts' data. Besides you need glue or double-sided "
         "tape for film, and headers for the two boards.",
         "",
@@ -74,9 +76,8 @@ def parts_list_csv(folded: FoldedCar) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["part", "quantity", "unit", "mass_g", "cost_usd", "note"])
     for row in parts_list(folded):
-        mass = "" if row.mass_kg is None else f"{row.mass_kg * 1e3:.3f}"
-        cost = "" if row.cost_usd is None else f"{row.cost_usd:.2f}"
-        writer.writerow([row.name, f"{row.quantity:g}", row.unit, mass, cost, row.note])
+        mass = f"{row.mass_kg * 1e3:.3f}"
+        writer.writerow([row.name, f"{row.quantity:g}", row.unit, mass, _dollars(row), row.note])
     return text.getvalue()
 
 
@@ -86,7 +87,7 @@ def film_area_mm2(folded: FoldedCar) -> float:
 
 
 def _film(folded: FoldedCar) -> list[Row]:
-    film = catalogue().film
+    film = folded.parts.film
     areas: dict[float, float] = {}
     for piece in folded.pieces:
         areas[piece.thickness_mm] = areas.get(piece.thickness_mm, 0.0) + piece.count * piece_area_mm2(piece)
@@ -97,50 +98,48 @@ def _film(folded: FoldedCar) -> list[Row]:
             "m²",
             area * thickness * 1e-9 * film.density_kg_m3.value,
             area * 1e-6 * film.cost_usd_m2.value,
-            "as cut; sheets have more",
+            f"sold as {film.sold_as}; as cut, sheets have more",
         )
         for thickness, area in sorted(areas.items())
     ]
 
 
 def _bought(folded: FoldedCar) -> list[Row]:
+    bought = {part.name: part for part in folded.parts.bought}
     counts = Counter(mount.part for mount in folded.mounts)
     masses: dict[str, float] = {}
     for mount in folded.mounts:
         masses[mount.part] = masses.get(mount.part, 0.0) + mount.mass_kg
     return [
-        Row(name, count, "", masses[name], *_cost(name, count))
-        for name, count in counts.items()
+        Row(name, count, "", masses[name], *_cost(bought.get(name), count)) for name, count in counts.items()
     ]
 
 
-def _small(folded: FoldedCar) -> list[Row]:
-    parts = catalogue()
-    servos = sum(mount.part == parts.servo.name for mount in folded.mounts)
-    screws = SCREWS_PER_SERVO * servos
-    return [
-        Row(parts.screw.name, screws, "", None, screws * parts.screw.cost_usd.value,
-            f"{SCREWS_PER_SERVO} a servo; their mass is in {parts.wiring.name}"),
-    ]  # fmt: skip
+def _cost(part: Bought | None, count: int) -> tuple[float | None, str]:
+    """The cost of so many of them, and a note; a module of one's own may place a part that is not in the catalogue."""
+    if part is None:
+        return None, "no price known"
+    if part.cost_usd.value == 0:
+        return 0.0, "comes with the servos"
+    return count * part.cost_usd.value, part.note if isinstance(part, Tyre) else ""
 
 
-def _cost(name: str, count: int) -> tuple[float | None, str]:
-    """The cost of ``count`` parts and a note."""
-    parts = catalogue()
-    if name == parts.horn.name:
-        return None, "come with the servos"
-    bought = (getattr(parts, field) for field in type(parts).model_fields)
-    costs = {part.name: part.cost_usd.value for part in bought if isinstance(part, BoxPart | Servo)}
-    return (costs[name] * count, "") if name in costs else (None, "no price known")
+def _balance(folded: FoldedCar) -> list[str]:
+    """Where the centre of mass is, which the battery's place decides."""
+    if not folded.axles:
+        return []
+    bodies = sorted({placed.body for placed in folded.placed})
+    x, _, z = assemble(body_properties(folded, body) for body in bodies).center_m * 1e3
+    side = "in front of" if x > 0 else "behind"
+    where = "at the middle" if abs(x) < 0.5 else f"{abs(x):.0f} mm {side} the middle"
+    high = f"{z + folded.axles[0].radius_mm:.0f} mm above the ground"
+    place = f"with the battery on the {folded.parts.battery_place}"
+    return [f"The centre of mass is {where} of the car's length, {high}, {place}.", ""]
 
 
 def _amount(row: Row) -> str:
     return f"{row.quantity:.4f} {row.unit}" if row.unit else f"{row.quantity:g}"
 
 
-def _grams(mass_kg: float | None) -> str:
-    return "" if mass_kg is None else f"{mass_kg * 1e3:.2f}"
-
-
-def _dollars(cost_usd: float | None) -> str:
-    return "" if cost_usd is None else f"{cost_usd:.2f}"
+def _dollars(row: Row) -> str:
+    return "" if row.cost_usd is None else f"{row.cost_usd:.2f}"

@@ -30,10 +30,9 @@ def film_solids(folded: FoldedCar) -> list[Solid]:
     for placed in folded.placed:
         piece = pieces[placed.piece]
         name = piece.name if piece.count == 1 else f"{piece.name} {placed.copy + 1}"
-        material: Material = "tyre" if any(face.role == "rim" for face in piece.faces) else "film"
         mesh = shapes[piece.name]
         vertices = moved(np.array(placed.pose), mesh.vertices_mm)
-        found.append(Solid(f"{name} ({placed.body})", placed.body, material, Mesh(vertices, mesh.triangles)))
+        found.append(Solid(f"{name} ({placed.body})", placed.body, "film", Mesh(vertices, mesh.triangles)))
     return found
 
 
@@ -50,7 +49,9 @@ def film_mesh(folded: FoldedCar) -> Mesh:
 def mount_material(mount: Mount) -> Material:
     """The material of a bought part, by a word in its catalogue name."""
     name = mount.part.lower()
-    words: dict[str, Material] = {"servo": "servo", "aa": "battery", "lipo": "battery", "feather": "board"}
+    words: dict[str, Material] = {
+        "servo": "servo", "aa": "battery", "lipo": "battery", "feather": "board", "tyre": "tyre",
+    }  # fmt: skip
     if "featherwing" in name:
         return "board"
     return next((material for word, material in words.items() if word in name), "other")

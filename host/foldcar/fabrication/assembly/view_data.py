@@ -1,66 +1,92 @@
-"""The data of the view page: triangulated faces, folds, flat and assembled poses, bought parts.
+"""The data of the view page: triangulated faces, folds, parts with their poses, and the order of assembly.
 
 Input: a FoldedCar. Output: JSON in millimetres and radians; poses are 16 numbers, row-major. The page computes the
 folding (docs/patterns.md).
 """
 
-import math
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from foldcar.car.assembly.step import AssemblyStep
 from foldcar.car.folded.folding import edge
-from foldcar.car.folded.model import FoldedCar, Piece, Pose
-from foldcar.fabrication.assembly.poses import face_poses, glued_offset_mm, moved
+from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
+from foldcar.car.folded.pose import IDENTITY
+from foldcar.fabrication.assembly.hinge_creases import hinge_crease
+from foldcar.fabrication.assembly.laid_out import laid_out
+from foldcar.fabrication.assembly.poses import face_poses, moved
 from foldcar.fabrication.assembly.solids import mount_material
 from foldcar.fabrication.assembly.triangles import face_points, face_triangles
+from foldcar.fabrication.assembly.view_steps import Part, ViewSteps, view_steps
 
-GAP_MM = 12.0
 DECIMALS = 4
 
 
-def view_data(folded: FoldedCar) -> dict[str, Any]:
-    """The JSON object that view.js reads."""
+def view_data(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None) -> dict[str, Any]:
+    """The object of a car that the page's scripts read; ``planned`` are other steps than those of its guide."""
+    steps = view_steps(folded, planned)
     # Laminated pieces lie on the printed, inner side.
     layers = {join.piece_a for join in folded.joins if join.kind == "laminate"}
+    glued = {(join.piece_a, join.a.face) for join in folded.joins if join.kind in ("tab", "lap", "rim")}
     index = {piece.name: i for i, piece in enumerate(folded.pieces)}
+    number = {("piece", one.piece, one.copy): i for i, one in enumerate(folded.placed)}
     extents = [_flat_extent(folded.pieces[index[placed.piece]]) for placed in folded.placed]
     extents += [(-mount.size_mm[0] / 2, -mount.size_mm[1] / 2, *mount.size_mm[:2]) for mount in folded.mounts]
-    places = _side_by_side(extents)
-    film, bought = places[: len(folded.placed)], places[len(folded.placed) :]
+    parts = []
+    for placed in folded.placed:
+        piece = folded.pieces[index[placed.piece]]
+        hinge = hinge_crease(folded, placed)
+        parts.append({
+            "piece": index[placed.piece],
+            "name": (piece.label or piece.name) + (f" {placed.copy + 1}" if piece.count > 1 else ""),
+            "layer": placed.piece in layers,
+            "hinge": asdict(hinge) if hinge else None,
+            **_part(placed.body, placed.pose, steps, ("piece", placed.piece, placed.copy)),
+        })  # fmt: skip
+    for mount in folded.mounts:
+        parts.append({
+            "name": mount.name if mount.name == mount.part else f"{mount.name} ({mount.part})",
+            "material": mount_material(mount),
+            "solids": _solids(mount),
+            **_part(mount.body, mount.pose, steps, ("mount", mount.name, 0)),
+        })  # fmt: skip
+    for part, flat in zip(parts, laid_out(extents), strict=True):
+        part["flat"] = flat
+        if part["rides"] is not None:
+            host, face = part["rides"]
+            faces = [one.name for one in folded.pieces[index[host[1]]].faces]
+            part["rides"] = [number[host], faces.index(face)]
     return {
-        "pieces": [_piece(piece) for piece in folded.pieces],
-        "placed": [
-            {
-                "piece": index[placed.piece],
-                "body": placed.body,
-                "pose": _numbers(placed.pose),
-                "flat": flat,
-                "layer": placed.piece in layers,
-            }
-            for placed, flat in zip(folded.placed, film, strict=True)
-        ],
-        "mounts": [
-            {
-                "name": mount.name,
-                "part": mount.part,
-                "body": mount.body,
-                "material": mount_material(mount),
-                "size": list(mount.size_mm),
-                "pose": _numbers(mount.pose),
-                "flat": flat,
-            }
-            for mount, flat in zip(folded.mounts, bought, strict=True)
-        ],
+        "pieces": [_piece(piece, steps, glued) for piece in folded.pieces],
+        "parts": parts,
+        "steps": steps.titles,
+        "lid": {index[name]: _children(folded.pieces[index[name]], found) for name, found in steps.lids.items() if found},
         "ground": _ground_mm(folded),
+        "axles": [{"wheel": axle.wheel, "body": axle.body, "center": axle.center_mm} for axle in folded.axles],
+        "hinges": [{"center": hinge.center_mm} for hinge in folded.hinges],
     }
 
 
-def _piece(piece: Piece) -> dict[str, Any]:
+def _part(body: str, pose: Pose, steps: ViewSteps, key: Part) -> dict[str, Any]:
+    # What no step puts in is there from the first one on.
+    ways = steps.ways.get(key, [(1, (), 0.0, 1.0)])
+    exploded = steps.exploded.get(key, (0.0, 0.0, 0.0))
+    return {"body": body, "pose": _numbers(pose), "ways": ways, "exploded": exploded, "rides": steps.rides.get(key)}
+
+
+def _solids(mount: Mount) -> list[dict[str, Any]]:
+    if not mount.solids:
+        return [{"kind": "box", "size": mount.size_mm, "pose": _numbers(IDENTITY)}]
+    return [{"kind": one.kind, "size": one.size_mm, "pose": _numbers(one.pose)} for one in mount.solids]
+
+
+def _piece(piece: Piece, steps: ViewSteps, glued: set[tuple[str, str]]) -> dict[str, Any]:
     number = {face.name: i for i, face in enumerate(piece.faces)}
     faces = {face.name: face for face in piece.faces}
-    offsets = glued_offset_mm(piece)
     creases = {crease.child.face: crease for crease in piece.creases}
+    uncut, smooth = _shared_edges(piece, faces)
     described = []
     for face in piece.faces:
         points, ends = face_points(face)
@@ -68,22 +94,57 @@ def _piece(piece: Piece) -> dict[str, Any]:
             "points": np.round(points, DECIMALS).ravel().tolist(),
             "rings": [int(end) for end in ends],
             "triangles": face_triangles(face).ravel().tolist(),
-            "offset": round(offsets.get(face.name, 0.0), DECIMALS),
+            "uncut": sorted(uncut[face.name]),
+            "smooth": [[point, number[other]] for point, other in smooth[face.name]],
         }
         crease = creases.get(face.name)
         if crease is not None:
+            side = 1 if crease.angle_rad > 0 else -1
+            entry["lifted"] = side if (piece.name, face.name) in glued else 0
             entry["fold"] = {
                 "parent": number[crease.parent.face],
                 "on": [*edge(faces, crease.parent)[0], *edge(faces, crease.parent)[1]],
                 "own": [*edge(faces, crease.child)[0], *edge(faces, crease.child)[1]],
                 "edge": crease.child.index,
                 "angle": crease.angle_rad,
-                # A rim bends smoothly and has no folds between its facets.
-                "drawn": not (face.role == "rim" and faces[crease.parent.face].role == "rim"),
+                "drawn": not _is_smooth(crease, faces),
+                "closing": steps.closing[piece.name, crease.name],
             }
         described.append(entry)
-    tyre = any(face.role == "rim" for face in piece.faces)
-    return {"name": piece.label or piece.name, "material": "tyre" if tyre else "film", "faces": described}
+    return {"name": piece.label or piece.name, "material": "film", "faces": described}
+
+
+def _is_smooth(crease: Crease, faces: dict[str, Face]) -> bool:
+    """Whether nothing is seen of the crease: a rim bends smoothly between its facets."""
+    return crease.bend or (faces[crease.parent.face].role == "rim" and faces[crease.child.face].role == "rim")
+
+
+def _shared_edges(
+    piece: Piece, faces: dict[str, Face]
+) -> tuple[dict[str, set[int]], dict[str, list[tuple[int, str]]]]:
+    """By face: edges that are not cut, and points on smooth bends, each with the face beyond it."""
+    uncut: dict[str, set[int]] = {name: set() for name in faces}
+    smooth: dict[str, list[tuple[int, str]]] = {name: [] for name in faces}
+    for crease in piece.creases:
+        uncut[crease.child.face].add(crease.child.index)
+        if _same_length(faces, crease.parent, crease.child):
+            uncut[crease.parent.face].add(crease.parent.index)
+        if _is_smooth(crease, faces):
+            for own, other in ((crease.parent, crease.child), (crease.child, crease.parent)):
+                count = len(faces[own.face].outline_mm)
+                smooth[own.face] += [(own.index, other.face), ((own.index + 1) % count, other.face)]
+    return uncut, smooth
+
+
+def _same_length(faces: dict[str, Face], a: EdgeRef, b: EdgeRef) -> bool:
+    lengths = [float(np.linalg.norm(np.subtract(*edge(faces, one)))) for one in (a, b)]
+    return abs(lengths[0] - lengths[1]) < 1e-3
+
+
+def _children(piece: Piece, creases: tuple[str, ...]) -> list[int]:
+    """The faces, by number, that turn about these creases."""
+    number = {face.name: i for i, face in enumerate(piece.faces)}
+    return [number[crease.child.face] for crease in piece.creases if crease.name in creases]
 
 
 def _flat_extent(piece: Piece) -> tuple[float, float, float, float]:
@@ -92,34 +153,6 @@ def _flat_extent(piece: Piece) -> tuple[float, float, float, float]:
     corners = np.concatenate([moved(poses[face.name], np.array(face.outline_mm)) for face in piece.faces])
     low, size = corners.min(axis=0), np.ptp(corners, axis=0)
     return float(low[0]), float(low[1]), float(size[0]), float(size[1])
-
-
-def _side_by_side(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
-    """Poses [x, y, turn] of the pieces' origins that arrange them without overlap in rows around the centre.
-
-    Pieces longer along y than along x are turned by 90°, so that rows are low; the highest come first, each in the
-    first row with room.
-    """
-    sizes = [(max(e[2], e[3]) + GAP_MM, min(e[2], e[3]) + GAP_MM) for e in extents]
-    width = max(1.15 * math.sqrt(sum(a * b for a, b in sizes)), max(a for a, _ in sizes))
-    rows: list[list[float]] = []  # y, height, occupied length along x
-    corners = [(0.0, 0.0)] * len(extents)
-    for i in sorted(range(len(extents)), key=lambda i: (-sizes[i][1], i)):
-        along, across = sizes[i]
-        row = next((row for row in rows if row[2] + along <= width), None)
-        if row is None:
-            row = [rows[-1][0] + rows[-1][1] if rows else 0.0, across, 0.0]
-            rows.append(row)
-        corners[i] = (row[2] - width / 2, row[0])
-        row[2] += along
-    middle = (rows[-1][0] + rows[-1][1]) / 2
-    places = []
-    for (x, y), (low_x, low_y, along, across) in zip(corners, extents, strict=True):
-        # A quarter turn maps (x, y) to (-y, x).
-        turned = across > along
-        at = (x + low_y + across, y - low_x) if turned else (x - low_x, y - low_y)
-        places.append([round(at[0], 3), round(at[1] - middle, 3), math.pi / 2 if turned else 0.0])
-    return places
 
 
 def _ground_mm(folded: FoldedCar) -> float:

@@ -1,13 +1,14 @@
-"""The view page: one HTML file with the flat sheets and an animated folding model, without network access.
+"""The view page: one HTML file with the flat sheets and a model of the car that is put together, without network access.
 
-Input: a FoldedCar, drawings of its flat sheets. Output: the page's text, which contains the 3D library three.js of the
-installed package jupyter_threejs_sage.
+Input: a FoldedCar, drawings of its flat sheets; for a car that drives or can be changed, what the page needs for it.
+Output: the page's text, which contains the 3D library three.js of the installed package jupyter_threejs_sage.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import Any
 
 from markupsafe import Markup
 
@@ -19,6 +20,10 @@ from foldcar.page_template import page_template
 
 THREE_PACKAGE = "jupyter_threejs_sage"
 THREE_FILE = "static/r130/three.min.js"
+ROOM = "foldcar.fabrication.assembly"
+SCRIPTS = (
+    "paints.js", "stage.js", "film.js", "bought.js", "car.js", "names.js", "ground.js", "run.js", "live.js", "view.js",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,18 +34,27 @@ class Drawing:
     caption: str
 
 
-def view_page(folded: FoldedCar, title: str, sheets: Sequence[Drawing]) -> str:
-    """The page's text."""
-    return page_template("foldcar.fabrication.assembly", "view.html").render(
+def view_page(
+    folded: FoldedCar,
+    title: str,
+    sheets: Sequence[Drawing],
+    run: Mapping[str, Any] | None = None,
+    live: Mapping[str, Any] | None = None,
+) -> str:
+    """The page's text. ``run`` and ``live`` are objects that run.js and live.js read, of a room downstream."""
+    return page_template(ROOM, "web/view.html").render(
         title=title,
         facts=facts(folded),
         drawings=[
             {"svg": Markup(inline_svg(one.svg, f"drawing{number}", one.caption)), "caption": one.caption}
             for number, one in enumerate(sheets, 1)
         ],
+        run=run,
+        live=live,
         library=_script(files(THREE_PACKAGE).joinpath(THREE_FILE).read_text(encoding="utf-8")),
-        data=_script(json.dumps(view_data(folded), separators=(",", ":"))),
-        program=_script(files("foldcar.fabrication.assembly").joinpath("view.js").read_text(encoding="utf-8")),
+        data=_script(json.dumps({"car": view_data(folded), "run": run, "live": live}, separators=(",", ":"))),
+        style=Markup(_text("view.css")),
+        program=_script("\n".join(['"use strict";', *map(_text, SCRIPTS)])),
     )
 
 
@@ -52,6 +66,10 @@ def facts(folded: FoldedCar) -> str:
         f"{total_mass_kg(rows) * 1e3:.0f} g, {count} pieces of film with {film_area_mm2(folded) / 100:.0f} cm², "
         f"{len(folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts"
     )
+
+
+def _text(name: str) -> str:
+    return files(ROOM).joinpath("web").joinpath(name).read_text(encoding="utf-8")
 
 
 def _script(text: str) -> Markup:

@@ -5,7 +5,6 @@ parameter names.
 """
 
 from foldcar.car.folded.model import FoldedCar
-from foldcar.car.parts.catalogue import catalogue
 
 SUPPLY_V = (4.8, 6.0)
 CARRIES = {"signal": "signal", "supply": "supply", "stack": "plugged together", "usb": "USB"}
@@ -13,7 +12,9 @@ CARRIES = {"signal": "signal", "supply": "supply", "stack": "plugged together", 
 
 def wiring_text(folded: FoldedCar, title: str) -> str:
     """The wiring as Markdown."""
-    wing, battery = catalogue().featherwing.name, catalogue().battery
+    parts = folded.parts
+    wing, feather, battery, switch = parts.featherwing.name, parts.feather.name, parts.battery, parts.switch.name
+    switched = any(wire.a.startswith(switch) for wire in folded.wires)
     lines = [
         f"# Wiring of {title}",
         "",
@@ -36,7 +37,16 @@ def wiring_text(folded: FoldedCar, title: str) -> str:
         "## Supply",
         f"- Servos: {battery.name} ({battery.supply_v.value:g} V) to the terminal block of the {wing}, and to "
         f"nothing else; {SUPPLY_V[0]:g} to {SUPPLY_V[1]:g} V, so one LiPo cell is too low. Mind the polarity.",
-        f"- Board: {catalogue().lipo.name} to the JST socket of the {catalogue().feather.name}, or USB.",
+        *(
+            [
+                f"- The {switch} breaks the + lead between battery and terminal block: solder both ends to it. It turns "
+                "off the servos alone; the board runs as long as its LiPo or USB is plugged in."
+            ]
+            if switched
+            else []
+        ),
+        f"- Board: {parts.lipo.name} to the JST socket of the {feather}, or USB, which also charges it. Check the LiPo's "
+        "polarity against the board's print: plugs of other sellers may be crossed.",
         "- Ground is common through the boards' headers.",
     ]
     others = [wire for wire in folded.wires if wire.carries != "signal"]

@@ -6,7 +6,7 @@ Input: a FoldedCar. Output: SVG text, in millimetres of a page; the car's front 
 import html
 
 from foldcar.car.folded.model import Axle, FoldedCar
-from foldcar.car.parts.catalogue import catalogue
+from foldcar.car.parts.catalogue import Catalogue
 from foldcar.fabrication.assembly.drawing import COLOURS
 
 OUTPUTS = 8
@@ -26,12 +26,13 @@ def wiring_drawing(folded: FoldedCar, title: str) -> str:
         f'<rect width="{WIDTH_MM:g}" height="{height:g}" fill="#ffffff"/>',
         _text(WIDTH_MM / 2, 8, f"Wiring of {title}", 5, bold=True),
         _text(WIDTH_MM / 2, 15, "front of the car ↑", 3.6),
-        *_wing(rows_end),
+        *_wing(rows_end, folded.parts),
     ]
     axles = {axle.channel: axle for axle in folded.axles}
     for output in range(OUTPUTS):
         body += _output(output, axles.get(output))
-    body += _supply(rows_end)
+    switched = any(wire.a.startswith(folded.parts.switch.name) for wire in folded.wires)
+    body += _supply(rows_end, folded.parts, switched)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH_MM:g}mm" height="{height:g}mm" '
         f'viewBox="0 0 {WIDTH_MM:g} {height:g}" font-family="DejaVu Sans, Arial, Helvetica, sans-serif" fill="{INK}">'
@@ -39,11 +40,11 @@ def wiring_drawing(folded: FoldedCar, title: str) -> str:
     )
 
 
-def _wing(rows_end: float) -> list[str]:
+def _wing(rows_end: float, parts: Catalogue) -> list[str]:
     left, right = BOARD_MM
     return [
         _box(left, TOP_MM - 6, right - left, rows_end - TOP_MM + 16, "board"),
-        _text((left + right) / 2, TOP_MM - 1.5, catalogue().featherwing.name, 3),
+        _text((left + right) / 2, TOP_MM - 1.5, parts.featherwing.name, 3),
         _box(left + 10, rows_end + 1, right - left - 20, 7, "other"),
         _text((left + right) / 2, rows_end + 5.6, "terminal block  +  −", 3),
     ]
@@ -71,8 +72,7 @@ def _output(output: int, axle: Axle | None) -> list[str]:
     ]
 
 
-def _supply(rows_end: float) -> list[str]:
-    parts = catalogue()
+def _supply(rows_end: float, parts: Catalogue, switched: bool) -> list[str]:
     left, right = BOARD_MM
     middle, y = (left + right) / 2, rows_end + 26
     volts = f"{parts.battery.supply_v.value:g} V, servos only"
@@ -82,6 +82,7 @@ def _supply(rows_end: float) -> list[str]:
         _text(5 + SERVO_MM / 2, y + 4, volts, 3),
         _wire(f"M{5 + SERVO_MM:g},{y - 2:g}H{middle + 4:g}V{rows_end + 8:g}", PLUS),
         _wire(f"M{5 + SERVO_MM:g},{y + 2:g}H{middle + 12:g}V{rows_end + 8:g}", INK),
+        *(_switch((5 + SERVO_MM + middle) / 2 + 8, y - 2) if switched else []),
         _text(5 + SERVO_MM + 3, y - 3.4, "+", 3.4),
         _text(5 + SERVO_MM + 3, y + 5.8, "−", 3.4),
         _box(left, y + 10, right - left, 20, "board"),
@@ -96,6 +97,16 @@ def _supply(rows_end: float) -> list[str]:
         _text(WIDTH_MM - 5 - SERVO_MM / 2, y + 21.2, "computer", 3.4, bold=True),
         _wire(f"M{right:g},{y + 20:g}H{WIDTH_MM - SERVO_MM - 5:g}", INK),
         _text((right + WIDTH_MM - SERVO_MM - 5) / 2, y + 18.4, "USB", 3),
+    ]
+
+
+def _switch(x: float, y: float) -> list[str]:
+    """An open switch in a line along x, as in circuit diagrams."""
+    return [
+        f'<rect x="{x - 6:g}" y="{y - 1:g}" width="12" height="2" fill="#ffffff"/>',
+        f'<path d="M{x - 6:g},{y:g}L{x + 5:g},{y - 4.5:g}" stroke="{PLUS}" stroke-width="1.2" fill="none"/>',
+        *(f'<circle cx="{x + dx:g}" cy="{y:g}" r="1.1" fill="{PLUS}"/>' for dx in (-6, 6)),
+        _text(x, y - 6, "switch", 3),
     ]
 
 

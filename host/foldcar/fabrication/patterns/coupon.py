@@ -14,8 +14,10 @@ from foldcar.fabrication.patterns.flat_piece import FlatPiece
 from foldcar.fabrication.patterns.nesting import NestingError, fits, too_large
 from foldcar.fabrication.patterns.options import Options
 from foldcar.fabrication.patterns.piece_shapes import cut_shapes
-from foldcar.fabrication.patterns.sheets import CORNER_MM, corner_shapes, rounded
+from foldcar.fabrication.patterns.sheet_advice import advice, all_fit
+from foldcar.fabrication.patterns.sheets import rounded
 from foldcar.fabrication.patterns.stroke_font import text_strokes
+from foldcar.fabrication.patterns.title_block import REFERENCE_MM, corner_mm, corner_shapes, wrapped
 
 # Cut and bridge lengths to choose from.
 DASHES_MM = ((1.0, 1.0), (1.5, 1.0), (2.0, 1.0), (1.5, 0.6), (2.5, 0.8), (4.0, 1.0))
@@ -28,8 +30,9 @@ def coupon(chosen: Options, thickness_mm: float) -> Sheet:
     """The coupon for film of that thickness."""
     rows = [[_bar()], [_slots(thickness_mm), _square()], [_folds(chosen), _tongue()], [_window()]]
     margin = chosen.margin_mm
-    groups: list[tuple[Shape, ...]] = [tuple(corner_shapes(f"coupon  {chosen.machine}", margin))]
-    y, right = margin + CORNER_MM[1] + chosen.gap_mm, margin
+    lines = wrapped([f"{REFERENCE_MM:g} mm  coupon  {chosen.machine}, kerf {chosen.kerf_mm:g} mm"])
+    groups: list[tuple[Shape, ...]] = [tuple(corner_shapes(lines, margin))]
+    y, right = margin + corner_mm(len(lines))[1] + chosen.gap_mm, margin
     for row in rows:
         x, top = margin + chosen.kerf_mm, y
         for flat, marks in row:
@@ -40,9 +43,10 @@ def coupon(chosen: Options, thickness_mm: float) -> Sheet:
         y = top + chosen.gap_mm + chosen.kerf_mm
     taken = Polygon(box(margin, margin, right, y).exterior)
     if not fits((right - margin, y - margin), chosen.sheet_size_mm, margin):
-        raise NestingError(too_large("calibration coupon", taken, chosen.sheet_size_mm, margin))
+        large = too_large("calibration coupon", taken, chosen.sheet_size_mm, margin)
+        raise NestingError(f"{large}; {advice(lambda other: all_fit([taken], other), [taken], chosen)}")
     size = chosen.sheet_size_mm if right + margin <= chosen.sheet_size_mm[0] else chosen.sheet_size_mm[::-1]
-    return Sheet("coupon", *size, tuple(tuple(rounded(group)) for group in groups))
+    return Sheet("coupon", *size, tuple(tuple(rounded(group)) for group in groups), chosen.dashed)
 
 
 def _piece(label: str, outline: Polygon) -> FlatPiece:

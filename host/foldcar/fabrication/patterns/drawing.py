@@ -76,12 +76,16 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """One sheet of film. Each group contains the shapes that move together: a piece with its labels."""
+    """One sheet of film. Each group contains the shapes that move together: a piece with its labels.
+
+    ``dashed``: folds are drawn in their dashed line types, because nothing is cut or scored along them by a machine.
+    """
 
     name: str
     width_mm: float
     height_mm: float
     groups: tuple[tuple[Shape, ...], ...]
+    dashed: bool = False
 
     @property
     def shapes(self) -> tuple[Shape, ...]:

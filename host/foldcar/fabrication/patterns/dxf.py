@@ -23,8 +23,16 @@ def dxf(sheet: Sheet) -> str:
         document.classes.add_required_classes(document.dxfversion)
         document.classes.classes = dict(sorted(document.classes.classes.items()))
         for layer in LAYERS.values():
+            if sheet.dashed and layer.dashes_mm:
+                strokes = [length if i % 2 == 0 else -length for i, length in enumerate(layer.dashes_mm)]
+                document.linetypes.add(layer.line_type, [sum(layer.dashes_mm), *strokes])
             # Line weights are in hundredths of a millimetre.
-            made = document.layers.add(layer.name, color=layer.aci, lineweight=round(100 * layer.width_mm))
+            made = document.layers.add(
+                layer.name,
+                color=layer.aci,
+                lineweight=round(100 * layer.width_mm),
+                linetype=layer.line_type if sheet.dashed else "CONTINUOUS",
+            )
             # Index 7 alone is black on a light ground and white on a dark one; a true colour is the same on both.
             if layer.aci != colors.BLACK:
                 made.rgb = layer.rgb
@@ -36,7 +44,11 @@ def dxf(sheet: Sheet) -> str:
                 if isinstance(shape, Circle):
                     space.add_circle(shape.center_mm, shape.radius_mm, dxfattribs={"layer": name})
                 else:
-                    space.add_lwpolyline(shape.points_mm, close=shape.closed, dxfattribs={"layer": name})
+                    attributes: dict[str, object] = {"layer": name}
+                    # Programs draw a line's weight at any width; that of a polyline is true to scale.
+                    if name == "QR_CODE":
+                        attributes["const_width"] = LAYERS[name].width_mm
+                    space.add_lwpolyline(shape.points_mm, close=shape.closed, dxfattribs=attributes)
         text = io.StringIO()
         document.write(text)
         return text.getvalue()

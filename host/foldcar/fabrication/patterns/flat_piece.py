@@ -12,12 +12,11 @@ from functools import lru_cache
 from typing import Any, Literal
 
 import shapely
-import shapely.affinity
 from shapely.geometry import LineString, Polygon
 
 from foldcar.car.folded.folding import edge, folded
 from foldcar.car.folded.model import Crease, Face, Piece
-from foldcar.fabrication.patterns.drawing import Point
+from foldcar.fabrication.patterns.drawing import Motion, Point
 from foldcar.fabrication.patterns.edge_offset import offset_edges
 from foldcar.fabrication.patterns.options import Options
 
@@ -63,7 +62,8 @@ class FlatPiece:
 
     ``outline`` has the polygonal openings as its holes; ``circles`` are (centre, diameter); ``slits`` are open cuts.
     ``origin`` is the name of the car's piece that it is, or is a part of; ``marks`` are lines that another part is
-    aligned with.
+    aligned with. ``bends`` are the lines between facets of a smooth bend, which are not drawn. ``seams`` are numbers
+    of joins that the piece was parted at, each with the edges beside which it may stand, film on their left.
     """
 
     name: str
@@ -75,7 +75,9 @@ class FlatPiece:
     faces: tuple[FlatFace, ...]
     origin: str
     count: int = 1
-    marks: tuple[tuple[Point, Point], ...] = ()
+    marks: tuple[Edge, ...] = ()
+    bends: tuple[Edge, ...] = ()
+    seams: tuple[tuple[int, tuple[Edge, ...]], ...] = ()
 
     @property
     def area_mm2(self) -> float:
@@ -105,15 +107,16 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
     faces = {face.name: face for face in piece.faces}
     inward = {face.name: [_free_edge_mm(face, chosen)] * len(face.outline_mm) for face in piece.faces}
     for crease in piece.creases:
-        taken = bend_deduction_mm(crease.angle_rad, thickness, chosen) / 2
+        taken = _saved_mm(crease, thickness, chosen) / 2
         inward[crease.parent.face][crease.parent.index] = taken
         inward[crease.child.face][crease.child.index] = taken
     corners = {name: offset_edges(face.outline_mm, inward[name]) for name, face in faces.items()}
     placings = _placings(piece, thickness, chosen)
     flat = tuple(_flat_face(face, corners[face.name], placings[face.name]) for face in piece.faces)
     by_name = {face.name: face for face in flat}
-    lines = [(_fold(crease, by_name), _bent(crease, faces)) for crease in piece.creases]
+    lines = [(_fold(crease, by_name), crease.bend) for crease in piece.creases]
     folds = tuple(fold for fold, bent in lines if fold is not None and not bent)
+    bends = tuple((fold.a, fold.b) for fold, bent in lines if fold is not None and bent)
     outline = shapely.union_all([face.outline for face in flat], grid_size=GRID_MM)
     outline = shapely.simplify(outline, STRAIGHT_MM)
     if not isinstance(outline, Polygon):
@@ -138,6 +141,7 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
         flat,
         piece.name,
         piece.count,
+        bends=bends,
     )
 
 
@@ -155,8 +159,17 @@ def bend_deduction_mm(angle_rad: float, thickness_mm: float, chosen: Options) ->
     return setbacks - angle * (radius + chosen.k_factor * thickness_mm)
 
 
+def _saved_mm(crease: Crease, thickness_mm: float, chosen: Options) -> float:
+    """The bend deduction (mm) of a fold; a smooth bend's facets are as long as the film's middle."""
+    return 0.0 if crease.bend else bend_deduction_mm(crease.angle_rad, thickness_mm, chosen)
+
+
 def _free_edge_mm(face: Face, chosen: Options) -> float:
-    return chosen.tab_clearance_mm if face.role == "tab" else 0.0
+    if face.role != "tab":
+        return 0.0
+    # A small tab keeps half of its width.
+    x0, y0, x1, y1 = Polygon(face.outline_mm).bounds
+    return min(chosen.tab_clearance_mm, float(min(x1 - x0, y1 - y0)) / 4)
 
 
 def _placings(piece: Piece, thickness_mm: float, chosen: Options) -> dict[str, _Placing]:
@@ -168,7 +181,7 @@ def _placings(piece: Piece, thickness_mm: float, chosen: Options) -> dict[str, _
     for crease in piece.creases:
         pose = poses[crease.parent.face]
         a, b = edge(faces, crease.parent)
-        saved = bend_deduction_mm(crease.angle_rad, thickness_mm, chosen) / math.dist(a, b)
+        saved = _saved_mm(crease, thickness_mm, chosen) / math.dist(a, b)
         x, y = -(b[1] - a[1]) * saved, (b[0] - a[0]) * saved
         before = shifts[crease.parent.face]
         shifts[crease.child.face] = (
@@ -190,11 +203,6 @@ def _flat_face(face: Face, corners: list[list[Point]], place: _Placing) -> FlatF
         corner_points = [place.apply(p) for p in reversed(hole.outline_mm)]
         holes[hole.name] = tuple(zip(corner_points, [*corner_points[1:], corner_points[0]], strict=True))
     return FlatFace(face.name, face.role, outline, edges, holes)
-
-
-def _bent(crease: Crease, faces: Mapping[str, Face]) -> bool:
-    """Whether the crease is part of a smooth bend, between two facets of a rim."""
-    return faces[crease.parent.face].role == "rim" and faces[crease.child.face].role == "rim"
 
 
 def _fold(crease: Crease, faces: dict[str, FlatFace]) -> Fold | None:
@@ -228,25 +236,35 @@ def _slits(
 
 def moved_to_origin(flat: FlatPiece) -> FlatPiece:
     """The piece with its lower left corner at the origin."""
-    dx, dy = -flat.outline.bounds[0], -flat.outline.bounds[1]
+    return moved(flat, Motion(0, (-flat.outline.bounds[0], -flat.outline.bounds[1])))
 
-    def move(p: Point) -> Point:
-        return p[0] + dx, p[1] + dy
+
+def moved(flat: FlatPiece, motion: Motion) -> FlatPiece:
+    """The piece after a motion."""
+    move = motion.apply
+
+    def ends(edge: Edge) -> Edge:
+        return move(edge[0]), move(edge[1])
+
+    def polygon(shape: Polygon) -> Polygon:
+        return Polygon([move(p) for p in shape.exterior.coords], [[move(p) for p in r.coords] for r in shape.interiors])
 
     return replace(
         flat,
-        outline=shapely.affinity.translate(flat.outline, dx, dy),
+        outline=polygon(flat.outline),
         circles=tuple((move(p), d) for p, d in flat.circles),
         slits=tuple(tuple(move(p) for p in slit) for slit in flat.slits),
         folds=tuple(Fold(f.kind, move(f.a), move(f.b)) for f in flat.folds),
         faces=tuple(
             replace(
                 face,
-                outline=shapely.affinity.translate(face.outline, dx, dy),
-                edges={i: (move(a), move(b)) for i, (a, b) in face.edges.items()},
-                holes={name: tuple((move(a), move(b)) for a, b in ring) for name, ring in face.holes.items()},
+                outline=polygon(face.outline),
+                edges={i: ends(edge) for i, edge in face.edges.items()},
+                holes={name: tuple(ends(edge) for edge in ring) for name, ring in face.holes.items()},
             )
             for face in flat.faces
         ),
-        marks=tuple((move(a), move(b)) for a, b in flat.marks),
+        marks=tuple(ends(mark) for mark in flat.marks),
+        bends=tuple(ends(bend) for bend in flat.bends),
+        seams=tuple((number, tuple(ends(edge) for edge in edges)) for number, edges in flat.seams),
     )

@@ -17,10 +17,11 @@ PLACES = 8
 
 
 def join_marks(piece: FlatPiece, joins: Iterable[Join]) -> Iterator[EdgeMark]:
-    """The numbers of all joins of the piece."""
+    """The numbers of all joins of the piece, those that it was parted at first."""
+    yield from (EdgeMark(str(number), beside) for number, beside in piece.seams)
     faces = {face.name: face for face in piece.faces}
     seen: set[tuple[int, str]] = set()
-    around: dict[int, list[Edge]] = {}
+    around: dict[tuple[int, bool], list[Edge]] = {}
     for join in joins:
         for name, ref, slot in ((join.piece_a, join.a, None), (join.piece_b, join.b, join.slot)):
             if name != piece.origin or ref.face not in faces:
@@ -28,12 +29,13 @@ def join_marks(piece: FlatPiece, joins: Iterable[Join]) -> Iterator[EdgeMark]:
             edges = _edges(faces[ref.face], ref, join, slot)
             if not edges:
                 continue
-            if join.kind == "rim":
-                around.setdefault(join.number, []).extend(edges)
+            if join.kind == "rim" or piece.bends:
+                # A strip that is joined to itself has its number at both ends.
+                around.setdefault((join.number, ref is join.a), []).extend(edges)
             elif (join.number, ref.face) not in seen:
                 seen.add((join.number, ref.face))
                 yield EdgeMark(str(join.number), tuple(edges))
-    for number, edges in around.items():
+    for (number, _), edges in around.items():
         half = len(edges) // 2
         yield EdgeMark(str(number), tuple(sorted((*edges[half:], *edges[:half]), key=_slant)[:PLACES]))
 

@@ -139,7 +139,7 @@ def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
     A strip, which bends smoothly, counts as one face.
     """
     areas = [face.outline for face in sorted(flat.faces, key=lambda face: -float(face.outline.area))[:4]]
-    if any(face.role == "rim" for face in flat.faces):
+    if flat.bends:
         areas = [flat.outline]
     places = []
     for area in areas:

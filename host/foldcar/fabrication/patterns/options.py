@@ -1,23 +1,33 @@
-"""The options of a pattern for a machine and a sheet: kerf, folds, clearances, sizes; presets of machines.
+"""The options of a pattern for a machine and a sheet: kerf, folds, clearances, sizes; profiles of machines.
 
-Input: a machine's name and changed values. Output: Options; OptionError for a value outside its limits.
+Input: a machine's name and changed values. Output: Options; OptionError for a value outside its limits. What is known of
+a machine stands in ``machines.json``: its preset, its sheets, how its program takes a file, what to do with each layer.
 """
 
+import json
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any, Literal
 
 from foldcar.errors import FoldcarError
 
 INCH_MM = 25.4
 MAX_SHEET_MM = 5000.0
+# Film between two cuts that does not tear; the bridges within a fold are the option dash_bridge_mm.
+LEAST_FILM_MM = 1.5
+# Less is cut away by the blade's or beam's own deviation, 0.1 to 0.2 mm on each side.
+TORN_FILM_MM = 0.4
 
 # Width and height in millimetres.
 SHEETS = {
     "a4": (210.0, 297.0),
     "letter": (8.5 * INCH_MM, 11 * INCH_MM),
     "12in": (12 * INCH_MM, 12 * INCH_MM),
+    "a3": (297.0, 420.0),
+    "12x24in": (12 * INCH_MM, 24 * INCH_MM),
 }
 PAPERS = ("a4", "letter")
 
@@ -55,15 +65,40 @@ class Options:
         """Width and height of a sheet (mm)."""
         return sheet_size_mm(self.sheet)
 
+    @property
+    def dashed(self) -> bool:
+        """Whether folds are drawn in dashed line types: where they are neither cut nor scored by a machine."""
+        return self.machine == "scissors" and self.fold == "score"
 
-# A blade has no kerf; that of a CO2 laser in PET is about 0.15 mm. Cricut machines cut 11.5 inches of a 12 inch mat.
-# Home printers leave 5 mm blank.
-MACHINES = {
-    "silhouette": Options("silhouette", "12in", 0.0, 0.3, "dash", 2.0, 2.0),
-    "cricut": Options("cricut", "12in", 0.0, 0.3, "dash", 6.5, 2.0),
-    "laser": Options("laser", "600x400", 0.15, 0.2, "dash", 5.0, 2.0),
-    "scissors": Options("scissors", "a4", 0.0, 0.5, "score", 5.0, 4.0),
-}
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """A machine: its preset, the sheets it takes (smallest first), the program that reads its ``files`` and what to do.
+
+    ``actions`` has a text for each layer; FOLD stands for both kinds of folds.
+    """
+
+    preset: Options
+    sheets: tuple[str, ...]
+    program: str
+    files: Literal["svg", "dxf", "pdf"]
+    steps: tuple[str, ...]
+    actions: Mapping[str, str]
+
+
+def _machine(name: str, data: dict[str, Any]) -> Machine:
+    return Machine(
+        Options(name, **data["options"]),
+        tuple(data["sheets"]),
+        data["program"],
+        data["files"],
+        tuple(data["steps"]),
+        data["actions"],
+    )
+
+
+_DATA = json.loads(Path(__file__).with_name("machines.json").read_text(encoding="utf-8"))
+MACHINES: dict[str, Machine] = {name: _machine(name, data) for name, data in _DATA.items()}
 
 # Minimum and maximum of each number, and the quantity it limits.
 LIMITS = {
@@ -83,7 +118,7 @@ def options(machine: str, **changes: Any) -> Options:
     """The machine's preset with these fields changed; None keeps a field. OptionError."""
     if machine not in MACHINES:
         raise OptionError(f"--machine {machine}: not one of {', '.join(MACHINES)}")
-    chosen = replace(MACHINES[machine], **{key: value for key, value in changes.items() if value is not None})
+    chosen = replace(MACHINES[machine].preset, **{key: value for key, value in changes.items() if value is not None})
     for field in fields(chosen):
         value = getattr(chosen, field.name)
         if field.name not in LIMITS or value is None:
@@ -104,20 +139,33 @@ def options(machine: str, **changes: Any) -> Options:
 
 
 def sheet_size_mm(sheet: str) -> tuple[float, float]:
-    """Width and height (mm) of a sheet given by name or as WIDTHxHEIGHT in millimetres. OptionError."""
+    """Width and height (mm) of a sheet given by name or as WIDTHxHEIGHT in millimetres or inches. OptionError."""
     if sheet in SHEETS:
         return SHEETS[sheet]
-    match = re.fullmatch(r"([0-9.]+)x([0-9.]+)", sheet)
+    match = re.fullmatch(r"([0-9.]+)x([0-9.]+)(in)?", sheet)
+    unit = INCH_MM if match and match[3] else 1.0
     try:
-        width, height = (float(text) for text in match.groups()) if match else (math.nan, math.nan)
+        width, height = (unit * float(text) for text in match.groups()[:2]) if match else (math.nan, math.nan)
     except ValueError:
         width = height = math.nan
     if not (10 <= width <= MAX_SHEET_MM and 10 <= height <= MAX_SHEET_MM):
         known = ", ".join(SHEETS)
         raise OptionError(
-            f"--sheet {sheet}: neither one of {known} nor WIDTHxHEIGHT of 10 to {MAX_SHEET_MM:g} mm, as in 600x400"
+            f"--sheet {sheet}: neither one of {known} nor WIDTHxHEIGHT of 10 to {MAX_SHEET_MM:g} mm, as in 600x400, "
+            "or in inches, as in 24x36in"
         )
     return width, height
+
+
+def arguments(chosen: Options) -> list[str]:
+    """The words of a command that choose these options."""
+    preset = MACHINES[chosen.machine].preset
+    words = [] if chosen.machine == "silhouette" else ["--machine", chosen.machine]
+    for field in fields(chosen):
+        value = getattr(chosen, field.name)
+        if value != getattr(preset, field.name):
+            words += [_flag(field.name), value if isinstance(value, str) else f"{value:.10g}"]
+    return words
 
 
 def _flag(field: str) -> str:

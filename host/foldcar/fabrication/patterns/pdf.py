@@ -49,13 +49,16 @@ def _page(canvas: Canvas, sheet: Sheet, tile: Tile) -> None:
         (tile.high_mm[1] - tile.low_mm[1]) * mm,
     )
     canvas.clipPath(window, stroke=0, fill=0)
-    canvas.setLineCap(1)
     canvas.setLineJoin(1)
     for layer in LAYERS.values():
+        canvas.setLineCap(0 if layer.name == "QR_CODE" else 1)
+        canvas.setDash([length * mm for length in layer.dashes_mm] if sheet.dashed else [])
         canvas.setStrokeColorRGB(*(value / 255 for value in layer.rgb))
         canvas.setLineWidth(layer.width_mm * mm)
         for group in sheet.on(layer.name):
             _draw(canvas, group)
+    canvas.setLineCap(1)
+    canvas.setDash([])
     canvas.setStrokeColorRGB(*(value / 255 for value in MARK_RGB))
     canvas.setLineWidth(MARK_WIDTH_MM * mm)
     half = MARK_MM / 2

@@ -1,13 +1,13 @@
 """A flat piece as shapes on layers: kerf-compensated cuts, fold dashes or score lines, labels."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import shapely
 from shapely.geometry import Polygon
 
-from foldcar.fabrication.patterns.dashes import dashes
 from foldcar.fabrication.patterns.drawing import Circle, Path, Point, Shape
-from foldcar.fabrication.patterns.flat_piece import FlatPiece, Fold
+from foldcar.fabrication.patterns.film import fold_cuts
+from foldcar.fabrication.patterns.flat_piece import FlatPiece
 from foldcar.fabrication.patterns.labels import EdgeMark, label_paths
 from foldcar.fabrication.patterns.layers import LayerName
 from foldcar.fabrication.patterns.options import Options
@@ -23,8 +23,7 @@ def piece_shapes(
     warnings = [f'{flat.label}: no room for the label "{text}"' for text in missing]
     shapes: list[Shape] = list(labels)
     shapes += [Path("SCORE", mark) for mark in flat.marks]
-    for fold in flat.folds:
-        shapes += _fold(fold, chosen)
+    shapes += _folds(flat, chosen)
     shapes += cut_shapes(flat, chosen.kerf_mm)
     return shapes, warnings
 
@@ -53,12 +52,14 @@ def _closed(layer: LayerName, ring: shapely.LinearRing) -> Path:
     return Path(layer, points, closed=True)
 
 
-def _fold(fold: Fold, chosen: Options) -> list[Shape]:
-    # A flexure is neither cut nor scored, which would weaken it; a line on the label layer shows its place.
-    if fold.kind == "flexure":
-        return [Path("LABEL", (fold.a, fold.b))]
-    layer = FOLD_LAYERS[fold.kind]
-    if chosen.fold == "score":
-        return [Path(layer, (fold.a, fold.b))]
-    cuts = dashes(fold.a, fold.b, chosen.dash_cut_mm, chosen.dash_bridge_mm, chosen.kerf_mm)
-    return [Path(layer, cut) for cut in cuts]
+def _folds(flat: FlatPiece, chosen: Options) -> Iterator[Shape]:
+    for fold in flat.folds:
+        # A flexure is neither cut nor scored, which would weaken it; a line on the label layer shows its place.
+        if fold.kind == "flexure":
+            yield Path("LABEL", (fold.a, fold.b))
+        elif chosen.fold == "score":
+            yield Path(FOLD_LAYERS[fold.kind], (fold.a, fold.b))
+    for fold, cuts in fold_cuts(flat, chosen):
+        yield from (Path(FOLD_LAYERS[fold.kind], cut) for cut in cuts)
+        if not cuts:
+            yield Path("LABEL", (fold.a, fold.b))

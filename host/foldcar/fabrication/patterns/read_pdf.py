@@ -79,10 +79,10 @@ class _Interpreter:
         for word in self.words:
             if word in ("BT", "ET"):
                 text, operands = word == "BT", []
-            elif text:
+            elif text or not word.strip("[]"):
                 continue
-            elif word[0] in "+-.0123456789":
-                operands.append(float(word))
+            elif word.strip("[]")[0] in "+-.0123456789":
+                operands.append(float(word.strip("[]")))
             elif word[0] not in "/[]":
                 self._follow(word, operands)
                 operands = []

@@ -1,8 +1,11 @@
-"""Draws a folded car's pieces on sheets: flat, split to size, labelled, nested, with a reference bar and a title.
+"""Draws a folded car's pieces on sheets: flat, split to size, labelled, nested, with a title block.
 
-Input: a FoldedCar, Options, a title. Output: a Pattern. NestingError if a piece does not fit on a sheet.
+Input: a FoldedCar, Options, a title, the command that makes the sheets. Output: a Pattern. NestingError if a piece does
+not fit on a sheet.
 """
 
+import itertools
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -11,33 +14,40 @@ from shapely.geometry import Polygon
 
 from foldcar.car.folded.model import FoldedCar
 from foldcar.fabrication.patterns.drawing import Path, Point, Shape, Sheet
+from foldcar.fabrication.patterns.film import Film, narrowest_film
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, flat_piece
 from foldcar.fabrication.patterns.join_marks import join_marks
 from foldcar.fabrication.patterns.layers import LAYERS
-from foldcar.fabrication.patterns.nesting import nest
-from foldcar.fabrication.patterns.options import Options
+from foldcar.fabrication.patterns.nesting import NestingError, nest
+from foldcar.fabrication.patterns.options import TORN_FILM_MM, Options
 from foldcar.fabrication.patterns.piece_shapes import outer_cut, piece_shapes
+from foldcar.fabrication.patterns.sheet_advice import advice, all_fit
+from foldcar.fabrication.patterns.split_across import split_to_fit
 from foldcar.fabrication.patterns.split_body import as_cut
-from foldcar.fabrication.patterns.split_strip import split_to_fit
-from foldcar.fabrication.patterns.stroke_font import text_strokes
-
-# Length of the bar by which the scale of a cut or printed sheet is checked.
-REFERENCE_MM = 100.0
-TICK_MM = 3.0
-TITLE_HEIGHT_MM = 2.5
-# Size of the sheet's corner for bar and title.
-CORNER_MM = (REFERENCE_MM + 2.0, 9.0)
+from foldcar.fabrication.patterns.title_block import (
+    REFERENCE_MM,
+    code_shapes,
+    code_size_mm,
+    corner_mm,
+    corner_shapes,
+    wrapped,
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """The flat pieces and sheets of one car, the options and warnings as texts."""
+    """The flat pieces and sheets of one car, the options, warnings as texts, the narrowest film between two cuts (mm).
+
+    ``torn`` are findings: film too narrow to be cut at all.
+    """
 
     title: str
     pieces: tuple[FlatPiece, ...]
     sheets: tuple[Sheet, ...]
     warnings: tuple[str, ...]
     options: Options
+    least_film_mm: float
+    torn: tuple[str, ...] = ()
 
     @property
     def cut_length_mm(self) -> float:
@@ -57,31 +67,38 @@ class Pattern:
 
 @dataclass(frozen=True, slots=True)
 class CutCar:
-    """A car split to fit the sheets: ``car`` has pieces split along folds, ``pieces`` are flat, strips cut across."""
+    """A car split to fit the sheets: ``car`` has pieces split along folds, ``pieces`` are flat, some cut across."""
 
     car: FoldedCar
     pieces: tuple[FlatPiece, ...]
 
     @property
     def strips(self) -> dict[str, int]:
-        """The number of parts of each strip that is cut across, by its piece's name."""
+        """The number of parts of each piece that is cut across, by its name."""
         return {name: count for name, count in Counter(piece.origin for piece in self.pieces).items() if count > 1}
 
 
 def cut_car(folded: FoldedCar, chosen: Options) -> CutCar:
-    """The car's pieces, split to fit the sheet as far as possible."""
+    """The car's pieces, split to fit the sheet as far as possible; no disc is, whose halves would run out of true."""
     car = as_cut(folded, chosen)
-    return CutCar(car, tuple(part for piece in car.pieces for part in split_to_fit(flat_piece(piece, chosen), chosen)))
+    numbers = itertools.count(max((join.number for join in car.joins), default=0) + 1)
+    turning = {placed.piece for placed in car.placed if placed.body.startswith("wheel")}
+    pieces: list[FlatPiece] = []
+    for flat in (flat_piece(piece, chosen) for piece in car.pieces):
+        pieces += [flat] if flat.name in turning and not flat.bends else split_to_fit(flat, chosen, numbers)
+    return CutCar(car, tuple(pieces))
 
 
-def pattern(folded: FoldedCar, chosen: Options, title: str) -> Pattern:
+def pattern(folded: FoldedCar, chosen: Options, title: str, command: str = "") -> Pattern:
     """The car's sheets; NestingError."""
-    return pattern_of(cut_car(folded, chosen), chosen, title)
+    return pattern_of(cut_car(folded, chosen), chosen, title, command)
 
 
-def pattern_of(cut: CutCar, chosen: Options, title: str) -> Pattern:
+def pattern_of(cut: CutCar, chosen: Options, title: str, command: str = "") -> Pattern:
     """The sheets of a car whose pieces are split already; NestingError."""
     missing: dict[str, None] = {}
+    films = {piece.label: film for piece in cut.pieces if (film := narrowest_film(piece, chosen)) is not None}
+    narrow = [f"{label}: {_narrow(film)}" for label, film in films.items() if film.narrow]
 
     def draw(index: int, turn: int) -> list[Shape]:
         piece = cut.pieces[index]
@@ -90,8 +107,26 @@ def pattern_of(cut: CutCar, chosen: Options, title: str) -> Pattern:
         return shapes
 
     laid = [LaidPiece(piece.label, outer_cut(piece, chosen.kerf_mm), piece.count) for piece in cut.pieces]
-    sheets, unmarked = lay_out(laid, draw, chosen, title)
-    return Pattern(title, cut.pieces, sheets, (*missing, *unmarked), chosen)
+    try:
+        sheets, unmarked = lay_out(laid, draw, chosen, title, command)
+    except NestingError as error:
+        raise NestingError(f"{error}; {_advice(cut.car, chosen)}") from error
+    least = min((film.width_mm for film in films.values()), default=math.inf)
+    torn = tuple(f"{label}: {_narrow(film)}" for label, film in films.items() if film.width_mm < TORN_FILM_MM)
+    return Pattern(title, cut.pieces, sheets, (*narrow, *missing, *unmarked), chosen, least, torn)
+
+
+def _narrow(film: Film) -> str:
+    why = ", which the measures of the part there ask for" if film.of_part else ""
+    return f"only {film.width_mm:.2f} mm of film between {film.between[0]} and {film.between[1]}{why}: it may tear"
+
+
+def _advice(car: FoldedCar, chosen: Options) -> str:
+    def outlines(other: Options) -> list[Polygon]:
+        return [outer_cut(piece, other.kerf_mm) for piece in cut_car(car, other).pieces]
+
+    whole = [outer_cut(flat_piece(piece, chosen), chosen.kerf_mm) for piece in car.pieces]
+    return advice(lambda other: all_fit(outlines(other), other), whole, chosen)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,15 +139,18 @@ class LaidPiece:
 
 
 def lay_out(
-    pieces: Sequence[LaidPiece], draw: Callable[[int, int], list[Shape]], chosen: Options, title: str
+    pieces: Sequence[LaidPiece], draw: Callable[[int, int], list[Shape]], chosen: Options, title: str, command: str = ""
 ) -> tuple[tuple[Sheet, ...], list[str]]:
-    """Pieces nested on sheets, and warnings about sheets without a reference bar. NestingError.
+    """Pieces nested on sheets, and warnings about sheets without a reference bar or QR code. NestingError.
 
     ``draw(index, quarter_turns)`` returns a piece's shapes in its own frame, texts upright after the turns.
     """
     width, height = chosen.sheet_size_mm
     listed = [(piece.label, piece.outline, piece.count) for piece in pieces]
-    nested = nest(listed, (width, height), chosen.margin_mm, chosen.gap_mm, CORNER_MM)
+    # As many lines as with the longest numbers.
+    corner = corner_mm(len(_title_lines(title, "99 of 99", command, chosen)))
+    code_mm = code_size_mm(command) if command else 0.0
+    nested = nest(listed, (width, height), chosen.margin_mm, chosen.gap_mm, corner, (code_mm, code_mm))
     on_sheets: list[list[Iterable[Shape]]] = [[] for _ in nested.reserved]
     drawn: dict[tuple[int, int], list[Shape]] = {}
     for index, copies in enumerate(nested.placements):
@@ -123,33 +161,27 @@ def lay_out(
             on_sheets[copy.sheet].append([shape.moved(copy.motion) for shape in drawn[key]])
     count = len(on_sheets)
     warnings = []
-    for index, reserved in enumerate(nested.reserved):
+    for index, (reserved, free) in enumerate(zip(nested.reserved, nested.free, strict=True)):
         if reserved:
-            title_and_bar = corner_shapes(f"{title}  sheet {index + 1} of {count}", chosen.margin_mm)
-            on_sheets[index].append(title_and_bar)
+            lines = _title_lines(title, f"{index + 1} of {count}", command, chosen)
+            on_sheets[index].append(corner_shapes(lines, chosen.margin_mm))
         else:
             warnings.append(f"sheet {index + 1}: no room for the {REFERENCE_MM:g} mm reference bar")
+        if command and free is not None:
+            on_sheets[index].append([shape.moved(free) for shape in code_shapes(command)])
+    if command and not any(nested.free):
+        warnings.append("no sheet has room for the QR code of its command; how_to_cut.md has the command")
     sheets = tuple(
-        Sheet(f"sheet_{index + 1}", width, height, tuple(tuple(rounded(group)) for group in on_sheet))
+        Sheet(f"sheet_{index + 1}", width, height, tuple(tuple(rounded(group)) for group in on_sheet), chosen.dashed)
         for index, on_sheet in enumerate(on_sheets)
     )
     return sheets, warnings
 
 
-def corner_shapes(title: str, margin_mm: float) -> list[Shape]:
-    """The reference bar with a tick every 10 mm, and above it its length and the title."""
-    x = y = margin_mm + 1
-    shapes: list[Shape] = [Path("LABEL", ((x, y), (x + REFERENCE_MM, y)))]
-    for i in range(11):
-        tall = TICK_MM if i in (0, 10) else TICK_MM / 2
-        shapes.append(Path("LABEL", ((x + 10 * i, y), (x + 10 * i, y + tall))))
-    text = f"{REFERENCE_MM:g} mm  {title}"
-    height = TITLE_HEIGHT_MM
-    width = text_strokes(text, height)[1]
-    height *= min(1.0, (REFERENCE_MM - 1) / width)
-    strokes, _ = text_strokes(text, height)
-    shapes += [Path("LABEL", tuple((x + u, y + TICK_MM + 1 + v) for u, v in stroke)) for stroke in strokes]
-    return shapes
+def _title_lines(title: str, number: str, command: str, chosen: Options) -> list[str]:
+    width, height = chosen.sheet_size_mm
+    machine = f"{chosen.machine}, {width:g} x {height:g} mm, kerf {chosen.kerf_mm:g} mm"
+    return wrapped([f"{REFERENCE_MM:g} mm  {title}  sheet {number}", machine, *([command] if command else [])])
 
 
 def rounded(shapes: Iterable[Shape]) -> Iterable[Shape]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 from foldcar.car.folded.folding import edge
 from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Join, Piece
-from foldcar.car.parts.catalogue import catalogue
 from foldcar.fabrication.patterns.flat_piece import flat_piece
 from foldcar.fabrication.patterns.nesting import fits
 from foldcar.fabrication.patterns.options import Options
@@ -20,8 +19,9 @@ def as_cut(car: FoldedCar, chosen: Options) -> FoldedCar:
     pieces: list[Piece] = []
     joins = list(car.joins)
     numbers = itertools.count(max((join.number for join in joins), default=0) + 1)
+    depth = car.parts.assembly.lap_flap_mm.value
     for piece in car.pieces:
-        parts = _parts(piece, chosen, numbers)
+        parts = _parts(piece, chosen, numbers, depth)
         pieces += [part.piece for part in parts]
         if len(parts) == 1:
             continue
@@ -50,16 +50,16 @@ class _Part:
     join: Join | None
 
 
-def _parts(piece: Piece, chosen: Options, numbers: "itertools.count[int]") -> list[_Part]:
-    """The numbered parts of a piece; the whole piece if it fits or splitting does not help."""
+def _parts(piece: Piece, chosen: Options, numbers: "itertools.count[int]", depth_mm: float) -> list[_Part]:
+    """The numbered parts of a piece, tabs of that depth; the whole piece if it fits or splitting does not help."""
     waiting, done = [_Part(piece, None)], []
     while waiting:
         part = waiting.pop(0)
-        crease = None if _fits(part.piece, chosen) else _best_crease(part.piece, chosen)
+        crease = None if _fits(part.piece, chosen) else _best_crease(part.piece, chosen, depth_mm)
         if crease is None:
             done.append(part)
             continue
-        rest, taken = _cut(part.piece, crease)
+        rest, taken = _cut(part.piece, crease, depth_mm)
         join = Join(
             next(numbers), "tab", "", EdgeRef(_tab_name(crease), 0), "", crease.child, _length_mm(part.piece, crease)
         )
@@ -78,14 +78,14 @@ def _parts(piece: Piece, chosen: Options, numbers: "itertools.count[int]") -> li
     ]
 
 
-def _best_crease(piece: Piece, chosen: Options) -> Crease | None:
+def _best_crease(piece: Piece, chosen: Options, depth_mm: float) -> Crease | None:
     """The fold between two panels whose parts exceed the sheet least, then are most equal in size; None without folds."""
     roles = {face.name: face.role for face in piece.faces}
     best = None
     for index, crease in enumerate(piece.creases):
         if crease.flexure or {roles[crease.parent.face], roles[crease.child.face]} != {"panel"}:
             continue
-        parts = _cut(piece, crease)
+        parts = _cut(piece, crease, depth_mm)
         over = max(_excess_mm(part, chosen) for part in parts)
         sizes = [sum(_extent_mm(part, chosen)) for part in parts]
         key = (round(over, 3), round(max(sizes), 3), index)
@@ -94,14 +94,13 @@ def _best_crease(piece: Piece, chosen: Options) -> Crease | None:
     return None if best is None else best[1]
 
 
-def _cut(piece: Piece, crease: Crease) -> tuple[Piece, Piece]:
+def _cut(piece: Piece, crease: Crease, depth: float) -> tuple[Piece, Piece]:
     """The two parts: the first with a tab in place of the fold, the second with the fold's child and its descendants."""
     members = {crease.child.face}
     # Creases of parents precede those of their children.
     for other in piece.creases:
         if other.parent.face in members:
             members.add(other.child.face)
-    depth = catalogue().assembly.lap_flap_mm.value
     length = _length_mm(piece, crease)
     tab = Face(_tab_name(crease), ((0.0, 0.0), (length, 0.0), (length - depth / 4, depth), (depth / 4, depth)), (), "tab")
     fold = replace(crease, name=tab.name, child=EdgeRef(tab.name, 0))

@@ -23,9 +23,12 @@ def svg(sheet: Sheet) -> str:
         f"<title>{sheet.name}</title>",
     ]
     for layer in LAYERS.values():
+        cap = "butt" if layer.name == "QR_CODE" else "round"
+        dashes = " ".join(f"{length:g}" for length in layer.dashes_mm) if sheet.dashed else ""
         lines.append(
             f'<g id="{layer.name}" inkscape:groupmode="layer" inkscape:label="{layer.name}" fill="none" '
-            f'stroke="{layer.hex}" stroke-width="{layer.width_mm:g}" stroke-linecap="round" stroke-linejoin="round">'
+            f'stroke="{layer.hex}" stroke-width="{layer.width_mm:g}" stroke-linecap="{cap}" stroke-linejoin="round"'
+            + (f' stroke-dasharray="{dashes}">' if dashes else ">")
         )
         for group in sheet.on(layer.name):
             lines += _elements(group, sheet.height_mm)

@@ -1,0 +1,121 @@
+"""A bridge over the LiPo that carries the boards: a shelf across the car on two legs, whose feet are taped to the floor.
+
+A flange at one of its long edges, with a tongue through the floor, holds it against the push and pull of a USB plug,
+under which legs alone would fold over. It drops in from above with the boards screwed on.
+"""
+
+import math
+
+from foldcar.car.compiler.component import Component
+from foldcar.car.compiler.parameter import Parameter
+from foldcar.car.compiler.shape import Shape
+from foldcar.car.components.boards import mouth_mm, put_feather, put_wing
+from foldcar.car.components.fasteners import cylinder, screw_in
+from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.parts.catalogue import Catalogue
+
+# How far a flange's ends stay off the legs' feet.
+FOOT_CLEARANCE_MM = 0.5
+
+
+def half_width_mm(parts: Catalogue) -> float:
+    """Half of the bridge's length along the car (mm): the boards', and film around their screws."""
+    feather, assembly = parts.feather, parts.assembly
+    screws = max(abs(y) for holes in feather.holes for _, y in holes.at_mm)
+    around = assembly.screw_hole_mm.value / 2 + assembly.fold_distance_mm.value
+    return max(feather.width_mm.value / 2, screws + around)
+
+
+def shelf_height_mm(parts: Catalogue) -> float:
+    """Height of the shelf's middle surface over that of the floor (mm): the LiPo and the screws' heads below it."""
+    return parts.film.thickness_mm.value + parts.lipo.height_mm.value + parts.assembly.shelf_clearance_mm.value
+
+
+def usb_height_mm(parts: Catalogue) -> float:
+    """Height of the USB socket's middle over the floor's middle surface (mm)."""
+    on_shelf = parts.film.thickness_mm.value / 2 + parts.spacer.length_mm.value
+    return shelf_height_mm(parts) + on_shelf + parts.feather.usb.at_mm[2]
+
+
+def stack_height_mm(parts: Catalogue) -> float:
+    """Height from the floor's middle surface to the bends of the leads over the servos' plugs (mm)."""
+    feather, wing = parts.feather, parts.featherwing
+    boards = feather.board_mm.value + wing.gap_mm.value + wing.plug_top_mm.value + wing.plug_bend_mm.value
+    return shelf_height_mm(parts) + parts.film.thickness_mm.value / 2 + parts.spacer.length_mm.value + boards
+
+
+def span_mm(parts: Catalogue) -> tuple[float, float]:
+    """Distances of the bridge's ends from the boards' middle (mm): on the side of USB, and on the other."""
+    assembly = parts.assembly
+    at_wall = mouth_mm(parts) + assembly.usb_inside_mm.value - assembly.bridge_gap_mm.value
+    screws = max(x for holes in parts.feather.holes for x, _ in holes.at_mm)
+    around = assembly.screw_hole_mm.value / 2 + assembly.fold_distance_mm.value
+    return at_wall, max(parts.feather.length_mm.value / 2, screws + around)
+
+
+class Bridge(Component):
+    """Faces ``shelf``, x forward and its origin at its right rear corner, legs, feet and ``flange``."""
+
+    parameters = (
+        Parameter("side", -1, -1, 1, "the flange's edge: 1 is the front one, -1 the rear one", "rear", "", internal=True),
+    )
+
+    def build(self, shape: Shape) -> None:
+        """The shelf and what is folded down from it."""
+        parts, assembly = self.parts, self.parts.assembly
+        film = parts.film.thickness_mm.value
+        along, across = 2 * half_width_mm(parts), sum(span_mm(parts))
+        # The feet lie on the floor, the flange ends above it.
+        leg = shelf_height_mm(parts) - film
+        flange = shelf_height_mm(parts) - film / 2 - assembly.cap_clearance_mm.value
+        shape.rectangle("shelf", along, across, piece="bridge")
+        for side, edge in (("right", "near"), ("left", "far")):
+            shape.rectangle(f"{side} leg", along, leg)
+            shape.rectangle(f"{side} foot", along, assembly.bridge_foot_mm.value)
+            shape.connect(f"shelf.{edge}", f"{side} leg.near", "fold", -90)
+            shape.connect(f"{side} leg.far", f"{side} foot.near", "fold", -90)
+        inset, half = assembly.bridge_foot_mm.value + FOOT_CLEARANCE_MM, assembly.tongue_mm.value / 2
+        tip = shelf_height_mm(parts) + film / 2 + assembly.floor_tongue_reach_mm.value
+        points = {
+            "near": (0.0, 0.0), "1": (across, 0.0), "2": (across - inset, flange), "3": (across / 2 + half, flange),
+            "tip": (across / 2 + half, tip), "5": (across / 2 - half, tip), "6": (across / 2 - half, flange),
+            "7": (inset, flange),
+        }  # fmt: skip
+        shape.face("flange", tuple(points.values()), tuple(points))
+        shape.connect("shelf.front" if self["side"] > 0 else "shelf.rear", "flange.near", "fold", -90)
+
+    def insert(self, shape: Shape, bridge: str, floor: str, x_mm: float, y_mm: float) -> None:
+        """Put it onto the face ``floor``, the middle of its boards at (x, y), USB towards +y, and the boards onto it."""
+        parts, assembly, film = self.parts, self.parts.assembly, self.parts.film.thickness_mm.value
+        half, (_, right) = half_width_mm(parts), span_mm(parts)
+        shape.place(f"{bridge}.shelf", floor, translation(x_mm - half, y_mm - right, shelf_height_mm(parts)))
+        for side in ("right", "left"):
+            shape.stick(f"{bridge}.{side} foot", floor)
+        at = (x_mm + self["side"] * half, self.middle_mm(y_mm))
+        play = assembly.slot_clearance_mm.value
+        shape.rectangular_hole(floor, "bridge slot", "slot", at, film + play, assembly.tongue_mm.value + 2 * play)
+        shape.lock(f"{bridge}.flange.tip", floor, "bridge slot", "tab_slot")
+        self._boards(shape, f"{bridge}.shelf", (half, right))
+
+    def middle_mm(self, y_mm: float) -> float:
+        """y of the bridge's middle, if that of its boards is ``y_mm``."""
+        left, right = span_mm(self.parts)
+        return y_mm + (left - right) / 2
+
+    def _boards(self, shape: Shape, shelf: str, middle: tuple[float, float]) -> None:
+        """Spacers and screws through the holes of the shelf, on them the Feather and the wing."""
+        parts, film = self.parts, self.parts.film.thickness_mm.value
+        feather, spacer = parts.feather, parts.spacer
+        holes, tall = [], spacer.length_mm.value
+        size = (spacer.diameter_mm.value, spacer.diameter_mm.value, tall)
+        for i, (x, y) in enumerate(((y, -x) for holes in feather.holes for x, y in holes.at_mm), 1):
+            at = (middle[0] + x, middle[1] + y)
+            holes.append(shape.round_hole(shelf, f"board screw {i}", "screw", at, parts.assembly.screw_hole_mm.value))
+            pose = translation(*at, (film + tall) / 2)
+            round_one = (cylinder(spacer.diameter_mm.value, -tall / 2, tall / 2),)
+            shape.box(spacer.name, f"spacer {i}", shelf, pose, size, spacer.mass_kg.value, (), round_one)
+            below = compose(translation(*at, -film / 2), rotation("x", math.pi))
+            screw_in(shape, parts.board_screw, f"board screw {i}", shelf, below, film + tall + feather.board_mm.value)
+        up = film / 2 + tall
+        for board in (put_feather, put_wing):
+            board(shape, shelf, compose(translation(*middle, up), rotation("z", -math.pi / 2)), holes)

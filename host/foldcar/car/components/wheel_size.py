@@ -1,0 +1,146 @@
+"""Sizes of a wheel that follow from its radius, its width and the chosen parts: discs, rim strips, hub ring.
+
+A strip is a polygon of facets in the model and a smooth curve when built: its facets are together as long as the circle
+that its middle surface bends to. Lengths in millimetres, angles in radians.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+from foldcar.car.folded.model import Point
+from foldcar.car.parts.catalogue import Catalogue
+from foldcar.car.parts.wheel_parts import Horn
+
+# A rim strip is no longer than this, so that it fits on a sheet of A4.
+LONGEST_STRIP_MM = 250.0
+# The rim is tied to the discs at least this often along its circumference, and four times.
+SPAN_MM = 65.0
+LEAST_TIES = 4
+# Least length of a facet of the rim: its last one has the slot for the next strip's tongue.
+RIM_FACET_MM = 7.8
+RING_FACETS = 8
+# Film between a slot and another edge, and between the notches of the rim and the slots of the hub ring.
+BRIDGE_MM = 1.5
+LEAST_WEB_MM = 4.0
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A closed polygon of equal facets with the length of a circle of ``radius_mm``."""
+
+    radius_mm: float
+    facets: int
+
+    @property
+    def facet_mm(self) -> float:
+        """Length of a facet."""
+        return 2 * math.pi * self.radius_mm / self.facets
+
+    @property
+    def turn_rad(self) -> float:
+        """Angle between two facets."""
+        return 2 * math.pi / self.facets
+
+    @property
+    def apothem_mm(self) -> float:
+        """Distance of a facet's middle from the axle."""
+        return self.facet_mm / 2 / math.tan(self.turn_rad / 2)
+
+    def dip_rad(self, depth_mm: float) -> float:
+        """Angle by which a facet dips inwards if its end is to lie ``depth_mm`` within the facet that follows."""
+        return self.turn_rad - math.asin(math.sin(self.turn_rad) - depth_mm / self.facet_mm)
+
+    def shift_mm(self, depth_mm: float) -> float:
+        """How far such a facet's end then lies beyond the start of the one that follows, along that."""
+        return self.facet_mm * (math.cos(self.turn_rad - self.dip_rad(depth_mm)) - math.cos(self.turn_rad))
+
+
+@dataclass(frozen=True)
+class WheelSize:
+    """A wheel of rolling ``radius_mm``, tyre included, ``width_mm`` from outside to outside of its discs."""
+
+    radius_mm: float
+    width_mm: float
+    parts: Catalogue
+
+    @property
+    def film_mm(self) -> float:
+        """Thickness of the film."""
+        return self.parts.film.thickness_mm.value
+
+    @property
+    def clearance_mm(self) -> float:
+        """Play of a neck in its slot or notch on each side."""
+        return self.parts.assembly.slot_clearance_mm.value / 2
+
+    @property
+    def disc_radius_mm(self) -> float:
+        """Radius of the discs and of the rim's outer face, on which the tyre lies."""
+        return self.radius_mm - self.parts.tyre.thickness_mm.value
+
+    @property
+    def between_mm(self) -> float:
+        """Width of the strips between the discs, with some play."""
+        return self.width_mm - 2 * (self.film_mm + self.clearance_mm)
+
+    @property
+    def strips(self) -> int:
+        """Number of the equal strips that make up the rim."""
+        return math.ceil(2 * math.pi * (self.disc_radius_mm - self.film_mm / 2) / LONGEST_STRIP_MM)
+
+    @property
+    def ties(self) -> int:
+        """Ties of each strip to the discs, one on each edge."""
+        length = 2 * math.pi * self.disc_radius_mm / self.strips
+        return max(math.ceil(length / SPAN_MM), math.ceil(LEAST_TIES / self.strips))
+
+    @property
+    def facets_per_tie(self) -> int:
+        """Facets of the rim from one tie to the next."""
+        length = 2 * math.pi * (self.disc_radius_mm - self.film_mm / 2)
+        return max(1, math.floor(length / (self.strips * self.ties * RIM_FACET_MM)))
+
+    @cached_property
+    def rim(self) -> Strip:
+        """The rim's polygon."""
+        return Strip(self.disc_radius_mm - self.film_mm / 2, self.strips * self.ties * self.facets_per_tie)
+
+    @cached_property
+    def ring(self) -> Strip:
+        """The hub ring's polygon: a driver reaches every screw through it, and a disc horn stays within its hooks."""
+        return Strip(ring_radius_mm(self.parts), RING_FACETS)
+
+    @property
+    def access_radius_mm(self) -> float:
+        """Radius of the hole of the outer disc."""
+        return access_radius_mm(self.parts)
+
+
+def wheel_screws_mm(horn: Horn) -> tuple[Point, Point]:
+    """The two holes of the horn, farthest from each other, that hold the wheel: points of the horn's frame."""
+    holes = horn.wheel_screws.at_mm
+    return max(((a, b) for a in holes for b in holes), key=lambda pair: (math.dist(*pair), pair[0]))
+
+
+def access_radius_mm(parts: Catalogue) -> float:
+    """Radius of a hole through which a driver reaches all screws of the horn."""
+    reach = max(math.hypot(*at) for at in wheel_screws_mm(parts.horn))
+    return reach + max(parts.tools.driver_diameter_mm.value, parts.horn_screw.head_diameter_mm.value) / 2 + 0.5
+
+
+def ring_radius_mm(parts: Catalogue) -> float:
+    """Radius of the hub ring's middle surface."""
+    disc = parts.horn.disc_diameter_mm.value / 2 + 1 if parts.horn.disc_diameter_mm else 0.0
+    film, play = parts.film.thickness_mm.value, parts.assembly.slot_clearance_mm.value / 2
+    # At the ring's overlap a second layer lies inside.
+    apothem = max(access_radius_mm(parts) + BRIDGE_MM, disc) + 1.5 * film + play
+    half = math.pi / RING_FACETS
+    return apothem * math.tan(half) / half
+
+
+def least_radius_mm(parts: Catalogue) -> float:
+    """Least rolling radius of a wheel: hub ring, film to the rim's notches, tyre; in tenths of a millimetre."""
+    corner = ring_radius_mm(parts) * math.pi / RING_FACETS / math.sin(math.pi / RING_FACETS)
+    least = corner + LEAST_WEB_MM + 2 * parts.film.thickness_mm.value + parts.tyre.thickness_mm.value
+    return math.ceil(10 * least - 1e-9) / 10

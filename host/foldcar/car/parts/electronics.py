@@ -1,0 +1,77 @@
+"""Boards, batteries, switch and plugs.
+
+A board's frame: the middle of its outline on its underside; x away from the Feather's USB socket, y towards its shorter
+row of pins, z up.
+"""
+
+from foldcar.car.parts.quantity import Box, BoxPart, Data, Holes, PartData, Quantity
+
+
+class Feather(BoxPart):
+    """The processor's board with female headers on it; ``joints_mm`` is how far their pins stand out below."""
+
+    board_mm: Quantity
+    joints_mm: Quantity
+    headers: tuple[Box, Box]
+    holes: tuple[Holes, Holes]
+    usb: Box
+    battery_socket: Box
+    reset: Box
+    antenna: Box
+
+
+class FeatherWing(BoxPart):
+    """The servo driver, plugged onto the Feather: ``gap_mm`` is between the two boards.
+
+    ``plug_top_mm`` is the height of an upright servo plug's top over this board's underside, ``plug_bend_mm`` what its
+    leads need above it.
+    """
+
+    board_mm: Quantity
+    gap_mm: Quantity
+    plug_top_mm: Quantity
+    plug_bend_mm: Quantity
+    holes: tuple[Holes]
+    servo_headers: tuple[Box, Box]
+    terminal_block: Box
+    reset: Box
+
+
+class Battery(BoxPart):
+    """The servos' supply and its voltage under light load."""
+
+    supply_v: Quantity
+    lead_length_mm: Quantity
+
+
+class Switch(BoxPart):
+    """A rocker switch that snaps into a slot of a panel at least ``panel_least_mm`` thick."""
+
+    bezel_height_mm: Quantity
+    rocker_height_mm: Quantity
+    slot_length_mm: Quantity
+    slot_width_mm: Quantity
+    body_length_mm: Quantity
+    body_width_mm: Quantity
+    body_depth_mm: Quantity
+    terminal_depth_mm: Quantity
+    panel_least_mm: Quantity
+    current_a: Quantity
+
+
+class Plug(Data):
+    """A plug with its housing; ``inserted_mm`` of its way is in the socket."""
+
+    name: str
+    width_mm: Quantity
+    thickness_mm: Quantity
+    length_mm: Quantity
+    inserted_mm: Quantity
+
+
+class Plugs(PartData):
+    """The plugs that must pass: the computer's, the servos' and the LiPo's."""
+
+    usb: Plug
+    servo: Plug
+    battery: Plug

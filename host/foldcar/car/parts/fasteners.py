@@ -1,0 +1,39 @@
+"""Screws, spacers and the tools that put them in, and the ball caster."""
+
+from foldcar.car.parts.quantity import Bought, BoxPart, PartData, Quantity
+
+
+class Screw(Bought):
+    """A screw, ``length_mm`` below the head, with its nut, if it has one."""
+
+    mass_kg: Quantity
+    diameter_mm: Quantity
+    length_mm: Quantity
+    head_diameter_mm: Quantity
+    head_height_mm: Quantity
+    nut_width_mm: Quantity | None
+    nut_height_mm: Quantity | None
+
+
+class Spacer(Bought):
+    """A round spacer around a screw."""
+
+    mass_kg: Quantity
+    length_mm: Quantity
+    diameter_mm: Quantity
+    hole_mm: Quantity
+
+
+class Tools(PartData):
+    """The room that a screwdriver and a finger need."""
+
+    driver_diameter_mm: Quantity
+    driver_length_mm: Quantity
+    finger_diameter_mm: Quantity
+    finger_length_mm: Quantity
+
+
+class Caster(BoxPart):
+    """A ball caster: a ball under a flange with two screws."""
+
+    hole_spacing_mm: Quantity

@@ -1,0 +1,59 @@
+"""The numbers of the parts' data files: quantities with tolerance and source, boxes and holes on a part.
+
+Lengths are in millimetres, as on data sheets, everything else in SI units unless its name says otherwise.
+"""
+
+from pydantic import BaseModel, ConfigDict
+
+
+class Data(BaseModel):
+    """The base of everything in a data file: unknown keys are mistakes."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Quantity(Data):
+    """A number, its tolerance (half-width of its expected range) and its source."""
+
+    value: float
+    tolerance: float
+    source: str
+
+
+class Box(Data):
+    """A box on a part: its centre and size along x, y, z in the part's frame; the tolerance is that of each number."""
+
+    at_mm: tuple[float, float, float]
+    size_mm: tuple[float, float, float]
+    tolerance: float
+    source: str
+
+
+class Holes(Data):
+    """Equal round holes at points (x, y) of a part's frame; the tolerance is that of each number."""
+
+    at_mm: tuple[tuple[float, float], ...]
+    diameter_mm: float
+    tolerance: float
+    source: str
+
+
+class PartData(Data):
+    """The base of all data files."""
+
+    name: str
+
+
+class Bought(PartData):
+    """A part with a price; parts that come with another one cost nothing."""
+
+    cost_usd: Quantity
+
+
+class BoxPart(Bought):
+    """A part modelled as a box: length along the car unless turned, width across, height up."""
+
+    mass_kg: Quantity
+    length_mm: Quantity
+    width_mm: Quantity
+    height_mm: Quantity

@@ -1,0 +1,72 @@
+"""The sweeps that a cross-check reads: every experiment in the side view and in MuJoCo, its first samples in variants.
+
+Input: a study, a simulator for each engine. Output: rows in the store.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol
+
+from foldcar.errors import FoldcarError
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, SIDE_VIEW
+from foldcar.study.engine_study import engine_study
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import Study
+from foldcar.study.progress import Progress
+from foldcar.study.sweep import planned_total, sweep
+
+# Those of the baseline show how far MuJoCo agrees with itself.
+BOTH, BASELINE = (SIDE_VIEW, MUJOCO), (HALF_STEP, ELLIPSOID)
+
+
+class Bar(Protocol):
+    """What shows a sweep's progress."""
+
+    def update(self, progress: Progress) -> None:
+        """Display the counts."""
+
+    def say(self, line: str) -> None:
+        """Display a line."""
+
+
+def simulators(baseline: int) -> dict[str, Carsim]:
+    """A simulator for each engine that is asked; CarsimError if one is missing."""
+    return {engine: Carsim(engine=engine) for engine in (*BOTH, *(BASELINE if baseline else ()))}
+
+
+def check_success(study: Study) -> None:
+    """FoldcarError if an experiment does not define when a run has passed."""
+    for experiment in study.experiments:
+        success = Environment(experiment).success
+        if not success.defined:
+            raise FoldcarError(f"{experiment.place}: engines are compared by success, and {success.text}")
+
+
+def sweep_all(
+    study: Study,
+    store: Path,
+    carsims: Mapping[str, Carsim],
+    baseline: int,
+    jobs: int,
+    command: str,
+    bar_of: Callable[[Progress], AbstractContextManager[Bar]],
+) -> None:
+    """Simulate with each engine what the store lacks; ``bar_of`` shows one engine's sweep. FoldcarError."""
+    for engine, part in _parts(study, baseline, carsims):
+        progress = Progress(total=planned_total(part))
+        with bar_of(progress) as bar:
+            # What holds for the listing is said once.
+            say = bar.say if engine == SIDE_VIEW else lambda line: None
+            sweep(part, store, carsims[engine], jobs, command, bar.update, progress, say)
+
+
+def _parts(study: Study, baseline: int, carsims: Mapping[str, Carsim]) -> Iterator[tuple[str, Study]]:
+    few = replace(
+        study,
+        experiments=tuple(replace(one, environments=min(one.environments, baseline)) for one in study.experiments),
+    )
+    for engine, carsim in carsims.items():
+        yield engine, engine_study(few if engine in BASELINE else study, carsim)

@@ -1,0 +1,203 @@
+"""Counts what a person does by hand to build a car, and estimates how long that takes.
+
+Input: a FoldedCar, and the CutCar of its sheets. Output: Operations. Film is held by tape, which needs no time to
+dry. Cutting is the machine's work and is not counted, nor are soldering the boards' headers and loading the firmware.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+from pydantic import BaseModel, ConfigDict
+
+from foldcar.car.assembly.order import assembly_steps
+from foldcar.car.assembly.step import AssemblyStep
+from foldcar.car.folded.model import Crease, FoldedCar, Join, Mount, Piece, Wire
+from foldcar.car.parts.catalogue import Catalogue
+from foldcar.car.parts.fasteners import Screw
+from foldcar.car.parts.quantity import Quantity
+from foldcar.fabrication.patterns.sheets import CutCar
+
+TAPED = ("lap", "tab", "laminate")
+PUSHED = ("tab_slot", "lock", "rim")
+# A servo's lead, a lead in a terminal, one board on another; the computer's cable belongs to driving.
+PLUGGED = ("signal", "supply", "stack")
+
+
+class Times(BaseModel):
+    """Seconds of practised work for one operation of each kind; ``pace`` is that of a first build over it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    pace: Quantity
+    piece_s: Quantity
+    fold_s: Quantity
+    wind_s: Quantity
+    tape_s: Quantity
+    tongue_s: Quantity
+    turn_s: Quantity
+    part_s: Quantity
+    screw_s: Quantity
+    plug_s: Quantity
+
+    def of_kinds(self) -> dict[str, Quantity]:
+        """The seconds of each kind, by its name in Operations."""
+        return {kind: getattr(self, f"{kind}_s") for kind in Operations.__dataclass_fields__}
+
+
+@dataclass(frozen=True, slots=True)
+class Operations:
+    """How many of each kind: pieces out of the sheet, folds, strips wound, joins taped, tongues pushed through slots,
+    discs turned onto hooks, parts and wheels put in, screws, plugs and leads."""
+
+    piece: int = 0
+    fold: int = 0
+    wind: int = 0
+    tape: int = 0
+    tongue: int = 0
+    turn: int = 0
+    part: int = 0
+    screw: int = 0
+    plug: int = 0
+
+    @property
+    def total(self) -> int:
+        """All of them."""
+        return sum(self.counts.values())
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """The number of each kind, by its name."""
+        return {kind: getattr(self, kind) for kind in self.__dataclass_fields__}
+
+    def __add__(self, other: "Operations") -> "Operations":
+        return Operations(**{kind: count + other.counts[kind] for kind, count in self.counts.items()})
+
+    @property
+    def minutes(self) -> float:
+        """The estimate."""
+        return self._seconds() * assembly_times().pace.value / 60
+
+    @property
+    def minutes_between(self) -> tuple[float, float]:
+        """The estimate's interval: the tolerances of pace and of every kind's seconds as independent errors."""
+        times = assembly_times()
+        errors = [count * times.of_kinds()[kind].tolerance for kind, count in self.counts.items()]
+        seconds = self._seconds()
+        share = math.hypot(times.pace.tolerance / times.pace.value, math.hypot(*errors) / seconds) if seconds else 0.0
+        return self.minutes * (1 - share), self.minutes * (1 + share)
+
+    def _seconds(self) -> float:
+        seconds = assembly_times().of_kinds()
+        return sum(count * seconds[kind].value for kind, count in self.counts.items())
+
+
+def operations(car: FoldedCar, cut: CutCar) -> Operations:
+    """All operations of the car: pieces out of the sheets, parts of pieces joined, all steps of the assembly."""
+    return sum((done for _, done in by_step(car)), of_sheets(cut) + of_parting(car, cut))
+
+
+def of_sheets(cut: CutCar) -> Operations:
+    """Every piece, and every part of one, is taken out of its sheet."""
+    return Operations(piece=sum(piece.count for piece in cut.pieces))
+
+
+def of_parting(car: FoldedCar, cut: CutCar) -> Operations:
+    """What joins pieces that the sheets have in parts: tabs along folds, with their folds; seams across."""
+    known = {join.number for join in car.joins}
+    new = [join for join in cut.car.joins if join.number not in known]
+    more = sum(p.count * len(_by_hand(p)) for p in cut.car.pieces) - sum(p.count * len(_by_hand(p)) for p in car.pieces)
+    seams = {(piece.origin, number): piece.count for piece in cut.pieces for number, _ in piece.seams}
+    tabs = sum(_times(cut.car, join) for join in new if join.kind in TAPED)
+    return Operations(fold=max(more, 0), tape=tabs + sum(seams.values()))
+
+
+def by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
+    """The steps of the assembly and what is done in each."""
+    before: dict[str, dict[str, float]] = {}
+    pieces = {piece.name: piece for piece in car.pieces}
+    mounts = {mount.name: mount for mount in car.mounts}
+    found = []
+    for step in assembly_steps(car):
+        folded = [pieces[name] for name in step.folds]
+        joins = [join for join in car.joins if join.number in step.joins for _ in range(_times(car, join))]
+        parts = [mounts[added.name] for added in step.adds if added.kind == "mount"]
+        done = Operations(
+            fold=sum(piece.count * len(closing(step, before, piece)) for piece in folded),
+            wind=sum(piece.count for piece in folded if is_wound(piece)),
+            tape=sum(join.kind in TAPED for join in joins),
+            tongue=sum(join.kind in PUSHED for join in joins),
+            turn=sum(_times(car, join) for join in turned(car, step)),
+            part=sum(is_put_in(car.parts, mount) for mount in parts) + sum(added.kind == "unit" for added in step.adds),
+            screw=sum(is_screw(car.parts, mount) for mount in parts),
+            plug=len(plugs_in(car, step)),
+        )
+        for name, creases in step.folds.items():
+            before.setdefault(name, {}).update(creases)
+        found.append((step, done))
+    return found
+
+
+def closing(step: AssemblyStep, before: Mapping[str, Mapping[str, float]], piece: Piece) -> list[Crease]:
+    """The folds of one copy of ``piece`` that a step makes or closes by hand; ``before`` are those closed so far.
+
+    A fold named with 0 is made, and left open.
+    """
+    done = before.get(piece.name, {})
+    named = step.folds.get(piece.name, {})
+    return [c for c in _by_hand(piece) if c.name in named and named[c.name] != done.get(c.name)]
+
+
+def plugs_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
+    """The wires plugged in a step: those of the boards' stack with the upper board, all others with the wires."""
+    parts = {mount.name: mount.part for mount in car.mounts}
+    added = {parts[one.name] for one in step.adds if one.kind == "mount"}
+    steps = {"stack": car.parts.featherwing.name}
+    wires = [wire for wire in car.wires if wire.carries in PLUGGED]
+    return [wire for wire in wires if steps.get(wire.carries, car.parts.wiring.name) in added]
+
+
+def is_wound(piece: Piece) -> bool:
+    """Whether the piece is a strip that is wound to a ring."""
+    return any(crease.bend for crease in piece.creases)
+
+
+def turned(car: FoldedCar, step: AssemblyStep) -> list[Join]:
+    """One join for each disc that a step turns against a wound strip until its hooks hold."""
+    pieces = {piece.name: piece for piece in car.pieces}
+    found: dict[str, Join] = {}
+    for join in car.joins:
+        locks = join.number in step.joins and join.kind == "lock" and is_wound(pieces[join.piece_a])
+        if locks and not pieces[join.piece_b].creases:
+            found.setdefault(join.piece_b, join)
+    return list(found.values())
+
+
+def is_screw(parts: Catalogue, mount: Mount) -> bool:
+    """Whether the part is a screw, with or without a nut."""
+    return mount.part in {part.name for _, part in parts if isinstance(part, Screw)}
+
+
+def is_put_in(parts: Catalogue, mount: Mount) -> bool:
+    """Whether the part is put in by itself: it is no screw, nor the wires, which are plugs."""
+    return not is_screw(parts, mount) and mount.part != parts.wiring.name
+
+
+def _by_hand(piece: Piece) -> list[Crease]:
+    return [c for c in piece.creases if c.angle_rad and not c.flexure and not c.bend]
+
+
+def _times(car: FoldedCar, join: Join) -> int:
+    """How often a join is made: the joins of one wheel stand for all."""
+    wheels = {axle.wheel for axle in car.axles}
+    on_wheels = any(placed.piece == join.piece_a and placed.body in wheels for placed in car.placed)
+    return len(wheels) if on_wheels else 1
+
+
+@cache
+def assembly_times() -> Times:
+    """The times of ``assembly_times.json``."""
+    text = files("foldcar.fabrication.assembly").joinpath("assembly_times.json").read_text(encoding="utf-8")
+    return Times.model_validate_json(text)

@@ -1,0 +1,145 @@
+"""The order of assembly as the view plays it: when each fold closes, when and along which way each part goes in.
+
+Input: a FoldedCar. Output: steps counted from 1; lengths in millimetres. A part without a way (it is bent, stuck on or
+laid out) is drawn in its place.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foldcar.car.assembly.order import assembly_steps
+from foldcar.car.assembly.roles import Roles, roles_of
+from foldcar.car.assembly.step import Added, AssemblyStep
+from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
+
+Vector = tuple[float, float, float]
+Part = tuple[str, str, int]  # piece or mount, its name, copy
+# Step, motions out, and from when to when of the step's motions, 0 to 1, the part goes in.
+Ways = list[tuple[int, tuple[Vector, ...], float, float]]
+
+# Beyond its way out a part meets nothing more: it is drawn coming from at least so far.
+LEAST_WAY_MM = 30.0
+# Of a unit without a way, which is drawn so in a plan that is not proved.
+UNIT_MM = 70.0
+# The last part of a step begins to go in at this share of the time for all.
+TOGETHER = 0.5
+# How far out the first part is drawn in the exploded view, and how much farther each that goes the same way after it.
+FIRST_MM, NEXT_MM = 30.0, 16.0
+# Parts at the same depth go out together.
+SAME_MM = 1.0
+
+
+@dataclass
+class ViewSteps:
+    """``ways`` of a part: its motions out, by the step that puts it, or its unit, in; ``closing``: (step, share) pairs.
+
+    A crease is (piece, name). ``exploded`` is a part's displacement in the exploded view (mm), ``rides`` the piece and
+    face that it moves with, ``bases`` the beams by body, ``lids`` the creases that open the car, by piece.
+    """
+
+    titles: list[str]
+    bases: dict[str, Part]
+    lids: dict[str, tuple[str, ...]]
+    ways: dict[Part, Ways] = field(default_factory=dict)
+    closing: dict[tuple[str, str], list[tuple[int, float]]] = field(default_factory=dict)
+    exploded: dict[Part, Vector] = field(default_factory=dict)
+    rides: dict[Part, tuple[Part, str]] = field(default_factory=dict)
+
+
+def view_steps(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None) -> ViewSteps:
+    """What the steps of the car's guide, or the ``planned`` ones, do to every part and crease.
+
+    What none of them names is there, and folded, from the first one on.
+    """
+    steps = assembly_steps(folded) if planned is None else planned
+    roles = roles_of(folded)
+    bases = {body: _key(one) for body, one in roles.base.items()}
+    found = ViewSteps([step.title for step in steps], bases, {name: lid.creases for name, lid in roles.lids.items()})
+    every: list[PlacedPiece | Mount] = [*folded.placed, *folded.mounts]
+    things = {_key(one): one for one in every}
+    found.rides = {key: host for key, one in things.items() if (host := _host(roles, one)) is not None}
+    units: dict[tuple[str, str], list[Part]] = {}
+    for number, step in enumerate(steps, 1):
+        # What is screwed on comes before its screws.
+        adds = sorted(step.adds, key=lambda one: one.kind != "unit")
+        for place, added in enumerate(adds):
+            begin = TOGETHER * place / len(adds)
+            if step.unit and added.kind != "unit":
+                units.setdefault((step.unit, added.body), []).append((added.kind, added.name, added.copy))
+            for part in _parts(added, units):
+                way = _out(added)
+                if added.kind == "unit" and not way:
+                    way = (_usual(folded, added.body, UNIT_MM),)
+                found.ways.setdefault(part, []).append((number, way, begin, begin + 1 - TOGETHER))
+        for piece, folds in step.folds.items():
+            for crease, share in folds.items():
+                found.closing.setdefault((piece, crease), []).append((number, share))
+    for one in folded.pieces:
+        first = min((ways[0][0] for part, ways in found.ways.items() if part[:2] == ("piece", one.name)), default=1)
+        for fold in one.creases:
+            found.closing.setdefault((one.name, fold.name), [(first, 1.0)])
+    found.exploded = dict(_exploded(found, folded, things))
+    return found
+
+
+def _key(one: PlacedPiece | Mount) -> Part:
+    return ("piece", one.piece, one.copy) if isinstance(one, PlacedPiece) else ("mount", one.name, 0)
+
+
+def _parts(added: Added, units: dict[tuple[str, str], list[Part]]) -> list[Part]:
+    return units[added.name, added.body] if added.kind == "unit" else [(added.kind, added.name, added.copy)]
+
+
+def _out(added: Added) -> tuple[Vector, ...]:
+    """The way out: the way in, backwards."""
+    way = [-np.array(move) for move in reversed(added.way_mm)]
+    if way:
+        way[-1] *= max(1.0, LEAST_WAY_MM / float(np.linalg.norm(way[-1])))
+    return tuple(_vector(move) for move in way)
+
+
+def _host(roles: Roles, one: PlacedPiece | Mount) -> tuple[Part, str] | None:
+    host = roles.host(one) if isinstance(one, PlacedPiece) else roles.mount_host(one)
+    return None if host is None else (_key(host[0]), host[1])
+
+
+def _usual(folded: FoldedCar, body: str, length_mm: float = 1.0) -> Vector:
+    """Out along the axle for what is of a wheel, else up."""
+    axle = next((axle for axle in folded.axles if axle.wheel == body), None)
+    if axle is None:
+        return (0.0, 0.0, length_mm)
+    return (0.0, length_mm if axle.side == "left" else -length_mm, 0.0)
+
+
+def _exploded(
+    steps: ViewSteps, folded: FoldedCar, things: dict[Part, PlacedPiece | Mount]
+) -> Iterator[tuple[Part, Vector]]:
+    """Each part along its way, farther out than those of its body that go the same way and lie further in.
+
+    What has no way goes along the axle, if it is of a wheel, else up.
+    """
+    groups: dict[tuple[str, tuple[int, ...]], list[tuple[float, Part, NDArray[np.float64]]]] = {}
+    for part, ways in steps.ways.items():
+        if part in steps.bases.values():
+            continue
+        one = things[part]
+        directions = [np.array(way).sum(axis=0) if way else np.array(_usual(folded, one.body)) for _, way, _, _ in ways]
+        directions = [direction / np.linalg.norm(direction) for direction in directions]
+        key = (one.body, tuple(int(value) for value in np.rint(3 * directions[0])))
+        # A unit goes out as a whole.
+        unit = sum(directions[1:], np.zeros(3)) * FIRST_MM
+        groups.setdefault(key, []).append((float(np.array(one.pose)[:3, 3] @ directions[0]), part, unit))
+    for (_, rounded), members in groups.items():
+        along = np.array(rounded) / np.linalg.norm(rounded)
+        rank, before = -1, -np.inf
+        for place, part, unit in sorted(members, key=lambda member: member[0]):
+            rank, before = (rank + 1, place) if place > before + SAME_MM else (rank, before)
+            yield part, _vector(unit + along * (FIRST_MM + NEXT_MM * rank))
+
+
+def _vector(values: NDArray[np.float64]) -> Vector:
+    x, y, z = (round(float(value), 3) for value in values)
+    return (x, y, z)

@@ -1,0 +1,195 @@
+// The view page: window.foldcar is {car, run, live}. The address's fragment sets what is shown: #step=3.5 (0 is all pieces
+// flat), explode=0.5, lid=1, time=2.0 of a run, part=NAME; with sliders also their values, width=95. For tests,
+// document.body.dataset tells what is shown: state, mode, step, named, error and the film's bounding box.
+
+const STEP_S = 2.5;
+const find = id => document.getElementById(id);
+
+class View {
+  constructor(data) {
+    this.stage = new Stage(find("model"));
+    this.names = new Names(this.stage, { canvas: find("model"), tip: find("tip"), list: find("find") }, () => this.tint());
+    this.mode = "build";
+    this.t = Infinity;
+    this.time_s = 0;
+    this.playing = null;
+    this.use(data);
+    this.listen();
+    if (data.live) {
+      const good = { ...data, title: find("title").textContent, facts: find("facts").textContent, command: data.live.command };
+      this.live = new Live(data.live, find("live"), good, answer => this.replace(answer));
+    }
+  }
+
+  // A car and its run, if there is one.
+  use({ car, run }) {
+    if (this.car) this.car.dispose();
+    if (this.run) {
+      this.stage.scene.remove(this.run.ground.group);
+      this.run.ground.dispose();
+    }
+    this.car = new Car(car, this.stage.scene);
+    this.run = run ? new Run(run, car) : null;
+    if (this.run) {
+      this.stage.scene.add(this.run.ground.group);
+      find("told").textContent = run.told;
+    }
+    this.names.use(this.car);
+    find("step").max = this.car.steps;
+    find("lid").parentElement.hidden = !Object.keys(car.lid).length;
+    find("steps").replaceChildren(...["All pieces, flat", ...car.steps].map((title, step) => {
+      const item = document.createElement("li"), button = document.createElement("button");
+      Object.assign(button, { type: "button", textContent: title });
+      button.addEventListener("click", () => { this.stop(); this.set(step); });
+      item.append(button);
+      return item;
+    }));
+  }
+
+  // Another design in the place of this one, at the same step from the end or the start.
+  replace(answer) {
+    const last = this.t >= this.car.steps;
+    this.use(answer);
+    find("title").textContent = answer.title;
+    find("facts").textContent = answer.facts;
+    if (last) this.t = Infinity;
+    this.time_s = Math.min(this.time_s, this.run ? this.run.end_s : 0);
+    this.show();
+  }
+
+  listen() {
+    const on = (id, type, act) => { if (find(id)) find(id).addEventListener(type, act); };
+    on("step", "input", () => { this.stop(); this.set(Number(find("step").value)); });
+    on("back", "click", () => { this.stop(); this.set(Math.ceil(this.t) - 1); });
+    on("forth", "click", () => { this.stop(); this.play(Math.floor(this.t) + 1); });
+    on("play", "click", () => (this.playing ? this.stop() : this.play(this.car.steps)));
+    on("reset", "click", () => { this.stage.held = false; this.show(); });
+    on("through", "change", () => this.tint());
+    for (const id of ["explode", "lid", "parts"]) on(id, "input", () => this.show());
+    on("drive", "click", () => (this.playing ? this.stop() : this.drive()));
+    on("time", "input", () => { this.stop(); this.time_s = Number(find("time").value) * this.run.end_s; this.show(); });
+    for (const radio of document.querySelectorAll("input[name=mode]")) {
+      radio.addEventListener("change", () => { this.stop(); this.stage.held = false; this.turn(radio.value); });
+    }
+    window.addEventListener("resize", () => this.show());
+    window.addEventListener("hashchange", () => this.start());
+  }
+
+  start() {
+    const wanted = new URLSearchParams(window.location.hash.slice(1));
+    const number = (name, otherwise) => (wanted.has(name) && Number.isFinite(Number(wanted.get(name))) ? Number(wanted.get(name)) : otherwise);
+    find("explode").value = number("explode", 0);
+    find("lid").value = number("lid", 0);
+    this.time_s = number("time", 0);
+    this.t = Math.max(0, number("step", Infinity));
+    this.turn(this.run && !wanted.has("step") ? "run" : "build");
+    if (wanted.has("part")) this.names.find(wanted.get("part"));
+    if (this.live) for (const [key, value] of wanted) this.live.choose(key, value);
+    document.body.dataset.state = "ready";
+  }
+
+  turn(mode) {
+    this.mode = mode;
+    document.body.dataset.mode = mode;
+    for (const radio of document.querySelectorAll("input[name=mode]")) radio.checked = radio.value === mode;
+    for (const part of document.querySelectorAll("[data-of]")) part.hidden = part.dataset.of !== mode;
+    this.show();
+  }
+
+  set(t) {
+    this.t = Math.min(this.car.steps, Math.max(0, t));
+    this.show();
+  }
+
+  show() {
+    if (this.run) this.run.ground.group.visible = this.mode === "run";
+    if (this.mode === "run") this.showRun();
+    else this.showStep();
+    this.stage.draw();
+  }
+
+  tint() {
+    seeThrough(find("through").checked || this.names.sought);
+    this.stage.draw();
+  }
+
+  showStep() {
+    const { car } = this, t = this.t = Math.min(this.t, car.steps);
+    const explode = Number(find("explode").value), open = Number(find("lid").value);
+    const step = Math.ceil(t), before = car.frame(Math.max(0, step - 1)), frame = car.frame(step).clone();
+    car.show(t, { explode, open: Math.max(open, explode), bought: find("parts").checked });
+    const box = car.box();
+    // The camera goes on to the next step's frame in its first part, and to the built car at the end.
+    const share = smooth(Math.min(1, (t - step + 1) * 4));
+    if (step > 1) frame.set(before.min.clone().lerp(frame.min, share), before.max.clone().lerp(frame.max, share));
+    const built = smooth(Math.max(0, 1 - (car.steps - t) * 4));
+    frame.set(frame.min.lerp(box.min, built), frame.max.lerp(box.max, built));
+    if (explode > 0) frame.union(box);
+    this.stage.floor.position.z = box.min.z - 0.6;
+    this.stage.look(frame);
+    find("step").value = t;
+    const title = step ? car.data.steps[step - 1] : "All pieces, flat";
+    find("step").setAttribute("aria-valuetext", `step ${step} of ${car.steps}: ${title}`);
+    find("now").textContent = title;
+    [...find("steps").children].forEach((item, index) => {
+      const button = item.firstChild;
+      if (index !== step) button.removeAttribute("aria-current");
+      else if (!button.hasAttribute("aria-current")) {
+        button.setAttribute("aria-current", "step");
+        find("steps").scrollTop = item.offsetTop - find("steps").clientHeight / 2;
+      }
+    });
+    const film = car.box(true);
+    document.body.dataset.step = t.toFixed(3);
+    document.body.dataset.box = [...film.min.toArray(), ...film.max.toArray()].map(v => v.toFixed(3)).join(" ");
+  }
+
+  showRun() {
+    const { run, car } = this, t = Math.min(this.time_s, run.end_s);
+    car.show(car.steps, { bought: find("parts").checked });
+    const point = run.drive(car, t);
+    this.stage.floor.position.z = -1000;
+    if (this.stage.held) this.stage.follow(point);
+    else this.stage.look(run.box(point));
+    find("time").value = t / run.end_s;
+    find("time").setAttribute("aria-valuetext", `${t.toFixed(2)} s of ${run.end_s.toFixed(2)} s`);
+    find("clock").textContent = `${t.toFixed(2)} / ${run.end_s.toFixed(2)} s`;
+    document.body.dataset.time = t.toFixed(3);
+    document.body.dataset.at = point.toArray().map(v => v.toFixed(2)).join(" ");
+  }
+
+  // Advances by shares of a second until step says that it is at its end.
+  advance(step) {
+    let before = performance.now();
+    const tick = now => {
+      if (this.playing !== tick) return;
+      const more = step(Math.max(0, now - before) / 1000);
+      before = now;
+      this.show();
+      if (more) requestAnimationFrame(tick);
+      else this.stop();
+    };
+    this.playing = tick;
+    for (const id of ["play", "drive"]) if (find(id)) find(id).textContent = "❚❚ pause";
+    requestAnimationFrame(tick);
+  }
+
+  stop() {
+    this.playing = null;
+    for (const id of ["play", "drive"]) if (find(id)) find(id).textContent = "▶ play";
+  }
+
+  play(until) {
+    if (this.t >= this.car.steps) this.t = 0;
+    const end = Math.min(until, this.car.steps);
+    this.advance(passed => (this.t = Math.min(end, this.t + passed / STEP_S)) < end);
+  }
+
+  drive() {
+    if (this.time_s >= this.run.end_s) this.time_s = 0;
+    this.advance(passed => (this.time_s = Math.min(this.run.end_s, this.time_s + passed * Number(find("speed").value))) < this.run.end_s);
+  }
+}
+
+window.view = new View(window.foldcar);
+window.view.start();

@@ -1,0 +1,67 @@
+"""What may move simulated cars: the side view, or MuJoCo, each a program of its own with carsim's words."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from foldcar.simulation.runner import CarsimError
+
+BINARY_VARIABLE = "FOLDCAR_CARSIM"
+
+
+@dataclass(frozen=True, slots=True)
+class Engine:
+    """A program of carsim's: the variable that may name it, PlatformIO's environment and make's target that build it.
+
+    ``title`` is what the program calls its engine, without the version, "" for the side view; ``options`` are words that
+    stand before the program's command.
+    """
+
+    variable: str
+    environment: str
+    target: str
+    title: str = ""
+    options: tuple[str, ...] = ()
+
+
+SIDE_VIEW, MUJOCO = "side-view", "mujoco"
+# MuJoCo otherwise: how far results depend on details that a designer cannot know.
+HALF_STEP, ELLIPSOID = "mujoco-half-step", "mujoco-ellipsoid-tyres"
+_MUJOCO = ("FOLDCAR_CARSIM_MUJOCO", "carsim_mujoco", "mujoco")
+ENGINES = {
+    SIDE_VIEW: Engine(BINARY_VARIABLE, "carsim", "setup"),
+    MUJOCO: Engine(*_MUJOCO, "MuJoCo"),
+    HALF_STEP: Engine(*_MUJOCO, "MuJoCo, half step", ("--half-step",)),
+    ELLIPSOID: Engine(*_MUJOCO, "MuJoCo, ellipsoid tyres", ("--ellipsoid-tyres",)),
+}
+
+
+def engine_title(told: str) -> str:
+    """What a program calls its engine, without the version: "MuJoCo, half step" of "MuJoCo 4.0.0, half step"."""
+    name, *choices = told.split(", ")
+    return ", ".join([name.partition(" ")[0], *choices])
+
+
+def engine_of(told: str) -> str:
+    """The key in ENGINES of what a program calls its engine, "" for the side view; CarsimError if there is none."""
+    title = engine_title(told)
+    for key, engine in ENGINES.items():
+        if engine.title == title:
+            return key
+    raise CarsimError(f"{told}: an engine that this foldcar does not know")
+
+
+def find_carsim(engine: str = SIDE_VIEW) -> Path:
+    """The simulator that the engine's variable names, else the one built in the project this package belongs to."""
+    program = ENGINES[engine]
+    named = os.environ.get(program.variable)
+    if named:
+        if not os.access(named, os.X_OK) or not Path(named).is_file():
+            raise CarsimError(f"{program.variable}: {named} is no program")
+        return Path(named)
+    project = Path(__file__).resolve().parents[3]
+    binary = project / ".pio" / "build" / program.environment / "program"
+    if not binary.is_file():
+        what = "carsim with MuJoCo" if program.title else "carsim"
+        raise CarsimError(f"no {what} built at {binary}: run `make {program.target}`")
+    return binary

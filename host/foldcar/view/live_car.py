@@ -1,0 +1,139 @@
+"""A car whose design is changed on its page: the page, and the car anew for other values.
+
+Input: a design, values by parameter and names of parts by kind. Output: the page's text and JSON answers. A design that
+cannot be built, or that fails a check, is answered by its error and the parameter at fault.
+"""
+
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from foldcar.car.assembly.plan import planned
+from foldcar.car.design import Design, DesignError, compose
+from foldcar.car.folded.model import FoldedCar
+from foldcar.car.folded_car import folded_car
+from foldcar.car.modules import parameters
+from foldcar.car.parts.choices import OPTIONS, PartError
+from foldcar.car.verify import verify
+from foldcar.errors import FoldcarError
+from foldcar.fabrication.assembly.view_data import view_data
+from foldcar.fabrication.assembly.view_page import facts, view_page
+
+# A slider has about so many steps, each a decimal round number.
+SLIDER_STEPS = 200
+ROUND_STEPS = (0.01, 0.05, 0.1, 0.5, 1.0, 5.0)
+
+Run = Callable[[Design], Mapping[str, Any]]
+
+
+class LiveCar:
+    """``words`` are the command that makes files of this vehicle, ``named`` the keys that it must set.
+
+    ``run`` simulates a design.
+    """
+
+    def __init__(self, design: Design, words: Sequence[str], named: Sequence[str] = (), run: Run | None = None) -> None:
+        self.design = design
+        self._words = words
+        self._named = named
+        self._run = run
+
+    def page(self) -> str:
+        """The page, with the design that the command names. FoldcarError if it cannot be built."""
+        car = checked_car(self.design)
+        run = self._run(self.design) if self._run else None
+        live = {
+            "parameters": [*self._sliders(), *_choices()],
+            "values": _settings(self.design),
+            "command": self._command(self.design),
+            # A draft has no run of its own.
+            "drafts": self._run is None,
+        }
+        return view_page(car, self.design.title, [], run, live)
+
+    def answer(self, question: Any) -> dict[str, Any]:
+        """The car of the values in ``question``, or ``error`` (one line) and ``parameter`` (None: of the whole car)."""
+        return self._answered(question, self._made)
+
+    def draft(self, question: Any) -> dict[str, Any]:
+        """The same in a tenth of the time, but unchecked: without the ways of its parts, and without a run."""
+        return self._answered(question, _drafted)
+
+    def _answered(self, question: Any, make: Callable[[Design], dict[str, Any]]) -> dict[str, Any]:
+        try:
+            design = self._composed(question)
+            return {**make(design), "title": design.title, "command": self._command(design)}
+        except DesignError as error:
+            return {"error": _one_line(error), "parameter": error.parameter}
+        except PartError as error:
+            return {"error": _one_line(error), "parameter": error.kind}
+        except FoldcarError as error:
+            return {"error": _one_line(error), "parameter": None}
+
+    def _made(self, design: Design) -> dict[str, Any]:
+        car = checked_car(design)
+        return {"car": view_data(car), "run": self._run(design) if self._run else None, "facts": facts(car)}
+
+    def _composed(self, question: Any) -> Design:
+        if not isinstance(question, dict):
+            raise FoldcarError("the values are not a JSON object")
+        values, names = {}, {}
+        for key, value in question.items():
+            if key in OPTIONS:
+                names[key] = str(value)
+                continue
+            if key not in self.design.values:
+                raise FoldcarError(f"{self.design.type} has no parameter {key[:40]!r}")
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise DesignError(key, "is not a number")
+            values[key] = float(value)
+        return compose(self.design.composition, values, self.design.choices.changed(names))
+
+    def _sliders(self) -> list[dict[str, Any]]:
+        found = []
+        for key, value in self.design.values.items():
+            declared = parameters()[key].declared
+            least, most = declared.least_with(self.design.parts), declared.maximum
+            # The slider's marks are counted from its lower end.
+            step = min(ROUND_STEPS, key=lambda one: abs(one - (most - least) / SLIDER_STEPS))
+            least = min(value, -(-least // step) * step)
+            text = {"key": key, "unit": declared.unit, "help": declared.help}
+            found.append({**text, "least": round(least, 6), "most": most, "step": step})
+        return found
+
+    def _command(self, design: Design) -> str:
+        usual, settings = _settings(self.design), []
+        for key, value in _settings(design).items():
+            if key in self._named or value != usual[key]:
+                settings += ["--set", f"{key}={value}" if isinstance(value, str) else f"{key}={value:g}"]
+        return shlex.join([*self._words, *settings, "-o", "car"])
+
+
+def _choices() -> list[dict[str, Any]]:
+    """The kinds of parts and their names."""
+    return [{"key": kind, "help": f"part chosen as {kind}", "options": list(names)} for kind, names in OPTIONS.items()]
+
+
+def _settings(design: Design) -> dict[str, float | str]:
+    """Values (mm, degrees) by parameter and names of parts by kind."""
+    return {**design.values, **asdict(design.choices)}
+
+
+def _drafted(design: Design) -> dict[str, Any]:
+    car = folded_car(design)
+    return {"car": view_data(car, planned(car)), "run": None, "facts": facts(car)}
+
+
+def checked_car(design: Design) -> FoldedCar:
+    """The folded car; FoldcarError if a check finds something."""
+    car = folded_car(design)
+    findings = verify(design).findings
+    if findings:
+        more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
+        raise FoldcarError(f"{findings[0]}{more}")
+    return car
+
+
+def _one_line(error: FoldcarError) -> str:
+    return "; ".join(error.lines())

@@ -1,0 +1,29 @@
+// What moves simulated cars: the side view in Box2D, or MuJoCo.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "body_spec.h"
+#include "scene_spec.h"
+#include "scoped_timer.h"
+#include "sim_car.h"
+#include "terrain.h"
+
+namespace foldcar {
+
+// An engine has no state that runs could share: the same arguments give the same car.
+class Engine {
+ public:
+  virtual ~Engine() = default;
+  // Its name, with a space its version where that is not the build's, and after commas how it was chosen to differ.
+  virtual std::string name() const = 0;
+  // Length of its steps.
+  virtual double step_s() const = 0;
+  // The car, put down at the scene's start at rest, its wheels all but on the ground. terrain is the scene's; body,
+  // scene, terrain and stopwatch (may be null) must outlive the car. Throws std::runtime_error for what it cannot model.
+  virtual std::unique_ptr<SimCar> put_down(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                                           Stopwatch* stopwatch) const = 0;
+};
+
+}  // namespace foldcar

@@ -1,0 +1,163 @@
+#include "mujoco_car.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "plain_quaternion.h"
+#include "servo_model.h"
+
+namespace foldcar {
+namespace {
+
+// The height at which the car is put down is found this accurately, and the car falls this far.
+constexpr double kRaster_m = 1e-5;
+constexpr double kDrop_m = 5e-4;
+
+constexpr double kTurn_rad = 2 * 3.14159265358979323846;
+
+double highest_ground_m(const SceneSpec& scene) {
+  double height_m = 0;
+  for (const BlockSpec& block : scene.terrain.blocks) height_m = std::max(height_m, block.height_m);
+  double smooth_m = 0;
+  for (const HillSpec& hill : scene.terrain.hills) smooth_m += std::max(0.0, hill.height_m);
+  // Six standard deviations of random heights are not exceeded.
+  for (const RoughSpec& rough : scene.terrain.roughs) smooth_m += 6 * rough.height_sd_m;
+  return std::max(height_m, smooth_m);
+}
+
+double lowest_ground_m(const SceneSpec& scene) {
+  double depth_m = 0;
+  for (const HillSpec& hill : scene.terrain.hills) depth_m -= std::min(0.0, hill.height_m);
+  for (const PotholeSpec& pothole : scene.terrain.potholes) depth_m += pothole.depth_m;
+  for (const RoughSpec& rough : scene.terrain.roughs) depth_m += 6 * rough.height_sd_m;
+  return -depth_m;
+}
+
+}  // namespace
+
+MujocoCar::MujocoCar(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                     const MujocoOptions& options, Stopwatch* stopwatch)
+    : body_(body),
+      scene_(scene),
+      terrain_(terrain),
+      stopwatch_(stopwatch),
+      built_(build_mujoco_model(body, scene, terrain, options)),
+      data_(mj_makeData(built_.model.get())) {
+  const ScopedTimer timer(stopwatch_ != nullptr ? &stopwatch_->terrain_s : nullptr);
+  put_down();
+  drive_wheels({});
+  take_friction();
+  mj_step1(built_.model.get(), data_.get());
+  update_state();
+}
+
+// The lowest height at which nothing touches, by bisection: contacts are as the engine will see them.
+void MujocoCar::put_down() {
+  mjModel* model = built_.model.get();
+  data_->qpos[0] = scene_.start.x_m;
+  data_->qpos[1] = scene_.start.y_m;
+  set_heading(data_->qpos + 3, scene_.start.heading_rad);
+  double radius_m = 0;
+  for (const WheelSpec& wheel : body_.wheels) radius_m = std::max(radius_m, wheel.radius_m + wheel.eccentricity_m);
+  for (const SegmentSpec& part : body_.segments) radius_m = std::max(radius_m, 0.5 * part.height_m - part.center_z_m);
+  double low_m = lowest_ground_m(scene_) - 0.01, high_m = radius_m + highest_ground_m(scene_) + 0.01;
+  while (high_m - low_m > kRaster_m) {
+    const double middle_m = 0.5 * (low_m + high_m);
+    data_->qpos[2] = middle_m;
+    mj_kinematics(model, data_.get());
+    mj_comPos(model, data_.get());
+    mj_collision(model, data_.get());
+    const bool touches = std::any_of(data_->contact, data_->contact + data_->ncon,
+                                     [](const mjContact& contact) { return contact.dist < 0; });
+    (touches ? low_m : high_m) = middle_m;
+  }
+  data_->qpos[2] = high_m + kDrop_m;
+}
+
+void MujocoCar::step(const PulsesUs& pulses_us) {
+  if (pulses_us != pulses_us_) drive_wheels(pulses_us);
+  if (terrain_.has_patches()) take_friction();
+  {
+    const bool timed = stopwatch_ != nullptr && steps_++ % kTimedStepInterval == 0;
+    const ScopedTimer timer(timed ? &stopwatch_->physics_s : nullptr, kTimedStepInterval);
+    // In this order positions, contacts and what follows from them are those at the end of the step.
+    mj_step2(built_.model.get(), data_.get());
+    mj_step1(built_.model.get(), data_.get());
+  }
+  count_energy();
+  update_state();
+}
+
+void MujocoCar::drive_wheels(const PulsesUs& pulses_us) {
+  pulses_us_ = pulses_us;
+  for (std::size_t i = 0; i < body_.wheels.size(); ++i) {
+    const ServoSpec& servo = body_.wheels[i].servo;
+    const ServoDrive drive = servo_drive(servo, pulses_us[static_cast<std::size_t>(body_.wheels[i].channel)]);
+    const double scale = drive.powered ? body_.supply_v / servo.rated_v : 0;
+    built_.model->actuator_gainprm[i * mjNGAIN] = servo.stall_torque_n_m * scale;
+    // Both of the line's ends are proportional to the voltage, its slope is not.
+    built_.model->actuator_biasprm[i * mjNBIAS + 2] =
+        drive.powered ? -servo.stall_torque_n_m / servo.no_load_speed_rad_s : 0;
+    data_->ctrl[i] = drive.fraction;
+  }
+}
+
+// The ground's friction under the middle of each part that stands on it.
+void MujocoCar::take_friction() {
+  mjModel& model = *built_.model;
+  const auto take = [&](int geom, double grip) {
+    const double* at = data_->geom_xpos + 3 * geom;
+    model.geom_friction[3 * geom] = grip * terrain_.friction(at[0], at[1], scene_.friction);
+  };
+  for (std::size_t i = 0; i < body_.wheels.size(); ++i) take(built_.tyre[i], body_.wheels[i].grip);
+  for (std::size_t i = 0; i < body_.segments.size(); ++i) take(built_.belly[i], body_.segments[i].grip);
+}
+
+void MujocoCar::count_energy() {
+  const double step_s = built_.model->opt.timestep;
+  for (std::size_t i = 0; i < body_.wheels.size(); ++i) {
+    const ServoSpec& servo = body_.wheels[i].servo;
+    const ServoDrive drive = servo_drive(servo, pulses_us_[static_cast<std::size_t>(body_.wheels[i].channel)]);
+    const double torque_n_m = data_->actuator_force[i];
+    state_.motor_work_j += torque_n_m * wheel_speed_rad_s(i) * step_s;
+    state_.consumed_energy_j += body_.supply_v * servo_current_a(servo, drive, torque_n_m) * step_s;
+  }
+}
+
+void MujocoCar::update_state() {
+  const int origin = built_.segment[main_segment(body_)];
+  const double* at = data_->xpos + 3 * origin;
+  const double* turn = data_->xmat + 9 * origin;
+  state_.x_m = at[0];
+  state_.y_m = at[1];
+  state_.z_m = at[2];
+  state_.heading_rad += std::remainder(std::atan2(turn[3], turn[0]) - state_.heading_rad, kTurn_rad);
+  state_.pitch_rad = std::asin(std::clamp(turn[6], -1.0, 1.0));
+  state_.roll_rad = std::atan2(turn[7], turn[8]);
+  state_.up = turn[8];
+  double velocity[6];
+  mj_objectVelocity(built_.model.get(), data_.get(), mjOBJ_XBODY, origin, velocity, 0);
+  state_.speed_m_s = velocity[3] * std::cos(state_.heading_rad) + velocity[4] * std::sin(state_.heading_rad);
+  state_.yaw_rate_rad_s = velocity[2];
+}
+
+double MujocoCar::hinge_rad(std::size_t hinge) const { return data_->qpos[built_.hinge_position[hinge]]; }
+
+double MujocoCar::wheel_speed_rad_s(std::size_t wheel) const { return data_->qvel[built_.wheel_velocity[wheel]]; }
+
+double MujocoCar::mechanical_energy_j() {
+  mj_energyPos(built_.model.get(), data_.get());
+  mj_energyVel(built_.model.get(), data_.get());
+  return data_->energy[0] + data_->energy[1];
+}
+
+// MuJoCo resets a simulation that diverges and counts it as a warning.
+bool MujocoCar::finite() const {
+  for (const int warning : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC, mjWARN_BADCTRL}) {
+    if (data_->warning[warning].number > 0) return false;
+  }
+  return std::isfinite(state_.x_m) && std::isfinite(state_.y_m) && std::isfinite(state_.z_m) &&
+         std::isfinite(state_.heading_rad) && std::isfinite(state_.up);
+}
+
+}  // namespace foldcar

@@ -1,0 +1,129 @@
+#include "mujoco_ground.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "height_grid.h"
+#include "plain_quaternion.h"
+
+namespace foldcar {
+namespace {
+
+constexpr double kSunk_m = 0.1;
+constexpr double kFloorReach_m = 50;
+constexpr double kFloorDepth_m = 1;
+constexpr double kFieldBase_m = 0.2;
+// MuJoCo refuses a height field without elevation.
+constexpr double kLeastRise_m = 1e-6;
+
+void set(double* to, double x, double y, double z) {
+  to[0] = x;
+  to[1] = y;
+  to[2] = z;
+}
+
+// A geom that collides with the car only.
+mjsGeom& ground_geom(mjSpec* spec, mjtGeom type) {
+  mjsGeom& geom = *mjs_addGeom(mjs_findBody(spec, "world"), nullptr);
+  geom.type = type;
+  geom.contype = 1;
+  geom.conaffinity = 2;
+  return geom;
+}
+
+void add_box(mjSpec* spec, double x_m, double y_m, double top_m, double length_m, double width_m, double depth_m,
+             double heading_rad) {
+  mjsGeom& box = ground_geom(spec, mjGEOM_BOX);
+  set(box.size, 0.5 * length_m, 0.5 * width_m, 0.5 * depth_m);
+  set(box.pos, x_m, y_m, top_m - 0.5 * depth_m);
+  set_heading(box.quat, heading_rad);
+}
+
+void add_ramp(mjSpec* spec, const BlockSpec& ramp, const std::string& name) {
+  std::vector<float> corners;
+  for (const double side : {-1.0, 1.0}) {
+    const double y_m = 0.5 * side * ramp.width_m, front_m = 0.5 * ramp.length_m;
+    for (const double x_m : {-front_m, front_m}) {
+      for (const double z_m : {-kSunk_m, x_m < 0 ? 0.0 : ramp.height_m}) {
+        for (const double value : {x_m, y_m, z_m}) corners.push_back(static_cast<float>(value));
+      }
+    }
+  }
+  mjsMesh& mesh = *mjs_addMesh(spec, nullptr);
+  mjs_setName(mesh.element, name.c_str());
+  mjs_setFloat(mesh.uservert, corners.data(), static_cast<int>(corners.size()));
+  mjsGeom& geom = ground_geom(spec, mjGEOM_MESH);
+  mjs_setString(geom.meshname, name.c_str());
+  set(geom.pos, ramp.x_m, ramp.y_m, 0);
+  set_heading(geom.quat, ramp.heading_rad);
+}
+
+void add_half_round(mjSpec* spec, const BlockSpec& block) {
+  const double half_m = 0.5 * block.length_m;
+  const double radius_m = (half_m * half_m + block.height_m * block.height_m) / (2 * block.height_m);
+  mjsGeom& geom = ground_geom(spec, mjGEOM_CYLINDER);
+  set(geom.size, radius_m, 0.5 * block.width_m, 0);
+  set(geom.pos, block.x_m, block.y_m, block.height_m - radius_m);
+  // A quarter turn about x lays the cylinder across; then the heading.
+  const double half_rad = 0.5 * block.heading_rad, r = std::sqrt(0.5);
+  set_quaternion(geom.quat, r * std::cos(half_rad), r * std::cos(half_rad), r * std::sin(half_rad),
+                 r * std::sin(half_rad));
+}
+
+void add_height_field(mjSpec* spec, const HeightGrid& grid) {
+  const auto [low, high] = std::minmax_element(grid.z_m.begin(), grid.z_m.end());
+  const double low_m = *low, rise_m = std::max(*high - *low, kLeastRise_m);
+  const double half_x_m = 0.5 * (grid.x_max_m - grid.x_min_m), half_y_m = 0.5 * (grid.y_max_m - grid.y_min_m);
+  const double x_m = 0.5 * (grid.x_max_m + grid.x_min_m), y_m = 0.5 * (grid.y_max_m + grid.y_min_m);
+  std::vector<float> rise(grid.z_m.size());
+  for (std::size_t i = 0; i < rise.size(); ++i) rise[i] = static_cast<float>((grid.z_m[i] - low_m) / rise_m);
+  mjsHField& field = *mjs_addHField(spec);
+  mjs_setName(field.element, "ground");
+  field.nrow = static_cast<int>(grid.rows);
+  field.ncol = static_cast<int>(grid.columns);
+  field.size[0] = half_x_m;
+  field.size[1] = half_y_m;
+  field.size[2] = rise_m;
+  field.size[3] = kFieldBase_m;
+  mjs_setFloat(field.userdata, rise.data(), static_cast<int>(rise.size()));
+  mjsGeom& geom = ground_geom(spec, mjGEOM_HFIELD);
+  mjs_setString(geom.hfieldname, "ground");
+  set(geom.pos, x_m, y_m, low_m);
+  const double far_m = kFloorReach_m;
+  const struct { double x0, x1, y0, y1; } around[] = {
+      {-far_m, grid.x_min_m, -far_m, far_m},
+      {grid.x_max_m, far_m, -far_m, far_m},
+      {grid.x_min_m, grid.x_max_m, -far_m, grid.y_min_m},
+      {grid.x_min_m, grid.x_max_m, grid.y_max_m, far_m},
+  };
+  for (const auto& floor : around) {
+    add_box(spec, 0.5 * (floor.x0 + floor.x1), 0.5 * (floor.y0 + floor.y1), 0, floor.x1 - floor.x0,
+            floor.y1 - floor.y0, kFloorDepth_m, 0);
+  }
+}
+
+}  // namespace
+
+void add_mujoco_ground(mjSpec* spec, const SceneSpec& scene, const Terrain& terrain) {
+  const HeightGrid grid = terrain.ground() == nullptr ? HeightGrid{} : height_grid(*terrain.ground(), scene.course);
+  if (grid.z_m.empty()) {
+    set(ground_geom(spec, mjGEOM_PLANE).size, 0, 0, 1);
+  } else {
+    add_height_field(spec, grid);
+  }
+  int ramps = 0;
+  for (const BlockSpec& block : scene.terrain.blocks) {
+    switch (block.kind) {
+      case BlockSpec::Kind::kBox:
+        add_box(spec, block.x_m, block.y_m, block.height_m, block.length_m, block.width_m, block.height_m + kSunk_m,
+                block.heading_rad);
+        break;
+      case BlockSpec::Kind::kRamp: add_ramp(spec, block, "ramp" + std::to_string(ramps++)); break;
+      case BlockSpec::Kind::kHalfRound: add_half_round(spec, block); break;
+    }
+  }
+}
+
+}  // namespace foldcar

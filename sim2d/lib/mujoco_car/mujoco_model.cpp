@@ -1,0 +1,175 @@
+#include "mujoco_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "mujoco_ground.h"
+#include "plain_quaternion.h"
+
+namespace foldcar {
+namespace {
+
+constexpr double kContactTime_s = 0.005;
+constexpr double kImpedanceRatio = 10;
+
+struct DeleteSpec {
+  void operator()(mjSpec* spec) const { mj_deleteSpec(spec); }
+};
+
+void set(double* to, double x, double y, double z) {
+  to[0] = x;
+  to[1] = y;
+  to[2] = z;
+}
+
+void set_inertia(mjsBody& body, double mass_kg, double x_m, double y_m, double z_m, double xx, double yy, double zz) {
+  body.explicitinertial = 1;
+  body.mass = mass_kg;
+  set(body.ipos, x_m, y_m, z_m);
+  set(body.inertia, xx, yy, zz);
+}
+
+// A geom of the car: it collides with the ground only, with a friction of its own.
+mjsGeom& car_geom(mjsBody* of, const std::string& name, double friction) {
+  mjsGeom& geom = *mjs_addGeom(of, nullptr);
+  mjs_setName(geom.element, name.c_str());
+  geom.contype = 2;
+  geom.conaffinity = 1;
+  geom.priority = 1;
+  geom.condim = 3;
+  geom.friction[0] = friction;
+  geom.solref[0] = kContactTime_s;
+  geom.mass = 0;
+  return geom;
+}
+
+void add_hinge(mjsBody* rear, const std::string& name, const HingeSpec& spec) {
+  mjsJoint& joint = *mjs_addJoint(rear, nullptr);
+  mjs_setName(joint.element, name.c_str());
+  joint.type = mjJNT_HINGE;
+  set(joint.axis, 0, 1, 0);
+  set(joint.pos, spec.x_m, 0, spec.z_m);
+  joint.limited = mjLIMITED_TRUE;
+  joint.range[0] = spec.min_rad;
+  joint.range[1] = spec.max_rad;
+  joint.stiffness[0] = spec.stiffness_n_m_rad;
+  joint.damping[0] = spec.damping_n_m_s_rad;
+}
+
+void add_wheel(mjsBody* of, const BodySpec& body, const WheelSpec& spec, double friction, TyreShape shape) {
+  const std::string name = "wheel" + std::to_string(spec.channel);
+  mjsBody* wheel = mjs_addBody(of, nullptr);
+  mjs_setName(wheel->element, name.c_str());
+  const double side = spec.side == CarSide::kLeft ? 1 : -1;
+  set(wheel->pos, spec.x_m, 0.5 * side * body.track_m, 0);
+  mjsJoint& axle = *mjs_addJoint(wheel, nullptr);
+  mjs_setName(axle.element, (name + "_axle").c_str());
+  axle.type = mjJNT_HINGE;
+  set(axle.axis, 0, 1, 0);
+  axle.armature = spec.servo.rotor_inertia_kg_m2;
+  const double x_m = spec.eccentricity_m * std::cos(spec.eccentricity_phase_rad);
+  const double z_m = spec.eccentricity_m * std::sin(spec.eccentricity_phase_rad);
+  // A uniform disc as wide as the tyre.
+  const double spin = 0.5 * spec.mass_kg * spec.radius_m * spec.radius_m;
+  const double across = 0.5 * spin + spec.mass_kg * spec.width_m * spec.width_m / 12;
+  set_inertia(*wheel, spec.mass_kg, x_m, 0, z_m, across, spin, across);
+  mjsGeom& tyre = car_geom(wheel, name + "_tyre", friction * spec.grip);
+  set(tyre.pos, x_m, 0, z_m);
+  if (shape == TyreShape::kCylinder) {
+    tyre.type = mjGEOM_CYLINDER;
+    set(tyre.size, spec.radius_m, 0.5 * spec.width_m, 0);
+    // The cylinder's axis, its z, along the car's y.
+    set_quaternion(tyre.quat, -std::sqrt(0.5), std::sqrt(0.5), 0, 0);
+  } else {
+    tyre.type = mjGEOM_ELLIPSOID;
+    set(tyre.size, spec.radius_m, 0.5 * spec.width_m, spec.radius_m);
+  }
+}
+
+void add_servo(mjSpec* spec, const BodySpec& body, const WheelSpec& wheel) {
+  const double scale = body.supply_v / wheel.servo.rated_v;
+  const double stall_n_m = wheel.servo.stall_torque_n_m * scale, no_load = wheel.servo.no_load_speed_rad_s * scale;
+  const std::string name = "wheel" + std::to_string(wheel.channel);
+  mjsActuator& servo = *mjs_addActuator(spec, nullptr);
+  mjs_setName(servo.element, (name + "_servo").c_str());
+  servo.trntype = mjTRN_JOINT;
+  mjs_setString(servo.target, (name + "_axle").c_str());
+  servo.gaintype = mjGAIN_FIXED;
+  servo.gainprm[0] = stall_n_m;
+  servo.biastype = mjBIAS_AFFINE;
+  servo.biasprm[2] = -stall_n_m / no_load;
+  servo.ctrllimited = servo.forcelimited = mjLIMITED_TRUE;
+  servo.ctrlrange[0] = -1;
+  servo.ctrlrange[1] = 1;
+  servo.forcerange[0] = -stall_n_m;
+  servo.forcerange[1] = stall_n_m;
+}
+
+void add_car(mjSpec* spec, const BodySpec& body, const SceneSpec& scene, TyreShape shape) {
+  mjsBody* parent = mjs_findBody(spec, "world");
+  for (std::size_t i = 0; i < body.segments.size(); ++i) {
+    const SegmentSpec& segment = body.segments[i];
+    mjsBody* part = mjs_addBody(parent, nullptr);
+    const std::string name = "segment" + std::to_string(i);
+    mjs_setName(part->element, name.c_str());
+    if (i == 0) {
+      mjs_addFreeJoint(part);
+    } else {
+      add_hinge(part, "hinge" + std::to_string(i - 1), body.hinges[i - 1]);
+    }
+    set_inertia(*part, segment.mass_kg, segment.com_x_m, segment.com_y_m, segment.com_z_m, segment.roll_inertia_kg_m2,
+                segment.pitch_inertia_kg_m2, segment.yaw_inertia_kg_m2);
+    mjsGeom& belly = car_geom(part, name + "_belly", scene.friction * segment.grip);
+    belly.type = mjGEOM_BOX;
+    set(belly.size, 0.5 * segment.length_m, 0.5 * segment.width_m, 0.5 * segment.height_m);
+    set(belly.pos, segment.x_m, 0, segment.center_z_m);
+    for (const WheelSpec& wheel : body.wheels) {
+      if (static_cast<std::size_t>(wheel.segment) == i) add_wheel(part, body, wheel, scene.friction, shape);
+    }
+    parent = part;
+  }
+  for (const WheelSpec& wheel : body.wheels) add_servo(spec, body, wheel);
+}
+
+int id(const mjModel& model, mjtObj kind, const std::string& name) { return mj_name2id(&model, kind, name.c_str()); }
+
+}  // namespace
+
+MujocoModel build_mujoco_model(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                               const MujocoOptions& options) {
+  const std::unique_ptr<mjSpec, DeleteSpec> spec(mj_makeSpec());
+  spec->compiler.degree = 0;
+  spec->compiler.inertiafromgeom = mjINERTIAFROMGEOM_FALSE;
+  spec->compiler.usethread = 0;
+  spec->option.timestep = options.step_s;
+  set(spec->option.gravity, 0, 0, -kGravity_m_s2);
+  spec->option.integrator = mjINT_IMPLICITFAST;
+  spec->option.cone = mjCONE_ELLIPTIC;
+  spec->option.impratio = kImpedanceRatio;
+  spec->option.jacobian = mjJAC_DENSE;
+  spec->option.disableflags |= mjDSBL_MULTICCD;
+  add_mujoco_ground(spec.get(), scene, terrain);
+  add_car(spec.get(), body, scene, options.tyre);
+  MujocoModel built;
+  built.model.reset(mj_compile(spec.get(), nullptr));
+  if (built.model == nullptr) throw std::runtime_error(std::string("MuJoCo: ") + mjs_getError(spec.get()));
+  const mjModel& model = *built.model;
+  for (std::size_t i = 0; i < body.segments.size(); ++i) {
+    const std::string name = "segment" + std::to_string(i);
+    built.segment.push_back(id(model, mjOBJ_BODY, name));
+    built.belly.push_back(id(model, mjOBJ_GEOM, name + "_belly"));
+  }
+  for (std::size_t i = 0; i < body.hinges.size(); ++i) {
+    built.hinge_position.push_back(model.jnt_qposadr[id(model, mjOBJ_JOINT, "hinge" + std::to_string(i))]);
+  }
+  for (const WheelSpec& wheel : body.wheels) {
+    const std::string name = "wheel" + std::to_string(wheel.channel);
+    built.tyre.push_back(id(model, mjOBJ_GEOM, name + "_tyre"));
+    built.wheel_velocity.push_back(model.jnt_dofadr[id(model, mjOBJ_JOINT, name + "_axle")]);
+  }
+  return built;
+}
+
+}  // namespace foldcar

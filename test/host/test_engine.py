@@ -1,0 +1,173 @@
+"""The MuJoCo engine from the commands: the same studies in three dimensions, beside the side view in one store."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import pytest
+
+from foldcar.advice.selecting import select
+from foldcar.car.body import body_json
+from foldcar.car.car_file import car_json
+from foldcar.car.design import compose
+from foldcar.link.simulated_car import simulated_car
+from foldcar.models.mjcf import MjcfOptions, mjcf
+from foldcar.models.servo import drive_fraction
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import MUJOCO, engine_of, engine_title
+from foldcar.simulation.pulses import ask_pulses
+from foldcar.simulation.runner import RunRequest
+from foldcar.store.reader import Store
+from live_car import free_course_scene
+from study_car import car_body, empty_scene, hinged_body
+
+Command = Callable[..., "subprocess.CompletedProcess[str]"]
+STEP_M = 0.012
+
+
+@pytest.fixture(scope="module")
+def native() -> Carsim:
+    """The program with MuJoCo."""
+    return Carsim(engine=MUJOCO)
+
+
+def driven(carsim: Carsim, body: dict[str, Any], scene: dict[str, Any], **settings: Any) -> dict[str, Any]:
+    """The answer to a run of 2 s."""
+    request = RunRequest("b", "s", json.dumps({"speed_m_s": 0.5, "time_limit_s": 2.0, **settings}), "the run", 0)
+    (answer,) = carsim.run({"b": json.dumps(body)}, {"s": json.dumps(scene)}, [request])
+    return answer
+
+
+def test_engines_are_known_by_what_their_programs_say() -> None:
+    assert [engine_of(told) for told in ("", "MuJoCo 4.0.0", "MuJoCo 3.17.0, half step")] == [
+        "side-view",
+        "mujoco",
+        "mujoco-half-step",
+    ]
+    assert engine_title("MuJoCo 4.0.0, ellipsoid tyres") == "MuJoCo, ellipsoid tyres"
+
+
+def test_the_exported_model_drives_as_the_native_one(native: Carsim) -> None:
+    """The same pulses over a kerb: an export that MuJoCo's own package steps, and the engine's own model."""
+    body = car_body()
+    kerb = {"kind": "box", "x_m": 0.55, "y_m": 0.0, "heading_rad": 0.0, "length_m": 0.5, "width_m": 1.0}
+    scene = empty_scene(terrain=[{**kerb, "height_m": STEP_M}])
+    settings = {"speed_m_s": 0.5, "time_limit_s": 1.0}
+    rules = native.limits().trial
+    path = driven(native, body, scene, **settings, path_interval_s=0.02)["path"]
+
+    # carsim's rows lie at the firmware's own ticks, whose pulses these are.
+    (pulses,) = ask_pulses(native, [settings])
+    model = mujoco.MjModel.from_xml_string(mjcf(body, scene, options=MjcfOptions(timestep_s=rules.step_s)))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, round(rules.settling_s / rules.step_s))
+    mine = []
+    for i in range(round(path[-1][0] / rules.step_s)):
+        for number, wheel in enumerate(body["wheels"]):
+            fraction = drive_fraction(wheel["servo"], pulses.at(i * rules.step_s)[wheel["channel"]])
+            data.ctrl[number] = fraction or 0.0
+        mujoco.mj_step(model, data)
+        mine.append(data.qpos[:3].tolist())
+    for t_s, *place in path[1:]:
+        assert place[:3] == pytest.approx(mine[round(t_s / rules.step_s) - 1], abs=0.003), t_s
+    assert path[-1][1] > 0.35 and path[-1][3] > 0.06 + 0.9 * STEP_M
+
+
+@pytest.mark.parametrize("hinged", [False, True])
+def test_hinged_cars_and_smooth_ground_run(native: Carsim, hinged: bool) -> None:
+    hill = {"kind": "hill", "x_m": 0.5, "y_m": 0.05, "heading_rad": 0.0, "height_m": 0.02}
+    hill |= {"sd_along_m": 0.1, "sd_across_m": 0.1}
+    body = hinged_body() if hinged else car_body()
+
+    answer = driven(native, body, empty_scene(terrain=[hill]), path_interval_s=0.1)
+
+    highest = max(row[3] for row in answer["path"])
+    assert answer["outcome"] == "timeout" and answer["path"][-1][1] > 0.5
+    assert body["wheels"][0]["radius_m"] + 0.005 < highest < body["wheels"][0]["radius_m"] + 0.025
+
+
+@pytest.fixture
+def listing(listing_data: Any, write_listing: Any) -> Path:
+    """Two samples of two widths."""
+    listing_data["experiments"]["1"]["params"]["environments"] = 2
+    file: Path = write_listing(listing_data)
+    return file
+
+
+def test_a_sweep_gives_the_same_numbers_over_jobs_and_stands_beside_the_side_view(
+    tmp_path: Path, foldcar: Command, listing: Path
+) -> None:
+    for jobs in ("1", "2"):
+        done = foldcar("sweep", listing, "--store", f"{jobs}.db", "--engine", "mujoco", "--jobs", jobs)
+        assert done.returncode == 0, done.stderr
+    assert foldcar("sweep", listing, "--store", "2.db").returncode == 0
+
+    found = []
+    for jobs in ("1", "2"):
+        with Store.open(tmp_path / f"{jobs}.db") as store:
+            found.append([(r.sample, r.outcome, r.metrics) for r in store.results("1 (MuJoCo)")])
+            infos = store.info().experiments
+            said = [one.recommendations for one in select(store, with_cost=False)] if jobs == "2" else []
+    assert found[0] == found[1] and len(found[0]) == 4
+    assert [info.engine.partition(" ")[0] for info in infos.values()] == ["MuJoCo", ""]
+    assert {info.listed_id for info in infos.values()} == {"1"}
+    rates = {}
+    with Store.open(tmp_path / "2.db") as store:
+        for name in ("1", "1 (MuJoCo)"):
+            for result in store.results(name):
+                passed = result.outcome == "passed"
+                rates.setdefault((name, result.design["width_mm"]), []).append(passed)
+    for recommended in said[1]:
+        width = recommended.design["width_mm"]
+        first, second = (sum(rates[name, width]) / 2 for name in ("1", "1 (MuJoCo)"))
+        parted = f"part by {100 * abs(first - second):.0f} points"
+        assert (parted in recommended.reason and "MuJoCo" in recommended.reason) is (first != second)
+    page = foldcar("report", "2.db", "-o", "page", "--no-replay")
+    assert page.returncode == 0, page.stderr
+    assert '<th scope="row">engine</th><td>MuJoCo ' in (tmp_path / "page" / "index.html").read_text()
+
+
+def test_without_its_program_one_line_says_how_to_build_it(tmp_path: Path, foldcar: Command, listing: Path) -> None:
+    bare = tmp_path / "bare" / "host"
+    shutil.copytree(Path(__file__).resolve().parents[2] / "host" / "foldcar", bare / "foldcar")
+    env = {**os.environ, "PYTHONPATH": str(bare), "FOLDCAR_CARSIM_MUJOCO": ""}
+    code = f"import sys; sys.path.insert(0, {str(bare)!r}); from foldcar.cli import main; main()"
+    words = [sys.executable, "-c", code, "sweep", str(listing), "--store", "s.db", "--engine", "mujoco"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, env=env, check=False)
+
+    assert done.returncode == 2
+    assert "run `make mujoco`" in done.stderr and done.stderr.count("\n") == 1
+    assert not (tmp_path / "s.db").exists()
+
+
+def test_another_program_in_its_place_is_refused(foldcar: Command, listing: Path, carsim_binary: Path) -> None:
+    env = {**os.environ, "FOLDCAR_CARSIM_MUJOCO": str(carsim_binary)}
+    done = foldcar("sweep", listing, "--store", "s.db", "--engine", "mujoco", env=env)
+
+    assert done.returncode == 2
+    assert "its engine is the side view, not mujoco" in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_an_unknown_engine_is_refused(foldcar: Command, listing: Path) -> None:
+    done = foldcar("sweep", listing, "--store", "s.db", "--engine", "mujocco")
+
+    assert done.returncode == 2 and 'did you mean "mujoco"?' in " ".join(done.stderr.split())
+
+
+def test_a_simulated_car_in_three_dimensions_answers(native: Carsim) -> None:
+    from foldcar.mavlink_dialect import load_dialect
+
+    load_dialect()
+    from pymavlink import mavutil
+
+    design = compose("W_B_W", {"width": 95.0})
+    with simulated_car(native.command, body_json(design), free_course_scene(), car_json(design)) as car:
+        client = mavutil.mavlink_connection(car.port, source_system=255, dialect="foldcar")
+        assert client.wait_heartbeat(timeout=60) is not None
+        client.close()

@@ -1,0 +1,47 @@
+"""Cars of random designs are made and pass their checks, or are refused in one line that says what would do."""
+
+import sys
+from dataclasses import replace
+
+import pytest
+
+from conftest import PROJECT
+from foldcar.car.design import Design
+from foldcar.errors import FoldcarError
+from foldcar.fabrication.make_car import CheckError
+from foldcar.fabrication.patterns.options import Options
+
+sys.path.insert(0, str(PROJECT / "tools"))
+from random_designs import draws, tried
+
+SEED = 9
+
+
+def test_random_designs_are_made_or_refused_with_what_would_do() -> None:
+    # Small sheets are nested sooner.
+    drawn = [replace(draw, sheet=None) for draw in draws(6, SEED)]
+    outcomes = [tried(draw) for draw in drawn]
+
+    assert [outcome.fault for outcome in outcomes if outcome.fault] == []
+    assert sum(outcome.made for outcome in outcomes) >= 4
+    assert any(outcome.refusals for outcome in outcomes)
+    assert drawn == [replace(draw, sheet=None) for draw in draws(6, SEED)]
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (CheckError("beam: runs through lid"), "fails its checks"),
+        (FoldcarError("something is wrong"), "says not what would do"),
+        (FoldcarError("needs 3\nor 4"), "more than a line"),
+        (FoldcarError("--sheet 600x400 would do"), "what should do does not"),
+        (ZeroDivisionError("division by zero"), "ZeroDivisionError"),
+    ],
+)
+def test_a_design_that_ends_otherwise_is_a_fault(error: Exception, said: str) -> None:
+    def make(_design: Design, _chosen: Options) -> None:
+        raise error
+
+    draw = next(draw for draw in draws(30, SEED) if tried(draw, lambda *_: None).made)
+
+    assert said in tried(draw, make).fault

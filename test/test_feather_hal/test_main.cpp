@@ -1,0 +1,112 @@
+// setup() and loop() of the real car: what the board does first, and which task does what.
+#include <unity.h>
+
+#include <freertos/task.h>
+
+#include <string>
+
+#include "../../firmware/src/main.cpp"
+#include "../hal_contract.h"
+#include "../mavlink_host.h"
+#include "feather_bench.h"
+
+namespace foldcar {
+namespace {
+
+// The servo driver's chip, which notes what of the board was at work when its outputs were turned off.
+struct WatchedChip : FakePca9685 {
+  bool is_off = false;
+  bool others_came_first = false;
+  bool write(const std::vector<std::uint8_t>& bytes) override {
+    if (!is_off) {
+      const FakeFlash& flash = fake_esp32.flash;
+      others_came_first = fake_esp32.uart.baud != 0 || flash.is_mounted || !flash.nvs.empty() || fake_esp32.time_us != 0 ||
+                          fake_esp32.task.function != nullptr || fake_esp32.watchdog_s != 0;
+    }
+    const bool taken = FakePca9685::write(bytes);
+    is_off = is_off || bytes == std::vector<std::uint8_t>{0xFD, 0x10};
+    return taken;
+  }
+};
+
+WatchedChip servo_chip;
+
+// A board whose watchdog has restarted it: the chip still drives, at 50 Hz.
+void start_board() {
+  fake_esp32 = {};
+  fake_esp32.pin_mv[35] = 1900;
+  fake_esp32.reset_reason = 6;
+  fake_esp32.i2c.chips[0x40] = &servo_chip;
+  servo_chip.is_off = true;
+  for (const std::vector<std::uint8_t>& bytes :
+       {std::vector<std::uint8_t>{0x00, 0x10}, {0xFE, 121}, {0x00, 0x20}, {0x06, 0, 0, 0x4D, 0x01}}) {
+    servo_chip.write(bytes);
+  }
+  TEST_ASSERT_TRUE(servo_chip.pulse_us(0) > 1000);
+  servo_chip.transmissions.clear();
+  servo_chip.is_off = servo_chip.has_driven = false;
+  setup();
+}
+
+// main.cpp keeps one car, so this is one test.
+void the_board_turns_its_outputs_off_first_and_drives_and_stores_in_two_tasks() {
+  start_board();
+  const std::vector<std::uint8_t> all_off = {0xFD, 0x10};
+  TEST_ASSERT_TRUE(servo_chip.transmissions.front() == all_off);
+  TEST_ASSERT_FALSE(servo_chip.has_driven);
+  TEST_ASSERT_FALSE_MESSAGE(servo_chip.others_came_first, "serial port, flash or a task before the outputs are off");
+  TEST_ASSERT_EQUAL_UINT32(1, fake_esp32.watchdog_s);
+
+  const FakeTask& task = fake_esp32.task;
+  TEST_ASSERT_EQUAL_UINT(0, task.priority);
+  TEST_ASSERT_EQUAL_INT(0, task.core);
+  TEST_ASSERT_EQUAL_UINT(8192, task.stack_size);
+
+  MavlinkHost host;
+  const auto run = [&host](int time_ms, const std::string& bytes, bool stores) {
+    for (const char byte : host.heartbeat() + bytes) {
+      fake_esp32.uart.receive_buffer.push_back(static_cast<std::uint8_t>(byte));
+    }
+    for (int ms = 0; ms < time_ms; ++ms) {
+      loop();
+      if (stores) run_fake_task();
+      fake_esp32.uart.transmit_fifo = 0;
+    }
+    host.receive(fake_esp32.uart.transmitted);
+    fake_esp32.uart.transmitted.clear();
+  };
+  run(60, host.command(MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, {1}), true);
+  run(60, host.command(MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, {1}), true);
+  run(60, host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}), true);
+  run(60, host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.2f, 0, 1, 1, 7}), true);
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, host.acks().back().result);
+  TEST_ASSERT_TRUE(servo_chip.pulse_us(0) > 0);
+  run(1100, "", false);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_OPEN, host.trials().back().log);
+  TEST_ASSERT_TRUE_MESSAGE(fake_esp32.flash.files.empty(), "loop() has written to flash");
+  run(200, "", true);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, host.trials().back().log);
+  TEST_ASSERT_EQUAL_UINT(1, fake_esp32.flash.files.count("/log_00001"));
+  TEST_ASSERT_EQUAL_UINT32_MESSAGE(20, task.delay_ms, "a task with nothing to do makes room");
+}
+
+void without_memory_for_the_task_no_log_is_promised() {
+  fake_esp32 = {};
+  fake_esp32.heap_is_full = true;
+  TEST_ASSERT_FALSE(start_background_task([](void*) { return false; }, nullptr));
+  FeatherBench bench;
+  bench.begin();
+  TEST_ASSERT_TRUE(bench.hal.logs.present());
+  bench.hal.logs.give_up();
+  check_logs_give_back_what_they_took(bench.hal.logs);
+}
+
+}  // namespace
+
+void run_main_tests() {
+  UnitySetTestFile(__FILE__);
+  RUN_TEST(the_board_turns_its_outputs_off_first_and_drives_and_stores_in_two_tasks);
+  RUN_TEST(without_memory_for_the_task_no_log_is_promised);
+}
+
+}  // namespace foldcar

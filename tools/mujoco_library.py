@@ -1,0 +1,41 @@
+"""PlatformIO pre-script: finds MuJoCo's headers and library in the Python package `mujoco`, and links with it.
+
+If PlatformIO's Python lacks the package, pip installs it there.
+"""
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+from SCons.Script import Import
+
+Import("env")
+env = globals()["env"]
+
+# The version that results were compared with.
+MUJOCO = "4.0.0"
+
+
+def package_folder() -> Path | None:
+    """Where the package is, or None; it is not imported, which would load it."""
+    found = importlib.util.find_spec("mujoco")
+    return Path(found.origin).parent if found is not None and found.origin else None
+
+
+folder = package_folder()
+if folder is None:
+    pip = [env.subst("$PYTHONEXE"), "-m", "pip", "install", "--quiet", f"mujoco=={MUJOCO}"]
+    if subprocess.run(pip, check=False).returncode != 0:
+        sys.exit(f"mujoco_library: the package mujoco {MUJOCO} is missing and cannot be installed")
+    importlib.invalidate_caches()
+    folder = package_folder()
+libraries = sorted(folder.glob("libmujoco.so.*")) if folder is not None else []
+if folder is None or not libraries:
+    sys.exit("mujoco_library: the package mujoco has no library for this system")
+env.Append(
+    CCFLAGS=["-isystem", str(folder / "include")],
+    LIBPATH=[str(folder)],
+    LIBS=[f":{libraries[-1].name}"],
+    LINKFLAGS=[f"-Wl,-rpath,{folder}"],
+)

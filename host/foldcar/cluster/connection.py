@@ -7,21 +7,18 @@ import contextlib
 import logging
 import os
 import re
-import signal
-import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from foldcar.cluster.local_cluster import local_cluster
 from foldcar.cluster.places import Places
 from foldcar.cluster.workers import ClusterSimulators
 from foldcar.errors import FoldcarError
-from foldcar.interrupts import delayed, held
 from foldcar.simulation.carsim import Carsim
 from foldcar.study.limits import MOST_JOBS
 
 LOCAL = "local"
-LOOPBACK = "127.0.0.1"
 CONNECT_S = 10
 # How long a sweep waits while there is no worker or no scheduler: in Dask's configuration, `foldcar.wait`.
 WAIT = "10 minutes"
@@ -45,7 +42,7 @@ def open_cluster(scheduler: str, carsim: Carsim, say: Callable[[str], None]) -> 
     warnings.filterwarnings("ignore", module="distributed")
     wait_s = float(dask.utils.parse_timedelta(dask.config.get("foldcar.wait", WAIT)))
     with contextlib.ExitStack() as stack:
-        address = scheduler if workers is None else stack.enter_context(_local_cluster(distributed, workers))
+        address = scheduler if workers is None else stack.enter_context(local_cluster(workers))
         _check(distributed, scheduler, address)
         # The time for which it tries to connect again.
         client = distributed.Client(address, timeout=wait_s, set_as_default=False)
@@ -89,27 +86,3 @@ def _check(distributed: Any, scheduler: str, address: str) -> None:
         raise FoldcarError(
             f"--scheduler: {scheduler}: runs distributed {there}, here is {distributed.__version__}: install the same"
         )
-
-
-@contextlib.contextmanager
-def _local_cluster(distributed: Any, workers: int) -> Iterator[str]:
-    """The address of a scheduler with so many worker processes, all on loopback; they end with this process."""
-    with tempfile.TemporaryDirectory(prefix="foldcar-", ignore_cleanup_errors=True) as folder, contextlib.ExitStack() as stack:
-        cluster: list[Any] = []
-
-        def kill() -> None:
-            for worker in cluster[0].workers.values() if cluster else ():
-                with contextlib.suppress(AttributeError, OSError, TypeError):
-                    os.kill(worker.pid, signal.SIGKILL)
-
-        stack.enter_context(held(kill))
-        with delayed():
-            cluster.append(
-                distributed.LocalCluster(
-                    n_workers=workers, threads_per_worker=1, host=LOOPBACK, dashboard_address=None,
-                    worker_dashboard_address=None, memory_limit=0, local_directory=folder,
-                    silence_logs=logging.CRITICAL,
-                )
-            )  # fmt: skip
-        stack.callback(cluster[0].close, timeout=CONNECT_S)
-        yield cluster[0].scheduler_address

@@ -27,6 +27,7 @@ from foldcar.commands.gallery import gallery
 from foldcar.commands.import_store import import_store
 from foldcar.commands.link import link
 from foldcar.commands.log import log
+from foldcar.commands.merge import merge
 from foldcar.commands.migrate import migrate
 from foldcar.commands.model import model
 from foldcar.commands.optimize import optimize
@@ -56,7 +57,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for command in (
-    sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, migrate, crosscheck, model,
+    sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, merge, migrate, crosscheck, model,
     pattern, view, link, log, flash, doctor,
 ):  # fmt: skip
     app.command()(command)

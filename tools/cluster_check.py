@@ -1,6 +1,6 @@
 """`make cluster-check`: sweeps over hosts that are network namespaces, with delay, loss, deaths and a partition.
 
-Input: a folder for the stores. Output: what happened, a line each; exit code 1 if a sweep's digest is not the local one's.
+Input: a folder for the stores. Output: what happened, a line each; exit code 1 if a digest is not the local sweep's.
 Each host has its own address: a client, a scheduler, four workers. Half of the workers are killed in the
 middle, one is cut off for some time. Then the same over TLS on loopback. Needs root; says so and ends without it.
 """
@@ -76,8 +76,9 @@ def digest(store: Path) -> str:
 
 def runs_in(store: Path) -> int:
     """How many runs the store has so far."""
-    with contextlib.suppress(sqlite3.Error), contextlib.closing(sqlite3.connect(f"file:{store}?mode=ro", uri=True)) as one:
-        return int(one.execute("SELECT count(*) FROM run").fetchone()[0])
+    address = f"file:{store}?mode=ro"
+    with contextlib.suppress(sqlite3.Error), contextlib.closing(sqlite3.connect(address, uri=True)) as connection:
+        return int(connection.execute("SELECT count(*) FROM run").fetchone()[0])
     return 0
 
 

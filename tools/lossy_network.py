@@ -1,7 +1,7 @@
 """Hosts on one machine that talk over a slow and lossy network: namespaces, and between them a switch in Python.
 
-Each host is a network namespace with a TAP device, whose other end is the switch's: it delivers every Ethernet frame late,
-or not at all. A kernel needs no queueing discipline for that (netem is not everywhere). Needs root.
+Each host is a network namespace with a TAP device, whose other end is the switch's: it delivers every frame late, or not
+at all. A kernel needs no queueing discipline for that (netem is not everywhere). Needs root.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ FRAME_BYTES = 2048
 
 
 class LossyNetwork:
-    """``count`` hosts, 1 and up: host n has the address SUBNET.n. Frames arrive after ``delay_s``, a ``loss`` of them never.
+    """``count`` hosts, 1 and up: host n has the address SUBNET.n. Frames come after ``delay_s``, a ``loss`` of them never.
 
     OSError or CalledProcessError if that is not permitted. To be closed.
     """

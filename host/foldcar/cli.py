@@ -57,8 +57,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for command in (
-    sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, merge, migrate, crosscheck, model,
-    pattern, view, link, log, flash, doctor,
+    sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, merge, migrate, crosscheck,
+    model, pattern, view, link, log, flash, doctor,
 ):  # fmt: skip
     app.command()(command)
 app.command("import")(import_store)

@@ -46,7 +46,8 @@ class Cluster:
     def __init__(self, folder: Path) -> None:
         self.file = folder / "scheduler.json"
         self.processes: list[subprocess.Popen[bytes]] = []
-        self.start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(self.file))
+        words = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(self.file)]
+        self.start("scheduler", *words)
         while not self.file.exists() or not self.file.read_text().endswith("}"):
             time.sleep(0.05)
         self.address: str = json.loads(self.file.read_text())["address"]
@@ -152,7 +153,8 @@ def chunk() -> dict[str, Any]:
     (experiment,) = read_study(Path(__file__).parents[2] / "scenarios" / "width_study.json").experiments
     course = {"x_min_m": -1, "x_max_m": 2, "y_min_m": -1, "y_max_m": 1}
     line = {"kind": "line", "x_m": 1.3, "y_m": 0, "heading_rad": 0}
-    scene = {"friction": 0.6, "terrain": [], "start": {"x_m": 0, "y_m": 0, "heading_rad": 0}, "goal": line, "course": course}
+    start = {"x_m": 0, "y_m": 0, "heading_rad": 0}
+    scene = {"friction": 0.6, "terrain": [], "start": start, "goal": line, "course": course}
     drive = json.dumps({"speed_m_s": 0.69, "time_limit_s": 60})
     return {
         "bodies": {"b": json.dumps(body_json(next(iter(experiment.family))))},

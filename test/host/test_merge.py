@@ -36,7 +36,7 @@ def digest(store: Path) -> tuple[str, int]:
 def shown(store: Path) -> list[Any]:
     """What reports show of a store: experiments with their facts, and their results."""
     with Store.open(store) as opened:
-        return [sorted(opened.info().experiments, key=lambda one: one.id), sorted(opened.results(), key=repr)]
+        return [dict(opened.info().experiments), sorted(opened.results(), key=repr)]
 
 
 @pytest.fixture
@@ -47,7 +47,9 @@ def listing(listing_data: dict[str, Any], write_listing: Callable[[Any], Path]) 
     return write_listing(listing_data)
 
 
-def swept(listing: Path, store: Path, binary: Path, experiment: str | None = None, environments: int | None = None) -> Path:
+def swept(
+    listing: Path, store: Path, binary: Path, experiment: str | None = None, environments: int | None = None
+) -> Path:
     sweep(read_study(listing, experiment, environments), store, Carsim(binary), 2, "test")
     return store
 
@@ -121,7 +123,8 @@ def change(store: Path, table: Table, where: str, **values: Any) -> None:
         (RUN, "body_id = 1 AND scene_id = 1", {"outcome": "stuck"},
          r"^run \(build \S+, body \w{12}, .*\): outcome is stuck in .*b\.db, \w+ in .*a\.db: the same build gave two"),
         (RUN, "body_id = 1 AND scene_id = 1", {"elapsed_time_s": 0.125}, "elapsed_time_s is 0.125 in .*b.db, "),
-        (EXPERIMENT, "position = 0", {"vehicle": "other"}, '^experiment "1": vehicle is other in .*b.db, .* another name'),
+        (EXPERIMENT, "position = 0", {"vehicle": "other"},
+         '^experiment "1": vehicle is other in .*b.db, .* another name'),
     ],
 )  # fmt: skip
 def test_contradictions_are_refused_and_nothing_is_written(

@@ -86,14 +86,18 @@ class _Merge:
                     row["log"] = self._log(path, row)
                 recorded = _recorded(source, row) if table is RUN else 0
                 for column in table.columns:
-                    if column.type == "INTEGER" and column.refers and row[column.name] is not None:
-                        row[column.name] = self._number(path, table, row, column.refers, column.name)
+                    # `recorded` refers to runs by all of their key.
+                    referred = column.name.removesuffix("_id") if column.name in RUN.key else column.refers
+                    if column.type == "INTEGER" and referred and row[column.name] is not None:
+                        row[column.name] = self._number(path, table, row, referred, column.name)
                 if table.name in special:
                     special[table.name](row)
                 elif table.unique:
                     self._numbered(table, row)
-                elif not self._keyed(table, row) and table is RUN and recorded != (known := _recorded(self._connection, row)):
-                    self._differs(RUN, row, "the number of recorded values", recorded, known)
+                elif not self._keyed(table, row) and table is RUN:
+                    known = _recorded(self._connection, row)
+                    if recorded != known:
+                        self._differs(RUN, row, "the number of recorded values", recorded, known)
         self._check_designs(source)
 
     def _number(self, path: Path, table: Table, row: Row, referred: str, column: str) -> int:
@@ -245,7 +249,8 @@ class _Merge:
 def _recorded(connection: sqlite3.Connection, run: Row) -> int:
     """How many values were recorded in a run."""
     where = " AND ".join(f"{name} = ?" for name in RUN.key)
-    (count,) = connection.execute(f"SELECT count(*) FROM recorded WHERE {where}", [run[name] for name in RUN.key]).fetchone()
+    values = [run[name] for name in RUN.key]
+    (count,) = connection.execute(f"SELECT count(*) FROM recorded WHERE {where}", values).fetchone()
     return int(count)
 
 

@@ -24,7 +24,7 @@ FRAME_BYTES = 2048
 
 
 class LossyNetwork:
-    """``count`` hosts, 1 and up: host n has the address SUBNET.n. Frames come after ``delay_s``, a ``loss`` of them never.
+    """``count`` hosts, 1 and up: host n has the address SUBNET.n. Frames come ``delay_s`` late, a ``loss`` of them never.
 
     OSError or CalledProcessError if that is not permitted. To be closed.
     """

@@ -81,7 +81,7 @@ calibration: setup
 
 fidelity: setup mujoco
 	@mkdir -p out
-	$(BIN)/foldcar crosscheck scenarios/fidelity.json --baseline 20 -o out/fidelity
+	$(BIN)/foldcar crosscheck scenarios/fidelity.json --baseline 10 -o out/fidelity
 	$(BIN)/python tools/fidelity.py out/fidelity docs/fidelity.md
 
 statistics: .venv/installed

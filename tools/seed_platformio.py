@@ -25,6 +25,7 @@ try:
 except ImportError:
     print("seed_platformio: error: this Python has no PlatformIO; use .venv/bin/python", file=sys.stderr)
     sys.exit(2)
+from box2d_source import seed_box2d
 from platformio_core import scons_package_folder, seed_core
 from seed_files import SeedError, write_if_changed
 from unity_source import seed_unity
@@ -36,7 +37,7 @@ PROBE_TIMEOUT_S = 3.0
 
 
 def local_ini_text(core_dir: str) -> str:
-    """What platformio.ini is overridden with: the system's Box2D and JSON library, the seeded Unity.
+    """What platformio.ini is overridden with: the system's JSON library, the seeded Box2D and Unity.
 
     ArduinoJson is in neither archive; its test says so and is ignored."""
     return f"""{MARK}
@@ -45,7 +46,6 @@ core_dir = {core_dir}
 
 [simulation]
 lib_deps =
-flags = -lbox2d
 
 [env:native]
 lib_deps =
@@ -62,6 +62,7 @@ def seed(root: Path) -> None:
         raise SeedError(f"{local_ini}: exists and was not written by this script; move it away first")
     core_dir = core_folder(root)
     seed_core(core_dir)
+    seed_box2d(core_dir / "lib" / "box2d")
     seed_unity(core_dir / "lib" / "Unity")
     own = core_dir == root / ".pio-core"
     write_if_changed(local_ini, local_ini_text("${PROJECT_DIR}/.pio-core" if own else str(core_dir)))

@@ -22,8 +22,8 @@ import sys
 from pathlib import Path
 from typing import Literal
 from simulation_digest import firmware_digest, simulation_digest
-root, compiler, libraries, *flags = sys.argv[1:]
-print(simulation_digest(Path(root), flags, compiler, Path(libraries)), firmware_digest(Path(root)))
+root, compiler, fetched, shared, *flags = sys.argv[1:]
+print(simulation_digest(Path(root), flags, compiler, [Path(fetched), Path(shared)]), firmware_digest(Path(root)))
 """
 
 
@@ -58,7 +58,7 @@ def _compared(
     text = f"build {carsim.build}, firmware {carsim.firmware}, {carsim.binary}"
     if checkout is None or project is None:
         return Finding(name, "ok", f"{text}; not compared with sources")
-    libraries = checkout / ".pio" / "libdeps" / ENGINES[engine].environment
+    libraries = [checkout / ".pio" / "libdeps" / ENGINES[engine].environment, project.core / "lib"]
     try:
         expected = [_digests(checkout, project, compiler, libraries) for compiler in COMPILERS]
     except (OSError, subprocess.SubprocessError, ValueError):
@@ -71,9 +71,9 @@ def _compared(
     return Finding(name, "ok", f"{text}; fits the sources")
 
 
-def _digests(checkout: Path, project: PlatformioProject, compiler: str, libraries: Path) -> list[str]:
+def _digests(checkout: Path, project: PlatformioProject, compiler: str, libraries: list[Path]) -> list[str]:
     """The build id of carsim and of the firmware, by the sources; errors of subprocess if they cannot be computed."""
-    command = [sys.executable, "-c", DIGESTS, str(checkout), compiler, str(libraries), *project.flags]
+    command = [sys.executable, "-c", DIGESTS, str(checkout), compiler, *map(str, libraries), *project.flags]
     answer = subprocess.run(
         command, cwd=checkout / "tools", capture_output=True, text=True, check=True, timeout=ANSWER_S
     )

@@ -18,10 +18,15 @@ PARTS = ("include", "src")
 MANIFEST = f'{{"name": "box2d", "version": "{VERSION}", "build": {{"flags": ["-w"]}}}}\n'
 
 
+def has_box2d(folder: Path) -> bool:
+    """Whether `seed_box2d` has filled ``folder``."""
+    manifest = folder / "library.json"
+    return manifest.is_file() and manifest.read_text(encoding="utf-8") == MANIFEST
+
+
 def seed_box2d(folder: Path) -> None:
     """Put Box2D into ``folder`` unless it is there already. Raises SeedError."""
-    manifest = folder / "library.json"
-    if manifest.is_file() and manifest.read_text(encoding="utf-8") == MANIFEST:
+    if has_box2d(folder):
         return
     with tempfile.TemporaryDirectory(prefix="foldcar-box2d-") as scratch:
         archive = source_archive(SOURCE_PACKAGE, PURPOSE, Path(scratch))

@@ -25,7 +25,7 @@ try:
 except ImportError:
     print("seed_platformio: error: this Python has no PlatformIO; use .venv/bin/python", file=sys.stderr)
     sys.exit(2)
-from box2d_source import seed_box2d
+from box2d_source import has_box2d, seed_box2d
 from platformio_core import scons_package_folder, seed_core
 from seed_files import SeedError, write_if_changed
 from unity_source import seed_unity
@@ -125,7 +125,9 @@ def main() -> int:
     if arguments.undo:
         print(f"{LOCAL_INI} removed" if undo(ROOT) else f"no {LOCAL_INI} of this script to remove")
         return 0
-    was_seeded = _is_ours(ROOT / LOCAL_INI)
+    was_there = _is_ours(ROOT / LOCAL_INI)
+    # The core folder may be one that was seeded for another copy of the project.
+    was_seeded = was_there or has_box2d(core_folder(ROOT) / "lib" / "box2d")
     if arguments.if_unreachable and not was_seeded and (is_set_up_online() or is_registry_reachable()):
         return 0
     try:
@@ -133,7 +135,7 @@ def main() -> int:
     except (SeedError, OSError) as error:
         print(f"seed_platformio: error: {error}", file=sys.stderr)
         return 2
-    if not was_seeded:
+    if not was_there:
         print(f"PlatformIO's registry is left out: seeded {core_folder(ROOT)}, wrote {LOCAL_INI}")
     return 0
 

@@ -46,7 +46,7 @@ def scenic() -> Finding:
             import scenic
     except Exception as error:  # whatever a broken library raises
         text = f"cannot be imported: {type(error).__name__}: {error}"
-        return Finding("Scenic", "missing", text, "make setup")
+        return Finding("Scenic", "missing", text, f"{AGAIN}; in a slim system: apt-get install libgl1 libglib2.0-0 libxcb1")
     return Finding("Scenic", "ok", str(importlib.metadata.version(scenic.__name__)))
 
 

@@ -33,7 +33,7 @@ def simulator(checkout: Path | None, project: PlatformioProject | None) -> Findi
         carsim = Carsim()
     except FoldcarError as error:
         named = os.environ.get(BINARY_VARIABLE)
-        advice = f"let {BINARY_VARIABLE} name a carsim, or leave it out" if named else "make setup"
+        advice = f"let {BINARY_VARIABLE} name a carsim, or leave it out" if named else _again(checkout, "make setup")
         return Finding("carsim", "missing", str(error), advice)
     return _compared("carsim", "missing", carsim, SIDE_VIEW, checkout, project)
 
@@ -43,7 +43,10 @@ def simulator_with_mujoco(checkout: Path | None, project: PlatformioProject | No
     try:
         carsim = Carsim(engine=MUJOCO)
     except FoldcarError as error:
-        return Finding("MuJoCo", "absent", f"{error}; only --engine mujoco and foldcar crosscheck need it", "make mujoco")
+        return Finding(
+            "MuJoCo", "absent", f"{error}; only --engine mujoco and foldcar crosscheck need it",
+            _again(checkout, "make mujoco"),
+        )  # fmt: skip
     return _compared("MuJoCo", "absent", carsim, MUJOCO, checkout, project)
 
 
@@ -69,6 +72,10 @@ def _compared(
         told = f"{text}: not of the sources here, which give build {build}, firmware {firmware}"
         return Finding(name, fault, told, f"make {ENGINES[engine].target}, which builds it again")
     return Finding(name, "ok", f"{text}; fits the sources")
+
+
+def _again(checkout: Path | None, target: str) -> str:
+    return target if checkout is not None else "pip install --force-reinstall 'foldcar[mujoco]'"
 
 
 def _digests(checkout: Path, project: PlatformioProject, compiler: str, libraries: list[Path]) -> list[str]:

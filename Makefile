@@ -162,7 +162,7 @@ lock: .pio/lock/bin/uv
 	.pio/lock/bin/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url \
 	  --no-annotate --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --extra dev --extra mujoco pyproject.toml -o $(LOCK)
 	.pio/lock/bin/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url --no-annotate \
-	  --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --only-extra --extra release pyproject.toml -o $(RELEASE_LOCK)
+	  --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --group pyproject.toml:release -o $(RELEASE_LOCK)
 
 # A wheel with carsim: the archive of the sources, then the wheel from nothing but that archive.
 wheel: .venv/installed .pio/release/installed

@@ -10,16 +10,11 @@ out=$(cd "$1" && pwd)
 cd "$project"
 
 # What the lock names builds, not what a package index has today. The core folder is shared, if it was seeded.
-export PYTHONPATH="" PATH="$project/.venv/bin:$project/.pio/release/bin:$PATH"
+export PATH="$project/.venv/bin:$project/.pio/release/bin:$PATH"
 [ ! -f platformio.local.ini ] || export PLATFORMIO_CORE_DIR="${PLATFORMIO_CORE_DIR:-$project/.pio-core}"
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
-# `build` of the release tools, run by the Python that has all that the project is built with.
-build() {
-  PYTHONPATH=$(.pio/release/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))') \
-    .venv/bin/python -m build --no-isolation --outdir "$scratch" "$@"
-}
-build .
+.venv/bin/python -m build --no-isolation --outdir "$scratch" .
 rm -f "$out"/foldcar-*.whl "$out"/foldcar-*.tar.gz
 # MuJoCo's library is the package mujoco's, not the wheel's (`foldcar[mujoco]`).
 auditwheel repair --exclude 'libmujoco.so.*' --wheel-dir "$out" "$scratch"/foldcar-*.whl

@@ -10,7 +10,7 @@ from seed_files import SeedError, run
 
 
 def source_archive(package: str, purpose: str, scratch: Path) -> Path:
-    """Download the package's upstream archive into the folder ``scratch``; its path. Raises SeedError with ``purpose``."""
+    """Download the package's upstream archive into ``scratch``; its path. Raises SeedError with ``purpose``."""
     options = _apt_options(scratch, purpose)
     run(purpose, "apt-get", *options, "update")
     get = ("source", "--download-only", "--tar-only", package)

@@ -1,7 +1,7 @@
 """PlatformIO pre-script: finds MuJoCo's headers and library in the Python package `mujoco`, and links with it.
 
-If PlatformIO's Python lacks the package, pip installs it there. The program looks for the library in ../mujoco from its own
-folder: in a build folder that is a link to the package, beside an installed foldcar the package itself.
+If PlatformIO's Python lacks the package, pip installs it there. The program looks for the library in ../mujoco from
+its own folder: in a build folder that is a link to the package, beside an installed foldcar the package itself.
 """
 
 import importlib.util

@@ -20,7 +20,7 @@ test -s car/pattern.json
 
 # A car on a pseudo-terminal, asked for one of its parameters by another process.
 # shellcheck disable=SC2086
-"$foldcar" link study.json --experiment yard $car >port 2>link.log <"$folder/yard/study.json" &
+"$foldcar" link study.json --experiment yard $car >port 2>link.log &
 link=$!
 trap 'kill "$link" 2>/dev/null || true; rm -rf "$folder"' EXIT
 tries=0

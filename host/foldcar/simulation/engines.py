@@ -69,7 +69,7 @@ def find_carsim(engine: str = SIDE_VIEW) -> Path:
     what = "carsim with MuJoCo" if program.title else "carsim"
     project = source_tree()
     if project is None:
-        raise CarsimError(f"this foldcar came without {what}: install a wheel, or let {program.variable} name the program")
+        raise CarsimError(f"this foldcar came without {what}: install a wheel, or let {program.variable} name it")
     binary = project / ".pio" / "build" / program.environment / "program"
     if not binary.is_file():
         raise CarsimError(f"no {what} built at {binary}: run `make {program.target}`")

@@ -27,6 +27,7 @@ from foldcar.commands.gallery import gallery
 from foldcar.commands.import_store import import_store
 from foldcar.commands.link import link
 from foldcar.commands.log import log
+from foldcar.commands.merge import merge
 from foldcar.commands.migrate import migrate
 from foldcar.commands.model import model
 from foldcar.commands.new import new
@@ -57,7 +58,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for command in (
-    new, sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, migrate, crosscheck,
+    new, sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, merge, migrate, crosscheck,
     model, pattern, view, link, log, flash, doctor,
 ):  # fmt: skip
     app.command()(command)

@@ -32,6 +32,7 @@ from foldcar.commands.model import model
 from foldcar.commands.optimize import optimize
 from foldcar.commands.params import params
 from foldcar.commands.pattern import pattern
+from foldcar.commands.repair import repair
 from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import sample
@@ -56,8 +57,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for command in (
-    sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, migrate, crosscheck, model,
-    pattern, view, link, log, flash, doctor,
+    sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, repair, migrate, crosscheck,
+    model, pattern, view, link, log, flash, doctor,
 ):  # fmt: skip
     app.command()(command)
 app.command("import")(import_store)

@@ -30,7 +30,7 @@ def repair(
     done = repair_store(store, output)
     if as_json:
         lost = {"damaged": done.damaged, "missing": done.missing, "dependent": done.dependent, "pages": done.pages}
-        print_json({"store": output, "saved": done.saved, **lost, "trials": done.trials, "logs": done.logs})
+        print_json({"store": output, "saved": done.saved, **lost, "trials": done.trials, "logs": done.logs, "journal": done.journal})
     else:
         for table, saved in done.saved.items():
             parts = [
@@ -45,6 +45,8 @@ def repair(
             ]
             if parts:
                 typer.echo(f"{table}: {saved} rows saved; lost: {', '.join(parts)}")
+        if done.journal:
+            typer.echo(f"write-ahead log: {done.journal}")
         for trial in done.trials:
             typer.echo(trial)
         for log in done.logs:

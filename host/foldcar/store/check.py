@@ -129,6 +129,12 @@ def _check_logs(path: Path, connection: sqlite3.Connection, done: StoreCheck) ->
     except SQLITE_ERRORS:
         # Named with its table.
         return
+    folder = path.with_name(f"{path.stem}-logs")
+    named = {str(log) for _, log, _ in trials}
+    for there in sorted(folder.glob("trial-*.tlog")):
+        # A trial is stored before its log is begun.
+        if str(there.relative_to(path.parent)) not in named:
+            done.findings.append(f"log {there}: its trial is missing")
     for number, log, expected in trials:
         where = f"trial (id={number})"
         try:

@@ -30,7 +30,8 @@ class Repair:
 
     ``damaged`` rows were seen and are not whole; ``missing`` ones are gaps between the numbers of those that are there;
     ``dependent`` ones are whole, but what they refer to is not. ``pages`` are those that cannot be read, of how many rows
-    is unknown. ``trials`` says which trials lost a reference, ``logs`` which logs no saved trial names.
+    is unknown. ``trials`` says which trials lost a reference, ``logs`` which logs no saved trial names, ``journal`` what is
+    damaged of the write-ahead log.
     """
 
     saved: dict[str, int] = field(default_factory=dict)
@@ -40,11 +41,12 @@ class Repair:
     pages: dict[str, int] = field(default_factory=dict)
     trials: list[str] = field(default_factory=list)
     logs: list[str] = field(default_factory=list)
+    journal: str | None = None
 
     @property
     def is_whole(self) -> bool:
         """Whether nothing is known to be lost."""
-        return not (self.damaged or self.missing or self.dependent or self.pages or self.trials or self.logs)
+        return not (self.damaged or self.missing or self.dependent or self.pages or self.trials or self.logs or self.journal)
 
 
 def repair_store(damaged: Path, whole: Path) -> Repair:
@@ -55,7 +57,7 @@ def repair_store(damaged: Path, whole: Path) -> Repair:
         found = salvage(damaged)
         if not any(found.rows.values()):
             raise StoreError(f"{damaged}: no row of it is whole, or it is no foldcar store")
-        done = Repair(damaged=dict(+found.damaged), pages=dict(+found.pages))
+        done = Repair(damaged=dict(+found.damaged), pages=dict(+found.pages), journal=found.log)
         done.missing = _gaps(found)
         dependent: Counter[str] = Counter()
         kept: dict[str, dict[tuple[Any, ...], Row]] = {}

@@ -18,7 +18,7 @@ from foldcar.store.errors import StoreError
 from foldcar.store.pages import Pages, Record, page_bytes
 from foldcar.store.rows import Row, is_intact
 from foldcar.store.tables import BY_NAME, CHECKSUM, TABLES, TRIAL, Table
-from foldcar.store.write_ahead_log import read_log
+from foldcar.store.write_ahead_log import WriteAheadLog, read_log
 
 HEADER_BYTES = 100
 # What stands in the texts of tables that have the same columns.
@@ -29,20 +29,25 @@ _TELLING = {"body": "segments", "scene": "terrain", "settings": "time_limit_s"}
 class Salvaged:
     """Whole rows by table and key. ``damaged`` counts, by table, rows and pages that were seen and are not whole.
 
-    ``ambiguous`` counts keys of which there are two different whole rows, neither of them known to be the last.
+    ``ambiguous`` counts keys of which there are two different whole rows, neither of them known to be the last. ``log``
+    says what is damaged of the write-ahead log: rows may be as they were before the transactions in it.
     """
 
     rows: dict[str, dict[tuple[Any, ...], Row]] = field(default_factory=lambda: {table.name: {} for table in TABLES})
     damaged: Counter[str] = field(default_factory=Counter)
     pages: Counter[str] = field(default_factory=Counter)
     ambiguous: Counter[str] = field(default_factory=Counter)
+    log: str | None = None
 
 
 def salvage(path: Path) -> Salvaged:
     """The whole rows of the store at ``path``; StoreError if it cannot be read, or if rows of its version have no proof."""
-    pages, loose = _pages(path)
-    done = Salvaged()
+    log = read_log(path)
+    pages, loose = _pages(path, log)
+    done = Salvaged(log=log.finding)
     schema = dict(_schema(pages))
+    # Where a table's pages are is not known without its place in the schema.
+    done.pages.update(table.name for table in TABLES if table.name not in schema)
     columns = {table.name: _columns(table, schema.get(table.name, (0, ""))[1]) for table in TABLES}
     if schema and "withdrawn" not in columns[TRIAL.name]:
         raise StoreError(f"{path}: is of an early version, in which nothing proves a row or tells what drove a trial")
@@ -72,7 +77,7 @@ def salvage(path: Path) -> Salvaged:
     return done
 
 
-def _pages(path: Path) -> tuple[Pages, list[bytes]]:
+def _pages(path: Path, log: WriteAheadLog) -> tuple[Pages, list[bytes]]:
     """The store's pages with its write-ahead log, and pages of the log whose numbers are not certain."""
     try:
         content = _rolled_back(path)
@@ -82,7 +87,6 @@ def _pages(path: Path) -> tuple[Pages, list[bytes]]:
         raise StoreError(f"{path}: is no foldcar store: it has {len(content)} bytes")
     size = page_bytes(content)
     pages = {at // size + 1: content[at : at + size] for at in range(0, len(content), size)}
-    log = read_log(path)
     pages.update((number, page) for number, page in log.pages if len(page) == size)
     return Pages(pages, size), [page for page in log.damaged if len(page) == size]
 

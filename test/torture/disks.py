@@ -11,7 +11,6 @@ from pathlib import Path
 from processes import ended, moment, require_no_process, start, wait
 from study import SWEEP, LossError, foldcar, require_sound, resume, write_listing
 
-SWEEP_S = 5.0
 # Commands that make a file or a folder of a whole store: all of it or nothing.
 OUTPUTS = {
     "export": (["export", "s.db", "--csv", "out"], ["export", "s.db", "--csv", "again"]),
@@ -39,7 +38,7 @@ def full_disk(folder: Path, whole: Path, chance: random.Random) -> str:
             return "skipped: no right to mount"
         process = start(disk, SWEEP)
         if chance.random() < 0.3:
-            wait(process, moment(chance, SWEEP_S))
+            wait(process, moment(chance))
             process.kill()
             process.communicate()
             code = -9
@@ -57,7 +56,7 @@ def read_only_disk(folder: Path, whole: Path, chance: random.Random) -> str:
         if disk is None:
             return "skipped: no right to mount"
         process = start(disk, SWEEP)
-        at = moment(chance, SWEEP_S)
+        at = moment(chance)
         wait(process, at)
         process.kill()
         process.communicate()
@@ -85,7 +84,7 @@ def outputs(folder: Path, whole: Path, chance: random.Random) -> str:
     limit = int(10 ** chance.uniform(2, 5.6)) if chance.random() < 0.5 else None
     process = start(folder, words, limit_bytes=limit)
     if limit is None:
-        wait(process, moment(chance, 3.0))
+        wait(process, moment(chance, 0.5))
         process.kill()
     code, _, errors = ended(process)
     if limit is not None:

@@ -3,6 +3,7 @@
 What was received stays, the trial is aborted, and the next trial into the same store goes well.
 """
 
+import os
 import random
 import shutil
 import signal
@@ -10,6 +11,7 @@ from pathlib import Path
 
 from processes import ended, kill, moment, require_no_process, start, wait
 from study import LossError, foldcar, require_sound
+from sweeps import CLOCK
 
 from foldcar.errors import FoldcarError
 from foldcar.link.tlog import read_tlog
@@ -17,20 +19,16 @@ from foldcar.simulation.engines import find_carsim
 from foldcar.store.reader import Store
 from live_car import LOG, car_at_port, inject, write_free_course
 
-LOG_S = 7.0
 ENDINGS = ("kill", "interrupt", "unplug", "brown-out", "no car", "limit", "clock")
 
 
 def disturbed_log(folder: Path, whole: Path, chance: random.Random) -> str:
     """One trial disturbed in one way, and one after it."""
     write_free_course(folder)
-    how, at, limit, env = chance.choice(ENDINGS), moment(chance, LOG_S), None, {}
+    how, at, limit, env = chance.choice(ENDINGS), moment(chance), None, {}
     if how == "limit":
         limit = int(10 ** chance.uniform(3, 5.2))
     if how == "clock":
-        from sweeps import CLOCK
-        import os
-
         env = {"LD_PRELOAD": os.environ.get(CLOCK, ""), "FOLDCAR_CLOCK_STEP_S": str(chance.choice((-7200, -3, 3, 10**8)))}
     with car_at_port(find_carsim(), goal_x_m=None) as car:
         words = [*LOG, "--port", car.port, "--countdown", "0", "--yes"]

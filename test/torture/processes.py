@@ -15,6 +15,8 @@ from study import FOLDCAR, LossError
 MARK = "FOLDCAR_TORTURE_MARK"
 # Ends a command that hangs; far beyond what a busy machine makes of any.
 HANGS_S = 600.0
+# How long the undisturbed sweep takes here and now; measured first.
+sweep_s = 5.0
 
 
 def start(folder: Path, words: Sequence[str], env: dict[str, str] | None = None, **options: Any) -> "subprocess.Popen[str]":
@@ -83,9 +85,13 @@ def end_all(folder: Path) -> None:
         kill(pid)
 
 
-def moment(chance: random.Random, typical_s: float) -> float:
-    """A moment from the first millisecond on, in every order of magnitude up to ``typical_s``, or evenly up to it."""
-    return chance.choice((typical_s * chance.random(), 0.001 * (typical_s / 0.001) ** chance.random()))
+def moment(chance: random.Random, share: float = 1.0) -> float:
+    """A moment (s) within a sweep that takes :data:`sweep_s`, or a ``share`` of that.
+
+    From the first millisecond on, in every order of magnitude, or evenly.
+    """
+    last_s = share * sweep_s
+    return chance.choice((last_s * chance.random(), 0.001 * (last_s / 0.001) ** chance.random()))
 
 
 def wait(process: "subprocess.Popen[str]", seconds: float) -> bool:

@@ -10,7 +10,6 @@ from pathlib import Path
 from processes import children, ended, kill, moment, require_no_process, start, wait
 from study import SWEEP, LossError, require_sound, resume
 
-SWEEP_S = 5.0
 CLOCK = "FOLDCAR_TORTURE_CLOCK"
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 BESIDE = ".part", "-wal", "-shm", "-journal"
@@ -21,7 +20,7 @@ def killed_client(folder: Path, whole: Path, chance: random.Random) -> str:
     moments = []
     for _ in range(chance.randint(1, 3)):
         process = start(folder, SWEEP)
-        moments.append(moment(chance, SWEEP_S))
+        moments.append(moment(chance))
         wait(process, moments[-1])
         process.kill()
         process.communicate()
@@ -54,7 +53,7 @@ def killed_simulators(folder: Path, whole: Path, chance: random.Random) -> str:
 def interrupted(folder: Path, whole: Path, chance: random.Random) -> str:
     """Ctrl-C, SIGTERM or SIGHUP at any stage from the first millisecond on, sometimes more than one."""
     process = start(folder, SWEEP)
-    at, number = moment(chance, SWEEP_S), chance.choice(INTERRUPTS)
+    at, number = moment(chance), chance.choice(INTERRUPTS)
     wait(process, at)
     for _ in range(chance.choice((1, 1, 3))):
         process.send_signal(number)
@@ -80,7 +79,7 @@ def stepping_clock(folder: Path, whole: Path, chance: random.Random) -> str:
     step_s = chance.choice((-1, 1)) * int(10 ** chance.uniform(0, 8.5))
     process = start(folder, SWEEP, {"LD_PRELOAD": os.environ[CLOCK], "FOLDCAR_CLOCK_STEP_S": str(step_s)})
     if chance.random() < 0.5:
-        wait(process, moment(chance, SWEEP_S))
+        wait(process, moment(chance))
         process.kill()
         process.communicate()
     else:
@@ -102,10 +101,10 @@ def two_sweeps(folder: Path, whole: Path, chance: random.Random) -> str:
         (folder / "s.db").touch()
         os.link(folder / "s.db", other)
     first = start(folder, SWEEP)
-    wait(first, moment(chance, SWEEP_S))
+    wait(first, moment(chance))
     second = start(folder, [str(other) if word == "s.db" else word for word in SWEEP])
     if chance.random() < 0.3:
-        wait(second, moment(chance, 2.0))
+        wait(second, moment(chance, 0.3))
         first.kill()
     codes = []
     for process in (first, second):

@@ -23,7 +23,7 @@ import disks
 import loggers
 import processes
 import sweeps
-from study import SWEEP, LossError, digest, foldcar, require_sound, write_listing
+from study import SWEEP, LossError, digest, require_sound, write_listing
 
 DISTURBANCES = {
     "sweep killed": sweeps.killed_client,
@@ -41,6 +41,8 @@ DISTURBANCES = {
     "cut short": damage.damaged(damage.cut_short),
     "trial disturbed": loggers.disturbed_log,
 }
+# Damage is judged in a fraction of the time that a sweep takes.
+TIMES = 10
 
 
 def main() -> int:
@@ -92,7 +94,7 @@ def plan(seed: str, only: list[str]):
     order, number = random.Random(seed), 0
     wanted = os.environ.get("TORTURE_ROUND")
     while True:
-        names = list(DISTURBANCES)
+        names = [name for name in DISTURBANCES for _ in range(TIMES if "damage" in DISTURBANCES[name].__module__ else 1)]
         order.shuffle(names)
         for name in names:
             number += 1
@@ -108,9 +110,11 @@ def prepare(folder: Path) -> Path:
     folder.mkdir()
     sweeps.build_clock(folder)
     write_listing(folder)
-    answer = foldcar(folder, *SWEEP)
-    if answer.returncode:
-        raise LossError(answer.stderr)
+    start_s = time.monotonic()
+    code, _, errors = processes.ended(processes.start(folder, SWEEP))
+    processes.sweep_s = time.monotonic() - start_s
+    if code != 0:
+        raise LossError(errors)
     require_sound(folder)
     (folder / "s.db").rename(folder / "whole.db")
     process = processes.start(folder, SWEEP)

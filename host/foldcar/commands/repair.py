@@ -39,7 +39,7 @@ def repair(
                     (done.damaged, "damaged"),
                     (done.missing, "missing"),
                     (done.dependent, "refer to what is lost"),
-                    (done.pages, "pages cannot be read"),
+                    (done.pages, "unreadable pages"),
                 )
                 if losses.get(table)
             ]

@@ -46,6 +46,10 @@ class Pages:
         """The numbers of all pages."""
         return set(self._pages)
 
+    def version(self) -> int:
+        """The user's version number in the header; 0 without one."""
+        return int.from_bytes(self._pages.get(1, b"")[60:64], "big")
+
     def free(self) -> set[int] | None:
         """The pages that are not in use, which hold old rows; None if the list of them is damaged."""
         try:

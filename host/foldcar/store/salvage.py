@@ -17,7 +17,7 @@ from typing import Any
 from foldcar.store.errors import StoreError
 from foldcar.store.pages import Pages, Record, page_bytes
 from foldcar.store.rows import Row, is_intact
-from foldcar.store.tables import BY_NAME, CHECKSUM, TABLES, TRIAL, Table
+from foldcar.store.tables import BY_NAME, CALIBRATION, CHECKSUM, RUN, TABLES, TRIAL, Table
 from foldcar.store.write_ahead_log import WriteAheadLog, read_log
 
 HEADER_BYTES = 100
@@ -46,11 +46,12 @@ def salvage(path: Path) -> Salvaged:
     pages, loose = _pages(path, log)
     done = Salvaged(log=log.finding)
     schema = dict(_schema(pages))
+    version = pages.version()
     # Where a table's pages are is not known without its place in the schema.
-    done.pages.update(table.name for table in TABLES if table.name not in schema)
+    done.pages.update(t.name for t in TABLES if t.name not in schema and not (t is CALIBRATION and version == 5))
     columns = {table.name: _columns(table, schema.get(table.name, (0, ""))[1]) for table in TABLES}
-    if schema and "withdrawn" not in columns[TRIAL.name]:
-        raise StoreError(f"{path}: is of an early version, in which nothing proves a row or tells what drove a trial")
+    if CHECKSUM not in columns[RUN.name] or "withdrawn" not in columns[TRIAL.name]:
+        raise StoreError(f"{path}: is of version {version}: rows of versions 1 to 4 cannot be proved to be whole")
     owners: dict[int, str] = {}
     free = pages.free()
     for name, (root, _) in schema.items():
@@ -119,7 +120,8 @@ def _columns(table: Table, sql: str) -> Sequence[str]:
     with contextlib.suppress(sqlite3.Error), contextlib.closing(sqlite3.connect(":memory:")) as connection:
         connection.execute(sql)
         found = [str(name) for _, name, *_ in connection.execute(f"PRAGMA table_info({table.name})")]
-        if CHECKSUM in found:
+        # A damaged name is none of a column.
+        if found and not set(found) - {*table.names, CHECKSUM}:
             return found
     return (*table.names, CHECKSUM)
 
@@ -153,7 +155,7 @@ def _row(table: Table, columns: dict[str, Sequence[str]], record: Record) -> Ite
         return
     row: Row = dict.fromkeys((*table.names, CHECKSUM))
     row.update(zip(names, record.cells, strict=False))
-    if not isinstance(row[CHECKSUM], int) or not set(row) >= set(names):
+    if not isinstance(row[CHECKSUM], int):
         return
     if table.columns[0].type == "INTEGER" and numbered and row["id"] is None:
         row["id"] = record.rowid

@@ -5,7 +5,6 @@ Security is Dask's: tls:// addresses take keys and certificates from its configu
 
 import contextlib
 import logging
-import os
 import re
 import warnings
 from collections.abc import Callable, Iterator

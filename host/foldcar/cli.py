@@ -29,6 +29,7 @@ from foldcar.commands.link import link
 from foldcar.commands.log import log
 from foldcar.commands.migrate import migrate
 from foldcar.commands.model import model
+from foldcar.commands.new import new
 from foldcar.commands.optimize import optimize
 from foldcar.commands.params import params
 from foldcar.commands.pattern import pattern
@@ -56,8 +57,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for command in (
-    sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, migrate, crosscheck, model,
-    pattern, view, link, log, flash, doctor,
+    new, sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, migrate, crosscheck,
+    model, pattern, view, link, log, flash, doctor,
 ):  # fmt: skip
     app.command()(command)
 app.command("import")(import_store)

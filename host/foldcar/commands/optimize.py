@@ -1,6 +1,5 @@
 """`foldcar optimize`: searches the best designs of a family, simulating those that are worth a look."""
 
-import os
 import shlex
 import sys
 from enum import Enum
@@ -14,6 +13,7 @@ from foldcar.commands.jobs_option import Jobs
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_store
 from foldcar.errors import FoldcarError
+from foldcar.processors import usable_processors
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
 MOST_DESIGNS = 100_000
@@ -127,7 +127,7 @@ def optimize(
         return f"stopped: {found.designs} of {designs} designs are tried, their runs in {store}; the same command resumes"
 
     with said(stopped), SearchBar(found) as bar:
-        workers = jobs or len(os.sched_getaffinity(0))
+        workers = jobs or usable_processors()
         search(study, plan, store, Carsim(), workers, command, found, bar.update, environment_of)
     if as_json:
         print_json(search_object(plan, found, store, study.experiments[0].id))

@@ -1,6 +1,5 @@
 """`foldcar sweep`: simulates every design of a listing in every environment into a store."""
 
-import os
 import shlex
 import sys
 from pathlib import Path
@@ -15,6 +14,7 @@ from foldcar.commands.jobs_option import Jobs
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_store
 from foldcar.commands.sweep_text import state_objects, stopping_lines
+from foldcar.processors import usable_processors
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def sweep(
         total = f"at most {progress.total}" if rules else f"{progress.total}"
         return f"stopped: {progress.done} of {total} runs are stored in {store}; the same command resumes"
 
-    workers = jobs or len(os.sched_getaffinity(0))
+    workers = jobs or usable_processors()
     with said(stopped), ProgressBar(progress, designs) as bar:
         run_sweep(study, store, carsim, workers, command, bar.update, progress, bar.say, environment_of, rules)
     if as_json:

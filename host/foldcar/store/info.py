@@ -69,6 +69,11 @@ class ExperimentInfo:
         under = self.id if self.calibration is None else self.calibration["experiment"]
         return under.removesuffix(engine_id("", self.engine))
 
+    @property
+    def simulation(self) -> str:
+        """What sentences call its simulation: ``simulation`` in the side view, else the engine's name."""
+        return engine_title(self.engine) or "simulation"
+
 
 @dataclass(frozen=True, slots=True)
 class StudyInfo:

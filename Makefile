@@ -45,7 +45,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study calibration fidelity statistics test test-native headers test-host lint bench fuzz races fresh clean wheel release lock system-packages platformio
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics test test-native headers test-host lint bench fuzz races fresh clean wheel release lock system-packages platformio
 .DELETE_ON_ERROR:
 
 help:
@@ -58,6 +58,7 @@ help:
 	@echo 'make races     record and store a log in two threads under ThreadSanitizer'
 	@echo 'make mutation  plant faults in the car'"'"'s physics and firmware and see whether the suites notice (MUTANTS=, MUTATION_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
+	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
 	@echo 'make calibration  set up, calibrate by the published trials, try it on known truths, renew docs/calibration.md'
 	@echo 'make statistics  measure coverage of the intervals and trials saved, and bring docs/statistics.md up to date'
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
@@ -76,6 +77,10 @@ study: setup
 	$(BIN)/foldcar sweep scenarios/$(STUDY).json --store out/$(STUDY).db
 	$(BIN)/foldcar report out/$(STUDY).db -o out/$(STUDY)
 	@echo "The report is $(CURDIR)/out/$(STUDY)/index.html"
+
+pyramids: setup mujoco
+	@mkdir -p out
+	$(BIN)/python tools/pyramids.py out/pyramids docs/scenarios.md
 
 calibration: setup
 	@mkdir -p out

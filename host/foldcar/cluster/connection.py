@@ -5,7 +5,6 @@ Security is Dask's: tls:// addresses take keys and certificates from its configu
 
 import contextlib
 import logging
-import os
 import re
 import warnings
 from collections.abc import Callable, Iterator
@@ -15,6 +14,7 @@ from foldcar.cluster.local_cluster import local_cluster
 from foldcar.cluster.places import Places
 from foldcar.cluster.workers import ClusterSimulators
 from foldcar.errors import FoldcarError
+from foldcar.processors import usable_processors
 from foldcar.simulation.carsim import Carsim
 from foldcar.study.limits import MOST_JOBS
 
@@ -63,7 +63,7 @@ def check_scheduler(scheduler: str | None, jobs: int | None) -> None:
 def _local_workers(scheduler: str) -> int | None:
     """How many workers to start here; None for an address."""
     if scheduler == LOCAL:
-        return len(os.sched_getaffinity(0))
+        return usable_processors()
     head, _, tail = scheduler.partition(":")
     if head == LOCAL and re.fullmatch(r"\d{1,9}", tail) and 1 <= int(tail) <= MOST_JOBS:
         return int(tail)

@@ -1,11 +1,12 @@
 """`--scheduler`: simulate on other machines, through Dask (docs/cluster.md)."""
 
 import contextlib
-import os
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from foldcar.processors import usable_processors
 
 if TYPE_CHECKING:
     from foldcar.simulation.carsim import Carsim
@@ -34,7 +35,7 @@ def simulators(
 ) -> "Iterator[Simulators | int]":
     """Where the command simulates: at the scheduler's workers, or in ``jobs`` simulators here. FoldcarError."""
     if scheduler is None:
-        yield jobs or len(os.sched_getaffinity(0))
+        yield jobs or usable_processors()
         return
     from foldcar.cluster.connection import open_cluster
 

@@ -25,6 +25,7 @@ ENGINES = {
 }
 # Names of experiments on the page by the beginning of their ids; those with one name share a row.
 NAMES = (
+    ("study", "the width study"),
     ("width", "widths, friction 0.6"),
     ("friction_0.3", "friction 0.3"),
     ("friction_0.4", "friction 0.4"),

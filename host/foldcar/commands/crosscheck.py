@@ -1,6 +1,5 @@
 """`foldcar crosscheck`: sweeps a listing in the side view and in MuJoCo and compares the results."""
 
-import os
 import shlex
 import sys
 from pathlib import Path
@@ -11,6 +10,7 @@ import typer
 from foldcar.commands.components_option import Components
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_folder
+from foldcar.processors import usable_processors
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def crosscheck(
     carsims = simulators(baseline)
     study = read_study(listing, experiment, environments)
     check_success(study)
-    workers = jobs or len(os.sched_getaffinity(0))
+    workers = jobs or usable_processors()
     command = shlex.join(["foldcar", *sys.argv[1:]])
     with said(lambda: f"stopped: finished runs are in {output / STORE}; the same command resumes"):
         make_output_folder(output)

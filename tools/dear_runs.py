@@ -1,9 +1,9 @@
-"""Measures what `foldcar sweep --engine mujoco --until decided` costs against MuJoCo on everything; renews docs/advice.md.
+"""Measures what `sweep --engine mujoco --until decided` costs against MuJoCo on everything; renews docs/advice.md.
 
 Usage: dear_runs.py FOLDER PAGE. Sweeps two families in both engines into stores in FOLDER, which it resumes, and takes
-from these the runs that each way of spending them makes: the schedule is a function of results. Time is the runs' simulated
-time at each engine's processor time per simulated second, which is measured on a few runs. Output: the page with its table
-replaced.
+from these the runs that each way of spending them makes: the schedule is a function of results. Time is the runs'
+simulated time at each engine's processor time per simulated second, which is measured on a few runs. Output: the page
+with its table replaced.
 """
 
 import json
@@ -124,18 +124,20 @@ def rows(name: str, side: Runs, mujoco: Runs, rule: StoppingRule) -> list[list[s
     enough = most
     while enough > 1 and verdicts(mujoco.passed, enough - 1, rule)[ordered.decided].all():
         enough -= 1
+    fewest = int(verdicts(mujoco.passed, enough, rule).sum())
     everything = mujoco.cost([most] * designs)
     before = side.cost(first.runs)
     ways = [
         ("MuJoCo, all environments", [most] * designs, 0.0, int(verdicts(mujoco.passed, most, rule).sum())),
-        ("MuJoCo, equally many, fewest in hindsight", [enough] * designs, 0.0, int(verdicts(mujoco.passed, enough, rule).sum())),
+        ("MuJoCo, equally many, fewest in hindsight", [enough] * designs, 0.0, fewest),
         ("MuJoCo until decided", plain.runs, 0.0, int(plain.decided.sum())),
         ("both until decided, side view first", ordered.runs, before, int(ordered.decided.sum())),
     ]
     tables = []
     for way, runs, extra, decided in ways:
         cost = mujoco.cost(runs) + extra
-        tables.append([name, way, f"{sum(runs)}", f"{decided} of {designs}", f"{cost:.0f}", f"{100 * cost / everything:.0f}"])
+        share = f"{100 * cost / everything:.0f}"
+        tables.append([name, way, f"{sum(runs)}", f"{decided} of {designs}", f"{cost:.0f}", share])
     print(f"{name}: the side view's runs {first.runs.sum()}, {before:.0f} s; of MuJoCo's time of the same runs "
           f"{100 * side.seconds.mean() / mujoco.seconds.mean():.0f} %")
     # Designs on whose side the engines' verdicts part: when their first runs are made.
@@ -143,12 +145,13 @@ def rows(name: str, side: Runs, mujoco: Runs, rule: StoppingRule) -> list[list[s
     zone = [numpy.searchsorted(rule.thresholds, rate) for rate in (here, there)]
     parted = numpy.flatnonzero(zone[0] != zone[1])
     places = [order.index(int(one)) + 1 for one in parted]
-    print(f"  {len(parted)} designs on other sides in MuJoCo: in the order {sorted(places)}, in the listing {(parted + 1).tolist()}")
+    listed = (parted + 1).tolist()
+    print(f"  {len(parted)} designs on other sides in MuJoCo: in the order {sorted(places)}, in the listing {listed}")
     return tables
 
 
 def correlation(side: Runs, mujoco: Runs) -> tuple[float, float, float]:
-    """Within designs the correlation of outcomes, the ratio of costs, and the best pairing's cost for that of MuJoCo alone."""
+    """Within designs the correlation of outcomes; the ratio of costs; the best pairing's cost in that of MuJoCo alone."""
     a, b = (one.passed - one.passed.mean(axis=1, keepdims=True) for one in (side, mujoco))
     rho = float((a * b).sum() / numpy.sqrt((a**2).sum() * (b**2).sum()))
     ratio = float(side.seconds.mean() / mujoco.seconds.mean())

@@ -1,4 +1,4 @@
-"""Which designs a sweep until decided simulates next: order, batches, statements that hold, the same runs after a stop."""
+"""Which designs a sweep until decided simulates next: order, batches, valid statements, the same runs after a stop."""
 
 import json
 from collections.abc import Callable
@@ -146,7 +146,9 @@ def listing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-def swept(listing: Path, store: Path, carsim: Carsim, jobs: int, stop_at: int | None = None) -> tuple[Progress, list[str]]:
+def swept(
+    listing: Path, store: Path, carsim: Carsim, jobs: int, stop_at: int | None = None
+) -> tuple[Progress, list[str]]:
     said: list[str] = []
 
     def stop(progress: Progress) -> None:

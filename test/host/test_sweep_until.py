@@ -191,7 +191,8 @@ def test_a_sweep_that_stopped_is_complete_and_weighs_its_designs_alike(
         info = opened.info().experiments["1"]
         summary = summarise(opened.results(), info.varied, stopped=True)
     assert info.stored_runs == info.planned_runs < 3 * MOST
-    assert "2 of 3 designs are decided; 1 are undecided, simulated in all 30 environments, or left" in stopped_remarks(info)[0]
+    said = "2 of 3 designs are decided; 1 are undecided, simulated in all 30 environments, or left"
+    assert said in stopped_remarks(info)[0]
     first, _, named, left = stopping_lines(study.experiments[0], stopping_rules("decided", study)["1"], counts.states)
     assert first.startswith("experiment 1: 2 of 3 designs decided, 1 undecided; ")
     assert first.endswith(f"{counts.new} of at most {3 * MOST} runs")

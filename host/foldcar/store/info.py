@@ -75,6 +75,11 @@ class ExperimentInfo:
         """The experiment's name in the listing."""
         return listed_id(self.id, self.calibration, self.engine)
 
+    @property
+    def simulation(self) -> str:
+        """What sentences call its simulation: ``simulation`` in the side view, else the engine's name."""
+        return engine_title(self.engine) or "simulation"
+
 
 @dataclass(frozen=True, slots=True)
 class StudyInfo:

@@ -148,13 +148,19 @@ class StoreWriter(StoreConnection):
             return self._identify("spread", "fingerprint", fingerprint)
 
     def sample_count(self, environment_id: int) -> int:
-        """The number n of stored samples of an environment, which are 0 to n - 1."""
-        row = self._run("SELECT count(*) FROM sample WHERE environment_id = ?", environment_id).fetchone()
-        return int(row[0])
+        """The number n for which the samples 0 to n - 1 of an environment are stored: the first that is not."""
+        return self._first_missing("sample", "environment_id", environment_id)
 
     def draw_count(self, spread_id: int) -> int:
-        """The number n of stored samples of a spread, which are 0 to n - 1."""
-        row = self._run("SELECT count(*) FROM draw WHERE spread_id = ?", spread_id).fetchone()
+        """The same of a spread."""
+        return self._first_missing("draw", "spread_id", spread_id)
+
+    def _first_missing(self, table: str, column: str, number: int) -> int:
+        row = self._run(
+            f"SELECT min(k) FROM (SELECT 0 AS k UNION ALL SELECT sample + 1 FROM {table} WHERE {column} = ?1) "
+            f"WHERE NOT EXISTS (SELECT 1 FROM {table} WHERE {column} = ?1 AND sample = k)",
+            number,
+        ).fetchone()
         return int(row[0])
 
     def put_sample(

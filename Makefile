@@ -45,7 +45,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids calibration fidelity statistics test test-native headers test-host lint bench fuzz races fresh clean wheel release lock system-packages platformio
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh clean wheel release lock system-packages platformio
 .DELETE_ON_ERROR:
 
 help:
@@ -61,6 +61,7 @@ help:
 	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
 	@echo 'make calibration  set up, calibrate by the published trials, try it on known truths, renew docs/calibration.md'
 	@echo 'make statistics  measure coverage of the intervals and trials saved, and bring docs/statistics.md up to date'
+	@echo 'make dear_runs  set up, measure what MuJoCo until decided costs, and bring docs/advice.md up to date'
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
 	@echo 'make release   archive of the sources and wheel with carsim, in dist/, checked and tried outside the checkout'
 	@echo 'make lint      set up and check the Python sources only'
@@ -93,6 +94,9 @@ fidelity: setup mujoco
 
 statistics: .venv/installed
 	$(BIN)/python tools/interval_coverage.py docs/statistics.md
+
+dear_runs: setup mujoco
+	$(BIN)/python tools/dear_runs.py out/dear_runs docs/advice.md
 
 # One after the other, also under make -j, so that what fails stands last.
 test: setup

@@ -45,7 +45,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh clean wheel release lock system-packages platformio
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh clean wheel release lock system-packages platformio cluster-check
 .DELETE_ON_ERROR:
 
 help:
@@ -54,6 +54,7 @@ help:
 	@echo 'make study     set up, run the width study and write its report to out/$(STUDY)'
 	@echo 'make test      set up and run every test'
 	@echo 'make bench     set up and measure the speed'
+	@echo 'make cluster-check  as root: sweep over network namespaces with delay, loss, deaths and a partition, and over TLS'
 	@echo 'make fuzz      feed the car'"'"'s link with $(FUZZ_BYTES) random and damaged bytes (FUZZ_BYTES=, FUZZ_SEED=)'
 	@echo 'make races     record and store a log in two threads under ThreadSanitizer'
 	@echo 'make mutation  plant faults in the car'"'"'s physics and firmware and see whether the suites notice (MUTANTS=, MUTATION_SEED=)'
@@ -127,6 +128,9 @@ test-host: setup mujoco
 bench: setup mujoco .pio/bench/firmware_tick
 	.pio/bench/firmware_tick
 	$(BIN)/python bench/bench.py
+
+cluster-check: setup
+	$(BIN)/python tools/cluster_check.py out/cluster_check
 
 fuzz: .pio/fuzz/fuzz_link
 	.pio/fuzz/fuzz_link $(FUZZ_BYTES) $(FUZZ_SEED)

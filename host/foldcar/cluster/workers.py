@@ -18,7 +18,6 @@ from typing import Any
 from foldcar.cluster.chunk import Late, Refused, Simulated, Unfit, run_chunk
 from foldcar.cluster.places import Place, Places
 from foldcar.cluster.recipe import Recipe, recipe_of
-from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.simulation.runner import CarsimError, Runner, RunRequest

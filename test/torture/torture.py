@@ -25,6 +25,9 @@ import processes
 import sweeps
 from study import SWEEP, LossError, digest, require_sound, write_listing
 
+from foldcar.store.migrations import VERSION
+from old_stores import old_store
+
 DISTURBANCES = {
     "sweep killed": sweeps.killed_client,
     "simulators and workers killed": sweeps.killed_simulators,
@@ -71,7 +74,7 @@ def main() -> int:
                 text = DISTURBANCES[name](folder, whole, random.Random(f"{seed} {number} {name}"))
             except LossError as loss:
                 print(f"LOSS in round {number}, {name}: {loss}\nwhat is left of it: {folder}")
-                print(f"again: make torture TORTURE_SEED={seed} TORTURE_ROUND={number} TORTURE_ONLY={name!r}")
+                print(f"again: make torture TORTURE_SEED={seed} TORTURE_ROUND={number}")
                 return 1
             finally:
                 processes.end_all(folder)
@@ -92,7 +95,7 @@ def main() -> int:
 def plan(seed: str, only: list[str]):
     """Numbers of rounds and their disturbances, all of them in a new order each time."""
     order, number = random.Random(seed), 0
-    wanted = os.environ.get("TORTURE_ROUND")
+    wanted = os.environ.get("TORTURE_ROUND") or None
     while True:
         names = [name for name in DISTURBANCES for _ in range(TIMES if "damage" in DISTURBANCES[name].__module__ else 1)]
         order.shuffle(names)
@@ -124,7 +127,7 @@ def prepare(folder: Path) -> Path:
     process.communicate()
     for file in folder.glob("s.db*"):
         file.rename(folder / file.name.replace("s.db", "killed.db"))
-    loggers.prepare_trials(folder)
+    old_store(VERSION, folder / "trials.db")
     return folder / "whole.db"
 
 

@@ -14,6 +14,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 # What pip installs: every package with its version and hashes.
 LOCK := host/requirements.txt
+RELEASE_LOCK := host/requirements-release.txt
 UV_VERSION := 0.13.9
 
 CARSIM := .pio/build/carsim/program
@@ -50,7 +51,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study calibration fidelity statistics test test-native headers test-host lint bench fuzz races torture fresh clean lock system-packages platformio
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics test test-native headers test-host lint bench fuzz races torture fresh clean wheel release lock system-packages platformio
 .DELETE_ON_ERROR:
 
 help:
@@ -64,11 +65,13 @@ help:
 	@echo 'make mutation  plant faults in the car'"'"'s physics and firmware and see whether the suites notice (MUTANTS=, MUTATION_SEED=)'
 	@echo 'make torture   disturb sweeps, stores and trials at random for TORTURE_S=$(TORTURE_S) s: is anything lost? (TORTURE_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
+	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
 	@echo 'make calibration  set up, calibrate by the published trials, try it on known truths, renew docs/calibration.md'
 	@echo 'make statistics  measure coverage of the intervals and trials saved, and bring docs/statistics.md up to date'
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
+	@echo 'make release   archive of the sources and wheel with carsim, in dist/, checked and tried outside the checkout'
 	@echo 'make lint      set up and check the Python sources only'
-	@echo 'make lock      renew $(LOCK) after a change of host/pyproject.toml (LOCK_FLAGS=--upgrade: newest versions)'
+	@echo 'make lock      renew $(LOCK) after a change of pyproject.toml (LOCK_FLAGS=--upgrade: newest versions)'
 	@echo 'make clean     remove everything that was built or installed here; results in out/ stay'
 	@echo 'PYTHON=...     the Python (3.10 or newer) that .venv is made with; now $(PYTHON)'
 
@@ -82,13 +85,17 @@ study: setup
 	$(BIN)/foldcar report out/$(STUDY).db -o out/$(STUDY)
 	@echo "The report is $(CURDIR)/out/$(STUDY)/index.html"
 
+pyramids: setup mujoco
+	@mkdir -p out
+	$(BIN)/python tools/pyramids.py out/pyramids docs/scenarios.md
+
 calibration: setup
 	@mkdir -p out
 	$(BIN)/python tools/calibration.py out/calibration docs/calibration.md
 
 fidelity: setup mujoco
 	@mkdir -p out
-	$(BIN)/foldcar crosscheck scenarios/fidelity.json --baseline 20 -o out/fidelity
+	$(BIN)/foldcar crosscheck scenarios/fidelity.json --baseline 10 -o out/fidelity
 	$(BIN)/python tools/fidelity.py out/fidelity docs/fidelity.md
 
 statistics: .venv/installed
@@ -102,9 +109,9 @@ test: setup
 	$(MAKE) test-host
 
 lint: .venv/installed
-	$(BIN)/ruff check --config host/pyproject.toml host tools test $(wildcard bench)
-	$(BIN)/mypy --config-file host/pyproject.toml host/foldcar
-	$(BIN)/mypy --config-file host/pyproject.toml --ignore-missing-imports tools/*.py bench/*.py
+	$(BIN)/ruff check host tools test $(wildcard bench)
+	$(BIN)/mypy host/foldcar
+	$(BIN)/mypy --ignore-missing-imports tools/*.py bench/*.py
 
 test-native: setup
 	$(BIN)/pio test -e native -e native_mujoco
@@ -118,7 +125,7 @@ headers: setup
 
 # A third process: several tests wait for a car that drives in real time.
 test-host: setup mujoco
-	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . -n 3 --dist worksteal --durations 25 --durations-min 3 test/host
+	$(BIN)/python -m pytest -n 3 --dist worksteal --durations 25 --durations-min 3 test/host
 
 bench: setup mujoco .pio/bench/firmware_tick
 	.pio/bench/firmware_tick
@@ -153,24 +160,40 @@ fresh:
 	$(CXX) $(FIRMWARE_FLAGS) -O2 $(filter %.cpp,$^) -o $@
 
 clean:
-	rm -rf .venv .pio .pio-core platformio.local.ini host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
+	rm -rf .venv .pio .pio-core platformio.local.ini build dist host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
 	find host tools test -name __pycache__ -type d -prune -exec rm -rf {} +
 
 system-packages:
 	@tools/install_system_packages.sh
 
-.venv/installed: host/pyproject.toml $(LOCK) | system-packages
+.venv/installed: pyproject.toml $(LOCK) | system-packages
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
 	  echo 'make: PYTHON=$(PYTHON) is missing or older than Python 3.10; name a newer one' >&2; exit 2; }
 	"$(PYTHON)" -m venv .venv
 	$(BIN)/pip install --quiet --no-deps --require-hashes -r $(LOCK)
-	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable host
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
 # One lock for every supported Python; what it names stays as it is where it still fits (LOCK_FLAGS=--upgrade renews it).
 lock: .pio/lock/bin/uv
-	.pio/lock/bin/uv --project host pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url \
-	  --no-annotate --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --extra dev host/pyproject.toml -o $(LOCK)
+	.pio/lock/bin/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url \
+	  --no-annotate --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --extra dev --extra mujoco --extra cluster pyproject.toml -o $(LOCK)
+	.pio/lock/bin/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url --no-annotate \
+	  --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --group pyproject.toml:release -o $(RELEASE_LOCK)
+
+# A wheel with carsim: the archive of the sources, then the wheel from nothing but that archive.
+wheel: .venv/installed .pio/release/installed
+	@tools/build_wheel.sh dist
+
+# Both, checked: their form, what the programs load, and as a user has them, with no compiler and no checkout.
+release: wheel
+	.pio/release/bin/twine check --strict dist/*
+	@tools/try_wheel.sh dist/*.whl
+
+.pio/release/installed: $(RELEASE_LOCK) | system-packages
+	"$(PYTHON)" -m venv .pio/release
+	.pio/release/bin/pip install --quiet --no-deps --require-hashes -r $(RELEASE_LOCK)
+	@touch $@
 
 .pio/lock/bin/uv:
 	"$(PYTHON)" -m venv .pio/lock

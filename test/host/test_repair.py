@@ -1,4 +1,4 @@
-"""`foldcar repair`: what is whole of a damaged store is saved as it was, what is lost is told, the damaged file is left."""
+"""`foldcar repair`: what is whole of a damaged store is saved as it was, what is lost is told."""
 
 import contextlib
 import json
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from test_store_check import alter
 
 from foldcar.store.check import check_store
 from foldcar.store.errors import StoreError
@@ -23,7 +24,6 @@ from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import write_store
 from old_stores import contents, old_store
 from test_store import fill
-from test_store_check import alter
 
 TEXT_BYTES = 30_000
 
@@ -91,7 +91,9 @@ def test_pages_are_read_as_sqlite_reads_them(tmp_path: Path) -> None:
     whole = Counter(repr((record.rowid, *record.cells)) for record in found)
     assert Counter(map(repr, expected)) - whole == Counter()
     roots = [record.cells[3] for record in pages.records(1)]
-    in_trees = [r for root in roots for number in pages.tree(root, pytest.fail) for r in pages.records(number, pytest.fail)]
+    in_trees = [
+        r for root in roots for number in pages.tree(root, pytest.fail) for r in pages.records(number, pytest.fail)
+    ]
     assert Counter(repr((r.rowid, *r.cells)) for r in in_trees) == Counter(map(repr, expected))
 
 
@@ -248,8 +250,8 @@ def test_what_cannot_be_repaired_is_refused_and_nothing_written(store: Path, tmp
         (("text.db", "-o", "w.db"), "text.db: no row of it is whole, or it is no foldcar store"),
         (("none.db", "-o", "w.db"), "none.db: no such store"),
         (("old.db", "-o", "w.db"), "old.db: is of version 3: rows of versions 1 to 4 cannot be proved to be whole"),
-        (("s.db", "-o", "there.db"), "there.db: is there already; what is saved goes into a new store"),
-        (("s.db", "-o", "s.db"), "s.db: is there already; what is saved goes into a new store"),
+        (("s.db", "-o", "there.db"), "there.db: is there already; name a new store"),
+        (("s.db", "-o", "s.db"), "s.db: is there already; name a new store"),
     ):
         answer = foldcar("repair", *words)
         assert (answer.returncode, answer.stderr) == (2, f"foldcar: error: {message}\n")

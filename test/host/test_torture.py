@@ -50,7 +50,6 @@ def test_a_lost_row_is_seen(tmp_path: Path, loss: str) -> None:
 
     with pytest.raises(study.LossError, match="changed: "):
         study.require_same(other, whole, "changed")
-    assert study.digest(other) != study.digest(whole)
 
 
 def test_a_loss_ends_it_with_the_way_to_repeat_it(

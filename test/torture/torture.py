@@ -1,8 +1,8 @@
 """Disturbs sweeps, stores and trials at random for a while, and looks whether anything was lost.
 
 Input: the environment's TORTURE_S (seconds), TORTURE_SEED, TORTURE_ONLY (name of a disturbance, or several with commas)
-and TORTURE_ROUND (only this round). Output: a line a disturbance and a table of counts; exit code 1 at the first loss, with
-the way to repeat it, and what is left of it in the folder that it names.
+and TORTURE_ROUND (only this round). Output: a line a disturbance and a table of counts; exit code 1 at the first loss,
+with the way to repeat it, and what is left of it in the folder that it names.
 """
 
 import os

@@ -4,10 +4,7 @@ Every value is checked; what is missing, damaged or leads out of the folder is a
 column. The store is written under a temporary name first.
 """
 
-import contextlib
 import json
-import os
-import shutil
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,20 +15,23 @@ from foldcar.store.folder import KIND, LISTING, LOGS, MANIFEST
 from foldcar.store.folder_tables import FORMATS, read_table
 from foldcar.store.log_files import log_file, log_inside, sha256_of
 from foldcar.store.migrations import VERSION
-from foldcar.store.new_store import new_store
+from foldcar.store.new_store import check_new, new_store
 from foldcar.store.rows import Row, insert_sql
 from foldcar.store.tables import STUDY, TABLES, TRIAL, Table
 
 
 def import_folder(folder: Path, store: Path) -> dict[str, Any]:
     """Make the store at ``store``, which must not exist, and the logs beside it; gives the folder's manifest."""
-    with contextlib.ExitStack() as logs, new_store(store, "a folder is imported into") as connection:
-        manifest = _manifest(folder)
+    check_new(store)
+    manifest = _manifest(folder)
+    with new_store(store) as (connection, logs):
         for table in TABLES:
             _import_table(connection, table, folder, manifest)
         _check_references(connection, folder, manifest)
-        # Logs stay only if the store does.
-        logs.enter_context(_logs_beside(folder, store, manifest))
+        for log, digest in manifest["logs"].items():
+            if digest is not None:
+                source = folder / LOGS / log_inside(folder / LOGS, log, f"{folder / MANIFEST}: logs")
+                logs.append((source, log_file(store, log), digest))
     return manifest
 
 
@@ -114,27 +114,3 @@ def _check_listing(folder: Path, text: str) -> None:
 def _check_references(connection: sqlite3.Connection, folder: Path, manifest: dict[str, Any]) -> None:
     for table, _, referred, _ in connection.execute("PRAGMA foreign_key_check"):
         raise StoreError(f"{folder / table}.{manifest['format']}: refers to a row of {referred} that is not there")
-
-
-@contextlib.contextmanager
-def _logs_beside(folder: Path, store: Path, manifest: dict[str, Any]) -> Iterator[None]:
-    """Copy the logs beside the store; those that are new vanish again if the block fails."""
-    made: list[Path] = []
-    try:
-        for log, digest in manifest["logs"].items():
-            if digest is None:
-                continue
-            source = folder / LOGS / log_inside(folder / LOGS, log, f"{folder / MANIFEST}: logs")
-            target = log_file(store, log)
-            if os.path.lexists(target):
-                if sha256_of(target) != digest:
-                    raise StoreError(f"{target}: is there already, with other contents")
-                continue
-            target.parent.mkdir(parents=True, exist_ok=True)
-            made.append(target)
-            shutil.copyfile(source, target)
-        yield
-    except BaseException:
-        for file in made:
-            file.unlink(missing_ok=True)
-        raise

@@ -5,16 +5,15 @@ come to mean another one. What is lost of a sweep the next sweep makes again. A 
 which its corrections say. The damaged store is only read.
 """
 
-import shutil
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from foldcar.store.errors import StoreError
-from foldcar.store.log_files import log_file
+from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.new_store import new_store
 from foldcar.store.rows import Row, insert_sql, stored
 from foldcar.store.salvage import Salvaged, salvage
@@ -30,8 +29,8 @@ class Repair:
 
     ``damaged`` rows were seen and are not whole; ``missing`` ones are gaps between the numbers of those that are there;
     ``dependent`` ones are whole, but what they refer to is not. ``pages`` are those that cannot be read, of how many rows
-    is unknown. ``trials`` says which trials lost a reference, ``logs`` which logs no saved trial names, ``journal`` what is
-    damaged of the write-ahead log.
+    is unknown. ``trials`` says which trials lost a reference, ``logs`` which logs no saved trial names, ``journal``
+    what is damaged of the write-ahead log.
     """
 
     saved: dict[str, int] = field(default_factory=dict)
@@ -46,14 +45,15 @@ class Repair:
     @property
     def is_whole(self) -> bool:
         """Whether nothing is known to be lost."""
-        return not (self.damaged or self.missing or self.dependent or self.pages or self.trials or self.logs or self.journal)
+        lost = (self.damaged, self.missing, self.dependent, self.pages, self.trials, self.logs, self.journal)
+        return not any(lost)
 
 
 def repair_store(damaged: Path, whole: Path) -> Repair:
     """Write the store ``whole``, which must not exist, whole or not at all. StoreError."""
     if not damaged.is_file():
         raise StoreError(f"{damaged}: no such store")
-    with new_store(whole, "what is saved goes into") as connection:
+    with new_store(whole) as (connection, logs):
         found = salvage(damaged)
         if not any(found.rows.values()):
             raise StoreError(f"{damaged}: no row of it is whole, or it is no foldcar store")
@@ -79,7 +79,7 @@ def repair_store(damaged: Path, whole: Path) -> Repair:
             done.saved[table.name] = len(written)
         done.dependent = dict(+dependent)
         done.logs = _unnamed_logs(damaged, kept[TRIAL.name])
-        _copy_logs(damaged, whole, kept[TRIAL.name])
+        logs += _logs(damaged, whole, kept[TRIAL.name])
     return done
 
 
@@ -148,12 +148,8 @@ def _unnamed_logs(damaged: Path, trials: Mapping[tuple[Any, ...], Row]) -> list[
     return sorted(log for log in logs if log not in named)
 
 
-def _copy_logs(damaged: Path, whole: Path, trials: Mapping[tuple[Any, ...], Row]) -> None:
+def _logs(damaged: Path, whole: Path, trials: Mapping[tuple[Any, ...], Row]) -> Iterator[tuple[Path, Path, str | None]]:
     """Logs are named relative to the store's folder: in another folder it needs copies of its own."""
     for row in trials.values():
-        if row["log"] is None:
-            continue
-        source, target = log_file(damaged, row["log"]), log_file(whole, row["log"])
-        if source.is_file() and not target.exists():
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source, target)
+        if row["log"] is not None and (source := log_file(damaged, row["log"])).is_file():
+            yield source, log_file(whole, row["log"]), sha256_of(source)

@@ -32,6 +32,12 @@ FUZZ_BYTES := 100000000
 FUZZ_SEED := 1
 FUZZ_FLAGS := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all
 
+# Seconds, seed, and to repeat a loss its round.
+TORTURE_S := 1800
+TORTURE_SEED := 1
+TORTURE_ROUND :=
+TORTURE_ONLY :=
+
 # The portable firmware on the simulated board, for programs that need nothing else.
 FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp)) sim2d/lib/sim_hal/sim_hal.cpp
 FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*)) -Isim2d/lib/sim_hal
@@ -45,7 +51,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh clean wheel release lock system-packages platformio cluster-check
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh clean wheel release lock system-packages platformio cluster-check torture
 .DELETE_ON_ERROR:
 
 help:
@@ -58,6 +64,7 @@ help:
 	@echo 'make fuzz      feed the car'"'"'s link with $(FUZZ_BYTES) random and damaged bytes (FUZZ_BYTES=, FUZZ_SEED=)'
 	@echo 'make races     record and store a log in two threads under ThreadSanitizer'
 	@echo 'make mutation  plant faults in the car'"'"'s physics and firmware and see whether the suites notice (MUTANTS=, MUTATION_SEED=)'
+	@echo 'make torture   disturb sweeps, stores and trials at random for TORTURE_S=$(TORTURE_S) s: is anything lost? (TORTURE_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
 	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
 	@echo 'make calibration  set up, calibrate by the published trials, try it on known truths, renew docs/calibration.md'
@@ -137,6 +144,11 @@ fuzz: .pio/fuzz/fuzz_link
 
 races: .pio/races/log_races
 	TSAN_OPTIONS=history_size=7 .pio/races/log_races
+
+# Kills, interrupts, steps clocks, fills disks, flips bits; at the first loss it says how to repeat it.
+torture: setup
+	TORTURE_S=$(TORTURE_S) TORTURE_SEED=$(TORTURE_SEED) TORTURE_ROUND='$(TORTURE_ROUND)' TORTURE_ONLY='$(TORTURE_ONLY)' \
+	  $(BIN)/python test/torture/torture.py
 
 # Both commands, as a new user on a machine with nothing on it (as root).
 fresh:

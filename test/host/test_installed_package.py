@@ -70,7 +70,8 @@ def test_the_installed_programs_are_the_checkouts_builds(environment: Path, tmp_
 import json, foldcar
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO
-print(json.dumps([foldcar.__file__, *([str(one.binary), one.build, one.firmware] for one in (Carsim(), Carsim(engine=MUJOCO)))]))
+programs = [[str(one.binary), one.build, one.firmware] for one in (Carsim(), Carsim(engine=MUJOCO))]
+print(json.dumps([foldcar.__file__, *programs]))
 """
     done = subprocess.run([environment / "bin" / "python", "-c", script], cwd=tmp_path, capture_output=True, text=True)
 
@@ -88,10 +89,12 @@ def test_without_the_package_mujoco_its_engine_names_the_remedy(environment: Pat
     link.unlink()
     try:
         script = "from foldcar.simulation.engines import find_carsim; find_carsim('mujoco')"
-        done = subprocess.run([environment / "bin" / "python", "-c", script], cwd=tmp_path, capture_output=True, text=True)
+        python = environment / "bin" / "python"
+        done = subprocess.run([python, "-c", script], cwd=tmp_path, capture_output=True, text=True)
     finally:
         link.symlink_to(target)
-    assert done.stderr.splitlines()[-1].endswith(f"no package mujoco in {link.parent}: run `pip install 'foldcar[mujoco]'`")
+    told = f"no package mujoco in {link.parent}: run `pip install 'foldcar[mujoco]'`"
+    assert done.stderr.splitlines()[-1].endswith(told)
 
 
 def test_a_first_user_gets_from_a_new_project_to_a_report_sheets_and_a_car(environment: Path, tmp_path: Path) -> None:

@@ -26,7 +26,8 @@ def test_a_new_project_is_whole_and_says_what_to_type_next(foldcar: Command, tmp
     # What it says to type is what a shell understands.
     cd, *commands = [line.strip() for line in done.stdout.splitlines()[1:]]
     assert cd == "cd 'my yard'"
-    assert [line.split()[:3] for line in commands] == [["foldcar", "sweep", "study.json"], ["foldcar", "report", "yard.db"]]
+    words = [line.split()[:3] for line in commands]
+    assert words == [["foldcar", "sweep", "study.json"], ["foldcar", "report", "yard.db"]]
 
 
 def test_the_projects_environment_tells_its_designs_apart(foldcar: Command, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from foldcar.commands.new import FILES
 
 STARTER = Path(__file__).resolve().parents[2] / "host" / "foldcar" / "study" / "starter"
-# subprocess and the simulators are left their own: what is missing are modules, signals and the list of processors.
+# What Python itself and the simulators need here is left: what is missing are modules, signals and the list of processors.
 POORER = """
 import os, signal, sys
 import _signal
@@ -19,7 +19,7 @@ for module in (signal, _signal):
     for name in ("SIGHUP", "SIGALRM", "SIGPROF", "setitimer", "pthread_sigmask"):
         if hasattr(module, name):
             delattr(module, name)
-del os.sched_getaffinity, os.register_at_fork
+del os.sched_getaffinity
 sys.argv[0] = "foldcar"
 from foldcar.__main__ import main
 main()

@@ -51,7 +51,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh clean wheel release lock system-packages platformio cluster-check torture
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh clean wheel release lock system-packages platformio cluster-check torture installed
 .DELETE_ON_ERROR:
 
 help:
@@ -197,6 +197,11 @@ wheel: .venv/installed .pio/release/installed
 release: wheel
 	.pio/release/bin/twine check --strict dist/*
 	@tools/try_wheel.sh dist/*.whl
+
+# On a bare machine: the wheel in dist/, which was built on another, as the Dockerfile installs it.
+installed:
+	tools/install_wheel.sh dist/*.whl /opt/foldcar '[mujoco]'
+	tools/smoke.sh /opt/foldcar/bin/foldcar
 
 .pio/release/installed: $(RELEASE_LOCK) | system-packages
 	"$(PYTHON)" -m venv .pio/release

@@ -1,8 +1,9 @@
 #!/bin/sh
-# Installs the system packages that foldcar is built from, on Debian 12 and later and on Ubuntu 22.04 and later.
+# Installs the system packages that foldcar is built from, or runs with, on Debian 12 and later and on Ubuntu 22.04 and later.
 # Does nothing, quickly, if they are there. Without root and without sudo it names what is missing and exits with 2.
 #
-# Usage: install_system_packages.sh [tests | fresh]     besides, what only the tests or only tools/fresh.sh need
+# Usage: install_system_packages.sh [tests | fresh | run]     besides, what only the tests or only tools/fresh.sh need;
+#                                                            run: only what a foldcar installed from a wheel needs
 set -eu
 
 # Compiler and build tools; the JSON library, which the simulator is built with; Python and its venv module;
@@ -15,7 +16,8 @@ tests)
   command -v google-chrome >/dev/null || grep -q '^ID=ubuntu$' /etc/os-release || packages="$packages chromium"
   ;;
 fresh) packages="$packages debootstrap" ;;
-*) echo "install_system_packages: unknown purpose $1; it is tests or fresh" >&2 && exit 2 ;;
+run) packages='python3 python3-venv ca-certificates libgl1 libglib2.0-0 libxcb1' ;;
+*) echo "install_system_packages: unknown purpose $1; it is tests, fresh or run" >&2 && exit 2 ;;
 esac
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then

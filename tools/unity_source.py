@@ -35,15 +35,15 @@ def seed_unity(folder: Path) -> None:
             (part / "library.json").write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
 
 
-def download_archive(scratch: Path) -> Path:
+def download_archive(scratch: Path, package: str = SOURCE_PACKAGE, purpose: str = PURPOSE) -> Path:
     """Download the package's upstream archive with apt into ``scratch``; returns its path. Raises SeedError."""
     options = _apt_options(scratch)
-    run(PURPOSE, "apt-get", *options, "update")
-    get = ("source", "--download-only", "--tar-only", SOURCE_PACKAGE)
-    run(f"{PURPOSE}, which apt cannot fetch", "apt-get", *options, *get, cwd=scratch)
-    archives = sorted(scratch.glob(f"{SOURCE_PACKAGE}_*.orig.tar.*"))
+    run(purpose, "apt-get", *options, "update")
+    get = ("source", "--download-only", "--tar-only", package)
+    run(f"{purpose}, which apt cannot fetch", "apt-get", *options, *get, cwd=scratch)
+    archives = sorted(scratch.glob(f"{package}_*.orig.tar.*"))
     if not archives:
-        raise SeedError(f"{PURPOSE}: apt fetched no archive")
+        raise SeedError(f"{purpose}: apt fetched no archive")
     return archives[0]
 
 

@@ -14,6 +14,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 # What pip installs: every package with its version and hashes.
 LOCK := host/requirements.txt
+RELEASE_LOCK := host/requirements-release.txt
 UV_VERSION := 0.13.9
 
 CARSIM := .pio/build/carsim/program
@@ -40,7 +41,8 @@ FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/
 FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*)) -Isim2d/lib/sim_hal
 # The simulator with the side view, and Box2D's own sources.
 SIMULATOR_SOURCES := $(filter-out sim2d/lib/mujoco_car/%,$(wildcard sim2d/lib/*/*.cpp)) $(FIRMWARE_SOURCES)
-SIMULATOR_FLAGS := $(FIRMWARE_FLAGS) $(addprefix -I,$(wildcard sim2d/lib/*)) -isystem .pio/box2d/include -isystem .pio/box2d/src \
+BOX2D = $(firstword $(wildcard .pio/libdeps/carsim/box2d .pio-core/lib/box2d))
+SIMULATOR_FLAGS = $(FIRMWARE_FLAGS) $(addprefix -I,$(wildcard sim2d/lib/*)) -isystem $(BOX2D)/include -isystem $(BOX2D)/src \
   $(addprefix -isystem ,$(wildcard .pio/libdeps/carsim/nlohmann_json/include))
 FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h sim2d/lib/sim_hal/*.h test/*.h)
 
@@ -52,7 +54,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study calibration fidelity statistics test test-native headers test-host lint bench fuzz fuzz-packages check tidy determinism golden races fresh clean lock system-packages platformio
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics test test-native headers test-host lint bench fuzz fuzz-packages check tidy determinism golden races fresh clean wheel release lock system-packages platformio
 .DELETE_ON_ERROR:
 
 help:
@@ -68,11 +70,13 @@ help:
 	@echo 'make races     record and store a log in two threads under ThreadSanitizer'
 	@echo 'make mutation  plant faults in the car'"'"'s physics and firmware and see whether the suites notice (MUTANTS=, MUTATION_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
+	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
 	@echo 'make calibration  set up, calibrate by the published trials, try it on known truths, renew docs/calibration.md'
 	@echo 'make statistics  measure coverage of the intervals and trials saved, and bring docs/statistics.md up to date'
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
+	@echo 'make release   archive of the sources and wheel with carsim, in dist/, checked and tried outside the checkout'
 	@echo 'make lint      set up and check the Python sources only'
-	@echo 'make lock      renew $(LOCK) after a change of host/pyproject.toml (LOCK_FLAGS=--upgrade: newest versions)'
+	@echo 'make lock      renew $(LOCK) after a change of pyproject.toml (LOCK_FLAGS=--upgrade: newest versions)'
 	@echo 'make clean     remove everything that was built or installed here; results in out/ stay'
 	@echo 'PYTHON=...     the Python (3.10 or newer) that .venv is made with; now $(PYTHON)'
 
@@ -86,13 +90,17 @@ study: setup
 	$(BIN)/foldcar report out/$(STUDY).db -o out/$(STUDY)
 	@echo "The report is $(CURDIR)/out/$(STUDY)/index.html"
 
+pyramids: setup mujoco
+	@mkdir -p out
+	$(BIN)/python tools/pyramids.py out/pyramids docs/scenarios.md
+
 calibration: setup
 	@mkdir -p out
 	$(BIN)/python tools/calibration.py out/calibration docs/calibration.md
 
 fidelity: setup mujoco
 	@mkdir -p out
-	$(BIN)/foldcar crosscheck scenarios/fidelity.json --baseline 20 -o out/fidelity
+	$(BIN)/foldcar crosscheck scenarios/fidelity.json --baseline 10 -o out/fidelity
 	$(BIN)/python tools/fidelity.py out/fidelity docs/fidelity.md
 
 statistics: .venv/installed
@@ -106,9 +114,9 @@ test: setup
 	$(MAKE) test-host
 
 lint: .venv/installed
-	$(BIN)/ruff check --config host/pyproject.toml host tools test $(wildcard bench)
-	$(BIN)/mypy --config-file host/pyproject.toml host/foldcar
-	$(BIN)/mypy --config-file host/pyproject.toml --ignore-missing-imports tools/*.py bench/*.py
+	$(BIN)/ruff check host tools test $(wildcard bench)
+	$(BIN)/mypy host/foldcar
+	$(BIN)/mypy --ignore-missing-imports tools/*.py bench/*.py
 
 test-native: setup
 	$(BIN)/pio test -e native -e native_mujoco
@@ -122,7 +130,7 @@ headers: setup
 
 # A third process: several tests wait for a car that drives in real time.
 test-host: setup mujoco
-	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . -n 3 --dist worksteal --durations 25 --durations-min 3 test/host
+	$(BIN)/python -m pytest -n 3 --dist worksteal --durations 25 --durations-min 3 test/host
 
 bench: setup mujoco .pio/bench/firmware_tick
 	.pio/bench/firmware_tick
@@ -154,8 +162,8 @@ check: setup mujoco
 	$(BIN)/gcovr --root . --filter 'firmware/lib/' --filter 'sim2d/lib/' --exclude-throw-branches --gcov-ignore-parse-errors \
 	  --fail-under-line $(LEAST_COVERAGE) .pio/build/native_check
 	$(MAKE) tidy
-	$(BIN)/coverage run --rcfile host/pyproject.toml -m pytest -c host/pyproject.toml --rootdir . -q test/host
-	$(BIN)/coverage report --rcfile host/pyproject.toml --skip-covered
+	$(BIN)/coverage run --rcfile pyproject.toml -m pytest -q test/host
+	$(BIN)/coverage report --rcfile pyproject.toml --skip-covered
 
 tidy: setup
 	printf '%s\n' $(SIMULATOR_SOURCES) | xargs -P 2 -n 4 $(CLANG_TIDY) --quiet -- $(SIMULATOR_FLAGS)
@@ -168,21 +176,18 @@ fresh:
 	@tools/install_system_packages.sh fresh
 	@tools/fresh.sh $(SUITE) $(TARGETS)
 
-.pio/fuzz/obj/%.o: %.cpp $(FIRMWARE_HEADERS) $(wildcard sim2d/lib/*/*.h) | setup fuzz-packages .pio/box2d/src
+.pio/fuzz/obj/%.o: %.cpp $(FIRMWARE_HEADERS) $(wildcard sim2d/lib/*/*.h) | setup fuzz-packages
 	@mkdir -p $(@D)
 	$(CLANG) $(SIMULATOR_FLAGS) $(FUZZ_FLAGS) -c $< -o $@
 
-# In one archive: Box2D, of which make does not know the sources before it is there, compiled in one go.
-.pio/fuzz/box2d.a: | fuzz-packages .pio/box2d/src
+# In one go: make does not know Box2D's sources before they are there.
+.pio/fuzz/box2d.a: | setup fuzz-packages
 	@mkdir -p $(@D)/box2d
-	cd $(@D)/box2d && find ../../box2d/src -name '*.cpp' -print0 | xargs -0 -P 2 -n 8 $(CLANG) -std=c++17 -w \
-	  -I../../box2d/include -I../../box2d/src $(FUZZ_FLAGS) -c && ar rcs ../box2d.a *.o
+	cd $(@D)/box2d && find ../../../$(BOX2D)/src -name '*.cpp' -print0 | xargs -0 -P 2 -n 8 $(CLANG) -std=c++17 -w \
+	  -I../../../$(BOX2D)/include -I../../../$(BOX2D)/src $(FUZZ_FLAGS) -c && ar rcs ../box2d.a *.o
 
 .pio/fuzz/fuzz_%: test/fuzz/fuzz_%.cpp test/fuzz/lines.h $(SIMULATOR_SOURCES:%.cpp=.pio/fuzz/obj/%.o) .pio/fuzz/box2d.a
 	$(CLANG) $(SIMULATOR_FLAGS) $(FUZZ_FLAGS) -fsanitize=fuzzer $(filter-out %.h,$^) -o $@
-
-.pio/box2d/src: | .venv/installed
-	$(BIN)/python tools/box2d_source.py .pio/box2d
 
 .pio/races/log_races: test/races/log_races.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
 	@mkdir -p $(@D)
@@ -193,24 +198,40 @@ fresh:
 	$(CXX) $(FIRMWARE_FLAGS) -O2 $(filter %.cpp,$^) -o $@
 
 clean:
-	rm -rf .venv .pio .pio-core platformio.local.ini host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
+	rm -rf .venv .pio .pio-core platformio.local.ini build dist host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
 	find host tools test -name __pycache__ -type d -prune -exec rm -rf {} +
 
 system-packages:
 	@tools/install_system_packages.sh
 
-.venv/installed: host/pyproject.toml $(LOCK) | system-packages
+.venv/installed: pyproject.toml $(LOCK) | system-packages
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
 	  echo 'make: PYTHON=$(PYTHON) is missing or older than Python 3.10; name a newer one' >&2; exit 2; }
 	"$(PYTHON)" -m venv .venv
 	$(BIN)/pip install --quiet --no-deps --require-hashes -r $(LOCK)
-	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable host
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
 # One lock for every supported Python; what it names stays as it is where it still fits (LOCK_FLAGS=--upgrade renews it).
 lock: .pio/lock/bin/uv
-	.pio/lock/bin/uv --project host pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url \
-	  --no-annotate --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --extra dev host/pyproject.toml -o $(LOCK)
+	.pio/lock/bin/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url \
+	  --no-annotate --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --extra dev --extra mujoco --extra cluster pyproject.toml -o $(LOCK)
+	.pio/lock/bin/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url --no-annotate \
+	  --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --group pyproject.toml:release -o $(RELEASE_LOCK)
+
+# A wheel with carsim: the archive of the sources, then the wheel from nothing but that archive.
+wheel: .venv/installed .pio/release/installed
+	@tools/build_wheel.sh dist
+
+# Both, checked: their form, what the programs load, and as a user has them, with no compiler and no checkout.
+release: wheel
+	.pio/release/bin/twine check --strict dist/*
+	@tools/try_wheel.sh dist/*.whl
+
+.pio/release/installed: $(RELEASE_LOCK) | system-packages
+	"$(PYTHON)" -m venv .pio/release
+	.pio/release/bin/pip install --quiet --no-deps --require-hashes -r $(RELEASE_LOCK)
+	@touch $@
 
 .pio/lock/bin/uv:
 	"$(PYTHON)" -m venv .pio/lock

@@ -1,40 +1,55 @@
-"""Box2D's sources, for builds that compile them with flags of their own: box2d_source.py FOLDER.
+"""Box2D as a library in PlatformIO's core folder, from the distribution's source archive.
 
-They are a link to those that PlatformIO fetched, else come from the distribution's source archive. FOLDER then has
-`include` and `src`; it must not exist.
+The version is the one that platformio.ini fetches online: the same sources then give the same program and build id.
 """
 
-import sys
 import tarfile
 import tempfile
 from pathlib import Path, PurePosixPath
 
-from seed_files import SeedError, whole_folder
-from unity_source import download_archive
+from debian_source import source_archive
+from seed_files import SeedError, whole_folder, write_if_changed
 
-FETCHED = Path(__file__).resolve().parent.parent / ".pio" / "libdeps" / "carsim" / "box2d"
-PACKAGE = "box2d"
+SOURCE_PACKAGE = "box2d"
+VERSION = "2.4.1"
+PURPOSE = f"Box2D {VERSION}, from the source package {SOURCE_PACKAGE}"
+# What the digest of a build reads; the rest are examples and their libraries.
+PARTS = ("include", "src")
+MANIFEST = f'{{"name": "box2d", "version": "{VERSION}", "build": {{"flags": ["-w"]}}}}\n'
 
 
-def put_sources(folder: Path) -> None:
-    """Put them there. Raises SeedError."""
-    if FETCHED.is_dir():
-        folder.symlink_to(FETCHED)
+def has_box2d(folder: Path) -> bool:
+    """Whether `seed_box2d` has filled ``folder``."""
+    manifest = folder / "library.json"
+    return manifest.is_file() and manifest.read_text(encoding="utf-8") == MANIFEST
+
+
+def seed_box2d(folder: Path) -> None:
+    """Put Box2D into ``folder`` unless it is there already. Raises SeedError."""
+    if has_box2d(folder):
         return
     with tempfile.TemporaryDirectory(prefix="foldcar-box2d-") as scratch:
-        archive = download_archive(Path(scratch), PACKAGE, f"Box2D, from the source package {PACKAGE}")
-        with whole_folder(folder) as part, tarfile.open(archive) as members:
-            for member in members:
-                path = PurePosixPath(*PurePosixPath(member.name).parts[1:])
-                content = members.extractfile(member) if path.parts[:1] in (("include",), ("src",)) else None
-                if content is not None:
-                    (part / path).parent.mkdir(parents=True, exist_ok=True)
-                    (part / path).write_bytes(content.read())
+        archive = source_archive(SOURCE_PACKAGE, PURPOSE, Path(scratch))
+        if f"_{VERSION}.orig." not in archive.name:
+            raise SeedError(f"{PURPOSE}: apt has {archive.name}")
+        with whole_folder(folder) as part:
+            extract_box2d(archive, part)
+            write_if_changed(part / "library.json", MANIFEST)
 
 
-if __name__ == "__main__":
-    try:
-        put_sources(Path(sys.argv[1]).absolute())
-    except (SeedError, OSError) as error:
-        print(f"box2d_source: error: {error}", file=sys.stderr)
-        sys.exit(2)
+def extract_box2d(archive: Path, folder: Path) -> None:
+    """Extract Box2D's headers and sources from the package's archive. Raises SeedError if there are none."""
+    found = set()
+    with tarfile.open(archive) as members:
+        for member in members:
+            path = PurePosixPath(*PurePosixPath(member.name).parts[1:])
+            if not member.isfile() or ".." in path.parts or path.parts[:1] not in [(name,) for name in PARTS]:
+                continue
+            content = members.extractfile(member)
+            assert content is not None
+            (folder / path).parent.mkdir(parents=True, exist_ok=True)
+            (folder / path).write_bytes(content.read())
+            found.add(path.parts[0])
+    for name in PARTS:
+        if name not in found:
+            raise SeedError(f"{PURPOSE}: {archive.name} has no folder {name}")

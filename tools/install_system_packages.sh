@@ -6,9 +6,9 @@
 # and `make fuzz`, or only tools/fresh.sh need
 set -eu
 
-# Compiler and build tools; Box2D and the JSON library, which the simulator links; Python and its venv module;
+# Compiler and build tools; the JSON library, which the simulator is built with; Python and its venv module;
 # git, with which PlatformIO fetches libraries; what Scenic's image library (OpenCV) loads.
-packages='g++ make python3 python3-venv ca-certificates git libbox2d-dev nlohmann-json3-dev libgl1 libglib2.0-0 libxcb1'
+packages='g++ make python3 python3-venv ca-certificates git nlohmann-json3-dev libgl1 libglib2.0-0 libxcb1'
 case ${1:-} in
 '') ;;
 # The browser in which tests open pages. Ubuntu has no such package, only a snap that reads no temporary files.

@@ -16,6 +16,7 @@ from foldcar.output_folder import make_output_folder
 from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
 from foldcar.store.migrations import VERSION, add_metrics, copy_beside, create_tables, migrate, transaction
 from foldcar.store.tables import CHECKSUM, RUN
+from foldcar.store.write_ahead_log import refuse_damaged_log
 from foldcar.store.writer_lock import check_journal, is_written_here, writer_lock
 
 # "Fcar" in ASCII: tells a store from other SQLite files.
@@ -26,6 +27,7 @@ def open_reading(path: Path) -> sqlite3.Connection:
     """A connection that sees one moment of an existing store and never writes; StoreError if it is none."""
     connection = connect_reading(path)
     try:
+        refuse_damaged_log(path)
         if store_version(path, connection) == VERSION:
             with store_errors(path):
                 connection.execute("BEGIN")
@@ -110,6 +112,7 @@ def fill_blank(path: Path, connection: sqlite3.Connection) -> None:
 
 def _open_writing(path: Path) -> sqlite3.Connection:
     check_journal(path)
+    refuse_damaged_log(path)
     with store_errors(path):
         connection = sqlite3.connect(path, isolation_level=None)
     try:

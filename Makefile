@@ -186,8 +186,9 @@ fresh:
 	cd $(@D)/box2d && find ../../../$(BOX2D)/src -name '*.cpp' -print0 | xargs -0 -P 2 -n 8 $(CLANG) -std=c++17 -w \
 	  -I../../../$(BOX2D)/include -I../../../$(BOX2D)/src $(FUZZ_FLAGS) -c && ar rcs ../box2d.a *.o
 
-.pio/fuzz/fuzz_%: test/fuzz/fuzz_%.cpp test/fuzz/lines.h $(SIMULATOR_SOURCES:%.cpp=.pio/fuzz/obj/%.o) .pio/fuzz/box2d.a
-	$(CLANG) $(SIMULATOR_FLAGS) $(FUZZ_FLAGS) -fsanitize=fuzzer $(filter-out %.h,$^) -o $@
+$(addprefix .pio/fuzz/fuzz_,batch step design): $(SIMULATOR_SOURCES:%.cpp=.pio/fuzz/obj/%.o) .pio/fuzz/box2d.a
+.pio/fuzz/fuzz_%: test/fuzz/fuzz_%.cpp test/fuzz/lines.h $(FIRMWARE_SOURCES:%.cpp=.pio/fuzz/obj/%.o)
+	$(CLANG) $(SIMULATOR_FLAGS) $(FUZZ_FLAGS) -fsanitize=fuzzer $(sort $(filter-out %.h,$^)) -o $@
 
 .pio/races/log_races: test/races/log_races.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
 	@mkdir -p $(@D)

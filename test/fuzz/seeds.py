@@ -11,7 +11,13 @@ from foldcar.car.design import compose
 from foldcar.mavlink_dialect import load_dialect
 
 GOLDEN = Path(__file__).resolve().parents[1] / "determinism" / "golden_input.jsonl"
-PARAMETERS = (("TRACK_M", 0.2), ("WHEEL_RADIUS_M", 0.06), ("CH1_SIDE", 1.0), ("CH8_GAIN_US", 150.0), ("TILT_MAX_RAD", 1.2))
+PARAMETERS = (
+    ("TRACK_M", 0.2),
+    ("WHEEL_RADIUS_M", 0.06),
+    ("CH1_SIDE", 1.0),
+    ("CH8_GAIN_US", 150.0),
+    ("TILT_MAX_RAD", 1.2),
+)
 
 
 def sessions() -> dict[str, list[list[dict[str, Any]]]]:

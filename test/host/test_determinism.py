@@ -12,13 +12,16 @@ sys.path.insert(0, str(ROOT / "tools"))
 
 import determinism  # noqa: E402
 
-RENEWAL = "After a change of the physics `make golden` writes the new numbers; without one this platform computes otherwise"
+RENEWAL = (
+    "After a change of the physics `make golden` writes the new numbers; without one this platform computes otherwise"
+)
 # Nothing like the functions, so that a single call would show.
 OTHER_LIBRARY = """
 #include <math.h>
 #include <stdlib.h>
 #define OFF1(name) double name(double x) { return 3 - x; } float name##f(float x) { return 3 - x; }
-#define OFF2(name) double name(double x, double y) { return 3 - x - y; } float name##f(float x, float y) { return 3 - x - y; }
+#define OFF2(name) double name(double x, double y) { return 3 - x - y; } \\
+  float name##f(float x, float y) { return 3 - x - y; }
 OFF1(sin) OFF1(cos) OFF1(tan) OFF1(asin) OFF1(acos) OFF1(atan) OFF1(exp) OFF1(exp2) OFF1(expm1) OFF1(log) OFF1(log2)
 OFF1(log10) OFF1(log1p) OFF1(sinh) OFF1(cosh) OFF1(tanh) OFF1(cbrt) OFF2(atan2) OFF2(pow) OFF2(hypot)
 void sincos(double x, double* s, double* c) { *s = *c = 3 - x; }

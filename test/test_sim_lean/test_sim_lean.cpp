@@ -1,0 +1,166 @@
+// A leaning car against closed forms: falling back on a tyre's edge, landing on the other side's wheels, and what a car
+// in the air keeps.
+#include <unity.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "../study_car.h"
+#include "scene_terrain.h"
+#include "twin_track_car.h"
+
+using namespace foldcar;
+
+void setUp() {}
+void tearDown() {}
+
+namespace {
+
+constexpr double kRadius_m = 0.06;
+
+struct Drive {
+  const BodySpec body;
+  const SceneTerrain terrain;
+  TwinTrackCar car;
+  PulsesUs pulses_us{};
+  Drive(const BodySpec& body_spec, double friction, const TerrainSpec& spec = {}, const StepOptions& options = {})
+      : body(body_spec), terrain(spec), car(body, friction, terrain, {}, options, nullptr) {}
+  // The car's origin at that place, rolled by lean_rad, with the body at these rates: v of the origin (world), roll.
+  void set(const Vec3& at_m, double lean_rad, const Vec3& velocity_m_s, double roll_rad_s) {
+    CarDynamics& car_now = car.dynamics();
+    car_now.position_m = at_m;
+    car_now.turn = rotation_by({lean_rad, 0, 0});
+    const Vec3 v = car_now.turn.to_body(velocity_m_s);
+    car_now.velocity = {v.x, v.y, v.z, roll_rad_s, 0, 0};
+    car_now.velocity.resize(car_now.size(), velocity_m_s.x / kRadius_m);
+  }
+  const CarState& run(double time_s) {
+    const int steps = static_cast<int>(std::lround(time_s / car.step_s()));
+    for (int i = 0; i < steps; ++i) car.step(pulses_us);
+    return car.state();
+  }
+  double roll_rate_rad_s() { return car.dynamics().velocity[3]; }
+};
+
+// The whole car as a rigid body in the plane across it: from its parts, by Steiner's theorem.
+struct AcrossPlane {
+  double mass_kg = 0, height_m = 0, inertia_kg_m2 = 0;  // about the centre of mass
+  explicit AcrossPlane(const BodySpec& body) {
+    double moment = 0, about_axles = 0;
+    for (const SegmentSpec& part : body.segments) {
+      mass_kg += part.mass_kg;
+      moment += part.mass_kg * part.com_z_m;
+      about_axles += part.roll_inertia_kg_m2 + part.mass_kg * part.com_z_m * part.com_z_m;
+    }
+    for (const WheelSpec& wheel : body.wheels) {
+      mass_kg += wheel.mass_kg;
+      about_axles += wheel.mass_kg * (std::pow(0.5 * body.track_m, 2) + 0.25 * kRadius_m * kRadius_m +
+                                      wheel.width_m * wheel.width_m / 12);
+    }
+    const double above_axles_m = moment / mass_kg;
+    height_m = kRadius_m + above_axles_m;
+    inertia_kg_m2 = about_axles - mass_kg * above_axles_m * above_axles_m;
+  }
+};
+
+}  // namespace
+
+// Nothing touches it: angular momentum about the forward axis, a principal one, is kept.
+void test_in_the_air_it_keeps_its_roll_rate() {
+  BodySpec body = study_car(0.08);
+  body.segments[0].com_z_m = 0;
+  Drive drive(body, 0.6);
+  drive.set({0, 0, 5}, 0, {}, 3);
+  const CarState& state = drive.run(0.2);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-6, 3, drive.roll_rate_rad_s());
+  TEST_ASSERT_DOUBLE_WITHIN(1e-6, 0.6, state.roll_rad);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0, state.yaw_rate_rad_s);
+}
+
+// Thrown with all three rates it tumbles: in the world the angular momentum keeps its size and direction, and the energy
+// stays, whatever the rates do.
+void test_in_the_air_it_tumbles_with_constant_angular_momentum_and_energy() {
+  Drive drive(study_car(0.08), 0.6);
+  drive.set({0, 0, 20}, 0.3, {0.5, 0.2, 1}, 4);
+  drive.car.dynamics().velocity[4] = 3;
+  drive.car.dynamics().velocity[5] = -2;
+  const double start_j = drive.car.mechanical_energy_j();
+  drive.run(0.5);
+  TEST_ASSERT_DOUBLE_WITHIN(0.01 * std::abs(start_j), start_j, drive.car.mechanical_energy_j());
+}
+
+// (I + m (h² + a²)) φ'' = -m g (a cos φ - h sin φ) about the low side's tyre edge, a beside the middle.
+void test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge() {
+  for (const double side : {1.0, -1.0}) {
+    const BodySpec body = study_car(0.08);
+    const AcrossPlane plane(body);
+    const double a_m = 0.5 * (body.track_m + body.wheels[0].width_m), h_m = plane.height_m, from_rad = 0.62;
+    double lean_rad = from_rad, rate = 0, expected_s = 0;
+    for (constexpr double kStep_s = 1e-5; lean_rad > 0; expected_s += kStep_s) {
+      rate -= plane.mass_kg * kGravity_m_s2 * (a_m * std::cos(lean_rad) - h_m * std::sin(lean_rad)) /
+              (plane.inertia_kg_m2 + plane.mass_kg * (a_m * a_m + h_m * h_m)) * kStep_s;
+      lean_rad += rate * kStep_s;
+    }
+    Drive drive(body, 2);
+    drive.set({0, 0, kRadius_m * std::cos(from_rad) + a_m * std::sin(from_rad)}, side * from_rad, {}, 0);
+    double taken_s = 0;
+    while (side * drive.run(drive.car.step_s()).roll_rad > 0.003 && taken_s < 1) taken_s += drive.car.step_s();
+    TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected_s, expected_s, taken_s);
+  }
+}
+
+// The right wheels land on the ground, the left side up by φ, while it rolls on at 4 rad/s: an inelastic
+// impact of a rigid body in the plane across it on the line of the tyres' outer edges, with friction. Where the edge holds, both
+// its velocities are 0; where it would have to hold with more than μ times the normal impulse, it slides.
+double roll_rate_after_landing_rad_s(const BodySpec& body, double lean_rad, double roll_rad_s, double friction) {
+  const AcrossPlane plane(body);
+  const double a_m = 0.5 * (body.track_m + body.wheels[0].width_m);
+  // From the centre of mass to the edge: y to the left, z up.
+  const double y_m = -a_m * std::cos(lean_rad) + plane.height_m * std::sin(lean_rad);
+  const double z_m = -a_m * std::sin(lean_rad) - plane.height_m * std::cos(lean_rad);
+  const double m = plane.mass_kg, inertia = plane.inertia_kg_m2;
+  // The edge moves with (-z, y) times the roll rate; impulses (p, n) at it turn by y n - z p.
+  const double yy = 1 / m + z_m * z_m / inertia, zz = 1 / m + y_m * y_m / inertia, yz = -y_m * z_m / inertia;
+  const double speed_y = -z_m * roll_rad_s, speed_z = y_m * roll_rad_s;
+  const double determinant = yy * zz - yz * yz;
+  double p = -(zz * speed_y - yz * speed_z) / determinant, n = -(yy * speed_z - yz * speed_y) / determinant;
+  if (std::abs(p) > friction * n) {
+    const double share = std::copysign(friction, p);
+    n = -speed_z / (zz + yz * share);
+    p = share * n;
+  }
+  return roll_rad_s + (y_m * n - z_m * p) / inertia;
+}
+
+void test_landing_on_a_leaning_sides_wheels_is_a_rigid_bodys_impact() {
+  const BodySpec body = study_car(0.08);
+  for (const double friction : {0.2, 0.6, 2.0}) {
+    for (const double lean_rad : {0.2, 0.5}) {
+      for (const double side : {1.0, -1.0}) {
+        const double before_rad_s = 4;
+        const double expected = roll_rate_after_landing_rad_s(body, lean_rad, before_rad_s, friction);
+        Drive drive(body, friction);
+        const double a_m = 0.5 * (body.track_m + body.wheels[0].width_m);
+        // Just over the ground, turning about its centre of mass, which is at rest.
+        const double touching_m = kRadius_m * std::cos(lean_rad) + a_m * std::sin(lean_rad) + 0.0005;
+        const AcrossPlane plane(body);
+        const double com_m = plane.height_m - kRadius_m;
+        const Vec3 velocity = cross({-side * before_rad_s, 0, 0}, com_m * rotation_by({side * lean_rad, 0, 0}).up);
+        drive.set({0, 0, touching_m}, side * lean_rad, velocity, side * before_rad_s);
+        drive.run(0.01);
+        printf("mu %g lean %g side %g: expected %g is %g\n", friction, lean_rad, side, expected, side * drive.roll_rate_rad_s());
+        TEST_ASSERT_DOUBLE_WITHIN(3, expected, side * drive.roll_rate_rad_s());
+      }
+    }
+  }
+}
+
+int main() {
+  UNITY_BEGIN();
+  RUN_TEST(test_in_the_air_it_keeps_its_roll_rate);
+  RUN_TEST(test_in_the_air_it_tumbles_with_constant_angular_momentum_and_energy);
+  RUN_TEST(test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge);
+  RUN_TEST(test_landing_on_a_leaning_sides_wheels_is_a_rigid_bodys_impact);
+  return UNITY_END();
+}

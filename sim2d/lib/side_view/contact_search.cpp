@@ -8,6 +8,10 @@
 namespace foldcar {
 namespace {
 
+// A tyre this deep in ground that part of its width meets did not roll there, which takes it less than that in a step: it
+// slid sideways into a wall.
+constexpr double kWallDepth_m = 0.004;
+
 // The plane of an outline, through the frame of its cut. Heights are divided by the cosine of the roll for which it was
 // cut: there a leaning wheel is a circle.
 struct CutPlane {
@@ -36,17 +40,18 @@ struct CutPlane {
 };
 
 // Adds the contacts at a point of an edge: one on each of the outermost lines across the part that carry there.
-// lowest(normal, across_m) is the part's point on such a line that is lowest along the normal.
-template <typename Lowest>
+// facing(across_m, ground_m) is the part's point on such a line that faces that point of the ground.
+template <typename Facing>
 void add_contacts(const CutPlane& plane, const LateralSpan& span, const OutlineEdge& edge, b2Vec2 point,
-                  const Vec3& normal, double margin_m, const Lowest& lowest, Contact contact,
+                  const Vec3& normal, double margin_m, const Facing& facing, Contact contact,
                   std::vector<Contact>& contacts) {
   contact.normal = normal;
   contact.along = unit(cross(plane.left, normal));
   for (const double across_m : {edge.y_min_m, edge.y_max_m}) {
-    contact.point_m = lowest(normal, across_m);
+    const Vec3 ground_m = plane.to_world(point, across_m, span);
+    contact.point_m = facing(across_m, ground_m);
     contact.across_m = across_m;
-    contact.gap_m = dot(normal, contact.point_m - plane.to_world(point, across_m, span));
+    contact.gap_m = dot(normal, contact.point_m - ground_m);
     if (contact.gap_m < margin_m) contacts.push_back(contact);
     if (edge.y_min_m == edge.y_max_m) return;
   }
@@ -73,10 +78,6 @@ void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const T
   const Vec3 off{spec.eccentricity_m * std::cos(phase_rad), 0, -spec.eccentricity_m * std::sin(phase_rad)};
   const Vec3 centre = car.position_m + car.turn.to_world(car.axle(wheel) + off);
   const Vec3& axis = car.turn.left;
-  const auto lowest = [&](const Vec3& normal, double across_m) {
-    const Vec3 down = unit(dot(normal, axis) * axis - normal);
-    return centre + across_m * axis + spec.radius_m * down;
-  };
   const b2Transform still(b2Vec2_zero, b2Rot(0));
   b2CircleShape circle;
   circle.m_p = plane.to_plane(centre);
@@ -102,7 +103,20 @@ void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const T
       point = circle.m_p - b2Dot(circle.m_p - edge.shape.m_vertex1, normal) * normal;
     }
     const double side_slope = ground.side_slope(outline, to_metres(point.x), to_metres(point.y) * plane.cosine);
-    add_contacts(plane, span, edge, point, plane.normal(normal, side_slope), margin_m, lowest, contact, contacts);
+    const Vec3 ground_normal = plane.normal(normal, side_slope);
+    const Vec3 down = unit(dot(ground_normal, axis) * axis - ground_normal);
+    const auto facing = [&](double across_m, const Vec3&) {
+      return centre + across_m * axis + spec.radius_m * down;
+    };
+    const std::size_t first = contacts.size();
+    add_contacts(plane, span, edge, point, ground_normal, margin_m, facing, contact, contacts);
+    const double side = edge.y_min_m + edge.y_max_m;
+    for (std::size_t i = first; i < contacts.size() && side != 0; ++i) {
+      if (contacts[i].gap_m > -kWallDepth_m) continue;
+      contacts[i].normal = (side < 0 ? 1.0 : -1.0) * plane.left;
+      contacts[i].along = plane.forward;
+      contacts[i].gap_m = 0;
+    }
   }
 }
 
@@ -122,9 +136,9 @@ void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, cons
                2 * margin_m);
   b2PolygonShape box;
   bool made = false;
-  const auto lowest = [&](const Vec3& normal, double across_m) {
-    return middle + std::copysign(half_length_m, -dot(normal, forward)) * forward + across_m * car.turn.left +
-           std::copysign(half_height_m, -dot(normal, up)) * up;
+  // In the box's own coordinates, in Box2D's units.
+  const auto on_box = [&](b2Vec2 local, double across_m) {
+    return middle + to_metres(local.x) * forward + across_m * car.turn.left + to_metres(local.y) * up;
   };
   const b2Transform still(b2Vec2_zero, b2Rot(0));
   const b2Transform placed(
@@ -145,18 +159,21 @@ void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, cons
     manifold.pointCount = 0;
     b2CollideEdgeAndPolygon(&manifold, &edge.shape, still, &box, placed);
     for (int i = 0; i < manifold.pointCount; ++i) {
-      b2Vec2 point = manifold.points[i].localPoint;
-      Vec3 normal;
+      const b2Vec2 local = manifold.points[i].localPoint;
       if (manifold.type == b2Manifold::e_faceA) {
-        const b2Vec2 corner = b2Mul(placed, point);
-        normal = plane.normal(manifold.localNormal, 0);
-        point = corner - b2Dot(corner - edge.shape.m_vertex1, manifold.localNormal) * manifold.localNormal;
+        const b2Vec2 corner = b2Mul(placed, local), out = manifold.localNormal;
+        const auto facing = [&](double across_m, const Vec3&) { return on_box(local, across_m); };
+        add_contacts(plane, ground.across(2), edge, corner - b2Dot(corner - edge.shape.m_vertex1, out) * out,
+                     plane.normal(out, 0), margin_m, facing, contact, contacts);
       } else {
         // A face of the belly meets a vertex of the outline.
-        normal = -static_cast<double>(manifold.localNormal.x) * forward -
-                 static_cast<double>(manifold.localNormal.y) * up;
+        const b2Vec2 out = manifold.localNormal;
+        const Vec3 normal = -static_cast<double>(out.x) * forward - static_cast<double>(out.y) * up;
+        const auto facing = [&](double across_m, const Vec3& ground_m) {
+          return ground_m + dot(normal, on_box(manifold.localPoint, across_m) - ground_m) * normal;
+        };
+        add_contacts(plane, ground.across(2), edge, local, normal, margin_m, facing, contact, contacts);
       }
-      add_contacts(plane, ground.across(2), edge, point, normal, margin_m, lowest, contact, contacts);
     }
   }
 }

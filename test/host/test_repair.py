@@ -1,4 +1,4 @@
-"""`foldcar repair`: what is whole of a damaged store is saved as it was, what is lost is told, the damaged file is left."""
+"""`foldcar repair`: what is whole of a damaged store is saved as it was, what is lost is told."""
 
 import contextlib
 import json
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from test_store_check import alter
 
 from foldcar.store.check import check_store
 from foldcar.store.errors import StoreError
@@ -23,7 +24,6 @@ from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import write_store
 from old_stores import contents, old_store
 from test_store import fill
-from test_store_check import alter
 
 TEXT_BYTES = 30_000
 
@@ -91,7 +91,9 @@ def test_pages_are_read_as_sqlite_reads_them(tmp_path: Path) -> None:
     whole = Counter(repr((record.rowid, *record.cells)) for record in found)
     assert Counter(map(repr, expected)) - whole == Counter()
     roots = [record.cells[3] for record in pages.records(1)]
-    in_trees = [r for root in roots for number in pages.tree(root, pytest.fail) for r in pages.records(number, pytest.fail)]
+    in_trees = [
+        r for root in roots for number in pages.tree(root, pytest.fail) for r in pages.records(number, pytest.fail)
+    ]
     assert Counter(repr((r.rowid, *r.cells)) for r in in_trees) == Counter(map(repr, expected))
 
 

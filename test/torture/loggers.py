@@ -5,7 +5,6 @@ What was received stays, the trial is aborted, and the next trial into the same 
 
 import os
 import random
-import shutil
 import signal
 from pathlib import Path
 
@@ -84,15 +83,3 @@ def _times(file: Path, what: str) -> list[int]:
 def _trials(folder: Path) -> list:
     with Store.open(folder / "s.db") as store:
         return list(store.trials())
-
-
-def prepare_trials(folder: Path) -> None:
-    """trials.db with two trials, one of them corrected, and their logs in s-logs."""
-    write_free_course(folder)
-    for _ in range(2):
-        _another_trial(folder, "undisturbed")
-    for words in (["trials", "correct", "s.db", "1", "--note", "again", "--reason", "why"],):
-        answer = foldcar(folder, *words)
-        if answer.returncode:
-            raise LossError(answer.stderr)
-    shutil.move(folder / "s.db", folder / "trials.db")

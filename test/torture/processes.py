@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from study import FOLDCAR, LossError
 
@@ -19,12 +18,14 @@ HANGS_S = 600.0
 sweep_s = 5.0
 
 
-def start(folder: Path, words: Sequence[str], env: dict[str, str] | None = None, **options: Any) -> "subprocess.Popen[str]":
+def start(
+    folder: Path, words: Sequence[str], env: dict[str, str] | None = None, limit_bytes: int | None = None
+) -> "subprocess.Popen[str]":
     """Start foldcar as a shell would; what it starts carries the folder as a mark."""
     return subprocess.Popen(
-        [*FOLDCAR, *words], cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, **(env or {}), MARK: str(folder)}, start_new_session=True,
-        preexec_fn=_like_a_shell(options.pop("limit_bytes", None)), **options,
+        [*FOLDCAR, *words], cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True, env={**os.environ, **(env or {}), MARK: str(folder)}, start_new_session=True,
+        preexec_fn=_like_a_shell(limit_bytes),
     )  # fmt: skip
 
 

@@ -1,14 +1,15 @@
-"""The study that is disturbed, the rows of its undisturbed run, and a digest of rows whatever their order and numbers."""
+"""The study that is disturbed, the rows of its undisturbed run, and what must be so after every disturbance."""
 
 import contextlib
-import hashlib
 import json
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
+from foldcar.store.digest import store_digest
+from foldcar.store.reader import Store
 from forked_foldcar import original
 
 BESIDE = """model model
@@ -32,6 +33,7 @@ LISTING = {
 }
 FOLDCAR = [sys.executable, "-m", "foldcar"]
 SWEEP = ["sweep", "l.json", "--store", "s.db", "--jobs", "2"]
+NUMBERED = {"build_id", "body_id", "scene_id", "settings_id", "variation_id", "checksum"}
 KEY = ("body", "scene", "settings", "variation")
 
 
@@ -50,21 +52,22 @@ def rows(store: Path) -> list[str]:
     keys = "".join(f" JOIN {name} ON {name}.id = r.{name}_id" for name in KEY)
     hashes = ", ".join(f"{name}.hash" for name in KEY)
     with contextlib.closing(sqlite3.connect(f"{store.resolve().as_uri()}?mode=ro", uri=True)) as connection:
-        found = [_texts(connection, f"SELECT 'run', b.name, {hashes}, r.* FROM run r JOIN build b ON b.id = r.build_id{keys}",
-                        ("build_id", "checksum", *(f"{name}_id" for name in KEY)))]  # fmt: skip
-        found.append(_texts(connection, "SELECT 'shown', * FROM result", [f"{name}_id" for name in ("build", *KEY)]))
-    return sorted(found[0] + found[1])
+        runs = f"SELECT 'run', b.name, {hashes}, r.* FROM run r JOIN build b ON b.id = r.build_id{keys}"
+        return sorted([*_texts(connection, runs), *_texts(connection, "SELECT 'shown', * FROM result")])
 
 
-def _texts(connection: sqlite3.Connection, query: str, without: Any) -> list[str]:
-    """Rows as texts, without columns that are numbers of rows."""
-    connection.row_factory = sqlite3.Row
-    return [json.dumps({key: row[key] for key in row.keys() if key not in without}) for row in connection.execute(query)]
+def _texts(connection: sqlite3.Connection, query: str) -> Iterator[str]:
+    """Rows as texts, without columns that are numbers of rows or hold checksums over them."""
+    rows = connection.execute(query)
+    names = [name for name, *_ in rows.description]
+    for row in rows:
+        yield json.dumps([cell for name, cell in zip(names, row, strict=True) if name not in NUMBERED])
 
 
 def digest(store: Path) -> str:
-    """A digest of :func:`rows`."""
-    return hashlib.sha256("\n".join(rows(store)).encode()).hexdigest()
+    """What `foldcar export --digest` prints: of keys and results, whatever their order."""
+    with Store.open(store) as opened:
+        return store_digest(opened)[0]
 
 
 def require_same(store: Path, undisturbed: Path, what: str) -> None:
@@ -76,6 +79,8 @@ def require_same(store: Path, undisturbed: Path, what: str) -> None:
         lost, new = sorted(set(expected) - set(found)), sorted(set(found) - set(expected))
         example = (lost or new)[0][:300]
         raise LossError(f"{what}: {len(lost)} rows are lost, {len(new)} are others; such as {example}")
+    if digest(store) != digest(undisturbed):
+        raise LossError(f"{what}: another digest")
 
 
 def foldcar(folder: Path, *words: str) -> "subprocess.CompletedProcess[str]":

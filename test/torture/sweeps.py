@@ -25,8 +25,7 @@ def killed_client(folder: Path, whole: Path, chance: random.Random) -> str:
         process.kill()
         process.communicate()
         require_no_process(folder)
-        if (folder / "s.db").exists() and (folder / "s.db").stat().st_size:
-            require_sound(folder)
+        require_sound_if_there(folder)
     return f"after {', '.join(f'{at:.3f}' for at in moments)} s; {resume(folder, whole)}"
 
 
@@ -67,8 +66,7 @@ def interrupted(folder: Path, whole: Path, chance: random.Random) -> str:
     left = [file.name for file in folder.iterdir() if file.name.endswith(BESIDE)]
     if left:
         raise LossError(f"{number.name} after {at:.3f} s left {left}")
-    if (folder / "s.db").exists() and (folder / "s.db").stat().st_size:
-        require_sound(folder)
+    require_sound_if_there(folder)
     return f"{number.name} after {at:.3f} s, exit code {code}; {resume(folder, whole)}"
 
 
@@ -118,6 +116,13 @@ def two_sweeps(folder: Path, whole: Path, chance: random.Random) -> str:
     if kind != "name":
         require_sound(folder, str(other))
     return f"by {kind}, exit codes {codes}; {text}"
+
+
+def require_sound_if_there(folder: Path) -> None:
+    """LossError unless the store is sound; its making may not have come far enough for it to be one."""
+    store = folder / "s.db"
+    if store.exists() and store.stat().st_size and not store.with_name("s.db-journal").exists():
+        require_sound(folder)
 
 
 def build_clock(folder: Path) -> None:

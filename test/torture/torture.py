@@ -1,8 +1,8 @@
 """Disturbs sweeps, stores and trials at random for a while, and looks whether anything was lost.
 
 Input: the environment's TORTURE_S (seconds), TORTURE_SEED, TORTURE_ONLY (name of a disturbance, or several with commas)
-and TORTURE_ROUND (only this round). Output: a line a disturbance and a table of counts; exit code 1 at the first loss, with
-the way to repeat it, and what is left of it in the folder that it names.
+and TORTURE_ROUND (only this round). Output: a line a disturbance and a table of counts; exit code 1 at the first loss,
+with the way to repeat it, and what is left of it in the folder that it names.
 """
 
 import os
@@ -24,6 +24,9 @@ import loggers
 import processes
 import sweeps
 from study import SWEEP, LossError, digest, require_sound, write_listing
+
+from foldcar.store.migrations import VERSION
+from old_stores import old_store
 
 DISTURBANCES = {
     "sweep killed": sweeps.killed_client,
@@ -71,7 +74,7 @@ def main() -> int:
                 text = DISTURBANCES[name](folder, whole, random.Random(f"{seed} {number} {name}"))
             except LossError as loss:
                 print(f"LOSS in round {number}, {name}: {loss}\nwhat is left of it: {folder}")
-                print(f"again: make torture TORTURE_SEED={seed} TORTURE_ROUND={number} TORTURE_ONLY={name!r}")
+                print(f"again: make torture TORTURE_SEED={seed} TORTURE_ROUND={number}")
                 return 1
             finally:
                 processes.end_all(folder)
@@ -92,7 +95,7 @@ def main() -> int:
 def plan(seed: str, only: list[str]):
     """Numbers of rounds and their disturbances, all of them in a new order each time."""
     order, number = random.Random(seed), 0
-    wanted = os.environ.get("TORTURE_ROUND")
+    wanted = os.environ.get("TORTURE_ROUND") or None
     while True:
         names = [name for name in DISTURBANCES for _ in range(TIMES if "damage" in DISTURBANCES[name].__module__ else 1)]
         order.shuffle(names)
@@ -124,7 +127,7 @@ def prepare(folder: Path) -> Path:
     process.communicate()
     for file in folder.glob("s.db*"):
         file.rename(folder / file.name.replace("s.db", "killed.db"))
-    loggers.prepare_trials(folder)
+    old_store(VERSION, folder / "trials.db")
     return folder / "whole.db"
 
 

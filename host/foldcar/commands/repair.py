@@ -30,7 +30,8 @@ def repair(
     done = repair_store(store, output)
     if as_json:
         lost = {"damaged": done.damaged, "missing": done.missing, "dependent": done.dependent, "pages": done.pages}
-        print_json({"store": output, "saved": done.saved, **lost, "trials": done.trials, "logs": done.logs, "journal": done.journal})
+        told = {"trials": done.trials, "logs": done.logs, "journal": done.journal}
+        print_json({"store": output, "saved": done.saved, **lost, **told})
     else:
         for table, saved in done.saved.items():
             parts = [

@@ -6,7 +6,6 @@ from typing import Any, Protocol
 
 from foldcar.errors import FoldcarError
 
-
 # Between the rows of a path that is drawn.
 PATH_INTERVAL_S = 0.02
 

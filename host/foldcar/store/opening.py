@@ -65,6 +65,19 @@ def require_store(path: Path) -> None:
         store_version(path, connection)
 
 
+def undo_half_done(path: Path) -> None:
+    """Undo the transaction that a killed program left, without a write-ahead log, in a file. StoreError."""
+    if path.is_file() and _journal_is_left(path):
+        with writer_lock(path), store_errors(path), contextlib.closing(sqlite3.connect(path)) as connection:
+            # SQLite does it before it reads anything.
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+
+
+def _journal_is_left(path: Path) -> bool:
+    journal = path.resolve().with_name(f"{path.resolve().name}-journal")
+    return journal.is_file() and journal.stat().st_size > 0
+
+
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[sqlite3.Connection]:
     """A connection to the store at ``path``; made, with its folder, if need be. StoreError if it is in use.
@@ -91,6 +104,10 @@ def store_version(path: Path, connection: sqlite3.Connection) -> int:
         (version,) = connection.execute("PRAGMA user_version").fetchone()
         columns = [name for _, name, *_ in connection.execute("PRAGMA table_info(run)")]
     except SQLITE_ERRORS as error:
+        if _journal_is_left(path):
+            raise StoreError(
+                f"{path}: a program was killed while it wrote; `foldcar migrate {path}` undoes what is half done"
+            ) from error
         raise StoreError(f"{path}: is no foldcar store ({error})") from error
     if application_id != APPLICATION_ID:
         raise StoreError(f"{path}: is no foldcar store")

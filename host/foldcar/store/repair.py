@@ -29,8 +29,8 @@ class Repair:
 
     ``damaged`` rows were seen and are not whole; ``missing`` ones are gaps between the numbers of those that are there;
     ``dependent`` ones are whole, but what they refer to is not. ``pages`` are those that cannot be read, of how many rows
-    is unknown. ``trials`` says which trials lost a reference, ``logs`` which logs no saved trial names, ``journal`` what is
-    damaged of the write-ahead log.
+    is unknown. ``trials`` says which trials lost a reference, ``logs`` which logs no saved trial names, ``journal``
+    what is damaged of the write-ahead log.
     """
 
     saved: dict[str, int] = field(default_factory=dict)
@@ -45,7 +45,8 @@ class Repair:
     @property
     def is_whole(self) -> bool:
         """Whether nothing is known to be lost."""
-        return not (self.damaged or self.missing or self.dependent or self.pages or self.trials or self.logs or self.journal)
+        lost = (self.damaged, self.missing, self.dependent, self.pages, self.trials, self.logs, self.journal)
+        return not any(lost)
 
 
 def repair_store(damaged: Path, whole: Path) -> Repair:

@@ -8,7 +8,7 @@ import contextlib
 import shutil
 import sqlite3
 import tempfile
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -41,7 +41,7 @@ class Salvaged:
 
 
 def salvage(path: Path) -> Salvaged:
-    """The whole rows of the store at ``path``; StoreError if it cannot be read, or if rows of its version have no proof."""
+    """The whole rows of the store at ``path``; StoreError if it cannot be read, or if its version proves no rows."""
     log = read_log(path)
     pages, loose = _pages(path, log)
     done = Salvaged(log=log.finding)
@@ -93,7 +93,7 @@ def _pages(path: Path, log: WriteAheadLog) -> tuple[Pages, list[bytes]]:
 
 
 def _rolled_back(path: Path) -> bytes:
-    """The file's bytes; if a transaction was cut short without a write-ahead log, after SQLite has undone it in a copy."""
+    """The file's bytes; those of a copy in which SQLite has undone a transaction that was cut short, if one was."""
     journal = path.resolve().with_name(f"{path.resolve().name}-journal")
     if not journal.is_file() or journal.stat().st_size == 0:
         return path.read_bytes()

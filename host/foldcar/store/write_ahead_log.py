@@ -65,7 +65,8 @@ def refuse_damaged_log(store: Path) -> None:
     """StoreError if the log beside the store is damaged: whoever opens the store would lose transactions."""
     finding = read_log(store).finding
     if finding is not None:
-        raise StoreError(f"{store}: its write-ahead log {store.name}-wal: {finding}; `foldcar repair` saves what is whole")
+        where = f"{store}: its write-ahead log {store.name}-wal"
+        raise StoreError(f"{where}: {finding}; `foldcar repair` saves what is whole")
 
 
 def _read(content: bytes) -> WriteAheadLog:
@@ -97,7 +98,7 @@ def _read(content: bytes) -> WriteAheadLog:
 def _frames(
     content: bytes, page_size: int, salts: tuple[int, int], order: str, sums: tuple[int, ...]
 ) -> Iterator[tuple[int, int, bytes, bool]]:
-    """Frames of that log: number of the page, size of the database if it ends a transaction, page, whether it is sound."""
+    """Frames of that log: the page's number, the database's size if it ends a transaction, the page, if it is sound."""
     size, strangers = FRAME.size + page_size, 0
     # A frame's checksum goes on from that of the frame before, which may itself be damaged, as may be what it is of.
     written = chain = (sums[0], sums[1])

@@ -17,9 +17,9 @@ def repair(
     ],
     as_json: Json = False,
 ) -> None:
-    """Save what is whole of a damaged store, and say what is lost.
+    """Save what is whole of a damaged store.
 
-    A row is saved if it matches its checksum. Runs that are lost are simulated by the next sweep into the new store.
+    It says what is lost. A row is saved if it matches its checksum. Runs that are lost are simulated by the next sweep into the new store.
     Exit code 1 if anything is lost.
 
     \b

@@ -1,7 +1,8 @@
 """Measures the speed of the width study and its parts; run it with `make bench`.
 
 Output: a table of the study by `foldcar sweep` with one and two jobs, of the same runs in one `carsim` process that
-measures its own times, of a part of it in each engine by the processor time, of terrain slicing in a field of hills, and of Scenic's cost (scenic_way.py).
+measures its own times, of a part of it
+in each engine by the processor time, of terrain slicing in a field of hills, and of Scenic's cost (scenic_way.py).
 """
 
 import json

@@ -1,6 +1,7 @@
 """The speed of MuJoCo from Python, as its users would write it: the exported model of a car, stepped in a loop.
 
-Input: a store of a sweep. Output: simulated seconds a second of processor time. Without the firmware: servos get full drive.
+Input: a store of a sweep. Output: simulated seconds a second of processor time.
+Without the firmware: servos get full drive.
 """
 
 import json

@@ -66,8 +66,7 @@ def build(compiler: str, level: str, folder: Path, numerics: bool) -> Path:
         objects += [str(one) for one in sorted((CARSIM.parent / "sim2d").rglob("*.o"))]
         archives = sorted(str(one) for one in CARSIM.parent.glob("lib*/lib*.a"))
         objects += ["-Wl,--start-group", *archives, "-Wl,--end-group"]
-    own_box2d = _downloaded("box2d") is not None
-    _run(compiler, "-pthread", *objects, *([] if own_box2d else ["-lbox2d"]), "-o", str(program))
+    _run(compiler, "-pthread", *objects, "-o", str(program))
     return program
 
 
@@ -87,7 +86,9 @@ def _all_sources() -> list[Path]:
     files = _sources(str(folder.relative_to(ROOT)) for folder in folders if folder.name not in skipped)
     files += [*_sources(["sim2d/src"]), ROOT / "sim2d/engines/side_view.cpp"]
     box2d = _downloaded("box2d")
-    return files + (sorted((box2d / "src").rglob("*.cpp")) if box2d else [])
+    if box2d is None:
+        raise BuildError("Box2D is not there yet: make setup fetches it")
+    return files + sorted((box2d / "src").rglob("*.cpp"))
 
 
 def _include_options() -> list[str]:
@@ -100,8 +101,9 @@ def _include_options() -> list[str]:
 
 
 def _downloaded(library: str) -> Path | None:
-    folder = ROOT / ".pio/libdeps/carsim" / library
-    return folder if folder.is_dir() else None
+    core = Path(os.environ.get("PLATFORMIO_CORE_DIR") or ROOT / ".pio-core")
+    folders = (ROOT / ".pio/libdeps/carsim" / library, core / "lib" / library)
+    return next((folder for folder in folders if folder.is_dir()), None)
 
 
 def _run(*command: str) -> None:

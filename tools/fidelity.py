@@ -171,4 +171,5 @@ if __name__ == "__main__":
     try:
         main(Path(sys.argv[1]), Path(sys.argv[2]))
     except FoldcarError as error:
-        sys.exit(f"fidelity: {error}")
+        print(f"fidelity: {error}", file=sys.stderr)
+        sys.exit(2)

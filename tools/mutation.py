@@ -28,8 +28,8 @@ ROOT = Path(__file__).resolve().parent.parent
 WORK = ROOT / ".pio" / "mutation"
 EXPLAINED = ROOT / "tools" / "mutation_explained.txt"
 CAR = [
-    "test_sim_terms", "test_sim_mechanism", "test_sim_imperfect", "test_sim_hinges", "test_sim_car", "test_sim_ground",
-    "test_sim_trial",
+    "test_sim_terms", "test_sim_mechanism", "test_sim_lean", "test_sim_imperfect", "test_sim_hinges", "test_sim_car",
+    "test_sim_ground", "test_sim_trial",
 ]  # fmt: skip
 # Sources, or folders of them, and the suites that concern them, the quick ones first. The first entry that fits counts.
 TARGETS = {

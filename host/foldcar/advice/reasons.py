@@ -88,7 +88,8 @@ def region_text(seen: Outlook, threshold: float, parameters: Sequence[str], simu
     if not feasible.any():
         return f"In {simulation} no design{considered} reaches {limit}."
     if feasible.all():
-        return f"In {simulation} {'the design' if total == 1 else f'each of {total} designs{considered}'} reaches {limit}."
+        what = "the design" if total == 1 else f"each of {total} designs{considered}"
+        return f"In {simulation} {what} reaches {limit}."
     if len(parameters) != 1:
         return f"In {simulation} {int(feasible.sum())} of {total} designs{considered} reach {limit}."
     order = numpy.argsort(seen.parameters[:, 0], kind="stable")

@@ -216,7 +216,8 @@ class _Choice:
             rate = run_rate(passed, number, count(number, "run"), info.until is not None)
             remarks.append(
                 f"Best in {info.simulation}: {seen.designs[best].label}, {percent(rate.value)} "
-                f"({percent(rate.low)} to {percent(rate.high)}), chosen in one half of the environments and counted in the other."
+                f"({percent(rate.low)} to {percent(rate.high)}), chosen in one half of the "
+                "environments and counted in the other."
             )
             # Trials say more; the test holds for a number of runs that was fixed before.
             if not (seen.driven or info.until or info.searched):

@@ -16,13 +16,15 @@ _ENDS = numpy.sin(numpy.pi / 2 * numpy.arange(1, 64) / 64) ** 2
 _LOGIT_ENDS = numpy.log(_ENDS / (1 - _ENDS))
 # The share of Jeffreys' prior in a prediction.
 UNPREDICTED = 0.02
-# Standard deviations of the mean difference, and of the half-normal distribution of the spread, before any run (log-odds).
+# Before any run (log-odds): standard deviation of the mean difference; scale of the spread's half-normal distribution.
 MEAN_SCALE, SPREAD_SCALE = 1.0, 1.0
 _SPREADS = numpy.linspace(0.05, 4, 80)
 
 
-def pooled_difference(passed: ArrayLike, runs: ArrayLike, other_passed: ArrayLike, other_runs: ArrayLike) -> tuple[float, float]:
-    """Mean and variance of the difference of log-odds over designs, from arrays (designs,) of counts in both simulations."""
+def pooled_difference(
+    passed: ArrayLike, runs: ArrayLike, other_passed: ArrayLike, other_runs: ArrayLike
+) -> tuple[float, float]:
+    """Mean and variance of the difference of log-odds over designs, from counts (designs,) in both simulations."""
     here, here_variance = _log_odds(passed, runs)
     there, there_variance = _log_odds(other_passed, other_runs)
     both = (numpy.asarray(runs) > 0) & (numpy.asarray(other_runs) > 0)

@@ -44,7 +44,8 @@ class StoppingRule:
 
         new = numpy.arange(then - runs + 1)
         decided = _decided(self, then)[passed : passed + len(new)]
-        return float(numpy.asarray(masses) @ binom.pmf(new[decided], then - runs, numpy.asarray(rates)[:, None]).sum(axis=1))
+        likely = binom.pmf(new[decided], then - runs, numpy.asarray(rates)[:, None]).sum(axis=1)
+        return float(numpy.asarray(masses) @ likely)
 
     def hopeless(self, passed: int, runs: int, most: int) -> bool:
         """Whether ``most`` runs of a design would decide it with a chance below LEAST_CHANCE, by its ``runs`` alone.

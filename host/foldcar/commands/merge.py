@@ -14,7 +14,7 @@ def merge(
     stores: Annotated[list[Path], typer.Argument(metavar="STORE...", help="Two stores or more.")],
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", metavar="FILE", callback=output_store, help="The store to make; there must be none."),
+        typer.Option("--output", "-o", metavar="FILE", callback=output_store, help="Store to make; there must be none."),
     ],
     as_json: Json = False,
 ) -> None:

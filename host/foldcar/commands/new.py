@@ -1,7 +1,6 @@
 """`foldcar new`: a small project to start from."""
 
 import shlex
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +20,8 @@ def new(
     \b
     Example: foldcar new yard
     """
+    from importlib.resources import files
+
     if folder.is_dir() and any(folder.iterdir()):
         raise FoldcarError(f"{folder}: is not empty; name a new folder")
     made = make_output_folder(folder)

@@ -32,8 +32,8 @@ def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequ
         yield f"  undecided: {head}{', '.join(names)}{more}; --environments N allows more runs"
         left = sum(state.runs < experiment.environments for state in undecided)
         if left:
-            chance = f"{experiment.environments} environments would decide them with a chance below {100 * LEAST_CHANCE:g} %"
-            yield f"  {left} of these were left early: {chance}"
+            chance = f"with a chance below {100 * LEAST_CHANCE:g} %"
+            yield f"  {left} of these were left early: {experiment.environments} environments would decide them {chance}"
 
 
 def state_objects(states: "Sequence[DesignState]") -> list[dict[str, Any]]:

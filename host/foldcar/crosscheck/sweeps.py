@@ -54,7 +54,7 @@ def sweep_all(
     command: str,
     bar_of: Callable[[Progress, str], AbstractContextManager[Bar]],
 ) -> None:
-    """Simulate with each engine what the store lacks; ``bar_of`` shows the sweep of an engine, a key of ENGINES. FoldcarError."""
+    """Simulate with each engine what the store lacks; ``bar_of`` shows that of an engine, by its key. FoldcarError."""
     for engine, part in _parts(study, baseline, carsims):
         progress = Progress(total=planned_total(part))
         with bar_of(progress, engine) as bar:

@@ -168,7 +168,8 @@ def _drawings(
         if info.success_defined:
             diamonds = _diamonds(built, simulated)
             caption = (
-                f"Success by {label}: the curve is {info.simulation}, its band the {series.interval_name} 95 % intervals; "
+                f"Success by {label}: the curve is {info.simulation}, "
+                f"its band the {series.interval_name} 95 % intervals; "
                 f"tinted where more than {100 * max(thresholds):g} % pass.{diamonds}"
             )
             draw = partial(

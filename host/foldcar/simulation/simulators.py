@@ -1,4 +1,4 @@
-"""Where chunks of runs are simulated: on this machine's processors, or on others (foldcar.cluster). The interface of both."""
+"""Where chunks of runs are simulated: on this machine, or on others (foldcar.cluster). The interface of both."""
 
 import time
 from collections.abc import Mapping, Sequence

@@ -16,7 +16,7 @@ def engine_id(experiment: str, engine: str) -> str:
 
 
 def listed_id(experiment: str, calibration: Mapping[str, str] | None, engine: str) -> str:
-    """The name in the listing of an experiment of that name in stores: it differs under a calibration, in another engine."""
+    """The name in the listing of an experiment that stores name so: a calibration or an engine changes it."""
     under = experiment if calibration is None else calibration["experiment"]
     return under.removesuffix(engine_id("", engine))
 
@@ -29,8 +29,9 @@ class ExperimentInfo:
     ``fixed`` holds the other ones. ``speed_m_s`` is None where every car drives at its own full speed.
     ``condition`` says what is frozen of the environment; ``variation`` maps what varies from car to car to
     its spread, drawn by ``variation_seed``, and is empty if cars are as designed. ``planned_runs`` is
-    designs × environments, ``stored_runs`` how many of them have a result. Where a sweep ``until`` enough is known has ended,
-    no more are planned than it made; before, ``designs`` that are ``decided`` have no more planned than stored. ``success_rule`` says when a run has
+    designs × environments, ``stored_runs`` how many of them have a result. Where a sweep ``until``
+    enough is known has ended, no more are planned than it made; before, ``designs`` that are ``decided`` have no more
+    planned than stored. ``success_rule`` says when a run has
     passed, or why that is undefined (``success_defined`` False). ``skipped`` names the cars of the family that
     cannot be built, and why. ``calibration`` is None for nominal simulations, else ``name``, ``fingerprint`` and
     ``experiment``: the calibration, and the experiment of the listing that was simulated under it.

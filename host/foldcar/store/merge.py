@@ -19,7 +19,7 @@ from foldcar.store.migrations import VERSION
 from foldcar.store.new_store import check_new, new_store
 from foldcar.store.opening import connect_reading, store_version
 from foldcar.store.rows import Row, insert_sql, key_text, read_rows, stored
-from foldcar.store.tables import CORRECTION, DESIGN, ENVIRONMENT, EXPERIMENT, RUN, STUDY, TABLES, TRIAL, Table
+from foldcar.store.tables import BY_NAME, CORRECTION, DESIGN, ENVIRONMENT, EXPERIMENT, RUN, STUDY, TABLES, TRIAL, Table
 
 LOG_NUMBERS = 10_000
 
@@ -80,19 +80,24 @@ class _Merge:
         }  # fmt: skip
         for table in TABLES:
             self._numbers[table.name] = {}
-            for row in read_rows(path, source, table, f"ORDER BY {', '.join(table.key)}"):
+            order = "position" if table is EXPERIMENT else ", ".join(table.key)
+            for row in read_rows(path, source, table, f"ORDER BY {order}"):
                 if table is TRIAL and row["log"] is not None:
                     row["log"] = self._log(path, row)
                 recorded = _recorded(source, row) if table is RUN else 0
                 for column in table.columns:
-                    if column.type == "INTEGER" and column.refers and row[column.name] is not None:
-                        row[column.name] = self._number(path, table, row, column.refers, column.name)
+                    # `recorded` refers to runs by all of their key.
+                    referred = column.name.removesuffix("_id") if column.name in RUN.key else column.refers
+                    if column.type == "INTEGER" and referred and row[column.name] is not None:
+                        row[column.name] = self._number(path, table, row, referred, column.name)
                 if table.name in special:
                     special[table.name](row)
                 elif table.unique:
                     self._numbered(table, row)
-                elif not self._keyed(table, row) and table is RUN and recorded != (known := _recorded(self._connection, row)):
-                    self._differs(RUN, row, "the number of recorded values", recorded, known)
+                elif not self._keyed(table, row) and table is RUN:
+                    known = _recorded(self._connection, row)
+                    if recorded != known:
+                        self._differs(RUN, row, "the number of recorded values", recorded, known)
         self._check_designs(source)
 
     def _number(self, path: Path, table: Table, row: Row, referred: str, column: str) -> int:
@@ -209,6 +214,9 @@ class _Merge:
     def _differs(self, table: Table, row: Row, name: str, value: Any, before: Any) -> None:
         """Raise the StoreError that says which store says what."""
         new, old = self._stores[-1], ", ".join(map(str, self._stores[:-1]))
+        if name.endswith("_id"):
+            name = name.removesuffix("_id")
+            value, before = self._named(name, value), self._named(name, before)
         values = f"{name} is {_short(value)} in {new}, {_short(before)} in {old}"
         if table.name in (RUN.name, "recorded"):
             key = self._run_key(row)
@@ -217,23 +225,32 @@ class _Merge:
             experiment = row["id"] if table is EXPERIMENT else row["experiment"]
             place = "" if table is EXPERIMENT else f"design {row['position'] + 1}: "
             raise StoreError(f'experiment "{experiment}": {place}{values}: give one of them another name and sweep it')
-        raise StoreError(f"{key_text(table, row)}: {values}")
+        names = {
+            key.removesuffix("_id"): self._named(key.removesuffix("_id"), row[key]) if key.endswith("_id") else row[key]
+            for key in table.key
+        }
+        raise StoreError(f"{table.name} ({', '.join(f'{key} {value}' for key, value in names.items())}): {values}")
 
     def _run_key(self, row: Row) -> str:
         """A run by the name of its build and the hashes of the rest."""
-        parts = []
-        for column in RUN.key:
-            table = column.removesuffix("_id")
-            unique = "name" if table == "build" else "hash"
-            (text,) = self._connection.execute(f"SELECT {unique} FROM {table} WHERE id = ?", (row[column],)).fetchone()
-            parts.append(f"{table} {text if table == 'build' else text[:12]}")
-        return f"run ({', '.join(parts)})"
+        tables = [column.removesuffix("_id") for column in RUN.key]
+        named = (f"{table} {self._named(table, row[table + '_id'])}" for table in tables)
+        return f"run ({', '.join(named)})"
+
+    def _named(self, table: str, number: Any) -> str:
+        """What a row is called in messages instead of its number: a build's name, a hash's beginning."""
+        unique = BY_NAME[table].unique if table in BY_NAME else None
+        if unique is None or number is None:
+            return str(number)
+        (text,) = self._connection.execute(f"SELECT {unique} FROM {table} WHERE id = ?", (number,)).fetchone()
+        return str(text) if table == "build" else str(text)[:12]
 
 
 def _recorded(connection: sqlite3.Connection, run: Row) -> int:
     """How many values were recorded in a run."""
     where = " AND ".join(f"{name} = ?" for name in RUN.key)
-    (count,) = connection.execute(f"SELECT count(*) FROM recorded WHERE {where}", [run[name] for name in RUN.key]).fetchone()
+    values = [run[name] for name in RUN.key]
+    (count,) = connection.execute(f"SELECT count(*) FROM recorded WHERE {where}", values).fetchone()
     return int(count)
 
 

@@ -2,8 +2,8 @@
 
 A pure function of results: no clock, no number of simulators. A sweep that resumes goes through the same steps with the
 results that it finds. Every sample size is a valid one to stop at, however it was chosen, since the intervals hold at all
-of them together; so another engine's rates may order runs and size batches. They may not set the stakes of the bets behind
-the intervals: both engines drive in the same environments, and luck in those would count twice.
+of them together: so another engine's rates may order runs and size batches. They may not set the stakes of the bets
+behind the intervals: both engines drive in the same environments, and luck in those would count twice.
 """
 
 from collections.abc import Mapping, Sequence

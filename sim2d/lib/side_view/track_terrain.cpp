@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <stdexcept>
 #include <string>
 
+#include "plane.h"
 #include "scene_terrain.h"
-#include "side_view_terms.h"
 
 namespace foldcar {
 namespace {
@@ -18,34 +17,27 @@ constexpr double kSidewaysTolerance_m = 0.001;
 constexpr double kRollTolerance = 0.02;
 constexpr double kAheadTolerance_m = 0.1;
 constexpr double kBehindTolerance_m = 0.02;
-// A chain whose vertices are within this of the new outline is kept.
-constexpr double kChainTolerance_m = 0.0001;
-// The cut reaches this much further than the car may drive before the next cut, so that its chain can be kept after it.
-constexpr double kSpare_m = 0.04;
-// A chain's vertices are moved by no more than this; beyond it the chain is made anew.
-constexpr double kAdjust_m = 0.01;
+// The cut reaches this much further than the car may drive before the next cut.
+constexpr double kSpare_m = 0.01;
 
-// Lines under the belly whose heights differ by less than this carry it together.
+// Lines whose heights differ by less than this carry it together.
 constexpr double kSameHeight_m = 0.0003;
 
 // A wheel whose contact is no higher than this above the smooth ground stands on it.
 constexpr double kOnGround_m = 0.002;
 
-// The belly meets the terrain along this many lines; obstacles narrower than their distance can be missed.
-constexpr int kBellyLines = 9;
+// Lines across the belly, which is met along narrow strips: obstacles narrower than their distance can be missed. A
+// tyre is cut into as many strips as it has lines.
+constexpr int kLines[3] = {3, 3, 9};
+constexpr int kFirstStrip[3] = {0, 3, 6};
+constexpr int kStrips = 15;
 constexpr double kLineWidth_m = 0.001;
 
-// Distance of a line of a belly of that width to the left of the car's middle (m).
-double belly_line_y_m(int line, double width_m) {
-  return (-1 + 2.0 * line / (kBellyLines - 1)) * 0.5 * (width_m - kLineWidth_m);
-}
+// Lateral coordinate of a line on the tyre or belly: the outermost lie on its edges.
+double line_y_m(int outline, int line, double width_m) { return (line / (kLines[outline] - 1.0) - 0.5) * width_m; }
 
-float height_on_line(b2Vec2 a, b2Vec2 b, float x) {
-  return a.x == b.x ? a.y : a.y + (b.y - a.y) * (x - a.x) / (b.x - a.x);
-}
-
-// The ghost vertex beyond an end of a chain, with which Box2D keeps wheels from catching on the end.
-b2Vec2 ghost_vertex(b2Vec2 end, double metres) { return {end.x + to_units(metres), end.y}; }
+// What the ends of an outline continue as.
+b2Vec2 beyond(b2Vec2 end, double metres) { return {end.x + to_units(metres), end.y}; }
 
 }  // namespace
 
@@ -56,8 +48,8 @@ TrackTerrain::TrackTerrain(const Terrain& terrain, const BodySpec& body, const C
       belly_width_m_(constants.belly_width_m),
       belly_drop_m_(constants.belly_clearance_m),
       reach_m_(constants.reach_m),
-      strips_(2 + kBellyLines),
-      pieces_(2 + kBellyLines) {}
+      strips_(kStrips),
+      pieces_(kStrips) {}
 
 bool TrackTerrain::stale(const CutPose& pose) const {
   if (!cut_once_) return true;
@@ -75,26 +67,24 @@ bool TrackTerrain::outside_plan(const CutPose& pose) const {
 }
 
 void TrackTerrain::set_strips(double q) {
-  const double cosine = cos_roll(q);
-  for (int k = 0; k < 2; ++k) {
-    const double middle_m = (k == 0 ? 0.5 : -0.5) * track_m_ * cosine;
-    strips_[k] = {middle_m - 0.5 * tyre_width_m_, middle_m + 0.5 * tyre_width_m_};
-  }
-  // Roll about the contacts moves the belly, belly_drop_m_ above them, sideways.
-  const double shift_m = -belly_drop_m_ * q;
-  for (int line = 0; line < kBellyLines; ++line) {
-    const double middle_m = shift_m + belly_line_y_m(line, belly_width_m_) * cosine;
-    strips_[2 + line] = {middle_m - 0.5 * kLineWidth_m, middle_m + 0.5 * kLineWidth_m};
+  for (int outline = 0; outline < 3; ++outline) {
+    const LateralSpan span = across(outline, q);
+    const double width_m = span.to_m - span.from_m;
+    const double strip_m = outline < 2 ? span.scale * width_m / kLines[outline] : kLineWidth_m;
+    // Strips lie within the width, the outermost at its edges.
+    const double between_m = (span.scale * width_m - strip_m) / (kLines[outline] - 1);
+    for (int line = 0; line < kLines[outline]; ++line) {
+      const double from_m = span.middle_m - 0.5 * span.scale * width_m + between_m * line;
+      strips_[static_cast<std::size_t>(kFirstStrip[outline] + line)] = {from_m, from_m + strip_m};
+    }
   }
 }
 
+// Roll about the contacts moves the belly, belly_drop_m_ above them, sideways.
 LateralSpan TrackTerrain::across(int outline, double q) const {
-  const double cosine = cos_roll(q), tangent = tan_roll(q);
-  if (outline < 2) {
-    const double half_m = 0.5 * tyre_width_m_;
-    return {-half_m, half_m, (outline == 0 ? 0.5 : -0.5) * track_m_ * cosine, 1, 0};
-  }
-  return {-0.5 * belly_width_m_, 0.5 * belly_width_m_, -belly_drop_m_ * q, cosine, cosine * tangent};
+  const double cosine = std::sqrt(1 - q * q), half_m = 0.5 * (outline < 2 ? tyre_width_m_ : belly_width_m_);
+  const double middle_m = outline < 2 ? (outline == 0 ? 0.5 : -0.5) * track_m_ * cosine : -belly_drop_m_ * q;
+  return {-half_m, half_m, middle_m, cosine, q};
 }
 
 // The smooth ground's outlines at pose; their stations are planned anew if the car has left the planned range.
@@ -133,134 +123,73 @@ void TrackTerrain::cut(const CutPose& pose) {
                              " pieces along its wheels and belly, the limit is " +
                              std::to_string(static_cast<long>(kMostPieces)) + ": let fewer blocks overlap");
   }
-  // A point of the belly at y is higher by y·tan(roll), which is the same as terrain lowered by as much.
-  const double tangent = tan_roll(pose.q), cosine = cos_roll(pose.q);
-  belly_pieces_.clear();
-  for (int line = 0; line < kBellyLines; ++line) {
-    const double across_m = belly_line_y_m(line, belly_width_m_);
-    const double lowered_m = across_m * cosine * tangent;
-    for (Piece piece : pieces_[2 + line]) {
+  at_ = pose;
+  cut_once_ = true;
+  for (int outline = 0; outline < 3; ++outline) {
+    cut_outline(outline, span, level);
+    make_edges(outline);
+  }
+}
+
+void TrackTerrain::cut_outline(int outline, const Span& span, bool level) {
+  const double width_m = outline < 2 ? tyre_width_m_ : belly_width_m_;
+  lowered_.clear();
+  for (int line = 0; line < kLines[outline]; ++line) {
+    const double across_m = line_y_m(outline, line, width_m), lowered_m = across_m * at_.q;
+    for (Piece piece : pieces_[static_cast<std::size_t>(kFirstStrip[outline] + line)]) {
       piece.z0_m -= lowered_m;
       piece.z1_m -= lowered_m;
       piece.y_m = across_m;
-      belly_pieces_.push_back(piece);
+      lowered_.push_back(piece);
     }
   }
-  // Level ground, so lowered, is highest under the lower side of the belly.
-  const double low_side_m = std::copysign(0.5 * belly_width_m_, -tangent);
-  const double ground_z_m = -low_side_m * cosine * tangent;
-  const Piece under_wheels{span.s_min_m, span.s_max_m, 0, 0, 0};
-  const bool lies_flat = std::abs(ground_z_m) < kSameHeight_m;
-  const Piece under_belly{span.s_min_m, span.s_max_m, ground_z_m, ground_z_m, lies_flat ? 0 : low_side_m};
-  for (int k = 0; k < 3; ++k) {
-    const std::vector<Piece>& pieces = k < 2 ? pieces_[k] : belly_pieces_;
-    if (level) {
-      upper_envelope(pieces, k < 2 ? under_wheels : under_belly, span, kProfileResolution_m, scratch_, profiles_[k]);
-    } else {
-      raise_to_envelope(pieces, kProfileResolution_m, scratch_, profiles_[k]);
-    }
+  if (!level) return raise_to_envelope(lowered_, kProfileResolution_m, scratch_, profiles_[outline]);
+  // Level ground carries the lower edge, or both.
+  const double low_side_m = std::copysign(0.5 * width_m, -at_.q), ground_z_m = -low_side_m * at_.q;
+  if (ground_z_m < 0.5 * kSameHeight_m) {
+    lowered_.push_back({span.s_min_m, span.s_max_m, -ground_z_m, -ground_z_m, -low_side_m});
   }
-  at_ = pose;
-  cut_once_ = true;
+  upper_envelope(lowered_, {span.s_min_m, span.s_max_m, ground_z_m, ground_z_m, low_side_m}, span, kProfileResolution_m,
+                 scratch_, profiles_[outline]);
 }
 
-void TrackTerrain::apply(Mechanism& car) {
-  for (int k = 0; k < 2; ++k) replace_chain(k, *car.track[k], category::kTrack[k], category::kWheel[k]);
-  replace_chain(2, *car.belly_ground, category::kBellyGround, category::kBelly);
-}
-
-// A chain is solid on its right-hand side; vertices from right to left give normals that point up.
-void TrackTerrain::make_vertices(const b2Body& body, const Profile& profile) {
+// The lines that carry a riser are those of its upper end.
+void TrackTerrain::make_edges(int outline) {
+  const Profile& profile = profiles_[outline];
+  std::vector<OutlineEdge>& edges = edges_[outline];
+  edges.clear();
+  const double per_height = 1 / std::sqrt(1 - at_.q * at_.q);
   constexpr float kClosest = 0.25f * 9 * b2_linearSlop * b2_linearSlop;  // (half the profile's resolution)²
-  const float origin = to_units(at_.s_m) - body.GetPosition().x;
-  vertices_.clear();
-  auto add = [&](double s_m, double z_m) {
-    const b2Vec2 vertex(origin + to_units(s_m), to_units(z_m));
-    if (vertices_.empty() || b2DistanceSquared(vertices_.back(), vertex) > kClosest) vertices_.push_back(vertex);
+  b2Vec2 before = to_units(profile.back().s1_m, profile.back().z1_m * per_height);
+  const ProfileSegment* right = &profile.back();
+  const auto add = [&](double s_m, double z_m, const ProfileSegment& carrier) {
+    const b2Vec2 vertex = to_units(s_m, z_m * per_height);
+    if (b2DistanceSquared(before, vertex) <= kClosest) return;
+    edges.push_back({{}, carrier.y_min_m, carrier.y_max_m});
+    edges.back().shape.m_vertex1 = before;
+    edges.back().shape.m_vertex2 = vertex;
+    before = vertex;
   };
   for (auto segment = profile.rbegin(); segment != profile.rend(); ++segment) {
-    add(segment->s1_m, segment->z1_m);
-    add(segment->s0_m, segment->z0_m);
+    add(segment->s1_m, segment->z1_m, segment->z1_m > right->z0_m ? *segment : *right);
+    add(segment->s0_m, segment->z0_m, *segment);
+    right = &*segment;
   }
-}
-
-// Whether a chain reaches as far as the car may drive before the next cut.
-bool TrackTerrain::reaches(const std::vector<b2Vec2>& chain) const {
-  const float spare = to_units(kSpare_m);
-  return chain.front().x >= vertices_.front().x - spare && chain.back().x <= vertices_.back().x + spare;
-}
-
-// Whether all vertices of chain lie within tolerance_m of the new outline: inner ones of their new positions, ends of
-// the new end segments' lines. Such a chain is kept or moved, since a new one costs more than the cut, and its contacts
-// lose the impulses of the last step (warm starting).
-bool TrackTerrain::fits(const std::vector<b2Vec2>& chain, double tolerance_m) const {
-  if (chain.size() != vertices_.size() || !reaches(chain)) return false;
-  const float tolerance = to_units(tolerance_m), closest = to_units(kProfileResolution_m);
-  const std::size_t last = chain.size() - 1;
-  if (chain[0].x < vertices_[1].x + closest || chain[last].x > vertices_[last - 1].x - closest) return false;
-  for (std::size_t i = 1; i < last; ++i) {
-    if (std::abs(chain[i].x - vertices_[i].x) > tolerance) return false;
-    if (std::abs(chain[i].y - vertices_[i].y) > tolerance) return false;
+  for (std::size_t i = 0; i < edges.size(); ++i) {
+    b2EdgeShape& shape = edges[i].shape;
+    shape.m_oneSided = true;
+    shape.m_vertex0 = i > 0 ? edges[i - 1].shape.m_vertex1 : beyond(shape.m_vertex1, 1);
+    shape.m_vertex3 = i + 1 < edges.size() ? edges[i + 1].shape.m_vertex2 : beyond(shape.m_vertex2, -1);
   }
-  return std::abs(height_on_line(vertices_[0], vertices_[1], chain[0].x) - chain[0].y) <= tolerance &&
-         std::abs(height_on_line(vertices_[last], vertices_[last - 1], chain[last].x) - chain[last].y) <= tolerance;
-}
-
-// Moves the vertices of the chain at a tenth of the cost of a new one; its contacts keep their impulses. The ends keep
-// their positions along the plane.
-void TrackTerrain::adjust(int outline, b2Body& body) {
-  const std::vector<b2Vec2>& chain = chains_[outline];
-  const std::size_t last = chain.size() - 1;
-  vertices_[0] = {chain[0].x, height_on_line(vertices_[0], vertices_[1], chain[0].x)};
-  vertices_[last] = {chain[last].x, height_on_line(vertices_[last], vertices_[last - 1], chain[last].x)};
-  auto& shape = *static_cast<b2ChainShape*>(fixtures_[outline]->GetShape());
-  std::copy(vertices_.begin(), vertices_.end(), shape.m_vertices);
-  shape.m_prevVertex = ghost_vertex(vertices_.front(), 1);
-  shape.m_nextVertex = ghost_vertex(vertices_.back(), -1);
-  // SetTransform makes Box2D update the bounding boxes of the body's fixtures.
-  body.SetTransform(body.GetPosition(), body.GetAngle());
-  chains_[outline] = vertices_;
-}
-
-void TrackTerrain::replace_chain(int outline, b2Body& body, std::uint16_t category, std::uint16_t meets) {
-  make_vertices(body, profiles_[outline]);
-  // The track has gone so far from the car that single precision no longer tells the vertices apart.
-  if (vertices_.size() < 2) throw std::runtime_error("the simulation left the finite numbers");
-  if (fits(chains_[outline], kChainTolerance_m)) return;
-  if (fits(chains_[outline], kAdjust_m)) return adjust(outline, body);
-  chains_[outline] = vertices_;
-  b2ChainShape chain;
-  chain.CreateChain(vertices_.data(), static_cast<int32>(vertices_.size()), ghost_vertex(vertices_.front(), 1),
-                    ghost_vertex(vertices_.back(), -1));
-  b2FixtureDef definition;
-  definition.shape = &chain;
-  definition.density = 0;
-  definition.friction = 1;
-  definition.filter.categoryBits = category;
-  definition.filter.maskBits = meets;
-  // Box2D recomputes the body's mass from its fixtures' densities, which are 0; the mass is therefore set back.
-  b2MassData mass;
-  body.GetMassData(&mass);
-  if (fixtures_[outline] != nullptr) body.DestroyFixture(fixtures_[outline]);
-  fixtures_[outline] = body.CreateFixture(&definition);
-  if (body.GetType() == b2_dynamicBody) body.SetMassData(&mass);
 }
 
 double TrackTerrain::side_slope(int k, double s_m, double z_m) const {
   if (terrain_.ground() == nullptr) return 0;
-  const GroundOutline::Ends edges = grounds_[k].ends(s_m);
+  const GroundOutline::Ends edges = grounds_[k].ends(at_.s_m + s_m);
   if (z_m > std::max(edges.from_z_m, edges.to_z_m) + kOnGround_m) return 0;
-  return (edges.to_z_m - edges.from_z_m) / tyre_width_m_;
-}
-
-double TrackTerrain::belly_contact_y_m(double s_m) const {
-  const double relative_m = s_m - at_.s_m;
-  const ProfileSegment* best = nullptr;
-  for (const ProfileSegment& segment : profiles_[2]) {
-    if (relative_m < segment.s0_m - kProfileResolution_m || relative_m > segment.s1_m + kProfileResolution_m) continue;
-    if (best == nullptr || std::max(segment.z0_m, segment.z1_m) > std::max(best->z0_m, best->z1_m)) best = &segment;
-  }
-  return best == nullptr ? 0 : 0.5 * (best->y_min_m + best->y_max_m);
+  // The lines' heights are lowered by their share of the tilt; they stand closer together in a car that leans.
+  const LateralSpan span = across(k, at_.q);
+  return ((edges.to_z_m - edges.from_z_m) / tyre_width_m_ + span.tilt) / span.scale;
 }
 
 }  // namespace foldcar

@@ -1,27 +1,39 @@
-// The terrain of the plane: the outlines under the left wheels, the right wheels and the belly, cut anew from the
-// scene's terrain as the car turns, rolls and drives.
+// The ground in the plane: the outlines under the left wheels, the right wheels and the belly, cut anew from the scene's
+// terrain as the car turns, rolls and drives.
+//
+// An outline is the highest of several lines across a tyre or the belly. A leaning car's lines differ in height: that at
+// y to the left of the tyre's or the belly's middle is higher by y sin(roll), which is taken off the ground below it.
 #pragma once
 
+#include <box2d/box2d.h>
+
 #include <array>
-#include <cstdint>
 #include <vector>
 
+#include "body_spec.h"
+#include "car_constants.h"
 #include "ground_outline.h"
-#include "mechanism.h"
 #include "profile.h"
 #include "terrain.h"
 
 namespace foldcar {
 
-// Pose of the car for which the terrain is cut: frame in the world, s_m the position of its centre of mass in the
-// plane, q the sine of roll.
+// Pose of the car for which the terrain is cut: frame in the world, at the height of the contacts, s_m the position of
+// its centre of mass in the plane, q the sine of roll.
 struct CutPose {
   SliceFrame frame;
   double s_m = 0;
   double q = 0;
 };
 
-// Holds the outlines of the last cut and the chain fixtures made of them.
+// An edge of an outline in Box2D's units, from right to left, solid below; heights are divided by cos(roll). The lines
+// between y_min_m and y_max_m (to the left of the middle) carry there.
+struct OutlineEdge {
+  b2EdgeShape shape;
+  double y_min_m, y_max_m;
+};
+
+// Holds the outlines of the last cut.
 class TrackTerrain {
  public:
   // terrain must outlive it.
@@ -29,19 +41,19 @@ class TrackTerrain {
 
   // True if the car has moved so far since the last cut that the outlines no longer fit.
   bool stale(const CutPose& pose) const;
-  // Cuts all three outlines at pose; s of the result is relative to the car. Does not touch Box2D.
+  // Cuts all three outlines at pose; s of the result is relative to the car.
   void cut(const CutPose& pose);
-  // Replaces those fixtures of mechanism that no longer fit the outlines of the last cut.
-  void apply(Mechanism& mechanism);
+  const CutPose& at() const { return at_; }  // the last cut's
 
   // Outline under the wheels of side k, and under the belly, of the last cut.
   const Profile& wheels(int k) const { return profiles_[k]; }
   const Profile& belly() const { return profiles_[2]; }
-  // Slope (rise over run, positive up to the left) of the smooth ground across the tyre of side k at s_m of the plane;
-  // 0 without smooth ground, and for a contact at a height z_m above it, where the wheel stands on a block.
+  // Edges of outline 0 (left), 1 (right) or 2 (belly), and its lines across.
+  const std::vector<OutlineEdge>& edges(int outline) const { return edges_[outline]; }
+  LateralSpan across(int outline) const { return across(outline, at_.q); }
+  // Slope (rise over run, positive up to the left) of the smooth ground across the tyre of side k at s_m from the last
+  // cut; 0 without smooth ground, and for a contact at a height z_m above it, where the wheel stands on a block.
   double side_slope(int k, double s_m, double z_m) const;
-  // Distance to the left of the car's middle (m) at which the belly touches at s_m of the plane.
-  double belly_contact_y_m(double s_m) const;
 
  private:
   void set_strips(double q);
@@ -50,11 +62,8 @@ class TrackTerrain {
   // Whether the car at pose reaches beyond the stations planned on the smooth ground.
   bool outside_plan(const CutPose& pose) const;
   void cut_ground(const CutPose& pose, const Span& span);
-  void make_vertices(const b2Body& body, const Profile& profile);
-  bool reaches(const std::vector<b2Vec2>& chain) const;
-  bool fits(const std::vector<b2Vec2>& chain, double tolerance_m) const;
-  void adjust(int outline, b2Body& body);
-  void replace_chain(int outline, b2Body& body, std::uint16_t category, std::uint16_t meets);
+  void cut_outline(int outline, const Span& span, bool level);
+  void make_edges(int outline);
 
   const Terrain& terrain_;
   double track_m_, tyre_width_m_, belly_width_m_, belly_drop_m_, reach_m_;
@@ -62,15 +71,13 @@ class TrackTerrain {
   CutPose at_;
   std::vector<Strip> strips_;
   std::vector<std::vector<Piece>> pieces_;
-  std::vector<Piece> belly_pieces_;
+  std::vector<Piece> lowered_;
   EnvelopeScratch scratch_;
   std::array<GroundOutline, 3> grounds_;  // used if the terrain has a ground
   CutPose planned_at_;
   Span planned_m_{1, -1};  // of the plane; none at first
   std::array<Profile, 3> profiles_;
-  std::vector<b2Vec2> vertices_;               // of the outline being applied, right to left, in its body's frame
-  std::array<std::vector<b2Vec2>, 3> chains_;  // what the fixtures are made of
-  std::array<b2Fixture*, 3> fixtures_{};
+  std::array<std::vector<OutlineEdge>, 3> edges_;
 };
 
 }  // namespace foldcar

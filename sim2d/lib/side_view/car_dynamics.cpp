@@ -1,0 +1,231 @@
+#include "car_dynamics.h"
+
+#include <cmath>
+
+namespace foldcar {
+namespace {
+
+// Change of a hinge's angle over which the mass matrix is differentiated.
+constexpr double kDifference_rad = 1e-5;
+
+// Inverse of a symmetric positive definite matrix, by Gauss-Jordan elimination.
+void invert(std::vector<double>& a, std::size_t n) {
+  for (std::size_t k = 0; k < n; ++k) {
+    const double pivot = 1 / a[k * n + k];
+    a[k * n + k] = 1;
+    for (std::size_t j = 0; j < n; ++j) a[k * n + j] *= pivot;
+    for (std::size_t i = 0; i < n; ++i) {
+      if (i == k) continue;
+      const double factor = a[i * n + k];
+      a[i * n + k] = 0;
+      for (std::size_t j = 0; j < n; ++j) a[i * n + j] -= factor * a[k * n + j];
+    }
+  }
+}
+
+void multiply(const std::vector<double>& matrix, const double* vector, std::size_t n, double* product) {
+  for (std::size_t i = 0; i < n; ++i) {
+    double sum = 0;
+    for (std::size_t j = 0; j < n; ++j) sum += matrix[i * n + j] * vector[j];
+    product[i] = sum;
+  }
+}
+
+}  // namespace
+
+CarDynamics::CarDynamics(const BodySpec& body, double step_s)
+    : hinge_rad(body.hinges.size()),
+      wheel_rad(body.wheels.size()),
+      velocity(6 + body.hinges.size() + body.wheels.size()),
+      body_(body),
+      step_s_(step_s),
+      hinges_(body.hinges.size()),
+      wheels_(body.wheels.size()),
+      size_(6 + hinges_ + wheels_),
+      frames_(body.segments.size()),
+      hinge_at_(hinges_),
+      axle_(wheels_),
+      damping_(wheels_),
+      force_(size_),
+      momentum_(size_) {
+  place_segments();
+  fill_mass(mass_);
+  update_inverses();
+}
+
+Vec3 CarDynamics::place(std::size_t segment, const Vec3& point_m) const {
+  const Frame& frame = frames_[segment];
+  return {frame.x_m + frame.cosine * point_m.x + frame.sine * point_m.z, point_m.y,
+          frame.z_m - frame.sine * point_m.x + frame.cosine * point_m.z};
+}
+
+void CarDynamics::place_segments() {
+  for (std::size_t i = 0; i < hinges_; ++i) {
+    const HingeSpec& hinge = body_.hinges[i];
+    hinge_at_[i] = place(i, {hinge.x_m, 0, hinge.z_m});
+    Frame& next = frames_[i + 1];
+    next.angle_rad = frames_[i].angle_rad + hinge_rad[i];
+    next.cosine = std::cos(next.angle_rad);
+    next.sine = std::sin(next.angle_rad);
+    next.x_m = hinge_at_[i].x - next.cosine * hinge.x_m - next.sine * hinge.z_m;
+    next.z_m = hinge_at_[i].z + next.sine * hinge.x_m - next.cosine * hinge.z_m;
+  }
+  for (std::size_t i = 0; i < wheels_; ++i) {
+    const WheelSpec& wheel = body_.wheels[i];
+    axle_[i] = place(static_cast<std::size_t>(wheel.segment),
+                     {wheel.x_m, (wheel.side == CarSide::kLeft ? 0.5 : -0.5) * body_.track_m, 0});
+  }
+}
+
+void CarDynamics::jacobian(const Vec3& point_m, const Vec3& direction, std::size_t segment, int wheel,
+                           double* row) const {
+  const Vec3 moment = cross(point_m, direction);
+  const double root[6] = {direction.x, direction.y, direction.z, moment.x, moment.y, moment.z};
+  for (std::size_t i = 0; i < size_; ++i) row[i] = i < 6 ? root[i] : 0;
+  const auto about = [&](const Vec3& axis) {
+    return (point_m.z - axis.z) * direction.x - (point_m.x - axis.x) * direction.z;
+  };
+  for (std::size_t i = 0; i < segment; ++i) row[6 + i] = about(hinge_at_[i]);
+  if (wheel >= 0) row[6 + hinges_ + static_cast<std::size_t>(wheel)] = about(axle_[static_cast<std::size_t>(wheel)]);
+}
+
+// inertia_kg_m2 holds the principal moments about the segment's forward, left and up axes.
+void CarDynamics::add_part(double mass_kg, const Vec3& at_m, const Vec3& inertia_kg_m2, std::size_t segment, int wheel,
+                           std::vector<double>& mass) const {
+  std::vector<double> row(size_);
+  const auto add = [&](double factor) {
+    for (std::size_t i = 0; i < size_; ++i) {
+      for (std::size_t j = 0; j < size_; ++j) mass[i * size_ + j] += factor * row[i] * row[j];
+    }
+  };
+  for (const Vec3& axis : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}}) {
+    jacobian(at_m, axis, segment, -1, row.data());
+    add(mass_kg);
+  }
+  const Frame& frame = frames_[segment];
+  const auto turning = [&](const Vec3& axis, double moment) {
+    row.assign(size_, 0);
+    row[3] = axis.x;
+    row[4] = axis.y;
+    row[5] = axis.z;
+    if (axis.y != 0) {
+      for (std::size_t i = 0; i < segment; ++i) row[6 + i] = 1;
+      if (wheel >= 0) row[6 + hinges_ + static_cast<std::size_t>(wheel)] = 1;
+    }
+    add(moment);
+  };
+  turning({frame.cosine, 0, -frame.sine}, inertia_kg_m2.x);
+  turning({0, 1, 0}, inertia_kg_m2.y);
+  turning({frame.sine, 0, frame.cosine}, inertia_kg_m2.z);
+}
+
+// A wheel is a uniform disc. The rotor is geared to it: its inertia at the shaft resists the wheel's rate relative to the
+// segment, and its reaction stays in the gearbox.
+void CarDynamics::fill_mass(std::vector<double>& mass) const {
+  mass.assign(size_ * size_, 0);
+  for (std::size_t j = 0; j < frames_.size(); ++j) {
+    const SegmentSpec& part = body_.segments[j];
+    add_part(part.mass_kg, place(j, {part.com_x_m, part.com_y_m, part.com_z_m}),
+             {part.roll_inertia_kg_m2, part.pitch_inertia_kg_m2, part.yaw_inertia_kg_m2}, j, -1, mass);
+  }
+  for (std::size_t i = 0; i < wheels_; ++i) {
+    const WheelSpec& wheel = body_.wheels[i];
+    const double spin = 0.5 * wheel.mass_kg * wheel.radius_m * wheel.radius_m;
+    const double across = 0.5 * spin + wheel.mass_kg * wheel.width_m * wheel.width_m / 12;
+    add_part(wheel.mass_kg, axle_[i], {across, spin, across}, static_cast<std::size_t>(wheel.segment),
+             static_cast<int>(i), mass);
+    const std::size_t k = 6 + hinges_ + i;
+    mass[k * size_ + k] += wheel.servo.rotor_inertia_kg_m2;
+  }
+}
+
+void CarDynamics::update_inverses() {
+  inverse_ = implicit_inverse_ = mass_;
+  invert(inverse_, size_);
+  for (std::size_t i = 0; i < hinges_; ++i) {
+    const HingeSpec& hinge = body_.hinges[i];
+    implicit_inverse_[(6 + i) * (size_ + 1)] +=
+        step_s_ * (hinge.damping_n_m_s_rad + step_s_ * hinge.stiffness_n_m_rad);
+  }
+  for (std::size_t i = 0; i < wheels_; ++i) implicit_inverse_[(6 + hinges_ + i) * (size_ + 1)] += step_s_ * damping_[i];
+  invert(implicit_inverse_, size_);
+}
+
+void CarDynamics::accelerate(const std::vector<double>& torque_n_m, const std::vector<double>& wheel_damping) {
+  if (wheel_damping != damping_) {
+    damping_ = wheel_damping;
+    update_inverses();
+  }
+  // The velocities' part of M that belongs to a translation gives what gravity does.
+  const Vec3 gravity = turn.to_body({0, 0, -kGravity_m_s2});
+  for (std::size_t i = 0; i < size_; ++i) {
+    force_[i] = mass_[i * size_] * gravity.x + mass_[i * size_ + 1] * gravity.y + mass_[i * size_ + 2] * gravity.z;
+  }
+  for (std::size_t i = 0; i < hinges_; ++i) {
+    const HingeSpec& hinge = body_.hinges[i];
+    const double rate = velocity[6 + i];
+    force_[6 + i] -= hinge.stiffness_n_m_rad * (hinge_rad[i] + step_s_ * rate) + hinge.damping_n_m_s_rad * rate;
+  }
+  for (std::size_t i = 0; i < wheels_; ++i) force_[6 + hinges_ + i] += torque_n_m[i];
+  respond(force_.data(), momentum_.data());
+  for (std::size_t i = 0; i < size_; ++i) velocity[i] += step_s_ * momentum_[i];
+}
+
+void CarDynamics::respond(const double* row, double* response) const {
+  multiply(implicit_inverse_, row, size_, response);
+}
+
+void CarDynamics::move(const std::vector<double>& u) {
+  multiply(mass_, velocity.data(), size_, momentum_.data());
+  const Vec3 shift = step_s_ * Vec3{u[0], u[1], u[2]};
+  const Rotation rotation = rotation_by(step_s_ * Vec3{u[3], u[4], u[5]});
+  position_m = position_m + turn.to_world(shift);
+  turn = turn * rotation;
+  for (std::size_t i = 0; i < wheels_; ++i) wheel_rad[i] += step_s_ * u[6 + hinges_ + i];
+  const Vec3 linear{momentum_[0], momentum_[1], momentum_[2]}, angular{momentum_[3], momentum_[4], momentum_[5]};
+  const Vec3 p = rotation.to_body(linear), l = rotation.to_body(angular - cross(shift, linear));
+  const double carried[6] = {p.x, p.y, p.z, l.x, l.y, l.z};
+  for (std::size_t i = 0; i < 6; ++i) momentum_[i] = carried[i];
+  // Lagrange's equation of a hinge: its momentum changes by the derivative of the kinetic energy by its angle.
+  for (std::size_t i = 0; i < hinges_; ++i) {
+    const auto energy = [&](double angle_rad) {
+      hinge_rad[i] += angle_rad;
+      place_segments();
+      fill_mass(mass_);
+      hinge_rad[i] -= angle_rad;
+      multiply(mass_, velocity.data(), size_, force_.data());
+      double sum = 0;
+      for (std::size_t j = 0; j < size_; ++j) sum += 0.5 * velocity[j] * force_[j];
+      return sum;
+    };
+    momentum_[6 + i] += step_s_ * (energy(kDifference_rad) - energy(-kDifference_rad)) / (2 * kDifference_rad);
+  }
+  if (hinges_ > 0) {
+    for (std::size_t i = 0; i < hinges_; ++i) hinge_rad[i] += step_s_ * u[6 + i];
+    place_segments();
+    fill_mass(mass_);
+    update_inverses();
+  }
+  multiply(inverse_, momentum_.data(), size_, velocity.data());
+}
+
+double CarDynamics::mechanical_energy_j() const {
+  double energy_j = 0;
+  for (std::size_t i = 0; i < size_; ++i) {
+    for (std::size_t j = 0; j < size_; ++j) energy_j += 0.5 * velocity[i] * mass_[i * size_ + j] * velocity[j];
+  }
+  const auto height_m = [&](const Vec3& at_m) { return position_m.z + turn.to_world(at_m).z; };
+  for (std::size_t j = 0; j < frames_.size(); ++j) {
+    const SegmentSpec& part = body_.segments[j];
+    energy_j += part.mass_kg * kGravity_m_s2 * height_m(place(j, {part.com_x_m, part.com_y_m, part.com_z_m}));
+  }
+  for (std::size_t i = 0; i < wheels_; ++i) {
+    energy_j += body_.wheels[i].mass_kg * kGravity_m_s2 * height_m(axle_[i]);
+  }
+  for (std::size_t i = 0; i < hinges_; ++i) {
+    energy_j += 0.5 * body_.hinges[i].stiffness_n_m_rad * hinge_rad[i] * hinge_rad[i];
+  }
+  return energy_j;
+}
+
+}  // namespace foldcar

@@ -1,0 +1,70 @@
+// The car's equations of motion: rigid segments in a chain of pitch hinges, with wheels that spin about their axles.
+//
+// Generalised velocities u: velocity v (m/s) of the car's origin in the first segment and angular velocity ω (rad/s),
+// both in that segment's axes; the hinges' rates; the wheels' rates relative to their segments, positive forwards.
+// The kinetic energy is ½ uᵀ M u. M depends on the hinges' angles only: without hinges it is constant.
+// Input: forces and impulses. Output: pose, velocities, Jacobians of points. SI units; axes forward, left, up.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "body_spec.h"
+#include "vec3.h"
+
+namespace foldcar {
+
+class CarDynamics {
+ public:
+  // At the world's origin, at rest; body must outlive it.
+  CarDynamics(const BodySpec& body, double step_s);
+
+  std::size_t size() const { return size_; }
+
+  // Pose of the first segment; the hinges' angles, positive as HingeSpec says, and the wheels' (rad).
+  Vec3 position_m;
+  Rotation turn;
+  std::vector<double> hinge_rad, wheel_rad;
+  std::vector<double> velocity;  // u
+
+  // A point of a segment, given as the car's drawing has it, in the first segment's axes.
+  Vec3 place(std::size_t segment, const Vec3& point_m) const;
+  Vec3 axle(std::size_t wheel) const { return axle_[wheel]; }
+  // A segment's pitch against the first one: a turn about the left axis.
+  double fold_rad(std::size_t segment) const { return frames_[segment].angle_rad; }
+
+  // Adds the velocity that gravity, flexures and these wheel torques (N·m) give in one step. A torque falls by
+  // wheel_damping (N·m·s) with the wheel's rate, which like the flexures' force is taken at the end of the step.
+  void accelerate(const std::vector<double>& torque_n_m, const std::vector<double>& wheel_damping);
+  // Row of the Jacobian: velocity along a direction of a point (both in the first segment's axes) of a segment, and of
+  // one of its wheels unless wheel is negative.
+  void jacobian(const Vec3& point_m, const Vec3& direction, std::size_t segment, int wheel, double* row) const;
+  // response = (M + implicit terms)^-1 row, the velocity that a unit impulse along the row gives.
+  void respond(const double* row, double* response) const;
+  // Moves by one step of these velocities, then carries `velocity` over to the new axes: momentum is conserved.
+  void move(const std::vector<double>& u);
+
+  double mechanical_energy_j() const;
+
+ private:
+  // A segment's axes in those of the first: turned about the left axis, its drawing's origin at x, z.
+  struct Frame {
+    double angle_rad = 0, cosine = 1, sine = 0, x_m = 0, z_m = 0;
+  };
+  void place_segments();
+  void fill_mass(std::vector<double>& mass) const;
+  void add_part(double mass_kg, const Vec3& at_m, const Vec3& inertia_kg_m2, std::size_t segment, int wheel,
+                std::vector<double>& mass) const;
+  void update_inverses();
+
+  const BodySpec& body_;
+  const double step_s_;
+  const std::size_t hinges_, wheels_, size_;
+  std::vector<Frame> frames_;
+  std::vector<Vec3> hinge_at_, axle_;
+  std::vector<double> mass_, inverse_, implicit_inverse_;  // size × size
+  std::vector<double> damping_;                            // of the wheels, as in implicit_inverse_
+  std::vector<double> force_, momentum_;
+};
+
+}  // namespace foldcar

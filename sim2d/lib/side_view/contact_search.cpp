@@ -1,0 +1,181 @@
+#include "contact_search.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "plane.h"
+
+namespace foldcar {
+namespace {
+
+// A tyre this deep in ground that part of its width meets did not roll there, which takes it less than that in a step: it
+// slid sideways into a wall.
+constexpr double kWallDepth_m = 0.004;
+
+// The plane of an outline, through the frame of its cut. Heights are divided by the cosine of the roll for which it was
+// cut: there a leaning wheel is a circle.
+struct CutPlane {
+  Vec3 forward, left, origin;
+  double cosine, sine;  // of roll
+  explicit CutPlane(const CutPose& cut) : cosine(std::sqrt(1 - cut.q * cut.q)), sine(cut.q) {
+    const double c = std::cos(cut.frame.heading_rad), s = std::sin(cut.frame.heading_rad);
+    forward = {c, s, 0};
+    left = {-s, c, 0};
+    origin = {cut.frame.x_m, cut.frame.y_m, 0};
+  }
+  b2Vec2 to_plane(const Vec3& world_m) const {
+    return to_units(dot(world_m - origin, forward), world_m.z / cosine);
+  }
+  // A point of the outline, which is lowered by across_m times sine, on the line at across_m.
+  Vec3 to_world(b2Vec2 point, double across_m, const LateralSpan& span) const {
+    Vec3 world = origin + to_metres(point.x) * forward + (span.middle_m + span.scale * across_m) * left;
+    world.z = to_metres(point.y) * cosine + across_m * sine;
+    return world;
+  }
+  // The ground's normal where the outline has that one and rises to the left by side_slope.
+  Vec3 normal(b2Vec2 in_plane, double side_slope) const {
+    return unit(static_cast<double>(in_plane.x) * cosine * forward +
+                static_cast<double>(in_plane.y) * (Vec3{0, 0, 1} - side_slope * left));
+  }
+};
+
+// Adds the contacts at a point of an edge: one on each of the outermost lines across the part that carry there.
+// facing(across_m, ground_m) is the part's point on such a line that faces that point of the ground.
+template <typename Facing>
+void add_contacts(const CutPlane& plane, const LateralSpan& span, const OutlineEdge& edge, b2Vec2 point,
+                  const Vec3& normal, double margin_m, const Facing& facing, Contact contact,
+                  std::vector<Contact>& contacts) {
+  contact.normal = normal;
+  contact.along = unit(cross(plane.left, normal));
+  for (const double across_m : {edge.y_min_m, edge.y_max_m}) {
+    const Vec3 ground_m = plane.to_world(point, across_m, span);
+    contact.point_m = facing(across_m, ground_m);
+    contact.across_m = across_m;
+    contact.gap_m = dot(normal, contact.point_m - ground_m);
+    if (contact.gap_m < margin_m) contacts.push_back(contact);
+    if (edge.y_min_m == edge.y_max_m) return;
+  }
+}
+
+}  // namespace
+
+void ContactSearch::find(const CarDynamics& car, const TrackTerrain& ground, double margin_m,
+                         std::vector<Contact>& contacts) const {
+  contacts.clear();
+  for (std::size_t i = 0; i < body_.wheels.size(); ++i) find_tyre(i, car, ground, margin_m, contacts);
+  for (std::size_t j = 0; j < body_.segments.size(); ++j) find_belly(j, car, ground, margin_m, contacts);
+}
+
+void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const TrackTerrain& ground, double margin_m,
+                              std::vector<Contact>& contacts) const {
+  const WheelSpec& spec = body_.wheels[wheel];
+  const CutPlane plane(ground.at());
+  const int outline = static_cast<int>(spec.side);
+  const LateralSpan span = ground.across(outline);
+  // The tyre's centre turns about the axle, forward through down.
+  const double phase_rad = car.wheel_rad[wheel] + car.fold_rad(static_cast<std::size_t>(spec.segment)) -
+                           spec.eccentricity_phase_rad;
+  const Vec3 off{spec.eccentricity_m * std::cos(phase_rad), 0, -spec.eccentricity_m * std::sin(phase_rad)};
+  const Vec3 centre = car.position_m + car.turn.to_world(car.axle(wheel) + off);
+  const Vec3& axis = car.turn.left;
+  const b2Transform still(b2Vec2_zero, b2Rot(0));
+  b2CircleShape circle;
+  circle.m_p = plane.to_plane(centre);
+  circle.m_radius = to_units(spec.radius_m + margin_m);
+  Contact contact;
+  contact.segment = static_cast<std::size_t>(spec.segment);
+  contact.wheel = static_cast<int>(wheel);
+  const float reach = circle.m_radius + b2_polygonRadius;
+  for (const OutlineEdge& edge : ground.edges(outline)) {
+    // Edges run from right to left.
+    if (edge.shape.m_vertex1.x < circle.m_p.x - reach || edge.shape.m_vertex2.x > circle.m_p.x + reach) continue;
+    b2Manifold manifold;
+    manifold.pointCount = 0;
+    b2CollideEdgeAndCircle(&manifold, &edge.shape, still, &circle, still);
+    if (manifold.pointCount == 0) continue;
+    b2Vec2 point = manifold.localPoint, normal = manifold.localNormal;
+    if (manifold.type == b2Manifold::e_circles) {
+      // Both edges of a vertex report it: the one that begins there counts.
+      if (manifold.points[0].id.cf.indexA == 1) continue;
+      normal = circle.m_p - point;
+      normal.Normalize();
+    } else {
+      point = circle.m_p - b2Dot(circle.m_p - edge.shape.m_vertex1, normal) * normal;
+    }
+    const double side_slope = ground.side_slope(outline, to_metres(point.x), to_metres(point.y) * plane.cosine);
+    const Vec3 ground_normal = plane.normal(normal, side_slope);
+    const Vec3 down = unit(dot(ground_normal, axis) * axis - ground_normal);
+    const auto facing = [&](double across_m, const Vec3&) {
+      return centre + across_m * axis + spec.radius_m * down;
+    };
+    const std::size_t first = contacts.size();
+    add_contacts(plane, span, edge, point, ground_normal, margin_m, facing, contact, contacts);
+    const double side = edge.y_min_m + edge.y_max_m;
+    for (std::size_t i = first; i < contacts.size() && side != 0; ++i) {
+      if (contacts[i].gap_m > -kWallDepth_m) continue;
+      contacts[i].normal = (side < 0 ? 1.0 : -1.0) * plane.left;
+      contacts[i].along = plane.forward;
+      contacts[i].gap_m = 0;
+    }
+  }
+}
+
+void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, const TrackTerrain& ground, double margin_m,
+                               std::vector<Contact>& contacts) const {
+  const SegmentSpec& spec = body_.segments[segment];
+  const CutPlane plane(ground.at());
+  const double half_length_m = 0.5 * spec.length_m, half_height_m = 0.5 * spec.height_m;
+  const Vec3 middle = car.position_m + car.turn.to_world(car.place(segment, {spec.x_m, 0, spec.center_z_m}));
+  const double fold_rad = car.fold_rad(segment);
+  const Vec3 forward = std::cos(fold_rad) * car.turn.forward - std::sin(fold_rad) * car.turn.up;
+  const Vec3 up = cross(forward, car.turn.left);
+  const b2Vec2 at = plane.to_plane(middle);
+  const float reach_x = to_units(std::hypot(half_length_m, half_height_m) + margin_m);
+  const float lowest_z =
+      to_units((middle.z - half_height_m * std::abs(up.z) - half_length_m * std::abs(forward.z)) / plane.cosine -
+               2 * margin_m);
+  b2PolygonShape box;
+  bool made = false;
+  // In the box's own coordinates, in Box2D's units.
+  const auto on_box = [&](b2Vec2 local, double across_m) {
+    return middle + to_metres(local.x) * forward + across_m * car.turn.left + to_metres(local.y) * up;
+  };
+  const b2Transform still(b2Vec2_zero, b2Rot(0));
+  const b2Transform placed(
+      at, b2Rot(static_cast<float>(std::atan2(forward.z / plane.cosine, dot(forward, plane.forward)))));
+  Contact contact;
+  contact.segment = segment;
+  for (const OutlineEdge& edge : ground.edges(2)) {
+    if (std::max(edge.shape.m_vertex1.y, edge.shape.m_vertex2.y) < lowest_z ||
+        edge.shape.m_vertex1.x < at.x - reach_x || edge.shape.m_vertex2.x > at.x + reach_x) {
+      continue;
+    }
+    if (!made) {
+      box.SetAsBox(to_units(half_length_m), to_units(half_height_m));
+      box.m_radius = to_units(margin_m);
+      made = true;
+    }
+    b2Manifold manifold;
+    manifold.pointCount = 0;
+    b2CollideEdgeAndPolygon(&manifold, &edge.shape, still, &box, placed);
+    for (int i = 0; i < manifold.pointCount; ++i) {
+      const b2Vec2 local = manifold.points[i].localPoint;
+      if (manifold.type == b2Manifold::e_faceA) {
+        const b2Vec2 corner = b2Mul(placed, local), out = manifold.localNormal;
+        const auto facing = [&](double across_m, const Vec3&) { return on_box(local, across_m); };
+        add_contacts(plane, ground.across(2), edge, corner - b2Dot(corner - edge.shape.m_vertex1, out) * out,
+                     plane.normal(out, 0), margin_m, facing, contact, contacts);
+      } else {
+        // A face of the belly meets a vertex of the outline.
+        const b2Vec2 out = manifold.localNormal;
+        const Vec3 normal = -static_cast<double>(out.x) * forward - static_cast<double>(out.y) * up;
+        const auto facing = [&](double across_m, const Vec3& ground_m) {
+          return ground_m + dot(normal, on_box(manifold.localPoint, across_m) - ground_m) * normal;
+        };
+        add_contacts(plane, ground.across(2), edge, local, normal, margin_m, facing, contact, contacts);
+      }
+    }
+  }
+}
+
+}  // namespace foldcar

@@ -1,0 +1,117 @@
+#include "contact_solver.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace foldcar {
+namespace {
+
+// Share of a penetration that is closed in a step, and the speed at which it is at most.
+constexpr double kClosedShare = 0.2;
+constexpr double kClosingSpeed_m_s = 0.5;
+// Compliance of a contact as a share of its inverse mass: contacts of a statically indeterminate car share loads as
+// tyres of equal stiffness do.
+constexpr double kCompliance = 0.02;
+// Iterations without the closing of penetrations, as a share of those with it.
+constexpr int kRelaxedShare = 3;
+
+}  // namespace
+
+ContactSolver::ContactSolver(const BodySpec& body, double step_s, int iterations)
+    : body_(body), step_s_(step_s), iterations_(iterations), limit_impulse_(2 * body.hinges.size()) {}
+
+void ContactSolver::add_row(const CarDynamics& car, double impulse, double gap_m) {
+  const std::size_t at = rows_.size() * size_;
+  response_.resize(at + size_);
+  car.respond(&jacobian_[at], &response_[at]);
+  double inverse_mass = 0;
+  for (std::size_t i = 0; i < size_; ++i) inverse_mass += jacobian_[at + i] * response_[at + i];
+  const double closing_m_s = std::min(-kClosedShare * gap_m / step_s_, kClosingSpeed_m_s);
+  rows_.push_back({inverse_mass, impulse, gap_m > 0 ? -gap_m / step_s_ : closing_m_s,
+                   gap_m > 0 ? -gap_m / step_s_ : 0});
+}
+
+const std::vector<double>& ContactSolver::solve(CarDynamics& car, std::vector<Contact>& contacts) {
+  size_ = car.size();
+  rows_.clear();
+  jacobian_.resize((3 * contacts.size() + limit_impulse_.size()) * size_);
+  for (Contact& contact : contacts) {
+    const Vec3 point_m = car.turn.to_body(contact.point_m - car.position_m);
+    const Vec3 across = cross(contact.normal, contact.along);
+    const Vec3 directions[3] = {contact.normal, contact.along, across};
+    for (int k = 0; k < 3; ++k) {
+      car.jacobian(point_m, car.turn.to_body(directions[k]), contact.segment, contact.wheel,
+                   &jacobian_[rows_.size() * size_]);
+      add_row(car, contact.impulse_n_s[k], k == 0 ? contact.gap_m : 0);
+      if (k > 0) rows_.back().target_m_s = rows_.back().relaxed_m_s = 0;
+    }
+  }
+  for (std::size_t i = 0; i < body_.hinges.size(); ++i) {
+    const HingeSpec& hinge = body_.hinges[i];
+    for (int side = 0; side < 2; ++side) {
+      double* row = &jacobian_[rows_.size() * size_];
+      std::fill(row, row + size_, 0.0);
+      row[6 + i] = side == 0 ? 1 : -1;
+      add_row(car, limit_impulse_[2 * i + static_cast<std::size_t>(side)],
+              side == 0 ? car.hinge_rad[i] - hinge.min_rad : hinge.max_rad - car.hinge_rad[i]);
+    }
+  }
+  std::vector<double>& u = car.velocity;
+  for (std::size_t index = 0; index < rows_.size(); ++index) apply(index, rows_[index].impulse, u);
+  for (int i = 0; i < iterations_; ++i) iterate(u, contacts, i % 2 == 1, false);
+  moving_ = u;
+  for (int i = 0; i < iterations_ / kRelaxedShare; ++i) iterate(u, contacts, i % 2 == 1, true);
+  for (std::size_t c = 0; c < contacts.size(); ++c) {
+    for (std::size_t k = 0; k < 3; ++k) contacts[c].impulse_n_s[k] = rows_[3 * c + k].impulse;
+  }
+  for (std::size_t i = 0; i < limit_impulse_.size(); ++i) limit_impulse_[i] = rows_[3 * contacts.size() + i].impulse;
+  return moving_;
+}
+
+// Change of the row's impulse that brings its velocity to the target.
+double ContactSolver::change(const Row& row, std::size_t index, const std::vector<double>& u, double target_m_s) const {
+  const double* jacobian = &jacobian_[index * size_];
+  double speed = 0;
+  for (std::size_t i = 0; i < size_; ++i) speed += jacobian[i] * u[i];
+  return (target_m_s - speed) / row.inverse_mass;
+}
+
+void ContactSolver::apply(std::size_t index, double impulse, std::vector<double>& u) {
+  const double* response = &response_[index * size_];
+  for (std::size_t i = 0; i < size_; ++i) u[i] += impulse * response[i];
+}
+
+void ContactSolver::iterate(std::vector<double>& u, const std::vector<Contact>& contacts, bool backward, bool relaxed) {
+  const auto push = [&](std::size_t index) {
+    Row& row = rows_[index];
+    const double target = relaxed ? row.relaxed_m_s : row.target_m_s;
+    const double wanted = row.impulse + (change(row, index, u, target) - kCompliance * row.impulse) / (1 + kCompliance);
+    const double impulse = std::max(0.0, wanted);
+    apply(index, impulse - row.impulse, u);
+    row.impulse = impulse;
+  };
+  for (std::size_t c = 0; c < contacts.size(); ++c) {
+    const std::size_t first = 3 * (backward ? contacts.size() - 1 - c : c);
+    push(first);
+    Row &along = rows_[first + 1], &across = rows_[first + 2];
+    const double stop_a = change(along, first + 1, u, 0), stop_b = change(across, first + 2, u, 0);
+    double a = along.impulse + stop_a, b = across.impulse + stop_b;
+    const double limit = contacts[first / 3].friction * rows_[first].impulse;
+    if (a * a + b * b > limit * limit) {
+      // It slides. Both slips are weighed by one mass, so that the impulse ends up opposite to the slip as a vector.
+      const double least = 1 / std::max(along.inverse_mass, across.inverse_mass);
+      a = along.impulse + stop_a * along.inverse_mass * least;
+      b = across.impulse + stop_b * across.inverse_mass * least;
+      const double size = std::sqrt(a * a + b * b), scale = size > limit ? limit / size : 1;
+      a *= scale;
+      b *= scale;
+    }
+    apply(first + 1, a - along.impulse, u);
+    apply(first + 2, b - across.impulse, u);
+    along.impulse = a;
+    across.impulse = b;
+  }
+  for (std::size_t index = 3 * contacts.size(); index < rows_.size(); ++index) push(index);
+}
+
+}  // namespace foldcar

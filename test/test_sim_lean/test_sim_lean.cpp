@@ -1,0 +1,176 @@
+// A leaning car against closed forms: falling back on a tyre's edge, landing on the other side's wheels, and what a car
+// in the air keeps.
+#include <unity.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "../study_car.h"
+#include "scene_terrain.h"
+#include "twin_track_car.h"
+
+using namespace foldcar;
+
+void setUp() {}
+void tearDown() {}
+
+namespace {
+
+constexpr double kRadius_m = 0.06;
+
+struct Drive {
+  const BodySpec body;
+  const SceneTerrain terrain;
+  TwinTrackCar car;
+  PulsesUs pulses_us{};
+  Drive(const BodySpec& body_spec, double friction, const TerrainSpec& spec = {}, const StepOptions& options = {})
+      : body(body_spec), terrain(spec), car(body, friction, terrain, {}, options, nullptr) {}
+  // The car's origin at that place, rolled by lean_rad, with the body at these rates: v of the origin (world), roll.
+  void set(const Vec3& at_m, double lean_rad, const Vec3& velocity_m_s, double roll_rad_s) {
+    CarDynamics& car_now = car.dynamics();
+    car_now.position_m = at_m;
+    car_now.turn = rotation_by({lean_rad, 0, 0});
+    const Vec3 v = car_now.turn.to_body(velocity_m_s);
+    car_now.velocity = {v.x, v.y, v.z, roll_rad_s, 0, 0};
+    car_now.velocity.resize(car_now.size(), velocity_m_s.x / kRadius_m);
+  }
+  const CarState& run(double time_s) {
+    const int steps = static_cast<int>(std::lround(time_s / car.step_s()));
+    for (int i = 0; i < steps; ++i) car.step(pulses_us);
+    return car.state();
+  }
+  double roll_rate_rad_s() { return car.dynamics().velocity[3]; }
+};
+
+// The whole car as a rigid body in the plane across it: from its parts, by Steiner's theorem.
+struct AcrossPlane {
+  double mass_kg = 0, height_m = 0, inertia_kg_m2 = 0;  // about the centre of mass
+  explicit AcrossPlane(const BodySpec& body) {
+    double moment = 0, about_axles = 0;
+    for (const SegmentSpec& part : body.segments) {
+      mass_kg += part.mass_kg;
+      moment += part.mass_kg * part.com_z_m;
+      about_axles += part.roll_inertia_kg_m2 + part.mass_kg * part.com_z_m * part.com_z_m;
+    }
+    for (const WheelSpec& wheel : body.wheels) {
+      mass_kg += wheel.mass_kg;
+      about_axles += wheel.mass_kg * (std::pow(0.5 * body.track_m, 2) + 0.25 * kRadius_m * kRadius_m +
+                                      wheel.width_m * wheel.width_m / 12);
+    }
+    const double above_axles_m = moment / mass_kg;
+    height_m = kRadius_m + above_axles_m;
+    inertia_kg_m2 = about_axles - mass_kg * above_axles_m * above_axles_m;
+  }
+};
+
+}  // namespace
+
+// Nothing touches it: angular momentum about the forward axis, a principal one, is kept.
+void test_in_the_air_it_keeps_its_roll_rate() {
+  BodySpec body = study_car(0.08);
+  body.segments[0].com_z_m = 0;
+  Drive drive(body, 0.6);
+  drive.set({0, 0, 5}, 0, {}, 3);
+  const CarState& state = drive.run(0.2);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-6, 3, drive.roll_rate_rad_s());
+  TEST_ASSERT_DOUBLE_WITHIN(1e-6, 0.6, state.roll_rad);
+  TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0, state.yaw_rate_rad_s);
+}
+
+// Thrown with all three rates it tumbles: in the world the angular momentum keeps its size and direction, and the energy
+// stays, whatever the rates do.
+void test_in_the_air_it_tumbles_with_constant_angular_momentum_and_energy() {
+  Drive drive(study_car(0.08), 0.6);
+  drive.set({0, 0, 20}, 0.3, {0.5, 0.2, 1}, 4);
+  drive.car.dynamics().velocity[4] = 3;
+  drive.car.dynamics().velocity[5] = -2;
+  const double start_j = drive.car.mechanical_energy_j();
+  drive.run(0.5);
+  TEST_ASSERT_DOUBLE_WITHIN(0.01 * std::abs(start_j), start_j, drive.car.mechanical_energy_j());
+}
+
+// (I + m (h² + a²)) φ'' = -m g (a cos φ - h sin φ) about the low side's tyre edge, a beside the middle.
+void test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge() {
+  for (const double side : {1.0, -1.0}) {
+    const BodySpec body = study_car(0.08);
+    const AcrossPlane plane(body);
+    const double a_m = 0.5 * (body.track_m + body.wheels[0].width_m), h_m = plane.height_m, from_rad = 0.62;
+    double lean_rad = from_rad, rate = 0, expected_s = 0;
+    for (constexpr double kStep_s = 1e-5; lean_rad > 0; expected_s += kStep_s) {
+      rate -= plane.mass_kg * kGravity_m_s2 * (a_m * std::cos(lean_rad) - h_m * std::sin(lean_rad)) /
+              (plane.inertia_kg_m2 + plane.mass_kg * (a_m * a_m + h_m * h_m)) * kStep_s;
+      lean_rad += rate * kStep_s;
+    }
+    Drive drive(body, 2);
+    drive.set({0, 0, kRadius_m * std::cos(from_rad) + a_m * std::sin(from_rad)}, side * from_rad, {}, 0);
+    double taken_s = 0;
+    while (side * drive.run(drive.car.step_s()).roll_rad > 0.003 && taken_s < 1) taken_s += drive.car.step_s();
+    TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected_s, expected_s, taken_s);
+  }
+}
+
+// The right wheels land, the left side up by φ, while it rolls on at 4 rad/s about its centre of mass at rest: an
+// inelastic impact of a rigid body in the plane across it on the line of the tyres' outer edges, with friction, and then
+// the motion on that line under gravity. Impulses (p, n) at the edge (y, z) change its velocities by the inverse mass
+// matrix; where the edge would have to be held with more than μ n, it slides.
+double roll_rate_after_landing_rad_s(const BodySpec& body, double lean_rad, double roll_rad_s, double friction,
+                                     double time_s) {
+  const AcrossPlane plane(body);
+  const double a_m = 0.5 * (body.track_m + body.wheels[0].width_m), m = plane.mass_kg, inertia = plane.inertia_kg_m2;
+  constexpr double kStep_s = 1e-5;
+  double side_m_s = 0, up_m_s = 0;
+  for (double at_s = 0; at_s < time_s; at_s += kStep_s) {
+    const double y = -a_m * std::cos(lean_rad) + plane.height_m * std::sin(lean_rad);
+    const double z = -a_m * std::sin(lean_rad) - plane.height_m * std::cos(lean_rad);
+    up_m_s -= kGravity_m_s2 * kStep_s;
+    const double yy = 1 / m + z * z / inertia, zz = 1 / m + y * y / inertia, yz = -y * z / inertia;
+    const double slip = side_m_s - z * roll_rad_s, rise = up_m_s + y * roll_rad_s;
+    const double determinant = yy * zz - yz * yz;
+    double p = -(zz * slip - yz * rise) / determinant, n = -(yy * rise - yz * slip) / determinant;
+    if (std::abs(p) > friction * n) {
+      const double share = std::copysign(friction, -slip);
+      n = -rise / (zz + yz * share);
+      p = share * n;
+    }
+    if (n > 0) {
+      side_m_s += p / m;
+      up_m_s += n / m;
+      roll_rad_s += (y * n - z * p) / inertia;
+    }
+    lean_rad += roll_rad_s * kStep_s;
+  }
+  return roll_rad_s;
+}
+
+void test_landing_on_a_leaning_sides_wheels_is_a_rigid_bodys_impact() {
+  const BodySpec body = study_car(0.08);
+  const AcrossPlane plane(body);
+  const double a_m = 0.5 * (body.track_m + body.wheels[0].width_m), before_rad_s = 4;
+  for (const double friction : {0.3, 0.6, 10.0}) {
+    for (const double lean_rad : {0.2, 0.5}) {
+      for (const double time_s : {0.0125, 0.025}) {
+        const double expected = roll_rate_after_landing_rad_s(body, lean_rad, before_rad_s, friction, time_s);
+        for (const double side : {1.0, -1.0}) {
+          Drive drive(body, friction);
+          const Vec3 up = rotation_by({side * lean_rad, 0, 0}).up;
+          const Vec3 velocity = cross({-side * before_rad_s, 0, 0}, (plane.height_m - kRadius_m) * up);
+          drive.set({0, 0, kRadius_m * std::cos(lean_rad) + a_m * std::sin(lean_rad)}, side * lean_rad, velocity,
+                    side * before_rad_s);
+          drive.run(time_s);
+          // A tenth of the change that the impact makes.
+          TEST_ASSERT_DOUBLE_WITHIN(0.1 * before_rad_s, expected, side * drive.roll_rate_rad_s());
+        }
+      }
+    }
+  }
+}
+
+int main() {
+  UNITY_BEGIN();
+  RUN_TEST(test_in_the_air_it_keeps_its_roll_rate);
+  RUN_TEST(test_in_the_air_it_tumbles_with_constant_angular_momentum_and_energy);
+  RUN_TEST(test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge);
+  RUN_TEST(test_landing_on_a_leaning_sides_wheels_is_a_rigid_bodys_impact);
+  return UNITY_END();
+}

@@ -141,6 +141,21 @@ def test_a_gap_in_the_samples_is_filled(tmp_path: Path) -> None:
         assert (writer.sample_count(1), writer.draw_count(1), writer.sample_count(2)) == (0, 2, 0)
 
 
+def test_a_lost_experiment_gets_its_own_place_again(tmp_path: Path) -> None:
+    for name in ("1", "2"):
+        fill(tmp_path / "s.db", name=name)
+    alter(tmp_path / "s.db", "UPDATE experiment SET vehicle = 'x' WHERE id = '1'")
+
+    done = repair_store(tmp_path / "s.db", tmp_path / "w.db")
+    for name in ("1", "2"):
+        fill(tmp_path / "w.db", name=name)
+
+    assert done.damaged == {"experiment": 1} and done.dependent["design"] > 0
+    with Store.open(tmp_path / "w.db") as opened:
+        assert opened.experiment_ids() == ["1", "2"]
+        assert len(list(opened.results("1"))) == len(list(opened.results("2"))) == 4
+
+
 @pytest.mark.parametrize("place", [0, 4096])
 def test_a_lost_schema_or_root_costs_no_trial(store: Path, tmp_path: Path, place: int) -> None:
     content = bytearray(store.read_bytes())

@@ -17,10 +17,10 @@ def repair(
     ],
     as_json: Json = False,
 ) -> None:
-    """Save what is whole of a damaged store, and say what is lost.
+    """Save what is whole of a damaged store.
 
-    A row is saved if it matches its checksum. Runs that are lost are simulated by the next sweep into the new store.
-    Exit code 1 if anything is lost.
+    It says what is lost. A row is saved if it matches its checksum. Runs that are lost are simulated by the next sweep
+    into the new store. Exit code 1 if anything is lost.
 
     \b
     Example: foldcar repair study.db -o whole.db

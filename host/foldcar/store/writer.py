@@ -6,6 +6,7 @@ variations by that of their spread.
 """
 
 import contextlib
+import itertools
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -80,7 +81,8 @@ class StoreWriter(StoreConnection):
             places = {row["id"]: row["position"] for row in self._rows(EXPERIMENT)}
             experiment = {
                 "id": plan.id,
-                "position": places.get(plan.id, len(places)),
+                # After a repair there may be gaps: the first free place is that of the listing.
+                "position": places.get(plan.id, next(k for k in itertools.count() if k not in places.values())),
                 "build_id": self._build_id,
                 "environment_id": plan.environment_id,
                 "spread_id": plan.spread_id,

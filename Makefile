@@ -62,6 +62,8 @@ HEADER_COMPILERS := g++ $(shell command -v clang++)
 .DEFAULT_GOAL := help
 .PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh clean wheel release lock system-packages platformio cluster-check torture installed fuzz-packages check tidy determinism golden
 .DELETE_ON_ERROR:
+# Else make removes them as intermediate.
+.PRECIOUS: .pio/fuzz/obj/%.o
 
 help:
 	@echo 'make setup     install what is missing (system packages, .venv, PlatformIO) and build the simulator'

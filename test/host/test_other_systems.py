@@ -9,7 +9,7 @@ import pytest
 from foldcar.commands.new import FILES
 
 STARTER = Path(__file__).resolve().parents[2] / "host" / "foldcar" / "study" / "starter"
-# What Python itself and the simulators need here is left: what is missing are modules, signals and the list of processors.
+# What Python itself and the simulators need is left; modules, signals and the list of processors are missing.
 POORER = """
 import os, signal, sys
 import _signal

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy
 from fidelity import replaced
+from numpy.typing import NDArray
 
 from foldcar.analysis.intervals import wilson_interval
 from foldcar.analysis.stopping import StoppingRule
@@ -69,7 +70,7 @@ class Runs:
             schedule.record(found, batches)
         return schedule, order
 
-    def cost(self, runs: Sequence[int]) -> float:
+    def cost(self, runs: Sequence[int] | NDArray[numpy.int_]) -> float:
         """The time (s) of the first so many runs of each design."""
         return float(sum(row[:count].sum() for row, count in zip(self.seconds, runs, strict=True)))
 
@@ -92,7 +93,10 @@ def simulated(store: Path, mujoco: bool) -> tuple[Any, Any]:
         for result in opened.results(name):
             key = tuple(result.design.values())
             passed.setdefault(key, []).append(result.outcome == "passed")
-            seconds.setdefault(key, []).append(result.metrics["elapsed_time_s"])
+            elapsed_s = result.metrics["elapsed_time_s"]
+            if elapsed_s is None:
+                sys.exit(f"{store}: {name}: run {key}, {result.sample} failed")
+            seconds.setdefault(key, []).append(elapsed_s)
     return numpy.array([*passed.values()]), numpy.array([*seconds.values()])
 
 
@@ -127,7 +131,7 @@ def rows(name: str, side: Runs, mujoco: Runs, rule: StoppingRule) -> list[list[s
     fewest = int(verdicts(mujoco.passed, enough, rule).sum())
     everything = mujoco.cost([most] * designs)
     before = side.cost(first.runs)
-    ways = [
+    ways: list[tuple[str, Sequence[int] | NDArray[numpy.int_], float, int]] = [
         ("MuJoCo, all environments", [most] * designs, 0.0, int(verdicts(mujoco.passed, most, rule).sum())),
         ("MuJoCo, equally many, fewest in hindsight", [enough] * designs, 0.0, fewest),
         ("MuJoCo until decided", plain.runs, 0.0, int(plain.decided.sum())),
@@ -175,7 +179,7 @@ def main(folder: Path, page: Path) -> None:
         paired.append(f"{NAMES[listing.stem]}: ρ = {rho:.2f}, c = {ratio:.2f}, {cost:.2f} times the cost")
     text = "".join(f"|{'|'.join(row)}|\n" for row in table) + f"\nPairing, {'; '.join(paired)} of MuJoCo alone.\n"
     with atomic_file(page) as binary:
-        binary.write(replaced(page.read_text(encoding="utf-8"), BEGIN, END, text).encode())
+        binary.write(replaced(page.read_text(encoding="utf-8"), page, BEGIN, END, text).encode())
 
 
 if __name__ == "__main__":

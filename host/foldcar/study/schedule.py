@@ -66,14 +66,15 @@ class Schedule:
         there = self._other or (numpy.zeros_like(self.runs), numpy.zeros_like(self.runs))
         masses = predicted_rates(self.passed, self.runs, *there)
         if self._other is None:
-            return [self._batch(design, masses[design]) for design in still]
+            return [self._batch(design, masses[design]) for design in still.tolist()]
         worth = self._bits_per_run(masses[still], self.runs[still])
         batches: list[Batch] = []
         # Of equals the first one in the listing: the sort is stable, the last digits of sums are not.
         for at in numpy.argsort(-worth.round(9), kind="stable"):
             if len(batches) >= STEP_SHARE * len(still) and sum(len(one.samples) for one in batches) >= STEP_RUNS:
                 break
-            batches.append(self._batch(still[at], masses[still[at]]))
+            design = int(still[at])
+            batches.append(self._batch(design, masses[design]))
         return batches
 
     def record(self, passed: Mapping[int, int], batches: Sequence[Batch]) -> None:
@@ -93,12 +94,12 @@ class Schedule:
     def _batch(self, design: int, masses: NDArray[numpy.float64]) -> Batch:
         passed, runs = int(self.passed[design]), int(self.runs[design])
         if runs and self._ended(design):
-            return Batch(int(design), range(runs, int(self._reached[design])))
+            return Batch(design, range(runs, int(self._reached[design])))
         if self._other is not None:
-            return Batch(int(design), range(runs, self._end(passed, runs, masses)))
+            return Batch(design, range(runs, self._end(passed, runs, masses)))
         if (passed, runs) not in self._ends:
             self._ends[passed, runs] = self._end(passed, runs, masses)
-        return Batch(int(design), range(runs, self._ends[passed, runs]))
+        return Batch(design, range(runs, self._ends[passed, runs]))
 
     def _end(self, passed: int, runs: int, masses: NDArray[numpy.float64]) -> int:
         last = min(self._most, runs + max(BATCH_RUNS, int(BATCH_SHARE * runs)))
@@ -112,7 +113,7 @@ class Schedule:
         """What is unknown of each design's side of the thresholds (bits), for each run that it is expected to need."""
         left = (masses * numpy.maximum(self._runs_to_decide - runs[:, None], 1)).sum(axis=1)
         if not self._rule.thresholds:
-            return 1 / left
+            return numpy.asarray(1 / left)
         zones = numpy.searchsorted(self._rule.thresholds, RATES)
         sides = numpy.stack([masses[:, zones == zone].sum(axis=1) for zone in range(zones.max() + 1)])
         bits = -(sides * numpy.log2(numpy.maximum(sides, 1e-300))).sum(axis=0)

@@ -1,6 +1,6 @@
 """Two step pyramids, the first under the left wheels, the second under the right ones, with random positions.
 
-The publication does not give their sizes. These are chosen by `make pyramids` so that the width study in MuJoCo shows what
+The publication does not give their sizes. These are chosen with `make pyramids` so that the width study in MuJoCo shows what
 it says of its Figure 6; others do too (docs/scenarios.md).
 """
 

@@ -14,6 +14,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 # What pip installs: every package with its version and hashes.
 LOCK := host/requirements.txt
+RELEASE_LOCK := host/requirements-release.txt
 UV_VERSION := 0.13.9
 
 CARSIM := .pio/build/carsim/program
@@ -26,14 +27,29 @@ CARSIM_SOURCES := $(shell find firmware/lib firmware/src sim2d platformio.ini ho
 SUITE := trixie
 TARGETS := study test
 
-# Random and damaged bytes for the firmware's link.
-FUZZ_BYTES := 100000000
-FUZZ_SEED := 1
-FUZZ_FLAGS := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all
+# Seconds for each fuzzer of `make fuzz`, and the fuzzers.
+FUZZ_S := 60
+FUZZERS := batch step design link parameters
+CLANG = $(firstword $(shell command -v clang++ clang++-19 clang++-18 clang++-16 clang++-14))
+CLANG_TIDY = $(firstword $(shell command -v clang-tidy clang-tidy-19 clang-tidy-18 clang-tidy-16 clang-tidy-14))
+# Percent of the lines of firmware/lib and sim2d/lib.
+LEAST_COVERAGE := 90
+FUZZ_FLAGS := -O1 -g -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all -ffp-contract=off
+
+# Seconds, seed, and to repeat a loss its round.
+TORTURE_S := 1800
+TORTURE_SEED := 1
+TORTURE_ROUND :=
+TORTURE_ONLY :=
 
 # The portable firmware on the simulated board, for programs that need nothing else.
 FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp)) sim2d/lib/sim_hal/sim_hal.cpp
 FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*)) -Isim2d/lib/sim_hal
+# The simulator with the side view, and Box2D's own sources.
+SIMULATOR_SOURCES := $(filter-out sim2d/lib/mujoco_car/%,$(wildcard sim2d/lib/*/*.cpp)) $(FIRMWARE_SOURCES)
+BOX2D = $(firstword $(wildcard .pio/libdeps/carsim/box2d .pio-core/lib/box2d))
+SIMULATOR_FLAGS = $(FIRMWARE_FLAGS) $(addprefix -I,$(wildcard sim2d/lib/*)) -isystem $(BOX2D)/include -isystem $(BOX2D)/src \
+  $(addprefix -isystem ,$(wildcard .pio/libdeps/carsim/nlohmann_json/include))
 FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h sim2d/lib/sim_hal/*.h test/*.h)
 
 # Every header but the one that needs ArduinoJson, and where they find each other's; the board's find the tests' fakes.
@@ -44,8 +60,10 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study calibration fidelity statistics test test-native headers test-host lint bench fuzz races fresh clean lock system-packages platformio
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh clean wheel release lock system-packages platformio cluster-check torture installed fuzz-packages check tidy determinism golden
 .DELETE_ON_ERROR:
+# Else make removes them as intermediate.
+.PRECIOUS: .pio/fuzz/obj/%.o
 
 help:
 	@echo 'make setup     install what is missing (system packages, .venv, PlatformIO) and build the simulator'
@@ -53,15 +71,23 @@ help:
 	@echo 'make study     set up, run the width study and write its report to out/$(STUDY)'
 	@echo 'make test      set up and run every test'
 	@echo 'make bench     set up and measure the speed'
-	@echo 'make fuzz      feed the car'"'"'s link with $(FUZZ_BYTES) random and damaged bytes (FUZZ_BYTES=, FUZZ_SEED=)'
+	@echo 'make cluster-check  as root: sweep over network namespaces with delay, loss, deaths and a partition, and over TLS'
+	@echo 'make fuzz      fuzz every parser of the C++ programs under sanitizers, each for FUZZ_S=$(FUZZ_S) seconds'
+	@echo 'make check     the C++ suites under sanitizers, coverage of C++ and Python, clang-tidy (make tidy)'
+	@echo 'make determinism  build the simulator with g++ and clang++ at -O0 to -O3 and compare its numbers bit by bit'
+	@echo 'make golden    renew the golden numbers of test/determinism after a change of the physics'
 	@echo 'make races     record and store a log in two threads under ThreadSanitizer'
 	@echo 'make mutation  plant faults in the car'"'"'s physics and firmware and see whether the suites notice (MUTANTS=, MUTATION_SEED=)'
+	@echo 'make torture   disturb sweeps, stores and trials at random for TORTURE_S=$(TORTURE_S) s: is anything lost? (TORTURE_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
+	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
 	@echo 'make calibration  set up, calibrate by the published trials, try it on known truths, renew docs/calibration.md'
 	@echo 'make statistics  measure coverage of the intervals and trials saved, and bring docs/statistics.md up to date'
+	@echo 'make dear_runs  set up, measure what MuJoCo until decided costs, and bring docs/advice.md up to date'
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
+	@echo 'make release   archive of the sources and wheel with carsim, in dist/, checked and tried outside the checkout'
 	@echo 'make lint      set up and check the Python sources only'
-	@echo 'make lock      renew $(LOCK) after a change of host/pyproject.toml (LOCK_FLAGS=--upgrade: newest versions)'
+	@echo 'make lock      renew $(LOCK) after a change of pyproject.toml (LOCK_FLAGS=--upgrade: newest versions)'
 	@echo 'make clean     remove everything that was built or installed here; results in out/ stay'
 	@echo 'PYTHON=...     the Python (3.10 or newer) that .venv is made with; now $(PYTHON)'
 
@@ -75,17 +101,24 @@ study: setup
 	$(BIN)/foldcar report out/$(STUDY).db -o out/$(STUDY)
 	@echo "The report is $(CURDIR)/out/$(STUDY)/index.html"
 
+pyramids: setup mujoco
+	@mkdir -p out
+	$(BIN)/python tools/pyramids.py out/pyramids docs/scenarios.md
+
 calibration: setup
 	@mkdir -p out
 	$(BIN)/python tools/calibration.py out/calibration docs/calibration.md
 
 fidelity: setup mujoco
 	@mkdir -p out
-	$(BIN)/foldcar crosscheck scenarios/fidelity.json --baseline 20 -o out/fidelity
+	$(BIN)/foldcar crosscheck scenarios/fidelity.json --baseline 10 -o out/fidelity
 	$(BIN)/python tools/fidelity.py out/fidelity docs/fidelity.md
 
 statistics: .venv/installed
 	$(BIN)/python tools/interval_coverage.py docs/statistics.md
+
+dear_runs: setup mujoco
+	$(BIN)/python tools/dear_runs.py out/dear_runs docs/advice.md
 
 # One after the other, also under make -j, so that what fails stands last.
 test: setup
@@ -95,9 +128,9 @@ test: setup
 	$(MAKE) test-host
 
 lint: .venv/installed
-	$(BIN)/ruff check --config host/pyproject.toml host tools test $(wildcard bench)
-	$(BIN)/mypy --config-file host/pyproject.toml host/foldcar
-	$(BIN)/mypy --config-file host/pyproject.toml --ignore-missing-imports tools/*.py bench/*.py
+	$(BIN)/ruff check host tools test $(wildcard bench)
+	$(BIN)/mypy host/foldcar
+	$(BIN)/mypy --ignore-missing-imports tools/*.py bench/*.py
 
 test-native: setup
 	$(BIN)/pio test -e native -e native_mujoco
@@ -111,26 +144,73 @@ headers: setup
 
 # A third process: several tests wait for a car that drives in real time.
 test-host: setup mujoco
-	$(BIN)/python -m pytest -c host/pyproject.toml --rootdir . -n 3 --dist worksteal --durations 25 --durations-min 3 test/host
+	$(BIN)/python -m pytest -n 3 --dist worksteal --durations 25 --durations-min 3 test/host
 
 bench: setup mujoco .pio/bench/firmware_tick
 	.pio/bench/firmware_tick
 	$(BIN)/python bench/bench.py
 
-fuzz: .pio/fuzz/fuzz_link
-	.pio/fuzz/fuzz_link $(FUZZ_BYTES) $(FUZZ_SEED)
+cluster-check: setup
+	$(BIN)/python tools/cluster_check.py out/cluster_check
+
+fuzz: fuzz-packages $(FUZZERS:%=.pio/fuzz/fuzz_%)
+	@for fuzzer in $(FUZZERS); do mkdir -p .pio/fuzz/corpus/$$fuzzer .pio/fuzz/seeds/$$fuzzer; done
+	@$(BIN)/python test/fuzz/seeds.py .pio/fuzz/seeds
+	@for fuzzer in $(FUZZERS); do echo "$$fuzzer: $(FUZZ_S) s"; \
+	  .pio/fuzz/fuzz_$$fuzzer -max_total_time=$(FUZZ_S) -timeout=60 -max_len=16384 -print_final_stats=1 -verbosity=0 \
+	  -artifact_prefix=.pio/fuzz/$$fuzzer- .pio/fuzz/corpus/$$fuzzer .pio/fuzz/seeds/$$fuzzer || exit 1; done
+
+fuzz-packages:
+	@tools/install_system_packages.sh check
+
+# Bit-identical results over compilers and levels of optimisation.
+determinism: setup
+	$(BIN)/python tools/determinism.py
+
+# After a change of the physics.
+golden: setup
+	$(BIN)/python tools/determinism.py --renew --numerics g++ O0
+
+# The C++ suites under sanitizers, what of the lines they and the host's tests run, and static analysis.
+check: setup mujoco
+	@tools/install_system_packages.sh check
+	find .pio/build/native_check -name '*.gcda' -delete 2>/dev/null || true
+	$(BIN)/pio test -e native_check
+	$(BIN)/gcovr --root . --filter 'firmware/lib/' --filter 'sim2d/lib/' --exclude-throw-branches --gcov-ignore-parse-errors \
+	  --fail-under-line $(LEAST_COVERAGE) .pio/build/native_check
+	$(MAKE) tidy
+	$(BIN)/coverage run --rcfile pyproject.toml -m pytest -q test/host
+	$(BIN)/coverage report --rcfile pyproject.toml --skip-covered
+
+tidy: setup
+	printf '%s\n' $(SIMULATOR_SOURCES) | xargs -P 2 -n 4 $(CLANG_TIDY) --quiet -- $(SIMULATOR_FLAGS)
 
 races: .pio/races/log_races
 	TSAN_OPTIONS=history_size=7 .pio/races/log_races
+
+# Kills, interrupts, steps clocks, fills disks, flips bits; at the first loss it says how to repeat it.
+torture: setup
+	TORTURE_S=$(TORTURE_S) TORTURE_SEED=$(TORTURE_SEED) TORTURE_ROUND='$(TORTURE_ROUND)' TORTURE_ONLY='$(TORTURE_ONLY)' \
+	  $(BIN)/python test/torture/torture.py
 
 # Both commands, as a new user on a machine with nothing on it (as root).
 fresh:
 	@tools/install_system_packages.sh fresh
 	@tools/fresh.sh $(SUITE) $(TARGETS)
 
-.pio/fuzz/fuzz_link: test/fuzz/fuzz_link.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
+.pio/fuzz/obj/%.o: %.cpp $(FIRMWARE_HEADERS) $(wildcard sim2d/lib/*/*.h) | setup fuzz-packages
 	@mkdir -p $(@D)
-	$(CXX) $(FIRMWARE_FLAGS) $(FUZZ_FLAGS) $(filter %.cpp,$^) -o $@
+	$(CLANG) $(SIMULATOR_FLAGS) $(FUZZ_FLAGS) -c $< -o $@
+
+# In one go: make does not know Box2D's sources before they are there.
+.pio/fuzz/box2d.a: | setup fuzz-packages
+	@mkdir -p $(@D)/box2d
+	cd $(@D)/box2d && find ../../../$(BOX2D)/src -name '*.cpp' -print0 | xargs -0 -P 2 -n 8 $(CLANG) -std=c++17 -w \
+	  -I../../../$(BOX2D)/include -I../../../$(BOX2D)/src $(FUZZ_FLAGS) -c && ar rcs ../box2d.a *.o
+
+$(addprefix .pio/fuzz/fuzz_,batch step design): $(SIMULATOR_SOURCES:%.cpp=.pio/fuzz/obj/%.o) .pio/fuzz/box2d.a
+.pio/fuzz/fuzz_%: test/fuzz/fuzz_%.cpp test/fuzz/lines.h $(FIRMWARE_SOURCES:%.cpp=.pio/fuzz/obj/%.o)
+	$(CLANG) $(SIMULATOR_FLAGS) $(FUZZ_FLAGS) -fsanitize=fuzzer $(sort $(filter-out %.h,$^)) -o $@
 
 .pio/races/log_races: test/races/log_races.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
 	@mkdir -p $(@D)
@@ -141,24 +221,45 @@ fresh:
 	$(CXX) $(FIRMWARE_FLAGS) -O2 $(filter %.cpp,$^) -o $@
 
 clean:
-	rm -rf .venv .pio .pio-core platformio.local.ini host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
+	rm -rf .venv .pio .pio-core platformio.local.ini build dist host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
 	find host tools test -name __pycache__ -type d -prune -exec rm -rf {} +
 
 system-packages:
 	@tools/install_system_packages.sh
 
-.venv/installed: host/pyproject.toml $(LOCK) | system-packages
+.venv/installed: pyproject.toml $(LOCK) | system-packages
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
 	  echo 'make: PYTHON=$(PYTHON) is missing or older than Python 3.10; name a newer one' >&2; exit 2; }
 	"$(PYTHON)" -m venv .venv
 	$(BIN)/pip install --quiet --no-deps --require-hashes -r $(LOCK)
-	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable host
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
 # One lock for every supported Python; what it names stays as it is where it still fits (LOCK_FLAGS=--upgrade renews it).
 lock: .pio/lock/bin/uv
-	.pio/lock/bin/uv --project host pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url \
-	  --no-annotate --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --extra dev host/pyproject.toml -o $(LOCK)
+	.pio/lock/bin/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url \
+	  --no-annotate --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --extra dev --extra mujoco --extra cluster pyproject.toml -o $(LOCK)
+	.pio/lock/bin/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url --no-annotate \
+	  --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --group pyproject.toml:release -o $(RELEASE_LOCK)
+
+# A wheel with carsim: the archive of the sources, then the wheel from nothing but that archive.
+wheel: .venv/installed .pio/release/installed
+	@tools/build_wheel.sh dist
+
+# Both, checked: their form, what the programs load, and as a user has them, with no compiler and no checkout.
+release: wheel
+	.pio/release/bin/twine check --strict dist/*
+	@tools/try_wheel.sh dist/*.whl
+
+# On a bare machine: the wheel in dist/, which was built on another, as the Dockerfile installs it.
+installed:
+	tools/install_wheel.sh dist/*.whl /opt/foldcar '[mujoco]'
+	tools/smoke.sh /opt/foldcar/bin/foldcar
+
+.pio/release/installed: $(RELEASE_LOCK) | system-packages
+	"$(PYTHON)" -m venv .pio/release
+	.pio/release/bin/pip install --quiet --no-deps --require-hashes -r $(RELEASE_LOCK)
+	@touch $@
 
 .pio/lock/bin/uv:
 	"$(PYTHON)" -m venv .pio/lock

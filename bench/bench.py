@@ -1,11 +1,13 @@
 """Measures the speed of the width study and its parts; run it with `make bench`.
 
 Output: a table of the study by `foldcar sweep` with one and two jobs, of the same runs in one `carsim` process that
-measures its own times, of MuJoCo, of terrain slicing in a field of hills, and of Scenic's cost (scenic_way.py).
+measures its own times, of a part of it
+in each engine by the processor time, of terrain slicing in a field of hills, and of Scenic's cost (scenic_way.py).
 """
 
 import json
 import os
+import resource
 import sqlite3
 import subprocess
 import sys
@@ -89,6 +91,14 @@ def carsim_timing(lines: str, program: Path = CARSIM) -> dict[str, float]:
     return timing
 
 
+def speed(lines: str, program: Path) -> float:
+    """Simulated seconds a second of processor time, start and terrain included, which other load hardly changes."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    simulated_s = carsim_timing(lines, program)["simulated_s"]
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return simulated_s / (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+
+
 def scenic_seconds(samples: int) -> float:
     """Wall time (s) to import Scenic, compile the study's program and sample its scenes, in a new process."""
     experiment = read_study(LISTING).experiments[0]
@@ -115,8 +125,13 @@ def main() -> None:
         status.update("a part of the study in MuJoCo")
         solid_store = Path(folder, "mujoco.db")
         sweep(solid_store, 2, environments=3, engine="mujoco")
-        solid = carsim_timing(batch_lines(solid_store), CARSIM_MUJOCO)
-        from_python = python_factor(solid_store)
+        some = batch_lines(solid_store)
+        status.update("the same runs in each engine")
+        speeds = [
+            ("side view", "yes", speed(some, CARSIM)),
+            ("MuJoCo", "yes", speed(some, CARSIM_MUJOCO)),
+            ("MuJoCo from Python, exported model", "no", python_factor(solid_store)),
+        ]
         status.update("a field of hills")
         hills_store = Path(folder, "hills.db")
         sweep(hills_store, 2, listing=HILLS)
@@ -133,8 +148,6 @@ def main() -> None:
     table.columns[1].justify = "right"
     rows = [
         ("real-time factor of one core, firmware in the loop", f"{timing['simulated_s'] / wall_s:.0f} ×"),
-        ("  with MuJoCo in place of the side view", f"{solid['simulated_s'] / solid['wall_s']:.0f} ×"),
-        ("  MuJoCo from Python, exported model, no firmware", f"{from_python:.0f} ×"),
         ("share of b2World::Step in carsim", f"{100 * timing['physics_s'] / wall_s:.1f} %"),
         ("share of everything else", f"{100 * outside:.1f} %"),
         ("  of which cutting terrain", f"{100 * timing['terrain_s'] / wall_s:.1f} %"),
@@ -155,6 +168,12 @@ def main() -> None:
     ]
     for row in rows:
         table.add_row(*row)
+    console.print(table)
+    count = some.count('{"run"')
+    table = Table("engine", "firmware", "× real time", title=f"{count} of these runs on one core, by its processor time")
+    table.columns[2].justify = "right"
+    for name, firmware, factor in speeds:
+        table.add_row(name, firmware, f"{factor:.0f}")
     console.print(table)
 
 

@@ -14,6 +14,10 @@ from pathlib import Path
 from typing import Any
 
 PROGRAM = Path(__file__).resolve().parent.parent / "scenarios" / "step_pyramids.scenic"
+# Steps that weak servos climb too.
+PYRAMIDS = {
+    "step_height": 0.0215, "top_side": 0.07, "tread": 0.04, "offset": 0.05, "near_x": 0.45, "far_x": 0.9, "friction": 0.6
+}  # fmt: skip
 REALITY = {
     "obstacle_height": 1.2,
     "servo_torque": 0.75,
@@ -70,7 +74,7 @@ def write_listing(folder: Path, environments: int, step: float) -> Path:
     data = {
         "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": experiment}},
         "vehicles": {"1": {"type": "W_B_W", "params": lengths}},
-        "environments": {"1": {"scenic_filename": str(PROGRAM), "seed": 7}},
+        "environments": {"1": {"scenic_filename": str(PROGRAM), "seed": 7, "scenic_params": PYRAMIDS}},
     }
     file = folder / "study.json"
     file.write_text(json.dumps(data, indent=2))

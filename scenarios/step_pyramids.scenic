@@ -1,13 +1,18 @@
-"""Two step pyramids, the first under the left wheels, the second under the right ones, with random positions."""
+"""Two step pyramids, the first under the left wheels, the second under the right ones, with random positions.
+
+The publication does not give their sizes. These are chosen by `make pyramids` so that the width study in MuJoCo shows what
+it says of its Figure 6; others do too (docs/scenarios.md).
+"""
 
 model model
 
 param near_x = 0.45         # centre of the first pyramid
 param far_x = 0.90          # centre of the second pyramid
-param offset = 0.05         # distance of both from the middle: the first to the left, the second to the right
-param step_height = 0.0215
-param top_side = 0.07       # side of the highest square
-param tread = 0.04
+param offset = 0.095        # distance of both from the middle: the first to the left, the second to the right
+param step_height = 0.0295
+param top_side = 0.09       # side of the highest square
+param tread = 0.035
+param friction = 0.8
 param goal_distance = 0.30  # of the goal line behind the last edge
 param position_sd = 0.01    # standard deviation of each centre and of the start
 param heading_sd = 0.02     # standard deviation of the heading at the start, radians

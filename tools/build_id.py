@@ -17,12 +17,14 @@ root = Path(env.subst("$PROJECT_DIR"))
 sys.path.insert(0, str(root / "tools"))
 from simulation_digest import Box2dError, simulation_digest, write_header  # noqa: E402
 
+# What PlatformIO fetches for the environment, and what it has for all projects, or tools/seed_platformio.py put there.
+library_folders = [Path(env.subst(folder)) for folder in ("$PROJECT_LIBDEPS_DIR/$PIOENV", "$PROJECT_CORE_DIR/lib")]
 try:
     digest = simulation_digest(
         root,
         flags=env.GetProjectOption("build_flags"),
         compiler=env.subst("$CXX") or "g++",
-        downloaded_libraries=Path(env.subst("$PROJECT_LIBDEPS_DIR/$PIOENV")),
+        libraries=library_folders,
     )
 except Box2dError as error:
     sys.exit(f"build_id: {error}")

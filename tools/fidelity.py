@@ -9,23 +9,15 @@ import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
-
-import matplotlib
-from matplotlib.figure import Figure
 
 from foldcar.atomic_file import atomic_file
-from foldcar.crosscheck.agreement import Pair, agreement
-from foldcar.crosscheck.charts import FIRST, LOOKS
+from foldcar.crosscheck.agreement import Agreement, Pair, agreement
 from foldcar.crosscheck.page import COMPARISON_HEAD, column_name, comparison_row, experiment_table
 from foldcar.crosscheck.stored import Case
-from foldcar.figures.output import save_figure
-from foldcar.figures.style import RC
+from foldcar.errors import FoldcarError
 from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, SIDE_VIEW
+from foldcar.simulation.results import NUMBERS
 
-# The tables' marks: experiments in the side view and in MuJoCo, engines on step pyramids.
-BEGIN, END = "<!-- table of tools/fidelity.py -->", "<!-- end of table -->"
-BEGIN_ENGINES, END_ENGINES = "<!-- engines of tools/fidelity.py -->", "<!-- end of engines -->"
 ENGINES = {
     "side view": SIDE_VIEW,
     "MuJoCo, half step": HALF_STEP,
@@ -33,76 +25,114 @@ ENGINES = {
 }
 # Names of experiments on the page by the beginning of their ids; those with one name share a row.
 NAMES = (
-    ("width", "widths 65 to 245 mm, friction 0.6"),
+    ("study", "the width study"),
+    ("width", "widths, friction 0.6"),
     ("friction_0.3", "friction 0.3"),
     ("friction_0.4", "friction 0.4"),
     ("friction_0.5", "friction 0.5"),
     ("friction_0.7", "friction 0.7"),
     ("friction_0.8", "friction 0.8"),
-    ("radius", "wheels of 30, 40, 50 mm radius"),
-    ("tyre", "tyres 8, 16, 20 mm wide"),
-    ("bumps", "bumps of 6 to 30 mm, radius 36 to 60 mm"),
-    ("hills", "Gaussian hills"),
-    ("ten_bumps", "ten random bumps"),
-    ("course", "the obstacle course"),
+    ("radius", "wheel radii"),
+    ("tyre", "tyre widths"),
+    ("bumps", "bumps"),
+    ("hills", "hills"),
+    ("ten_bumps", "ten bumps"),
+    ("course", "obstacle course"),
 )
 EVERYTHING = "all"
 # Columns of the cross-check's own table that the page leaves out.
-LEFT_OUT = ("95 % interval", "r of rates", "bias", "ellipsoid alike %")
-# Experiments on other ground.
-ELSEWHERE = ("bumps", "hills", "ten_bumps", "course")
+LEFT_OUT = ("95 % interval", "r of rates", "bias")
 # Names here of the cross-check's pictures, which are numbered as the listing's experiments.
 PICTURES = {
-    "success_1.png": "width.png",
-    "worst_1.png": "worst_width.png",
-    "worst_18.png": "worst_hills.png",
-    "worst_20.png": "worst_course.png",
+    "success_1.png": ("width.png", "Success by width"),
+    "worst_1.png": ("worst_width.png", "Width study: runs that part most"),
+    "worst_20.png": ("worst_course.png", "Obstacle course: runs that part most"),
 }
+PARTED = 5
 
 
 def main(folder: Path, page: Path) -> None:
-    """Update the page and its pictures."""
-    with (folder / "runs.csv").open(encoding="utf-8") as lines:
-        rows = list(csv.DictReader(lines))
-    names = [name for _, name in NAMES] + [EVERYTHING]
-    groups = {
-        name: [
-            agreement(pairs)
-            for engine in (SIDE_VIEW, HALF_STEP, ELLIPSOID)
-            if (pairs := pairs_of([row for row in rows if name in (name_of(row), EVERYTHING)], engine))
-        ]
-        for name in names
+    """Update the page and its pictures. FoldcarError if something is missing, before anything is written."""
+    rows = read_rows(folder / "runs.csv")
+    shown = [(folder / name, *target) for name, target in PICTURES.items() if (folder / name).is_file()]
+    blocks = {
+        "experiments": markdown(experiments(rows)),
+        "engines": markdown(engines(rows)),
+        "designs": markdown(parted_designs(rows)),
+        "pictures": "\n".join(f"![{caption}]({page.stem}/{name})\n" for _, name, caption in shown),
     }
-    table = without_columns(experiment_table(groups), LEFT_OUT)
-    pyramids = [row for row in rows if not row["experiment"].startswith(ELSEWHERE)]
-    engines = [
-        comparison_row(name, agreement(pairs))
-        for name, engine in ENGINES.items()
-        if (pairs := pairs_of(pyramids, engine))
-    ]
-    text = replaced(page.read_text(encoding="utf-8"), BEGIN, END, markdown(table))
-    text = replaced(text, BEGIN_ENGINES, END_ENGINES, markdown([COMPARISON_HEAD, *engines]))
-    with atomic_file(page) as binary:
-        binary.write(text.encode())
+    text = page.read_text(encoding="utf-8")
+    for name, block in blocks.items():
+        text = replaced(text, page, f"<!-- {name}: tools/fidelity.py -->", f"<!-- end of {name} -->", block)
     pictures = page.with_suffix("")
     pictures.mkdir(exist_ok=True)
-    for picture, name in PICTURES.items():
-        shutil.copyfile(folder / picture, pictures / name)
-    with matplotlib.rc_context(RC):
-        save_figure(overview(table), pictures / "overview.png", colours=64)
+    for file in pictures.glob("*.png"):
+        file.unlink()
+    for source, name, _ in shown:
+        shutil.copyfile(source, pictures / name)
+    with atomic_file(page) as binary:
+        binary.write(text.encode())
 
 
-def without_columns(table: Sequence[Sequence[str]], names: Sequence[str]) -> list[list[str]]:
-    """The table without the columns that its first row gives these names."""
-    kept = [index for index, name in enumerate(table[0]) if name not in names]
-    return [[row[index] for index in kept] for row in table]
+def read_rows(file: Path) -> list[dict[str, str]]:
+    """The rows of a cross-check's runs; FoldcarError if it has none or lacks an experiment of the page."""
+    try:
+        with file.open(encoding="utf-8") as lines:
+            rows = list(csv.DictReader(lines))
+    except OSError as error:
+        raise FoldcarError(f"{file}: {error.strerror}; `foldcar crosscheck` makes it") from error
+    found = {row["experiment"] for row in rows}
+    for start, name in NAMES:
+        if not any(one.startswith(start) for one in found):
+            raise FoldcarError(f"{file}: no run of {name}; cross-check the whole of scenarios/fidelity.json")
+    return rows
 
 
-def replaced(text: str, begin: str, end: str, between: str) -> str:
-    """The text with the part between two marks, each of which occurs once, replaced."""
-    before, rest = text.split(begin)
-    _, after = rest.split(end)
-    return f"{before}{begin}\n{between}{end}{after}"
+def experiments(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
+    """A row an experiment of the page: the side view against MuJoCo."""
+    names = [*(name for _, name in NAMES), EVERYTHING]
+    groups = {
+        name: [agreement(pairs_of([row for row in rows if name in (name_of(row), EVERYTHING)], SIDE_VIEW))]
+        for name in names
+    }
+    head, *table = experiment_table(groups)
+    kept = [index for index, name in enumerate(head) if name not in LEFT_OUT]
+    return [[row[index] for index in kept] for row in (head, *table)]
+
+
+def engines(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
+    """A row an engine, in all experiments, against MuJoCo; FoldcarError if one was not asked."""
+    found = []
+    for name, engine in ENGINES.items():
+        pairs = pairs_of(rows, engine)
+        if not pairs:
+            raise FoldcarError(f"no run of {name}: cross-check with a --baseline")
+        found.append(comparison_row(name, agreement(pairs)))
+    return [COMPARISON_HEAD, *found]
+
+
+def parted_designs(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
+    """The designs whose success rates part most in the side view and MuJoCo, by the difference in its standard errors."""
+    whole: Agreement = agreement(pairs_of(rows, SIDE_VIEW))
+    varied = {
+        name: {key for one, d in whole.designs.items() if one[0] == name for key in d.columns
+               if len({other.columns[key] for them, other in whole.designs.items() if them[0] == name}) > 1}
+        for name, _ in whole.designs
+    }  # fmt: skip
+    order = sorted(whole.designs.items(), key=lambda pair: -abs(pair[1].first - pair[1].second) / pair[1].runs**0.5)
+    found = [["experiment", "design", "runs", "side view %", "MuJoCo %"]]
+    for (name, _), one in order[:PARTED]:
+        label = ", ".join(f"{key} {one.columns[key]:g}" for key in sorted(varied[name]))
+        found.append([name, label, str(one.runs), *(f"{100 * n / one.runs:.0f}" for n in (one.first, one.second))])
+    return found
+
+
+def replaced(text: str, page: Path, begin: str, end: str, between: str) -> str:
+    """The text with the part between two marks, each of which must occur once, replaced; else FoldcarError."""
+    if text.count(begin) != 1 or text.count(end) != 1:
+        raise FoldcarError(f"{page}: the marks {begin} and {end} must occur once each")
+    before, _, rest = text.partition(begin)
+    return f"{before}{begin}\n{between}{end}{rest.partition(end)[2]}"
 
 
 def name_of(row: Mapping[str, str]) -> str:
@@ -112,15 +142,23 @@ def name_of(row: Mapping[str, str]) -> str:
 
 def pairs_of(rows: Sequence[Mapping[str, str]], engine: str) -> list[Pair]:
     """The outcomes of an engine and of MuJoCo for the runs that both have."""
+    first, second = (f"{column_name(one)}_outcome" for one in (engine, MUJOCO))
     return [
         (
-            Case(row["experiment"], int(row["design"]), int(row["sample"]), {}),
-            {"outcome": row[f"{column_name(engine)}_outcome"]},
-            {"outcome": row[f"{column_name(MUJOCO)}_outcome"]},
+            Case(row["experiment"], int(row["design"]), int(row["sample"]), parameters(row)),
+            {"outcome": row[first]},
+            {"outcome": row[second]},
         )
         for row in rows
-        if row[f"{column_name(engine)}_outcome"] and row[f"{column_name(MUJOCO)}_outcome"]
+        if row[first] and row[second]
     ]
+
+
+def parameters(row: Mapping[str, str]) -> dict[str, float]:
+    """The design's parameters: what is neither the run's place nor an engine's answer."""
+    answers = {f"{column_name(one)}_{value}" for one in (*ENGINES.values(), MUJOCO) for value in ("outcome", *NUMBERS)}
+    named = {key: text for key, text in row.items() if key not in {"experiment", "design", "sample"} | answers}
+    return {key: float(text) for key, text in named.items() if text}
 
 
 def markdown(table: Sequence[Sequence[str]]) -> str:
@@ -129,24 +167,9 @@ def markdown(table: Sequence[Sequence[str]]) -> str:
     return "".join([head, "|" + "---|" * len(table[0]) + "\n", *rows])
 
 
-def overview(table: Sequence[Sequence[str]]) -> Any:
-    """A figure of the success in both engines, one line for each row of the table."""
-    rows = table[1:]
-    figure = Figure(figsize=(7.2, 0.32 * len(rows) + 1.0), layout="constrained")
-    axes = figure.subplots()
-    places = range(len(rows), 0, -1)
-    rates = [[float(row[2]), float(row[3])] for row in rows]
-    axes.hlines(places, [min(pair) for pair in rates], [max(pair) for pair in rates], color="#999999", zorder=1)
-    for name, colour, marker, _ in LOOKS:
-        values = [pair[0 if name == FIRST else 1] for pair in rates]
-        axes.plot(values, places, marker, color=colour, markersize=6, label=name, zorder=2)
-    axes.set_yticks(places, [row[0] for row in rows])
-    axes.set_xlim(-2, 102)
-    axes.set_xlabel("runs passed (%)")
-    axes.set_title("Success in both engines")
-    figure.legend(loc="outside lower center", ncols=2)
-    return figure
-
-
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    try:
+        main(Path(sys.argv[1]), Path(sys.argv[2]))
+    except FoldcarError as error:
+        print(f"fidelity: {error}", file=sys.stderr)
+        sys.exit(2)

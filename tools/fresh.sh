@@ -1,7 +1,7 @@
 #!/bin/sh
 # Runs `make study` and `make test` as a new user would: in a bare Debian or Ubuntu, in a clone of this repository's HEAD.
 #
-# Usage, as root: fresh.sh SUITE [TARGET...]     e.g. fresh.sh trixie study
+# Usage, as root: fresh.sh SUITE [TARGET...]     e.g. fresh.sh trixie study; WHEEL=dist/….whl fresh.sh trixie installed
 #
 # debootstrap makes the root anew at each call, in .fresh/SUITE, from the mirror that this machine's apt names.
 # For Ubuntu's suites name one: MIRROR=http://... COMPONENTS=main,universe. This machine's proxies, certificates and
@@ -54,6 +54,11 @@ env --null | grep -ziE "^($variables)=" >"$root.env" || true
 mount -t proc proc "$root/proc"
 mount --rbind /dev "$root/dev"
 git clone --quiet "$project" "$root/root/foldcar"
+# For the target `installed`: a wheel that was built elsewhere.
+if [ -n "${WHEEL:-}" ]; then
+  mkdir "$root/root/foldcar/dist"
+  cp "$WHEEL" "$root/root/foldcar/dist"
+fi
 
 for target in "$@"; do
   began=$(date +%s)

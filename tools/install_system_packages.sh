@@ -1,21 +1,33 @@
 #!/bin/sh
-# Installs the system packages that foldcar is built from, on Debian 12 and later and on Ubuntu 22.04 and later.
+# Installs the system packages that foldcar is built from, or runs with, on Debian 12 and later and on Ubuntu 22.04 and later.
 # Does nothing, quickly, if they are there. Without root and without sudo it names what is missing and exits with 2.
 #
-# Usage: install_system_packages.sh [tests | fresh]     besides, what only the tests or only tools/fresh.sh need
+# Usage: install_system_packages.sh [tests | check | fresh | run]
+# Besides, what only the tests, only `make check` and `make fuzz`, or only tools/fresh.sh need; run: only what a foldcar
+# installed from a wheel needs
 set -eu
 
-# Compiler and build tools; Box2D and the JSON library, which the simulator links; Python and its venv module;
+# Compiler and build tools; the JSON library, which the simulator is built with; Python and its venv module;
 # git, with which PlatformIO fetches libraries; what Scenic's image library (OpenCV) loads.
-packages='g++ make python3 python3-venv ca-certificates git libbox2d-dev nlohmann-json3-dev libgl1 libglib2.0-0 libxcb1'
+packages='g++ make python3 python3-venv ca-certificates git nlohmann-json3-dev libgl1 libglib2.0-0 libxcb1'
 case ${1:-} in
 '') ;;
 # The browser in which tests open pages. Ubuntu has no such package, only a snap that reads no temporary files.
 tests)
   command -v google-chrome >/dev/null || grep -q '^ID=ubuntu$' /etc/os-release || packages="$packages chromium"
   ;;
+check)
+  # The sanitizers' run-time library has a package of its own from Clang 14 of Debian on.
+  if ! command -v clang++-19 >/dev/null || ! command -v clang-tidy-19 >/dev/null; then
+    packages="$packages clang clang-tidy"
+    version=$(apt-cache depends clang | sed -n 's/^ *Depends: clang-\([0-9]*\)$/\1/p')
+    runtime="libclang-rt-$version-dev"
+    apt-cache show "$runtime" >/dev/null 2>&1 && packages="$packages $runtime"
+  fi
+  ;;
 fresh) packages="$packages debootstrap" ;;
-*) echo "install_system_packages: unknown purpose $1; it is tests or fresh" >&2 && exit 2 ;;
+run) packages='python3 python3-venv ca-certificates libgl1 libglib2.0-0 libxcb1' ;;
+*) echo "install_system_packages: unknown purpose $1; it is tests, check, fresh or run" >&2 && exit 2 ;;
 esac
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then

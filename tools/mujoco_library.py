@@ -1,6 +1,7 @@
 """PlatformIO pre-script: finds MuJoCo's headers and library in the Python package `mujoco`, and links with it.
 
-If PlatformIO's Python lacks the package, pip installs it there.
+If PlatformIO's Python lacks the package, pip installs it there. The program looks for the library in ../mujoco from
+its own folder: in a build folder that is a link to the package, beside an installed foldcar the package itself.
 """
 
 import importlib.util
@@ -33,9 +34,15 @@ if folder is None:
 libraries = sorted(folder.glob("libmujoco.so.*")) if folder is not None else []
 if folder is None or not libraries:
     sys.exit("mujoco_library: the package mujoco has no library for this system")
+link = Path(env.subst("$BUILD_DIR")).parent / "mujoco"
+if not link.is_symlink() or link.resolve() != folder.resolve():
+    link.parent.mkdir(parents=True, exist_ok=True)
+    link.unlink(missing_ok=True)
+    link.symlink_to(folder)
 env.Append(
     CCFLAGS=["-isystem", str(folder / "include")],
     LIBPATH=[str(folder)],
     LIBS=[f":{libraries[-1].name}"],
-    LINKFLAGS=[f"-Wl,-rpath,{folder}"],
+    # For SCons a dollar sign is written twice; the quotes are for the shell.
+    LINKFLAGS=["'-Wl,-rpath,$$ORIGIN/../mujoco'"],
 )

@@ -55,14 +55,16 @@ class Workshop:
         libraries = _libraries(root)
         self.flags = [flag for flag in flags if not flag.startswith(("$", "-W"))] + ["-w", "-DUNITY_INCLUDE_DOUBLE"]
         self.unity = _unity(root)
-        folders = [*libraries, root / ".pio" / "mavlink", self.unity, *_downloaded(root)]
+        box2d = _box2d(root)
+        folders = [*libraries, root / ".pio" / "mavlink", self.unity, box2d / "include"]
         self.includes = [f"-I{path}" for path in folders]
         sources = [source for library in libraries for source in sorted(library.glob("*.cpp"))]
         headers = [header for folder in [*libraries, root / "test"] for header in sorted(folder.glob("*.h"))]
         # Their comments change no object.
         texts = (re.sub(rb"^\s*//.*$", b"", header.read_bytes(), flags=re.M) for header in headers)
         self.headers = hashlib.sha256(b"".join(texts)).hexdigest()
-        self.objects = {source: self.compile(source) for source in [*sources, self.unity / "unity.c", *_box2d(root)]}
+        sources += [self.unity / "unity.c", *sorted((box2d / "src").rglob("*.cpp"))]
+        self.objects = {source: self.compile(source) for source in sources}
 
     def compile(self, source: Path, text: str | None = None) -> Path:
         """The object of a source file, or of ``text`` in its place. Raises BuildError."""
@@ -103,8 +105,7 @@ class Workshop:
         objects = [mutant if path == source and mutant else built for path, built in self.objects.items()]
         program = self.work / "programs" / f"{suite}.{threading.get_ident()}"
         files = [str(path) for path in (self.suites[suite], *objects)]
-        libraries = [] if _box2d(self.root) else ["-lbox2d"]
-        self._run(["g++", *files, *libraries, "-pthread", "-o", str(program)], self.work)
+        self._run(["g++", *files, "-pthread", "-o", str(program)], self.work)
         return program
 
     def passes(self, program: Path, limit_s: float) -> bool:
@@ -181,10 +182,9 @@ def _unity(root: Path) -> Path:
     raise BuildError("Unity is not there: run `make test-native` once")
 
 
-def _downloaded(root: Path) -> list[Path]:
-    return sorted(root.glob(".pio/libdeps/native/box2d/include"))
-
-
-def _box2d(root: Path) -> list[Path]:
-    """Box2D's sources where PlatformIO has downloaded them; otherwise the system's library is linked."""
-    return sorted(root.glob(".pio/libdeps/native/box2d/src/**/*.cpp"))
+def _box2d(root: Path) -> Path:
+    """The folder of Box2D's headers and sources, as PlatformIO has it."""
+    for pattern in (".pio/libdeps/native/box2d", ".pio-core/lib/box2d"):
+        for found in root.glob(pattern):
+            return found
+    raise BuildError("Box2D is not there: run `make setup` once")

@@ -2,18 +2,17 @@
 
 import json
 import re
-import sys
+import shutil
 import time
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
 import platformio
 from platformio.dependencies import get_core_dependencies
-from seed_files import SeedError, run, whole_folder, write_if_changed
+from seed_files import SeedError, whole_folder, write_if_changed
 
 NATIVE_VERSION = "1.2.1"
-# The hashes of what pip installs.
-LOCK = Path(__file__).resolve().parent.parent / "host" / "requirements.txt"
 
 PLATFORM_PY = '''"""The platform `native`, seeded: programs for this machine, built with its own compiler."""
 
@@ -83,9 +82,18 @@ def _seed_scons(folder: Path) -> None:
     metadata = _metadata("tool", "tool-scons", named)
     if _has(folder, metadata):
         return
+    # Copied, because the Python that builds a wheel from an archive of the sources is there for that time only.
+    try:
+        installed = distribution("scons")
+    except PackageNotFoundError:
+        installed = None
+    if installed is None or installed.version != version:
+        raise SeedError(f"PlatformIO {platformio.__version__} builds with SCons {version}: install that with pip")
     with whole_folder(folder) as part:
-        pip = (sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(part))
-        run(f"SCons {version} from PyPI", *pip, "--require-hashes", "-c", str(LOCK), f"scons=={version}")
+        for file in installed.files or []:
+            if file.parts[0] == "SCons" and file.suffix != ".pyc":
+                (part / file).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(file.locate(), part / file)
         _write_json(part / "package.json", {"name": "tool-scons", "version": named, "description": "SCons"})
         write_if_changed(part / "scons.py", SCONS_PY)
         _write_json(part / ".piopm", metadata)

@@ -25,6 +25,7 @@ try:
 except ImportError:
     print("seed_platformio: error: this Python has no PlatformIO; use .venv/bin/python", file=sys.stderr)
     sys.exit(2)
+from box2d_source import has_box2d, seed_box2d
 from platformio_core import scons_package_folder, seed_core
 from seed_files import SeedError, write_if_changed
 from unity_source import seed_unity
@@ -36,7 +37,7 @@ PROBE_TIMEOUT_S = 3.0
 
 
 def local_ini_text(core_dir: str) -> str:
-    """What platformio.ini is overridden with: the system's Box2D and JSON library, the seeded Unity.
+    """What platformio.ini is overridden with: the system's JSON library, the seeded Box2D and Unity.
 
     ArduinoJson is in neither archive; its test says so and is ignored."""
     return f"""{MARK}
@@ -45,7 +46,6 @@ core_dir = {core_dir}
 
 [simulation]
 lib_deps =
-flags = -lbox2d
 
 [env:native]
 lib_deps =
@@ -62,6 +62,7 @@ def seed(root: Path) -> None:
         raise SeedError(f"{local_ini}: exists and was not written by this script; move it away first")
     core_dir = core_folder(root)
     seed_core(core_dir)
+    seed_box2d(core_dir / "lib" / "box2d")
     seed_unity(core_dir / "lib" / "Unity")
     own = core_dir == root / ".pio-core"
     write_if_changed(local_ini, local_ini_text("${PROJECT_DIR}/.pio-core" if own else str(core_dir)))
@@ -124,7 +125,9 @@ def main() -> int:
     if arguments.undo:
         print(f"{LOCAL_INI} removed" if undo(ROOT) else f"no {LOCAL_INI} of this script to remove")
         return 0
-    was_seeded = _is_ours(ROOT / LOCAL_INI)
+    was_there = _is_ours(ROOT / LOCAL_INI)
+    # The core folder may be one that was seeded for another copy of the project.
+    was_seeded = was_there or has_box2d(core_folder(ROOT) / "lib" / "box2d")
     if arguments.if_unreachable and not was_seeded and (is_set_up_online() or is_registry_reachable()):
         return 0
     try:
@@ -132,7 +135,7 @@ def main() -> int:
     except (SeedError, OSError) as error:
         print(f"seed_platformio: error: {error}", file=sys.stderr)
         return 2
-    if not was_seeded:
+    if not was_there:
         print(f"PlatformIO's registry is left out: seeded {core_folder(ROOT)}, wrote {LOCAL_INI}")
     return 0
 

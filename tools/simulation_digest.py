@@ -12,21 +12,21 @@ from pathlib import Path
 
 
 class Box2dError(Exception):
-    """Box2D is neither among the downloaded libraries nor installed in the system."""
+    """Box2D is in none of PlatformIO's folders of libraries."""
 
 
-def simulation_digest(root: Path, flags: Sequence[str], compiler: str, downloaded_libraries: Path) -> str:
+def simulation_digest(root: Path, flags: Sequence[str], compiler: str, libraries: Sequence[Path]) -> str:
     """The digest as 16 hexadecimal digits.
 
     ``root`` is the project's folder, ``flags`` the compiler flags, ``compiler`` the C++ compiler's command,
-    ``downloaded_libraries`` the folder where PlatformIO keeps the environment's libraries. Raises Box2dError.
+    ``libraries`` the folders where PlatformIO may keep the environment's libraries. Raises Box2dError.
     """
     digest = hashlib.sha256()
     for text in (" ".join(flags), compiler_version(compiler), " ".join(platform.libc_ver())):
         _add(digest, "text", text.encode())
     for name, content in _contents(root, source_files(root)):
         _add(digest, name, content)
-    for name, content in _box2d_contents(compiler, downloaded_libraries):
+    for name, content in _box2d_contents(libraries):
         _add(digest, name, content)
     return digest.hexdigest()[:16]
 
@@ -68,16 +68,12 @@ def _is_portable(library: Path) -> bool:
     return "*" in platforms or "native" in platforms
 
 
-def _box2d_contents(compiler: str, downloaded_libraries: Path) -> Iterator[tuple[str, bytes]]:
-    source = downloaded_libraries / "box2d"
-    if source.is_dir():
-        files = [file for part in ("include", "src") for file in _files(source / part)]
-        yield from _contents(source, sorted(files))
-        return
-    library = Path(_ask(compiler, "-print-file-name=libbox2d.so").strip())
-    if not library.is_absolute():
-        raise Box2dError("Box2D is not installed: run tools/install_system_packages.sh")
-    yield "libbox2d", library.read_bytes()
+def _box2d_contents(libraries: Iterable[Path]) -> Iterator[tuple[str, bytes]]:
+    source = next((folder / "box2d" for folder in libraries if (folder / "box2d").is_dir()), None)
+    if source is None:
+        raise Box2dError("Box2D is missing: run `make setup`")
+    files = [file for part in ("include", "src") for file in _files(source / part)]
+    yield from _contents(source, sorted(files))
 
 
 def _files(folder: Path) -> Iterator[Path]:

@@ -13,7 +13,7 @@ def _end(number: int, frame: object) -> None:
 def main() -> None:
     """Run the command line and exit."""
     # Until foldcar.interrupts takes over. What the caller ignores (nohup) stays ignored.
-    for number in (_signal.SIGHUP, _signal.SIGINT, _signal.SIGTERM):
+    for number in filter(None, (getattr(_signal, name, None) for name in ("SIGHUP", "SIGINT", "SIGTERM"))):
         if _signal.getsignal(number) != _signal.SIG_IGN:
             _signal.signal(number, _end)
     from foldcar.cli import main as run

@@ -27,11 +27,14 @@ from foldcar.commands.gallery import gallery
 from foldcar.commands.import_store import import_store
 from foldcar.commands.link import link
 from foldcar.commands.log import log
+from foldcar.commands.merge import merge
 from foldcar.commands.migrate import migrate
 from foldcar.commands.model import model
+from foldcar.commands.new import new
 from foldcar.commands.optimize import optimize
 from foldcar.commands.params import params
 from foldcar.commands.pattern import pattern
+from foldcar.commands.repair import repair
 from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import sample
@@ -56,8 +59,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for command in (
-    sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, migrate, crosscheck, model,
-    pattern, view, link, log, flash, doctor,
+    new, sweep, optimize, run, sample, gallery, report, select, compare, calibrate, export, check, repair, merge, migrate,
+    crosscheck, model, pattern, view, link, log, flash, doctor,
 ):  # fmt: skip
     app.command()(command)
 app.command("import")(import_store)

@@ -14,7 +14,8 @@ from types import FrameType
 from typing import TypeVar
 
 EXIT_CODE = 130
-NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+# Windows has no SIGHUP, and no fork and no masks either.
+NUMBERS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 _Entry = TypeVar("_Entry")
 
@@ -35,7 +36,8 @@ def listen() -> None:
     for number in NUMBERS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interrupt)
-    os.register_at_fork(after_in_child=_leave_them_to_the_parent)
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(after_in_child=_leave_them_to_the_parent)
 
 
 @contextmanager
@@ -105,7 +107,8 @@ def delayed() -> Iterator[None]:
 
 def leave() -> None:
     """Tidy up, say it and end the process."""
-    signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS)
     for tidy in reversed(_tidies):
         with suppress(Exception):
             tidy()

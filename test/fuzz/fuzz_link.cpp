@@ -1,18 +1,55 @@
-// Feeds the link with random and damaged bytes: fuzz_link BYTES SEED. `make fuzz` builds it with the address and
-// undefined-behaviour sanitizers.
-#include <cstdio>
+// Bytes on the car's port, in pieces: the first two bytes of a piece are its size and the time until the next. Whatever
+// comes, pulses are none or within what servos take, and a car that is left alone is disarmed and its outputs are off.
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <cstdlib>
+#include <string>
 
-#include "../link_fuzz.h"
+#include "../recording_hal.h"
+#include "firmware.h"
 
-int main(int argc, char** argv) {
-  if (argc != 3) {
-    std::fputs("usage: fuzz_link BYTES SEED\n", stderr);
-    return 2;
+namespace {
+
+void check(const foldcar::PulsesUs& pulses_us) {
+  for (const float pulse_us : pulses_us) {
+    if (pulse_us != 0 && !(pulse_us >= 500 && pulse_us <= 2500)) std::abort();
   }
-  foldcar::LinkFuzz fuzz(std::strtoull(argv[2], nullptr, 10));
-  const bool stood_still = fuzz.run(std::strtoull(argv[1], nullptr, 10));
-  std::printf("%llu bytes, %llu answers, %s\n", static_cast<unsigned long long>(fuzz.fed()),
-              static_cast<unsigned long long>(fuzz.accepted_count()), stood_still ? "no motion" : "MOTION");
-  return stood_still ? 0 : 1;
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  foldcar::RecordingHal board;
+  board.imu.fitted = true;
+  board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
+  board.link.room = 100000;
+  foldcar::Firmware firmware(board.hal(), "0123456789abcdef");
+  firmware.begin({});
+  for (std::size_t at = 0; at + 2 < size;) {
+    const std::size_t count = std::min<std::size_t>(data[at], size - at - 2);
+    board.link.incoming.assign(reinterpret_cast<const char*>(data) + at + 2, count);
+    board.clock.time_us += 1 + std::uint64_t{data[at + 1]} * 200;
+    at += 2 + count;
+    firmware.poll();
+    firmware.store_log();
+    for (const foldcar::PulsesUs& pulses_us : board.servos.writes) check(pulses_us);
+    board.servos.writes.clear();
+    board.link.outgoing.clear();
+  }
+  board.link.incoming.clear();
+  for (int tick = 0; tick < 50 * 90 && firmware.application().is_armed(); ++tick) {
+    board.clock.time_us += 20000;
+    firmware.poll();
+    board.link.outgoing.clear();
+    board.servos.writes.clear();
+  }
+  for (int tick = 0; tick < 50; ++tick) {
+    board.clock.time_us += 20000;
+    firmware.poll();
+    board.link.outgoing.clear();
+  }
+  if (firmware.application().is_armed()) std::abort();
+  if (!board.servos.writes.empty() && board.servos.writes.back() != foldcar::PulsesUs{}) std::abort();
+  return 0;
 }

@@ -28,7 +28,7 @@ def make_checkout(folder: Path) -> Path:
 
 
 def digest(checkout: Path, flags: tuple[str, ...] = ("-O2",)) -> str:
-    return simulation_digest.simulation_digest(checkout, flags, "g++", checkout / "libdeps")
+    return simulation_digest.simulation_digest(checkout, flags, "g++", [checkout / "none", checkout / "libdeps"])
 
 
 def test_the_build_id_is_that_of_the_sources_wherever_they_lie(tmp_path: Path) -> None:

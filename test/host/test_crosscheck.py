@@ -2,6 +2,7 @@
 
 import csv
 import json
+import resource
 import signal
 import subprocess
 import sys
@@ -137,6 +138,28 @@ def test_an_interrupt_loses_nothing(tmp_path: Path, write_listing: Any, listing_
     with Store.open(file) as store:
         assert store.info().experiments["1"].stored_runs == 80
         assert store.info().experiments["1 (MuJoCo)"].stored_runs > 0
+
+
+def test_a_full_disk_is_one_line_and_loses_nothing(
+    tmp_path: Path, write_listing: Any, listing_data: Any, foldcar: Any, new_foldcar: Any
+) -> None:
+    words = ("crosscheck", write_listing(listing_data), "--baseline", "0", "--jobs", "1", "-o", "check")
+    assert foldcar(*words, "--environments", "1").returncode == 0
+    limit = (tmp_path / "check" / "study.db").stat().st_size + 16_000
+
+    full = new_foldcar(
+        *words, "--environments", "500", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+    )
+
+    assert full.returncode == 2
+    rule, error = full.stderr.splitlines()
+    assert rule.startswith("experiment 1: a run has passed if") and error.startswith("foldcar: error: check/study.db: ")
+    assert stored_runs(tmp_path / "check" / "study.db", "1") >= 2
+    # The pictures do not fit.
+    full = new_foldcar(
+        *words, "--environments", "1", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (9000, limit))
+    )
+    assert full.returncode == 2 and full.stderr.splitlines()[-1].startswith("foldcar: error: check/")
 
 
 def stored_runs(file: Path, experiment: str) -> int:

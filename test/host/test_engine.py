@@ -130,7 +130,11 @@ def test_a_sweep_gives_the_same_numbers_over_jobs_and_stands_beside_the_side_vie
         assert (parted in recommended.reason and "MuJoCo" in recommended.reason) is (first != second)
     page = foldcar("report", "2.db", "-o", "page", "--no-replay")
     assert page.returncode == 0, page.stderr
-    assert '<th scope="row">engine</th><td>MuJoCo ' in (tmp_path / "page" / "index.html").read_text()
+    text = (tmp_path / "page" / "index.html").read_text()
+    assert '<th scope="row">engine</th><td>MuJoCo ' in text
+    assert "In MuJoCo, " in text and "In simulation, " in text
+    alone = foldcar("select", "1.db").stdout
+    assert " in MuJoCo" in alone and "in simulation" not in alone
 
 
 def test_without_its_program_one_line_says_how_to_build_it(tmp_path: Path, foldcar: Command, listing: Path) -> None:

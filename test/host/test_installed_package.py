@@ -1,62 +1,112 @@
-"""The package as pip installs it, outside a checkout: it brings every program and data file that it needs."""
+"""The wheel as pip installs it, outside a checkout: it brings carsim and every file that it needs, and works."""
 
 import json
 import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import MUJOCO
+
 PROJECT = Path(__file__).resolve().parents[2]
+SOURCES = ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "host")
+# The shell's own tools; no compiler, no `make`, no `pio`.
+WORDS = ("cat", "dirname", "head", "kill", "mktemp", "rm", "sh", "sleep", "test")
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder into which the package was installed from a wheel, without its dependencies."""
-    folder = tmp_path_factory.mktemp("installed")
-    # A copy, so that nothing is built in the source tree.
-    source = shutil.copytree(
-        PROJECT / "host", folder / "host", ignore=shutil.ignore_patterns("*.egg-info", "__pycache__", "build")
-    )
-    options = ["--quiet", "--no-deps", "--no-build-isolation", "--target", folder / "site"]
-    subprocess.run([sys.executable, "-m", "pip", "install", *options, source], check=True, cwd=folder)
-    return folder / "site"
+def wheel(carsim_binary: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wheel with the programs that `make test` has built, made from a copy so that nothing lands in the source tree."""
+    folder = tmp_path_factory.mktemp("wheel")
+    for name in SOURCES:
+        source = PROJECT / name
+        if source.is_dir():
+            shutil.copytree(source, folder / name, ignore=shutil.ignore_patterns("*.egg-info", "__pycache__"))
+        else:
+            shutil.copy(source, folder)
+    options = ["--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", folder / "dist"]
+    environment = {**os.environ, "FOLDCAR_BUILD_DIR": str(carsim_binary.parents[1])}
+    subprocess.run([sys.executable, "-m", "pip", "wheel", *options, folder], check=True, cwd=folder, env=environment)
+    (found,) = (folder / "dist").iterdir()
+    return found
 
 
-def test_every_file_of_the_package_is_installed(site: Path) -> None:
-    def files(package: Path) -> set[str]:
-        found = (file for file in package.rglob("*") if file.is_file() and "__pycache__" not in file.parts)
-        return {file.relative_to(package).as_posix() for file in found}
+@pytest.fixture(scope="module")
+def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A virtual environment with the wheel, and what it depends on by way of this Python's packages."""
+    folder = tmp_path_factory.mktemp("installed") / "venv"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
+    pip = [sys.executable, "-m", "pip", "--quiet", "--python", folder / "bin" / "python"]
+    subprocess.run([*pip, "install", "--no-deps", wheel], check=True)
+    mine, site = Path(sysconfig.get_path("purelib")), site_of(folder)
+    (site / "dependencies.pth").write_text(f"{mine}\n", encoding="utf-8")
+    # foldcar[mujoco] puts it there.
+    (site / "mujoco").symlink_to(mine / "mujoco")
+    return folder
 
-    assert files(site / "foldcar") == files(PROJECT / "host" / "foldcar")
+
+def site_of(environment: Path) -> Path:
+    (site,) = environment.glob("lib/python3*/site-packages")
+    return site
 
 
-def test_an_installed_package_samples_designs_and_loads_its_dialect(site: Path, tmp_path: Path) -> None:
-    program = tmp_path / "bump.scenic"
-    program.write_text(
-        "model model\nego = new Robot at (0, 0), facing -90 deg\nnew Bump at (0.5, 0), facing -90 deg\n"
-        "goal = new Goal at (1, 0), facing -90 deg\n"
-    )
+def test_the_wheel_is_for_every_python_and_has_every_file(wheel: Path) -> None:
+    assert wheel.name.split("-")[2:4] == ["py3", "none"] and "linux" in wheel.name
+    package = PROJECT / "host" / "foldcar"
+    source = {file.relative_to(PROJECT / "host").as_posix() for file in package.rglob("*") if file.is_file()}
+    with ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if name.startswith("foldcar/")}
+    assert names == {name for name in source if "__pycache__" not in name} | {"foldcar/carsim", "foldcar/carsim_mujoco"}
+
+
+def test_the_installed_programs_are_the_checkouts_builds(environment: Path, tmp_path: Path) -> None:
     script = """
-import json, pathlib, foldcar
-from foldcar.car.body import body_json
-from foldcar.car.design import compose
-from foldcar.car.variation.spread import workshop
-from foldcar.mavlink_dialect import load_dialect
-from foldcar.scenes.source import open_environment
-
-scene = open_environment(pathlib.Path("bump.scenic"), {}, 42).sample(0)
-print(json.dumps([foldcar.__file__, scene["terrain"][0]["kind"], body_json(compose("W_B_W", {}))["track_m"],
-                  len(workshop()), load_dialect().FOLDCAR_STATE_FAULT]))
+import json, foldcar
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import MUJOCO
+programs = [[str(one.binary), one.build, one.firmware] for one in (Carsim(), Carsim(engine=MUJOCO))]
+print(json.dumps([foldcar.__file__, *programs]))
 """
-    # Before the checkout, which an editable install has put on the path.
-    environment = {**os.environ, "PYTHONPATH": str(site), "HOME": str(tmp_path)}
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([environment / "bin" / "python", "-c", script], cwd=tmp_path, capture_output=True, text=True)
 
-    file, kind, track_m, spreads, _ = json.loads(done.stdout)
-    assert Path(file) == site / "foldcar" / "__init__.py"
-    assert (kind, spreads > 5, 0.05 < track_m < 0.3) == ("box", True, True)
+    assert done.returncode == 0, done.stderr
+    package = site_of(environment) / "foldcar"
+    file, *programs = json.loads(done.stdout)
+    assert Path(file).parent == package
+    built = (("carsim", Carsim()), ("carsim_mujoco", Carsim(engine=MUJOCO)))
+    assert programs == [[str(package / name), one.build, one.firmware] for name, one in built]
+
+
+def test_without_the_package_mujoco_its_engine_names_the_remedy(environment: Path, tmp_path: Path) -> None:
+    link = site_of(environment) / "mujoco"
+    target = link.readlink()
+    link.unlink()
+    try:
+        script = "from foldcar.simulation.engines import find_carsim; find_carsim('mujoco')"
+        python = environment / "bin" / "python"
+        done = subprocess.run([python, "-c", script], cwd=tmp_path, capture_output=True, text=True)
+    finally:
+        link.symlink_to(target)
+    told = f"no package mujoco in {link.parent}: run `pip install 'foldcar[mujoco]'`"
+    assert done.stderr.splitlines()[-1].endswith(told)
+
+
+def test_a_first_user_gets_from_a_new_project_to_a_report_sheets_and_a_car(environment: Path, tmp_path: Path) -> None:
+    words = tmp_path / "bin"
+    words.mkdir()
+    for word in WORDS:
+        (words / word).symlink_to(shutil.which(word) or "")
+    command = [PROJECT / "tools" / "smoke.sh", environment / "bin" / "foldcar"]
+    alone = {"PATH": str(words), "HOME": str(tmp_path), "LC_ALL": "C.UTF-8"}
+
+    done = subprocess.run(command, cwd=tmp_path, env=alone, capture_output=True, text=True)
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.splitlines()[-1].startswith("smoke: ")
+    assert "180 runs new, 0 there already" in done.stdout

@@ -13,8 +13,8 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-HOST = Path(__file__).resolve().parents[2] / "host"
-LOCK = (HOST / "requirements.txt").read_text(encoding="utf-8")
+PROJECT = Path(__file__).resolve().parents[2]
+LOCK = (PROJECT / "host" / "requirements.txt").read_text(encoding="utf-8")
 PYTHONS = ["3.10", "3.11", "3.12", "3.13", "3.14"]
 
 
@@ -25,7 +25,7 @@ def locked() -> list[Requirement]:
 
 def required() -> list[Requirement]:
     """What pyproject.toml names: the package's own needs, its extras', and what it is built with."""
-    project = tomllib.loads((HOST / "pyproject.toml").read_text(encoding="utf-8"))
+    project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
     own = project["project"]
     extras = [line for lines in own["optional-dependencies"].values() for line in lines]
     lines = own["dependencies"] + extras + project["build-system"]["requires"]

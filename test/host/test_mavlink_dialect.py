@@ -79,5 +79,5 @@ def test_a_list_that_asks_for_what_is_not_there_is_refused(
 
 
 def test_the_pinned_version_is_the_one_that_is_required() -> None:
-    requirements = (Path(__file__).resolve().parents[2] / "host" / "pyproject.toml").read_text(encoding="utf-8")
+    requirements = (Path(__file__).resolve().parents[2] / "pyproject.toml").read_text(encoding="utf-8")
     assert f'"pymavlink=={generation.PYMAVLINK}"' in requirements

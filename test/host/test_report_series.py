@@ -147,7 +147,12 @@ def test_inlined_figures_share_no_names() -> None:
     )
 
 
-def headline_of(passed: dict[float, int], runs: int, trials: dict[float, tuple[int, int]] | None = None) -> str:
+def headline_of(
+    passed: dict[float, int],
+    runs: int,
+    trials: dict[float, tuple[int, int]] | None = None,
+    simulation: str = "simulation",
+) -> str:
     """The headline of a study of widths with so many of ``runs`` passed, and trials passed and counted."""
     results = [
         result(sample, "passed" if sample < count else "stuck", 1.0, w_mm=width)
@@ -158,7 +163,7 @@ def headline_of(passed: dict[float, int], runs: int, trials: dict[float, tuple[i
     tallies = {width: TrialTally(number, good) for width, (good, number) in (trials or {}).items()}
     total = TrialTally(sum(one.counted for one in tallies.values()), 0)
     built = TrialGroup(total, {"w_mm": tallies})
-    info = SimpleNamespace(success_defined=True, planned_runs=len(results))
+    info = SimpleNamespace(success_defined=True, planned_runs=len(results), simulation=simulation)
     return " ".join(headline(info, summary, TrialSummary(built, TrialGroup(), 0, Counter()), 0.75))  # type: ignore[arg-type]
 
 
@@ -173,3 +178,10 @@ def test_the_headline_says_no_more_than_the_counts() -> None:
     # 4 of 4: from 51.0 % on.
     assert "leave all of them open" in few and "No trial of a built car counts yet" in few
     assert "no w passes a single environment" in headline_of({65.0: 0, 70.0: 0}, 5)
+
+
+def test_the_headline_names_the_engine() -> None:
+    said = headline_of({65.0: 2, 70.0: 100}, 100, {70.0: (0, 10)}, "MuJoCo")
+
+    assert said.startswith("In MuJoCo, cars with a w of 70 mm pass") and "MuJoCo is optimistic at 70" in said
+    assert "imulation" not in said

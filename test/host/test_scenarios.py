@@ -3,6 +3,7 @@
 import json
 import math
 import subprocess
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,15 @@ import pytest
 from scipy.stats import kstest
 
 from foldcar.scenes.source import open_environment
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import MUJOCO, SIDE_VIEW
+from foldcar.simulation.runner import CarsimError
+from foldcar.store.info import engine_id
+from foldcar.store.reader import Store
+from foldcar.study.engine_study import engine_study
+from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
+from foldcar.study.sweep import sweep
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 PROGRAMS = sorted(path.stem for path in SCENARIOS.glob("*.scenic"))
@@ -50,6 +59,38 @@ def test_listings_are_sound_and_small(name: str) -> None:
     assert runs <= (3700 if name in ("width_study", "fidelity") else 500)
     for experiment in study.experiments:
         open_environment(experiment.program, dict(experiment.scenic_params), experiment.seed).sample(0)
+
+
+@pytest.mark.parametrize("name", LISTINGS)
+def test_every_experiment_runs_in_both_engines(name: str, tmp_path: Path) -> None:
+    """One car of each in two samples: each engine gives each run a result, a result of its own."""
+    try:
+        carsims = [Carsim(engine=engine) for engine in (SIDE_VIEW, MUJOCO)]
+    except CarsimError as error:
+        pytest.skip(str(error))
+    study = read_study(SCENARIOS / f"{name}.json", environments=2)
+    first = [
+        replace(one, family=replace(one.family, choices={key: some[:1] for key, some in one.family.choices.items()}))
+        for one in study.experiments
+    ]
+    study = replace(study, experiments=tuple(first))
+    # Compiled once for both.
+    environments = {one.place: Environment(one) for one in first}
+    for carsim in carsims:
+        named = engine_study(study, carsim)
+        sweep(named, tmp_path / "s.db", carsim, 1, "", environment_of=lambda one: environments[one.place])
+
+    with Store.open(tmp_path / "s.db") as store:
+        in_side_view, in_mujoco = (
+            [result for one in first for result in store.results(engine_id(one.id, carsim.engine))] for carsim in carsims
+        )
+    assert len(in_side_view) == 2 * len(first)
+    for one, other in zip(in_side_view, in_mujoco, strict=True):
+        assert (one.sample, one.design) == (other.sample, other.design)
+        for result in (one, other):
+            assert result.outcome != "failed" and result.metrics["elapsed_time_s"] > 0
+            assert result.metrics["consumed_energy_j"] > 0
+        assert one.metrics != other.metrics
 
 
 @pytest.mark.parametrize("name", ["two_bumps", "two_bumps_mutated"])

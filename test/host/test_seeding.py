@@ -12,6 +12,8 @@ import requests
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 
+import box2d_source  # noqa: E402
+import debian_source  # noqa: E402
 import seed_platformio  # noqa: E402
 import unity_source  # noqa: E402
 from platformio_core import scons_version  # noqa: E402
@@ -24,6 +26,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delenv("PLATFORMIO_CORE_DIR", raising=False)
     monkeypatch.setattr(seed_platformio, "seed_core", lambda core_dir: core_dir.mkdir(exist_ok=True))
     monkeypatch.setattr(seed_platformio, "seed_unity", lambda folder: None)
+    monkeypatch.setattr(seed_platformio, "seed_box2d", lambda folder: None)
     return tmp_path
 
 
@@ -112,10 +115,10 @@ def test_platformios_name_for_scons_gives_scons_own_version() -> None:
 
 def test_apts_lists_of_both_forms_are_turned_to_sources() -> None:
     deb822 = "# main\nTypes: deb deb-src\nURIs: http://mirror/x\nSuites: stable\nSigned-By: /k.gpg\n"
-    assert unity_source.with_sources(deb822, is_deb822=True) == deb822.replace("deb deb-src", "deb-src")
+    assert debian_source.with_sources(deb822, is_deb822=True) == deb822.replace("deb deb-src", "deb-src")
     wanted = "deb [signed-by=/k.gpg] http://mirror/ x main\n"
     lines = f"# deb http://off/ x main\n{wanted}deb-src http://mirror/ x main\n"
-    assert unity_source.with_sources(lines, is_deb822=False) == wanted.replace("deb", "deb-src", 1)
+    assert debian_source.with_sources(lines, is_deb822=False) == wanted.replace("deb", "deb-src", 1)
 
 
 def test_an_archive_without_unity_is_an_error_that_names_the_file(tmp_path: Path) -> None:
@@ -125,3 +128,16 @@ def test_an_archive_without_unity_is_an_error_that_names_the_file(tmp_path: Path
         members.add(tmp_path / "unity.c", "ntpsec-1/tests/unity/unity.c")
     with pytest.raises(SeedError, match=r"no tests/unity/unity\.h"):
         unity_source.extract_unity(archive, tmp_path)
+
+
+def test_of_box2ds_archive_headers_and_sources_are_taken(tmp_path: Path) -> None:
+    names = ("include/box2d/box2d.h", "src/dynamics/b2_world.cpp", "testbed/main.cpp")
+    archive = tmp_path / "box2d_2.4.1.orig.tar.gz"
+    with tarfile.open(archive, "w:gz") as members:
+        for name in names:
+            (tmp_path / Path(name).name).write_text(name, encoding="utf-8")
+            members.add(tmp_path / Path(name).name, f"box2d-2.4.1/{name}")
+    folder = tmp_path / "library"
+    box2d_source.extract_box2d(archive, folder)
+    found = {file.relative_to(folder).as_posix(): file.read_text() for file in folder.rglob("*") if file.is_file()}
+    assert found == {name: name for name in names[:2]}

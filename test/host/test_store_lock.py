@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -140,3 +141,37 @@ def test_a_store_of_another_process_is_read_meanwhile(store: Path) -> None:
         assert len(list(reader.results())) == 4
         with pytest.raises(sqlite3.OperationalError):
             reader._connection.execute("DELETE FROM run")
+
+
+# A program that is killed in the middle of a transaction without a write-ahead log, as `sqlite3` writes one.
+KILLED = """
+import os, signal, sqlite3, sys
+connection = sqlite3.connect(sys.argv[1], isolation_level=None)
+connection.execute("PRAGMA cache_size = 1")
+connection.execute("BEGIN IMMEDIATE")
+connection.execute("CREATE TABLE more AS WITH RECURSIVE k (n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM k WHERE n < 9999) "
+                   "SELECT n, hex(randomblob(50)) FROM k")
+connection.execute("DELETE FROM run")
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_what_another_program_left_half_done_is_named_and_undone(store: Path, foldcar: Any) -> None:
+    with Store.open(store) as reader:
+        before = list(reader.results())
+    subprocess.run([sys.executable, "-c", KILLED, store], timeout=60)
+    assert store.with_name("s.db-journal").stat().st_size > 0
+
+    for words in (("check", "s.db"), ("report", "s.db", "-o", "out")):
+        answer = foldcar(*words)
+        assert answer.returncode == 2
+        assert answer.stderr == "foldcar: error: s.db: a program was killed while it wrote; " \
+            "`foldcar migrate s.db` undoes what is half done\n"  # fmt: skip
+    saved = foldcar("repair", "s.db", "-o", "w.db")
+    assert foldcar("migrate", "s.db").returncode == 0
+
+    for name in ("s.db", "w.db"):
+        with Store.open(store.with_name(name)) as reader:
+            assert list(reader.results()) == before
+        assert foldcar("check", name).returncode == 0
+    assert saved.returncode == 0

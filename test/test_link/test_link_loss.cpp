@@ -91,7 +91,7 @@ void a_single_packet_sets_nothing_in_motion() {
   TEST_ASSERT_TRUE(bench.last_us() == kOff);
 }
 
-// `make fuzz` feeds a hundred times as many bytes, with the address and undefined-behaviour sanitizers.
+// `make fuzz` looks for such bytes by coverage, under sanitizers.
 void a_million_random_and_damaged_bytes_move_nothing() {
   LinkFuzz fuzz(1);
   TEST_ASSERT_TRUE(fuzz.run(1000000));

@@ -168,7 +168,7 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
     ranks = rank_agreement(
         [(one.runs_passed, one.runs) for one in both], [(one.trials_passed, len(one.trials)) for one in both]
     )
-    verdict, sentence = _verdict(compared, mean, margin)
+    verdict, sentence = _verdict(compared, mean, margin, info.simulation)
     return ExperimentComparison(info, compared, ranks, mean, verdict, sentence, evidence.remarks)
 
 
@@ -218,32 +218,33 @@ def _best(one: DesignEvidence, confidence: float) -> Rate:
     return _rectified(one, confidence) or _driven(one, confidence)
 
 
-def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float) -> tuple[str, str]:
+def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, simulation: str) -> tuple[str, str]:
     """The experiment's verdict and its sentence."""
+    start = simulation[0].upper() + simulation[1:]
     labels: dict[str, list[str]] = {}
     for one in compared:
         if one.verdict is not None:
             labels.setdefault(one.verdict, []).append(one.label)
     more = "less" if mean.value < 0 else "more"
-    apart = f"trials pass {points(mean.value, sign=False)} points {more} often than simulation"
+    apart = f"trials pass {points(mean.value, sign=False)} points {more} often than {simulation}"
     interval = f"{points(mean.low)} to {points(mean.high)}"
     average = f"on average over {count(sum(map(len, labels.values())), 'design')}, {apart} (95 %: {interval})"
     unsure = f"; too few trials to say at {listed(labels[TOO_FEW])}" if TOO_FEW in labels else ""
     if OPTIMISTIC in labels and PESSIMISTIC in labels:
         text = f"optimistic at {listed(labels[OPTIMISTIC])} and pessimistic at {listed(labels[PESSIMISTIC])}{unsure}"
-        return "mixed", f"Simulation is {text}; {average}."
+        return "mixed", f"{start} is {text}; {average}."
     for verdict in (OPTIMISTIC, PESSIMISTIC):
         if verdict in labels:
-            return verdict, f"Simulation is {verdict} at {listed(labels[verdict])}{unsure}; {average}."
+            return verdict, f"{start} is {verdict} at {listed(labels[verdict])}{unsure}; {average}."
     verdict = mean.verdict(margin)
     if verdict in (OPTIMISTIC, PESSIMISTIC):
-        return verdict, f"Simulation is {verdict} {average}; no single design shows it."
+        return verdict, f"{start} is {verdict} {average}; no single design shows it."
     within = f"within {points(margin, sign=False)} points"
     if verdict == AGREES and TOO_FEW not in labels:
-        return AGREES, f"Simulation and trials agree {within} at {listed(labels[AGREES])}; {average}."
+        return AGREES, f"{start} and trials agree {within} at {listed(labels[AGREES])}; {average}."
     if AGREES in labels:
-        return TOO_FEW, f"Simulation and trials agree {within} at {listed(labels[AGREES])}{unsure}; {average}."
-    return TOO_FEW, f"Too few trials to say whether simulation and trials agree {within}; {average}."
+        return TOO_FEW, f"{start} and trials agree {within} at {listed(labels[AGREES])}{unsure}; {average}."
+    return TOO_FEW, f"Too few trials to say whether {simulation} and trials agree {within}; {average}."
 
 
 def _nothing(driven: Sequence[DesignEvidence]) -> str:

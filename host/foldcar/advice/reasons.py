@@ -55,9 +55,9 @@ def between(one: ExperimentInfo, other: ExperimentInfo) -> str:
     return "nominal and calibrated simulation"
 
 
-def first_reason(place: str, one: DesignEvidence, threshold: float, parted: Parting | None) -> str:
+def first_reason(place: str, one: DesignEvidence, simulation: str, parted: Parting | None) -> str:
     """Why a design is built before there are trials."""
-    passes = f"simulation passes {percent(one.runs_passed / one.runs)}"
+    passes = f"{simulation} passes {percent(one.runs_passed / one.runs)}"
     return "; ".join([_FIRST[place], passes, *_parted_text(parted)])
 
 
@@ -80,24 +80,25 @@ def next_reason(seen: Outlook, index: int, threshold: float, parted: Parting | N
     return "; ".join([*parts, *_parted_text(parted)])
 
 
-def region_text(seen: Outlook, threshold: float, parameters: Sequence[str]) -> str:
-    """The feasible region of simulation: ranges of the one parameter, or how many designs."""
+def region_text(seen: Outlook, threshold: float, parameters: Sequence[str], simulation: str) -> str:
+    """The feasible region in ``simulation``, as it is called: ranges of the one parameter, or how many designs."""
     feasible = seen.smooth[:, 0] >= threshold
     limit, total = percent(threshold), len(seen.designs)
     considered = " considered" if seen.thinned else ""
     if not feasible.any():
-        return f"In simulation no design{considered} reaches {limit}."
+        return f"In {simulation} no design{considered} reaches {limit}."
     if feasible.all():
-        return f"In simulation {'the design' if total == 1 else f'each of {total} designs{considered}'} reaches {limit}."
+        what = "the design" if total == 1 else f"each of {total} designs{considered}"
+        return f"In {simulation} {what} reaches {limit}."
     if len(parameters) != 1:
-        return f"In simulation {int(feasible.sum())} of {total} designs{considered} reach {limit}."
+        return f"In {simulation} {int(feasible.sum())} of {total} designs{considered} reach {limit}."
     order = numpy.argsort(seen.parameters[:, 0], kind="stable")
     values, inside = seen.parameters[order, 0], feasible[order]
     ranges = []
     for run in numpy.split(numpy.arange(total), numpy.flatnonzero(numpy.diff(inside)) + 1):
         if inside[run[0]]:
             ranges.append(span_text(parameters[0], float(values[run[0]]), float(values[run[-1]])))
-    return f"In simulation {limit} is reached at {listed(ranges)}."
+    return f"In {simulation} {limit} is reached at {listed(ranges)}."
 
 
 def _nearby(seen: Outlook, index: int) -> list[str]:

@@ -202,23 +202,23 @@ class _Choice:
         if placed.place == NEXT:
             reason = next_reason(seen, index, self.threshold, self._parted(one), together)
         else:
-            reason = first_reason(placed.place, one, self.threshold, self._parted(one))
+            reason = first_reason(placed.place, one, self.evidence.info.simulation, self._parted(one))
         price = cost(one.vehicle_type, one.design, trials, one.mean_time_s, bool(done)) if with_cost else None
         return Recommendation(
             one.label, one.design, placed.place, reason, one.simulated(), expected, bool(done), done, trials, price
         )
 
     def _remarks(self, recommended: Sequence[Recommendation], wanted: int, environments: int) -> tuple[str, ...]:
-        seen = self.seen
-        remarks = [region_text(seen, self.threshold, self.evidence.parameters)]
+        seen, info = self.seen, self.evidence.info
+        remarks = [region_text(seen, self.threshold, self.evidence.parameters, info.simulation)]
         best, passed, number = honest_best(seen.passed)
         if number and len(seen.designs) > 1:
-            rate = run_rate(passed, number, count(number, "run"), self.evidence.info.until is not None)
+            rate = run_rate(passed, number, count(number, "run"), info.until is not None)
             remarks.append(
-                f"Best in simulation: {seen.designs[best].label}, {percent(rate.value)} ({percent(rate.low)} to "
-                f"{percent(rate.high)}), chosen in one half of the environments and counted in the other."
+                f"Best in {info.simulation}: {seen.designs[best].label}, {percent(rate.value)} "
+                f"({percent(rate.low)} to {percent(rate.high)}), chosen in one half of the "
+                "environments and counted in the other."
             )
-            info = self.evidence.info
             # Trials say more; the test holds for a number of runs that was fixed before.
             if not (seen.driven or info.until or info.searched):
                 labels = [design.label for design in seen.designs]
@@ -232,18 +232,18 @@ class _Choice:
         return (*remarks, *self.evidence.remarks)
 
     def _sentence(self, recommended: Sequence[Recommendation], enough: bool, loss: float | None) -> str:
-        seen, limit = self.seen, percent(self.threshold)
+        seen, limit, simulation = self.seen, percent(self.threshold), self.evidence.info.simulation
         # In the order of the family, not of use.
         order = {one.label: row for row, one in enumerate(seen.designs)}
         named = listed(sorted((one.label for one in recommended), key=order.__getitem__))
         if loss is None and not (seen.smooth[:, 0] >= self.threshold).any():
-            return f"Build {named}: no trials yet, and no design reaches {limit} in simulation; first the best."
+            return f"Build {named}: no trials yet, and no design reaches {limit} in {simulation}; first the best."
         if loss is None:
-            return f"Build {named}: no trials yet, so these mark the region that reaches {limit} in simulation."
+            return f"Build {named}: no trials yet, so these mark the region that reaches {limit} in {simulation}."
         best, _ = expected_loss(seen.draws)
         rate = None if seen.pooled is None else seen.pooled[best]
         shown = "" if rate is None else f" with {percent(rate.value)} ({percent(rate.low)} to {percent(rate.high)})"
-        leads = f"by trials and simulation together {seen.designs[best].label} leads{shown}"
+        leads = f"by trials and {simulation} together {seen.designs[best].label} leads{shown}"
         loses = f"to settle for it loses {points(loss, sign=False)} points on average against the best there may be"
         if not enough:
             return f"Next, try {named}: {leads}; {loses}."

@@ -54,7 +54,7 @@ def told_apart_text(passed: ArrayLike, labels: Sequence[str], best: int, others:
         return None
     return (
         f"Over the same {environments} environments, which did not choose it, {labels[best]} {'; it '.join(said)}. "
-        f"(McNemar's exact test in simulation, {100 * LEVEL:g} % for all comparisons together.)"
+        f"(McNemar's exact test over runs, {100 * LEVEL:g} % for all comparisons together.)"
     )
 
 

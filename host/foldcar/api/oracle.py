@@ -4,7 +4,6 @@ The numbers are those of `foldcar run` and of a sweep: the same cars, samples an
 """
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from foldcar.api.prepared import built_cars, prepared
 from foldcar.api.whole import whole
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
+from foldcar.processors import usable_processors
 from foldcar.simulation.results import NUMBERS, outcome_of
 from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.store.writer import canonical_json
@@ -144,7 +144,7 @@ def evaluate(
     car = design_of(design)
     place = _environment(environment, seed, params)
     count = whole("n", n, 1, MOST_ENVIRONMENTS)
-    workers = whole("jobs", jobs, 1, MOST_JOBS) if jobs is not None else len(os.sched_getaffinity(0))
+    workers = whole("jobs", jobs, 1, MOST_JOBS) if jobs is not None else usable_processors()
     body, text = prepared(car, timeout_s, speed_m_s, yaw_rate_rad_s)
     bodies = {"car": body}
     if variation is not None:

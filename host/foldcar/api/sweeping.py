@@ -1,10 +1,10 @@
 """A sweep from Python: what `foldcar sweep` does, into a store that the commands read too."""
 
-import os
 from pathlib import Path
 
 from foldcar.api.study import Study
 from foldcar.api.whole import whole
+from foldcar.processors import usable_processors
 from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import read_study
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
@@ -25,7 +25,7 @@ def sweep(
     processor). It may be interrupted: the same call resumes. FoldcarError if the listing or an argument is invalid.
     """
     count = None if environments is None else whole("environments", environments, 1, MOST_ENVIRONMENTS)
-    workers = len(os.sched_getaffinity(0)) if jobs is None else whole("jobs", jobs, 1, MOST_JOBS)
+    workers = usable_processors() if jobs is None else whole("jobs", jobs, 1, MOST_JOBS)
     study = read_study(Path(listing), experiment, count)
     run_sweep(study, Path(store), Carsim(), workers, f"foldcar.sweep({str(listing)!r}, {str(store)!r})")
     return Study(store)

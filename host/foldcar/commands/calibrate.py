@@ -1,6 +1,5 @@
 """`foldcar calibrate`: infers the simulator's parameters from the trials of a store."""
 
-import os
 import re
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +9,7 @@ import typer
 from foldcar.commands.jobs_option import Jobs
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.simulated_trials_option import SimulatedTrialsInstead
+from foldcar.processors import usable_processors
 from foldcar.study.limits import GREATEST_SEED
 
 # What a name may be, so that it can be typed and stand in the names of experiments.
@@ -83,7 +83,7 @@ def calibrate(
                 passed, all_runs = nominal.get(index, (0, 0))
                 nominal[index] = (passed + (result.outcome == "passed"), all_runs + 1)
     carsim = Carsim()
-    simulator = Simulator(chosen, carsim, jobs or len(os.sched_getaffinity(0)), seed)
+    simulator = Simulator(chosen, carsim, jobs or usable_processors(), seed)
     planned = plan(runs, len(counts.designs)).runs
     with said(lambda: "stopped: nothing is stored"), TerminalBar("calibrate", planned) as bar:
         inference = infer(simulator, counts, runs, bar.done, measured)

@@ -1,6 +1,5 @@
 """`foldcar crosscheck`: sweeps a listing in the side view and in MuJoCo and compares the results."""
 
-import os
 import shlex
 import sys
 from pathlib import Path
@@ -11,10 +10,13 @@ import typer
 from foldcar.commands.components_option import Components
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_folder
+from foldcar.processors import usable_processors
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
 if TYPE_CHECKING:
+    from foldcar.commands.progress_bar import ProgressBar
     from foldcar.crosscheck.agreement import Agreement
+    from foldcar.study.progress import Progress
 
 STORE = "study.db"
 
@@ -57,7 +59,6 @@ def crosscheck(
     \b
     Example: foldcar crosscheck scenarios/step_pyramids.json -o check
     """
-    from foldcar.commands.progress_bar import ProgressBar
     from foldcar.commands.terminal_bar import TerminalBar
     from foldcar.crosscheck.page import PAGE, comparison_numbers, write_page
     from foldcar.crosscheck.sweeps import check_success, simulators, sweep_all
@@ -69,11 +70,11 @@ def crosscheck(
     carsims = simulators(baseline)
     study = read_study(listing, experiment, environments)
     check_success(study)
-    workers = jobs or len(os.sched_getaffinity(0))
+    workers = jobs or usable_processors()
     command = shlex.join(["foldcar", *sys.argv[1:]])
     with said(lambda: f"stopped: finished runs are in {output / STORE}; the same command resumes"):
         make_output_folder(output)
-        sweep_all(study, output / STORE, carsims, baseline, workers, command, ProgressBar)
+        sweep_all(study, output / STORE, carsims, baseline, workers, command, _bar)
         names = [one.id for one in study.experiments]
         with Store.open(output / STORE) as store, TerminalBar("pictures", len(names)) as bar:
             comparisons = write_page(output, listing.name, store, names, baseline, carsims, workers, bar.done)
@@ -82,6 +83,13 @@ def crosscheck(
         return
     _print(comparisons)
     typer.echo(f"page: {output / PAGE}")
+
+
+def _bar(progress: "Progress", engine: str) -> "ProgressBar":
+    from foldcar.commands.progress_bar import ProgressBar
+    from foldcar.crosscheck.page import NAMES
+
+    return ProgressBar(progress, label=NAMES[engine])
 
 
 def _print(comparisons: "list[tuple[str, Agreement]]") -> None:

@@ -39,6 +39,9 @@ def export(
         Literal["csv", "parquet"],
         typer.Option("--format", metavar="FORMAT", help="Of the folder's tables: csv or parquet."),
     ] = "csv",
+    digest: Annotated[
+        bool, typer.Option("--digest", help="Print a digest of all runs' keys and results, whatever their order.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Write a store's runs as a table, or all of it.
@@ -52,16 +55,21 @@ def export(
     """
     from foldcar.report.export import export_csv, export_parquet, write_csv
     from foldcar.report.export_trials import export_trials
+    from foldcar.store.digest import store_digest
     from foldcar.store.folder_export import export_folder
     from foldcar.store.reader import Store
 
-    if csv is None and parquet is None and trials is None and folder is None:
-        raise FoldcarError("export: say what to write: --csv FILE, --parquet FILE, --trials FILE or --folder DIR")
+    if csv is None and parquet is None and trials is None and folder is None and not digest:
+        what = "--csv FILE, --parquet FILE, --trials FILE, --folder DIR or --digest"
+        raise FoldcarError(f"export: say what to write: {what}")
     check_distinct([store], [csv, parquet, trials, folder])
     if as_json and csv == STANDARD_OUTPUT:
         raise FoldcarError("export: --csv - and --json both print on standard output; choose one")
+    if digest and csv == STANDARD_OUTPUT:
+        raise FoldcarError("export: --csv - and --digest both print on standard output; choose one")
     if failed and csv is None and parquet is None:
         raise FoldcarError("export: --failed: says nothing without --csv FILE or --parquet FILE")
+    told: dict[str, Any] = {}
     written: list[dict[str, Any]] = []
     with Store.open(store) as opened:
         if csv == STANDARD_OUTPUT:
@@ -80,9 +88,13 @@ def export(
                 typer.echo(f"{store}: log {log} is gone", err=True)
             rows, logs = manifest["rows"], len(manifest["logs"]) - len(gone)
             written.append({"path": folder, "runs": rows["run"], "trials": rows["trial"], "logs": logs})
+        if digest:
+            told = dict(zip(("digest", "runs"), store_digest(opened), strict=True))
     if as_json:
-        print_json({"store": store, "written": written})
+        print_json({"store": store, "written": written, **told})
         return
+    if digest:
+        typer.echo(f"{told['digest']}  {told['runs']} runs")
     for one in written:
         counts = ", ".join(f"{count} {what}" for what, count in one.items() if what not in ("path", "left_out"))
         typer.echo(f"{one['path']}: {counts}", err=True)

@@ -16,6 +16,7 @@ from foldcar.commands.design_settings import Settings, design_settings
 from foldcar.commands.output_option import check_distinct, output_file
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import held
+from foldcar.source_tree import source_tree
 
 CAR_FILE = "car.json"
 
@@ -78,8 +79,8 @@ def _board(port: str | None) -> str:
 
 def _project() -> Path:
     """The project's folder with the firmware's sources; FoldcarError if the package is installed without them."""
-    project = Path(__file__).resolve().parents[3]
-    if not (project / "platformio.ini").is_file():
+    project = source_tree()
+    if project is None:
         raise FoldcarError("flash: the firmware's sources are missing: use a checkout of the project")
     return project
 

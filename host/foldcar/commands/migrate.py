@@ -19,8 +19,9 @@ def migrate(
     Example: foldcar migrate study.db
     """
     from foldcar.store.migrations import VERSION
-    from foldcar.store.opening import require_store, writing
+    from foldcar.store.opening import require_store, undo_half_done, writing
 
+    undo_half_done(store)
     require_store(store)
     with writing(store):
         pass

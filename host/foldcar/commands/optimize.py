@@ -1,6 +1,5 @@
 """`foldcar optimize`: searches the best designs of a family, simulating those that are worth a look."""
 
-import os
 import shlex
 import sys
 from enum import Enum
@@ -13,6 +12,7 @@ from foldcar.commands.components_option import Components
 from foldcar.commands.jobs_option import Jobs
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_store
+from foldcar.commands.scheduler_option import Scheduler, check_scheduler_option, simulators
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
@@ -80,6 +80,7 @@ def optimize(
     ] = True,
     seed: Annotated[int, typer.Option(metavar="S", min=0, max=2**31, help="Of the sampler.")] = 0,
     jobs: Jobs = None,
+    scheduler: Scheduler = None,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="This experiment of the listing.")] = None,
     calibration: Annotated[
         str | None,
@@ -105,6 +106,7 @@ def optimize(
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.experiments import read_study
 
+    check_scheduler_option(scheduler, jobs)
     names = [one.value for one in objective or [ObjectiveName.success]]
     if len(set(names)) < len(names):
         raise FoldcarError(f"--objective: {', '.join(names)}: one is named twice")
@@ -126,9 +128,9 @@ def optimize(
     def stopped() -> str:
         return f"stopped: {found.designs} of {designs} designs are tried, their runs in {store}; the same command resumes"
 
-    with said(stopped), SearchBar(found) as bar:
-        workers = jobs or len(os.sched_getaffinity(0))
-        search(study, plan, store, Carsim(), workers, command, found, bar.update, environment_of)
+    carsim = Carsim()
+    with said(stopped), SearchBar(found) as bar, simulators(scheduler, jobs, carsim, bar.say) as places:
+        search(study, plan, store, carsim, places, command, found, bar.update, environment_of)
     if as_json:
         print_json(search_object(plan, found, store, study.experiments[0].id))
     else:

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 class ProgressBar(TerminalBar):
     """``with ProgressBar(progress) as bar``: call ``bar.update`` when the counts change."""
 
-    def __init__(self, progress: "Progress", designs: int | None = None) -> None:
+    def __init__(self, progress: "Progress", designs: int | None = None, label: str = "sweep") -> None:
         """``designs`` is the number of those to be decided; None: there is nothing to decide."""
-        super().__init__("sweep", progress.total, before="rate", after="success")
+        super().__init__(label, progress.total, before="rate", after="success")
         self._designs = designs
 
     def update(self, progress: "Progress") -> None:

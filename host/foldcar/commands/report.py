@@ -1,6 +1,5 @@
 """`foldcar report`: writes a page with figures of a store's study, and prints a summary."""
 
-import os
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +9,7 @@ import typer
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_folder
 from foldcar.commands.simulated_trials_option import SimulatedTrials
+from foldcar.processors import usable_processors
 
 if TYPE_CHECKING:
     from foldcar.simulation.carsim import Carsim
@@ -66,7 +66,7 @@ def report(
     if not replay:
         command.append("--no-replay")
     with Store.open(store) as opened, ReplayBar() as bar:
-        replayer = Replayer(partial(_carsim, replay), len(os.sched_getaffinity(0)), bar.plan, bar.done)
+        replayer = Replayer(partial(_carsim, replay), usable_processors(), bar.plan, bar.done)
         sections, driven = write_report(opened, output, command, simulated_trials, replayer, options)
     if as_json:
         experiments, only_trials = [summary_object(one) for one in sections], [trials_object(one) for one in driven]

@@ -51,7 +51,7 @@ def _print_designs(console: Console, one: Selection) -> None:
         telling = f"the first {one.telling} tell" if one.telling else "none tells"
         console.print(
             f"Environments to set up, the same for all (`foldcar log --sample K`): {samples}. They stand for all sampled "
-            f"ones; {telling} these designs apart in simulation.",
+            f"ones; {telling} these designs apart in {one.info.simulation}.",
             markup=False,
         )
     if any(design.cost is not None for design in one.recommendations):

@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.runner import Runner
 
-PATH_INTERVAL_S = 0.02
-
 
 @dataclass(frozen=True)
 class SimulatedRun:
@@ -42,6 +40,8 @@ class SimulatedRun:
 
         FoldcarError that names ``wanted`` if the run failed.
         """
+        from foldcar.simulation.runner import PATH_INTERVAL_S
+
         native = {} if "error" in answer else self.by(carsim, path_interval_s=PATH_INTERVAL_S)
         if "path" not in native:
             raise FoldcarError(f"{wanted}: a failed run has no path to show")

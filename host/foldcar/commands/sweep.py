@@ -1,6 +1,5 @@
 """`foldcar sweep`: simulates every design of a listing in every environment into a store."""
 
-import os
 import shlex
 import sys
 from pathlib import Path
@@ -14,6 +13,7 @@ from foldcar.commands.failed_runs import say_failed
 from foldcar.commands.jobs_option import Jobs
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_store
+from foldcar.commands.scheduler_option import Scheduler, check_scheduler_option, simulators
 from foldcar.commands.sweep_text import state_objects, stopping_lines
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
@@ -44,6 +44,7 @@ def sweep(
         ),
     ] = None,
     jobs: Jobs = None,
+    scheduler: Scheduler = None,
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Only this experiment.")] = None,
     calibration: Annotated[
         str | None,
@@ -78,6 +79,7 @@ def sweep(
     from foldcar.study.sweep import planned_total
     from foldcar.study.sweep import sweep as run_sweep
 
+    check_scheduler_option(scheduler, jobs)
     study = read_study(listing, experiment, environments)
     carsim = Carsim(engine=engine)
     study, environment_of = under_calibration(engine_study(study, carsim), store, calibration, reality)
@@ -93,9 +95,12 @@ def sweep(
         total = f"at most {progress.total}" if rules else f"{progress.total}"
         return f"stopped: {progress.done} of {total} runs are stored in {store}; the same command resumes"
 
-    workers = jobs or len(os.sched_getaffinity(0))
-    with said(stopped), ProgressBar(progress, designs) as bar:
-        run_sweep(study, store, carsim, workers, command, bar.update, progress, bar.say, environment_of, rules)
+    with (
+        said(stopped),
+        ProgressBar(progress, designs) as bar,
+        simulators(scheduler, jobs, carsim, bar.say) as places,
+    ):
+        run_sweep(study, store, carsim, places, command, bar.update, progress, bar.say, environment_of, rules)
     if as_json:
         print_json(
             {

@@ -4,6 +4,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from foldcar.analysis.stopping import LEAST_CHANCE
+
 if TYPE_CHECKING:
     from foldcar.analysis.stopping import StoppingRule
     from foldcar.study.experiments import Experiment
@@ -17,7 +19,7 @@ def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequ
     """How many designs of the experiment are decided, what that means, and which are not."""
     mine = [state for state in states if state.experiment == experiment.id]
     undecided = [state for state in mine if not state.decided]
-    rest = f", {len(undecided)} undecided after {experiment.environments} environments" if undecided else ""
+    rest = f", {len(undecided)} undecided" if undecided else ""
     made, most = sum(state.runs for state in mine), len(mine) * experiment.environments
     head = f"experiment {experiment.id}: {len(mine) - len(undecided)} of {len(mine)} designs decided"
     yield f"{head}{rest}; {made} of at most {most} runs"
@@ -28,6 +30,10 @@ def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequ
         head = f"{next(iter(varied))} " if len(varied) == 1 else ""
         more = f" and {len(undecided) - SHOWN} more" if len(undecided) > SHOWN else ""
         yield f"  undecided: {head}{', '.join(names)}{more}; --environments N allows more runs"
+        left = sum(state.runs < experiment.environments for state in undecided)
+        if left:
+            chance = f"with a chance below {100 * LEAST_CHANCE:g} %"
+            yield f"  {left} of these were left early: {experiment.environments} environments would decide them {chance}"
 
 
 def state_objects(states: "Sequence[DesignState]") -> list[dict[str, Any]]:

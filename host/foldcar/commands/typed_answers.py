@@ -8,8 +8,6 @@ import contextlib
 import os
 import select
 import sys
-import termios
-import tty
 from collections.abc import Callable, Iterator
 
 import typer
@@ -69,6 +67,10 @@ class TypedAnswers:
         if not self.is_terminal:
             yield lambda: None
             return
+        # Not on Windows.
+        import termios
+        import tty
+
         before = termios.tcgetattr(INPUT)
         try:
             tty.setcbreak(INPUT)

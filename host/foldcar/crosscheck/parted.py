@@ -16,10 +16,10 @@ from foldcar.crosscheck.stored import Case, stored_name
 from foldcar.replay.simulate import run_call
 from foldcar.replay.stored_drives import StoredDrives, read_drives
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.runner import PATH_INTERVAL_S
 from foldcar.store.reader import Store
 
 CANDIDATES = 24
-PATH_INTERVAL_S = 0.02
 
 
 @dataclass(frozen=True)

@@ -52,12 +52,12 @@ def sweep_all(
     baseline: int,
     jobs: int,
     command: str,
-    bar_of: Callable[[Progress], AbstractContextManager[Bar]],
+    bar_of: Callable[[Progress, str], AbstractContextManager[Bar]],
 ) -> None:
-    """Simulate with each engine what the store lacks; ``bar_of`` shows one engine's sweep. FoldcarError."""
+    """Simulate with each engine what the store lacks; ``bar_of`` shows that of an engine, by its key. FoldcarError."""
     for engine, part in _parts(study, baseline, carsims):
         progress = Progress(total=planned_total(part))
-        with bar_of(progress) as bar:
+        with bar_of(progress, engine) as bar:
             # What holds for the listing is said once.
             say = bar.say if engine == SIDE_VIEW else lambda line: None
             sweep(part, store, carsims[engine], jobs, command, bar.update, progress, say)

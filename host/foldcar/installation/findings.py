@@ -1,7 +1,6 @@
 """All findings, in the order in which they depend on each other."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 from foldcar.installation.board import platformio, serial_ports, toolchain
 from foldcar.installation.finding import Finding
@@ -9,13 +8,12 @@ from foldcar.installation.machine import browser, writing
 from foldcar.installation.platformio_project import read_project
 from foldcar.installation.python_packages import foldcar_itself, mavproxy, packages, scenic
 from foldcar.installation.simulator import simulator, simulator_with_mujoco
-
-PROJECT = Path(__file__).resolve().parents[3]
+from foldcar.source_tree import source_tree
 
 
 def findings() -> Iterator[Finding]:
     """Look for everything. Nothing is changed, fetched or driven; each step takes at most a few seconds."""
-    checkout = PROJECT if (PROJECT / "platformio.ini").is_file() else None
+    checkout = source_tree()
     yield foldcar_itself(checkout)
     yield packages()
     yield scenic()

@@ -14,6 +14,9 @@ from foldcar.installation.finding import Finding
 LEAST_PYTHON = (3, 10)
 AGAIN = "make setup; where the package is installed by itself: pip install --force-reinstall foldcar"
 
+# Of Debian and Ubuntu; Scenic's image library loads them.
+SYSTEM_LIBRARIES = "libgl1 libglib2.0-0 libxcb1"
+
 
 def foldcar_itself(checkout: Path | None) -> Finding:
     """The version that runs, and by which Python."""
@@ -46,7 +49,7 @@ def scenic() -> Finding:
             import scenic
     except Exception as error:  # whatever a broken library raises
         text = f"cannot be imported: {type(error).__name__}: {error}"
-        return Finding("Scenic", "missing", text, "make setup")
+        return Finding("Scenic", "missing", text, f"{AGAIN}; also apt-get install {SYSTEM_LIBRARIES}")
     return Finding("Scenic", "ok", str(importlib.metadata.version(scenic.__name__)))
 
 

@@ -22,8 +22,8 @@ import sys
 from pathlib import Path
 from typing import Literal
 from simulation_digest import firmware_digest, simulation_digest
-root, compiler, libraries, *flags = sys.argv[1:]
-print(simulation_digest(Path(root), flags, compiler, Path(libraries)), firmware_digest(Path(root)))
+root, compiler, fetched, shared, *flags = sys.argv[1:]
+print(simulation_digest(Path(root), flags, compiler, [Path(fetched), Path(shared)]), firmware_digest(Path(root)))
 """
 
 
@@ -33,7 +33,7 @@ def simulator(checkout: Path | None, project: PlatformioProject | None) -> Findi
         carsim = Carsim()
     except FoldcarError as error:
         named = os.environ.get(BINARY_VARIABLE)
-        advice = f"let {BINARY_VARIABLE} name a carsim, or leave it out" if named else "make setup"
+        advice = f"let {BINARY_VARIABLE} name a carsim, or leave it out" if named else _again(checkout, "make setup")
         return Finding("carsim", "missing", str(error), advice)
     return _compared("carsim", "missing", carsim, SIDE_VIEW, checkout, project)
 
@@ -43,7 +43,10 @@ def simulator_with_mujoco(checkout: Path | None, project: PlatformioProject | No
     try:
         carsim = Carsim(engine=MUJOCO)
     except FoldcarError as error:
-        return Finding("MuJoCo", "absent", f"{error}; only --engine mujoco and foldcar crosscheck need it", "make mujoco")
+        return Finding(
+            "MuJoCo", "absent", f"{error}; only --engine mujoco and foldcar crosscheck need it",
+            _again(checkout, "make mujoco"),
+        )  # fmt: skip
     return _compared("MuJoCo", "absent", carsim, MUJOCO, checkout, project)
 
 
@@ -58,7 +61,7 @@ def _compared(
     text = f"build {carsim.build}, firmware {carsim.firmware}, {carsim.binary}"
     if checkout is None or project is None:
         return Finding(name, "ok", f"{text}; not compared with sources")
-    libraries = checkout / ".pio" / "libdeps" / ENGINES[engine].environment
+    libraries = [checkout / ".pio" / "libdeps" / ENGINES[engine].environment, project.core / "lib"]
     try:
         expected = [_digests(checkout, project, compiler, libraries) for compiler in COMPILERS]
     except (OSError, subprocess.SubprocessError, ValueError):
@@ -71,9 +74,13 @@ def _compared(
     return Finding(name, "ok", f"{text}; fits the sources")
 
 
-def _digests(checkout: Path, project: PlatformioProject, compiler: str, libraries: Path) -> list[str]:
+def _again(checkout: Path | None, target: str) -> str:
+    return target if checkout is not None else "pip install --force-reinstall 'foldcar[mujoco]'"
+
+
+def _digests(checkout: Path, project: PlatformioProject, compiler: str, libraries: list[Path]) -> list[str]:
     """The build id of carsim and of the firmware, by the sources; errors of subprocess if they cannot be computed."""
-    command = [sys.executable, "-c", DIGESTS, str(checkout), compiler, str(libraries), *project.flags]
+    command = [sys.executable, "-c", DIGESTS, str(checkout), compiler, *map(str, libraries), *project.flags]
     answer = subprocess.run(
         command, cwd=checkout / "tools", capture_output=True, text=True, check=True, timeout=ANSWER_S
     )

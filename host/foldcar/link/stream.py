@@ -5,11 +5,9 @@ opened, LinkLostError once the other end has closed.
 """
 
 import errno
-import grp
 import os
 import select
 import socket
-import termios
 from pathlib import Path
 from typing import Protocol
 
@@ -125,13 +123,17 @@ def _open_serial(name: str) -> Stream:
             raise FoldcarError(permission_text(name)) from error
         if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in str(error):
             raise FoldcarError(f"{name}: another program uses this port; close it first") from error
-        if isinstance(error.__context__, termios.error):
+        # What pyserial meets on what is no terminal, by name: Windows has no module termios.
+        if type(error.__context__).__module__ == "termios":
             raise FoldcarError(f"{name}: not a serial port") from error
         raise FoldcarError(f"{name}: cannot be opened: {os.strerror(number) if number else error}") from error
 
 
 def permission_text(name: str) -> str:
     """The message for a port without permission to open it, with the remedy."""
+    # Not on Windows, where ports have no owner.
+    import grp
+
     number = Path(name).stat().st_gid
     try:
         group = grp.getgrgid(number).gr_name

@@ -35,10 +35,12 @@ class TlogWriter:
         except OSError as error:
             raise LogError(f"{file}: cannot be written: {error.strerror}") from error
         self._size = 0
+        # Steps of the wall clock during a drive must not change the order of packets.
+        self._epoch_ns = time.time_ns() - time.monotonic_ns()
 
     def write(self, packet: bytes, time_us: int | None = None) -> None:
         """Append a packet received or sent at ``time_us`` (µs since 1970, default now); LogError if the write fails."""
-        record = STAMP.pack(time.time_ns() // 1000 if time_us is None else time_us) + packet
+        record = STAMP.pack((self._epoch_ns + time.monotonic_ns()) // 1000 if time_us is None else time_us) + packet
         try:
             written = os.write(self._descriptor, record)
         except OSError as error:

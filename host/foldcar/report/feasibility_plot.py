@@ -24,12 +24,13 @@ def draw_feasibility(
     simulated: Mapping[float, TrialTally],
     thresholds: Sequence[float],
     recommended: Sequence[Recommendation] = (),
+    simulation: str = "simulation",
     narrow: bool = False,
 ) -> Figure:
     """The curve through the designs' shares with the band of their 95 % intervals; trials as diamonds.
 
     Where the share is above the highest of the thresholds, 0 to 1, the ground is tinted; recommended designs are
-    marked under the axis' top.
+    marked under the axis' top. ``simulation`` is what the simulation is called.
     """
     axis = ParameterAxis(list(series.tallies))
     figure = sized_figure(narrow, 4.0)
@@ -51,7 +52,7 @@ def draw_feasibility(
     for place, share, (value, tally) in zip(places, shares, judged, strict=True):
         (point,) = axes.plot([place], [share], "o", color=ACCENT, markersize=3.2 if narrow else 4)
         set_tip(point, success_tip(series.parameter, value, tally))
-    axes.plot([], [], "o-", color=ACCENT, label="simulation, 95 % band")
+    axes.plot([], [], "o-", color=ACCENT, label=f"{simulation}, 95 % band")
     draw_trials(axes, axis, series.parameter, 0.0, built, simulated)
     advised = [one for one in recommended if one.parameter == series.parameter and one.value in axis.values]
     for one in advised:
@@ -59,7 +60,8 @@ def draw_feasibility(
         axes.axvline(place, color=ADVISED, linewidth=1.4, linestyle="--", zorder=1)
         (mark,) = axes.plot([place], [106], "v", color=ADVISED, markeredgecolor=INK, markersize=9, clip_on=False)
         set_tip(mark, f"build {one.label}: {one.why}")
-    finish_success(axes, axis, series.parameter, "Feasible region: simulation, trials, what to build", thresholds, narrow)
+    title = f"Feasible region: {simulation}, trials, what to build"
+    finish_success(axes, axis, series.parameter, title, thresholds, narrow)
     axes.set_ylim(0, 112 if advised else 103)
     axes.set_yticks(range(0, 101, 25))
     handles = [*axes.get_legend_handles_labels()[0], Patch(color=REGION, label=f"above {100 * max(thresholds):g} %")]

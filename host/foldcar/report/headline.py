@@ -5,6 +5,7 @@ Input: counts, what advice says. Output: sentences that say no more than the cou
 
 from collections.abc import Mapping, Sequence
 
+from foldcar.advice.words import listed
 from foldcar.report.axis import parameter_label, value_text
 from foldcar.report.series import Series, Summary, Tally, Value
 from foldcar.report.trial_series import TrialSummary, TrialTally
@@ -26,24 +27,24 @@ def headline(
         return [*sentences, "What counts as success is not defined here, so no design can be called feasible."]
     if len(summary.series) == 1:
         (series,) = summary.series
-        sentences.append(_region(series, threshold))
+        sentences.append(_region(info.simulation, series, threshold))
         if not said:
-            sentences += _trial_verdict(series, trials.built.series.get(series.parameter, {}))
+            sentences += _trial_verdict(info.simulation, series, trials.built.series.get(series.parameter, {}))
     else:
-        sentences.append(_over_all(total, len(summary.series)))
+        sentences.append(_over_all(info.simulation, total, len(summary.series)))
     if not trials.built.total.counted:
-        sentences.append("No trial of a built car counts yet: whether simulation is right is open.")
+        sentences.append(f"No trial of a built car counts yet: whether {info.simulation} is right is open.")
     if total.runs < info.planned_runs:
         sentences.append(f"The sweep is unfinished: {total.runs} of {info.planned_runs} runs.")
     return sentences
 
 
-def _over_all(total: Tally, parameters: int) -> str:
-    what = "The design" if not parameters else "Over all designs, cars"
-    return f"{what} passed {total.passed} of {total.runs} simulated runs ({100 * (total.success or 0):.0f} %)."
+def _over_all(simulation: str, total: Tally, parameters: int) -> str:
+    what = "the design" if not parameters else "cars of all designs"
+    return f"In {simulation}, {what} passed {total.passed} of {total.runs} runs ({100 * (total.success or 0):.0f} %)."
 
 
-def _region(series: Series, threshold: float) -> str:
+def _region(simulation: str, series: Series, threshold: float) -> str:
     """Which values pass in more than the threshold of the environments, and for which the interval says so too."""
     feasible = [value for value, tally in series.tallies.items() if (tally.success or 0) > threshold]
     name, _ = _name_and_unit(series.parameter)
@@ -51,15 +52,15 @@ def _region(series: Series, threshold: float) -> str:
     if not feasible:
         value, best = max(series.tallies.items(), key=lambda pair: pair[1].success or 0)
         if not best.passed:
-            return f"In simulation, no {name} passes a single environment."
+            return f"In {simulation}, no {name} passes a single environment."
         most = f"the best, {_valued(series.parameter, [value])}, passes {100 * (best.success or 0):.0f} %"
-        return f"In simulation, no {name} passes {share}; {most}."
+        return f"In {simulation}, no {name} passes {share}; {most}."
     certain = [value for value in feasible if (series.tallies[value].interval or (0, 0))[0] > threshold]
     values = list(series.tallies)
     if len(feasible) == len(values):
-        text = f"In simulation, every {name} tried passes {share}, so that no border of the region is among them"
+        text = f"In {simulation}, every {name} tried passes {share}, so that no border of the region is among them"
     else:
-        text = f"In simulation, cars with a {name} of {_valued(series.parameter, feasible, values)} pass {share}"
+        text = f"In {simulation}, cars with a {name} of {_valued(series.parameter, feasible, values)} pass {share}"
     if not certain:
         return f"{text}; with so few runs the 95 % intervals leave all of them open."
     if len(certain) == len(feasible):
@@ -89,12 +90,12 @@ def _ranges(chosen: Sequence[Value], values: Sequence[Value]) -> str:
             runs[-1].append(value)
         else:
             runs.append([value])
-    return _listed(
+    return listed(
         [value_text(run[0]) if len(run) == 1 else f"{value_text(run[0])} to {value_text(run[-1])}" for run in runs]
     )
 
 
-def _trial_verdict(series: Series, trials: Mapping[float, TrialTally]) -> list[str]:
+def _trial_verdict(simulation: str, series: Series, trials: Mapping[float, TrialTally]) -> list[str]:
     """Where trials and simulation part beyond both of their 95 % intervals."""
     both = [
         (value, trial, series.tallies[value])
@@ -113,7 +114,7 @@ def _trial_verdict(series: Series, trials: Mapping[float, TrialTally]) -> list[s
     values = list(series.tallies)
 
     def at(some: Sequence[Value]) -> str:
-        return _listed([value_text(value) for value in values if value in some]) + _name_and_unit(series.parameter)[1]
+        return listed([value_text(value) for value in values if value in some]) + _name_and_unit(series.parameter)[1]
 
     said = []
     if below:
@@ -123,8 +124,4 @@ def _trial_verdict(series: Series, trials: Mapping[float, TrialTally]) -> list[s
     if alike:
         said.append(f"not contradicted at {at(alike)}")
     count = sum(trial.counted for _, trial, _ in both)
-    return [f"By {count} trials of built cars, simulation is {'; '.join(said)}."]
-
-
-def _listed(texts: Sequence[str]) -> str:
-    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}" if texts else ""
+    return [f"By {count} trials of built cars, {simulation} is {'; '.join(said)}."]

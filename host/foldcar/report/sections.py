@@ -168,10 +168,13 @@ def _drawings(
         if info.success_defined:
             diamonds = _diamonds(built, simulated)
             caption = (
-                f"Success by {label}: the curve is simulation, its band the {series.interval_name} 95 % intervals; "
+                f"Success by {label}: the curve is {info.simulation}, "
+                f"its band the {series.interval_name} 95 % intervals; "
                 f"tinted where more than {100 * max(thresholds):g} % pass.{diamonds}"
             )
-            draw = partial(draw_feasibility, series, built, simulated, thresholds, slots.recommendations)
+            draw = partial(
+                draw_feasibility, series, built, simulated, thresholds, slots.recommendations, info.simulation
+            )
             drawings.append(Drawing(f"{start}_feasibility_by_{parameter}", caption, draw, "feasibility"))
             intervals = f"{series.interval_name} 95 % intervals"
             caption = f"Mean success by {label} over all environments, with {intervals}.{diamonds}"

@@ -1,5 +1,6 @@
 """What a reader must know of an experiment that lacks runs on purpose: its sweep stopped early, or it was searched."""
 
+from foldcar.analysis.stopping import LEAST_CHANCE
 from foldcar.store.info import ExperimentInfo
 
 
@@ -14,7 +15,11 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
     if info.until is None:
         return []
     undecided = info.designs - info.decided
-    rest = f"; {undecided} were still undecided after {info.environments} environments" if undecided else ""
+    rest = ""
+    if undecided:
+        left = f", or left before when those would decide with a chance below {100 * LEAST_CHANCE:g} %"
+        why = left if info.until.thresholds else ""
+        rest = f"; {undecided} are undecided, simulated in all {info.environments} environments{why}"
     if info.stored_runs < info.planned_runs:
         rest = f"; {undecided} are not yet" if undecided else ""
     away = "the thresholds" if info.until.thresholds else "50 %"

@@ -24,11 +24,15 @@ def environment_fingerprint(
     program: Path, params: Mapping[str, Any], seed: int, condition: Mapping[str, Any] | None = None
 ) -> str:
     """The fingerprint of ``program`` with ``params``, ``seed`` and ``condition`` (see open_environment)."""
-    beside = {file.name: file for file in program.parent.glob("*") if file.suffix in SOURCES}
     head = [program.name, params, seed, condition, scenic_version(), scene_code()]
     digest = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
-    _add(digest, beside)
+    _add(digest, sources(program))
     return digest.hexdigest()
+
+
+def sources(program: Path) -> dict[str, Path]:
+    """The Scenic and Python files of the program's folder by name, itself among them."""
+    return {file.name: file for file in program.parent.glob("*") if file.suffix in SOURCES}
 
 
 def spread_fingerprint(spread: Mapping[str, float], seed: int) -> str:

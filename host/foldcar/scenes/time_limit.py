@@ -27,9 +27,9 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
     """Raise a FoldcarError that begins with ``what`` if the block needs more than ``limit_s`` of processor time.
 
     The time is that of the whole process. The block is also interrupted WALL_FACTOR * ``limit_s`` of wall time after
-    its beginning.
+    its beginning. Outside the main thread, and on Windows, there is no limit.
     """
-    if threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
         return
     inside, up = True, False

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from foldcar.car.firmware_parameters import TableRow
 from foldcar.interrupts import delayed
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.simulators import Simulators
 from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
@@ -136,7 +137,7 @@ def open_bench(
     environment: Environment,
     writer: StoreWriter,
     carsim: Carsim,
-    jobs: int,
+    simulators: Simulators | int,
     simulated: Callable[[int], None],
     searched: bool,
 ) -> Iterator[Bench]:
@@ -147,7 +148,7 @@ def open_bench(
     dynamic = is_dynamic(writer.environment(environment.fingerprint), environment, writer)
     table = carsim.parameter_table()
     with (
-        ChunkPool(writer, jobs, carsim.limits().numbers) as pool,
+        ChunkPool(writer, simulators, carsim.limits().numbers) as pool,
         environment.runner(carsim, dynamic) as runner,
         pool.using(runner),
     ):

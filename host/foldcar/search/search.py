@@ -17,6 +17,7 @@ from foldcar.search.bench import Bench, Row, Values, open_bench
 from foldcar.search.objectives import OBJECTIVES, Objective, film_area_cm2
 from foldcar.search.proposals import Proposals, Tried
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.simulators import Simulators
 from foldcar.store.writer import write_store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
@@ -104,7 +105,7 @@ def search(
     plan: Plan,
     store: Path,
     carsim: Carsim,
-    jobs: int,
+    simulators: Simulators | int,
     command: str,
     found: Found,
     report: Callable[[Found], None] = lambda found: None,
@@ -130,12 +131,12 @@ def search(
             store.with_name(f"{store.name}.optuna"), experiment.family, plan.objectives, plan.sampler, plan.seed,
             _identity(experiment, environment, plan, carsim), plan.designs,
         )  # fmt: skip
-        with open_bench(experiment, environment, writer, carsim, jobs, simulated, True) as bench:
+        with open_bench(experiment, environment, writer, carsim, simulators, simulated, True) as bench:
             _try_designs(experiment, plan, proposals, bench, found, report)
             unbuildable = proposals.unbuildable()
             bench.finish(list(unbuildable))
         best = proposals.best(proposals.tried(), plan.best)
-        with open_bench(fresh, environment_of(fresh), writer, carsim, jobs, simulated, False) as bench:
+        with open_bench(fresh, environment_of(fresh), writer, carsim, simulators, simulated, False) as bench:
             for one in best:
                 rows = bench.rows(one.values, range(plan.fresh))
                 found.best.append(_judged(experiment, plan, one, rows))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foldcar.simulation.runner import CarsimError
+from foldcar.source_tree import packaged_program, source_tree
 
 BINARY_VARIABLE = "FOLDCAR_CARSIM"
 
@@ -52,16 +53,24 @@ def engine_of(told: str) -> str:
 
 
 def find_carsim(engine: str = SIDE_VIEW) -> Path:
-    """The simulator that the engine's variable names, else the one built in the project this package belongs to."""
+    """The simulator that the engine's variable names, else the wheel's own, else the one built in the checkout."""
     program = ENGINES[engine]
     named = os.environ.get(program.variable)
     if named:
         if not os.access(named, os.X_OK) or not Path(named).is_file():
             raise CarsimError(f"{program.variable}: {named} is no program")
         return Path(named)
-    project = Path(__file__).resolve().parents[3]
+    packaged = packaged_program(program.environment)
+    if packaged is not None:
+        # The program looks for the library there (tools/mujoco_library.py).
+        if program.title and not any((packaged.parents[1] / "mujoco").glob("libmujoco.*")):
+            raise CarsimError(f"no package mujoco in {packaged.parents[1]}: run `pip install 'foldcar[mujoco]'`")
+        return packaged
+    what = "carsim with MuJoCo" if program.title else "carsim"
+    project = source_tree()
+    if project is None:
+        raise CarsimError(f"this foldcar came without {what}: install a wheel, or let {program.variable} name it")
     binary = project / ".pio" / "build" / program.environment / "program"
     if not binary.is_file():
-        what = "carsim with MuJoCo" if program.title else "carsim"
         raise CarsimError(f"no {what} built at {binary}: run `make {program.target}`")
     return binary

@@ -8,7 +8,6 @@ import contextlib
 import gc
 import json
 import os
-import resource
 import signal
 import threading
 import traceback
@@ -101,6 +100,9 @@ def _serve(answer: Callable[[Answer], Answer], asked: int, answered: int) -> NoR
 
 def _die_of(status: int) -> NoReturn:
     """End this process as a process with that wait status ended."""
+    # Not on Windows, which has no fork either.
+    import resource
+
     if os.WIFSIGNALED(status):
         # The first of the processes has written a core file, if any is wanted.
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -6,6 +6,9 @@ from typing import Any, Protocol
 
 from foldcar.errors import FoldcarError
 
+# Between the rows of a path that is drawn.
+PATH_INTERVAL_S = 0.02
+
 
 class CarsimError(FoldcarError):
     """The simulator is missing, broke down, or refused what it was given."""

@@ -23,7 +23,8 @@ from foldcar.simulation.runner import CarsimError, RunRequest
 class ScenicRunner:
     """Worker processes for one environment. `run` and `stop` may be called from several threads at once.
 
-    ``condition`` is the listing's, or None; ``command`` starts carsim (see Carsim).
+    ``condition`` is the listing's, or None; ``command`` starts carsim (see Carsim). ``environment`` holds what the
+    environment is besides its program, by the names of these arguments.
     """
 
     def __init__(
@@ -34,15 +35,13 @@ class ScenicRunner:
         condition: Mapping[str, Any] | None,
         command: Sequence[str],
     ) -> None:
-        self._opening = json.dumps(
-            {
-                "program": str(program),
-                "params": dict(params),
-                "seed": seed,
-                "condition": None if condition is None else dict(condition),
-                "command": list(command),
-            }
-        )
+        self.program = program
+        self.environment: dict[str, Any] = {
+            "params": dict(params),
+            "seed": seed,
+            "condition": None if condition is None else dict(condition),
+        }
+        self._opening = json.dumps({"program": str(program), **self.environment, "command": list(command)})
         self._lock = threading.Lock()
         self._idle: list[_Worker] = []
         self._busy: set[_Worker] = set()

@@ -17,6 +17,7 @@ from foldcar.store.migrations import VERSION
 from foldcar.store.opening import connect_reading, open_reading, store_version
 from foldcar.store.rows import columns_sql, is_intact, key_text
 from foldcar.store.tables import CHECKSUM, RECORDED, RUN, TABLES, VIEWS, Table
+from foldcar.store.write_ahead_log import read_log
 
 
 @dataclass(slots=True)
@@ -33,6 +34,9 @@ def check_store(path: Path) -> StoreCheck:
     """Read the whole store. StoreError if there is none, or if nothing of it can be read."""
     with contextlib.closing(connect_reading(path)) as connection:
         done = StoreCheck(store_version(path, connection), 0, 0, [])
+        finding = read_log(path).finding
+        if finding is not None:
+            done.findings.append(f"write-ahead log {path.name}-wal: {finding}")
         done.findings += _structure(connection)
         if done.version < VERSION:
             _check_older(path, done)
@@ -125,6 +129,12 @@ def _check_logs(path: Path, connection: sqlite3.Connection, done: StoreCheck) ->
     except SQLITE_ERRORS:
         # Named with its table.
         return
+    folder = path.with_name(f"{path.stem}-logs")
+    named = {str(log) for _, log, _ in trials}
+    for there in sorted(folder.glob("trial-*.tlog")):
+        # A trial is stored before its log is begun.
+        if str(there.relative_to(path.parent)) not in named:
+            done.findings.append(f"log {there}: its trial is missing")
     for number, log, expected in trials:
         where = f"trial (id={number})"
         try:

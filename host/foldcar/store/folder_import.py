@@ -4,48 +4,34 @@ Every value is checked; what is missing, damaged or leads out of the folder is a
 column. The store is written under a temporary name first.
 """
 
-import contextlib
 import json
-import os
-import shutil
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from foldcar.errors import FoldcarError
-from foldcar.output_folder import make_output_folder
-from foldcar.store.errors import StoreError, store_errors
+from foldcar.store.errors import StoreError
 from foldcar.store.folder import KIND, LISTING, LOGS, MANIFEST
 from foldcar.store.folder_tables import FORMATS, read_table
 from foldcar.store.log_files import log_file, log_inside, sha256_of
-from foldcar.store.migrations import VERSION, transaction
-from foldcar.store.opening import fill_blank
+from foldcar.store.migrations import VERSION
+from foldcar.store.new_store import check_new, new_store
 from foldcar.store.rows import Row, insert_sql
 from foldcar.store.tables import STUDY, TABLES, TRIAL, Table
 
 
 def import_folder(folder: Path, store: Path) -> dict[str, Any]:
     """Make the store at ``store``, which must not exist, and the logs beside it; gives the folder's manifest."""
-    if os.path.lexists(store):
-        raise StoreError(f"{store}: is there already; a folder is imported into a new store")
+    check_new(store)
     manifest = _manifest(folder)
-    make_output_folder(store.parent)
-    part = store.with_name(f".{store.name}.{os.getpid()}.part")
-    try:
-        with contextlib.closing(_connect(store, part)) as connection:
-            fill_blank(store, connection)
-            with store_errors(store), transaction(connection):
-                for table in TABLES:
-                    _import_table(connection, table, folder, manifest)
-                _check_references(connection, folder, manifest)
-        with _logs_beside(folder, store, manifest):
-            _give_name(part, store)
-    except OSError as error:
-        raise StoreError(f"{error.filename or store}: cannot be written: {error.strerror or error}") from error
-    finally:
-        for suffix in ("", "-journal"):
-            part.with_name(part.name + suffix).unlink(missing_ok=True)
+    with new_store(store) as (connection, logs):
+        for table in TABLES:
+            _import_table(connection, table, folder, manifest)
+        _check_references(connection, folder, manifest)
+        for log, digest in manifest["logs"].items():
+            if digest is not None:
+                source = folder / LOGS / log_inside(folder / LOGS, log, f"{folder / MANIFEST}: logs")
+                logs.append((source, log_file(store, log), digest))
     return manifest
 
 
@@ -78,12 +64,6 @@ def _manifest(folder: Path) -> dict[str, Any]:
             raise StoreError(f"{folder / name}: is missing")
     result: dict[str, Any] = manifest
     return result
-
-
-def _connect(store: Path, part: Path) -> sqlite3.Connection:
-    part.unlink(missing_ok=True)
-    with store_errors(store):
-        return sqlite3.connect(part, isolation_level=None)
 
 
 def _import_table(connection: sqlite3.Connection, table: Table, folder: Path, manifest: dict[str, Any]) -> None:
@@ -134,37 +114,3 @@ def _check_listing(folder: Path, text: str) -> None:
 def _check_references(connection: sqlite3.Connection, folder: Path, manifest: dict[str, Any]) -> None:
     for table, _, referred, _ in connection.execute("PRAGMA foreign_key_check"):
         raise StoreError(f"{folder / table}.{manifest['format']}: refers to a row of {referred} that is not there")
-
-
-@contextlib.contextmanager
-def _logs_beside(folder: Path, store: Path, manifest: dict[str, Any]) -> Iterator[None]:
-    """Copy the logs beside the store; those that are new vanish again if the block fails."""
-    made: list[Path] = []
-    try:
-        for log, digest in manifest["logs"].items():
-            if digest is None:
-                continue
-            source = folder / LOGS / log_inside(folder / LOGS, log, f"{folder / MANIFEST}: logs")
-            target = log_file(store, log)
-            if os.path.lexists(target):
-                if sha256_of(target) != digest:
-                    raise StoreError(f"{target}: is there already, with other contents")
-                continue
-            target.parent.mkdir(parents=True, exist_ok=True)
-            made.append(target)
-            shutil.copyfile(source, target)
-        yield
-    except BaseException:
-        for file in made:
-            file.unlink(missing_ok=True)
-        raise
-
-
-def _give_name(part: Path, store: Path) -> None:
-    try:
-        os.link(part, store)
-    except FileExistsError:
-        raise FoldcarError(f"{store}: is there already; a folder is imported into a new store") from None
-    except OSError:
-        # A file system without hard links.
-        part.rename(store)

@@ -15,6 +15,12 @@ def engine_id(experiment: str, engine: str) -> str:
     return f"{experiment} ({engine_title(engine)})" if engine else experiment
 
 
+def listed_id(experiment: str, calibration: Mapping[str, str] | None, engine: str) -> str:
+    """The name in the listing of an experiment that stores name so: a calibration or an engine changes it."""
+    under = experiment if calibration is None else calibration["experiment"]
+    return under.removesuffix(engine_id("", engine))
+
+
 @dataclass(frozen=True, slots=True)
 class ExperimentInfo:
     """One experiment as it was last swept.
@@ -23,8 +29,9 @@ class ExperimentInfo:
     ``fixed`` holds the other ones. ``speed_m_s`` is None where every car drives at its own full speed.
     ``condition`` says what is frozen of the environment; ``variation`` maps what varies from car to car to
     its spread, drawn by ``variation_seed``, and is empty if cars are as designed. ``planned_runs`` is
-    designs × environments, ``stored_runs`` how many of them have a result. After a sweep ``until`` enough is known, those
-    ``designs`` that are ``decided`` have no more runs planned than stored. ``success_rule`` says when a run has
+    designs × environments, ``stored_runs`` how many of them have a result. Where a sweep ``until``
+    enough is known has ended, no more are planned than it made; before, ``designs`` that are ``decided`` have no more
+    planned than stored. ``success_rule`` says when a run has
     passed, or why that is undefined (``success_defined`` False). ``skipped`` names the cars of the family that
     cannot be built, and why. ``calibration`` is None for nominal simulations, else ``name``, ``fingerprint`` and
     ``experiment``: the calibration, and the experiment of the listing that was simulated under it.
@@ -65,9 +72,13 @@ class ExperimentInfo:
 
     @property
     def listed_id(self) -> str:
-        """The experiment's name in the listing: under a calibration, or in another engine, it has a name of its own."""
-        under = self.id if self.calibration is None else self.calibration["experiment"]
-        return under.removesuffix(engine_id("", self.engine))
+        """The experiment's name in the listing."""
+        return listed_id(self.id, self.calibration, self.engine)
+
+    @property
+    def simulation(self) -> str:
+        """What sentences call its simulation: ``simulation`` in the side view, else the engine's name."""
+        return engine_title(self.engine) or "simulation"
 
 
 @dataclass(frozen=True, slots=True)

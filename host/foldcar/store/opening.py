@@ -16,6 +16,7 @@ from foldcar.output_folder import make_output_folder
 from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
 from foldcar.store.migrations import VERSION, add_metrics, copy_beside, create_tables, migrate, transaction
 from foldcar.store.tables import CHECKSUM, RUN
+from foldcar.store.write_ahead_log import refuse_damaged_log
 from foldcar.store.writer_lock import check_journal, is_written_here, writer_lock
 
 # "Fcar" in ASCII: tells a store from other SQLite files.
@@ -26,6 +27,7 @@ def open_reading(path: Path) -> sqlite3.Connection:
     """A connection that sees one moment of an existing store and never writes; StoreError if it is none."""
     connection = connect_reading(path)
     try:
+        refuse_damaged_log(path)
         if store_version(path, connection) == VERSION:
             with store_errors(path):
                 connection.execute("BEGIN")
@@ -63,6 +65,19 @@ def require_store(path: Path) -> None:
         store_version(path, connection)
 
 
+def undo_half_done(path: Path) -> None:
+    """Undo the transaction that a killed program left, without a write-ahead log, in a file. StoreError."""
+    if path.is_file() and _journal_is_left(path):
+        with writer_lock(path), store_errors(path), contextlib.closing(sqlite3.connect(path)) as connection:
+            # SQLite does it before it reads anything.
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+
+
+def _journal_is_left(path: Path) -> bool:
+    journal = path.resolve().with_name(f"{path.resolve().name}-journal")
+    return journal.is_file() and journal.stat().st_size > 0
+
+
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[sqlite3.Connection]:
     """A connection to the store at ``path``; made, with its folder, if need be. StoreError if it is in use.
@@ -89,6 +104,10 @@ def store_version(path: Path, connection: sqlite3.Connection) -> int:
         (version,) = connection.execute("PRAGMA user_version").fetchone()
         columns = [name for _, name, *_ in connection.execute("PRAGMA table_info(run)")]
     except SQLITE_ERRORS as error:
+        if _journal_is_left(path):
+            raise StoreError(
+                f"{path}: a program was killed while it wrote; `foldcar migrate {path}` undoes what is half done"
+            ) from error
         raise StoreError(f"{path}: is no foldcar store ({error})") from error
     if application_id != APPLICATION_ID:
         raise StoreError(f"{path}: is no foldcar store")
@@ -110,6 +129,7 @@ def fill_blank(path: Path, connection: sqlite3.Connection) -> None:
 
 def _open_writing(path: Path) -> sqlite3.Connection:
     check_journal(path)
+    refuse_damaged_log(path)
     with store_errors(path):
         connection = sqlite3.connect(path, isolation_level=None)
     try:

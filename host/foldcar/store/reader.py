@@ -289,6 +289,7 @@ class Store:
             name = row["id"]
             counts, facts = self.design_counts(name), self._with_rule(row)
             until, decided = _stopped(facts.pop("until", None), counts)
+            ended_runs = facts.pop("ended_runs", None)
             if row["build_id"] not in builds:
                 raise StoreError(f"{self.path}: build (id={row['build_id']}) is missing")
             yield ExperimentInfo(
@@ -297,7 +298,9 @@ class Store:
                 environment=row["environment"],
                 environments=row["environments"],
                 carsim_build=builds[row["build_id"]],
-                planned_runs=sum(
+                planned_runs=ended_runs
+                if ended_runs is not None
+                else sum(
                     runs if done or facts.get("searched") else row["environments"]
                     for runs, done in zip(counts.runs, decided, strict=True)
                 ),

@@ -6,6 +6,7 @@ variations by that of their spread.
 """
 
 import contextlib
+import itertools
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -16,8 +17,9 @@ from typing import Any
 from foldcar.simulation.results import NUMBERS, outcome_of
 from foldcar.store.connection import StoreConnection
 from foldcar.store.design_counts import DesignCounts, design_counts
+from foldcar.store.info import listed_id
 from foldcar.store.opening import writing
-from foldcar.store.tables import BY_NAME, DESIGN, ENVIRONMENT, EXPERIMENT, RECORDED, RUN, STUDY
+from foldcar.store.tables import BY_NAME, DESIGN, ENVIRONMENT, EXPERIMENT, RECORDED, RESULT_JOIN, RUN, STUDY
 
 PAGE_ROWS = 1000
 
@@ -79,7 +81,8 @@ class StoreWriter(StoreConnection):
             places = {row["id"]: row["position"] for row in self._rows(EXPERIMENT)}
             experiment = {
                 "id": plan.id,
-                "position": places.get(plan.id, len(places)),
+                # After a repair there may be gaps: the first free place is that of the listing.
+                "position": places.get(plan.id, next(k for k in itertools.count() if k not in places.values())),
                 "build_id": self._build_id,
                 "environment_id": plan.environment_id,
                 "spread_id": plan.spread_id,
@@ -147,13 +150,19 @@ class StoreWriter(StoreConnection):
             return self._identify("spread", "fingerprint", fingerprint)
 
     def sample_count(self, environment_id: int) -> int:
-        """The number n of stored samples of an environment, which are 0 to n - 1."""
-        row = self._run("SELECT count(*) FROM sample WHERE environment_id = ?", environment_id).fetchone()
-        return int(row[0])
+        """The number n for which the samples 0 to n - 1 of an environment are stored: the first that is not."""
+        return self._first_missing("sample", "environment_id", environment_id)
 
     def draw_count(self, spread_id: int) -> int:
-        """The number n of stored samples of a spread, which are 0 to n - 1."""
-        row = self._run("SELECT count(*) FROM draw WHERE spread_id = ?", spread_id).fetchone()
+        """The same of a spread."""
+        return self._first_missing("draw", "spread_id", spread_id)
+
+    def _first_missing(self, table: str, column: str, number: int) -> int:
+        row = self._run(
+            f"SELECT min(k) FROM (SELECT 0 AS k UNION ALL SELECT sample + 1 FROM {table} WHERE {column} = ?1) "
+            f"WHERE NOT EXISTS (SELECT 1 FROM {table} WHERE {column} = ?1 AND sample = k)",
+            number,
+        ).fetchone()
         return int(row[0])
 
     def put_sample(
@@ -175,6 +184,50 @@ class StoreWriter(StoreConnection):
     def design_counts(self, plan: PlannedExperiment) -> DesignCounts:
         """How many runs of each of the experiment's designs are stored, and how many of them passed."""
         return design_counts(self.path, self._connection, plan.id)
+
+    def passed_runs(self, plan: PlannedExperiment, design: int, samples: range) -> int:
+        """How many stored runs of a design in those samples passed."""
+        row = self._run(
+            f"SELECT count(*) {RESULT_JOIN} AND e.id = ? AND d.position = ? AND s.sample >= ? AND s.sample < ? "
+            "AND r.outcome = 'passed'",
+            plan.id, design, samples.start, samples.stop,
+        ).fetchone()  # fmt: skip
+        return int(row[0])
+
+    def side_view_counts(self, plan: PlannedExperiment) -> tuple[list[int], list[int]] | None:
+        """Of each design the runs (passed, all) in the side view of the same experiment, under the same calibration.
+
+        None if there are none, or if the experiment is the side view's. Other environments count: they only predict.
+        """
+        if not plan.facts.get("engine"):
+            return None
+        for row in self._rows(EXPERIMENT, "WHERE id <> ?", plan.id):
+            facts = json.loads(row["facts"])
+            calibrations = [one["calibration"] and one["calibration"]["fingerprint"] for one in (facts, plan.facts)]
+            if facts.get("engine") or calibrations[0] != calibrations[1]:
+                continue
+            if listed_id(row["id"], facts["calibration"], "") != listed_id(
+                plan.id, plan.facts["calibration"], plan.facts["engine"]
+            ):
+                continue
+            known = design_counts(self.path, self._connection, row["id"])
+            keys = self._design_keys(row["id"])
+            there = {keys[at]: one for at, *one in zip(known.positions, known.passed, known.runs, strict=True)}
+            found = [there.get(key, (0, 0)) for _, key in sorted(self._design_keys(plan.id).items())]
+            if any(runs for _, runs in found):
+                return [passed for passed, _ in found], [runs for _, runs in found]
+        return None
+
+    def _design_keys(self, experiment: str) -> dict[int, tuple[int, int]]:
+        """Of each design, by its position, the ids of its body and its settings."""
+        rows = self._run("SELECT position, body_id, settings_id FROM design WHERE experiment = ?", experiment)
+        return {position: (body, settings) for position, body, settings in rows}
+
+    def end_experiment(self, plan: PlannedExperiment, runs: int) -> None:
+        """Record that no more than the stored ``runs`` are planned: what is still undecided is left so."""
+        with self._transaction():
+            facts = json.dumps({**plan.facts, "ended_runs": runs})
+            self._update(EXPERIMENT, {**self._row(EXPERIMENT, id=plan.id), "facts": facts})
 
     def planned_runs(self, plan: PlannedExperiment, sample: int) -> Iterator[PlannedRun]:
         """The runs of all designs in one stored sample, in the order of designs, read in pages."""

@@ -10,13 +10,20 @@ store would not do: it follows the name.
 
 import contextlib
 import errno
-import fcntl
 import os
 import struct
 from collections.abc import Iterator
 from pathlib import Path
 
 from foldcar.store.errors import StoreError
+
+try:
+    from fcntl import F_OFD_SETLK, F_WRLCK, fcntl
+except ImportError:
+    # Windows and macOS: stores are read there, not written.
+    HAS_LOCK = False
+else:
+    HAS_LOCK = True
 
 LOCK_BYTE = 2**62
 
@@ -31,6 +38,8 @@ def writer_lock(path: Path) -> Iterator[None]:
 
     For the reason above, all connections to the store are opened and closed inside the block.
     """
+    if not HAS_LOCK:
+        raise StoreError(f"{path}: stores are written on Linux only; use a container or WSL (docs/installation.md)")
     in_use = StoreError(f"{path}: another sweep or trial is writing this store; wait for it or use another store")
     if path.exists() and _identity(path.stat()) in _written_here:
         raise in_use
@@ -40,7 +49,7 @@ def writer_lock(path: Path) -> Iterator[None]:
         raise StoreError(f"{path}: cannot be written: {error.strerror}") from error
     try:
         try:
-            fcntl.fcntl(descriptor, fcntl.F_OFD_SETLK, _exclusive())
+            fcntl(descriptor, F_OFD_SETLK, _exclusive())
         except OSError as error:
             if error.errno in (errno.EAGAIN, errno.EACCES):
                 raise in_use from None
@@ -89,7 +98,7 @@ def check_journal(path: Path) -> None:
 
 def _exclusive() -> bytes:
     """A ``struct flock`` that asks for LOCK_BYTE: type, whence, start, length, process (0, as such locks want it)."""
-    return struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, LOCK_BYTE, 1, 0)
+    return struct.pack("hhqqi4x", F_WRLCK, os.SEEK_SET, LOCK_BYTE, 1, 0)
 
 
 def _identity(status: os.stat_result) -> tuple[int, int]:

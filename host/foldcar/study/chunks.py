@@ -1,12 +1,11 @@
-"""Runs chunks of runs in several simulator processes, with a bounded number of chunks at a time.
+"""Runs chunks of runs in several simulators, here or on other machines, with a bounded number of chunks at a time.
 
-Input: runs one by one. Output: finished chunks as they end. Chunks grow until one takes about a second, and shrink
-at the end of a sweep so that all processes end at about the same time.
+Input: runs one by one. Output: finished chunks as they end. Chunks grow until one takes a second or so, and shrink at
+the end of a sweep so that all simulators end at about the same time.
 """
 
 import contextlib
 import json
-import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -16,9 +15,9 @@ from typing import Any
 
 from foldcar.car.variation.vary_body import NumberLimits, vary_body
 from foldcar.simulation.runner import Runner, RunRequest
+from foldcar.simulation.simulators import LocalSimulators, Simulators
 from foldcar.store.writer import PlannedRun, StoreWriter, canonical_json
 
-TARGET_CHUNK_S = 0.7
 FIRST_CHUNK_RUNS = 8
 LEAST_CHUNK_RUNS = 4
 MAX_CHUNK_RUNS = 512
@@ -44,16 +43,17 @@ class _Chunk:
 
 
 class ChunkPool:
-    """Workers that each wait for one simulator at a time; the store is read in the caller's thread.
+    """Threads that each wait for one simulator at a time; the store is read in the caller's.
 
-    Runs are given to the runner named by :meth:`using`. ``limits`` are the simulator's, for cars that vary.
+    ``simulators`` is where these are, or how many there are on this machine. Runs are given to the runner named by
+    :meth:`using`. ``limits`` are the simulator's, for cars that vary.
     """
 
-    def __init__(self, writer: StoreWriter, jobs: int, limits: NumberLimits) -> None:
+    def __init__(self, writer: StoreWriter, simulators: Simulators | int, limits: NumberLimits) -> None:
         self._writer = writer
         self._limits = limits
-        self._jobs = jobs
-        self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="carsim")
+        self._simulators = LocalSimulators(simulators) if isinstance(simulators, int) else simulators
+        self._pool = ThreadPoolExecutor(self._simulators.most, thread_name_prefix="carsim")
         self._futures: dict[Future[_Chunk], Runner] = {}
         self._runner: Runner | None = None
         self._chunk: list[PlannedRun] = []
@@ -101,11 +101,11 @@ class ChunkPool:
         self._in_flight[_key(run)] = 1
         self._chunk.append(run)
         if len(self._chunk) >= min(
-            self._chunk_runs, max(LEAST_CHUNK_RUNS, not_submitted // (2 * self._jobs))
+            self._chunk_runs, max(LEAST_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))
         ):
             self._submit()
             # One chunk waits behind every running one, so that no worker idles while this thread writes.
-            while len(self._futures) >= 2 * self._jobs:
+            while len(self._futures) >= 2 * self._simulators.count:
                 yield from self._collect()
 
     def finish(self) -> Iterator[list[FinishedRun]]:
@@ -134,9 +134,7 @@ class ChunkPool:
         ]
 
         def work() -> _Chunk:
-            start_s = time.perf_counter()
-            answers = runner.run(bodies, scenes, requests)
-            return _Chunk(runner, runs, answers, time.perf_counter() - start_s)
+            return _Chunk(runner, runs, *self._simulators.run(runner, bodies, scenes, requests))
 
         self._futures[self._pool.submit(work)] = runner
 
@@ -163,7 +161,7 @@ class ChunkPool:
             del self._futures[future]
             chunk = future.result()
             if chunk.runner is self._runner:
-                wanted = round(TARGET_CHUNK_S / max(chunk.seconds, 1e-6) * len(chunk.runs))
+                wanted = round(self._simulators.chunk_s / max(chunk.seconds, 1e-6) * len(chunk.runs))
                 self._chunk_runs = max(1, min(wanted, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
             yield [
                 FinishedRun(run, answer, self._in_flight[_key(run)])
@@ -177,7 +175,7 @@ class ChunkPool:
         for future in self._futures:
             future.cancel()
         for runner in set(self._futures.values()):
-            runner.stop()
+            self._simulators.stop(runner)
         wait(self._futures)
         self._futures.clear()
 

@@ -4,7 +4,7 @@ Input: a planned experiment. Output: finished chunks, which the caller stores be
 simulated in one sample before the next, so that partial results cover the whole family.
 """
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from foldcar.analysis.stopping import StoppingRule
@@ -12,7 +12,7 @@ from foldcar.store.writer import PlannedExperiment, StoreWriter
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
 from foldcar.study.progress import Progress
-from foldcar.study.stopping import open_designs, rounds
+from foldcar.study.schedule import Schedule
 
 
 @dataclass(frozen=True)
@@ -29,32 +29,32 @@ class ExperimentRuns:
 
     def all(self) -> Iterator[list[FinishedRun]]:
         """Every design in every sample; the last chunks may still be in progress afterwards."""
-        yield from self._simulate(range(self.plan.environments), None, self.counts.total)
+        yield from self._simulate(None, self.counts.total)
 
     def until(self, rule: StoppingRule) -> Iterator[list[FinishedRun]]:
-        """Every design until it is decided, in rounds of samples."""
-        most, closed, saved = self.plan.environments, 0, 0
-        # An empty round at the end: what the last samples have decided.
-        for samples in [*rounds(most), range(most, most)]:
-            known = self.writer.design_counts(self.plan)
-            needed = open_designs(rule, known, samples.start)
-            runs = [runs for at, runs in zip(known.positions, known.runs, strict=True) if at not in needed]
-            self.counts.decided += len(runs) - closed
-            self.counts.total -= most * len(runs) - sum(runs) - saved
-            closed, saved = len(runs), most * len(runs) - sum(runs)
-            self.report(self.counts)
-            if not needed:
-                return
-            yield from self._simulate(samples, needed, self.counts.done + len(needed) * len(samples))
+        """Every design until it is decided, or until that is hopeless: in the order and the batches of a schedule."""
+        plan, writer = self.plan, self.writer
+        known, other = writer.design_counts(plan), writer.side_view_counts(plan)
+        schedule = Schedule(rule, plan.environments, known.reached, other)
+        most, decided = self.counts.total, self.counts.decided
+        while batches := schedule.next():
+            wanted = {one.design: one.samples for one in batches}
+            yield from self._simulate(wanted, self.counts.done + sum(map(len, wanted.values())))
             yield from self.pool.finish()
+            schedule.record({one: writer.passed_runs(plan, one, samples) for one, samples in wanted.items()}, batches)
+            self.counts.total = most - int((plan.environments - schedule.runs)[schedule.closed].sum())
+            self.counts.decided = decided + int((schedule.decided & schedule.closed).sum())
+            self.report(self.counts)
+        writer.end_experiment(plan, int(schedule.runs.sum()))
 
-    def _simulate(
-        self, samples: range, needed: Collection[int] | None, total: int
-    ) -> Iterator[list[FinishedRun]]:
-        """Simulate the ``needed`` designs (positions; None: all) in ``samples``; then ``total`` runs are counted."""
+    def _simulate(self, wanted: Mapping[int, range] | None, total: int) -> Iterator[list[FinishedRun]]:
+        """Simulate the ``wanted`` samples of designs (by position; None: all of all); then ``total`` runs are counted."""
         plan, environment, writer = self.plan, self.environment, self.writer
         sampled, drawn = writer.sample_count(plan.environment_id), writer.draw_count(plan.spread_id)
-        for sample in samples:
+        every = range(plan.environments)
+        if wanted is not None:
+            every = range(min(one.start for one in wanted.values()), max(one.stop for one in wanted.values()))
+        for sample in every:
             if sample >= sampled:
                 scene = environment.sample(sample)
                 identity = environment.scene_identity(sample, self.dynamic)
@@ -63,10 +63,11 @@ class ExperimentRuns:
                 identity = environment.variation_identity()
                 writer.put_draw(plan.spread_id, sample, environment.variation(sample), identity)
             for run in writer.planned_runs(plan, sample):
-                wanted = needed is None or run.design in needed
-                if run.outcome is not None or (wanted and self.pool.joins(run)):
+                if wanted is not None and sample not in wanted.get(run.design, ()):
+                    continue
+                if run.outcome is not None or self.pool.joins(run):
                     self.counts.there += 1
                     self.counts.count(run.outcome)
-                elif wanted:
+                else:
                     yield from self.pool.add(run, total - self.counts.done)
             self.report(self.counts)

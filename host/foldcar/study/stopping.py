@@ -1,12 +1,7 @@
-"""Sweeps that stop when they know: which designs still need runs, round by round.
-
-A round is some samples, simulated for the designs that are undecided on all earlier ones. Rounds begin and end at the
-same samples in every sweep, and a design's own results alone decide on it: so the same runs are made whatever the number
-of simulators, and in a sweep that was interrupted and resumed.
-"""
+"""Sweeps that stop when they know: the rules of ``--until``, and what is known of each design at the end."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from foldcar.analysis.anytime import anytime_interval
@@ -15,9 +10,6 @@ from foldcar.errors import FoldcarError
 from foldcar.store.design_counts import DesignCounts
 from foldcar.study.experiments import Experiment, Study
 
-# Samples of a round; later rounds grow with the samples before, so that simulators seldom wait for the last runs of one.
-ROUND_SAMPLES = 5
-ROUND_SHARE = 0.05
 # Percentage points: an interval of half this width and more is known without a run.
 MOST_POINTS = 50
 LEAST_POINTS = 0.1
@@ -51,25 +43,6 @@ def stopping_rules(until: str, study: Study) -> dict[str, StoppingRule]:
     if not LEAST_POINTS <= width < MOST_POINTS:
         raise FoldcarError(f"--until: {until} is not from {LEAST_POINTS}pp to below {MOST_POINTS}pp")
     return {experiment.id: StoppingRule(width / 100, ()) for experiment in study.experiments}
-
-
-def rounds(environments: int) -> Iterator[range]:
-    """The samples 0 to ``environments`` - 1 in rounds."""
-    start = 0
-    while start < environments:
-        end = min(environments, start + max(ROUND_SAMPLES, int(ROUND_SHARE * start)))
-        yield range(start, end)
-        start = end
-
-
-def open_designs(rule: StoppingRule, counts: DesignCounts, samples: int) -> set[int]:
-    """Positions of the designs that need more than the first ``samples``.
-
-    Those that are undecided, and those of which later samples are stored: they are judged by all that is known of them.
-    """
-    decided = rule.decided(counts.passed, counts.runs).tolist()
-    known = zip(counts.positions, counts.reached, decided, strict=True)
-    return {position for position, reached, done in known if reached > samples or not done}
 
 
 def design_states(experiment: Experiment, rule: StoppingRule, counts: DesignCounts) -> list[DesignState]:

@@ -20,6 +20,7 @@ from foldcar.interrupts import delayed
 from foldcar.scenes.fingerprint import scenic_version
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import outcome_of
+from foldcar.simulation.simulators import Simulators
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
@@ -37,7 +38,7 @@ def sweep(
     study: Study,
     store: Path,
     carsim: Carsim,
-    jobs: int,
+    simulators: Simulators | int,
     command: str,
     report: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
@@ -47,8 +48,9 @@ def sweep(
 ) -> Progress:
     """Simulate the missing runs; ``report`` is called after every step; ``progress``, if given, is updated.
 
-    ``announce`` is given what holds for the sweep, a line at a time, before its first run. ``environment_of`` makes the
-    environments: those of a calibration are others. ``until`` holds, by experiment, when a design needs no more runs.
+    ``simulators`` is where they are simulated, or how many simulators there are on this machine. ``announce``
+    is given what holds for the sweep, a line at a time, before its first run. ``environment_of`` makes the environments:
+    those of a calibration are others. ``until`` holds, by experiment, when a design needs no more runs.
 
     Nothing is written before every design and, for a new store, every environment has been checked. FoldcarError.
     """
@@ -78,10 +80,13 @@ def sweep(
         )
         for line in _rules(plans):
             announce(line)
+        for plan in plans if until and carsim.engine else ():
+            if writer.side_view_counts(plan) is None:
+                announce(f"experiment {plan.id}: no side-view runs in the store: designs in the listing's order")
         for experiment in study.experiments:
             for line in skipped_lines(experiment.id, experiment.family):
                 announce(line)
-        with ChunkPool(writer, jobs, carsim.limits().numbers) as pool:
+        with ChunkPool(writer, simulators, carsim.limits().numbers) as pool:
             for experiment, plan, environment in zip(study.experiments, plans, environments, strict=True):
                 dynamic = is_dynamic(plan.environment_id, environment, writer)
                 rule = (until or {}).get(plan.id)

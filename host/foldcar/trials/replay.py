@@ -10,11 +10,9 @@ from typing import Any
 
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.runner import RunRequest
+from foldcar.simulation.runner import PATH_INTERVAL_S, RunRequest
 from foldcar.store.reader import Store
 from foldcar.store.writer import canonical_json
-
-PATH_INTERVAL_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "elementary_functions.h"  // every program and suite of the simulator links this file
+
 namespace foldcar {
 
 std::size_t main_segment(const BodySpec& body) {

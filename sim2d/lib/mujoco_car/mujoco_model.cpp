@@ -149,7 +149,7 @@ MujocoModel build_mujoco_model(const BodySpec& body, const SceneSpec& scene, con
   spec->option.cone = mjCONE_ELLIPTIC;
   spec->option.impratio = kImpedanceRatio;
   spec->option.jacobian = mjJAC_DENSE;
-  spec->option.disableflags |= mjDSBL_MULTICCD;
+  spec->option.disableflags |= mjDSBL_MULTICCD | mjDSBL_ISLAND;
   add_mujoco_ground(spec.get(), scene, terrain);
   add_car(spec.get(), body, scene, options.tyre);
   MujocoModel built;

@@ -6,7 +6,7 @@
 //   the coefficient. impratio 10 prevents tyres from creeping on slopes.
 // - The time constant of contacts is 5 ms, two and a half steps: penetrations stay under 0.1 mm.
 // - multiccd is off, because it gives cylinders wrong normals at the edges of boxes. The Jacobian is dense, because a
-//   car has few degrees of freedom.
+//   car has few degrees of freedom, and constraint islands are not sought, because it is one.
 // - The servo is MuJoCo's general actuator: torque τ·u − (τ/ω0)·ω, limited to ±τ; the rotor is the joint's armature.
 #pragma once
 

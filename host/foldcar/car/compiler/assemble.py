@@ -224,17 +224,7 @@ def _joins(
     for placement in graph.placements:
         first, on = owner[placement.face], owner[placement.on]
         pair = (home[first], home[on])
-        for path, index, through, slot in placement.slots:
-            number += 1
-            at = (owner[path], fused[owner[path]].edges[path, index])
-            other = owner[through]
-            length = graph.edge_length_mm((path, index))
-            b = EdgeRef(names[other], 0)
-            a = _ref(at, names)
-            names_of = (pieces[home[at[0]]].name, pieces[home[other]].name)
-            join = Join(number, "tab_slot", names_of[0], a, names_of[1], b, length, slot)
-            joins.append((join, home[at[0]], home[other]))
-        if placement.join == "laminate":
+        if placement.laminated:
             number += 1
             refs = EdgeRef(names[first], 0), EdgeRef(names[on], 0)
             join = Join(number, "laminate", pieces[pair[0]].name, refs[0], pieces[pair[1]].name, refs[1], 0.0)

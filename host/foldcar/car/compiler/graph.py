@@ -47,16 +47,12 @@ class Link:
 
 @dataclass(frozen=True)
 class Placement:
-    """A face laminated onto, or put through slots of, the face ``on``: its pose in that face's frame.
-
-    Each slot is (face and index of the tongue's edge, face with the slot, name of the slot).
-    """
+    """A face's pose in the frame of the face ``on``, onto which it may be laminated."""
 
     face: str
     on: str
     pose: Pose
-    join: Literal["laminate", "tab_slot"] | None
-    slots: tuple[tuple[str, int, str, str], ...] = ()
+    laminated: bool = False
 
 
 @dataclass(frozen=True)

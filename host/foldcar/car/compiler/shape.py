@@ -6,7 +6,7 @@ side, which faces inwards. Lengths in millimetres, angles in radians. A wrong pa
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Literal
 
 from foldcar.car.compiler.graph import Atom, Contact, Graph, Link, LinkKind, PlacedAxle, PlacedPart, Placement
@@ -115,19 +115,11 @@ class Shape:
 
     def laminate(self, face: str, on: str, pose: Pose) -> None:
         """Glue the face flat onto the face ``on``, at that pose in the frame of ``on``."""
-        self.graph.placements.append(Placement(self._face(face), self._face(on), pose, "laminate"))
-
-    def put_through(self, face: str, on: str, pose: Pose, tongues: Mapping[str, tuple[str, str]]) -> None:
-        """Place ``face`` at that pose in the frame of ``on``; ``tongues``: its edges → (face, slot) they go through."""
-        slots = tuple(
-            (*self._edge(f"{face}.{edge}"), self._face(other), self.path(slot))
-            for edge, (other, slot) in tongues.items()
-        )
-        self.graph.placements.append(Placement(self._face(face), self._face(on), pose, "tab_slot", slots))
+        self.graph.placements.append(Placement(self._face(face), self._face(on), pose, True))
 
     def place(self, face: str, on: str, pose: Pose) -> None:
         """Set a face's pose in the frame of the face ``on``, without a join."""
-        self.graph.placements.append(Placement(self._face(face), self._face(on), pose, None))
+        self.graph.placements.append(Placement(self._face(face), self._face(on), pose))
 
     def lock(self, tongue: str, face: str, slot: str, kind: Literal["lock", "tab_slot"] = "lock") -> None:
         """Let the tongue whose tip is the edge ``tongue`` go through a hole of ``face``; a lock can be opened again."""

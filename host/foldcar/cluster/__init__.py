@@ -1,0 +1,1 @@
+"""Chunks of runs on other machines, through a Dask scheduler."""

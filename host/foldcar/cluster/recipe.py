@@ -1,0 +1,113 @@
+"""What a worker needs to know to make the runner of a sweep: small, and sent with every chunk.
+
+A worker has the installed package and a carsim of its own. For a program that runs beside the simulation it is sent the
+program with its neighbours, the files that the environment's fingerprint covers.
+"""
+
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from foldcar.scenes.fingerprint import scene_code, scenic_version, sources
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import engine_of
+from foldcar.simulation.runner import CarsimError, Runner, RunRequest
+from foldcar.simulation.scenic_runner import ScenicRunner
+
+
+class UnfitError(CarsimError):
+    """This machine cannot make the sweep's runs: its message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A Scenic program: its path where the sweep was started, its folder's sources by name, its environment as JSON.
+
+    ``code`` is the hash of foldcar's code that runs it, ``scenic`` Scenic's version.
+    """
+
+    path: str
+    sources: tuple[tuple[str, bytes], ...]
+    environment: str
+    code: str
+    scenic: str
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """``engine`` is a key of ENGINES, ``build`` the one that made the sweep's plan."""
+
+    engine: str
+    build: str
+    program: Program | None
+
+
+def recipe_of(runner: Runner, carsim: Carsim) -> Recipe:
+    """The recipe of ``runner``, which is ``carsim`` or a ScenicRunner with it."""
+    program = None
+    if isinstance(runner, ScenicRunner):
+        files = tuple((name, file.read_bytes()) for name, file in sorted(sources(runner.program).items()))
+        environment = json.dumps(runner.environment)
+        program = Program(str(runner.program), files, environment, scene_code(), scenic_version())
+    return Recipe(engine_of(carsim.engine), carsim.build, program)
+
+
+class Made:
+    """The runner of a recipe on this machine, for one thread. UnfitError if it cannot be made here."""
+
+    def __init__(self, recipe: Recipe) -> None:
+        self.recipe = recipe
+        self._carsim = Carsim(engine=recipe.engine)
+        self._file = _identity(self._carsim.binary)
+        if self._carsim.build != recipe.build:
+            raise UnfitError(f"its carsim is build {self._carsim.build}, this sweep's is {recipe.build}")
+        self._runner: Carsim | ScenicRunner = self._carsim
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        if (program := recipe.program) is not None:
+            if (scene_code(), scenic_version()) != (program.code, program.scenic):
+                raise UnfitError(
+                    f"its foldcar or Scenic is another than this sweep's: code {scene_code()[:12]} and Scenic "
+                    f"{scenic_version()}, not {program.code[:12]} and {program.scenic}"
+                )
+            self._folder = tempfile.TemporaryDirectory(prefix="foldcar-")
+            for name, content in program.sources:
+                (Path(self._folder.name) / name).write_bytes(content)
+            here = Path(self._folder.name) / Path(program.path).name
+            self._runner = ScenicRunner(here, **json.loads(program.environment), command=self._carsim.command)
+
+    def fits(self, recipe: Recipe) -> bool:
+        """Whether it is that recipe's, with the simulator still the same file."""
+        return recipe == self.recipe and _identity(self._carsim.binary) == self._file
+
+    def run(
+        self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
+    ) -> list[dict[str, Any]]:
+        """As a Runner; messages name the program where the sweep was started."""
+        return [
+            {"error": self._there(answer["error"])} if "error" in answer else answer
+            for answer in self._runner.run(bodies, scenes, requests)
+        ]
+
+    def stop(self) -> None:
+        """As a Runner."""
+        self._runner.stop()
+
+    def close(self) -> None:
+        """End its processes and remove its files."""
+        if isinstance(self._runner, ScenicRunner):
+            self._runner.close()
+        if self._folder is not None:
+            self._folder.cleanup()
+
+    def _there(self, message: str) -> str:
+        if self._folder is None or self.recipe.program is None:
+            return message
+        return message.replace(self._folder.name, str(Path(self.recipe.program.path).parent))
+
+
+def _identity(file: Path) -> tuple[int, int, int]:
+    status = file.stat()
+    return status.st_ino, status.st_size, status.st_mtime_ns

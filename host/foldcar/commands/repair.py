@@ -1,0 +1,58 @@
+"""`foldcar repair`: a new store of what is whole in a damaged one."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import output_store
+
+
+def repair(
+    store: Annotated[Path, typer.Argument(metavar="DAMAGED", help="The damaged store, which is only read.")],
+    output: Annotated[
+        Path,
+        typer.Option("-o", metavar="WHOLE", callback=output_store, help="The store to make; there must be none."),
+    ],
+    as_json: Json = False,
+) -> None:
+    """Save what is whole of a damaged store.
+
+    It says what is lost. A row is saved if it matches its checksum. Runs that are lost are simulated by the next sweep
+    into the new store. Exit code 1 if anything is lost.
+
+    \b
+    Example: foldcar repair study.db -o whole.db
+    """
+    from foldcar.store.repair import repair_store
+
+    done = repair_store(store, output)
+    if as_json:
+        lost = {"damaged": done.damaged, "missing": done.missing, "dependent": done.dependent, "pages": done.pages}
+        told = {"trials": done.trials, "logs": done.logs, "journal": done.journal}
+        print_json({"store": output, "saved": done.saved, **lost, **told})
+    else:
+        for table, saved in done.saved.items():
+            parts = [
+                f"{losses[table]} {text}"
+                for losses, text in (
+                    (done.damaged, "damaged"),
+                    (done.missing, "missing"),
+                    (done.dependent, "refer to what is lost"),
+                    (done.pages, "unreadable pages"),
+                )
+                if losses.get(table)
+            ]
+            if parts:
+                typer.echo(f"{table}: {saved} rows saved; lost: {', '.join(parts)}")
+        if done.journal:
+            typer.echo(f"write-ahead log: {done.journal}")
+        for trial in done.trials:
+            typer.echo(trial)
+        for log in done.logs:
+            typer.echo(f"{log}: its trial is lost; the log is kept")
+        rows = sum(done.saved.values())
+        typer.echo(f"{output}: {rows} rows saved, {done.saved['run']} of them runs, {done.saved['trial']} trials")
+    if not done.is_whole:
+        raise typer.Exit(1)

@@ -1,0 +1,127 @@
+"""Which designs get the next runs of a sweep that stops when it knows, and how many.
+
+A pure function of results: no clock, no number of simulators. A sweep that resumes goes through the same steps with the
+results that it finds. Every sample size is a valid one to stop at, however it was chosen, since the intervals hold at all
+of them together: so another engine's rates may order runs and size batches. They may not set the stakes of the bets
+behind the intervals: both engines drive in the same environments, and luck in those would count twice.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy
+from numpy.typing import NDArray
+
+from foldcar.analysis.engine_bias import RATES, predicted_rates
+from foldcar.analysis.stopping import StoppingRule
+
+# A batch ends where the design is decided with this chance, or after so many runs or this share of those before.
+BATCH_CHANCE = 0.1
+BATCH_RUNS, BATCH_SHARE = 20, 0.25
+# Sample sizes that are tried as a batch's end.
+BATCH_ENDS = 20
+# The first batch has as many at least: fewer tell nothing of a design that is then left.
+LEAST_RUNS = 5
+# A step has so many runs, and takes this share of the open designs: simulators wait for each other at its end.
+STEP_RUNS, STEP_SHARE = 64, 0.125
+
+
+@dataclass(frozen=True)
+class Batch:
+    """The next samples of a design, by its position."""
+
+    design: int
+    samples: range
+
+
+class Schedule:
+    """The state of a sweep: :meth:`next` gives batches, :meth:`record` takes their results, until there are none.
+
+    ``reached`` is, of each design, 1 + its highest stored sample: what is stored is judged. ``other`` are counts
+    (passed, runs), both (designs,), in another engine; None: designs go side by side in the listing's order.
+    """
+
+    def __init__(
+        self,
+        rule: StoppingRule,
+        most: int,
+        reached: Sequence[int],
+        other: tuple[Sequence[int], Sequence[int]] | None = None,
+    ) -> None:
+        self._rule, self._most, self._other = rule, most, other
+        self._reached = numpy.asarray(reached, int)
+        self.passed = numpy.zeros(len(reached), int)
+        self.runs = numpy.zeros(len(reached), int)
+        self.decided = numpy.zeros(len(reached), bool)
+        self.closed = numpy.zeros(len(reached), bool)
+        # Without predictions designs with equal counts get equal batches.
+        self._ends: dict[tuple[int, int], int] = {}
+        self._runs_to_decide = _runs_to_decide(rule, most)
+
+    def next(self) -> list[Batch]:
+        """The batches of the next step; none if every design is closed."""
+        still = numpy.flatnonzero(~self.closed)
+        if not len(still):
+            return []
+        there = self._other or (numpy.zeros_like(self.runs), numpy.zeros_like(self.runs))
+        masses = predicted_rates(self.passed, self.runs, *there)
+        if self._other is None:
+            return [self._batch(design, masses[design]) for design in still]
+        worth = self._bits_per_run(masses[still], self.runs[still])
+        batches: list[Batch] = []
+        # Of equals the first one in the listing: the sort is stable, the last digits of sums are not.
+        for at in numpy.argsort(-worth.round(9), kind="stable"):
+            if len(batches) >= STEP_SHARE * len(still) and sum(len(one.samples) for one in batches) >= STEP_RUNS:
+                break
+            batches.append(self._batch(still[at], masses[still[at]]))
+        return batches
+
+    def record(self, passed: Mapping[int, int], batches: Sequence[Batch]) -> None:
+        """The results of a step: how many of each design's new samples passed."""
+        for one in batches:
+            design = one.design
+            self.passed[design] += passed[design]
+            self.runs[design] = one.samples.stop
+        self.decided = self._rule.decided(self.passed, self.runs)
+        for design in {one.design for one in batches}:
+            self.closed[design] = self.runs[design] >= self._reached[design] and self._ended(design)
+
+    def _ended(self, design: int) -> bool:
+        passed, runs = int(self.passed[design]), int(self.runs[design])
+        return bool(self.decided[design]) or runs >= self._most or self._rule.hopeless(passed, runs, self._most)
+
+    def _batch(self, design: int, masses: NDArray[numpy.float64]) -> Batch:
+        passed, runs = int(self.passed[design]), int(self.runs[design])
+        if runs and self._ended(design):
+            return Batch(int(design), range(runs, int(self._reached[design])))
+        if self._other is not None:
+            return Batch(int(design), range(runs, self._end(passed, runs, masses)))
+        if (passed, runs) not in self._ends:
+            self._ends[passed, runs] = self._end(passed, runs, masses)
+        return Batch(int(design), range(runs, self._ends[passed, runs]))
+
+    def _end(self, passed: int, runs: int, masses: NDArray[numpy.float64]) -> int:
+        last = min(self._most, runs + max(BATCH_RUNS, int(BATCH_SHARE * runs)))
+        first = min(last, max(runs + 1, LEAST_RUNS))
+        for end in numpy.unique(numpy.linspace(first, last, BATCH_ENDS).round().astype(int)).tolist():
+            if self._rule.chance(RATES, masses, passed, runs, end) >= BATCH_CHANCE:
+                return int(end)
+        return last
+
+    def _bits_per_run(self, masses: NDArray[numpy.float64], runs: NDArray[numpy.int_]) -> NDArray[numpy.float64]:
+        """What is unknown of each design's side of the thresholds (bits), for each run that it is expected to need."""
+        left = (masses * numpy.maximum(self._runs_to_decide - runs[:, None], 1)).sum(axis=1)
+        if not self._rule.thresholds:
+            return 1 / left
+        zones = numpy.searchsorted(self._rule.thresholds, RATES)
+        sides = numpy.stack([masses[:, zones == zone].sum(axis=1) for zone in range(zones.max() + 1)])
+        bits = -(sides * numpy.log2(numpy.maximum(sides, 1e-300))).sum(axis=0)
+        found: NDArray[numpy.float64] = bits / left
+        return found
+
+
+def _runs_to_decide(rule: StoppingRule, most: int) -> NDArray[numpy.float64]:
+    """The number of runs (RATES,) that decides a design, at most ``most``, if the share that passes is its rate."""
+    sizes = numpy.unique(numpy.geomspace(1, most, 60).round())
+    decided = rule.decided(RATES[:, None] * sizes, numpy.broadcast_to(sizes, (len(RATES), len(sizes))))
+    return numpy.where(decided.any(axis=1), sizes[decided.argmax(axis=1)], float(most))

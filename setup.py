@@ -1,0 +1,70 @@
+"""Puts carsim into the package where a wheel is built: PlatformIO builds it, as in a checkout.
+
+A wheel fits every Python and one system. FOLDCAR_BUILD_DIR names a folder of programs that are built already, such as
+.pio/build. The program with MuJoCo is left out where the build has no package `mujoco` (Python 3.10).
+"""
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from setuptools import Distribution, setup
+from setuptools.command.bdist_wheel import bdist_wheel
+from setuptools.command.build_py import build_py
+from setuptools.errors import SetupError
+
+ROOT = Path(__file__).resolve().parent
+# PlatformIO's environments; in the package the programs have these names.
+PROGRAMS = ("carsim", "carsim_mujoco")
+
+
+class BuildWithPrograms(build_py):
+    """The modules and data files, then the programs, unless the install is editable and so uses the checkout's."""
+
+    def run(self) -> None:
+        """Copy all into the build folder."""
+        super().run()
+        if self.editable_mode:
+            return
+        names = PROGRAMS if importlib.util.find_spec("mujoco") else PROGRAMS[:1]
+        built = os.environ.get("FOLDCAR_BUILD_DIR")
+        folder = Path(built) if built else build(names)
+        for name in names:
+            shutil.copy(folder / name / "program", Path(self.build_lib) / "foldcar" / name)
+
+
+class ProgramWheel(bdist_wheel):
+    """A wheel for every Python on this system."""
+
+    def get_tag(self) -> tuple[str, str, str]:
+        """The tag: the programs, not Python, bind the wheel to the system."""
+        return ("py3", "none", super().get_tag()[2])
+
+
+class ProgramDistribution(Distribution):
+    """Goes where packages for one system go."""
+
+    def has_ext_modules(self) -> bool:
+        """Programs count as extensions do."""
+        return True
+
+
+def build(names: tuple[str, ...]) -> Path:
+    """Have PlatformIO build the programs; the folder of their folders. SetupError if that fails."""
+    environments = [word for name in names for word in ("-e", name)]
+    for command in (
+        [sys.executable, str(ROOT / "tools" / "seed_platformio.py"), "--if-unreachable"],
+        [sys.executable, "-m", "platformio", "run", "-d", str(ROOT), *environments],
+    ):
+        if subprocess.run(command, cwd=ROOT, check=False).returncode != 0:
+            raise SetupError(f"carsim was not built: see the message of {Path(command[1]).name} above")
+    return Path(os.environ.get("PLATFORMIO_BUILD_DIR") or ROOT / ".pio" / "build")
+
+
+setup(
+    cmdclass={"build_py": BuildWithPrograms, "bdist_wheel": ProgramWheel},
+    distclass=ProgramDistribution,
+)

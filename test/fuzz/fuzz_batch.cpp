@@ -1,0 +1,14 @@
+// Lines of `carsim batch`: none may crash, reach an assertion, cost too much or be answered by what is no JSON.
+#include "batch_session.h"
+#include "lines.h"
+#include "side_view_engine.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const foldcar::SideViewEngine engine;
+  foldcar::BatchSession session(engine, false);
+  return foldcar::answer_all(session, data, size);
+}
+
+extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t max_size, unsigned seed) {
+  return foldcar::mutate_lines(data, size, max_size, seed);
+}

@@ -1,0 +1,186 @@
+"""Stores of studies that were run apart, as one store: every row once, contradictions refused."""
+
+import contextlib
+import json
+import shutil
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.simulation.carsim import Carsim
+from foldcar.store.check import check_store
+from foldcar.store.digest import store_digest
+from foldcar.store.errors import StoreError
+from foldcar.store.merge import merge_stores
+from foldcar.store.migrations import VERSION
+from foldcar.store.reader import Store
+from foldcar.store.rows import checksum
+from foldcar.store.tables import EXPERIMENT, RUN, TRIAL, Table
+from foldcar.store.trial_records import Ending
+from foldcar.store.trial_writer import write_trials
+from foldcar.study.experiments import read_study
+from foldcar.study.sweep import sweep
+from old_stores import contents, old_store
+from test_store import answer, fill
+from test_trial_store import begin
+
+
+def digest(store: Path) -> tuple[str, int]:
+    with Store.open(store) as opened:
+        return store_digest(opened)
+
+
+def shown(store: Path) -> list[Any]:
+    """What reports show of a store: experiments with their facts, and their results."""
+    with Store.open(store) as opened:
+        return [dict(opened.info().experiments), sorted(opened.results(), key=repr)]
+
+
+@pytest.fixture
+def listing(listing_data: dict[str, Any], write_listing: Callable[[Any], Path]) -> Path:
+    """Two experiments that share their cars, and in part their environments."""
+    listing_data["experiments"]["2"] = {"veh_id": 1, "env_id": 2, "params": {"timeout": 60, "environments": 2}}
+    listing_data["environments"]["2"] = {**listing_data["environments"]["1"], "seed": 7}
+    return write_listing(listing_data)
+
+
+def swept(
+    listing: Path, store: Path, binary: Path, experiment: str | None = None, environments: int | None = None
+) -> Path:
+    sweep(read_study(listing, experiment, environments), store, Carsim(binary), 2, "test")
+    return store
+
+
+def test_halves_of_a_study_are_the_whole(tmp_path: Path, listing: Path, carsim_binary: Path) -> None:
+    whole = swept(listing, tmp_path / "whole.db", carsim_binary)
+    first = swept(listing, tmp_path / "a.db", carsim_binary, "1", 1)
+    again = swept(listing, tmp_path / "b.db", carsim_binary, "1")
+    second = swept(listing, tmp_path / "c.db", carsim_binary, "2")
+    before = {store: store.read_bytes() for store in (first, again, second)}
+
+    counts = merge_stores([second, first, again], tmp_path / "new" / "m.db")
+
+    assert digest(tmp_path / "new" / "m.db") == digest(whole)
+    assert digest(first) != digest(again) != digest(whole)
+    assert shown(tmp_path / "new" / "m.db") == shown(whole)
+    assert check_store(tmp_path / "new" / "m.db").findings == []
+    assert (counts["run"], counts["experiment"], counts["build"]) == (10, 2, 1)
+    assert {store: store.read_bytes() for store in before} == before
+    # The next sweep has nothing left to simulate.
+    assert sweep(read_study(listing), tmp_path / "new" / "m.db", Carsim(carsim_binary), 1, "test").new == 0
+
+
+def test_a_store_with_itself_is_itself(tmp_path: Path) -> None:
+    store = old_store(VERSION, tmp_path / "s.db")
+    shutil.copy(store, tmp_path / "copy.db")
+
+    merge_stores([store, tmp_path / "copy.db"], tmp_path / "m.db")
+
+    assert contents(tmp_path / "m.db") == contents(store)
+
+
+def test_trials_are_kept_with_their_logs_and_corrections(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    store = old_store(VERSION, tmp_path / "a" / "s.db")
+    with Store.open(store) as opened:
+        trials = list(opened.trials())
+    logs = {trial.log for trial in trials if trial.log}
+    assert logs
+    with write_trials(tmp_path / "b" / "s.db") as writer:
+        number = begin(writer)
+        writer.complete(number, Ending("passed", "goal", 2.0, "", None))
+        writer.correct(number, {"note": "later"}, "why", "who")
+
+    merge_stores([tmp_path / "b" / "s.db", store], tmp_path / "m.db")
+
+    with Store.open(tmp_path / "m.db") as opened:
+        assert len(list(opened.trials())) == len(trials) + 1
+        assert opened.corrections(1)[0].after == "later"
+    found = check_store(tmp_path / "m.db")
+    assert (found.findings, found.logs) == ([], check_store(store).logs)
+    for log in logs:
+        assert (tmp_path / log).read_bytes() == (store.parent / log).read_bytes()
+
+
+def change(store: Path, table: Table, where: str, **values: Any) -> None:
+    """Give a row other values, with the right checksum: another simulator has written it."""
+    with contextlib.closing(sqlite3.connect(store)) as connection:
+        connection.row_factory = sqlite3.Row
+        row = {**dict(connection.execute(f"SELECT * FROM {table.name} WHERE {where}").fetchone()), **values}
+        row["checksum"] = checksum(table, row)
+        changes = ", ".join(f"{name} = ?" for name in row)
+        connection.execute(f"UPDATE {table.name} SET {changes} WHERE {where}", tuple(row.values()))
+        connection.commit()
+
+
+@pytest.mark.parametrize(
+    ("table", "where", "values", "told"),
+    [
+        (RUN, "body_id = 1 AND scene_id = 1", {"outcome": "stuck"},
+         r"^run \(build \S+, body \w{12}, .*\): outcome is stuck in .*b\.db, \w+ in .*a\.db: the same build gave two"),
+        (RUN, "body_id = 1 AND scene_id = 1", {"elapsed_time_s": 0.125}, "elapsed_time_s is 0.125 in .*b.db, "),
+        (EXPERIMENT, "position = 0", {"vehicle": "other"},
+         '^experiment "1": vehicle is other in .*b.db, .* another name'),
+    ],
+)  # fmt: skip
+def test_contradictions_are_refused_and_nothing_is_written(
+    tmp_path: Path, table: Table, where: str, values: dict[str, Any], told: str
+) -> None:
+    fill(tmp_path / "a.db", answer=answer)
+    shutil.copy(tmp_path / "a.db", tmp_path / "b.db")
+    change(tmp_path / "b.db", table, where, **values)
+
+    with pytest.raises(StoreError, match=told):
+        merge_stores([tmp_path / "a.db", tmp_path / "b.db"], tmp_path / "m.db")
+
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.db", "b.db"]
+
+
+def test_a_family_that_is_not_the_same_is_another_experiment(
+    tmp_path: Path, listing_data: dict[str, Any], write_listing: Callable[[Any], Path], carsim_binary: Path
+) -> None:
+    one = swept(write_listing(listing_data), tmp_path / "a.db", carsim_binary, environments=1)
+    listing_data["vehicles"]["1"]["params"][0]["common"]["width"] = [95, 120, 245]
+    two = swept(write_listing(listing_data), tmp_path / "b.db", carsim_binary, environments=1)
+
+    with pytest.raises(StoreError, match='experiment "1": '):
+        merge_stores([one, two], tmp_path / "m.db")
+    with pytest.raises(StoreError, match='experiment "1": '):
+        merge_stores([two, one], tmp_path / "m.db")
+
+
+def test_a_trial_that_one_store_has_corrected_is_refused(tmp_path: Path) -> None:
+    store = old_store(VERSION, tmp_path / "s.db")
+    shutil.copy(store, tmp_path / "b.db")
+    with Store.open(store) as opened:
+        logged = next(trial.id for trial in opened.trials() if trial.log_sha256)
+    change(tmp_path / "b.db", TRIAL, f"id = {logged}", note="other")
+
+    with pytest.raises(StoreError, match=r"^trial \(id \d+\): note is other in .*b\.db, "):
+        merge_stores([store, tmp_path / "b.db"], tmp_path / "m.db")
+
+
+def test_what_cannot_be_merged_is_said_in_one_line(tmp_path: Path, foldcar: Callable[..., Any]) -> None:
+    old_store(3, tmp_path / "old.db")
+    fill(tmp_path / "a.db")
+    told = {
+        ("a.db", "old.db", "-o", "m.db"): "old.db: is of version 3; bring it to 6 first: foldcar migrate old.db",
+        ("a.db", "none.db", "-o", "m.db"): "none.db: no such store",
+        ("a.db", "-o", "m.db"): "merge: name two stores or more",
+        ("a.db", "old.db", "-o", "a.db"): "a.db: is read by this command; name another file to write",
+        ("a.db", "a.db", "-o", "old.db"): "old.db: is there already; name a new store",
+    }
+    for words, line in told.items():
+        refused = foldcar("merge", *words)
+        assert (refused.returncode, refused.stderr) == (2, f"foldcar: error: {line}\n")
+    assert not (tmp_path / "m.db").exists()
+
+    merged = foldcar("merge", "a.db", "a.db", "-o", "m.db", "--json")
+    digests = [json.loads(foldcar("export", name, "--digest", "--json").stdout) for name in ("a.db", "m.db")]
+
+    assert json.loads(merged.stdout)["runs"] == digests[0]["runs"] > 0
+    assert len(digests[0]["digest"]) == 64 and digests[0]["digest"] == digests[1]["digest"]

@@ -1,0 +1,70 @@
+"""`foldcar new`: a project that runs as it is, and what is refused."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from foldcar.commands.new import FILES
+from foldcar.study.experiments import read_study
+
+Command = Callable[..., "subprocess.CompletedProcess[str]"]
+STARTER = Path(__file__).resolve().parents[2] / "host" / "foldcar" / "study" / "starter"
+
+
+def test_a_new_project_is_whole_and_says_what_to_type_next(foldcar: Command, tmp_path: Path) -> None:
+    done = foldcar("new", "my yard")
+
+    assert (done.returncode, done.stderr) == (0, "")
+    folder = tmp_path / "my yard"
+    assert {file.name for file in folder.iterdir()} == set(FILES) == {file.name for file in STARTER.iterdir()}
+    (experiment,) = read_study(folder / "study.json").experiments
+    assert len(experiment.family) == 9
+    # What it says to type is what a shell understands.
+    cd, *commands = [line.strip() for line in done.stdout.splitlines()[1:]]
+    assert cd == "cd 'my yard'"
+    words = [line.split()[:3] for line in commands]
+    assert words == [["foldcar", "sweep", "study.json"], ["foldcar", "report", "yard.db"]]
+
+
+def test_the_projects_environment_tells_its_designs_apart(foldcar: Command, tmp_path: Path) -> None:
+    foldcar("new", "yard")
+    listing = tmp_path / "yard" / "study.json"
+    done = foldcar("sweep", listing, "--store", "yard.db", "--environments", "10", "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(foldcar("report", "yard.db", "-o", "report", "--json").stdout)
+
+    shares = {one["value"]: one["success"] for one in told["experiments"][0]["by"]["radius_mm"]}
+    # A kerb of 30 mm is most of what the smallest wheels, of 44 mm, can climb; the largest have room.
+    assert shares[44.0] < 0.8 < shares[60.0]
+
+
+@pytest.mark.parametrize("content", ["README.md", ".hidden"])
+def test_a_folder_with_anything_in_it_is_refused_and_left_alone(foldcar: Command, tmp_path: Path, content: str) -> None:
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / content).write_text("mine", encoding="utf-8")
+
+    done = foldcar("new", "full")
+
+    assert (done.returncode, done.stderr) == (2, "foldcar: error: full: is not empty; name a new folder\n")
+    assert [(file.name, file.read_text()) for file in (tmp_path / "full").iterdir()] == [(content, "mine")]
+
+
+def test_a_place_that_cannot_be_written_is_one_line(foldcar: Command, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    assert foldcar("new", "file").stderr == "foldcar: error: file: not a folder\n"
+    assert foldcar("new", "no/yard").stderr.startswith("foldcar: error: no/yard: cannot be written: there is no folder")
+    assert foldcar("new", ".").returncode == 2
+
+
+def test_a_full_disk_leaves_nothing_half_written(tmp_path: Path) -> None:
+    # The largest file that the process may write is shorter than the listing.
+    done = subprocess.run(
+        ["sh", "-c", 'trap "" XFSZ; ulimit -f 1; exec "$@"', "sh", sys.executable, "-m", "foldcar", "new", "yard"],
+        cwd=tmp_path, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 2 and "yard: cannot be written: File too large" in done.stderr, done.stderr
+    assert not (tmp_path / "yard").exists()

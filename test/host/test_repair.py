@@ -1,0 +1,281 @@
+"""`foldcar repair`: what is whole of a damaged store is saved as it was, what is lost is told."""
+
+import contextlib
+import json
+import random
+import shutil
+import sqlite3
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_store_check import alter
+
+from foldcar.store.check import check_store
+from foldcar.store.errors import StoreError
+from foldcar.store.migrations import VERSION
+from foldcar.store.opening import writing
+from foldcar.store.pages import Pages, page_bytes
+from foldcar.store.reader import Store
+from foldcar.store.repair import repair_store
+from foldcar.store.tables import TABLES
+from foldcar.store.trial_writer import write_trials
+from foldcar.store.writer import write_store
+from old_stores import contents, old_store
+from test_store import fill
+
+TEXT_BYTES = 30_000
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    return old_store(VERSION, tmp_path / "s.db")
+
+
+def rows(path: Path) -> dict[str, Counter[str]]:
+    """All rows of foldcar's tables, checksums included, as SQLite reads them."""
+    with contextlib.closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as connection:
+        return {table.name: Counter(map(repr, connection.execute(f"SELECT * FROM {table.name}"))) for table in TABLES}
+
+
+def killed_session(store: Path) -> Path:
+    """A copy of the store with the write-ahead log of a session that was killed after several transactions."""
+    target = store.parent / "killed" / "s.db"
+    target.parent.mkdir()
+    with write_trials(store) as writer:
+        for note in ("a", "b", "c"):
+            writer.correct(1, {"note": note}, "why", "")
+        for suffix in ("", "-wal"):
+            shutil.copyfile(f"{store}{suffix}", f"{target}{suffix}")
+    shutil.copytree(store.parent / "s-logs", target.parent / "s-logs")
+    return target
+
+
+def test_a_sound_store_is_saved_whole(store: Path, foldcar: Any) -> None:
+    answer = foldcar("repair", "s.db", "-o", "w.db")
+
+    assert (answer.returncode, answer.stderr) == (0, "")
+    count = sum(saved.total() for saved in rows(store).values())
+    assert answer.stdout == f"w.db: {count} rows saved, 8 of them runs, 5 trials\n"
+    assert rows(store.with_name("w.db")) == rows(store)
+    assert check_store(store.with_name("w.db")).findings == []
+
+
+def test_pages_are_read_as_sqlite_reads_them(tmp_path: Path) -> None:
+    """Every kind of cell, long texts on pages of their own, trees of several levels, pages that are free again."""
+    chance, path = random.Random(3), tmp_path / "x.db"
+    kinds = (
+        lambda: None, lambda: chance.randint(-(2**63), 2**63 - 1) >> chance.randrange(64), lambda: chance.uniform(-1, 1),
+        lambda: "ä" * chance.randrange(60), lambda: bytes(chance.randrange(60)),
+        lambda: "x" * int(10 ** chance.uniform(2, 4.5)),
+    )  # fmt: skip
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.execute("CREATE TABLE t (a, b, c)")
+        connection.execute("CREATE TABLE k (a PRIMARY KEY, b) WITHOUT ROWID")
+        for number in range(3000):
+            connection.execute("INSERT INTO t VALUES (?, ?, ?)", [chance.choice(kinds)() for _ in range(3)])
+            connection.execute("INSERT INTO k VALUES (?, ?)", (number * 7 % 3001, chance.choice(kinds)()))
+        connection.execute("DELETE FROM t WHERE rowid % 5 < 2")
+        connection.commit()
+        expected = [*connection.execute("SELECT rowid, a, b, c FROM t"), *connection.execute("SELECT NULL, a, b FROM k")]
+
+    content = path.read_bytes()
+    size = page_bytes(content)
+    pages = Pages({at // size + 1: content[at : at + size] for at in range(0, len(content), size)}, size)
+    free = pages.free()
+    assert free
+    found = [r for number in pages.numbers() - free - {1} for r in pages.records(number)]
+
+    # Pages of texts that are too long for their record are no nodes of trees, but may look like some.
+    whole = Counter(repr((record.rowid, *record.cells)) for record in found)
+    assert Counter(map(repr, expected)) - whole == Counter()
+    roots = [record.cells[3] for record in pages.records(1)]
+    in_trees = [
+        r for root in roots for number in pages.tree(root, pytest.fail) for r in pages.records(number, pytest.fail)
+    ]
+    assert Counter(repr((r.rowid, *r.cells)) for r in in_trees) == Counter(map(repr, expected))
+
+
+def test_what_refers_to_a_lost_row_is_lost_but_for_trials(store: Path, tmp_path: Path, foldcar: Any) -> None:
+    before = contents(store)
+    trial = before["trial"][0]
+    alter(store, f"UPDATE scene SET json = json || ' ' WHERE id = {trial['scene_id']}")
+    content = store.read_bytes()
+    lost_runs = sum(row["scene_id"] == trial["scene_id"] for row in before["run"])
+
+    answer = foldcar("repair", "s.db", "-o", "w.db", "--json")
+
+    told = json.loads(answer.stdout)
+    assert answer.returncode == 1 and store.read_bytes() == content
+    assert told["damaged"] == {"scene": 1} and told["dependent"].get("run", 0) == lost_runs
+    whole = contents(tmp_path / "w.db")
+    touched = [row["id"] for row in before["trial"] if row["scene_id"] == trial["scene_id"]]
+    assert told["trials"] == [f"trial {number}: its scene is lost" for number in touched]
+    for old, new in zip(before["trial"], whole["trial"], strict=True):
+        assert new == ({**old, "scene_id": None} if old["id"] in touched else old)
+    with Store.open(tmp_path / "w.db") as opened:
+        last = opened.corrections(touched[0])[-1]
+    assert (last.field, last.before, last.after, last.operator) == ("scene_id", trial["scene_id"], None, "foldcar repair")
+    assert check_store(tmp_path / "w.db").findings == []
+
+
+def test_samples_behind_a_lost_one_are_sampled_again(tmp_path: Path) -> None:
+    fill(tmp_path / "s.db")
+    alter(tmp_path / "s.db", "UPDATE sample SET checksum = 1 WHERE sample = 0")
+
+    done = repair_store(tmp_path / "s.db", tmp_path / "w.db")
+
+    assert done.damaged == {"sample": 1} and done.missing == {"sample": 1} and done.dependent == {"sample": 1}
+    # All runs stay: they are those of their scenes.
+    assert done.saved["run"] == 4
+    assert fill(tmp_path / "w.db") == 0
+    assert contents(tmp_path / "w.db")["sample"] == contents(tmp_path / "s.db")["sample"]
+
+
+def test_a_gap_in_the_samples_is_filled(tmp_path: Path) -> None:
+    fill(tmp_path / "s.db")
+    alter(tmp_path / "s.db", "DELETE FROM sample WHERE sample = 0")
+
+    with write_store(tmp_path / "s.db") as writer:
+        assert (writer.sample_count(1), writer.draw_count(1), writer.sample_count(2)) == (0, 2, 0)
+
+
+def test_a_lost_experiment_gets_its_own_place_again(tmp_path: Path) -> None:
+    for name in ("1", "2"):
+        fill(tmp_path / "s.db", name=name)
+    alter(tmp_path / "s.db", "UPDATE experiment SET vehicle = 'x' WHERE id = '1'")
+
+    done = repair_store(tmp_path / "s.db", tmp_path / "w.db")
+    for name in ("1", "2"):
+        fill(tmp_path / "w.db", name=name)
+
+    assert done.damaged == {"experiment": 1} and done.dependent["design"] > 0
+    with Store.open(tmp_path / "w.db") as opened:
+        assert opened.experiment_ids() == ["1", "2"]
+        assert len(list(opened.results("1"))) == len(list(opened.results("2"))) == 4
+
+
+@pytest.mark.parametrize("place", [0, 4096])
+def test_a_lost_schema_or_root_costs_no_trial(store: Path, tmp_path: Path, place: int) -> None:
+    content = bytearray(store.read_bytes())
+    content[place : place + 4096] = bytes(4096)
+    store.write_bytes(content)
+
+    done = repair_store(store, tmp_path / "w.db")
+
+    assert not done.is_whole and done.saved["trial"] == 5
+    with Store.open(tmp_path / "w.db") as opened:
+        assert [(t.id, t.outcome) for t in opened.trials()] == [
+            (1, "tipped"), (2, "aborted"), (3, "passed"), (4, "passed"), (5, "not_passed")
+        ]  # fmt: skip
+
+
+def test_whatever_is_damaged_nothing_else_is_saved_than_was_there(store: Path, tmp_path: Path) -> None:
+    sound, content, chance = rows(store), store.read_bytes(), random.Random(8)
+    emptied = 0
+    for number in range(150):
+        damaged = bytearray(content)
+        for _ in range(chance.choice((1, 1, 30))):
+            damaged[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
+        if chance.random() < 0.3:
+            del damaged[chance.randrange(30_000, len(content)) :]
+        store.write_bytes(damaged)
+        whole = tmp_path / f"w{number}.db"
+
+        done = repair_store(store, whole)
+
+        saved = rows(whole)
+        emptied += len(done.trials)
+        for table, kept in saved.items():
+            allowed = {"trial": len(done.trials), "correction": 4 * len(done.trials)}.get(table, 0)
+            assert (kept - sound[table]).total() <= allowed, f"damage {number}: {table}"
+        assert (saved == sound) or not done.is_whole or not check_store(store).findings, f"damage {number}"
+        assert check_store(whole).findings == []
+        whole.unlink()
+    assert emptied > 0
+
+
+def test_damage_in_the_log_of_a_killed_session_is_no_silent_end(store: Path, foldcar: Any) -> None:
+    killed = killed_session(store)
+    log = killed.with_name("s.db-wal")
+    content = bytearray(log.read_bytes())
+    # The second page that was written; each has a header of 24 bytes before it.
+    content[32 + 4120 + 24 + 2000] ^= 4
+    log.write_bytes(content)
+    before = {file.name: file.read_bytes() for file in killed.parent.glob("s.db*")}
+
+    checked = foldcar("check", killed)
+    assert checked.returncode == 1 and "write-ahead log s.db-wal: frame 2 of " in checked.stdout
+    for words in (("trials", "list", killed), ("migrate", killed), ("export", killed, "--csv", "-")):
+        answer = foldcar(*words)
+        assert answer.returncode == 2 and answer.stderr.count("\n") == 1
+        assert answer.stderr.startswith(f"foldcar: error: {killed}: its write-ahead log s.db-wal: frame 2 of ")
+    repaired = foldcar("repair", killed, "-o", "w.db")
+    assert repaired.returncode == 1 and "write-ahead log: frame 2 of " in repaired.stdout
+    assert {name: killed.with_name(name).read_bytes() for name in before} == before
+    with Store.open(store.with_name("w.db")) as opened:
+        assert opened.trial(1).note == "c" and opened.trial(1).corrections == 6
+
+
+def test_the_torn_end_of_a_log_is_no_damage(store: Path) -> None:
+    killed = killed_session(store)
+    log = killed.with_name("s.db-wal")
+    content = log.read_bytes()
+    frames = (len(content) - 32) // 4120
+    assert frames > 3
+    log.write_bytes(content[: 32 + 4120 * (frames - 1) + 24 + 100])
+
+    with writing(killed):
+        pass
+
+    assert check_store(killed).findings == []
+    with Store.open(killed) as opened:
+        assert opened.trial(1).note == "b"
+
+
+def test_in_another_folder_the_logs_are_copied(store: Path, tmp_path: Path) -> None:
+    repair_store(store, tmp_path / "other" / "w.db")
+
+    assert check_store(tmp_path / "other" / "w.db").findings == []
+    assert {log.name for log in (tmp_path / "other" / "s-logs").iterdir()} == {
+        log.name for log in (tmp_path / "s-logs").iterdir()
+    }
+
+
+def test_the_log_of_a_lost_trial_is_named(store: Path, foldcar: Any) -> None:
+    alter(store, "DELETE FROM correction WHERE trial_id = 1")
+    alter(store, "DELETE FROM trial WHERE id = 1")
+
+    checked, repaired = foldcar("check", "s.db"), foldcar("repair", "s.db", "-o", "w.db")
+
+    assert checked.returncode == 1 and "its trial is missing" in checked.stdout
+    assert repaired.returncode == 1
+    assert "trial: 4 rows saved; lost: 1 missing\n" in repaired.stdout
+    assert ".tlog: its trial is lost; the log is kept\n" in repaired.stdout
+
+
+def test_what_cannot_be_repaired_is_refused_and_nothing_written(store: Path, tmp_path: Path, foldcar: Any) -> None:
+    (tmp_path / "text.db").write_text("no store " * 100)
+    (tmp_path / "there.db").write_text("mine")
+    old_store(3, tmp_path / "old.db")
+    names = sorted(file.name for file in tmp_path.iterdir())
+
+    for words, message in (
+        (("text.db", "-o", "w.db"), "text.db: no row of it is whole, or it is no foldcar store"),
+        (("none.db", "-o", "w.db"), "none.db: no such store"),
+        (("old.db", "-o", "w.db"), "old.db: is of version 3: rows of versions 1 to 4 cannot be proved to be whole"),
+        (("s.db", "-o", "there.db"), "there.db: is there already; name a new store"),
+        (("s.db", "-o", "s.db"), "s.db: is there already; name a new store"),
+    ):
+        answer = foldcar("repair", *words)
+        assert (answer.returncode, answer.stderr) == (2, f"foldcar: error: {message}\n")
+    assert sorted(file.name for file in tmp_path.iterdir()) == names
+    with pytest.raises(StoreError):
+        repair_store(tmp_path / "text.db", tmp_path / "w.db")
+
+
+def test_trials_are_on_the_disk_at_each_commit(store: Path) -> None:
+    with write_trials(store) as writer:
+        # 2 is FULL: SQLite synchronises the log with every transaction.
+        assert writer._run("PRAGMA synchronous").fetchone() == (2,)

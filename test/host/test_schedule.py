@@ -1,0 +1,205 @@
+"""Which designs a sweep until decided simulates next: order, batches, valid statements, the same runs after a stop."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy
+import pytest
+
+from foldcar.analysis.anytime import anytime_interval
+from foldcar.analysis.engine_bias import RATES, pooled_difference, predicted_rates
+from foldcar.analysis.stopping import LEAST_CHANCE, StoppingRule
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import MUJOCO
+from foldcar.store.reader import Store
+from foldcar.study.engine_study import engine_study
+from foldcar.study.experiments import read_study
+from foldcar.study.progress import Progress
+from foldcar.study.schedule import Batch, Schedule
+from foldcar.study.stopping import stopping_rules
+from foldcar.study.sweep import sweep
+
+RULE = StoppingRule(None, (0.5, 0.75))
+MOST = 60
+Counts = tuple[list[int], list[int]]
+Predict = Callable[[Any, Any], Any]
+
+
+def ended(passed: Any, other: Counts | None, rule: StoppingRule = RULE) -> tuple[Schedule, list[list[Batch]]]:
+    """The schedule of (designs, samples) results at its end, and its steps."""
+    schedule, steps = Schedule(rule, passed.shape[1], [0] * len(passed), other), []
+    while batches := schedule.next():
+        steps.append(batches)
+        found = {one.design: int(passed[one.design, one.samples.start : one.samples.stop].sum()) for one in batches}
+        schedule.record(found, batches)
+    return schedule, steps
+
+
+def first_runs(steps: list[list[Batch]]) -> list[int]:
+    """The designs in the order of their first batches."""
+    return [one.design for step in steps for one in step if not one.samples.start]
+
+
+@pytest.mark.parametrize(
+    "predict",
+    [
+        pytest.param(lambda rates, passed: numpy.round(100 * (1 - rates)), id="the contrary"),
+        pytest.param(lambda rates, passed: numpy.round(100 * passed.mean(axis=1)), id="luck of the same environments"),
+        pytest.param(lambda rates, passed: 100 - numpy.round(100 * passed[:, :20].mean(axis=1)), id="against that luck"),
+        pytest.param(lambda rates, passed: numpy.full(len(rates), 50), id="all at a threshold"),
+    ],
+)
+def test_statements_hold_whatever_the_prediction(predict: Predict) -> None:
+    """Over rates at most 5 % of intervals miss where the schedule stops, and as many verdicts are wrong."""
+    random = numpy.random.default_rng(3)
+    rates = numpy.array([0.02, 0.3, 0.45, 0.5, 0.501, 0.6, 0.749, 0.75, 0.8, 0.97])
+    repeats = 100
+    missed, wrong = numpy.zeros(len(rates)), numpy.zeros(len(rates))
+    for _ in range(repeats):
+        # Environments are common: a hard one is hard for every design.
+        passed = random.random((1, MOST)) < rates[:, None]
+        schedule, _ = ended(passed, (predict(rates, passed).astype(int).tolist(), [100] * len(rates)))
+        low, high = anytime_interval(schedule.passed, schedule.runs)
+        missed += (low > rates) | (high < rates)
+        sides = [((low > t) & (rates < t)) | ((high < t) & (rates > t)) for t in RULE.thresholds]
+        wrong += schedule.decided & numpy.any(sides, axis=0)
+    assert missed.mean() / repeats <= 0.05, missed / repeats
+    # 5 % and three standard errors at a single rate.
+    assert missed.max() / repeats <= 0.115 and wrong.max() / repeats <= 0.115
+
+
+def test_a_prediction_orders_runs_and_changes_no_verdict_of_plain_designs() -> None:
+    random = numpy.random.default_rng(5)
+    rates = numpy.array([1.0, 1.0, 0.98, 0.85, 0.62, 0.3, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0])
+    passed = random.random((len(rates), 200)) < rates[:, None]
+    there = (random.random((len(rates), 100)) < rates[:, None]).sum(axis=1).tolist()
+
+    schedule, steps = ended(passed, (there, [100] * len(rates)))
+
+    assert set(first_runs(steps)[:3]) == {3, 4, 5}
+    assert schedule.runs[:2].tolist() == [18, 18] and schedule.runs[7:].tolist() == [7] * 5
+    assert schedule.runs[3:6].min() > 7 and max(schedule.runs) == max(schedule.runs[3:5])
+    # What is predicted to pass gets the batch that can tell it: one look.
+    assert [one.samples for step in steps for one in step if one.design == 0] == [range(18)]
+    contrary, _ = ended(passed, ([100 - one for one in there], [100] * len(rates)))
+    alone, listed = ended(passed, None)
+    assert first_runs(listed) == list(range(len(rates)))
+    plain = [0, 1, 2, 6, 7, 8, 9, 10, 11]
+    for other in (contrary, alone):
+        assert other.decided[plain].all() and schedule.decided[plain].all()
+    assert contrary.runs.sum() > schedule.runs.sum()
+
+
+def test_how_far_engines_parted_so_far_moves_predictions() -> None:
+    counts = numpy.array([0, 20, 40, 60, 80, 100])
+    assert pooled_difference([], [], [], []) == pytest.approx((0, 2), abs=0.05)
+    # Half the odds in every design: a difference of log 2, and little spread.
+    odds = counts / (100.5 - counts) / 2
+    lower = 100 * odds / (1 + odds)
+    mean, variance = pooled_difference(lower[1:-1], [100] * 4, counts[1:-1], [100] * 4)
+    assert mean == pytest.approx(-numpy.log(2), abs=0.15) and variance < 0.3
+
+    here = numpy.array([*lower[1:-1].round(), 0])
+    runs = numpy.array([100] * 4 + [0])
+    other = numpy.array([*counts[1:-1], 75])
+    masses = predicted_rates(here, runs, other, [100] * 5)
+    assert masses.sum(axis=1) == pytest.approx(1)
+    # Odds of 3 halved.
+    assert float(masses[-1] @ RATES) == pytest.approx(0.6, abs=0.05)
+    assert float(predicted_rates([0], [0], [75], [100])[0] @ RATES) == pytest.approx(0.72, abs=0.04)
+
+
+def test_a_design_is_left_when_the_rest_would_hardly_decide_it() -> None:
+    """The chance by simulation of the rest, the rate drawn of what Jeffreys' prior and the runs leave."""
+    random = numpy.random.default_rng(1)
+    for passed, runs in ((6, 12), (4, 12), (20, 30), (28, 30), (13, 20)):
+        rates = random.beta(passed + 0.5, runs - passed + 0.5, 40_000)
+        chance = RULE.decided(passed + random.binomial(100 - runs, rates), 100).mean()
+        assert abs(chance - LEAST_CHANCE) > 0.004, "too near to tell"
+        assert RULE.hopeless(passed, runs, 100) is bool(chance < LEAST_CHANCE)
+    assert not RULE.hopeless(50, 100, 100_000)
+    assert not StoppingRule(0.05, ()).hopeless(50, 100, 101)
+
+
+def test_what_is_stored_beyond_a_decision_is_judged() -> None:
+    schedule = Schedule(RULE, 50, [30, 0])
+    (first, second) = schedule.next()
+    assert first.samples == second.samples == range(7)
+    schedule.record({0: 0, 1: 0}, [first, second])
+    assert schedule.next() == [Batch(0, range(7, 30))]
+    schedule.record({0: 12}, [Batch(0, range(7, 30))])
+    assert schedule.runs.tolist() == [30, 7]
+
+
+@pytest.fixture(scope="module")
+def listing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("schedule") / "l.json"
+    pyramids = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
+    data = {
+        "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": {"environments": 24, "threshold": 0.5}}},
+        "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": [95.0, 150.0, 240.0]}}]}},
+        "environments": {"1": {"scenic_filename": str(pyramids), "seed": 42}},
+    }
+    file.write_text(json.dumps(data))
+    return file
+
+
+def swept(
+    listing: Path, store: Path, carsim: Carsim, jobs: int, stop_at: int | None = None
+) -> tuple[Progress, list[str]]:
+    said: list[str] = []
+
+    def stop(progress: Progress) -> None:
+        if stop_at is not None and progress.new >= stop_at:
+            raise InterruptedError
+
+    study = engine_study(read_study(listing), carsim)
+    rules = stopping_rules("decided", study)
+    return sweep(study, store, carsim, jobs, "foldcar sweep …", stop, announce=said.append, until=rules), said
+
+
+def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(
+    listing: Path, carsim_binary: Path, tmp_path: Path
+) -> None:
+    mujoco = Carsim(engine=MUJOCO)
+    stores = [tmp_path / name for name in ("one.db", "stopped.db")]
+    for store in stores:
+        swept(listing, store, Carsim(carsim_binary), 2)
+    counts, said = swept(listing, stores[0], mujoco, 1)
+    with pytest.raises(InterruptedError):
+        swept(listing, stores[1], mujoco, 2, 12)
+    with Store.open(stores[1]) as store:
+        info = store.info().experiments["1 (MuJoCo)"]
+        assert 12 <= info.stored_runs < info.planned_runs
+    resumed, _ = swept(listing, stores[1], mujoco, 3)
+
+    assert not any("no side-view runs" in line for line in said)
+    found = []
+    for path in stores:
+        with Store.open(path) as store:
+            found.append([(r.design, r.sample, r.outcome, r.metrics) for r in store.results("1 (MuJoCo)")])
+            side = store.design_counts("1")
+            info = store.info().experiments["1 (MuJoCo)"]
+            assert info.stored_runs == info.planned_runs == len(found[-1])
+    assert found[0] == found[1] and resumed.states == counts.states
+    assert resumed.new + resumed.there == counts.new == resumed.total == counts.total
+    # The same schedule on the results alone.
+    passed = numpy.zeros((3, 24), bool)
+    for design, sample, outcome, _ in found[0]:
+        passed[[95.0, 150.0, 240.0].index(design["width_mm"]), sample] = outcome == "passed"
+    (rule,) = {stopping_rules("decided", read_study(listing))["1"]}
+    schedule, _ = ended(passed, (side.passed, side.runs), rule)
+    assert [(state.runs, state.passed, state.decided) for state in counts.states] == list(
+        zip(schedule.runs.tolist(), schedule.passed.tolist(), schedule.decided.tolist(), strict=True)
+    )
+    assert counts.states[0].decided and counts.states[2].decided
+
+
+def test_without_side_view_runs_one_line_says_so(listing: Path, tmp_path: Path) -> None:
+    counts, said = swept(listing, tmp_path / "s.db", Carsim(engine=MUJOCO), 2)
+
+    told = [line for line in said if "side-view" in line]
+    assert told == ["experiment 1 (MuJoCo): no side-view runs in the store: designs in the listing's order"]
+    assert counts.states[0].decided and counts.states[2].decided

@@ -1,0 +1,143 @@
+"""Disturbs sweeps, stores and trials at random for a while, and looks whether anything was lost.
+
+Input: the environment's TORTURE_S (seconds), TORTURE_SEED, TORTURE_ONLY (name of a disturbance, or several with commas)
+and TORTURE_ROUND (only this round). Output: a line a disturbance and a table of counts; exit code 1 at the first loss,
+with the way to repeat it, and what is left of it in the folder that it names.
+"""
+
+import os
+import random
+import shutil
+import sqlite3
+import sys
+import tempfile
+import time
+from collections import Counter
+from contextlib import closing, suppress
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "host"))
+
+import damage
+import disks
+import loggers
+import processes
+import sweeps
+from study import SWEEP, LossError, digest, require_sound, write_listing
+
+from foldcar.store.migrations import VERSION
+from old_stores import old_store
+
+DISTURBANCES = {
+    "sweep killed": sweeps.killed_client,
+    "simulators and workers killed": sweeps.killed_simulators,
+    "Ctrl-C, SIGTERM, SIGHUP": sweeps.interrupted,
+    "clock steps": sweeps.stepping_clock,
+    "two sweeps, one store": sweeps.two_sweeps,
+    "file too large": disks.limited_file,
+    "disk full": disks.full_disk,
+    "disk read-only": disks.read_only_disk,
+    "output killed or too large": disks.outputs,
+    "a bit flips": damage.damaged(damage.flipped_bit),
+    "bits flip": damage.damaged(damage.flipped_bits),
+    "a block is zero": damage.damaged(damage.zeroed_block),
+    "cut short": damage.damaged(damage.cut_short),
+    "trial disturbed": loggers.disturbed_log,
+}
+# Damage is judged in a fraction of the time that a sweep takes.
+TIMES = 10
+
+
+def main() -> int:
+    """Disturb until the time is over."""
+    seconds, seed = float(os.environ.get("TORTURE_S", "1800")), os.environ.get("TORTURE_SEED", "1")
+    only = [name for name in os.environ.get("TORTURE_ONLY", "").split(",") if name]
+    unknown = set(only) - set(DISTURBANCES)
+    if unknown:
+        print(f"TORTURE_ONLY: {', '.join(sorted(unknown))}: none of {', '.join(DISTURBANCES)}", file=sys.stderr)
+        return 2
+    base = Path(tempfile.mkdtemp(prefix="foldcar-torture-"))
+    counts: Counter[str] = Counter()
+    skipped: Counter[str] = Counter()
+    start_s = time.monotonic()
+    try:
+        whole = prepare(base / "prepared")
+        print(f"seed {seed}, {seconds:g} s; the undisturbed rows: {digest(whole)[:16]}", flush=True)
+        for number, name in plan(seed, only):
+            if time.monotonic() - start_s > seconds and counts:
+                break
+            folder = base / f"round-{number}"
+            folder.mkdir()
+            write_listing(folder)
+            begin_s = time.monotonic()
+            try:
+                text = DISTURBANCES[name](folder, whole, random.Random(f"{seed} {number} {name}"))
+            except LossError as loss:
+                print(f"LOSS in round {number}, {name}: {loss}\nwhat is left of it: {folder}")
+                print(f"again: make torture TORTURE_SEED={seed} TORTURE_ROUND={number}")
+                return 1
+            finally:
+                processes.end_all(folder)
+            (skipped if text.startswith("skipped") else counts)[name] += 1
+            print(f"{number:4} {time.monotonic() - begin_s:5.1f} s  {name}: {text}", flush=True)
+            shutil.rmtree(folder)
+    except BaseException:
+        print(f"what is left of it: {base}")
+        raise
+    shutil.rmtree(base)
+    print(f"\n{'disturbance':32} times, nothing lost")
+    for name in DISTURBANCES:
+        print(f"{name:32} {counts[name]:5}{f', {skipped[name]} skipped' if skipped[name] else ''}")
+    print(f"{'together':32} {counts.total():5} in {time.monotonic() - start_s:.0f} s")
+    return 0
+
+
+def plan(seed: str, only: list[str]):
+    """Numbers of rounds and their disturbances, all of them in a new order each time."""
+    order, number = random.Random(seed), 0
+    wanted = os.environ.get("TORTURE_ROUND") or None
+    while True:
+        names = [name for name in DISTURBANCES for _ in range(TIMES if "damage" in DISTURBANCES[name].__module__ else 1)]
+        order.shuffle(names)
+        for name in names:
+            number += 1
+            if wanted is None and (not only or name in only):
+                yield number, name
+            elif wanted is not None and number == int(wanted):
+                yield number, name
+                return
+
+
+def prepare(folder: Path) -> Path:
+    """The undisturbed store and those that are damaged later."""
+    folder.mkdir()
+    sweeps.build_clock(folder)
+    write_listing(folder)
+    start_s = time.monotonic()
+    code, _, errors = processes.ended(processes.start(folder, SWEEP))
+    processes.sweep_s = time.monotonic() - start_s
+    if code != 0:
+        raise LossError(errors)
+    require_sound(folder)
+    (folder / "s.db").rename(folder / "whole.db")
+    process = processes.start(folder, SWEEP)
+    while processes.wait(process, 0.02) and runs_in(folder / "s.db") < 40:
+        pass
+    process.kill()
+    process.communicate()
+    for file in folder.glob("s.db*"):
+        file.rename(folder / file.name.replace("s.db", "killed.db"))
+    old_store(VERSION, folder / "trials.db")
+    return folder / "whole.db"
+
+
+def runs_in(store: Path) -> int:
+    """How many runs a store has while it is being written."""
+    with suppress(sqlite3.Error), closing(sqlite3.connect(f"{store.as_uri()}?mode=ro", uri=True)) as connection:
+        (count,) = connection.execute("SELECT count(*) FROM run").fetchone()
+        return int(count)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -8,10 +8,6 @@
 namespace foldcar {
 namespace {
 
-// A tyre this deep in ground that part of its width meets did not roll there, which takes it less than that in a step: it
-// slid sideways into a wall.
-constexpr double kWallDepth_m = 0.004;
-
 // The plane of an outline, through the frame of its cut. Heights are divided by the cosine of the roll for which it was
 // cut: there a leaning wheel is a circle.
 struct CutPlane {
@@ -108,15 +104,7 @@ void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const T
     const auto facing = [&](double across_m, const Vec3&) {
       return centre + across_m * axis + spec.radius_m * down;
     };
-    const std::size_t first = contacts.size();
     add_contacts(plane, span, edge, point, ground_normal, margin_m, facing, contact, contacts);
-    const double side = edge.y_min_m + edge.y_max_m;
-    for (std::size_t i = first; i < contacts.size() && side != 0; ++i) {
-      if (contacts[i].gap_m > -kWallDepth_m) continue;
-      contacts[i].normal = (side < 0 ? 1.0 : -1.0) * plane.left;
-      contacts[i].along = plane.forward;
-      contacts[i].gap_m = 0;
-    }
   }
 }
 

@@ -10,10 +10,10 @@ namespace {
 constexpr double kClosedShare = 0.2;
 constexpr double kClosingSpeed_m_s = 0.5;
 // Compliance of a contact as a share of its inverse mass: contacts of a statically indeterminate car share loads as
-// tyres of equal stiffness do.
+// tyres of equal stiffness do, also of friction: else wheels can jam each other where they need not.
 constexpr double kCompliance = 0.02;
-// Iterations without the closing of penetrations, as a share of those with it.
-constexpr int kRelaxedShare = 3;
+// The iterations end when the last one changed no row's velocity by more than this.
+constexpr double kTolerance_m_s = 2e-4;
 
 }  // namespace
 
@@ -58,9 +58,11 @@ const std::vector<double>& ContactSolver::solve(CarDynamics& car, std::vector<Co
   }
   std::vector<double>& u = car.velocity;
   for (std::size_t index = 0; index < rows_.size(); ++index) apply(index, rows_[index].impulse, u);
-  for (int i = 0; i < iterations_; ++i) iterate(u, contacts, i % 2 == 1, false);
+  for (int i = 0; i < iterations_ && iterate(u, contacts, i % 2 == 1, false) > kTolerance_m_s; ++i) {
+  }
   moving_ = u;
-  for (int i = 0; i < iterations_ / kRelaxedShare; ++i) iterate(u, contacts, i % 2 == 1, true);
+  for (int i = 0; i < iterations_ && iterate(u, contacts, i % 2 == 1, true) > kTolerance_m_s; ++i) {
+  }
   for (std::size_t c = 0; c < contacts.size(); ++c) {
     for (std::size_t k = 0; k < 3; ++k) contacts[c].impulse_n_s[k] = rows_[3 * c + k].impulse;
   }
@@ -81,12 +83,15 @@ void ContactSolver::apply(std::size_t index, double impulse, std::vector<double>
   for (std::size_t i = 0; i < size_; ++i) u[i] += impulse * response[i];
 }
 
-void ContactSolver::iterate(std::vector<double>& u, const std::vector<Contact>& contacts, bool backward, bool relaxed) {
+double ContactSolver::iterate(std::vector<double>& u, const std::vector<Contact>& contacts, bool backward,
+                              bool relaxed) {
+  double largest_m_s = 0;
   const auto push = [&](std::size_t index) {
     Row& row = rows_[index];
     const double target = relaxed ? row.relaxed_m_s : row.target_m_s;
     const double wanted = row.impulse + (change(row, index, u, target) - kCompliance * row.impulse) / (1 + kCompliance);
     const double impulse = std::max(0.0, wanted);
+    largest_m_s = std::max(largest_m_s, std::abs(impulse - row.impulse) * row.inverse_mass);
     apply(index, impulse - row.impulse, u);
     row.impulse = impulse;
   };
@@ -94,7 +99,8 @@ void ContactSolver::iterate(std::vector<double>& u, const std::vector<Contact>& 
     const std::size_t first = 3 * (backward ? contacts.size() - 1 - c : c);
     push(first);
     Row &along = rows_[first + 1], &across = rows_[first + 2];
-    const double stop_a = change(along, first + 1, u, 0), stop_b = change(across, first + 2, u, 0);
+    const double stop_a = (change(along, first + 1, u, 0) - kCompliance * along.impulse) / (1 + kCompliance);
+    const double stop_b = (change(across, first + 2, u, 0) - kCompliance * across.impulse) / (1 + kCompliance);
     double a = along.impulse + stop_a, b = across.impulse + stop_b;
     const double limit = contacts[first / 3].friction * rows_[first].impulse;
     if (a * a + b * b > limit * limit) {
@@ -106,12 +112,15 @@ void ContactSolver::iterate(std::vector<double>& u, const std::vector<Contact>& 
       a *= scale;
       b *= scale;
     }
+    largest_m_s = std::max(largest_m_s, std::abs(a - along.impulse) * along.inverse_mass);
+    largest_m_s = std::max(largest_m_s, std::abs(b - across.impulse) * across.inverse_mass);
     apply(first + 1, a - along.impulse, u);
     apply(first + 2, b - across.impulse, u);
     along.impulse = a;
     across.impulse = b;
   }
   for (std::size_t index = 3 * contacts.size(); index < rows_.size(); ++index) push(index);
+  return largest_m_s;
 }
 
 }  // namespace foldcar

@@ -2,7 +2,7 @@
 //
 // The generalised velocities after the step are u + Σ Yᵀ λ with the rows J of the contacts' Jacobian and Y = M^-1 Jᵀ.
 // Normal impulses satisfy the complementarity λ ≥ 0, v ≥ -gap/step; friction lies in the cone |λ_t| ≤ μ λ_n and opposes
-// slip. Projected Gauss-Seidel iterations, which start from the impulses of the last step.
+// slip. Projected Gauss-Seidel iterations from the impulses of the last step, until they change little.
 #pragma once
 
 #include <cstddef>
@@ -29,6 +29,7 @@ struct Contact {
 // Solves a hinge's limits as well, as rows without friction.
 class ContactSolver {
  public:
+  // iterations is the largest number of them.
   ContactSolver(const BodySpec& body, double step_s, int iterations);
 
   // Changes car.velocity and the contacts' impulses. Returns the velocities to move with, which also close penetrations
@@ -43,7 +44,8 @@ class ContactSolver {
   void add_row(const CarDynamics& car, double impulse, double gap_m);
   double change(const Row& row, std::size_t index, const std::vector<double>& u, double target_m_s) const;
   void apply(std::size_t index, double impulse, std::vector<double>& u);
-  void iterate(std::vector<double>& u, const std::vector<Contact>& contacts, bool backward, bool relaxed);
+  // One pass over all rows; the largest change of a row's velocity (m/s) by its own impulse.
+  double iterate(std::vector<double>& u, const std::vector<Contact>& contacts, bool backward, bool relaxed);
 
   const BodySpec& body_;
   const double step_s_;

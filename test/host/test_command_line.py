@@ -148,6 +148,7 @@ def test_each_summary_is_one_json_object(foldcar: Any, study: Path, tmp_path: Pa
 
     environment = PROJECT / "scenarios" / "two_bumps.scenic"
     published = PROJECT / "scenarios" / "published_trials.csv"
+    assert len(told("new", "first")["files"]) == 3
     again = told("sweep", study, "--store", "s.db")
     assert (again["runs"], again["new"], again["there"], again["failed"]) == (6, 0, 6, 0)
     run = told("run", study, "--experiment", "1", "--set", "width=95", "--sample", "1")

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from foldcar.commands.json_option import Json, print_json
 from foldcar.errors import FoldcarError
 from foldcar.output_folder import make_output_folder
 
@@ -14,8 +15,11 @@ FILES = ("README.md", "study.json", "yard.scenic")
 
 def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; an empty one may be there.")],
+    as_json: Json = False,
 ) -> None:
-    """Make a folder with a family of cars, an environment and a guide to what to type.
+    """Make a small project to start from.
+
+    A family of cars, an environment, and a README on what to type.
 
     \b
     Example: foldcar new yard
@@ -36,6 +40,9 @@ def new(
         if made:
             folder.rmdir()
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    if as_json:
+        print_json({"folder": folder, "files": written})
+        return
     typer.echo(f"{folder}: {', '.join(FILES)}; now type:")
     typer.echo(f"  cd {shlex.quote(str(folder))}")
     typer.echo("  foldcar sweep study.json --store yard.db")

@@ -4,8 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from foldcar.analysis.stopping import LEAST_CHANCE
-
 if TYPE_CHECKING:
     from foldcar.analysis.stopping import StoppingRule
     from foldcar.study.experiments import Experiment
@@ -17,6 +15,9 @@ SHOWN = 12
 
 def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequence[DesignState]") -> Iterator[str]:
     """How many designs of the experiment are decided, what that means, and which are not."""
+    # Here, because it imports numpy, which other commands do without.
+    from foldcar.analysis.stopping import LEAST_CHANCE
+
     mine = [state for state in states if state.experiment == experiment.id]
     undecided = [state for state in mine if not state.decided]
     rest = f", {len(undecided)} undecided" if undecided else ""

@@ -8,7 +8,7 @@ model model
 
 param near_x = 0.45         # centre of the first pyramid
 param far_x = 0.90          # centre of the second pyramid
-param offset = 0.102        # distance of both from the middle: the first to the left, the second to the right
+param offset = 0.105        # distance of both from the middle: the first to the left, the second to the right
 param step_height = 0.0295
 param top_side = 0.09       # side of the highest square
 param tread = 0.035

@@ -74,7 +74,7 @@ def test_step_pyramids_are_the_studied_ones() -> None:
     box = {"kind": "box", "heading_rad": 0.0}
     expected = [
         {**box, "x_m": x, "y_m": y, "length_m": side, "width_m": side, "height_m": height}
-        for x, y in ((0.45, 0.102), (0.90, -0.102))
+        for x, y in ((0.45, 0.105), (0.90, -0.105))
         for side, height in ((0.23, 0.0295), (0.16, 0.059), (0.09, 0.0885))
     ]
     assert scene == {
@@ -93,9 +93,9 @@ def test_step_pyramids_spread_as_declared_and_the_goal_follows_the_last_edge() -
     start = [scene["start"] for scene in scenes]
     for values, mean, deviation in (
         ([box["x_m"] for box in near], 0.45, 0.01),
-        ([box["y_m"] for box in near], 0.102, 0.01),
+        ([box["y_m"] for box in near], 0.105, 0.01),
         ([box["x_m"] for box in far], 0.90, 0.01),
-        ([box["y_m"] for box in far], -0.102, 0.01),
+        ([box["y_m"] for box in far], -0.105, 0.01),
         ([place["x_m"] for place in start], 0.0, 0.01),
         ([place["y_m"] for place in start], 0.0, 0.01),
         ([place["heading_rad"] for place in start], 0.0, 0.02),

@@ -188,17 +188,20 @@ void CarDynamics::move(const std::vector<double>& u) {
   for (std::size_t i = 0; i < 6; ++i) momentum_[i] = carried[i];
   // Lagrange's equation of a hinge: its momentum changes by the derivative of the kinetic energy by its angle.
   for (std::size_t i = 0; i < hinges_; ++i) {
+    const double at_rad = hinge_rad[i];
     const auto energy = [&](double angle_rad) {
-      hinge_rad[i] += angle_rad;
+      hinge_rad[i] = angle_rad;
       place_segments();
       fill_mass(mass_);
-      hinge_rad[i] -= angle_rad;
       multiply(mass_, velocity.data(), size_, force_.data());
       double sum = 0;
       for (std::size_t j = 0; j < size_; ++j) sum += 0.5 * velocity[j] * force_[j];
       return sum;
     };
-    momentum_[6 + i] += step_s_ * (energy(kDifference_rad) - energy(-kDifference_rad)) / (2 * kDifference_rad);
+    // In this order: what a compiler evaluates first would otherwise show in the last bits.
+    const double below_j = energy(at_rad - kDifference_rad), above_j = energy(at_rad + kDifference_rad);
+    hinge_rad[i] = at_rad;
+    momentum_[6 + i] += step_s_ * (above_j - below_j) / (2 * kDifference_rad);
   }
   if (hinges_ > 0) {
     for (std::size_t i = 0; i < hinges_; ++i) hinge_rad[i] += step_s_ * u[6 + i];

@@ -2,6 +2,8 @@
 
 #include <array>
 
+#include "elementary_functions.h"
+
 namespace foldcar {
 namespace {
 
@@ -14,7 +16,7 @@ constexpr double kPerUnit = kIntervals / kLimit;
 const std::array<double, kIntervals + 2>& bell_table() {
   static const std::array<double, kIntervals + 2> table = [] {
     std::array<double, kIntervals + 2> values{};
-    for (std::size_t i = 0; i < values.size(); ++i) values[i] = std::exp(-static_cast<double>(i) / kPerUnit);
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = exponential(-static_cast<double>(i) / kPerUnit);
     return values;
   }();
   return table;

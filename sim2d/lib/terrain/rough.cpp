@@ -2,6 +2,8 @@
 
 #include <cstdint>
 
+#include "elementary_functions.h"
+
 namespace foldcar {
 namespace {
 
@@ -40,7 +42,7 @@ std::vector<double> blur_kernel(double sd_cells) {
   std::vector<double> weights;
   double squares = 0;
   for (int i = -reach; i <= reach; ++i) {
-    weights.push_back(std::exp(-0.5 * i * i / (sd_cells * sd_cells)));
+    weights.push_back(exponential(-0.5 * i * i / (sd_cells * sd_cells)));
     squares += weights.back() * weights.back();
   }
   for (double& weight : weights) weight /= std::sqrt(squares);

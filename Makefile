@@ -144,7 +144,7 @@ headers: setup
 
 # A third process: several tests wait for a car that drives in real time.
 test-host: setup mujoco
-	$(BIN)/python -m pytest -n 3 --dist worksteal --durations 25 --durations-min 3 test/host
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m 'not slow' --durations 25 --durations-min 3 test/host
 
 bench: setup mujoco .pio/bench/firmware_tick
 	.pio/bench/firmware_tick

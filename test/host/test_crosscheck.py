@@ -140,6 +140,7 @@ def test_an_interrupt_loses_nothing(tmp_path: Path, write_listing: Any, listing_
         assert store.info().experiments["1 (MuJoCo)"].stored_runs > 0
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_one_line_and_loses_nothing(
     tmp_path: Path, write_listing: Any, listing_data: Any, foldcar: Any, new_foldcar: Any
 ) -> None:

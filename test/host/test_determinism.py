@@ -46,6 +46,7 @@ def test_the_golden_trials_differ_from_each_other(golden: str) -> None:
 
 
 @pytest.mark.parametrize("level", ["O0", "O3"])
+@pytest.mark.slow
 def test_another_compiler_and_level_give_the_same_bits(
     carsim_binary: Path, tmp_path: Path, golden: str, level: str
 ) -> None:

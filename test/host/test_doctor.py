@@ -50,7 +50,8 @@ def test_a_simulator_of_other_sources_is_told(carsim_binary: Path, tmp_path: Pat
     changed = tmp_path / "sim2d" / "lib" / "model" / "scene_spec.h"
     changed.write_text(changed.read_text() + "// changed\n")
 
-    found = simulator(tmp_path, PlatformioProject(["-O2"], tmp_path))
+    (tmp_path / ".pio").symlink_to(PROJECT / ".pio")
+    found = simulator(tmp_path, PlatformioProject(["-O2"], PROJECT / ".pio-core"))
 
     assert found.state == "missing"
     assert f"build {Carsim(carsim_binary).build}, " in found.text and "not of the sources here" in found.text

@@ -140,6 +140,8 @@ def test_a_sweep_gives_the_same_numbers_over_jobs_and_stands_beside_the_side_vie
 def test_without_its_program_one_line_says_how_to_build_it(tmp_path: Path, foldcar: Command, listing: Path) -> None:
     bare = tmp_path / "bare" / "host"
     shutil.copytree(Path(__file__).resolve().parents[2] / "host" / "foldcar", bare / "foldcar")
+    # What makes it a checkout.
+    (bare.parent / "platformio.ini").touch()
     env = {**os.environ, "PYTHONPATH": str(bare), "FOLDCAR_CARSIM_MUJOCO": ""}
     code = f"import sys; sys.path.insert(0, {str(bare)!r}); from foldcar.cli import main; main()"
     words = [sys.executable, "-c", code, "sweep", str(listing), "--store", "s.db", "--engine", "mujoco"]

@@ -186,7 +186,7 @@ def test_the_command_writes_files_and_standard_output(tmp_path: Path, store_file
     ("words", "message"),
     [
         (("none.db", "--csv", "a.csv"), "none.db: no such store"),
-        (("s.db",), "export: say what to write: --csv FILE, --parquet FILE, --trials FILE or --folder DIR"),
+        (("s.db",), "export: say what to write: --csv FILE, --parquet FILE, --trials FILE, --folder DIR or --digest"),
         (("s.db", "--csv", "none/b/a.csv"), "none/b/a.csv: cannot be written: there is no folder none"),
     ],
 )

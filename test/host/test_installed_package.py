@@ -97,6 +97,7 @@ def test_without_the_package_mujoco_its_engine_names_the_remedy(environment: Pat
     assert done.stderr.splitlines()[-1].endswith(told)
 
 
+@pytest.mark.slow
 def test_a_first_user_gets_from_a_new_project_to_a_report_sheets_and_a_car(environment: Path, tmp_path: Path) -> None:
     words = tmp_path / "bin"
     words.mkdir()

@@ -50,6 +50,7 @@ def poorer(folder: Path, *words: str) -> "subprocess.CompletedProcess[str]":
     ],
     ids=lambda words: words[0],
 )
+@pytest.mark.slow
 def test_what_needs_no_terminal_and_no_store_works(project: Path, words: tuple[str, ...]) -> None:
     done = poorer(project, *words)
     assert done.returncode == 0 and done.stdout and "Traceback" not in done.stderr, done.stderr

@@ -62,6 +62,7 @@ def test_listings_are_sound_and_small(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LISTINGS)
+@pytest.mark.slow
 def test_every_experiment_runs_in_both_engines(name: str, tmp_path: Path) -> None:
     """One car of each in two samples: each engine gives each run a result, a result of its own."""
     try:

@@ -51,6 +51,7 @@ def first_runs(steps: list[list[Batch]]) -> list[int]:
         pytest.param(lambda rates, passed: numpy.full(len(rates), 50), id="all at a threshold"),
     ],
 )
+@pytest.mark.slow
 def test_statements_hold_whatever_the_prediction(predict: Predict) -> None:
     """Over rates at most 5 % of intervals miss where the schedule stops, and as many verdicts are wrong."""
     random = numpy.random.default_rng(3)

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy
-from fidelity import replaced
 from numpy.typing import NDArray
+from page_block import replaced
 
 from foldcar.analysis.intervals import wilson_interval
 from foldcar.analysis.stopping import StoppingRule

@@ -10,6 +10,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from page_block import replaced
+
 from foldcar.atomic_file import atomic_file
 from foldcar.crosscheck.agreement import Agreement, Pair, agreement
 from foldcar.crosscheck.page import COMPARISON_HEAD, column_name, comparison_row, experiment_table
@@ -125,14 +127,6 @@ def parted_designs(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
         label = ", ".join(f"{key} {one.columns[key]:g}" for key in sorted(varied[name]))
         found.append([name, label, str(one.runs), *(f"{100 * n / one.runs:.0f}" for n in (one.first, one.second))])
     return found
-
-
-def replaced(text: str, page: Path, begin: str, end: str, between: str) -> str:
-    """The text with the part between two marks, each of which must occur once, replaced; else FoldcarError."""
-    if text.count(begin) != 1 or text.count(end) != 1:
-        raise FoldcarError(f"{page}: the marks {begin} and {end} must occur once each")
-    before, _, rest = text.partition(begin)
-    return f"{before}{begin}\n{between}{end}{rest.partition(end)[2]}"
 
 
 def name_of(row: Mapping[str, str]) -> str:

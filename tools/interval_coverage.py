@@ -19,6 +19,7 @@ from typing import Any
 import matplotlib
 import matplotlib.figure
 import numpy
+from page_block import replaced
 from scipy.special import betainc, betaincinv, betaln, xlog1py, xlogy
 from scipy.stats import binom, norm
 from synthetic_trials import binary_pairs, graded_pairs, rows
@@ -264,8 +265,8 @@ def main(page: Path) -> None:
         for name in LINES:
             print(name, *(f"{cells[name, n].result()[1]:.3f}" for n in COUNTS))
     text = page.read_text(encoding="utf-8")
-    text = replaced(text, *MARKS["coverage"], markdown(table))
-    text = replaced(text, *MARKS["saved"], markdown(savings_table(savings, rough_saved)) + PICTURE)
+    text = replaced(text, page, *MARKS["coverage"], markdown(table))
+    text = replaced(text, page, *MARKS["saved"], markdown(savings_table(savings, rough_saved)) + PICTURE)
     with atomic_file(page) as binary:
         binary.write(text.encode())
     folder = page.with_suffix("")
@@ -304,13 +305,6 @@ def drawing(savings: Savings) -> Any:
     axes.set_title("Trials that simulation saves")
     figure.legend(loc="outside right center")
     return figure
-
-
-def replaced(text: str, begin: str, end: str, between: str) -> str:
-    """The text with the part between two marks, each of which occurs once, replaced."""
-    before, rest = text.split(begin)
-    _, after = rest.split(end)
-    return f"{before}{begin}\n{between}{end}{after}"
 
 
 def markdown(table: Sequence[Sequence[str]]) -> str:

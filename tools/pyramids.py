@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from page_block import replaced
 from scipy.special import betainc, logit
 from scipy.stats import norm, qmc
 from sklearn.exceptions import ConvergenceWarning
@@ -34,6 +35,7 @@ from foldcar.advice.comparison import wilson_rate
 from foldcar.atomic_file import atomic_file
 from foldcar.calibration.parameters import FloatArray
 from foldcar.car.body import body_json
+from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO, SIDE_VIEW
 from foldcar.simulation.results import outcome_of
@@ -299,13 +301,13 @@ def table(rows: Mapping[str, Counts], scenes: int) -> list[str]:
 
 def renew(page: Path, lines: Sequence[str]) -> None:
     """Put the lines between the page's marks."""
-    text = page.read_text(encoding="utf-8")
-    head, _, rest = text.partition(BEGIN)
-    _, _, tail = rest.partition(END)
-    if not tail:
-        sys.exit(f"{page}: has no marks {BEGIN} and {END}")
+    between = "".join(f"{line}\n" for line in lines)
+    try:
+        text = replaced(page.read_text(encoding="utf-8"), page, BEGIN, END, between)
+    except FoldcarError as error:
+        sys.exit(str(error))
     with atomic_file(page) as file:
-        file.write(("\n".join([head + BEGIN, *lines, END]) + tail).encode())
+        file.write(text.encode())
 
 
 def main() -> None:

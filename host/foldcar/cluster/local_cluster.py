@@ -7,7 +7,6 @@ output any more; then it ends its process group, the workers, by force.
 import contextlib
 import logging
 import os
-import select
 import shutil
 import signal
 import subprocess
@@ -19,6 +18,7 @@ from typing import NoReturn
 
 from foldcar.errors import FoldcarError
 from foldcar.simulation.process_ending import process_ending
+from foldcar.simulation.worker import wait_for_no_reader
 
 LOOPBACK = "127.0.0.1"
 
@@ -63,10 +63,7 @@ def main() -> None:
 
 
 def _end_without_reader(pipe: int, folder: str) -> NoReturn:
-    watched = select.poll()
-    # Without requested events, what is reported is that the other end is closed.
-    watched.register(pipe, 0)
-    watched.poll()
+    wait_for_no_reader(pipe)
     shutil.rmtree(folder, ignore_errors=True)
     os.killpg(os.getpgid(0), signal.SIGKILL)
     os._exit(1)

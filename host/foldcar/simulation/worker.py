@@ -20,11 +20,16 @@ def main() -> None:
 
 def end_without_reader(pipe: int) -> None:
     """End this process once the other end of ``pipe``, on which it writes, is closed."""
+    wait_for_no_reader(pipe)
+    os._exit(1)
+
+
+def wait_for_no_reader(pipe: int) -> None:
+    """Wait until the other end of ``pipe``, on which this process writes, is closed."""
     watched = select.poll()
     # Without requested events, what is reported is that the other end is closed.
     watched.register(pipe, 0)
     watched.poll()
-    os._exit(1)
 
 
 if __name__ == "__main__":

@@ -103,7 +103,7 @@ void add_terrain(Table& table) {
                 // Of the smooth ground that a car stands over, found during a run.
                 {"scene.terrain.heights", {0, kMostHeights}},
                 // Likewise of the blocks.
-                {"scene.terrain.pieces", {0, kMostPieces}},
+                {"scene.terrain.faces", {0, kMostFaces}},
                 {"scene.terrain.hill.sd_along_m", kSpread_m},
                 {"scene.terrain.hill.sd_across_m", kSpread_m},
                 {"scene.terrain.hill.height_m", {-kHeight_m.maximum, kHeight_m.maximum}},

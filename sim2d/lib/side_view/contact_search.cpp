@@ -2,11 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <string>
 
+#include "belly_contacts.h"
 #include "plane.h"
+#include "scene_terrain.h"
+#include "tyre_contacts.h"
 
 namespace foldcar {
 namespace {
+
+// The blocks within reach are looked for anew when the car has moved this far.
+constexpr double kNearTolerance_m = 0.05;
 
 // The plane of an outline, through the frame of its cut. Heights are divided by the cosine of the roll for which it was
 // cut: there a leaning wheel is a circle.
@@ -42,7 +50,6 @@ void add_contacts(const CutPlane& plane, const LateralSpan& span, const OutlineE
                   const Vec3& normal, double margin_m, const Facing& facing, Contact contact,
                   std::vector<Contact>& contacts) {
   contact.normal = normal;
-  contact.along = unit(cross(plane.left, normal));
   for (const double across_m : {edge.y_min_m, edge.y_max_m}) {
     const Vec3 ground_m = plane.to_world(point, across_m, span);
     contact.point_m = facing(across_m, ground_m);
@@ -55,34 +62,72 @@ void add_contacts(const CutPlane& plane, const LateralSpan& span, const OutlineE
 
 }  // namespace
 
-void ContactSearch::find(const CarDynamics& car, const TrackTerrain& ground, double margin_m,
-                         std::vector<Contact>& contacts) const {
+ContactSearch::ContactSearch(const BodySpec& body, const CarConstants& constants, const Terrain& terrain)
+    : body_(body), terrain_(terrain), reach_m_(std::hypot(2 * constants.reach_m, body.track_m)) {}
+
+void ContactSearch::find(const CarDynamics& car, const TrackTerrain* ground, double margin_m,
+                         std::vector<Contact>& contacts) {
+  const Vec3 moved = car.position_m - near_at_m_;
+  if (!near_once_ || moved.x * moved.x + moved.y * moved.y > kNearTolerance_m * kNearTolerance_m) {
+    find_near(car.position_m);
+  }
   contacts.clear();
   for (std::size_t i = 0; i < body_.wheels.size(); ++i) find_tyre(i, car, ground, margin_m, contacts);
   for (std::size_t j = 0; j < body_.segments.size(); ++j) find_belly(j, car, ground, margin_m, contacts);
+  for (Contact& contact : contacts) {
+    // A wall's normal is along the axles: there the second direction is upwards.
+    const Vec3 along = cross(car.turn.left, contact.normal);
+    contact.along = unit(dot(along, along) > 0.1 ? along : cross(car.turn.forward, contact.normal));
+  }
 }
 
-void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const TrackTerrain& ground, double margin_m,
+double ContactSearch::highest_m() const {
+  double height_m = 0;
+  for (const Solid* solid : near_) height_m = std::max(height_m, solid->top_m);
+  return height_m;
+}
+
+void ContactSearch::find_near(const Vec3& at_m) {
+  near_once_ = true;
+  near_at_m_ = at_m;
+  near_.clear();
+  std::size_t faces = 0;
+  for (const Solid& solid : terrain_.solids()) {
+    if (!overlap(solid.reach, {at_m.x, at_m.y, reach_m_ + kNearTolerance_m})) continue;
+    near_.push_back(&solid);
+    faces += solid.faces.size();
+  }
+  if (static_cast<double>(faces) > kMostFaces) {
+    throw std::runtime_error("scene.terrain.faces: the blocks within reach of the car have " + std::to_string(faces) +
+                             " faces, the limit is " + std::to_string(static_cast<long>(kMostFaces)) +
+                             ": let fewer blocks overlap");
+  }
+}
+
+void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const TrackTerrain* ground, double margin_m,
                               std::vector<Contact>& contacts) const {
   const WheelSpec& spec = body_.wheels[wheel];
-  const CutPlane plane(ground.at());
-  const int outline = static_cast<int>(spec.side);
-  const LateralSpan span = ground.across(outline);
   // The tyre's centre turns about the axle, forward through down.
   const double phase_rad = car.wheel_rad[wheel] + car.fold_rad(static_cast<std::size_t>(spec.segment)) -
                            spec.eccentricity_phase_rad;
   const Vec3 off{spec.eccentricity_m * std::cos(phase_rad), 0, -spec.eccentricity_m * std::sin(phase_rad)};
   const Vec3 centre = car.position_m + car.turn.to_world(car.axle(wheel) + off);
+  Contact contact;
+  contact.segment = static_cast<std::size_t>(spec.segment);
+  contact.wheel = static_cast<int>(wheel);
+  const Tyre tyre{centre, car.turn.left, spec.radius_m, 0.5 * spec.width_m};
+  for (const Solid* solid : near_) meet_solid(tyre, *solid, margin_m, contact, contacts);
+  if (ground == nullptr) return meet_level_ground(tyre, margin_m, contact, contacts);
+  const CutPlane plane(ground->at());
+  const int outline = static_cast<int>(spec.side);
+  const LateralSpan span = ground->across(outline);
   const Vec3& axis = car.turn.left;
   const b2Transform still(b2Vec2_zero, b2Rot(0));
   b2CircleShape circle;
   circle.m_p = plane.to_plane(centre);
   circle.m_radius = to_units(spec.radius_m + margin_m);
-  Contact contact;
-  contact.segment = static_cast<std::size_t>(spec.segment);
-  contact.wheel = static_cast<int>(wheel);
   const float reach = circle.m_radius + b2_polygonRadius;
-  for (const OutlineEdge& edge : ground.edges(outline)) {
+  for (const OutlineEdge& edge : ground->edges(outline)) {
     // Edges run from right to left.
     if (edge.shape.m_vertex1.x < circle.m_p.x - reach || edge.shape.m_vertex2.x > circle.m_p.x + reach) continue;
     b2Manifold manifold;
@@ -98,7 +143,7 @@ void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const T
     } else {
       point = circle.m_p - b2Dot(circle.m_p - edge.shape.m_vertex1, normal) * normal;
     }
-    const double side_slope = ground.side_slope(outline, to_metres(point.x), to_metres(point.y) * plane.cosine);
+    const double side_slope = ground->side_slope(outline, to_metres(point.x));
     const Vec3 ground_normal = plane.normal(normal, side_slope);
     const Vec3 down = unit(dot(ground_normal, axis) * axis - ground_normal);
     const auto facing = [&](double across_m, const Vec3&) {
@@ -108,15 +153,20 @@ void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const T
   }
 }
 
-void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, const TrackTerrain& ground, double margin_m,
+void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, const TrackTerrain* ground, double margin_m,
                                std::vector<Contact>& contacts) const {
   const SegmentSpec& spec = body_.segments[segment];
-  const CutPlane plane(ground.at());
   const double half_length_m = 0.5 * spec.length_m, half_height_m = 0.5 * spec.height_m;
   const Vec3 middle = car.position_m + car.turn.to_world(car.place(segment, {spec.x_m, 0, spec.center_z_m}));
   const double fold_rad = car.fold_rad(segment);
   const Vec3 forward = std::cos(fold_rad) * car.turn.forward - std::sin(fold_rad) * car.turn.up;
   const Vec3 up = cross(forward, car.turn.left);
+  Contact contact;
+  contact.segment = segment;
+  const Belly belly{middle, {forward, car.turn.left, up}, {half_length_m, 0.5 * spec.width_m, half_height_m}};
+  for (const Solid* solid : near_) meet_solid(belly, *solid, margin_m, contact, contacts);
+  if (ground == nullptr) return meet_level_ground(belly, margin_m, contact, contacts);
+  const CutPlane plane(ground->at());
   const b2Vec2 at = plane.to_plane(middle);
   const float reach_x = to_units(std::hypot(half_length_m, half_height_m) + margin_m);
   const float lowest_z =
@@ -131,9 +181,7 @@ void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, cons
   const b2Transform still(b2Vec2_zero, b2Rot(0));
   const b2Transform placed(
       at, b2Rot(static_cast<float>(std::atan2(forward.z / plane.cosine, dot(forward, plane.forward)))));
-  Contact contact;
-  contact.segment = segment;
-  for (const OutlineEdge& edge : ground.edges(2)) {
+  for (const OutlineEdge& edge : ground->edges(2)) {
     if (std::max(edge.shape.m_vertex1.y, edge.shape.m_vertex2.y) < lowest_z ||
         edge.shape.m_vertex1.x < at.x - reach_x || edge.shape.m_vertex2.x > at.x + reach_x) {
       continue;
@@ -151,7 +199,7 @@ void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, cons
       if (manifold.type == b2Manifold::e_faceA) {
         const b2Vec2 corner = b2Mul(placed, local), out = manifold.localNormal;
         const auto facing = [&](double across_m, const Vec3&) { return on_box(local, across_m); };
-        add_contacts(plane, ground.across(2), edge, corner - b2Dot(corner - edge.shape.m_vertex1, out) * out,
+        add_contacts(plane, ground->across(2), edge, corner - b2Dot(corner - edge.shape.m_vertex1, out) * out,
                      plane.normal(out, 0), margin_m, facing, contact, contacts);
       } else {
         // A face of the belly meets a vertex of the outline.
@@ -160,7 +208,7 @@ void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, cons
         const auto facing = [&](double across_m, const Vec3& ground_m) {
           return ground_m + dot(normal, on_box(manifold.localPoint, across_m) - ground_m) * normal;
         };
-        add_contacts(plane, ground.across(2), edge, local, normal, margin_m, facing, contact, contacts);
+        add_contacts(plane, ground->across(2), edge, local, normal, margin_m, facing, contact, contacts);
       }
     }
   }

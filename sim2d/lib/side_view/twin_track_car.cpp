@@ -2,10 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "servo_model.h"
-#include "standing_height.h"
 
 namespace foldcar {
 namespace {
@@ -14,8 +12,8 @@ namespace {
 constexpr double kMaxSinRoll = 0.95;
 // Contacts are looked for this far from the car: what it moves in a step at 1 m/s.
 constexpr double kMargin_m = 0.004;
-// When the car is put down they are looked for this far away.
-constexpr double kPutDownMargin_m = 0.15;
+// When the car is put down, its height is found this accurately.
+constexpr double kRaster_m = 1e-6;
 // A contact of the last step is the same if its normal differs by less than the angle of this cosine.
 constexpr double kSameNormal = 0.9;
 
@@ -32,41 +30,66 @@ TwinTrackCar::TwinTrackCar(const BodySpec& body, double friction, const Terrain&
       constants_(body),
       step_s_(1 / options.rate_hz),
       stopwatch_(stopwatch),
-      ground_(terrain, body, constants_),
       car_(body, step_s_),
-      search_(body),
+      search_(body, constants_, terrain),
       solver_(body, step_s_, options.iterations),
       torque_n_m_(body.wheels.size()),
       damping_(body.wheels.size()),
       start_rad_s_(body.wheels.size()) {
+  if (terrain.ground() != nullptr) ground_.emplace(*terrain.ground(), body, constants_);
   put_down(start, options.drop_m);
 }
 
-// Rolled as far as the heights under its sides differ, then lifted until nothing is closer than the drop.
+template <typename Counts>
+double TwinTrackCar::lowest_m(const Counts& counts) {
+  const auto overlaps = [&](double z_m) {
+    car_.position_m.z = z_m;
+    search_.find(car_, ground_ ? &*ground_ : nullptr, 0, contacts_);
+    return std::any_of(contacts_.begin(), contacts_.end(), counts);
+  };
+  double high_m = search_.highest_m();
+  if (ground_) {
+    for (int outline = 0; outline < 3; ++outline) {
+      for (const ProfileSegment& segment : ground_->profile(outline)) high_m = std::max(high_m, segment.z0_m);
+    }
+  }
+  high_m += 2 * constants_.reach_m;
+  double low_m = high_m;
+  // Down by less than a wheel, which could otherwise be on either side of an outline.
+  while (!overlaps(low_m)) {
+    high_m = low_m;
+    low_m -= 0.5 * constants_.wheel_radius_m;
+  }
+  while (high_m - low_m > kRaster_m) {
+    const double middle_m = 0.5 * (low_m + high_m);
+    (overlaps(middle_m) ? low_m : high_m) = middle_m;
+  }
+  return high_m;
+}
+
+// Rolled as far as the heights under its sides differ, then put at the drop above the lowest height without overlap.
 void TwinTrackCar::put_down(const PoseSpec& start, double drop_m) {
-  const double reference_m = body_.segments[main_].com_x_m;
+  state_.heading_rad = start.heading_rad;
   const double c = std::cos(start.heading_rad), s = std::sin(start.heading_rad);
-  ground_.cut({{start.x_m + reference_m * c, start.y_m + reference_m * s, start.heading_rad}, 0, 0});
-  double side_m[2] = {std::numeric_limits<double>::lowest(), std::numeric_limits<double>::lowest()};
-  for (const WheelSpec& wheel : body_.wheels) {
-    const int k = static_cast<int>(wheel.side);
-    side_m[k] = std::max(side_m[k], axle_height_m(ground_.wheels(k), wheel.x_m - reference_m, wheel));
-  }
-  double axle_z_m = 0.5 * (side_m[0] + side_m[1]);
-  for (const SegmentSpec& segment : body_.segments) {
-    axle_z_m = std::max(axle_z_m, resting_axle_height_m(ground_.belly(), segment, reference_m));
-  }
-  const double q = std::clamp((side_m[0] - side_m[1]) / body_.track_m, -kMaxSinRoll, kMaxSinRoll);
-  car_.turn = rotation_by({0, 0, start.heading_rad}) * rotation_by({std::asin(q), 0, 0});
+  const Rotation level = rotation_by({0, 0, start.heading_rad});
+  const auto any = [](const Contact&) { return true; };
+  car_.turn = level;
+  car_.position_m = {start.x_m, start.y_m, 0};
+  search_.find_near(car_.position_m);
+  cut_terrain_if_stale();
+  const auto on_side = [&](CarSide side) {
+    return [this, side](const Contact& contact) {
+      return contact.wheel >= 0 && body_.wheels[static_cast<std::size_t>(contact.wheel)].side == side;
+    };
+  };
+  const double left_m = lowest_m(on_side(CarSide::kLeft)), right_m = lowest_m(on_side(CarSide::kRight));
+  const double q = std::clamp((left_m - right_m) / body_.track_m, -kMaxSinRoll, kMaxSinRoll);
+  car_.turn = level * rotation_by({std::asin(q), 0, 0});
   // Roll about the contacts moves the axle line, a wheel's radius above them, to the lower side.
   const double aside_m = -constants_.wheel_radius_m * q;
-  car_.position_m = {start.x_m - aside_m * s, start.y_m + aside_m * c, axle_z_m};
-  state_.heading_rad = start.heading_rad;
+  car_.position_m = {start.x_m - aside_m * s, start.y_m + aside_m * c, 0};
   cut_terrain_if_stale();
-  search_.find(car_, ground_, kPutDownMargin_m, contacts_);
-  double lift_m = -kPutDownMargin_m;
-  for (const Contact& contact : contacts_) lift_m = std::max(lift_m, -contact.gap_m / std::max(0.1, contact.normal.z));
-  car_.position_m.z += lift_m + drop_m;
+  car_.position_m.z = lowest_m(any) + drop_m;
   contacts_.clear();
   update_state();
   path_m_ = 0;
@@ -83,10 +106,11 @@ CutPose TwinTrackCar::cut_pose() const {
 }
 
 void TwinTrackCar::cut_terrain_if_stale() {
+  if (!ground_) return;
   const CutPose pose = cut_pose();
-  if (!ground_.stale(pose)) return;
+  if (!ground_->stale(pose)) return;
   const ScopedTimer timer(stopwatch_ != nullptr ? &stopwatch_->terrain_s : nullptr);
-  ground_.cut(pose);
+  ground_->cut(pose);
 }
 
 void TwinTrackCar::step(const PulsesUs& pulses_us) {
@@ -128,7 +152,7 @@ void TwinTrackCar::count_energy(const PulsesUs& pulses_us) {
 
 void TwinTrackCar::find_contacts() {
   last_contacts_.swap(contacts_);
-  search_.find(car_, ground_, kMargin_m, contacts_);
+  search_.find(car_, ground_ ? &*ground_ : nullptr, kMargin_m, contacts_);
   for (Contact& contact : contacts_) {
     const double grip = contact.wheel >= 0 ? body_.wheels[static_cast<std::size_t>(contact.wheel)].grip
                                            : body_.segments[contact.segment].grip;

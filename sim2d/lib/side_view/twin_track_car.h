@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "body_spec.h"
@@ -51,6 +52,9 @@ class TwinTrackCar : public SimCar {
 
  private:
   void put_down(const PoseSpec& start, double drop_m);
+  // The lowest height of the car's origin at which none of the contacts that count overlaps.
+  template <typename Counts>
+  double lowest_m(const Counts& counts);
   CutPose cut_pose() const;
   void cut_terrain_if_stale();
   void drive_wheels(const PulsesUs& pulses_us);
@@ -66,7 +70,7 @@ class TwinTrackCar : public SimCar {
   const double step_s_;
   Stopwatch* const stopwatch_;
   unsigned steps_ = 0;  // counted for the stopwatch only
-  TrackTerrain ground_;
+  std::optional<TrackTerrain> ground_;  // if the terrain has smooth ground
   CarDynamics car_;
   ContactSearch search_;
   ContactSolver solver_;

@@ -15,7 +15,9 @@ bool covers(const PatchSpec& patch, double x_m, double y_m) {
 }  // namespace
 
 SceneTerrain::SceneTerrain(const TerrainSpec& spec)
-    : blocks_(spec.blocks.begin(), spec.blocks.end()), ground_(spec), patches_(spec.patches) {}
+    : blocks_(spec.blocks.begin(), spec.blocks.end()), ground_(spec), patches_(spec.patches) {
+  for (const BlockSpec& block : spec.blocks) solids_.push_back(make_solid(block));
+}
 
 double SceneTerrain::height_m(double x_m, double y_m) const {
   // The ground alone may be below z = 0; a block that stands there raises it to its own surface.
@@ -30,12 +32,6 @@ double SceneTerrain::friction(double x_m, double y_m, double elsewhere) const {
   const auto last =
       std::find_if(patches_.rbegin(), patches_.rend(), [&](const PatchSpec& patch) { return covers(patch, x_m, y_m); });
   return last == patches_.rend() ? elsewhere : last->friction;
-}
-
-void SceneTerrain::slice(const SliceFrame& frame, const Span& span, const std::vector<Strip>& strips,
-                         std::vector<std::vector<Piece>>& pieces) const {
-  const double cosine = std::cos(frame.heading_rad), sine = std::sin(frame.heading_rad);
-  for (const Block& block : blocks_) block.slice(frame, cosine, sine, span, strips, pieces);
 }
 
 }  // namespace foldcar

@@ -10,9 +10,8 @@
 
 namespace foldcar {
 
-// Largest number of pieces of blocks' outlines within reach of a car, over all lines of its wheels and belly: it bounds
-// the computing time of a step.
-constexpr double kMostPieces = 30000;
+// Largest number of faces of blocks within reach of a car: it bounds the computing time of a step.
+constexpr double kMostFaces = 30000;
 
 // The terrain of one scene specification.
 class SceneTerrain : public Terrain {
@@ -22,11 +21,11 @@ class SceneTerrain : public Terrain {
   double friction(double x_m, double y_m, double elsewhere) const override;
   bool has_patches() const override { return !patches_.empty(); }
   const Ground* ground() const override { return ground_.flat() ? nullptr : &ground_; }
-  void slice(const SliceFrame& frame, const Span& span, const std::vector<Strip>& strips,
-             std::vector<std::vector<Piece>>& pieces) const override;
+  const std::vector<Solid>& solids() const override { return solids_; }
 
  private:
   std::vector<Block> blocks_;
+  std::vector<Solid> solids_;
   Ground ground_;
   std::vector<PatchSpec> patches_;
 };

@@ -1,0 +1,182 @@
+#include "tyre_contacts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace foldcar {
+namespace {
+
+// A face whose normal is closer to the axle's direction than the angle of this cosine is a wall beside the tyre.
+constexpr double kWall = 0.7;
+// Lateral coordinate that tells a wall's contacts from those under the tyre.
+constexpr double kWallMark_m = 1;
+
+double distance_m(const Solid::Face& face, const Vec3& point_m) { return dot(face.normal, point_m - face.corners[0]); }
+
+// The straight line along which the plane of a disc cuts a face.
+struct Cut {
+  const Solid::Face* face;
+  Vec3 from_m, to_m;
+};
+
+bool cut_face(const Solid::Face& face, const Vec3& centre, const Vec3& axis, Cut& cut) {
+  int found = 0;
+  Vec3 before = face.corners.back();
+  double before_m = dot(axis, before - centre);
+  for (const Vec3& corner : face.corners) {
+    const double corner_m = dot(axis, corner - centre);
+    if ((before_m < 0) != (corner_m < 0)) {
+      (found++ == 0 ? cut.from_m : cut.to_m) = before + (before_m / (before_m - corner_m)) * (corner - before);
+    }
+    before = corner;
+    before_m = corner_m;
+  }
+  cut.face = &face;
+  return found == 2;
+}
+
+// A disc across the tyre and what it meets in its own plane.
+struct Disc3 {
+  Vec3 centre;
+  double across_m;
+  double gap_m = std::numeric_limits<double>::infinity();
+  Vec3 normal;  // into the tyre
+};
+
+// The nearest point of the solid's section with the disc's plane; within it, the face that is left the soonest.
+void meet_in_plane(const Tyre& tyre, const Solid& solid, double margin_m, Disc3& disc) {
+  double inside_m = -std::numeric_limits<double>::infinity(), nearest_m2 = std::numeric_limits<double>::infinity();
+  Vec3 inside_normal, nearest;
+  for (const Solid::Face& face : solid.faces) {
+    Cut cut;
+    if (!cut_face(face, disc.centre, tyre.axis, cut)) continue;
+    const Vec3 in_plane = face.normal - dot(face.normal, tyre.axis) * tyre.axis;
+    const Vec3 normal = unit(in_plane);
+    const double out_m = dot(normal, disc.centre - cut.from_m);
+    if (out_m > tyre.radius_m + margin_m) return;
+    if (out_m <= 0) {
+      if (out_m > inside_m) {
+        inside_m = out_m;
+        inside_normal = normal;
+      }
+      continue;
+    }
+    const Vec3 line = cut.to_m - cut.from_m;
+    const double share = std::clamp(dot(line, disc.centre - cut.from_m) / dot(line, line), 0.0, 1.0);
+    const Vec3 away = disc.centre - (cut.from_m + share * line);
+    if (dot(away, away) < nearest_m2) {
+      nearest_m2 = dot(away, away);
+      nearest = away;
+    }
+  }
+  if (nearest_m2 < std::numeric_limits<double>::infinity()) {
+    const double away_m = std::sqrt(nearest_m2);
+    disc.gap_m = away_m - tyre.radius_m;
+    disc.normal = (1 / away_m) * nearest;
+  } else if (inside_m > -std::numeric_limits<double>::infinity()) {
+    disc.gap_m = inside_m - tyre.radius_m;
+    disc.normal = inside_normal;
+  }
+}
+
+bool within(const Solid& solid, const Vec3& point_m, const Solid::Face& but) {
+  return std::all_of(solid.faces.begin(), solid.faces.end(), [&](const Solid::Face& face) {
+    return &face == &but || distance_m(face, point_m) <= 0;
+  });
+}
+
+// Calls visit with the outermost points of what the disc and the solid have in common, towards a wall.
+template <typename Visit>
+void for_each_overlap(const Tyre& tyre, const Disc3& disc, const Solid& solid, const Solid::Face& wall,
+                      const Visit& visit) {
+  const Vec3 in_plane = dot(wall.normal, tyre.axis) * tyre.axis - wall.normal;
+  if (dot(in_plane, in_plane) > 1e-12) {
+    const Vec3 extreme = disc.centre + tyre.radius_m * unit(in_plane);
+    if (within(solid, extreme, wall)) visit(extreme);
+  }
+  for (const Solid::Face& face : solid.faces) {
+    Cut cut;
+    if (&face == &wall || !cut_face(face, disc.centre, tyre.axis, cut)) continue;
+    const Vec3 line = cut.to_m - cut.from_m, from = cut.from_m - disc.centre;
+    const double a = dot(line, line), b = dot(line, from), c = dot(from, from) - tyre.radius_m * tyre.radius_m;
+    if (b * b <= a * c) continue;
+    const double root = std::sqrt(b * b - a * c), first = std::max(0.0, (-b - root) / a),
+                 last = std::min(1.0, (-b + root) / a);
+    if (first >= last) continue;
+    visit(cut.from_m + first * line);
+    visit(cut.from_m + last * line);
+  }
+}
+
+// The wall through which a tyre that one disc of overlaps the solid is out of it the soonest, if any is nearer than
+// limit_m; appends its contacts.
+bool meet_wall(const Tyre& tyre, const Disc3& disc, double free_side, const Solid& solid, double limit_m,
+               Contact contact, std::vector<Contact>& contacts) {
+  const Solid::Face* nearest = nullptr;
+  for (const Solid::Face& wall : solid.faces) {
+    if (dot(wall.normal, tyre.axis) * free_side < kWall) continue;
+    double deepest_m = 0;
+    for_each_overlap(tyre, disc, solid, wall,
+                     [&](const Vec3& point_m) { deepest_m = std::max(deepest_m, -distance_m(wall, point_m)); });
+    if (deepest_m > 0 && deepest_m < limit_m) {
+      limit_m = deepest_m;
+      nearest = &wall;
+    }
+  }
+  if (nearest == nullptr) return false;
+  contact.normal = nearest->normal;
+  int count = 0;
+  for_each_overlap(tyre, disc, solid, *nearest, [&](const Vec3& point_m) {
+    contact.point_m = point_m;
+    contact.gap_m = distance_m(*nearest, point_m);
+    contact.across_m = kWallMark_m + count++;
+    if (contact.gap_m < -0.5 * limit_m) contacts.push_back(contact);
+  });
+  return true;
+}
+
+}  // namespace
+
+void meet_level_ground(const Tyre& tyre, double margin_m, Contact contact, std::vector<Contact>& contacts) {
+  if (tyre.centre.z > tyre.radius_m + tyre.half_width_m + margin_m) return;
+  contact.normal = {0, 0, 1};
+  const Vec3 down = unit(tyre.axis.z * tyre.axis - contact.normal);
+  for (const double side : {-1.0, 1.0}) {
+    contact.across_m = side * tyre.half_width_m;
+    contact.point_m = tyre.centre + contact.across_m * tyre.axis + tyre.radius_m * down;
+    contact.gap_m = contact.point_m.z;
+    if (contact.gap_m < margin_m) contacts.push_back(contact);
+  }
+}
+
+void meet_solid(const Tyre& tyre, const Solid& solid, double margin_m, Contact contact, std::vector<Contact>& contacts) {
+  const double reach_m = tyre.radius_m + tyre.half_width_m + margin_m;
+  if (tyre.centre.z > solid.top_m + reach_m ||
+      !overlap(solid.reach, {tyre.centre.x, tyre.centre.y, reach_m})) return;
+  const auto disc_at = [&](double across_m) {
+    Disc3 disc{tyre.centre + across_m * tyre.axis, across_m, std::numeric_limits<double>::infinity(), {}};
+    meet_in_plane(tyre, solid, margin_m, disc);
+    return disc;
+  };
+  const auto add = [&](const Disc3& disc) {
+    if (disc.gap_m >= margin_m) return;
+    contact.normal = disc.normal;
+    contact.point_m = disc.centre - tyre.radius_m * disc.normal;
+    contact.gap_m = disc.gap_m;
+    contact.across_m = disc.across_m;
+    contacts.push_back(contact);
+  };
+  const Disc3 right = disc_at(-tyre.half_width_m), left = disc_at(tyre.half_width_m);
+  const bool right_in = right.gap_m < 0, left_in = left.gap_m < 0;
+  if (right_in != left_in) {
+    const Disc3& in = right_in ? right : left;
+    if (meet_wall(tyre, in, right_in ? 1 : -1, solid, -in.gap_m, contact, contacts)) return;
+  }
+  add(right);
+  add(left);
+  // A tyre that stands half on an edge: the load reaches as far as the ground under it.
+  if ((right.gap_m < margin_m) != (left.gap_m < margin_m)) add(disc_at(0));
+}
+
+}  // namespace foldcar

@@ -1,0 +1,21 @@
+// Where a tyre, a cylinder, touches a block or level ground.
+#pragma once
+
+#include <vector>
+
+#include "contact_solver.h"
+#include "solid.h"
+#include "vec3.h"
+
+namespace foldcar {
+
+struct Tyre {
+  Vec3 centre, axis;  // axis to the car's left
+  double radius_m, half_width_m;
+};
+
+// Appends the contacts closer than margin_m, each a copy of contact with its point, normal, gap and lateral coordinate.
+void meet_level_ground(const Tyre& tyre, double margin_m, Contact contact, std::vector<Contact>& contacts);
+void meet_solid(const Tyre& tyre, const Solid& solid, double margin_m, Contact contact, std::vector<Contact>& contacts);
+
+}  // namespace foldcar

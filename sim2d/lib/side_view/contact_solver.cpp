@@ -2,18 +2,20 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+static double env_(const char* n,double d){const char* v=getenv(n);return v?atof(v):d;}
 
 namespace foldcar {
 namespace {
 
 // Share of a penetration that is closed in a step, and the speed at which it is at most.
-constexpr double kClosedShare = 0.2;
-constexpr double kClosingSpeed_m_s = 0.5;
+const double kClosedShare = env_("X_CLOSE",0.2);
+const double kClosingSpeed_m_s = env_("X_CSPEED",0.5);
 // Compliance of a contact as a share of its inverse mass: contacts of a statically indeterminate car share loads as
 // tyres of equal stiffness do, also of friction: else wheels can jam each other where they need not.
-constexpr double kCompliance = 0.02;
+const double kCompliance = env_("X_COMP",0.02);
 // The iterations end when the last one changed no row's velocity by more than this.
-constexpr double kTolerance_m_s = 2e-4;
+const double kTolerance_m_s = env_("X_TOL",2e-4);
 
 }  // namespace
 

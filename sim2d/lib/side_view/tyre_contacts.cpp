@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+static double env_(const char* n,double d){const char* v=getenv(n);return v?atof(v):d;}
 #include <limits>
 
 namespace foldcar {
@@ -16,8 +18,8 @@ double distance_m(const Solid::Face& face, const Vec3& point_m) { return dot(fac
 
 // The straight line along which the plane of a disc cuts a face.
 struct Cut {
-  const Solid::Face* face;
   Vec3 from_m, to_m;
+  Vec3 from_edge, to_edge;  // along the edges of the face that its ends lie on
 };
 
 bool cut_face(const Solid::Face& face, const Vec3& centre, const Vec3& axis, Cut& cut) {
@@ -27,12 +29,13 @@ bool cut_face(const Solid::Face& face, const Vec3& centre, const Vec3& axis, Cut
   for (const Vec3& corner : face.corners) {
     const double corner_m = dot(axis, corner - centre);
     if ((before_m < 0) != (corner_m < 0)) {
-      (found++ == 0 ? cut.from_m : cut.to_m) = before + (before_m / (before_m - corner_m)) * (corner - before);
+      const Vec3 edge = corner - before;
+      (found == 0 ? cut.from_edge : cut.to_edge) = edge;
+      (found++ == 0 ? cut.from_m : cut.to_m) = before + (before_m / (before_m - corner_m)) * edge;
     }
     before = corner;
     before_m = corner_m;
   }
-  cut.face = &face;
   return found == 2;
 }
 
@@ -41,43 +44,50 @@ struct Disc3 {
   Vec3 centre;
   double across_m;
   double gap_m = std::numeric_limits<double>::infinity();
-  Vec3 normal;  // into the tyre
+  Vec3 normal;   // into the tyre
+  Vec3 point_m;  // of the tyre
 };
 
-// The nearest point of the solid's section with the disc's plane; within it, the face that is left the soonest.
+// The nearest point of the solid's section with the disc's plane; within it, the face that is left the soonest. Where
+// that is a face, the normal is the face's; where it is an edge, the normal is across the edge and the tyre's rim.
 void meet_in_plane(const Tyre& tyre, const Solid& solid, double margin_m, Disc3& disc) {
   double inside_m = -std::numeric_limits<double>::infinity(), nearest_m2 = std::numeric_limits<double>::infinity();
-  Vec3 inside_normal, nearest;
+  Vec3 away, normal, edge;  // edge: 0 on a face
   for (const Solid::Face& face : solid.faces) {
     Cut cut;
     if (!cut_face(face, disc.centre, tyre.axis, cut)) continue;
-    const Vec3 in_plane = face.normal - dot(face.normal, tyre.axis) * tyre.axis;
-    const Vec3 normal = unit(in_plane);
-    const double out_m = dot(normal, disc.centre - cut.from_m);
+    const Vec3 out = unit(face.normal - dot(face.normal, tyre.axis) * tyre.axis);
+    const double out_m = dot(out, disc.centre - cut.from_m);
     if (out_m > tyre.radius_m + margin_m) return;
     if (out_m <= 0) {
-      if (out_m > inside_m) {
+      if (out_m > inside_m && nearest_m2 == std::numeric_limits<double>::infinity()) {
         inside_m = out_m;
-        inside_normal = normal;
+        away = out;
+        normal = face.normal;
       }
       continue;
     }
     const Vec3 line = cut.to_m - cut.from_m;
     const double share = std::clamp(dot(line, disc.centre - cut.from_m) / dot(line, line), 0.0, 1.0);
-    const Vec3 away = disc.centre - (cut.from_m + share * line);
-    if (dot(away, away) < nearest_m2) {
-      nearest_m2 = dot(away, away);
-      nearest = away;
+    const Vec3 to_centre = disc.centre - (cut.from_m + share * line);
+    if (dot(to_centre, to_centre) < nearest_m2) {
+      nearest_m2 = dot(to_centre, to_centre);
+      away = to_centre;
+      normal = face.normal;
+      edge = share <= 0 ? cut.from_edge : share >= 1 ? cut.to_edge : Vec3{};
     }
   }
-  if (nearest_m2 < std::numeric_limits<double>::infinity()) {
-    const double away_m = std::sqrt(nearest_m2);
-    disc.gap_m = away_m - tyre.radius_m;
-    disc.normal = (1 / away_m) * nearest;
-  } else if (inside_m > -std::numeric_limits<double>::infinity()) {
-    disc.gap_m = inside_m - tyre.radius_m;
-    disc.normal = inside_normal;
+  const bool outside = nearest_m2 < std::numeric_limits<double>::infinity();
+  if (!outside && inside_m == -std::numeric_limits<double>::infinity()) return;
+  const double away_m = outside ? std::sqrt(nearest_m2) : inside_m;
+  if (outside) away = (1 / away_m) * away;
+  if (outside && dot(edge, edge) > 0) {
+    normal = unit(cross(cross(tyre.axis, away), edge));
+    if (dot(normal, away) < 0) normal = -1 * normal;
   }
+  disc.normal = normal;
+  disc.gap_m = (away_m - tyre.radius_m) * dot(normal, away);
+  disc.point_m = disc.centre - tyre.radius_m * away;
 }
 
 bool within(const Solid& solid, const Vec3& point_m, const Solid::Face& but) {
@@ -162,21 +172,22 @@ void meet_solid(const Tyre& tyre, const Solid& solid, double margin_m, Contact c
   const auto add = [&](const Disc3& disc) {
     if (disc.gap_m >= margin_m) return;
     contact.normal = disc.normal;
-    contact.point_m = disc.centre - tyre.radius_m * disc.normal;
+    contact.point_m = disc.point_m;
     contact.gap_m = disc.gap_m;
     contact.across_m = disc.across_m;
     contacts.push_back(contact);
   };
   const Disc3 right = disc_at(-tyre.half_width_m), left = disc_at(tyre.half_width_m);
   const bool right_in = right.gap_m < 0, left_in = left.gap_m < 0;
-  if (right_in != left_in) {
+  static const double kNoWall=env_("X_NOWALL",0), kNoMid=env_("X_NOMID",0);
+  if (right_in != left_in && !kNoWall) {
     const Disc3& in = right_in ? right : left;
     if (meet_wall(tyre, in, right_in ? 1 : -1, solid, -in.gap_m, contact, contacts)) return;
   }
   add(right);
   add(left);
   // A tyre that stands half on an edge: the load reaches as far as the ground under it.
-  if ((right.gap_m < margin_m) != (left.gap_m < margin_m)) add(disc_at(0));
+  if (!kNoMid && (right.gap_m < margin_m) != (left.gap_m < margin_m)) add(disc_at(0));
 }
 
 }  // namespace foldcar

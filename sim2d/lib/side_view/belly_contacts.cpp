@@ -59,8 +59,8 @@ bool find_meeting(const Belly& belly, const Solid& solid, double margin_m, Meeti
   }
   const Vec3 solid_to_belly = belly.middle - Vec3{solid.reach.x_m, solid.reach.y_m, 0};
   for (int i = 0; i < 2; ++i) {
-    for (std::size_t j = 0; j < solid.edges.size(); ++j) {
-      Vec3 normal = cross(belly.axes[i], solid.edges[j]);
+    for (std::size_t j = 0; j < solid.directions.size(); ++j) {
+      Vec3 normal = cross(belly.axes[i], solid.directions[j]);
       const double sine2 = dot(normal, normal);
       if (sine2 < 0.01) continue;
       normal = (1 / std::sqrt(sine2)) * normal;
@@ -118,7 +118,7 @@ void meet_solid(const Belly& belly, const Solid& solid, double margin_m, Contact
     const Vec3 of_solid = *std::max_element(
         solid.corners.begin(), solid.corners.end(),
         [&](const Vec3& a, const Vec3& b) { return dot(a, meeting.normal) < dot(b, meeting.normal); });
-    const Vec3 &u = belly.axes[meeting.axis], &v = solid.edges[static_cast<std::size_t>(meeting.edge)];
+    const Vec3 &u = belly.axes[meeting.axis], &v = solid.directions[static_cast<std::size_t>(meeting.edge)];
     const Vec3 between = of_solid - of_belly;
     const double uv = dot(u, v);
     const double along_m = (dot(between, u) - uv * dot(between, v)) / (1 - uv * uv);

@@ -12,7 +12,7 @@ namespace {
 // A face whose normal is closer to the axle's direction than the angle of this cosine is a wall beside the tyre.
 constexpr double kWall = 0.7;
 // Lateral coordinate that tells a wall's contacts from those under the tyre.
-constexpr double kWallMark_m = 1;
+constexpr double kAside_m = 1;
 
 double distance_m(const Solid::Face& face, const Vec3& point_m) { return dot(face.normal, point_m - face.corners[0]); }
 
@@ -119,30 +119,59 @@ void for_each_overlap(const Tyre& tyre, const Disc3& disc, const Solid& solid, c
   }
 }
 
-// The wall through which a tyre that one disc of overlaps the solid is out of it the soonest, if any is nearer than
-// limit_m; appends its contacts.
-bool meet_wall(const Tyre& tyre, const Disc3& disc, double free_side, const Solid& solid, double limit_m,
-               Contact contact, std::vector<Contact>& contacts) {
-  const Solid::Face* nearest = nullptr;
-  for (const Solid::Face& wall : solid.faces) {
-    if (dot(wall.normal, tyre.axis) * free_side < kWall) continue;
+// Calls visit with the ends of the parts of the solid's edges that lie within the tyre's circle.
+template <typename Visit>
+void for_each_edge_within(const Tyre& tyre, const Solid& solid, const Visit& visit) {
+  for (const Solid::Edge& edge : solid.edges) {
+    const Vec3 line = edge.to_m - edge.from_m, from = edge.from_m - tyre.centre;
+    const double line_a = dot(line, tyre.axis), from_a = dot(from, tyre.axis);
+    const double a = dot(line, line) - line_a * line_a, b = dot(line, from) - line_a * from_a,
+                 c = dot(from, from) - from_a * from_a - tyre.radius_m * tyre.radius_m;
+    if (b * b <= a * c) continue;
+    const double root = std::sqrt(b * b - a * c), first = std::max(0.0, (-b - root) / a),
+                 last = std::min(1.0, (-b + root) / a);
+    if (first >= last) continue;
+    visit(edge.from_m + first * line);
+    visit(edge.from_m + last * line);
+  }
+}
+
+// The way out to the free side of a tyre one disc of which overlaps the solid, if it is shorter than limit_m: through a
+// wall beside the tyre, or off edges that press into the tyre's side. Appends its contacts.
+bool meet_aside(const Tyre& tyre, const Disc3& disc, double free_side, const Solid& solid, double limit_m,
+                Contact contact, std::vector<Contact>& contacts) {
+  const Solid::Face* wall = nullptr;
+  for (const Solid::Face& face : solid.faces) {
+    if (dot(face.normal, tyre.axis) * free_side < kWall) continue;
     double deepest_m = 0;
-    for_each_overlap(tyre, disc, solid, wall,
-                     [&](const Vec3& point_m) { deepest_m = std::max(deepest_m, -distance_m(wall, point_m)); });
+    for_each_overlap(tyre, disc, solid, face,
+                     [&](const Vec3& point_m) { deepest_m = std::max(deepest_m, -distance_m(face, point_m)); });
     if (deepest_m > 0 && deepest_m < limit_m) {
       limit_m = deepest_m;
-      nearest = &wall;
+      wall = &face;
     }
   }
-  if (nearest == nullptr) return false;
-  contact.normal = nearest->normal;
-  int count = 0;
-  for_each_overlap(tyre, disc, solid, *nearest, [&](const Vec3& point_m) {
+  const Vec3 out = free_side * tyre.axis;
+  const auto depth_m = [&](const Vec3& point_m) { return dot(out, point_m - disc.centre); };
+  double edge_m = 0;
+  for_each_edge_within(tyre, solid, [&](const Vec3& point_m) { edge_m = std::max(edge_m, depth_m(point_m)); });
+  const bool edges = edge_m > 0 && edge_m < limit_m;
+  if (wall == nullptr && !edges) return false;
+  contact.across_m = kAside_m;
+  const auto add = [&](const Vec3& point_m, double gap_m) {
     contact.point_m = point_m;
-    contact.gap_m = distance_m(*nearest, point_m);
-    contact.across_m = kWallMark_m + count++;
-    if (contact.gap_m < -0.5 * limit_m) contacts.push_back(contact);
-  });
+    contact.gap_m = gap_m;
+    contact.across_m += 1;
+    if (gap_m < -0.5 * limit_m) contacts.push_back(contact);
+  };
+  if (edges) {
+    limit_m = edge_m;
+    contact.normal = out;
+    for_each_edge_within(tyre, solid, [&](const Vec3& point_m) { add(point_m, -depth_m(point_m)); });
+  } else {
+    contact.normal = wall->normal;
+    for_each_overlap(tyre, disc, solid, *wall, [&](const Vec3& point_m) { add(point_m, distance_m(*wall, point_m)); });
+  }
   return true;
 }
 
@@ -182,7 +211,7 @@ void meet_solid(const Tyre& tyre, const Solid& solid, double margin_m, Contact c
   static const double kNoWall=env_("X_NOWALL",0), kNoMid=env_("X_NOMID",0);
   if (right_in != left_in && !kNoWall) {
     const Disc3& in = right_in ? right : left;
-    if (meet_wall(tyre, in, right_in ? 1 : -1, solid, -in.gap_m, contact, contacts)) return;
+    if (meet_aside(tyre, in, right_in ? 1 : -1, solid, -in.gap_m, contact, contacts)) return;
   }
   add(right);
   add(left);

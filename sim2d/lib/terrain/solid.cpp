@@ -60,9 +60,13 @@ Solid make_solid(const BlockSpec& block) {
     const std::size_t j = (i + 1) % count;
     const Vec3 edge = right.corners[j] - right.corners[i];
     solid.faces.push_back({unit(cross(edge, axis)), {right.corners[i], right.corners[j], left.corners[j], left.corners[i]}});
-    if (i + 3 < count) solid.edges.push_back(unit(edge));
+    if (i + 3 < count) solid.directions.push_back(unit(edge));
+    // The lowest corners are the last two.
+    if (i + 2 < count) solid.edges.push_back({right.corners[i], left.corners[i]});
+    if (i + 2 == count) continue;
+    for (const Solid::Face* side : {&right, &left}) solid.edges.push_back({side->corners[i], side->corners[j]});
   }
-  solid.edges.push_back(axis);
+  solid.directions.push_back(axis);
   for (Solid::Face* side : {&right, &left}) {
     solid.corners.insert(solid.corners.end(), side->corners.begin(), side->corners.end());
   }

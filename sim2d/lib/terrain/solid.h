@@ -15,11 +15,15 @@ struct Solid {
     Vec3 normal;
     std::vector<Vec3> corners;
   };
+  struct Edge {
+    Vec3 from_m, to_m;
+  };
   Disc reach;      // of its plan
   double top_m;    // its highest point
   std::vector<Vec3> corners;
   std::vector<Face> faces;
-  std::vector<Vec3> edges;  // directions of its upper edges
+  std::vector<Edge> edges;  // but the lowest
+  std::vector<Vec3> directions;  // of the upper edges
 };
 
 // Boxes and ramps are exact; a half-round is a prism on chords at most 0.1 mm below its arc.

@@ -119,6 +119,36 @@ void for_each_overlap(const Tyre& tyre, const Disc3& disc, const Solid& solid, c
   }
 }
 
+// Whether a direction lies between the normals of an edge's faces.
+bool between(const Vec3& direction, const Vec3 (&normals)[2]) {
+  const double a = dot(direction, normals[0]), b = dot(direction, normals[1]), c = dot(normals[0], normals[1]);
+  return a >= b * c && b >= a * c;
+}
+
+// Calls visit with every edge that the tread meets between its rims: a disc there with its gap, normal and point.
+template <typename Visit>
+void for_each_edge_under(const Tyre& tyre, const Solid& solid, double margin_m, const Visit& visit) {
+  const double reach_m = tyre.radius_m + margin_m;
+  for (const Solid::Edge& edge : solid.edges) {
+    const Vec3 line = edge.to_m - edge.from_m, from = edge.from_m - tyre.centre;
+    const double line_a = dot(line, tyre.axis), from_a = dot(from, tyre.axis);
+    const double a = dot(line, line) - line_a * line_a;
+    if (a < 1e-6 * dot(line, line)) continue;
+    const double share = (line_a * from_a - dot(line, from)) / a;
+    if (share < 0 || share > 1) continue;
+    const double across_m = from_a + share * line_a;
+    if (std::abs(across_m) >= tyre.half_width_m) continue;
+    const Vec3 point = from + share * line;
+    const Vec3 away = across_m * tyre.axis - point;
+    const double away_m2 = dot(away, away);
+    if (away_m2 > reach_m * reach_m || away_m2 == 0 || !between(away, edge.normals)) continue;
+    const double away_m = std::sqrt(away_m2);
+    Disc3 disc{tyre.centre + across_m * tyre.axis, across_m, away_m - tyre.radius_m, (1 / away_m) * away, {}};
+    disc.point_m = disc.centre - tyre.radius_m * disc.normal;
+    visit(disc);
+  }
+}
+
 // Calls visit with the ends of the parts of the solid's edges that lie within the tyre's circle.
 template <typename Visit>
 void for_each_edge_within(const Tyre& tyre, const Solid& solid, const Visit& visit) {
@@ -208,15 +238,15 @@ void meet_solid(const Tyre& tyre, const Solid& solid, double margin_m, Contact c
   };
   const Disc3 right = disc_at(-tyre.half_width_m), left = disc_at(tyre.half_width_m);
   const bool right_in = right.gap_m < 0, left_in = left.gap_m < 0;
-  static const double kNoWall=env_("X_NOWALL",0), kNoMid=env_("X_NOMID",0);
-  if (right_in != left_in && !kNoWall) {
+  if (right_in != left_in) {
     const Disc3& in = right_in ? right : left;
-    if (meet_aside(tyre, in, right_in ? 1 : -1, solid, -in.gap_m, contact, contacts)) return;
+    double depth_m = -in.gap_m;
+    for_each_edge_under(tyre, solid, margin_m, [&](const Disc3& disc) { depth_m = std::max(depth_m, -disc.gap_m); });
+    if (meet_aside(tyre, in, right_in ? 1 : -1, solid, depth_m, contact, contacts)) return;
   }
   add(right);
   add(left);
-  // A tyre that stands half on an edge: the load reaches as far as the ground under it.
-  if (!kNoMid && (right.gap_m < margin_m) != (left.gap_m < margin_m)) add(disc_at(0));
+  for_each_edge_under(tyre, solid, margin_m, add);
 }
 
 }  // namespace foldcar

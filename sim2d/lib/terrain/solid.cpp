@@ -59,14 +59,20 @@ Solid make_solid(const BlockSpec& block) {
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t j = (i + 1) % count;
     const Vec3 edge = right.corners[j] - right.corners[i];
-    solid.faces.push_back({unit(cross(edge, axis)), {right.corners[i], right.corners[j], left.corners[j], left.corners[i]}});
+    solid.faces.push_back(
+        {unit(cross(edge, axis)), {right.corners[i], right.corners[j], left.corners[j], left.corners[i]}});
     if (i + 3 < count) solid.directions.push_back(unit(edge));
-    // The lowest corners are the last two.
-    if (i + 2 < count) solid.edges.push_back({right.corners[i], left.corners[i]});
-    if (i + 2 == count) continue;
-    for (const Solid::Face* side : {&right, &left}) solid.edges.push_back({side->corners[i], side->corners[j]});
   }
   solid.directions.push_back(axis);
+  // The lowest corners are the last two.
+  for (std::size_t i = 0; i + 2 < count; ++i) {
+    const Vec3 before = solid.faces[(i + count - 1) % count].normal, after = solid.faces[i].normal;
+    solid.edges.push_back({right.corners[i], left.corners[i], {before, after}});
+    for (const Solid::Face* side : {&right, &left}) {
+      if (i == 0) solid.edges.push_back({side->corners[count - 1], side->corners[0], {before, side->normal}});
+      solid.edges.push_back({side->corners[i], side->corners[i + 1], {after, side->normal}});
+    }
+  }
   for (Solid::Face* side : {&right, &left}) {
     solid.corners.insert(solid.corners.end(), side->corners.begin(), side->corners.end());
   }

@@ -15,8 +15,10 @@ struct Solid {
     Vec3 normal;
     std::vector<Vec3> corners;
   };
+  // Between two faces.
   struct Edge {
     Vec3 from_m, to_m;
+    Vec3 normals[2];
   };
   Disc reach;      // of its plan
   double top_m;    // its highest point

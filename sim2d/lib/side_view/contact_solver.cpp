@@ -2,25 +2,31 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-static double env_(const char* n,double d){const char* v=getenv(n);return v?atof(v):d;}
 
 namespace foldcar {
 namespace {
 
 // Share of a penetration that is closed in a step, and the speed at which it is at most.
-const double kClosedShare = env_("X_CLOSE",0.2);
-const double kClosingSpeed_m_s = env_("X_CSPEED",0.5);
+constexpr double kClosedShare = 0.2;
+constexpr double kClosingSpeed_m_s = 0.5;
 // Compliance of a contact as a share of its inverse mass: contacts of a statically indeterminate car share loads as
 // tyres of equal stiffness do, also of friction: else wheels can jam each other where they need not.
-const double kCompliance = env_("X_COMP",0.02);
+constexpr double kCompliance = 0.02;
+// An impact takes time, as tyres, film and servo shafts give way: of an approach faster than kImpactSpeed_m_s a share
+// exp(-step / kImpactTime_s) is left after a step.
+constexpr double kImpactSpeed_m_s = 0.1;
+constexpr double kImpactTime_s = 0.012;
 // The iterations end when the last one changed no row's velocity by more than this.
-const double kTolerance_m_s = env_("X_TOL",2e-4);
+constexpr double kTolerance_m_s = 2e-4;
 
 }  // namespace
 
 ContactSolver::ContactSolver(const BodySpec& body, double step_s, int iterations)
-    : body_(body), step_s_(step_s), iterations_(iterations), limit_impulse_(2 * body.hinges.size()) {}
+    : body_(body),
+      step_s_(step_s),
+      iterations_(iterations),
+      impact_share_(std::exp(-step_s / kImpactTime_s)),
+      limit_impulse_(2 * body.hinges.size()) {}
 
 void ContactSolver::add_row(const CarDynamics& car, double impulse, double gap_m) {
   const std::size_t at = rows_.size() * size_;
@@ -31,6 +37,16 @@ void ContactSolver::add_row(const CarDynamics& car, double impulse, double gap_m
   const double closing_m_s = std::min(-kClosedShare * gap_m / step_s_, kClosingSpeed_m_s);
   rows_.push_back({inverse_mass, impulse, gap_m > 0 ? -gap_m / step_s_ : closing_m_s,
                    gap_m > 0 ? -gap_m / step_s_ : 0});
+}
+
+void ContactSolver::soften(const CarDynamics& car) {
+  const double* jacobian = &jacobian_[(rows_.size() - 1) * size_];
+  double speed = kImpactSpeed_m_s;
+  for (std::size_t i = 0; i < size_; ++i) speed += jacobian[i] * car.velocity[i];
+  if (speed >= 0) return;
+  Row& row = rows_.back();
+  row.target_m_s = std::min(row.target_m_s, impact_share_ * speed);
+  row.relaxed_m_s = std::min(row.relaxed_m_s, impact_share_ * speed);
 }
 
 const std::vector<double>& ContactSolver::solve(CarDynamics& car, std::vector<Contact>& contacts) {
@@ -46,6 +62,7 @@ const std::vector<double>& ContactSolver::solve(CarDynamics& car, std::vector<Co
                    &jacobian_[rows_.size() * size_]);
       add_row(car, contact.impulse_n_s[k], k == 0 ? contact.gap_m : 0);
       if (k > 0) rows_.back().target_m_s = rows_.back().relaxed_m_s = 0;
+      if (k == 0) soften(car);
     }
   }
   for (std::size_t i = 0; i < body_.hinges.size(); ++i) {

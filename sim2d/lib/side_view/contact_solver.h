@@ -42,6 +42,8 @@ class ContactSolver {
     double inverse_mass, impulse, target_m_s, relaxed_m_s;
   };
   void add_row(const CarDynamics& car, double impulse, double gap_m);
+  // Leaves the last row part of its approach, if that is an impact.
+  void soften(const CarDynamics& car);
   double change(const Row& row, std::size_t index, const std::vector<double>& u, double target_m_s) const;
   void apply(std::size_t index, double impulse, std::vector<double>& u);
   // One pass over all rows; the largest change of a row's velocity (m/s) by its own impulse.
@@ -50,6 +52,7 @@ class ContactSolver {
   const BodySpec& body_;
   const double step_s_;
   const int iterations_;
+  const double impact_share_;
   std::size_t size_ = 0;
   std::vector<Row> rows_;
   std::vector<double> jacobian_, response_, moving_;

@@ -1,7 +1,6 @@
 // The side view as an engine of trials.
 #pragma once
 
-#include <cstdlib>
 #include "engine.h"
 #include "twin_track_car.h"
 
@@ -11,7 +10,7 @@ class SideViewEngine : public Engine {
  public:
   explicit SideViewEngine(const StepOptions& options = {}) : options_(options) {}
   std::string name() const override { return "side view"; }
-  double step_s() const override { const char* v=getenv("X_RATE"); return 1 / (v?atof(v):options_.rate_hz); }
+  double step_s() const override { return 1 / options_.rate_hz; }
   std::unique_ptr<SimCar> put_down(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
                                    Stopwatch* stopwatch) const override {
     return std::make_unique<TwinTrackCar>(body, scene.friction, terrain, scene.start, options_, stopwatch);

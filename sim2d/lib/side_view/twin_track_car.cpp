@@ -2,9 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <cstdio>
-static double env_(const char* n,double d){const char* v=getenv(n);return v?atof(v):d;}
 
 #include "servo_model.h"
 
@@ -14,7 +11,7 @@ namespace {
 // Largest sine of roll for which the terrain is cut; a car that far over has tipped.
 constexpr double kMaxSinRoll = 0.95;
 // Contacts are looked for this far from the car: what it moves in a step at 1 m/s.
-const double kMargin_m = env_("X_MARGIN",0.004);
+constexpr double kMargin_m = 0.004;
 // When the car is put down, its height is found this accurately.
 constexpr double kRaster_m = 1e-6;
 // A contact of the last step is the same if its normal differs by less than the angle of this cosine.
@@ -31,11 +28,11 @@ TwinTrackCar::TwinTrackCar(const BodySpec& body, double friction, const Terrain&
       friction_(friction),
       terrain_(terrain),
       constants_(body),
-      step_s_(1 / env_("X_RATE",options.rate_hz)),
+      step_s_(1 / options.rate_hz),
       stopwatch_(stopwatch),
       car_(body, step_s_),
       search_(body, constants_, terrain),
-      solver_(body, step_s_, (int)env_("X_ITER",options.iterations)),
+      solver_(body, step_s_, options.iterations),
       torque_n_m_(body.wheels.size()),
       damping_(body.wheels.size()),
       start_rad_s_(body.wheels.size()) {
@@ -126,10 +123,6 @@ void TwinTrackCar::step(const PulsesUs& pulses_us) {
     const std::vector<double>& moving = solver_.solve(car_, contacts_);
     count_energy(pulses_us);
     car_.move(moving);
-    static const double dump=env_("X_DUMP",-1); static long n=0; ++n;
-    if (dump>=0 && n==(long)(dump*240)) { const Vec3 p=car_.position_m; fprintf(stderr,"pos %.4f %.4f %.4f fwd %.3f %.3f %.3f left %.3f %.3f %.3f\n",p.x,p.y,p.z,car_.turn.forward.x,car_.turn.forward.y,car_.turn.forward.z,car_.turn.left.x,car_.turn.left.y,car_.turn.left.z);
-      for (auto& c: contacts_) fprintf(stderr,"wheel %d at %.4f %.4f %.4f n %.3f %.3f %.3f gap %.5f mu %.2f across %.3f F %.3f %.3f %.3f\n",c.wheel,c.point_m.x,c.point_m.y,c.point_m.z,c.normal.x,c.normal.y,c.normal.z,c.gap_m,c.friction,c.across_m,c.impulse_n_s[0]*240,c.impulse_n_s[1]*240,c.impulse_n_s[2]*240);
-      for (size_t i=0;i<4;++i) fprintf(stderr,"wheel %zu rate %.2f torque0\n",i,wheel_speed_rad_s(i)); }
   }
   update_state();
 }

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-static double env_(const char* n,double d){const char* v=getenv(n);return v?atof(v):d;}
 #include <limits>
 
 namespace foldcar {
@@ -15,6 +13,16 @@ constexpr double kWall = 0.7;
 constexpr double kAside_m = 1;
 
 double distance_m(const Solid::Face& face, const Vec3& point_m) { return dot(face.normal, point_m - face.corners[0]); }
+
+// The part of a line within the tyre's circle, as shares of its length; false if there is none. a, b and c are those of
+// a s² + 2 b s + c = 0 at the circle.
+bool within_circle(double a, double b, double c, double& first, double& last) {
+  if (b * b <= a * c) return false;
+  const double root = std::sqrt(b * b - a * c);
+  first = std::max(0.0, (-b - root) / a);
+  last = std::min(1.0, (-b + root) / a);
+  return first < last;
+}
 
 // The straight line along which the plane of a disc cuts a face.
 struct Cut {
@@ -40,9 +48,9 @@ bool cut_face(const Solid::Face& face, const Vec3& centre, const Vec3& axis, Cut
 }
 
 // A disc across the tyre and what it meets in its own plane.
-struct Disc3 {
+struct CrossDisc {
   Vec3 centre;
-  double across_m;
+  double across_m = 0;
   double gap_m = std::numeric_limits<double>::infinity();
   Vec3 normal;   // into the tyre
   Vec3 point_m;  // of the tyre
@@ -50,13 +58,15 @@ struct Disc3 {
 
 // The nearest point of the solid's section with the disc's plane; within it, the face that is left the soonest. Where
 // that is a face, the normal is the face's; where it is an edge, the normal is across the edge and the tyre's rim.
-void meet_in_plane(const Tyre& tyre, const Solid& solid, double margin_m, Disc3& disc) {
+void meet_in_plane(const Tyre& tyre, const Solid& solid, double margin_m, CrossDisc& disc) {
   double inside_m = -std::numeric_limits<double>::infinity(), nearest_m2 = std::numeric_limits<double>::infinity();
   Vec3 away, normal, edge;  // edge: 0 on a face
   for (const Solid::Face& face : solid.faces) {
     Cut cut;
     if (!cut_face(face, disc.centre, tyre.axis, cut)) continue;
-    const Vec3 out = unit(face.normal - dot(face.normal, tyre.axis) * tyre.axis);
+    const Vec3 in_plane = face.normal - dot(face.normal, tyre.axis) * tyre.axis;
+    if (dot(in_plane, in_plane) < 1e-12) continue;  // the disc lies in the face
+    const Vec3 out = unit(in_plane);
     const double out_m = dot(out, disc.centre - cut.from_m);
     if (out_m > tyre.radius_m + margin_m) return;
     if (out_m <= 0) {
@@ -98,7 +108,7 @@ bool within(const Solid& solid, const Vec3& point_m, const Solid::Face& but) {
 
 // Calls visit with the outermost points of what the disc and the solid have in common, towards a wall.
 template <typename Visit>
-void for_each_overlap(const Tyre& tyre, const Disc3& disc, const Solid& solid, const Solid::Face& wall,
+void for_each_overlap(const Tyre& tyre, const CrossDisc& disc, const Solid& solid, const Solid::Face& wall,
                       const Visit& visit) {
   const Vec3 in_plane = dot(wall.normal, tyre.axis) * tyre.axis - wall.normal;
   if (dot(in_plane, in_plane) > 1e-12) {
@@ -109,11 +119,10 @@ void for_each_overlap(const Tyre& tyre, const Disc3& disc, const Solid& solid, c
     Cut cut;
     if (&face == &wall || !cut_face(face, disc.centre, tyre.axis, cut)) continue;
     const Vec3 line = cut.to_m - cut.from_m, from = cut.from_m - disc.centre;
-    const double a = dot(line, line), b = dot(line, from), c = dot(from, from) - tyre.radius_m * tyre.radius_m;
-    if (b * b <= a * c) continue;
-    const double root = std::sqrt(b * b - a * c), first = std::max(0.0, (-b - root) / a),
-                 last = std::min(1.0, (-b + root) / a);
-    if (first >= last) continue;
+    double first, last;
+    if (!within_circle(dot(line, line), dot(line, from), dot(from, from) - tyre.radius_m * tyre.radius_m, first, last)) {
+      continue;
+    }
     visit(cut.from_m + first * line);
     visit(cut.from_m + last * line);
   }
@@ -143,7 +152,7 @@ void for_each_edge_under(const Tyre& tyre, const Solid& solid, double margin_m, 
     const double away_m2 = dot(away, away);
     if (away_m2 > reach_m * reach_m || away_m2 == 0 || !between(away, edge.normals)) continue;
     const double away_m = std::sqrt(away_m2);
-    Disc3 disc{tyre.centre + across_m * tyre.axis, across_m, away_m - tyre.radius_m, (1 / away_m) * away, {}};
+    CrossDisc disc{tyre.centre + across_m * tyre.axis, across_m, away_m - tyre.radius_m, (1 / away_m) * away, {}};
     disc.point_m = disc.centre - tyre.radius_m * disc.normal;
     visit(disc);
   }
@@ -155,12 +164,11 @@ void for_each_edge_within(const Tyre& tyre, const Solid& solid, const Visit& vis
   for (const Solid::Edge& edge : solid.edges) {
     const Vec3 line = edge.to_m - edge.from_m, from = edge.from_m - tyre.centre;
     const double line_a = dot(line, tyre.axis), from_a = dot(from, tyre.axis);
-    const double a = dot(line, line) - line_a * line_a, b = dot(line, from) - line_a * from_a,
-                 c = dot(from, from) - from_a * from_a - tyre.radius_m * tyre.radius_m;
-    if (b * b <= a * c) continue;
-    const double root = std::sqrt(b * b - a * c), first = std::max(0.0, (-b - root) / a),
-                 last = std::min(1.0, (-b + root) / a);
-    if (first >= last) continue;
+    double first, last;
+    if (!within_circle(dot(line, line) - line_a * line_a, dot(line, from) - line_a * from_a,
+                       dot(from, from) - from_a * from_a - tyre.radius_m * tyre.radius_m, first, last)) {
+      continue;
+    }
     visit(edge.from_m + first * line);
     visit(edge.from_m + last * line);
   }
@@ -168,7 +176,7 @@ void for_each_edge_within(const Tyre& tyre, const Solid& solid, const Visit& vis
 
 // The way out to the free side of a tyre one disc of which overlaps the solid, if it is shorter than limit_m: through a
 // wall beside the tyre, or off edges that press into the tyre's side. Appends its contacts.
-bool meet_aside(const Tyre& tyre, const Disc3& disc, double free_side, const Solid& solid, double limit_m,
+bool meet_aside(const Tyre& tyre, const CrossDisc& disc, double free_side, const Solid& solid, double limit_m,
                 Contact contact, std::vector<Contact>& contacts) {
   const Solid::Face* wall = nullptr;
   for (const Solid::Face& face : solid.faces) {
@@ -224,11 +232,13 @@ void meet_solid(const Tyre& tyre, const Solid& solid, double margin_m, Contact c
   if (tyre.centre.z > solid.top_m + reach_m ||
       !overlap(solid.reach, {tyre.centre.x, tyre.centre.y, reach_m})) return;
   const auto disc_at = [&](double across_m) {
-    Disc3 disc{tyre.centre + across_m * tyre.axis, across_m, std::numeric_limits<double>::infinity(), {}};
+    CrossDisc disc;
+    disc.centre = tyre.centre + across_m * tyre.axis;
+    disc.across_m = across_m;
     meet_in_plane(tyre, solid, margin_m, disc);
     return disc;
   };
-  const auto add = [&](const Disc3& disc) {
+  const auto add = [&](const CrossDisc& disc) {
     if (disc.gap_m >= margin_m) return;
     contact.normal = disc.normal;
     contact.point_m = disc.point_m;
@@ -236,12 +246,12 @@ void meet_solid(const Tyre& tyre, const Solid& solid, double margin_m, Contact c
     contact.across_m = disc.across_m;
     contacts.push_back(contact);
   };
-  const Disc3 right = disc_at(-tyre.half_width_m), left = disc_at(tyre.half_width_m);
+  const CrossDisc right = disc_at(-tyre.half_width_m), left = disc_at(tyre.half_width_m);
   const bool right_in = right.gap_m < 0, left_in = left.gap_m < 0;
   if (right_in != left_in) {
-    const Disc3& in = right_in ? right : left;
+    const CrossDisc& in = right_in ? right : left;
     double depth_m = -in.gap_m;
-    for_each_edge_under(tyre, solid, margin_m, [&](const Disc3& disc) { depth_m = std::max(depth_m, -disc.gap_m); });
+    for_each_edge_under(tyre, solid, margin_m, [&](const CrossDisc& disc) { depth_m = std::max(depth_m, -disc.gap_m); });
     if (meet_aside(tyre, in, right_in ? 1 : -1, solid, depth_m, contact, contacts)) return;
   }
   add(right);

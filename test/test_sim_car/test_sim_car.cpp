@@ -21,28 +21,11 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr double kGravity = 9.81;
 const SceneTerrain kFlat(TerrainSpec{});
 
-// Flat up to x = 0.3 m, then rising by slope_rad for a long way; needs a heading of zero.
-class Slope : public Terrain {
- public:
-  explicit Slope(double slope_rad) : rise_(std::tan(slope_rad)) {}
-  double height_m(double x_m, double) const override { return std::max(0.0, rise_ * (x_m - kFoot_m)); }
-  double friction(double, double, double elsewhere) const override { return elsewhere; }
-  bool has_patches() const override { return false; }
-  const Ground* ground() const override { return nullptr; }
-  void slice(const SliceFrame& frame, const Span& span, const std::vector<Strip>& strips,
-             std::vector<std::vector<Piece>>& pieces) const override {
-    const double foot_m = std::max(span.s_min_m, kFoot_m - frame.x_m);
-    if (foot_m >= span.s_max_m) return;
-    auto height_m = [&](double s_m) { return rise_ * (frame.x_m + s_m - kFoot_m); };
-    for (std::size_t k = 0; k < strips.size(); ++k) {
-      pieces[k].push_back({foot_m, span.s_max_m, height_m(foot_m), height_m(span.s_max_m), 0});
-    }
-  }
-  static constexpr double kFoot_m = 0.3;
-
- private:
-  double rise_;
-};
+// Flat up to x = 0.3 m, then rising by slope_rad for 20 m.
+TerrainSpec slope_of(double slope_rad) {
+  constexpr double kFoot_m = 0.3, kLength_m = 20;
+  return blocks({{kFoot_m + 0.5 * kLength_m, 0, kLength_m, 4, kLength_m * std::tan(slope_rad), 0, BlockSpec::Kind::kRamp}});
+}
 
 struct Drive {
   BodySpec body;
@@ -64,7 +47,7 @@ double mass_kg(const BodySpec& body) { return CarConstants(body).mass_kg; }
 
 // Speed along the slope after it has been climbed (or not) for a while.
 double speed_on_slope_m_s(const BodySpec& body, double friction, double slope_rad, double fraction, double time_s) {
-  const Slope slope(slope_rad);
+  const SceneTerrain slope(slope_of(slope_rad));
   Drive drive(body, friction, slope, fraction, {}, {4.0, 0, 0});
   drive.run(time_s);
   return drive.car.state().speed_m_s / std::cos(slope_rad);

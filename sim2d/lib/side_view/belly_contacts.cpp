@@ -58,7 +58,7 @@ bool find_meeting(const Belly& belly, const Solid& solid, double margin_m, Meeti
     }
   }
   const Vec3 solid_to_belly = belly.middle - Vec3{solid.reach.x_m, solid.reach.y_m, 0};
-  for (int i = 0; i < 2; ++i) {
+  for (int i = 0; i < 3; ++i) {
     for (std::size_t j = 0; j < solid.directions.size(); ++j) {
       Vec3 normal = cross(belly.axes[i], solid.directions[j]);
       const double sine2 = dot(normal, normal);
@@ -158,6 +158,7 @@ void meet_solid(const Belly& belly, const Solid& solid, double margin_m, Contact
     plane_point = belly.middle + meeting.side * belly.half_m[meeting.axis] * belly.axes[meeting.axis];
     plane_normal = meeting.normal;
   }
+  const std::size_t before = contacts.size();
   int index = meeting.face != nullptr ? 30 : 50;
   for (const Vec3& point : polygon) {
     const double height_m = dot(plane_normal, point - plane_point);
@@ -166,6 +167,14 @@ void meet_solid(const Belly& belly, const Solid& solid, double margin_m, Contact
     contact.across_m = index++;
     if (contact.gap_m < margin_m) contacts.push_back(contact);
   }
+  if (contacts.size() > before) return;
+  // The faces do not lie over each other: the belly's farthest corner stands for them.
+  contact.point_m = belly.middle;
+  for (int i = 0; i < 3; ++i) {
+    contact.point_m = contact.point_m - std::copysign(belly.half_m[i], dot(belly.axes[i], meeting.normal)) * belly.axes[i];
+  }
+  contact.gap_m = meeting.out_m;
+  contacts.push_back(contact);
 }
 
 }  // namespace foldcar

@@ -134,10 +134,21 @@ bool between(const Vec3& direction, const Vec3 (&normals)[2]) {
   return a >= b * c && b >= a * c;
 }
 
-// Calls visit with every edge that the tread meets between its rims: a disc there with its gap, normal and point.
+// Calls visit with every edge and corner that the tread meets between its rims: a disc there with its gap, normal and
+// point.
 template <typename Visit>
 void for_each_edge_under(const Tyre& tyre, const Solid& solid, double margin_m, const Visit& visit) {
-  const double reach_m = tyre.radius_m + margin_m;
+  const auto meet = [&](double across_m, const Vec3& away) {
+    const double away_m = std::sqrt(dot(away, away));
+    if (away_m > tyre.radius_m + margin_m || away_m == 0) return;
+    CrossDisc disc;
+    disc.centre = tyre.centre + across_m * tyre.axis;
+    disc.across_m = across_m;
+    disc.gap_m = away_m - tyre.radius_m;
+    disc.normal = (1 / away_m) * away;
+    disc.point_m = disc.centre - tyre.radius_m * disc.normal;
+    visit(disc);
+  };
   for (const Solid::Edge& edge : solid.edges) {
     const Vec3 line = edge.to_m - edge.from_m, from = edge.from_m - tyre.centre;
     const double line_a = dot(line, tyre.axis), from_a = dot(from, tyre.axis);
@@ -147,14 +158,18 @@ void for_each_edge_under(const Tyre& tyre, const Solid& solid, double margin_m, 
     if (share < 0 || share > 1) continue;
     const double across_m = from_a + share * line_a;
     if (std::abs(across_m) >= tyre.half_width_m) continue;
-    const Vec3 point = from + share * line;
-    const Vec3 away = across_m * tyre.axis - point;
-    const double away_m2 = dot(away, away);
-    if (away_m2 > reach_m * reach_m || away_m2 == 0 || !between(away, edge.normals)) continue;
-    const double away_m = std::sqrt(away_m2);
-    CrossDisc disc{tyre.centre + across_m * tyre.axis, across_m, away_m - tyre.radius_m, (1 / away_m) * away, {}};
-    disc.point_m = disc.centre - tyre.radius_m * disc.normal;
-    visit(disc);
+    const Vec3 away = across_m * tyre.axis - (from + share * line);
+    if (between(away, edge.normals)) meet(across_m, away);
+  }
+  for (const Solid::Corner& corner : solid.tops) {
+    const Vec3 from = corner.at_m - tyre.centre;
+    const double across_m = dot(from, tyre.axis);
+    if (std::abs(across_m) >= tyre.half_width_m) continue;
+    const Vec3 away = across_m * tyre.axis - from;
+    if (std::all_of(std::begin(corner.normals), std::end(corner.normals),
+                    [&](const Vec3& normal) { return dot(away, normal) >= 0; })) {
+      meet(across_m, away);
+    }
   }
 }
 

@@ -64,6 +64,7 @@ Solid make_solid(const BlockSpec& block) {
     if (i + 3 < count) solid.directions.push_back(unit(edge));
   }
   solid.directions.push_back(axis);
+  solid.directions.push_back({0, 0, 1});
   // The lowest corners are the last two.
   for (std::size_t i = 0; i + 2 < count; ++i) {
     const Vec3 before = solid.faces[(i + count - 1) % count].normal, after = solid.faces[i].normal;
@@ -71,6 +72,7 @@ Solid make_solid(const BlockSpec& block) {
     for (const Solid::Face* side : {&right, &left}) {
       if (i == 0) solid.edges.push_back({side->corners[count - 1], side->corners[0], {before, side->normal}});
       solid.edges.push_back({side->corners[i], side->corners[i + 1], {after, side->normal}});
+      solid.tops.push_back({side->corners[i], {before, after, side->normal}});
     }
   }
   for (Solid::Face* side : {&right, &left}) {

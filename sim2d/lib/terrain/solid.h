@@ -20,12 +20,18 @@ struct Solid {
     Vec3 from_m, to_m;
     Vec3 normals[2];
   };
+  // An upper corner, between three faces.
+  struct Corner {
+    Vec3 at_m;
+    Vec3 normals[3];
+  };
   Disc reach;      // of its plan
   double top_m;    // its highest point
   std::vector<Vec3> corners;
   std::vector<Face> faces;
   std::vector<Edge> edges;  // but the lowest
-  std::vector<Vec3> directions;  // of the upper edges
+  std::vector<Vec3> directions;  // of the edges
+  std::vector<Corner> tops;
 };
 
 // Boxes and ramps are exact; a half-round is a prism on chords at most 0.1 mm below its arc.

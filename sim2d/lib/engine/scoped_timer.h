@@ -7,8 +7,8 @@ namespace foldcar {
 
 // Wall time in seconds. Filled only where a caller hands one over.
 struct Stopwatch {
-  double physics_s = 0;   // b2World::Step
-  double terrain_s = 0;   // cutting and replacing outlines
+  double physics_s = 0;   // equations of motion and contact impulses
+  double terrain_s = 0;   // finding contacts with the ground
   double firmware_s = 0;  // the application's ticks
 };
 

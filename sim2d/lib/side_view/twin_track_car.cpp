@@ -115,10 +115,13 @@ void TwinTrackCar::cut_terrain_if_stale() {
 
 void TwinTrackCar::step(const PulsesUs& pulses_us) {
   cut_terrain_if_stale();
+  const bool timed = stopwatch_ != nullptr && steps_++ % kTimedStepInterval == 0;
   {
-    const bool timed = stopwatch_ != nullptr && steps_++ % kTimedStepInterval == 0;
-    const ScopedTimer timer(timed ? &stopwatch_->physics_s : nullptr, kTimedStepInterval);
+    const ScopedTimer timer(timed ? &stopwatch_->terrain_s : nullptr, kTimedStepInterval);
     find_contacts();
+  }
+  {
+    const ScopedTimer timer(timed ? &stopwatch_->physics_s : nullptr, kTimedStepInterval);
     drive_wheels(pulses_us);
     const std::vector<double>& moving = solver_.solve(car_, contacts_);
     count_energy(pulses_us);

@@ -1,17 +1,17 @@
-"""Written SVG, DXF and PDF files: true scale for independent readers, and damage that the checks must find."""
+"""Written SVG, DXF and PDF files: true scale, layers and colours for independent readers."""
 
 import io
 import re
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import ezdxf
 import pytest
 import segno
 from cut_samples import folded_box
 from ezdxf.addons.drawing import RenderContext
-from pypdf import PdfReader, PdfWriter, Transformation
+from pypdf import PdfReader
 from shapely.geometry import LineString, box
+from written_sheet import CHOSEN, COMMAND, Made, written_sample
 
 from foldcar.fabrication.patterns.coupon import coupon
 from foldcar.fabrication.patterns.drawing import Circle, Motion, Path, Sheet, bounds
@@ -26,19 +26,6 @@ from foldcar.fabrication.patterns.sheets import pattern
 from foldcar.fabrication.patterns.svg import svg
 from foldcar.fabrication.patterns.verify import check_dxf, check_pdf, check_sheet, check_svg
 
-
-@dataclass(frozen=True)
-class Made:
-    """One sheet of the sample, intended and as written."""
-
-    sheet: Sheet
-    svg: str
-    dxf: str
-    pdf: bytes
-
-
-CHOSEN = options("laser", sheet="300x200")
-COMMAND = "foldcar pattern cars.json --vehicle w95 --set W.length=80 --machine laser --sheet 300x200 -o car"
 # RGB by number, as its documentation lists them.
 LIGHTBURN = {
     "C00": (0, 0, 0), "C01": (0, 0, 255), "C02": (255, 0, 0), "C05": (255, 128, 0), "C11": (0, 160, 0),
@@ -48,8 +35,7 @@ LIGHTBURN = {
 
 @pytest.fixture(scope="module")
 def made() -> Made:
-    sheet = pattern(folded_box(40.0), CHOSEN, "sample", COMMAND).sheets[0]
-    return Made(sheet, svg(sheet), dxf(sheet), pdf([sheet], "a4", "sample"))
+    return written_sample()
 
 
 def test_written_files_have_no_findings(made: Made) -> None:
@@ -176,175 +162,6 @@ def test_svg_layers_are_inkscape_layers_with_their_colours(made: Made) -> None:
         assert group is not None
         assert 'inkscape:groupmode="layer"' in group[0]
         assert f'stroke="{layer.hex}"' in group[0]
-
-
-def first_outline(text: str) -> re.Match[str]:
-    """The first closed path of CUT_OUTER."""
-    found = re.compile(r'<path d="M[^"]*z"/>\n').search(text, text.index('id="CUT_OUTER"'))
-    assert found is not None
-    return found
-
-
-def without_outline(text: str) -> str:
-    return text.replace(first_outline(text)[0], "", 1)
-
-
-def outline_twice(text: str) -> str:
-    return text.replace(first_outline(text)[0], 2 * first_outline(text)[0], 1)
-
-
-def outline_open(text: str) -> str:
-    return text.replace(first_outline(text)[0], first_outline(text)[0].replace("z", ""), 1)
-
-
-def outline_moved(text: str) -> str:
-    """The outline moved by 0.05 mm to the right."""
-    path = first_outline(text)[0]
-    x = re.search(r"M([0-9.]+)", path)
-    assert x is not None
-    return text.replace(path, path.replace(x[0], f"M{float(x[1]) + 0.05:.4f}", 1), 1)
-
-
-def folds_swapped(text: str) -> str:
-    return text.replace("FOLD_VALLEY", "~").replace("FOLD_MOUNTAIN", "FOLD_VALLEY").replace("~", "FOLD_MOUNTAIN")
-
-
-def in_pixels(text: str) -> str:
-    return text.replace('width="300mm" height="200mm"', 'width="300" height="200"')
-
-
-def at_96_dpi(text: str) -> str:
-    return text.replace('viewBox="0 0 300 200"', 'viewBox="0 0 1133.858 755.906"')
-
-
-def off_the_sheet(text: str) -> str:
-    return text.replace('id="LABEL"', 'id="LABEL" transform="translate(-20 0)"')
-
-
-@pytest.mark.parametrize(
-    ("damage", "said"),
-    [
-        (without_outline, "a line on CUT_OUTER .* is missing"),
-        (outline_twice, "lines on each other"),
-        (outline_open, "is not closed"),
-        (outline_moved, "a line on CUT_OUTER .* is missing"),
-        (folds_swapped, "a line on FOLD_.* is missing"),
-        (in_pixels, "not given in mm"),
-        (at_96_dpi, "is missing"),
-        (off_the_sheet, "leave the usable part"),
-        (lambda text: text.replace("LABEL", "Layer 1"), 'has a layer "Layer 1"'),
-        (lambda text: text[: len(text) // 2], "not SVG"),
-        (lambda text: text.replace('<circle cx="', '<circle cx="1', 1), "CUT_INNER"),
-    ],
-)
-def test_a_damaged_svg_is_found(made: Made, damage: Callable[[str], str], said: str) -> None:
-    damaged = damage(made.svg)
-
-    assert damaged != made.svg
-    assert re.search(said, "\n".join(check_svg(made.sheet, damaged, CHOSEN)))
-
-
-def edited(change: Callable[[ezdxf.document.Drawing], None]) -> Callable[[str], str]:
-    """Damage made with ezdxf."""
-
-    def damage(text: str) -> str:
-        document = ezdxf.read(io.StringIO(text))
-        change(document)
-        written = io.StringIO()
-        document.write(written)
-        return written.getvalue()
-
-    return damage
-
-
-def drop_circle(document: ezdxf.document.Drawing) -> None:
-    space = document.modelspace()
-    space.delete_entity(space.query("CIRCLE")[0])
-
-
-def move_polyline(document: ezdxf.document.Drawing) -> None:
-    document.modelspace().query("LWPOLYLINE[layer=='CUT_OUTER']")[0].translate(0.05, 0, 0)
-
-
-def open_polyline(document: ezdxf.document.Drawing) -> None:
-    document.modelspace().query("LWPOLYLINE[layer=='CUT_OUTER']")[0].closed = False
-
-
-def in_inches(document: ezdxf.document.Drawing) -> None:
-    document.units = ezdxf.units.IN
-
-
-def bulge(document: ezdxf.document.Drawing) -> None:
-    document.modelspace().query("LWPOLYLINE[layer=='CUT_OUTER']")[0].set_points([(0, 0, 0, 0, 1), (9, 9, 0, 0, 0)])
-
-
-def copy_fold(document: ezdxf.document.Drawing) -> None:
-    space = document.modelspace()
-    space.add_entity(space.query("LWPOLYLINE[layer=='FOLD_VALLEY']")[0].copy())
-
-
-@pytest.mark.parametrize(
-    ("damage", "said"),
-    [
-        (edited(drop_circle), "a line on CUT_INNER .* is missing"),
-        (edited(move_polyline), "a line on CUT_OUTER .* is missing"),
-        (edited(open_polyline), "is not closed"),
-        (edited(in_inches), r"\$INSUNITS is 1"),
-        (edited(bulge), "has a LWPOLYLINE on CUT_OUTER"),
-        (edited(copy_fold), "lines on each other"),
-        (lambda text: text[: len(text) // 2], "not DXF|audit"),
-    ],
-)
-def test_a_damaged_dxf_is_found(made: Made, damage: Callable[[str], str], said: str) -> None:
-    assert re.search(said, "\n".join(check_dxf(made.sheet, damage(made.dxf), CHOSEN)))
-
-
-def rewritten(change: Callable[[PdfWriter], None]) -> Callable[[bytes], bytes]:
-    """Damage made with pypdf."""
-
-    def damage(binary: bytes) -> bytes:
-        writer = PdfWriter(clone_from=io.BytesIO(binary))
-        change(writer)
-        written = io.BytesIO()
-        writer.write(written)
-        return written.getvalue()
-
-    return damage
-
-
-def fit_to_page(writer: PdfWriter) -> None:
-    """Scale the page to fit, as printer drivers do."""
-    writer.pages[0].add_transformation(Transformation().scale(0.97))
-
-
-def shift_page(writer: PdfWriter) -> None:
-    writer.pages[1].add_transformation(Transformation().translate(0.2, 0))
-
-
-def drop_page(writer: PdfWriter) -> None:
-    writer.remove_page(0)
-
-
-def recolour(writer: PdfWriter) -> None:
-    page = writer.pages[0]
-    content = page.get_contents()
-    assert content is not None
-    content.set_data(content.get_data().replace(b"0 0 0 RG", b"1 0 0 RG"))
-    page.replace_contents(content)
-
-
-@pytest.mark.parametrize(
-    ("damage", "said"),
-    [
-        (rewritten(fit_to_page), "page 1: "),
-        (rewritten(shift_page), "page 2: "),
-        (rewritten(drop_page), "has 1 pages, should have 2"),
-        (rewritten(recolour), "page 1: a line on CUT_OUTER .* is missing"),
-        (lambda binary: binary[:200], "not PDF"),
-    ],
-)
-def test_a_damaged_pdf_is_found(made: Made, damage: Callable[[bytes], bytes], said: str) -> None:
-    assert re.search(said, "\n".join(check_pdf([made.sheet], damage(made.pdf), CHOSEN)))
 
 
 def test_pages_of_paper_show_neighbouring_crosses_at_the_same_place(made: Made) -> None:

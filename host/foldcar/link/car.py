@@ -24,7 +24,7 @@ ANSWER_S = 0.6
 TRIES = 5
 OTHER_FIRMWARE = "it may have other firmware: `foldcar flash` loads foldcar's"
 
-# Texts for result_param2 of COMMAND_ACK (docs/link.md), by its value.
+# Texts for result_param2 of COMMAND_ACK, by its value: Refusal of firmware/lib/supervisor/supervisor.h.
 REASONS = (
     "accepted",
     "it is not armed",

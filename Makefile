@@ -210,7 +210,7 @@ fresh:
 
 $(addprefix .pio/fuzz/fuzz_,batch step design): $(SIMULATOR_SOURCES:%.cpp=.pio/fuzz/obj/%.o) .pio/fuzz/box2d.a
 .pio/fuzz/fuzz_%: test/fuzz/fuzz_%.cpp test/fuzz/lines.h $(FIRMWARE_SOURCES:%.cpp=.pio/fuzz/obj/%.o)
-	$(CLANG) $(SIMULATOR_FLAGS) $(FUZZ_FLAGS) -fsanitize=fuzzer $(sort $(filter-out %.h,$^)) -o $@
+	$(CLANG) $(SIMULATOR_FLAGS) $(FUZZ_FLAGS) -fsanitize=fuzzer $(sort $(filter %.cpp %.o,$^)) $(filter %.a,$^) -o $@
 
 .pio/races/log_races: test/races/log_races.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
 	@mkdir -p $(@D)

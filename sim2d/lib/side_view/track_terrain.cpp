@@ -75,7 +75,8 @@ void TrackTerrain::set_strips(double q) {
     const double between_m = (span.scale * width_m - strip_m) / (kLines[outline] - 1);
     for (int line = 0; line < kLines[outline]; ++line) {
       const double from_m = span.middle_m - 0.5 * span.scale * width_m + between_m * line;
-      strips_[static_cast<std::size_t>(kFirstStrip[outline] + line)] = {from_m, from_m + strip_m};
+      const int strip = kFirstStrip[outline] + line;
+      strips_[static_cast<std::size_t>(strip)] = {from_m, from_m + strip_m};
     }
   }
 }
@@ -136,7 +137,8 @@ void TrackTerrain::cut_outline(int outline, const Span& span, bool level) {
   lowered_.clear();
   for (int line = 0; line < kLines[outline]; ++line) {
     const double across_m = line_y_m(outline, line, width_m), lowered_m = across_m * at_.q;
-    for (Piece piece : pieces_[static_cast<std::size_t>(kFirstStrip[outline] + line)]) {
+    const int strip = kFirstStrip[outline] + line;
+    for (Piece piece : pieces_[static_cast<std::size_t>(strip)]) {
       piece.z0_m -= lowered_m;
       piece.z1_m -= lowered_m;
       piece.y_m = across_m;

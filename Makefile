@@ -185,7 +185,8 @@ check: setup mujoco
 	@echo 'No sanitizer, no test and not clang-tidy finds a fault; $(LEAST_COVERAGE) % of the C++ lines or more are run'
 
 tidy: setup fuzz-packages
-	@printf '%s\n' $(sort $(SIMULATOR_SOURCES)) | xargs -P 2 -n 4 sh -c '$(CLANG_TIDY) --quiet "$$@" -- $(SIMULATOR_FLAGS)' sh
+	@printf '%s\n' $(sort $(SIMULATOR_SOURCES) $(wildcard sim2d/src/*.cpp) sim2d/engines/side_view.cpp) | xargs -P 2 -n 4 \
+	  sh -c '$(CLANG_TIDY) --quiet "$$@" -- $(SIMULATOR_FLAGS) -Isim2d/src -I.pio/build_id/carsim -I.pio/firmware_id' sh
 	@echo 'clang-tidy finds nothing'
 
 races: .pio/races/log_races

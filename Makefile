@@ -159,6 +159,7 @@ fuzz: fuzz-packages $(FUZZERS:%=.pio/fuzz/fuzz_%)
 	@for fuzzer in $(FUZZERS); do echo "$$fuzzer: $(FUZZ_S) s"; \
 	  .pio/fuzz/fuzz_$$fuzzer -max_total_time=$(FUZZ_S) -timeout=60 -max_len=16384 -print_final_stats=1 -verbosity=0 \
 	  -artifact_prefix=.pio/fuzz/$$fuzzer- .pio/fuzz/corpus/$$fuzzer .pio/fuzz/seeds/$$fuzzer || exit 1; done
+	@echo 'The fuzzers ($(FUZZERS)) have found nothing in $(FUZZ_S) s each'
 
 fuzz-packages:
 	@tools/install_system_packages.sh check
@@ -181,9 +182,12 @@ check: setup mujoco
 	$(MAKE) tidy
 	$(BIN)/coverage run --rcfile pyproject.toml -m pytest -q test/host
 	$(BIN)/coverage report --rcfile pyproject.toml --skip-covered
+	@echo 'No sanitizer, no test and not clang-tidy finds a fault; $(LEAST_COVERAGE) % of the C++ lines or more are run'
 
-tidy: setup
-	printf '%s\n' $(SIMULATOR_SOURCES) | xargs -P 2 -n 4 $(CLANG_TIDY) --quiet -- $(SIMULATOR_FLAGS)
+tidy: setup fuzz-packages
+	@printf '%s\n' $(sort $(SIMULATOR_SOURCES) $(wildcard sim2d/src/*.cpp) sim2d/engines/side_view.cpp) | xargs -P 2 -n 4 \
+	  sh -c '$(CLANG_TIDY) --quiet "$$@" -- $(SIMULATOR_FLAGS) -Isim2d/src -I.pio/build_id/carsim -I.pio/firmware_id' sh
+	@echo 'clang-tidy finds nothing'
 
 races: .pio/races/log_races
 	TSAN_OPTIONS=history_size=7 .pio/races/log_races
@@ -210,7 +214,7 @@ fresh:
 
 $(addprefix .pio/fuzz/fuzz_,batch step design): $(SIMULATOR_SOURCES:%.cpp=.pio/fuzz/obj/%.o) .pio/fuzz/box2d.a
 .pio/fuzz/fuzz_%: test/fuzz/fuzz_%.cpp test/fuzz/lines.h $(FIRMWARE_SOURCES:%.cpp=.pio/fuzz/obj/%.o)
-	$(CLANG) $(SIMULATOR_FLAGS) $(FUZZ_FLAGS) -fsanitize=fuzzer $(sort $(filter-out %.h,$^)) -o $@
+	$(CLANG) $(SIMULATOR_FLAGS) $(FUZZ_FLAGS) -fsanitize=fuzzer $(sort $(filter %.cpp %.o,$^)) $(filter %.a,$^) -o $@
 
 .pio/races/log_races: test/races/log_races.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
 	@mkdir -p $(@D)

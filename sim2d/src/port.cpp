@@ -68,7 +68,7 @@ bool write_all(int descriptor, const std::vector<std::uint8_t>& bytes, int wait_
   return true;
 }
 
-class PseudoTerminal : public Port {
+class PseudoTerminal final : public Port {
  public:
   PseudoTerminal() { plug_in(); }
 

@@ -11,6 +11,8 @@ from pathlib import Path
 
 from study import FOLDCAR, LossError
 
+import foldcar
+
 MARK = "FOLDCAR_TORTURE_MARK"
 # Ends a command that hangs; far beyond what a busy machine makes of any.
 HANGS_S = 600.0
@@ -65,9 +67,14 @@ def kill(pid: int) -> None:
 def ended(process: "subprocess.Popen[str]") -> tuple[int, str, str]:
     """Exit code, output and errors of a command that is left to end."""
     output, errors = process.communicate(timeout=HANGS_S)
-    if "Traceback" in errors:
+    if "Traceback" in errors and not died_at_start(errors):
         raise LossError(f"a traceback: {errors[-2000:]}")
     return process.returncode, output, errors
+
+
+def died_at_start(errors: str) -> bool:
+    """Whether Ctrl-C came while Python itself was starting: a traceback through no file of foldcar's."""
+    return errors.rstrip().endswith("KeyboardInterrupt") and str(Path(foldcar.__file__).parent) not in errors
 
 
 def require_no_process(folder: Path) -> None:

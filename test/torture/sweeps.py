@@ -7,7 +7,7 @@ import sqlite3
 import subprocess
 from pathlib import Path
 
-from processes import children, ended, kill, moment, require_no_process, start, wait
+from processes import children, died_at_start, ended, kill, moment, require_no_process, start, wait
 from study import SWEEP, LossError, require_sound, resume
 
 CLOCK = "FOLDCAR_TORTURE_CLOCK"
@@ -58,7 +58,7 @@ def interrupted(folder: Path, whole: Path, chance: random.Random) -> str:
         process.send_signal(number)
     code, _, errors = ended(process)
     # Before foldcar's first line runs, Python itself dies of the signal.
-    if code not in (0, 130, -number):
+    if code not in (0, 130, -number) and not died_at_start(errors):
         raise LossError(f"{number.name} after {at:.3f} s: exit code {code}: {errors}")
     if code == 130 and "stopped" not in errors.splitlines()[-1]:
         raise LossError(f"{number.name} after {at:.3f} s does not say that it stopped: {errors}")

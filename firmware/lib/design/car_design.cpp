@@ -55,11 +55,11 @@ void CarDesignReader::text(const DesignPlace& place, const char* value) {
     if (!first(place, Key::kName)) return;
     const std::size_t length = std::strlen(value);
     if (length == 0 || length > kDesignNameLength) return fail(place, "is empty or longer than 32 bytes");
-    std::strcpy(design_.name, value);
+    std::memcpy(design_.name, value, length + 1);
   } else if (top && same(place.key, "hash")) {
     if (!first(place, Key::kHash)) return;
     if (!is_hash(value)) return fail(place, "is not 16 hexadecimal digits");
-    std::strcpy(design_.hash, value);
+    std::memcpy(design_.hash, value, sizeof design_.hash);
   } else {
     other(place);
   }

@@ -147,8 +147,8 @@ void read_parameters(JsonReader reader, Parameters& parameters) {
     std::string problem = text(result);
     if (const auto known = find_parameter(name.c_str())) {
       const ParameterInfo& info = parameter_info(*known);
-      problem = json(value).dump() + " " + problem + " (" + json(as_printed(info.minimum)).dump() + " to " +
-                json(as_printed(info.maximum)).dump() + ")";
+      problem.insert(0, json(value).dump() + " ");
+      problem += " (" + json(as_printed(info.minimum)).dump() + " to " + json(as_printed(info.maximum)).dump() + ")";
     }
     reader.fail(name, problem);
   }

@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -92,8 +93,12 @@ def bare(suite: str, name: str) -> Stage:
     """A new root of that suite, with this machine's network."""
     root = ROOTS / name
     subprocess.run([PROJECT / "tools" / "bare_root.sh", suite, root], check=True)
-    variables = Path(f"{root}.env").read_bytes().decode().split("\0")
-    return Stage(root, dict(line.split("=", 1) for line in variables if line))
+    return Stage(root, variables(filter(None, Path(f"{root}.env").read_bytes().decode().split("\0"))))
+
+
+def variables(lines: Iterable[str]) -> dict[str, str]:
+    """NAME=VALUE as a table."""
+    return {name: value for name, _, value in (line.partition("=") for line in lines)}
 
 
 def build(text: str) -> Stage:
@@ -121,7 +126,7 @@ def build(text: str) -> Stage:
         elif word == "WORKDIR":
             stage.folder = rest
         elif word == "ENV":
-            stage.environment.update(one.split("=", 1) for one in rest.split())
+            stage.environment.update(variables(rest.split()))
         elif word == "ENTRYPOINT":
             stage.entry = json.loads(rest)
         else:

@@ -60,7 +60,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh clean wheel release lock system-packages platformio cluster-check torture installed fuzz-packages check tidy determinism golden
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio cluster-check torture installed fuzz-packages check tidy determinism golden
 .DELETE_ON_ERROR:
 # Else make removes them as intermediate.
 .PRECIOUS: .pio/fuzz/obj/%.o
@@ -85,6 +85,7 @@ help:
 	@echo 'make statistics  measure coverage of the intervals and trials saved, and bring docs/statistics.md up to date'
 	@echo 'make dear_runs  set up, measure what MuJoCo until decided costs, and bring docs/advice.md up to date'
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
+	@echo 'make container-check  as root: the steps of the Dockerfile in bare roots, without a container engine'
 	@echo 'make release   archive of the sources and wheel with carsim, in dist/, checked and tried outside the checkout'
 	@echo 'make lint      set up and check the Python sources only'
 	@echo 'make lock      renew $(LOCK) after a change of pyproject.toml (LOCK_FLAGS=--upgrade: newest versions)'
@@ -201,6 +202,11 @@ torture: setup
 fresh:
 	@tools/install_system_packages.sh fresh
 	@tools/fresh.sh $(SUITE) $(TARGETS)
+
+# The Dockerfile's steps in bare roots, without a container engine, then the container's command (as root).
+container-check:
+	@tools/install_system_packages.sh fresh
+	"$(PYTHON)" tools/container_check.py
 
 .pio/fuzz/obj/%.o: %.cpp $(FIRMWARE_HEADERS) $(wildcard sim2d/lib/*/*.h) | setup fuzz-packages
 	@mkdir -p $(@D)

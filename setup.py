@@ -54,6 +54,9 @@ class ProgramDistribution(Distribution):
 
 def build(names: tuple[str, ...]) -> Path:
     """Have PlatformIO build the programs; the folder of their folders. SetupError if that fails."""
+    if shutil.which("g++") is None:
+        needs = "needs g++ (Debian, Ubuntu: apt-get install g++); foldcar's wheel needs none"
+        raise SetupError(f"carsim is built from its sources here, which {needs}")
     environments = [word for name in names for word in ("-e", name)]
     for command in (
         [sys.executable, str(ROOT / "tools" / "seed_platformio.py"), "--if-unreachable"],

@@ -21,8 +21,8 @@ WORDS = ("cat", "dirname", "head", "kill", "mktemp", "rm", "sh", "sleep", "test"
 
 
 @pytest.fixture(scope="module")
-def wheel(carsim_binary: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A wheel with the programs that `make test` has built, made from a copy so that nothing lands in the source tree."""
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of what wheels are made from, so that nothing lands in the source tree."""
     folder = tmp_path_factory.mktemp("wheel")
     for name in SOURCES:
         source = PROJECT / name
@@ -30,10 +30,16 @@ def wheel(carsim_binary: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
             shutil.copytree(source, folder / name, ignore=shutil.ignore_patterns("*.egg-info", "__pycache__"))
         else:
             shutil.copy(source, folder)
-    options = ["--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", folder / "dist"]
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(carsim_binary: Path, sources: Path) -> Path:
+    """A wheel with the programs that `make test` has built."""
+    options = ["--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", sources / "dist"]
     environment = {**os.environ, "FOLDCAR_BUILD_DIR": str(carsim_binary.parents[1])}
-    subprocess.run([sys.executable, "-m", "pip", "wheel", *options, folder], check=True, cwd=folder, env=environment)
-    (found,) = (folder / "dist").iterdir()
+    subprocess.run([sys.executable, "-m", "pip", "wheel", *options, sources], check=True, cwd=sources, env=environment)
+    (found,) = (sources / "dist").iterdir()
     return found
 
 
@@ -65,6 +71,20 @@ def test_the_wheel_is_for_every_python_and_has_every_file(wheel: Path) -> None:
     assert names == {name for name in source if "__pycache__" not in name} | {"foldcar/carsim", "foldcar/carsim_mujoco"}
 
 
+def test_without_a_compiler_the_sources_say_what_they_need(sources: Path, tmp_path: Path) -> None:
+    alone = {name: value for name, value in os.environ.items() if name != "FOLDCAR_BUILD_DIR"} | {"PATH": str(tmp_path)}
+    options = ["--no-deps", "--no-build-isolation", "--wheel-dir", tmp_path]
+    done = subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", *options, sources], env=alone, capture_output=True, text=True
+    )
+    assert done.returncode != 0 and not list(tmp_path.iterdir())
+    (told,) = [line.strip() for line in (done.stdout + done.stderr).splitlines() if "error: carsim" in line]
+    assert told == (
+        "error: carsim is built from its sources here, which needs g++ "
+        "(Debian, Ubuntu: apt-get install g++); foldcar's wheel needs none"
+    )
+
+
 def test_the_installed_programs_are_the_checkouts_builds(environment: Path, tmp_path: Path) -> None:
     script = """
 import json, foldcar
@@ -93,7 +113,7 @@ def test_without_the_package_mujoco_its_engine_names_the_remedy(environment: Pat
         done = subprocess.run([python, "-c", script], cwd=tmp_path, capture_output=True, text=True)
     finally:
         link.symlink_to(target)
-    told = f"no package mujoco in {link.parent}: run `pip install 'foldcar[mujoco]'`"
+    told = f"no package mujoco in {link.parent}: run `pip install 'foldcar[mujoco]'` (Python 3.11 or newer)"
     assert done.stderr.splitlines()[-1].endswith(told)
 
 

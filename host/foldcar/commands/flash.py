@@ -40,7 +40,9 @@ def flash(
     \b
     Example: foldcar flash scenarios/width_study.json --experiment 1 --set width=95
     """
-    # Before the slow imports: without a board there is nothing to do.
+    # Before the slow imports: without firmware or a board there is nothing to do.
+    if file is None:
+        _project()
     board = _board(port) if file is None else ""
     from foldcar.atomic_file import atomic_file
     from foldcar.car.car_file import car_json
@@ -68,9 +70,9 @@ def flash(
 
 def _board(port: str | None) -> str:
     """The serial port of the board; FoldcarError if there is none, or the named one is no board's."""
-    from foldcar.link.ports import choose_port
+    from foldcar.link.ports import SERIAL_PATHS, choose_port
 
-    if port is not None and not port.startswith("/dev/tty") and not port.startswith("COM"):
+    if port is not None and not port.startswith((*SERIAL_PATHS, "COM")):
         raise FoldcarError(f"--port {port}: not the serial port of a board; `foldcar link` starts a simulated car")
     if port is not None and port.startswith("/dev/") and not Path(port).exists():
         raise FoldcarError(f"--port {port}: no such port; is the board plugged in?")

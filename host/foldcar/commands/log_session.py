@@ -27,7 +27,7 @@ from foldcar.errors import FoldcarError
 from foldcar.interrupts import at_once
 from foldcar.link.car import Car, CarIdentity, greet
 from foldcar.link.parameters import read_parameters
-from foldcar.link.ports import choose_port
+from foldcar.link.ports import SERIAL_PATHS, choose_port
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import TlogWriter
 from foldcar.output_folder import make_output_folder
@@ -217,7 +217,7 @@ class LogSession:
     def _greet_again(self, typed: str) -> None:
         """Connect to the car at the typed port, its last one or a new one: a port's name may change after unplugging."""
         port = typed or self._port
-        if not typed and port.startswith("/dev/tty") and not Path(port).exists():
+        if not typed and port.startswith(SERIAL_PATHS) and not Path(port).exists():
             port = choose_port(None)
         self._disconnect()
         self._connect(port)

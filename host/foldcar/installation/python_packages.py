@@ -12,7 +12,7 @@ from foldcar import __version__
 from foldcar.installation.finding import Finding
 
 LEAST_PYTHON = (3, 10)
-AGAIN = "make setup; where the package is installed by itself: pip install --force-reinstall foldcar"
+AGAIN = "make setup; where the package is installed by itself: pip install --force-reinstall foldcar-….whl"
 
 # Of Debian and Ubuntu; Scenic's image library loads them.
 SYSTEM_LIBRARIES = "libgl1 libglib2.0-0 libxcb1"

@@ -45,7 +45,7 @@ def simulator_with_mujoco(checkout: Path | None, project: PlatformioProject | No
     except FoldcarError as error:
         return Finding(
             "MuJoCo", "absent", f"{error}; only --engine mujoco and foldcar crosscheck need it",
-            _again(checkout, "make mujoco"),
+            "make mujoco" if checkout is not None else "pip install 'foldcar[mujoco]', which needs Python 3.11 or newer",
         )  # fmt: skip
     return _compared("MuJoCo", "absent", carsim, MUJOCO, checkout, project)
 
@@ -75,7 +75,7 @@ def _compared(
 
 
 def _again(checkout: Path | None, target: str) -> str:
-    return target if checkout is not None else "pip install --force-reinstall 'foldcar[mujoco]'"
+    return target if checkout is not None else "pip install --force-reinstall foldcar-….whl"
 
 
 def _digests(checkout: Path, project: PlatformioProject, compiler: str, libraries: list[Path]) -> list[str]:

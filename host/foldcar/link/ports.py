@@ -18,6 +18,10 @@ BRIDGES = {
 }
 
 
+# How the paths of serial ports begin, on Linux and on macOS; Windows has COM1 and so on.
+SERIAL_PATHS = ("/dev/tty", "/dev/cu.")
+
+
 @dataclass(frozen=True, slots=True)
 class UsbPort:
     """A serial port: its path, its bridge or description, and whether that is a Feather's bridge."""

@@ -13,6 +13,14 @@ from typing import Protocol
 
 from foldcar.errors import FoldcarError
 
+try:
+    import termios  # noqa: F401
+except ImportError:
+    # Windows: its serial ports cannot be waited for together with other input.
+    HAS_TERMINALS = False
+else:
+    HAS_TERMINALS = True
+
 BAUD = 115200
 CONNECT_S = 5.0
 # A buffer that stays full for this long means that the car has stopped reading.
@@ -60,7 +68,7 @@ class _FileStream:
 
     def read(self) -> bytes:
         try:
-            data = os.read(self._descriptor, READ_BYTES)
+            data = self._take()
         except BlockingIOError:
             return b""
         except OSError as error:
@@ -73,12 +81,18 @@ class _FileStream:
     def write(self, data: bytes) -> None:
         while data:
             try:
-                data = data[os.write(self._descriptor, data) :]
+                data = data[self._give(data) :]
             except BlockingIOError:
                 if not select.select([], [self._descriptor], [], WRITE_S)[1]:
                     raise LinkLostError(f"{self.name}: the car has accepted no bytes for {WRITE_S:g} s") from None
             except OSError as error:
                 raise self._lost(error) from error
+
+    def _take(self) -> bytes:
+        return os.read(self._descriptor, READ_BYTES)
+
+    def _give(self, data: bytes) -> int:
+        return os.write(self._descriptor, data)
 
     def _lost(self, error: OSError) -> LinkLostError:
         return LinkLostError(f"{self.name}: the connection is lost ({error.strerror})")
@@ -104,11 +118,20 @@ class _TcpStream(_FileStream):
         super().__init__(name, self._socket.fileno())
         self._socket.setblocking(False)
 
+    # On Windows a socket is no file.
+    def _take(self) -> bytes:
+        return self._socket.recv(READ_BYTES)
+
+    def _give(self, data: bytes) -> int:
+        return self._socket.send(data)
+
     def close(self) -> None:
         self._socket.close()
 
 
 def _open_serial(name: str) -> Stream:
+    if not HAS_TERMINALS:
+        raise FoldcarError(f"{name}: cars on USB are driven on Linux and macOS; use WSL (docs/installation.md)")
     import serial
 
     if not Path(name).exists():

@@ -64,7 +64,8 @@ def find_carsim(engine: str = SIDE_VIEW) -> Path:
     if packaged is not None:
         # The program looks for the library there (tools/mujoco_library.py).
         if program.title and not any((packaged.parents[1] / "mujoco").glob("libmujoco.*")):
-            raise CarsimError(f"no package mujoco in {packaged.parents[1]}: run `pip install 'foldcar[mujoco]'`")
+            remedy = "run `pip install 'foldcar[mujoco]'` (Python 3.11 or newer)"
+            raise CarsimError(f"no package mujoco in {packaged.parents[1]}: {remedy}")
         return packaged
     what = "carsim with MuJoCo" if program.title else "carsim"
     project = source_tree()

@@ -52,7 +52,7 @@ def main() -> None:
     parser.add_argument("--listing", type=Path, help="instead of widths times radii; its first experiment")
     parser.add_argument("--widths", type=int, default=50)
     parser.add_argument("--radii", type=int, default=20)
-    parser.add_argument("--environments", type=int, default=1000, help="of a family of widths and radii")
+    parser.add_argument("--environments", type=int, default=1000, help="for each car")
     chosen = parser.parse_args()
     if chosen.store.exists() or chosen.store.resolve().is_relative_to(PROJECT):
         parser.error(f"{chosen.store}: is there already, or is inside the repository")
@@ -62,7 +62,7 @@ def main() -> None:
         if file is None:
             file = Path(folder, "drawn_results.json")
             file.write_text(json.dumps(listing(chosen.widths, chosen.radii, chosen.environments)))
-        study = read_study(file)
+        study = read_study(file, environments=chosen.environments)
         experiment = study.experiments[0]
         with write_store(chosen.store) as writer:
             facts = study_facts(study, carsim, "bench/big_store.py: results drawn, not simulated")

@@ -2,7 +2,8 @@
 
 The runs' results are DRAWN from a smooth success over the designs' first two parameters, not simulated: no number in
 such a store says anything about cars. Designs, scenes and rows are those that a sweep writes, by its own writer. Scenes
-are sampled SCENES times and then repeat, each under a name of its own. Keep the store outside the repository.
+are sampled SCENES times and then repeat, each under a name of its own. Keep the store outside the repository. With
+`--listing scenarios/kerb.json` its family is that of bench/scale.py, and a sweep of that listing finds nothing to do.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from foldcar.simulation.results import NATIVE_OUTCOMES
 from foldcar.store.writer import PlannedRun, StoreWriter, write_store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, read_study
+from foldcar.study.planned_designs import PlannedDesigns
 from foldcar.study.sweep import plan_experiment, study_facts
 
 PROJECT = Path(__file__).resolve().parents[1]
@@ -47,19 +49,21 @@ def main() -> None:
     """Write the store named on the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("store", type=Path)
+    parser.add_argument("--listing", type=Path, help="instead of widths times radii; its first experiment")
     parser.add_argument("--widths", type=int, default=50)
     parser.add_argument("--radii", type=int, default=20)
-    parser.add_argument("--environments", type=int, default=1000)
+    parser.add_argument("--environments", type=int, default=1000, help="for each car")
     chosen = parser.parse_args()
     if chosen.store.exists() or chosen.store.resolve().is_relative_to(PROJECT):
         parser.error(f"{chosen.store}: is there already, or is inside the repository")
     carsim = Carsim()
     with tempfile.TemporaryDirectory() as folder:
-        text = json.dumps(listing(chosen.widths, chosen.radii, chosen.environments))
-        file = Path(folder, "drawn_results.json")
-        file.write_text(text)
-        study = read_study(file)
-        (experiment,) = study.experiments
+        file = chosen.listing
+        if file is None:
+            file = Path(folder, "drawn_results.json")
+            file.write_text(json.dumps(listing(chosen.widths, chosen.radii, chosen.environments)))
+        study = read_study(file, environments=chosen.environments)
+        experiment = study.experiments[0]
         with write_store(chosen.store) as writer:
             facts = study_facts(study, carsim, "bench/big_store.py: results drawn, not simulated")
             writer.begin_study(facts, carsim.build)
@@ -69,7 +73,7 @@ def main() -> None:
 def write_runs(writer: StoreWriter, experiment: Experiment, carsim: Carsim) -> int:
     """Write all runs of the experiment with drawn results; gives their number."""
     environment = Environment(experiment)
-    plan = plan_experiment(experiment, environment, writer, carsim.parameter_table())
+    plan = plan_experiment(experiment, environment, writer, PlannedDesigns(experiment, carsim.parameter_table(), None))
     writer.put_dynamic(plan.environment_id, environment.dynamic)
     scenes = [environment.sample(k) for k in range(min(SCENES, plan.environments))]
     designs = [tuple(design.columns[name] for name in experiment.family.varied) for design in experiment.family]

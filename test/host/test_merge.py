@@ -168,7 +168,7 @@ def test_what_cannot_be_merged_is_said_in_one_line(tmp_path: Path, foldcar: Call
     old_store(3, tmp_path / "old.db")
     fill(tmp_path / "a.db")
     told = {
-        ("a.db", "old.db", "-o", "m.db"): "old.db: is of version 3; bring it to 6 first: foldcar migrate old.db",
+        ("a.db", "old.db", "-o", "m.db"): "old.db: is of version 3; bring it to 7 first: foldcar migrate old.db",
         ("a.db", "none.db", "-o", "m.db"): "none.db: no such store",
         ("a.db", "-o", "m.db"): "merge: name two stores or more",
         ("a.db", "old.db", "-o", "a.db"): "a.db: is read by this command; name another file to write",

@@ -133,6 +133,29 @@ def test_nothing_that_is_there_is_run_again(tmp_path: Path) -> None:
         assert [r.design["width_mm"] for r in store.results("1")] == [65, 65, 95, 95]
 
 
+def test_a_run_takes_less_than_a_hundred_bytes(tmp_path: Path) -> None:
+    """New rows stand behind those there, so that pages are full: a million runs are 100 MB."""
+    widths, samples = tuple(range(50, 350)), 60
+
+    def measured(run: PlannedRun) -> dict[str, Any]:
+        numbers = ("elapsed_time_s", "distance_to_target_m", "consumed_energy_j", "max_roll_rad", "max_pitch_rad")
+        return {"outcome": "passed", **{name: 1 / (run.design + run.sample + at + 2) for at, name in enumerate(numbers)}}
+
+    with write_store(tmp_path / "s.db") as writer:
+        writer.begin_study(STUDY, "b1")
+        planned = plan(writer, widths=widths)
+        before = (tmp_path / "s.db").stat().st_size
+        for sample in range(samples):
+            writer.put_sample(planned.environment_id, sample, {"scene": sample})
+            writer.put_draw(planned.spread_id, sample, {})
+            runs = list(writer.planned_runs(planned, sample))
+            for at in range(0, len(runs), 50):
+                writer.add_results((run, measured(run)) for run in runs[at : at + 50])
+
+    size = (tmp_path / "s.db").stat().st_size
+    assert size - before < 100 * len(widths) * samples
+
+
 def test_an_experiment_is_named_or_refused(tmp_path: Path) -> None:
     fill(tmp_path / "s.db")
 
@@ -188,7 +211,7 @@ def test_scenes_and_variations_that_look_alike_may_differ(tmp_path: Path) -> Non
         runs = [next(writer.planned_runs(planned, sample)) for sample in (0, 1)]
 
         assert len({run.scene_id for run in runs}) == len({run.variation_id for run in runs}) == 2
-        assert [writer.text("scene", run.scene_id) for run in runs] == ["{}", "{}"]
+        assert [writer.texts("scene", [run.scene_id])[run.scene_id] for run in runs] == ["{}", "{}"]
 
 
 def test_whether_a_program_is_dynamic_is_remembered(tmp_path: Path) -> None:

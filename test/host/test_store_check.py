@@ -232,7 +232,7 @@ def test_what_was_not_read_is_not_blessed(store: Path) -> None:
     with write_trials(store) as writer, pytest.raises(StoreError, match=r"trial \(id=1\) is damaged"):
         writer.correct(1, {"note": "n"}, "why", "")
     with write_store(store) as study, Store.open(store) as reader:
-        assert study.text("body", 1)
+        assert study.texts("body", [1])[1]
         assert [t.id for t in reader.trials("nothing")] == []
 
     assert check_store(store).findings == ["trial (id=1): does not match its checksum"]

@@ -52,6 +52,11 @@ def load_components(file: Path) -> list[str]:
     return _loaded[path]
 
 
+def loaded_files() -> list[Path]:
+    """The files that were loaded."""
+    return list(_loaded)
+
+
 def place_of(error: BaseException) -> str | None:
     """File and line of the user's component that raised the exception, or None if none did."""
     for frame in reversed(traceback.extract_tb(error.__traceback__)):

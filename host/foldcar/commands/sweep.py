@@ -74,6 +74,7 @@ def sweep(
     from foldcar.study.engine_study import engine_study
     from foldcar.study.environments import mutation_notes
     from foldcar.study.experiments import read_study
+    from foldcar.study.planned_designs import planned_designs
     from foldcar.study.progress import Progress
     from foldcar.study.stopping import stopping_rules
     from foldcar.study.sweep import planned_total
@@ -86,6 +87,7 @@ def sweep(
     rules = stopping_rules(until, study) if until is not None else {}
     for note in mutation_notes(study.experiments):
         typer.echo(f"note: {note}", err=True)
+    planned = planned_designs(study, store, carsim.parameter_table())
     most = planned_total(study)
     progress = Progress(total=most)
     designs = sum(len(chosen.family) for chosen in study.experiments) if rules else None
@@ -100,7 +102,7 @@ def sweep(
         ProgressBar(progress, designs) as bar,
         simulators(scheduler, jobs, carsim, bar.say) as places,
     ):
-        run_sweep(study, store, carsim, places, command, bar.update, progress, bar.say, environment_of, rules)
+        run_sweep(study, store, carsim, places, command, bar.update, progress, bar.say, environment_of, rules, planned)
     if as_json:
         print_json(
             {

@@ -4,12 +4,15 @@ Input: whether it is narrow. Output: a figure, a title and a number of columns t
 """
 
 import textwrap
+from collections.abc import Iterable
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 WIDE_IN, NARROW_IN = 7.2, 3.6
 NARROW_TITLE = 44
+# Letters of a legend's line in the wide and the narrow figure, those for an entry's line and gaps among them.
+WIDE_LEGEND, NARROW_LEGEND, ENTRY = 110, 54, 10
 
 
 def sized_figure(narrow: bool, height_in: float = 3.7) -> Figure:
@@ -25,3 +28,9 @@ def set_title(axes: Axes, title: str, narrow: bool) -> None:
 def legend_columns(narrow: bool, wide: int) -> int:
     """Columns of a legend that has ``wide`` of them in the wide figure."""
     return min(2, wide) if narrow else wide
+
+
+def fitting_columns(labels: Iterable[str], narrow: bool) -> int:
+    """Columns of a legend with these labels that are not wider than the figure."""
+    lengths = [len(label) + ENTRY for label in labels]
+    return max(1, min(len(lengths), (NARROW_LEGEND if narrow else WIDE_LEGEND) // max(lengths, default=1)))

@@ -1,6 +1,7 @@
 """Draws success over two parameters: a cell for each design, contours of a smooth model at the thresholds."""
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Any
 
 import matplotlib
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from foldcar.figures.style import INK
 from foldcar.report.axis import interval_text, parameter_label, value_text
 from foldcar.report.design_table import Count, assigned, every
-from foldcar.report.figure_size import NARROW_IN, WIDE_IN, legend_columns
+from foldcar.report.figure_size import NARROW_IN, NARROW_TITLE, WIDE_IN, legend_columns
 from foldcar.report.map_plan import MapPlan, Panel
 from foldcar.report.tips import set_tip
 
@@ -29,6 +30,8 @@ OUTLINE: Any = [withStroke(linewidth=3.2, foreground="black")]
 NOT_RUN = "#e6e6e6"
 HATCH = "#3a3a3a"
 PANEL_HEIGHT_IN = {1: 4.3, 2: 3.4}
+# Letters of a line above panels side by side.
+WIDE_TITLE = 68
 MOST_TICKS = 9
 
 
@@ -44,7 +47,7 @@ def draw_map(plan: MapPlan, thresholds: Sequence[float], narrow: bool = False) -
     norm = Normalize(0, 100)
     for panel, axes in zip(plan.panels, grid.flat, strict=False):
         _draw_panel(axes, panel, plan.y, thresholds, norm, (width - (0.8 if narrow else 1.6)) / columns, each - 0.9)
-        axes.set_title(panel.fixed_text or _title(plan))
+        axes.set_title(fill(panel.fixed_text or _title(plan), NARROW_TITLE if narrow else WIDE_TITLE // columns))
     for axes in list(grid.flat)[count:]:
         axes.set_visible(False)
     # The lowest of each column: the last row may be incomplete.

@@ -5,6 +5,7 @@ Input: an experiment's runs. Output: a part with the designs nearest to the thre
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from textwrap import fill
 from typing import Any
 
 import numpy
@@ -16,7 +17,7 @@ from foldcar.analysis.intervals import jeffreys_interval
 from foldcar.figures.style import ACCENT, INK
 from foldcar.report.advice_slots import Drawing, Part
 from foldcar.report.figure_options import FigureOptions
-from foldcar.report.figure_size import legend_columns, set_title, sized_figure
+from foldcar.report.figure_size import NARROW_TITLE, fitting_columns, set_title, sized_figure
 from foldcar.report.file_names import file_name_part
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.frames import run_arrays
@@ -101,7 +102,8 @@ def draw_settling(curves: Mapping[str, Convergence], threshold: float, narrow: b
     """The rates (%) of designs by the number of environments, each with the band of its intervals."""
     figure = sized_figure(narrow, 3.2)
     axes = figure.subplots()
-    for colour, (label, curve) in zip(COLOURS, curves.items(), strict=False):
+    for colour, (name, curve) in zip(COLOURS, curves.items(), strict=False):
+        label = fill(name, NARROW_TITLE) if narrow else name
         at = numpy.unique(numpy.linspace(0, len(curve.rates) - 1, MOST_POINTS).round().astype(int))
         environments = curve.environments[at]
         axes.fill_between(environments, 100 * curve.low[at], 100 * curve.high[at], color=colour, alpha=0.15, linewidth=0)
@@ -112,5 +114,5 @@ def draw_settling(curves: Mapping[str, Convergence], threshold: float, narrow: b
     axes.set_xlabel("environments")
     axes.set_ylabel("passed (%)")
     set_title(axes, "Success as environments were added", narrow)
-    figure.legend(loc="outside lower center", ncols=legend_columns(narrow, len(COLOURS)))
+    figure.legend(loc="outside lower center", ncols=fitting_columns(curves, narrow))
     return figure

@@ -43,13 +43,13 @@ def spread_fingerprint(spread: Mapping[str, float], seed: int) -> str:
 @cache
 def scene_code() -> str:
     """The hash of foldcar's code, vocabulary included, that samples scenes and runs Scenic beside carsim."""
-    return _folders_digest(SCENE_FOLDERS)
+    return folders_digest(SCENE_FOLDERS)
 
 
 @cache
 def variation_code() -> str:
     """The hash of the code and data that draw variations and apply them to bodies."""
-    return _folders_digest([VARIATION_FOLDER])
+    return folders_digest([VARIATION_FOLDER])
 
 
 def scenic_version() -> str:
@@ -57,7 +57,7 @@ def scenic_version() -> str:
     return version("scenic")
 
 
-def _folders_digest(folders: Sequence[Path]) -> str:
+def folders_digest(folders: Sequence[Path]) -> str:
     """The hash of names and contents of all files below the folders, except compiled Python."""
     digest = hashlib.sha256()
     for folder in folders:

@@ -16,7 +16,8 @@ from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment
-from foldcar.study.sweep import is_dynamic, plan_experiment, planned_design
+from foldcar.study.planned_designs import PlannedDesigns, planned_design
+from foldcar.study.sweep import is_dynamic, plan_experiment
 
 # The values of a family's parameters, in the order of its choices.
 Values = tuple[float, ...]
@@ -96,9 +97,8 @@ class Bench:
     def _record(self, members: Sequence[Values]) -> None:
         family = self._experiment.family.only(dict.fromkeys(members))
         experiment = replace(self._experiment, family=family)
-        self._plan = plan_experiment(
-            experiment, self._environment, self._writer, self._table, searched=self._searched
-        )
+        designs = PlannedDesigns(experiment, self._table, None)
+        self._plan = plan_experiment(experiment, self._environment, self._writer, designs, searched=self._searched)
         built = [values for values in dict.fromkeys(members) if family.error(values) is None]
         self._positions = {values: position for position, values in enumerate(built)}
 

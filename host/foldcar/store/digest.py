@@ -37,7 +37,7 @@ def store_digest(store: Store) -> tuple[str, int]:
 
 def _with_recorded(store: Store) -> Iterator[tuple[Row, list[Any]]]:
     """Every run with what was recorded in it, as [name, kind, JSON text] in the order of names."""
-    order = f"ORDER BY {', '.join(RUN.key)}"
+    order = f"ORDER BY {', '.join(RUN.order)}"
     groups = itertools.groupby(
         store.rows(RECORDED, f"{order}, name"), lambda row: tuple(row[column] for column in RUN.key)
     )

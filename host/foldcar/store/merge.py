@@ -80,7 +80,7 @@ class _Merge:
         }  # fmt: skip
         for table in TABLES:
             self._numbers[table.name] = {}
-            order = "position" if table is EXPERIMENT else ", ".join(table.key)
+            order = "position" if table is EXPERIMENT else ", ".join(table.order or table.key)
             for row in read_rows(path, source, table, f"ORDER BY {order}"):
                 if table is TRIAL and row["log"] is not None:
                     row["log"] = self._log(path, row)
@@ -158,7 +158,7 @@ class _Merge:
         for name in sorted(facts.keys() | known.keys()):
             if facts.get(name) != known.get(name):
                 self._differs(EXPERIMENT, row, name, facts.get(name), known.get(name))
-        self._compare(EXPERIMENT, row, there, ("position", "environments", "facts"))
+        self._compare(EXPERIMENT, row, there, ("position", "environments", "facts", "designs", "designs_fingerprint"))
         if row["environments"] > there["environments"]:
             self._insert(EXPERIMENT, {**there, "environments": row["environments"]}, "OR REPLACE")
 

@@ -11,6 +11,7 @@ names of their columns, checked and with checksums. All of it is one transaction
 | 4 | checksums; a metric that is new gets its column without a new version |
 | 5 | whether a trial's car was built or simulated, withdrawn trials, the view of trials |
 | 6 | calibrations of the simulator |
+| 7 | runs in the order in which sweeps make them; what an experiment's designs follow from |
 """
 
 import contextlib
@@ -29,7 +30,7 @@ from foldcar.store.rows import check_json, insert_sql, key_text, stored
 from foldcar.store.tables import RESULT_VIEW, RUN, TABLES, VIEWS, Table
 from foldcar.store.trial_records import BUILT
 
-VERSION = 6
+VERSION = 7
 
 
 def create_tables(connection: sqlite3.Connection) -> None:
@@ -178,7 +179,9 @@ def _rebuild(path: Path, connection: sqlite3.Connection) -> None:
 def _rows_of_old(path: Path, connection: sqlite3.Connection, table: Table) -> Iterator[tuple[Any, ...]]:
     there = [name for _, name, *_ in connection.execute(f"PRAGMA table_info(old_{table.name})")]
     names = [name for name in table.names if name in there]
-    for cells in connection.execute(f"SELECT {', '.join(names)} FROM old_{table.name}"):
+    # In their new order, so that they are written one behind the other.
+    order = f" ORDER BY {', '.join(table.order)}" if table.order else ""
+    for cells in connection.execute(f"SELECT {', '.join(names)} FROM old_{table.name}{order}"):
         old = dict(zip(names, cells, strict=True))
         try:
             row = stored(table, old)

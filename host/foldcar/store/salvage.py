@@ -49,7 +49,7 @@ def salvage(path: Path) -> Salvaged:
     version = pages.version()
     # Where a table's pages are is not known without its place in the schema.
     done.pages.update(t.name for t in TABLES if t.name not in schema and not (t is CALIBRATION and version == 5))
-    columns = {table.name: _columns(table, schema.get(table.name, (0, ""))[1]) for table in TABLES}
+    columns = {table.name: _columns(table, schema.get(table.name, (0, ""))[1], version) for table in TABLES}
     if CHECKSUM not in columns[RUN.name] or "withdrawn" not in columns[TRIAL.name]:
         raise StoreError(f"{path}: is of version {version}: rows of versions 1 to 4 cannot be proved to be whole")
     owners: dict[int, str] = {}
@@ -115,15 +115,19 @@ def _schema(pages: Pages) -> Iterator[tuple[str, tuple[int, str]]]:
                     yield name, (root, sql)
 
 
-def _columns(table: Table, sql: str) -> Sequence[str]:
-    """The columns in the file's order: a metric that came later stands last."""
+def _columns(table: Table, sql: str, version: int) -> Sequence[str]:
+    """The columns in the order of records: those of a key of several first, a metric that came later last."""
     with contextlib.suppress(sqlite3.Error), contextlib.closing(sqlite3.connect(":memory:")) as connection:
         connection.execute(sql)
-        found = [str(name) for _, name, *_ in connection.execute(f"PRAGMA table_info({table.name})")]
+        told = connection.execute(f"PRAGMA table_info({table.name})").fetchall()
+        if len(table.key) > 1:
+            told.sort(key=lambda one: one[-1] or len(told) + one[0])
+        found = [str(name) for _, name, *_ in told]
         # A damaged name is none of a column.
         if found and not set(found) - {*table.names, CHECKSUM}:
             return found
-    return (*table.names, CHECKSUM)
+    first = table.order if version >= 7 else ()
+    return (*first, *(name for name in table.names if name not in first), CHECKSUM)
 
 
 def _keep(

@@ -40,13 +40,17 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table: ``key`` names the columns that tell its rows apart, ``unique`` one more that does."""
+    """A table: ``key`` names the columns that tell its rows apart, ``unique`` one more that does.
+
+    ``order`` names those of the key in the order in which rows stand in the file; by default that of ``key``.
+    """
 
     name: str
     meaning: str
     columns: tuple[Column, ...]
     key: tuple[str, ...] = ("id",)
     unique: str | None = None
+    order: tuple[str, ...] = ()
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -78,7 +82,7 @@ class Table:
         """CREATE TABLE."""
         parts = [column.sql for column in self.columns]
         parts.append(f"{CHECKSUM} INTEGER NOT NULL")
-        parts.append(f"PRIMARY KEY ({', '.join(self.key)})")
+        parts.append(f"PRIMARY KEY ({', '.join(self.order or self.key)})")
         if self.unique:
             parts.append(f"UNIQUE ({self.unique})")
         return f"CREATE TABLE {self.name} ({', '.join(parts)}){' WITHOUT ROWID' if len(self.key) > 1 else ''}"
@@ -110,6 +114,8 @@ _RUN_KEY = tuple(
     )
 )
 _RUN_KEY_NAMES = tuple(column.name for column in _RUN_KEY)
+# A sweep simulates all designs in a sample before the next: so new rows stand behind those there, on full pages.
+_RUN_ORDER = ("build_id", "scene_id", "variation_id", "body_id", "settings_id")
 
 RUN = Table(
     "run",
@@ -121,6 +127,7 @@ RUN = Table(
         Column("message", "TEXT", "why a failed run failed", null=True),
     ),
     key=_RUN_KEY_NAMES,
+    order=_RUN_ORDER,
 )
 RECORDED = Table(
     "recorded",
@@ -132,6 +139,7 @@ RECORDED = Table(
         Column("value", "JSON", "the value; that of a series is a list of [time in s, value]"),
     ),
     key=(*_RUN_KEY_NAMES, "name"),
+    order=(*_RUN_ORDER, "name"),
 )
 STUDY = Table(
     "study",
@@ -184,6 +192,8 @@ EXPERIMENT = Table(
         Column("vehicle", "TEXT", "the vehicle's name in the listing"),
         Column("environment", "TEXT", "the environment's name in the listing"),
         Column("facts", "JSON", "what else the listing says of it"),
+        Column("designs", "INTEGER", "how many designs it has", null=True),
+        Column("designs_fingerprint", "TEXT", "hash of all that its designs follow from, if it is known", null=True),
     ),
 )
 DESIGN = Table(

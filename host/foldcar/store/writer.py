@@ -19,6 +19,7 @@ from foldcar.store.connection import StoreConnection
 from foldcar.store.design_counts import DesignCounts, design_counts
 from foldcar.store.info import listed_id
 from foldcar.store.opening import writing
+from foldcar.store.stored_designs import designs_of
 from foldcar.store.tables import BY_NAME, DESIGN, ENVIRONMENT, EXPERIMENT, RECORDED, RESULT_JOIN, RUN, STUDY
 
 PAGE_ROWS = 1000
@@ -74,10 +75,18 @@ class StoreWriter(StoreConnection):
             kept = {**facts, **{row["key"]: row["value"] for row in first}}
             self._insert(STUDY, ({"key": key, "value": value} for key, value in kept.items()), "OR REPLACE")
 
-    def put_experiment(self, plan: PlannedExperiment, designs: Iterable[PlannedDesign]) -> None:
-        """Record an experiment and its designs, replacing an earlier one with the same id. Runs are kept."""
+    def put_experiment(
+        self, plan: PlannedExperiment, designs: Iterable[PlannedDesign], fingerprint: str | None = None
+    ) -> None:
+        """Record an experiment and its designs, replacing an earlier one with the same id. Runs are kept.
+
+        ``fingerprint`` is the hash of all that the designs follow from: those stored under it are left as they are.
+        """
         with self._transaction():
-            self._run("DELETE FROM design WHERE experiment = ?", plan.id)
+            there = designs_of(self.path, self._connection, plan.id) if fingerprint is not None else None
+            count = len(there.parameters) if there is not None and there.fingerprint == fingerprint else None
+            if count is None:
+                self._run("DELETE FROM design WHERE experiment = ?", plan.id)
             places = {row["id"]: row["position"] for row in self._rows(EXPERIMENT)}
             experiment = {
                 "id": plan.id,
@@ -90,10 +99,16 @@ class StoreWriter(StoreConnection):
                 "vehicle": plan.vehicle,
                 "environment": plan.environment,
                 "facts": json.dumps(plan.facts),
+                "designs": count,
+                "designs_fingerprint": fingerprint,
             }
+            # Designs refer to it: it is there before them.
             self._insert(EXPERIMENT, [experiment], "OR REPLACE")
-            for position, design in enumerate(designs):
-                self._put_design(plan.id, position, design)
+            if count is None:
+                for position, design in enumerate(designs):
+                    self._put_design(plan.id, position, design)
+                (count,) = self._run("SELECT count(*) FROM design WHERE experiment = ?", plan.id).fetchone()
+                self._update(EXPERIMENT, {**experiment, "designs": count if fingerprint is not None else None})
 
     def add_design(self, experiment: str, position: int, design: PlannedDesign) -> None:
         """Record one more design of an experiment, at the position after its last."""
@@ -247,9 +262,15 @@ class StoreWriter(StoreConnection):
                 return
             next_design = rows[-1][0] + 1
 
-    def text(self, table: str, row_id: int) -> str:
-        """The JSON text of a row of ``body``, ``scene``, ``settings`` or ``variation``."""
-        return str(self._row(BY_NAME[table], id=row_id)["json"])
+    def texts(self, table: str, row_ids: Iterable[int]) -> dict[int, str]:
+        """The JSON texts of rows of ``body``, ``scene``, ``settings`` or ``variation``, at most some thousands."""
+        wanted = set(row_ids)
+        where = f"WHERE id IN ({', '.join('?' * len(wanted))})"
+        found = {row["id"]: str(row["json"]) for row in self._rows(BY_NAME[table], where, *wanted)}
+        for missing in wanted - found.keys():
+            # Raises the error that names it.
+            found[missing] = str(self._row(BY_NAME[table], id=missing)["json"])
+        return found
 
     def result(self, run: PlannedRun) -> dict[str, Any]:
         """The stored outcome and metrics of a run that has a result."""

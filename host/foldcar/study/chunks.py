@@ -120,8 +120,8 @@ class ChunkPool:
         runner = self._runner
         assert runner is not None, "runs are added inside `using`"
         bodies = self._bodies(runs)
-        scenes = {f"s{key}": self._writer.text("scene", key) for key in {run.scene_id for run in runs}}
-        settings = {key: self._writer.text("settings", key) for key in {run.settings_id for run in runs}}
+        scenes = {f"s{key}": text for key, text in self._writer.texts("scene", (run.scene_id for run in runs)).items()}
+        settings = self._writer.texts("settings", (run.settings_id for run in runs))
         requests = [
             RunRequest(
                 _body_name(run),
@@ -140,10 +140,9 @@ class ChunkPool:
 
     def _bodies(self, runs: list[PlannedRun]) -> dict[str, str]:
         """The JSON text of every car of a chunk by its name, with its variation applied."""
-        designs = {key: self._writer.text("body", key) for key in {run.body_id for run in runs}}
-        variations = {
-            key: json.loads(self._writer.text("variation", key)) for key in {run.variation_id for run in runs}
-        }
+        designs = self._writer.texts("body", (run.body_id for run in runs))
+        told = self._writer.texts("variation", (run.variation_id for run in runs))
+        variations = {key: json.loads(text) for key, text in told.items()}
         if not any(variations.values()):
             return {_body_name(run): designs[run.body_id] for run in runs}
         parsed = {key: json.loads(text) for key, text in designs.items()}

@@ -55,6 +55,11 @@ class Family:
             first = dict(zip(self.choices, next(self._combinations()), strict=True))
             raise self._listing_error([(self._origin(e.parameter), e.message) for e in self._errors(first)])
 
+    def take_as_sound(self, built: Iterable[Mapping[str, float]]) -> None:
+        """Members, by their columns, are known to be such that can be built."""
+        columns = self.columns()
+        self._checked.update((tuple(one[column] for column in columns), None) for one in built)
+
     @property
     def vehicle_type(self) -> str:
         """The type string of its members: their modules and the parts that are not the default ones."""

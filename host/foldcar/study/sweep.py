@@ -12,21 +12,19 @@ from pathlib import Path
 
 from foldcar import __version__
 from foldcar.analysis.stopping import StoppingRule
-from foldcar.car.body import body_json
-from foldcar.car.design import Design
-from foldcar.car.firmware_parameters import TableRow
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import delayed
 from foldcar.scenes.fingerprint import scenic_version
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import outcome_of
 from foldcar.simulation.simulators import Simulators
-from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
+from foldcar.store.writer import PlannedExperiment, StoreWriter, write_store
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
 from foldcar.study.experiment_runs import ExperimentRuns
 from foldcar.study.experiments import Experiment, Study
 from foldcar.study.family import Family
+from foldcar.study.planned_designs import PlannedDesigns, planned_designs
 from foldcar.study.progress import Progress
 from foldcar.study.stopping import design_states
 
@@ -45,20 +43,20 @@ def sweep(
     announce: Callable[[str], None] = lambda line: None,
     environment_of: Callable[[Experiment], Environment] = Environment,
     until: Mapping[str, StoppingRule] | None = None,
+    designs: Mapping[str, PlannedDesigns] | None = None,
 ) -> Progress:
     """Simulate the missing runs; ``report`` is called after every step; ``progress``, if given, is updated.
 
     ``simulators`` is where they are simulated, or how many simulators there are on this machine. ``announce``
     is given what holds for the sweep, a line at a time, before its first run. ``environment_of`` makes the environments:
-    those of a calibration are others. ``until`` holds, by experiment, when a design needs no more runs.
+    those of a calibration are others. ``until`` holds, by experiment, when a design needs no more runs; ``designs`` its
+    designs, if they are known.
 
     Nothing is written before every design and, for a new store, every environment has been checked. FoldcarError.
     """
     table = carsim.parameter_table()
+    designs = planned_designs(study, store, table) if designs is None else designs
     counts = progress if progress is not None else Progress(total=planned_total(study))
-    for experiment in study.experiments:
-        for _ in _designs(experiment, table):
-            pass
     environments = [environment_of(experiment) for experiment in study.experiments]
     if not store.exists():
         for environment in environments:
@@ -69,7 +67,7 @@ def sweep(
         writer.begin_study(study_facts(study, carsim, command), carsim.build)
         plans = [
             plan_experiment(
-                experiment, environment, writer, table, (until or {}).get(experiment.id), engine=carsim.engine
+                experiment, environment, writer, designs[experiment.id], (until or {}).get(experiment.id), carsim.engine
             )
             for experiment, environment in zip(study.experiments, environments, strict=True)
         ]
@@ -144,14 +142,14 @@ def plan_experiment(
     experiment: Experiment,
     environment: Environment,
     writer: StoreWriter,
-    table: dict[str, TableRow],
+    designs: PlannedDesigns,
     rule: StoppingRule | None = None,
-    searched: bool = False,
     engine: str = "",
+    searched: bool = False,
 ) -> PlannedExperiment:
     """Record an experiment and its family's designs, replacing an earlier one of that id. FoldcarError.
 
-    ``rule``, ``searched`` and ``engine`` are ExperimentInfo's ``until``, ``searched`` and ``engine``.
+    ``rule``, ``engine`` and ``searched`` are ExperimentInfo's ``until``, ``engine`` and ``searched``.
     """
     first = next(iter(experiment.family))
     varied = experiment.family.varied
@@ -187,7 +185,8 @@ def plan_experiment(
             **({"engine": engine} if engine else {}),
         },
     )
-    writer.put_experiment(plan, _designs(experiment, table))
+    # A search adds designs later.
+    writer.put_experiment(plan, designs, None if searched else designs.fingerprint)
     return plan
 
 
@@ -209,17 +208,6 @@ def _rules(plans: Sequence[PlannedExperiment]) -> Iterator[str]:
         experiments.setdefault(plan.facts["success_rule"], []).append(plan.id)
     for rule, names in experiments.items():
         yield f"experiment{'s' if len(names) > 1 else ''} {', '.join(names)}: {rule}"
-
-
-def _designs(experiment: Experiment, table: dict[str, TableRow]) -> Iterator[PlannedDesign]:
-    for design in experiment.family:
-        yield planned_design(experiment, design, table)
-
-
-def planned_design(experiment: Experiment, design: Design, table: dict[str, TableRow]) -> PlannedDesign:
-    """A design with its inputs of the simulator. FoldcarError."""
-    body = body_json(design)
-    return PlannedDesign(design.columns, body, experiment.settings(design, body, table))
 
 
 def study_facts(study: Study, carsim: Carsim, command: str) -> dict[str, str]:

@@ -140,7 +140,7 @@ test-native: setup
 # Each header compiles alone: what it needs it includes itself. After the tests' build, which fetches Unity.
 headers: setup
 	@for compiler in $(HEADER_COMPILERS); do printf '%s\n' $(HEADERS) | \
-	  xargs -P 2 -I '{}' $$compiler $(HEADER_FLAGS) -x c++ -include '{}' /dev/null || exit 1; \
+	  xargs -P 2 -I '{}' $$compiler $(HEADER_FLAGS) -isystem $(BOX2D)/include -x c++ -include '{}' /dev/null || exit 1; \
 	  echo "$(words $(HEADERS)) headers compile alone with $$compiler"; done
 
 # A third process: several tests wait for a car that drives in real time.

@@ -128,7 +128,7 @@ void meet_solid(const Belly& belly, const Solid& solid, double margin_m, Contact
     contacts.push_back(contact);
     return;
   }
-  static thread_local std::vector<Vec3> polygon, scratch;
+  std::vector<Vec3> polygon, scratch;
   Vec3 plane_point, plane_normal;
   if (meeting.face != nullptr) {
     int axis = 0;

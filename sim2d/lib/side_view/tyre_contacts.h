@@ -5,14 +5,9 @@
 
 #include "contact_solver.h"
 #include "solid.h"
-#include "vec3.h"
+#include "tyre_section.h"
 
 namespace foldcar {
-
-struct Tyre {
-  Vec3 centre, axis;  // axis to the car's left
-  double radius_m, half_width_m;
-};
 
 // Appends the contacts closer than margin_m, each a copy of contact with its point, normal, gap and lateral coordinate.
 void meet_level_ground(const Tyre& tyre, double margin_m, Contact contact, std::vector<Contact>& contacts);

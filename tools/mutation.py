@@ -34,7 +34,8 @@ CAR = [
 # Sources, or folders of them, and the suites that concern them, the quick ones first. The first entry that fits counts.
 TARGETS = {
     "sim2d/lib/side_view/track_terrain.cpp": [*CAR, "test_sim_terrain"],
-    "sim2d/lib/side_view/tyre_": ["test_sim_contacts", *CAR],
+    "sim2d/lib/side_view/tyre_contacts.cpp": ["test_sim_contacts", *CAR],
+    "sim2d/lib/side_view/tyre_section.cpp": ["test_sim_contacts", *CAR],
     "sim2d/lib/side_view/belly_contacts.cpp": ["test_sim_contacts", *CAR],
     "sim2d/lib/engine": CAR,
     "sim2d/lib/side_view": CAR,

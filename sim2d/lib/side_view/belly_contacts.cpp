@@ -102,9 +102,6 @@ void meet_level_ground(const Belly& belly, double margin_m, Contact contact, std
 
 void meet_solid(const Belly& belly, const Solid& solid, double margin_m, Contact contact,
                 std::vector<Contact>& contacts) {
-  const double reach_m = std::sqrt(belly.half_m[0] * belly.half_m[0] + belly.half_m[1] * belly.half_m[1] +
-                                   belly.half_m[2] * belly.half_m[2]) + margin_m;
-  if (belly.middle.z - reach_m > solid.top_m || !overlap(solid.reach, {belly.middle.x, belly.middle.y, reach_m})) return;
   Meeting meeting;
   if (!find_meeting(belly, solid, margin_m, meeting)) return;
   contact.normal = meeting.normal;

@@ -1,6 +1,7 @@
 // Where a belly, a box, touches a block or level ground.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "contact_solver.h"
@@ -13,6 +14,7 @@ struct Belly {
   Vec3 middle;
   Vec3 axes[3];  // forward, left, up
   double half_m[3];
+  double reach_m() const { return std::hypot(std::hypot(half_m[0], half_m[1]), half_m[2]); }
 };
 
 // Appends the contacts closer than margin_m, each a copy of contact with its point, normal, gap and lateral coordinate.

@@ -16,6 +16,9 @@ namespace {
 // The blocks within reach are looked for anew when the car has moved this far.
 constexpr double kNearTolerance_m = 0.05;
 
+// Of more contacts the deepest are taken: no car needs as many to stand on.
+constexpr std::size_t kMostContacts = 200;
+
 // The plane of an outline, through the frame of its cut. Heights are divided by the cosine of the roll for which it was
 // cut: there a leaning wheel is a circle.
 struct CutPlane {
@@ -72,8 +75,14 @@ void ContactSearch::find(const CarDynamics& car, const TrackTerrain* ground, dou
     find_near(car.position_m);
   }
   contacts.clear();
+  faces_ = 0;
   for (std::size_t i = 0; i < body_.wheels.size(); ++i) find_tyre(i, car, ground, margin_m, contacts);
   for (std::size_t j = 0; j < body_.segments.size(); ++j) find_belly(j, car, ground, margin_m, contacts);
+  if (contacts.size() > kMostContacts) {
+    std::nth_element(contacts.begin(), contacts.begin() + kMostContacts, contacts.end(),
+                     [](const Contact& a, const Contact& b) { return a.gap_m < b.gap_m; });
+    contacts.resize(kMostContacts);
+  }
   for (Contact& contact : contacts) {
     // A wall's normal is along the axles: there the second direction is upwards.
     const Vec3 along = cross(car.turn.left, contact.normal);
@@ -91,21 +100,29 @@ void ContactSearch::find_near(const Vec3& at_m) {
   near_once_ = true;
   near_at_m_ = at_m;
   near_.clear();
-  std::size_t faces = 0;
   for (const Solid& solid : terrain_.solids()) {
-    if (!overlap(solid.reach, {at_m.x, at_m.y, reach_m_ + kNearTolerance_m})) continue;
-    near_.push_back(&solid);
-    faces += solid.faces.size();
+    if (overlap(solid.reach, {at_m.x, at_m.y, reach_m_ + kNearTolerance_m})) near_.push_back(&solid);
   }
-  if (static_cast<double>(faces) > kMostFaces) {
-    throw std::runtime_error("scene.terrain.faces: the blocks within reach of the car have " + std::to_string(faces) +
-                             " faces, the limit is " + std::to_string(static_cast<long>(kMostFaces)) +
+}
+
+template <typename Part>
+void ContactSearch::meet_near(const Part& part, const Vec3& middle, double margin_m, const Contact& contact,
+                              std::vector<Contact>& contacts) {
+  const double reach_m = part.reach_m() + margin_m;
+  for (const Solid* solid : near_) {
+    if (middle.z > solid->top_m + reach_m || !overlap(solid->reach, {middle.x, middle.y, reach_m})) continue;
+    faces_ += solid->faces.size();
+    meet_solid(part, *solid, margin_m, contact, contacts);
+  }
+  if (static_cast<double>(faces_) > kMostFaces) {
+    throw std::runtime_error("scene.terrain.faces: the blocks at wheels and bellies have " + std::to_string(faces_) +
+                             " faces or more, the limit is " + std::to_string(static_cast<long>(kMostFaces)) +
                              ": let fewer blocks overlap");
   }
 }
 
 void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const TrackTerrain* ground, double margin_m,
-                              std::vector<Contact>& contacts) const {
+                              std::vector<Contact>& contacts) {
   const WheelSpec& spec = body_.wheels[wheel];
   // The tyre's centre turns about the axle, forward through down.
   const double phase_rad = car.wheel_rad[wheel] + car.fold_rad(static_cast<std::size_t>(spec.segment)) -
@@ -116,7 +133,7 @@ void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const T
   contact.segment = static_cast<std::size_t>(spec.segment);
   contact.wheel = static_cast<int>(wheel);
   const Tyre tyre{centre, car.turn.left, spec.radius_m, 0.5 * spec.width_m};
-  for (const Solid* solid : near_) meet_solid(tyre, *solid, margin_m, contact, contacts);
+  meet_near(tyre, centre, margin_m, contact, contacts);
   if (ground == nullptr) return meet_level_ground(tyre, margin_m, contact, contacts);
   const CutPlane plane(ground->at());
   const int outline = static_cast<int>(spec.side);
@@ -154,7 +171,7 @@ void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const T
 }
 
 void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, const TrackTerrain* ground, double margin_m,
-                               std::vector<Contact>& contacts) const {
+                               std::vector<Contact>& contacts) {
   const SegmentSpec& spec = body_.segments[segment];
   const double half_length_m = 0.5 * spec.length_m, half_height_m = 0.5 * spec.height_m;
   const Vec3 middle = car.position_m + car.turn.to_world(car.place(segment, {spec.x_m, 0, spec.center_z_m}));
@@ -164,7 +181,7 @@ void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, cons
   Contact contact;
   contact.segment = segment;
   const Belly belly{middle, {forward, car.turn.left, up}, {half_length_m, 0.5 * spec.width_m, half_height_m}};
-  for (const Solid* solid : near_) meet_solid(belly, *solid, margin_m, contact, contacts);
+  meet_near(belly, middle, margin_m, contact, contacts);
   if (ground == nullptr) return meet_level_ground(belly, margin_m, contact, contacts);
   const CutPlane plane(ground->at());
   const b2Vec2 at = plane.to_plane(middle);

@@ -22,19 +22,24 @@ class ContactSearch {
   ContactSearch(const BodySpec& body, const CarConstants& constants, const Terrain& terrain);
 
   // Fills contacts with all closer than margin_m, without friction and impulses. ground holds the outlines of smooth
-  // ground; null if there is none. Throws std::runtime_error if too many blocks are near.
+  // ground; null if there is none. Throws std::runtime_error if blocks have too many faces.
   void find(const CarDynamics& car, const TrackTerrain* ground, double margin_m, std::vector<Contact>& contacts);
 
-  // Looks for the blocks within reach of a car there; find does so by itself. std::runtime_error if they are too many.
+  // Looks for the blocks within reach of a car there; find does so by itself.
   void find_near(const Vec3& at_m);
   // Top of the highest of them, at least 0.
   double highest_m() const;
 
  private:
   void find_tyre(std::size_t wheel, const CarDynamics& car, const TrackTerrain* ground, double margin_m,
-                 std::vector<Contact>& contacts) const;
+                 std::vector<Contact>& contacts);
   void find_belly(std::size_t segment, const CarDynamics& car, const TrackTerrain* ground, double margin_m,
-                  std::vector<Contact>& contacts) const;
+                  std::vector<Contact>& contacts);
+
+  // Appends the contacts of a tyre or belly with the blocks within its reach.
+  template <typename Part>
+  void meet_near(const Part& part, const Vec3& middle, double margin_m, const Contact& contact,
+                 std::vector<Contact>& contacts);
 
   const BodySpec& body_;
   const Terrain& terrain_;
@@ -42,6 +47,7 @@ class ContactSearch {
   std::vector<const Solid*> near_;  // within reach of the car, which was at near_at_m_
   Vec3 near_at_m_;
   bool near_once_ = false;
+  std::size_t faces_ = 0;  // of blocks that this search has looked at
 };
 
 }  // namespace foldcar

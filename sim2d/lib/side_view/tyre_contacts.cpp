@@ -157,9 +157,6 @@ void meet_level_ground(const Tyre& tyre, double margin_m, Contact contact, std::
 }
 
 void meet_solid(const Tyre& tyre, const Solid& solid, double margin_m, Contact contact, std::vector<Contact>& contacts) {
-  const double reach_m = tyre.radius_m + tyre.half_width_m + margin_m;
-  if (tyre.centre.z > solid.top_m + reach_m ||
-      !overlap(solid.reach, {tyre.centre.x, tyre.centre.y, reach_m})) return;
   const auto disc_at = [&](double across_m) {
     CrossDisc disc;
     disc.centre = tyre.centre + across_m * tyre.axis;

@@ -11,6 +11,7 @@ namespace foldcar {
 struct Tyre {
   Vec3 centre, axis;  // axis to the car's left
   double radius_m, half_width_m;
+  double reach_m() const { return radius_m + half_width_m; }
 };
 
 // The part of a line within the tyre's circle, as shares of its length; false if there is none. a, b and c are those of

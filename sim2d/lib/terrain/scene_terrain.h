@@ -10,8 +10,8 @@
 
 namespace foldcar {
 
-// Largest number of faces of blocks within reach of a car: it bounds the computing time of a step.
-constexpr double kMostFaces = 30000;
+// Largest number of faces of blocks that a step looks at, over all wheels and bellies: it bounds its computing time.
+constexpr double kMostFaces = 60000;
 
 // The terrain of one scene specification.
 class SceneTerrain : public Terrain {

@@ -134,7 +134,7 @@ void test_friction_lies_in_its_cone_and_opposes_slip() {
 }
 
 void test_friction_that_suffices_holds_every_contact() {
-  const double speed_m_s = 0.001, yaw_rad_s = 0.01;
+  const double speed_m_s = 0.01, yaw_rad_s = 0.1;
   Pressed pressed(2, {speed_m_s, speed_m_s, 0}, yaw_rad_s);
   pressed.solve();
   for (const Contact& contact : pressed.contacts) {

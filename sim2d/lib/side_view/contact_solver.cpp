@@ -17,7 +17,7 @@ constexpr double kCompliance = 0.02;
 constexpr double kImpactSpeed_m_s = 0.1;
 constexpr double kImpactTime_s = 0.012;
 // The iterations end when the last one changed no row's velocity by more than this.
-constexpr double kTolerance_m_s = 2e-4;
+constexpr double kTolerance_m_s = 5e-4;
 
 }  // namespace
 
@@ -118,6 +118,8 @@ double ContactSolver::iterate(std::vector<double>& u, const std::vector<Contact>
     const std::size_t first = 3 * (backward ? contacts.size() - 1 - c : c);
     push(first);
     Row &along = rows_[first + 1], &across = rows_[first + 2];
+    // Without load there is no friction.
+    if (rows_[first].impulse == 0 && along.impulse == 0 && across.impulse == 0) continue;
     const double stop_a = (change(along, first + 1, u, 0) - kCompliance * along.impulse) / (1 + kCompliance);
     const double stop_b = (change(across, first + 2, u, 0) - kCompliance * across.impulse) / (1 + kCompliance);
     double a = along.impulse + stop_a, b = across.impulse + stop_b;

@@ -23,6 +23,11 @@ struct BlockSpec {
   Kind kind = Kind::kBox;
 };
 
+// Radius of a half-round's arc.
+inline double arc_radius_m(const BlockSpec& block) {
+  return (0.25 * block.length_m * block.length_m + block.height_m * block.height_m) / (2 * block.height_m);
+}
+
 // Gaussian, cut off at 4 standard deviations; a negative height is a hollow.
 struct HillSpec {
   double x_m = 0;

@@ -61,8 +61,7 @@ void add_ramp(mjSpec* spec, const BlockSpec& ramp, const std::string& name) {
 }
 
 void add_half_round(mjSpec* spec, const BlockSpec& block) {
-  const double half_m = 0.5 * block.length_m;
-  const double radius_m = (half_m * half_m + block.height_m * block.height_m) / (2 * block.height_m);
+  const double radius_m = arc_radius_m(block);
   mjsGeom& geom = ground_geom(spec, mjGEOM_CYLINDER);
   set(geom.size, radius_m, 0.5 * block.width_m, 0);
   set(geom.pos, block.x_m, block.y_m, block.height_m - radius_m);

@@ -73,6 +73,15 @@ bool find_meeting(const Belly& belly, const Solid& solid, double margin_m, Meeti
   return true;
 }
 
+// The belly's corner that is the farthest against a normal; along the axis that is left out, the middle of its edge.
+Vec3 deepest_m(const Belly& belly, const Vec3& normal, int but_axis) {
+  Vec3 point = belly.middle;
+  for (int i = 0; i < 3; ++i) {
+    if (i != but_axis) point = point - std::copysign(belly.half_m[i], dot(belly.axes[i], normal)) * belly.axes[i];
+  }
+  return point;
+}
+
 // The corners of the belly's face on a side of an axis.
 void face_of(const Belly& belly, int axis, double side, std::vector<Vec3>& polygon) {
   const int j = (axis + 1) % 3, k = (axis + 2) % 3;
@@ -107,11 +116,7 @@ void meet_solid(const Belly& belly, const Solid& solid, double margin_m, Contact
   contact.normal = meeting.normal;
   if (meeting.edge >= 0) {
     // The belly's edge that is deepest, and the solid's through its deepest corner.
-    Vec3 of_belly = belly.middle;
-    for (int i = 0; i < 3; ++i) {
-      if (i == meeting.axis) continue;
-      of_belly = of_belly + (dot(belly.axes[i], meeting.normal) > 0 ? -1 : 1) * belly.half_m[i] * belly.axes[i];
-    }
+    const Vec3 of_belly = deepest_m(belly, meeting.normal, meeting.axis);
     const Vec3 of_solid = *std::max_element(
         solid.corners.begin(), solid.corners.end(),
         [&](const Vec3& a, const Vec3& b) { return dot(a, meeting.normal) < dot(b, meeting.normal); });
@@ -126,7 +131,7 @@ void meet_solid(const Belly& belly, const Solid& solid, double margin_m, Contact
     return;
   }
   std::vector<Vec3> polygon, scratch;
-  Vec3 plane_point, plane_normal;
+  Vec3 plane_point;
   if (meeting.face != nullptr) {
     int axis = 0;
     for (int i = 1; i < 3; ++i) {
@@ -138,7 +143,6 @@ void meet_solid(const Belly& belly, const Solid& solid, double margin_m, Contact
       clip(polygon, corners[i], cross(corners[(i + 1) % corners.size()] - corners[i], meeting.normal), scratch);
     }
     plane_point = corners[0];
-    plane_normal = meeting.normal;
   } else {
     const Solid::Face* incident = &solid.faces[0];
     for (const Solid::Face& face : solid.faces) {
@@ -153,23 +157,19 @@ void meet_solid(const Belly& belly, const Solid& solid, double margin_m, Contact
       }
     }
     plane_point = belly.middle + meeting.side * belly.half_m[meeting.axis] * belly.axes[meeting.axis];
-    plane_normal = meeting.normal;
   }
   const std::size_t before = contacts.size();
   int index = meeting.face != nullptr ? 30 : 50;
   for (const Vec3& point : polygon) {
-    const double height_m = dot(plane_normal, point - plane_point);
+    const double height_m = dot(meeting.normal, point - plane_point);
     contact.gap_m = meeting.face != nullptr ? height_m : -height_m;
-    contact.point_m = meeting.face != nullptr ? point : point - height_m * plane_normal;
+    contact.point_m = meeting.face != nullptr ? point : point - height_m * meeting.normal;
     contact.across_m = index++;
     if (contact.gap_m < margin_m) contacts.push_back(contact);
   }
   if (contacts.size() > before) return;
   // The faces do not lie over each other: the belly's farthest corner stands for them.
-  contact.point_m = belly.middle;
-  for (int i = 0; i < 3; ++i) {
-    contact.point_m = contact.point_m - std::copysign(belly.half_m[i], dot(belly.axes[i], meeting.normal)) * belly.axes[i];
-  }
+  contact.point_m = deepest_m(belly, meeting.normal, -1);
   contact.gap_m = meeting.out_m;
   contacts.push_back(contact);
 }

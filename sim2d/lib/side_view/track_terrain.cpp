@@ -77,7 +77,6 @@ void TrackTerrain::cut(const CutPose& pose) {
   }
 }
 
-// The lines that carry a riser are those of its upper end.
 void TrackTerrain::make_edges(int outline) {
   const Profile& profile = profiles_[outline];
   std::vector<OutlineEdge>& edges = edges_[outline];
@@ -85,19 +84,14 @@ void TrackTerrain::make_edges(int outline) {
   const double per_height = 1 / std::sqrt(1 - at_.q * at_.q);
   constexpr float kClosest = 0.25f * 9 * b2_linearSlop * b2_linearSlop;  // (half the profile's resolution)²
   b2Vec2 before = to_units(profile.back().s1_m, profile.back().z1_m * per_height);
-  const ProfileSegment* right = &profile.back();
-  const auto add = [&](double s_m, double z_m, const ProfileSegment& carrier) {
-    const b2Vec2 vertex = to_units(s_m, z_m * per_height);
-    if (b2DistanceSquared(before, vertex) <= kClosest) return;
-    edges.push_back({{}, carrier.y_min_m, carrier.y_max_m});
-    edges.back().shape.m_vertex1 = before;
-    edges.back().shape.m_vertex2 = vertex;
-    before = vertex;
-  };
   for (auto segment = profile.rbegin(); segment != profile.rend(); ++segment) {
-    add(segment->s1_m, segment->z1_m, segment->z1_m > right->z0_m ? *segment : *right);
-    add(segment->s0_m, segment->z0_m, *segment);
-    right = &*segment;
+    const b2Vec2 vertex = to_units(segment->s0_m, segment->z0_m * per_height);
+    if (b2DistanceSquared(before, vertex) <= kClosest) continue;
+    OutlineEdge edge{{}, segment->y_min_m, segment->y_max_m};
+    edge.shape.m_vertex1 = before;
+    edge.shape.m_vertex2 = vertex;
+    before = vertex;
+    edges.push_back(edge);
   }
   for (std::size_t i = 0; i < edges.size(); ++i) {
     b2EdgeShape& shape = edges[i].shape;

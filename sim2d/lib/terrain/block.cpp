@@ -8,7 +8,7 @@ namespace foldcar {
 Block::Block(const BlockSpec& spec)
     : spec_(spec), cosine_(std::cos(spec.heading_rad)), sine_(std::sin(spec.heading_rad)) {
   if (spec.kind == BlockSpec::Kind::kHalfRound) {
-    arc_radius_m_ = (0.25 * spec.length_m * spec.length_m + spec.height_m * spec.height_m) / (2 * spec.height_m);
+    arc_radius_m_ = arc_radius_m(spec);
   }
 }
 

@@ -21,7 +21,7 @@ std::vector<ProfilePoint> profile_of(const BlockSpec& block) {
     case BlockSpec::Kind::kBox: break;
     case BlockSpec::Kind::kRamp: return {{-half_m, 0}, {half_m, height_m}};
     case BlockSpec::Kind::kHalfRound: {
-      const double radius_m = (half_m * half_m + height_m * height_m) / (2 * height_m);
+      const double radius_m = arc_radius_m(block);
       const double half_rad = std::asin(std::min(1.0, half_m / radius_m));
       const int chords = static_cast<int>(std::ceil(2 * half_rad / std::sqrt(8 * kArcError_m / radius_m)));
       std::vector<ProfilePoint> arc{{-half_m, 0}};

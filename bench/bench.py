@@ -1,10 +1,11 @@
 """Measures the speed of the width study and its parts; run it with `make bench`.
 
 Output: a table of the study by `foldcar sweep` with one and two jobs, of the same runs in one `carsim` process that
-measures its own times, of a part of it
-in each engine by the processor time, of terrain slicing in a field of hills, and of Scenic's cost (scenic_way.py).
+measures its own times, of terrain slicing in a field of hills, and of Scenic's cost (scenic_way.py); a table of a part
+of it in each engine, and in MuJoCo and Box2D from Python (mujoco_way.py, box2d_way.py), by the processor time.
 """
 
+import importlib.util
 import json
 import os
 import resource
@@ -21,6 +22,7 @@ from rich.console import Console
 from rich.table import Table
 from scenic_way import OBJECTS, RUN_S, TURNS, sampling_ms, scenic_run_ms
 
+from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import read_study
 
 PROJECT = Path(__file__).resolve().parents[1]
@@ -99,6 +101,16 @@ def speed(lines: str, program: Path) -> float:
     return simulated_s / (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
 
 
+def box2d_speed(store: Path) -> list[tuple[str, str, float]]:
+    """The row of Box2D from Python; none where its package has no wheel."""
+    if importlib.util.find_spec("Box2D") is None:
+        return []
+    import box2d_way
+
+    factor, passed = box2d_way.python_factor(store, Carsim().limits().trial)
+    return [(f"Box2D from Python, in the plane: {passed} pass", "no", factor)]
+
+
 def scenic_seconds(samples: int) -> float:
     """Wall time (s) to import Scenic, compile the study's program and sample its scenes, in a new process."""
     experiment = read_study(LISTING).experiments[0]
@@ -131,6 +143,7 @@ def main() -> None:
             ("side view", "yes", speed(some, CARSIM)),
             ("MuJoCo", "yes", speed(some, CARSIM_MUJOCO)),
             ("MuJoCo from Python, exported model", "no", python_factor(solid_store)),
+            *box2d_speed(solid_store),
         ]
         status.update("a field of hills")
         hills_store = Path(folder, "hills.db")
@@ -170,10 +183,11 @@ def main() -> None:
         table.add_row(*row)
     console.print(table)
     count = some.count('{"run"')
-    table = Table("engine", "firmware", "× real time", title=f"{count} of these runs on one core, by its processor time")
-    table.columns[2].justify = "right"
+    title = f"{count} of these runs on one core, by its processor time"
+    table = Table("engine", "firmware", "× real time", "side view by it", title=title)
+    table.columns[2].justify = table.columns[3].justify = "right"
     for name, firmware, factor in speeds:
-        table.add_row(name, firmware, f"{factor:.0f}")
+        table.add_row(name, firmware, f"{factor:.0f}", f"{speeds[0][2] / factor:.2g}")
     console.print(table)
 
 

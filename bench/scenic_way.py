@@ -1,7 +1,8 @@
 """Measures Scenic's cost: a run of 120 s with Scenic against the same run without, and sampling many objects.
 
-Input: the simulator. Output: processor time of this process (ms), without the simulator's process; each value is the
-minimum of several measurements, because other load only adds time.
+Input: the simulator. Output: processor time of this thread (ms), without the simulator's process; each value is the
+minimum of several measurements, because other load only adds time. The process's own clock advances in ticks of some
+ms once its processor time has been limited, as sampling does.
 """
 
 import json
@@ -39,7 +40,7 @@ MANY = f"""model model
 ego = new Robot at (0, 0), facing -90 deg
 new Goal at (1.8, 0), facing -90 deg
 for _ in range({OBJECTS - 2}):
-    new Bump at (Range(0.3, 1.5), Range(-0.8, 0.8)), TURN, with height Range(0.005, 0.02)
+    new Bump at (Range(0.3, 1.5), Range(-0.8, 0.8)), TURN, with height Range(0.005, 0.02), with allowCollisions True
 """
 
 
@@ -90,7 +91,7 @@ def _least_ms(*actions: Callable[[], Any]) -> list[float]:
     least = [float("inf")] * len(actions)
     for _ in range(REPEATS):
         for i, action in enumerate(actions):
-            start_s = time.process_time()
+            start_s = time.thread_time()
             action()
-            least[i] = min(least[i], 1000 * (time.process_time() - start_s))
+            least[i] = min(least[i], 1000 * (time.thread_time() - start_s))
     return least

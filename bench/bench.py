@@ -184,7 +184,7 @@ def main() -> None:
     console.print(table)
     count = some.count('{"run"')
     title = f"{count} of these runs on one core, by its processor time"
-    table = Table("engine", "firmware", "× real time", "side view by it", title=title)
+    table = Table("engine", "firmware", "× real time", "side view faster by, ×", title=title)
     table.columns[2].justify = table.columns[3].justify = "right"
     for name, firmware, factor in speeds:
         table.add_row(name, firmware, f"{factor:.0f}", f"{speeds[0][2] / factor:.2g}")

@@ -196,7 +196,7 @@ void test_landing_on_a_leaning_sides_wheels_is_a_rigid_bodys_impact() {
   const double a_m = 0.5 * (body.track_m + body.wheels[0].width_m), before_rad_s = 4;
   for (const double friction : {0.3, 0.6, 10.0}) {
     for (const double lean_rad : {0.2, 0.5}) {
-      for (const double time_s : {0.0125, 0.025}) {
+      for (const double time_s : {0.017, 0.034}) {
         const double expected = roll_rate_after_landing_rad_s(body, lean_rad, before_rad_s, friction, time_s);
         for (const double side : {1.0, -1.0}) {
           Drive drive(body, friction);
@@ -205,7 +205,7 @@ void test_landing_on_a_leaning_sides_wheels_is_a_rigid_bodys_impact() {
           drive.set({0, 0, kRadius_m * std::cos(lean_rad) + a_m * std::sin(lean_rad)}, side * lean_rad, velocity,
                     side * before_rad_s);
           drive.run(time_s);
-          // A tenth of the change that the impact makes.
+          // A tenth of the change that the impact makes, which takes up to four steps.
           TEST_ASSERT_DOUBLE_WITHIN(0.1 * before_rad_s, expected, side * drive.roll_rate_rad_s());
         }
       }

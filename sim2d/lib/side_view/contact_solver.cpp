@@ -12,10 +12,13 @@ constexpr double kClosingSpeed_m_s = 0.5;
 // Compliance of a contact as a share of its inverse mass: contacts of a statically indeterminate car share loads as
 // tyres of equal stiffness do, also of friction: else wheels can jam each other where they need not.
 constexpr double kCompliance = 0.02;
-// An impact takes time, as tyres, film and servo shafts give way: of an approach faster than kImpactSpeed_m_s a share
-// exp(-step / kImpactTime_s) is left after a step.
-constexpr double kImpactSpeed_m_s = 0.1;
-constexpr double kImpactTime_s = 0.012;
+// An impact takes time, as tyres, film and servo shafts give way: a share exp(-step / kImpactTime_s) of the approach is
+// left after a step, until less than kCompressed of the fastest is. Then the contact rebounds with the restitution of
+// what that was faster than kImpactSpeed_m_s; slower ones are no impacts.
+constexpr double kImpactSpeed_m_s = 0.2;
+constexpr double kImpactTime_s = 0.006;
+constexpr double kCompressed = 0.3;
+constexpr double kRestitution = 0.2;
 // The iterations end when the last one changed no row's velocity by more than this.
 constexpr double kTolerance_m_s = 5e-4;
 
@@ -39,14 +42,23 @@ void ContactSolver::add_row(const CarDynamics& car, double impulse, double gap_m
                    gap_m > 0 ? -gap_m / step_s_ : 0});
 }
 
-void ContactSolver::soften(const CarDynamics& car) {
+void ContactSolver::strike(const CarDynamics& car, Contact& contact) {
   const double* jacobian = &jacobian_[(rows_.size() - 1) * size_];
-  double speed = kImpactSpeed_m_s;
-  for (std::size_t i = 0; i < size_; ++i) speed += jacobian[i] * car.velocity[i];
-  if (speed >= 0) return;
+  double approach_m_s = 0;
+  for (std::size_t i = 0; i < size_; ++i) approach_m_s -= jacobian[i] * car.velocity[i];
+  const bool arrives = contact.gap_m <= approach_m_s * step_s_;
+  contact.approach_m_s = arrives ? std::max(contact.approach_m_s, approach_m_s) : 0;
+  if (contact.approach_m_s < kImpactSpeed_m_s) return;
   Row& row = rows_.back();
-  row.target_m_s = std::min(row.target_m_s, impact_share_ * speed);
-  row.relaxed_m_s = std::min(row.relaxed_m_s, impact_share_ * speed);
+  const double left_m_s = impact_share_ * approach_m_s;
+  if (left_m_s > kCompressed * contact.approach_m_s) {
+    row.relaxed_m_s = -left_m_s;
+    row.target_m_s = std::min(row.target_m_s, -left_m_s);
+  } else {
+    row.relaxed_m_s = kRestitution * (contact.approach_m_s - kImpactSpeed_m_s);
+    row.target_m_s = std::max(row.target_m_s, row.relaxed_m_s);
+    contact.approach_m_s = 0;
+  }
 }
 
 const std::vector<double>& ContactSolver::solve(CarDynamics& car, std::vector<Contact>& contacts) {
@@ -62,7 +74,7 @@ const std::vector<double>& ContactSolver::solve(CarDynamics& car, std::vector<Co
                    &jacobian_[rows_.size() * size_]);
       add_row(car, contact.impulse_n_s[k], k == 0 ? contact.gap_m : 0);
       if (k > 0) rows_.back().target_m_s = rows_.back().relaxed_m_s = 0;
-      if (k == 0) soften(car);
+      if (k == 0) strike(car, contact);
     }
   }
   for (std::size_t i = 0; i < body_.hinges.size(); ++i) {

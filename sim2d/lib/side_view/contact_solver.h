@@ -24,6 +24,7 @@ struct Contact {
   double across_m = 0;  // lateral coordinate on the tyre or belly, which tells contacts of one wheel apart
   double friction = 0;
   double impulse_n_s[3] = {0, 0, 0};  // result: normal, along, across; on entry a guess
+  double approach_m_s = 0;            // result: the fastest approach of an impact that goes on; on entry the last step's
 };
 
 // Solves a hinge's limits as well, as rows without friction.
@@ -42,8 +43,8 @@ class ContactSolver {
     double inverse_mass, impulse, target_m_s, relaxed_m_s;
   };
   void add_row(const CarDynamics& car, double impulse, double gap_m);
-  // Leaves the last row part of its approach, if that is an impact.
-  void soften(const CarDynamics& car);
+  // Targets of the contact's normal row, the last one, during an impact.
+  void strike(const CarDynamics& car, Contact& contact);
   double change(const Row& row, std::size_t index, const std::vector<double>& u, double target_m_s) const;
   void apply(std::size_t index, double impulse, std::vector<double>& u);
   // One pass over all rows; the largest change of a row's velocity (m/s) by its own impulse.

@@ -12,15 +12,30 @@ constexpr double kClosingSpeed_m_s = 0.5;
 // Compliance of a contact as a share of its inverse mass: contacts of a statically indeterminate car share loads as
 // tyres of equal stiffness do, also of friction: else wheels can jam each other where they need not.
 constexpr double kCompliance = 0.02;
-// An impact takes time, as tyres, film and servo shafts give way: a share exp(-step / kImpactTime_s) of the approach is
-// left after a step, until less than kCompressed of the fastest is. Then the contact rebounds with the restitution of
-// what that was faster than kImpactSpeed_m_s; slower ones are no impacts.
+constexpr double kYield = 1 / (1 + kCompliance);
+// An impact faster than kImpactSpeed_m_s takes time, as tyres, film and servo shafts give way: in every step a share
+// exp(-step / kImpactTime_s) of the approach is left, and after this time the contact rebounds with the restitution of
+// what the fastest was faster than that speed.
 constexpr double kImpactSpeed_m_s = 0.2;
-constexpr double kImpactTime_s = 0.006;
-constexpr double kCompressed = 0.3;
+constexpr double kImpactTime_s = 0.008;
 constexpr double kRestitution = 0.2;
 // The iterations end when the last one changed no row's velocity by more than this.
 constexpr double kTolerance_m_s = 5e-4;
+
+// Rows are handled in pairs of numbers, as processors do, two at a time; zeros fill them up.
+typedef double Pair __attribute__((vector_size(2 * sizeof(double)), aligned(sizeof(double)), may_alias));
+
+const Pair* pairs(const double* numbers) { return reinterpret_cast<const Pair*>(numbers); }
+
+double dot(const double* a, const double* b, std::size_t padded) {
+  Pair even = {0, 0}, odd = {0, 0};
+  for (std::size_t i = 0; i < padded / 2; i += 2) {
+    even += pairs(a)[i] * pairs(b)[i];
+    odd += pairs(a)[i + 1] * pairs(b)[i + 1];
+  }
+  even += odd;
+  return even[0] + even[1];
+}
 
 }  // namespace
 
@@ -28,72 +43,77 @@ ContactSolver::ContactSolver(const BodySpec& body, double step_s, int iterations
     : body_(body),
       step_s_(step_s),
       iterations_(iterations),
+      impact_steps_(static_cast<int>(std::lround(kImpactTime_s / step_s))),
       impact_share_(std::exp(-step_s / kImpactTime_s)),
       limit_impulse_(2 * body.hinges.size()) {}
 
 void ContactSolver::add_row(const CarDynamics& car, double impulse, double gap_m) {
-  const std::size_t at = rows_.size() * size_;
-  response_.resize(at + size_);
+  const std::size_t at = rows_.size() * padded_;
+  response_.resize(at + padded_);
   car.respond(&jacobian_[at], &response_[at]);
-  double inverse_mass = 0;
-  for (std::size_t i = 0; i < size_; ++i) inverse_mass += jacobian_[at + i] * response_[at + i];
+  const double inverse_mass = dot(&jacobian_[at], &response_[at], padded_);
   const double closing_m_s = std::min(-kClosedShare * gap_m / step_s_, kClosingSpeed_m_s);
-  rows_.push_back({inverse_mass, impulse, gap_m > 0 ? -gap_m / step_s_ : closing_m_s,
+  rows_.push_back({inverse_mass, 1 / inverse_mass, impulse, gap_m > 0 ? -gap_m / step_s_ : closing_m_s,
                    gap_m > 0 ? -gap_m / step_s_ : 0});
 }
 
-void ContactSolver::strike(const CarDynamics& car, Contact& contact) {
-  const double* jacobian = &jacobian_[(rows_.size() - 1) * size_];
-  double approach_m_s = 0;
-  for (std::size_t i = 0; i < size_; ++i) approach_m_s -= jacobian[i] * car.velocity[i];
+void ContactSolver::strike(Contact& contact) {
+  const double approach_m_s = -dot(&jacobian_[(rows_.size() - 1) * padded_], velocity_.data(), padded_);
   const bool arrives = contact.gap_m <= approach_m_s * step_s_;
-  contact.approach_m_s = arrives ? std::max(contact.approach_m_s, approach_m_s) : 0;
-  if (contact.approach_m_s < kImpactSpeed_m_s) return;
+  if (!arrives || (contact.impact_steps == 0 && approach_m_s < kImpactSpeed_m_s)) {
+    contact.impact_steps = 0;
+    contact.approach_m_s = 0;
+    return;
+  }
+  contact.approach_m_s = std::max(contact.approach_m_s, approach_m_s);
   Row& row = rows_.back();
-  const double left_m_s = impact_share_ * approach_m_s;
-  if (left_m_s > kCompressed * contact.approach_m_s) {
-    row.relaxed_m_s = -left_m_s;
-    row.target_m_s = std::min(row.target_m_s, -left_m_s);
+  if (++contact.impact_steps <= impact_steps_) {
+    row.relaxed_m_s = -impact_share_ * approach_m_s;
+    row.target_m_s = std::min(row.target_m_s, row.relaxed_m_s);
   } else {
     row.relaxed_m_s = kRestitution * (contact.approach_m_s - kImpactSpeed_m_s);
     row.target_m_s = std::max(row.target_m_s, row.relaxed_m_s);
+    contact.impact_steps = 0;
     contact.approach_m_s = 0;
   }
 }
 
 const std::vector<double>& ContactSolver::solve(CarDynamics& car, std::vector<Contact>& contacts) {
-  size_ = car.size();
+  const std::size_t size = car.size();
+  padded_ = (size + 3) / 4 * 4;
   rows_.clear();
-  jacobian_.resize((3 * contacts.size() + limit_impulse_.size()) * size_);
+  jacobian_.resize((3 * contacts.size() + limit_impulse_.size()) * padded_);
+  velocity_ = car.velocity;
+  velocity_.resize(padded_);
   for (Contact& contact : contacts) {
     const Vec3 point_m = car.turn.to_body(contact.point_m - car.position_m);
     const Vec3 across = cross(contact.normal, contact.along);
     const Vec3 directions[3] = {contact.normal, contact.along, across};
     for (int k = 0; k < 3; ++k) {
       car.jacobian(point_m, car.turn.to_body(directions[k]), contact.segment, contact.wheel,
-                   &jacobian_[rows_.size() * size_]);
+                   &jacobian_[rows_.size() * padded_]);
       add_row(car, contact.impulse_n_s[k], k == 0 ? contact.gap_m : 0);
       if (k > 0) rows_.back().target_m_s = rows_.back().relaxed_m_s = 0;
-      if (k == 0) strike(car, contact);
+      if (k == 0) strike(contact);
     }
   }
   for (std::size_t i = 0; i < body_.hinges.size(); ++i) {
     const HingeSpec& hinge = body_.hinges[i];
     for (int side = 0; side < 2; ++side) {
-      double* row = &jacobian_[rows_.size() * size_];
-      std::fill(row, row + size_, 0.0);
+      double* row = &jacobian_[rows_.size() * padded_];
+      std::fill(row, row + padded_, 0.0);
       row[6 + i] = side == 0 ? 1 : -1;
       add_row(car, limit_impulse_[2 * i + static_cast<std::size_t>(side)],
               side == 0 ? car.hinge_rad[i] - hinge.min_rad : hinge.max_rad - car.hinge_rad[i]);
     }
   }
-  std::vector<double>& u = car.velocity;
-  for (std::size_t index = 0; index < rows_.size(); ++index) apply(index, rows_[index].impulse, u);
-  for (int i = 0; i < iterations_ && iterate(u, contacts, i % 2 == 1, false) > kTolerance_m_s; ++i) {
+  for (std::size_t index = 0; index < rows_.size(); ++index) apply(index, rows_[index].impulse);
+  for (int i = 0; i < iterations_ && iterate(contacts, i % 2 == 1, false) > kTolerance_m_s; ++i) {
   }
-  moving_ = u;
-  for (int i = 0; i < iterations_ && iterate(u, contacts, i % 2 == 1, true) > kTolerance_m_s; ++i) {
+  moving_ = velocity_;
+  for (int i = 0; i < iterations_ && iterate(contacts, i % 2 == 1, true) > kTolerance_m_s; ++i) {
   }
+  std::copy_n(velocity_.begin(), size, car.velocity.begin());
   for (std::size_t c = 0; c < contacts.size(); ++c) {
     for (std::size_t k = 0; k < 3; ++k) contacts[c].impulse_n_s[k] = rows_[3 * c + k].impulse;
   }
@@ -102,28 +122,25 @@ const std::vector<double>& ContactSolver::solve(CarDynamics& car, std::vector<Co
 }
 
 // Change of the row's impulse that brings its velocity to the target.
-double ContactSolver::change(const Row& row, std::size_t index, const std::vector<double>& u, double target_m_s) const {
-  const double* jacobian = &jacobian_[index * size_];
-  double speed = 0;
-  for (std::size_t i = 0; i < size_; ++i) speed += jacobian[i] * u[i];
-  return (target_m_s - speed) / row.inverse_mass;
+double ContactSolver::change(const Row& row, std::size_t index, double target_m_s) const {
+  return (target_m_s - dot(&jacobian_[index * padded_], velocity_.data(), padded_)) * row.mass;
 }
 
-void ContactSolver::apply(std::size_t index, double impulse, std::vector<double>& u) {
-  const double* response = &response_[index * size_];
-  for (std::size_t i = 0; i < size_; ++i) u[i] += impulse * response[i];
+void ContactSolver::apply(std::size_t index, double impulse) {
+  const Pair* response = pairs(&response_[index * padded_]);
+  Pair* velocity = reinterpret_cast<Pair*>(velocity_.data());
+  for (std::size_t i = 0; i < padded_ / 2; ++i) velocity[i] += impulse * response[i];
 }
 
-double ContactSolver::iterate(std::vector<double>& u, const std::vector<Contact>& contacts, bool backward,
-                              bool relaxed) {
+double ContactSolver::iterate(const std::vector<Contact>& contacts, bool backward, bool relaxed) {
   double largest_m_s = 0;
   const auto push = [&](std::size_t index) {
     Row& row = rows_[index];
     const double target = relaxed ? row.relaxed_m_s : row.target_m_s;
-    const double wanted = row.impulse + (change(row, index, u, target) - kCompliance * row.impulse) / (1 + kCompliance);
+    const double wanted = row.impulse + (change(row, index, target) - kCompliance * row.impulse) * kYield;
     const double impulse = std::max(0.0, wanted);
     largest_m_s = std::max(largest_m_s, std::abs(impulse - row.impulse) * row.inverse_mass);
-    apply(index, impulse - row.impulse, u);
+    apply(index, impulse - row.impulse);
     row.impulse = impulse;
   };
   for (std::size_t c = 0; c < contacts.size(); ++c) {
@@ -132,13 +149,13 @@ double ContactSolver::iterate(std::vector<double>& u, const std::vector<Contact>
     Row &along = rows_[first + 1], &across = rows_[first + 2];
     // Without load there is no friction.
     if (rows_[first].impulse == 0 && along.impulse == 0 && across.impulse == 0) continue;
-    const double stop_a = (change(along, first + 1, u, 0) - kCompliance * along.impulse) / (1 + kCompliance);
-    const double stop_b = (change(across, first + 2, u, 0) - kCompliance * across.impulse) / (1 + kCompliance);
+    const double stop_a = (change(along, first + 1, 0) - kCompliance * along.impulse) * kYield;
+    const double stop_b = (change(across, first + 2, 0) - kCompliance * across.impulse) * kYield;
     double a = along.impulse + stop_a, b = across.impulse + stop_b;
     const double limit = contacts[first / 3].friction * rows_[first].impulse;
     if (a * a + b * b > limit * limit) {
       // It slides. Both slips are weighed by one mass, so that the impulse ends up opposite to the slip as a vector.
-      const double least = 1 / std::max(along.inverse_mass, across.inverse_mass);
+      const double least = std::min(along.mass, across.mass);
       a = along.impulse + stop_a * along.inverse_mass * least;
       b = across.impulse + stop_b * across.inverse_mass * least;
       const double size = std::sqrt(a * a + b * b), scale = size > limit ? limit / size : 1;
@@ -147,8 +164,8 @@ double ContactSolver::iterate(std::vector<double>& u, const std::vector<Contact>
     }
     largest_m_s = std::max(largest_m_s, std::abs(a - along.impulse) * along.inverse_mass);
     largest_m_s = std::max(largest_m_s, std::abs(b - across.impulse) * across.inverse_mass);
-    apply(first + 1, a - along.impulse, u);
-    apply(first + 2, b - across.impulse, u);
+    apply(first + 1, a - along.impulse);
+    apply(first + 2, b - across.impulse);
     along.impulse = a;
     across.impulse = b;
   }

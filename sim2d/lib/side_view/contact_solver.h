@@ -24,7 +24,8 @@ struct Contact {
   double across_m = 0;  // lateral coordinate on the tyre or belly, which tells contacts of one wheel apart
   double friction = 0;
   double impulse_n_s[3] = {0, 0, 0};  // result: normal, along, across; on entry a guess
-  double approach_m_s = 0;            // result: the fastest approach of an impact that goes on; on entry the last step's
+  int impact_steps = 0;               // result: steps since an impact began, if it goes on; on entry the last step's
+  double approach_m_s = 0;            // the same of its fastest approach
 };
 
 // Solves a hinge's limits as well, as rows without friction.
@@ -40,23 +41,24 @@ class ContactSolver {
  private:
   // A row with its response; rows of a contact are three in sequence: normal, along, across.
   struct Row {
-    double inverse_mass, impulse, target_m_s, relaxed_m_s;
+    double inverse_mass, mass, impulse, target_m_s, relaxed_m_s;
   };
   void add_row(const CarDynamics& car, double impulse, double gap_m);
   // Targets of the contact's normal row, the last one, during an impact.
-  void strike(const CarDynamics& car, Contact& contact);
-  double change(const Row& row, std::size_t index, const std::vector<double>& u, double target_m_s) const;
-  void apply(std::size_t index, double impulse, std::vector<double>& u);
+  void strike(Contact& contact);
+  double change(const Row& row, std::size_t index, double target_m_s) const;
+  void apply(std::size_t index, double impulse);
   // One pass over all rows; the largest change of a row's velocity (m/s) by its own impulse.
-  double iterate(std::vector<double>& u, const std::vector<Contact>& contacts, bool backward, bool relaxed);
+  double iterate(const std::vector<Contact>& contacts, bool backward, bool relaxed);
 
   const BodySpec& body_;
   const double step_s_;
   const int iterations_;
+  const int impact_steps_;
   const double impact_share_;
-  std::size_t size_ = 0;
+  std::size_t padded_ = 0;  // of a row
   std::vector<Row> rows_;
-  std::vector<double> jacobian_, response_, moving_;
+  std::vector<double> jacobian_, response_, velocity_, moving_;
   std::vector<double> limit_impulse_;  // of the hinges in the last step
 };
 

@@ -167,6 +167,7 @@ void TwinTrackCar::find_contacts() {
                         last.across_m == contact.across_m && dot(last.normal, contact.normal) > kSameNormal;
       if (!same) continue;
       for (int k = 0; k < 3; ++k) contact.impulse_n_s[k] = last.impulse_n_s[k];
+      contact.impact_steps = last.impact_steps;
       contact.approach_m_s = last.approach_m_s;
       last.wheel = -2;  // taken
       break;

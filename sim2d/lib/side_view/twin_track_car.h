@@ -26,7 +26,7 @@ namespace foldcar {
 // Rate and solver settings of the steps.
 struct StepOptions {
   double rate_hz = 240;
-  int iterations = 50;     // of the contact solver, at most
+  int iterations = 40;     // of the contact solver, at most
   double drop_m = 0.0005;  // height over the ground from which the car is put down
 };
 

@@ -16,7 +16,7 @@ from foldcar.car.folded.pose import compose, translation
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.choices import DEFAULT_CHOICES
 from foldcar.study.family import read_family
-from foldcar.study.listing import read_listing
+from foldcar.study.listing_file import read_listing
 
 PATTERNS = Path(__file__).parents[2] / "patterns"
 NAMES = ("w65", "w95", "w115", "w180", "six", "hinged")

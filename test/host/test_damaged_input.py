@@ -16,7 +16,7 @@ from foldcar.cli import app
 from foldcar.errors import FoldcarError
 from foldcar.store.rows import checksum
 from foldcar.store.tables import TRIAL
-from foldcar.study.listing import read_listing
+from foldcar.study.listing_file import read_listing
 from foldcar.trials.csv_import import read_trials
 
 STORES = Path(__file__).parent / "stores"

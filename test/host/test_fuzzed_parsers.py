@@ -14,7 +14,7 @@ from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
 from foldcar.link.tlog import messages_of, records_of
 from foldcar.store.check import check_store
-from foldcar.study.listing import read_listing
+from foldcar.study.listing_file import read_listing
 from foldcar.trials.csv_import import read_trials
 
 STORES = Path(__file__).parent / "stores"

@@ -9,7 +9,7 @@ import pytest
 from conftest import PROJECT
 from foldcar.errors import FoldcarError
 from foldcar.study.experiments import read_study
-from foldcar.study.listing import read_listing
+from foldcar.study.listing_file import read_listing
 
 PUBLISHED_STYLE = """{
   // as printed: comments, trailing commas, ids as numbers and as strings

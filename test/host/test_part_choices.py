@@ -14,7 +14,8 @@ from foldcar.car.parts.catalogue import chosen
 from foldcar.car.parts.choices import DEFAULT_CHOICES, OPTIONS, PartChoices, split_type
 from foldcar.cli import app
 from foldcar.study.family import read_family
-from foldcar.study.listing import ListingError, read_listing
+from foldcar.study.listing import ListingError
+from foldcar.study.listing_file import read_listing
 
 
 def listing(folder: Path, vehicle: dict[str, object]) -> Path:

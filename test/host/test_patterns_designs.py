@@ -6,7 +6,7 @@ import pytest
 
 from foldcar.car.verify import verify
 from foldcar.study.family import read_family
-from foldcar.study.listing import read_listing
+from foldcar.study.listing_file import read_listing
 
 PATTERNS = Path(__file__).parents[2] / "patterns"
 

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from foldcar.store.reader import Store
-from foldcar.study.listing import ListingError, read_listing
+from foldcar.study.listing import ListingError
+from foldcar.study.listing_file import read_listing
 from forked_foldcar import original
 
 PROGRAM = "model model\nego = new Robot at (0, 0), facing -90 deg\ngoal = new Goal at (1, 0), facing -90 deg\n"

@@ -14,7 +14,7 @@ from scipy.integrate import quad
 from scipy.stats import binom
 from typer.testing import CliRunner
 
-from foldcar.advice.evidence import read_evidence
+from foldcar.advice.reading_evidence import read_evidence
 from foldcar.advice.selecting import select
 from foldcar.analysis.anytime import anytime_interval, anytime_mean_interval
 from foldcar.analysis.intervals import wilson_interval

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy
 import pandas
 
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, swept_ids, unswept_trials
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence
+from foldcar.advice.reading_evidence import read_evidence, swept_ids, unswept_trials
 from foldcar.advice.words import count, design_text, listed, points
 from foldcar.analysis.gap import (
     AGREES,

@@ -13,8 +13,9 @@ import pandas
 from threadpoolctl import threadpool_limits
 
 from foldcar.advice.cost import Cost, cost
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, run_rate
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence, run_rate
 from foldcar.advice.outlook import Outlook, outlook
+from foldcar.advice.reading_evidence import read_evidence
 from foldcar.advice.reasons import Parting, between, first_reason, next_reason, region_text
 from foldcar.advice.told_apart import told_apart_text
 from foldcar.advice.words import count, listed, percent, points

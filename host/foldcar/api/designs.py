@@ -10,7 +10,8 @@ from foldcar.car.folded_car import folded_car
 from foldcar.car.modules import parameters
 from foldcar.errors import FoldcarError
 from foldcar.study.family import read_family
-from foldcar.study.listing import ListingError, validated_listing
+from foldcar.study.listing import ListingError
+from foldcar.study.listing_file import validated_listing
 
 
 def design(type: str, /, **values: float) -> Design:

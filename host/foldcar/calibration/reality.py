@@ -16,7 +16,7 @@ from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.store.calibrations import Calibration
 from foldcar.study.experiments import Experiment
-from foldcar.study.listing import load_listing
+from foldcar.study.listing_file import load_listing
 
 # Beyond these scores the priors have no mass that matters, and the simulator's limits come near.
 MOST_SCORE = 6.0

@@ -6,7 +6,7 @@ Input: a store. Output: sentences, recommendations and tables by experiment; whe
 from dataclasses import replace
 
 from foldcar.advice.comparison import Comparison, ExperimentComparison, compare_evidence
-from foldcar.advice.evidence import read_evidence, unswept_trials
+from foldcar.advice.reading_evidence import read_evidence, unswept_trials
 from foldcar.advice.selecting import Selection, select_evidence
 from foldcar.advice.words import points, rank_text
 from foldcar.analysis.gap import Gap

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from foldcar.did_you_mean import did_you_mean
 from foldcar.study.family import Family, read_family
-from foldcar.study.listing import Listing, ListingError, load_listing, validated_listing
+from foldcar.study.listing import Listing, ListingError
+from foldcar.study.listing_file import load_listing, validated_listing
 
 
 def read_checked_listing(file: Path, programs: bool) -> tuple[Listing, str]:

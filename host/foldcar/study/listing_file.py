@@ -1,0 +1,135 @@
+"""Reads the file of an experiment listing (JSON; comments and trailing commas allowed), and names its mistakes by key."""
+
+import contextlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import json5
+from pydantic import ValidationError
+
+from foldcar.did_you_mean import did_you_mean
+from foldcar.study.json_numbers import check_numbers
+from foldcar.study.listing import (
+    ExperimentParams,
+    ListedCondition,
+    ListedEnvironment,
+    ListedExperiment,
+    ListedVehicle,
+    Listing,
+    ListingError,
+    Strict,
+)
+
+MODELS: dict[str, type[Strict]] = {
+    "experiments": ListedExperiment,
+    "vehicles": ListedVehicle,
+    "environments": ListedEnvironment,
+}
+# What pydantic calls a value that should be a JSON object and is not.
+NO_OBJECT = ("dict_type", "model_type", "model_attributes_type")
+INNER_MODELS: dict[str, type[Strict]] = {"params": ExperimentParams, "condition": ListedCondition}
+
+
+def read_listing(file: Path) -> tuple[Listing, str]:
+    """The listing in ``file`` and the file's text; ListingError of all its mistakes if it is invalid."""
+    data, text = load_listing(file)
+    listing, mistakes = validated_listing(data)
+    if mistakes:
+        raise ListingError(file, *mistakes)
+    return listing, text
+
+
+def load_listing(file: Path) -> tuple[Any, str]:
+    """The JSON data in ``file`` and the file's text; ListingError."""
+    try:
+        text = file.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ListingError(file, f"cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ListingError(file, f"is not UTF-8 text (byte {error.start})") from error
+    try:
+        data = json5.loads(text, allow_duplicate_keys=False)
+    except ValueError as error:
+        raise ListingError(file, f"is not JSON: {str(error).removeprefix('<string>:')}") from error
+    except RecursionError as error:
+        raise ListingError(file, "is not a listing: nested too deeply") from error
+    try:
+        check_numbers(data)
+    except ValueError as error:
+        raise ListingError(file, str(error)) from None
+    return data, text
+
+
+def validated_listing(data: Any) -> tuple[Listing, list[str]]:
+    """The listing, without the parts that have mistakes of form, and all mistakes of form and reference."""
+    mistakes = []
+    try:
+        listing = Listing.model_validate(data)
+    except ValidationError as error:
+        mistakes = [_mistake(one) for one in error.errors()]
+        listing = _sound_part(data)
+    return listing, mistakes + _reference_mistakes(data, listing)
+
+
+def _sound_part(data: Any) -> Listing:
+    """What is valid by itself of a listing that is not."""
+    sound: dict[str, dict[str, Any]] = {}
+    for section, model in MODELS.items():
+        sound[section] = {}
+        for name, raw in _section(data, section).items():
+            with contextlib.suppress(ValidationError):
+                sound[section][name] = model.model_validate(raw)
+    return Listing.model_construct(**sound)  # type: ignore[arg-type]
+
+
+def _section(data: Any, section: str) -> dict[str, Any]:
+    found = data.get(section) if isinstance(data, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
+def _mistake(mistake: Any) -> str:
+    location, kind, value = mistake["loc"], mistake["type"], mistake["input"]
+    if kind == "extra_forbidden":
+        *parents, key = location
+        known = list(_model_at(parents).model_fields)
+        unknown = f'unknown key "{key}"; known: {", ".join(known)}{did_you_mean(str(key), known)}'
+        return f"{_path(parents)}: {unknown}"
+    path = _path(location)
+    if kind == "missing":
+        return f"{path}: is missing"
+    message = mistake["msg"].removeprefix("Value error, ")
+    if kind == "value_error":
+        return f"{path}: {message}"
+    shown = repr(value)
+    shown = shown if len(shown) <= 40 else f"{shown[:37]}..."
+    if kind in NO_OBJECT:
+        return f"{path}: {shown} is not a JSON object, {{…}}"
+    return f"{path}: {shown}: {message[0].lower()}{message[1:]}"
+
+
+def _path(location: Sequence[Any]) -> str:
+    return ".".join(str(step) for step in location) or "the file"
+
+
+def _model_at(location: Sequence[Any]) -> type[Strict]:
+    """The model of the JSON object at that place."""
+    if not location:
+        return Listing
+    return INNER_MODELS[location[2]] if len(location) > 2 else MODELS[location[0]]
+
+
+def _reference_mistakes(data: Any, listing: Listing) -> list[str]:
+    mistakes = []
+    for name, experiment in listing.experiments.items():
+        for key, reference, section in (
+            ("veh_id", experiment.veh_id, "vehicles"),
+            ("env_id", experiment.env_id, "environments"),
+        ):
+            known = _section(data, section)
+            if reference not in known:
+                mistakes.append(
+                    f'experiments.{name}.{key}: "{reference}" is not among {section}: '
+                    f"{', '.join(known) or 'none'}{did_you_mean(reference, known)}"
+                )
+    return mistakes

@@ -1,0 +1,133 @@
+"""Sweeps with a simulator that breaks down, crashes or refuses; studies that cannot run."""
+
+import os
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.errors import FoldcarError
+from swept_listing import WriteListing, rows, swept
+
+
+def simulator(tmp_path: Path, carsim: Path, batch: str) -> Path:
+    """A program like carsim with another command `batch`."""
+    script = tmp_path / "broken-carsim"
+    script.write_text(f'#!/bin/sh\n[ "$1" = batch ] || exec {shlex.quote(str(carsim))} "$@"\n{batch}\n')
+    script.chmod(0o755)
+    return script
+
+
+@pytest.mark.parametrize(
+    ("batch", "message"),
+    [
+        ("cat > /dev/null; echo oops >&2; exit 3", "exit code 3 (oops) after 0 of "),
+        ("cat > /dev/null", "exit code 0 after 0 of "),
+        ("cat > /dev/null; echo '[]'", "answered what is no result: []"),
+        ('cat > /dev/null; echo \'{"outcome": "flew"}\'', "answered an impossible result: "),
+    ],
+)
+def test_a_simulator_that_breaks_down_is_named(
+    tmp_path: Path,
+    write_listing: WriteListing,
+    listing_data: Any,
+    carsim_binary: Path,
+    batch: str,
+    message: str,
+) -> None:
+    broken = simulator(tmp_path, carsim_binary, batch)
+
+    with pytest.raises(FoldcarError) as caught:
+        swept(write_listing(listing_data), tmp_path / "s.db", broken)
+
+    assert str(caught.value).startswith(f"{broken}: {message}")
+
+
+# Runs carsim's batch, but dies of a signal when it comes to a run of the first sample's scene.
+DYING = """#!/usr/bin/env python3
+import json, os, signal, subprocess, sys
+
+if sys.argv[1] != "batch":
+    os.execv({carsim!r}, ["carsim", *sys.argv[1:]])
+process = subprocess.Popen([{carsim!r}, "batch"], stdin=subprocess.PIPE, text=True)
+for line in sys.stdin:
+    dies = '"run"' in line and json.loads(line)["run"]["scene"] == "s1"
+    if dies:
+        break
+    process.stdin.write(line)
+process.communicate()
+if dies:
+    print("box2d: assertion failed", file=sys.stderr, flush=True)
+    os.kill(os.getpid(), signal.SIGABRT)
+sys.exit(process.returncode)
+"""
+
+
+def test_a_run_that_crashes_is_a_result_and_the_rest_goes_on(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path, foldcar: Any
+) -> None:
+    dying = tmp_path / "dying-carsim"
+    dying.write_text(DYING.format(carsim=str(carsim_binary)))
+    dying.chmod(0o755)
+    listing = write_listing(listing_data)
+    words = ("sweep", listing, "--store", "s.db", "--jobs", "1")
+    swept(listing, tmp_path / "whole.db", carsim_binary)
+
+    crashing = foldcar(*words, env={**os.environ, "FOLDCAR_CARSIM": str(dying)})
+    again = foldcar(*words, env={**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)})
+    report = foldcar("report", "s.db", "-o", "report")
+
+    assert crashing.returncode == 1
+    assert "2 of 6 runs failed and count as not passed:\n  2 x the simulation crashed" in crashing.stderr
+    results, whole = rows(tmp_path / "s.db"), rows(tmp_path / "whole.db")
+    assert [result.sample for result in results if result.outcome == "failed"] == [0, 0]
+    assert {result.message for result in results if result.sample == 0} == {
+        "the simulation crashed (killed by SIGABRT (box2d: assertion failed))"
+    }
+    assert [result for result in results if result.sample] == [result for result in whole if result.sample]
+    assert " % passed, 2 failed; store: s.db\n" in crashing.stdout
+    # Failed runs are not repeated until the simulator changes.
+    assert again.stdout.startswith("0 runs new, 6 there already, ")
+    assert " % passed, 2 failed; store: s.db\n" in again.stdout
+    assert "2 of 6 runs failed" in report.stdout
+    assert "2 of 6 runs failed" in (tmp_path / "report" / "index.html").read_text()
+
+
+def test_what_the_simulator_refuses_is_told_with_the_run(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path
+) -> None:
+    listing_data["environments"]["1"]["scenic_params"] = {"friction": 1e6}
+
+    with pytest.raises(FoldcarError) as caught:
+        swept(write_listing(listing_data), tmp_path / "s.db", carsim_binary)
+
+    assert "friction" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("vehicles", "1", "params", 0, "common", "width"), [20]),
+        (("vehicles", "1", "params", 0, "common", "width"), [50, 55]),
+        (("environments", "1", "scenic_params"), {"no_such_param": 1}),
+        (("experiments", "1", "params", "timeout"), 1e9),
+    ],
+)
+def test_a_study_that_cannot_run_leaves_no_store(
+    tmp_path: Path,
+    write_listing: WriteListing,
+    listing_data: Any,
+    carsim_binary: Path,
+    path: tuple[str | int, ...],
+    value: Any,
+) -> None:
+    node = listing_data
+    for step in path[:-1]:
+        node = node[step]
+    node[path[-1]] = value
+
+    with pytest.raises(FoldcarError):
+        swept(write_listing(listing_data), tmp_path / "folder" / "s.db", carsim_binary)
+
+    assert not (tmp_path / "folder").exists()

@@ -1,0 +1,119 @@
+// What the application does first: outputs off, stored parameters, reset reason, design.
+#include <unity.h>
+
+#include "application_bench.h"
+
+namespace foldcar {
+namespace {
+
+void outputs_are_off_before_parameters_are_loaded() {
+  struct WatchingStorage : SimStorage {
+    const RecordingServos* servos = nullptr;
+    bool off_came_first = true;
+    bool load(const char* name, float& value) override {
+      off_came_first = off_came_first && servos->writes.size() == 1 && servos->writes[0] == kOff;
+      return SimStorage::load(name, value);
+    }
+  };
+  RecordingHal board;
+  WatchingStorage storage;
+  storage.servos = &board.servos;
+  storage.values["TRACK_M"] = 0.25f;
+  Parameters parameters;
+  Application application(
+      {board.clock, board.servos, board.battery, board.link, storage, board.imu, board.logs, board.board}, parameters);
+
+  application.begin();
+
+  TEST_ASSERT_TRUE(storage.off_came_first);
+  TEST_ASSERT_EQUAL_FLOAT(0.25f, parameters.get(Parameter::kTrackM));
+}
+
+void a_stored_parameter_out_of_range_is_a_fault() {
+  Bench bench;
+  bench.board.storage.values["TRACK_M"] = 99.0f;
+  bench.application.begin();
+  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kStoredParameter);
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kFaultLatched);
+}
+
+void stored_parameters_that_cannot_be_read_are_a_fault() {
+  Bench bench;
+  bench.board.storage.values["STAGGER_MS"] = 77.0f;
+  bench.board.storage.fitted = false;
+  bench.application.begin();
+  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kFlash);
+  TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNone);
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
+}
+
+void a_reset_by_a_watchdog_or_a_brown_out_is_a_fault() {
+  const auto fault_after = [](ResetReason reason) {
+    Bench bench;
+    bench.board.board.reason = reason;
+    bench.application.begin();
+    return bench.application.status().fault;
+  };
+  TEST_ASSERT_TRUE(fault_after(ResetReason::kPowerOn) == Fault::kNone);
+  TEST_ASSERT_TRUE(fault_after(ResetReason::kSoftware) == Fault::kNone);
+  TEST_ASSERT_TRUE(fault_after(ResetReason::kBrownOut) == Fault::kBrownOut);
+  for (const ResetReason reason : {ResetReason::kCrash, ResetReason::kInterruptWatchdog, ResetReason::kTaskWatchdog,
+                                   ResetReason::kOtherWatchdog}) {
+    TEST_ASSERT_TRUE(fault_after(reason) == Fault::kWatchdog);
+  }
+}
+
+void a_refused_design_keeps_the_car_from_moving_even_when_acknowledged() {
+  Bench bench;
+  DesignResult design;
+  design.source = DesignSource::kRefused;
+  bench.application.begin(design);
+  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kDesign);
+  TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNone);
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kDesign);
+  TEST_ASSERT_TRUE(bench.application.test(0, 1500.0f, 1.0f) == Refusal::kDesign);
+}
+
+void a_car_without_a_design_stays_disarmed_until_that_is_confirmed() {
+  for (const DesignSource source : {DesignSource::kMissing, DesignSource::kUnreadable}) {
+    Bench bench;
+    DesignResult design;
+    design.source = source;
+    bench.application.begin(design);
+    const Fault fault = source == DesignSource::kMissing ? Fault::kNoDesign : Fault::kFlash;
+    TEST_ASSERT_TRUE(bench.application.status().fault == fault);
+    TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNoDesign);
+    TEST_ASSERT_TRUE(bench.application.status().fault == fault);
+    TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kFaultLatched);
+    TEST_ASSERT_TRUE(bench.application.acknowledge(true) == Refusal::kNone);
+    TEST_ASSERT_TRUE(bench.application.design().source == DesignSource::kNone);
+    TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
+  }
+}
+
+void another_fault_does_not_hide_that_there_is_no_design() {
+  Bench bench;
+  bench.board.board.reason = ResetReason::kBrownOut;
+  DesignResult design;
+  design.source = DesignSource::kMissing;
+  bench.application.begin(design);
+  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kBrownOut);
+  TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNone);
+  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kNoDesign);
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kFaultLatched);
+}
+
+}  // namespace
+
+void run_start_up_tests() {
+  UnitySetTestFile(__FILE__);
+  RUN_TEST(outputs_are_off_before_parameters_are_loaded);
+  RUN_TEST(a_stored_parameter_out_of_range_is_a_fault);
+  RUN_TEST(stored_parameters_that_cannot_be_read_are_a_fault);
+  RUN_TEST(a_reset_by_a_watchdog_or_a_brown_out_is_a_fault);
+  RUN_TEST(a_refused_design_keeps_the_car_from_moving_even_when_acknowledged);
+  RUN_TEST(a_car_without_a_design_stays_disarmed_until_that_is_confirmed);
+  RUN_TEST(another_fault_does_not_hide_that_there_is_no_design);
+}
+
+}  // namespace foldcar

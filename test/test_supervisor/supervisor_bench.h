@@ -1,0 +1,52 @@
+// A supervisor in each of its states, and what the tests tell it.
+#pragma once
+
+#include <cstdint>
+
+#include "supervisor.h"
+
+namespace foldcar {
+
+constexpr float kGoodV = 4.0f;
+constexpr float kLowV = 3.0f;
+constexpr TrialRequest kTrial{0.2f, 0.0f, 10.0f, false, 1};
+constexpr TrialRequest kUntethered{0.2f, 0.0f, 10.0f, true, 2};
+
+constexpr std::uint64_t ms(std::uint64_t time_ms) { return 1000 * time_ms; }
+
+// Brings a new supervisor into a state, by accepted requests at time 0.
+inline void bring_to(State state, Supervisor& supervisor) {
+  if (state == State::kDisarmed) return;
+  if (state == State::kTesting) return static_cast<void>(supervisor.test(3.0f, kGoodV, 0));
+  supervisor.arm(kGoodV, 0);
+  if (state == State::kArmed) return;
+  if (state == State::kFault) return supervisor.report(Fault::kBus);
+  if (state == State::kManual) return static_cast<void>(supervisor.drive_manually(true, 0));
+  supervisor.start(kTrial, 0);
+  if (state == State::kFinished) supervisor.stop();
+}
+
+inline Refusal tick(Supervisor& supervisor, std::uint64_t now_us, float battery_v, bool imu_lost = false,
+                    float tilt_rad = 0.0f) {
+  supervisor.tick({now_us, battery_v, imu_lost, tilt_rad});
+  return Refusal::kNone;
+}
+
+constexpr State kDisarmed = State::kDisarmed;
+constexpr State kArmed = State::kArmed;
+constexpr State kRunning = State::kRunning;
+constexpr State kFinished = State::kFinished;
+constexpr State kFault = State::kFault;
+constexpr State kManual = State::kManual;
+constexpr State kTesting = State::kTesting;
+constexpr Refusal kBusy = Refusal::kRunning;
+constexpr Refusal kLatched = Refusal::kFaultLatched;
+constexpr Refusal kOk = Refusal::kNone;
+
+// Each runs the tests of one file.
+void run_state_table_tests();
+void run_request_tests();
+void run_time_tests();
+void run_fault_tests();
+
+}  // namespace foldcar

@@ -13,9 +13,9 @@ constexpr double kClosingSpeed_m_s = 0.5;
 // tyres of equal stiffness do, also of friction: else wheels can jam each other where they need not.
 constexpr double kCompliance = 0.02;
 constexpr double kYield = 1 / (1 + kCompliance);
-// An impact faster than kImpactSpeed_m_s takes time, as tyres, film and servo shafts give way: in every step a share
-// exp(-step / kImpactTime_s) of the approach is left, and after this time the contact rebounds with the restitution of
-// what the fastest was faster than that speed.
+// An impact faster than kImpactSpeed_m_s takes kImpactTime_s, as tyres, film and servo shafts give way: in every step of
+// it a share exp(-step / kImpactTime_s) of the approach is left. Then the contact rebounds with kRestitution times what
+// the fastest approach exceeded kImpactSpeed_m_s by.
 constexpr double kImpactSpeed_m_s = 0.2;
 constexpr double kImpactTime_s = 0.008;
 constexpr double kRestitution = 0.2;

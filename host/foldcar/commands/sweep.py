@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,10 +19,12 @@ from foldcar.commands.sweep_text import state_objects, stopping_lines
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
+    from foldcar.study.experiments import Experiment
     from foldcar.study.progress import Progress
 
 
 def sweep(
+    context: typer.Context,
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
     store: Annotated[
         Path, typer.Option(metavar="FILE", callback=output_store, help="Store to write; made if it is missing.")
@@ -67,12 +70,18 @@ def sweep(
     Example: foldcar sweep scenarios/width_study.json --store study.db
     foldcar sweep scenarios/width_study.json --store study.db --until decided
     """
+    from foldcar.simulation.programs_ahead import programs_ahead
+
+    check_scheduler_option(scheduler, jobs)
+    # Before the imports, which take as long as half of Scenic's.
+    ahead = context.with_resource(programs_ahead(store, jobs))
     from foldcar.commands.calibration_option import under_calibration
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.engine_study import engine_study
-    from foldcar.study.environments import mutation_notes
+    from foldcar.study.environments import Environment, mutation_notes
+    from foldcar.study.environments_ahead import EnvironmentAhead
     from foldcar.study.experiments import read_study
     from foldcar.study.planned_designs import planned_designs
     from foldcar.study.progress import Progress
@@ -80,18 +89,23 @@ def sweep(
     from foldcar.study.sweep import planned_total
     from foldcar.study.sweep import sweep as run_sweep
 
-    check_scheduler_option(scheduler, jobs)
     study = read_study(listing, experiment, environments)
     carsim = Carsim(engine=engine)
     study, environment_of = under_calibration(engine_study(study, carsim), store, calibration, reality)
     rules = stopping_rules(until, study) if until is not None else {}
-    for note in mutation_notes(study.experiments):
-        typer.echo(f"note: {note}", err=True)
+    if ahead is not None and environment_of is Environment:
+        environment_of = partial(EnvironmentAhead, programs=ahead)
+    opened = {chosen.id: environment_of(chosen) for chosen in study.experiments}
     planned = planned_designs(study, store, carsim.parameter_table())
+    for note in mutation_notes(opened.values()):
+        typer.echo(f"note: {note}", err=True)
     most = planned_total(study)
     progress = Progress(total=most)
     designs = sum(len(chosen.family) for chosen in study.experiments) if rules else None
     command = shlex.join(["foldcar", *sys.argv[1:]])
+
+    def opened_of(chosen: "Experiment") -> Environment:
+        return opened[chosen.id]
 
     def stopped() -> str:
         total = f"at most {progress.total}" if rules else f"{progress.total}"
@@ -102,7 +116,7 @@ def sweep(
         ProgressBar(progress, designs) as bar,
         simulators(scheduler, jobs, carsim, bar.say) as places,
     ):
-        run_sweep(study, store, carsim, places, command, bar.update, progress, bar.say, environment_of, rules, planned)
+        run_sweep(study, store, carsim, places, command, bar.update, progress, bar.say, opened_of, rules, planned)
     if as_json:
         print_json(
             {

@@ -76,11 +76,17 @@ def compile_observed(
         return _compile_observed(program, params, followed)
 
 
-def _compile_observed(program: Path, params: Mapping[str, Any], followed: Collection[int]) -> CompiledProgram:
-    with warnings.catch_warnings():
+def import_scenic() -> Any:
+    """Scenic, imported without what it says then; the first time that takes half a second."""
+    with _no_collection(), warnings.catch_warnings():
         # Scenic installs an excepthook, and warns if another library has installed one before.
         warnings.filterwarnings("ignore", message="unable to install sys.excepthook")
         import scenic
+    return scenic
+
+
+def _compile_observed(program: Path, params: Mapping[str, Any], followed: Collection[int]) -> CompiledProgram:
+    scenic = import_scenic()
     from foldcar.scenes.mutation import Mutations
     from foldcar.scenes.scenic_hooks import hooks
 

@@ -33,8 +33,7 @@ def answers_on(*descriptors: int) -> None:
 class Forked:
     """A copy of this process that answers with ``answer``, which takes and returns JSON objects. A context manager.
 
-    A copy that dies without an answer takes this process with it, in the same way, so that whoever started this one
-    learns how. Memory is shared until it is written.
+    Memory is shared until it is written.
     """
 
     def __init__(self, answer: Callable[[Answer], Answer]) -> None:
@@ -64,14 +63,29 @@ class Forked:
         self.close()
 
     def ask(self, question: Answer) -> Answer:
-        """The copy's answer."""
+        """The copy's answer.
+
+        A copy that dies without one takes this process with it, in the same way, so that whoever started this one
+        learns how.
+        """
+        self.tell(question)
+        answer = self.hear()
+        if answer is None:
+            _die_of(os.waitpid(self._process, 0)[1])
+        return answer
+
+    def tell(self, question: Answer) -> None:
+        """Ask without waiting: :meth:`hear` gives the answers in the order of the questions."""
         data = (json.dumps(question) + "\n").encode()
         with contextlib.suppress(BrokenPipeError):
             while data:
                 data = data[os.write(self._questions, data) :]
+
+    def hear(self) -> Answer | None:
+        """The next answer; None if the copy has died."""
         line = self._reader.readline()
         if not line.endswith("\n"):
-            _die_of(os.waitpid(self._process, 0)[1])
+            return None
         answer: Answer = json.loads(line)
         return answer
 
@@ -92,6 +106,9 @@ def _serve(answer: Callable[[Answer], Answer], asked: int, answered: int) -> NoR
                 answers.write(json.dumps(answer(json.loads(line))) + "\n")
                 answers.flush()
         code = 0
+    except BrokenPipeError:
+        # Nobody wants the answer any more.
+        pass
     except BaseException:
         traceback.print_exc()
     finally:

@@ -7,6 +7,7 @@ is compiled when first needed, which takes most of a second, and not at all if t
 import contextlib
 import re
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from foldcar.car.variation.spread import draw
@@ -35,6 +36,11 @@ class Environment:
         self.spread_fingerprint = (
             spread_fingerprint(e.variation, e.variation_seed) if e.variation else NOMINAL
         )
+
+    @property
+    def program(self) -> Path:
+        """The Scenic program."""
+        return self._experiment.program
 
     @property
     def calibration(self) -> dict[str, str] | None:
@@ -91,7 +97,10 @@ class Environment:
     def mutation_notes(self) -> list[str]:
         """What `mutate` moves without what is placed relative to it; programs without the word are not compiled."""
         text = self._experiment.program.read_text(encoding="utf-8", errors="replace")
-        return self._open().mutation_notes() if re.search(r"\b(mutate|import|model (?!model\b))", text) else []
+        return self._mutation_notes() if re.search(r"\b(mutate|import|model (?!model\b))", text) else []
+
+    def _mutation_notes(self) -> list[str]:
+        return self._open().mutation_notes()
 
     def _open(self) -> "SceneSource":
         from foldcar.scenes.source import open_environment
@@ -102,7 +111,7 @@ class Environment:
         return self._source
 
 
-def mutation_notes(experiments: Iterable[Experiment]) -> list[str]:
-    """The notes on `mutate` for each of the experiments' programs. FoldcarError."""
-    programs = {experiment.program: experiment for experiment in experiments}
-    return [note for one in programs.values() for note in Environment(one).mutation_notes()]
+def mutation_notes(environments: Iterable[Environment]) -> list[str]:
+    """The notes on `mutate` for each of the environments' programs. FoldcarError."""
+    programs = {environment.program: environment for environment in environments}
+    return [note for one in programs.values() for note in one.mutation_notes()]

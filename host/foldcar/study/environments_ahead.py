@@ -1,0 +1,51 @@
+"""An environment whose program another process compiles and samples (see simulation/programs_ahead.py).
+
+Input: an experiment. Output: what Environment gives, errors too. Without the other process this one compiles the program.
+"""
+
+from functools import cached_property
+from typing import Any
+
+from foldcar.scenes.success import SuccessRule
+from foldcar.simulation.programs_ahead import ProgramsAhead
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import Experiment
+
+
+class EnvironmentAhead(Environment):
+    """The environment of one experiment; the other process compiles its program from now on."""
+
+    def __init__(self, experiment: Experiment, programs: ProgramsAhead) -> None:
+        super().__init__(experiment)
+        e = experiment
+        self._programs = programs
+        self._opening = {
+            "program": str(e.program),
+            "params": dict(e.scenic_params),
+            "seed": e.seed,
+            "condition": e.condition if e.condition is None else dict(e.condition),
+        }
+        self._facts_asked = programs.ask("facts", self._opening)
+
+    @property
+    def dynamic(self) -> bool:
+        """Whether the program has parts that Scenic must evaluate during a simulation."""
+        return super().dynamic if self._facts is None else bool(self._facts["dynamic"])
+
+    @property
+    def success(self) -> SuccessRule:
+        """When a run of the program has passed; without the conditions' names."""
+        return super().success if self._facts is None else SuccessRule(self._facts["defined"], self._facts["text"])
+
+    def sample(self, k: int) -> dict[str, Any]:
+        """Sample ``k`` as a scene object of docs/carsim.md, without id."""
+        scene = None if self._facts is None else self._programs.answer(self._programs.ask("scene", self._opening, k))
+        return super().sample(k) if scene is None else scene
+
+    @cached_property
+    def _facts(self) -> Any:
+        return self._programs.answer(self._facts_asked)
+
+    def _mutation_notes(self) -> list[str]:
+        notes = self._programs.answer(self._programs.ask("notes", self._opening))
+        return super()._mutation_notes() if notes is None else notes

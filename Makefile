@@ -181,7 +181,9 @@ check: setup mujoco
 	$(BIN)/gcovr --root . --filter 'firmware/lib/' --filter 'sim2d/lib/' --exclude-throw-branches --gcov-ignore-parse-errors \
 	  --fail-under-line $(LEAST_COVERAGE) .pio/build/native_check
 	$(MAKE) tidy
-	$(BIN)/coverage run --rcfile pyproject.toml -m pytest -q test/host
+	$(BIN)/coverage erase --rcfile pyproject.toml
+	$(BIN)/coverage run --rcfile pyproject.toml -m pytest -n 3 --dist worksteal test/host
+	$(BIN)/coverage combine --rcfile pyproject.toml --quiet
 	$(BIN)/coverage report --rcfile pyproject.toml --skip-covered
 	@echo 'No sanitizer, no test and not clang-tidy finds a fault; $(LEAST_COVERAGE) % of the C++ lines or more are run'
 
@@ -231,7 +233,7 @@ $(addprefix .pio/fuzz/fuzz_,batch step design): $(SIMULATOR_SOURCES:%.cpp=.pio/f
 	$(CXX) $(FIRMWARE_FLAGS) -O2 $(filter %.cpp,$^) -o $@
 
 clean:
-	rm -rf .venv .pio .pio-core platformio.local.ini build dist host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
+	rm -rf .venv .pio .pio-core platformio.local.ini build dist .coverage* host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
 	find host tools test -name __pycache__ -type d -prune -exec rm -rf {} +
 
 system-packages:

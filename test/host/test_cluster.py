@@ -28,6 +28,7 @@ from foldcar.store.digest import store_digest
 from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import sweep
+from shell_signals import like_a_shell
 
 dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
@@ -290,7 +291,7 @@ def test_the_workers_of_this_machine_end_with_the_command(
     process = subprocess.Popen(
         [sys.executable, "-m", "foldcar", "sweep", str(listing), "--store", "s.db", "--environments", "500",
          "--scheduler", "local:1"],
-        cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=like_a_shell,
         env={**os.environ, "FOLDCAR_TEST_MARK": str(tmp_path)},
     )  # fmt: skip
     deadline_s = time.monotonic() + WAIT_S

@@ -12,7 +12,7 @@ import pytest
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.programs_ahead import ProgramsAhead, programs_ahead
 from foldcar.study.environments import Environment
-from foldcar.study.environments_ahead import EnvironmentAhead
+from foldcar.study.environments_ahead import environments_ahead
 from foldcar.study.experiments import Experiment, read_study
 from swept_listing import WriteListing
 
@@ -44,7 +44,7 @@ def test_it_gives_what_compiling_here_gives(experiment: Experiment, capsys: pyte
     before = children()
     with ProgramsAhead() as programs:
         assert len(children() - before) == 1
-        ahead, other = (EnvironmentAhead(experiment, programs) for _ in range(2))
+        ahead, other = (environments_ahead([experiment], programs)[experiment.id] for _ in range(2))
         scenes = [ahead.sample(k) for k in (2, 0)]
         found = (ahead.dynamic, ahead.success.defined, ahead.success.text, ahead.mutation_notes())
         assert other.sample(2) == scenes[0]
@@ -63,7 +63,7 @@ def test_it_gives_what_compiling_here_gives(experiment: Experiment, capsys: pyte
 def test_without_the_copy_the_program_is_compiled_here(experiment: Experiment, asked: bool) -> None:
     before = children()
     with ProgramsAhead() as programs:
-        environment = EnvironmentAhead(experiment, programs)
+        environment = environments_ahead([experiment], programs)[experiment.id]
         if asked:
             environment.sample(0)
         (copy,) = children() - before
@@ -72,6 +72,17 @@ def test_without_the_copy_the_program_is_compiled_here(experiment: Experiment, a
         assert [environment.sample(k) for k in range(3)] == [here.sample(k) for k in range(3)]
         assert environment.success.text == here.success.text
         assert environment.mutation_notes() == here.mutation_notes()
+
+
+def test_more_questions_and_more_words_than_a_pipe_holds(
+    experiment: Experiment, capsys: pytest.CaptureFixture[str]
+) -> None:
+    experiment.program.write_text(PROGRAM.replace('"compiled"', '"compiled" * 20_000'))
+    with ProgramsAhead() as programs:
+        environment = environments_ahead([experiment] * 1000, programs)[experiment.id]
+        assert environment.success.defined
+        assert environment.mutation_notes()
+    assert len(capsys.readouterr().err) > 2 * 8 * 20_000
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 import shlex
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -81,7 +80,7 @@ def sweep(
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.engine_study import engine_study
     from foldcar.study.environments import Environment, mutation_notes
-    from foldcar.study.environments_ahead import EnvironmentAhead
+    from foldcar.study.environments_ahead import environments_ahead
     from foldcar.study.experiments import read_study
     from foldcar.study.planned_designs import planned_designs
     from foldcar.study.progress import Progress
@@ -94,8 +93,9 @@ def sweep(
     study, environment_of = under_calibration(engine_study(study, carsim), store, calibration, reality)
     rules = stopping_rules(until, study) if until is not None else {}
     if ahead is not None and environment_of is Environment:
-        environment_of = partial(EnvironmentAhead, programs=ahead)
-    opened = {chosen.id: environment_of(chosen) for chosen in study.experiments}
+        opened = environments_ahead(study.experiments, ahead)
+    else:
+        opened = {chosen.id: environment_of(chosen) for chosen in study.experiments}
     planned = planned_designs(study, store, carsim.parameter_table())
     for note in mutation_notes(opened.values()):
         typer.echo(f"note: {note}", err=True)

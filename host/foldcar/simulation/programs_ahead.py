@@ -8,8 +8,8 @@ import io
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, redirect_stderr
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stderr, suppress
 from functools import cache
 from pathlib import Path
 from types import TracebackType
@@ -22,15 +22,19 @@ from foldcar.simulation.forked import Answer, Forked
 if TYPE_CHECKING:
     from foldcar.scenes.source import SceneSource
 
+Opening = Mapping[str, Any]
+
 
 class ProgramsAhead:
-    """The copy, which imports Scenic from now on. A context manager: nothing of it is left after the block."""
+    """The copy, which imports Scenic from now on. A context manager: nothing of it is left after the block.
+
+    ``opening`` holds the arguments of open_environment, the program as text.
+    """
 
     def __init__(self) -> None:
         self._copy = Forked(_answer)
-        self._answers: dict[int, Answer] = {}
-        self._asked = 0
-        self._copy.tell({"number": 0, "what": "import"})
+        self._unheard = 1
+        self._copy.tell({"prepare": []})
 
     def __enter__(self) -> "ProgramsAhead":
         return self
@@ -40,27 +44,29 @@ class ProgramsAhead:
     ) -> None:
         self._copy.close()
 
-    def ask(self, what: str, opening: Mapping[str, Any], sample: int = 0) -> int:
-        """Ask ``what``, a key of ANSWERS, of a program without waiting; gives the question's number.
+    def prepare(self, openings: Sequence[Opening]) -> None:
+        """Compile these programs from now on. Once only: the copy may wait for its answers to be heard."""
+        self._unheard += 1
+        self._copy.tell({"prepare": [json.dumps(opening) for opening in openings]})
 
-        ``opening`` has the arguments of open_environment, the program as text.
-        """
-        self._asked += 1
-        self._copy.tell({"number": self._asked, "what": what, "opening": json.dumps(opening), "sample": sample})
-        return self._asked
+    def ask(self, what: str, opening: Opening, sample: int = 0) -> Any:
+        """Ask ``what``, a key of ANSWERS, of a program; None if the copy has failed. FoldcarError as it is there."""
+        while self._unheard:
+            self._unheard -= 1
+            self._hear()
+        self._copy.tell({"what": what, "opening": json.dumps(opening), "sample": sample})
+        heard = self._hear()
+        if heard is None:
+            return None
+        if heard["refused"] is not None:
+            raise FoldcarError(heard["refused"])
+        return heard["answer"]
 
-    def answer(self, number: int) -> Any:
-        """The answer to question ``number``, to be had once; None if the copy has failed. FoldcarError as there."""
-        while number not in self._answers:
-            heard = self._copy.hear()
-            if heard is None:
-                return None
+    def _hear(self) -> Answer | None:
+        heard = self._copy.hear()
+        if heard is not None:
             sys.stderr.write(heard["said"])
-            self._answers[heard["number"]] = heard
-        answer = self._answers.pop(number)
-        if answer["refused"] is not None:
-            raise FoldcarError(answer["refused"])
-        return answer["answer"]
+        return heard
 
 
 @contextmanager
@@ -96,21 +102,33 @@ ANSWERS: Mapping[str, Callable[["SceneSource", int], Any]] = {
 
 def _answer(question: Answer) -> Answer:
     """In the copy. What a program prints goes with the answer."""
+    if "prepare" in question:
+        return _prepare(question["prepare"])
     answer, refused, said = None, None, io.StringIO()
     try:
         with redirect_stderr(said):
-            if question["what"] == "import":
-                from foldcar.scenes.program import import_scenic
-
-                import_scenic()
-            else:
-                answer = ANSWERS[question["what"]](_opened(question["opening"]), question["sample"])
+            answer = ANSWERS[question["what"]](_opened(question["opening"]), question["sample"])
     except FoldcarError as error:
         refused = str(error)
     except Exception:
         # The caller does the same again, and fails where it is seen.
-        answer, said = None, io.StringIO()
-    return {"number": question["number"], "answer": answer, "refused": refused, "said": said.getvalue()}
+        said = io.StringIO()
+    return {"answer": answer, "refused": refused, "said": said.getvalue()}
+
+
+def _prepare(openings: Sequence[str]) -> Answer:
+    """Import Scenic and compile; a program that fails is compiled again, and prints again, when it is asked for."""
+    from foldcar.scenes.program import import_scenic
+
+    told = []
+    with suppress(Exception):
+        import_scenic()
+        for opening in openings:
+            said = io.StringIO()
+            with redirect_stderr(said):
+                _opened(opening)
+            told.append(said.getvalue())
+    return {"said": "".join(told)}
 
 
 @cache

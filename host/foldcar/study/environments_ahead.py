@@ -3,29 +3,28 @@
 Input: an experiment. Output: what Environment gives, errors too. Without the other process this one compiles the program.
 """
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
 from foldcar.scenes.success import SuccessRule
-from foldcar.simulation.programs_ahead import ProgramsAhead
+from foldcar.simulation.programs_ahead import Opening, ProgramsAhead
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment
 
 
+def environments_ahead(experiments: Sequence[Experiment], programs: ProgramsAhead) -> dict[str, Environment]:
+    """The experiments' environments by their ids; ``programs`` compiles from now on."""
+    programs.prepare([_opening(one) for one in experiments])
+    return {one.id: EnvironmentAhead(one, programs) for one in experiments}
+
+
 class EnvironmentAhead(Environment):
-    """The environment of one experiment; the other process compiles its program from now on."""
+    """The environment of one experiment."""
 
     def __init__(self, experiment: Experiment, programs: ProgramsAhead) -> None:
         super().__init__(experiment)
-        e = experiment
-        self._programs = programs
-        self._opening = {
-            "program": str(e.program),
-            "params": dict(e.scenic_params),
-            "seed": e.seed,
-            "condition": e.condition if e.condition is None else dict(e.condition),
-        }
-        self._facts_asked = programs.ask("facts", self._opening)
+        self._programs, self._opening = programs, _opening(experiment)
 
     @property
     def dynamic(self) -> bool:
@@ -39,13 +38,23 @@ class EnvironmentAhead(Environment):
 
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` as a scene object of docs/carsim.md, without id."""
-        scene = None if self._facts is None else self._programs.answer(self._programs.ask("scene", self._opening, k))
+        scene = self._programs.ask("scene", self._opening, k)
         return super().sample(k) if scene is None else scene
 
     @cached_property
     def _facts(self) -> Any:
-        return self._programs.answer(self._facts_asked)
+        return self._programs.ask("facts", self._opening)
 
     def _mutation_notes(self) -> list[str]:
-        notes = self._programs.answer(self._programs.ask("notes", self._opening))
+        notes = self._programs.ask("notes", self._opening)
         return super()._mutation_notes() if notes is None else notes
+
+
+def _opening(experiment: Experiment) -> Opening:
+    e = experiment
+    return {
+        "program": str(e.program),
+        "params": dict(e.scenic_params),
+        "seed": e.seed,
+        "condition": None if e.condition is None else dict(e.condition),
+    }

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from foldcar import __version__
+from unmeasured import unmeasured
 
 
 def test_help_names_every_command(foldcar: Any) -> None:
@@ -28,7 +29,7 @@ def test_help_waits_for_nothing_heavy() -> None:
     heavy = "{'scenic', 'matplotlib', 'numpy', 'scipy', 'pyarrow', 'pydantic', 'sqlite3'}"
     code = f"import sys, foldcar.cli; print({heavy} & set(sys.modules))"
 
-    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=unmeasured())
 
     assert answer.stdout == "set()\n"
 

@@ -14,6 +14,7 @@ import typer
 
 from foldcar.cli import app
 from forked_foldcar import original
+from unmeasured import unmeasured
 
 PROJECT = Path(__file__).resolve().parents[2]
 COMMAND = [sys.executable, "-m", "foldcar"]
@@ -122,7 +123,7 @@ heavy = {"scenic", "matplotlib", "numpy", "scipy", "pyarrow", "sqlite3", "json5"
 print(heavy & set(sys.modules))
 """
     environment = {
-        **os.environ, "_FOLDCAR_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)
+        **unmeasured(), "_FOLDCAR_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)
     }  # fmt: skip
     before_s = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
 

@@ -9,9 +9,6 @@ import pytest
 from foldcar.errors import FoldcarError
 from foldcar.scenes.time_limit import WALL_FACTOR, time_limit
 
-# The kernel counts processor time in such steps.
-TICK_S = 0.01
-
 
 def loop_that_catches(end_s: float) -> None:
     while time.perf_counter() < end_s:
@@ -22,13 +19,13 @@ def loop_that_catches(end_s: float) -> None:
 
 
 def test_a_loop_that_catches_exceptions_is_interrupted_in_time() -> None:
-    # Of all threads: others of the tests' process may compute beside this one.
+    # Of all threads of the tests' process. The kernel counts by whom its ticks find running, which is inexact.
     start_s, processor_s = time.perf_counter(), time.process_time()
     message = r"^the loop takes longer than the limit of 0.2 s$"
     with pytest.raises(FoldcarError, match=message), time_limit(0.2, "the loop"):
         loop_that_catches(start_s + 100)
     assert time.perf_counter() - start_s < 50
-    assert time.process_time() - processor_s >= 0.2 - TICK_S
+    assert time.process_time() - processor_s >= 0.1
 
 
 def test_an_error_that_a_library_makes_of_the_interruption_is_the_limit_too() -> None:

@@ -123,8 +123,11 @@ heavy = {"scenic", "matplotlib", "numpy", "scipy", "pyarrow", "sqlite3", "json5"
 print(heavy & set(sys.modules))
 """
     environment = {
-        **unmeasured(), "_FOLDCAR_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)
-    }  # fmt: skip
+        **unmeasured(),
+        "_FOLDCAR_COMPLETE": "complete_bash",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(len(words.split()) - 1),
+    }
     before_s = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
 
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)

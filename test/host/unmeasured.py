@@ -1,4 +1,4 @@
-"""The environment for processes that `make check` shall not measure: coverage imports modules and writes files in them."""
+"""The environment for processes that `make check` shall not measure: coverage imports modules and writes files there."""
 
 import os
 

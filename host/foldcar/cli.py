@@ -7,6 +7,7 @@ Slow imports are made inside the commands, so that help is printed at once.
 
 import atexit
 import gc
+import os
 import re
 import sys
 from typing import Annotated
@@ -93,6 +94,9 @@ def main() -> None:
     # Most objects live until the command ends; garbage collection at the default rate takes a tenth of the time of
     # `foldcar pattern`.
     gc.set_threshold(GARBAGE_THRESHOLD)
+    # numpy's matrices are small here: threads for them would take longer to start than they save, and processors from
+    # simulators.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # No collection when the process ends.
     atexit.register(gc.freeze)
     try:

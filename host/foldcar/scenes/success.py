@@ -56,7 +56,8 @@ def success_rule(scenario: Any, program: Path) -> SuccessRule:
     else:
         conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
         lines = {condition.line for condition in conditions}
-        found = [one for one in _approaches(program, scenario, goal) if one.line in lines]
+        # Without conditions, as in most programs, it need not be parsed.
+        found = [one for one in _approaches(program, scenario, goal) if one.line in lines] if lines else []
         named = [one for one in found if one.place.lower() == TARGET]
         if len({one.place for one in found}) > 1 and named:
             found = named

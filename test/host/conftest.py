@@ -15,6 +15,9 @@ from foldcar.simulation.carsim_limits import CarsimLimits
 from foldcar.simulation.engines import find_carsim
 from forked_foldcar import HANGS_S, original
 from live_car import write_free_course
+from unmeasured import save_coverage_once
+
+save_coverage_once()
 
 PROJECT = Path(__file__).resolve().parents[2]
 STEP_PYRAMIDS = PROJECT / "scenarios" / "step_pyramids.scenic"

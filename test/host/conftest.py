@@ -15,7 +15,7 @@ from foldcar.simulation.carsim_limits import CarsimLimits
 from foldcar.simulation.engines import find_carsim
 from forked_foldcar import HANGS_S, original
 from live_car import write_free_course
-from unmeasured import save_coverage_once
+from under_coverage import save_coverage_once
 
 save_coverage_once()
 

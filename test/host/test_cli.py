@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from foldcar import __version__
-from unmeasured import unmeasured
+from under_coverage import unmeasured
 
 
 def test_help_names_every_command(foldcar: Any) -> None:

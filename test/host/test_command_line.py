@@ -14,7 +14,7 @@ import typer
 
 from foldcar.cli import app
 from forked_foldcar import original
-from unmeasured import unmeasured
+from under_coverage import unmeasured
 
 PROJECT = Path(__file__).resolve().parents[2]
 COMMAND = [sys.executable, "-m", "foldcar"]

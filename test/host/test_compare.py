@@ -10,7 +10,6 @@ import numpy
 import pytest
 from scipy.stats import pearsonr, spearmanr
 from typer.testing import CliRunner
-from written_study import add_trial, add_trials, write_study
 
 from foldcar.analysis.gap import AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW, Gap, gap, mean_gap, rank_agreement
 from foldcar.analysis.intervals import wilson_interval
@@ -24,6 +23,7 @@ from foldcar.store.trial_writer import CarFacts, Drive, write_trials
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import sweep
 from live_car import write_free_course
+from written_study import add_trial, add_trials, write_study
 
 WIDTHS = {"width_mm": [65.0, 95.0, 115.0, 180.0]}
 # Percent passed in simulation; trials passed and all, of the published table.

@@ -22,7 +22,7 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO, SIDE_VIEW
 from foldcar.store.reader import Store
 from shell_signals import like_a_shell
-from unmeasured import unmeasured
+from under_coverage import unmeasured
 
 
 def pair(design: int, sample: int, first: str, second: str) -> Any:

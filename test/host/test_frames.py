@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from written_study import FACTS, add_experiment, add_trial
 
 from foldcar.simulation.results import NUMBERS
 from foldcar.store.errors import StoreError
@@ -15,6 +14,7 @@ from foldcar.store.frames import runs_frame, trials_frame
 from foldcar.store.reader import Store
 from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import write_store
+from written_study import FACTS, add_experiment, add_trial
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import ezdxf
 import pytest
 from pypdf import PdfWriter, Transformation
-from written_sheet import CHOSEN, Made, written_sample
 
 from foldcar.fabrication.patterns.verify import check_dxf, check_pdf, check_svg
+from written_sheet import CHOSEN, Made, written_sample
 
 
 @pytest.fixture(scope="module")

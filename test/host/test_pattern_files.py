@@ -7,12 +7,11 @@ from dataclasses import replace
 import ezdxf
 import pytest
 import segno
-from cut_samples import folded_box
 from ezdxf.addons.drawing import RenderContext
 from pypdf import PdfReader
 from shapely.geometry import LineString, box
-from written_sheet import CHOSEN, COMMAND, Made, written_sample
 
+from cut_samples import folded_box
 from foldcar.fabrication.patterns.coupon import coupon
 from foldcar.fabrication.patterns.drawing import Circle, Motion, Path, Sheet, bounds
 from foldcar.fabrication.patterns.dxf import dxf
@@ -25,6 +24,7 @@ from foldcar.fabrication.patterns.read_svg import read_svg
 from foldcar.fabrication.patterns.sheets import pattern
 from foldcar.fabrication.patterns.svg import svg
 from foldcar.fabrication.patterns.verify import check_dxf, check_pdf, check_sheet, check_svg
+from written_sheet import CHOSEN, COMMAND, Made, written_sample
 
 # RGB by number, as its documentation lists them.
 LIGHTBURN = {

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import pytest
 import shapely
-from cut_samples import FLAP, HEIGHT, LENGTH, RIGHT_ANGLE, THICKNESS, WIDTH, beam, cap, circle, disc, folded_box, rim
 from shapely.geometry import LineString, Polygon, box
 
+from cut_samples import FLAP, HEIGHT, LENGTH, RIGHT_ANGLE, THICKNESS, WIDTH, beam, cap, circle, disc, folded_box, rim
 from foldcar.car.folded.model import Crease, EdgeRef, Face, Hole, Piece, PlacedPiece
 from foldcar.car.folded.pose import IDENTITY
 from foldcar.fabrication.patterns.dashes import dashes

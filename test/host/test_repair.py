@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_store_check import alter
 
 from foldcar.store.check import check_store
 from foldcar.store.errors import StoreError
@@ -24,6 +23,7 @@ from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import write_store
 from old_stores import contents, old_store
 from test_store import fill
+from test_store_check import alter
 
 TEXT_BYTES = 30_000
 

@@ -11,7 +11,6 @@ import numpy
 import pytest
 from scipy.stats import binom
 from typer.testing import CliRunner
-from written_study import add_trials, import_trials, write_study
 
 from foldcar.advice.selecting import NEXT, Selection
 from foldcar.advice.selecting import select as select_designs
@@ -30,6 +29,7 @@ from foldcar.analysis.truth_draws import truth_draws
 from foldcar.cli import app
 from foldcar.commands.select_text import print_selections
 from foldcar.store.reader import Store
+from written_study import add_trials, import_trials, write_study
 
 WIDTHS = numpy.arange(65.0, 250.0, 5.0)
 

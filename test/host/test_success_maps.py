@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy
 import pytest
 from typer.testing import CliRunner
-from written_study import BUILD, FACTS, add_experiment, write_study
 
 from foldcar.cli import app
 from foldcar.report.design_table import Count, DesignTable, every, mean_interval, read_table, spread
@@ -19,6 +18,7 @@ from foldcar.report.success_plot import BLUE, GREEN, NAVY, success_colour
 from foldcar.store.reader import Store
 from foldcar.store.writer import write_store
 from page_check import page_findings
+from written_study import BUILD, FACTS, add_experiment, write_study
 
 WIDTHS, RADII, SAMPLES = tuple(float(w) for w in range(60, 160, 20)), (40.0, 50.0, 60.0, 70.0), 20
 HEIGHTS = (0.006, 0.018, 0.03)

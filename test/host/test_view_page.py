@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from view_probe import probed
 
 from foldcar.car.body import body_json
 from foldcar.car.design import compose
@@ -15,6 +14,7 @@ from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.assembly.poses import face_poses, moved
 from foldcar.fabrication.assembly.view_page import view_page
 from foldcar.view.recorded_run import recorded_run, rolled_rad
+from view_probe import probed
 
 HINGED = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.length": 80.0}
 # A block's worth of ground, so that the map has heights.

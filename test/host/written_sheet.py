@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from cut_samples import folded_box
-
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.dxf import dxf
 from foldcar.fabrication.patterns.options import options

@@ -21,10 +21,6 @@ def save_coverage_once() -> None:
     """
     if "coverage" not in sys.modules:
         return
-    _save_at_exit()
-
-
-def _save_at_exit() -> None:
     from coverage import Coverage
 
     ending = threading.Lock()
@@ -37,5 +33,5 @@ def _save_at_exit() -> None:
         posix._exit(code)
 
     os._exit = end  # type: ignore[assignment]
-    # In a copy after coverage's own, which each measurement of a copy adds.
-    os.register_at_fork(after_in_child=_save_at_exit)
+    # Again in a copy, after coverage's own, which each measurement of a copy adds; with a lock that no thread holds.
+    os.register_at_fork(after_in_child=save_coverage_once)

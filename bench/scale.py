@@ -2,7 +2,8 @@
 
 Output: for 10³, 10⁴, … runs of scenarios/kerb.json a row of a table: the sweep, the same sweep again with nothing to do,
 and the report. Each size begins with the store of the one before. Processor times are those of the client, foldcar's own
-process, and apart from it of carsim; other load hardly changes them. `--most 1000000` takes an hour on two processors.
+process, and apart from it of those it starts: carsim and, where cars are to be folded, one that has Scenic. Other load
+hardly changes them. `--most 1000000` takes an hour on two processors.
 """
 
 import argparse
@@ -77,7 +78,7 @@ def main() -> None:
     chosen = parser.parse_args()
     chosen.folder.mkdir(parents=True)
     table = Table(
-        "runs", "sweep, wall s", "its client, s", "ms a new run", "carsim, ms a new run", "client, MB", "store, MB",
+        "runs", "sweep, wall s", "its client, s", "ms a new run", "others, ms a new run", "client, MB", "store, MB",
         "again, s", "report, s", "report, MB", title="processor time, unless it says wall",
     )  # fmt: skip
     before = 0

@@ -8,12 +8,18 @@ platformio.local.ini, which platformio.ini reads where it exists. What is there 
 second call is quick. With --if-unreachable nothing is done where the registry answers or PlatformIO is set up
 already. --undo removes platformio.local.ini, after which PlatformIO turns to its registry again.
 
+ArduinoJson, which reads car.json on the board, is in neither archive. Where the variable SEED_LIBRARIES names a
+folder that has it, in platformio.ini's version, it is taken from there; else its tests are ignored and say so.
+
 Run it with the Python that has PlatformIO installed.
 """
 
 import argparse
+import configparser
+import json
 import os
 import queue
+import shutil
 import sys
 import threading
 import time
@@ -27,7 +33,7 @@ except ImportError:
     sys.exit(2)
 from box2d_source import has_box2d, seed_box2d
 from platformio_core import scons_package_folder, seed_core
-from seed_files import SeedError, write_if_changed
+from seed_files import SeedError, whole_folder, write_if_changed
 from unity_source import seed_unity
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -37,9 +43,7 @@ PROBE_TIMEOUT_S = 3.0
 
 
 def local_ini_text(core_dir: str) -> str:
-    """What platformio.ini is overridden with: the system's JSON library, the seeded Box2D and Unity.
-
-    ArduinoJson is in neither archive; its test says so and is ignored."""
+    """What platformio.ini is overridden with: the system's JSON library, the seeded Box2D, Unity and ArduinoJson."""
     return f"""{MARK}
 [platformio]
 core_dir = {core_dir}
@@ -64,8 +68,33 @@ def seed(root: Path) -> None:
     seed_core(core_dir)
     seed_box2d(core_dir / "lib" / "box2d")
     seed_unity(core_dir / "lib" / "Unity")
+    if libraries := os.environ.get("SEED_LIBRARIES"):
+        seed_arduino_json(core_dir / "lib" / "ArduinoJson", Path(libraries))
     own = core_dir == root / ".pio-core"
     write_if_changed(local_ini, local_ini_text("${PROJECT_DIR}/.pio-core" if own else str(core_dir)))
+
+
+def seed_arduino_json(folder: Path, libraries: Path) -> None:
+    """Copies ArduinoJson from ``libraries`` unless ``folder`` has that version. Raises SeedError."""
+    settings = configparser.ConfigParser(interpolation=None)
+    settings.read(ROOT / "platformio.ini", encoding="utf-8")
+    wanted = settings["reading"]["arduino_json"].partition("@")[2]
+    source = libraries / folder.name
+    version = _library_version(source)
+    if version != wanted:
+        found = f"has version {version}" if version else "has no library.json with a version"
+        raise SeedError(f"SEED_LIBRARIES: {source} {found}, platformio.ini asks for {wanted}")
+    if _library_version(folder) != wanted:
+        with whole_folder(folder) as part:
+            shutil.copytree(source, part, dirs_exist_ok=True)
+
+
+def _library_version(folder: Path) -> str | None:
+    try:
+        version: str | None = json.loads((folder / "library.json").read_text(encoding="utf-8")).get("version")
+    except (OSError, ValueError, AttributeError):
+        return None
+    return version
 
 
 def undo(root: Path) -> bool:

@@ -1,5 +1,7 @@
 """Working without PlatformIO's registry: the local project file, apt's lists, Unity's archive."""
 
+import json
+import re
 import sys
 import tarfile
 import threading
@@ -24,6 +26,7 @@ from seed_files import SeedError, whole_folder  # noqa: E402
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A project's folder, whose seeding takes nothing from outside."""
     monkeypatch.delenv("PLATFORMIO_CORE_DIR", raising=False)
+    monkeypatch.delenv("SEED_LIBRARIES", raising=False)
     monkeypatch.setattr(seed_platformio, "seed_core", lambda core_dir: core_dir.mkdir(exist_ok=True))
     monkeypatch.setattr(seed_platformio, "seed_unity", lambda folder: None)
     monkeypatch.setattr(seed_platformio, "seed_box2d", lambda folder: None)
@@ -97,6 +100,25 @@ def test_a_page_that_is_not_the_registrys_does_not_count_as_the_registry(
     assert not seed_platformio.is_registry_reachable()
     login_page._content = b'{"name": "tool-scons"}'
     assert seed_platformio.is_registry_reachable()
+
+
+def test_arduino_json_is_taken_from_a_named_folder_in_the_version_of_the_board(tmp_path: Path) -> None:
+    source = tmp_path / "libraries" / "ArduinoJson"
+    source.mkdir(parents=True)
+    (source / "ArduinoJson.h").write_text("// the header", encoding="utf-8")
+    seeded = tmp_path / "lib" / "ArduinoJson"
+    for manifest, complaint in ((None, "no library.json with a version"), ('{"version": "6.0.0"}', "has version 6.0.0")):
+        if manifest is not None:
+            (source / "library.json").write_text(manifest, encoding="utf-8")
+        with pytest.raises(SeedError, match=rf"SEED_LIBRARIES: .*{complaint}, platformio.ini asks for \d"):
+            seed_platformio.seed_arduino_json(seeded, source.parent)
+        assert not seeded.exists()
+
+    wanted = re.search(r"^arduino_json = .*@(\S+)$", (ROOT / "platformio.ini").read_text(encoding="utf-8"), re.MULTILINE)
+    assert wanted is not None
+    (source / "library.json").write_text(json.dumps({"version": wanted[1]}), encoding="utf-8")
+    seed_platformio.seed_arduino_json(seeded, source.parent)
+    assert (seeded / "ArduinoJson.h").read_text(encoding="utf-8") == "// the header"
 
 
 def test_an_interrupted_folder_is_not_left_half_written(tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 #include "flash_design.h"
 
 #include <Arduino.h>
+// Here too, because PlatformIO's finder follows what sources include, and design_json is a header alone.
+#include <ArduinoJson.h>
 #include <LittleFS.h>
 
 #include <memory>

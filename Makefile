@@ -128,10 +128,17 @@ test: setup
 	$(MAKE) test-native
 	$(MAKE) test-host
 
-lint: .venv/installed
+lint: .venv/installed .pio/types/numpy
 	$(BIN)/ruff check host tools test $(wildcard bench)
 	$(BIN)/mypy host/foldcar
 	$(BIN)/mypy --ignore-missing-imports tools/*.py bench/*.py
+
+# Types are checked against the lock's NumPy for Python 3.11, whichever Python .venv has: each NumPy has other types.
+.pio/types/numpy: $(LOCK) | .venv/installed
+	rm -rf $(@D) && mkdir -p $(@D)
+	sed -n "/^numpy==.* '3.11.\*'/,/[^\\]$$/{s/ ; [^\\]*/ /;p}" $(LOCK) >$(@D)/requirements.txt
+	$(BIN)/pip install --quiet --no-deps --require-hashes --only-binary :all: --python-version 3.11 --target $(@D) -r $(@D)/requirements.txt
+	@touch $@
 
 test-native: setup
 	$(BIN)/pio test -e native -e native_mujoco

@@ -38,6 +38,19 @@ void another_host_cannot_drive_a_car_that_this_one_has_armed() {
   }
 }
 
+// The same command, marked as a repetition: what it repeats is another host's.
+void a_command_does_not_repeat_another_hosts() {
+  for (MavlinkHost other : {MavlinkHost(200, 190), MavlinkHost(255, 230)}) {
+    Bench bench;
+    const mavlink_command_ack_t first = bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
+    TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, first.result);
+    const mavlink_command_ack_t second = answer_to(other, bench, other.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}, 1));
+    TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, second.result);
+    TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kHeld), second.result_param2);
+    TEST_ASSERT_EQUAL_STRING("refused: host 255/190 holds the car", bench.host.texts().back().c_str());
+  }
+}
+
 void another_hosts_stick_is_refused_and_told_so_once_in_a_while() {
   Bench bench;
   MavlinkHost other(200);
@@ -167,6 +180,7 @@ void the_heartbeat_claims_no_mode_of_another_autopilot() {
 void run_holder_tests() {
   UnitySetTestFile(__FILE__);
   RUN_TEST(another_host_cannot_drive_a_car_that_this_one_has_armed);
+  RUN_TEST(a_command_does_not_repeat_another_hosts);
   RUN_TEST(another_hosts_stick_is_refused_and_told_so_once_in_a_while);
   RUN_TEST(every_host_may_stop_and_disarm_and_is_named);
   RUN_TEST(a_car_that_is_left_alone_disarms_although_another_host_talks);

@@ -127,6 +127,33 @@ void test_it_stands_on_its_wheels() {
   TEST_ASSERT_DOUBLE_WITHIN(0.002, 0, state.pitch_rad);
 }
 
+// Half a millimetre above what is under it, which the search for it finds to a hundredth, however high or low the
+// ground is elsewhere.
+void test_it_is_put_down_on_the_ground_under_it() {
+  constexpr double kDrop_m = 5e-4, kWithin_m = 1.5e-4;
+  const auto height_m = [](const TerrainSpec& terrain) {
+    SceneSpec scene = scene_of(terrain, 0.6);
+    scene.course = {-1, 3, -1, 1};
+    return Drive(study_car(0.115), scene, 0).car.state().z_m;
+  };
+  TerrainSpec around;
+  around.hills.push_back({2, 0.3, 0, 0.2, 0.2, 0.15});
+  TEST_ASSERT_DOUBLE_WITHIN(kWithin_m, kRadius_m + kDrop_m, height_m(around));
+  around.hills.push_back({2, -0.5, 0, 0.1, 0.1, -0.1});
+  around.potholes.push_back({1.2, 0.5, 0.2, 0.08, 0.05});
+  around.roughs.push_back({2.5, 0, 0, 0.5, 0.5, 0.004, 0.05, 1});
+  TEST_ASSERT_DOUBLE_WITHIN(kWithin_m, kRadius_m + kDrop_m, height_m(around));
+  TerrainSpec in_hole = around;
+  in_hole.potholes.push_back({0, 0, 0.5, 0.11, 0.05});
+  TEST_ASSERT_DOUBLE_WITHIN(kWithin_m, kRadius_m + kDrop_m - 0.11, height_m(in_hole));
+  TerrainSpec in_hollow, on_hill;
+  in_hollow.hills.push_back({0, 0, 0, 10, 10, -0.1});
+  TEST_ASSERT_DOUBLE_WITHIN(kWithin_m, kRadius_m + kDrop_m - 0.1, height_m(in_hollow));
+  on_hill.hills.push_back({0, 0, 0, 10, 10, 0.1});
+  TEST_ASSERT_DOUBLE_WITHIN(kWithin_m, kRadius_m + kDrop_m + 0.1, height_m(on_hill));
+  TEST_ASSERT_DOUBLE_WITHIN(kWithin_m, kRadius_m + kDrop_m + 0.09, height_m(blocks({{0, 0, 1, 1, 0.09, 0}})));
+}
+
 void test_top_speed_is_where_the_torque_line_ends() {
   for (const double fraction : {1.0, 0.5, -1.0}) {
     const BodySpec body = study_car(0.115);
@@ -344,6 +371,7 @@ int main() {
   RUN_TEST(test_it_falls_as_bodies_do);
   RUN_TEST(test_in_the_air_it_keeps_its_roll_rate);
   RUN_TEST(test_it_stands_on_its_wheels);
+  RUN_TEST(test_it_is_put_down_on_the_ground_under_it);
   RUN_TEST(test_top_speed_is_where_the_torque_line_ends);
   RUN_TEST(test_a_load_slows_it_along_the_torque_line);
   RUN_TEST(test_all_wheel_drive_climbs_to_the_friction_angle);

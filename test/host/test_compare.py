@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -103,11 +104,17 @@ def test_ranks_are_those_of_scipy_and_of_the_definition() -> None:
     assert rank_agreement([(k, 100) for k in SIMULATED.values()], table).mmrv == pytest.approx(0.45 / 4)
 
 
-def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) -> None:
-    store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
+def published(folder: Path) -> Path:
+    """A store with the simulated runs and the published trials, whose environments nobody knows."""
+    store = write_study(folder / "s.db", WIDTHS, 100, passing(SIMULATED))
     for width, (passed, number) in PUBLISHED.items():
         trials = [({"width_mm": width}, 100 + k, "passed" if k < passed else "not_passed") for k in range(number)]
         add_trials(store, trials, environment="unknown")
+    return store
+
+
+def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) -> None:
+    store = published(tmp_path)
 
     found = compare(store, "--csv", tmp_path / "gaps.csv")["experiments"][0]
 
@@ -124,6 +131,27 @@ def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) 
         rows = list(csv.DictReader(text))
     assert [float(row["gap"]) for row in rows] == pytest.approx([-0.07, -0.3, -0.75, -0.56])
     assert "65 mm" in plain(store)
+
+
+def wilson_by_hand(passed: int, number: int, z: float) -> tuple[float, float]:
+    """Wilson 1927: the rates p with |k/n - p| = z sqrt(p (1 - p) / n)."""
+    k, n = passed, number
+    middle, half = k + z**2 / 2, z * math.sqrt(k * (n - k) / n + z**2 / 4)
+    return (middle - half) / (n + z**2), (middle + half) / (n + z**2)
+
+
+def test_the_gaps_of_four_designs_hold_together(tmp_path: Path) -> None:
+    """Bonferroni: each of four is one of 98.75 %, z = 2.4977; shown rates are each of 95 %, z = 1.96."""
+    (found,) = compare(published(tmp_path))["experiments"]
+
+    for one in found["designs"]:
+        width = one["design"]["width_mm"]
+        (passed, number), runs_passed = PUBLISHED[width], SIMULATED[width]
+        y, f = passed / number, runs_passed / 100
+        (y_low, y_high), (f_low, f_high) = wilson_by_hand(passed, number, 2.4977), wilson_by_hand(runs_passed, 100, 2.4977)
+        low, high = y - f - math.hypot(y - y_low, f_high - f), y - f + math.hypot(y_high - y, f - f_low)
+        assert (one["gap"]["low"], one["gap"]["high"]) == pytest.approx((max(-1, low), high), abs=1e-4)
+        assert (one["driven"]["low"], one["driven"]["high"]) == pytest.approx(wilson_by_hand(passed, number, 1.96), abs=1e-4)
 
 
 def test_paired_trials_are_rectified_and_only_built_cars_count(tmp_path: Path) -> None:

@@ -114,7 +114,10 @@ def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any], carsim_limi
 
     (segment,) = varied["segments"]
     assert segment["mass_kg"] == pytest.approx(1.1 * nominal["mass_kg"])
-    assert segment["yaw_inertia_kg_m2"] == pytest.approx(1.1 * nominal["yaw_inertia_kg_m2"])
+    # The same shape of 1.1 times the density.
+    for axis in ("roll", "pitch", "yaw"):
+        inertia = f"{axis}_inertia_kg_m2"
+        assert segment[inertia] == pytest.approx(1.1 * nominal[inertia]), axis
     assert segment["com_x_m"] == pytest.approx(nominal["com_x_m"] + 0.003)
     assert segment["com_y_m"] == pytest.approx(nominal["com_y_m"] - 0.002)
     assert segment["com_z_m"] == pytest.approx(nominal["com_z_m"] + 0.001)

@@ -148,10 +148,12 @@ def test_the_gaps_of_four_designs_hold_together(tmp_path: Path) -> None:
         width = one["design"]["width_mm"]
         (passed, number), runs_passed = PUBLISHED[width], SIMULATED[width]
         y, f = passed / number, runs_passed / 100
-        (y_low, y_high), (f_low, f_high) = wilson_by_hand(passed, number, 2.4977), wilson_by_hand(runs_passed, 100, 2.4977)
+        y_low, y_high = wilson_by_hand(passed, number, 2.4977)
+        f_low, f_high = wilson_by_hand(runs_passed, 100, 2.4977)
         low, high = y - f - math.hypot(y - y_low, f_high - f), y - f + math.hypot(y_high - y, f - f_low)
         assert (one["gap"]["low"], one["gap"]["high"]) == pytest.approx((max(-1, low), high), abs=1e-4)
-        assert (one["driven"]["low"], one["driven"]["high"]) == pytest.approx(wilson_by_hand(passed, number, 1.96), abs=1e-4)
+        alone = one["driven"]["low"], one["driven"]["high"]
+        assert alone == pytest.approx(wilson_by_hand(passed, number, 1.96), abs=1e-4)
 
 
 def test_paired_trials_are_rectified_and_only_built_cars_count(tmp_path: Path) -> None:

@@ -78,6 +78,7 @@ help:
 	@echo 'make golden    renew the golden numbers of test/determinism after a change of the physics'
 	@echo 'make races     record and store a log in two threads under ThreadSanitizer'
 	@echo 'make mutation  plant faults in the car'"'"'s physics and firmware and see whether the suites notice (MUTANTS=, MUTATION_SEED=)'
+	@echo 'make mutation-host  the same in the statistics of the host, by cosmic-ray (MUTANTS= of each file, MUTATION_SEED=)'
 	@echo 'make torture   disturb sweeps, stores and trials at random for TORTURE_S=$(TORTURE_S) s: is anything lost? (TORTURE_SEED=)'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
 	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
@@ -299,6 +300,17 @@ $(CARSIM_MUJOCO): $(CARSIM_SOURCES) tools/mujoco_library.py | platformio
 # Plants small faults in the C++ sources and sees whether the tests notice them: MUTANTS of each file, or all.
 MUTANTS := 10
 MUTATION_SEED := 1
-.PHONY: mutation
+# What plants them in Python; in an environment of its own, as nothing else needs it.
+COSMIC_RAY_VERSION := 8.7.0
+.PHONY: mutation mutation-host
 mutation: setup
 	$(BIN)/python tools/mutation.py --mutants $(MUTANTS) --seed $(MUTATION_SEED)
+
+# The same in host/foldcar/analysis, advice and calibration, a tenth of a minute for each mutant.
+mutation-host: setup .pio/cosmic_ray/installed
+	.pio/cosmic_ray/bin/python tools/mutation.py --host --mutants $(MUTANTS) --seed $(MUTATION_SEED)
+
+.pio/cosmic_ray/installed:
+	"$(PYTHON)" -m venv .pio/cosmic_ray
+	.pio/cosmic_ray/bin/pip install --quiet cosmic-ray==$(COSMIC_RAY_VERSION)
+	@touch $@

@@ -1,11 +1,12 @@
-"""Mutation run: plants small faults in the C++ sources and sees whether the Unity suites notice them.
+"""Mutation run: plants small faults in the C++ sources, or in the host's statistics, and sees whether tests notice them.
 
-Usage: mutation.py [--mutants N|all] [--seed S] [--only TEXT] [--jobs N]
+Usage: mutation.py [--host] [--mutants N|all] [--seed S] [--only TEXT] [--jobs N]
 
 For each file of TARGETS a seeded sample of its mutants (tools/mutants.py) is compiled from a copy, linked with the suites
 that concern the file and run. A mutant is killed if a suite fails, crashes or takes far longer than without it;
 equivalent if its object code is that of the original; stillborn if it does not compile; otherwise it survives. Survivors
-that tools/mutation_explained.txt gives a reason for are explained.
+that tools/mutation_explained.txt gives a reason for are explained. With --host the files are the Python ones of TARGETS,
+mutated by cosmic-ray (tools/python_mutants.py), which must be there, and what notices are files of test/host.
 
 The working tree is only read; everything is made in .pio/mutation, where verdicts are kept too, so that an interrupted
 run goes on where it was. Exit code: 0, 1 with survivors that are not explained or reasons that fit no line, 2 if
@@ -23,6 +24,7 @@ from pathlib import Path
 
 from mutants import Mutant, mutants_of
 from mutation_build import BuildError, Workshop
+from mutation_tests import PythonWorkshop
 
 ROOT = Path(__file__).resolve().parent.parent
 WORK = ROOT / ".pio" / "mutation"
@@ -41,6 +43,26 @@ TARGETS = {
     "sim2d/lib/side_view": CAR,
     "firmware/lib/control": ["test_control"],
     "firmware/lib/supervisor": ["test_supervisor", "test_application"],
+    "host/foldcar/analysis/anytime.py": ["test_sweep_until.py"],
+    "host/foldcar/analysis/convergence.py": ["test_run_statistics.py", "test_enough_runs.py"],
+    "host/foldcar/analysis/engine_bias.py": ["test_schedule.py"],
+    "host/foldcar/analysis/gap.py": ["test_compare.py"],
+    "host/foldcar/analysis/intervals.py": ["test_report_series.py", "test_rate_statistics.py"],
+    "host/foldcar/analysis/paired.py": ["test_run_statistics.py"],
+    "host/foldcar/analysis/region.py": ["test_select.py"],
+    "host/foldcar/analysis/selection.py": ["test_select.py"],
+    "host/foldcar/analysis/stopping.py": ["test_sweep_until.py"],
+    "host/foldcar/analysis/success_model.py": ["test_run_statistics.py", "test_success_maps.py"],
+    "host/foldcar/analysis/times.py": ["test_run_statistics.py"],
+    "host/foldcar/analysis/truth_draws.py": ["test_select.py"],
+    "host/foldcar/analysis": ["test_rate_statistics.py"],
+    "host/foldcar/advice/told_apart.py": ["test_enough_runs.py"],
+    "host/foldcar/advice/comparison.py": ["test_compare.py"],
+    "host/foldcar/advice/comparison_table.py": ["test_compare.py"],
+    "host/foldcar/advice/resimulation.py": ["test_compare.py"],
+    "host/foldcar/advice": ["test_select.py", "test_compare.py"],
+    "host/foldcar/calibration/reality.py": ["test_reality.py"],
+    "host/foldcar/calibration": ["test_inference.py", "test_calibration.py"],
 }
 
 
@@ -85,28 +107,42 @@ def stale_reasons(root: Path, reasons: dict[tuple[str, str, str], str]) -> list[
     return sorted(set(stale))
 
 
-def chosen(root: Path, only: str, most: int | None, seed: int) -> list[tuple[Path, Mutant]]:
+def chosen(root: Path, host: bool, only: str, most: int | None, seed: int) -> list[tuple[Path, Mutant]]:
     """The sample: up to ``most`` mutants of each file, all if it is None, the files taken in turn.
 
     The same seed gives the same order, whatever ``most`` is: a larger sample contains the smaller one.
     """
-    sources = {root / target for target in TARGETS if target.endswith(".cpp")}
-    sources |= {path for target in TARGETS for path in (root / target).glob("*.cpp")}
+    suffix = ".py" if host else ".cpp"
+    sources = {root / target for target in TARGETS if target.endswith(suffix)}
+    sources |= {path for target in TARGETS for path in (root / target).glob(f"*{suffix}")}
+    sample_of = _python_sample if host else _cpp_sample
     sample: list[tuple[int, Path, Mutant]] = []
     for source in sorted(sources):
         name = source.relative_to(root).as_posix()
         if only not in name:
             continue
-        mutants = mutants_of(source.read_text(encoding="utf-8"))
-        random.Random(f"{seed}:{name}").shuffle(mutants)
-        sample += [(turn, source, mutant) for turn, mutant in enumerate(mutants[:most])]
+        mutants = sample_of(source.read_text(encoding="utf-8"), most, random.Random(f"{seed}:{name}"))
+        sample += [(turn, source, mutant) for turn, mutant in enumerate(mutants)]
     sample.sort(key=lambda choice: choice[:2])
     return [(source, mutant) for _, source, mutant in sample]
 
 
+def _cpp_sample(text: str, most: int | None, order: random.Random) -> list[Mutant]:
+    mutants = mutants_of(text)
+    order.shuffle(mutants)
+    return mutants[:most]
+
+
+def _python_sample(text: str, most: int | None, order: random.Random) -> list[Mutant]:
+    from python_mutants import sample_of
+
+    return sample_of(text, most, order)
+
+
 def main() -> int:
     """Run the command line; returns the exit code."""
-    parser = argparse.ArgumentParser(description="Plants faults in the C++ sources and sees whether the suites notice.")
+    parser = argparse.ArgumentParser(description="Plants faults in the sources and sees whether tests notice.")
+    parser.add_argument("--host", action="store_true", help="in the host's statistics instead of C++")
     parser.add_argument("--mutants", default="10", help="mutants of each file, or 'all' (default %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="of the sample (default %(default)s)")
     parser.add_argument("--only", default="", metavar="TEXT", help="only files whose path contains TEXT")
@@ -118,12 +154,14 @@ def main() -> int:
     for interruption in (signal.SIGINT, signal.SIGTERM):
         signal.signal(interruption, signal.default_int_handler)
     start = time.monotonic()
-    sample = chosen(ROOT, options.only, None if options.mutants == "all" else int(options.mutants), options.seed)
+    most = None if options.mutants == "all" else int(options.mutants)
+    sample = chosen(ROOT, options.host, options.only, most, options.seed)
     if not sample:
         parser.error(f"--only: no target's path contains {options.only}")
     try:
         reasons = read_explained(EXPLAINED)
-        workshop = Workshop(ROOT, WORK)
+        tested_by = ROOT / ".venv" / "bin" / "python"
+        workshop = PythonWorkshop(ROOT, WORK, tested_by) if options.host else Workshop(ROOT, WORK)
         for suite in sorted({suite for source, _ in sample for suite in suites_of(source.relative_to(ROOT).as_posix())}):
             workshop.prepare(suite)
             print(f"{suite} passes in {workshop.times_s[suite]:.1f} s", flush=True)
@@ -136,7 +174,7 @@ def main() -> int:
 
 
 def run(
-    workshop: Workshop,
+    workshop: Workshop | PythonWorkshop,
     sample: list[tuple[Path, Mutant]],
     reasons: dict[tuple[str, str, str], str],
     jobs: int,
@@ -144,7 +182,6 @@ def run(
 ) -> int:
     """Judges the sample, prints progress, survivors and numbers; the exit code."""
     counts: Counter[str] = Counter()
-    survivors: list[tuple[str, Mutant]] = []
     interrupted = False
     with ThreadPoolExecutor(jobs) as pool:
         waiting = {
@@ -160,7 +197,7 @@ def run(
                     known = {(file, mutant.original, mutated) for mutated in (mutant.mutated, "*")} & set(reasons)
                     result = "explained" if known else "survived"
                     if not known:
-                        survivors.append((file, mutant))
+                        print(f"\r{file}:{mutant.line} survived\n  - {mutant.original}\n  + {mutant.mutated}")
                 counts[result] += 1
                 print(f"\r{counts.total()}/{len(sample)} {_numbers(counts)}", end="", flush=True)
         except KeyboardInterrupt:
@@ -168,15 +205,13 @@ def run(
             workshop.stop()
             pool.shutdown(wait=False, cancel_futures=True)
     print()
-    for file, mutant in sorted(survivors, key=lambda survivor: (survivor[0], survivor[1].line)):
-        print(f"{file}:{mutant.line} survived\n  - {mutant.original}\n  + {mutant.mutated}")
     stale = stale_reasons(ROOT, reasons)
     for line in stale:
         print(f"{EXPLAINED.name}: no such line any more: {line}")
     print(f"{counts.total()} mutants: {_numbers(counts)}; {(time.monotonic() - start) / 60:.1f} minutes")
     if interrupted:
         return 130
-    return 1 if survivors or stale else 0
+    return 1 if counts["survived"] or stale else 0
 
 
 def _numbers(counts: "Counter[str]") -> str:

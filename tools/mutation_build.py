@@ -1,4 +1,4 @@
-"""Builds the Unity suites with mutants in place of single objects, and runs them.
+"""Builds the Unity suites with mutants in place of single objects, and runs them; runs processes that can be stopped.
 
 Objects, programs and verdicts are kept in a folder of their own, each under a hash of all that it depends on.
 """
@@ -37,14 +37,47 @@ class Verdict:
     suite: str = ""
 
 
-class Workshop:
+class Processes:
+    """Processes that can all be stopped."""
+
+    def __init__(self) -> None:
+        self._stopping = threading.Event()
+        self._running: set[subprocess.Popen[bytes]] = set()
+
+    def stop(self) -> None:
+        """Ends every process under way; what waits for one raises StoppedError."""
+        self._stopping.set()
+        for process in list(self._running):
+            process.kill()
+
+    def process(
+        self, command: list[str], folder: Path, limit_s: float | None, environment: dict[str, str] | None = None
+    ) -> tuple[int, bytes]:
+        """Exit code and output of a command, in a session of its own: Ctrl-C is for this program to handle."""
+        if self._stopping.is_set():
+            raise StoppedError
+        process = subprocess.Popen(
+            command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
+        )
+        self._running.add(process)
+        try:
+            output, _ = process.communicate(timeout=limit_s)
+        finally:
+            process.kill()
+            process.wait()
+            self._running.discard(process)
+        if self._stopping.is_set():
+            raise StoppedError
+        return process.returncode, output
+
+
+class Workshop(Processes):
     """Compiles, links and runs. Objects are kept by a hash of everything they are made from."""
 
     def __init__(self, root: Path, work: Path) -> None:
+        super().__init__()
         self.root = root
         self.work = work
-        self.stopping = threading.Event()
-        self.processes: set[subprocess.Popen[bytes]] = set()
         self.times_s: dict[str, float] = {}
         self.suites: dict[str, Path] = {}
         for folder in ("objects", "programs", "verdicts", "copies"):
@@ -111,7 +144,7 @@ class Workshop:
     def passes(self, program: Path, limit_s: float) -> bool:
         """Whether a suite's program ends in time without a failed test."""
         try:
-            code, output = self._process([str(program)], self.work, limit_s)
+            code, output = self.process([str(program)], self.work, limit_s)
         except subprocess.TimeoutExpired:
             return False
         summary = FAILURES.search(output)
@@ -139,34 +172,10 @@ class Workshop:
         kept.write_text(json.dumps(asdict(verdict)))
         return verdict
 
-    def stop(self) -> None:
-        """Ends every process under way; what waits for one raises StoppedError."""
-        self.stopping.set()
-        for process in list(self.processes):
-            process.kill()
-
     def _run(self, command: list[str], folder: Path) -> None:
-        code, output = self._process(command, folder, None)
+        code, output = self.process(command, folder, None)
         if code != 0:
             raise BuildError(output.decode(errors="replace")[-2000:])
-
-    def _process(self, command: list[str], folder: Path, limit_s: float | None) -> tuple[int, bytes]:
-        """Exit code and output of a command, in a session of its own: Ctrl-C is for this program to handle."""
-        if self.stopping.is_set():
-            raise StoppedError
-        process = subprocess.Popen(
-            command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
-        )
-        self.processes.add(process)
-        try:
-            output, _ = process.communicate(timeout=limit_s)
-        finally:
-            process.kill()
-            process.wait()
-            self.processes.discard(process)
-        if self.stopping.is_set():
-            raise StoppedError
-        return process.returncode, output
 
 
 def _libraries(root: Path) -> list[Path]:

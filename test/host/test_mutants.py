@@ -1,4 +1,4 @@
-"""Mutants of C++: which faults are planted, and where none are."""
+"""Mutants: which faults are planted in C++, and where none are; one of Python in place of its module."""
 
 import sys
 from pathlib import Path
@@ -8,8 +8,9 @@ import pytest
 TOOLS = Path(__file__).resolve().parent.parent.parent / "tools"
 sys.path.insert(0, str(TOOLS))
 
-from mutants import mutants_of  # noqa: E402
+from mutants import Mutant, mutants_of  # noqa: E402
 from mutation import read_explained, stale_reasons  # noqa: E402
+from mutation_tests import PythonWorkshop  # noqa: E402
 
 
 def faults(line: str) -> set[str]:
@@ -53,3 +54,28 @@ def test_a_broken_explanation_names_its_line(tmp_path: Path) -> None:
     (tmp_path / "explained.txt").write_text("a/b.cpp\n- x\n= reason\n", encoding="utf-8")
     with pytest.raises(ValueError, match=r"explained.txt:3: expected"):
         read_explained(tmp_path / "explained.txt")
+
+
+@pytest.fixture
+def workshop(tmp_path: Path) -> PythonWorkshop:
+    """A folder with a module a.b of the host, and a test of it."""
+    (tmp_path / "host" / "a").mkdir(parents=True)
+    (tmp_path / "host" / "a" / "b.py").write_text("def half(x):\n    return x / 2\n", encoding="utf-8")
+    (tmp_path / "test" / "host").mkdir(parents=True)
+    text = f"import sys\nsys.path.insert(0, {str(tmp_path / 'host')!r})\nfrom a.b import half\n"
+    (tmp_path / "test" / "host" / "test_b.py").write_text(f"{text}def test_half():\n    assert half(0) == 0\n")
+    return PythonWorkshop(tmp_path, tmp_path / "work", Path(sys.executable))
+
+
+def test_a_mutant_of_the_host_stands_in_place_of_its_module_and_the_module_stays(workshop: PythonWorkshop) -> None:
+    source = workshop.root / "host" / "a" / "b.py"
+    before = source.read_bytes()
+    workshop.prepare("test_b.py")
+
+    verdicts = [
+        workshop.judge(source, Mutant(2, "return x / 2", new, f"def half(x):\n    {new}\n"), ["test_b.py"]).result
+        for new in ("return x / 3", "return x + 2")
+    ]
+
+    assert verdicts == ["survived", "killed"]
+    assert source.read_bytes() == before

@@ -28,6 +28,7 @@ def told_apart_text(passed: ArrayLike, labels: Sequence[str], best: int, others:
     table = numpy.asarray(passed, dtype=float)
     level = LEVEL / max(1, len([one for one in others if one != best]))
     behind: list[str] = []
+    ahead: list[str] = []
     close: list[tuple[str, PairedRates]] = []
     environments = 0
     for other in others:
@@ -36,13 +37,15 @@ def told_apart_text(passed: ArrayLike, labels: Sequence[str], best: int, others:
             continue
         pair = paired_rates(table[best][both], table[other][both], 1 - level)
         environments = max(environments, pair.environments)
-        if pair.p_value <= level and pair.difference > 0:
-            behind.append(labels[other])
+        if pair.p_value <= level:
+            (behind if pair.difference > 0 else ahead).append(labels[other])
         else:
             close.append((labels[other], pair))
     said = []
     if behind:
         said.append(f"passes more often than {_named(behind)}")
+    if ahead:
+        said.append(f"passes less often than {_named(ahead)}")
     if close:
         reach = max(pair.high for _, pair in close)
         advised = "choose between these by cost" if reach <= ALIKE else "more environments would tell"

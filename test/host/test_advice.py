@@ -1,0 +1,101 @@
+"""What advice says, from evidence written by hand: costs, reasons, other simulations, designs that are told apart."""
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy
+import pytest
+
+from foldcar.advice import cost as costs
+from foldcar.advice.reasons import Parting, next_reason
+from foldcar.advice.selecting import _Choice
+from foldcar.advice.told_apart import told_apart_text
+
+
+def test_a_car_costs_its_sheets_and_minutes_of_cutting_assembly_and_trials(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As BASIS says: 20 mm of cut a second, 90 min for the car; 3 min and the drive for each trial."""
+    cut = SimpleNamespace(cut_length_mm=24_010.0, sheets=[1, 2])
+    monkeypatch.setattr(costs, "pattern", lambda *_: cut)
+    design = {"width_mm": 95.0}
+
+    assert costs.cost("W_B_W", design, 10, 30.0, False) == costs.Cost(2, math.ceil(24_010 / 20 / 60 + 90 + 10 * 3.5))
+    assert costs.cost("W_B_W", design, 10, None, True) == costs.Cost(0, 30)
+    assert costs.cost("W_B_W", design, 7, 45.0, True) == costs.Cost(0, math.ceil(7 * 3.75))
+    assert costs.cost("W_B_W", {"width_mm": 1.0}, 10, 30.0, False) is None
+    assert costs.cost("W_B_W", {"wit_mm": 95.0}, 10, 30.0, False) is None
+
+
+def believed(x: list[list[float]], runs: list[int], trials: list[tuple[int, int]], rates: list[float]) -> Any:
+    """An outlook on designs with ``runs`` passed of 100, whose true rates are surely ``rates``."""
+    designs = [
+        SimpleNamespace(label=f"{row[0]:g} mm", trials=range(n), trials_passed=k)
+        for row, (k, n) in zip(x, trials, strict=True)
+    ]
+    passed = numpy.array([(k, 100) for k in runs], dtype=float)
+    return SimpleNamespace(
+        designs=designs, parameters=numpy.array(x), trials=numpy.array(trials, dtype=float), runs=passed,
+        rates=passed[:, 0] / 100, draws=numpy.tile(rates, (10, 1)), pooled=None,
+    )  # fmt: skip
+
+
+def test_a_design_is_told_of_its_nearest_driven_one() -> None:
+    """60 mm is 40 % of the range from 100 mm, nearer than 0 mm: there trials and simulation part, not at 0 mm."""
+    seen = believed([[0.0], [60.0], [100.0]], [50, 50, 80], [(5, 10), (0, 0), (2, 10)], [0.5, 0.6, 0.4])
+
+    reason = next_reason(seen, 1, 0.75, None, [])
+
+    assert "at 100 mm, the nearest driven one, trials and simulation part by -60 points" in reason
+    assert "its rate is 60 % to 60 %, which bounds its neighbours'" in reason
+    assert "it is the best with a chance of 100 %" in reason
+    assert "it was driven: 5 of 10 trials passed" in next_reason(seen, 0, 0.75, None, [])
+    # In two directions: each is a share of its parameter's range.
+    x = [[0.0, 0.0], [30.0, 0.0], [100.0, 10.0], [0.0, 4.0]]
+    wide = believed(x, [50] * 4, [(5, 10), (0, 0), (0, 10), (10, 10)], [0.5] * 4)
+    assert "nearest driven" not in next_reason(wide, 1, 0.5, None, [])
+    parted = Parting(-0.3, "MuJoCo and the side view")
+    assert next_reason(wide, 1, 0.5, parted, []).endswith("MuJoCo and the side view part by 30 points")
+
+
+def simulation(engine: str, calibration: Any, rates: dict[float, int], listed: str = "1") -> Any:
+    """Evidence of widths with these numbers of 10 runs passed."""
+    info = SimpleNamespace(engine=engine, calibration=calibration, listed_id=listed)
+    designs = [
+        SimpleNamespace(design={"width_mm": width}, runs=10, runs_passed=passed) for width, passed in rates.items()
+    ]
+    return SimpleNamespace(info=info, designs=designs)
+
+
+def test_the_simulation_that_parts_most_is_one_that_differs_in_one_thing() -> None:
+    here = simulation("", None, {65.0: 5, 95.0: 9})
+    calibrated = {"name": "mine"}
+    others = [
+        simulation("MuJoCo 4.0.0", None, {65.0: 2, 95.0: 10}),
+        simulation("", calibrated, {65.0: 6}),
+        simulation("MuJoCo 4.0.0", calibrated, {65.0: 0, 95.0: 0}),  # of engine and calibration, either may be the cause
+        simulation("MuJoCo 4.0.0", None, {65.0: 0, 95.0: 0}, listed="2"),
+    ]
+    seen: Any = SimpleNamespace(
+        designs=here.designs, smooth=numpy.array([[0.5, 0.3, 0.7], [0.9, 0.7, 0.95]]), rates=numpy.array([0.5, 0.9])
+    )
+    choice = _Choice(here, [here, *others], seen, 0.75, 0.15)
+
+    first, second = (choice._parted(one) for one in here.designs)
+
+    assert first is not None and second is not None
+    assert (first.difference, first.between) == (pytest.approx(-0.3), "the side view and MuJoCo")
+    assert (second.difference, second.between) == (pytest.approx(0.1), "the side view and MuJoCo")
+    # Doubt falls with the distance from the threshold in widths of the band, and rises with the parting.
+    assert list(choice._doubt()) == pytest.approx([1 / (1 + 0.25 / 0.4) + 0.3, 1 / (1 + 0.15 / 0.25) + 0.1])
+
+
+def test_designs_are_told_apart_on_both_sides() -> None:
+    """McNemar's exact p-value of 12 environments that differ, all one way, is 2 / 2^12."""
+    one = numpy.repeat([1.0, 0.0], [12, 12])
+    best, worse, better = one, numpy.zeros(24), numpy.ones(24)
+
+    text = told_apart_text(numpy.array([best, worse, better, one]), ["best", "worse", "better", "twin"], 0, [1, 2, 3])
+
+    assert text is not None and text.startswith("Over the same 24 environments, which did not choose it, best passes more")
+    assert "best passes more often than worse; it passes less often than better; it is not told apart from twin" in text
+    assert told_apart_text(numpy.array([best[:9], worse[:9]]), ["best", "worse"], 0, [0, 1]) is None

@@ -66,8 +66,8 @@ class Runs:
         schedule, order = Schedule(rule, most, [0] * designs, counts), []
         while batches := schedule.next():
             order += [one.design for one in batches if not one.samples.start]
-            found = {b.design: int(self.passed[b.design, b.samples.start : b.samples.stop].sum()) for b in batches}
-            schedule.record(found, batches)
+            new = {b.design: self.passed[b.design, b.samples.start : b.samples.stop] for b in batches}
+            schedule.record({design: (int(row.sum()), len(row)) for design, row in new.items()}, batches)
         return schedule, order
 
     def cost(self, runs: Sequence[int] | NDArray[numpy.int_]) -> float:

@@ -32,8 +32,10 @@ def ended(passed: Any, other: Counts | None, rule: StoppingRule = RULE) -> tuple
     schedule, steps = Schedule(rule, passed.shape[1], [0] * len(passed), other), []
     while batches := schedule.next():
         steps.append(batches)
-        found = {one.design: int(passed[one.design, one.samples.start : one.samples.stop].sum()) for one in batches}
-        schedule.record(found, batches)
+        new = {one.design: passed[one.design, one.samples.start : one.samples.stop] for one in batches}
+        # NaN is a rejected run.
+        counts = {design: (int(numpy.nansum(row)), int((~numpy.isnan(row)).sum())) for design, row in new.items()}
+        schedule.record(counts, batches)
     return schedule, steps
 
 
@@ -128,9 +130,9 @@ def test_what_is_stored_beyond_a_decision_is_judged() -> None:
     schedule = Schedule(RULE, 50, [30, 0])
     (first, second) = schedule.next()
     assert first.samples == second.samples == range(7)
-    schedule.record({0: 0, 1: 0}, [first, second])
+    schedule.record({0: (0, 7), 1: (0, 7)}, [first, second])
     assert schedule.next() == [Batch(0, range(7, 30))]
-    schedule.record({0: 12}, [Batch(0, range(7, 30))])
+    schedule.record({0: (12, 23)}, [Batch(0, range(7, 30))])
     assert schedule.runs.tolist() == [30, 7]
 
 

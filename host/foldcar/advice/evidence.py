@@ -43,8 +43,9 @@ class PairedTrial:
 class DesignEvidence:
     """One design: ``passed`` (runs,) tells of its runs in the environments ``samples`` (runs,) whether they passed.
 
-    ``swept`` is False for a design of trials that the sweep lacks, whose runs were made now or are none. ``label`` is
-    its name for the reader, ``outcomes`` counts the runs by outcome, ``mean_time_s`` is that of all runs (None without).
+    Rejected runs, in the environments ``rejected``, are not among them. ``swept`` is False for a design of trials that
+    the sweep lacks, whose runs were made now or are none. ``label`` is its name for the reader, ``outcomes`` counts all
+    runs by outcome, ``mean_time_s`` is that of the runs that count (None without).
     ``stopped``: its runs are those of a sweep that stopped when it knew.
     """
 
@@ -59,6 +60,7 @@ class DesignEvidence:
     trials: tuple[PairedTrial, ...] = ()
     aborted: int = 0
     stopped: bool = False
+    rejected: frozenset[int] = frozenset()
 
     def simulated(self, confidence: float = 0.95) -> Rate:
         """The rate of its runs, at least one."""
@@ -66,7 +68,7 @@ class DesignEvidence:
 
     @property
     def runs(self) -> int:
-        """The number of runs."""
+        """The number of runs that belong in a rate."""
         return len(self.passed)
 
     @property

@@ -10,7 +10,8 @@ import pandas
 
 from foldcar.advice.evidence import Design, DesignEvidence, Evidence, PairedTrial
 from foldcar.advice.resimulation import Resimulation
-from foldcar.advice.words import count, design_text
+from foldcar.advice.words import count, design_text, rejected_text
+from foldcar.simulation.results import REJECTED
 from foldcar.store.frames import runs_frame
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -65,6 +66,9 @@ def _evidence(
         if key not in designs:
             designs[key], remark = _unswept(info, some[0], again)
             remarks.append(remark)
+    rejected = rejected_text(store.design_counts(info.id))
+    if rejected is not None:
+        remarks.insert(0, rejected)
     stored = info.stored_runs
     if stored < info.planned_runs:
         remarks.insert(0, f"Unfinished: {stored} of {info.planned_runs} runs are stored; the same sweep resumes.")
@@ -84,6 +88,8 @@ def _swept(store: Store, info: ExperimentInfo, runs: pandas.DataFrame) -> Iterat
     for design in designs:
         rows = numpy.asarray(keyed.get(tuple(design[name] for name in info.varied), []), dtype=int)
         counts = numpy.bincount(codes[rows], minlength=len(outcomes)).tolist()
+        discarded = numpy.isin(codes[rows], numpy.flatnonzero(outcomes == REJECTED))
+        rejected, rows = frozenset(samples[rows[discarded]].tolist()), rows[~discarded]
         times = elapsed_s[rows][~numpy.isnan(elapsed_s[rows])]
         yield DesignEvidence(
             info.vehicle_type,
@@ -95,6 +101,7 @@ def _swept(store: Store, info: ExperimentInfo, runs: pandas.DataFrame) -> Iterat
             Counter({outcome: number for outcome, number in zip(outcomes, counts, strict=True) if number}),
             float(times.mean()) if len(times) else None,
             stopped=info.until is not None,
+            rejected=rejected,
         )
 
 
@@ -170,9 +177,11 @@ def _with_trials(
     for trial in trials:
         if not trial.completed:
             continue
-        planned = trial.id not in elsewhere and not trial.deviations and trial.sample in stored
-        if planned and trial.sample is not None:
-            found.append(PairedTrial(trial.id, trial.outcome, trial.sample, int(stored[trial.sample]), False))
+        planned = trial.id not in elsewhere and not trial.deviations and trial.sample is not None
+        if planned and (trial.sample in stored or trial.sample in evidence.rejected):
+            simulation = stored.get(trial.sample)
+            known = None if simulation is None else int(simulation)
+            found.append(PairedTrial(trial.id, trial.outcome, trial.sample, known, False))
             continue
         outcome = again.trial(info, trial)
         simulated = None if outcome is None else int(outcome == "passed")
@@ -191,8 +200,8 @@ def _pair_remarks(designs: Sequence[DesignEvidence]) -> Iterator[str]:
     alone = sum(trial.simulated is None for trial in trials)
     if trials and alone:
         yield (
-            f"{alone} of {len(trials)} trials cannot be paired with a run of the same environment, which is not known or "
-            "not simulated: they count by their rate alone."
+            f"{alone} of {len(trials)} trials cannot be paired with a run of the same environment, which is not known, "
+            "not simulated or rejected: they count by their rate alone."
         )
     repeated = sum(
         number - 1

@@ -22,6 +22,7 @@ from foldcar.advice.words import count, listed, percent, points
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.region import Placed, first_designs
 from foldcar.analysis.selection import choose, expected_loss, honest_best, telling_environments, trials_needed
+from foldcar.simulation.results import no_rate_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 
@@ -121,6 +122,8 @@ def select_evidence(
 def _nothing(one: Evidence) -> str:
     if not one.info.success_defined:
         return "Nothing to select: success is undefined in this environment, so that no design is better than another."
+    if one.info.stored_runs:
+        return f"Nothing to select: {no_rate_text(one.info.stored_runs)}."
     return "Nothing to select: no runs are stored yet; sweep the listing with `foldcar sweep`."
 
 

@@ -21,7 +21,7 @@ from foldcar.api.whole import whole
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.processors import usable_processors
-from foldcar.simulation.results import NUMBERS, outcome_of
+from foldcar.simulation.results import NUMBERS, has_passed, no_rate_text, outcome_of
 from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.store.writer import canonical_json
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
@@ -66,10 +66,16 @@ class Evaluation:
 
     @cached_property
     def rate(self) -> Rate:
-        """The share of runs that passed with its interval; failed runs count as not passed. FoldcarError if undefined."""
+        """The share of runs that passed with its interval, rejected ones left out; failed ones count as not passed.
+
+        FoldcarError if success is undefined, or if every run was rejected.
+        """
         if not self.success_defined:
             raise FoldcarError(self.success)
-        passed, runs = int((self.runs["outcome"] == "passed").sum()), len(self.runs)
+        counted = self.runs["passed"].dropna()
+        passed, runs = int(counted.sum()), len(counted)
+        if not runs:
+            raise FoldcarError(no_rate_text(len(self.runs)))
         return wilson_rate(passed, runs, f"{passed} of {runs} simulated runs that passed", self.confidence)
 
 
@@ -198,7 +204,7 @@ def _table(answers: Sequence[Mapping[str, Any]], judged: bool) -> "pandas.DataFr
     import pandas
 
     outcomes = [outcome_of(answer) for answer in answers]
-    passed = [outcome == "passed" if judged else None for outcome in outcomes]
+    passed = [has_passed(outcome) if judged else None for outcome in outcomes]
     return pandas.DataFrame(
         {
             "sample": range(len(answers)),

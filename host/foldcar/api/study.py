@@ -13,6 +13,7 @@ from foldcar.analysis.success_model import SuccessModel, success_model
 from foldcar.api.names import column_named, columns_named
 from foldcar.api.whole import whole
 from foldcar.errors import FoldcarError
+from foldcar.simulation.results import no_rate_text
 from foldcar.store.frames import runs_frame, trials_frame
 from foldcar.store.reader import ExperimentInfo, Store
 
@@ -67,8 +68,8 @@ class Study:
         """The share of one design's runs, or of its counted trials, that passed, with its interval.
 
         Parameters are named as columns (``width_mm=95``), or without unit if that is clear (``width=95``). As many as
-        tell the design from the others are enough. FoldcarError if they leave several or none, if success is undefined,
-        or if there are no runs (trials).
+        tell the design from the others are enough. Rejected runs are left out. FoldcarError if they leave several or
+        none, if success is undefined, or if there are no runs (trials).
         """
         if source not in ("simulation", "trials"):
             raise FoldcarError(f'source: {source!r} is neither "simulation" nor "trials"')
@@ -76,6 +77,8 @@ class Study:
         chosen = self._of_design(self._of_experiment(table, experiment, source), design, source)
         passed = self._judged(chosen)["passed"]
         count, runs = int(passed.sum()), len(passed)
+        if not runs:
+            raise FoldcarError(f"rate: {no_rate_text(len(chosen))}")
         what = "simulated runs" if source == "simulation" else "trials of built cars"
         name = str(chosen["experiment"].iloc[0])
         stopped = source == "simulation" and self.experiments[name].until is not None
@@ -118,10 +121,11 @@ class Study:
         return success_model(values, counts["sum"].to_numpy(dtype=float), counts["count"].to_numpy(dtype=float))
 
     def _judged(self, table: "pandas.DataFrame") -> "pandas.DataFrame":
-        """The table, in which it is known of every row whether it passed."""
-        if table["passed"].isna().any():
-            raise FoldcarError(self.experiments[str(table["experiment"].iloc[0])].success_rule)
-        return table
+        """The rows that belong in a rate: those of runs that were not rejected."""
+        info = self.experiments.get(str(table["experiment"].iloc[0]))
+        if info is not None and not info.success_defined and table["passed"].isna().any():
+            raise FoldcarError(info.success_rule)
+        return table[table["passed"].notna()]
 
     def _of_experiment(self, table: "pandas.DataFrame", experiment: str | None, source: str) -> "pandas.DataFrame":
         known = list(dict.fromkeys(table["experiment"]))

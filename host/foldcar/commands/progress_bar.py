@@ -20,9 +20,9 @@ class ProgressBar(TerminalBar):
         """Display the counts."""
         rate = progress.new / progress.seconds if progress.seconds > 0 else 0.0
         success = ""
-        # Where some experiments define no success, the shares of the others are told at the end.
+        # Where some experiments define no success, or runs were rejected, shares are told at the end.
         if self._designs is not None:
             success = f"{progress.decided} of {self._designs} designs decided"
-        elif progress.done and progress.judged == progress.total:
+        elif progress.done and progress.judged == progress.total and not progress.rejected:
             success = f"{100 * progress.passed / progress.done:.0f} % passed"
         self.show(completed=progress.done, total=progress.total, rate=f"{rate:.0f} runs/s", success=success)

@@ -52,7 +52,7 @@ def print_search(plan: Plan, found: Found, store: Path, varied: Sequence[str]) -
     )
     reasons = list(found.unbuildable.items())
     if reasons:
-        typer.echo(f"proposed cars that cannot be built: {len(reasons)}")
+        typer.echo(f"proposed cars that cannot be built, or have no rate: {len(reasons)}")
         for name, reason in reasons[:SHOWN_UNBUILDABLE]:
             typer.echo(f"  {name}: {reason}")
         if len(reasons) > SHOWN_UNBUILDABLE:
@@ -80,7 +80,9 @@ def print_search(plan: Plan, found: Found, store: Path, varied: Sequence[str]) -
     typer.echo("Values when chosen are those in the environments that the designs were chosen by: too good, as a rule.")
 
 
-def _text(objective: Objective, value: float, interval: Interval | None) -> str:
+def _text(objective: Objective, value: float | None, interval: Interval | None) -> str:
+    if value is None:
+        return "all rejected"
     if interval is None:
         return _number(objective, value) + _unit(objective)
     low, high = (_number(objective, bound) for bound in interval)

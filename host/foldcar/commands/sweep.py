@@ -126,6 +126,7 @@ def sweep(
                 "there": progress.there,
                 "judged": progress.judged,
                 "passed": progress.passed if progress.judged else None,
+                "rejected": progress.rejected,
                 "failed": progress.failed,
                 "seconds": round(progress.seconds, 3),
                 **({"most_runs": most, "designs": state_objects(progress.states)} if rules else {}),
@@ -133,7 +134,8 @@ def sweep(
         )
     else:
         rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
-        failed = f", {progress.failed} failed" if progress.failed else ""
+        failed = f", {progress.rejected} rejected" if progress.rejected else ""
+        failed += f", {progress.failed} failed" if progress.failed else ""
         # A share over designs of which some have more runs than others would say nothing.
         success = "" if rules else f", {_success(progress)}"
         typer.echo(
@@ -150,8 +152,9 @@ def sweep(
 
 def _success(progress: "Progress") -> str:
     if not progress.judged:
-        return "success undefined"
+        return "no rate" if progress.rejected else "success undefined"
     share = f"{100 * progress.passed / progress.judged:.1f} %"
     if progress.judged == progress.total:
         return f"{share} passed"
-    return f"{share} of {progress.judged} passed, success undefined in {progress.total - progress.judged}"
+    undefined = progress.total - progress.judged - progress.rejected
+    return f"{share} of {progress.judged} passed{f', success undefined in {undefined}' if undefined else ''}"

@@ -23,7 +23,8 @@ def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequ
     rest = f", {len(undecided)} undecided" if undecided else ""
     made, most = sum(state.runs for state in mine), len(mine) * experiment.environments
     head = f"experiment {experiment.id}: {len(mine) - len(undecided)} of {len(mine)} designs decided"
-    yield f"{head}{rest}; {made} of at most {most} runs"
+    rejected = sum(state.rejected for state in mine)
+    yield f"{head}{rest}; {made} of at most {most} runs{f', {rejected} rejected' if rejected else ''}"
     yield f"  decided: {rule.text}; that holds for each design by itself, whenever its runs stop"
     if undecided:
         varied = experiment.family.varied

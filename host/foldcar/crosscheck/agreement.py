@@ -12,6 +12,8 @@ import numpy
 
 from foldcar.analysis.intervals import wilson_interval
 from foldcar.crosscheck.stored import Case
+from foldcar.errors import FoldcarError
+from foldcar.simulation.results import REJECTED
 
 Pair = tuple[Case, Mapping[str, Any], Mapping[str, Any]]
 DesignId = tuple[str, int]
@@ -31,8 +33,9 @@ class DesignRates:
 class Agreement:
     """The number of compared ``runs``, and of those ``alike`` in pass or fail; ``designs`` by experiment and number.
 
-    ``confusion`` counts (first outcome, second outcome). ``correlation`` of the designs' success rates is
-    None where either engine has one rate for all; ``rmse`` and ``bias`` (first minus second) are shares.
+    ``confusion`` counts (first outcome, second outcome), and alone has runs that were rejected in either engine.
+    ``correlation`` of the designs' success rates is None where either engine has one rate for all; ``rmse`` and ``bias``
+    (first minus second) are shares.
     """
 
     runs: int
@@ -56,13 +59,20 @@ class Agreement:
     @property
     def kinds(self) -> list[tuple[tuple[str, str], int]]:
         """Disagreements of pass and fail by their outcomes, the most frequent first."""
-        found = [(pair, n) for pair, n in self.confusion.items() if (pair[0] == "passed") != (pair[1] == "passed")]
+        found = [
+            (pair, n)
+            for pair, n in self.confusion.items()
+            if REJECTED not in pair and (pair[0] == "passed") != (pair[1] == "passed")
+        ]
         return sorted(found, key=lambda entry: (-entry[1], entry[0]))
 
 
 def agreement(pairs: Sequence[Pair]) -> Agreement:
-    """The agreement of at least one pair."""
+    """The agreement of pairs; FoldcarError if no run of one engine can be compared with the other's."""
     confusion = Counter((first["outcome"], second["outcome"]) for _, first, second in pairs)
+    pairs = [pair for pair in pairs if REJECTED not in (pair[1]["outcome"], pair[2]["outcome"])]
+    if not pairs:
+        raise FoldcarError("nothing to compare: no run that was not rejected in either engine")
     tallies: dict[DesignId, list[int]] = {}
     columns: dict[DesignId, Mapping[str, float]] = {}
     for case, first, second in pairs:

@@ -16,6 +16,7 @@ from foldcar.crosscheck.stored import Case, stored_name
 from foldcar.replay.simulate import run_call
 from foldcar.replay.stored_drives import StoredDrives, read_drives
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.results import REJECTED
 from foldcar.simulation.runner import PATH_INTERVAL_S
 from foldcar.store.reader import Store
 
@@ -60,7 +61,12 @@ def parted(
 
 def _candidates(pairs: Sequence[Pair], scenes: Mapping[int, int]) -> list[Pair]:
     """The disagreements that differ most in the distance to the target, one a scene."""
-    apart = [p for p in pairs if passes(p[1]) != passes(p[2]) and "failed" not in (p[1]["outcome"], p[2]["outcome"])]
+    without_path = {"failed", REJECTED}
+    apart = [
+        p
+        for p in pairs
+        if passes(p[1]) != passes(p[2]) and not without_path & {p[1]["outcome"], p[2]["outcome"]}
+    ]
     apart.sort(key=lambda p: -abs((p[1]["distance_to_target_m"] or 0) - (p[2]["distance_to_target_m"] or 0)))
     by_scene: dict[int, Pair] = {}
     for pair in apart:

@@ -55,7 +55,7 @@ OUTCOME_LABELS = {
     "timeout": "time-out",
     "fault": "fault",
     "terminated": "ended by program",
-    "rejected": "requirement violated",
+    "rejected": "rejected",
     "failed": "failed",
 }
 OUTCOME_MARKERS = {

@@ -9,7 +9,7 @@ import numpy
 
 from foldcar.replay.compact_path import INTERVAL_S, ROW_BYTES
 from foldcar.replay.outcome_grid import NONE, OutcomeGrid
-from foldcar.simulation.results import OUTCOMES
+from foldcar.simulation.results import OUTCOMES, REJECTED
 
 # Failed runs have no path, and those of a program's own ending are not the simulator's alone.
 REPLAYED = [1 + OUTCOMES.index(name) for name in ("passed", "tipped", "stuck", "off_course", "timeout", "fault")]
@@ -36,7 +36,8 @@ def _in_order_of_use(grid: OutcomeGrid) -> Iterator[tuple[int, int]]:
     designs, samples = grid.shown_designs(), grid.shown_samples()
     codes = grid.outcomes[designs][:, samples]
     there = numpy.isin(codes, REPLAYED)
-    success = (grid.outcomes[designs] == 1).sum(axis=1) / numpy.maximum(1, (grid.outcomes[designs] != NONE).sum(axis=1))
+    counted = ~numpy.isin(grid.outcomes[designs], [NONE, 1 + OUTCOMES.index(REJECTED)])
+    success = (grid.outcomes[designs] == 1).sum(axis=1) / numpy.maximum(1, counted.sum(axis=1))
     nearest = [int(row) for row in numpy.argsort(numpy.abs(success - THRESHOLD), kind="stable")]
     taken = numpy.zeros(codes.shape, dtype=bool)
     for row in nearest:

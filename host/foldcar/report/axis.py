@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy
 from matplotlib.axes import Axes
 
-from foldcar.report.series import Extent, Value
+from foldcar.report.series import Extent, Tally, Value
+from foldcar.report.trial_series import TrialTally
 
 UNITS = ("mm", "m", "deg", "rad", "kg", "g", "s", "v")
 
@@ -31,9 +32,11 @@ def extent_text(extent: Extent | None) -> str:
     return f"{extent.mean:.4g} ({extent.lowest:.4g} to {extent.highest:.4g})" if extent else "–"
 
 
-def percent_text(share: float | None) -> str:
-    """A share of 0 to 1 in per cent with one decimal; ``undefined`` without one."""
-    return "undefined" if share is None else f"{100 * share:.1f}"
+def success_text(tally: Tally | TrialTally) -> str:
+    """The success in per cent with one decimal; ``undefined`` if it is that, a dash if no run counts."""
+    if not tally.counted:
+        return "–"
+    return "undefined" if tally.success is None else f"{100 * tally.success:.1f}"
 
 
 def interval_text(interval: tuple[float, float] | None) -> str:

@@ -18,7 +18,7 @@ from foldcar.store.reader import Store
 
 @dataclass(frozen=True)
 class Count:
-    """Runs of one design, at least one; ``stopped``: by a sweep that stopped when it knew enough."""
+    """Runs of one design that belong in a rate, at least one; ``stopped``: by a sweep that stopped when it knew."""
 
     runs: int
     passed: int
@@ -85,12 +85,12 @@ class DesignTable:
 
 
 def read_table(store: Store, info: ExperimentInfo) -> DesignTable:
-    """The designs of an experiment that have runs, by the parameters that vary; StoreError."""
+    """The designs of an experiment that have a rate, by the parameters that vary; StoreError."""
     counts = store.design_counts(info.id)
     designs = store.designs(info.id)
     names = tuple(info.varied)
     cells = {}
-    for position, runs, passed in zip(counts.positions, counts.runs, counts.passed, strict=True):
+    for position, runs, passed in zip(counts.positions, counts.counted, counts.passed, strict=True):
         if runs:
             values = tuple(float(designs[position][name]) for name in names)
             cells[values] = Count(runs, passed, info.until is not None)

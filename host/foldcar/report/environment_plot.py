@@ -18,7 +18,9 @@ from foldcar.store.reader import Store
 def environment_parts(store: Store, infos: Iterable[ExperimentInfo], options: FigureOptions) -> list[Part]:
     """A part for each parameter in one number of which experiments differ. StoreError."""
     groups = environment_groups(infos)
-    return [_part(store, number, group, options) for number, group in enumerate(groups, 1)]
+    joined = [(group, *joined_table(store, group)) for group in groups]
+    shown = [one for one in joined if one[2].cells]
+    return [_part(number, *one, options) for number, one in enumerate(shown, 1)]
 
 
 def joined_table(store: Store, group: EnvironmentGroup) -> tuple[str, DesignTable]:
@@ -33,9 +35,8 @@ def joined_table(store: Store, group: EnvironmentGroup) -> tuple[str, DesignTabl
     return name, DesignTable((name, *names), cells)
 
 
-def _part(store: Store, number: int, group: EnvironmentGroup, options: FigureOptions) -> Part:
+def _part(number: int, group: EnvironmentGroup, name: str, table: DesignTable, options: FigureOptions) -> Part:
     thresholds = options.thresholds(next(iter(group.experiments.values())))
-    name, table = joined_table(store, group)
     plan = plan_map(table, name)
     designs = {values[1:] for values in table.cells}
     # Without a plan there is one design.

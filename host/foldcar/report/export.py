@@ -17,7 +17,7 @@ from typing import Any, TextIO
 
 from foldcar.atomic_file import atomic_file
 from foldcar.report.parquet import field, list_cell, list_type
-from foldcar.simulation.results import NUMBERS, Result
+from foldcar.simulation.results import NUMBERS, Result, has_passed
 from foldcar.store.reader import Store
 
 TEXT_COLUMNS = ("experiment", "vehicle", "environment")
@@ -106,7 +106,7 @@ def _rows(
     defined = store.judged_experiments()
     for result in store.results():
         if not failed or result.outcome == "failed":
-            passed = result.outcome == "passed" if result.experiment in defined else None
+            passed = has_passed(result.outcome) if result.experiment in defined else None
             yield _cells(result, passed, design, recorded, lists)
 
 

@@ -9,6 +9,7 @@ from foldcar.advice.words import listed
 from foldcar.report.axis import parameter_label, value_text
 from foldcar.report.series import Series, Summary, Tally, Value
 from foldcar.report.trial_series import TrialSummary, TrialTally
+from foldcar.simulation.results import no_rate_text
 from foldcar.store.info import ExperimentInfo
 
 
@@ -25,6 +26,8 @@ def headline(
         return [*sentences, "No run is stored yet: nothing can be said."]
     if not info.success_defined:
         return [*sentences, "What counts as success is not defined here, so no design can be called feasible."]
+    if not total.counted:
+        return [*sentences, f"Nothing can be said: {no_rate_text(total.runs)}."]
     if len(summary.series) == 1:
         (series,) = summary.series
         sentences.append(_region(info.simulation, series, threshold))
@@ -41,7 +44,7 @@ def headline(
 
 def _over_all(simulation: str, total: Tally, parameters: int) -> str:
     what = "the design" if not parameters else "cars of all designs"
-    return f"In {simulation}, {what} passed {total.passed} of {total.runs} runs ({100 * (total.success or 0):.0f} %)."
+    return f"In {simulation}, {what} passed {total.passed} of {total.counted} runs ({100 * (total.success or 0):.0f} %)."
 
 
 def _region(simulation: str, series: Series, threshold: float) -> str:

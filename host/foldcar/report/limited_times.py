@@ -30,10 +30,12 @@ def limited_times(
 ) -> dict[str, dict[Value, LimitedTime]]:
     """The times by varied parameter and its value, over all values of the others.
 
-    Empty where success is undefined, and where designs differ in their number of runs by their results.
+    Rejected runs are left out. Empty where success is undefined, and where designs differ in their number of runs by
+    their results.
     """
     if not info.success_defined or info.until is not None or info.searched or not len(runs.design):
         return {}
+    runs = runs.counted
     passed = runs.outcome == OUTCOMES.index("passed")
     # Scenic's steps may pass the limit by one.
     time_s = numpy.where(passed, numpy.nan_to_num(runs.metrics[:, NUMBERS.index("elapsed_time_s")]), 0.0)

@@ -13,7 +13,7 @@ from foldcar.figures.style import OUTCOME_COLOURS, OUTCOME_LABELS
 from foldcar.inline_svg import inline_svg
 from foldcar.page_template import page_template
 from foldcar.report.advice_slots import Part
-from foldcar.report.axis import extent_text, interval_text, parameter_label, percent_text, value_text
+from foldcar.report.axis import extent_text, interval_text, parameter_label, success_text, value_text
 from foldcar.report.sections import Section
 from foldcar.report.trial_sections import TrialSection
 from foldcar.simulation.results import OUTCOMES
@@ -57,7 +57,7 @@ def page_html(
         "value_text": value_text,
         "assignments": _assignments,
         "extent_text": extent_text,
-        "percent_text": percent_text,
+        "success_text": success_text,
         "interval_text": interval_text,
         "script_json": _script_json,
     }

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from foldcar.advice.words import rejected_text
 from foldcar.replay.outcome_grid import OutcomeGrid
 from foldcar.replay.replay import Replay
 from foldcar.report.advice_slots import Drawing, Slots
@@ -80,7 +81,8 @@ def read_section(
     trials = summarise_trials(store.trials(info.id), info, simulated_trials)
     shown, _ = select_trials(store.trials(info.id), simulated_trials)
     replay = replayer.replay(store, info, grid, shown)
-    remarks = _remarks(info, summary, trials) + _elsewhere(store, info, shown)
+    rejected = rejected_text(store.design_counts(info.id))
+    remarks = _remarks(info, summary, trials, rejected) + _elsewhere(store, info, shown)
     remarks += _failures(store, info, summary)
     if options.sample >= info.environments:
         remarks.append(f"There is no environment {options.sample} here, so times to cross are not drawn.")
@@ -98,7 +100,7 @@ def read_section(
     )
 
 
-def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> list[str]:
+def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary, rejected: str | None) -> list[str]:
     remarks = []
     stored = summary.total.runs
     if stored < info.planned_runs:
@@ -107,6 +109,8 @@ def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary) -> li
             "the sweep resumes it."
         )
     remarks += stopped_remarks(info)
+    if rejected is not None:
+        remarks.append(rejected)
     terminated = summary.total.outcomes["terminated"]
     if terminated and info.success_defined:
         remarks.append(f"The program itself ended {terminated} of {stored} runs; they count as not passed.")

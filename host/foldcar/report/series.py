@@ -12,7 +12,7 @@ import numpy
 
 from foldcar.analysis.anytime import anytime_mean_interval
 from foldcar.analysis.intervals import wilson_interval
-from foldcar.simulation.results import NUMBERS, OUTCOMES, Result
+from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED, Result, has_passed
 from foldcar.store.frames import RunArrays
 
 Value = float | str
@@ -44,8 +44,9 @@ class Extent:
 class Tally:
     """Outcomes of the runs of one design, or of all designs that share a parameter's value.
 
-    ``judged`` is False where the experiment does not define success: then there is no share of passed runs. After a
-    sweep that stopped when it knew (``stopped``) designs differ in their number of runs: each counts alike.
+    ``judged`` is False where the experiment does not define success: then there is no share of passed runs; of these
+    shares the ``counted`` runs are all but the rejected ones. After a sweep that stopped when it knew (``stopped``)
+    designs differ in their number of runs: each counts alike.
     """
 
     judged: bool = True
@@ -53,7 +54,7 @@ class Tally:
     passed_time_s: float = 0.0
     recorded: dict[str, Extent] = field(default_factory=dict)
     stopped: bool = False
-    # Runs and passed runs by the design's values, after a sweep that stopped.
+    # Counted and passed runs by the design's values, after a sweep that stopped.
     _designs: dict[tuple[Value, ...], list[int]] = field(default_factory=dict)
 
     def add_design(self, design: Mapping[str, Value], outcomes: Sequence[int], passed_time_s: float) -> None:
@@ -62,7 +63,7 @@ class Tally:
             self.outcomes[outcome] += count
         if self.stopped:
             counts = self._designs.setdefault(tuple(design.values()), [0, 0])
-            counts[0] += sum(outcomes)
+            counts[0] += sum(outcomes) - outcomes[OUTCOMES.index(REJECTED)]
             counts[1] += outcomes[OUTCOMES.index("passed")]
         self.passed_time_s += passed_time_s
 
@@ -71,7 +72,7 @@ class Tally:
         self.outcomes[result.outcome] += 1
         if self.stopped:
             counts = self._designs.setdefault(tuple(result.design.values()), [0, 0])
-            counts[0] += 1
+            counts[0] += has_passed(result.outcome) is not None
             counts[1] += result.outcome == "passed"
         if result.outcome == "passed":
             self.passed_time_s += result.metrics["elapsed_time_s"] or 0.0
@@ -82,8 +83,18 @@ class Tally:
 
     @property
     def runs(self) -> int:
-        """The number of counted runs."""
+        """The number of runs, however they ended."""
         return sum(self.outcomes.values())
+
+    @property
+    def rejected(self) -> int:
+        """The number of runs that Scenic rejected."""
+        return self.outcomes[REJECTED]
+
+    @property
+    def counted(self) -> int:
+        """The number of runs that belong in a rate."""
+        return self.runs - self.rejected
 
     @property
     def passed(self) -> int:
@@ -97,12 +108,13 @@ class Tally:
 
     @property
     def success(self) -> float | None:
-        """Share of runs that passed, 0 to 1; None if success is undefined or no run has been counted."""
-        if not self.judged or not self.runs:
+        """Share of counted runs that passed, 0 to 1; None if success is undefined or no run is counted."""
+        if not self.judged or not self.counted:
             return None
         if self.stopped:
-            return sum(passed / runs for runs, passed in self._designs.values()) / len(self._designs)
-        return self.passed / self.runs
+            shares = [passed / counted for counted, passed in self._rated]
+            return sum(shares) / len(shares)
+        return self.passed / self.counted
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -110,12 +122,17 @@ class Tally:
 
         Wilson's, or after a sweep that stopped the anytime-valid one: Wilson's holds for a number of runs fixed before.
         """
-        if not self.judged or not self.runs:
+        if not self.judged or not self.counted:
             return None
         if self.stopped:
-            runs, passed = zip(*self._designs.values(), strict=True)
-            return anytime_mean_interval(passed, runs)
-        return wilson_interval(self.passed, self.runs)
+            counted, passed = zip(*self._rated, strict=True)
+            return anytime_mean_interval(passed, counted)
+        return wilson_interval(self.passed, self.counted)
+
+    @property
+    def _rated(self) -> list[list[int]]:
+        """Counted and passed runs of the designs that have a rate."""
+        return [counts for counts in self._designs.values() if counts[0]]
 
     @property
     def mean_time_s(self) -> float | None:

@@ -41,7 +41,7 @@ def settling_parts(store: Store, info: ExperimentInfo, options: FigureOptions) -
     """The part of an experiment; none without success, and after a sweep or search that chose its number of runs."""
     if not info.success_defined or info.until is not None or info.searched or not info.stored_runs:
         return []
-    runs = run_arrays(store, info.id)
+    runs = run_arrays(store, info.id).counted
     passed = runs.outcome == OUTCOMES.index("passed")
     designs = list(store.designs(info.id).values())
     labels = [design_text({name: design[name] for name in info.varied}) for design in designs]

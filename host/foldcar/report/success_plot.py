@@ -111,7 +111,7 @@ def draw_trial_success(
 
 def success_tip(parameter: str, value: float | str, tally: Tally | TrialTally) -> str:
     """What a bar or a point of a success plot stands for."""
-    count = tally.runs if isinstance(tally, Tally) else tally.counted
+    count = tally.counted
     what = "runs" if isinstance(tally, Tally) else "trials"
     return (
         f"{parameter_label(parameter)} {value_text(value)}: {tally.passed} of {count} {what} passed, "

@@ -55,6 +55,7 @@ def _cars_object(built: TrialGroup, simulated: TrialGroup) -> dict[str, Any]:
 def _tally_object(tally: Tally) -> dict[str, Any]:
     return {
         "runs": tally.runs,
+        "rejected": tally.rejected,
         "passed": tally.passed if tally.judged else None,
         "success": tally.success,
         "success_interval": tally.interval,

@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from foldcar.figures.style import OUTCOME_LABELS
-from foldcar.report.axis import extent_text, interval_text, parameter_label, percent_text, value_text
+from foldcar.report.axis import extent_text, interval_text, parameter_label, success_text, value_text
 from foldcar.report.sections import Section
 from foldcar.report.series import Tally
 from foldcar.report.trial_sections import TrialSection
@@ -93,7 +93,7 @@ def _table(console: Console, first: str, rows: Sequence[tuple[str, Tally]], outc
         table.add_row(
             name,
             str(tally.runs),
-            percent_text(tally.success),
+            success_text(tally),
             interval_text(tally.interval).replace("–", "-"),
             "-" if tally.mean_time_s is None else f"{tally.mean_time_s:.2f}",
             *(str(tally.outcomes[outcome]) for outcome in outcomes),

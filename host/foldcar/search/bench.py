@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from foldcar.car.firmware_parameters import TableRow
 from foldcar.interrupts import delayed
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.results import has_passed
 from foldcar.simulation.simulators import Simulators
 from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter
 from foldcar.study.chunks import ChunkPool, FinishedRun
@@ -32,9 +33,9 @@ class Row:
     consumed_energy_j: float | None
 
     @property
-    def passed(self) -> bool:
-        """Whether the car did what its environment asks for."""
-        return self.outcome == "passed"
+    def passed(self) -> bool | None:
+        """Whether the car did what its environment asks for; None if the run was rejected."""
+        return has_passed(self.outcome)
 
 
 class Bench:

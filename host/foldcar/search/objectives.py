@@ -26,6 +26,7 @@ CM2 = 0.01
 class Objective:
     """``value`` takes a design's rows and the time limit (s); ``interval`` the same, and gives its 95 % interval.
 
+    The rows are at least one, and none of a rejected run.
     ``unit`` is empty for shares. Both functions are None for what follows from the design alone.
     """
 
@@ -38,11 +39,11 @@ class Objective:
 
 
 def _success(rows: Sequence[Row], limit_s: float) -> float:
-    return sum(row.passed for row in rows) / len(rows)
+    return sum(bool(row.passed) for row in rows) / len(rows)
 
 
 def _success_interval(rows: Sequence[Row], limit_s: float) -> Interval:
-    return wilson_interval(sum(row.passed for row in rows), len(rows))
+    return wilson_interval(sum(bool(row.passed) for row in rows), len(rows))
 
 
 def times_s(rows: Sequence[Row], limit_s: float) -> list[float]:

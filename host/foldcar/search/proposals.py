@@ -97,7 +97,7 @@ class Proposals:
         return [_tried(self._values(trial), trial) for trial in self._study.get_trials(states=(TrialState.COMPLETE,))]
 
     def unbuildable(self) -> dict[Values, str]:
-        """The designs that cannot be built, with the reasons."""
+        """The designs that cannot be built, or have no worth, with the reasons."""
         pruned = self._study.get_trials(states=(TrialState.PRUNED,))
         return {self._values(trial): trial.user_attrs["unbuildable"] for trial in pruned}
 
@@ -121,10 +121,7 @@ class Proposals:
             error = self._family.error(values)
             if error is None:
                 return values
-            with delayed():
-                trial.set_user_attr("unbuildable", str(error))
-                trial.set_constraint(BUILDABLE, 1.0)
-                self._study.tell(trial, state=TrialState.PRUNED)
+            self._refuse(trial, str(error))
             known.add(values)
             repeats += 1
         return None
@@ -138,6 +135,17 @@ class Proposals:
         with delayed():
             self._trial.report(value, batch)
             return bool(self._trial.should_prune())
+
+    def refuse(self, reason: str) -> None:
+        """The design under trial is worth nothing, for a reason that holds whenever it is tried."""
+        assert self._trial is not None
+        self._refuse(self._trial, reason)
+
+    def _refuse(self, trial: Trial, reason: str) -> None:
+        with delayed():
+            trial.set_user_attr("unbuildable", reason)
+            trial.set_constraint(BUILDABLE, 1.0)
+            self._study.tell(trial, state=TrialState.PRUNED)
 
     def tell(self, objectives: Sequence[float], environments: int, pruned: bool, mean_time_s: float) -> Tried:
         """What the design under trial is worth."""

@@ -17,6 +17,7 @@ from foldcar.search.bench import Bench, Row, Values, open_bench
 from foldcar.search.objectives import OBJECTIVES, Objective, film_area_cm2
 from foldcar.search.proposals import Proposals, Tried
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.results import no_rate_text
 from foldcar.simulation.simulators import Simulators
 from foldcar.store.writer import write_store
 from foldcar.study.environments import Environment
@@ -51,12 +52,12 @@ class Plan:
 class Judged:
     """A design of the best: its values while it was chosen, and those in fresh environments with 95 % intervals.
 
-    What follows from the design alone has no interval.
+    What follows from the design alone has no interval. A fresh value is None if every run was rejected.
     """
 
     design: Mapping[str, float]
     chosen_by: tuple[float, ...]
-    fresh: tuple[float, ...]
+    fresh: tuple[float | None, ...]
     intervals: tuple[tuple[float, float] | None, ...]
 
 
@@ -138,7 +139,7 @@ def search(
         best = proposals.best(proposals.tried(), plan.best)
         with open_bench(fresh, environment_of(fresh), writer, carsim, simulators, simulated, False) as bench:
             for one in best:
-                rows = bench.rows(one.values, range(plan.fresh))
+                rows = _counted(bench.rows(one.values, range(plan.fresh)))
                 found.best.append(_judged(experiment, plan, one, rows))
                 report(found)
     found.unbuildable = {_named(experiment, values): reason for values, reason in unbuildable.items()}
@@ -162,19 +163,25 @@ def _try_designs(
             found.exhausted = True
             return
         rows: list[Row] = []
+        made = 0
         pruned = False
         for number, batch in enumerate(batches(experiment.environments)):
             new = bench.rows(values, batch)
+            made += len(new)
+            new = _counted(new)
             rows += new
-            if plan.prune:
+            if plan.prune and new:
                 value = plan.objectives[0].value
                 assert value is not None
-                pruned = len(rows) < experiment.environments and proposals.worse(number, value(new, experiment.timeout_s))
+                pruned = made < experiment.environments and proposals.worse(number, value(new, experiment.timeout_s))
                 if pruned:
                     break
+        if not rows:
+            proposals.refuse(no_rate_text(made))
+            continue
         mean_time_s = _value(OBJECTIVES["time"], experiment, values, rows)
         worth = [_value(one, experiment, values, rows) for one in plan.objectives]
-        _count(found, proposals.tell(worth, len(rows), pruned, mean_time_s), plan)
+        _count(found, proposals.tell(worth, made, pruned, mean_time_s), plan)
         report(found)
 
 
@@ -197,12 +204,19 @@ def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[Row
     return Judged(
         experiment.family.design(tried.values).columns,
         tried.objectives,
-        tuple(_value(one, experiment, tried.values, rows) for one in plan.objectives),
         tuple(
-            None if one.interval is None else one.interval(rows, experiment.timeout_s)
+            _value(one, experiment, tried.values, rows) if rows or one.value is None else None for one in plan.objectives
+        ),
+        tuple(
+            None if one.interval is None or not rows else one.interval(rows, experiment.timeout_s)
             for one in plan.objectives
         ),
     )
+
+
+def _counted(rows: Sequence[Row]) -> list[Row]:
+    """The rows that belong in a rate."""
+    return [row for row in rows if row.passed is not None]
 
 
 def batches(environments: int) -> list[range]:

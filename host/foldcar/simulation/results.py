@@ -7,9 +7,13 @@ from typing import Any
 # The outcomes that carsim reports, best first.
 NATIVE_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "fault")
 
-# Every outcome, in the order of tables, legends and stacked bars: terminated by the Scenic program, rejected for a
-# violated requirement, failed without numbers.
-OUTCOMES = (*NATIVE_OUTCOMES, "terminated", "rejected", "failed")
+# A run that violated a requirement of the Scenic program. Scenic discards such a simulation: it tells nothing of the
+# design, and belongs in no rate.
+REJECTED = "rejected"
+
+# Every outcome, in the order of tables, legends and stacked bars: terminated by the Scenic program, rejected, failed
+# without numbers.
+OUTCOMES = (*NATIVE_OUTCOMES, "terminated", REJECTED, "failed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +41,16 @@ NUMBERS = tuple(metric.name for metric in METRICS)
 def outcome_of(answer: Mapping[str, Any]) -> str:
     """The outcome of a simulator's answer to a run: an answer with an ``error`` is a failed run."""
     return "failed" if "error" in answer else str(answer["outcome"])
+
+
+def has_passed(outcome: str) -> bool | None:
+    """Whether a run with that outcome passed; None if it was rejected. Failed runs did not pass."""
+    return None if outcome == REJECTED else outcome == "passed"
+
+
+def no_rate_text(runs: int) -> str:
+    """Why runs, all of them rejected, make no rate."""
+    return f"there is no rate: all {runs:,} runs were rejected: they violated a requirement of the program"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,19 +1,24 @@
-"""How many runs of each design of an experiment are stored, and how many of them passed."""
+"""How many runs of each design of an experiment are stored, how many of them count, and how many passed."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from sqlite3 import Connection
 
+from foldcar.simulation.results import REJECTED
 from foldcar.store.errors import store_errors
 from foldcar.store.tables import RESULT_JOIN
 
 
 @dataclass(frozen=True)
 class DesignCounts:
-    """Lists in the order of designs: position, stored runs, those that passed, and 1 + the highest stored sample."""
+    """Lists in the order of designs: position, stored runs, those that passed, and 1 + the highest stored sample.
+
+    ``counted`` are the stored runs that belong in a rate: all but the rejected ones.
+    """
 
     positions: list[int]
     runs: list[int]
+    counted: list[int]
     passed: list[int]
     reached: list[int]
 
@@ -24,10 +29,10 @@ def design_counts(path: Path, connection: Connection, experiment: str) -> Design
         designs = "SELECT position FROM design WHERE experiment = ? ORDER BY position"
         positions = [position for (position,) in connection.execute(designs, (experiment,))]
         found = connection.execute(
-            "SELECT d.position, count(*), sum(r.outcome = 'passed'), max(s.sample) + 1 "
+            f"SELECT d.position, count(*), sum(r.outcome <> '{REJECTED}'), sum(r.outcome = 'passed'), max(s.sample) + 1 "
             f"{RESULT_JOIN} AND e.id = ? GROUP BY d.position",
             (experiment,),
         )
         counts = {position: tuple(numbers) for position, *numbers in found}
-    runs, passed, reached = ([counts.get(at, (0, 0, 0))[which] for at in positions] for which in range(3))
-    return DesignCounts(positions, runs, passed, reached)
+    columns = ([counts.get(at, (0, 0, 0, 0))[which] for at in positions] for which in range(4))
+    return DesignCounts(positions, *columns)

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from foldcar.simulation.results import NUMBERS, OUTCOMES
+from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
 from foldcar.store.errors import StoreError
 from foldcar.store.reader import RUN_CELLS, Store
 from foldcar.store.tables import EXPERIMENT
@@ -32,6 +32,12 @@ class RunArrays:
     outcome: NDArray[np.uint8]
     metrics: NDArray[np.float64]
 
+    @property
+    def counted(self) -> "RunArrays":
+        """The runs that belong in a rate: all but the rejected ones."""
+        kept = self.outcome != OUTCOMES.index(REJECTED)
+        return RunArrays(self.design[kept], self.sample[kept], self.outcome[kept], self.metrics[kept])
+
 
 def run_arrays(store: Store, experiment: str) -> RunArrays:
     """The runs of an experiment, which are read once from an open store. StoreError."""
@@ -42,7 +48,8 @@ def runs_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
     """A row for each stored run of all experiments, or of one, by experiment, design and sample.
 
     Columns: ``experiment``, ``vehicle``, ``environment`` (texts); each design parameter (``width_mm``, float64);
-    ``sample`` (int64); ``outcome`` (text); ``passed`` (boolean, NA where the experiment does not define success); the
+    ``sample`` (int64); ``outcome`` (text); ``passed`` (boolean, NA where the experiment does not define success, and
+    for rejected runs, which belong in no rate); the
     metrics of :mod:`foldcar.simulation.results` (float64). StoreError.
     """
     names = store.experiment_ids(experiment)
@@ -106,7 +113,9 @@ def _run_columns(store: Store, name: str, parameters: Sequence[str], judged: boo
         },
         "sample": runs.sample,
         "outcome": _texts(OUTCOMES).take(runs.outcome),
-        "passed": _truths(runs.outcome == OUTCOMES.index("passed"), np.full(len(runs.design), judged)),
+        "passed": _truths(
+            runs.outcome == OUTCOMES.index("passed"), judged & (runs.outcome != OUTCOMES.index(REJECTED))
+        ),
         **{metric: runs.metrics[:, index] for index, metric in enumerate(NUMBERS)},
     }
 

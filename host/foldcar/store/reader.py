@@ -344,4 +344,4 @@ def _stopped(facts: Mapping[str, Any] | None, counts: DesignCounts) -> "tuple[St
     from foldcar.analysis.stopping import StoppingRule
 
     rule = StoppingRule.from_facts(facts)
-    return rule, rule.decided(counts.passed, counts.runs).tolist()
+    return rule, rule.decided(counts.passed, counts.counted).tolist()

@@ -14,7 +14,7 @@ from pathlib import Path
 from sqlite3 import Connection
 from typing import Any
 
-from foldcar.simulation.results import NUMBERS, outcome_of
+from foldcar.simulation.results import NUMBERS, REJECTED, outcome_of
 from foldcar.store.connection import StoreConnection
 from foldcar.store.design_counts import DesignCounts, design_counts
 from foldcar.store.info import listed_id
@@ -200,17 +200,17 @@ class StoreWriter(StoreConnection):
         """How many runs of each of the experiment's designs are stored, and how many of them passed."""
         return design_counts(self.path, self._connection, plan.id)
 
-    def passed_runs(self, plan: PlannedExperiment, design: int, samples: range) -> int:
-        """How many stored runs of a design in those samples passed."""
+    def run_counts(self, plan: PlannedExperiment, design: int, samples: range) -> tuple[int, int]:
+        """How many stored runs of a design in those samples passed, and how many belong in a rate."""
         row = self._run(
-            f"SELECT count(*) {RESULT_JOIN} AND e.id = ? AND d.position = ? AND s.sample >= ? AND s.sample < ? "
-            "AND r.outcome = 'passed'",
+            f"SELECT total(r.outcome = 'passed'), total(r.outcome <> '{REJECTED}') {RESULT_JOIN} "
+            "AND e.id = ? AND d.position = ? AND s.sample >= ? AND s.sample < ?",
             plan.id, design, samples.start, samples.stop,
         ).fetchone()  # fmt: skip
-        return int(row[0])
+        return int(row[0]), int(row[1])
 
     def side_view_counts(self, plan: PlannedExperiment) -> tuple[list[int], list[int]] | None:
-        """Of each design the runs (passed, all) in the side view of the same experiment, under the same calibration.
+        """Of each design the runs (passed, counted) in the side view of the same experiment, under the same calibration.
 
         None if there are none, or if the experiment is the side view's. Other environments count: they only predict.
         """
@@ -227,7 +227,7 @@ class StoreWriter(StoreConnection):
                 continue
             known = design_counts(self.path, self._connection, row["id"])
             keys = self._design_keys(row["id"])
-            there = {keys[at]: one for at, *one in zip(known.positions, known.passed, known.runs, strict=True)}
+            there = {keys[at]: one for at, *one in zip(known.positions, known.passed, known.counted, strict=True)}
             found = [there.get(key, (0, 0)) for _, key in sorted(self._design_keys(plan.id).items())]
             if any(runs for _, runs in found):
                 return [passed for passed, _ in found], [runs for _, runs in found]

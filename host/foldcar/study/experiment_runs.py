@@ -41,7 +41,7 @@ class ExperimentRuns:
             wanted = {one.design: one.samples for one in batches}
             yield from self._simulate(wanted, self.counts.done + sum(map(len, wanted.values())))
             yield from self.pool.finish()
-            schedule.record({one: writer.passed_runs(plan, one, samples) for one, samples in wanted.items()}, batches)
+            schedule.record({one: writer.run_counts(plan, one, samples) for one, samples in wanted.items()}, batches)
             self.counts.total = most - int((plan.environments - schedule.runs)[schedule.closed].sum())
             self.counts.decided = decided + int((schedule.decided & schedule.closed).sum())
             self.report(self.counts)

@@ -3,15 +3,16 @@
 import time
 from dataclasses import dataclass, field
 
+from foldcar.simulation.results import REJECTED
 from foldcar.study.stopping import DesignState
 
 
 @dataclass
 class Progress:
-    """Counts of a sweep's runs: ``new`` were simulated, ``there`` stored before; ``passed`` and ``failed`` of both.
+    """Counts of a sweep's runs: ``new`` were simulated, ``there`` before; ``passed``, ``rejected``, ``failed`` of both.
 
-    ``judged`` of the ``total`` are in environments that define success. A sweep that stops when it knows lowers the
-    total as designs are ``decided``, and fills ``states`` as experiments end.
+    ``judged`` of the ``total`` are in environments that define success; rejected ones leave them as experiments end. A
+    sweep that stops when it knows lowers the total as designs are ``decided``, and fills ``states`` as experiments end.
     """
 
     total: int
@@ -19,6 +20,7 @@ class Progress:
     new: int = 0
     there: int = 0
     passed: int = 0
+    rejected: int = 0
     failed: int = 0
     decided: int = 0
     states: list[DesignState] = field(default_factory=list)
@@ -37,4 +39,5 @@ class Progress:
     def count(self, outcome: str | None, runs: int = 1) -> None:
         """Count ``runs`` runs of the study with that outcome."""
         self.passed += runs * (outcome == "passed")
+        self.rejected += runs * (outcome == REJECTED)
         self.failed += runs * (outcome == "failed")

@@ -1,9 +1,10 @@
 """Which designs get the next runs of a sweep that stops when it knows, and how many.
 
 A pure function of results: no clock, no number of simulators. A sweep that resumes goes through the same steps with the
-results that it finds. Every sample size is a valid one to stop at, however it was chosen, since the intervals hold at all
-of them together: so another engine's rates may order runs and size batches. They may not set the stakes of the bets
-behind the intervals: both engines drive in the same environments, and luck in those would count twice.
+results that it finds. Rejected runs are made like others, but tell nothing. Every sample size is a valid one to stop at,
+however it was chosen, since the intervals hold at all of them together: so another engine's rates may order runs and
+size batches. They may not set the stakes of the bets behind the intervals: both engines drive in the same environments,
+and luck in those would count twice.
 """
 
 from collections.abc import Mapping, Sequence
@@ -38,7 +39,8 @@ class Schedule:
     """The state of a sweep: :meth:`next` gives batches, :meth:`record` takes their results, until there are none.
 
     ``reached`` is, of each design, 1 + its highest stored sample: what is stored is judged. ``other`` are counts
-    (passed, runs), both (designs,), in another engine; None: designs go side by side in the listing's order.
+    (passed, counted), both (designs,), in another engine; None: designs go side by side in the listing's order. Of the
+    ``runs`` that were made, ``counted`` ones belong in a rate.
     """
 
     def __init__(
@@ -52,10 +54,11 @@ class Schedule:
         self._reached = numpy.asarray(reached, int)
         self.passed = numpy.zeros(len(reached), int)
         self.runs = numpy.zeros(len(reached), int)
+        self.counted = numpy.zeros(len(reached), int)
         self.decided = numpy.zeros(len(reached), bool)
         self.closed = numpy.zeros(len(reached), bool)
         # Without predictions designs with equal counts get equal batches.
-        self._ends: dict[tuple[int, int], int] = {}
+        self._ends: dict[tuple[int, int, int], int] = {}
         self._runs_to_decide = _runs_to_decide(rule, most)
 
     def next(self) -> list[Batch]:
@@ -64,10 +67,10 @@ class Schedule:
         if not len(still):
             return []
         there = self._other or (numpy.zeros_like(self.runs), numpy.zeros_like(self.runs))
-        masses = predicted_rates(self.passed, self.runs, *there)
+        masses = predicted_rates(self.passed, self.counted, *there)
         if self._other is None:
             return [self._batch(design, masses[design]) for design in still.tolist()]
-        worth = self._bits_per_run(masses[still], self.runs[still])
+        worth = self._bits_per_run(masses[still], self.counted[still])
         batches: list[Batch] = []
         # Of equals the first one in the listing: the sort is stable, the last digits of sums are not.
         for at in numpy.argsort(-worth.round(9), kind="stable"):
@@ -77,35 +80,40 @@ class Schedule:
             batches.append(self._batch(design, masses[design]))
         return batches
 
-    def record(self, passed: Mapping[int, int], batches: Sequence[Batch]) -> None:
-        """The results of a step: how many of each design's new samples passed."""
+    def record(self, counts: Mapping[int, tuple[int, int]], batches: Sequence[Batch]) -> None:
+        """The results of a step: of each design's new samples, how many passed and how many belong in a rate."""
         for one in batches:
             design = one.design
-            self.passed[design] += passed[design]
+            passed, counted = counts[design]
+            self.passed[design] += passed
+            self.counted[design] += counted
             self.runs[design] = one.samples.stop
-        self.decided = self._rule.decided(self.passed, self.runs)
+        self.decided = self._rule.decided(self.passed, self.counted)
         for design in {one.design for one in batches}:
             self.closed[design] = self.runs[design] >= self._reached[design] and self._ended(design)
 
     def _ended(self, design: int) -> bool:
-        passed, runs = int(self.passed[design]), int(self.runs[design])
-        return bool(self.decided[design]) or runs >= self._most or self._rule.hopeless(passed, runs, self._most)
+        passed, runs, counted = int(self.passed[design]), int(self.runs[design]), int(self.counted[design])
+        # No run to come is taken to be rejected.
+        most = self._most - (runs - counted)
+        return bool(self.decided[design]) or runs >= self._most or self._rule.hopeless(passed, counted, most)
 
     def _batch(self, design: int, masses: NDArray[numpy.float64]) -> Batch:
-        passed, runs = int(self.passed[design]), int(self.runs[design])
+        passed, runs, counted = int(self.passed[design]), int(self.runs[design]), int(self.counted[design])
         if runs and self._ended(design):
             return Batch(design, range(runs, int(self._reached[design])))
         if self._other is not None:
-            return Batch(design, range(runs, self._end(passed, runs, masses)))
-        if (passed, runs) not in self._ends:
-            self._ends[passed, runs] = self._end(passed, runs, masses)
-        return Batch(design, range(runs, self._ends[passed, runs]))
+            return Batch(design, range(runs, self._end(passed, runs, counted, masses)))
+        known = passed, runs, counted
+        if known not in self._ends:
+            self._ends[known] = self._end(*known, masses)
+        return Batch(design, range(runs, self._ends[known]))
 
-    def _end(self, passed: int, runs: int, masses: NDArray[numpy.float64]) -> int:
+    def _end(self, passed: int, runs: int, counted: int, masses: NDArray[numpy.float64]) -> int:
         last = min(self._most, runs + max(BATCH_RUNS, int(BATCH_SHARE * runs)))
         first = min(last, max(runs + 1, LEAST_RUNS))
         for end in numpy.unique(numpy.linspace(first, last, BATCH_ENDS).round().astype(int)).tolist():
-            if self._rule.chance(RATES, masses, passed, runs, end) >= BATCH_CHANCE:
+            if self._rule.chance(RATES, masses, passed, counted, end - runs + counted) >= BATCH_CHANCE:
                 return int(end)
         return last
 

@@ -17,11 +17,15 @@ LEAST_POINTS = 0.1
 
 @dataclass(frozen=True)
 class DesignState:
-    """What a sweep knows of a design: its counts and its anytime-valid interval (``low``, ``high``), 0 to 1."""
+    """What a sweep knows of a design: its counts and its anytime-valid interval (``low``, ``high``), 0 to 1.
+
+    Of its ``runs``, the ``rejected`` ones tell nothing of it.
+    """
 
     experiment: str
     design: Mapping[str, float]
     runs: int
+    rejected: int
     passed: int
     low: float
     high: float
@@ -47,8 +51,11 @@ def stopping_rules(until: str, study: Study) -> dict[str, StoppingRule]:
 
 def design_states(experiment: Experiment, rule: StoppingRule, counts: DesignCounts) -> list[DesignState]:
     """What is known of each design of the experiment."""
-    low, high = anytime_interval(counts.passed, counts.runs, rule.confidence)
-    decided = rule.decided(counts.passed, counts.runs)
+    low, high = anytime_interval(counts.passed, counts.counted, rule.confidence)
+    decided = rule.decided(counts.passed, counts.counted)
     columns = [design.columns for design in experiment.family]
-    known = zip(columns, counts.runs, counts.passed, low.tolist(), high.tolist(), decided.tolist(), strict=True)
+    rejected = [runs - counted for runs, counted in zip(counts.runs, counts.counted, strict=True)]
+    known = zip(
+        columns, counts.runs, rejected, counts.passed, low.tolist(), high.tolist(), decided.tolist(), strict=True
+    )
     return [DesignState(experiment.id, *one) for one in known]

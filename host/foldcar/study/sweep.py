@@ -87,7 +87,7 @@ def sweep(
         with ChunkPool(writer, simulators, carsim.limits().numbers) as pool:
             for experiment, plan, environment in zip(study.experiments, plans, environments, strict=True):
                 dynamic = is_dynamic(plan.environment_id, environment, writer)
-                rule = (until or {}).get(plan.id)
+                rule, rejected = (until or {}).get(plan.id), counts.rejected
                 with environment.runner(carsim, dynamic) as runner, pool.using(runner):
                     runs = ExperimentRuns(plan, environment, dynamic, writer, pool, counts, report)
                     for finished in runs.all() if rule is None else runs.until(rule):
@@ -98,10 +98,13 @@ def sweep(
                         # This runner is closed at the end of its experiment.
                         for finished in pool.finish():
                             _keep(finished, writer, counts, report)
+                # Only a program that runs beside the simulation rejects: these runs are finished.
+                if plan.facts["success_defined"]:
+                    counts.judged -= counts.rejected - rejected
             for finished in pool.finish():
                 _keep(finished, writer, counts, report)
     if until:
-        counts.judged = counts.total
+        counts.judged = counts.total - counts.rejected
     return counts
 
 

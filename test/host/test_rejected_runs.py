@@ -1,0 +1,145 @@
+"""Runs that Scenic rejects are in no rate: they are counted apart wherever rates are formed."""
+
+import csv
+import json
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.advice.selecting import select
+from foldcar.analysis.anytime import anytime_interval
+from foldcar.analysis.stopping import StoppingRule
+from foldcar.api.oracle import evaluate
+from foldcar.api.study import Study
+from foldcar.errors import FoldcarError
+from foldcar.report.figure_options import FigureOptions
+from foldcar.report.headline import headline
+from foldcar.report.limited_times import limited_times
+from foldcar.report.series import summarise, summarise_runs
+from foldcar.report.settling import settling_parts
+from foldcar.report.trial_series import TrialGroup, TrialSummary
+from foldcar.scenes.source import open_environment
+from foldcar.store.frames import run_arrays
+from foldcar.store.reader import Store
+from written_study import add_trials, write_study
+
+WIDTHS = {"width_mm": [80.0, 100.0, 120.0, 140.0]}
+SAMPLES = 20
+# Rejects every run whose sample starts ahead of a place, which is filled in, once the car has driven.
+PROGRAM = (
+    "model model\nx = Range(0, 0.02)\nego = new Robot at (x, 0), facing -90 deg\n"
+    "goal = new Goal at (0.4, 0), facing -90 deg\nrequire always x < {} or ego.position.x < 0.2\n"
+)
+
+
+def outcome(design: Mapping[str, float], sample: int) -> str:
+    """At 80 mm all is rejected; else 11 of 20 runs; the others pass, but one at 140 mm."""
+    if sample < 11 or design["width_mm"] == 80:
+        return "rejected"
+    return "stuck" if design["width_mm"] == 140 and sample == 19 else "passed"
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_study(tmp_path_factory.mktemp("rejected") / "s.db", WIDTHS, SAMPLES, outcome)
+
+
+def test_a_report_counts_them_apart(store: Path) -> None:
+    with Store.open(store) as opened:
+        info, designs = opened.info().experiments["1"], list(opened.designs("1").values())
+        runs = run_arrays(opened, "1")
+        summaries = summarise_runs(runs, designs, info.varied), summarise(opened.results("1"), info.varied)
+        rejected = [one for one in opened.results("1") if one.outcome == "rejected"]
+        times = limited_times(runs, designs, info)["width_mm"]
+        settled = settling_parts(opened, info, FigureOptions())
+
+    for summary in summaries:
+        tallies = summary.series[0].tallies
+        counted = {width: (tally.passed, tally.counted, tally.rejected) for width, tally in tallies.items()}
+        assert counted == {80.0: (0, 0, 20), 100.0: (9, 9, 11), 120.0: (9, 9, 11), 140.0: (8, 9, 11)}
+        assert [tally.success for tally in tallies.values()] == [None, 1.0, 1.0, pytest.approx(8 / 9)]
+        assert tallies[80.0].interval is None and summary.total.success == pytest.approx(26 / 27)
+    # A run that got stuck counts with the limit of 120 s; none of 80 mm tells of its time.
+    assert list(times) == [100.0, 120.0, 140.0] and times[140.0].mean_s == pytest.approx((8 * 12.5 + 120) / 9)
+    # Fewer than ten runs count.
+    assert settled == []
+    nothing = TrialSummary(TrialGroup(), TrialGroup(), 0, Counter())
+    (said,) = headline(info, summarise(rejected, info.varied), nothing, 0.75)
+    assert said.startswith("Nothing can be said: there is no rate: all 53 runs were rejected")
+
+
+def test_tables_in_python_leave_them_out(store: Path) -> None:
+    study = Study(store)
+
+    rejected = study.runs["outcome"] == "rejected"
+    assert rejected.sum() == 53 and study.runs["passed"].isna().equals(rejected)
+    found = study.rate(width=140)
+    assert found.value == pytest.approx(8 / 9) and "8 of 9 simulated runs" in found.method
+    with pytest.raises(FoldcarError, match="there is no rate: all 20 runs were rejected"):
+        study.rate(width=80)
+
+
+def test_advice_goes_by_the_others_and_says_so(store: Path, tmp_path: Path) -> None:
+    copy = write_study(tmp_path / "trials.db", WIDTHS, SAMPLES, outcome)
+    add_trials(copy, [({"width_mm": 100.0}, sample, "passed") for sample in (0, 15)])
+    with Store.open(store) as opened:
+        (advice,) = select(opened, with_cost=False)
+    (compared,) = Study(copy).compare().experiments
+
+    rates = {one.label: one.simulated.value for one in advice.recommendations}
+    assert set(rates) == {"100 mm", "120 mm", "140 mm"} and rates["100 mm"] == 1
+    remark = "53 of 80 runs were rejected: they violated a requirement of the program."
+    assert any(one.startswith(remark) and "1 design has no other run" in one for one in advice.remarks)
+    (one,) = compared.designs
+    assert one.simulated is not None and one.simulated.value == 1 and one.evidence.outcomes["rejected"] == 11
+    # The trial in a rejected run's environment has nothing to be paired with.
+    assert [trial.simulated for trial in one.evidence.trials] == [None, 1]
+
+
+def test_an_export_keeps_the_outcome_without_a_verdict(store: Path, foldcar: Any) -> None:
+    rows = list(csv.DictReader(foldcar("export", store, "--csv", "-").stdout.splitlines()))
+
+    assert {(row["outcome"], row["passed"]) for row in rows} == {("rejected", ""), ("passed", "true"), ("stuck", "false")}
+
+
+@pytest.fixture
+def listing(tmp_path: Path, write_listing: Callable[[Any], Path], listing_data: Any) -> Path:
+    """Two cars in ten environments of p.scenic, which rejects four of the runs of each."""
+    program = tmp_path / "p.scenic"
+    program.write_text(PROGRAM.format(1))
+    starts = sorted(open_environment(program, {}, 0).sample(k)["start"]["x_m"] for k in range(10))
+    program.write_text(PROGRAM.format(sum(starts[5:7]) / 2))
+    listing_data["environments"]["1"] = {"scenic_filename": "p.scenic"}
+    listing_data["experiments"]["1"]["params"] |= {"environments": 10, "threshold": 0.5}
+    return write_listing(listing_data)
+
+
+def test_a_sweep_counts_them_apart(listing: Path, tmp_path: Path, foldcar: Any) -> None:
+    swept = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
+    numbers = json.loads(foldcar("sweep", listing, "--store", "s.db", "--jobs", "1", "--json").stdout)
+    report = foldcar("report", "s.db", "-o", "report")
+
+    assert ", 100.0 % of 12 passed, 8 rejected; store: s.db" in swept.stdout, swept.stderr
+    assert (numbers["judged"], numbers["passed"], numbers["rejected"]) == (12, 12, 8)
+    assert "8 of 20 runs were rejected: they violated a requirement of the program." in report.stdout
+    assert "12 of 12 runs passed: 100.0 %" in (tmp_path / "report" / "index.html").read_text()
+    assert "besides, 8 rejected" in (tmp_path / "report" / "index.html").read_text()
+    found = evaluate({"type": "W_B_W", "params": [{"common": {"width": 95}}]}, tmp_path / "p.scenic", 10, jobs=1)
+    assert found.rate.value == 1 and found.runs["passed"].isna().sum() == 4
+
+
+def test_a_sweep_until_decided_and_a_search_go_by_the_others(listing: Path, foldcar: Any) -> None:
+    until = json.loads(foldcar("sweep", listing, "--store", "u.db", "--jobs", "1", "--until", "decided", "--json").stdout)
+    found = json.loads(
+        foldcar("optimize", listing, "--store", "o.db", "--jobs", "1", "--designs", "2", "--fresh", "3", "--json").stdout
+    )
+
+    rule = StoppingRule(None, (0.5,))
+    for one in until["designs"]:
+        assert one["rejected"] and one["passed"] == one["runs"] - one["rejected"]
+        assert one["decided"] == bool(rule.decided(one["passed"], one["passed"]))
+        assert one["low"] == pytest.approx(float(anytime_interval(one["passed"], one["passed"])[0]))
+    assert [one["chosen_by"]["success"] for one in found["best"]] == [1, 1]

@@ -109,7 +109,7 @@ def drive(listing: Path, study: Path, reality: Path, width: str, sample: int) ->
 
 def judge(folder: Path, answer: Any) -> int:
     """Hold the answer and the last calibration against the true rates. Returns the exit code."""
-    true = rates(folder / "truth.db", "1 (calibrated reality)")
+    true = rates(folder / "truth.db", None)
     nominal = rates(folder / "study.db", "1")
     calibrated = rates(folder / "study.db", "1 (calibrated round2)")
     show("width  true  nominal  calibrated (%)")
@@ -128,12 +128,12 @@ def judge(folder: Path, answer: Any) -> int:
     return 0 if right else 1
 
 
-def rates(store: Path, experiment: str) -> dict[float, float]:
-    """Share of passed runs by width."""
+def rates(store: Path, experiment: str | None) -> dict[float, float]:
+    """Share of passed runs by width; ``experiment`` None: of the only one."""
     import foldcar
 
     runs = foldcar.Study(store).runs
-    chosen = runs[runs["experiment"] == experiment]
+    chosen = runs if experiment is None else runs[runs["experiment"] == experiment]
     return dict(chosen.groupby("width_mm")["passed"].mean())
 
 

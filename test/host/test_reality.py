@@ -1,6 +1,8 @@
 """`foldcar link --reality`: a simulated car and ground that differ from what the host believes, by named parameters."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -8,6 +10,8 @@ from foldcar.calibration.parameters import NOMINAL
 from foldcar.calibration.reality import read_reality, real_run
 from foldcar.commands.listed_run import listed_run
 from foldcar.errors import FoldcarError
+from foldcar.store.calibrations import new_calibration, write_calibrations
+from foldcar.store.reader import Store
 
 LISTING = Path(__file__).resolve().parents[2] / "scenarios" / "width_study.json"
 
@@ -55,3 +59,28 @@ def test_a_mistake_in_a_reality_is_named(tmp_path: Path, text: str, message: str
         read_reality(file)
 
     assert str(file) in str(caught.value) and message in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_realities_of_one_name_and_a_calibration_of_it_are_experiments_of_their_own(
+    tmp_path: Path, write_listing: Any, listing_data: Any, foldcar: Any
+) -> None:
+    listing_data["experiments"]["1"]["params"]["environments"] = 1
+    listing, store = write_listing(listing_data), tmp_path / "s.db"
+    with write_calibrations(store) as writer:
+        writer.put(new_calibration("pub", "1", "build", [{**NOMINAL, "obstacle_height": 0.5}], {}), replace=False)
+    for folder, height in ((tmp_path, 1.25), (tmp_path / "other", 1.2)):
+        folder.mkdir(exist_ok=True)
+        (folder / "pub.json").write_text(json.dumps({"obstacle_height": height}))
+
+    for words in (("--calibration", "pub"), ("--reality", "pub.json"), ("--reality", "other/pub.json")):
+        swept = foldcar("sweep", listing, "--store", store, "--jobs", "1", *words)
+        assert swept.returncode == 0 and swept.stdout.startswith("2 runs new"), swept.stderr
+
+    with Store.open(store) as opened:
+        infos = opened.info().experiments
+    calibrated, *real = infos
+    assert calibrated == "1 (calibrated pub)" and infos[calibrated].under == "calibration pub"
+    for name in real:
+        assert name.startswith("1 (reality pub ") and infos[name].under == name[3:-1]
+        assert infos[name].listed_id == "1"
+    assert len(set(real)) == 2

@@ -13,7 +13,7 @@ from foldcar.advice.resimulation import Resimulation
 from foldcar.advice.words import count, design_text, rejected_text
 from foldcar.simulation.results import REJECTED
 from foldcar.store.frames import runs_frame
-from foldcar.store.info import ExperimentInfo
+from foldcar.store.info import REALITY_KIND, ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import SIMULATED, Trial
 from foldcar.store.trial_selection import left_out_text, select_trials
@@ -144,10 +144,12 @@ def _kept(store: Store, experiment: str | None, simulated_trials: bool) -> tuple
 def _trials(store: Store, info: ExperimentInfo, simulated_trials: bool) -> tuple[list[Trial], list[str]]:
     """The trials to compare, aborted ones among them, and what is said of those left out or driven elsewhere."""
     kept, remarks = _kept(store, info.listed_id, simulated_trials)
-    if info.calibration is not None and kept:
+    if info.under is not None and kept and info.under.startswith(REALITY_KIND):
+        remarks.append(f"The runs are of {info.under}: parameters of a file, not what trials say.")
+    elif info.under is not None and kept:
         remarks.append(
-            f"The runs are of the calibration {info.calibration['name']}, which goes by trials of experiment "
-            f"{info.listed_id}: where they agree with those trials it is by fit, which later trials may test."
+            f"The runs are of the {info.under}, which goes by trials of experiment {info.listed_id}: where they agree "
+            "with those trials it is by fit, which later trials may test."
         )
     corrected = sum(trial.corrections > 0 for trial in kept)
     if corrected:

@@ -49,10 +49,10 @@ class Parting:
 
 
 def between(one: ExperimentInfo, other: ExperimentInfo) -> str:
-    """What two simulations of the same experiment are to each other: other engines, or one of them calibrated."""
+    """What two simulations of the same experiment are to each other: other engines, or under other parameters."""
     if one.engine != other.engine:
         return " and ".join(engine_title(info.engine) or "the side view" for info in (one, other))
-    return "nominal and calibrated simulation"
+    return " and ".join(info.under or "nominal simulation" for info in (one, other))
 
 
 def first_reason(place: str, one: DesignEvidence, simulation: str, parted: Parting | None) -> str:

@@ -86,8 +86,8 @@ class Resimulation:
         return self._refusals[info.id]
 
     def _why_not(self, info: ExperimentInfo) -> str | None:
-        if info.calibration is not None:
-            return f"the runs are those of the calibration {info.calibration['name']}"
+        if info.under is not None:
+            return f"the runs are those of {info.under}"
         number = self._experiment(info)["environment_id"]
         (environment,) = self._store.rows(BY_NAME["environment"], "WHERE id = ?", number)
         if environment["dynamic"]:

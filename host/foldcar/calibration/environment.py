@@ -1,4 +1,4 @@
-"""The environment of an experiment under a calibration: sample k is simulated with the calibration's draw k mod n.
+"""The environment of an experiment under a calibration or a reality: sample k is simulated with its draw k mod n.
 
 Input: an experiment of a listing and a calibration. Output: an Environment for sweeps, with scenes, variations and
 fingerprints of its own, so that its runs stand beside the nominal ones and are never taken for them.
@@ -17,6 +17,7 @@ from foldcar.calibration.parameters import check_values
 from foldcar.errors import FoldcarError
 from foldcar.scenes.fingerprint import variation_code
 from foldcar.store.calibrations import Calibration
+from foldcar.store.info import CALIBRATION_KIND
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
 
@@ -32,8 +33,8 @@ class CalibratedEnvironment(Environment):
             )
         if super().dynamic:
             raise FoldcarError(
-                f"{experiment.place}: {experiment.program_name} runs beside the simulation, whose scenes a calibration "
-                "cannot change; sweep this experiment without --calibration"
+                f"{experiment.place}: {experiment.program_name} runs beside the simulation, whose scenes a "
+                f"{calibration.kind} cannot change; sweep this experiment without --{calibration.kind}"
             )
         self._calibration = calibration
         self._listed_id = listed_id
@@ -44,9 +45,9 @@ class CalibratedEnvironment(Environment):
 
     @property
     def calibration(self) -> dict[str, str] | None:
-        """Name, fingerprint and the listing's name of the experiment."""
+        """Kind, name, fingerprint and the listing's name of the experiment."""
         one = self._calibration
-        return {"name": one.name, "fingerprint": one.fingerprint, "experiment": self._listed_id}
+        return {"kind": one.kind, "name": one.name, "fingerprint": one.fingerprint, "experiment": self._listed_id}
 
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` of the nominal environment, changed by the calibration's draw."""
@@ -61,20 +62,21 @@ class CalibratedEnvironment(Environment):
         return variation_code()
 
 
-def calibrated_id(experiment: str, calibration: str) -> str:
-    """The name, in stores, of an experiment under a calibration."""
-    return f"{experiment} (calibrated {calibration})"
+def calibrated_id(experiment: str, calibration: Calibration) -> str:
+    """The name, in stores, of an experiment under a calibration or a reality."""
+    how = "calibrated" if calibration.kind == CALIBRATION_KIND else calibration.kind
+    return f"{experiment} ({how} {calibration.name})"
 
 
 def calibrated_study(study: Study, calibration: Calibration) -> Study:
     """The study with its experiments named for the calibration."""
-    named = (replace(one, id=calibrated_id(one.id, calibration.name)) for one in study.experiments)
+    named = (replace(one, id=calibrated_id(one.id, calibration)) for one in study.experiments)
     return replace(study, experiments=tuple(named))
 
 
 def calibrated_environment(experiment: Experiment, calibration: Calibration) -> CalibratedEnvironment:
     """The environment of an experiment of :func:`calibrated_study`."""
-    listed_id = experiment.id.removesuffix(calibrated_id("", calibration.name))
+    listed_id = experiment.id.removesuffix(calibrated_id("", calibration))
     return CalibratedEnvironment(experiment, calibration, listed_id)
 
 

@@ -56,7 +56,7 @@ def read_experiment(store: Store, name: str) -> SweptExperiment:
     info = known[name]
     if info.calibration is not None:
         listed = info.calibration["experiment"]
-        raise FoldcarError(f"{place}: was swept under a calibration: calibrate by experiment {listed} instead")
+        raise FoldcarError(f"{place}: was swept under {info.under}: calibrate by experiment {listed} instead")
     if not info.success_defined:
         raise FoldcarError(f"{place}: {info.success_rule}")
     (row,) = store.rows(EXPERIMENT, "WHERE id = ?", name)

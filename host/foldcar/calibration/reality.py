@@ -6,6 +6,7 @@ nominal values. Output: the true body and scene of a run. FoldcarError names fil
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,15 @@ from foldcar.car.variation.vary_body import NumberLimits, vary_body
 from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.store.calibrations import Calibration
+from foldcar.store.info import REALITY_KIND
 from foldcar.study.experiments import Experiment
 from foldcar.study.listing_file import load_listing
 
 # Beyond these scores the priors have no mass that matters, and the simulator's limits come near.
 MOST_SCORE = 6.0
+
+# Of the hash of the values, in a reality's name.
+NAME_DIGITS = 8
 
 
 def read_reality(file: Path) -> dict[str, float]:
@@ -43,9 +48,13 @@ def read_reality(file: Path) -> dict[str, float]:
     return values
 
 
-def as_calibration(name: str, values: Mapping[str, float]) -> Calibration:
-    """A calibration whose only draw is ``values``: sweeps take parameters in that form. It is not stored."""
-    return Calibration(name, "", "", "", (values,), {})
+def as_calibration(file: Path, values: Mapping[str, float]) -> Calibration:
+    """A calibration whose only draw is ``values``: sweeps take parameters in that form. It is not stored.
+
+    Its name tells files of one name and other values apart.
+    """
+    unnamed = Calibration("", "", "", "", (values,), {}, REALITY_KIND)
+    return replace(unnamed, name=f"{file.stem} {unnamed.fingerprint[:NAME_DIGITS]}")
 
 
 def real_run(

@@ -29,7 +29,7 @@ def under_calibration(
 
     if name is None:
         assert reality is not None
-        calibration = as_calibration(reality.stem, read_reality(reality))
+        calibration = as_calibration(reality, read_reality(reality))
     else:
         with Store.open(store) as opened:
             calibration = calibration_named(opened, name)

@@ -70,7 +70,7 @@ def _title(name: str, group: EnvironmentGroup) -> str:
     others = ", ".join(
         f"{key} {value_text(value) if isinstance(value, int | float) else value}" for key, value in group.others.items()
     )
-    under = "" if info.calibration is None else f", under calibration {info.calibration['name']}"
+    under = "" if info.under is None else f", under {info.under}"
     under += f", in {info.engine}" if info.engine else ""
     return f"Success by {parameter_label(name)} in {info.scenic_program}{', ' + others if others else ''}{under}"
 

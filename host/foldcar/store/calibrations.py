@@ -13,6 +13,7 @@ from typing import Any
 
 from foldcar.store.connection import StoreConnection
 from foldcar.store.errors import StoreError
+from foldcar.store.info import CALIBRATION_KIND
 from foldcar.store.opening import writing
 from foldcar.store.reader import Store
 from foldcar.store.rows import Row, parsed
@@ -25,7 +26,8 @@ class Calibration:
     """A calibration of the simulator by the trials of one experiment.
 
     ``draws`` are equally likely values of the parameters by name, in the order in which samples take them;
-    ``summary`` is what docs/calibration.md describes, as JSON values. ``build`` is carsim's.
+    ``summary`` is what docs/calibration.md describes, as JSON values. ``build`` is carsim's. ``kind`` is REALITY for
+    parameters of a file, which no trials stand behind and no store keeps.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Calibration:
     created_utc: str
     draws: tuple[Mapping[str, float], ...]
     summary: Mapping[str, Any]
+    kind: str = CALIBRATION_KIND
 
     @property
     def fingerprint(self) -> str:
@@ -84,7 +87,7 @@ def check_replaceable_calibration(store: Store, name: str, replace: bool) -> Non
     if not replace:
         raise StoreError(_name_is_taken(store.path, name))
     for info in store.info().experiments.values():
-        if info.calibration is not None and info.calibration["name"] == name:
+        if info.under == f"{CALIBRATION_KIND} {name}":
             raise StoreError(
                 f'{store.path}: calibration "{name}": experiment "{info.id}" was swept under it: choose another --name'
             )

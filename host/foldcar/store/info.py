@@ -10,6 +10,10 @@ if TYPE_CHECKING:
     from foldcar.analysis.stopping import StoppingRule
 
 
+# What an experiment may be simulated under: a calibration of its store, or the parameters of a file.
+CALIBRATION_KIND, REALITY_KIND = "calibration", "reality"
+
+
 def engine_id(experiment: str, engine: str) -> str:
     """The name, in stores, of an experiment in that engine; its own in the side view, whose name is empty."""
     return f"{experiment} ({engine_title(engine)})" if engine else experiment
@@ -33,8 +37,8 @@ class ExperimentInfo:
     enough is known has ended, no more are planned than it made; before, ``designs`` that are ``decided`` have no more
     planned than stored. ``success_rule`` says when a run has
     passed, or why that is undefined (``success_defined`` False). ``skipped`` names the cars of the family that
-    cannot be built, and why. ``calibration`` is None for nominal simulations, else ``name``, ``fingerprint`` and
-    ``experiment``: the calibration, and the experiment of the listing that was simulated under it.
+    cannot be built, and why. ``calibration`` is None for nominal simulations, else ``kind``, ``name``, ``fingerprint``
+    and ``experiment``: what it was simulated under, and the experiment of the listing.
     ``searched`` says that a search chose the designs, and how many runs each has: no more are planned.
     ``thresholds`` are the shares of passed runs that tell good designs from bad ones. ``engine`` is the name and version
     of what moved the cars, "" in the side view.
@@ -74,6 +78,12 @@ class ExperimentInfo:
     def listed_id(self) -> str:
         """The experiment's name in the listing."""
         return listed_id(self.id, self.calibration, self.engine)
+
+    @property
+    def under(self) -> str | None:
+        """What it was simulated under, as ``calibration NAME``; None for nominal simulations."""
+        one = self.calibration
+        return None if one is None else f"{one.get('kind', CALIBRATION_KIND)} {one['name']}"
 
     @property
     def simulation(self) -> str:

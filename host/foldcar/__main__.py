@@ -3,11 +3,19 @@
 # Python's own module of this name is built on this one; importing it takes as long as all before this line.
 import _signal  # type: ignore[import-not-found]
 import os
+import sys
 
 
 def _end(number: int, frame: object) -> None:
     os.write(2, b"foldcar: stopped\n")
     os._exit(130)
+
+
+def _leave_out_working_directory() -> None:
+    """`python -m` looks for modules there first, whatever their names; foldcar itself may be there."""
+    added = not (sys.flags.isolated or getattr(sys.flags, "safe_path", False))
+    if added and __file__ != f"{sys.path[0]}{os.sep}foldcar{os.sep}__main__.py":
+        del sys.path[0]
 
 
 def main() -> None:
@@ -22,4 +30,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    _leave_out_working_directory()
     main()

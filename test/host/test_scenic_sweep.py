@@ -47,6 +47,12 @@ def swept(listing: Path, store: Path, carsim: Path, jobs: int = 1) -> tuple[Prog
         return counts, list(opened.results())
 
 
+def opening_of(program: Path, carsim: Path) -> dict[str, Any]:
+    """What a worker is told first."""
+    told = {"program": str(program), "params": {}, "seed": 42, "condition": None, "files": None}
+    return {**told, "command": [str(carsim)]}
+
+
 def shown(store: Path, columns: str) -> list[Any]:
     connection = sqlite3.connect(store)
     try:
@@ -160,7 +166,7 @@ def test_a_run_begins_as_if_it_were_the_first(
     scenes = [json.dumps(source.sample(k)) for k in range(2)]
 
     def answers(*samples: int) -> list[dict[str, Any]]:
-        opening = {"program": str(program), "params": {}, "seed": 42, "condition": None, "command": [str(carsim_binary)]}
+        opening = opening_of(program, carsim_binary)
         with scenic_worker.ScenicWorker(opening) as worker:
             request = {"body": json.dumps(body), "settings": settings}
             return [worker.answer({**request, "scene": scenes[k], "sample": k})["result"] for k in samples]
@@ -255,7 +261,7 @@ def test_a_program_that_loops_while_the_car_drives_fails_after_its_time(
     body = body_json(design)
     settings = experiment.settings(design, body, Carsim(carsim_binary).parameter_table())
     texts = {"body": json.dumps(body), "scene": json.dumps(scene), "settings": json.dumps(settings)}
-    opening = {"program": str(program), "params": {}, "seed": 42, "condition": None, "command": [str(carsim_binary)]}
+    opening = opening_of(program, carsim_binary)
     with scenic_worker.ScenicWorker(opening) as worker:
         answer = worker.answer({**texts, "sample": 0})
     assert answer == {"error": f"{program}: sample 0: running takes longer than the limit of 0.5 s"}

@@ -4,6 +4,7 @@ A program is compiled once (most of a second) and each sample taken once (some 5
 """
 
 import atexit
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -12,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 from foldcar.api.whole import whole
 from foldcar.errors import FoldcarError
-from foldcar.scenes.fingerprint import environment_fingerprint
 from foldcar.scenes.source import SceneSource, open_environment
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.kept_carsim import KeptCarsim
@@ -72,9 +72,15 @@ class Environment:
     def _scenic_runner(self) -> "ScenicRunner":
         from foldcar.simulation.scenic_runner import ScenicRunner
 
-        runner = ScenicRunner(self.program, self.params, self.seed, None, simulator().carsim.command)
+        files, command = self._source.fixed_files(), simulator().carsim.command
+        runner = ScenicRunner(self.program, self.params, self.seed, None, files, command)
         atexit.register(runner.close)
         return runner
+
+    @property
+    def current(self) -> bool:
+        """Whether the program's files are as they were when it was compiled."""
+        return "_source" not in self.__dict__ or self._source.files.unchanged()
 
     @cached_property
     def _source(self) -> SceneSource:
@@ -94,10 +100,12 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
     if not file.is_file():
         raise FoldcarError(f"{file}: no such Scenic program")
     try:
-        fingerprint = environment_fingerprint(file, params or {}, number)
+        key = json.dumps([str(file.resolve()), params or {}, number], sort_keys=True)
     except TypeError as error:
         raise FoldcarError(f"params: {error}; write numbers, texts, truths or lists") from None
-    return _opened.setdefault(fingerprint, Environment(file, dict(params or {}), number))
+    if key not in _opened or not _opened[key].current:
+        _opened[key] = Environment(file, dict(params or {}), number)
+    return _opened[key]
 
 
 @cache

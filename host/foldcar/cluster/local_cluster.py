@@ -1,6 +1,6 @@
 """A scheduler and worker processes of this machine, on loopback, which end with the process that started them.
 
-`python -m foldcar.cluster.local_cluster N` starts them, prints the scheduler's address and stays until nothing reads its
+A process with their number as argument starts them, prints the scheduler's address and stays until nothing reads its
 output any more; then it ends its process group, the workers, by force.
 """
 
@@ -18,7 +18,7 @@ from typing import NoReturn
 
 from foldcar.errors import FoldcarError
 from foldcar.simulation.process_ending import process_ending
-from foldcar.simulation.worker import wait_for_no_reader
+from foldcar.simulation.worker import python_command, wait_for_no_reader
 
 LOOPBACK = "127.0.0.1"
 
@@ -28,7 +28,7 @@ def local_cluster(workers: int) -> Iterator[str]:
     """The address of a scheduler with so many workers. FoldcarError if it does not start."""
     with tempfile.TemporaryFile("w+", errors="replace") as messages:
         process = subprocess.Popen(
-            [sys.executable, "-m", "foldcar.cluster.local_cluster", str(workers)],
+            python_command("foldcar.cluster.local_cluster", str(workers)),
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=messages, encoding="utf-8",
             # A session of its own keeps Ctrl-C from it.
             start_new_session=True,
@@ -67,7 +67,3 @@ def _end_without_reader(pipe: int, folder: str) -> NoReturn:
     shutil.rmtree(folder, ignore_errors=True)
     os.killpg(os.getpgid(0), signal.SIGKILL)
     os._exit(1)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,7 +1,7 @@
 """What a worker needs to know to make the runner of a sweep: small, and sent with every chunk.
 
 A worker has the installed package and a carsim of its own. For a program that runs beside the simulation it is sent the
-program with its neighbours, the files that the environment's fingerprint covers.
+program's files in its folder; others must be in the same place there, and the same.
 """
 
 import json
@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from foldcar.scenes.fingerprint import scene_code, scenic_version, sources
+from foldcar.scenes.fingerprint import scene_code, scenic_version
+from foldcar.scenes.program_files import content
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import engine_of
 from foldcar.simulation.runner import CarsimError, Runner, RunRequest
@@ -24,13 +25,13 @@ class UnfitError(CarsimError):
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A Scenic program: its path where the sweep was started, its folder's sources by name, its environment as JSON.
+    """A Scenic program: its path where the sweep was started, its folder's files by name, its environment as JSON.
 
     ``code`` is the hash of foldcar's code that runs it, ``scenic`` Scenic's version.
     """
 
     path: str
-    sources: tuple[tuple[str, bytes], ...]
+    files: tuple[tuple[str, bytes], ...]
     environment: str
     code: str
     scenic: str
@@ -49,7 +50,9 @@ def recipe_of(runner: Runner, carsim: Carsim) -> Recipe:
     """The recipe of ``runner``, which is ``carsim`` or a ScenicRunner with it."""
     program = None
     if isinstance(runner, ScenicRunner):
-        files = tuple((name, file.read_bytes()) for name, file in sorted(sources(runner.program).items()))
+        known, folder = runner.environment["files"], runner.program.parent
+        inside = [name for name in sorted(known) if not Path(name).is_absolute()]
+        files = tuple((name, content(folder, name, known[name])) for name in inside)
         environment = json.dumps(runner.environment)
         program = Program(str(runner.program), files, environment, scene_code(), scenic_version())
     return Recipe(engine_of(carsim.engine), carsim.build, program)
@@ -73,8 +76,10 @@ class Made:
                     f"{scenic_version()}, not {program.code[:12]} and {program.scenic}"
                 )
             self._folder = tempfile.TemporaryDirectory(prefix="foldcar-")
-            for name, content in program.sources:
-                (Path(self._folder.name) / name).write_bytes(content)
+            for name, text in program.files:
+                file = Path(self._folder.name) / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(text)
             here = Path(self._folder.name) / Path(program.path).name
             self._runner = ScenicRunner(here, **json.loads(program.environment), command=self._carsim.command)
 

@@ -1,9 +1,8 @@
 """The fingerprint of an environment: a hash of everything on which its samples depend.
 
-Input: a Scenic program, its parameters and seed. Output: a SHA-256 in hexadecimal digits. A program can import its
-neighbours, so the hash covers every Scenic and Python file of its folder; it also covers foldcar's folders of code that
-samples scenes (with the vocabulary) or runs Scenic beside the simulation, and Scenic's version. A changed hash causes
-only new sampling: the key of a run without Scenic beside it contains the scene itself.
+Input: a Scenic program's name and files, its parameters and seed. Output: a SHA-256 in hexadecimal digits. It also covers
+foldcar's folders of code that samples scenes (with the vocabulary) or runs Scenic beside the simulation, and Scenic's
+version. A changed hash causes only new sampling: the key of a run without Scenic beside it contains the scene itself.
 """
 
 import hashlib
@@ -14,25 +13,23 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from foldcar.scenes.program_files import Files
+
 PACKAGE = Path(__file__).resolve().parents[1]
 SCENE_FOLDERS = (PACKAGE / "scenes", PACKAGE / "simulation")
 VARIATION_FOLDER = PACKAGE / "car" / "variation"
-SOURCES = (".scenic", ".py")
 
 
 def environment_fingerprint(
-    program: Path, params: Mapping[str, Any], seed: int, condition: Mapping[str, Any] | None = None
+    program: str, files: Files, params: Mapping[str, Any], seed: int, condition: Mapping[str, Any] | None = None
 ) -> str:
-    """The fingerprint of ``program`` with ``params``, ``seed`` and ``condition`` (see open_environment)."""
-    head = [program.name, params, seed, condition, scenic_version(), scene_code()]
-    digest = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
-    _add(digest, sources(program))
-    return digest.hexdigest()
+    """The fingerprint of the program of that name with ``files`` and the rest of its environment (see open_environment).
 
-
-def sources(program: Path) -> dict[str, Path]:
-    """The Scenic and Python files of the program's folder by name, itself among them."""
-    return {file.name: file for file in program.parent.glob("*") if file.suffix in SOURCES}
+    Where files outside the program's folder lie does not count.
+    """
+    contents = sorted((Path(name).name if Path(name).is_absolute() else name, digest) for name, digest in files.items())
+    head = [program, contents, params, seed, condition, scenic_version(), scene_code()]
+    return hashlib.sha256(json.dumps(head, sort_keys=True).encode()).hexdigest()
 
 
 def spread_fingerprint(spread: Mapping[str, float], seed: int) -> str:
@@ -62,13 +59,9 @@ def folders_digest(folders: Sequence[Path]) -> str:
     digest = hashlib.sha256()
     for folder in folders:
         files = (file for file in folder.rglob("*") if file.is_file() and "__pycache__" not in file.parts)
-        _add(digest, {file.relative_to(PACKAGE).as_posix(): file for file in files})
+        for name, file in sorted((file.relative_to(PACKAGE).as_posix(), file) for file in files):
+            content = file.read_bytes()
+            # The length makes the encoding unambiguous: different lists of files give different bytes.
+            digest.update(f"\n{name} {len(content)}\n".encode())
+            digest.update(content)
     return digest.hexdigest()
-
-
-def _add(digest: "hashlib._Hash", files: Mapping[str, Path]) -> None:
-    for name in sorted(files):
-        content = files[name].read_bytes()
-        # The length makes the encoding unambiguous: different lists of files give different bytes.
-        digest.update(f"\n{name} {len(content)}\n".encode())
-        digest.update(content)

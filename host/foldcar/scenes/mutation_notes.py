@@ -11,16 +11,17 @@ from typing import Any
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.program import compile_observed
+from foldcar.scenes.program_files import ProgramFiles
 from foldcar.scenes.program_globals import named_things
 
 
-def mutation_notes(program: Path, params: Mapping[str, Any], scenario: Any) -> list[str]:
+def mutation_notes(program: Path, files: ProgramFiles, params: Mapping[str, Any], scenario: Any) -> list[str]:
     """A sentence for each mutated object of ``scenario``, compiled from ``program``, whose dependents stay."""
     if not any(thing.mutationScale for thing in scenario.objects):
         return []
-    mutations = compile_observed(program, params).mutations
+    mutations = compile_observed(program, files, params).mutations
     try:
-        probe = compile_observed(program, params, mutations.points | mutations.objects)
+        probe = compile_observed(program, files, params, mutations.points | mutations.objects)
     except FoldcarError:
         # The program depends on a place that is fixed, as in `if bump.position.x > 0`.
         return [f"{program}: `mutate` moves objects alone: what is placed relative to them stays"]

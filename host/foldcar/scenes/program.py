@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes.program_files import ProgramFiles
 from foldcar.scenes.time_limit import time_limit
 
 if TYPE_CHECKING:
@@ -34,8 +35,12 @@ class CompiledProgram(NamedTuple):
     mutations: "Mutations"
 
 
-def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
-    """The compiled scenario of ``program``, its parameters overridden by ``params``. Raises FoldcarError."""
+def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFiles | None = None) -> Any:
+    """The compiled scenario of ``program``, its parameters overridden by ``params``; ``files`` learns what it reads.
+
+    Raises FoldcarError.
+    """
+    files = ProgramFiles(program) if files is None else files
     if not program.is_file():
         raise FoldcarError(f"{program}: no such Scenic program")
     if program.suffix != ".scenic":
@@ -43,10 +48,10 @@ def compile_program(program: Path, params: Mapping[str, Any]) -> Any:
     _check_text(program)
     if params:
         # Scenic accepts any name as an override; compiling without overrides shows the declared names.
-        _check_params(program, params, compile_observed(program, {}).scenario.params)
-    compiled = compile_observed(program, params)
+        _check_params(program, params, compile_observed(program, files, {}).scenario.params)
+    compiled = compile_observed(program, files, params)
     if compiled.mutations.points:
-        compiled = compile_observed(program, params, compiled.mutations.points)
+        compiled = compile_observed(program, files, params, compiled.mutations.points)
     scenario = compiled.scenario
     if len(scenario.objects) > MOST_OBJECTS:
         raise FoldcarError(
@@ -69,10 +74,11 @@ def _check_text(program: Path) -> None:
 
 
 def compile_observed(
-    program: Path, params: Mapping[str, Any], followed: Collection[int] = ()
+    program: Path, files: ProgramFiles, params: Mapping[str, Any], followed: Collection[int] = ()
 ) -> CompiledProgram:
     """The scenario of ``program`` and what it mutates; ``followed`` as in Mutations. Raises FoldcarError."""
-    with _no_collection():
+    import_scenic()
+    with _no_collection(), files.inside(anew=True):
         return _compile_observed(program, params, followed)
 
 

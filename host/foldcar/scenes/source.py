@@ -19,6 +19,7 @@ from foldcar.errors import FoldcarError
 from foldcar.interrupts import at_once
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program import compile_program, is_dynamic, may_end_itself, one_line, overlap_hint
+from foldcar.scenes.program_files import Files, ProgramFiles
 from foldcar.scenes.scene_json import scene_with_obstacles
 from foldcar.scenes.success import SuccessRule, success_rule
 from foldcar.scenes.time_limit import time_limit
@@ -31,11 +32,15 @@ SAMPLE_LIMIT_S = 10.0
 class SceneSource:
     """A compiled program from which scenes are sampled. Made by :func:`open_environment`."""
 
-    def __init__(self, program: Path, scenario: Any, seed: int, params: Mapping[str, Any]) -> None:
+    def __init__(
+        self, program: Path, files: ProgramFiles, scenario: Any, seed: int, params: Mapping[str, Any]
+    ) -> None:
         self.program = program
+        self.files = files
         self.seed = seed
         self.scenario = scenario
         self._params = params
+        self._first: dict[str, Any] | None = None
 
     @property
     def dynamic(self) -> bool:
@@ -45,22 +50,35 @@ class SceneSource:
     @cached_property
     def success(self) -> SuccessRule:
         """When a run of the program has passed."""
-        return success_rule(self.scenario, self.program)
+        with self.files.inside():
+            return success_rule(self.scenario, self.program)
+
+    def fixed_files(self) -> Files:
+        """The files of the program: what compiling and sample 0 read. It must not read others afterwards."""
+        if self.files.fixed is None:
+            self.sample(0)
+        return self.files.fix()
 
     def mutation_notes(self) -> list[str]:
         """What `mutate` moves without what is placed relative to it (see mutation_notes.py)."""
         from foldcar.scenes.mutation_notes import mutation_notes
 
         with seeded(f"{self.seed}/compile"):
-            return mutation_notes(self.program, self._params, self.scenario)
+            return mutation_notes(self.program, self.files.apart(), self._params, self.scenario)
 
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
 
         Lengths in metres, angles in radians, rounded to 1e-9. Raises FoldcarError if the program rejects
-        every sample, fails, takes longer than SAMPLE_LIMIT_S, or the simulator cannot represent the scene.
+        every sample, fails, takes longer than SAMPLE_LIMIT_S, or the simulator cannot represent the scene; and if
+        sample 0 is another one than before.
         """
-        return self.describe(self.scenic_scene(k), k)
+        scene = self.describe(self.scenic_scene(k), k)
+        if k == 0:
+            self._first = scene if self._first is None else self._first
+            if scene != self._first:
+                raise other_scene(self.program, k)
+        return scene
 
     def scenic_scene(self, k: int) -> Any:
         """Sample ``k`` as a Scenic Scene. Raises FoldcarError like :meth:`sample`."""
@@ -72,6 +90,7 @@ class SceneSource:
             with (
                 at_once(),
                 seeded(f"{self.seed}/{k}"),
+                self.files.inside(),
                 time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"),
             ):
                 scene, _ = self.scenario.generate(maxIterations=MAX_ITERATIONS, verbosity=0)
@@ -99,7 +118,7 @@ class SceneSource:
         return self._with_obstacles(self.scenic_scene(k), k)
 
     def _with_obstacles(self, scene: Any, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
-        with time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"):
+        with self.files.inside(), time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"):
             return scene_with_obstacles(scene, self.program, f"sample {k}", not may_end_itself(self.scenario))
 
     def _rejection_reason(self, k: int) -> str:
@@ -109,6 +128,7 @@ class SceneSource:
         printed = io.StringIO()
         with (
             seeded(f"{self.seed}/{k}"),
+            self.files.inside(),
             contextlib.redirect_stdout(printed),
             contextlib.suppress(RejectionException),
         ):
@@ -122,8 +142,11 @@ def open_environment(
     params: Mapping[str, Any],
     seed: int,
     condition: Mapping[str, Any] | None = None,
+    files: Files | None = None,
 ) -> SceneSource:
     """Compile ``program`` with ``params`` in place of its own parameters.
+
+    ``files`` are what the program must consist of, as fixed_files gave them; None takes it as it is.
 
     ``condition`` fixes parts of the environment at their values in one of its samples:
     {"sample": its number, "objects": names, "params": names}; without "objects" and "params", everything.
@@ -132,8 +155,9 @@ def open_environment(
     unknown or of the wrong type, or if samples would depend on one another.
     """
     with at_once(), seeded(f"{seed}/compile"):
-        scenario = compile_program(program, params)
-    source = SceneSource(program, scenario, seed, params)
+        found = ProgramFiles(program, files)
+        scenario = compile_program(program, params, found)
+    source = SceneSource(program, found, scenario, seed, params)
     if condition is not None:
         from foldcar.scenes.conditioning import condition as freeze
 
@@ -143,6 +167,14 @@ def open_environment(
         except FoldcarError as error:
             raise FoldcarError(f"{program}: {error}") from None
     return source
+
+
+def other_scene(program: Path, k: int) -> FoldcarError:
+    """The error that sample ``k`` is another scene than before."""
+    return FoldcarError(
+        f"{program}: sample {k} is another scene now than when it was first drawn: the program depends on more than its "
+        "parameters, its seed and the files that it reads, as on a random generator of its own or on the time"
+    )
 
 
 @contextlib.contextmanager

@@ -18,6 +18,7 @@ from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment
 from foldcar.study.planned_designs import PlannedDesigns, planned_design
+from foldcar.study.stored_samples import StoredSamples
 from foldcar.study.sweep import is_dynamic, plan_experiment
 
 # The values of a family's parameters, in the order of its choices.
@@ -56,10 +57,10 @@ class Bench:
         self._environment = environment
         self._writer = writer
         self._pool = pool
-        self._dynamic = dynamic
         self._table = table
         self._simulated = simulated
         self._searched = searched
+        self._samples = StoredSamples(environment, writer, dynamic)
         self._plan: PlannedExperiment | None = None
         self._positions: dict[Values, int] = {}
 
@@ -68,7 +69,7 @@ class Bench:
         plan, position = self._place(values)
         runs: list[PlannedRun] = []
         for number, sample in enumerate(samples):
-            self._take(plan, sample)
+            self._samples.reach(sample)
             (run,) = (one for one in self._writer.planned_runs(plan, sample) if one.design == position)
             runs.append(run)
             if run.outcome is None and not self._pool.joins(run):
@@ -114,16 +115,6 @@ class Bench:
         family = self._experiment.family
         found = [tuple(design.get(column, float("nan")) for column in family.columns()) for design in designs]
         return [values for values in found if family.has(values)]
-
-    def _take(self, plan: PlannedExperiment, sample: int) -> None:
-        """Store the sample's scene and the differences of its cars, if they are not there."""
-        environment, writer = self._environment, self._writer
-        for number in range(writer.sample_count(plan.environment_id), sample + 1):
-            scene = environment.sample(number)
-            identity = environment.scene_identity(number, self._dynamic)
-            writer.put_sample(plan.environment_id, number, scene, identity)
-        for number in range(writer.draw_count(plan.spread_id), sample + 1):
-            writer.put_draw(plan.spread_id, number, environment.variation(number), environment.variation_identity())
 
     def _keep(self, finished: list[FinishedRun]) -> None:
         # The counts are of what is stored, also when a signal ends the search.

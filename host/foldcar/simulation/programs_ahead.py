@@ -89,14 +89,20 @@ def programs_ahead(store: Path, jobs: int | None) -> Iterator[ProgramsAhead | No
 
 
 def _facts(source: "SceneSource", sample: int) -> Answer:
-    return {"dynamic": source.dynamic, "defined": source.success.defined, "text": source.success.text}
+    files = dict(source.fixed_files())
+    return {"dynamic": source.dynamic, "defined": source.success.defined, "text": source.success.text, "files": files}
+
+
+def _scene(source: "SceneSource", sample: int) -> Any:
+    source.fixed_files()
+    return source.sample(sample)
 
 
 # What can be asked of an opened program.
 ANSWERS: Mapping[str, Callable[["SceneSource", int], Any]] = {
     "facts": _facts,
     "notes": lambda source, sample: source.mutation_notes(),
-    "scene": lambda source, sample: source.sample(sample),
+    "scene": _scene,
 }
 
 

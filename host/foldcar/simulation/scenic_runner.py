@@ -10,21 +10,23 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from foldcar.scenes.program_files import Files
 from foldcar.simulation.process_ending import process_ending
 from foldcar.simulation.runner import CarsimError, RunRequest
+from foldcar.simulation.worker import python_command
 
 
 class ScenicRunner:
     """Worker processes for one environment. `run` and `stop` may be called from several threads at once.
 
-    ``condition`` is the listing's, or None; ``command`` starts carsim (see Carsim). ``environment`` holds what the
-    environment is besides its program, by the names of these arguments.
+    ``condition`` is the listing's, or None; ``files`` are what the program must consist of (see open_environment);
+    ``command`` starts carsim (see Carsim). ``environment`` holds what the environment is besides its program's place, by
+    the names of these arguments.
     """
 
     def __init__(
@@ -33,6 +35,7 @@ class ScenicRunner:
         params: Mapping[str, Any],
         seed: int,
         condition: Mapping[str, Any] | None,
+        files: Files | None,
         command: Sequence[str],
     ) -> None:
         self.program = program
@@ -40,6 +43,7 @@ class ScenicRunner:
             "params": dict(params),
             "seed": seed,
             "condition": None if condition is None else dict(condition),
+            "files": None if files is None else dict(files),
         }
         self._opening = json.dumps({"program": str(program), **self.environment, "command": list(command)})
         self._lock = threading.Lock()
@@ -125,16 +129,14 @@ class _Worker:
     def __init__(self) -> None:
         self._stopped = False
         self._opened = False
-        package = str(Path(__file__).resolve().parents[2])
-        path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH")]))
         # A session of its own keeps Ctrl-C from it: the caller decides what is to end.
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "foldcar.simulation.worker", "foldcar.simulation.scenic_worker"],
+            python_command("foldcar.simulation.worker", "foldcar.simulation.scenic_worker"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             encoding="utf-8",
             # Threads for linear algebra would do nothing but make every copy of the process slower.
-            env={**os.environ, "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1"},
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
             start_new_session=True,
         )
 

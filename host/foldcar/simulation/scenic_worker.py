@@ -1,6 +1,6 @@
-"""`python -m foldcar.simulation.scenic_worker`: runs a Scenic program for a sweep, one run at a time (see scenic_runner).
+"""Runs a Scenic program for a sweep, one run at a time, as a process of its own (see scenic_runner and worker).
 
-Input: JSON Lines. First what to open, {"program", "params", "seed", "condition", "command"}; then one line a
+Input: JSON Lines. First what to open, {"program", "params", "seed", "condition", "files", "command"}; then one line a
 run, {"body", "scene", "settings": JSON texts, "sample"}. Output: one line each, {"ready": true} and then
 {"result": …}, {"error": message} for a run that failed, or {"refused": message} where the input is at fault. Ends with
 its input.
@@ -18,7 +18,7 @@ from typing import Any, TextIO
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.program import one_line
-from foldcar.scenes.source import SceneSource, open_environment, seeded
+from foldcar.scenes.source import SceneSource, open_environment, other_scene, seeded
 from foldcar.scenes.time_limit import time_limit
 from foldcar.simulation.carsim_step import SimulatorDiedError, SteppedCarsim, TrialFailedError
 from foldcar.simulation.forked import Forked, answers_on
@@ -54,7 +54,7 @@ class ScenicWorker:
 
     def __init__(self, opening: dict[str, Any]) -> None:
         self._source: SceneSource = open_environment(
-            Path(opening["program"]), opening["params"], opening["seed"], opening["condition"]
+            Path(opening["program"]), opening["params"], opening["seed"], opening["condition"], opening["files"]
         )
         # What every run needs is done before the process is copied.
         from foldcar.simulation.scenic_ego import shown_class
@@ -65,7 +65,8 @@ class ScenicWorker:
         self._simulator = CarSimulator
         self._passing = self._source.success.endings
         self._command = opening["command"]
-        self._copies = may_change_state(self._source.program)
+        with self._source.files.inside():
+            self._copies = may_change_state(self._source.program)
         self._open = ExitStack()
         self._carsim: SteppedCarsim | None = None
         self._copy: Forked | None = None
@@ -120,10 +121,7 @@ class ScenicWorker:
         k = request["sample"]
         self._open_sample(k)
         if self._described != json.loads(request["scene"]):
-            raise FoldcarError(
-                f"{self._source.program}: sample {k} is another scene now than when it was stored: the program "
-                "depends on more than its parameters, its seed and the files beside it"
-            )
+            raise other_scene(self._source.program, k)
         assert self._carsim is not None
         simulator = self._simulator(
             self._carsim,
@@ -132,10 +130,15 @@ class ScenicWorker:
             lambda _: str(request["scene"]),
             self._passing,
         )
+        with self._source.files.inside():
+            return self._simulated(simulator, k)
+
+    def _simulated(self, simulator: Any, k: int) -> dict[str, Any]:
         place = f"{self._source.program}: sample {k}"
         try:
             with seeded(f"{self._source.seed}/{k}/run"), time_limit(RUN_LIMIT_S, "running"):
-                return simulator.run(self._scene)
+                found: dict[str, Any] = simulator.run(self._scene)
+                return found
         except FoldcarError as error:
             # A CarsimError is no mistake of the program, all others come with what it records.
             raise error if isinstance(error, CarsimError) else TrialFailedError(f"{place}: {error}") from None
@@ -154,7 +157,3 @@ class ScenicWorker:
 def _say(output: TextIO, answer: dict[str, Any]) -> None:
     output.write(json.dumps(answer) + "\n")
     output.flush()
-
-
-if __name__ == "__main__":
-    main()

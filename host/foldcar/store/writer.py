@@ -180,6 +180,11 @@ class StoreWriter(StoreConnection):
         ).fetchone()
         return int(row[0])
 
+    def stored_scene(self, environment_id: int, sample: int) -> Any:
+        """The scene of a stored sample."""
+        row = self._row(BY_NAME["sample"], environment_id=environment_id, sample=sample)
+        return json.loads(self._row(BY_NAME["scene"], id=row["scene_id"])["json"])
+
     def put_sample(
         self, environment_id: int, sample: int, scene: Mapping[str, Any], identity: str = ""
     ) -> None:

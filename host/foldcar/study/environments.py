@@ -1,12 +1,13 @@
 """The environment of one experiment: its scenes, its built cars' variations, and the runner of its simulations.
 
 Input: an experiment. Output: scenes (sampled by scenes/source.py), variations, fingerprints, a runner. The Scenic program
-is compiled when first needed, which takes most of a second, and not at all if the store has all results.
+is compiled when first needed, which takes most of a second: that shows of which files it consists.
 """
 
 import contextlib
 import re
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from foldcar.study.experiments import Experiment
 
 if TYPE_CHECKING:
     from foldcar.scenes.obstacles import Obstacle
+    from foldcar.scenes.program_files import Files
     from foldcar.scenes.source import SceneSource
     from foldcar.scenes.success import SuccessRule
     from foldcar.simulation.scenic_runner import ScenicRunner
@@ -32,10 +34,20 @@ class Environment:
     def __init__(self, experiment: Experiment) -> None:
         e = self._experiment = experiment
         self._source: SceneSource | None = None
-        self.fingerprint = environment_fingerprint(e.program, e.scenic_params, e.seed, e.condition)
         self.spread_fingerprint = (
             spread_fingerprint(e.variation, e.variation_seed) if e.variation else NOMINAL
         )
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """The identity in the store of what is sampled."""
+        e = self._experiment
+        return environment_fingerprint(e.program.name, self.files, e.scenic_params, e.seed, e.condition)
+
+    @property
+    def files(self) -> "Files":
+        """The program's files."""
+        return self._open().fixed_files()
 
     @property
     def program(self) -> Path:
@@ -59,11 +71,11 @@ class Environment:
 
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` as a scene object of docs/carsim.md, without id."""
-        return self._open().sample(k)
+        return self._fixed().sample(k)
 
     def sample_with_obstacles(self, k: int) -> "tuple[dict[str, Any], list[Obstacle]]":
         """Sample ``k``, and what of its terrain stands on the floor as one thing."""
-        return self._open().sample_with_obstacles(k)
+        return self._fixed().sample_with_obstacles(k)
 
     def scene_identity(self, k: int, dynamic: bool) -> str:
         """The identity of a scene in the store: a dynamic program can distinguish samples whose scenes are equal."""
@@ -92,7 +104,7 @@ class Environment:
         from foldcar.simulation.scenic_runner import ScenicRunner
 
         e = self._experiment
-        return ScenicRunner(e.program, e.scenic_params, e.seed, e.condition, carsim.command)
+        return ScenicRunner(e.program, e.scenic_params, e.seed, e.condition, self.files, carsim.command)
 
     def mutation_notes(self) -> list[str]:
         """What `mutate` moves without what is placed relative to it; programs without the word are not compiled."""
@@ -107,8 +119,18 @@ class Environment:
 
         if self._source is None:
             e = self._experiment
-            self._source = open_environment(e.program, dict(e.scenic_params), e.seed, e.condition)
+            self._source = open_environment(e.program, dict(e.scenic_params), e.seed, e.condition, self._known_files())
         return self._source
+
+    def _fixed(self) -> "SceneSource":
+        """The source after sample 0, with which all its files are known."""
+        source = self._open()
+        source.fixed_files()
+        return source
+
+    def _known_files(self) -> "Files | None":
+        """The program's files, if they are known without compiling it."""
+        return None
 
 
 def mutation_notes(environments: Iterable[Environment]) -> list[str]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
+from foldcar.scenes.program_files import Files
 from foldcar.scenes.success import SuccessRule
 from foldcar.simulation.programs_ahead import Opening, ProgramsAhead
 from foldcar.study.environments import Environment
@@ -27,6 +28,12 @@ class EnvironmentAhead(Environment):
         self._programs, self._opening = programs, _opening(experiment)
 
     @property
+    def files(self) -> Files:
+        """The program's files."""
+        known = self._known_files()
+        return super().files if known is None else known
+
+    @property
     def dynamic(self) -> bool:
         """Whether the program has parts that Scenic must evaluate during a simulation."""
         return super().dynamic if self._facts is None else bool(self._facts["dynamic"])
@@ -44,6 +51,10 @@ class EnvironmentAhead(Environment):
     @cached_property
     def _facts(self) -> Any:
         return self._programs.ask("facts", self._opening)
+
+    def _known_files(self) -> Files | None:
+        files: Files | None = None if self._facts is None else self._facts["files"]
+        return files
 
     def _mutation_notes(self) -> list[str]:
         notes = self._programs.ask("notes", self._opening)

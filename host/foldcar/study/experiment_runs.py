@@ -6,6 +6,7 @@ simulated in one sample before the next, so that partial results cover the whole
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.store.writer import PlannedExperiment, StoreWriter
@@ -13,6 +14,7 @@ from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
 from foldcar.study.progress import Progress
 from foldcar.study.schedule import Schedule
+from foldcar.study.stored_samples import StoredSamples
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,10 @@ class ExperimentRuns:
     pool: ChunkPool
     counts: Progress
     report: Callable[[Progress], None]
+
+    @cached_property
+    def _samples(self) -> StoredSamples:
+        return StoredSamples(self.environment, self.writer, self.dynamic)
 
     def all(self) -> Iterator[list[FinishedRun]]:
         """Every design in every sample; the last chunks may still be in progress afterwards."""
@@ -49,20 +55,13 @@ class ExperimentRuns:
 
     def _simulate(self, wanted: Mapping[int, range] | None, total: int) -> Iterator[list[FinishedRun]]:
         """Simulate the ``wanted`` samples of designs (by position; None: all of all); then ``total`` runs are counted."""
-        plan, environment, writer = self.plan, self.environment, self.writer
-        sampled, drawn = writer.sample_count(plan.environment_id), writer.draw_count(plan.spread_id)
+        plan = self.plan
         every = range(plan.environments)
         if wanted is not None:
             every = range(min(one.start for one in wanted.values()), max(one.stop for one in wanted.values()))
         for sample in every:
-            if sample >= sampled:
-                scene = environment.sample(sample)
-                identity = environment.scene_identity(sample, self.dynamic)
-                writer.put_sample(plan.environment_id, sample, scene, identity)
-            if sample >= drawn:
-                identity = environment.variation_identity()
-                writer.put_draw(plan.spread_id, sample, environment.variation(sample), identity)
-            for run in writer.planned_runs(plan, sample):
+            self._samples.reach(sample)
+            for run in self.writer.planned_runs(plan, sample):
                 if wanted is not None and sample not in wanted.get(run.design, ()):
                     continue
                 if run.outcome is not None or self.pool.joins(run):

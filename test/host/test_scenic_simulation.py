@@ -18,6 +18,7 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_step import State, SteppedCarsim, TrialFailedError
 from foldcar.simulation.runner import RunRequest
 from foldcar.simulation.scenic_ego import ShownEgo, _orientation
+from foldcar.simulation.scenic_endings import is_pure
 from foldcar.simulation.scenic_simulator import CarSimulator
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
@@ -161,16 +162,103 @@ def test_terminate_after_is_exact(run: Run, limit: str, elapsed_s: float) -> Non
     assert times == sorted(set(times))
 
 
-@pytest.mark.parametrize("ending", ["terminate when ego.position.x > 0.35", "terminate after 0.8 seconds"])
-def test_requirements_are_decided_at_the_look_and_the_time_is_exact(run: Run, ending: str) -> None:
-    """The car is 1 cm further at the look that ends the run, and was not at the moment of the ending."""
-    eventually = "require eventually ego.position.x > {} as goal\nrecord ego.position.x as x\n"
-    exact = run(f"{HEAD}{ending}\nrecord ego.position.x as x\nrecord final ego.position.x as end\n")
-    looks = run(f"{HEAD}{eventually.format(value(exact, 'end') + 0.01)}{ending}\n")
-    assert (looks["outcome"], looks["elapsed_time_s"]) == ("terminated", exact["elapsed_time_s"])
-    assert value(looks, "x")[-1] == [exact["elapsed_time_s"], value(exact, "end")]
-    assert exact["elapsed_time_s"] % 0.25 > 0.01
-    assert run(f"{HEAD}{eventually.format(value(exact, 'end') + 0.3)}{ending}\n")["outcome"] == "rejected"
+@pytest.mark.parametrize(
+    ("statements", "outcome"),
+    [
+        # At the look after the ending the car is at 0.45 m, at the look before it at 0.28 m.
+        ("require eventually ego.position.x > 0.36\nterminate when ego.position.x > 0.35\n", "rejected"),
+        ("require eventually ego.position.x > 0.36\nterminate when ego.position.x > 0.37\n", "terminated"),
+        ("require eventually ego.position.x > 0.5\nterminate after 0.8 seconds\n", "rejected"),
+        ("require eventually 0.35 < ego.position.x < 0.36\nterminate after 0.8 seconds\n", "terminated"),
+        ("require always ego.position.x < 0.36\nterminate when ego.position.x > 0.35\n", "terminated"),
+        ("require always ego.position.x < 0.36\nterminate when ego.position.x > 0.37\n", "rejected"),
+        ("require always not 0.35 < ego.position.x < 0.36\nterminate simulation when ego.position.x > 1\n", "rejected"),
+        ("require always ego.position.x < 0.6\nnew Goal at (0.5, 0), facing -90 deg\n", "passed"),
+        ("require eventually ego.position.x > 0.51\nnew Goal at (0.5, 0), facing -90 deg\n", "rejected"),
+        ("require (ego.position.x < 0.36 until ego.position.x > 0.35)\nterminate after 1 seconds\n", "terminated"),
+    ],
+)
+def test_requirements_do_not_depend_on_when_scenic_looks(run: Run, statements: str, outcome: str) -> None:
+    results = []
+    for outer_step_s in (STEP_S, 0.1, 0.25, 1):
+        text = f"{HEAD}param outer_step_s = {outer_step_s!r}\n{statements}record final ego.position.x as end\n"
+        results.append(run(text))
+    assert results == results[:1] * 4
+    assert results[0]["outcome"] == outcome
+
+
+def test_next_is_about_the_looks(run: Run) -> None:
+    """Beyond 0.2 m the car gets 7 cm further in 0.1 s, and 17 cm in 0.25 s."""
+    soon = "require always (ego.position.x > 0.2 implies not next ego.position.x < 0.28)\n"
+    text = f"{HEAD}{soon}terminate after 1 seconds\n"
+    assert run(f"{text}param outer_step_s = 0.25\n")["outcome"] == "terminated"
+    assert run(f"{text}param outer_step_s = 0.05\n")["outcome"] == "rejected"
+
+
+COUNT = "seen = []\ndef count():\n    seen.append(1)\n    return len(seen)\n"
+
+
+@pytest.mark.parametrize(
+    ("statements", "recorded", "elapsed_s"),
+    [
+        # A function that changes something is evaluated once a look, also where another condition ends the run.
+        ("terminate when count() in [4]\nrecord final len(seen) as n\n", 4, 0.75),
+        ("terminate simulation when count() in [4]\nrecord final len(seen) as n\n", 4, 0.75),
+        # And once while sampling.
+        ("require always count() in range(9)\nterminate after 0.8 seconds\nrecord final len(seen) as n\n", 6, 0.8),
+        ("terminate simulation when ego.position.x > 0.4\nrecord count() as n\n", [1, 2, 3, 4], 0.74),
+        ("terminate when ego.position.x > 0.4\nrecord count() as n\n", [1, 2, 3, 4], 0.74),
+    ],
+)
+def test_what_counts_its_evaluations_is_evaluated_once_a_look(
+    tmp_path: Path, stepped: SteppedCarsim, statements: str, recorded: Any, elapsed_s: float
+) -> None:
+    program = tmp_path / "program.scenic"
+    program.write_text(f"{HEAD}{COUNT}{statements}")
+    source = open_environment(program, {}, 1)
+    scene = source.scenic_scene(0)
+    described = json.dumps(source.describe(scene, 0))
+    result = CarSimulator(stepped, *car(), lambda _: described).run(scene)
+    seen = value(result, "n")
+    assert recorded == ([number for _, number in seen] if isinstance(seen, list) else seen)
+    assert result["outcome"] == "terminated"
+    assert result["elapsed_time_s"] == pytest.approx(elapsed_s, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("condition", "pure"),
+    [
+        ("(distance from ego to goal) <= 0.05 and math.hypot(ego.position.x, 2) < 3", True),
+        ("ego in region or region.containsPoint(ego.position)", True),
+        ("ego.position.distanceTo(goal.position) < 1", True),
+        ("near(ego) or any(abs(v) > 3 for v in ego.position)", True),
+        ("numpy.linalg.norm([1, 2]) > ego.roll", True),
+        ("seen == [] or not seen", True),
+        ("simulation().currentRealTime > 3", True),
+        ("1 in numbers", False),
+        ("count() > 3", False),
+        ("through() > 3", False),
+        ("seen.append(1)", False),
+        ("(lambda f: f(1))(seen.append)", False),
+        ("random.random() > 0.9", False),
+        ("Range(0, 1) > 0.9", False),
+        ("numpy.random.rand() > 0.9", False),
+        ("post.note()", False),
+        ("bumped(post)", False),
+        ("print(ego)", False),
+    ],
+)
+def test_conditions_that_are_certain_to_change_nothing(tmp_path: Path, condition: str, pure: bool) -> None:
+    program = tmp_path / "program.scenic"
+    program.write_text(
+        f"{HEAD}{GOAL}{COUNT}import math, random, numpy\nregion = CircularRegion((1, 0), 0.2)\n"
+        "numbers = iter([1, 2])\npost = new Marker at (1, 0.5)\n"
+        "def near(thing):\n    return thing.position.x > goal.position.x - 1\n"
+        "def through():\n    return count()\ndef bumped(thing):\n    thing.visits = 1\n"
+        f"terminate when {condition}\n"
+    )
+    (ending,) = open_environment(program, {}, 1).scenario.terminationConditions
+    assert is_pure(ending) == pure
 
 
 def test_the_condition_that_held_first_is_the_reason(tmp_path: Path, stepped: SteppedCarsim) -> None:

@@ -18,6 +18,7 @@ from typing import Any
 
 from scenic.core.dynamics.scenarios import DynamicScenario
 from scenic.core.object_types import Constructible
+from scenic.core.requirements import PendingRequirement
 from scenic.syntax import translator, veneer
 from scenic.syntax.compiler import ScenicToPythonTransformer
 from scenic.syntax.parser import parse_string
@@ -39,6 +40,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
     compiler, scenario = ScenicToPythonTransformer, DynamicScenario
     scenics_new, scenics_mutate, scenics_visit = veneer.new, veneer.mutate, compiler.visit
     scenics_execute, scenics_inherit = translator.executeCodeIn, scenario._inherit
+    scenics_compile = PendingRequirement.compile
     compiling = True
 
     def new(cls: Any, specifiers: list[Any]) -> Any:
@@ -78,8 +80,13 @@ def hooks(mutations: Mutations) -> Iterator[None]:
         refuse_lost_statements(other)
         scenics_inherit(self, other)
 
+    def compile_requirement(self: Any, namespace: Any, scenario: Any, syntax: Any = None) -> Any:
+        # Of its syntax Scenic infers where samples can be, also from what is said of the run, such as its endings.
+        return scenics_compile(self, namespace, scenario, syntax if self.ty.constrainsSampling else None)
+
     veneer.new, veneer.mutate, compiler.visit = new, mutate, visit
     translator.executeCodeIn, scenario._inherit = execute, inherit
+    PendingRequirement.compile = compile_requirement
     translator.parse_string = parse
     try:
         yield
@@ -87,6 +94,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
         compiling = False
         veneer.new, veneer.mutate, compiler.visit = scenics_new, scenics_mutate, scenics_visit
         translator.executeCodeIn, scenario._inherit = scenics_execute, scenics_inherit
+        PendingRequirement.compile = scenics_compile
         translator.parse_string = parse_string
 
 

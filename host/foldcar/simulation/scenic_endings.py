@@ -1,63 +1,47 @@
-"""Conditions to end a run, as Scenic evaluates them when it looks at a simulation."""
+"""Conditions of a program that are evaluated at every step of carsim, not only where Scenic looks at the simulation.
+
+They are those of the top-level scenario that are certain to change nothing (see pure_conditions.py): others are evaluated
+once a look, by Scenic.
+"""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
-from scenic.core.simulators import TerminationType
+import rv_ltl
+from scenic.core.propositions import Next, PropositionMonitor
 
-from foldcar.simulation.carsim_step import State
-
-
-class TracedEnding:
-    """A condition of the program. Calls ``trace_back`` where Scenic finds that it holds."""
-
-    def __init__(self, condition: Any, kind: TerminationType, trace_back: Callable[[], None]) -> None:
-        self.kind = kind
-        self._condition = condition
-        self._trace_back = trace_back
-
-    def holds(self) -> bool:
-        """Whether it holds in the state that is shown."""
-        if self.kind is TerminationType.scenarioComplete:
-            return bool(self._condition.evaluate())
-        return bool(self._condition.isTrue().is_truthy)
-
-    def evaluate(self) -> Any:
-        """Scenic's evaluation of a `terminate when`."""
-        value = self._condition.evaluate()
-        if value:
-            self._trace_back()
-        return value
-
-    def isTrue(self) -> Any:  # noqa: N802
-        """Scenic's evaluation of a `terminate simulation when`."""
-        value = self._condition.isTrue()
-        if value.is_truthy:
-            self._trace_back()
-        return value
-
-    def __str__(self) -> str:
-        return str(self._condition)
+from foldcar.simulation.pure_conditions import changes_nothing
 
 
-class Moment(NamedTuple):
-    """A state between two looks at which the program ends the run.
+def is_pure(condition: Any) -> bool:
+    """Whether evaluating a condition or requirement of Scenic changes nothing."""
+    return all(changes_nothing(atom.closure) for atom in condition.proposition.atomics())
 
-    ``steps`` is its time in the program's steps, ``row`` its place in the last advance, ``condition`` what holds there;
-    None is the time limit.
+
+def is_traceable(requirement: Any) -> bool:
+    """Whether a temporal requirement can be evaluated at every step: `next` is about the looks."""
+    return is_pure(requirement) and not any(isinstance(part, Next) for part in requirement.proposition.flatten())
+
+
+class ChangesMonitor(PropositionMonitor):  # type: ignore[misc]
+    """Scenic's monitor of a temporal proposition without `next`, told of every state, remembering the changes only.
+
+    Repeated states are of no consequence for such a proposition, and Scenic's monitor reads all it remembers each time.
     """
 
-    state: State
-    steps: float
-    row: int
-    condition: TracedEnding | None
+    def __init__(self, proposition: Any) -> None:
+        super().__init__(proposition)
+        self._latest: dict[str, bool] = {}
+        self._verdict: rv_ltl.B4 = rv_ltl.B4.TRUE
 
-    @property
-    def ending(self) -> tuple[TerminationType, str]:
-        """How Scenic names this ending."""
-        if self.condition is None:
-            return TerminationType.scenarioComplete, "reached time limit"
-        return self.condition.kind, str(self.condition)
+    def update(self) -> rv_ltl.B4:
+        """Take the state that is shown; the verdict so far."""
+        state = {str(atom.syntax_id): bool(atom.closure()) for atom in self._proposition.atomics()}
+        if state != self._latest:
+            self._latest = state
+            self._monitor.update(state)
+            self._verdict = self._monitor.evaluate()
+        return self._verdict
 
 
 class NativeEnding:

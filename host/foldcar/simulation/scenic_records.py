@@ -18,7 +18,6 @@ class Records:
     def __init__(self, scenic: dict[str, Any]) -> None:
         self.plain: dict[str, dict[str, Any]] = {}
         self._scenic = scenic
-        self._latest_s = 0.0
 
     def take(self, scenario: Any, steps: float, t_s: float) -> None:
         """Evaluate and keep the values of a series at that time, and the initial ones at the start."""
@@ -31,16 +30,6 @@ class Records:
             self._scenic[name].append((steps, value))
             series = self.plain.setdefault(name, {"kind": "series", "value": []})
             series["value"].append([t_s, to_json(value, name)])
-        self._latest_s = t_s
-
-    def withdraw_after(self, t_s: float) -> bool:
-        """Withdraw the latest values of the series if they are later than that; returns whether they were."""
-        late = self._latest_s > t_s
-        for name, one in self.plain.items():
-            if late and one["kind"] == "series":
-                self._scenic[name].pop()
-                one["value"].pop()
-        return late
 
     def finish(self) -> None:
         """Keep the final values, which Scenic has evaluated after the end."""

@@ -2,7 +2,7 @@
 
 Input: a car (body and settings of docs/carsim.md), then Scenic scenes. Output: Scenic's Simulation objects, or the
 result of a run with what the program recorded. Scenic looks at the simulation once an outer step of
-`param outer_step_s`; stops are traced back to the 1/240 s at which they happened.
+`param outer_step_s`; the look at which a run ends is put back to the 1/240 s at which its end came.
 
 For people who script with Scenic: ``CarSimulator(...).simulate(scene)`` is Scenic's own interface, and
 ``CarSimulator(...).run(scene)`` gives the result that a sweep stores.
@@ -12,17 +12,19 @@ import math
 from collections.abc import Callable, Collection
 from typing import Any
 
+from rv_ltl import B4
 from scenic.core.distributions import RejectionException
 from scenic.core.dynamics import GuardViolation, RejectSimulationException
 from scenic.core.object_types import setDynamicProxyFor
-from scenic.core.simulators import Simulation, SimulationCreationError, Simulator, TerminationType
+from scenic.core.requirements import RequirementType
+from scenic.core.simulators import Simulation, SimulationCreationError, Simulator
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.success import VERDICT
 from foldcar.simulation.carsim_step import State, SteppedCarsim
 from foldcar.simulation.outer_step import OUTER_STEP_S, outer_step_s
 from foldcar.simulation.scenic_ego import ShownEgo
-from foldcar.simulation.scenic_endings import Moment, NativeEnding, TracedEnding
+from foldcar.simulation.scenic_endings import ChangesMonitor, NativeEnding, is_pure, is_traceable
 from foldcar.simulation.scenic_records import Records, refuse_misplaced
 from foldcar.simulation.scenic_things import WatchedThing, dynamic_copy
 
@@ -73,9 +75,7 @@ class CarSimulator(Simulator):  # type: ignore[misc]
         stored, and whatever the program raises.
         """
         try:
-            simulation = self.createSimulation(
-                scene, maxSteps=None, name="run", timestep=None, enableReplay=False
-            )
+            simulation = self.createSimulation(scene, maxSteps=None, name="run", timestep=None, enableReplay=False)
         except (RejectSimulationException, RejectionException, GuardViolation) as rejection:
             refuse_misplaced(scene.dynamicScenario)
             return _result(rejection.simulation, "rejected")
@@ -114,7 +114,9 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._native: Result | None = None
         self._steps: float = 0.0
         self._begun: tuple[float, float] = (0.0, 0.0)  # time (s) and steps at the last look but one
-        self._moment: Moment | None = None  # the ending's, if it lies before the last look
+        self._row: int | None = None  # of the last advance, if the look was put back to it
+        self._endings: list[Any] = []
+        self._requirements: list[Any] = []
         self._things: list[WatchedThing] = []
         super().__init__(scene, timestep=timestep, **options)
         self._records.finish()
@@ -153,16 +155,12 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._native = advanced.result
         self._show(advanced.state, 0)
         self._records = Records(self.records)
-        when, simulation_when = (
-            tuple(TracedEnding(one, kind, self.trace_back) for one in conditions)
-            for kind, conditions in (
-                (TerminationType.scenarioComplete, scenario._terminationConditions),
-                (TerminationType.simulationTerminationCondition, scenario._terminateSimulationConditions),
-            )
+        conditions = (*scenario._terminationConditions, *scenario._terminateSimulationConditions)
+        self._endings = [one for one in conditions if is_pure(one)]
+        scenario._terminateSimulationConditions = (
+            *scenario._terminateSimulationConditions,
+            NativeEnding(lambda: self._native),
         )
-        self._endings = (*when, *simulation_when)
-        scenario._terminationConditions = when
-        scenario._terminateSimulationConditions = (*simulation_when, NativeEnding(lambda: self._native))
 
     def _createObject(self, obj: Any) -> None:  # noqa: N802
         """As Scenic does it, but with a copy that takes less time."""
@@ -185,42 +183,44 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             )
 
     def step(self) -> None:
-        """Advance to the next look, or to the end of the trial before it."""
+        """Advance to the next look, or to the end of the run before it."""
         assert self._state is not None
-        self._begun = self._state.t_s, self._steps
-        to_s = (self._steps + 1) * self.timestep
-        advanced = self._carsim.advance(to_s)
+        self._begun, self._row = (self._state.t_s, self._steps), None
+        look = math.floor(self._steps + ROUNDING_S) + 1
+        advanced = self._carsim.advance(look * self.timestep)
         self._native = advanced.result
-        self._show(advanced.state, self._steps_at(advanced.state) if advanced.result else self._steps + 1)
-        if self._time_limit_s() < advanced.state.t_s - ROUNDING_S:
-            self.trace_back()
+        self._show(advanced.state, self._steps_at(advanced.state) if advanced.result else look)
+        limit_s = self._time_limit_s() - ROUNDING_S
+        ends = limit_s < advanced.state.t_s - 2 * ROUNDING_S or self._ended()
+        if ends or self._requirements:
+            self._put_back(limit_s if ends else math.inf, ends)
 
-    def trace_back(self) -> None:
-        """Find the first moment since the last look but one at which the program ends the run."""
-        if self._moment is not None or self._steps == 0:
-            return
+    def _put_back(self, limit_s: float, ends: bool) -> None:
+        """Put the look back to the first step since the last one at which the program ends or rejects the run.
+
+        All that Scenic then evaluates, it evaluates there. Without ``ends`` only requirements are looked at.
+        """
         assert self._state is not None
         look, steps = self._state, self._steps
-        limit_s = self._time_limit_s() - ROUNDING_S
         for row, state in enumerate(self._carsim.rows()[:-1]):
             self._show(state, self._steps_at(state))
-            condition = next((one for one in self._endings if one.holds()), None)
-            if condition is not None or state.t_s >= limit_s:
-                self._moment = Moment(state, self._steps, row, condition)
-                break
+            violated = [one for one in self._requirements if one.value() is B4.FALSE]
+            ended = ends and self._ended()
+            if violated or ended or state.t_s >= limit_s:
+                self._row, self._native = row, None
+                scenario = self.scene.dynamicScenario
+                if ended and scenario._timeLimitInSteps is not None:
+                    # Not before its condition: Scenic counts this look like a whole step.
+                    scenario._timeLimitInSteps = max(scenario._timeLimitInSteps, scenario._elapsedTime + 1)
+                return
         self._show(look, steps)
 
-    def _run(self, scenario: Any, max_steps: int | None) -> Any:
-        """As Scenic does it; then show the moment of the ending, for what is recorded at the end."""
-        ending = super()._run(scenario, max_steps)
-        if self._moment is None:
-            return ending
-        # Scenic evaluates a `terminate simulation when` after the records.
-        if self._records.withdraw_after(self._moment.state.t_s):
-            self.trajectory.pop()
-            self.recordCurrentState()
-        self._show(self._moment.state, self._moment.steps)
-        return self._moment.ending
+    def _ended(self) -> bool:
+        """Whether a condition to end the run holds in the state that is shown."""
+        return any(
+            one.isTrue().is_truthy if one.ty is RequirementType.terminateSimulationWhen else one.evaluate()
+            for one in self._endings
+        )
 
     def updateObjects(self) -> None:  # noqa: N802
         """The ego is up to date; Scenic updates what the program has changed of the others."""
@@ -234,23 +234,25 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         for thing in changed:
             thing.settle()
         scenario = self.scene.dynamicScenario
-        if self._steps == 0 and scenario._timeLimitInSteps is not None:
+        if self._steps > 0:
+            return
+        # Scenic has just started the scenario.
+        if scenario._timeLimitInSteps is not None:
             # 1.1 s in steps of 0.1 s is a little more than 11 steps in floating-point numbers.
             scenario._timeLimitInSteps = round(scenario._timeLimitInSteps, 9)
+        self._requirements = [one for one in scenario._requirementMonitors if is_traceable(one)]
+        for one in self._requirements:
+            one.monitor = ChangesMonitor(one.proposition)
 
     def getProperties(self, obj: Any, properties: set[str]) -> dict[str, Any]:  # noqa: N802
         """Scenic's hook: what does not drive is where the program has put it."""
         return {name: getattr(obj, name) for name in properties}
 
     def recordCurrentState(self) -> None:  # noqa: N802
-        """Evaluate the program's records at this look, or at the moment of the ending before it."""
+        """Evaluate the program's records at this look."""
         assert self._state is not None
-        look, steps = self._state, self._steps
-        if self._moment is not None:
-            self._show(self._moment.state, self._moment.steps)
         self._records.take(self.scene.dynamicScenario, self._steps, self._state.t_s)
         self.trajectory.append(self.currentState())
-        self._show(look, steps)
 
     def currentState(self) -> tuple[Any, ...]:  # noqa: N802
         """Scenic's hook: the positions of all objects, the ego's first."""
@@ -260,13 +262,10 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         """Scenic's hook: called in any case once the simulation is over."""
         if self._state is None or not self._carsim.alive:
             return
-        # A run that is rejected was so at the look, not at the moment of an ending before it.
-        if self._moment is not None and self.result is not None:
-            self.run_result = self._carsim.end(self._moment.row)
-        elif self._native is not None:
+        if self._native is not None:
             self.run_result = self._native
         else:
-            self.run_result = self._carsim.end(len(self._carsim.rows()) - 1)
+            self.run_result = self._carsim.end(len(self._carsim.rows()) - 1 if self._row is None else self._row)
 
     def _steps_at(self, state: State) -> float:
         begun_s, begun_steps = self._begun

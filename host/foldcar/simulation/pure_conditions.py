@@ -1,0 +1,109 @@
+"""Finds whether evaluating a condition of a Scenic program can change anything.
+
+Input: the function that Scenic makes of the condition. Output: a truth value. What is certain to change nothing may be
+evaluated at any number of moments; what counts its calls, prints or draws at random may not. Certain are expressions
+that call nothing but Scenic's operators, queries of Python and Scenic, and functions that obey the same rules.
+"""
+
+import builtins
+import dis
+import functools
+import inspect
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
+from typing import Any
+
+from scenic.core.distributions import Samplable
+from scenic.core.vectors import Vector
+
+BUILTINS = frozenset(
+    {"abs", "all", "any", "bool", "dict", "enumerate", "float", "getattr", "hasattr", "int", "isinstance", "len", "list"}
+    | {"max", "min", "range", "reversed", "round", "set", "sorted", "str", "sum", "tuple", "type", "zip"}
+)
+# Of numbers, vectors, regions, objects, texts and containers.
+METHODS = frozenset(
+    {"angleTo", "angleWith", "azimuthTo", "altitudeTo", "cross", "distanceTo", "dot", "norm", "normalized", "rotatedBy"}
+    | {"canSee", "containsObject", "containsPoint", "distanceFrom", "intersects"}
+    | {"copy", "count", "endswith", "get", "index", "items", "keys", "lower", "split", "startswith", "strip", "values"}
+)
+# A container's other methods change it, also when they are not called where they are named.
+CHANGING = frozenset(name for kind in (list, dict, set) for name in dir(kind) if name[0] != "_") - METHODS
+# Modules without state, but for numpy's random numbers.
+MODULES = ("math", "numpy")
+# Scenic's functions that draw at random or create.
+DRAWING = frozenset({"new", "mutate", "resample"})
+STORES = ("STORE_GLOBAL", "STORE_ATTR", "STORE_SUBSCR", "STORE_SLICE", "DELETE_", "IMPORT_", "INPLACE_")
+LOADS = ("LOAD_GLOBAL", "LOAD_NAME", "LOAD_DEREF", "LOAD_CLASSDEREF")
+
+
+@functools.lru_cache(maxsize=256)
+def changes_nothing(function: Callable[..., Any]) -> bool:
+    """Whether ``function``, its calls included, is certain to leave everything as it was."""
+    return _is_pure(function, set())
+
+
+def _is_pure(function: Any, seen: set[Any]) -> bool:
+    if function in seen:
+        return True
+    seen.add(function)
+    variables = {**vars(builtins), **function.__globals__, **inspect.getclosurevars(function).nonlocals}
+    return all(_changes_nothing(code, variables, seen) for code in _blocks(function.__code__))
+
+
+def _blocks(code: CodeType) -> Iterator[CodeType]:
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _blocks(constant)
+
+
+def _changes_nothing(code: CodeType, variables: Mapping[str, Any], seen: set[Any]) -> bool:
+    own = {*code.co_varnames, *code.co_cellvars}
+    module: ModuleType | None = None  # whose member the next instruction takes
+    for one in dis.get_instructions(code):
+        value: Any = None
+        if one.opname.startswith(STORES) or (one.opname == "BINARY_OP" and one.argrepr.endswith("=")):
+            return False
+        if one.opname in LOADS and one.argval not in own:
+            if one.argval not in variables:
+                return False
+            value = variables[one.argval]
+        elif one.opname in ("LOAD_ATTR", "LOAD_METHOD"):
+            if module is not None:
+                value = getattr(module, one.argval, None)
+            elif one.argval in CHANGING or (_is_called(one) and one.argval not in METHODS):
+                return False
+        module = value if isinstance(value, ModuleType) else None
+        if not (_may_be_used(value, seen) if module is None else _is_known(module.__name__)):
+            return False
+    return True
+
+
+def _is_called(attribute: dis.Instruction) -> bool:
+    """Whether it is the method of a call. From Python 3.12 on, the lowest bit says so."""
+    return attribute.opname == "LOAD_METHOD" or (sys.version_info >= (3, 12) and bool((attribute.arg or 0) & 1))
+
+
+def _is_known(module: str) -> bool:
+    return module.split(".")[0] in MODULES and not module.startswith("numpy.random")
+
+
+def _may_be_used(value: Any, seen: set[Any]) -> bool:
+    """Whether calling ``value`` changes nothing, or it is data that reading does not use up."""
+    if isinstance(value, FunctionType):
+        module = value.__module__ or ""
+        if module.startswith("scenic."):
+            return module != "scenic.core.distributions" and value.__name__ not in DRAWING
+        return _is_known(module) or _is_pure(value, seen)
+    if isinstance(value, type):
+        return value is Vector or (value.__module__ == "builtins" and value.__name__ in BUILTINS)
+    if isinstance(value, BuiltinFunctionType):
+        if value.__self__ is builtins:
+            return value.__name__ in BUILTINS
+        return isinstance(value.__self__, ModuleType) and _is_known(value.__self__.__name__)
+    return (
+        isinstance(value, Samplable)
+        or _is_known(type(value).__module__)
+        or not (callable(value) or hasattr(value, "__next__"))
+    )

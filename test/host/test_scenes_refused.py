@@ -35,7 +35,11 @@ def message(folder: Path, text: str, params: dict[str, Any] | None = None) -> st
         (f"model model\n{EGO}new Bump at (unknown, 0)\n", "line 3: NameError: name 'unknown' is not defined"),
         ("model nowhere\n", "could not import world model nowhere"),
         ("model model\nimport sys\nsys.exit(3)\n", "line 3: SystemExit: 3"),
+        ("model model\nimport os\nos._exit(0)\n", "line 3: SystemExit: os._exit(0)"),
         (f"model model\n{EGO}{GOAL}require 1 / ego.position.x > 0\n", "line 4: ZeroDivisionError"),
+        (f"model model\n{EGO}{GOAL}import sys\nrequire sys.exit(0)\n", "sample 0: line 5: SystemExit: 0"),
+        (f"model model\n{EGO}{GOAL}{PIECES}        import os\n        os._exit(0)\nnew Own at (0, 0)\n", "line 7: Sys"),
+        (f"model model\n{EGO}{GOAL}assert 1 > 2\n", "line 4: AssertionError: `assert 1 > 2`"),
     ],
 )
 def test_programs_that_fail(tmp_path: Path, text: str, part: str) -> None:
@@ -152,6 +156,36 @@ def test_statements_that_an_import_would_lose(tmp_path: Path, imported: str, tex
     said = message(tmp_path, f"model model\n{imported}{GOAL}")
     assert f"other.scenic: {part}" in said
     assert said.endswith("move them to the program, or into the scenario, that is run")
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("terminate after -1 seconds\n", "line 4: `terminate after -1`: the time must be above 0"),
+        ("terminate after 0 steps\n", "line 4: `terminate after 0`: the time must be above 0"),
+        ("terminate after float('nan') seconds\n", "line 4: `terminate after nan`"),
+        ("param outer_step_s = 0\n", "line 4: param outer_step_s: 0 is not within 0.004167 to 60 s"),
+        ("param friction = 0.5, outer_step_s = 'soon'\n", "param outer_step_s: soon is no number"),
+        ("param friction = -1\n", "line 4: param friction: -1.0 is not above 0"),
+        ("behavior B():\n    wait\n    take 3\n", "line 6: `take 3`: an action is an object of a class of actions"),
+        (
+            "record ego.position.x as a\nrecord final ego.position.y as a\n",
+            "line 5: `record final … as a`: line 4 records under this name already",
+        ),
+        ("record 1 as a\n\nrecord 2 as a\n", "line 6: `record … as a`: line 4 records under this name already"),
+    ],
+)
+def test_statements_that_can_only_fail_in_a_run(tmp_path: Path, text: str, part: str) -> None:
+    assert part in message(tmp_path, f"model model\n{EGO}{GOAL}{text}")
+
+
+def test_the_working_folder_stays_where_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    program = tmp_path / "moving.scenic"
+    text = f"import os\nmodel model\n{EGO}{GOAL}os.chdir('/')\nrequire os.chdir('/') is None\n"
+    program.write_text(text)
+    open_environment(Path("moving.scenic"), {}, 1).sample(0)
+    assert Path.cwd() == tmp_path
 
 
 def test_statements_beside_a_scenario_that_scenic_would_drop(tmp_path: Path) -> None:

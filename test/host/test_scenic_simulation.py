@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenic.core.errors import InvalidScenarioError
 from scenic.core.vectors import Orientation
 
 from foldcar.car.body import body_json, full_speed_m_s
@@ -418,6 +419,19 @@ def test_behaviors_of_things_that_do_not_drive_run_beside(run: Run) -> None:
     )
     result = run(text)
     assert (result["outcome"], result["elapsed_time_s"] % 0.25) == ("terminated", 0)
+
+
+def test_what_is_no_action_is_named(run: Run) -> None:
+    text = f"{HEAD}{GOAL}three = 3\nbehavior B():\n    take three\nnew Marker at (0, 0.5), with behavior B()\n"
+    with pytest.raises(InvalidScenarioError, match="a Marker takes 3, which is no action"):
+        run(text)
+
+
+def test_a_temporal_requirement_of_an_imported_program_holds_in_the_run(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "other.scenic").write_text(f"{HEAD}{GOAL}require always ego.position.x < 0.5\n")
+    imported = "model model\nfrom other import ego, goal\n"
+    assert run(f"{imported}terminate when ego.position.x > 0.4\n")["outcome"] == "terminated"
+    assert run(f"{imported}terminate when ego.position.x > 0.6\n")["outcome"] == "rejected"
 
 
 @pytest.mark.parametrize("step", ["0", "0.001", "'soon'", "float('nan')", "61"])

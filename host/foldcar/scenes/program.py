@@ -7,6 +7,7 @@ import: it is imported in the functions that use it.
 
 import contextlib
 import gc
+import linecache
 import math
 import sys
 import traceback
@@ -16,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes.contained import contained
 from foldcar.scenes.program_files import ProgramFiles
-from foldcar.scenes.time_limit import time_limit
 
 if TYPE_CHECKING:
     from foldcar.scenes.mutation import Mutations
@@ -54,9 +55,7 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
         compiled = compile_observed(program, files, params, compiled.mutations.points)
     scenario = compiled.scenario
     if len(scenario.objects) > MOST_OBJECTS:
-        raise FoldcarError(
-            f"{program}: {len(scenario.objects)} objects are above the limit {MOST_OBJECTS} of a scene"
-        )
+        raise FoldcarError(f"{program}: {len(scenario.objects)} objects are above the limit {MOST_OBJECTS} of a scene")
     if scenario.egoObject is None:
         raise FoldcarError(f"{program}: no ego: the program must define `ego = new Robot …`")
     if scenario.externalParams:
@@ -94,15 +93,18 @@ def import_scenic() -> Any:
 def _compile_observed(program: Path, params: Mapping[str, Any], followed: Collection[int]) -> CompiledProgram:
     scenic = import_scenic()
     from foldcar.scenes.mutation import Mutations
+    from foldcar.scenes.run_statements import refuse_same_names
     from foldcar.scenes.scenic_hooks import hooks
 
     mutations = Mutations(followed)
     try:
-        with _vocabulary_found(), hooks(mutations), time_limit(COMPILE_LIMIT_S, f"{program}: compiling"):
-            return CompiledProgram(scenic.scenarioFromFile(str(program), params=dict(params)), mutations)
+        with _vocabulary_found(), hooks(mutations), contained(COMPILE_LIMIT_S, f"{program}: compiling", program):
+            scenario = scenic.scenarioFromFile(str(program), params=dict(params))
+            refuse_same_names(scenario)
+            return CompiledProgram(scenario, mutations)
     except FoldcarError:
         raise
-    except (Exception, SystemExit) as error:
+    except Exception as error:
         raise FoldcarError(f"{program}: {one_line(error, program)}") from error
 
 
@@ -137,7 +139,12 @@ def one_line(error: BaseException, program: Path) -> str:
         same = file is None or Path(file).resolve() == program.resolve()
         where = f"line {line}: " if same else f"{file}: line {line}: "
     kind = "" if type(error).__module__.startswith("scenic.") else f"{type(error).__name__}: "
-    return where + kind + overlap_hint(" ".join(str(error).split()) or "no message")
+    said = " ".join(str(error).split())
+    if not said:
+        # As of `assert x < 1`.
+        text = linecache.getline(str(file or program), line or 0).strip()
+        said = f"`{text}`" if text else "no message"
+    return where + kind + overlap_hint(said)
 
 
 def overlap_hint(message: str) -> str:

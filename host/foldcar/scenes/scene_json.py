@@ -4,6 +4,7 @@ Input: a Scenic scene. Output: JSON, or a FoldcarError of one line. Objects are 
 vocabulary/model.scenic, from which a program may derive its own.
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from foldcar.scenes.checks import (
     check_standing,
 )
 from foldcar.scenes.obstacles import Obstacle, obstacles_of
+from foldcar.scenes.outer_step import OUTER_STEP_S, outer_step_s
 from foldcar.scenes.reading import UnusableError, finite, is_a, param, pose
 from foldcar.scenes.terrain import MOST_PIECES, terrain_pieces
 
@@ -35,7 +37,8 @@ def scene_with_obstacles(
     try:
         return _scene_with_obstacles(scene, needs_goal)
     except UnusableError as problem:
-        raise FoldcarError(f"{program}: {where}: {_line(problem.thing, program)}{problem}") from None
+        line = _line(problem.thing, program) or _line_of_param(str(problem), program)
+        raise FoldcarError(f"{program}: {where}: {line}{problem}") from None
 
 
 def _scene_with_obstacles(scene: Any, needs_goal: bool) -> tuple[dict[str, Any], list[Obstacle]]:
@@ -47,6 +50,7 @@ def _scene_with_obstacles(scene: Any, needs_goal: bool) -> tuple[dict[str, Any],
     friction = param(scene, "friction")
     if not 0 < friction <= MOST_FRICTION:
         raise UnusableError(f"param friction: {friction} is not above 0 and at most {MOST_FRICTION:g}")
+    outer_step_s(scene.params.get("outer_step_s", OUTER_STEP_S))
     terrain: list[dict[str, Any]] = []
     owners: list[Any] = []
     objects: list[tuple[str, float, range]] = []
@@ -101,3 +105,12 @@ def _line(thing: Any, program: Path) -> str:
         return ""
     same = Path(file).resolve() == program.resolve()
     return f"line {line}: " if same else f"{file}: line {line}: "
+
+
+def _line_of_param(message: str, program: Path) -> str:
+    """The line, as a prefix of ``message``, on which the program declares the parameter that the message begins with."""
+    named = re.match(r"param (\w+):", message)
+    text = program.read_text(encoding="utf-8").splitlines() if named else []
+    declared = re.compile(rf"\s*param\b.*\b{named[1]}\s*=") if named else None
+    lines = [number for number, line in enumerate(text, 1) if declared and declared.match(line)]
+    return f"line {lines[-1]}: " if lines else ""

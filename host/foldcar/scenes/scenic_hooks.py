@@ -28,6 +28,7 @@ from foldcar.scenes.lost_statements import refuse_lost_statements
 from foldcar.scenes.mutation import Mutations
 from foldcar.scenes.program import VOCABULARY_DIR
 from foldcar.scenes.properties import check_properties
+from foldcar.scenes.run_statements import refuse_actions, refuse_time_limit
 from foldcar.scenes.undefined_names import refuse_undefined_names
 
 
@@ -40,6 +41,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
     compiler, scenario = ScenicToPythonTransformer, DynamicScenario
     scenics_new, scenics_mutate, scenics_visit = veneer.new, veneer.mutate, compiler.visit
     scenics_execute, scenics_inherit = translator.executeCodeIn, scenario._inherit
+    scenics_terminate_after = veneer.terminate_after
     scenics_compile = PendingRequirement.compile
     compiling = True
 
@@ -58,8 +60,13 @@ def hooks(mutations: Mutations) -> Iterator[None]:
             for thing in objects or veneer.currentScenario._objects:
                 mutations.note(thing)
 
+    def terminate_after(limit: Any, unit: Any = None) -> None:
+        refuse_time_limit(limit)
+        scenics_terminate_after(limit, unit)
+
     def visit(self: Any, node: Any) -> Any:
         refuse_degrees(node, self.filename)
+        refuse_actions(node, self.filename)
         made = scenics_visit(self, node)
         if isinstance(node, ast.AST) and hasattr(node, "lineno"):
             for one in made if isinstance(made, list) else [made]:
@@ -85,6 +92,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
         return scenics_compile(self, namespace, scenario, syntax if self.ty.constrainsSampling else None)
 
     veneer.new, veneer.mutate, compiler.visit = new, mutate, visit
+    veneer.terminate_after = terminate_after
     translator.executeCodeIn, scenario._inherit = execute, inherit
     PendingRequirement.compile = compile_requirement
     translator.parse_string = parse
@@ -93,6 +101,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
     finally:
         compiling = False
         veneer.new, veneer.mutate, compiler.visit = scenics_new, scenics_mutate, scenics_visit
+        veneer.terminate_after = scenics_terminate_after
         translator.executeCodeIn, scenario._inherit = scenics_execute, scenics_inherit
         PendingRequirement.compile = scenics_compile
         translator.parse_string = parse_string

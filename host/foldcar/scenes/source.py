@@ -17,12 +17,12 @@ from typing import Any
 
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import at_once
+from foldcar.scenes.contained import contained
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program import compile_program, is_dynamic, may_end_itself, one_line, overlap_hint
 from foldcar.scenes.program_files import Files, ProgramFiles
 from foldcar.scenes.scene_json import scene_with_obstacles
 from foldcar.scenes.success import SuccessRule, success_rule
-from foldcar.scenes.time_limit import time_limit
 
 # Scenic's default. A program whose samples are rejected this often has requirements that are almost never fulfilled.
 MAX_ITERATIONS = 2000
@@ -91,7 +91,7 @@ class SceneSource:
                 at_once(),
                 seeded(f"{self.seed}/{k}"),
                 self.files.inside(),
-                time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"),
+                contained(SAMPLE_LIMIT_S, f"{self.program}: sample {k}", self.program),
             ):
                 scene, _ = self.scenario.generate(maxIterations=MAX_ITERATIONS, verbosity=0)
         except RejectionException:
@@ -118,7 +118,7 @@ class SceneSource:
         return self._with_obstacles(self.scenic_scene(k), k)
 
     def _with_obstacles(self, scene: Any, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
-        with self.files.inside(), time_limit(SAMPLE_LIMIT_S, f"{self.program}: sample {k}"):
+        with self.files.inside(), contained(SAMPLE_LIMIT_S, f"{self.program}: sample {k}", self.program):
             return scene_with_obstacles(scene, self.program, f"sample {k}", not may_end_itself(self.scenario))
 
     def _rejection_reason(self, k: int) -> str:

@@ -123,6 +123,8 @@ def _die_of(status: int) -> NoReturn:
     if os.WIFSIGNALED(status):
         # The first of the processes has written a core file, if any is wanted.
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        signal.signal(os.WTERMSIG(status), signal.SIG_DFL)
+        with contextlib.suppress(OSError):
+            # SIGKILL needs no handler and takes none.
+            signal.signal(os.WTERMSIG(status), signal.SIG_DFL)
         os.kill(os.getpid(), os.WTERMSIG(status))
     os._exit(os.waitstatus_to_exitcode(status))

@@ -8,21 +8,25 @@ For people who script with Scenic: ``CarSimulator(...).simulate(scene)`` is Scen
 ``CarSimulator(...).run(scene)`` gives the result that a sweep stores.
 """
 
+import contextlib
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
 from rv_ltl import B4
 from scenic.core.distributions import RejectionException
 from scenic.core.dynamics import GuardViolation, RejectSimulationException
+from scenic.core.dynamics.actions import Action
+from scenic.core.errors import InvalidScenarioError
 from scenic.core.object_types import setDynamicProxyFor
 from scenic.core.requirements import RequirementType
 from scenic.core.simulators import Simulation, SimulationCreationError, Simulator
+from scenic.syntax import veneer
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes.outer_step import OUTER_STEP_S, outer_step_s
 from foldcar.scenes.success import VERDICT
 from foldcar.simulation.carsim_step import State, SteppedCarsim
-from foldcar.simulation.outer_step import OUTER_STEP_S, outer_step_s
 from foldcar.simulation.scenic_ego import ShownEgo
 from foldcar.simulation.scenic_endings import ChangesMonitor, NativeEnding, is_pure, is_traceable
 from foldcar.simulation.scenic_records import Records, refuse_misplaced
@@ -118,7 +122,8 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._endings: list[Any] = []
         self._requirements: list[Any] = []
         self._things: list[WatchedThing] = []
-        super().__init__(scene, timestep=timestep, **options)
+        with _imported_requirements():
+            super().__init__(scene, timestep=timestep, **options)
         self._records.finish()
 
     @property
@@ -244,6 +249,13 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         for one in self._requirements:
             one.monitor = ChangesMonitor(one.proposition)
 
+    def actionsAreCompatible(self, agent: Any, actions: tuple[Any, ...]) -> bool:  # noqa: N802
+        """Scenic's hook."""
+        for action in actions:
+            if not isinstance(action, Action):
+                raise InvalidScenarioError(f"a {type(agent).__name__} takes {action!r}, which is no action")
+        return bool(super().actionsAreCompatible(agent, actions))
+
     def getProperties(self, obj: Any, properties: set[str]) -> dict[str, Any]:  # noqa: N802
         """Scenic's hook: what does not drive is where the program has put it."""
         return {name: getattr(obj, name) for name in properties}
@@ -282,6 +294,20 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             return math.inf
         unit_s = 1.0 if scenario._timeLimitIsInSeconds else self.timestep
         return float(scenario._timeLimit * unit_s)
+
+
+@contextlib.contextmanager
+def _imported_requirements() -> Iterator[None]:
+    """Within the block, Scenic evaluates a requirement of an imported program in the scenario that runs.
+
+    Its own scenario never runs, and Scenic's assertion that it does would fail.
+    """
+    evaluate = veneer.executeInRequirement
+    veneer.executeInRequirement = lambda scenario, ego, values: evaluate(veneer.currentScenario or scenario, ego, values)
+    try:
+        yield
+    finally:
+        veneer.executeInRequirement = evaluate
 
 
 def _result(simulation: CarSimulation, outcome: str | None) -> Result:

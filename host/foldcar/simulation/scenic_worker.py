@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from foldcar.errors import FoldcarError
+from foldcar.scenes.contained import contained
 from foldcar.scenes.program import one_line
 from foldcar.scenes.source import SceneSource, open_environment, other_scene, seeded
-from foldcar.scenes.time_limit import time_limit
 from foldcar.simulation.carsim_step import SimulatorDiedError, SteppedCarsim, TrialFailedError
 from foldcar.simulation.forked import Forked, answers_on
 from foldcar.simulation.own_code import may_change_state
@@ -136,7 +136,7 @@ class ScenicWorker:
     def _simulated(self, simulator: Any, k: int) -> dict[str, Any]:
         place = f"{self._source.program}: sample {k}"
         try:
-            with seeded(f"{self._source.seed}/{k}/run"), time_limit(RUN_LIMIT_S, "running"):
+            with seeded(f"{self._source.seed}/{k}/run"), contained(RUN_LIMIT_S, "running", self._source.program):
                 found: dict[str, Any] = simulator.run(self._scene)
                 return found
         except FoldcarError as error:

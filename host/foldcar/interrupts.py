@@ -105,6 +105,11 @@ def delayed() -> Iterator[None]:
             _obey()
 
 
+def is_pending() -> bool:
+    """Whether a signal waits for the end of a `delayed` block, which is then to end soon."""
+    return _pending
+
+
 def leave() -> None:
     """Tidy up, say it and end the process."""
     if hasattr(signal, "pthread_sigmask"):

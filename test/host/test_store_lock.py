@@ -31,8 +31,18 @@ TRY = """
 import sys
 from pathlib import Path
 from foldcar.store.writer import write_store
-with write_store(Path(sys.argv[1])):
+with write_store(Path(sys.argv[1])) as writer:
+    writer.begin_study({"command": "tried"}, "b9")
     print("written")
+"""
+# Another program that reads, without a write-ahead log, until its standard input ends.
+READ = """
+import sqlite3, sys
+connection = sqlite3.connect(sys.argv[1], isolation_level=None)
+connection.execute("BEGIN")
+connection.execute("SELECT count(*) FROM run").fetchone()
+print("reading", flush=True)
+sys.stdin.read()
 """
 
 
@@ -141,6 +151,82 @@ def test_a_store_of_another_process_is_read_meanwhile(store: Path) -> None:
         assert len(list(reader.results())) == 4
         with pytest.raises(sqlite3.OperationalError):
             reader._connection.execute("DELETE FROM run")
+
+
+@contextlib.contextmanager
+def read_by_another(store: Path) -> Iterator["subprocess.Popen[str]"]:
+    """Another program holds a read transaction."""
+    command = [sys.executable, "-c", READ, store]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None and process.stdout.readline() == "reading\n"
+            yield process
+        finally:
+            process.kill()
+
+
+def test_a_reader_keeps_no_writer_out_and_sees_one_moment(store: Path) -> None:
+    with Store.open(store) as reader:
+        assert reader.info().command == STUDY["command"]
+        assert attempt(store) == "written\n"
+
+        assert reader.info().command == STUDY["command"]
+        assert len(list(reader.results())) == 4
+    with Store.open(store) as reader:
+        assert reader.info().command == "tried"
+    assert [file.name for file in store.parent.iterdir()] == ["s.db"]
+
+
+def test_a_store_too_large_to_copy_is_read_where_it_is(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("foldcar.store.opening.MOST_COPIED_BYTES", 0)
+    with Store.open(store) as reader:
+        assert len(list(reader.results())) == 4
+        with pytest.raises(sqlite3.OperationalError, match="readonly"):
+            reader._connection.execute("DELETE FROM run")
+
+
+def test_a_writer_waits_for_another_program_and_says_so(store: Path) -> None:
+    with read_by_another(store) as other:
+        command = [sys.executable, "-c", TRY, store]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as writer:
+            assert writer.stderr is not None and other.stdin is not None
+            assert writer.stderr.readline() == (
+                f"{store}: waiting for another program that has it locked (Ctrl-C stops)\n"
+            )
+            other.stdin.close()
+            answer, errors = writer.communicate(timeout=60)
+
+    assert (answer, errors) == ("written\n", "")
+
+
+def test_ctrl_c_ends_a_writer_that_waits(store: Path) -> None:
+    command = [sys.executable, "-m", "foldcar", "migrate", store]
+    with read_by_another(store), subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as writer:
+        assert writer.stderr is not None and "waiting for another program" in writer.stderr.readline()
+        writer.send_signal(signal.SIGINT)
+        _, errors = writer.communicate(timeout=60)
+
+    assert (writer.returncode, errors) == (130, "foldcar: stopped\n")
+    assert attempt(store) == "written\n"
+
+
+def test_patience_ends_with_one_line(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("foldcar.store.patience.PATIENCE_S", 0.0)
+    refused = pytest.raises(StoreError, match=r"s\.db: is locked by another program; end that and try again")
+    with read_by_another(store), refused, writing(store):
+        pass
+
+
+def test_where_there_is_no_shared_memory_a_store_is_written_with_a_journal(store: Path) -> None:
+    shared = store.with_name("s.db-shm")
+    shared.symlink_to(shared)
+
+    with write_store(store) as writer:
+        writer.begin_study({**STUDY, "command": "again"}, "b1")
+        assert not store.with_name("s.db-wal").exists() or store.with_name("s.db-wal").stat().st_size == 0
+    with Store.open(store) as reader:
+        assert reader.info().command == "again"
+        assert len(list(reader.results())) == 4
 
 
 # A program that is killed in the middle of a transaction without a write-ahead log, as `sqlite3` writes one.

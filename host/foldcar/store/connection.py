@@ -79,7 +79,7 @@ class StoreConnection:
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[None]:
-        with delayed(), store_errors(self.path), transaction(self._connection):
+        with delayed(), store_errors(self.path), transaction(self.path, self._connection):
             yield
         if not is_written_here(self.path):
             # SQLite goes on writing a file that has lost its name.

@@ -26,6 +26,7 @@ from typing import Any
 
 from foldcar.store.car_in_log import car_in_log
 from foldcar.store.errors import StoreError, store_errors
+from foldcar.store.patience import patiently
 from foldcar.store.rows import check_json, insert_sql, key_text, stored
 from foldcar.store.tables import RESULT_VIEW, RUN, TABLES, VIEWS, Table
 from foldcar.store.trial_records import BUILT
@@ -52,7 +53,7 @@ def migrate(path: Path, connection: sqlite3.Connection) -> None:
             raise StoreError(f"{path}: is damaged: {sound}; it is left at its version")
         # Views that a user made go on to name the tables that they name.
         connection.execute("PRAGMA legacy_alter_table = ON")
-        with transaction(connection):
+        with transaction(path, connection):
             (version,) = connection.execute("PRAGMA user_version").fetchone()
             if version < 2:
                 _cars_are_as_designed(path, connection)
@@ -68,7 +69,7 @@ def add_metrics(path: Path, connection: sqlite3.Connection) -> None:
         there = {name for _, name, *_ in connection.execute("PRAGMA table_info(run)")}
         missing = [column for column in RUN.columns if column.name not in there]
         if missing:
-            with transaction(connection):
+            with transaction(path, connection):
                 connection.execute("DROP VIEW IF EXISTS result")
                 for column in missing:
                     connection.execute(f"ALTER TABLE run ADD COLUMN {column.sql}")
@@ -96,12 +97,12 @@ def copy_beside(path: Path, connection: sqlite3.Connection, version: int) -> Pat
 
 
 @contextlib.contextmanager
-def transaction(connection: sqlite3.Connection) -> Iterator[None]:
-    """Everything in the block, or nothing."""
-    connection.execute("BEGIN IMMEDIATE")
+def transaction(path: Path, connection: sqlite3.Connection) -> Iterator[None]:
+    """Everything in the block, or nothing. Waits for other programs; ``path`` is what messages name."""
+    patiently(path, lambda: connection.execute("BEGIN IMMEDIATE"))
     try:
         yield
-        connection.execute("COMMIT")
+        patiently(path, lambda: connection.execute("COMMIT"))
     finally:
         # Still open only if something went wrong: then nothing of it counts.
         if connection.in_transaction:

@@ -39,7 +39,7 @@ def new_store(store: Path) -> Iterator[tuple[sqlite3.Connection, list[tuple[Path
                 connection = sqlite3.connect(part, isolation_level=None)
             with contextlib.closing(connection):
                 fill_blank(store, connection)
-                with store_errors(store), transaction(connection):
+                with store_errors(store), transaction(store, connection):
                     yield connection, logs
             with _logs_beside(logs):
                 _give_name(part, store)

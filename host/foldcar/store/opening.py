@@ -1,8 +1,9 @@
 """How a store's file is made, opened, brought up to this version and refused.
 
-A store is one SQLite file. While it is written, it is in write-ahead mode with two files beside it; whoever ends
-turns it back into a single file. Those who only read change nothing: they read an older version through a migrated
-copy, which SQLite keeps in memory and in a temporary file that vanishes with the connection.
+A store is one SQLite file. While it is written, it is in write-ahead mode with two files beside it, where the file
+system has shared memory; whoever ends turns it back into a single file. Those who only read change nothing and lock
+nobody out: they read a copy, migrated if the store is of an older version, which SQLite keeps in memory and in a
+temporary file that vanishes with the connection.
 """
 
 import contextlib
@@ -15,6 +16,7 @@ from foldcar.interrupts import held, raised
 from foldcar.output_folder import make_output_folder
 from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
 from foldcar.store.migrations import VERSION, add_metrics, copy_beside, create_tables, migrate, transaction
+from foldcar.store.patience import BUSY_S, patiently
 from foldcar.store.tables import CHECKSUM, RUN
 from foldcar.store.write_ahead_log import refuse_damaged_log
 from foldcar.store.writer_lock import check_journal, is_written_here, writer_lock
@@ -22,29 +24,43 @@ from foldcar.store.writer_lock import check_journal, is_written_here, writer_loc
 # "Fcar" in ASCII: tells a store from other SQLite files.
 APPLICATION_ID = 0x46636172
 
+# Larger stores, of some ten million runs, are read where they are.
+MOST_COPIED_BYTES = 2**30
+
 
 def open_reading(path: Path) -> sqlite3.Connection:
     """A connection that sees one moment of an existing store and never writes; StoreError if it is none."""
+    with contextlib.closing(connect_reading(path)) as connection:
+        refuse_damaged_log(path)
+        is_older = store_version(path, connection) < VERSION
+        if is_older or path.stat().st_size <= MOST_COPIED_BYTES:
+            return _copied(path, connection, is_older)
+    # A reader of so large a store keeps writers waiting, unless one was there before it.
     connection = connect_reading(path)
     try:
-        refuse_damaged_log(path)
-        if store_version(path, connection) == VERSION:
-            with store_errors(path):
-                connection.execute("BEGIN")
-            return connection
         with store_errors(path):
-            copy = sqlite3.connect("", isolation_level=None)
-        try:
-            with store_errors(path):
-                connection.backup(copy)
-            migrate(path, copy)
-        except BaseException:
-            copy.close()
-            raise
+            connection.execute("BEGIN")
     except BaseException:
         connection.close()
         raise
-    connection.close()
+    return connection
+
+
+def _copied(path: Path, connection: sqlite3.Connection, is_older: bool) -> sqlite3.Connection:
+    """A copy of the store, brought up to this version."""
+    with store_errors(path):
+        copy = sqlite3.connect("", isolation_level=None)
+    try:
+        with store_errors(path):
+            # With a function to call, signals are heard while SQLite waits for another program.
+            connection.backup(copy, progress=lambda status, remaining, total: None)
+        if is_older:
+            migrate(path, copy)
+        with store_errors(path):
+            copy.execute("PRAGMA query_only = ON")
+    except BaseException:
+        copy.close()
+        raise
     return copy
 
 
@@ -56,7 +72,7 @@ def connect_reading(path: Path) -> sqlite3.Connection:
         raise StoreError(f"{path}: is no file")
     check_journal(path)
     with store_errors(path):
-        return sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, isolation_level=None)
+        return sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", BUSY_S, uri=True, isolation_level=None)
 
 
 def require_store(path: Path) -> None:
@@ -100,7 +116,7 @@ def writing(path: Path) -> Iterator[sqlite3.Connection]:
 def store_version(path: Path, connection: sqlite3.Connection) -> int:
     """The version of a store, this one's or an older one; StoreError if it is newer, or no store."""
     try:
-        (application_id,) = connection.execute("PRAGMA application_id").fetchone()
+        (application_id,) = patiently(path, lambda: connection.execute("PRAGMA application_id").fetchone())
         (version,) = connection.execute("PRAGMA user_version").fetchone()
         columns = [name for _, name, *_ in connection.execute("PRAGMA table_info(run)")]
     except SQLITE_ERRORS as error:
@@ -121,7 +137,7 @@ def store_version(path: Path, connection: sqlite3.Connection) -> int:
 
 def fill_blank(path: Path, connection: sqlite3.Connection) -> None:
     """Make an empty SQLite file an empty store of this version."""
-    with store_errors(path), transaction(connection):
+    with store_errors(path), transaction(path, connection):
         create_tables(connection)
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
         connection.execute(f"PRAGMA user_version = {VERSION}")
@@ -131,7 +147,7 @@ def _open_writing(path: Path) -> sqlite3.Connection:
     check_journal(path)
     refuse_damaged_log(path)
     with store_errors(path):
-        connection = sqlite3.connect(path, isolation_level=None)
+        connection = sqlite3.connect(path, BUSY_S, isolation_level=None)
     try:
         if _is_blank(path, connection):
             fill_blank(path, connection)
@@ -142,7 +158,7 @@ def _open_writing(path: Path) -> sqlite3.Connection:
         raise
     try:
         with store_errors(path):
-            connection.execute("PRAGMA journal_mode = WAL")
+            connection = _with_log(path, connection)
         if backup is None:
             add_metrics(path, connection)
         else:
@@ -152,6 +168,27 @@ def _open_writing(path: Path) -> sqlite3.Connection:
             connection.execute("PRAGMA synchronous = NORMAL")
     except BaseException:
         _close_writing(path, connection)
+        raise
+    return connection
+
+
+def _with_log(path: Path, connection: sqlite3.Connection) -> sqlite3.Connection:
+    """The connection in write-ahead mode; one with a rollback journal where the file system has no shared memory."""
+    try:
+        patiently(path, lambda: connection.execute("PRAGMA journal_mode = WAL").fetchone())
+        connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        return connection
+    except sqlite3.OperationalError:
+        connection.close()
+    connection = sqlite3.connect(path, BUSY_S, isolation_level=None)
+    try:
+        # A connection that lets nobody else in needs no shared memory to leave the mode.
+        connection.execute("PRAGMA locking_mode = EXCLUSIVE")
+        patiently(path, lambda: connection.execute("PRAGMA journal_mode = DELETE").fetchone())
+        connection.execute("PRAGMA locking_mode = NORMAL")
+        connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    except BaseException:
+        connection.close()
         raise
     return connection
 
@@ -183,7 +220,7 @@ def _close_writing(path: Path, connection: sqlite3.Connection) -> None:
 def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
     """Whether the file is new, or as a creation that was cut short leaves it."""
     try:
-        (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        (tables,) = patiently(path, lambda: connection.execute("SELECT count(*) FROM sqlite_master").fetchone())
         (application_id,) = connection.execute("PRAGMA application_id").fetchone()
     except SQLITE_ERRORS as error:
         raise StoreError(f"{path}: is no foldcar store ({error})") from error

@@ -6,14 +6,17 @@ from pathlib import Path
 
 import numpy
 import pytest
+from matplotlib.patches import Rectangle
 from typer.testing import CliRunner
 
 from foldcar.cli import app
+from foldcar.report.design_matrix import design_matrix
 from foldcar.report.design_table import Count, DesignTable, every, mean_interval, read_table, spread
 from foldcar.report.environment_groups import environment_groups
 from foldcar.report.environment_plot import joined_table
 from foldcar.report.heat_map import draw_map, edges, is_open
 from foldcar.report.map_plan import MOST_PANELS, Panel, plan_map
+from foldcar.report.slices import Slices, draw_slices
 from foldcar.report.success_plot import BLUE, GREEN, NAVY, success_colour
 from foldcar.store.reader import Store
 from foldcar.store.writer import write_store
@@ -107,6 +110,24 @@ def test_the_parameters_that_matter_most_are_the_axes_and_the_others_are_fixed_a
     assert len(plan.panels) == MOST_PANELS
     assert "flat 0, 2, 3, 5 of 6 values" in plan.choice
     assert plan_map(DesignTable(("width_mm",), {(x,): Count(3, 1) for x in WIDTHS})) is None
+
+
+def test_a_map_of_a_search_leaves_out_parameters_of_which_it_ran_one_value() -> None:
+    names = ("length_mm", "width_mm", "radius_mm", "height_mm")
+    cells = {(60.0, x, y, 50.0): count for (x, y), count in plane().cells.items() if (x, y) != (60.0, 40.0)}
+    plan = plan_map(DesignTable(names, cells))
+
+    assert plan is not None and {plan.x, plan.y} == {"width_mm", "radius_mm"}
+    assert plan.choice == "" and not plan.middle.fixed
+    cell_count = sum(isinstance(patch, Rectangle) for patch in draw_map(plan, (0.5,)).axes[0].patches)
+    assert cell_count == len(cells)
+    assert design_matrix(plan.middle) is not None
+    for along in (plan.x, plan.y):
+        assert draw_slices(Slices(plan.middle, along), (0.5,)).axes
+    # Designs that a search scattered: a panel may hold one of them.
+    single = {(60.0, 65.0, 40.0, 50.0): Count(5, 1), (75.0, 85.0, 56.0, 50.0): Count(5, 4)}
+    scattered = plan_map(DesignTable(names, single))
+    assert scattered is not None and draw_slices(Slices(scattered.middle, scattered.y), (0.5,)).axes
 
 
 def test_single_runs_and_few_designs_have_no_model() -> None:

@@ -90,6 +90,8 @@ def plan_map(table: DesignTable, x: str | None = None) -> MapPlan | None:
     parameters of at least two values.
     """
     varied = [name for name in table.names if len(table.values(name)) > 1]
+    # A search may have run one value only of a parameter that it could vary.
+    table = table.where({name: table.values(name)[0] for name in table.names if name not in varied})
     ranked = sorted((name for name in varied if name != x), key=lambda name: -table.effect(name))
     axes = [x, *ranked][:2] if x is not None else sorted(ranked[:2], key=lambda name: -len(table.values(name)))
     if len(axes) < 2 or axes[0] not in varied:
@@ -101,7 +103,7 @@ def plan_map(table: DesignTable, x: str | None = None) -> MapPlan | None:
         fixed = dict(zip(others, values, strict=True))
         designs = table.where(fixed)
         if designs.cells:
-            panels.append(Panel(axes[0], axes[1], fixed, designs.where({})))
+            panels.append(Panel(axes[0], axes[1], fixed, designs))
     if not panels:
         return None
     return MapPlan(axes[0], axes[1], tuple(panels), _choice(table, varied, chosen, x))

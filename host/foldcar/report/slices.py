@@ -83,7 +83,7 @@ def draw_slices(slices: Slices, thresholds: Sequence[float], narrow: bool = Fals
 def _ticks(axes: Axes, values: Sequence[float], width_in: float, columns: int) -> None:
     shown = every(values, max(2, int(width_in / columns / 0.42)))
     axes.set_xticks(shown, [value_text(value) for value in shown])
-    margin = 0.06 * (values[-1] - values[0])
+    margin = 0.06 * (values[-1] - values[0]) or 1.0
     axes.set_xlim(values[0] - margin, values[-1] + margin)
 
 

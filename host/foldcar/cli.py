@@ -40,6 +40,7 @@ from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import sample
 from foldcar.commands.select import select
+from foldcar.commands.strict_command import StrictCommand
 from foldcar.commands.sweep import sweep
 from foldcar.commands.trials import trials
 from foldcar.commands.view import view
@@ -68,6 +69,9 @@ app.command("import")(import_store)
 app.command("calibrate-servos")(calibrate_servos)
 app.add_typer(trials)
 app.add_typer(params)
+for group in (app, trials, params):
+    for registered in group.registered_commands:
+        registered.cls = StrictCommand
 
 
 def _print_version(wanted: bool) -> None:

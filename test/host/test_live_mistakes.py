@@ -121,6 +121,15 @@ def test_parameters_that_no_car_keeps_are_named(tmp_path: Path, port: str, foldc
     assert "\n1 of 1 parameters differ; 5" in differing.stdout
 
 
+@pytest.mark.parametrize("number", ["1_510", "١٥١٠"])
+def test_a_parameter_file_has_typed_numbers(tmp_path: Path, number: str) -> None:
+    file = tmp_path / "car.parm"
+    file.write_text(f"CH1_NEUTRAL_US {number}\n")
+
+    with pytest.raises(FoldcarError, match=r"car\.parm: line 1: not NAME VALUE"):
+        read_file(file)
+
+
 def test_a_number_beyond_32_bits_in_a_file_is_named(tmp_path: Path) -> None:
     file = tmp_path / "car.parm"
     file.write_text("TRIAL_MAX_S 1e39\n")
@@ -151,6 +160,14 @@ def test_a_port_that_is_none_is_named(name: str, message: str) -> None:
         open_stream(name)
 
 
+@pytest.mark.parametrize("number", ["1_0", "٥"])
+def test_a_deviation_has_typed_numbers(number: str) -> None:
+    answers = TypedAnswers(lambda: None)
+
+    with pytest.raises(FoldcarError, match="not NAME X_MM Y_MM"):
+        ask_deviations(answers, {}, [f"car {number} 5"], True)
+
+
 def test_a_second_deviation_of_one_thing_is_refused() -> None:
     answers = TypedAnswers(lambda: None)
 
@@ -162,7 +179,10 @@ def test_a_second_deviation_of_one_thing_is_refused() -> None:
     ("column", "cell", "message"),
     [
         ("count", "0", "count: 0 is below the minimum 1"),
+        ("count", "1_0", 'count: "1_0" is not a whole number'),
         ("elapsed_time_s", "1e300", "elapsed_time_s: 1e300 is above the maximum 86400"),
+        ("width_mm", "９５", 'width_mm: "９５" is not a number'),
+        ("width_mm", "9_5", 'width_mm: "9_5" is not a number'),
         ("started_utc", "0001-01-01T00:00:00+02:00", "started_utc: .* is not a date"),
     ],
 )
@@ -175,6 +195,32 @@ def test_a_cell_of_imported_trials_that_cannot_be_is_named(
 
     with pytest.raises(FoldcarError, match=f"t.csv: line 3: {message}"):
         read_trials(file, None)
+
+
+def test_outcomes_are_read_as_a_spreadsheet_capitalises_them(tmp_path: Path) -> None:
+    file = tmp_path / "t.csv"
+    file.write_text("vehicle_type,outcome,source,experiment,car\nW_B_W,Passed,p,1,Built\nW_B_W,NOT_PASSED,p,1,\n")
+
+    found = read_trials(file, None)
+
+    assert [(trial["outcome"], trial["car"]) for trial in found] == [("passed", "built"), ("not_passed", "built")]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("vehicle_type;outcome;source\nW_B_W;passed;p\n", r't\.csv: its columns are separated by ";"; separate them by'),
+        ("vehicle_type\toutcome\tsource\n", r"t\.csv: its columns are separated by tabs; separate them by commas"),
+        ("Vehicle_type,outcome,source\n", 'unknown column "Vehicle_type"; .*; did you mean "vehicle_type"'),
+        ("vehicle_type,outcome,source\nW_B_W,pased,p\n", r'line 2: outcome: "pased" is not .*; did you mean "passed"'),
+    ],
+)
+def test_a_table_that_is_written_otherwise_says_how(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "t.csv"
+    file.write_text(text)
+
+    with pytest.raises(FoldcarError, match=message):
+        read_trials(file, "1")
 
 
 def test_a_start_in_another_zone_is_stored_in_utc(tmp_path: Path) -> None:

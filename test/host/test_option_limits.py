@@ -60,3 +60,32 @@ def test_a_parameter_of_a_program_that_is_given_twice_is_refused(tmp_path: Any, 
     (tmp_path / "p.scenic").write_text("model model\n")
     answer = foldcar("sample", "p.scenic", "--param", "a=1", "--param", "a=2")
     assert (answer.returncode, answer.stderr) == (2, "foldcar: error: --param a=2: a is given twice\n")
+
+
+@pytest.mark.parametrize("number", ["9_5", "９５", "٣", "0x10"])
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("sweep", "l.json", "--store", "s.db", "--jobs"), "'--jobs'"),
+        (("sample", "p.scenic", "-n"), "'--count'"),
+        (("trials", "withdraw", "s.db", "1", "--reason", "x"), "'TRIAL...'"),
+        (("params", "set", "TRIAL_MAX_S"), "'VALUE'"),
+        (("report", "s.db", "-o", "r", "--threshold", "0.5", "--threshold"), "'--threshold'"),
+        (("pattern", "l.json", "-o", "out", "--kerf"), "'--kerf'"),
+    ],
+)
+def test_digits_of_other_scripts_and_underscores_are_no_numbers(
+    foldcar: Any, words: tuple[str, ...], named: str, number: str
+) -> None:
+    answer = foldcar(*words, number)
+
+    assert answer.returncode == 2
+    assert f"{named}: '{number}' is no " in answer.stderr, answer.stderr
+
+
+@pytest.mark.parametrize("number", ["9_5", "９５"])
+def test_settings_are_typed_numbers(write_listing: Any, listing_data: Any, foldcar: Any, number: str) -> None:
+    answer = foldcar("pattern", write_listing(listing_data), "-o", "out", "--set", f"width={number}")
+
+    assert answer.returncode == 2
+    assert answer.stderr.startswith(f"foldcar: error: --set width={number}: not NAME=MM")

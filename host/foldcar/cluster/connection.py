@@ -65,11 +65,11 @@ def _local_workers(scheduler: str) -> int | None:
     if scheduler == LOCAL:
         return usable_processors()
     head, _, tail = scheduler.partition(":")
-    if head == LOCAL and re.fullmatch(r"\d{1,9}", tail) and 1 <= int(tail) <= MOST_JOBS:
+    if head == LOCAL and re.fullmatch(r"[0-9]{1,9}", tail) and 1 <= int(tail) <= MOST_JOBS:
         return int(tail)
     if head == LOCAL:
         raise FoldcarError(f"--scheduler: {scheduler}: is not local:N with N from 1 to {MOST_JOBS}")
-    if not re.fullmatch(r"([a-z]+://)?(\[[0-9a-fA-F:.%\w]+\]|[^\s:/\[\]]+):\d{1,5}", scheduler):
+    if not re.fullmatch(r"([a-z]+://)?(\[[0-9a-fA-F:.%\w]+\]|[^\s:/\[\]]+):[0-9]{1,5}", scheduler):
         raise FoldcarError(f"--scheduler: '{scheduler}' is neither local nor an address, as tcp://10.0.0.1:8786")
     return None
 

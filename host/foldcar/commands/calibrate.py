@@ -100,9 +100,10 @@ def calibrate(
 
 def _value(text: str) -> tuple[str, float]:
     from foldcar.errors import FoldcarError
+    from foldcar.typed_numbers import decimal_number
 
     name, _, value = text.partition("=")
     try:
-        return name.strip(), float(value)
+        return name.strip(), decimal_number(value)
     except ValueError:
         raise FoldcarError(f"--known {text}: is not NAME=VALUE with a number") from None

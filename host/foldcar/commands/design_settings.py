@@ -7,6 +7,7 @@ import typer
 
 from foldcar.car.parts.choices import OPTIONS
 from foldcar.errors import FoldcarError
+from foldcar.typed_numbers import decimal_number
 
 Settings = Annotated[
     list[str] | None,
@@ -27,7 +28,7 @@ def design_settings(words: Sequence[str]) -> dict[str, float | str]:
             settings[key] = text
             continue
         try:
-            settings[key] = float(text)
+            settings[key] = decimal_number(text)
         except ValueError:
             equals = ""
         if not equals:

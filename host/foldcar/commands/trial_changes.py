@@ -45,6 +45,7 @@ def correct(
     from foldcar.store.reader import Store
     from foldcar.store.trial_writer import write_trials
 
+    outcome, car = (None if word is None else word.lower() for word in (outcome, car))
     changes = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": car}
     if all(value is None for value in changes.values()):
         raise FoldcarError("trials correct: say what to change: --outcome, --note, --elapsed-time or --car")

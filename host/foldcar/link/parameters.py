@@ -14,6 +14,7 @@ from foldcar.atomic_file import atomic_file
 from foldcar.errors import FoldcarError
 from foldcar.link.car import ANSWER_S, TRIES, Car
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
+from foldcar.typed_numbers import decimal_number
 
 LIST_S = 20.0
 QUIET_S = 0.4
@@ -115,7 +116,7 @@ def read_file(file: Path) -> dict[str, float]:
         if not words:
             continue
         try:
-            name, value = words[0], float(words[1])
+            name, value = words[0], decimal_number(words[1])
         except (IndexError, ValueError):
             value = math.nan
         if len(words) == 2 and math.isfinite(value) and not fits_float32(value):

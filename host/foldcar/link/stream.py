@@ -170,7 +170,7 @@ def permission_text(name: str) -> str:
 
 def _open_tcp(name: str) -> Stream:
     host, colon, port = name.removeprefix(TCP).rpartition(":")
-    if not colon or not port.isdecimal() or not 0 < int(port) < 65536:
+    if not colon or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 65536:
         raise FoldcarError(f"{name}: not tcp:HOST:PORT")
     try:
         return _TcpStream(name, host, int(port))

@@ -15,6 +15,7 @@ from typing import Any
 from foldcar.store.errors import StoreError
 from foldcar.store.rows import Row, check_json, stored
 from foldcar.store.tables import CHECKSUM, Table
+from foldcar.typed_numbers import decimal_number, whole_number
 
 FORMATS = ("csv", "parquet")
 BATCH_ROWS = 10_000
@@ -127,7 +128,7 @@ def _value(name: str, kind: str, quoted: str | None, bare: str | None) -> str | 
     if not bare:
         return None
     try:
-        return int(bare) if kind == "INTEGER" else float(bare)
+        return whole_number(bare) if kind == "INTEGER" else decimal_number(bare)
     except ValueError:
         raise ValueError(f"{name}: {bare[:80]!r} is no {'whole ' * (kind == 'INTEGER')}number") from None
 

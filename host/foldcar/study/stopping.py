@@ -40,7 +40,7 @@ def stopping_rules(until: str, study: Study) -> dict[str, StoppingRule]:
                 what = "is missing; --until decided needs it, as 0.75 or [0.5, 0.75]"
                 raise FoldcarError(f"{experiment.place}.params.threshold: {what}")
         return {experiment.id: StoppingRule(None, experiment.thresholds) for experiment in study.experiments}
-    points = re.fullmatch(r"(\d+(?:\.\d+)?) ?pp", until)
+    points = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?) ?pp", until)
     if points is None:
         raise FoldcarError(f"--until: '{until}' is neither decided nor percentage points, as 5pp")
     width = float(points[1])

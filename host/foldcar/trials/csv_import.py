@@ -15,8 +15,10 @@ from typing import Any
 
 from foldcar.car.design import DesignError, compose
 from foldcar.car.modules import parameters
+from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MOST_ID, TRIAL_OUTCOMES
+from foldcar.typed_numbers import decimal_number, whole_number
 
 NEEDED = ("vehicle_type", "outcome", "source")
 OPTIONAL = ("experiment", "count", "car", "sample", "elapsed_time_s", "note", "operator", "started_utc")
@@ -57,9 +59,13 @@ def _cells(file: Path, number: int, line: str) -> list[str]:
 def _check_header(file: Path, header: list[str]) -> None:
     design = [parameter.column for parameter in parameters().values()]
     known = [*NEEDED, *OPTIONAL, *design]
+    if len(header) == 1 and (separator := next((sign for sign in ";\t|" if sign in header[0]), None)):
+        shown = "tabs" if separator == "\t" else f'"{separator}"'
+        raise FoldcarError(f"{file}: its columns are separated by {shown}; separate them by commas")
     for name in header:
         if name not in known:
-            raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known)}')
+            close = did_you_mean(name.lower(), known)
+            raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known)}{close}')
         if header.count(name) > 1:
             raise FoldcarError(f'{file}: column "{name}" occurs twice')
     for name in NEEDED:
@@ -71,16 +77,18 @@ def _trials(place: str, row: Mapping[str, str], experiment: str | None) -> list[
     for name in NEEDED:
         if name not in row:
             raise FoldcarError(f"{place}: {name}: is empty")
-    if row["outcome"] not in TRIAL_OUTCOMES:
-        raise FoldcarError(f'{place}: outcome: "{row["outcome"]}" is not one of {", ".join(TRIAL_OUTCOMES)}')
-    car = row.get("car", BUILT)
+    # Spreadsheets capitalise what is typed into a cell.
+    outcome, car = row["outcome"].lower(), row.get("car", BUILT).lower()
+    if outcome not in TRIAL_OUTCOMES:
+        close = did_you_mean(outcome, TRIAL_OUTCOMES)
+        raise FoldcarError(f'{place}: outcome: "{row["outcome"]}" is not one of {", ".join(TRIAL_OUTCOMES)}{close}')
     if car not in CARS:
-        raise FoldcarError(f'{place}: car: "{car}" is not one of {", ".join(CARS)}')
+        raise FoldcarError(f'{place}: car: "{row["car"]}" is not one of {", ".join(CARS)}')
     named = row.get("experiment", experiment)
     if named is None:
         raise FoldcarError(f"{place}: experiment: is empty; fill it or use --experiment ID")
     keys = {parameter.column: key for key, parameter in parameters().items()}
-    values = {keys[name]: _number(place, row, name, float) for name in row if name in keys}
+    values = {keys[name]: _number(place, row, name, decimal_number) for name in row if name in keys}
     try:
         design = compose(row["vehicle_type"], values)
     except DesignError as error:
@@ -89,22 +97,22 @@ def _trials(place: str, row: Mapping[str, str], experiment: str | None) -> list[
         "experiment": named,
         "vehicle_type": design.type,
         "design": design.columns,
-        "outcome": row["outcome"],
+        "outcome": outcome,
         "source": row["source"],
         "car": car,
         **{name: row[name] for name in ("note", "operator", "started_utc") if name in row},
     }
     if "sample" in row:
-        trial["sample"] = _number(place, row, "sample", int)
+        trial["sample"] = _number(place, row, "sample", whole_number)
         if trial["sample"] > MOST_ID:
             raise FoldcarError(f"{place}: sample: {row['sample']} is above the maximum {MOST_ID}")
     if "elapsed_time_s" in row:
-        trial["elapsed_time_s"] = _number(place, row, "elapsed_time_s", float)
+        trial["elapsed_time_s"] = _number(place, row, "elapsed_time_s", decimal_number)
         if trial["elapsed_time_s"] > LONGEST_S:
             raise FoldcarError(f"{place}: elapsed_time_s: {row['elapsed_time_s']} is above the maximum {LONGEST_S:g}")
     if "started_utc" in row:
         trial["started_utc"] = _time_utc(place, row["started_utc"])
-    count = _number(place, row, "count", int) if "count" in row else 1
+    count = _number(place, row, "count", whole_number) if "count" in row else 1
     if count < 1:
         raise FoldcarError(f"{place}: count: {count} is below the minimum 1")
     if count > MOST_COUNT:
@@ -119,7 +127,8 @@ def _number(place: str, row: Mapping[str, str], name: str, kind: Callable[[str],
     except OverflowError:
         finite = False
     except ValueError:
-        raise FoldcarError(f'{place}: {name}: "{row[name]}" is not a {"whole " if kind is int else ""}number') from None
+        whole = "whole " if kind is whole_number else ""
+        raise FoldcarError(f'{place}: {name}: "{row[name]}" is not a {whole}number') from None
     if not finite or value < 0:
         raise FoldcarError(f"{place}: {name}: {row[name]} is below the minimum 0 or not finite")
     return value

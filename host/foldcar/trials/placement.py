@@ -14,6 +14,7 @@ from typing import Any
 from foldcar.errors import FoldcarError
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.terrain_kinds import description
+from foldcar.typed_numbers import decimal_number
 
 CAR = "car"
 MOST_DEVIATION_MM = 1000.0
@@ -54,7 +55,7 @@ def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, 
     if not words or words[0] not in names:
         raise FoldcarError(f'deviation "{text}": does not begin with one of {", ".join(names)}')
     try:
-        numbers = [float(word) for word in words[1:]]
+        numbers = [decimal_number(word) for word in words[1:]]
     except ValueError:
         numbers = []
     if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):

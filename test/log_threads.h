@@ -29,12 +29,23 @@ struct ThreadLogs : SimLogs {
   }
 };
 
+// Records of this test: as they are, behind a byte that is their size.
+struct PlainFormat : LogFormat {
+  void begin() override {}
+  Unpacked unpack(const std::uint8_t* packed, std::uint8_t* record) override {
+    const std::size_t size = packed[0];
+    for (std::size_t i = 0; i < size; ++i) record[i] = packed[1 + i];
+    return {1 + size, size};
+  }
+};
+
 // Records count logs, each larger than the ring, of records that are numbered and filled with their number. Returns what is
 // wrong with what was stored; "" if nothing is.
 inline std::string record_and_store_in_two_threads(int count, unsigned seed) {
   constexpr std::uint32_t kRecords = 10000;
   ThreadLogs logs;
-  LogWriter writer(logs);
+  PlainFormat format;
+  LogWriter writer(logs, format);
   std::atomic<bool> ends{false};
   std::thread worker([&] {
     while (!ends.load()) {
@@ -49,15 +60,17 @@ inline std::string record_and_store_in_two_threads(int count, unsigned seed) {
     std::uint32_t lost = 0;
     if (!writer.begin()) problem = "a log that was closed is not free";
     for (std::uint32_t number = 0; number < kRecords; ++number) {
-      std::uint8_t record[64];
+      std::uint8_t packed[1 + 64];
+      std::uint8_t* const record = packed + 1;
       const std::size_t size = 8 + random() % 56;
-      std::memset(record, static_cast<int>(number & 0xFF), sizeof record);
+      packed[0] = static_cast<std::uint8_t>(size);
+      std::memset(record, static_cast<int>(number & 0xFF), 64);
       std::memcpy(record, &number, sizeof number);
-      bool fits = writer.put(record, size, 128);
+      bool fits = writer.put(packed, 1 + size, 128);
       // Most records wait for the other thread, some are lost.
       while (!fits && random() % 50 != 0) {
         std::this_thread::sleep_for(std::chrono::microseconds(100));
-        fits = writer.put(record, size, 128);
+        fits = writer.put(packed, 1 + size, 128);
       }
       if (fits) {
         put.append(record, record + size);

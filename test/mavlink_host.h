@@ -66,6 +66,28 @@ class MavlinkHost {
     return pack(mavlink_msg_param_set_encode_status, content);
   }
 
+  std::string request_log_list() {
+    mavlink_log_request_list_t content{};
+    content.target_system = content.target_component = 1;
+    content.end = 0xFFFF;
+    return pack(mavlink_msg_log_request_list_encode_status, content);
+  }
+
+  // The whole log.
+  std::string request_log_data(std::uint16_t id) {
+    mavlink_log_request_data_t content{};
+    content.target_system = content.target_component = 1;
+    content.id = id;
+    content.count = UINT32_MAX;
+    return pack(mavlink_msg_log_request_data_encode_status, content);
+  }
+
+  std::string erase_logs() {
+    mavlink_log_erase_t content{};
+    content.target_system = content.target_component = 1;
+    return pack(mavlink_msg_log_erase_encode_status, content);
+  }
+
   // Reads bytes of the car and keeps the messages in received.
   void receive(const std::string& bytes) {
     for (const char byte : bytes) {
@@ -111,6 +133,11 @@ class MavlinkHost {
       }
     }
     return lines;
+  }
+
+  bool said(const std::string& line) const {
+    const std::vector<std::string> lines = texts();
+    return std::find(lines.begin(), lines.end(), line) != lines.end();
   }
 
   std::vector<mavlink_message_t> received;

@@ -1,9 +1,11 @@
 // Logs of untethered trials: what is recorded, fetched, kept and erased.
 #include <unity.h>
 
+#include <random>
 #include <string>
 
 #include "link_bench.h"
+#include "log_packing.h"
 
 namespace foldcar {
 namespace {
@@ -20,20 +22,13 @@ void an_untethered_trial_is_recorded_and_can_be_fetched() {
   const std::string& stored = bench.board.logs.logs[1];
 
   bench.host.received.clear();
-  mavlink_log_request_list_t list{};
-  list.target_system = list.target_component = 1;
-  list.end = 0xFFFF;
-  bench.run(40, bench.host.pack(mavlink_msg_log_request_list_encode_status, list));
+  bench.run(40, bench.host.request_log_list());
   const auto entries = bench.host.all<mavlink_log_entry_t>(MAVLINK_MSG_ID_LOG_ENTRY, mavlink_msg_log_entry_decode);
   TEST_ASSERT_EQUAL_UINT(1, entries.size());
   TEST_ASSERT_EQUAL_UINT(1, entries[0].num_logs);
   TEST_ASSERT_EQUAL_UINT(stored.size(), entries[0].size);
 
-  mavlink_log_request_data_t data{};
-  data.target_system = data.target_component = 1;
-  data.id = entries[0].id;
-  data.count = UINT32_MAX;
-  bench.run(8000, bench.host.pack(mavlink_msg_log_request_data_encode_status, data));
+  bench.run(8000, bench.host.request_log_data(entries[0].id));
   std::string fetched;
   for (const auto& part : bench.host.all<mavlink_log_data_t>(MAVLINK_MSG_ID_LOG_DATA, mavlink_msg_log_data_decode)) {
     TEST_ASSERT_EQUAL_UINT(fetched.size(), part.ofs);
@@ -70,10 +65,44 @@ void the_newest_logs_are_kept_and_all_can_be_erased() {
   }
   TEST_ASSERT_EQUAL_UINT(kLogsKept, bench.board.logs.logs.size());
   TEST_ASSERT_EQUAL_UINT(3, bench.board.logs.logs.begin()->first);
-  mavlink_log_erase_t erase{};
-  erase.target_system = 1;
-  bench.run(20, bench.host.pack(mavlink_msg_log_erase_encode_status, erase));
+  bench.run(100, bench.host.erase_logs());
   TEST_ASSERT_EQUAL_UINT(0, bench.board.logs.logs.size());
+}
+
+// Random messages, of which most bytes are zero, as MAVLink packs them, some after hours.
+void a_message_in_a_log_is_as_it_was_sent() {
+  LogPacker packer;
+  LogUnpacker unpacker;
+  std::mt19937 random(1);
+  PacketNumbers numbers;
+  std::uint64_t time_us = 0;
+  for (int i = 0; i < 3000; ++i) {
+    mavlink_message_t message;
+    message.msgid = kLogged[random() % kLogged.size()];
+    const mavlink_msg_entry_t& entry = *mavlink_get_msg_entry(message.msgid);
+    for (std::size_t byte = 0; byte < entry.max_msg_len; ++byte) {
+      _MAV_PAYLOAD_NON_CONST(&message)[byte] = static_cast<char>(random() % 3 == 0 ? random() : 0);
+    }
+    const bool is_own = random() % 2 == 0;
+    mavlink_finalize_message_buffer(&message, kCarSystem, is_own ? kOwnComponent : kCarComponent,
+                                    is_own ? &numbers.own : &numbers.car, entry.min_msg_len, entry.max_msg_len,
+                                    entry.crc_extra);
+    time_us += random() % 3 == 0 ? random() : random() % 300;
+    std::string sent(MAVLINK_MAX_PACKET_LEN, '\0');
+    sent.resize(mavlink_msg_to_send_buffer(reinterpret_cast<std::uint8_t*>(sent.data()), &message));
+
+    std::uint8_t packed[kLargestPacked], left_out[kLargestPacked], record[kLargestRecord];
+    packer.pack(time_us + 5, message, left_out);  // one that found no room is no part of the log
+    const std::size_t packed_size = packer.pack(time_us, message, packed);
+    packer.keep(time_us, message);
+    const LogFormat::Unpacked unpacked = unpacker.unpack(packed, record);
+
+    TEST_ASSERT_EQUAL_UINT(packed_size, unpacked.packed_size);
+    std::uint64_t told_us = 0;
+    for (std::size_t byte = 0; byte < 8; ++byte) told_us = (told_us << 8) | record[byte];
+    TEST_ASSERT_EQUAL_UINT64(time_us, told_us);
+    TEST_ASSERT_TRUE(sent == std::string(record + 8, record + unpacked.size));
+  }
 }
 
 // What the log has no room for is told, in its last packet too.
@@ -106,6 +135,7 @@ void run_log_tests() {
   UnitySetTestFile(__FILE__);
   RUN_TEST(an_untethered_trial_is_recorded_and_can_be_fetched);
   RUN_TEST(the_newest_logs_are_kept_and_all_can_be_erased);
+  RUN_TEST(a_message_in_a_log_is_as_it_was_sent);
   RUN_TEST(the_longest_trial_fits_its_log);
 }
 

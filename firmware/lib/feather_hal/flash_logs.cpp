@@ -13,6 +13,8 @@ namespace foldcar {
 namespace {
 
 constexpr const char* kLogPrefix = "log_";
+// LittleFS copies a file's last block, and so erases another, after every flush.
+constexpr std::size_t kFlushedBytes = 32 * 1024;
 
 struct LogPath {
   explicit LogPath(std::uint16_t id) {
@@ -44,20 +46,21 @@ bool FlashLogs::create(std::uint16_t id) {
   if (!mounted_ || id == 0) return false;
   close_reading();
   written_ = LittleFS.open(LogPath(id).text, FILE_WRITE);
-  written_size_ = 0;
+  written_size_ = flushed_size_ = 0;
   if (!written_) return false;
   first_ = first_ == 0 ? id : std::min(first_, id);
   last_ = std::max(last_, id);
   return true;
 }
 
-// Every part is flushed, so that a brown-out costs only what comes after it. flush() reports no error: that the file
-// system is full shows in the size that it has stored.
+// What follows the last flush is lost in a brown-out. flush() reports no error: that the file system is full shows in the
+// size that it has stored.
 bool FlashLogs::append(const std::uint8_t* data, std::size_t size) {
   if (!written_ || written_.write(data, size) != size) return false;
-  if (size == 0) return true;
-  written_.flush();
   written_size_ += size;
+  if (written_size_ - flushed_size_ < kFlushedBytes) return true;
+  written_.flush();
+  flushed_size_ = written_size_;
   return written_.size() == written_size_;
 }
 
@@ -72,8 +75,11 @@ bool FlashLogs::close() {
 std::size_t FlashLogs::size(std::uint16_t id) { return open_to_read(id) ? read_.size() : 0; }
 
 std::size_t FlashLogs::read(std::uint16_t id, std::size_t offset, std::uint8_t* data, std::size_t size) {
-  if (!open_to_read(id) || offset >= read_.size() || !read_.seek(static_cast<std::uint32_t>(offset))) return 0;
-  return read_.read(data, size);
+  if (!open_to_read(id) || offset >= read_.size()) return 0;
+  if (offset != read_at_ && !read_.seek(static_cast<std::uint32_t>(offset))) return 0;
+  const std::size_t count = read_.read(data, size);
+  read_at_ = offset + count;
+  return count;
 }
 
 // LittleFS does not remove a file that is open.
@@ -92,13 +98,15 @@ bool FlashLogs::range(std::uint16_t& first, std::uint16_t& last) {
   return true;
 }
 
-// The file of the last request stays open, because a log is read in many small parts.
+// The file of the last request stays open where it was read to, because a log is read in many small parts: opening and
+// seeking read flash.
 bool FlashLogs::open_to_read(std::uint16_t id) {
   if (id == 0 || id < first_ || id > last_) return false;
   if (read_id_ == id && read_) return true;
   close_reading();
   read_ = LittleFS.open(LogPath(id).text, FILE_READ);
   read_id_ = read_ ? id : 0;
+  read_at_ = 0;
   return read_id_ != 0;
 }
 

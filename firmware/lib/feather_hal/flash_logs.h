@@ -36,8 +36,10 @@ class FlashLogs : public LogStorage {
   std::uint16_t first_ = 0, last_ = 0;  // smallest and largest number, 0 if there is no log
   fs::File written_;
   std::size_t written_size_ = 0;  // bytes
+  std::size_t flushed_size_ = 0;  // of these, in flash for certain
   fs::File read_;
   std::uint16_t read_id_ = 0;  // number of the log that read_ refers to, 0 for none
+  std::size_t read_at_ = 0;    // how far (bytes) it is read
 };
 
 }  // namespace foldcar

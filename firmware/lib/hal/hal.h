@@ -88,7 +88,8 @@ class LogStorage {
   virtual bool present() const = 0;
   // Opens an empty log for append and replaces an older one of that number. Returns false for number 0 or if storage fails.
   virtual bool create(std::uint16_t id) = 0;
-  // Adds size bytes to the open log. Returns false if none is open or not all of them could be stored.
+  // Adds size bytes to the open log. Returns false if none is open or storage is seen to fail; the size of the closed log
+  // tells what it has taken. A reset may cost what was added last.
   virtual bool append(const std::uint8_t* data, std::size_t size) = 0;
   // Closes the open log, which is complete from then on. Returns false if none is open.
   virtual bool close() = 0;

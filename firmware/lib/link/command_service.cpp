@@ -186,6 +186,7 @@ CommandService::Answer CommandService::reset_parameters(float request) {
   constexpr float kResetAll = 2.0f;
   if (request != kResetAll) return {MAV_RESULT_UNSUPPORTED, Refusal::kUnknownCommand};
   if (application_.is_driving()) return {MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kRunning};
+  if (!trial_log_.is_idle()) return {MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kStoring};
   return {application_.reset_parameters() ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED, Refusal::kNone};
 }
 

@@ -75,8 +75,9 @@ void Link::discard() {
 void Link::run() {
   const std::uint64_t now_us = hal_.clock.now_us();
   report_changes();
-  parameters_.run();
-  if (!application_.is_driving() && trial_log_.is_idle()) logs_.run();
+  const bool may_use_flash = !application_.is_driving() && trial_log_.is_idle();
+  parameters_.run(may_use_flash);
+  if (may_use_flash) logs_.run();
   telemetry_.run(now_us, view(), outbox_);
   trial_log_.run(now_us, view());
 }
@@ -126,8 +127,10 @@ void Link::handle_late(const mavlink_message_t& message) {
 }
 
 void Link::handle_log_request(const mavlink_message_t& message, const Sender& sender) {
-  if (application_.is_driving()) return;  // reading and erasing flash would delay the loop
-  if (!trial_log_.is_idle()) return complain("the log of the last trial is being stored");
+  // Reading and erasing flash would delay the loop. This protocol has no answer that refuses.
+  const bool ends = message.msgid == MAVLINK_MSG_ID_LOG_REQUEST_END;
+  if (!ends && application_.is_driving()) return complain("logs are not read or erased while wheels are driven");
+  if (!ends && !trial_log_.is_idle()) return complain(text(Refusal::kStoring));
   switch (message.msgid) {
     case MAVLINK_MSG_ID_LOG_REQUEST_LIST: {
       const auto request = decoded<mavlink_log_request_list_t>(mavlink_msg_log_request_list_decode, message);

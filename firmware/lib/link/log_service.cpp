@@ -5,9 +5,9 @@
 namespace foldcar {
 namespace {
 
-// Largest number of packets of each kind in one call, because reading flash takes time.
-constexpr int kMaxPackets = 4;
 constexpr std::size_t kPart = sizeof(mavlink_log_data_t::data);
+// Bytes read from flash in one call: in packets, what 115200 baud carry from one tick to the next.
+constexpr std::size_t kRead = 2 * kPart;
 
 }  // namespace
 
@@ -27,9 +27,8 @@ void LogService::data(const mavlink_log_request_data_t& request) {
 
 void LogService::erase() {
   end();
-  std::uint16_t first = 0, last = 0;
-  if (!storage_.range(first, last)) return;
-  for (std::uint32_t id = first; id <= last; ++id) storage_.remove(static_cast<std::uint16_t>(id));
+  std::uint16_t first = 0;
+  storage_.range(first, erased_to_);
 }
 
 void LogService::end() {
@@ -39,19 +38,32 @@ void LogService::end() {
 }
 
 void LogService::run() {
-  for (int i = 0; i < kMaxPackets && next_entry_ <= last_entry_ && outbox_.has_room_for(8); ++i) {
-    send_entry(static_cast<std::uint16_t>(next_entry_++));
-  }
-  for (int i = 0; i < kMaxPackets && offset_ < end_ && outbox_.has_room_for(8); ++i) {
+  if (erased_to_ > 0) return erase_one();
+  if (!outbox_.has_room_for(8)) return;
+  if (next_entry_ <= last_entry_) return send_entry(static_cast<std::uint16_t>(next_entry_++));
+  if (offset_ < end_) send_data();
+}
+
+// A log that a trial has added meanwhile has a larger number, and stays.
+void LogService::erase_one() {
+  std::uint16_t first = 0, last = 0;
+  const bool any = storage_.range(first, last) && first <= erased_to_;
+  if (!any || !storage_.remove(first)) erased_to_ = 0;
+}
+
+void LogService::send_data() {
+  std::uint8_t bytes[kRead];
+  const std::size_t size = storage_.read(log_, offset_, bytes, std::min(kRead, end_ - offset_));
+  if (size == 0) return end();
+  for (std::size_t at = 0; at < size; at += kPart) {
     mavlink_log_data_t content{};
     content.id = log_;
-    content.ofs = static_cast<std::uint32_t>(offset_);
-    const std::size_t count = storage_.read(log_, offset_, content.data, std::min(kPart, end_ - offset_));
-    if (count == 0) return end();
-    content.count = static_cast<std::uint8_t>(count);
+    content.ofs = static_cast<std::uint32_t>(offset_ + at);
+    content.count = static_cast<std::uint8_t>(std::min(kPart, size - at));
+    std::copy_n(bytes + at, content.count, content.data);
     outbox_.send(mavlink_msg_log_data_encode_status, content, Priority::kAnswer);
-    offset_ += count;
   }
+  offset_ += size;
 }
 
 void LogService::send_entry(std::uint16_t id) {

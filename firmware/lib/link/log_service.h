@@ -19,15 +19,19 @@ class LogService {
   void erase();
   void end();
 
-  // Continues a list or a log, as far as the outbox has room.
+  // Erases a log, or continues a list or a log as far as the outbox has room: one thing with the storage in a call, because
+  // each takes time.
   void run();
 
  private:
   void send_entry(std::uint16_t id);
+  void send_data();
+  void erase_one();
 
   LogStorage& storage_;
   Outbox& outbox_;
   std::uint32_t next_entry_ = 1, last_entry_ = 0;
+  std::uint16_t erased_to_ = 0;  // largest number of a log that is to be erased, 0 for none
   std::uint16_t log_ = 0;
   std::size_t offset_ = 0, end_ = 0;
 };

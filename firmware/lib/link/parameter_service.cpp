@@ -48,9 +48,9 @@ void ParameterService::set(const mavlink_param_set_t& request, const char* obsta
   send(static_cast<std::size_t>(*parameter));
 }
 
-void ParameterService::run() {
+void ParameterService::run(bool may_save) {
   while (next_index_ < kParameterCount && outbox_.has_room_for(8) && send(next_index_)) ++next_index_;
-  if (!application_.is_driving()) save_one();
+  if (may_save) save_one();
 }
 
 // One in a tick: a parameter that is set many times is saved once, and no burst of settings delays the loop.

@@ -23,8 +23,9 @@ class ParameterService {
   // obstacle: why no parameter can be set now; null if they can.
   void set(const mavlink_param_set_t& request, const char* obstacle);
 
-  // Continues a list, as far as the outbox has room, and saves a parameter that was set.
-  void run();
+  // Continues a list, as far as the outbox has room, and saves a parameter that was set. may_save: whether flash may be
+  // written now; what was set waits until then.
+  void run(bool may_save);
 
  private:
   void save_one();

@@ -1,6 +1,5 @@
 #include "trial_log.h"
 
-#include <array>
 #include <cstdio>
 
 #include "telemetry.h"
@@ -9,31 +8,30 @@ namespace foldcar {
 namespace {
 
 constexpr std::uint64_t kPeriodUs = 200000;
-constexpr std::size_t kStampSize = 8;  // bytes of the time before each packet
-constexpr std::size_t kLargestRecord = kStampSize + MAVLINK_MAX_PACKET_LEN;
 // Bytes kept free for the two packets that tell how the trial ended.
-constexpr std::size_t kReserve = 2 * kLargestRecord;
-
-constexpr std::uint32_t kRecorded[] = {MAVLINK_MSG_ID_FOLDCAR_TRIAL, MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
-                                       MAVLINK_MSG_ID_SYS_STATUS, MAVLINK_MSG_ID_ATTITUDE, MAVLINK_MSG_ID_SCALED_IMU};
+constexpr std::size_t kReserve = 2 * kLargestPacked;
+// Bytes of a record besides the packet's content: the time before the packet, and the packet's frame.
+constexpr std::size_t kFrameSize = 8 + MAVLINK_NUM_NON_PAYLOAD_BYTES;
 
 }  // namespace
 
 void TrialLog::run(std::uint64_t now_us, const CarView& car) {
+  writer_.set_wheels_turn(car.application.is_driving());
   const bool runs = car.application.status().state == State::kRunning && car.application.trial().untethered;
   if (runs && !is_recording_ && is_ready()) open(now_us, car);
   if (!is_recording_) return report();
   if (!runs) return close(car);
   if (now_us < next_us_) return;
   next_us_ += kPeriodUs;
-  for (const std::uint32_t message_id : kRecorded) record(message_id, car, kReserve);
+  for (std::size_t i = 1; i < kLogged.size(); ++i) record(kLogged[i], car, kReserve);
 }
 
 void TrialLog::open(std::uint64_t now_us, const CarView& car) {
   is_recording_ = writer_.begin();
+  packer_.begin();
   next_us_ = now_us;
   size_ = 0;
-  record(MAVLINK_MSG_ID_FOLDCAR_DESIGN, car, kReserve);
+  record(kLogged.front(), car, kReserve);
 }
 
 void TrialLog::close(const CarView& car) {
@@ -57,13 +55,12 @@ void TrialLog::report() {
 void TrialLog::record(std::uint32_t message_id, const CarView& car, std::size_t reserve) {
   mavlink_message_t message;
   if (!compose(message_id, car, numbers_, message)) return;
-  std::array<std::uint8_t, kLargestRecord> bytes;
   const std::uint64_t now_us = car.hal.clock.now_us();
-  for (std::size_t i = 0; i < kStampSize; ++i) {
-    bytes[i] = static_cast<std::uint8_t>(now_us >> (8 * (kStampSize - 1 - i)));
-  }
-  const std::size_t size = kStampSize + mavlink_msg_to_send_buffer(bytes.data() + kStampSize, &message);
-  if (size_ + size + reserve > kLargestLog || !writer_.put(bytes.data(), size, reserve)) return writer_.lose(size);
+  const std::size_t size = kFrameSize + message.len;
+  std::uint8_t packed[kLargestPacked];
+  const std::size_t packed_size = packer_.pack(now_us, message, packed);
+  if (size_ + size + reserve > kLargestLog || !writer_.put(packed, packed_size, reserve)) return writer_.lose(size);
+  packer_.keep(now_us, message);
   size_ += size;
 }
 

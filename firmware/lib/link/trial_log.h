@@ -8,6 +8,7 @@
 
 #include "car_messages.h"
 #include "hal.h"
+#include "log_packing.h"
 #include "log_writer.h"
 #include "outbox.h"
 #include "status_text.h"
@@ -20,7 +21,7 @@ constexpr std::size_t kLargestLog = 256 * 1024;
 class TrialLog {
  public:
   TrialLog(LogStorage& storage, StatusText& status_text)
-      : storage_(storage), writer_(storage), status_text_(status_text) {}
+      : storage_(storage), writer_(storage, unpacker_), status_text_(status_text) {}
 
   // now_us: time since start (µs).
   void run(std::uint64_t now_us, const CarView& car);
@@ -41,13 +42,15 @@ class TrialLog {
   void record(std::uint32_t message_id, const CarView& car, std::size_t reserve);
 
   LogStorage& storage_;
+  LogPacker packer_;
+  LogUnpacker unpacker_;
   LogWriter writer_;
   StatusText& status_text_;
   bool is_recording_ = false;
   bool is_unreported_ = false;  // a log was closed, and nothing was said about it yet
   std::uint64_t next_us_ = 0;
   std::size_t size_ = 0;
-  PacketNumbers numbers_;
+  PacketNumbers numbers_;  // not the log's: the worker numbers its packets
 };
 
 }  // namespace foldcar

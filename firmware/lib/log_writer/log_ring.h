@@ -11,7 +11,7 @@ namespace foldcar {
 
 class LogRing {
  public:
-  static constexpr std::size_t kSize = 64 * 1024;  // bytes; a power of two, as the counts of bytes wrap
+  static constexpr std::size_t kSize = 80 * 1024;  // bytes; what the board's static memory has room for
 
   // For the task that puts: adds a whole record if reserve bytes stay free behind it, else returns false.
   bool put(const std::uint8_t* data, std::size_t size, std::size_t reserve) {
@@ -23,15 +23,16 @@ class LogRing {
     return true;
   }
 
-  // For the task that takes: how many bytes wait; the first of them, of which size lie in a row; and that size bytes are
-  // done with.
+  // For the task that takes: how many bytes wait; copies up to size of them and returns their number; and that size bytes
+  // are done with.
   std::size_t waiting() const {
     return put_.load(std::memory_order_acquire) - taken_.load(std::memory_order_relaxed);
   }
-  const std::uint8_t* first(std::size_t& size) const {
-    const std::size_t at = taken_.load(std::memory_order_relaxed) % kSize;
-    size = std::min<std::size_t>(waiting(), kSize - at);
-    return bytes_.data() + at;
+  std::size_t copy(std::uint8_t* into, std::size_t size) const {
+    const std::size_t at = taken_.load(std::memory_order_relaxed);
+    size = std::min(size, waiting());
+    for (std::size_t i = 0; i < size; ++i) into[i] = bytes_[(at + i) % kSize];
+    return size;
   }
   void take(std::size_t size) {
     taken_.store(taken_.load(std::memory_order_relaxed) + static_cast<std::uint32_t>(size), std::memory_order_release);
@@ -45,7 +46,7 @@ class LogRing {
 
  private:
   std::array<std::uint8_t, kSize> bytes_;  // what is in it is set when it is put
-  std::atomic<std::uint32_t> put_{0}, taken_{0};  // bytes so far
+  std::atomic<std::uint32_t> put_{0}, taken_{0};  // bytes since clear(), fewer than 2^32
 };
 
 }  // namespace foldcar

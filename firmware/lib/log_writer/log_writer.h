@@ -1,10 +1,12 @@
 // Stores a trial's log in flash from another task than the one that drives the car.
 //
 // Writing and above all erasing flash takes 65 to 600 ms. So the tick only puts records into a ring in RAM, and a worker of
-// low priority calls work() again and again. It leaves flash alone until kBlock bytes wait, which most trials never reach,
-// and stores the rest when the trial is over. A record that does not fit, or cannot be stored, is counted.
+// low priority calls work() again and again. While wheels turn it leaves flash alone until kKept bytes wait, which most trials
+// never reach, and then stores small slices with pauses between them; the rest when the wheels stand. A record that does not
+// fit, or cannot be stored, is counted.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -16,6 +18,24 @@ namespace foldcar {
 
 // The number of logs that are kept.
 constexpr std::uint16_t kLogsKept = 4;
+
+// Bytes of the largest record, and of the largest packed one.
+constexpr std::size_t kLargestRecord = 96;
+constexpr std::size_t kLargestPacked = 96;
+
+// Makes the records of a log from packed ones, in their order.
+class LogFormat {
+ public:
+  virtual ~LogFormat() = default;
+  // Begins a log.
+  virtual void begin() = 0;
+  // Bytes of a packed record, and of the record itself.
+  struct Unpacked {
+    std::size_t packed_size, size;
+  };
+  // packed: one packed record, and whatever is behind it; record: room for kLargestRecord bytes.
+  virtual Unpacked unpack(const std::uint8_t* packed, std::uint8_t* record) = 0;
+};
 
 // The values are those of FOLDCAR_LOG in the MAVLink dialect.
 enum class LogState : std::uint8_t {
@@ -32,25 +52,31 @@ struct LogStatus {
 
 class LogWriter {
  public:
-  // While a trial runs, flash is written when so many bytes wait: 27 s of records with an IMU, 44 s without.
-  static constexpr std::size_t kBlock = LogRing::kSize / 2;
+  // While wheels turn, flash is written when so many packed bytes wait. The rest of the ring takes the records of 10 s while
+  // a log is created.
+  static constexpr std::size_t kKept = LogRing::kSize - 4 * 1024;
+  // Bytes stored at once while wheels turn, and while they stand.
+  static constexpr std::size_t kSlice = 1024;
+  static constexpr std::size_t kStandingSlice = 4096;
 
-  explicit LogWriter(LogStorage& storage) : storage_(storage) {}
+  LogWriter(LogStorage& storage, LogFormat& format) : storage_(storage), format_(format) {}
 
   // The tick's side. No call waits.
   // Whether no log is being recorded or stored: only then may others use the storage.
   bool is_idle() const { return phase_.load(std::memory_order_acquire) == Phase::kIdle; }
   // Begins a log. Returns false if the last one is not stored yet.
   bool begin();
-  // Adds a record as a whole. Returns false if it would not leave reserve bytes of RAM free behind it.
-  bool put(const std::uint8_t* record, std::size_t size, std::size_t reserve) {
-    return ring_.put(record, size, reserve);
+  // Adds a packed record as a whole. Returns false if it would not leave reserve bytes of RAM free behind it.
+  bool put(const std::uint8_t* packed, std::size_t size, std::size_t reserve) {
+    return ring_.put(packed, size, reserve);
   }
   // Counts a record of that size (bytes) which the log has not got.
   void lose(std::size_t size) { left_out_bytes_ += static_cast<std::uint32_t>(size); }
   // The log is complete; the worker stores and closes it.
   void finish() { phase_.store(Phase::kFinished, std::memory_order_release); }
   LogStatus status() const;
+  // Tells the worker whether wheels turn.
+  void set_wheels_turn(bool turn) { wheels_turn_.store(turn, std::memory_order_release); }
 
   // The worker's side: does one thing with the storage, which may take long. Returns whether there is more to do at once.
   bool work();
@@ -58,13 +84,16 @@ class LogWriter {
  private:
   enum class Phase : std::uint32_t { kIdle, kRecording, kFinished };
 
-  bool open();
+  void step(std::size_t largest);
+  void open();
   bool close();
-  void store();
+  void store(std::size_t largest);
 
   LogStorage& storage_;
+  LogFormat& format_;
   LogRing ring_;
   std::atomic<Phase> phase_{Phase::kIdle};
+  std::atomic<bool> wheels_turn_{false};
   std::atomic<std::uint32_t> unstored_bytes_{0};  // the storage did not take them
   // The tick's.
   bool has_begun_ = false;
@@ -72,6 +101,9 @@ class LogWriter {
   // The worker's.
   bool is_open_ = false;
   bool has_failed_ = false;
+  std::uint16_t id_ = 0;          // of the log
+  std::size_t taken_bytes_ = 0;  // out of the ring, unpacked
+  std::array<std::uint8_t, kStandingSlice> slice_;
 };
 
 }  // namespace foldcar

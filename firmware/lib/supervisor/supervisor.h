@@ -57,7 +57,8 @@ enum class Refusal : std::uint8_t {
   kLate,
   kNoDesign,
   kUnknownCommand,
-  kNoLog
+  kNoLog,
+  kStoring
 };
 
 const char* text(State state);

@@ -60,6 +60,7 @@ const char* text(Refusal refusal) {
     case Refusal::kNoDesign: return "no car.json, and its absence is not confirmed";
     case Refusal::kUnknownCommand: return "not a command of this car";
     case Refusal::kNoLog: return "a log cannot be stored, or the last one is being stored";
+    case Refusal::kStoring: return "the log of the last trial is being stored";
   }
   return "?";
 }

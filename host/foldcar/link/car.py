@@ -49,6 +49,7 @@ REASONS = (
     "it has no car.json: load a design with `foldcar flash`, or `foldcar params confirm` that it drives without",
     "it does not know this command",
     "it cannot store a log now: it stores the last one, or its flash cannot be read",
+    "it stores the log of the last trial",
 )
 FAULT_LATCHED, HELD = 4, 18
 

@@ -26,6 +26,7 @@ class StoredLog:
 
 def list_logs(car: Car) -> list[StoredLog]:
     """The logs in the car, oldest first; FoldcarError if the list does not arrive completely."""
+    car.connection.said = None
     for _ in range(TRIES):
         car.connection.send(car.dialect.MAVLink_log_request_list_message(CAR_SYSTEM, CAR_COMPONENT, 0, 0xFFFF))
         found: dict[int, StoredLog] = {}
@@ -39,16 +40,18 @@ def list_logs(car: Car) -> list[StoredLog]:
                 found[entry.id] = StoredLog(entry.id, entry.size)
         if expected is not None and len(found) == expected:
             return [found[number] for number in sorted(found)]
-    raise FoldcarError(f"{car.port}: the car does not list its logs")
+    raise FoldcarError(f"{car.port}: the car does not list its logs{_said(car)}")
 
 
 def fetch_log(car: Car, log: StoredLog) -> bytes:
     """The bytes of a log; FoldcarError if they do not arrive completely within 120 s."""
     parts: dict[int, bytes] = {}
+    car.connection.said = None
     end_s = time.monotonic() + FETCH_S
     while (start := _missing(parts, log.size_bytes)) is not None:
         if time.monotonic() > end_s:
-            raise FoldcarError(f"{car.port}: log {log.id} is incomplete after {FETCH_S:g} s: byte {start} is missing")
+            gap = f"byte {start} is missing{_said(car)}"
+            raise FoldcarError(f"{car.port}: log {log.id} is incomplete after {FETCH_S:g} s: {gap}")
         count = min(WINDOW_BYTES, log.size_bytes - start)
         request = car.dialect.MAVLink_log_request_data_message(CAR_SYSTEM, CAR_COMPONENT, log.id, start, count)
         car.connection.send(request)
@@ -58,6 +61,11 @@ def fetch_log(car: Car, log: StoredLog) -> bytes:
                 break
             parts[part.ofs] = bytes(part.data[: part.count])
     return b"".join(parts[start] for start in sorted(parts))[: log.size_bytes]
+
+
+def _said(car: Car) -> str:
+    """What the car has said meanwhile, such as that wheels are driven: the log protocol itself cannot refuse."""
+    return f"; it says: {car.connection.said}" if car.connection.said else ""
 
 
 def _missing(parts: dict[int, bytes], end: int) -> int | None:

@@ -13,12 +13,12 @@ from foldcar.link.car_logs import fetch_log, list_logs
 from foldcar.link.tlog import merge_records, messages_of, records_of
 from foldcar.trials.driving import DriveEnd
 
-# After a trial the car stores what it has kept in RAM, which takes a second.
-STORING_S = 10.0
+# After a trial the car stores what it has kept in RAM: 256 KiB at most, whose 64 sectors take some 0.1 s each.
+STORING_S = 30.0
 
 
 def collect(car: Car, trial: int, log: Path) -> DriveEnd:
-    """Merge the car's log of ``trial`` into ``log``; FoldcarError if the car has none, or has not stored it in 10 s.
+    """Merge the car's log of ``trial`` into ``log``; FoldcarError if the car has none, or has not stored it in 30 s.
 
     The car's times count from its boot; the offset to the host's clock is that of the first packet of the trial that
     the host received.

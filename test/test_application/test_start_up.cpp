@@ -103,6 +103,21 @@ void another_fault_does_not_hide_that_there_is_no_design() {
   TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kFaultLatched);
 }
 
+void each_fault_of_the_start_is_reported_when_the_one_before_is_acknowledged() {
+  Bench bench;
+  bench.board.board.reason = ResetReason::kTaskWatchdog;
+  bench.board.storage.values["TRACK_M"] = -1.0f;
+  DesignResult design;
+  design.source = DesignSource::kRefused;
+  bench.application.begin(design);
+  for (const Fault fault : {Fault::kWatchdog, Fault::kDesign, Fault::kStoredParameter}) {
+    TEST_ASSERT_TRUE(bench.application.status().fault == fault);
+    TEST_ASSERT_TRUE(bench.application.acknowledge() == Refusal::kNone);
+  }
+  TEST_ASSERT_TRUE(bench.application.status().fault == Fault::kNone);
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kDesign);
+}
+
 }  // namespace
 
 void run_start_up_tests() {
@@ -114,6 +129,7 @@ void run_start_up_tests() {
   RUN_TEST(a_refused_design_keeps_the_car_from_moving_even_when_acknowledged);
   RUN_TEST(a_car_without_a_design_stays_disarmed_until_that_is_confirmed);
   RUN_TEST(another_fault_does_not_hide_that_there_is_no_design);
+  RUN_TEST(each_fault_of_the_start_is_reported_when_the_one_before_is_acknowledged);
 }
 
 }  // namespace foldcar

@@ -99,7 +99,9 @@ void a_refused_design_is_told_in_full_and_other_designs_by_name() {
   bench.run(20);
   TEST_ASSERT_EQUAL_STRING(design.problem, bench.host.texts().back().c_str());
   bench.answer(MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, {});
+  bench.host.received.clear();
   bench.expect(MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kDesign, MAV_CMD_COMPONENT_ARM_DISARM, {1});
+  TEST_ASSERT_EQUAL_STRING((std::string("refused: ") + design.problem).c_str(), bench.host.texts().back().c_str());
   bench.host.received.clear();
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_FOLDCAR_DESIGN});
   TEST_ASSERT_EQUAL_STRING(design.problem, bench.host.texts().back().c_str());

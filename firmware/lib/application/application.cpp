@@ -20,10 +20,11 @@ Application::Application(const Hal& hal, Parameters& parameters)
 void Application::begin(const DesignResult& design) {
   write_off();
   design_ = design;
-  report_reset();
-  report_design();
-  if (!hal_.storage.present()) supervisor_.report(Fault::kFlash);
-  if (configure(parameters_, design_, hal_.storage) > 0) supervisor_.report(Fault::kStoredParameter);
+  const bool stored_is_refused = configure(parameters_, design_, hal_.storage) > 0;
+  start_faults_ = {reset_fault(), design_fault(), hal_.storage.present() ? Fault::kNone : Fault::kFlash,
+                   stored_is_refused ? Fault::kStoredParameter : Fault::kNone};
+  refuse_design();
+  report_start_fault();
   last_tick_us_ = hal_.clock.now_us();
   battery_v_ = hal_.battery.voltage_v();
 }
@@ -92,15 +93,19 @@ Refusal Application::stop() {
   return refusal;
 }
 
-// Another fault may have hidden that there is no design: then that is reported next.
 Refusal Application::acknowledge(bool confirms) {
+  const Fault fault = supervisor_.fault();
   const bool absent = is_absent(design_.source);
-  const bool only_that = supervisor_.fault() == Fault::kNoDesign || supervisor_.fault() == Fault::kFlash;
-  if (absent && only_that && !confirms) return Refusal::kNoDesign;
+  if (absent && (fault == Fault::kNoDesign || fault == Fault::kFlash) && !confirms) return Refusal::kNoDesign;
   const Refusal refusal = supervisor_.acknowledge();
-  if (refusal != Refusal::kNone || !absent) return refusal;
-  if (confirms) design_.source = DesignSource::kNone;
-  report_design();
+  if (refusal != Refusal::kNone) return refusal;
+  if (absent && confirms) {
+    std::replace(start_faults_.begin(), start_faults_.end(), design_fault(), Fault::kNone);
+    design_.source = DesignSource::kNone;
+    refuse_design();
+  }
+  std::replace(start_faults_.begin(), start_faults_.end(), fault, Fault::kNone);
+  report_start_fault();
   return refusal;
 }
 
@@ -136,35 +141,44 @@ Status Application::status() const {
 }
 
 // The servos' current may have caused the reset, so a person must acknowledge it before the car drives again.
-void Application::report_reset() {
+Fault Application::reset_fault() const {
   switch (hal_.board.reset_reason()) {
-    case ResetReason::kBrownOut: return supervisor_.report(Fault::kBrownOut);
+    case ResetReason::kBrownOut: return Fault::kBrownOut;
     case ResetReason::kCrash:
     case ResetReason::kInterruptWatchdog:
     case ResetReason::kTaskWatchdog:
-    case ResetReason::kOtherWatchdog: return supervisor_.report(Fault::kWatchdog);
+    case ResetReason::kOtherWatchdog: return Fault::kWatchdog;
     case ResetReason::kUnknown:
     case ResetReason::kPowerOn:
     case ResetReason::kExternalPin:
     case ResetReason::kSoftware:
-    case ResetReason::kDeepSleep: return;
+    case ResetReason::kDeepSleep: return Fault::kNone;
   }
+  return Fault::kNone;
 }
 
 // A car on defaults would drive other wheels, at another speed, than its own.
-void Application::report_design() {
-  supervisor_.refuse_design(Refusal::kNone);
+Fault Application::design_fault() const {
   switch (design_.source) {
     case DesignSource::kNone:
-    case DesignSource::kFile: return;
-    case DesignSource::kRefused: supervisor_.refuse_design(Refusal::kDesign); return supervisor_.report(Fault::kDesign);
-    case DesignSource::kMissing:
-      supervisor_.refuse_design(Refusal::kNoDesign);
-      return supervisor_.report(Fault::kNoDesign);
-    case DesignSource::kUnreadable:
-      supervisor_.refuse_design(Refusal::kNoDesign);
-      return supervisor_.report(Fault::kFlash);
+    case DesignSource::kFile: return Fault::kNone;
+    case DesignSource::kRefused: return Fault::kDesign;
+    case DesignSource::kMissing: return Fault::kNoDesign;
+    case DesignSource::kUnreadable: return Fault::kFlash;
   }
+  return Fault::kNone;
+}
+
+void Application::refuse_design() {
+  const bool refused = design_.source == DesignSource::kRefused;
+  supervisor_.refuse_design(refused                      ? Refusal::kDesign
+                            : is_absent(design_.source) ? Refusal::kNoDesign
+                                                        : Refusal::kNone);
+}
+
+void Application::report_start_fault() {
+  const auto found = std::find_if(start_faults_.begin(), start_faults_.end(), [](Fault f) { return f != Fault::kNone; });
+  if (found != start_faults_.end()) supervisor_.report(*found);
 }
 
 bool Application::read_imu(std::uint32_t step_us) {

@@ -80,8 +80,11 @@ class Application {
   bool servos_answer() const { return servos_answer_; }
 
  private:
-  void report_reset();
-  void report_design();
+  Fault reset_fault() const;
+  Fault design_fault() const;
+  void refuse_design();
+  // Reports the first fault of the start that nobody has acknowledged.
+  void report_start_fault();
   bool read_imu(std::uint32_t step_us);  // false if there is an IMU and it does not answer
   PulsesUs pulses(std::uint32_t step_us);
   void apply_parameters(std::uint64_t now_us);
@@ -92,6 +95,7 @@ class Application {
   Parameters& parameters_;
   Supervisor supervisor_;
   DesignResult design_;
+  std::array<Fault, 4> start_faults_{};  // what was wrong at the start and is not acknowledged: each is reported in turn
   std::array<bool, kParameterCount> unsaved_{};
   Calibration calibration_;
   DriveState drive_state_;

@@ -10,6 +10,10 @@
 #include <algorithm>
 #include <cmath>
 
+// In the place of the SDK's, by the linker (platformio.ini): the SDK looks for a partition for core dumps at every start and
+// complains on the serial port, before anything can tell it not to. The board has none on purpose (firmware/partitions.csv).
+extern "C" void __wrap_esp_core_dump_init() {}  // NOLINT(bugprone-reserved-identifier)
+
 namespace foldcar {
 namespace {
 

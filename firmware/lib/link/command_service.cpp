@@ -83,6 +83,8 @@ void CommandService::report(const mavlink_command_long_t& command, const Host& h
                             bool was_armed, const Host& holder) {
   if (answer.refusal == Refusal::kHeld) {
     status_text_.send(MAV_SEVERITY_WARNING, "refused:", HeldBy(holder).text);
+  } else if (answer.refusal == Refusal::kDesign) {
+    status_text_.send(MAV_SEVERITY_WARNING, "refused:", application_.design().problem);
   } else if (answer.refusal != Refusal::kNone) {
     status_text_.send(MAV_SEVERITY_WARNING, "refused:", text(answer.refusal));
   } else if (command.command == MAV_CMD_COMPONENT_ARM_DISARM && was_armed != application_.is_armed()) {

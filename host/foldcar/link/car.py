@@ -51,7 +51,7 @@ REASONS = (
     "it cannot store a log now: it stores the last one, or its flash cannot be read",
     "it stores the log of the last trial",
 )
-FAULT_LATCHED, HELD = 4, 18
+FAULT_LATCHED, DESIGN, HELD = 4, 13, 18
 
 
 class NoCarError(FoldcarError):
@@ -194,7 +194,7 @@ class Car:
         if not 0 < reason < len(REASONS):
             return f"result {ack.result}, reason {reason}"
         said = self.connection.said
-        if reason == HELD and said is not None and said.startswith("refused: "):
+        if reason in (DESIGN, HELD) and said is not None and said.startswith("refused: "):
             return said.removeprefix("refused: ")
         fault = self.fault_text() if reason == FAULT_LATCHED else None
         return f"{REASONS[reason]} ({fault})" if fault else REASONS[reason]

@@ -20,6 +20,7 @@ from foldcar.car.body import body_json
 from foldcar.cluster import connection, workers
 from foldcar.cluster.chunk import Late, Simulated, Unfit, run_chunk
 from foldcar.cluster.connection import open_cluster
+from foldcar.cluster.local_cluster import local_cluster
 from foldcar.cluster.recipe import recipe_of
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
@@ -37,8 +38,11 @@ DASK = str(Path(sys.executable).with_name("dask"))
 WAIT_S = 60.0
 # Runs beside Scenic: where the goal is far they fail, and say where.
 BESIDE = "model model\nego = new Robot at (0, 0), facing -90 deg\nnew Goal at (Uniform(0.5, 1.2), 0), facing -90 deg\n"
-RECORDS = BESIDE + "from far import far\nrecord far(ego) as way\n"
-FAR = "def far(car):\n    assert car.position.x < 0.6, 'too far'\n    return car.position.x\n"
+RECORDS = BESIDE + "from lib.far import far\nrecord far(ego) as way\n"
+FAR = (
+    "from pathlib import Path\nLIMIT = float(Path(__file__).with_name('far.txt').read_text())\n"
+    "def far(car):\n    assert car.position.x < LIMIT, 'too far'\n    return car.position.x\n"
+)
 
 
 class Cluster:
@@ -83,9 +87,11 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
 
 @pytest.fixture
 def listing(tmp_path: Path, listing_data: dict[str, Any], write_listing: Callable[[Any], Path]) -> Path:
-    """An experiment in carsim's batch, and one with Scenic beside it of which some runs fail."""
+    """An experiment in carsim's batch, and one with Scenic and files beside it of which some runs fail."""
     (tmp_path / "beside.scenic").write_text(RECORDS)
-    (tmp_path / "far.py").write_text(FAR)
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib" / "far.py").write_text(FAR)
+    (tmp_path / "lib" / "far.txt").write_text("0.6")
     listing_data["environments"]["2"] = {"scenic_filename": "beside.scenic", "seed": 1}
     listing_data["experiments"]["2"] = {"veh_id": 1, "env_id": 2, "params": {"timeout": 5, "environments": 4}}
     return write_listing(listing_data)
@@ -282,6 +288,17 @@ def test_options_that_contradict_and_a_missing_extra_are_refused(
     assert both.stderr.startswith("foldcar: error: --jobs: says nothing with --scheduler")
     assert without.stderr == "foldcar: error: --scheduler: needs Dask: pip install 'foldcar[cluster]'\n"
     assert not (tmp_path / "s.db").exists()
+
+
+def test_the_workers_of_this_machine_import_nothing_from_the_working_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("json", "random", "socket"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit(f'{__name__} of the working directory')\n")
+    monkeypatch.chdir(tmp_path)
+    with local_cluster(1) as address, distributed.Client(address, timeout=WAIT_S) as client:
+        client.wait_for_workers(1, timeout=WAIT_S)
+        assert client.submit(max, 1, 2).result(WAIT_S) == 2
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])

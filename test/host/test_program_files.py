@@ -1,0 +1,216 @@
+"""What a Scenic program consists of: its files are its identity, its modules its own, its samples always the same."""
+
+import importlib
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import foldcar
+from conftest import STEP_PYRAMIDS
+from foldcar.errors import FoldcarError
+from foldcar.scenes.source import open_environment
+from foldcar.simulation.carsim import Carsim
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import Experiment, read_study
+from foldcar.study.sweep import sweep
+from swept_listing import WriteListing, rows, swept
+
+COURSE = "ego = new Robot at (0, 0), facing -90 deg\ngoal = new Goal at (0.6, 0), facing -90 deg\n"
+HEAD = f"model model\n{COURSE}"
+# A value of each sample that a function of Python gives.
+SAMPLED = (
+    "from scenic.core.distributions import distributionFunction\n"
+    "param friction = distributionFunction(value)(Range(0, 1))\n"
+)
+Run = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    file = tmp_path / "program" / "program.scenic"
+    file.parent.mkdir()
+    file.write_text(HEAD)
+    return file
+
+
+@pytest.fixture
+def listing(write_listing: WriteListing, listing_data: Any, program: Path) -> Path:
+    """A width, three samples of ``program``."""
+    listing_data["environments"]["1"]["scenic_filename"] = str(program)
+    listing_data["vehicles"]["1"]["params"] = [{"common": {"width": 95}}]
+    listing_data["experiments"]["1"]["params"]["timeout"] = 10
+    return write_listing(listing_data)
+
+
+@pytest.fixture
+def experiment(listing: Path) -> Experiment:
+    return read_study(listing).experiments[0]
+
+
+def friction(program: Path, k: int = 0) -> float:
+    value: float = open_environment(program, {}, 1).sample(k)["friction"]
+    return value
+
+
+def test_what_is_compiled_is_what_the_fingerprint_is_of(experiment: Experiment) -> None:
+    before = Environment(experiment).fingerprint
+    environment = Environment(experiment)
+    experiment.program.write_text(f"{HEAD}param friction = 0.3\n")
+    found = environment.fingerprint
+    experiment.program.write_text(f"{HEAD}param friction = 0.4\n")
+
+    assert environment.sample(1)["friction"] == 0.3
+    assert environment.fingerprint == found != before
+    experiment.program.write_text(f"{HEAD}param friction = 0.3\n")
+    assert Environment(experiment).fingerprint == found
+
+
+def test_a_program_beside_the_simulation_that_is_edited_during_a_sweep_is_refused(
+    listing: Path, program: Path, tmp_path: Path, carsim_binary: Path
+) -> None:
+    program.write_text(f"{HEAD}terminate after 9 seconds\n")
+
+    def edit(line: str) -> None:
+        program.write_text(f"{HEAD}terminate after 1 seconds\n")
+
+    with pytest.raises(FoldcarError, match=r"program\.scenic: has changed while the program was in use"):
+        sweep(read_study(listing), tmp_path / "s.db", Carsim(carsim_binary), 1, "a test", announce=edit)
+    assert not rows(tmp_path / "s.db")
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_each_program_has_its_own_neighbour_of_a_name(
+    tmp_path: Path, at_once: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where it imports it no sooner than it is sampled; the caller's own module of that name stays."""
+    (tmp_path / "helper.py").write_text("value = 'mine'\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    mine = importlib.import_module("helper")
+    sources = {}
+    text = "from helper import value\n" if at_once else "def value(x):\n    import helper\n    return helper.value(x)\n"
+    for folder, number in (("a", 0.3), ("b", 0.4)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "p.scenic").write_text(HEAD + text + SAMPLED)
+        (tmp_path / folder / "helper.py").write_text(f"def value(x):\n    return {number}\n")
+        sources[folder] = open_environment(tmp_path / folder / "p.scenic", {}, 1)
+
+    assert [one.sample(k)["friction"] for one in sources.values() for k in range(2)] == [0.3, 0.3, 0.4, 0.4]
+    assert sys.modules.pop("helper") is mine
+
+
+def test_a_neighbour_that_was_edited_is_read_again_whatever_its_size_and_time(program: Path) -> None:
+    program.write_text("from helper import number\n" + HEAD + "param friction = number\n")
+    helper = program.with_name("helper.py")
+    for number in ("0.3", "0.4"):
+        helper.write_text(f"number = {number}\n")
+        os.utime(helper, (1, 1))
+        importlib.invalidate_caches()
+        assert friction(program) == float(number)
+
+
+def test_in_one_python_an_edited_neighbour_is_another_environment(program: Path) -> None:
+    program.write_text("from helper import number\n" + HEAD + "param friction = number\n")
+    helper = program.with_name("helper.py")
+    helper.write_text("number = 0.3\n")
+    first = foldcar.environment(program)
+    assert '"friction":0.3' in first.scene(0).json
+    assert foldcar.environment(program) is first
+    helper.write_text("number = 0.4\n")
+    assert '"friction":0.4' in foldcar.environment(program).scene(0).json
+
+
+def test_what_a_program_reads_is_part_of_its_fingerprint(experiment: Experiment, tmp_path: Path) -> None:
+    """Modules in folders, files in its folder and outside, read at its head or in samples; not what it does not read."""
+    experiment.program.write_text(
+        f"from lib.heights import number\n{HEAD}h = [open(localPath(one)).read() for one in ('h.txt', '../o.txt')]\n"
+        f"def value(x):\n    return float(open({str(tmp_path / 'sampled.txt')!r}).read())\n{SAMPLED}"
+    )
+    folder = experiment.program.parent
+    (folder / "lib").mkdir()
+    read = ["lib/heights.py", "h.txt", "../o.txt", "../sampled.txt", "beside.scenic"]
+    for name in (*read, "lib/other.py", "other.txt"):
+        (folder / name).write_text("number = 1" if name.endswith(".py") else "0.1")
+
+    def edited(name: str) -> str:
+        text = (folder / name).read_text()
+        (folder / name).write_text(text.replace("1", "2"))
+        found = Environment(experiment).fingerprint
+        (folder / name).write_text(text)
+        return found
+
+    first = Environment(experiment).fingerprint
+    assert len({first, *map(edited, read)}) == 1 + len(read)
+    assert edited("lib/other.py") == edited("other.txt") == Environment(experiment).fingerprint == first
+
+
+def test_more_environments_after_an_edit_are_no_mixture(listing: Path, program: Path, foldcar: Run) -> None:
+    program.write_text("from lib.places import FAR\n" + HEAD.replace("0.6", "FAR") + "param course_x_max = 12\n")
+    (program.parent / "lib").mkdir()
+    places = program.parent / "lib" / "places.py"
+    for far, share in ((0.6, "100.0 %"), (11, "0.0 %")):
+        places.write_text(f"FAR = {far}\n")
+        done = foldcar("sweep", listing, "--store", "s.db", "--environments", "2" if share == "100.0 %" else "4")
+        assert f" {share} passed" in done.stdout, done.stderr
+
+
+def test_samples_that_depend_on_the_ones_before_are_refused(
+    listing: Path, program: Path, foldcar: Run, tmp_path: Path
+) -> None:
+    program.write_text(f"{HEAD}import random\nown = random.Random(1)\ndef value(x):\n    return own.random()\n{SAMPLED}")
+    for jobs in ("1", "2"):
+        done = foldcar("sweep", listing, "--store", "s.db", "--jobs", jobs)
+        assert done.returncode == 2
+        assert "program.scenic: sample 0 is another scene now than when it was first drawn" in done.stderr
+        assert not (tmp_path / "s.db").exists()
+
+
+def test_a_sweep_that_resumes_with_other_samples_is_refused(
+    listing: Path, program: Path, foldcar: Run, tmp_path: Path
+) -> None:
+    program.write_text(f"{HEAD}import time\nnow = time.time()\ndef value(x):\n    return now % 1 + 0.1\n{SAMPLED}")
+    words = ["sweep", listing, "--store", "s.db", "--environments"]
+    assert foldcar(*words, "2").returncode == 0
+    again, more = foldcar(*words, "2"), foldcar(*words, "4")
+    assert "0 runs new, 2 there already" in again.stdout
+    assert more.returncode == 2
+    assert "program.scenic: sample 1 is another scene now" in more.stderr
+    assert len(rows(tmp_path / "s.db")) == 2
+
+
+def test_a_run_may_import_neighbours_but_read_nothing_that_the_fingerprint_does_not_know(
+    listing: Path, program: Path, tmp_path: Path, carsim_binary: Path
+) -> None:
+    program.with_name("late.py").write_text("number = 7\n")
+    program.write_text(f"{HEAD}def given():\n    import late\n    return late.number\nrecord final given() as n\n")
+    assert swept(listing, tmp_path / "s.db", carsim_binary, 1).failed == 0
+    assert [one.recorded["n"].value for one in rows(tmp_path / "s.db")] == [7, 7, 7]
+
+    program.with_name("late.txt").write_text("7")
+    late = str(program.with_name("late.txt"))
+    program.write_text(f"{HEAD}record final open({late!r}).read() as n\n")
+    with pytest.raises(FoldcarError, match=r"program\.scenic: reads .*late\.txt for the first time after sample 0"):
+        swept(listing, tmp_path / "t.db", carsim_binary, 1)
+
+
+def test_nothing_is_imported_from_the_working_directory(listing: Path, program: Path, tmp_path: Path) -> None:
+    program.write_text(f"{HEAD}record final ego.position.x as x\n")
+    folder = tmp_path / "work"
+    folder.mkdir()
+    for name in ("json", "numpy", "random", "scenic", "socket"):
+        (folder / f"{name}.py").write_text("raise SystemExit(f'{__name__} of the working directory')\n")
+    command = [sys.executable, "-m", "foldcar", "sweep", str(listing), "--store", "s.db", "--environments", "1"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "1 runs new" in done.stdout
+
+
+def test_parameters_seed_and_condition_are_part_of_the_fingerprint(experiment: Experiment) -> None:
+    one = replace(experiment, program=STEP_PYRAMIDS)
+    changes: list[dict[str, Any]] = [{}, {"seed": 1}, {"scenic_params": {"friction": 0.5}}, {"condition": {"sample": 0}}]
+    assert len({Environment(replace(one, **change)).fingerprint for change in changes}) == len(changes)

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -157,6 +158,34 @@ def test_more_environments_after_an_edit_are_no_mixture(listing: Path, program: 
         places.write_text(f"FAR = {far}\n")
         done = foldcar("sweep", listing, "--store", "s.db", "--environments", "2" if share == "100.0 %" else "4")
         assert f" {share} passed" in done.stdout, done.stderr
+
+
+def test_a_program_is_not_compiled_if_its_files_and_all_results_are_there(
+    listing: Path, program: Path, tmp_path: Path, carsim_binary: Path
+) -> None:
+    """That a parameter names another file is noticed."""
+    program.write_text(
+        f"{HEAD}param file = 'a.txt'\nparam friction = float(open(localPath(globalParameters.file)).read())\n"
+    )
+    for name, number in (("a.txt", 0.3), ("b.txt", 0.4)):
+        program.with_name(name).write_text(str(number))
+    listings = [listing, listing.with_name("other.json")]
+    listings[1].write_text(listing.read_text().replace('"seed"', '"scenic_params": {"file": "b.txt"}, "seed"'))
+    opened: list[Environment] = []
+
+    def environment_of(experiment: Experiment) -> Environment:
+        opened.append(Environment(experiment))
+        return opened[-1]
+
+    found = [
+        sweep(read_study(one), tmp_path / "s.db", Carsim(carsim_binary), 1, "a test", environment_of=environment_of).new
+        for one in (*listings, *reversed(listings))
+    ]
+    compiled = [one._source is not None for one in opened]
+    assert (found, compiled) == ([1, 1, 0, 0], [True, True, False, True])
+    assert {one.files["a.txt" if at in (0, 3) else "b.txt"] for at, one in enumerate(opened)} == {
+        sha256(text).hexdigest() for text in (b"0.3", b"0.4")
+    }
 
 
 def test_samples_that_depend_on_the_ones_before_are_refused(

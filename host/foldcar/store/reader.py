@@ -290,6 +290,8 @@ class Store:
             counts, facts = self.design_counts(name), self._with_rule(row)
             until, decided = _stopped(facts.pop("until", None), counts)
             ended_runs = facts.pop("ended_runs", None)
+            # Of use to the next sweep only.
+            facts.pop("files", None)
             if row["build_id"] not in builds:
                 raise StoreError(f"{self.path}: build (id={row['build_id']}) is missing")
             yield ExperimentInfo(

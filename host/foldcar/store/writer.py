@@ -141,6 +141,17 @@ class StoreWriter(StoreConnection):
         with self._transaction():
             return self._identify("environment", "fingerprint", fingerprint)
 
+    def knows_environment(self, fingerprint: str) -> bool:
+        """Whether samples of the environment with this fingerprint have been stored."""
+        return bool(self._rows(ENVIRONMENT, "WHERE fingerprint = ?", fingerprint))
+
+    def program_files(self, experiment: str) -> Mapping[str, str] | None:
+        """The files that the experiment's program consisted of when it was last swept; None if they are not stored."""
+        files: Mapping[str, str] | None = None
+        for row in self._rows(EXPERIMENT, "WHERE id = ?", experiment):
+            files = json.loads(row["facts"]).get("files")
+        return files
+
     def is_dynamic(self, environment_id: int) -> bool | None:
         """Whether the environment's program must run beside the simulation; None if that is not stored yet."""
         dynamic = self._row(ENVIRONMENT, id=environment_id)["dynamic"]

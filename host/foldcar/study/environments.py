@@ -1,12 +1,12 @@
 """The environment of one experiment: its scenes, its built cars' variations, and the runner of its simulations.
 
 Input: an experiment. Output: scenes (sampled by scenes/source.py), variations, fingerprints, a runner. The Scenic program
-is compiled when first needed, which takes most of a second: that shows of which files it consists.
+is compiled when first needed, which takes most of a second, and not at all if the store has all results.
 """
 
 import contextlib
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +34,7 @@ class Environment:
     def __init__(self, experiment: Experiment) -> None:
         e = self._experiment = experiment
         self._source: SceneSource | None = None
+        self._recalled: Files | None = None
         self.spread_fingerprint = (
             spread_fingerprint(e.variation, e.variation_seed) if e.variation else NOMINAL
         )
@@ -47,7 +48,21 @@ class Environment:
     @property
     def files(self) -> "Files":
         """The program's files."""
-        return self._open().fixed_files()
+        known = self._known_files()
+        return self._open().fixed_files() if known is None else known
+
+    def recall(self, files: "Files | None", is_known: Callable[[str], bool]) -> None:
+        """Compile nothing to learn the program's files if they are ``files``, as in an earlier sweep.
+
+        They are if none has changed and their fingerprint is that sweep's: ``is_known`` says so of fingerprints.
+        """
+        from foldcar.scenes.program_files import ProgramFiles
+
+        if files is None or self._source is not None or not ProgramFiles(self.program, files).unchanged():
+            return
+        e = self._experiment
+        if is_known(environment_fingerprint(e.program.name, files, e.scenic_params, e.seed, e.condition)):
+            self._recalled = files
 
     @property
     def program(self) -> Path:
@@ -130,7 +145,7 @@ class Environment:
 
     def _known_files(self) -> "Files | None":
         """The program's files, if they are known without compiling it."""
-        return None
+        return self._recalled
 
 
 def mutation_notes(environments: Iterable[Environment]) -> list[str]:

@@ -28,12 +28,6 @@ class EnvironmentAhead(Environment):
         self._programs, self._opening = programs, _opening(experiment)
 
     @property
-    def files(self) -> Files:
-        """The program's files."""
-        known = self._known_files()
-        return super().files if known is None else known
-
-    @property
     def dynamic(self) -> bool:
         """Whether the program has parts that Scenic must evaluate during a simulation."""
         return super().dynamic if self._facts is None else bool(self._facts["dynamic"])

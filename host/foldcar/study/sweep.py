@@ -156,6 +156,7 @@ def plan_experiment(
     """
     first = next(iter(experiment.family))
     varied = experiment.family.varied
+    environment.recall(writer.program_files(experiment.id), writer.knows_environment)
     environment_id = writer.environment(environment.fingerprint)
     success_rule, defined = writer.success_rule(environment_id) or (environment.success.text, environment.success.defined)
     plan = PlannedExperiment(
@@ -186,6 +187,8 @@ def plan_experiment(
             **({} if rule is None else {"until": asdict(rule)}),
             **({"searched": True} if searched else {}),
             **({"engine": engine} if engine else {}),
+            # Elsewhere the others lie elsewhere.
+            **({} if any(Path(name).is_absolute() for name in environment.files) else {"files": dict(environment.files)}),
         },
     )
     # A search adds designs later.

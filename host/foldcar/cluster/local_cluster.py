@@ -17,8 +17,9 @@ from collections.abc import Iterator
 from typing import NoReturn
 
 from foldcar.errors import FoldcarError
+from foldcar.python_command import python_command
 from foldcar.simulation.process_ending import process_ending
-from foldcar.simulation.worker import python_command, wait_for_no_reader
+from foldcar.simulation.worker import wait_for_no_reader
 
 LOOPBACK = "127.0.0.1"
 
@@ -28,7 +29,8 @@ def local_cluster(workers: int) -> Iterator[str]:
     """The address of a scheduler with so many workers. FoldcarError if it does not start."""
     with tempfile.TemporaryFile("w+", errors="replace") as messages:
         process = subprocess.Popen(
-            python_command("foldcar.cluster.local_cluster", str(workers)),
+            # Isolated, as are then the processes that it starts by `multiprocessing`. Python 3.10 has no -P.
+            python_command("foldcar.cluster.local_cluster", str(workers), flags=("-I",)),
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=messages, encoding="utf-8",
             # A session of its own keeps Ctrl-C from it.
             start_new_session=True,

@@ -18,6 +18,7 @@ from typing import Any
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import at_once
 from foldcar.scenes.contained import contained
+from foldcar.scenes.hash_seed import refuse_hash_dependence
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program import compile_program, is_dynamic, may_end_itself, one_line, overlap_hint
 from foldcar.scenes.program_files import Files, ProgramFiles
@@ -39,7 +40,7 @@ class SceneSource:
         self.files = files
         self.seed = seed
         self.scenario = scenario
-        self._params = params
+        self.params = params
         self._first: dict[str, Any] | None = None
 
     @property
@@ -64,7 +65,7 @@ class SceneSource:
         from foldcar.scenes.mutation_notes import mutation_notes
 
         with seeded(f"{self.seed}/compile"):
-            return mutation_notes(self.program, self.files.apart(), self._params, self.scenario)
+            return mutation_notes(self.program, self.files.apart(), self.params, self.scenario)
 
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
@@ -166,6 +167,7 @@ def open_environment(
             freeze(scenario, scene, condition.get("objects"), condition.get("params"))
         except FoldcarError as error:
             raise FoldcarError(f"{program}: {error}") from None
+    refuse_hash_dependence(source, condition)
     return source
 
 

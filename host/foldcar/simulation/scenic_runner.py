@@ -15,10 +15,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from foldcar.python_command import python_command
 from foldcar.scenes.program_files import Files
 from foldcar.simulation.process_ending import process_ending
 from foldcar.simulation.runner import CarsimError, RunRequest
-from foldcar.simulation.worker import python_command
 
 
 class ScenicRunner:
@@ -135,8 +135,9 @@ class _Worker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             encoding="utf-8",
-            # Threads for linear algebra would do nothing but make every copy of the process slower.
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+            # As in foldcar/__main__.py, for those who call from Python. Threads for linear algebra would do nothing but
+            # make every copy of the process slower.
+            env={**os.environ, "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"},
             start_new_session=True,
         )
 

@@ -1,7 +1,6 @@
 """A process with the argument MODULE: runs MODULE's `main`, and ends when nothing reads its output any more.
 
-So a worker ends with the process that started it, however that ends, and while it imports Scenic too. It imports what
-that process imports, wherever it is started: `python -m` looks in the working directory first, where a `json.py` may be.
+So a worker ends with the process that started it, however that ends, and while it imports Scenic too.
 """
 
 import os
@@ -9,14 +8,6 @@ import select
 import sys
 import threading
 from importlib import import_module
-
-
-def python_command(module: str, *arguments: str) -> list[str]:
-    """The command of another Python, which calls ``main`` of a module of foldcar with ``arguments`` as sys.argv[1:]."""
-    path = [folder for folder in sys.path if folder]
-    code = f"import sys; sys.path[:] = {path!r}; from {module} import main; main()"
-    # Isolated, as are then the processes that it starts by `multiprocessing`. Python 3.10 has no -P.
-    return [sys.executable, "-I", "-c", code, *arguments]
 
 
 def main() -> None:

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from scipy.stats import ks_2samp
 
 import foldcar
 from foldcar.errors import FoldcarError
@@ -76,22 +75,22 @@ def test_everything_frozen_is_the_same_scene_each_time(source: SceneSource) -> N
 
 
 @pytest.mark.parametrize(
-    ("names", "frozen"),
+    ("names", "params", "frozen"),
     [
-        (["bump"], {BUMP}),
-        (["goal"], set()),
-        (["stones"], {STONE, OTHER_STONE}),
-        (["behind"], {BEHIND}),
-        (["mark"], {MARK}),
-        (["bump", "mark"], {BUMP, MARK}),
+        (["bump"], ["tall"], {BUMP}),
+        (["goal"], [], set()),
+        (["stones"], [], {STONE, OTHER_STONE}),
+        (["behind", "bump"], ["tall"], {BEHIND, BUMP}),
+        (["mark", "place"], [], {MARK}),
+        (["bump", "mark", "place"], ["tall"], {BUMP, MARK}),
     ],
 )
 def test_named_objects_keep_their_place_and_the_others_vary(
-    source: SceneSource, names: list[str], frozen: set[int]
+    source: SceneSource, names: list[str], params: list[str], frozen: set[int]
 ) -> None:
     scene = source.scenic_scene(2)
     kept = source.describe(scene, 2)
-    foldcar.condition(source.scenario, scene, objects=names)
+    foldcar.condition(source.scenario, scene, objects=names, params=params)
     scenes = [source.sample(k) for k in SAMPLES]
     for index in range(5):
         expected = {place(kept["terrain"][index])} if index in frozen else None
@@ -102,11 +101,48 @@ def test_named_objects_keep_their_place_and_the_others_vary(
     assert source.describe(scene, 2) == kept
 
 
+@pytest.mark.parametrize(
+    ("condition", "part"),
+    [
+        ({"objects": ["bump"]}, '"bump" depends on a random value of param "tall", which would be frozen too: '),
+        ({"objects": ["mark"]}, '"mark" depends on a random value of "place", which'),
+        (
+            {"objects": ["behind"], "params": ["tall"]},
+            '"behind" depends on a random value of "bump", which would be frozen too: name it as well, or leave both',
+        ),
+        ({"params": ["twice"]}, 'param "twice" depends on a random value of param "friction", which'),
+        ({"objects": ["last"]}, '"last" depends on a random value of the Bump of line 14, which has no name, which'),
+    ],
+)
+def test_a_random_value_is_not_frozen_for_what_is_not_named(
+    tmp_path: Path, condition: dict[str, Any], part: str
+) -> None:
+    program = tmp_path / "program.scenic"
+    program.write_text(
+        f"{PROGRAM}param twice = 2 * globalParameters.friction\ndeep = Range(0.01, 0.02)\n"
+        "new Bump at (1.2, 0), with height deep\nlast = new Kerb at (1.5, 0), with height deep\n"
+    )
+    with pytest.raises(FoldcarError) as caught:
+        open_environment(program, {}, 5, {"sample": 1, **condition})
+    assert f"condition: {part}" in str(caught.value)
+
+
+def test_what_depends_on_a_frozen_value_follows_it(tmp_path: Path) -> None:
+    program = tmp_path / "program.scenic"
+    program.write_text(f"{PROGRAM}param twice = 2 * globalParameters.friction\n")
+    kept = open_environment(program, {}, 5).scenic_scene(1).params
+    frozen = open_environment(program, {}, 5, {"sample": 1, "params": ["friction"]})
+    for k in SAMPLES:
+        params = frozen.scenic_scene(k).params
+        assert params["twice"] == 2 * params["friction"] == kept["twice"]
+        assert params["tall"] != kept["tall"] or k == 1
+
+
 def test_objects_of_the_scene_may_be_given_instead_of_names(source: SceneSource) -> None:
     scene = source.scenic_scene(1)
     kept = source.describe(scene, 1)
     bump = next(thing for thing in scene.objects if type(thing).__name__ == "Bump")
-    foldcar.condition(source.scenario, scene, objects=[bump, scene.egoObject])
+    foldcar.condition(source.scenario, scene, objects=[bump, scene.egoObject], params=["tall"])
     scenes = [source.sample(k) for k in SAMPLES]
     assert places(scenes, BUMP) == {place(kept["terrain"][BUMP])}
     assert all(one["start"] == kept["start"] for one in scenes)
@@ -124,10 +160,11 @@ def test_a_frozen_point_takes_along_what_stands_at_it(source: SceneSource) -> No
 def test_what_is_placed_relative_to_a_frozen_object_keeps_its_own_randomness_only(source: SceneSource) -> None:
     """The noise of `mutate` moves the bump alone: the step is 0.2 to 0.3 m ahead of the bump's unperturbed position."""
     scene = source.scenic_scene(2)
-    foldcar.condition(source.scenario, scene, objects=["bump"])
+    foldcar.condition(source.scenario, scene, objects=["bump"], params=["tall"])
     x = [source.sample(k)["terrain"][BEHIND]["x_m"] for k in range(20)]
     assert len(set(x)) == 20
     assert max(x) - min(x) < 0.1
+    # What has been frozen before need not be named again.
     foldcar.condition(source.scenario, scene, objects=["behind"])
     assert len(places([source.sample(k) for k in SAMPLES], BEHIND)) == 1
 
@@ -150,8 +187,8 @@ def test_a_frozen_object_leaves_a_shared_parameter_free(source: SceneSource) -> 
 
 def test_the_listings_condition_does_the_same(tmp_path: Path, source: SceneSource) -> None:
     scene = source.scenic_scene(3)
-    foldcar.condition(source.scenario, scene, objects=["bump", "ego"], params=["friction"])
-    listed = opened(tmp_path, condition={"sample": 3, "objects": ["bump", "ego"], "params": ["friction"]})
+    foldcar.condition(source.scenario, scene, objects=["bump", "ego"], params=["friction", "tall"])
+    listed = opened(tmp_path, condition={"sample": 3, "objects": ["bump", "ego"], "params": ["friction", "tall"]})
     assert [listed.sample(k) for k in SAMPLES] == [source.sample(k) for k in SAMPLES]
     kept = opened(tmp_path).sample(3)
     assert place(listed.sample(0)["terrain"][BUMP]) == place(kept["terrain"][BUMP])
@@ -167,31 +204,22 @@ def test_the_listings_condition_does_the_same(tmp_path: Path, source: SceneSourc
         (f"Uniform({POINT.format(x=1.1, low=0)}, {POINT.format(x=1.2, low=2)})", "new Kerb at turn"),
     ],
 )
-def test_a_value_that_is_converted_for_several_objects_stays_free_for_the_others(
+def test_a_value_that_is_converted_for_several_objects_is_frozen_with_the_first(
     tmp_path: Path, value: str, more: str
 ) -> None:
-    """Compared with the unconditioned program: free headings are distributed as in it, frozen ones are equal to it."""
     program = tmp_path / "shared.scenic"
     program.write_text(SHARED.format(value=value, more=more))
-    free = open_environment(program, {}, 5)
-    unconditioned = [free.sample(k)["terrain"] for k in range(300)]
-    for frozen, others in (("other", (0, *([2] if more else []))), ("one", ())):
-        source = open_environment(program, {}, 5)
-        scene = source.scenic_scene(7)
-        kept = source.describe(scene, 7)["terrain"]
-        foldcar.condition(source.scenario, scene, objects=[frozen])
-        samples = [source.sample(k)["terrain"] for k in range(300)]
-        index = 0 if frozen == "one" else 1
-        assert all(place(sample[index]) == place(kept[index]) for sample in samples)
-        for free_one in others:
-            headings = [
-                [sample[free_one]["heading_rad"] for sample in found] for found in (samples, unconditioned)
-            ]
-            assert ks_2samp(*headings).pvalue > 1e-3
-        if frozen == "one":
-            # The value belongs to the object created first, and the other one follows it.
-            assert all(sample[1]["heading_rad"] == kept[0]["heading_rad"] for sample in samples)
-            assert len({sample[1]["y_m"] for sample in samples}) == 300
+    source = open_environment(program, {}, 5)
+    scene = source.scenic_scene(7)
+    kept = source.describe(scene, 7)["terrain"]
+    with pytest.raises(FoldcarError, match=r'^condition: "other" depends on a random value of "one", which'):
+        foldcar.condition(source.scenario, scene, objects=["other"])
+    assert len({source.sample(k)["terrain"][1]["heading_rad"] for k in range(20)}) == 20
+    foldcar.condition(source.scenario, scene, objects=["one"])
+    samples = [source.sample(k)["terrain"] for k in range(20)]
+    assert all(place(sample[0]) == place(kept[0]) for sample in samples)
+    assert {piece["heading_rad"] for sample in samples for piece in sample[:2]} == {kept[0]["heading_rad"]}
+    assert len({sample[1]["y_m"] for sample in samples}) == 20
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ frozen, and an object's random values with it.
 """
 
 import copy
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
-from scenic.core.distributions import ConstantSamplable, Samplable
+from scenic.core.distributions import ConstantSamplable, Samplable, needsSampling
 from scenic.core.object_types import Constructible, Object
 
 from foldcar.errors import FoldcarError
@@ -29,29 +29,26 @@ def condition(
 
     ``objects`` are objects of the scene, or names that the program gives to objects, points or lists of them;
     ``params`` are names of global parameters. With neither, everything is frozen; with one of them, only what it
-    names. A random value that several objects depend on belongs to a parameter that it is the value of, else to
-    the object that is created first: it is frozen with that one, and the others follow.
+    names, with the random values beneath it: what else depends on these follows. A random value of several belongs to
+    the parameter that it is, else to the first parameter that depends on it, else to the first object or named point.
 
     Changes ``scenario`` in place, like Scenic's `conditionOn`, but never ``scene``. Raises FoldcarError for unknown
-    names, listing the known ones.
+    names, listing the known ones, and if a random value beneath what is named belongs to something that is not: it
+    would be frozen too, or no longer be the same for both.
     """
     if objects is None and params is None:
-        _freeze(scenario.dependencies, scene.sample, excluded=set())
+        _freeze(scenario.dependencies, scene.sample)
         return
     things = _chosen_things(scenario, scene, objects or ())
-    names = _chosen_params(scenario, params or ())
-    owned = _ownership(scenario)
-    for name in names:
-        _freeze([scenario.params[name]], scene.sample, excluded=set())
-    for thing in things:
-        excluded = {node for node, owner in owned.items() if owner is not thing}
-        _freeze([thing], scene.sample, excluded)
+    values = [scenario.params[name] for name in _chosen_params(scenario, params or ())]
+    _refuse_shared(scenario, [*values, *things])
+    _freeze([*values, *things], scene.sample)
 
 
-def _freeze(roots: Collection[Any], sample: Any, excluded: set[int]) -> None:
-    """Fix the roots and what they depend on at their values in ``sample``, except nodes with an id in ``excluded``."""
+def _freeze(roots: Collection[Any], sample: Any) -> None:
+    """Fix the roots and what they depend on at their values in ``sample``."""
     for node in [node for root in roots for node in reachable(root)]:
-        if id(node) in excluded or node not in sample:
+        if node not in sample:
             continue
         value = sample[node]
         constant = _without_noise(value) if isinstance(node, Constructible) else ConstantSamplable(value)
@@ -59,14 +56,48 @@ def _freeze(roots: Collection[Any], sample: Any, excluded: set[int]) -> None:
         Samplable.conditionTo(node, constant)
 
 
+def _refuse_shared(scenario: Any, chosen: Collection[Any]) -> None:
+    """Raise FoldcarError if one of ``chosen`` depends on a random value that belongs to something else."""
+    owners = _ownership(scenario)
+    ours = {id(one) for one in chosen}
+    names = _names(scenario)
+    for one in chosen:
+        others = {id(owners[id(node)]): owners[id(node)] for node in _random_now(one) if id(node) in owners}
+        foreign = [_called(other, names) for identity, other in others.items() if identity not in ours]
+        if foreign:
+            raise FoldcarError(
+                f"condition: {_called(one, names)} depends on a random value of {' and of '.join(foreign)}, which would "
+                "be frozen too: name it as well, or leave both"
+            )
+
+
 def _ownership(scenario: Any) -> dict[int, Any]:
-    """The owner of each random value, by the value's id: the first parameter or object that depends on it."""
-    owners: dict[int, Any] = {}
-    for owner in [*scenario.params.values(), *scenario._instances]:
-        for node in reachable(owner):
-            # An object owns itself, even if others are placed relative to it.
-            owners.setdefault(id(node), node if isinstance(node, Constructible) else owner)
+    """The owner of each random value, by the value's id."""
+    names = _names(scenario)
+    instances = [thing for thing in scenario._instances if isinstance(thing, Object) or id(thing) in names]
+    own = {id(thing): thing for thing in [*scenario.params.values(), *instances]}
+    # What is the value of a parameter, an object or a point with a name owns itself, even if others depend on it.
+    owners = dict(own)
+    for owner in own.values():
+        for node in _random_now(owner):
+            owners.setdefault(id(node), owner)
     return owners
+
+
+def _random_now(root: Any) -> Iterator[Any]:
+    """Every random value on which ``root`` depends, itself included, but for what is frozen already."""
+    return reachable(root, stop=lambda node: not needsSampling(node._conditioned))
+
+
+def _names(scenario: Any) -> dict[int, str]:
+    """What to call parameters and objects, by their ids."""
+    named = {id(thing): f'"{name}"' for name, things in _named_instances(scenario).items() for thing in things}
+    return {**named, **{id(value): f'param "{name}"' for name, value in scenario.params.items()}}
+
+
+def _called(thing: Any, names: Mapping[int, str]) -> str:
+    line = getattr(thing, "creationLine", ("", 0))[1]
+    return names.get(id(thing)) or f"the {type(thing).__name__} of line {line}, which has no name"
 
 
 def _without_noise(thing: Any) -> Any:

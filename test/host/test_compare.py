@@ -24,7 +24,7 @@ from foldcar.store.trial_writer import CarFacts, Drive, write_trials
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import sweep
 from live_car import write_free_course
-from written_study import add_trial, add_trials, write_study
+from written_study import add_trial, add_trials, import_trials, write_study
 
 WIDTHS = {"width_mm": [65.0, 95.0, 115.0, 180.0]}
 # Percent passed in simulation; trials passed and all, of the published table.
@@ -180,6 +180,32 @@ def test_paired_trials_are_rectified_and_only_built_cars_count(tmp_path: Path) -
     (simulated,) = compare(store, "--simulated-trials")["experiments"]
     assert [(one["trials"], one["trials_passed"]) for one in simulated["designs"]] == [(5, 5)]
     assert "SIMULATED trials" in simulated["remarks"][0] and "18 trials of built cars left out" in simulated["remarks"][0]
+
+
+def test_imported_samples_are_of_the_environment_that_the_store_had(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def paired(store: Path) -> tuple[int, str]:
+        (found,) = compare(store)["experiments"]
+        (one,) = found["designs"]
+        return one["paired"], " ".join(found["remarks"])
+
+    def write(store: Path) -> Path:
+        return write_study(store, {"width_mm": [95.0, 180.0]}, 20, passing({95.0: 90, 180.0: 50}))
+
+    trials = [({"width_mm": 180.0}, sample, "passed") for sample in (3, 4)]
+    known = write(tmp_path / "known.db")
+    import_trials(known, trials)
+    unknown = tmp_path / "unknown.db"
+    import_trials(unknown, trials)
+    write(unknown)
+
+    assert paired(known)[0] == 2
+    assert paired(unknown)[0] == 0 and "2 of 2 trials cannot be paired" in paired(unknown)[1]
+    # The listing's environment of that name changes: samples 3 and 4 are others now.
+    monkeypatch.setattr("written_study.fingerprint", lambda experiment: "another environment")
+    number, remarks = paired(write(known))
+    assert number == 0 and "2 trials were driven in other samples of step_pyramids.scenic" in remarks
 
 
 @pytest.fixture(scope="module")

@@ -53,7 +53,7 @@ def test_a_number_beyond_computing_is_named(tmp_path: Path, listing_data: Any, v
 )
 def test_a_cell_that_no_store_keeps_is_named(tmp_path: Path, column: str, cell: str, message: str) -> None:
     file = tmp_path / "t.csv"
-    file.write_text(f"vehicle_type,outcome,source,experiment,{column}\nW_B_W,passed,paper,1,{cell}\n")
+    file.write_text(f"vehicle_type,width_mm,outcome,source,experiment,{column}\nW_B_W,95,passed,paper,1,{cell}\n")
 
     with pytest.raises(FoldcarError, match=message):
         read_trials(file, None)

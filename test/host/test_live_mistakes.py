@@ -191,7 +191,8 @@ def test_a_cell_of_imported_trials_that_cannot_be_is_named(
 ) -> None:
     file = tmp_path / "t.csv"
     # The other row alone would be imported.
-    file.write_text(f"vehicle_type,outcome,source,experiment,{column}\nW_B_W,passed,p,1,\nW_B_W,passed,p,1,{cell}\n")
+    rows = ("vehicle_type,width_mm,outcome,source,experiment", "W_B_W,95,passed,p,1", "W_B_W,95,passed,p,1")
+    file.write_text("\n".join(",".join(pair) for pair in zip(rows, (column, "", cell), strict=True)) + "\n")
 
     with pytest.raises(FoldcarError, match=f"t.csv: line 3: {message}"):
         read_trials(file, None)
@@ -225,9 +226,9 @@ def test_a_table_that_is_written_otherwise_says_how(tmp_path: Path, text: str, m
 
 def test_a_start_in_another_zone_is_stored_in_utc(tmp_path: Path) -> None:
     file = tmp_path / "t.csv"
-    head = "vehicle_type,outcome,source,experiment,started_utc\n"
+    head = "vehicle_type,width_mm,outcome,source,experiment,started_utc\n"
     times = ("2026-05-01T09:30:00+02:00", "2026-05-01T09:30:00Z", "2026-05-01")
-    file.write_text(head + "".join(f"W_B_W,passed,p,1,{time}\n" for time in times))
+    file.write_text(head + "".join(f"W_B_W,95,passed,p,1,{time}\n" for time in times))
 
     found = [trial["started_utc"] for trial in read_trials(file, None)]
 

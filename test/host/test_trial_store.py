@@ -141,6 +141,7 @@ def test_the_published_table_is_imported_once(tmp_path: Path, foldcar: Any) -> N
         (HEADER + "W_B_W,20,passed,1,me\n", "line 2: width: 20 is below the minimum 53.71"),
         (HEADER + "W_X,95,passed,1,me\n", 'line 2: "W_X" has unknown module "X"'),
         (HEADER + "W_B_W,95,passed,1,\n", "line 2: source: is empty"),
+        (HEADER + "W_B_W,,passed,1,me\n", "line 2: does not tell the car: give its parameters, as width_mm, "),
     ],
 )
 def test_bad_csv_is_refused_whole(tmp_path: Path, foldcar: Any, text: str, message: str) -> None:
@@ -193,6 +194,27 @@ def test_a_sweep_and_a_session_keep_out_of_each_others_way(tmp_path: Path) -> No
         write_trials(tmp_path / "s.db"),
     ):
         pass
+
+
+def test_a_car_that_the_file_does_not_tell_is_the_experiments_or_refused(tmp_path: Path, foldcar: Any) -> None:
+    with write_store(tmp_path / "s.db") as study:
+        study.begin_study(FACTS, "build-7")
+        add_experiment(study, "1", {"width_mm": (95.0, 115.0)}, 3, 3, width_outcome)
+    (tmp_path / "t.csv").write_text(HEADER + "W_B_W,95,passed,1,me\nW_B_W,99,stuck,2,me\n")
+    (tmp_path / "bad.csv").write_text("vehicle_type,height_mm,outcome,source\nW_B_W,50,passed,you\n")
+    (tmp_path / "new.csv").write_text(HEADER + "W_B_W,95,passed,1,me\n")
+
+    said = foldcar("trials", "import", "s.db", "t.csv", "--experiment", "1")
+    refused = foldcar("trials", "import", "s.db", "bad.csv", "--experiment", "1")
+    alone = foldcar("trials", "import", "new.db", "new.csv", "--experiment", "1")
+
+    assert 'note: experiment "1" was swept without a car of width_mm 99' in said.stderr
+    assert "it has 2 trials" in said.stderr
+    assert refused.returncode == 2 and refused.stderr.count("\n") == 1
+    assert 'bad.csv: line 2: width_mm: is not given; experiment "1" has several values' in refused.stderr
+    assert "note: new.csv: does not tell all of its cars; taken by default: height_mm 50, radius_mm 60" in alone.stderr
+    with Store.open(tmp_path / "s.db") as store:
+        assert [trial.design["width_mm"] for trial in store.trials()] == [95, 99, 99]
 
 
 def test_the_report_shows_trials_beside_runs(tmp_path: Path, foldcar: Any) -> None:

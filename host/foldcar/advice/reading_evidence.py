@@ -1,7 +1,7 @@
 """Reads the evidence of a store: each swept experiment's runs with the trials of its designs."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -72,8 +72,8 @@ def _evidence(
     stored = info.stored_runs
     if stored < info.planned_runs:
         remarks.insert(0, f"Unfinished: {stored} of {info.planned_runs} runs are stored; the same sweep resumes.")
-    elsewhere = store.trials_elsewhere(info.listed_id)
-    found = [_with_trials(info, one, by_design.get(key, []), elsewhere, again) for key, one in designs.items()]
+    here = store.trials_here(info)
+    found = [_with_trials(info, one, by_design.get(key, []), here, again) for key, one in designs.items()]
     return Evidence(info, tuple(found), (*remarks, *_pair_remarks(found), *again.remarks(info.id)))
 
 
@@ -154,7 +154,7 @@ def _trials(store: Store, info: ExperimentInfo, simulated_trials: bool) -> tuple
     corrected = sum(trial.corrections > 0 for trial in kept)
     if corrected:
         remarks.append(f"{count(corrected, 'trial')} corrected afterwards: the latest correction counts.")
-    elsewhere = store.trials_elsewhere(info.listed_id)
+    elsewhere = store.trials_elsewhere(info)
     other = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] != info.scenic_program]
     moved = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] == info.scenic_program]
     for program, number in Counter(elsewhere[trial.id] or "an unknown program" for trial in other).items():
@@ -171,7 +171,7 @@ def _with_trials(
     info: ExperimentInfo,
     evidence: DesignEvidence,
     trials: Sequence[Trial],
-    elsewhere: Mapping[int, Any],
+    here: Container[int],
     again: Resimulation,
 ) -> DesignEvidence:
     stored = dict(zip(evidence.samples.tolist(), evidence.passed.tolist(), strict=True))
@@ -179,7 +179,7 @@ def _with_trials(
     for trial in trials:
         if not trial.completed:
             continue
-        planned = trial.id not in elsewhere and not trial.deviations and trial.sample is not None
+        planned = trial.id in here and not trial.deviations and trial.sample is not None
         if planned and (trial.sample in stored or trial.sample in evidence.rejected):
             simulation = stored.get(trial.sample)
             known = None if simulation is None else int(simulation)
@@ -187,7 +187,7 @@ def _with_trials(
             continue
         outcome = again.trial(info, trial)
         simulated = None if outcome is None else int(outcome == "passed")
-        sample = None if trial.id in elsewhere else trial.sample
+        sample = trial.sample if trial.id in here else None
         found.append(PairedTrial(trial.id, trial.outcome, sample, simulated, simulated is not None))
     aborted = sum(not trial.completed for trial in trials)
     return replace(evidence, trials=tuple(found), aborted=aborted) if trials else evidence

@@ -39,15 +39,17 @@ class CalibratedEnvironment(Environment):
         self._calibration = calibration
         self._listed_id = listed_id
         self._seed = experiment.variation_seed
+        self.listed_fingerprint = self.fingerprint
         self.fingerprint = _hashed(self.fingerprint, calibration.fingerprint, self._seed, _effects_code())
         listed = dict(experiment.variation)
         self.spread_fingerprint = _hashed(listed, calibration.fingerprint, self._seed, _effects_code(), variation_code())
 
     @property
     def calibration(self) -> dict[str, str] | None:
-        """Kind, name, fingerprint and the listing's name of the experiment."""
+        """As in ExperimentInfo."""
         one = self._calibration
-        return {"kind": one.kind, "name": one.name, "fingerprint": one.fingerprint, "experiment": self._listed_id}
+        under = {"name": one.name, "fingerprint": one.fingerprint, "experiment": self._listed_id}
+        return under if one.kind == CALIBRATION_KIND else {"kind": one.kind, **under}
 
     def sample(self, k: int) -> dict[str, Any]:
         """Sample ``k`` of the nominal environment, changed by the calibration's draw."""

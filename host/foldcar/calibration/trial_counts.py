@@ -51,7 +51,7 @@ def experiment_with_trials(store: Store, named: str | None) -> str:
 def count_trials(store: Store, experiment: SweptExperiment, simulated: bool) -> TrialCounts:
     """Count the trials of built cars, or, if ``simulated``, those of simulated ones instead."""
     name = experiment.info.id
-    elsewhere = store.trials_elsewhere(name)
+    elsewhere = store.trials_elsewhere(experiment.info)
     counted, passed, left_out = Counter[int](), Counter[int](), Counter[str]()
     for trial in store.trials(name):
         design = experiment.design_of(trial.design) if trial.vehicle_type == experiment.info.vehicle_type else None

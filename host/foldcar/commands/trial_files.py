@@ -26,16 +26,19 @@ def import_file(
     """
     from foldcar.store.trial_writer import write_trials
     from foldcar.trials.csv_import import read_trials
-    from foldcar.trials.import_notes import import_notes
+    from foldcar.trials.import_notes import import_notes, swept_experiments
 
-    found = read_trials(file, experiment)
+    def say(note: str) -> None:
+        typer.echo(f"note: {note}", err=True)
+
+    found = read_trials(file, experiment, swept_experiments(store), say)
     with write_trials(store) as writer:
         for source in dict.fromkeys(trial["source"] for trial in found):
             if writer.source_is_there(source):
                 raise FoldcarError(f'{file}: source: trials of "{source}" are in {store} already')
         numbers = writer.import_trials(found)
     for note in import_notes(store, found):
-        typer.echo(f"note: {note}", err=True)
+        say(note)
     if as_json:
         print_json({"store": store, "imported": list(numbers)})
     else:

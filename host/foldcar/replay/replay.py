@@ -106,21 +106,21 @@ def make_replay(
     _add_paths(replay, drives, grid, chosen, places, carsim, jobs, done)
     _add_scenes(replay, drives, sorted({sample for _, sample in chosen}), carsim, jobs, done)
     replay.data["cars"] = _cars(drives, sorted({design for design, _ in chosen}), places, carsim)
-    elsewhere = _elsewhere(store, info, drives)
-    loose = sum(trial.sample is None or trial.id in elsewhere for trial in trials)
+    here = _trials_here(store, info, drives)
+    loose = sum(trial.sample is None or trial.id not in here for trial in trials)
     if loose:
         replay.remarks.append(
             f"{loose} of {len(trials)} trials name no environment of these runs: they are laid over none of them."
         )
-    replay.data["trials"] = [_trial(store, replay, grid, designs, trial, trial.id in elsewhere) for trial in trials]
+    replay.data["trials"] = [_trial(store, replay, grid, designs, trial, trial.id in here) for trial in trials]
     return replay
 
 
-def _elsewhere(store: Store, info: ExperimentInfo, drives: StoredDrives) -> set[int]:
-    """The trials that were driven in another environment than the runs', and not by chance in the very same scene."""
+def _trials_here(store: Store, info: ExperimentInfo, drives: StoredDrives) -> set[int]:
+    """The trials that were driven in the environment of the runs, or by chance in the very same scene."""
     rows = store.rows(TRIAL, "WHERE experiment = ? AND scene_id IS NOT NULL", info.id)
     there = {row["id"] for row in rows if drives.scenes.get(row["sample"]) == row["scene_id"]}
-    return set(store.trials_elsewhere(info.id)) - there
+    return store.trials_here(info) | there
 
 
 def _add_paths(
@@ -206,9 +206,9 @@ def _of(rows: Sequence[Mapping[str, Any]], *names: str) -> list[dict[str, Any]]:
 
 
 def _trial(
-    store: Store, replay: Replay, grid: OutcomeGrid, designs: Sequence[int], trial: Trial, elsewhere: bool
+    store: Store, replay: Replay, grid: OutcomeGrid, designs: Sequence[int], trial: Trial, here: bool
 ) -> dict[str, Any]:
-    """A trial as the page lists it, beside no run if it was driven ``elsewhere``; its path is a blob of its own."""
+    """A trial as the page lists it, beside a run if it was driven ``here``; its path is a blob of its own."""
     design = next((at for at, place in enumerate(designs) if dict(grid.designs[place]) == dict(trial.design)), None)
     found = trial_path(store, trial)
     if found.path is not None:
@@ -219,7 +219,7 @@ def _trial(
         "car": trial.standing,
         "outcome": trial.outcome,
         "design": design,
-        "sample": None if elsewhere else trial.sample,
+        "sample": trial.sample if here else None,
         "moved": len(trial.deviations),
         "path": found.path is not None,
         "attitude": found.attitude,

@@ -12,7 +12,7 @@ from foldcar.store.info import ExperimentInfo
 # What may differ between experiments of one group, or differs with the number of their runs.
 FREE = {
     "id", "vehicle", "environment", "scenic_params", "environments", "planned_runs", "stored_runs", "thresholds", "until",
-    "designs", "decided", "skipped", "calibration",
+    "designs", "decided", "skipped", "calibration", "listed_environment",
 }  # fmt: skip
 
 

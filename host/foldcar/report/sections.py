@@ -136,7 +136,7 @@ def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary, rejec
 
 def _elsewhere(store: Store, info: ExperimentInfo, shown: Sequence[Trial]) -> list[str]:
     """What is said of trials that were not driven in the environment of the runs they are shown beside."""
-    elsewhere = store.trials_elsewhere(info.id)
+    elsewhere = store.trials_elsewhere(info)
     programs = Counter(elsewhere[trial.id] or "an unknown program" for trial in shown if trial.id in elsewhere)
     remarks = []
     for program, count in programs.items():

@@ -37,8 +37,9 @@ class ExperimentInfo:
     enough is known has ended, no more are planned than it made; before, ``designs`` that are ``decided`` have no more
     planned than stored. ``success_rule`` says when a run has
     passed, or why that is undefined (``success_defined`` False). ``skipped`` names the cars of the family that
-    cannot be built, and why. ``calibration`` is None for nominal simulations, else ``kind``, ``name``, ``fingerprint``
-    and ``experiment``: what it was simulated under, and the experiment of the listing.
+    cannot be built, and why. ``calibration`` is None for nominal simulations, else ``name``, ``fingerprint`` and
+    ``experiment``: what it was simulated under, and the experiment of the listing; of a reality also its ``kind``. Then
+    ``listed_environment`` is the fingerprint of the listing's environment.
     ``searched`` says that a search chose the designs, and how many runs each has: no more are planned.
     ``thresholds`` are the shares of passed runs that tell good designs from bad ones. ``engine`` is the name and version
     of what moved the cars, "" in the side view.
@@ -67,6 +68,7 @@ class ExperimentInfo:
     success_defined: bool
     skipped: tuple[str, ...] = ()
     calibration: Mapping[str, str] | None = None
+    listed_environment: str | None = None
     thresholds: tuple[float, ...] = ()
     until: "StoppingRule | None" = None
     designs: int = 0

@@ -20,6 +20,7 @@ from foldcar.store.tables import (
     CHECKSUM,
     CORRECTION,
     DESIGN,
+    ENVIRONMENT,
     EXPERIMENT,
     RECORDED,
     RESULT_JOIN,
@@ -158,13 +159,37 @@ class Store:
                 **{field: row[field] for field in TRIAL_FIELDS},
             )
 
-    def trials_elsewhere(self, experiment: str) -> dict[int, str | None]:
-        """Trials in another environment than the experiment was last swept in: number and Scenic program, if known."""
-        where = (
-            "WHERE experiment = ?1 AND environment_id IS NOT NULL "
-            "AND environment_id <> (SELECT environment_id FROM experiment WHERE id = ?1)"
-        )
-        return {row["id"]: row["scenic_program"] for row in self.rows(TRIAL, where, experiment)}
+    def trials_elsewhere(self, info: ExperimentInfo) -> dict[int, str | None]:
+        """Trials in another environment than that of the experiment's runs: number and Scenic program, if known.
+
+        Of an imported trial without a sample only the program is known, if its experiment was swept at the time.
+        """
+        here = self._environment_id(info)
+        return {
+            row["id"]: row["scenic_program"]
+            for row in self.rows(TRIAL, "WHERE experiment = ?", info.listed_id)
+            if (row["environment_id"] is not None and here is not None and row["environment_id"] != here)
+            or (row["environment_id"] is None and row["scenic_program"] not in (None, info.scenic_program))
+        }
+
+    def trials_here(self, info: ExperimentInfo) -> set[int]:
+        """The trials that are known to be in the environment of the experiment's runs: their samples are the runs'."""
+        here = self._environment_id(info)
+        rows = self.rows(TRIAL, "WHERE experiment = ? AND environment_id = ?", info.listed_id, here)
+        return {row["id"] for row in rows}
+
+    def _environment_id(self, info: ExperimentInfo) -> int | None:
+        """The environment of the experiment's runs, as it is in the listing; None if the store has it not."""
+        row = self._experiment(info.id)
+        if info.calibration is None:
+            return int(row["environment_id"])
+        if info.listed_environment is not None:
+            found = self.rows(ENVIRONMENT, "WHERE fingerprint = ?", info.listed_environment)
+            # A number that no row has: trials were driven, but not here.
+            return next((int(one["id"]) for one in found), 0)
+        # Written by an earlier foldcar.
+        listed = next(self.rows(EXPERIMENT, "WHERE id = ?", info.listed_id), None)
+        return None if listed is None else int(listed["environment_id"])
 
     def trial(self, number: int) -> Trial:
         """The trial of that number; StoreError if there is none."""

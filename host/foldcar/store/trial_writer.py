@@ -16,9 +16,10 @@ from typing import Any
 
 from foldcar.store.connection import StoreConnection
 from foldcar.store.errors import StoreError, store_errors
+from foldcar.store.info import listed_id
 from foldcar.store.opening import writing
 from foldcar.store.rows import Row
-from foldcar.store.tables import CORRECTION, TRIAL
+from foldcar.store.tables import CORRECTION, EXPERIMENT, TRIAL
 from foldcar.store.trial_records import (
     BUILT,
     CARS,
@@ -199,14 +200,36 @@ class TrialWriter(StoreConnection):
             raise StoreError(f"{where}: the car itself told that it is {trial['car']}; this cannot be corrected")
 
     def import_trials(self, trials: list[dict[str, Any]]) -> list[int]:
-        """Store imported trials, all or none: columns of the table by name; returns their numbers."""
+        """Store imported trials, all or none: columns of the table by name; returns their numbers.
+
+        Those of an experiment that the store holds are of its program, and their samples of its environment as it is now:
+        an environment that the experiment gets later has others.
+        """
         numbers = []
         with self._transaction():
+            places: dict[str, tuple[int | None, str | None]] = {}
             for trial in trials:
                 _check_outcome(self.path, trial["outcome"])
-                row = {"deviations": "{}", "ending": "imported", "note": "", "operator": "", "withdrawn": 0, **trial}
+                name = trial["experiment"]
+                if name not in places:
+                    places[name] = self._place(name)
+                environment_id, program = places[name]
+                row = {
+                    "deviations": "{}", "ending": "imported", "note": "", "operator": "", "withdrawn": 0,
+                    "environment_id": environment_id if trial.get("sample") is not None else None,
+                    "scenic_program": program, **trial,
+                }  # fmt: skip
                 numbers.append(self._add(TRIAL, {**row, "design": json.dumps(row["design"])}))
         return numbers
+
+    def _place(self, experiment: str) -> tuple[int | None, str | None]:
+        """Environment and program of an experiment of the listing; None if it was not swept, or in several."""
+        found = {}
+        for row in self._rows(EXPERIMENT):
+            facts = json.loads(row["facts"])
+            if facts.get("calibration") is None and listed_id(row["id"], None, facts.get("engine", "")) == experiment:
+                found[row["environment_id"]] = facts.get("scenic_program")
+        return next(iter(found.items())) if len(found) == 1 else (None, None)
 
     def source_is_there(self, source: str) -> bool:
         """Whether trials of this source were imported before."""

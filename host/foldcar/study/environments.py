@@ -35,6 +35,8 @@ class Environment:
         e = self._experiment = experiment
         self._source: SceneSource | None = None
         self._recalled: Files | None = None
+        # That of the listing's environment, where this one is changed by a calibration.
+        self.listed_fingerprint: str | None = None
         self.spread_fingerprint = (
             spread_fingerprint(e.variation, e.variation_seed) if e.variation else NOMINAL
         )

@@ -183,6 +183,7 @@ def plan_experiment(
             "success_rule": success_rule,
             "success_defined": defined,
             "calibration": environment.calibration,
+            **({"listed_environment": environment.listed_fingerprint} if environment.calibration else {}),
             "thresholds": experiment.thresholds,
             **({} if rule is None else {"until": asdict(rule)}),
             **({"searched": True} if searched else {}),

@@ -2,7 +2,8 @@
 
 Input: a file with the columns ``outcome``, ``source`` and ``vehicle_type``, and optionally ``experiment``, ``sample``,
 ``count``, ``car`` (built or simulated; built if it does not say), ``elapsed_time_s``, ``note``, ``operator``,
-``started_utc`` and parameters of the design (``width_mm``, …).
+``started_utc`` and parameters of the design (``width_mm``, …). Those that are left out are those of the experiment, if it
+was swept, which must not vary them; else foldcar's defaults, but never all of them.
 Lines that begin with # are comments. Output: rows for :meth:`TrialWriter.import_trials`.
 """
 
@@ -13,20 +14,30 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from foldcar.car.design import DesignError, compose
+from foldcar.car.design import Design, DesignError, compose
 from foldcar.car.modules import parameters
 from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
+from foldcar.store.info import ExperimentInfo
 from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MOST_ID, TRIAL_OUTCOMES
 from foldcar.typed_numbers import decimal_number, whole_number
 
 NEEDED = ("vehicle_type", "outcome", "source")
 OPTIONAL = ("experiment", "count", "car", "sample", "elapsed_time_s", "note", "operator", "started_utc")
 MOST_COUNT = 100_000
+NOTHING: Mapping[str, ExperimentInfo] = {}
 
 
-def read_trials(file: Path, experiment: str | None) -> list[dict[str, Any]]:
-    """The trials in ``file``; ``experiment`` is that of rows without one. FoldcarError naming line and column."""
+def read_trials(
+    file: Path,
+    experiment: str | None,
+    swept: Mapping[str, ExperimentInfo] = NOTHING,
+    announce: Callable[[str], None] = lambda line: None,
+) -> list[dict[str, Any]]:
+    """The trials in ``file``; ``experiment`` is that of rows without one, ``swept`` are those of the store.
+
+    ``announce`` is told which defaults were taken. FoldcarError naming line and column.
+    """
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -38,14 +49,18 @@ def read_trials(file: Path, experiment: str | None) -> list[dict[str, Any]]:
     header = _cells(file, *kept[0])
     _check_header(file, header)
     trials = []
+    defaults: dict[str, float] = {}
     for number, line in kept[1:]:
         cells = _cells(file, number, line)
         if len(cells) != len(header):
             raise FoldcarError(f"{file}: line {number}: has {len(cells)} cells, the header {len(header)}")
         row = {name: cell for name, cell in zip(header, cells, strict=True) if cell}
-        trials.extend(_trials(f"{file}: line {number}", row, experiment))
+        trials.extend(_trials(f"{file}: line {number}", row, experiment, swept, defaults))
     if not trials:
         raise FoldcarError(f"{file}: contains no trials")
+    if defaults:
+        shown = ", ".join(f"{name} {value:g}" for name, value in defaults.items())
+        announce(f"{file}: does not tell all of its cars; taken by default: {shown}")
     return trials
 
 
@@ -73,7 +88,13 @@ def _check_header(file: Path, header: list[str]) -> None:
             raise FoldcarError(f'{file}: has no column "{name}"')
 
 
-def _trials(place: str, row: Mapping[str, str], experiment: str | None) -> list[dict[str, Any]]:
+def _trials(
+    place: str,
+    row: Mapping[str, str],
+    experiment: str | None,
+    swept: Mapping[str, ExperimentInfo],
+    defaults: dict[str, float],
+) -> list[dict[str, Any]]:
     for name in NEEDED:
         if name not in row:
             raise FoldcarError(f"{place}: {name}: is empty")
@@ -87,12 +108,7 @@ def _trials(place: str, row: Mapping[str, str], experiment: str | None) -> list[
     named = row.get("experiment", experiment)
     if named is None:
         raise FoldcarError(f"{place}: experiment: is empty; fill it or use --experiment ID")
-    keys = {parameter.column: key for key, parameter in parameters().items()}
-    values = {keys[name]: _number(place, row, name, decimal_number) for name in row if name in keys}
-    try:
-        design = compose(row["vehicle_type"], values)
-    except DesignError as error:
-        raise FoldcarError(f"{place}: {error}") from error
+    design = _design(place, row, named, swept.get(named), defaults)
     trial: dict[str, Any] = {
         "experiment": named,
         "vehicle_type": design.type,
@@ -118,6 +134,28 @@ def _trials(place: str, row: Mapping[str, str], experiment: str | None) -> list[
     if count > MOST_COUNT:
         raise FoldcarError(f"{place}: count: {count} is above the maximum {MOST_COUNT}")
     return [trial] * int(count)
+
+
+def _design(
+    place: str, row: Mapping[str, str], named: str, swept: ExperimentInfo | None, defaults: dict[str, float]
+) -> Design:
+    """The car of a row; ``defaults`` gets what nobody has told of it."""
+    keys = {parameter.column: key for key, parameter in parameters().items()}
+    told = {name: _number(place, row, name, decimal_number) for name in row if name in keys}
+    of_family = swept is not None and row["vehicle_type"] == swept.vehicle_type
+    if swept is not None and of_family:
+        missing = [name for name in swept.varied if name not in told]
+        if missing:
+            raise FoldcarError(f'{place}: {", ".join(missing)}: is not given; experiment "{named}" has several values')
+        told = {**swept.fixed, **told}
+    try:
+        design = compose(row["vehicle_type"], {keys[name]: value for name, value in told.items() if name in keys})
+    except DesignError as error:
+        raise FoldcarError(f"{place}: {error}") from error
+    if not told:
+        raise FoldcarError(f"{place}: does not tell the car: give its parameters, as {', '.join(design.columns)}")
+    defaults.update({name: value for name, value in design.columns.items() if name not in told})
+    return design
 
 
 def _number(place: str, row: Mapping[str, str], name: str, kind: Callable[[str], float]) -> float:

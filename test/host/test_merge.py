@@ -22,6 +22,7 @@ from foldcar.store.tables import EXPERIMENT, RUN, TRIAL, Table
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from foldcar.study.experiments import read_study
+from foldcar.study.stopping import stopping_rules
 from foldcar.study.sweep import sweep
 from old_stores import contents, old_store
 from test_store import answer, fill
@@ -71,6 +72,56 @@ def test_halves_of_a_study_are_the_whole(tmp_path: Path, listing: Path, carsim_b
     assert {store: store.read_bytes() for store in before} == before
     # The next sweep has nothing left to simulate.
     assert sweep(read_study(listing), tmp_path / "new" / "m.db", Carsim(carsim_binary), 1, "test").new == 0
+
+
+def until(listing: Path, store: Path, binary: Path, rule: str = "decided", environments: int | None = None) -> Path:
+    study = read_study(listing, "1", environments)
+    sweep(study, store, Carsim(binary), 2, "test", until=stopping_rules(rule, study))
+    return store
+
+
+@pytest.fixture
+def thresholded(listing_data: dict[str, Any], write_listing: Callable[[Any], Path]) -> Path:
+    """A listing of which designs are decided in fewer than its 12 environments."""
+    listing_data["experiments"]["1"]["params"] |= {"environments": 12, "threshold": 0.5}
+    return write_listing(listing_data)
+
+
+def test_a_sweep_that_stopped_is_a_part_of_one_that_did_not(
+    tmp_path: Path, thresholded: Path, carsim_binary: Path
+) -> None:
+    whole = swept(thresholded, tmp_path / "whole.db", carsim_binary)
+    part = swept(thresholded, tmp_path / "part.db", carsim_binary, environments=2)
+    stopped = until(thresholded, tmp_path / "stopped.db", carsim_binary)
+    both = until(thresholded, Path(shutil.copy(whole, tmp_path / "both.db")), carsim_binary)
+
+    for name, stores in {"m1": [whole, stopped], "m2": [stopped, whole], "m3": [whole, both]}.items():
+        merge_stores(stores, tmp_path / name)
+        assert shown(tmp_path / name) == shown(whole)
+    merge_stores([part, stopped], tmp_path / "m4")
+    assert shown(tmp_path / "m4") == shown(stopped)
+    (made,) = shown(stopped)[0].values()
+    assert made.until is not None and made.planned_runs == made.stored_runs < 24
+
+    # More runs than it stopped with: they are judged by the rule again.
+    merge_stores([swept(thresholded, tmp_path / "more.db", carsim_binary, environments=11), stopped], tmp_path / "m5")
+    (info,) = shown(tmp_path / "m5")[0].values()
+    assert info.until == made.until and info.stored_runs > made.stored_runs
+    assert check_store(tmp_path / "m5").findings == []
+
+
+def test_two_rules_of_stopping_are_no_one_rule(tmp_path: Path, thresholded: Path, carsim_binary: Path) -> None:
+    stores = [
+        until(thresholded, tmp_path / "a.db", carsim_binary),
+        until(thresholded, tmp_path / "b.db", carsim_binary, "40pp"),
+    ]
+
+    with pytest.raises(StoreError, match=r'experiment "1": until is .* in .*b\.db, .* in .*a\.db: no one rule'):
+        merge_stores(stores, tmp_path / "m.db")
+
+    assert not (tmp_path / "m.db").exists()
+    merge_stores([*stores, swept(thresholded, tmp_path / "whole.db", carsim_binary)], tmp_path / "m.db")
+    assert shown(tmp_path / "m.db") == shown(tmp_path / "whole.db")
 
 
 def test_a_store_with_itself_is_itself(tmp_path: Path) -> None:

@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from foldcar.store.design_counts import design_counts
+from foldcar.store.endings import ENDING_FACTS, Ending, merged_ending
 from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.migrations import VERSION
@@ -33,6 +35,7 @@ def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
             merge = _Merge(connection, merged, logs)
             for path, source in sources:
                 merge.add(path, source)
+            merge.end_experiments()
             return {
                 table.name: connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()[0] for table in TABLES
             }
@@ -63,6 +66,8 @@ class _Merge:
         # Trials of the stores before, by what they say.
         self._trials: dict[tuple[Any, ...], list[int]] = {}
         self._logged: dict[str | None, Row] = {}
+        # How the sweeps of each experiment ended, a store each.
+        self._endings: dict[str, list[Ending]] = {}
 
     def add(self, path: Path, source: sqlite3.Connection) -> None:
         """Add all rows of a store. StoreError if they contradict those there."""
@@ -149,18 +154,31 @@ class _Merge:
             self._insert(STUDY, min(row, there, key=lambda one: str(one["value"])), "OR REPLACE")
 
     def _experiment(self, row: Row) -> None:
-        """An experiment; one that differs in its number of environments only has the larger one."""
+        """An experiment; one that differs in its number of environments, or in when it stopped, is the same."""
         row["position"] = self._next(EXPERIMENT, "position")
+        facts = json.loads(row["facts"])
+        ending = Ending(self._stores[-1], row["environments"], facts.pop("until", None), facts.pop("ended_runs", None))
+        self._endings.setdefault(row["id"], []).append(ending)
         if self._insert(EXPERIMENT, row, "OR IGNORE"):
             return
         there = self._there(EXPERIMENT, ["id"], row)
-        facts, known = json.loads(row["facts"]), json.loads(there["facts"])
+        known = {name: value for name, value in json.loads(there["facts"]).items() if name not in ENDING_FACTS}
         for name in sorted(facts.keys() | known.keys()):
             if facts.get(name) != known.get(name):
                 self._differs(EXPERIMENT, row, name, facts.get(name), known.get(name))
         self._compare(EXPERIMENT, row, there, ("position", "environments", "facts", "designs", "designs_fingerprint"))
         if row["environments"] > there["environments"]:
             self._insert(EXPERIMENT, {**there, "environments": row["environments"]}, "OR REPLACE")
+
+    def end_experiments(self) -> None:
+        """Say of each experiment when its sweeps stopped. StoreError if that is not one rule."""
+        for name, endings in self._endings.items():
+            row = self._there(EXPERIMENT, ["id"], {"id": name})
+            facts = {key: value for key, value in json.loads(row["facts"]).items() if key not in ENDING_FACTS}
+            counts = design_counts(self._merged, self._connection, name)
+            facts |= merged_ending(name, endings, row["environments"], len(counts.positions), sum(counts.runs))
+            if facts != json.loads(row["facts"]):
+                self._insert(EXPERIMENT, {**row, "facts": json.dumps(facts)}, "OR REPLACE")
 
     def _trial(self, row: Row) -> None:
         old, same = row["id"], self._trials.get(_said(row))

@@ -11,6 +11,7 @@ from foldcar.errors import FoldcarError
 from foldcar.simulation.results import NUMBERS, Recorded
 from foldcar.store.errors import StoreError
 from foldcar.store.migrations import VERSION
+from foldcar.store.new_store import check_new
 from foldcar.store.opening import APPLICATION_ID
 from foldcar.store.reader import Store
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, PlannedRun, StoreWriter, write_store
@@ -320,6 +321,24 @@ def test_reading_a_missing_store_creates_nothing(tmp_path: Path) -> None:
 def test_a_folder_is_no_store(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="is a folder, not a store"), write_store(tmp_path):
         pass
+
+
+@pytest.mark.parametrize("name", [":memory:", "file:s.db", "file:s?mode=memory"])
+def test_a_name_that_sqlite_does_not_take_for_a_file_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, foldcar: Any, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = foldcar("sweep", "none.json", "--store", name)
+
+    assert (said.returncode, said.stdout) == (2, "")
+    assert said.stderr == f"foldcar: error: {name}: is no file name to SQLite: give the store another, such as study.db\n"
+    with pytest.raises(StoreError, match="is no file name to SQLite"), write_store(Path(name)):
+        pass
+    with pytest.raises(StoreError, match="is no file name to SQLite"):
+        Store.open(Path(name))
+    with pytest.raises(StoreError, match="is no file name to SQLite"):
+        check_new(Path(name))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_writing_makes_the_folder(tmp_path: Path) -> None:

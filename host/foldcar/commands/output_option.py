@@ -22,6 +22,9 @@ def output_file(context: typer.Context, file: Path | None) -> Path | None:
 def output_store(context: typer.Context, store: Path | None) -> Path | None:
     """The option's value, a store that is written or made; FoldcarError if it cannot be."""
     if store is not None and not context.resilient_parsing:
+        from foldcar.store.errors import check_name
+
+        check_name(store)
         check_output_file(store)
     return store
 

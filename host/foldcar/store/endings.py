@@ -29,8 +29,8 @@ def merged_ending(name: str, endings: Sequence[Ending], environments: int, desig
     """The facts of the experiment ``name`` with the ``runs`` of all stores, and the most ``environments``.
 
     If all runs of a sweep that was to make them are there, results had no say in their number: they are such a sweep's.
-    Else, if sweeps stopped by a rule, they are a sweep's that stops by it, whose intervals hold at any number of runs; that
-    it has ended is true only of the runs that one of them ended with. StoreError if there are several rules.
+    Else, if sweeps stopped by a rule, they are a sweep's that stops by it, whose intervals hold at any number of runs;
+    that it has ended is true only of the runs that one of them ended with. StoreError if there are several rules.
     """
     stopped = [one for one in endings if one.until is not None]
     planned = any(one.until is None and one.environments == environments for one in endings)

@@ -15,6 +15,12 @@ class StoreError(FoldcarError):
     """No store, another version, in use, damaged, or a disk that does not take it; the message names the file."""
 
 
+def check_name(store: Path) -> None:
+    """StoreError if SQLite takes the name for something else than a file's: it would keep nothing, or keep it elsewhere."""
+    if str(store) == ":memory:" or str(store).startswith("file:"):
+        raise StoreError(f"{store}: is no file name to SQLite: give the store another, such as study.db")
+
+
 @contextlib.contextmanager
 def store_errors(path: Path) -> Iterator[None]:
     """Turns SQLITE_ERRORS into StoreErrors that name the file."""

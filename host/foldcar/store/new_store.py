@@ -10,7 +10,7 @@ from pathlib import Path
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import held
 from foldcar.output_folder import make_output_folder
-from foldcar.store.errors import StoreError, store_errors
+from foldcar.store.errors import StoreError, check_name, store_errors
 from foldcar.store.log_files import sha256_of
 from foldcar.store.migrations import transaction
 from foldcar.store.opening import fill_blank
@@ -50,7 +50,8 @@ def new_store(store: Path) -> Iterator[tuple[sqlite3.Connection, list[tuple[Path
 
 
 def check_new(store: Path) -> None:
-    """StoreError if there is a file of that name."""
+    """StoreError if there is a file of that name, or it is no name of a store."""
+    check_name(store)
     if os.path.lexists(store):
         raise StoreError(f"{store}: is there already; name a new store")
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from foldcar.interrupts import held, raised
 from foldcar.output_folder import make_output_folder
-from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
+from foldcar.store.errors import SQLITE_ERRORS, StoreError, check_name, store_errors
 from foldcar.store.migrations import VERSION, add_metrics, copy_beside, create_tables, migrate, transaction
 from foldcar.store.patience import BUSY_S, patiently
 from foldcar.store.tables import CHECKSUM, RUN
@@ -66,6 +66,7 @@ def _copied(path: Path, connection: sqlite3.Connection, is_older: bool) -> sqlit
 
 def connect_reading(path: Path) -> sqlite3.Connection:
     """A connection that cannot write, to whatever version of a store; StoreError if there is no file."""
+    check_name(path)
     if not path.exists():
         raise StoreError(f"{path}: no such store")
     if not path.is_file():
@@ -100,6 +101,7 @@ def writing(path: Path) -> Iterator[sqlite3.Connection]:
 
     A store of an older version is migrated first; a line on standard error says so.
     """
+    check_name(path)
     if path.is_dir():
         raise StoreError(f"{path}: is a folder, not a store")
     make_output_folder(path.parent)

@@ -126,6 +126,20 @@ def test_a_design_is_left_when_the_rest_would_hardly_decide_it() -> None:
     assert not StoppingRule(0.05, ()).hopeless(50, 100, 101)
 
 
+def test_rejected_runs_are_made_but_tell_nothing() -> None:
+    passed = numpy.ones((3, MOST))
+    passed[0, ::2], passed[1] = numpy.nan, numpy.nan
+
+    schedule, _ = ended(passed, None)
+
+    half, none, all_of_them = schedule.counted.tolist()
+    assert schedule.decided.tolist() == [True, False, True]
+    # Of the second the last runs could decide nothing any more.
+    assert 2 * half == schedule.runs[0] and none == 0 and schedule.runs[1] > 50 and all_of_them == schedule.runs[2]
+    # As many runs that count decide, whatever was rejected between them.
+    assert bool(RULE.decided(half, half)) and abs(half - all_of_them) < 0.5 * all_of_them
+
+
 def test_what_is_stored_beyond_a_decision_is_judged() -> None:
     schedule = Schedule(RULE, 50, [30, 0])
     (first, second) = schedule.next()

@@ -136,14 +136,20 @@ class Proposals:
             self._trial.report(value, batch)
             return bool(self._trial.should_prune())
 
-    def refuse(self, reason: str) -> None:
-        """The design under trial is worth nothing, for a reason that holds whenever it is tried."""
+    def refuse(self, reason: str, runs: int) -> None:
+        """The design under trial has no worth, as its runs say, for a reason that holds whenever it is tried."""
         assert self._trial is not None
-        self._refuse(self._trial, reason)
+        self._refuse(self._trial, reason, runs)
 
-    def _refuse(self, trial: Trial, reason: str) -> None:
+    def refused_runs(self) -> int:
+        """The runs of all designs that have no worth."""
+        pruned = self._study.get_trials(deepcopy=False, states=(TrialState.PRUNED,))
+        return sum(trial.user_attrs["runs"] for trial in pruned if "runs" in trial.user_attrs)
+
+    def _refuse(self, trial: Trial, reason: str, runs: int = 0) -> None:
         with delayed():
             trial.set_user_attr("unbuildable", reason)
+            trial.set_user_attr("runs", runs)
             trial.set_constraint(BUILDABLE, 1.0)
             self._study.tell(trial, state=TrialState.PRUNED)
 

@@ -155,6 +155,7 @@ def _try_designs(
 ) -> None:
     for one in proposals.tried():
         _count(found, one, plan)
+    found.runs += proposals.refused_runs()
     while found.designs < plan.designs and (
         plan.runs is None or found.runs + experiment.environments <= plan.runs
     ):
@@ -177,7 +178,8 @@ def _try_designs(
                 if pruned:
                     break
         if not rows:
-            proposals.refuse(no_rate_text(made))
+            proposals.refuse(no_rate_text(made), made)
+            found.runs += made
             continue
         mean_time_s = _value(OBJECTIVES["time"], experiment, values, rows)
         worth = [_value(one, experiment, values, rows) for one in plan.objectives]

@@ -16,7 +16,7 @@ class StoreError(FoldcarError):
 
 
 def check_name(store: Path) -> None:
-    """StoreError if SQLite takes the name for something else than a file's: it would keep nothing, or keep it elsewhere."""
+    """StoreError if SQLite takes the name for something else than a file's: it would keep nothing, or elsewhere."""
     if str(store) == ":memory:" or str(store).startswith("file:"):
         raise StoreError(f"{store}: is no file name to SQLite: give the store another, such as study.db")
 

@@ -53,6 +53,17 @@ def test_agreement_counts_runs_and_compares_success_rates() -> None:
     assert found.confusion["stuck", "tipped"] == 2
 
 
+def test_rejected_runs_are_shown_and_not_compared() -> None:
+    pairs = [pair(0, 0, "passed", "passed"), pair(0, 1, "rejected", "passed"), pair(0, 2, "stuck", "rejected")]
+
+    found = agreement(pairs)
+
+    assert (found.runs, found.alike, found.kinds) == (1, 1, [])
+    assert found.confusion["rejected", "passed"] == 1
+    with pytest.raises(FoldcarError, match="nothing to compare"):
+        agreement(pairs[1:])
+
+
 def test_one_rate_for_all_has_no_correlation() -> None:
     found = agreement([pair(0, 0, "passed", "passed"), pair(1, 0, "passed", "stuck")])
 

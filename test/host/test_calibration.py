@@ -27,6 +27,7 @@ from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store
 from forked_foldcar import original
 from study_car import car_body
+from test_store_lock import held
 
 BUMP = """model model
 param height = 0.03
@@ -298,6 +299,18 @@ def test_trials_that_say_nothing_are_refused_in_a_sentence(
 
     assert refused.stderr.count("\n") == 1 and message in refused.stderr, refused.stderr
     assert (tmp_path / "s.db").read_bytes() == before
+
+
+def test_a_calibration_that_its_store_does_not_take_is_kept_for_later(swept: Path, tmp_path: Path) -> None:
+    shutil.copy(swept / "s.db", tmp_path / "s.db")
+    with held(tmp_path / "s.db"):
+        words = ("calibrate", "s.db", "--name", "late", "--runs", "500", "--known", "track_m=0")
+        refused = run(tmp_path, *words, code=2)
+
+    command = "`foldcar import s.db.calibration-late.json --store s.db` takes it in"
+    assert "another sweep or trial is writing this store" in refused.stderr and command in refused.stderr
+    run(tmp_path, "import", "s.db.calibration-late.json", "--store", "s.db")
+    assert calibration(tmp_path, "late").draws == calibration(swept).draws
 
 
 def test_names_are_given_once_and_unknown_ones_refused(swept: Path) -> None:

@@ -8,6 +8,7 @@ import typer
 
 from foldcar.commands.jobs_option import Jobs
 from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.output_option import output_store
 from foldcar.commands.simulated_trials_option import SimulatedTrialsInstead
 from foldcar.processors import usable_processors
 from foldcar.study.limits import GREATEST_SEED
@@ -19,7 +20,12 @@ LEAST_RUNS, MOST_RUNS = 500, 10_000_000
 
 
 def calibrate(
-    store: Annotated[Path, typer.Argument(metavar="STORE", help="A store with a swept experiment and trials of it.")],
+    store: Annotated[
+        Path,
+        typer.Argument(
+            metavar="STORE", callback=output_store, help="A store with a swept experiment and trials of it."
+        ),
+    ],
     name: Annotated[str, typer.Option(metavar="NAME", help="Name of the calibration in the store.")] = "trials",
     experiment: Annotated[
         str | None, typer.Option(metavar="ID", help="Experiment whose trials count; default: the only one with trials.")
@@ -66,7 +72,8 @@ def calibrate(
         new_calibration,
         write_calibrations,
     )
-    from foldcar.store.reader import Store
+    from foldcar.store.kept_work import keep_calibration
+    from foldcar.store.reader import Store, StoreError
 
     if not NAME.fullmatch(name):
         raise FoldcarError(f'--name "{name}": a name is at most 40 letters, digits, _ . or -, a letter or digit first')
@@ -89,8 +96,16 @@ def calibrate(
         inference = infer(simulator, counts, runs, bar.done, measured)
         summary = summarise(inference, chosen, nominal, seed, planned, leave_one_out)
     made = new_calibration(name, chosen.info.id, carsim.build, inference.draws, summary)
-    with write_calibrations(store) as writer:
-        writer.put(made, replace)
+
+    def keep() -> str:
+        return keep_calibration(store, made, replace)
+
+    with said(lambda: f"stopped: {keep()}"):
+        try:
+            with write_calibrations(store) as writer:
+                writer.put(made, replace)
+        except StoreError as error:
+            raise StoreError(f"{error}; {keep()}") from error
     if as_json:
         print_json({"store": store, "name": name, "draws": [dict(draw) for draw in made.draws], **summary})
     else:

@@ -33,8 +33,9 @@ from foldcar.link.tlog import TlogWriter
 from foldcar.output_folder import make_output_folder
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.simulation.carsim import Carsim
+from foldcar.store.kept_work import kept_trial, take_in_trial
 from foldcar.store.log_files import log_file
-from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
+from foldcar.store.trial_records import BUILT, INTERRUPTED, SIMULATED, Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
@@ -253,8 +254,12 @@ class LogSession:
 
     def _complete_interrupted(self, writer: TrialWriter) -> None:
         for number, log in writer.unfinished():
+            kept = kept_trial(self.options.store, number)
+            if kept.is_file():
+                typer.echo(f"{take_in_trial(writer, kept)}: taken in from {kept}")
+                continue
             file = log_file(self.options.store, log)
-            writer.complete(number, Ending("aborted", "the program was ended", None, "", log_hash(file)))
+            writer.complete(number, Ending("aborted", INTERRUPTED, None, "", log_hash(file)))
             typer.echo(f"Trial {number} was interrupted: it counts as aborted; its log is kept")
 
     def _idle(self) -> None:

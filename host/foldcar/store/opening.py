@@ -33,8 +33,12 @@ def open_reading(path: Path) -> sqlite3.Connection:
     with contextlib.closing(connect_reading(path)) as connection:
         refuse_damaged_log(path)
         is_older = store_version(path, connection) < VERSION
-        if is_older or path.stat().st_size <= MOST_COPIED_BYTES:
+        if is_older:
             return _copied(path, connection, is_older)
+        # Without room for a copy a store is read where it is, too.
+        with contextlib.suppress(StoreError):
+            if path.stat().st_size <= MOST_COPIED_BYTES:
+                return _copied(path, connection, is_older)
     # A reader of so large a store keeps writers waiting, unless one was there before it.
     connection = connect_reading(path)
     try:

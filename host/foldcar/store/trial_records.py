@@ -23,6 +23,15 @@ LONGEST_S = 86_400.0
 
 # The ending of a row from before the start until the trial is completed.
 RUNNING = "running"
+# Its ending if the program was killed meanwhile.
+INTERRUPTED = "the program was ended"
+
+
+
+def not_entered(ending: str) -> str:
+    """The ending of a drive whose outcome the person has still to tell."""
+    return f"{ending}; outcome not entered"
+
 
 # The fields that `foldcar trials correct` may change.
 CORRECTABLE = ("outcome", "elapsed_time_s", "note", "operator", "car")

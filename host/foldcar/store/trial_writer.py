@@ -9,7 +9,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -24,12 +24,14 @@ from foldcar.store.trial_records import (
     BUILT,
     CARS,
     CORRECTABLE,
+    INTERRUPTED,
     LONGEST_S,
     MOST_ID,
     RUNNING,
     TRIAL_OUTCOMES,
     Ending,
     TrialDesign,
+    not_entered,
 )
 from foldcar.store.writer import canonical_json
 
@@ -102,19 +104,28 @@ class TrialWriter(StoreConnection):
             }
             return self._add(TRIAL, row)
 
-    def complete(self, trial: int, ending: Ending) -> None:
-        """Store the end of a begun trial."""
+    def complete(self, trial: int, ending: Ending, ended_utc: str | None = None) -> None:
+        """Store the end of a begun trial, which is now if nothing else is said."""
         _check_outcome(self.path, ending.outcome)
         with self._transaction():
-            ended = {
-                "outcome": ending.outcome,
-                "ending": ending.ending,
-                "elapsed_time_s": ending.elapsed_time_s,
-                "note": ending.note,
-                "log_sha256": ending.log_sha256,
-                "ended_utc": now_utc(),
-            }
+            ended = {**asdict(ending), "ended_utc": ended_utc or now_utc()}
             self._update(TRIAL, {**self._row(TRIAL, id=trial), **ended})
+
+    def has_ended(self, trial: int, ending: Ending) -> bool:
+        """Whether that end of the trial is stored."""
+        row = self._row(TRIAL, id=trial)
+        return all(row[name] == value for name, value in asdict(ending).items())
+
+    def complete_later(self, trial: int, log: str, ending: Ending, ended_utc: str) -> None:
+        """Store the end of a trial that was kept elsewhere; StoreError if it is another trial, or has an end."""
+        row = self._trial(trial)
+        if row["log"] != log:
+            raise StoreError(f"{self.path}: trial {trial} is another one: its log is {row['log']}, not {log}")
+        if row["ending"] not in (RUNNING, INTERRUPTED, not_entered(ending.ending)):
+            raise StoreError(f"{self.path}: trial {trial} is complete already: {row['outcome']}, {row['ending']}")
+        if ending.elapsed_time_s is not None and not 0 <= ending.elapsed_time_s <= LONGEST_S:
+            raise StoreError(f"{self.path}: trial {trial}: elapsed_time_s: is not from 0 to {LONGEST_S:g}")
+        self.complete(trial, ending, ended_utc)
 
     def unfinished(self) -> list[tuple[int, str]]:
         """Number and log of trials whose session ended before they were completed."""

@@ -256,7 +256,8 @@ def _nothing(driven: Sequence[DesignEvidence]) -> str:
 
 def _alone(name: str, trials: Sequence[Trial]) -> TrialsAlone:
     groups: dict[str, list[Trial]] = {}
-    varied = {key for trial in trials for key in trial.design if len({one.design.get(key) for one in trials}) > 1}
+    names = dict.fromkeys(key for trial in trials for key in trial.design)
+    varied = {key for key in names if len({trial.design.get(key) for trial in trials}) > 1}
     for trial in trials:
         label = design_text({key: value for key, value in trial.design.items() if key in varied}) if varied else "the car"
         groups.setdefault(f"{trial.vehicle_type}, {label}", []).append(trial)

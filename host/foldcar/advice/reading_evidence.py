@@ -164,7 +164,8 @@ def _trials(store: Store, info: ExperimentInfo, simulated_trials: bool) -> tuple
             f"{count(len(moved), 'trial')} were driven in other samples of {info.scenic_program} than the runs: "
             "its text, parameters or seed, or foldcar, have changed."
         )
-    return [trial for trial in kept if trial not in other], remarks
+    others = {trial.id for trial in other}
+    return [trial for trial in kept if trial.id not in others], remarks
 
 
 def _with_trials(

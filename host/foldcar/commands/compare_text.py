@@ -8,8 +8,8 @@ from foldcar.advice.comparison import Comparison, DesignComparison, ExperimentCo
 from foldcar.advice.words import percent, points, rank_text
 from foldcar.analysis.gap import Gap
 from foldcar.analysis.rate import Rate
-from foldcar.commands.result_table import result_table
 from foldcar.figures.style import OUTCOME_LABELS
+from foldcar.result_table import ResultTable, result_console
 
 PLAIN_WIDTH = 180
 TRIAL_LABELS = {**OUTCOME_LABELS, "not_passed": "not passed"}
@@ -17,7 +17,7 @@ TRIAL_LABELS = {**OUTCOME_LABELS, "not_passed": "not passed"}
 
 def print_comparison(found: Comparison) -> None:
     """Print it: the sentence, each experiment's tables, ranks and remarks, trials without a sweep."""
-    console, _ = result_table(PLAIN_WIDTH)
+    console = result_console(PLAIN_WIDTH)
     console.print(found.sentence, markup=False, style="bold")
     for one in found.experiments:
         _print_experiment(console, one)
@@ -30,8 +30,8 @@ def _print_experiment(console: Console, one: ExperimentComparison) -> None:
     title = f"Experiment {one.info.id}: {one.info.vehicle_type} in {one.info.scenic_program}"
     console.print(title, markup=False, style="bold")
     if one.designs:
-        _print_rates(one.designs)
-        _print_outcomes(one.designs)
+        _print_rates(console, one.designs)
+        _print_outcomes(console, one.designs)
         if one.mean_gap is not None:
             console.print(
                 f"gap: trials minus simulation, points; all gaps hold together with {percent(one.mean_gap.confidence)}",
@@ -44,33 +44,33 @@ def _print_experiment(console: Console, one: ExperimentComparison) -> None:
         console.print(remark, markup=False)
 
 
-def _print_rates(designs: Sequence[DesignComparison]) -> None:
-    console, table = result_table(PLAIN_WIDTH)
+def _print_rates(console: Console, designs: Sequence[DesignComparison]) -> None:
+    table = ResultTable()
     rectified = any(one.rectified is not None for one in designs)
     paired = any(one.paired for one in designs)
     heads = ["design", "runs", "simulated %", "passed", "trials %"]
     pooled = any(one.pooled is not None for one in designs)
     heads += ["rectified %"] * rectified + ["pooled %"] * pooled + ["same outcome"] * paired + ["gap", "verdict"]
     for head in heads:
-        table.add_column(head, justify="left" if head in ("design", "verdict") else "right")
+        table.add_column(head, right=head not in ("design", "verdict"))
     for one in designs:
         passed = f"{one.evidence.trials_passed} of {len(one.evidence.trials)}"
         cells = [one.label, str(one.evidence.runs), _rate(one.simulated), passed, _rate(one.driven)]
         cells += [_rate(one.rectified)] * rectified + [_rate(one.pooled)] * pooled
         cells += [f"{one.agreeing} of {one.paired}" if one.paired else "-"] * paired
         table.add_row(*cells, _gap(one.gap), one.verdict or "-")
-    console.print(table)
+    table.print_on(console)
 
 
-def _print_outcomes(designs: Sequence[DesignComparison]) -> None:
+def _print_outcomes(console: Console, designs: Sequence[DesignComparison]) -> None:
     kinds = dict.fromkeys(
         kind for one in designs for counts in (one.evidence.outcomes, one.driven_outcomes) for kind in counts
     )
     shown = [kind for kind in TRIAL_LABELS if kind in kinds]
-    console, table = result_table(PLAIN_WIDTH)
+    table = ResultTable()
     table.add_column("outcomes")
     for head in ("of", *(TRIAL_LABELS[kind] for kind in shown), "aborted"):
-        table.add_column(head, justify="left" if head == "of" else "right")
+        table.add_column(head, right=head != "of")
     for one in designs:
         for what, counts, aborted in (
             ("runs", one.evidence.outcomes, None),
@@ -79,19 +79,19 @@ def _print_outcomes(designs: Sequence[DesignComparison]) -> None:
             if counts:
                 cells = [str(counts.get(kind, 0)) for kind in shown]
                 table.add_row(one.label, what, *cells, "" if aborted is None else str(aborted))
-    console.print(table)
+    table.print_on(console)
 
 
 def _print_alone(console: Console, alone: TrialsAlone) -> None:
     console.print()
     console.print(alone.sentence, markup=False, style="bold")
-    _, table = result_table(PLAIN_WIDTH)
+    table = ResultTable()
     table.add_column("design")
-    table.add_column("passed", justify="right")
-    table.add_column("trials %", justify="right")
+    table.add_column("passed", right=True)
+    table.add_column("trials %", right=True)
     for label, passed, rate in alone.designs:
         table.add_row(label, str(passed), _rate(rate))
-    console.print(table)
+    table.print_on(console)
 
 
 def _rate(rate: Rate | None) -> str:

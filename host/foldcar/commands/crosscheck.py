@@ -93,16 +93,16 @@ def _bar(progress: "Progress", engine: str) -> "ProgressBar":
 
 
 def _print(comparisons: "list[tuple[str, Agreement]]") -> None:
-    from foldcar.commands.result_table import result_table
     from foldcar.crosscheck.page import COMPARISON_HEAD, comparison_row
+    from foldcar.result_table import ResultTable, result_console
 
-    console, table = result_table(160)
+    table = ResultTable()
     for index, head in enumerate(COMPARISON_HEAD):
         # On a narrow terminal names wrap, so that numbers are not truncated.
         if index:
-            table.add_column(head, justify="right", no_wrap=True, min_width=len(head))
+            table.add_column(head, right=True, no_wrap=True, min_width=len(head))
         else:
             table.add_column(head, min_width=12)
     for name, one in comparisons:
         table.add_row(*comparison_row(name, one))
-    console.print(table)
+    table.print_on(result_console(160))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from foldcar.commands.result_table import result_table
+from foldcar.result_table import ResultTable, result_console
 from foldcar.search.objectives import Interval, Objective
 from foldcar.search.search import Found, Plan
 
@@ -62,9 +62,9 @@ def print_search(plan: Plan, found: Found, store: Path, varied: Sequence[str]) -
         return
     few = "of one objective" if len(plan.objectives) == 1 else "that none beats in all objectives"
     typer.echo(f"\nThe best {few}, judged in {plan.fresh} fresh environments (95 % intervals):")
-    console, table = result_table(PLAIN_WIDTH)
+    table = ResultTable()
     for name in varied:
-        table.add_column(name, justify="right")
+        table.add_column(name, right=True)
     for chosen in plan.objectives:
         table.add_column(f"{chosen.name}, fresh")
         if chosen.value is not None:
@@ -76,7 +76,7 @@ def print_search(plan: Plan, found: Found, store: Path, varied: Sequence[str]) -
             if chosen.value is not None:
                 cells.append(_text(chosen, one.chosen_by[index], None))
         table.add_row(*cells)
-    console.print(table)
+    table.print_on(result_console(PLAIN_WIDTH))
     typer.echo("Values when chosen are those in the environments that the designs were chosen by: too good, as a rule.")
 
 

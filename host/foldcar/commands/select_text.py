@@ -8,14 +8,14 @@ from foldcar.advice.cost import BASIS
 from foldcar.advice.selecting import Selection
 from foldcar.advice.words import points
 from foldcar.analysis.rate import Rate
-from foldcar.commands.result_table import result_table
+from foldcar.result_table import ResultTable, result_console
 
 PLAIN_WIDTH = 200
 
 
 def print_selections(found: Sequence[Selection]) -> None:
     """Print the advice for each experiment."""
-    console, _ = result_table(PLAIN_WIDTH)
+    console = result_console(PLAIN_WIDTH)
     if not found:
         console.print("Nothing to select: the store has no runs yet; sweep the listing into it with `foldcar sweep`.")
     for number, one in enumerate(found):
@@ -31,19 +31,18 @@ def print_selections(found: Sequence[Selection]) -> None:
 
 
 def _print_designs(console: Console, one: Selection) -> None:
-    _, table = result_table(PLAIN_WIDTH)
+    table = ResultTable()
     expected = any(design.expected is not None for design in one.recommendations)
     heads = ["design", "simulated %", *["expected %"] * expected, "trials", "sheets", "minutes", "why"]
     for head in heads:
-        left = head in ("design", "why")
-        table.add_column(head, justify="left" if left else "right", no_wrap=head != "why")
+        table.add_column(head, right=head not in ("design", "why"), no_wrap=head != "why")
     for design in one.recommendations:
         price = design.cost
         cells = [design.label, _rate(design.simulated), *[_rate(design.expected)] * expected]
         cells += [f"{design.trials} more" if design.trials_done else str(design.trials)]
         cells += ["-" if price is None else str(price.sheets), "-" if price is None else str(price.minutes)]
         table.add_row(*cells, design.reason)
-    console.print(table)
+    table.print_on(console)
     half = points(one.precision, sign=False)
     console.print(f"Trials: until a rate is known to ±{half} points (95 %), averaged over what it may be.", markup=False)
     if one.environments:

@@ -93,7 +93,8 @@ def _withdraw(
     with write_trials(store) as writer:
         writer.withdraw(chosen, withdrawn, reason, operator)
     with Store.open(store) as opened:
-        trail = [opened.corrections(number)[-1] for number in chosen]
+        latest = {one.trial: one for one in opened.corrections()}
+        trail = [latest[number] for number in chosen]
     _print_trail(trail, as_json)
 
 

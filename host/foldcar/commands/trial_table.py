@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from foldcar.commands.result_table import result_table
+from foldcar.result_table import ResultTable, result_console
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
 
 STANDING_TEXTS = {
@@ -15,11 +15,11 @@ STANDING_TEXTS = {
 
 def print_trials(found: Sequence[Trial]) -> None:
     """Print a row for each trial, and how many of each standing passed."""
-    console, table = result_table(200)
+    console, table = result_console(200), ResultTable()
     shown = _varying(found)
     heads = ("trial", "experiment", *shown, "sample", "car", "outcome", "time (s)", "ending", "started (UTC)", "note")
     for head in heads:
-        table.add_column(head, justify="left" if head in ("car", "outcome", "ending", "note") else "right")
+        table.add_column(head, right=head not in ("car", "outcome", "ending", "note"))
     for trial in found:
         corrected = "*" if trial.corrections else ""
         table.add_row(
@@ -34,7 +34,7 @@ def print_trials(found: Sequence[Trial]) -> None:
             (trial.started_utc or "-").removesuffix("+00:00").replace("T", " "),
             trial.note or (trial.source or ""),
         )
-    console.print(table)
+    table.print_on(console)
     console.print(f"{len(found)} trials", markup=False)
     for standing, text in STANDING_TEXTS.items():
         some = [trial for trial in found if trial.standing == standing]

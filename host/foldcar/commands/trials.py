@@ -38,7 +38,8 @@ def list_trials(
         if experiment is not None and not found:
             known = ", ".join(dict.fromkeys(trial.experiment for trial in opened.trials())) or "none"
             raise FoldcarError(f'{store}: has no trials of experiment "{experiment}"; experiments with trials: {known}')
-        trail = [one for trial in found if trial.corrections for one in opened.corrections(trial.id)]
+        corrected = {trial.id for trial in found if trial.corrections}
+        trail = [one for one in opened.corrections() if one.trial in corrected]
     if as_json:
         print_json({"trials": [asdict(one) for one in found], "corrections": [asdict(one) for one in trail]})
         return

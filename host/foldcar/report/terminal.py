@@ -2,9 +2,7 @@
 
 from collections.abc import Sequence
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.report.axis import extent_text, interval_text, parameter_label, success_text, value_text
@@ -12,15 +10,14 @@ from foldcar.report.sections import Section
 from foldcar.report.series import Tally
 from foldcar.report.trial_sections import TrialSection
 from foldcar.report.trial_series import TrialGroup, TrialTally
+from foldcar.result_table import ResultTable, result_console
 
 PIPED_WIDTH = 160
 
 
 def print_summary(sections: Sequence[Section], driven: Sequence[TrialSection]) -> None:
     """Print every experiment's remarks and tables; ``driven`` are experiments with trials only."""
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=PIPED_WIDTH)
+    console = result_console(PIPED_WIDTH)
     for section in sections:
         info, total = section.info, section.summary.total
         console.print(
@@ -38,9 +35,9 @@ def print_summary(sections: Sequence[Section], driven: Sequence[TrialSection]) -
         ]
         for first, rows in tables or [("design", [])]:
             rows.append(("all", total))
-            console.print(_table(console, first, rows, total.seen[1:]))
+            _table(first, rows, total.seen[1:]).print_on(console)
             if total.recorded:
-                console.print(_recorded_table(console, first, rows, list(total.recorded)))
+                _recorded_table(first, rows, list(total.recorded)).print_on(console)
         _print_trials(console, section.trials.built, section.trials.simulated)
     for alone in driven:
         console.print(f"Experiment {alone.experiment}: {alone.vehicle_type}, trials only", markup=False, style="bold")
@@ -55,13 +52,13 @@ def _print_trials(console: Console, built: TrialGroup, simulated: TrialGroup) ->
             continue
         for parameter, by_value in group.series.items() or {"": {}}.items():
             rows = [(value_text(value), tally) for value, tally in by_value.items()]
-            console.print(_trial_table(console, parameter_label(parameter), head, [*rows, ("all", group.total)]))
+            _trial_table(parameter_label(parameter), head, [*rows, ("all", group.total)]).print_on(console)
 
 
-def _trial_table(console: Console, first: str, head: str, rows: Sequence[tuple[str, TrialTally]]) -> Table:
-    table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
+def _trial_table(first: str, head: str, rows: Sequence[tuple[str, TrialTally]]) -> ResultTable:
+    table = ResultTable()
     for column in (first, head, "passed %", "95 % interval", "aborted"):
-        table.add_column(column, justify="right", no_wrap=True)
+        table.add_column(column, right=True, no_wrap=True)
     for name, tally in rows:
         shares = ("-", "-")
         if tally.counted:
@@ -71,22 +68,20 @@ def _trial_table(console: Console, first: str, head: str, rows: Sequence[tuple[s
     return table
 
 
-def _recorded_table(
-    console: Console, first: str, rows: Sequence[tuple[str, Tally]], names: Sequence[str]
-) -> Table:
-    table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
+def _recorded_table(first: str, rows: Sequence[tuple[str, Tally]], names: Sequence[str]) -> ResultTable:
+    table = ResultTable()
     for column in [first, *(f"recorded {name}" for name in names)]:
-        table.add_column(column, justify="right", no_wrap=True)
+        table.add_column(column, right=True, no_wrap=True)
     for name, tally in rows:
         table.add_row(name, *(extent_text(tally.recorded.get(recorded)) for recorded in names))
     return table
 
 
-def _table(console: Console, first: str, rows: Sequence[tuple[str, Tally]], outcomes: Sequence[str]) -> Table:
-    table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
+def _table(first: str, rows: Sequence[tuple[str, Tally]], outcomes: Sequence[str]) -> ResultTable:
+    table = ResultTable()
     columns = [first, "runs", "passed %", "95 % interval", "mean time (s)"]
     for column in [*columns, *(OUTCOME_LABELS[outcome] for outcome in outcomes)]:
-        table.add_column(column, justify="right", no_wrap=True)
+        table.add_column(column, right=True, no_wrap=True)
     for name, tally in rows:
         if not tally.runs:
             continue

@@ -205,14 +205,11 @@ class Store:
             raise StoreError(f"{where} is damaged: its deviations are not what foldcar writes")
         return {name: (x, y, turn) for name, (x, y, turn) in found.items()}
 
-    def corrections(self, trial: int) -> list[Correction]:
-        """What was changed of a trial, oldest first."""
-        return [
-            Correction(
-                trial, row["corrected_utc"], row["field"], row["before"], row["after"], row["reason"], row["operator"]
-            )
-            for row in self.rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", trial)
-        ]
+    def corrections(self, trial: int | None = None) -> list[Correction]:
+        """What was changed of trials, or of one, by trial, oldest first."""
+        fields = ("trial_id", "corrected_utc", "field", "before", "after", "reason", "operator")
+        rows = self.rows(CORRECTION, "WHERE ?1 IS NULL OR trial_id = ?1 ORDER BY trial_id, id", trial)
+        return [Correction(*(row[field] for field in fields)) for row in rows]
 
     def trial_drive(self, number: int) -> tuple[str, str, str] | None:
         """Body, settings and scene (as placed) of a trial as JSON; None if they are not known."""

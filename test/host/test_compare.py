@@ -5,6 +5,7 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy
@@ -12,6 +13,7 @@ import pytest
 from scipy.stats import pearsonr, spearmanr
 from typer.testing import CliRunner
 
+from foldcar.advice.comparison import compare_evidence
 from foldcar.analysis.gap import AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW, Gap, gap, mean_gap, rank_agreement
 from foldcar.analysis.intervals import wilson_interval
 from foldcar.analysis.rate import Rate
@@ -240,6 +242,66 @@ def test_what_the_sweep_lacks_is_simulated_as_it_was_placed(free_course: Path) -
     assert (new["design"]["width_mm"], new["swept"], new["runs"], new["simulated"]["value"]) == (100, False, 2, 1.0)
     assert any("simulated again as placed" in one for one in found["remarks"])
     assert any("100 mm is not in the sweep: it was simulated now" in one for one in found["remarks"])
+
+
+def test_of_many_designs_that_the_sweep_lacks_a_bounded_number_is_simulated(
+    tmp_path: Path, carsim_binary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    listing = write_free_course(tmp_path)
+    store = tmp_path / "s.db"
+    sweep(read_study(listing), store, Carsim(carsim_binary), 1, "foldcar sweep")
+    with Store.open(store) as opened:
+        design = dict(opened.designs("1")[0])
+    other = {"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", "source": "x", "car": "built"}
+    widths = [90.0 + k for k in range(11) if k != 5]
+    with write_trials(store) as writer:
+        writer.import_trials([{**other, "design": {**design, "width_mm": width}} for width in [*widths, 97.0]])
+    made = []
+    run = Carsim.run
+    monkeypatch.setattr(Carsim, "run", lambda *words: made.append(words) or run(*words))
+    monkeypatch.setattr("foldcar.advice.resimulation.MOST_RUNS", 4)
+
+    (found,) = compare(store)["experiments"]
+
+    runs = {one["design"]["width_mm"]: one["runs"] for one in found["designs"] if not one["swept"]}
+    assert list(runs) == widths and len(made) == 2
+    # The one with most trials, and the first of the rest.
+    assert {width for width, number in runs.items() if number} == {97.0, 90.0}
+    assert "97 mm is not in the sweep: it was simulated now, in 2 environments." in found["remarks"]
+    many = "91 mm, 92 mm, 93 mm, 94 mm, 96 mm and 3 further designs are not in the sweep, and cannot be simulated now: "
+    assert any(one == f"{many}no more than 4 runs are made at a time; sweep it." for one in found["remarks"])
+
+
+def test_more_designs_than_can_be_pooled_are_compared_one_by_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
+    add_trials(store, [({"width_mm": width}, k, "passed") for width in WIDTHS["width_mm"] for k in range(4)])
+    (pooled,) = compare(store)["experiments"]
+    monkeypatch.setattr("foldcar.advice.comparison.MOST_POOLED", 3)
+    (alone,) = compare(store)["experiments"]
+
+    assert all(one["pooled"] is not None for one in pooled["designs"] if one["trials"])
+    assert all(one["pooled"] is None and one["gap"] is not None for one in alone["designs"] if one["trials"])
+    assert "Rates are not pooled: more than 3 designs of the family were driven." in alone["remarks"]
+    assert pooled["mean_gap"] == alone["mean_gap"]
+
+
+def test_trials_without_a_sweep_are_grouped_in_one_pass() -> None:
+    looked_up = []
+
+    class Counting(dict[str, float]):
+        def get(self, *words: Any) -> Any:
+            looked_up.append(words)
+            return super().get(*words)
+
+    trials = [
+        SimpleNamespace(design=Counting(width_mm=65.0 + k, height_mm=50.0), vehicle_type="W_B_W", outcome="passed")
+        for k in range(300)
+    ]
+    found = compare_evidence([], [SimpleNamespace(**vars(one), experiment="1") for one in trials]).alone[0]  # type: ignore[misc]
+
+    assert len(found.designs) == 300 and len(looked_up) <= 4 * len(trials)
 
 
 ONE = ({"width_mm": 95.0}, 3, "passed")

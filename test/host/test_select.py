@@ -266,6 +266,24 @@ def test_odd_stores_get_a_plain_sentence(tmp_path: Path, capsys: pytest.CaptureF
     assert "--precision" in str(answer.exception) and "45pp" in str(answer.exception)
 
 
+def test_of_very_many_driven_designs_those_with_most_trials_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    widths = [60.0 + 10 * k for k in range(8)]
+    store = write_study(tmp_path / "s.db", {"width_mm": widths}, 20, outcome)
+    trials = [({"width_mm": width}, k, "passed") for at, width in enumerate(widths) for k in range(1 + at % 4)]
+    import_trials(store, trials)
+    (whole,) = advise(store)
+    for module in ("outlook", "selecting"):
+        monkeypatch.setattr(f"foldcar.advice.{module}.MOST_POOLED", 2)
+    (found,) = advise(store)
+
+    said = "6 designs between these were left out of the choice, to save time; of the driven ones the 2 with most"
+    assert any(one.startswith(said) for one in found.remarks)
+    assert not any("left out of the choice" in one for one in whole.remarks)
+    assert {one.design["width_mm"] for one in found.recommendations} <= {90.0, 130.0}
+
+
 def test_the_expected_loss_is_that_of_the_best_mean() -> None:
     best, loss = expected_loss([[0.5, 0.6], [0.9, 0.6]])
 

@@ -8,12 +8,14 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
+from typer.testing import CliRunner
 
+from foldcar.cli import app
 from foldcar.report.trial_series import summarise_trials
 from foldcar.store.errors import StoreError
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending, TrialDesign
-from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
+from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, now_utc, write_trials
 from foldcar.store.writer import write_store
 from test_report_command import FACTS, add_experiment, width_outcome
 
@@ -80,6 +82,32 @@ def test_corrections_leave_a_trail(tmp_path: Path, foldcar: Any) -> None:
         ("outcome", "tipped", "stuck", "no, stuck", ""),
     ]
     assert 'outcome "passed" -> "tipped"' in foldcar("trials", "list", "s.db").stdout
+
+
+def test_a_long_list_has_the_same_lines_and_reads_corrections_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    note = "[/] as [red]typed[/red], 5 \u03bcm"
+    with write_trials(tmp_path / "s.db") as writer:
+        for number in range(1, 5):
+            writer.complete(begin(writer, 90.0 + number), Ending("passed", "goal", 2.5, note, None))
+            writer.correct(number, {"outcome": "stuck"}, f"reason {number}", "Bo")
+    read: list[object] = []
+    corrections = Store.corrections
+    monkeypatch.setattr(Store, "corrections", lambda *words: read.append(words) or corrections(*words))
+    listed = []
+    for most in (500, 1):
+        monkeypatch.setattr("foldcar.result_table.MOST_FRAMED", most)
+        answer = CliRunner().invoke(app, ["trials", "list", str(tmp_path / "s.db")])
+        assert answer.exit_code == 0, answer.output
+        listed.append([line.rstrip() for line in answer.stdout.splitlines()])
+
+    assert listed[0] == listed[1] and len(read) == 2
+    assert sum(line.endswith(note) for line in listed[0]) == 4
+    assert [line for line in listed[1] if line.startswith("* ")] == [
+        f'* trial {number}: outcome "passed" -> "stuck" on {now_utc()[:10]} by Bo: reason {number}'
+        for number in range(1, 5)
+    ]
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from foldcar.analysis.gap import (
     rank_agreement,
 )
 from foldcar.analysis.intervals import wilson_interval
-from foldcar.analysis.pooled_bias import pooled_rates
+from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_rates
 from foldcar.analysis.prediction_powered import rectified_rate
 from foldcar.analysis.rate import Rate
 from foldcar.store.info import ExperimentInfo
@@ -170,7 +170,10 @@ def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
         [(one.runs_passed, one.runs) for one in both], [(one.trials_passed, len(one.trials)) for one in both]
     )
     verdict, sentence = _verdict(compared, mean, margin, info.simulation)
-    return ExperimentComparison(info, compared, ranks, mean, verdict, sentence, evidence.remarks)
+    remarks = evidence.remarks
+    if len(_poolable(evidence)) > MOST_POOLED:
+        remarks = (*remarks, f"Rates are not pooled: more than {MOST_POOLED} designs of the family were driven.")
+    return ExperimentComparison(info, compared, ranks, mean, verdict, sentence, remarks)
 
 
 def _design(one: DesignEvidence, pooled: Rate | None, together: float, margin: float) -> DesignComparison:
@@ -183,9 +186,9 @@ def _design(one: DesignEvidence, pooled: Rate | None, together: float, margin: f
 
 
 def _pooled(evidence: Evidence) -> dict[str, Rate]:
-    """The pooled rates of the family's driven designs by label; none if there are fewer than two."""
-    some = [one for one in evidence.driven if one.runs and evidence.in_family(one)]
-    if len(some) < 2 or not evidence.parameters:
+    """The pooled rates of the family's driven designs by label; none if there are fewer than two, or too many."""
+    some = _poolable(evidence)
+    if not 2 <= len(some) <= MOST_POOLED:
         return {}
     x = [[float(one.design[name]) for name in evidence.parameters] for one in some]
     rates = pooled_rates(
@@ -197,6 +200,11 @@ def _pooled(evidence: Evidence) -> dict[str, Rate]:
         [one.runs for one in some],
     )
     return {one.label: rate for one, rate in zip(some, rates, strict=True)}
+
+
+def _poolable(evidence: Evidence) -> list[DesignEvidence]:
+    """The driven designs that differ in the varied parameters only."""
+    return [one for one in evidence.driven if one.runs and evidence.in_family(one)] if evidence.parameters else []
 
 
 def _driven(one: DesignEvidence, confidence: float) -> Rate:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from foldcar.advice.evidence import DesignEvidence, Evidence
-from foldcar.analysis.pooled_bias import pooled_rates
+from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_rates
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.success_model import success_model
 from foldcar.analysis.truth_draws import truth_draws
@@ -68,7 +68,10 @@ def outlook(evidence: Evidence) -> Outlook | None:
     # Trials of designs that the sweep lacks inform their neighbours.
     names = evidence.parameters
     others = [one for one in evidence.driven if one.runs and not one.swept and evidence.in_family(one)]
-    designs = [*_thinned(family), *others]
+    # Of many driven designs those with most trials tell most.
+    driven = sorted((one for one in (*family, *others) if one.trials), key=lambda one: -len(one.trials))
+    told = {id(one) for one in driven[:MOST_POOLED]}
+    designs = [*_thinned(family, told), *(one for one in others if id(one) in told)]
     x = numpy.array([[float(one.design[name]) for name in names] for one in designs]).reshape(len(designs), len(names))
     runs = numpy.array([(one.runs_passed, one.runs) for one in designs], dtype=float)
     trials = numpy.array([(one.trials_passed, len(one.trials)) for one in designs], dtype=float)
@@ -81,12 +84,13 @@ def outlook(evidence: Evidence) -> Outlook | None:
     return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth)
 
 
-def _thinned(family: Sequence[DesignEvidence]) -> list[DesignEvidence]:
-    """Evenly spaced designs of the family, and all that have trials."""
-    if len(family) <= MOST_CANDIDATES:
-        return list(family)
-    kept = set(numpy.linspace(0, len(family) - 1, MOST_CANDIDATES).round().astype(int).tolist())
-    return [one for index, one in enumerate(family) if index in kept or one.trials]
+def _thinned(family: Sequence[DesignEvidence], told: set[int]) -> list[DesignEvidence]:
+    """The designs of the family whose id() is in ``told``, and evenly spaced ones without trials."""
+    rest = [index for index, one in enumerate(family) if not one.trials]
+    kept = set(rest)
+    if len(family) > MOST_CANDIDATES:
+        kept &= set(numpy.linspace(0, len(family) - 1, MOST_CANDIDATES).round().astype(int).tolist())
+    return [one for index, one in enumerate(family) if index in kept or id(one) in told]
 
 
 def _matrix(designs: Sequence[DesignEvidence]) -> tuple[NDArray[Any], NDArray[Any]]:

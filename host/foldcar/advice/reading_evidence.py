@@ -62,10 +62,11 @@ def _evidence(
     by_design: dict[Any, list[Trial]] = {}
     for trial in trials:
         by_design.setdefault(_key(trial.vehicle_type, trial.design), []).append(trial)
-    for key, some in by_design.items():
-        if key not in designs:
-            designs[key], remark = _unswept(info, some[0], again)
-            remarks.append(remark)
+    unswept = [key for key in by_design if key not in designs]
+    # Those with most trials first: not all of many are simulated.
+    made = {key: _unswept(info, by_design[key][0], again) for key in sorted(unswept, key=lambda k: -len(by_design[k]))}
+    designs |= {key: made[key][0] for key in unswept}
+    remarks += _unswept_remarks([made[key] for key in unswept])
     rejected = rejected_text(store.design_counts(info.id))
     if rejected is not None:
         remarks.insert(0, rejected)
@@ -105,8 +106,8 @@ def _swept(store: Store, info: ExperimentInfo, runs: pandas.DataFrame) -> Iterat
         )
 
 
-def _unswept(info: ExperimentInfo, trial: Trial, again: Resimulation) -> tuple[DesignEvidence, str]:
-    """A design of trials that the sweep lacks, simulated now if that is possible, and what is said of it."""
+def _unswept(info: ExperimentInfo, trial: Trial, again: Resimulation) -> tuple[DesignEvidence, str | None]:
+    """A design of trials that the sweep lacks, simulated now if that is possible; else why not."""
     differing = {name: value for name, value in trial.design.items() if info.fixed.get(name) != value}
     label = design_text({name: value for name, value in trial.design.items() if name in info.varied or name in differing})
     if trial.vehicle_type != info.vehicle_type:
@@ -124,9 +125,25 @@ def _unswept(info: ExperimentInfo, trial: Trial, again: Resimulation) -> tuple[D
         Counter(outcomes),
         float(numpy.mean(times)) if times else None,
     )
-    if why_not is None:
-        return evidence, f"{label} is not in the sweep: it was simulated now, in {len(found)} environments."
-    return evidence, f"{label} is not in the sweep, and cannot be simulated now: {why_not}."
+    return evidence, why_not
+
+
+def _unswept_remarks(made: Sequence[tuple[DesignEvidence, str | None]]) -> Iterator[str]:
+    """What is said of designs that the sweep lacks: of each, or of many with the same fate together."""
+    fates: dict[str | None, list[DesignEvidence]] = {}
+    for one, why_not in made:
+        fates.setdefault(why_not, []).append(one)
+    for why_not, some in fates.items():
+        names = [f"{one.label} is" for one in some]
+        if len(some) > SHOWN:
+            more = count(len(some) - SHOWN, "further design")
+            names = [f"{', '.join(one.label for one in some[:SHOWN])} and {more} are"]
+        for name in names:
+            was = "it was" if name.endswith(" is") else "they were"
+            if why_not is None:
+                yield f"{name} not in the sweep: {was} simulated now, in {some[0].runs} environments."
+            else:
+                yield f"{name} not in the sweep, and cannot be simulated now: {why_not}."
 
 
 def _kept(store: Store, experiment: str | None, simulated_trials: bool) -> tuple[list[Trial], list[str]]:

@@ -6,8 +6,8 @@ comparable with the runs is not simulated: another build of carsim, a calibratio
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
 
 from foldcar.advice.words import count
 from foldcar.car.body import body_json
@@ -27,8 +27,13 @@ from foldcar.store.trial_records import Trial
 from foldcar.store.writer import canonical_json
 from foldcar.study.experiments import run_settings
 
+# Runs of designs, beyond those of the first, and trials that one command simulates: some twenty seconds each.
+MOST_RUNS, MOST_TRIALS = 5_000, 2_000
+
 # An outcome, and the time of the run (s), None if it failed.
 Ended = tuple[str, float | None]
+
+T = TypeVar("T")
 
 
 class Resimulation:
@@ -39,6 +44,9 @@ class Resimulation:
         self._carsims: dict[str, Carsim] = {}
         self._refusals: dict[str, str | None] = {}
         self._refused: Counter[str] = Counter()
+        self._beyond: Counter[str] = Counter()
+        self._runs = self._trials = 0
+        self._read: dict[tuple[str, str], Any] = {}
 
     def trial(self, info: ExperimentInfo, trial: Trial) -> str | None:
         """The outcome of a trial's car in the scene as placed, varied as the run of that sample; None if unknown."""
@@ -48,6 +56,10 @@ class Resimulation:
         if self._refusal(info) is not None:
             self._refused[info.id] += 1
             return None
+        if self._trials >= MOST_TRIALS:
+            self._beyond[info.id] += 1
+            return None
+        self._trials += 1
         body, settings, scene = drive
         variation = self._variations(info).get(trial.sample if trial.sample is not None else -1, {})
         ((outcome, _),) = self._run(self._simulator(info), body, [(variation, scene)], settings)
@@ -58,6 +70,10 @@ class Resimulation:
         refusal = self._refusal(info)
         if refusal is not None:
             return [], refusal
+        scenes = self._scenes(info)
+        if self._runs and self._runs + len(scenes) > MOST_RUNS:
+            return [], f"no more than {MOST_RUNS:,} runs are made at a time; sweep it"
+        self._runs += len(scenes)
         columns = {parameter.column: key for key, parameter in parameters().items()}
         try:
             design: Design = compose(trial.vehicle_type, {columns[name]: value for name, value in trial.design.items()})
@@ -72,13 +88,14 @@ class Resimulation:
             unknown = isinstance(error, KeyError)
             return [], f"no module has the parameter {error.args[0]}" if unknown else str(error).rstrip(".")
         variations = self._variations(info)
-        scenes = [(variations.get(sample, {}), text) for sample, text in self._scenes(info).items()]
-        return self._run(self._simulator(info), canonical_json(body), scenes, canonical_json(settings)), None
+        cases = [(variations.get(sample, {}), text) for sample, text in scenes.items()]
+        return self._run(self._simulator(info), canonical_json(body), cases, canonical_json(settings)), None
 
     def remarks(self, experiment: str) -> list[str]:
         """What is said of trials of that experiment that should have been simulated and were not."""
-        number = self._refused[experiment]
-        return [f"{count(number, 'trial')} not simulated as placed: {self._refusals[experiment]}."] if number else []
+        why = {f"no more than {MOST_TRIALS:,} are at a time": self._beyond[experiment]}
+        why[str(self._refusals.get(experiment))] = self._refused[experiment]
+        return [f"{count(number, 'trial')} not simulated as placed: {text}." for text, number in why.items() if number]
 
     def _refusal(self, info: ExperimentInfo) -> str | None:
         if info.id not in self._refusals:
@@ -122,14 +139,24 @@ class Resimulation:
 
     def _scenes(self, info: ExperimentInfo) -> dict[int, str]:
         """The texts of the scenes that the sweep has stored, by sample."""
+        return self._once("scenes", info, self._read_scenes)
+
+    def _read_scenes(self, info: ExperimentInfo) -> dict[int, str]:
         experiment = self._experiment(info)
         where = "WHERE environment_id = ? AND sample < ? ORDER BY sample"
         samples = self._store.rows(BY_NAME["sample"], where, experiment["environment_id"], info.environments)
         return {row["sample"]: self._text("scene", row["scene_id"]) for row in samples}
 
     def _variations(self, info: ExperimentInfo) -> dict[int, Mapping[str, Any]]:
-        if not info.variation:
-            return {}
+        return self._once("variations", info, self._read_variations) if info.variation else {}
+
+    def _once(self, what: str, info: ExperimentInfo, read: Callable[[ExperimentInfo], dict[int, T]]) -> dict[int, T]:
+        if (what, info.id) not in self._read:
+            self._read[what, info.id] = read(info)
+        found: dict[int, T] = self._read[what, info.id]
+        return found
+
+    def _read_variations(self, info: ExperimentInfo) -> dict[int, Mapping[str, Any]]:
         rows = self._store.rows(BY_NAME["draw"], "WHERE spread_id = ?", self._experiment(info)["spread_id"])
         return {row["sample"]: json.loads(self._text("variation", row["variation_id"])) for row in rows}
 

@@ -19,6 +19,7 @@ from foldcar.advice.reading_evidence import read_evidence
 from foldcar.advice.reasons import Parting, between, first_reason, next_reason, region_text
 from foldcar.advice.told_apart import told_apart_text
 from foldcar.advice.words import count, listed, percent, points
+from foldcar.analysis.pooled_bias import MOST_POOLED
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.region import Placed, first_designs
 from foldcar.analysis.selection import choose, expected_loss, honest_best, telling_environments, trials_needed
@@ -230,7 +231,10 @@ class _Choice:
                 apart = told_apart_text(seen.passed[:, 1::2], labels, best, rows)
                 remarks += [apart] if apart else []
         if seen.thinned:
-            remarks.append(f"{count(seen.thinned, 'design')} between these were left out of the choice, to save time.")
+            left = f"{count(seen.thinned, 'design')} between these were left out of the choice, to save time"
+            driven = sum(bool(one.trials) for one in seen.designs)
+            most = f"; of the driven ones the {MOST_POOLED} with most trials count" if driven == MOST_POOLED else ""
+            remarks.append(f"{left}{most}.")
         if environments < wanted:
             remarks.append(f"Only {environments} environments are left that no chosen car has met: sweep more of them.")
         return (*remarks, *self.evidence.remarks)

@@ -25,6 +25,8 @@ SMOOTH = (0.2, 0.7, 2.0)
 LENGTHS = (0.15, 0.4, 1.0)
 ALONE = (0.1, 0.6, 1.3)
 SWEEPS = 30
+# Designs with trials that are pooled at most: 200 take a second, and the work grows with the cube of their number.
+MOST_POOLED = 200
 QUADRATURE = numpy.polynomial.hermite_e.hermegauss(21)
 # Log-odds at which posteriors are tabulated, 1e-4 to 1 - 1e-4.
 LOG_ODDS = numpy.linspace(-9.2, 9.2, 921)

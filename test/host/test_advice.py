@@ -11,6 +11,8 @@ from foldcar.advice import cost as costs
 from foldcar.advice.reasons import Parting, next_reason
 from foldcar.advice.selecting import _Choice
 from foldcar.advice.told_apart import told_apart_text
+from foldcar.advice.words import rank_text
+from foldcar.analysis.gap import rank_agreement
 
 
 def test_a_car_costs_its_sheets_and_minutes_of_cutting_assembly_and_trials(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -96,6 +98,17 @@ def test_designs_are_told_apart_on_both_sides() -> None:
 
     text = told_apart_text(numpy.array([best, worse, better, one]), ["best", "worse", "better", "twin"], 0, [1, 2, 3])
 
-    assert text is not None and text.startswith("Over the same 24 environments, which did not choose it, best passes more")
-    assert "best passes more often than worse; it passes less often than better; it is not told apart from twin" in text
+    assert text is not None and text.startswith("Over the same 24 environments, which did not choose it, best passes")
+    assert "passes more often than worse; it passes less often than better; it is not told apart from twin" in text
     assert told_apart_text(numpy.array([best[:9], worse[:9]]), ["best", "worse"], 0, [0, 1]) is None
+
+
+def test_ranks_are_told_as_far_as_they_are_defined() -> None:
+    two = rank_agreement([(10, 100), (90, 100)], [(8, 10), (3, 10)])
+    three = rank_agreement([(10, 100), (50, 100), (90, 100)], [(1, 10), (5, 10), (9, 10)])
+
+    assert rank_text(None) is rank_text(rank_agreement([(1, 10)], [(1, 10)])) is None
+    # Each of the two is violated by 80 - 30 %.
+    assert rank_text(two) == "Over 2 designs: mean maximum rank violation 0.50."
+    text = rank_text(three) or ""
+    assert text.startswith("Over 3 designs: Pearson correlation 1.00 (95 %: 0.") and "rank correlation 1.00" in text

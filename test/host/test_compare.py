@@ -126,9 +126,13 @@ def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) 
     assert designs[95]["driven"]["low"] == pytest.approx(wilson_interval(7, 10)[0])
     assert found["mean_gap"]["value"] == pytest.approx((-7 - 30 - 75 - 56) / 400)
     assert "optimistic at 95, 115 and 180 mm" in found["sentence"]
+    assert "over 4 designs, trials pass 42 points less often than simulation" in found["sentence"]
     # Simulation and the neighbours tell something of 65 mm.
     assert designs[65]["pooled"]["high"] < designs[65]["driven"]["high"]
-    assert "other samples of step_pyramids.scenic" in " ".join(found["remarks"])
+    remarks = " ".join(found["remarks"])
+    assert "44 trials were driven in other samples of step_pyramids.scenic" in remarks
+    assert "44 of 44 trials cannot be paired" in remarks
+    assert "44 trials not simulated as placed: the runs are of carsim build-7, this one is" in remarks
     with (tmp_path / "gaps.csv").open() as text:
         rows = list(csv.DictReader(text))
     assert [float(row["gap"]) for row in rows] == pytest.approx([-0.07, -0.3, -0.75, -0.56])
@@ -233,15 +237,20 @@ def test_what_the_sweep_lacks_is_simulated_as_it_was_placed(free_course: Path) -
         number = writer.begin("1", TrialDesign("W_B_W", design), drive, {"car": (0, 0, 3.0)}, facts, "log", "Ada")
         writer.complete(number, Ending("timeout", "time limit", 3.0, "", None))
         other = {"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", "source": "x", "car": "built"}
-        writer.import_trials([{**other, "design": {**design, "width_mm": 100.0}}])
+        for changed in ({"width_mm": 100.0}, {"wit_mm": 3.0}, {"width_mm": 10.0}):
+            writer.import_trials([{**other, "design": {**design, **changed}}])
 
     (found,) = compare(free_course)["experiments"]
 
-    as_swept, new = found["designs"]
+    as_swept, new, *cannot = found["designs"]
     assert (as_swept["simulated"]["value"], as_swept["paired"], as_swept["agreeing"]) == (1.0, 1, 1)
     assert (new["design"]["width_mm"], new["swept"], new["runs"], new["simulated"]["value"]) == (100, False, 2, 1.0)
     assert any("simulated again as placed" in one for one in found["remarks"])
-    assert any("100 mm is not in the sweep: it was simulated now" in one for one in found["remarks"])
+    assert any("100 mm is not in the sweep: it was simulated now, in 2 environments" in one for one in found["remarks"])
+    assert [(one["runs"], one["simulated"], one["gap"]) for one in cannot] == [(0, None, None)] * 2
+    unknown, narrow = (one for one in found["remarks"] if "cannot be simulated now" in one)
+    assert unknown.endswith("cannot be simulated now: no module has the parameter wit_mm.")
+    assert "width" in narrow.partition("cannot be simulated now: ")[2]
 
 
 def test_of_many_designs_that_the_sweep_lacks_a_bounded_number_is_simulated(
@@ -321,7 +330,10 @@ def test_odd_trials_get_a_plain_sentence(tmp_path: Path, kind: str) -> None:
     if trials:
         add_trials(store, trials)
 
-    assert sentence in " ".join(plain(store).split())
+    text = " ".join(plain(store).split())
+    assert sentence in text
+    how = {"all passed": "more", "all failed": "less"}.get(kind, "")
+    assert f"points {how} often" in text or not how
 
 
 def test_odd_stores_get_a_plain_sentence(tmp_path: Path) -> None:

@@ -116,7 +116,9 @@ def test_advice_is_the_least_number_of_environments() -> None:
 
     assert half_width(100 + more) <= 0.05 < half_width(100 + more - 1)
     assert more_for_half_width(70, 100, 0.2) == 0
-    assert f"{more} more" in advice(70, 100, 0.05)
+    start = "70 of 100 passed, 61 to 78 %:"
+    assert advice(70, 100, 0.05) == f"{start} about {more} more environments for a half-width of 5 points."
+    assert advice(70, 100, 0.2) == f"{start} the half-width is at most 20 points."
     assert "hardly change" in advice(70, 100, 0.05, 0.5) and "not decided" in advice(70, 100, 0.05, 0.75)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy
 import pytest
+from scipy.optimize import minimize_scalar
 from scipy.stats import binom
 from typer.testing import CliRunner
 
@@ -25,7 +26,7 @@ from foldcar.analysis.selection import (
     trials_needed,
     value_of_trials,
 )
-from foldcar.analysis.truth_draws import truth_draws
+from foldcar.analysis.truth_draws import _Fit, truth_draws
 from foldcar.cli import app
 from foldcar.commands.select_text import print_selections
 from foldcar.store.reader import Store
@@ -127,6 +128,26 @@ def test_draws_of_the_truth_have_the_pooled_rates() -> None:
     assert numpy.abs(high - [rate.high for rate in rates])[driven].max() < 0.12
 
 
+def test_laplaces_approximation_is_at_the_mode_with_its_curvature() -> None:
+    """Of one design: k x - n log(1 + e^x) - (x - m)^2 / 2v has it where scipy finds it, and on a grid the evidence."""
+    for passed, counted, prior, variance in ((0, 12, 1.5, 2.0), (9, 12, -2.0, 3.0), (1, 1, 0.3, 0.5)):
+        fit = _Fit.to(numpy.array([[variance]]), numpy.array([prior]), numpy.array([[passed, counted]], dtype=float))
+
+        def log(x: Any, k: int = passed, n: int = counted, m: float = prior, v: float = variance) -> Any:
+            return k * x - n * numpy.logaddexp(0, x) - (x - m) ** 2 / (2 * v)
+
+        mode = minimize_scalar(lambda x: -log(x), (-4, 4), tol=1e-12).x
+        rate = 1 / (1 + numpy.exp(-mode))
+        assert fit.shift[0] == pytest.approx(mode - prior, abs=1e-6)
+        assert fit.weight[0] == pytest.approx(counted * rate * (1 - rate))
+        # Laplace's evidence is that of a normal density of the mode's height and curvature.
+        height = log(mode) - 0.5 * numpy.log(1 + variance * fit.weight[0])
+        assert fit.evidence == pytest.approx(height)
+        x = numpy.linspace(-15, 15, 3001)
+        exact = numpy.log(numpy.exp(log(x)).sum() * (x[1] - x[0]) / numpy.sqrt(2 * numpy.pi * variance))
+        assert fit.evidence == pytest.approx(exact, abs=0.1)
+
+
 @pytest.mark.parametrize("rate", [0.5, 0.8, 1.0])
 def test_trials_needed_are_the_fewest_that_suffice(rate: float) -> None:
     number = trials_needed([rate], 0.15)
@@ -191,7 +212,10 @@ def test_advice_before_trials_and_after_each_round(tmp_path: Path) -> None:
     (middle,) = printed["recommendations"]
     assert middle["cost"]["sheets"] >= 1 and middle["trials"] > 5
     with (tmp_path / "build.csv").open() as text:
-        assert [float(row["width_mm"]) for row in csv.DictReader(text)] == first[:1]
+        rows = list(csv.DictReader(text))
+    assert [(row["rank"], float(row["width_mm"])) for row in rows] == [("1", first[0])]
+    ends = [float(rows[0][f"simulated{end}"]) for end in ("", "_low", "_high")]
+    assert ends == [1.0, *wilson_interval(40, 40)]
 
     # The truth: only 100 mm and below pass.
     truth = {width: 0.9 if width <= 100 else 0.1 for width in FAMILY["width_mm"]}

@@ -45,7 +45,7 @@ TARGETS = {
     "firmware/lib/supervisor": ["test_supervisor", "test_application"],
     "host/foldcar/analysis/anytime.py": ["test_sweep_until.py"],
     "host/foldcar/analysis/convergence.py": ["test_run_statistics.py", "test_enough_runs.py"],
-    "host/foldcar/analysis/engine_bias.py": ["test_schedule.py"],
+    "host/foldcar/analysis/engine_bias.py": ["test_run_statistics.py", "test_schedule.py"],
     "host/foldcar/analysis/gap.py": ["test_compare.py"],
     "host/foldcar/analysis/intervals.py": ["test_report_series.py", "test_rate_statistics.py"],
     "host/foldcar/analysis/paired.py": ["test_run_statistics.py"],
@@ -60,7 +60,7 @@ TARGETS = {
     "host/foldcar/advice/comparison.py": ["test_compare.py"],
     "host/foldcar/advice/comparison_table.py": ["test_compare.py"],
     "host/foldcar/advice/resimulation.py": ["test_compare.py"],
-    "host/foldcar/advice": ["test_select.py", "test_compare.py"],
+    "host/foldcar/advice": ["test_advice.py", "test_select.py", "test_compare.py"],
     "host/foldcar/calibration/reality.py": ["test_reality.py"],
     "host/foldcar/calibration": ["test_inference.py", "test_calibration.py"],
 }

@@ -107,6 +107,9 @@ def test_pooled_posterior_is_that_of_importance_sampling() -> None:
 
     fit = _Fit.to(kernels, log_odds, k, n)
 
+    # How probable the trials are under each kernel, all alike beforehand.
+    evidence = likelihood.reshape(len(kernels), -1).mean(axis=1)
+    assert fit.weights == pytest.approx(evidence / evidence.sum(), rel=0.06)
     for design in range(3):
         order = numpy.argsort(draws[:, design])
         masses = likelihood[order].cumsum() / likelihood.sum()

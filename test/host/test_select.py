@@ -71,6 +71,27 @@ def test_first_designs_mark_the_region() -> None:
     assert [one.place for one in first_designs(WIDTHS[:, None], rates, doubt, 0.05)] == [MIDDLE, END, END]
 
 
+def test_the_middle_is_deepest_and_edges_have_a_neighbour_outside() -> None:
+    """Of regions in several pieces, counted in steps: to the nearest design outside, or to beyond the range's ends."""
+    random, n = numpy.random.default_rng(3), 40
+    for _ in range(40):
+        reached = numpy.convolve(random.random(n + 6), numpy.ones(7) / 7, "valid") > 0.5
+        if reached.all() or not reached.any():
+            continue
+        outside = numpy.flatnonzero(~reached)
+        depth = [min(numpy.abs(outside - i).min(), i + 1, n - i) if reached[i] else 0 for i in range(n)]
+
+        found = first_designs(100 + 5 * numpy.arange(n)[:, None], reached.astype(float), numpy.zeros(n), 0.5)
+
+        assert found[0].place == MIDDLE and depth[found[0].index] == max(depth)
+        assert len({one.index for one in found}) == len(found) <= 5
+        for one in found[1:]:
+            beside = [i for i in (one.index - 1, one.index + 1) if 0 <= i < n]
+            assert reached[one.index] == (one.place in (LOWER_EDGE, UPPER_EDGE))
+            assert not reached[one.index] or not reached[beside].all()
+            assert (one.index < found[0].index) == (one.place in (LOWER_EDGE, BELOW))
+
+
 def test_first_designs_of_two_parameters_are_on_the_level_set() -> None:
     grid = numpy.array(list(product(range(11), range(11))), dtype=float)
     away = numpy.hypot(grid[:, 0] - 5, grid[:, 1] - 5)

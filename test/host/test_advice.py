@@ -8,6 +8,7 @@ import numpy
 import pytest
 
 from foldcar.advice import cost as costs
+from foldcar.advice.evidence import Evidence
 from foldcar.advice.reasons import Parting, next_reason
 from foldcar.advice.selecting import _Choice
 from foldcar.advice.told_apart import told_apart_text
@@ -89,6 +90,22 @@ def test_the_simulation_that_parts_most_is_one_that_differs_in_one_thing() -> No
     assert (second.difference, second.between) == (pytest.approx(0.1), "the side view and MuJoCo")
     # Doubt falls with the distance from the threshold in widths of the band, and rises with the parting.
     assert list(choice._doubt()) == pytest.approx([1 / (1 + 0.25 / 0.4) + 0.3, 1 / (1 + 0.15 / 0.25) + 0.1])
+
+
+def test_a_design_of_the_family_differs_in_what_varies_only() -> None:
+    info: Any = SimpleNamespace(vehicle_type="W_B_W", fixed={"height_mm": 50.0}, varied={"width_mm": (65.0, 95.0)})
+    evidence = Evidence(info, (), ())
+
+    def belongs(design: dict[str, float], vehicle_type: str = "W_B_W") -> bool:
+        one: Any = SimpleNamespace(vehicle_type=vehicle_type, design=design)
+        return evidence.in_family(one)
+
+    assert belongs({"width_mm": 300.0, "height_mm": 50.0})
+    assert not belongs({"width_mm": 65.0, "height_mm": 50.0}, "W_B_H_W_H_W")
+    assert not belongs({"width_mm": 65.0, "height_mm": 60.0})
+    assert not belongs({"width_mm": 65.0})
+    assert not belongs({"height_mm": 50.0})
+    assert not belongs({"width_mm": 65.0, "height_mm": 50.0, "depth_mm": 3.0})
 
 
 def test_designs_are_told_apart_on_both_sides() -> None:

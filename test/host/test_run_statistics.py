@@ -10,7 +10,7 @@ from foldcar.analysis.convergence import advice, chance_of_crossing, convergence
 from foldcar.analysis.engine_bias import pooled_difference
 from foldcar.analysis.intervals import jeffreys_interval
 from foldcar.analysis.paired import paired_means, paired_rates
-from foldcar.analysis.success_model import Basis, success_model
+from foldcar.analysis.success_model import CONSTANT, Basis, Fit, SuccessModel, success_model
 from foldcar.analysis.times import limited_mean, times_to_cross
 from foldcar.errors import FoldcarError
 
@@ -137,6 +137,18 @@ def test_functions_of_spanning_designs_make_up_the_matern_covariance() -> None:
     r = math.sqrt(5) * numpy.abs(x - x.T) / 0.3
 
     assert functions @ functions.T == pytest.approx(4 * (1 + r + r**2 / 3) * numpy.exp(-r))
+
+
+def test_the_band_before_any_run_is_the_priors_also_between_spanning_designs() -> None:
+    """A constant and a process of deviation 2: 1.96 sqrt(CONSTANT^2 + 4) log-odds to each side, everywhere."""
+    basis = Basis(numpy.array([[0.0], [0.5], [1.0]]), (0.3,), 2.0)
+    prior = Fit(basis, 1.0, numpy.zeros(4), numpy.eye(4))
+    half = 1.9599640 * math.sqrt(CONSTANT**2 + 4)
+
+    rate, low, high = SuccessModel((prior,), 0.0, numpy.array([65.0]), numpy.array([180.0])).rates([[65], [100], [200]])
+
+    assert rate == pytest.approx(0.5)
+    assert numpy.log(high / (1 - high)) == pytest.approx(half) and numpy.log(low / (1 - low)) == pytest.approx(-half)
 
 
 def test_success_model_finds_a_smooth_truth_of_two_parameters() -> None:

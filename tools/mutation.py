@@ -56,7 +56,7 @@ TARGETS = {
     "host/foldcar/analysis/times.py": ["test_run_statistics.py"],
     "host/foldcar/analysis/truth_draws.py": ["test_select.py"],
     "host/foldcar/analysis": ["test_rate_statistics.py"],
-    "host/foldcar/advice/told_apart.py": ["test_enough_runs.py"],
+    "host/foldcar/advice/told_apart.py": ["test_advice.py", "test_enough_runs.py"],
     "host/foldcar/advice/comparison.py": ["test_compare.py"],
     "host/foldcar/advice/comparison_table.py": ["test_compare.py"],
     "host/foldcar/advice/resimulation.py": ["test_compare.py"],

@@ -71,6 +71,10 @@ def test_every_set_of_parameters_is_simulated_in_a_scatter_of_its_own(monkeypatc
     learned, check = simulator.asked[: (2 + OTHERS) * sets], simulator.asked[(2 + OTHERS) * sets :]
     assert [run.number for run in learned] == [number for number in range(sets) for _ in range(2 + OTHERS)]
     assert [run.number for run in check] == [sets + n for n in range(DRAWS * planned.scenes) for _ in range(2)]
+    # Each set with the designs that have trials, then with others, any of the family.
+    sets_of = [[run.design for run in learned[i : i + 2 + OTHERS]] for i in range(0, len(learned), 2 + OTHERS)]
+    assert all(designs[:2] == [0, 3] for designs in sets_of)
+    assert {design for designs in sets_of for design in designs[2:]} == set(range(len(WIDTHS)))
     # All designs of a set, and all the sets of a draw, share its values; scenes are taken in turn.
     of_number: dict[int, set[Any]] = {}
     for run in simulator.asked:

@@ -237,6 +237,7 @@ def test_advice_before_trials_and_after_each_round(tmp_path: Path) -> None:
     assert [(row["rank"], float(row["width_mm"])) for row in rows] == [("1", first[0])]
     ends = [float(rows[0][f"simulated{end}"]) for end in ("", "_low", "_high")]
     assert ends == [1.0, *wilson_interval(40, 40)]
+    assert (int(rows[0]["sheets"]), int(rows[0]["minutes"])) == (middle["cost"]["sheets"], middle["cost"]["minutes"])
 
     # The truth: only 100 mm and below pass.
     truth = {width: 0.9 if width <= 100 else 0.1 for width in FAMILY["width_mm"]}

@@ -6,6 +6,7 @@ The working tree is only read: Python started for the tests, and by them, import
 
 import os
 import subprocess
+import threading
 import time
 from pathlib import Path
 
@@ -35,7 +36,7 @@ class PythonWorkshop(Processes):
 
     def judge(self, source: Path, mutant: Mutant, suites: list[str]) -> Verdict:
         """Run the test files with a mutant of ``source``."""
-        file = self.work / f"planted.{os.getpid()}.py"
+        file = self.work / f"planted.{threading.get_ident()}.py"
         file.write_text(mutant.text, encoding="utf-8")
         module = ".".join(source.relative_to(self.root / "host").with_suffix("").parts)
         limit_s = 3 * sum(self.times_s[suite] for suite in suites) + SLACK_S

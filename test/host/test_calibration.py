@@ -13,9 +13,17 @@ from scipy.stats import binom, halfnorm, lognorm, norm
 
 from foldcar.calibration.bank import features_of, prior_scores, simulate_bank
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
+from foldcar.calibration.emulator import NETWORKS
 from foldcar.calibration.experiment import read_experiment
 from foldcar.calibration.parameters import NAMES, NOMINAL, PARAMETERS, Parameter, values_of
-from foldcar.calibration.posterior import DISCREPANCY, built_logits, log_likelihood, sample_posterior
+from foldcar.calibration.posterior import (
+    DISCREPANCY,
+    EFFECTIVE,
+    _next_step,
+    built_logits,
+    log_likelihood,
+    sample_posterior,
+)
 from foldcar.calibration.predictions import expected_bits, log_score
 from foldcar.calibration.simulation import Simulator
 from foldcar.car.variation.spread import draw, workshop
@@ -126,6 +134,17 @@ def test_the_posterior_is_that_of_plain_quadrature() -> None:
     assert np.array_equal(found.scores, again.scores)
 
 
+def test_a_step_of_the_temperature_leaves_so_many_draws_effective() -> None:
+    """Kish's number of draws with weights w is (sum w)^2 / sum w^2."""
+    found = -np.random.default_rng(2).gamma(1.0, 30.0, 500)
+
+    step = _next_step(found, 0.7)
+
+    weights = np.exp(step * found)
+    assert weights.sum() ** 2 / (weights**2).sum() == pytest.approx(EFFECTIVE * 500, rel=1e-6)
+    assert 0 < step < 0.7 and _next_step(found / 1000, 0.7) == 0.7
+
+
 def test_a_misfit_widens_what_is_said_of_a_built_car() -> None:
     """Simulated to pass surely, 0 of 10 passed: the built car's rate is low, and another car's is in doubt."""
     simulated, none, stream = np.full((4000, 1), 4.0), np.zeros(1), np.random.default_rng(1)
@@ -215,8 +234,11 @@ def test_the_runs_depend_on_their_numbers_alone_and_so_does_the_emulator(swept: 
     assert len(banks[0].passed) == 40 and 0 < banks[0].passed.mean() < 1
     assert np.array_equal(banks[0].passed, banks[1].passed) and np.array_equal(banks[0].designs, banks[1].designs)
     features = features_of(experiment)
-    told = [bank.emulator(features, 1).logits(scores, features) for bank in banks]
+    emulators = [bank.emulator(features, 1) for bank in banks]
+    told = [emulator.logits(scores, features) for emulator in emulators]
     assert np.array_equal(*told)
+    # Its networks begin differently, else their mean would be one of them.
+    assert len({network[0][0].tobytes() for network in emulators[0].networks}) == NETWORKS
     # With so few runs of its own it can only tell those that pass from others.
     passes = told[0][np.arange(40) // 4, banks[0].designs][banks[0].passed == 1]
     fails = told[0][np.arange(40) // 4, banks[0].designs][banks[0].passed == 0]

@@ -1,5 +1,6 @@
 """A calibration by a simulator that is a formula: its scatter, and what further trials are expected to tell."""
 
+import math
 from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any
@@ -15,12 +16,13 @@ from foldcar.calibration.emulator import Emulator
 from foldcar.calibration.experiment import SweptDesign, SweptExperiment
 from foldcar.calibration.inference import DRAWS, infer, plan
 from foldcar.calibration.next_trials import HEIGHTS, TRIALS, rank_next_trials
-from foldcar.calibration.parameters import NAMES, PARAMETERS, values_of
+from foldcar.calibration.parameters import NAMES, PARAMETERS, known_scores, values_of
 from foldcar.calibration.posterior import DISCREPANCY
 from foldcar.calibration.simulation import CalibrationRun
 from foldcar.calibration.summary import summarise
 from foldcar.calibration.trial_counts import TrialCounts
 from foldcar.calibration.words import findings
+from foldcar.errors import FoldcarError
 
 SCENES = 30
 WIDTHS = (65.0, 95.0, 115.0, 180.0)
@@ -295,3 +297,15 @@ def test_findings_are_what_the_numbers_say() -> None:
     fits = {**summary, "designs": summary["designs"][:1], "parameters": [told("discrepancy", None, median=1.3)]}
     assert findings(fits)[0].startswith("The calibrated simulator's 95 % intervals cover the trials of all")
     assert not any("discrepancy" in one or "say next to nothing" in one for one in findings(fits))
+
+
+def test_what_was_measured_is_a_score_within_what_the_emulator_has_seen() -> None:
+    scores = known_scores({"friction": 1.0, "track_m": 0.008, "start_position_sd_m": 0.0, "servo_torque": 0.85})
+
+    # In standard deviations from the prior's middle; no scatter at all is as low as may be.
+    expected = {"friction": 0.0, "track_m": 2.0, "start_position_sd_m": -2.5, "servo_torque": 0.0}
+    assert {NAMES[index]: score for index, score in scores.items()} == pytest.approx(expected)
+    for name, end in (("friction", math.exp(0.3 * 2.5)), ("track_m", -0.004 * 2.5)):
+        assert abs(next(iter(known_scores({name: end * (1 - 1e-9)}).values()))) == pytest.approx(2.5)
+        with pytest.raises(FoldcarError, match=f"--known {name}: .* is outside"):
+            known_scores({name: end * (1 + 1e-9)})

@@ -1,12 +1,26 @@
 """Intervals of rates, from runs, from trials, and from both."""
 
+from itertools import product
+
 import numpy
 import pytest
 from scipy import integrate, stats
+from sklearn.gaussian_process.kernels import Matern
 
 from foldcar.analysis.betting import betting_interval
 from foldcar.analysis.intervals import clopper_pearson_interval, jeffreys_interval, wilson_interval
-from foldcar.analysis.pooled_bias import LOG_ODDS, _checked, _Fit, _kernels, pooled_rates
+from foldcar.analysis.pooled_bias import (
+    ALONE,
+    CONSTANT,
+    LENGTHS,
+    LOG_ODDS,
+    SLOPE,
+    SMOOTH,
+    _checked,
+    _Fit,
+    _kernels,
+    pooled_rates,
+)
 from foldcar.analysis.prediction_powered import power_tuned_mean, rectified_rate
 from foldcar.errors import FoldcarError
 
@@ -95,6 +109,20 @@ def test_rectified_rate_of_little_data_says_what_it_rests_on() -> None:
     for bad in (([1], [1, 0], [1]), ([0.5], [1], [1]), ([1], [2], [1])):
         with pytest.raises(FoldcarError):
             rectified_rate(*bad)
+
+
+def test_differences_covary_as_the_model_says() -> None:
+    """A constant, a slope on simulation's log-odds, scikit-learn's Matérn over shares of the range, each one's own."""
+    x, errors = numpy.array([[60.0, 1.0], [100.0, 1.0], [120.0, 5.0]]), [0.1, 0.2, 0.3]
+    log_odds = numpy.array([-1.0, 0.5, 2.0])
+    shares = numpy.array([[0, 0], [40 / 60, 0], [1, 1]])
+
+    kernels = _kernels(x, log_odds, numpy.array(errors))
+
+    grid = product(LENGTHS, SMOOTH, ALONE)
+    for (length, smooth, alone), kernel in zip(grid, kernels, strict=True):
+        expected = CONSTANT**2 + SLOPE**2 * numpy.outer(log_odds, log_odds) + smooth**2 * Matern(length, nu=2.5)(shares)
+        assert kernel == pytest.approx(expected + numpy.diag(errors) + alone**2 * numpy.eye(3))
 
 
 def test_pooled_posterior_is_that_of_importance_sampling() -> None:

@@ -40,6 +40,14 @@ def test_a_reality_changes_what_it_names_and_nothing_else(tmp_path: Path) -> Non
     assert body["segments"] == one.nominal["segments"]
 
 
+def test_what_the_host_believes_may_be_the_truth(tmp_path: Path) -> None:
+    """Some nominal values, as no differences between wheels, are the end of what may be."""
+    file = tmp_path / "reality.json"
+    file.write_text(json.dumps(dict(NOMINAL)))
+
+    assert read_reality(file) == NOMINAL
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

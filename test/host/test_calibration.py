@@ -100,9 +100,12 @@ def test_scatter_has_its_spread_and_is_shared_by_all_values() -> None:
     half = calibrated_scene(scene, {**wide, "start_heading_sd_rad": 0.05}, 5, 7)["start"]
     assert half["heading_rad"] == pytest.approx(starts[7]["heading_rad"] / 2) and half["x_m"] == starts[7]["x_m"]
     # The listing's own spreads of the whole car stay, those of wheels give way.
-    varied = calibrated_variation(wide, {"mass": 0.03, "tyre_grip": 0.5}, 5, 7)
-    doubled = draw({"tyre_grip": 2 * workshop()["tyre_grip"].sd, "mass": 0.03}, 5, 7)
+    varied = calibrated_variation({**wide, "servo_torque": 0.7}, {"mass": 0.03, "tyre_grip": 0.5}, 5, 7)
+    doubled = draw({name: 2 * workshop()[name].sd for name in ("tyre_grip", "servo_torque")} | {"mass": 0.03}, 5, 7)
     assert varied["tyre_grip"] == pytest.approx(doubled["tyre_grip"]) and varied["mass"] == doubled["mass"]
+    # A servo has its own share of what all servos have.
+    torques = [1 + difference for difference in varied["servo_torque"]]
+    assert torques == pytest.approx([0.7 * (1 + difference) for difference in doubled["servo_torque"]])
 
 
 def grid() -> tuple[Any, Any, Any, Any]:

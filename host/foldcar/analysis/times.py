@@ -108,7 +108,7 @@ def _restricted_means(times: NDArray[Any], done: NDArray[Any], weights: NDArray[
     order = numpy.lexsort((~done, times))
     sorted_weights = weights[:, order]
     at_risk = numpy.maximum(sorted_weights[:, ::-1].cumsum(axis=1)[:, ::-1], 1e-300)
-    remaining = numpy.clip(1 - sorted_weights * done[order] / at_risk, 0, 1).cumprod(axis=1)
+    remaining = numpy.maximum(1 - sorted_weights * done[order] / at_risk, 0).cumprod(axis=1)
     widths = numpy.diff(numpy.append(times[order], limit_s))
     areas: NDArray[Any] = times[order][0] + remaining @ widths
     return areas

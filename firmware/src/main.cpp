@@ -35,7 +35,9 @@ void setup() {
   Car& me = car();
   me.board.begin(kBaud);
   me.firmware.begin(foldcar::read_stored_design(me.board.logs.present()));
-  me.board.servos.set_oscillator_hz(me.firmware.parameters().get(foldcar::Parameter::kPwmOscHz));
+  const foldcar::Parameters& parameters = me.firmware.parameters();
+  if (parameters.get(foldcar::Parameter::kOeWired) == 1.0f) me.board.servos.use_output_enable();
+  me.board.servos.set_oscillator_hz(parameters.get(foldcar::Parameter::kPwmOscHz));
   if (!foldcar::start_background_task(store_log, nullptr)) me.board.logs.give_up();
   me.board.board.start_watchdog();
 }

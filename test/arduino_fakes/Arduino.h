@@ -1,4 +1,4 @@
-// Fake of Arduino-ESP32 2.0.17: analogue inputs, the loop's watchdog, delays, Serial.
+// Fake of Arduino-ESP32 2.0.17: analogue inputs, outputs, the loop's watchdog, delays, Serial.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,17 @@
 // The calibrated voltage (mV) at a pin; the core returns 0 if the conversion fails.
 inline std::uint32_t analogReadMilliVolts(std::uint8_t pin) { return fake_esp32.pin_mv[pin]; }
 
-inline void delay(std::uint32_t ms) { fake_esp32.time_us += 1000 * static_cast<std::int64_t>(ms); }
+constexpr int LOW = 0, HIGH = 1, OUTPUT = 3;
+inline void digitalWrite(std::uint8_t pin, std::uint8_t level) {
+  fake_esp32.written_levels[pin] = level;
+  if (fake_esp32.pin_levels.count(pin) > 0) fake_esp32.pin_levels[pin] = level;
+}
+// A pin that becomes an output has the level last written, low if none was.
+inline void pinMode(std::uint8_t pin, std::uint8_t mode) {
+  if (mode == OUTPUT) fake_esp32.pin_levels[pin] = fake_esp32.written_levels[pin];
+}
+
+inline void delay(std::uint32_t ms) { pass_fake_time(1000 * static_cast<std::int64_t>(ms)); }
 
 // Adds the task that runs loop() to the task watchdog; the core feeds it after each loop().
 inline void enableLoopWDT() { fake_esp32.watchdog_guards_loop = true; }

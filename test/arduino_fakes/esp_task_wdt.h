@@ -3,9 +3,6 @@
 
 #include "fake_esp32.h"
 
-using esp_err_t = int;
-constexpr esp_err_t ESP_OK = 0;
-
 // Of ESP-IDF 5, which Arduino-ESP32 3 brings.
 struct esp_task_wdt_config_t {
   std::uint32_t timeout_ms;

@@ -67,9 +67,23 @@ struct FakeTask {
   std::uint32_t delay_ms = 0;  // the last one
 };
 
+// A timer of the SDK; one that is created stays.
+struct FakeTimer {
+  void (*callback)(void*) = nullptr;
+  void* argument = nullptr;
+  std::int64_t due_us = -1;  // -1: it does not run
+};
+
+// What calls of the SDK return.
+using esp_err_t = int;
+constexpr esp_err_t ESP_OK = 0;
+
 struct FakeEsp32 {
   std::int64_t time_us = 0;
   std::uint32_t pin_mv[40] = {};  // voltage (mV) at each analogue input
+  std::map<int, int> written_levels;  // by pin
+  std::map<int, int> pin_levels;      // of the pins that are outputs
+  std::deque<FakeTimer> timers;    // their handles point here
   int reset_reason = 1;
   std::uint32_t watchdog_s = 0;  // 0 before its initialisation
   bool watchdog_panics = false;
@@ -83,6 +97,16 @@ struct FakeEsp32 {
 };
 
 inline FakeEsp32 fake_esp32;
+
+// Lets time pass in which loop() does nothing: timers go on.
+inline void pass_fake_time(std::int64_t us) {
+  fake_esp32.time_us += us;
+  for (FakeTimer& timer : fake_esp32.timers) {
+    if (timer.due_us < 0 || timer.due_us > fake_esp32.time_us) continue;
+    timer.due_us = -1;
+    timer.callback(timer.argument);
+  }
+}
 
 // esp_restart() does not return; the fake leaves it with this exception.
 struct FakeRestart {};

@@ -26,7 +26,7 @@ from foldcar.fabrication.assembly.guide_steps import steps
 from foldcar.fabrication.assembly.hidden_surfaces import Facet, camera, seen_facets
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_csv, total_mass_kg
 from foldcar.fabrication.assembly.view_page import Drawing, view_page
-from foldcar.fabrication.assembly.wiring import wiring_text
+from foldcar.fabrication.assembly.wiring import OE_GPIO, wiring_text
 from foldcar.fabrication.assembly.wiring_drawing import wiring_drawing
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car, pattern
@@ -72,6 +72,18 @@ def test_wiring_names_every_servo_with_its_output_and_direction() -> None:
         assert f"CH{axle.channel + 1}_DIRECTION {axle.direction:+d}" in line and axle.servo in line
         assert axle.servo in drawn and f"{axle.channel} · CH{axle.channel + 1}" in drawn
     assert "Outputs 4, 5, 6, 7 stay empty" in text
+
+
+def test_wiring_offers_output_enable_with_a_pull_up_that_reaches_off() -> None:
+    folded = folded_car(designs()[0])
+    text, drawn = wiring_text(folded, "a car"), wiring_drawing(folded, "a car")
+
+    # A divider of 2.2 kΩ to 3.3 V and the wing's 10 kΩ to ground; the PCA9685 takes 0.7 of its supply as high.
+    off_v = 3.3 * 10 / (10 + 2.2)
+    assert off_v > 1.15 * 0.7 * 3.3
+    assert "2.2 kΩ" in text and f"at {off_v:.1f} V" in text and "above 2.3 V" in text and "2.2 kΩ" in drawn
+    gate = (Path(__file__).parents[2] / "firmware/lib/feather_hal/output_gate.h").read_text(encoding="utf-8")
+    assert f"kPin = {OE_GPIO};" in gate and f"from {OE_GPIO} of the" in text and f">{OE_GPIO}<" in drawn
 
 
 def test_hidden_surfaces_agree_with_rays() -> None:

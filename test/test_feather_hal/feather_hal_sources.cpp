@@ -6,6 +6,7 @@
 #include "../../firmware/lib/feather_hal/feather_servos.cpp"
 #include "../../firmware/lib/feather_hal/flash_logs.cpp"
 #include "../../firmware/lib/feather_hal/flash_storage.cpp"
+#include "../../firmware/lib/feather_hal/output_gate.cpp"
 #if __has_include(<ArduinoJson.h>)
 #include "../../firmware/lib/feather_hal/flash_design.cpp"
 #else

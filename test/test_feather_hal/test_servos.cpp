@@ -174,6 +174,46 @@ void a_rate_that_cannot_be_set_again_ends_the_pulses() {
   TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
 }
 
+void without_a_wire_to_output_enable_its_pin_is_left_alone() {
+  FeatherBench bench;
+  bench.begin();
+  bench.hal.servos.write_pulses(pulse_on(0, 1500.0f));
+  bench.hal.servos.write_pulses(PulsesUs{});
+  TEST_ASSERT_TRUE(fake_esp32.pin_levels.empty() && fake_esp32.timers.empty());
+}
+
+// With a wire, pulses end when they are turned off, and 150 ms after the last write of a loop that hangs.
+void output_enable_is_low_only_while_pulses_are_written() {
+  FeatherBench bench;
+  bench.begin();
+  TEST_ASSERT_TRUE(bench.hal.servos.use_output_enable());
+  const int& level = fake_esp32.pin_levels[27];
+  TEST_ASSERT_EQUAL_INT(HIGH, level);
+  for (int tick = 0; tick < 50; ++tick) {
+    TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+    pass_fake_time(20000);
+    TEST_ASSERT_EQUAL_INT(LOW, level);
+  }
+  pass_fake_time(static_cast<std::int64_t>(OutputGate::kHoldUs) - 20001);
+  TEST_ASSERT_EQUAL_INT(LOW, level);
+  pass_fake_time(1);
+  TEST_ASSERT_EQUAL_INT(HIGH, level);
+  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+  TEST_ASSERT_EQUAL_INT(LOW, level);
+  fake_esp32.i2c.bus_hangs = true;
+  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(PulsesUs{}));
+  TEST_ASSERT_EQUAL_INT_MESSAGE(HIGH, level, "the pulses end although the driver does not answer");
+}
+
+void without_a_timer_output_enable_stays_high_and_no_pulse_is_written() {
+  FeatherBench bench;
+  bench.begin();
+  fake_esp32.heap_is_full = true;
+  TEST_ASSERT_FALSE(bench.hal.servos.use_output_enable());
+  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+  TEST_ASSERT_EQUAL_INT(HIGH, fake_esp32.pin_levels[27]);
+}
+
 }  // namespace
 
 void run_servo_tests() {
@@ -191,6 +231,9 @@ void run_servo_tests() {
   RUN_TEST(no_pulse_is_written_before_the_oscillator_is_known);
   RUN_TEST(a_transfer_that_fails_while_the_rate_is_set_never_leads_to_wrong_pulses);
   RUN_TEST(a_rate_that_cannot_be_set_again_ends_the_pulses);
+  RUN_TEST(without_a_wire_to_output_enable_its_pin_is_left_alone);
+  RUN_TEST(output_enable_is_low_only_while_pulses_are_written);
+  RUN_TEST(without_a_timer_output_enable_stays_high_and_no_pulse_is_written);
 }
 
 }  // namespace foldcar

@@ -49,6 +49,7 @@ void a_name_leads_to_its_typed_index() {
   is("ARM_TIMEOUT_S", Parameter::kArmTimeoutS);
   is("TRIAL_MAX_S", Parameter::kTrialMaxS);
   is("PWM_OSC_HZ", Parameter::kPwmOscHz);
+  is("OE_WIRED", Parameter::kOeWired);
   for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
     const std::string prefix = "CH" + std::to_string(channel + 1) + "_";
     is((prefix + "SIDE").c_str(), channel_parameter(channel, ChannelParameter::kSide));
@@ -57,7 +58,7 @@ void a_name_leads_to_its_typed_index() {
     is((prefix + "DEADBAND_US").c_str(), channel_parameter(channel, ChannelParameter::kDeadbandUs));
     is((prefix + "GAIN_US").c_str(), channel_parameter(channel, ChannelParameter::kGainUs));
   }
-  TEST_ASSERT_EQUAL_UINT(13 + 8 * 5, parameter_table().size());
+  TEST_ASSERT_EQUAL_UINT(14 + 8 * 5, parameter_table().size());
 }
 
 void a_new_object_describes_the_study_car() {

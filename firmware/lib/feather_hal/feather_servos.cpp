@@ -55,7 +55,10 @@ bool FeatherServos::set_oscillator_hz(float oscillator_hz) {
 bool FeatherServos::write_pulses(const PulsesUs& pulses_us) {
   bool all_off = true;
   for (const float pulse_us : pulses_us) all_off = all_off && pulse_us == kNoPulse;
-  if (all_off) return write_off() && driver_begun_;
+  if (all_off) {
+    gate_.close();
+    return write_off() && driver_begun_;
+  }
 
   for (const float pulse_us : pulses_us) {
     if (!(pulse_us >= 0.0f && pulse_us <= kLongestOutputUs)) return false;
@@ -68,7 +71,7 @@ bool FeatherServos::write_pulses(const PulsesUs& pulses_us) {
         pulse_us == kNoPulse ? kTicksPerPeriod : static_cast<std::uint16_t>(pulse_us / us_per_tick_ + 0.5f);
     if (!write_ticks(static_cast<std::uint8_t>(channel), ticks)) return false;
   }
-  return true;
+  return gate_.open();
 }
 
 bool FeatherServos::write_ticks(std::uint8_t channel, std::uint16_t ticks) {

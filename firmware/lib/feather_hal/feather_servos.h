@@ -8,6 +8,7 @@
 #include <cstdint>
 
 #include "hal.h"
+#include "output_gate.h"
 
 namespace foldcar {
 
@@ -22,6 +23,10 @@ class FeatherServos : public WheelServos {
   // pulse can be written. Returns false if the chip does not confirm the rate within 1 Hz.
   bool set_oscillator_hz(float oscillator_hz);
 
+  // From now on the driver's output enable, wired to the board, lets pulses through: docs/firmware.md. Returns false if it
+  // cannot, and no pulse can be written then.
+  bool use_output_enable() { return gate_.begin(); }
+
   bool write_pulses(const PulsesUs& pulses_us) override;
 
  private:
@@ -29,6 +34,7 @@ class FeatherServos : public WheelServos {
   bool write_off();
 
   Adafruit_PWMServoDriver driver_;
+  OutputGate gate_;
   bool bus_open_ = false;
   bool driver_begun_ = false;
   float us_per_tick_ = 0.0f;  // µs for each of the 4096 ticks of a period; 0 until the oscillator's frequency is set

@@ -1,8 +1,8 @@
-// Keeps the messages of a trial's log small while they wait in RAM: of each, its kind, the time since the last one, and those
-// bytes of its content in which it differs from the last of its kind. A trial of 200 s fits so.
+// Keeps the messages of a trial's log small while they wait in RAM: of each, its kind, the time since the last one, and
+// those bytes of its content in which it differs from the last of its kind. A trial of 200 s fits so.
 //
-// A packed message: kind (1 byte, its top bit set for foldcar's own component), time (µs, 7 bits in a byte, the lowest first,
-// the top bit set on all but the last), one bit for each byte of the content, the differing bytes.
+// A packed message: kind (1 byte, its top bit set for foldcar's own component), time (µs, 7 bits in a byte, the lowest
+// first, the top bit set on all but the last), one bit for each byte of the content, the differing bytes.
 #pragma once
 
 #include <array>
@@ -33,8 +33,8 @@ class LogPacker {
  public:
   // Begins a log.
   void begin() { last_ = {}; }
-  // Packs one of kLogged, of that time (µs; at least the last one's), and returns the number of bytes. Only keep() makes the
-  // message the last one: one that found no room is not.
+  // Packs one of kLogged, of that time (µs; at least the last one's), and returns the number of bytes. Only keep() makes
+  // the message the last one: one that found no room is not.
   std::size_t pack(std::uint64_t time_us, const mavlink_message_t& message, std::uint8_t (&packed)[kLargestPacked]) const;
   void keep(std::uint64_t time_us, const mavlink_message_t& message);
 

@@ -1,9 +1,9 @@
 // Stores a trial's log in flash from another task than the one that drives the car.
 //
 // Writing and above all erasing flash takes 65 to 600 ms. So the tick only puts records into a ring in RAM, and a worker of
-// low priority calls work() again and again. While wheels turn it leaves flash alone until kKept bytes wait, which most trials
-// never reach, and then stores small slices with pauses between them; the rest when the wheels stand. A record that does not
-// fit, or cannot be stored, is counted.
+// low priority calls work() again and again. While wheels turn it leaves flash alone until kKept bytes wait, which most
+// trials never reach, and then stores small slices with pauses between them; the rest when the wheels stand. A record that
+// does not fit, or cannot be stored, is counted.
 #pragma once
 
 #include <array>

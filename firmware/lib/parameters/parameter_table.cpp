@@ -49,6 +49,9 @@ constexpr Row<Parameter> kCarRows[] = {
     {Parameter::kPwmOscHz,
      {"PWM_OSC_HZ", "Hz", 23e6f, 27e6f, 25e6f, kReal,
       "true frequency of the servo driver's oscillator; read when the board starts"}},
+    {Parameter::kOeWired,
+     {"OE_WIRED", "", 0.0f, 1.0f, 0.0f, kInteger,
+      "1 if the servo driver's output enable is wired to GPIO27; read when the board starts"}},
 };
 
 constexpr Row<ChannelParameter> kChannelRows[] = {

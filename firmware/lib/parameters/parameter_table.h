@@ -44,6 +44,7 @@ enum class Parameter : std::uint8_t {
   kTiltMaxRad,
   kTiltMs,
   kPwmOscHz,
+  kOeWired,
   kCount
 };
 

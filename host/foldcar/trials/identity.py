@@ -16,8 +16,8 @@ from foldcar.scenes.scene_name import sample_in, scene_name
 from foldcar.study.experiments import Experiment
 from foldcar.study.family import Family
 
-# Endings of the names of calibrated parameters, which may differ from the design's because they depend on the servos.
-CALIBRATED = ("_NEUTRAL_US", "_DEADBAND_US", "_GAIN_US", "PWM_OSC_HZ")
+# Endings of the names of parameters which may differ from the design's because they depend on servos and board.
+CALIBRATED = ("_NEUTRAL_US", "_DEADBAND_US", "_GAIN_US", "PWM_OSC_HZ", "OE_WIRED")
 
 
 def design_of(identity: CarIdentity, experiment: Experiment, family: Family) -> Design:

@@ -7,6 +7,10 @@ parameter names.
 from foldcar.car.folded.model import FoldedCar
 
 SUPPLY_V = (4.8, 6.0)
+# The option of a wire to the servo driver's output enable: the board's pin, as in the firmware's output_gate.h, and a pull-up
+# that holds the enable off while the pin floats, against the wing's 10 kΩ to ground. The chip needs 0.7 of its supply.
+OE_GPIO, OE_PULL_UP_OHM = 27, 2200.0
+OE_PULL_DOWN_OHM, LOGIC_V, OE_OFF_SHARE = 10e3, 3.3, 0.7
 CARRIES = {"signal": "signal", "supply": "supply", "stack": "plugged together", "usb": "USB"}
 
 
@@ -53,6 +57,7 @@ def wiring_text(folded: FoldedCar, title: str) -> str:
     if others:
         lines += ["", "## All other connections", "| from | to | what | |", "|---|---|---|---|"]
         lines += [f"| {wire.a} | {wire.b} | {CARRIES[wire.carries]} | {wire.note} |" for wire in others]
+    lines += _output_enable(wing, feather)
     lines += [
         "",
         "## Before the first drive",
@@ -62,3 +67,18 @@ def wiring_text(folded: FoldedCar, title: str) -> str:
         "",
     ]
     return "\n".join(lines)
+
+
+def _output_enable(wing: str, feather: str) -> list[str]:
+    off_v = LOGIC_V * OE_PULL_DOWN_OHM / (OE_PULL_DOWN_OHM + OE_PULL_UP_OHM)
+    return [
+        "",
+        "## Option: no pulses while the board hangs or restarts",
+        "The servo driver repeats its last pulses by itself until the board turns them off. Its output enable (#OE) can "
+        f"end them; the {wing} has it on no header, so this needs soldering. Not tried on a car.",
+        f"1. A wire from {OE_GPIO} of the {feather} to #OE: pin 23 of the PCA9685, or that end of its 10 kΩ resistor to "
+        "ground.",
+        f"2. A resistor of {OE_PULL_UP_OHM / 1000:g} kΩ from the same point to 3V. Against the 10 kΩ it holds #OE at "
+        f"{off_v:.1f} V while the board's pin floats; off is above {OE_OFF_SHARE * LOGIC_V:.1f} V.",
+        "3. Now no wheel turns. Set the parameter OE_WIRED to 1 and restart the board: now they do.",
+    ]

@@ -8,6 +8,7 @@ import html
 from foldcar.car.folded.model import Axle, FoldedCar
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.fabrication.assembly.drawing import COLOURS
+from foldcar.fabrication.assembly.wiring import OE_GPIO, OE_PULL_UP_OHM
 
 OUTPUTS = 8
 WIDTH_MM, ROW_MM, TOP_MM = 190.0, 11.0, 26.0
@@ -33,6 +34,7 @@ def wiring_drawing(folded: FoldedCar, title: str) -> str:
         body += _output(output, axles.get(output))
     switched = any(wire.a.startswith(folded.parts.switch.name) for wire in folded.wires)
     body += _supply(rows_end, folded.parts, switched)
+    body += _output_enable(rows_end)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH_MM:g}mm" height="{height:g}mm" '
         f'viewBox="0 0 {WIDTH_MM:g} {height:g}" font-family="DejaVu Sans, Arial, Helvetica, sans-serif" fill="{INK}">'
@@ -100,6 +102,21 @@ def _supply(rows_end: float, parts: Catalogue, switched: bool) -> list[str]:
     ]
 
 
+def _output_enable(rows_end: float) -> list[str]:
+    """The optional wire from the board to the servo driver's output enable, with its pull-up."""
+    x, low, high, middle = BOARD_MM[1] - 4, rows_end + 36, rows_end + 10, rows_end + 23
+    resistor = f'x="{x + 7:g}" y="{middle - 1.6:g}" width="10" height="3.2"'
+    return [
+        _wire(f"M{x:g},{low:g}V{high:g}M{x:g},{middle:g}H{x + 24:g}", INK, dashed=True),
+        f'<rect {resistor} fill="#ffffff" stroke="{INK}" stroke-width="0.4"/>',
+        _text(x + 12, middle - 3, f"{OE_PULL_UP_OHM / 1000:g} kΩ", 3),
+        _text(x + 25, middle + 1.1, "3V", 3, "start"),
+        _text(x + 2, high + 5, "#OE (pin 23)", 3, "start"),
+        _text(x + 2, low - 1.5, f"{OE_GPIO}", 3, "start"),
+        _text(x + 32, high + 5, "option: see wiring.md", 3, "start"),
+    ]
+
+
 def _switch(x: float, y: float) -> list[str]:
     """An open switch in a line along x, as in circuit diagrams."""
     return [
@@ -123,8 +140,9 @@ def _pin(x: float, y: float, colour: str) -> str:
     return f'<rect {place} fill="{colour}" stroke="{INK}" stroke-width="0.3"/>'
 
 
-def _wire(path: str, colour: str) -> str:
-    return f'<path d="{path}" stroke="{colour}" stroke-width="1.2" fill="none"/>'
+def _wire(path: str, colour: str, dashed: bool = False) -> str:
+    dashes = ' stroke-dasharray="2.5 1.5"' if dashed else ""
+    return f'<path d="{path}" stroke="{colour}" stroke-width="{0.8 if dashed else 1.2:g}" fill="none"{dashes}/>'
 
 
 def _text(x: float, y: float, text: str, size: float, anchor: str = "middle", bold: bool = False) -> str:

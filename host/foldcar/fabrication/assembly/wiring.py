@@ -7,8 +7,9 @@ parameter names.
 from foldcar.car.folded.model import FoldedCar
 
 SUPPLY_V = (4.8, 6.0)
-# The option of a wire to the servo driver's output enable: the board's pin, as in the firmware's output_gate.h, and a pull-up
-# that holds the enable off while the pin floats, against the wing's 10 kΩ to ground. The chip needs 0.7 of its supply.
+# The option of a wire to the servo driver's output enable: the board's pin, as in the firmware's output_gate.h, and a
+# pull-up that holds the enable off while the pin floats, against the wing's 10 kΩ to ground. The chip needs 0.7 of its
+# supply.
 OE_GPIO, OE_PULL_UP_OHM = 27, 2200.0
 OE_PULL_DOWN_OHM, LOGIC_V, OE_OFF_SHARE = 10e3, 3.3, 0.7
 CARRIES = {"signal": "signal", "supply": "supply", "stack": "plugged together", "usb": "USB"}

@@ -168,20 +168,25 @@ def test_a_car_with_a_design_needs_no_confirmation(carsim_binary: Path, foldcar:
 
 def test_a_refused_design_is_named_when_arming_is_refused(start: Callable[..., Car], tmp_path: Path) -> None:
     (tmp_path / "car.json").write_text('{"format": 1, "name": "w95"')
-    with car_at_port(start("--design", str(tmp_path / "car.json")).port) as car:
-        car.acknowledge_fault()
-        with pytest.raises(CommandRefusedError, match=r"the car refuses to arm: car.json: is not a JSON object$"):
-            car.arm()
+    car = greet(start("--design", str(tmp_path / "car.json")).port)
+    car.acknowledge_fault()
+
+    with pytest.raises(CommandRefusedError, match=r"the car refuses to arm: car.json: is not a JSON object$"):
+        car.arm()
+    car.connection.close()
 
 
 def test_while_wheels_turn_a_car_says_why_it_lists_no_logs_and_sets_nothing(start: Callable[..., Car]) -> None:
-    with car_at_port(start().port) as car:
-        car.arm()
-        car.start_trial(0.1, 0.0, 30.0, 3)
-        with pytest.raises(FoldcarError, match="does not list its logs; it says: refused: logs are not read or erased"):
-            list_logs(car)
-        with pytest.raises(FoldcarError, match=r"refuses 50 \(.*while wheels are driven\); it stays 40"):
-            set_parameter(car, "STAGGER_MS", 50.0)
-        car.stop_trial()
-        assert list_logs(car) == []
+    car = greet(start().port)
+    car.arm()
+    car.start_trial(0.1, 0.0, 30.0, 3)
+
+    with pytest.raises(FoldcarError, match="does not list its logs; it says: refused: logs are not read or erased"):
+        list_logs(car)
+    with pytest.raises(FoldcarError, match=r"refuses 50 \(.*while wheels are driven\); it stays 40"):
         set_parameter(car, "STAGGER_MS", 50.0)
+
+    car.stop_trial()
+    assert list_logs(car) == []
+    set_parameter(car, "STAGGER_MS", 50.0)
+    car.connection.close()

@@ -11,7 +11,7 @@ namespace foldcar {
 
 class LogRing {
  public:
-  static constexpr std::size_t kSize = 80 * 1024;  // bytes; what the board's static memory has room for
+  static constexpr std::size_t kSize = 72 * 1024;  // bytes; what the board's static memory has room for
 
   // For the task that puts: adds a whole record if reserve bytes stay free behind it, else returns false.
   bool put(const std::uint8_t* data, std::size_t size, std::size_t reserve) {

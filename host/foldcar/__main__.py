@@ -22,6 +22,7 @@ def _leave_out_working_directory() -> None:
 
 def main() -> None:
     """Run the command line and exit."""
+    _open_missing()
     numbers = [number for number in (getattr(_signal, name, None) for name in ("SIGHUP", "SIGINT", "SIGTERM")) if number]
     # Until foldcar.interrupts takes over. What the caller ignores (nohup) stays ignored.
     for number in numbers:
@@ -35,9 +36,38 @@ def main() -> None:
             _signal.pthread_sigmask(_signal.SIG_BLOCK, numbers)
             os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
         _signal.pthread_sigmask(_signal.SIG_UNBLOCK, numbers)
-    from foldcar.cli import main as run
+    try:
+        from foldcar.cli import main as run
 
-    run()
+        run()
+    except Exception as error:
+        limit = _memory_limit()
+        if limit is None and not isinstance(error, MemoryError):
+            raise
+        limited = f" of {limit >> 20} MB (ulimit -v)" if limit is not None else ""
+        what = " ".join(f"{type(error).__name__}: {error}".split())[:200].rstrip(": ")
+        os.write(2, f"foldcar: error: the memory{limited} seems too little: {what}\n".encode(errors="backslashreplace"))
+        sys.exit(2)
+
+
+def _open_missing() -> None:
+    """Open the null device where the caller has closed a standard file: another file would get its number."""
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            # The lowest free number is this one; programs that foldcar starts inherit it.
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
+
+
+def _memory_limit() -> int | None:
+    """The bytes that this process may have; None without a limit. Too few of them make imports fail in many ways."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return limit if limit != resource.RLIM_INFINITY else None
 
 
 if __name__ == "__main__":

@@ -46,6 +46,7 @@ from foldcar.commands.trials import trials
 from foldcar.commands.view import view
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import listen
+from foldcar.shown_text import show_text
 
 GARBAGE_THRESHOLD = 50_000
 # More than any path on Linux below a few folders.
@@ -93,6 +94,7 @@ def options(
 
 def main() -> None:
     """Run the command line and exit."""
+    show_text()
     listen()
     enable_completion()
     # Most objects live until the command ends; garbage collection at the default rate takes a tenth of the time of

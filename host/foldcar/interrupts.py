@@ -13,6 +13,8 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import TypeVar
 
+from foldcar.shown_text import shown
+
 EXIT_CODE = 130
 # Windows has no SIGHUP, and no fork and no masks either.
 NUMBERS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
@@ -118,7 +120,8 @@ def leave() -> None:
         with suppress(Exception):
             tidy()
     with suppress(OSError):
-        os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, f"{_lines[-1]()}\n".encode())
+        line = f"{shown(_lines[-1]())}\n".encode(getattr(sys.__stderr__, "encoding", "utf-8"), "backslashreplace")
+        os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, line)
     os._exit(EXIT_CODE)
 
 

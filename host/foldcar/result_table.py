@@ -7,7 +7,8 @@ from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
+
+from foldcar.shown_text import shown
 
 # Rows beyond which nobody reads a table without a pager.
 MOST_FRAMED = 500
@@ -26,18 +27,18 @@ class ResultTable:
 
     def add_row(self, *cells: str) -> None:
         """A row of as many texts as there are columns."""
-        self._rows.append(cells)
+        self._rows.append(tuple(map(shown, cells)))
 
     def print_on(self, console: Console) -> None:
-        """Print it."""
+        """Print it on a `shown_console`."""
         if len(self._rows) > MOST_FRAMED:
             console.file.write("".join(f"{line}\n" for line in self._lines()))
             return
         table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
         for head, right, no_wrap, min_width in self._columns:
-            table.add_column(Text(head), justify="right" if right else "left", no_wrap=no_wrap, min_width=min_width)
+            table.add_column(head, justify="right" if right else "left", no_wrap=no_wrap, min_width=min_width)
         for cells in self._rows:
-            table.add_row(*map(Text, cells))
+            table.add_row(*cells)
         console.print(table)
 
     def _lines(self) -> list[str]:
@@ -46,12 +47,6 @@ class ResultTable:
         rights = (right for _, right, *_ in self._columns)
         columns = [_aligned(cells, right) for cells, right in zip(zip(*rows, strict=True), rights, strict=True)]
         return ["  ".join(cells).rstrip() for cells in zip(*columns, strict=True)]
-
-
-def result_console(plain_width: int) -> Console:
-    """A console; ``plain_width`` is the width (characters) where the output is no terminal."""
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=plain_width)
 
 
 def _aligned(cells: tuple[str, ...], right: bool) -> list[str]:

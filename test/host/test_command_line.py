@@ -13,6 +13,7 @@ import pytest
 import typer
 
 from foldcar.cli import app
+from foldcar.store.reader import Store
 from forked_foldcar import original
 from under_coverage import unmeasured
 
@@ -269,3 +270,125 @@ def test_a_failed_write_takes_the_folder_that_it_made_with_it(tmp_path: Path) ->
         raise ValueError
 
     assert list(tmp_path.iterdir()) == []
+
+
+# Escape sequences, one of them C1's, and a mark that turns the line around: none may reach a terminal.
+STEERING = "\x1b[31mX\u202eab\x9b2J[/b][red]"
+ASCII = {"PYTHONIOENCODING": "ascii", "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+WRITTEN_OUT = "\\x1b[31mX\\u202eab\\x9b2J[/b][red]"
+
+
+@pytest.fixture
+def steering(foldcar: Any, write_listing: Any, listing_data: Any, carsim_binary: Path, tmp_path: Path) -> str:
+    """The name of a listing of steering names, swept and with a trial, in s.db."""
+    for section, key in (("experiments", "1"), ("vehicles", "1"), ("environments", "1")):
+        listing_data[section] = {STEERING: listing_data[section][key]}
+    listing_data["experiments"][STEERING] |= {"veh_id": STEERING, "env_id": STEERING}
+    name = f"{STEERING.partition('/')[0]}.json"
+    write_listing(listing_data).rename(tmp_path / name)
+    assert foldcar("sweep", name, "--store", "s.db", "--jobs", "1").returncode == 0
+    row = f"{STEERING},W_B_W,95,passed,me{STEERING},note{STEERING}"
+    (tmp_path / "t.csv").write_text(f"experiment,vehicle_type,width_mm,outcome,source,note\n{row}\n")
+    assert foldcar("trials", "import", "s.db", "t.csv").returncode == 0
+    return name
+
+
+def test_names_and_notes_do_not_steer_the_terminal(foldcar: Any, steering: str) -> None:
+    run = ("run", steering, "--experiment")
+    told = [
+        foldcar(*run, STEERING, "--set", "width=95"),
+        foldcar(*run, f"{STEERING}x", "--set", "width=95"),
+        foldcar(*run, STEERING, "--set", f"{STEERING}=95"),
+        foldcar("trials", "list", "s.db"),
+        foldcar("trials", "correct", "s.db", "1", "--note", "x", "--reason", STEERING),
+        foldcar("report", "s.db", "-o", "page", "--no-replay"),
+        foldcar("log", steering, "--experiment", STEERING, "--port", STEERING),
+        foldcar("sweep", f"{STEERING}.json", "--store", "s.db"),
+    ]
+
+    assert [answer.returncode for answer in told] == [0, 2, 2, 0, 0, 0, 2, 2]
+    for answer in told:
+        text = answer.stdout + answer.stderr
+        assert "X\\u202eab\\x9b2J[" in text, answer.args
+        assert not {"\x1b", "\u202e", "\x9b"} & set(text), answer.args
+
+
+def test_a_table_on_a_terminal_has_rich_sequences_and_no_others(steering: str, tmp_path: Path) -> None:
+    master, terminal = os.openpty()
+    environment = {**os.environ, "COLUMNS": "400", "TERM": "xterm-256color"}
+    process = original().start(["trials", "list", "s.db"], tmp_path, environment, [terminal] * 3)
+    os.close(terminal)
+    shown = b""
+    while b"1 trials" not in shown:
+        shown += os.read(master, 4096)
+
+    assert process.wait(30) == 0
+    os.close(master)
+    assert "\x1b[1m" in shown.decode() and WRITTEN_OUT in shown.decode()
+    assert "\x1b[31mX" not in shown.decode() and "\u202e" not in shown.decode()
+
+
+def test_data_and_json_keep_names_as_they_are(foldcar: Any, steering: str, tmp_path: Path) -> None:
+    environment = {**os.environ, **ASCII}
+    command = [*COMMAND, "export", "s.db", "--csv", "-"]
+
+    table = subprocess.run(command, capture_output=True, check=True, env=environment, cwd=tmp_path).stdout
+    trials = foldcar("trials", "list", "s.db", "--json").stdout
+
+    assert STEERING in table.decode("utf-8")
+    assert trials.isascii() and json.loads(trials)["trials"][0]["note"] == f"note{STEERING}"
+
+
+def test_an_ascii_locale_shows_what_it_has_no_letters_for(steering: str, tmp_path: Path) -> None:
+    (tmp_path / steering).rename(tmp_path / "étude.json")
+    environment = {**os.environ, **ASCII}
+
+    def run(*words: str) -> "subprocess.CompletedProcess[bytes]":
+        return subprocess.run([*COMMAND, *words], cwd=tmp_path, capture_output=True, env=environment)
+
+    missing, selected = run("sweep", "né.json", "--store", "s.db"), run("select", "s.db")
+    swept, made = run("sweep", "étude.json", "--store", "e.db"), run("pattern", "étude.json", "--all", "-o", "cars")
+
+    assert (missing.returncode, missing.stderr) == (
+        2, b"foldcar: error: n\\xe9.json: cannot be read: No such file or directory\n",
+    )  # fmt: skip
+    assert selected.returncode == 0 and b"\\u2013" in selected.stdout, selected.stderr
+    assert (swept.returncode, made.returncode) == (0, 0), swept.stderr + made.stderr
+    assert "étude.json" in (tmp_path / "cars" / "width_95" / "how_to_cut.md").read_text(encoding="utf-8")
+    with Store.open(tmp_path / "e.db") as store:
+        assert "étude.json" in store.info().command
+
+
+@pytest.mark.parametrize(("words", "code"), [(("sweep", "none.json", "--store", "s.db"), 2), (("doctor", "--no"), 2)])
+def test_closed_standard_files_change_no_exit_code(tmp_path: Path, words: tuple[str, ...], code: int) -> None:
+    def close() -> None:
+        for descriptor in range(3):
+            os.close(descriptor)
+
+    assert subprocess.run([*COMMAND, *words], cwd=tmp_path, preexec_fn=close).returncode == code
+
+
+def test_a_store_is_not_opened_under_the_number_of_a_closed_file(
+    tmp_path: Path, write_listing: Any, listing_data: Any, carsim_binary: Path
+) -> None:
+    listing = write_listing(listing_data)
+    words = [*COMMAND, "sweep", str(listing), "--store", "s.db", "--jobs", "1"]
+
+    done = subprocess.run(words, cwd=tmp_path, preexec_fn=lambda: os.close(2), stdout=subprocess.PIPE, text=True)
+
+    assert done.returncode == 0 and done.stdout.startswith("6 runs new")
+    with Store.open(tmp_path / "s.db") as store:
+        assert len(list(store.results())) == 6
+
+
+def test_too_little_memory_is_one_line(tmp_path: Path) -> None:
+    limit = 150 << 20
+    words = ["sample", str(PROJECT / "scenarios" / "step_pyramids.scenic")]
+
+    done = subprocess.run(
+        [*COMMAND, *words], cwd=tmp_path, capture_output=True, text=True, env=unmeasured(),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+    )  # fmt: skip
+
+    assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
+    assert done.stderr.startswith("foldcar: error: ") and "memory" in done.stderr.lower()

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from foldcar.calibration.words import design_text
+from foldcar.shown_console import shown_console
 from foldcar.store.calibrations import Calibration
 
 PIPED_WIDTH = 160
@@ -17,11 +18,9 @@ PIPED_WIDTH = 160
 def print_calibration(calibration: Calibration) -> None:
     """Print its summary; intervals are of 90 %."""
     summary = calibration.summary
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=PIPED_WIDTH)
+    console = shown_console(PIPED_WIDTH)
     head = f"Experiment {summary['experiment']}, {summary['runs']} runs; ranges are 90 % intervals"
-    console.print(head, markup=False, style="bold")
+    console.print(head, style="bold")
     for note in summary["notes"]:
         typer.echo(note)
     table = _table(console, "parameter", "before the trials", "after", "told %")

@@ -9,7 +9,8 @@ from foldcar.advice.words import percent, points, rank_text
 from foldcar.analysis.gap import Gap
 from foldcar.analysis.rate import Rate
 from foldcar.figures.style import OUTCOME_LABELS
-from foldcar.result_table import ResultTable, result_console
+from foldcar.result_table import ResultTable
+from foldcar.shown_console import shown_console
 
 PLAIN_WIDTH = 180
 TRIAL_LABELS = {**OUTCOME_LABELS, "not_passed": "not passed"}
@@ -17,8 +18,8 @@ TRIAL_LABELS = {**OUTCOME_LABELS, "not_passed": "not passed"}
 
 def print_comparison(found: Comparison) -> None:
     """Print it: the sentence, each experiment's tables, ranks and remarks, trials without a sweep."""
-    console = result_console(PLAIN_WIDTH)
-    console.print(found.sentence, markup=False, style="bold")
+    console = shown_console(PLAIN_WIDTH)
+    console.print(found.sentence, style="bold")
     for one in found.experiments:
         _print_experiment(console, one)
     for alone in found.alone:
@@ -28,20 +29,19 @@ def print_comparison(found: Comparison) -> None:
 def _print_experiment(console: Console, one: ExperimentComparison) -> None:
     console.print()
     title = f"Experiment {one.info.id}: {one.info.vehicle_type} in {one.info.scenic_program}"
-    console.print(title, markup=False, style="bold")
+    console.print(title, style="bold")
     if one.designs:
         _print_rates(console, one.designs)
         _print_outcomes(console, one.designs)
         if one.mean_gap is not None:
             console.print(
                 f"gap: trials minus simulation, points; all gaps hold together with {percent(one.mean_gap.confidence)}",
-                markup=False,
             )
     ranks = rank_text(one.ranks)
     if ranks:
-        console.print(ranks, markup=False)
+        console.print(ranks)
     for remark in one.remarks:
-        console.print(remark, markup=False)
+        console.print(remark)
 
 
 def _print_rates(console: Console, designs: Sequence[DesignComparison]) -> None:
@@ -84,7 +84,7 @@ def _print_outcomes(console: Console, designs: Sequence[DesignComparison]) -> No
 
 def _print_alone(console: Console, alone: TrialsAlone) -> None:
     console.print()
-    console.print(alone.sentence, markup=False, style="bold")
+    console.print(alone.sentence, style="bold")
     table = ResultTable()
     table.add_column("design")
     table.add_column("passed", right=True)

@@ -94,7 +94,8 @@ def _bar(progress: "Progress", engine: str) -> "ProgressBar":
 
 def _print(comparisons: "list[tuple[str, Agreement]]") -> None:
     from foldcar.crosscheck.page import COMPARISON_HEAD, comparison_row
-    from foldcar.result_table import ResultTable, result_console
+    from foldcar.result_table import ResultTable
+    from foldcar.shown_console import shown_console
 
     table = ResultTable()
     for index, head in enumerate(COMPARISON_HEAD):
@@ -105,4 +106,4 @@ def _print(comparisons: "list[tuple[str, Agreement]]") -> None:
             table.add_column(head, min_width=12)
     for name, one in comparisons:
         table.add_row(*comparison_row(name, one))
-    table.print_on(result_console(160))
+    table.print_on(shown_console(160))

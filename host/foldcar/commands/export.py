@@ -1,6 +1,5 @@
 """`foldcar export`: a store's runs as CSV or Parquet, or all of it as a folder."""
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -55,6 +54,7 @@ def export(
     """
     from foldcar.report.export import export_csv, export_parquet, write_csv
     from foldcar.report.export_trials import export_trials
+    from foldcar.shown_text import data_output
     from foldcar.store.digest import store_digest
     from foldcar.store.folder_export import export_folder
     from foldcar.store.reader import Store
@@ -73,7 +73,7 @@ def export(
     written: list[dict[str, Any]] = []
     with Store.open(store) as opened:
         if csv == STANDARD_OUTPUT:
-            write_csv(opened, sys.stdout, failed)
+            write_csv(opened, data_output(), failed)
         elif csv is not None:
             written.append({"path": csv, "runs": export_csv(opened, csv, failed)})
         if parquet is not None:

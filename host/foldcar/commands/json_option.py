@@ -12,8 +12,8 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON
 
 
 def print_json(result: Mapping[str, Any]) -> None:
-    """Print the object; paths become texts, and a number that is none (NaN, infinite) null."""
-    typer.echo(json.dumps(_plain(result), indent=2, ensure_ascii=False, allow_nan=False))
+    """Print the object in ASCII; paths become texts, and a number that is none (NaN, infinite) null."""
+    typer.echo(json.dumps(_plain(result), indent=2, allow_nan=False))
 
 
 def _plain(value: Any) -> Any:

@@ -7,7 +7,6 @@ from typing import Any
 
 import typer
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 
 from foldcar.car.design import Design
@@ -15,6 +14,7 @@ from foldcar.commands.typed_answers import TypedAnswers
 from foldcar.errors import FoldcarError
 from foldcar.output_folder import make_output_folder
 from foldcar.scenes.obstacles import Obstacle
+from foldcar.shown_console import shown_console
 from foldcar.simulation.carsim import Carsim
 from foldcar.trials.placement import CAR, instructions, parse_deviation
 
@@ -34,9 +34,7 @@ class Placement:
 
     def show(self, with_picture: bool) -> None:
         """Print the table and, ``with_picture``, draw the picture and print its path."""
-        console = Console(highlight=False)
-        if not console.is_terminal:
-            console = Console(highlight=False, width=120)
+        console = shown_console(120)
         table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
         for head in ("place", "x (mm)", "y (mm)", "turned (°)", ""):
             table.add_column(head, justify="left" if head in ("place", "") else "right")

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
@@ -12,6 +12,7 @@ from rich.text import Text
 
 from foldcar.car.firmware_parameters import CHANNELS
 from foldcar.link.car import Car
+from foldcar.shown_console import shown_console
 
 REFRESH_HZ = 10
 
@@ -27,7 +28,7 @@ class LogView:
         self.passed = False
         self._time_limit_s = time_limit_s
         self._pressed = pressed
-        self._console = Console()
+        self._console = shown_console()
         self._shown_at_s = 0.0
         self._live = Live(console=self._console, refresh_per_second=REFRESH_HZ, transient=True, auto_refresh=False)
 

@@ -151,8 +151,9 @@ def _with_progress(places: "list[_Place]") -> "Iterator[_Place]":
     if len(places) < 2:
         yield from places
         return
-    from rich.console import Console
     from rich.progress import track
 
-    console = Console(stderr=True)
+    from foldcar.shown_console import shown_console
+
+    console = shown_console(stderr=True)
     yield from track(places, "pattern", console=console, disable=not console.is_terminal, transient=True)

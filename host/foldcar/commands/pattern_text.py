@@ -8,6 +8,7 @@ from typing import Any
 
 from foldcar.fabrication.make_car import MANIFEST, MadeCar
 from foldcar.fabrication.patterns.options import Options, arguments
+from foldcar.shown_text import decoded
 
 
 def car_object(vehicle: str, folder: Path, made: MadeCar) -> dict[str, Any]:
@@ -21,7 +22,7 @@ def car_command(listing: Path, vehicle: str, settings: Sequence[str], chosen: Op
     words = ["foldcar", "pattern", listing.as_posix(), "--vehicle", vehicle]
     words += [word for setting in settings for word in ("--set", setting)]
     words += [word for file in components for word in ("--components", file.as_posix())]
-    return shlex.join([*words, *arguments(chosen), "-o", "car"])
+    return decoded(shlex.join([*words, *arguments(chosen), "-o", "car"]))
 
 
 def car_line(folder: str, made: MadeCar) -> str:

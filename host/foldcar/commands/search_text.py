@@ -6,9 +6,10 @@ from pathlib import Path
 
 import typer
 
-from foldcar.result_table import ResultTable, result_console
+from foldcar.result_table import ResultTable
 from foldcar.search.objectives import Interval, Objective
 from foldcar.search.search import Found, Plan
+from foldcar.shown_console import shown_console
 
 SHOWN_UNBUILDABLE = 5
 PLAIN_WIDTH = 400
@@ -76,7 +77,7 @@ def print_search(plan: Plan, found: Found, store: Path, varied: Sequence[str]) -
             if chosen.value is not None:
                 cells.append(_text(chosen, one.chosen_by[index], None))
         table.add_row(*cells)
-    table.print_on(result_console(PLAIN_WIDTH))
+    table.print_on(shown_console(PLAIN_WIDTH))
     typer.echo("Values when chosen are those in the environments that the designs were chosen by: too good, as a rule.")
 
 

@@ -8,26 +8,27 @@ from foldcar.advice.cost import BASIS
 from foldcar.advice.selecting import Selection
 from foldcar.advice.words import points
 from foldcar.analysis.rate import Rate
-from foldcar.result_table import ResultTable, result_console
+from foldcar.result_table import ResultTable
+from foldcar.shown_console import shown_console
 
 PLAIN_WIDTH = 200
 
 
 def print_selections(found: Sequence[Selection]) -> None:
     """Print the advice for each experiment."""
-    console = result_console(PLAIN_WIDTH)
+    console = shown_console(PLAIN_WIDTH)
     if not found:
         console.print("Nothing to select: the store has no runs yet; sweep the listing into it with `foldcar sweep`.")
     for number, one in enumerate(found):
         if number:
             console.print()
         if len(found) > 1:
-            console.print(f"Experiment {one.info.id}", markup=False, style="bold")
-        console.print(one.sentence, markup=False, style="bold")
+            console.print(f"Experiment {one.info.id}", style="bold")
+        console.print(one.sentence, style="bold")
         if one.recommendations:
             _print_designs(console, one)
         for remark in one.remarks:
-            console.print(remark, markup=False)
+            console.print(remark)
 
 
 def _print_designs(console: Console, one: Selection) -> None:
@@ -44,17 +45,16 @@ def _print_designs(console: Console, one: Selection) -> None:
         table.add_row(*cells, design.reason)
     table.print_on(console)
     half = points(one.precision, sign=False)
-    console.print(f"Trials: until a rate is known to ±{half} points (95 %), averaged over what it may be.", markup=False)
+    console.print(f"Trials: until a rate is known to ±{half} points (95 %), averaged over what it may be.")
     if one.environments:
         samples = ", ".join(map(str, one.environments))
         telling = f"the first {one.telling} tell" if one.telling else "none tells"
         console.print(
             f"Environments to set up, the same for all (`foldcar log --sample K`): {samples}. They stand for all sampled "
             f"ones; {telling} these designs apart in {one.info.simulation}.",
-            markup=False,
         )
     if any(design.cost is not None for design in one.recommendations):
-        console.print(BASIS, markup=False)
+        console.print(BASIS)
 
 
 def _rate(rate: Rate | None) -> str:

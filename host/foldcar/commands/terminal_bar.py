@@ -4,10 +4,10 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import Any, TypeVar
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 
 from foldcar.interrupts import held
+from foldcar.shown_console import shown_console
 
 _Bar = TypeVar("_Bar", bound="TerminalBar")
 
@@ -17,12 +17,12 @@ class TerminalBar:
 
     def __init__(self, label: str, total: int, *, before: str = "", after: str = "") -> None:
         """``before`` and ``after`` name text fields that stand before and after the remaining time."""
-        columns: list[ProgressColumn] = [TextColumn(label), BarColumn(), MofNCompleteColumn()]
-        texts = {name: TextColumn(f"{{task.fields[{name}]}}") for name in (before, after) if name}
+        columns: list[ProgressColumn] = [TextColumn(label, markup=False), BarColumn(), MofNCompleteColumn()]
+        texts = {name: TextColumn(f"{{task.fields[{name}]}}", markup=False) for name in (before, after) if name}
         columns += [texts[before]] if before else []
         columns += [TimeRemainingColumn()]
         columns += [texts[after]] if after else []
-        console = Console(stderr=True)
+        console = shown_console(stderr=True)
         self._bar = Progress(*columns, console=console, disable=not console.is_terminal)
         self._task = self._bar.add_task(label, total=total)
         self.show(**dict.fromkeys(texts, ""))
@@ -49,4 +49,4 @@ class TerminalBar:
 
     def say(self, line: str) -> None:
         """Print a line on stderr, above the bar."""
-        self._bar.console.print(line, soft_wrap=True, markup=False, highlight=False)
+        self._bar.console.print(line, soft_wrap=True)

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from foldcar.result_table import ResultTable, result_console
+from foldcar.result_table import ResultTable
+from foldcar.shown_console import shown_console
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
 
 STANDING_TEXTS = {
@@ -15,7 +16,7 @@ STANDING_TEXTS = {
 
 def print_trials(found: Sequence[Trial]) -> None:
     """Print a row for each trial, and how many of each standing passed."""
-    console, table = result_console(200), ResultTable()
+    console, table = shown_console(200), ResultTable()
     shown = _varying(found)
     heads = ("trial", "experiment", *shown, "sample", "car", "outcome", "time (s)", "ending", "started (UTC)", "note")
     for head in heads:
@@ -35,7 +36,7 @@ def print_trials(found: Sequence[Trial]) -> None:
             trial.note or (trial.source or ""),
         )
     table.print_on(console)
-    console.print(f"{len(found)} trials", markup=False)
+    console.print(f"{len(found)} trials")
     for standing, text in STANDING_TEXTS.items():
         some = [trial for trial in found if trial.standing == standing]
         if not some:
@@ -44,7 +45,7 @@ def print_trials(found: Sequence[Trial]) -> None:
         passed = sum(trial.outcome == "passed" for trial in completed)
         tail = "" if standing == BUILT else "; they do not count"
         aborted = len(some) - len(completed)
-        console.print(f"{text}: {passed} of {len(completed)} passed, {aborted} aborted{tail}", markup=False)
+        console.print(f"{text}: {passed} of {len(completed)} passed, {aborted} aborted{tail}")
 
 
 def correction_text(one: Correction) -> str:

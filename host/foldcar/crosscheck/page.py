@@ -23,6 +23,7 @@ from foldcar.figures.ground import carsim_heights
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import OUTCOME_LABELS, RC
 from foldcar.page_template import page_template
+from foldcar.shown_text import decoded
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, SIDE_VIEW
 from foldcar.simulation.results import NUMBERS as METRICS
@@ -230,4 +231,4 @@ def comparison_numbers(one: Agreement) -> Mapping[str, Any]:
 
 def _write(file: Path, text: str) -> None:
     with atomic_file(file) as binary:
-        binary.write(text.encode())
+        binary.write(decoded(text).encode())

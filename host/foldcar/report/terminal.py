@@ -10,22 +10,23 @@ from foldcar.report.sections import Section
 from foldcar.report.series import Tally
 from foldcar.report.trial_sections import TrialSection
 from foldcar.report.trial_series import TrialGroup, TrialTally
-from foldcar.result_table import ResultTable, result_console
+from foldcar.result_table import ResultTable
+from foldcar.shown_console import shown_console
 
 PIPED_WIDTH = 160
 
 
 def print_summary(sections: Sequence[Section], driven: Sequence[TrialSection]) -> None:
     """Print every experiment's remarks and tables; ``driven`` are experiments with trials only."""
-    console = result_console(PIPED_WIDTH)
+    console = shown_console(PIPED_WIDTH)
     for section in sections:
         info, total = section.info, section.summary.total
         console.print(
-            f"Experiment {info.id}: {info.vehicle_type} in {info.scenic_program}", markup=False, style="bold"
+            f"Experiment {info.id}: {info.vehicle_type} in {info.scenic_program}", style="bold"
         )
-        console.print(f"Rule: {info.success_rule}.", markup=False)
+        console.print(f"Rule: {info.success_rule}.")
         for remark in section.remarks:
-            console.print(remark, markup=False)
+            console.print(remark)
         tables = [
             (
                 parameter_label(series.parameter),
@@ -40,9 +41,9 @@ def print_summary(sections: Sequence[Section], driven: Sequence[TrialSection]) -
                 _recorded_table(first, rows, list(total.recorded)).print_on(console)
         _print_trials(console, section.trials.built, section.trials.simulated)
     for alone in driven:
-        console.print(f"Experiment {alone.experiment}: {alone.vehicle_type}, trials only", markup=False, style="bold")
+        console.print(f"Experiment {alone.experiment}: {alone.vehicle_type}, trials only", style="bold")
         for remark in alone.remarks:
-            console.print(remark, markup=False)
+            console.print(remark)
         _print_trials(console, alone.built, alone.simulated)
 
 

@@ -15,6 +15,7 @@ from foldcar.analysis.stopping import StoppingRule
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import delayed
 from foldcar.scenes.fingerprint import scenic_version
+from foldcar.shown_text import decoded
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import outcome_of
 from foldcar.simulation.simulators import Simulators
@@ -223,8 +224,8 @@ def study_facts(study: Study, carsim: Carsim, command: str) -> dict[str, str]:
         "foldcar_version": __version__,
         "scenic_version": scenic_version(),
         "carsim_build": carsim.build,
-        "listing_name": study.listing_name,
+        "listing_name": decoded(study.listing_name),
         "listing_text": study.listing_text,
-        "command": command,
+        "command": decoded(command),
         "created_utc": datetime.now(timezone.utc).isoformat(timespec="seconds"),
     }

@@ -8,6 +8,7 @@ import pytest
 
 from conftest import PROJECT
 from foldcar.errors import FoldcarError
+from foldcar.store.trial_writer import write_trials
 from foldcar.study.experiments import read_study
 from foldcar.study.listing_file import read_listing
 
@@ -206,8 +207,10 @@ def test_a_mistake_is_named_with_file_key_value_and_limit(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "is not JSON: "),
-        ('{"experiments": {', "is not JSON: "),
+        ("", "is not JSON: the file is empty"),
+        ('{"experiments": {', "is not JSON: line 1: it ends too early: a }, a ] or a quote is missing"),
+        ('{"a": 1\n "b": 2}', 'is not JSON: line 2, column 2: unexpected """; is a comma or a colon missing before it?'),
+        ('{"a": [1,, 2]}', 'is not JSON: line 1, column 10: unexpected ","'),
         ('{"a": 1, "a": 2}', "is not JSON: Duplicate key"),
         ("[" * 10000, "is not a listing: nested too deeply"),
         ("[]", "the file: [] is not a JSON object"),
@@ -227,11 +230,15 @@ def test_invalid_listings_are_refused(write_listing: Callable[[Any], Path], text
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     latin = tmp_path / "latin.json"
     latin.write_bytes(b'{"\xe9": 1}')
+    store = tmp_path / "s.db"
+    with write_trials(store):
+        pass
 
     for file, message in (
         (tmp_path / "none.json", "cannot be read: No such file or directory"),
         (tmp_path, "cannot be read: Is a directory"),
         (latin, "is not UTF-8 text (byte 2)"),
+        (store, "is a store, which `foldcar report` reads; a listing is a JSON file"),
     ):
         with pytest.raises(FoldcarError) as caught:
             read_listing(file)

@@ -12,6 +12,7 @@ from typing import Any
 import ezdxf
 import pytest
 
+from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.read_svg import read_svg
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -139,3 +140,9 @@ def test_a_file_in_the_folders_place_is_refused(foldcar: Command, listing: Path,
     assert "not a folder" in done.stderr
     assert "cannot be written" in below.stderr
     assert (tmp_path / "car").read_text() == "a file"
+
+
+def test_names_of_sheets_paper_and_machines_are_of_any_case() -> None:
+    assert options("Laser", sheet="A4", paper="Letter", fold="Score") == options(
+        "laser", sheet="a4", paper="letter", fold="score"
+    )

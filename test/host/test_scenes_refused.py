@@ -33,6 +33,17 @@ def message(folder: Path, text: str, params: dict[str, Any] | None = None) -> st
     [
         ("model model\nego = = 3\n", "line 2: invalid syntax"),
         (f"model model\n{EGO}new Bump at (unknown, 0)\n", "line 3: NameError: name 'unknown' is not defined"),
+        (f"{EGO}{GOAL}", "line 1: NameError: name 'Robot' is not defined; Robot, Goal and the obstacles come with"),
+        ("new Curb at (1, 0)\n", "'Curb' is not defined; Robot, Goal and the obstacles come with the line `model model`"),
+        (f"model model\n{EGO}new Kerp at (1, 0)\n", 'Kerb, Ramp, StepPyramid, '),
+        (f"model model\n{EGO}new Kerp at (1, 0)\n", 'Robot; did you mean "Kerb"?'),
+        (
+            "model model\nparam grass = 1\nego = new Robot at (globalParameters.gras, 0)\n",
+            "line 3: KeyError: 'gras': there is no `param gras = …`; known: course_x_max, ",
+        ),
+        ("model model\nparam a = 1, grass = 1\nx = globalParameters.gras\n", 'did you mean "grass"?'),
+        (f"model model\n{EGO}goal = new Goal at 1.2\n", 'specifier "at X" with X not a vector; a place has an x and a y'),
+        (f"model model\n{EGO}new Goal at (1, 0) facing 0\n", "invalid syntax; specifiers (at …, facing …, with …)"),
         ("model nowhere\n", "could not import world model nowhere"),
         ("model model\nimport sys\nsys.exit(3)\n", "line 3: SystemExit: 3"),
         ("model model\nimport os\nos._exit(0)\n", "line 3: SystemExit: os._exit(0)"),

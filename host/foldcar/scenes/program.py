@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.contained import contained
+from foldcar.scenes.hints import hint
 from foldcar.scenes.program_files import ProgramFiles
 
 if TYPE_CHECKING:
@@ -130,7 +131,7 @@ def is_dynamic(scenario: Any) -> bool:
 
 def one_line(error: BaseException, program: Path) -> str:
     """The error as one line, with the line of the program if the error has one."""
-    where = ""
+    where, same = "", True
     lines = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__)]
     file, line = getattr(error, "filename", None), getattr(error, "lineno", None)
     if not (isinstance(file, str) and file.endswith(".scenic")):
@@ -144,7 +145,7 @@ def one_line(error: BaseException, program: Path) -> str:
         # As of `assert x < 1`.
         text = linecache.getline(str(file or program), line or 0).strip()
         said = f"`{text}`" if text else "no message"
-    return where + kind + overlap_hint(said)
+    return where + kind + overlap_hint(said) + hint(error, program if same else Path(str(file)), line)
 
 
 def overlap_hint(message: str) -> str:

@@ -1,6 +1,7 @@
 """Reads the file of an experiment listing (JSON; comments and trailing commas allowed), and names its mistakes by key."""
 
 import contextlib
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import json5
 from pydantic import ValidationError
 
 from foldcar.did_you_mean import did_you_mean
+from foldcar.output_folder import SQLITE_MAGIC
 from foldcar.study.json_numbers import check_numbers
 from foldcar.study.listing import (
     ExperimentParams,
@@ -47,11 +49,13 @@ def load_listing(file: Path) -> tuple[Any, str]:
     except OSError as error:
         raise ListingError(file, f"cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
+        if error.object.startswith(SQLITE_MAGIC):
+            raise ListingError(file, "is a store, which `foldcar report` reads; a listing is a JSON file") from None
         raise ListingError(file, f"is not UTF-8 text (byte {error.start})") from error
     try:
         data = json5.loads(text, allow_duplicate_keys=False)
     except ValueError as error:
-        raise ListingError(file, f"is not JSON: {str(error).removeprefix('<string>:')}") from error
+        raise ListingError(file, f"is not JSON: {_json_mistake(str(error), text)}") from error
     except RecursionError as error:
         raise ListingError(file, "is not a listing: nested too deeply") from error
     try:
@@ -59,6 +63,23 @@ def load_listing(file: Path) -> tuple[Any, str]:
     except ValueError as error:
         raise ListingError(file, str(error)) from None
     return data, text
+
+
+def _json_mistake(message: str, text: str) -> str:
+    """The parser's message with the place first, and what is missing there as a rule."""
+    if not text.strip():
+        return "the file is empty"
+    found = re.fullmatch(r"<string>:(\d+) Unexpected (.+) at column (\d+)", message)
+    if found is None:
+        return message.removeprefix("<string>:")
+    line, what, column = found.groups()
+    if what == "end of input":
+        return f"line {line}: it ends too early: a }}, a ] or a quote is missing"
+    before = text.splitlines()[: int(line)]
+    before[-1] = before[-1][: int(column) - 1]
+    last = "".join(before).rstrip()[-1:]
+    missing = "; is a comma or a colon missing before it?" if last in ('"', "}", "]", "'") or last.isalnum() else ""
+    return f"line {line}, column {column}: unexpected {what}{missing}"
 
 
 def validated_listing(data: Any) -> tuple[Listing, list[str]]:

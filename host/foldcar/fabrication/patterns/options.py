@@ -115,7 +115,9 @@ LIMITS = {
 
 
 def options(machine: str, **changes: Any) -> Options:
-    """The machine's preset with these fields changed; None keeps a field. OptionError."""
+    """The machine's preset with these fields changed; None keeps a field, names are of any case. OptionError."""
+    machine = machine.lower()
+    changes = {key: value.lower() if isinstance(value, str) else value for key, value in changes.items()}
     if machine not in MACHINES:
         raise OptionError(f"--machine {machine}: not one of {', '.join(MACHINES)}")
     chosen = replace(MACHINES[machine].preset, **{key: value for key, value in changes.items() if value is not None})

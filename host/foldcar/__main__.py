@@ -6,6 +6,8 @@ import os
 import sys
 
 HASH_SEED = "PYTHONHASHSEED"
+# Below this limit of memory, imports and threads fail in many ways, of which MemoryError is one.
+ENOUGH_BYTES = 2 << 30
 
 
 def _end(number: int, frame: object) -> None:
@@ -36,13 +38,13 @@ def main() -> None:
             _signal.pthread_sigmask(_signal.SIG_BLOCK, numbers)
             os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
         _signal.pthread_sigmask(_signal.SIG_UNBLOCK, numbers)
+    limit = _memory_limit()
     try:
         from foldcar.cli import main as run
 
         run()
     except Exception as error:
-        limit = _memory_limit()
-        if limit is None and not isinstance(error, MemoryError):
+        if not isinstance(error, MemoryError) and (limit is None or limit >= ENOUGH_BYTES):
             raise
         limited = f" of {limit >> 20} MB (ulimit -v)" if limit is not None else ""
         what = " ".join(f"{type(error).__name__}: {error}".split())[:200].rstrip(": ")
@@ -61,7 +63,7 @@ def _open_missing() -> None:
 
 
 def _memory_limit() -> int | None:
-    """The bytes that this process may have; None without a limit. Too few of them make imports fail in many ways."""
+    """The bytes that this process may have; None without a limit."""
     try:
         import resource
     except ImportError:

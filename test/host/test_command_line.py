@@ -13,6 +13,7 @@ import pytest
 import typer
 
 from foldcar.cli import app
+from foldcar.shown_text import shown
 from foldcar.store.reader import Store
 from forked_foldcar import original
 from under_coverage import unmeasured
@@ -392,3 +393,18 @@ def test_too_little_memory_is_one_line(tmp_path: Path) -> None:
 
     assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
     assert done.stderr.startswith("foldcar: error: ") and "memory" in done.stderr.lower()
+
+
+@pytest.mark.parametrize(
+    ("text", "written"),
+    [
+        ("é – 宽\tx\n", "é – 宽\tx\n"),
+        ("a\rb\x85\u2028\u2066", "a\\rb\\x85\\u2028\\u2066"),
+        (os.fsdecode(b"\xe4"), "\\xe4"),
+        # A name of UTF-8 under a locale of ASCII, with a mark of direction.
+        ("\udcc3\udca9\udce2\udc80\udcae", "é\\u202e"),
+        ("\ud800", "\\ud800"),
+    ],
+)
+def test_shown_text_keeps_letters_and_writes_out_what_steers(text: str, written: str) -> None:
+    assert shown(text) == written

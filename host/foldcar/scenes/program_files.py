@@ -79,7 +79,7 @@ class ProgramFiles:
     def _take(self, heard: "_Heard") -> None:
         self._written |= heard.written
         for path, state in heard.read.items():
-            if path.suffix == ".pyc" or path in self._written or not is_own(path):
+            if path.suffix == ".pyc" or path in self._written or not is_own(path, self._folder):
                 continue
             name = self._name(path)
             known, now = self._digests.get(name), _digest(path) if _state(path) == state else None

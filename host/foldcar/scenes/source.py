@@ -56,8 +56,8 @@ class SceneSource:
 
     def fixed_files(self) -> Files:
         """The files of the program: what compiling and sample 0 read. It must not read others afterwards."""
-        if self.files.fixed is None:
-            self.sample(0)
+        if self._first is None:
+            self._first = self.sample(0)
         return self.files.fix()
 
     def mutation_notes(self) -> list[str]:
@@ -71,14 +71,12 @@ class SceneSource:
         """Sample ``k`` (0, 1, …) as the "scene" object of docs/carsim.md without its id.
 
         Lengths in metres, angles in radians, rounded to 1e-9. Raises FoldcarError if the program rejects
-        every sample, fails, takes longer than SAMPLE_LIMIT_S, or the simulator cannot represent the scene; and if
-        sample 0 is another one than before.
+        every sample, fails, takes longer than SAMPLE_LIMIT_S, or the simulator cannot represent the scene; or if
+        sample 0 is another one than fixed_files drew.
         """
         scene = self.describe(self.scenic_scene(k), k)
-        if k == 0:
-            self._first = scene if self._first is None else self._first
-            if scene != self._first:
-                raise other_scene(self.program, k)
+        if k == 0 and self._first is not None and scene != self._first:
+            raise other_scene(self.program, k)
         return scene
 
     def scenic_scene(self, k: int) -> Any:

@@ -97,6 +97,20 @@ def test_errors_about_the_ego_name_its_line(tmp_path: Path, text: str, part: str
             "class Own(Bump):\n    rise: 0.01\nnew Own at (0.5, 0), with rize 0.1\n",
             "Own has no property rize; did you mean rise?",
         ),
+        ("new Bump at (0.5, 0), with run_up 0.1\n", "Bump has no property run_up, and the program does not read it; "),
+        (
+            "class Own(Bump):\n    heigth: 0.03\nnew Own at (0.5, 0)\n",
+            "line 5: class Own: nothing reads its property heigth; did you mean height?",
+        ),
+        (
+            "\nparam frictoin = 0.1\n",
+            "line 5: param frictoin: neither the program nor the vocabulary reads it; did you mean friction?",
+        ),
+        ("ego.heigth = 3\n", "line 4: nothing reads heigth, which is assigned; did you mean height?"),
+        (
+            "behavior B():\n    wait\n    self.postion = (1, 1)\nnew Marker at (0.5, 0.5), with behavior B()\n",
+            "line 6: nothing reads postion, which is assigned; did you mean position?",
+        ),
     ],
 )
 def test_misspelt_properties(tmp_path: Path, text: str, part: str) -> None:
@@ -112,11 +126,34 @@ def test_misspelt_properties(tmp_path: Path, text: str, part: str) -> None:
         "new Bump at (0.5, 0), facing -90 deg, with mutator None, with name 'x', with color (1, 0, 0)\n",
         "behavior Stay():\n    wait\nnew Marker at (0.5, 0), with behavior Stay(), with requireVisible False\n",
         "new Bump at (0.5, 0), facing -90 deg, with render False, with mutationScale 0\n",
+        "class Own(Kerb):\n    faces: 3\n    def pieces(self):\n        return [block(0.1, 0.1, 0.01)] * self.faces\n"
+        "new Own at (0.5, 0), facing -90 deg\n",
+        "param frictions = 0.1\nnew FrictionPatch at (0.5, 0), with friction globalParameters.frictions\n",
+        "post = new Marker at (0.5, 0)\npost.heights = 3\nrequire post.heights == 3\n",
+        "import types\nit = types.SimpleNamespace()\nit.count = 3\n",
     ],
 )
 def test_properties_that_the_program_or_scenic_uses(tmp_path: Path, text: str) -> None:
     program = tmp_path / "good.scenic"
     program.write_text(f"model model\n{EGO}{GOAL}{text}")
+    open_environment(program, {}, 1).sample(0)
+
+
+@pytest.mark.parametrize(
+    ("library", "text"),
+    [
+        ("behavior Walk():\n    while True:\n        self.yaw = self.pace\n        wait\n", ", with behavior Walk()"),
+        ("from helping import paced\nbehavior Walk():\n    while paced(self):\n        wait\n", ", with behavior Walk()"),
+        ("class Walker(Marker):\n    walks: 1\n    def far(self):\n        return self.pace\nWalk = 1\n", ""),
+    ],
+)
+@pytest.mark.parametrize("kind", ["Marker", "Kerb"])
+def test_properties_that_an_imported_library_reads(tmp_path: Path, library: str, text: str, kind: str) -> None:
+    (tmp_path / "walking.scenic").write_text(f"model model\n{library}")
+    (tmp_path / "helping.py").write_text("def paced(self):\n    return self.pace\n")
+    program = tmp_path / "good.scenic"
+    new = f"walker = new {kind} at (0.5, 0.5), facing -90 deg, with pace 0.1{text}\nwalker.pace = 0.2\n"
+    program.write_text(f"model model\nfrom walking import Walk\n{EGO}{GOAL}{new}")
     open_environment(program, {}, 1).sample(0)
 
 

@@ -27,7 +27,7 @@ from foldcar.scenes.degrees import refuse_degrees
 from foldcar.scenes.lost_statements import refuse_lost_statements
 from foldcar.scenes.mutation import Mutations
 from foldcar.scenes.program import VOCABULARY_DIR
-from foldcar.scenes.properties import check_properties
+from foldcar.scenes.properties import check_module, check_parameters, check_properties
 from foldcar.scenes.run_statements import refuse_actions, refuse_time_limit
 from foldcar.scenes.undefined_names import refuse_undefined_names
 
@@ -41,7 +41,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
     compiler, scenario = ScenicToPythonTransformer, DynamicScenario
     scenics_new, scenics_mutate, scenics_visit = veneer.new, veneer.mutate, compiler.visit
     scenics_execute, scenics_inherit = translator.executeCodeIn, scenario._inherit
-    scenics_terminate_after = veneer.terminate_after
+    scenics_terminate_after, scenics_param = veneer.terminate_after, veneer.param
     scenics_compile = PendingRequirement.compile
     compiling = True
 
@@ -59,6 +59,10 @@ def hooks(mutations: Mutations) -> Iterator[None]:
         if compiling:
             for thing in objects or veneer.currentScenario._objects:
                 mutations.note(thing)
+
+    def param(params: dict[str, Any]) -> None:
+        check_parameters(params, VOCABULARY_DIR / "model.scenic", sys._getframe(1))
+        scenics_param(params)
 
     def terminate_after(limit: Any, unit: Any = None) -> None:
         refuse_time_limit(limit)
@@ -82,6 +86,8 @@ def hooks(mutations: Mutations) -> Iterator[None]:
     def execute(code: CodeType, namespace: dict[str, Any]) -> None:
         scenics_execute(code, namespace)
         refuse_undefined_names(code, namespace)
+        if Path(code.co_filename).parent != VOCABULARY_DIR:
+            check_module(code, namespace, sys._getframe(1))
 
     def inherit(self: Any, other: Any) -> None:
         refuse_lost_statements(other)
@@ -92,7 +98,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
         return scenics_compile(self, namespace, scenario, syntax if self.ty.constrainsSampling else None)
 
     veneer.new, veneer.mutate, compiler.visit = new, mutate, visit
-    veneer.terminate_after = terminate_after
+    veneer.terminate_after, veneer.param = terminate_after, param
     translator.executeCodeIn, scenario._inherit = execute, inherit
     PendingRequirement.compile = compile_requirement
     translator.parse_string = parse
@@ -101,7 +107,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
     finally:
         compiling = False
         veneer.new, veneer.mutate, compiler.visit = scenics_new, scenics_mutate, scenics_visit
-        veneer.terminate_after = scenics_terminate_after
+        veneer.terminate_after, veneer.param = scenics_terminate_after, scenics_param
         translator.executeCodeIn, scenario._inherit = scenics_execute, scenics_inherit
         PendingRequirement.compile = scenics_compile
         translator.parse_string = parse_string

@@ -13,25 +13,26 @@ from typing import Any
 
 def refuse_undefined_names(code: CodeType, namespace: Mapping[str, Any]) -> None:
     """Raise NameError, with file and line, for the first name in a nested block of ``code`` that is nowhere assigned."""
-    assigned = {name for block in _blocks(code) for name in _names(block, "STORE_") if name}
-    for block in _blocks(code):
+    assigned = {name for block in blocks(code) for name in names_of(block, "STORE_") if name}
+    for block in blocks(code):
         if block is code:
             continue
-        for name, line in _names(block, "LOAD_GLOBAL").items():
+        for name, line in names_of(block, "LOAD_GLOBAL").items():
             if name not in namespace and name not in assigned and not hasattr(builtins, name):
                 error: Any = NameError(f"name '{name}' is not defined", name=name)
                 error.filename, error.lineno = code.co_filename, line
                 raise error
 
 
-def _blocks(code: CodeType) -> Iterator[CodeType]:
+def blocks(code: CodeType) -> Iterator[CodeType]:
+    """The code and that of what is nested in it."""
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
-            yield from _blocks(constant)
+            yield from blocks(constant)
 
 
-def _names(block: CodeType, operation: str) -> dict[str, int | None]:
+def names_of(block: CodeType, operation: str) -> dict[str, int | None]:
     """The names that instructions of a kind use, with the line of the first use."""
     lines: dict[int, int | None] = dict(dis.findlinestarts(block))
     line: int | None = block.co_firstlineno

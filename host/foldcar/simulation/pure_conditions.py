@@ -10,12 +10,14 @@ import dis
 import functools
 import inspect
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 from scenic.core.distributions import Samplable
 from scenic.core.vectors import Vector
+
+from foldcar.scenes.undefined_names import blocks
 
 BUILTINS = frozenset(
     {"abs", "all", "any", "bool", "dict", "enumerate", "float", "getattr", "hasattr", "int", "isinstance", "len", "list"}
@@ -48,14 +50,7 @@ def _is_pure(function: Any, seen: set[Any]) -> bool:
         return True
     seen.add(function)
     variables = {**vars(builtins), **function.__globals__, **inspect.getclosurevars(function).nonlocals}
-    return all(_changes_nothing(code, variables, seen) for code in _blocks(function.__code__))
-
-
-def _blocks(code: CodeType) -> Iterator[CodeType]:
-    yield code
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _blocks(constant)
+    return all(_changes_nothing(code, variables, seen) for code in blocks(function.__code__))
 
 
 def _changes_nothing(code: CodeType, variables: Mapping[str, Any], seen: set[Any]) -> bool:

@@ -249,11 +249,12 @@ def test_a_program_that_fails_in_some_runs_is_those_runs_result(
         assert message == (expected if outcome == "failed" else None)
 
 
-def test_a_program_that_loops_while_the_car_drives_fails_after_its_time(
-    program: Path, listing: Path, carsim_binary: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("hangs", ["pass", "import time; time.sleep(0.1)"])
+def test_a_program_that_loops_or_sleeps_while_the_car_drives_fails_after_its_time(
+    program: Path, listing: Path, carsim_binary: Path, monkeypatch: pytest.MonkeyPatch, hangs: str
 ) -> None:
     monkeypatch.setattr(scenic_worker, "RUN_LIMIT_S", 0.5)
-    loop = "def forever():\n    while True:\n        pass\nrecord final forever() as never\n"
+    loop = f"def forever():\n    while True:\n        {hangs}\nrecord final forever() as never\n"
     program.write_text(HEAD + GOAL + loop)
     (experiment,) = read_study(listing).experiments
     design = next(iter(experiment.family))
@@ -264,7 +265,7 @@ def test_a_program_that_loops_while_the_car_drives_fails_after_its_time(
     opening = opening_of(program, carsim_binary)
     with scenic_worker.ScenicWorker(opening) as worker:
         answer = worker.answer({**texts, "sample": 0})
-    assert answer == {"error": f"{program}: sample 0: running takes longer than the limit of 0.5 s"}
+    assert answer == {"error": f"{program}: sample 0: running takes longer than the limit of 0.5 s of wall time"}
 
 
 @pytest.mark.parametrize(

@@ -1,60 +1,102 @@
-"""Interrupts Python code that takes too long, such as a Scenic program with an endless loop.
+"""Interrupts Python code that takes too long, such as a Scenic program with an endless loop, or one that sleeps.
 
-The limit is one of processor time, so that a busy machine refuses nothing that a quiet one accepts; code that waits
-instead of computing is interrupted after WALL_FACTOR times as long. It works in the main thread only, to which Python
-delivers signals; other threads have none. C code of a library is interrupted when it returns to Python.
+The limit is one of wall time, less what the block is not to blame for: the time for which the machine was too busy to
+give it a processor (at most BUSY_FACTOR - 1 times the limit), and blocks within `excused`, which wait for a simulator.
+So a program that hangs ends in time, and a busy machine refuses nothing that a quiet one accepts. It works in the main
+thread only, to which Python delivers signals; other threads have no limit. C code of a library is interrupted when it
+returns to Python.
 """
 
 import contextlib
 import signal
 import threading
+import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
 
-WALL_FACTOR = 20
+BUSY_FACTOR = 4
 # The interruption is repeated, because an `except` clause or a destructor can suppress one.
 REPEAT_S = 0.5
+# Linux tells there for how long (ns) the main thread has run, and has been ready without a processor.
+SCHEDULED = Path("/proc/self/schedstat")
+
+_excused_s = 0.0
+_excused_since_s: float | None = None
 
 
 class _TimeUpError(BaseException):
-    """Raised by the signals' handler; a BaseException, which `except Exception` does not catch."""
+    """Raised by the signal's handler; a BaseException, which `except Exception` does not catch."""
 
 
 @contextlib.contextmanager
 def time_limit(limit_s: float, what: str) -> Iterator[None]:
-    """Raise a FoldcarError that begins with ``what`` if the block needs more than ``limit_s`` of processor time.
+    """Raise a FoldcarError that begins with ``what`` if the block takes longer than ``limit_s``.
 
-    The time is that of the whole process. The block is also interrupted WALL_FACTOR * ``limit_s`` of wall time after
-    its beginning. Outside the main thread, and on Windows, there is no limit.
+    Outside the main thread, and on Windows, there is no limit.
     """
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
         return
     inside, up = True, False
+    start_s, ready_s = _blamed_s(), _ready_s()
 
     def interrupt(number: int, frame: Any) -> None:
         nonlocal up
-        if inside:
-            up = True
-            raise _TimeUpError
+        if not inside:
+            return
+        took_s = _blamed_s() - start_s
+        left_s = limit_s - took_s + min(_ready_s() - ready_s, (BUSY_FACTOR - 1) * limit_s)
+        if left_s > 0 and not up:
+            signal.setitimer(signal.ITIMER_REAL, max(left_s, 0.001), REPEAT_S)
+            return
+        up = True
+        raise _TimeUpError
 
-    timers = (
-        (signal.SIGPROF, signal.ITIMER_PROF, limit_s),
-        (signal.SIGALRM, signal.ITIMER_REAL, WALL_FACTOR * limit_s),
-    )
-    handlers = [signal.signal(number, interrupt) for number, _, _ in timers]
-    outer = [signal.setitimer(timer, seconds, REPEAT_S) for _, timer, seconds in timers]
+    handler = signal.signal(signal.SIGALRM, interrupt)
+    outer_s, outer_repeat_s = signal.setitimer(signal.ITIMER_REAL, limit_s, REPEAT_S)
+    begun_s = time.monotonic()
     try:
         yield
     except (_TimeUpError, Exception):
         # Some libraries, such as ctypes, convert the interruption to another error.
         if not up:
             raise
-        raise FoldcarError(f"{what} takes longer than the limit of {limit_s:g} s") from None
+        raise FoldcarError(f"{what} takes longer than the limit of {limit_s:g} s of wall time") from None
     finally:
         inside = False
-        for (number, timer, _), handler, (seconds, repeat_s) in zip(timers, handlers, outer, strict=True):
-            signal.setitimer(timer, seconds, repeat_s)
-            signal.signal(number, handler)
+        if outer_s:
+            outer_s = max(outer_s - (time.monotonic() - begun_s), 0.001)
+        signal.signal(signal.SIGALRM, handler)
+        signal.setitimer(signal.ITIMER_REAL, outer_s, outer_repeat_s)
+
+
+@contextlib.contextmanager
+def excused() -> Iterator[None]:
+    """The block does not count for any limit. Not within itself."""
+    global _excused_s, _excused_since_s
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    _excused_since_s = time.monotonic()
+    try:
+        yield
+    finally:
+        _excused_s += time.monotonic() - _excused_since_s
+        _excused_since_s = None
+
+
+def _blamed_s() -> float:
+    """Wall time without what was excused."""
+    now_s = time.monotonic()
+    return (now_s if _excused_since_s is None else _excused_since_s) - _excused_s
+
+
+def _ready_s() -> float:
+    """For how long this process has waited for a processor; 0 where the system does not tell."""
+    try:
+        return int(SCHEDULED.read_text().split()[1]) / 1e9
+    except (OSError, ValueError, IndexError):
+        return 0.0

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, NamedTuple
 
+from foldcar.scenes.time_limit import excused
 from foldcar.simulation.process_ending import process_ending
 from foldcar.simulation.runner import CarsimError
 
@@ -127,7 +128,8 @@ class SteppedCarsim:
         try:
             process.stdin.write("\n".join(lines) + "\n")
             process.stdin.flush()
-            line = process.stdout.readline()
+            with excused():
+                line = process.stdout.readline()
             if not line:
                 raise BrokenPipeError
             answer: dict[str, Any] = json.loads(line)

@@ -25,7 +25,7 @@ from foldcar.simulation.forked import Forked, answers_on
 from foldcar.simulation.own_code import may_change_state
 from foldcar.simulation.runner import CarsimError
 
-# Wall time of one run. The longest trial takes a few seconds: what exceeds this hangs.
+# Wall time of one run, without the simulator's. The longest takes a few seconds: what exceeds this hangs.
 RUN_LIMIT_S = 120.0
 
 

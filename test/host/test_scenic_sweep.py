@@ -249,13 +249,21 @@ def test_a_program_that_fails_in_some_runs_is_those_runs_result(
         assert message == (expected if outcome == "failed" else None)
 
 
-@pytest.mark.parametrize("hangs", ["pass", "import time; time.sleep(0.1)"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "def forever():\n    while True:\n        pass\nrecord final forever() as never\n",
+        # In monitors and behaviors Scenic has a timer of its own.
+        "monitor M():\n    wait\n    while True:\n        x = 1\nrequire monitor M()\n",
+        "import time\nmonitor M():\n    while True:\n        time.sleep(0.1)\n        wait\nrequire monitor M()\n",
+    ],
+    ids=["a record", "a monitor", "a monitor that sleeps"],
+)
 def test_a_program_that_loops_or_sleeps_while_the_car_drives_fails_after_its_time(
-    program: Path, listing: Path, carsim_binary: Path, monkeypatch: pytest.MonkeyPatch, hangs: str
+    program: Path, listing: Path, carsim_binary: Path, monkeypatch: pytest.MonkeyPatch, text: str
 ) -> None:
     monkeypatch.setattr(scenic_worker, "RUN_LIMIT_S", 0.5)
-    loop = f"def forever():\n    while True:\n        {hangs}\nrecord final forever() as never\n"
-    program.write_text(HEAD + GOAL + loop)
+    program.write_text(HEAD + GOAL + text)
     (experiment,) = read_study(listing).experiments
     design = next(iter(experiment.family))
     scene = open_environment(program, {}, 42).sample(0)

@@ -57,9 +57,13 @@ class ScenicWorker:
             Path(opening["program"]), opening["params"], opening["seed"], opening["condition"], opening["files"]
         )
         # What every run needs is done before the process is copied.
+        from scenic.core import dynamics
+
         from foldcar.simulation.scenic_ego import shown_class
         from foldcar.simulation.scenic_simulator import CarSimulator
 
+        # Scenic warns of a monitor that hangs by a timer of its own, which would end that of RUN_LIMIT_S.
+        dynamics.stuckBehaviorWarningTimeout = 0
         ego_class: Any = type(self._source.scenario.egoObject)
         shown_class(ego_class)
         self._simulator = CarSimulator

@@ -4,6 +4,8 @@ Wilson's and Jeffreys' cover 95 % on average over the true rate, and less at som
 least that at every rate and is wider (Brown, Cai and DasGupta 2001, doi:10.1214/ss/1009213286).
 """
 
+from functools import lru_cache
+
 from foldcar.errors import FoldcarError
 
 
@@ -33,6 +35,8 @@ def jeffreys_interval(successes: float, runs: float, confidence: float = 0.95) -
     return low, high
 
 
+# Thousands of designs have the same few counts, and an interval takes half a millisecond.
+@lru_cache(100_000)
 def _scipy_interval(successes: int, runs: int, confidence: float, method: str) -> tuple[float, float]:
     from scipy.stats import binomtest
 

@@ -1,4 +1,5 @@
 """Writes a store of a million runs, to measure report, compare, select and export: `bench/big_store.py STORE`.
+With `--trials 100000` it also has trials, to measure `trials list`.
 
 The runs' results are DRAWN from a smooth success over the designs' first two parameters, not simulated: no number in
 such a store says anything about cars. Designs, scenes and rows are those that a sweep writes, by its own writer. Scenes
@@ -18,6 +19,7 @@ import numpy
 
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import NATIVE_OUTCOMES
+from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import PlannedRun, StoreWriter, write_store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, read_study
@@ -53,6 +55,7 @@ def main() -> None:
     parser.add_argument("--widths", type=int, default=50)
     parser.add_argument("--radii", type=int, default=20)
     parser.add_argument("--environments", type=int, default=1000, help="for each car")
+    parser.add_argument("--trials", type=int, default=0, help="of the family's cars in turn, with drawn outcomes")
     chosen = parser.parse_args()
     if chosen.store.exists() or chosen.store.resolve().is_relative_to(PROJECT):
         parser.error(f"{chosen.store}: is there already, or is inside the repository")
@@ -68,6 +71,9 @@ def main() -> None:
             facts = study_facts(study, carsim, "bench/big_store.py: results drawn, not simulated")
             writer.begin_study(facts, carsim.build)
             print(write_runs(writer, experiment, carsim), "runs")
+        if chosen.trials:
+            with write_trials(chosen.store) as trials:
+                print(len(trials.import_trials(list(drawn_trials(experiment, chosen.trials)))), "trials")
 
 
 def write_runs(writer: StoreWriter, experiment: Experiment, carsim: Carsim) -> int:
@@ -83,6 +89,23 @@ def write_runs(writer: StoreWriter, experiment: Experiment, carsim: Carsim) -> i
         writer.add_results(batch)
         written += len(batch)
     return written
+
+
+def drawn_trials(experiment: Experiment, count: int) -> Iterator[dict[str, Any]]:
+    """Trials as `foldcar trials import` takes them, half of which pass."""
+    random = numpy.random.default_rng(2)
+    designs = itertools.cycle(experiment.family)
+    for number, design in zip(range(count), designs, strict=False):
+        yield {
+            "experiment": experiment.id,
+            "vehicle_type": design.type,
+            "design": design.columns,
+            "sample": number % experiment.environments,
+            "outcome": "passed" if random.random() < 0.5 else "stuck",
+            "elapsed_time_s": float(random.gamma(20, 0.3)),
+            "source": "drawn, not driven",
+            "car": "built",
+        }
 
 
 def drawn(

@@ -23,7 +23,7 @@ def test_a_car_costs_its_sheets_and_minutes_of_cutting_assembly_and_trials(monke
     design = {"width_mm": 95.0}
 
     assert costs.cost("W_B_W", design, 10, 30.0, False) == costs.Cost(2, math.ceil(24_010 / 20 / 60 + 90 + 10 * 3.5))
-    assert costs.cost("W_B_W", design, 10, None, True) == costs.Cost(0, 30)
+    assert costs.cost("W_B_W", design, 60, None, True) == costs.Cost(0, 180)
     assert costs.cost("W_B_W", design, 7, 45.0, True) == costs.Cost(0, math.ceil(7 * 3.75))
     assert costs.cost("W_B_W", {"width_mm": 1.0}, 10, 30.0, False) is None
     assert costs.cost("W_B_W", {"wit_mm": 95.0}, 10, 30.0, False) is None

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.special import expit
+from scipy.special import expit, logsumexp
 from scipy.stats import binom, halfnorm, lognorm, norm
 
 from foldcar.calibration.bank import features_of, prior_scores, simulate_bank
@@ -135,6 +135,39 @@ def test_the_posterior_is_that_of_plain_quadrature() -> None:
     assert found.discrepancy.mean() == pytest.approx((exact.sum(axis=0) * tau).sum() / evidence, rel=0.1)
     again = sample_posterior(lambda s: np.column_stack([1 + 2 * s[:, 0], np.full(len(s), 2.0)]), 1, *told, seed=3)
     assert np.array_equal(found.scores, again.scores)
+
+
+@pytest.mark.parametrize(("passed", "counted"), [(0, 0), (0, 10), (7, 10), (60, 60), (50, 100), (890, 1000)])
+def test_the_likelihood_of_few_and_of_many_trials_is_the_integral_over_the_discrepancy(passed: int, counted: int) -> None:
+    logit, tau = np.meshgrid(np.linspace(-2, 3, 6), [0.0, 0.2, 0.7, 1.5], indexing="ij")
+    k, n = np.full(1, float(passed)), np.full(1, float(counted))
+    e = np.linspace(-40, 40, 40001)
+
+    found = log_likelihood(logit.reshape(-1, 1), tau.ravel(), k, n)[:, 0]
+    drawn = built_logits(np.full((4000, 1), 1.0), np.full(4000, 0.7), k, n, np.random.default_rng(1))[:, 0]
+
+    for one, centre, sd in zip(found, logit.ravel(), tau.ravel(), strict=True):
+        exact = logsumexp(binom.logpmf(passed, counted, expit(centre + sd * e)) + norm.logpdf(e)) + np.log(e[1] - e[0])
+        assert one == pytest.approx(exact, abs=0.02)
+    # The built car's own logit after these trials: mean and spread of prior times likelihood.
+    masses = norm.pdf(e) * binom.pmf(passed, counted, expit(1 + 0.7 * e))
+    masses, logits = masses / masses.sum(), 1 + 0.7 * e
+    mean, sd = masses @ logits, math.sqrt(masses @ (logits - masses @ logits) ** 2)
+    assert (drawn.mean(), drawn.std()) == pytest.approx((mean, sd), abs=0.06 * sd)
+
+
+def test_draws_of_many_sharp_parameters_are_told_apart() -> None:
+    """Each of six parameters has a design of its own; moves of the prior's size would leave copies of a few draws."""
+    told = np.full(6, 800.0), np.full(6, 1000.0)
+
+    found = sample_posterior(lambda scores: 3 * scores, 6, *told, seed=1, particles=400)
+
+    assert len(np.unique(found.scores[:, 0])) > 0.9 * 400
+    # Built cars pass 80 %; the discrepancy leaves tau / 3 of each score open, which the prior makes smaller.
+    share = 1 / (1 + (found.discrepancy / 3) ** 2)
+    assert found.scores.mean(axis=0) == pytest.approx((share * math.log(4) / 3).mean(), abs=0.04)
+    sd = np.sqrt((share * found.discrepancy**2).mean()) / 3
+    assert found.scores.std(axis=0) == pytest.approx(np.full(6, sd), rel=0.2)
 
 
 def test_a_step_of_the_temperature_leaves_so_many_draws_effective() -> None:

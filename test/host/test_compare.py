@@ -15,11 +15,14 @@ from scipy.stats import pearsonr, spearmanr
 from typer.testing import CliRunner
 
 from foldcar.advice.comparison import compare_evidence
+from foldcar.advice.resimulation import Resimulation
 from foldcar.analysis.gap import AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW, Gap, gap, mean_gap, rank_agreement
 from foldcar.analysis.intervals import wilson_interval
 from foldcar.analysis.rate import Rate
 from foldcar.cli import app
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.carsim_limits import CarsimLimits
+from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME
 from foldcar.store.trial_records import Ending, TrialDesign
@@ -27,6 +30,7 @@ from foldcar.store.trial_writer import CarFacts, Drive, write_trials
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import sweep
 from live_car import write_free_course
+from study_car import car_body
 from written_study import add_trial, add_trials, import_trials, write_study
 
 WIDTHS = {"width_mm": [65.0, 95.0, 115.0, 180.0]}
@@ -125,6 +129,7 @@ def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) 
     verdicts = {width: one["verdict"] for width, one in designs.items()}
     assert verdicts == {65: TOO_FEW, 95: OPTIMISTIC, 115: OPTIMISTIC, 180: OPTIMISTIC}
     assert designs[95]["driven"]["low"] == pytest.approx(wilson_interval(7, 10)[0])
+    assert found["ranks"]["mmrv"] == pytest.approx(0.45 / 4)
     assert found["mean_gap"]["value"] == pytest.approx((-7 - 30 - 75 - 56) / 400)
     assert "optimistic at 95, 115 and 180 mm" in found["sentence"]
     assert "over 4 designs, trials pass 42 points less often than simulation" in found["sentence"]
@@ -313,6 +318,25 @@ def test_trials_without_a_sweep_are_grouped_in_one_pass() -> None:
     found = compare_evidence([], [SimpleNamespace(**vars(one), experiment="1") for one in trials]).alone[0]  # type: ignore[misc]
 
     assert len(found.designs) == 300 and len(looked_up) <= 4 * len(trials)
+
+
+def test_what_is_simulated_now_is_the_car_as_it_varied_then(carsim_limits: CarsimLimits) -> None:
+    body = car_body()
+    asked: list[Any] = []
+
+    def answers(bodies: dict[str, str], scenes: dict[str, str], requests: list[RunRequest]) -> list[dict[str, Any]]:
+        asked.extend((json.loads(bodies[one.body]), scenes[one.scene]) for one in requests)
+        return [{"outcome": "passed", "elapsed_time_s": 2.0}, {"error": "no"}]
+
+    carsim: Any = SimpleNamespace(limits=lambda: carsim_limits, run=answers)
+    unread: Any = None
+
+    ended = Resimulation(unread)._run(carsim, json.dumps(body), [({}, "as drawn"), ({"mass": 0.1}, "heavier")], "{}")
+
+    assert ended == [("passed", 2.0), ("failed", None)]
+    (drawn, first), (heavier, second) = asked
+    assert (drawn, first, second) == (body, "as drawn", "heavier")
+    assert heavier["segments"][0]["mass_kg"] == pytest.approx(1.1 * body["segments"][0]["mass_kg"])
 
 
 ONE = ({"width_mm": 95.0}, 3, "passed")

@@ -10,7 +10,7 @@ from foldcar.analysis.convergence import advice, chance_of_crossing, convergence
 from foldcar.analysis.engine_bias import pooled_difference
 from foldcar.analysis.intervals import jeffreys_interval
 from foldcar.analysis.paired import paired_means, paired_rates
-from foldcar.analysis.success_model import CONSTANT, Basis, Fit, SuccessModel, success_model
+from foldcar.analysis.success_model import CONSTANT, Basis, Fit, SuccessModel, _predictive, success_model
 from foldcar.analysis.times import limited_mean, times_to_cross
 from foldcar.errors import FoldcarError
 
@@ -149,6 +149,20 @@ def test_the_band_before_any_run_is_the_priors_also_between_spanning_designs() -
 
     assert rate == pytest.approx(0.5)
     assert numpy.log(high / (1 - high)) == pytest.approx(half) and numpy.log(low / (1 - low)) == pytest.approx(-half)
+
+
+def test_held_out_designs_of_few_and_of_many_runs_are_scored_by_the_integral() -> None:
+    """Log-odds 0.5 with deviation 0.7, and 1 with 1.4, of two designs that do not depend on each other."""
+    basis, mean, root = numpy.eye(2), numpy.array([0.5, 1.0]), numpy.diag([0.7, 1.4])
+    e = numpy.linspace(-10, 10, 20001)
+    for passed, counted in (((3, 9), (10, 10)), ((100, 60), (100, 100)), ((300, 990), (1000, 1000))):
+        exact = 0.0
+        for k, n, middle, sd in zip(passed, counted, (0.5, 1.0), (0.7, 1.4), strict=True):
+            x = middle + sd * e
+            logs = k * x - n * numpy.logaddexp(0, x) + stats.norm.logpdf(e)
+            exact += logs.max() + math.log(numpy.exp(logs - logs.max()).sum() * (e[1] - e[0]))
+        k, n = numpy.array(passed, float), numpy.array(counted, float)
+        assert _predictive(basis, mean, root, k, n) == pytest.approx(exact, abs=0.01)
 
 
 def test_success_model_finds_a_smooth_truth_of_two_parameters() -> None:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
+from foldcar.analysis.binomial_normal import binomial_normal
 from foldcar.analysis.intervals import check_confidence
 from foldcar.errors import FoldcarError
 
@@ -188,8 +189,7 @@ def _predictive(
     basis: NDArray[Any], mean: NDArray[Any], root: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any]
 ) -> float:
     """The log-likelihood of held-out designs, averaged over the log-odds' posterior."""
-    nodes, weights = numpy.polynomial.hermite_e.hermegauss(15)
-    log_odds = (basis @ mean)[:, None] + numpy.linalg.norm(basis @ root, axis=1)[:, None] * nodes
-    logs = passed[:, None] * log_odds - counted[:, None] * numpy.logaddexp(0, log_odds)
-    top = logs.max(axis=1, keepdims=True)
-    return float((top[:, 0] + numpy.log(numpy.exp(logs - top) @ weights / weights.sum())).sum())
+    from scipy.special import logsumexp
+
+    _, shares = binomial_normal(basis @ mean, numpy.linalg.norm(basis @ root, axis=1), passed, counted)
+    return float(logsumexp(shares, axis=-1).sum())

@@ -3,17 +3,17 @@
 Model: a built car of design d passes with probability logistic(logit p_d(θ) + δ_d). p_d(θ) is the simulator's. The
 discrepancy δ_d, normal with standard deviation τ, is what no parameter explains (among it, that all trials of a design
 are of one car); τ is inferred too, so that a misfit widens the posterior rather than biases it. δ_d is integrated out
-by Gauss-Hermite quadrature about the integrand's mode (Liu and Pierce 1994): the likelihood of many trials is narrower
-than fixed nodes are apart. Draws are made by sequential Monte Carlo with tempering (Chopin and Papaspiliopoulos 2020,
-chapter 17) and preconditioned Crank-Nicolson moves, which leave the normal prior of the scores as it is.
+by quadrature; draws are made by sequential Monte Carlo with tempering (Chopin and Papaspiliopoulos 2020, chapter 17) and
+preconditioned Crank-Nicolson moves, which leave the normal prior of the scores as it is.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit, gammaln, log_expit, logsumexp
+from scipy.special import gammaln, logsumexp
 
+from foldcar.analysis.binomial_normal import binomial_normal
 from foldcar.calibration.parameters import FloatArray, Parameter
 
 DISCREPANCY = Parameter(
@@ -26,11 +26,6 @@ MOVES = 12
 # Share of the particles that a step of the temperature leaves effective.
 EFFECTIVE = 0.5
 ACCEPTED = 0.3
-
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
-# Without the standard normal density, which is in the integrand.
-_LOG_WEIGHTS = np.log(_WEIGHTS / _WEIGHTS.sum()) + _NODES**2 / 2
-NEWTON_STEPS = 8
 
 # Success logits (n, designs) of scores (n, parameters).
 Logits = Callable[[FloatArray], FloatArray]
@@ -80,47 +75,18 @@ def sample_posterior(
 
 def log_likelihood(logit: FloatArray, tau: FloatArray, passed: FloatArray, counted: FloatArray) -> FloatArray:
     """Log probability (n, designs) of the counts, given simulated logits (n, designs) and discrepancies' sd τ (n)."""
-    return np.asarray(logsumexp(_quadrature(logit, tau, passed, counted)[1], axis=-1))
+    ways = gammaln(counted + 1) - gammaln(passed + 1) - gammaln(counted - passed + 1)
+    return np.asarray(ways + logsumexp(binomial_normal(logit, tau[:, None], passed, counted)[1], axis=-1))
 
 
 def built_logits(
     logit: FloatArray, tau: FloatArray, passed: FloatArray, counted: FloatArray, stream: np.random.Generator
 ) -> FloatArray:
     """Draws of the built cars' logits (n, designs) after these trials (0 of 0: none): simulation plus discrepancy."""
-    nodes, weights = _quadrature(logit, tau, passed, counted)
+    nodes, weights = binomial_normal(logit, tau[:, None], passed, counted)
     cumulated = np.exp(weights - logsumexp(weights, axis=-1, keepdims=True)).cumsum(axis=-1)
-    chosen = (stream.random((*logit.shape, 1)) > cumulated).sum(axis=-1).clip(max=len(_NODES) - 1)
+    chosen = (stream.random((*logit.shape, 1)) > cumulated).sum(axis=-1).clip(max=nodes.shape[-1] - 1)
     return np.asarray(np.take_along_axis(nodes, chosen[..., None], axis=-1)[..., 0])
-
-
-def _quadrature(
-    logit: FloatArray, tau: FloatArray, passed: FloatArray, counted: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Built cars' logits (n, designs, nodes) and the logarithms of their shares of the likelihood of the counts.
-
-    With δ = τ e the integrand is binomial(logit + τ e) φ(e); nodes are spread about its mode by its curvature there.
-    """
-    sd = tau[:, None]
-    share = (passed + 0.5) / (counted + 1)
-    known = sd**2 * counted * share * (1 - share)
-    # Where the counts are as normal as the discrepancy; then Newton's steps, none longer than 1 on the logit's scale.
-    longest = 1 / np.maximum(sd, 1e-9)
-    e = known / (1 + known) * (np.log(share / (1 - share)) - logit) * longest
-    for _ in range(NEWTON_STEPS):
-        rate = expit(logit + sd * e)
-        slope = sd * (passed - counted * rate) - e
-        e = e + np.clip(slope / (1 + sd**2 * counted * rate * (1 - rate)), -longest, longest)
-    rate = expit(logit + sd * e)
-    spread = 1 / np.sqrt(1 + sd**2 * counted * rate * (1 - rate))
-    at = e[..., None] + spread[..., None] * _NODES
-    nodes = logit[..., None] + sd[..., None] * at
-    weights = _binomial(nodes, passed[:, None], counted[:, None]) - at**2 / 2 + np.log(spread)[..., None] + _LOG_WEIGHTS
-    return nodes, weights
-
-
-def _binomial(logit: FloatArray, passed: FloatArray, counted: FloatArray) -> FloatArray:
-    ways = gammaln(counted + 1) - gammaln(passed + 1) - gammaln(counted - passed + 1)
-    return np.asarray(ways + passed * log_expit(logit) + (counted - passed) * log_expit(-logit))
 
 
 def _next_step(found: FloatArray, most: float) -> float:

@@ -62,7 +62,8 @@ def test_a_design_is_told_of_its_nearest_driven_one() -> None:
 
 def simulation(engine: str, calibration: Any, rates: dict[float, int], listed: str = "1") -> Any:
     """Evidence of widths with these numbers of 10 runs passed."""
-    info = SimpleNamespace(engine=engine, calibration=calibration, listed_id=listed)
+    under = None if calibration is None else f"calibration {calibration['name']}"
+    info = SimpleNamespace(engine=engine, calibration=calibration, under=under, listed_id=listed)
     designs = [
         SimpleNamespace(design={"width_mm": width}, runs=10, runs_passed=passed) for width, passed in rates.items()
     ]

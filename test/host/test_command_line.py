@@ -348,14 +348,14 @@ def test_an_ascii_locale_shows_what_it_has_no_letters_for(steering: str, tmp_pat
         return subprocess.run([*COMMAND, *words], cwd=tmp_path, capture_output=True, env=environment)
 
     missing, selected = run("sweep", "né.json", "--store", "s.db"), run("select", "s.db")
-    swept, made = run("sweep", "étude.json", "--store", "e.db"), run("pattern", "étude.json", "--all", "-o", "cars")
+    swept, made = run("sweep", "étude.json", "--store", "e.db"), run("pattern", "étude.json", "--set", "width=95", "-o", "car")
 
     assert (missing.returncode, missing.stderr) == (
         2, b"foldcar: error: n\\xe9.json: cannot be read: No such file or directory\n",
     )  # fmt: skip
     assert selected.returncode == 0 and b"\\u2013" in selected.stdout, selected.stderr
     assert (swept.returncode, made.returncode) == (0, 0), swept.stderr + made.stderr
-    assert "étude.json" in (tmp_path / "cars" / "width_95" / "how_to_cut.md").read_text(encoding="utf-8")
+    assert "étude.json" in (tmp_path / "car" / "how_to_cut.md").read_text(encoding="utf-8")
     with Store.open(tmp_path / "e.db") as store:
         assert "étude.json" in store.info().command
 

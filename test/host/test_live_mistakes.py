@@ -191,7 +191,7 @@ def test_a_cell_of_imported_trials_that_cannot_be_is_named(
 ) -> None:
     file = tmp_path / "t.csv"
     # The other row alone would be imported.
-    rows = ("vehicle_type,width_mm,outcome,source,experiment", "W_B_W,95,passed,p,1", "W_B_W,95,passed,p,1")
+    rows = ("vehicle_type,height_mm,outcome,source,experiment", "W_B_W,50,passed,p,1", "W_B_W,50,passed,p,1")
     file.write_text("\n".join(",".join(pair) for pair in zip(rows, (column, "", cell), strict=True)) + "\n")
 
     with pytest.raises(FoldcarError, match=f"t.csv: line 3: {message}"):
@@ -200,7 +200,8 @@ def test_a_cell_of_imported_trials_that_cannot_be_is_named(
 
 def test_outcomes_are_read_as_a_spreadsheet_capitalises_them(tmp_path: Path) -> None:
     file = tmp_path / "t.csv"
-    file.write_text("vehicle_type,outcome,source,experiment,car\nW_B_W,Passed,p,1,Built\nW_B_W,NOT_PASSED,p,1,\n")
+    header = "vehicle_type,width_mm,outcome,source,experiment,car"
+    file.write_text(f"{header}\nW_B_W,95,Passed,p,1,Built\nW_B_W,95,NOT_PASSED,p,1,\n")
 
     found = read_trials(file, None)
 

@@ -348,7 +348,8 @@ def test_an_ascii_locale_shows_what_it_has_no_letters_for(steering: str, tmp_pat
         return subprocess.run([*COMMAND, *words], cwd=tmp_path, capture_output=True, env=environment)
 
     missing, selected = run("sweep", "né.json", "--store", "s.db"), run("select", "s.db")
-    swept, made = run("sweep", "étude.json", "--store", "e.db"), run("pattern", "étude.json", "--set", "width=95", "-o", "car")
+    swept = run("sweep", "étude.json", "--store", "e.db")
+    made = run("pattern", "étude.json", "--set", "width=95", "-o", "car")
 
     assert (missing.returncode, missing.stderr) == (
         2, b"foldcar: error: n\\xe9.json: cannot be read: No such file or directory\n",

@@ -125,7 +125,7 @@ class _Heard:
         self.written: set[Path] = set()
 
     def note(self, given: Any, mode: object, flags: int) -> None:
-        if isinstance(given, int) or threading.get_ident() != self._thread:
+        if isinstance(given, int) or threading.get_ident() != self._thread or _is_shown():
             return
         with suppress(OSError, TypeError, ValueError):
             path = Path(os.path.normpath(Path(os.fsdecode(given)).absolute()))
@@ -133,6 +133,13 @@ class _Heard:
                 self.written.add(path)
             elif (state := _state(path)) is not None:
                 self.read.setdefault(path, state)
+
+
+def _is_shown() -> bool:
+    """Whether a line of source is read to be shown, as tracebacks do for every file that runs, foldcar's command too."""
+    frame = sys._getframe(3)
+    callers = (frame, frame.f_back)
+    return any(one is not None and one.f_globals.get("__name__") == "linecache" for one in callers)
 
 
 # The one that hears now is the last. Python cannot take an audit hook back.

@@ -1,7 +1,9 @@
 """What a Scenic program consists of: its files are its identity, its modules its own, its samples always the same."""
 
+import contextlib
 import importlib
 import os
+import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
@@ -148,6 +150,17 @@ def test_what_a_program_reads_is_part_of_its_fingerprint(experiment: Experiment,
     first = Environment(experiment).fingerprint
     assert len({first, *map(edited, read)}) == 1 + len(read)
     assert edited("lib/other.py") == edited("other.txt") == Environment(experiment).fingerprint == first
+
+
+def test_the_command_itself_is_no_part_of_the_fingerprint(
+    listing: Path, program: Path, tmp_path: Path, experiment: Experiment
+) -> None:
+    """Lines of every file on the stack are read to be shown, those of the command `foldcar` too."""
+    program.write_text(STEP_PYRAMIDS.read_text())
+    command = [str(Path(sys.executable).with_name("foldcar")), "sweep", str(listing), "--store", "s.db", "--jobs", "1"]
+    subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
+    with contextlib.closing(sqlite3.connect(tmp_path / "s.db")) as store:
+        assert store.execute("SELECT fingerprint FROM environment").fetchall() == [(Environment(experiment).fingerprint,)]
 
 
 def test_more_environments_after_an_edit_are_no_mixture(listing: Path, program: Path, foldcar: Run) -> None:

@@ -4,6 +4,7 @@ import json
 import math
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.stats import binom, halfnorm, lognorm, norm
 from foldcar.calibration.bank import features_of, prior_scores, simulate_bank
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
 from foldcar.calibration.emulator import NETWORKS
-from foldcar.calibration.experiment import read_experiment
+from foldcar.calibration.experiment import SweptDesign, SweptExperiment, read_experiment
 from foldcar.calibration.parameters import NAMES, NOMINAL, PARAMETERS, Parameter, values_of
 from foldcar.calibration.posterior import (
     DISCREPANCY,
@@ -25,7 +26,7 @@ from foldcar.calibration.posterior import (
     sample_posterior,
 )
 from foldcar.calibration.predictions import expected_bits, log_score
-from foldcar.calibration.simulation import Simulator
+from foldcar.calibration.simulation import CalibrationRun, Simulator
 from foldcar.car.variation.spread import draw, workshop
 from foldcar.car.variation.vary_body import vary_body
 from foldcar.errors import FoldcarError
@@ -87,6 +88,23 @@ def test_effects_are_those_that_the_table_names(carsim_limits: CarsimLimits) -> 
         assert wheel["servo"]["stall_torque_n_m"] == pytest.approx(0.7 * servo["stall_torque_n_m"])
         assert wheel["servo"]["no_load_speed_rad_s"] == pytest.approx(1.2 * servo["no_load_speed_rad_s"])
         assert wheel["grip"] == drawn["grip"]
+
+
+def test_each_run_is_simulated_with_the_car_scene_and_settings_that_it_names(carsim_binary: Path) -> None:
+    cars = [{**car_body(), "track_m": track_m} for track_m in (0.08, 0.12)]
+    designs = tuple(SweptDesign({}, car, f"SPEED={k}") for k, car in enumerate(cars))
+    scene = {"terrain": [], "start": {"x_m": 0, "y_m": 0, "heading_rad": 0}}
+    scenes = tuple({**scene, "friction": friction} for friction in (0.5, 0.6, 0.7, 0.8, 0.9))
+    info: Any = SimpleNamespace(variation={}, id="1")
+    simulator = Simulator(SweptExperiment(info, designs, scenes), Carsim(carsim_binary), 1, 3)
+    runs = [CalibrationRun(1, {**NOMINAL, "friction": 0.5}, 4, 0), CalibrationRun(0, NOMINAL, 2, 1)]
+
+    bodies, drawn, requests = simulator._inputs(runs)
+
+    assert [request.settings for request in requests] == ["SPEED=1", "SPEED=0"]
+    assert [request.label for request in requests] == ["design 2, sample 4", "design 1, sample 2"]
+    assert [json.loads(bodies[one.body])["track_m"] for one in requests] == [0.12, 0.08]
+    assert [json.loads(drawn[one.scene])["friction"] for one in requests] == pytest.approx([0.45, 0.7])
 
 
 def test_scatter_has_its_spread_and_is_shared_by_all_values() -> None:

@@ -1,5 +1,5 @@
 // Keeps the messages of a trial's log small while they wait in RAM: of each, its kind, the time since the last one, and
-// those bytes of its content in which it differs from the last of its kind. A trial of 180 s fits so.
+// those bytes of its content in which it differs from the last of its kind.
 //
 // A packed message: kind (1 byte, its top bit set for foldcar's own component), time (µs, 7 bits in a byte, the lowest
 // first, the top bit set on all but the last), one bit for each byte of the content, the differing bytes.

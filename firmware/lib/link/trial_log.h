@@ -15,9 +15,6 @@
 
 namespace foldcar {
 
-// The largest size (bytes) of a log.
-constexpr std::size_t kLargestLog = 256 * 1024;
-
 class TrialLog {
  public:
   TrialLog(LogStorage& storage, StatusText& status_text)
@@ -48,8 +45,7 @@ class TrialLog {
   StatusText& status_text_;
   bool is_recording_ = false;
   bool is_unreported_ = false;  // a log was closed, and nothing was said about it yet
-  std::uint64_t next_us_ = 0;
-  std::size_t size_ = 0;
+  std::uint64_t period_us_ = 0, next_us_ = 0;
   PacketNumbers numbers_;  // not the log's: the worker numbers its packets
 };
 

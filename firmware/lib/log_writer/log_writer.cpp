@@ -4,7 +4,7 @@ namespace foldcar {
 
 bool LogWriter::begin() {
   if (!is_idle()) return false;
-  ring_.clear();
+  put_bytes_ = unpacked_bytes_ = 0;
   format_.begin();
   has_begun_ = true;
   left_out_bytes_ = 0;
@@ -23,22 +23,16 @@ LogStatus LogWriter::status() const {
 }
 
 bool LogWriter::work() {
-  // Read before the ring: of a finished log, all records are seen then.
-  const Phase phase = phase_.load(std::memory_order_acquire);
-  if (phase == Phase::kIdle) return false;
-  const std::size_t waiting = ring_.waiting();
-  if (wheels_turn_.load(std::memory_order_acquire) || phase == Phase::kRecording) {
-    if (waiting >= kKept) step(kSlice);
-    return false;
+  // Of a finished log, all records are seen.
+  if (phase_.load(std::memory_order_acquire) != Phase::kFinished) return false;
+  if (wheels_turn_.load(std::memory_order_acquire)) return false;
+  if (unpacked_bytes_ == put_bytes_) return close();
+  if (is_open_ || has_failed_) {
+    store();
+  } else {
+    open();
   }
-  if (waiting == 0) return close();
-  step(kStandingSlice);
   return true;
-}
-
-void LogWriter::step(std::size_t largest) {
-  if (is_open_ || has_failed_) return store(largest);
-  open();
 }
 
 // Removes one surplus log, or creates the new one.
@@ -52,12 +46,11 @@ void LogWriter::open() {
 }
 
 // After a failure nothing more is stored, as a log with a gap in it could not be read behind the gap.
-void LogWriter::store(std::size_t largest) {
+void LogWriter::store() {
   std::size_t size = 0;
-  std::uint8_t packed[kLargestPacked];
-  while (size + kLargestRecord <= largest && ring_.copy(packed, sizeof packed) > 0) {
-    const LogFormat::Unpacked record = format_.unpack(packed, slice_.data() + size);
-    ring_.take(record.packed_size);
+  while (size + kLargestRecord <= kSlice && unpacked_bytes_ < put_bytes_) {
+    const LogFormat::Unpacked record = format_.unpack(packed_.data() + unpacked_bytes_, slice_.data() + size);
+    unpacked_bytes_ += record.packed_size;
     size += record.size;
   }
   has_failed_ = has_failed_ || !storage_.append(slice_.data(), size);

@@ -1,18 +1,17 @@
 // Stores a trial's log in flash from another task than the one that drives the car.
 //
-// Writing and above all erasing flash takes 65 to 600 ms. So the tick only puts records into a ring in RAM, and a worker of
-// low priority calls work() again and again. While wheels turn it leaves flash alone until kKept bytes wait, which most
-// trials never reach, and then stores small slices with pauses between them; the rest when the wheels stand. A record that
-// does not fit, or cannot be stored, is counted.
+// Writing and above all erasing flash takes 65 to 600 ms. So the tick only puts records into RAM, and a worker of
+// low priority calls work() again and again, which leaves flash alone until the log is complete and wheels stand. A record
+// that does not fit, or cannot be stored, is counted.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
 
 #include "hal.h"
-#include "log_ring.h"
 
 namespace foldcar {
 
@@ -52,12 +51,10 @@ struct LogStatus {
 
 class LogWriter {
  public:
-  // While wheels turn, flash is written when so many packed bytes wait. The rest of the ring takes the records of 10 s while
-  // a log is created.
-  static constexpr std::size_t kKept = LogRing::kSize - 4 * 1024;
-  // Bytes stored at once while wheels turn, and while they stand.
-  static constexpr std::size_t kSlice = 1024;
-  static constexpr std::size_t kStandingSlice = 4096;
+  // Bytes of packed records: what the board's static memory has room for.
+  static constexpr std::size_t kSize = 72 * 1024;
+  // Bytes stored at once.
+  static constexpr std::size_t kSlice = 4096;
 
   LogWriter(LogStorage& storage, LogFormat& format) : storage_(storage), format_(format) {}
 
@@ -68,7 +65,10 @@ class LogWriter {
   bool begin();
   // Adds a packed record as a whole. Returns false if it would not leave reserve bytes of RAM free behind it.
   bool put(const std::uint8_t* packed, std::size_t size, std::size_t reserve) {
-    return ring_.put(packed, size, reserve);
+    if (size + reserve > kSize - put_bytes_) return false;
+    std::copy_n(packed, size, packed_.begin() + static_cast<std::ptrdiff_t>(put_bytes_));
+    put_bytes_ += size;
+    return true;
   }
   // Counts a record of that size (bytes) which the log has not got.
   void lose(std::size_t size) { left_out_bytes_ += static_cast<std::uint32_t>(size); }
@@ -84,15 +84,16 @@ class LogWriter {
  private:
   enum class Phase : std::uint32_t { kIdle, kRecording, kFinished };
 
-  void step(std::size_t largest);
   void open();
+  void store();
   bool close();
-  void store(std::size_t largest);
 
   LogStorage& storage_;
   LogFormat& format_;
-  LogRing ring_;
   std::atomic<Phase> phase_{Phase::kIdle};
+  // The tick's until the log is finished, then the worker's.
+  std::array<std::uint8_t, kSize> packed_;  // what is in it is set when it is put
+  std::size_t put_bytes_ = 0;
   std::atomic<bool> wheels_turn_{false};
   std::atomic<std::uint32_t> unstored_bytes_{0};  // the storage did not take them
   // The tick's.
@@ -102,8 +103,9 @@ class LogWriter {
   bool is_open_ = false;
   bool has_failed_ = false;
   std::uint16_t id_ = 0;          // of the log
-  std::size_t taken_bytes_ = 0;  // out of the ring, unpacked
-  std::array<std::uint8_t, kStandingSlice> slice_;
+  std::size_t unpacked_bytes_ = 0;  // of those that were put
+  std::size_t taken_bytes_ = 0;     // as they are when unpacked
+  std::array<std::uint8_t, kSlice> slice_;
 };
 
 }  // namespace foldcar

@@ -6,6 +6,7 @@ Slow imports are made inside the commands, so that help is printed at once.
 """
 
 import atexit
+import contextlib
 import gc
 import os
 import re
@@ -105,6 +106,7 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # No collection when the process ends.
     atexit.register(gc.freeze)
+    atexit.register(_drop_what_nobody_reads)
     try:
         app()
     except FoldcarError as error:
@@ -112,6 +114,18 @@ def main() -> None:
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else ""
         sys.exit(_fail(" ".join(f"{where}{error.strerror or error}".split()), 2))
+
+
+def _drop_what_nobody_reads() -> None:
+    """What a closed pipe has not taken: Python 3.13 may write it once more as it ends, and report that it cannot."""
+    for stream in (sys.__stdout__, sys.__stderr__):
+        if stream is None or stream.closed:
+            continue
+        try:
+            stream.flush()
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _fail(message: str, code: int) -> int:

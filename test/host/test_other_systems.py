@@ -13,7 +13,7 @@ STARTER = Path(__file__).resolve().parents[2] / "host" / "foldcar" / "study" / "
 # What Python itself, its packages and the simulators need is left, as these have other ways on Windows; modules, signals,
 # forks, polls and the list of processors are missing.
 POORER = """
-import multiprocessing.connection, os, select, signal, subprocess, sys
+import multiprocessing.connection, os, select, shutil, signal, subprocess, sys
 import serial.tools.list_ports
 import _signal
 for name in ("fcntl", "grp", "pwd", "pty", "resource", "syslog", "termios", "tty"):
@@ -30,6 +30,8 @@ for name in (
     "O_NONBLOCK", "O_NOFOLLOW", "O_DIRECTORY",
 ):
     delattr(os, name)
+# Descriptors of folders are Unix's, too: shutil deletes by them, and opens them with O_NONBLOCK from Python 3.13 on.
+shutil._use_fd_functions = shutil.rmtree.avoids_symlink_attacks = False
 sys.argv[0] = "foldcar"
 from foldcar.__main__ import main
 main()

@@ -11,8 +11,9 @@ import pytest
 from foldcar.car.assembly.order import assembly_steps, service_steps
 from foldcar.car.assembly.prove import prove
 from foldcar.car.design import compose as compose_design
-from foldcar.car.folded.model import Face, FoldedCar, Mount
-from foldcar.car.folded.pose import compose, translation
+from foldcar.car.folded.check import check_design
+from foldcar.car.folded.model import Face, FoldedCar, Mount, Solid
+from foldcar.car.folded.pose import compose, inverse, translation
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.choices import DEFAULT_CHOICES
 from foldcar.study.family import read_family
@@ -167,3 +168,85 @@ def test_wheels_go_on_from_their_own_side() -> None:
 
     assert ways.keys() == sides.keys()
     assert all(len(way) == 1 and way[0][1] * sides[body] < 0 for body, way in ways.items())
+
+
+# The Feather's holes in its board's frame, from Adafruit's drawing; the module's edges lie at y = -9 and 9.
+USB_HOLES, ANTENNA_HOLES = ((-22.86, 8.89), (-22.86, -8.89)), ((22.86, 9.525), (22.86, -9.589))
+
+
+def on_board(feather: Mount, x: float, y: float, z: float) -> tuple[tuple[float, float, float, float], ...]:
+    """The pose in the car of a point of the Feather's board, z from its underside."""
+    return compose(feather.pose, translation(x, y, z - feather.size_mm[2] / 2))
+
+
+def all_found(car: FoldedCar) -> list[str]:
+    return [*map(str, check_design(car).findings), *found(car)]
+
+
+def test_the_feather_is_screwed_where_nothing_covers_its_holes_and_a_pad_holds_its_other_end() -> None:
+    folded = car("w95")
+    feather = next(m for m in folded.mounts if m.part == folded.parts.feather.name)
+    pad = next(m for m in folded.mounts if m.part == folded.parts.board_pad.name)
+    screws = [m for m in folded.mounts if m.part == folded.parts.board_screw.name]
+    at = sorted(tuple(round(compose(inverse(feather.pose), m.pose)[i][3], 6) for i in (0, 1)) for m in screws)
+    center = compose(inverse(feather.pose), pad.pose)
+
+    assert at == sorted(USB_HOLES)
+    # Under the board's end, from film to board, clear of the header's pins, 10.16 mm from the middle.
+    assert center[0][3] + pad.size_mm[1] / 2 == pytest.approx(25.4)
+    assert abs(center[1][3]) + pad.size_mm[0] / 2 < 10.16 - 1
+    assert center[2][3] + pad.size_mm[2] / 2 == pytest.approx(-feather.size_mm[2] / 2)
+
+
+@pytest.mark.parametrize("hole", ANTENNA_HOLES)
+def test_a_screw_under_the_module_is_found(hole: tuple[float, float]) -> None:
+    folded = car("w95")
+    feather = next(m for m in folded.mounts if m.part == folded.parts.feather.name)
+    part = folded.parts.board_screw.name
+
+    def moved(mount: Mount) -> Mount:
+        here = compose(inverse(feather.pose), mount.pose)
+        if here[1][3] * hole[1] < 0:
+            return mount
+        return replace(mount, pose=compose(feather.pose, translation(hole[0] + 22.86, hole[1] - here[1][3], 0), here))
+
+    planted = all_found(with_mounts(folded, part, moved))
+
+    # The nut, 4 mm across its flats, reaches 2 - (hole - 9) mm under the module, less what counts as touching.
+    deep = 2 - (abs(hole[1]) - 9)
+    assert any(f"runs {deep:.2f} mm into" in one and "HUZZAH32 Feather" in one for one in planted), planted
+    assert any("does not fit: at its place it runs into HUZZAH32 Feather" in one for one in planted), planted
+
+
+def test_a_screw_beside_the_hole_of_its_board_is_found() -> None:
+    folded = car("w95")
+    aside = with_mounts(
+        folded, folded.parts.board_screw.name, lambda m: replace(m, pose=compose(m.pose, translation(1.0, 0, 0)))
+    )
+
+    assert any("board screw 1: does not fit" in one or "board screw 1 does not fit" in one for one in found(aside))
+
+
+def test_blocks_over_the_holes_are_found_as_parts_of_the_board_and_as_parts_of_their_own() -> None:
+    folded = car("w95")
+    feather = next(m for m in folded.mounts if m.part == folded.parts.feather.name)
+    size, high = (8.0, 8.0, 8.0), 1.6 + 4.0
+
+    def covered(mount: Mount) -> Mount:
+        low = high - feather.size_mm[2] / 2
+        blocks = (Solid("box", size, translation(x, y, low)) for x, y in USB_HOLES)
+        return replace(mount, solids=(*mount.solids, *blocks))
+
+    grown = all_found(with_mounts(folded, feather.part, covered))
+    for number in (1, 2):
+        assert any(one.startswith("parts") and f"board screw {number}" in one for one in grown), grown
+        assert any("does not fit" in one and f"board screw {number}" in one for one in grown), grown
+
+    blocks = tuple(
+        replace(feather, part="block", name=f"block {i}", pose=on_board(feather, x, y, high), size_mm=size, holes=(),
+                solids=(), accesses=())
+        for i, (x, y) in enumerate((*USB_HOLES, *ANTENNA_HOLES))
+    )  # fmt: skip
+    alone = all_found(replace(folded, mounts=(*folded.mounts, *blocks)))
+    for block in blocks:
+        assert any(one.startswith("parts") and block.name in one for one in alone), alone

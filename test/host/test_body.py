@@ -114,10 +114,10 @@ def test_the_chassis_weighs_its_film_and_parts() -> None:
     doublers = 4 * (31.9 * 25 - opening - 2 * screw) + 17.2 * 12.7 - 13.9 * 8.8
     # The bridge: a shelf with two legs over a LiPo of 4.75 mm and screws' heads, feet, and a flange with a tongue.
     leg = 4.75 + 2.4
-    bridge = 25.378 * (52.21 + 2 * leg + 2 * 6) + (52.21 - 6.5) * (leg + 0.025) + 10 * 0.85 - 4 * screw
+    bridge = 23.98 * (52.15 + 2 * leg + 2 * 6) + (52.15 - 6.5) * (leg + 0.025) + 10 * 0.85 - 2 * screw
     film_kg = (beam + caps + doublers + bridge) * 1e-6 * 0.25e-3 * 1390
-    # Servos with two screws each, boards on four screws and spacers, LiPo, battery, pad, switch, wires.
-    servos_kg, boards_kg = 4 * (0.009 + 2 * 0.0004), 0.0085 + 0.009 + 4 * (0.0005 + 0.00005)
+    # Servos with two screws each, boards on two screws with spacers and a pad of foam, LiPo, battery, pad, switch, wires.
+    servos_kg, boards_kg = 4 * (0.009 + 2 * 0.0004), 0.0085 + 0.009 + 2 * (0.0005 + 0.00005) + 0.0002
     parts_kg = servos_kg + boards_kg + 0.0105 + 0.124 + 0.0015 + 0.003 + 0.002
 
     (chassis,) = body_json(study_car())["segments"]

@@ -49,7 +49,7 @@ def test_help_waits_for_nothing_heavy() -> None:
         (("run", "l.json", "--experiment", "1", "--set", "w=1"), "--set w: W_B_W has no such parameter"),
         (
             ("run", "l.json", "--experiment", "1", "--set", "width=20"),
-            "--set width: 20 is below the minimum 53.71",
+            "--set width: 20 is below the minimum 53.65",
         ),
     ],
 )

@@ -151,20 +151,20 @@ def test_a_lone_wheel_module_has_room_for_servo_and_tabs() -> None:
 @pytest.mark.parametrize(
     ("values", "parameter", "message"),
     [
-        # The wall's film twice; 1.5 mm to the socket's mouth, 25.25 mm to the boards' middle, 22.86 + 1.1 + 2 mm from
-        # there to the bridge's end, 0.5 mm to the other wall.
-        ({"width": 53.7}, "width", "53.7 is below the minimum 53.71 (the boards across it)"),
+        # The wall's film twice; 1.5 mm to the socket's mouth, 25.25 mm to the boards' middle, 25.4 mm from there to
+        # their end, 0.5 mm to the bridge's and again to the other wall.
+        ({"width": 53.6}, "width", "53.6 is below the minimum 53.65 (the boards across it)"),
         # The films of floor and lid; LiPo 4.75, screws' heads 2.4, film, spacer 5, board 1.6, headers 11.04, plugs 18.2
         # and their leads 4.
         ({"height": 47.7}, "height", "47.7 is below the minimum 47.74 (the boards and their plugs over the LiPo)"),
         # B lies between axles 120 mm apart, with 27.5 - 21.76 mm of floor behind it, where the holder begins: 31.5 mm,
-        # 1 mm and 12.94 mm farther is the boards' middle, 7.2 mm before the axles'. The plug, 12.7 mm in diameter and
+        # 1 mm and 12.24 mm farther is the boards' middle, 6.5 mm before the axles'. The plug, 12.7 mm in diameter and
         # 9.45 mm below the axles and 1 mm from a tyre, is at least sqrt((56 + 6.35 + 1)² - 9.45²) = 62.64 mm from the
         # front one, 2.64 mm behind the middle.
         (
             {"B.length": 65, "W.length": 55, "radius": 56},
             "B.length",
-            "65 is below the minimum 74.9 (the boards and the square 4xAA holder, with a USB plug clear of the tyres)",
+            "65 is below the minimum 74.2 (the boards and the square 4xAA holder, with a USB plug clear of the tyres)",
         ),
         # A holder 58 mm wide does not stand across a body 58.4 mm wide.
         (
@@ -218,7 +218,7 @@ def test_a_family_is_narrowed_to_one_car() -> None:
         "choose one with --set width=…"
     )
     assert cars.narrowed({"width": 95}).single().values["width"] == 95
-    with pytest.raises(FoldcarError, match=r"^--set width: 20 is below the minimum 53.71"):
+    with pytest.raises(FoldcarError, match=r"^--set width: 20 is below the minimum 53.65"):
         cars.narrowed({"width": 20}).single()
     with pytest.raises(
         FoldcarError, match=r"^--set colour: W_B_W has no such parameter; it has width, height"

@@ -76,7 +76,7 @@ def test_all_mistakes_come_at_once_with_what_was_meant(
         ("experiments.1.params.environments: 0: input should be greater than or equal to 1", ""),
         ("experiments.2.veh_id: \"narow\" is not among vehicles", "; did you mean \"narrow\"?"),
         ("vehicles.narrow.params.0.common: unknown parameter \"widht\"", "; did you mean \"width\"?"),
-        ("vehicles.1.params.0.common.width: 20 is below the minimum 53.71", ""),
+        ("vehicles.1.params.0.common.width: 20 is below the minimum 53.65", ""),
         ("vehicles.1.params.0.common.radius: 500 is above the maximum 150", ""),
         ("environments.1.scenic_filename: ", "; did you mean \"pyramids.scenic\"?"),
     ]
@@ -92,7 +92,7 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     listing_data["experiments"]["1"]["params"]["environments"] = 1
     listing = write_listing(listing_data)
     why = [
-        "width=20: width: 20 is below the minimum 53.71 (the boards across it)",
+        "width=20: width: 20 is below the minimum 53.65 (the boards across it)",
         "width=600: width: 600 is above the maximum 500",
     ]
 
@@ -114,4 +114,4 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     ]
     single = foldcar("run", listing, "--experiment", "1", "--set", "width=20")
     assert single.returncode == 2
-    assert single.stderr.startswith("foldcar: error: --set width: 20 is below the minimum 53.71")
+    assert single.stderr.startswith("foldcar: error: --set width: 20 is below the minimum 53.65")

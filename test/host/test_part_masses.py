@@ -42,7 +42,7 @@ def test_cars_weigh_their_film_and_the_parts_of_the_data_files(type_string: str)
     design = compose(type_string, {"W.length": 100.0} if "H" in type_string else {})
     car, body = folded_car(design), body_json(design)
     chosen = design.choices
-    wheels, boards = 2 * type_string.count("W"), 4
+    wheels, boards = 2 * type_string.count("W"), 2
     film = OPTIONS["film"][chosen.film]
     tyre, radius, width = OPTIONS["tyre"][chosen.tyre], design.values["radius"], design.values["W.tire_thickness"]
     inner = radius - number(tyre, "thickness_mm")
@@ -59,7 +59,8 @@ def test_cars_weigh_their_film_and_the_parts_of_the_data_files(type_string: str)
         "spacers": 1e3 * boards * number("spacer.json", "mass_kg"),
         "battery": 1e3 * number(OPTIONS["battery"][chosen.battery], "mass_kg"),
         "electronics": 1e3 * sum(
-            number(FILES[key], "mass_kg") for key in ("feather", "featherwing", "lipo", "pad", "switch", "wiring")
+            number(FILES[key], "mass_kg")
+            for key in ("feather", "featherwing", "lipo", "pad", "board_pad", "switch", "wiring")
         ),
     }  # fmt: skip
     simulated = sum(part["mass_kg"] for part in (*body["segments"], *body["wheels"]))
@@ -74,8 +75,8 @@ def test_the_parts_list_counts_what_is_put_in() -> None:
 
     counted = Counter({data(name)["name"]: count for name, count in (
         ("fs90r.json", 4), ("screw_m2.json", 8), ("screw_horn.json", 8), ("screw_centre.json", 4),
-        ("screw_board.json", 4), ("spacer.json", 4), ("switch.json", 1), ("tyre_rubber_band.json", 4),
-        ("horn_two_sided.json", 4),
+        ("screw_board.json", 2), ("spacer.json", 2), ("switch.json", 1), ("tyre_rubber_band.json", 4),
+        ("board_pad.json", 1), ("horn_two_sided.json", 4),
     )})  # fmt: skip
     assert {name: rows.get(name) for name in counted} == counted
     assert data("tyre_none.json")["name"] not in {

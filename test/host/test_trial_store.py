@@ -166,7 +166,7 @@ def test_the_published_table_is_imported_once(tmp_path: Path, foldcar: Any) -> N
         (HEADER + "W_B_W,95,passed,x,me\n", 'line 2: count: "x" is not a whole number'),
         (HEADER + "W_B_W,95,passed,200000,me\n", "line 2: count: 200000 is above the maximum 100000"),
         (HEADER + "W_B_W,95,passed,-1,me\n", "line 2: count: -1 is below the minimum 0"),
-        (HEADER + "W_B_W,20,passed,1,me\n", "line 2: width: 20 is below the minimum 53.71"),
+        (HEADER + "W_B_W,20,passed,1,me\n", "line 2: width: 20 is below the minimum 53.65"),
         (HEADER + "W_X,95,passed,1,me\n", 'line 2: "W_X" has unknown module "X"'),
         (HEADER + "W_B_W,95,passed,1,\n", "line 2: source: is empty"),
         (HEADER + "W_B_W,,passed,1,me\n", "line 2: does not tell the car: give its parameters, as width_mm, "),

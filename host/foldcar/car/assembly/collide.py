@@ -31,7 +31,7 @@ class Way:
     stuck: str = ""
 
 
-# Pairs of titles that may overlap: what is joined, what a screw holds.
+# Pairs of titles that may overlap: what is joined.
 Ignored = frozenset[tuple[str, str]]
 NOTHING: Ignored = frozenset()
 # The hull that the solid with that index sweeps.

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.assembly.collide import Ignored, Way, hit, swept, way_out
+from foldcar.car.assembly.collide import Way, hit, swept, way_out
 from foldcar.car.assembly.lid import Lid
 from foldcar.car.assembly.plan import WHEEL, planned
 from foldcar.car.assembly.roles import roles_of
@@ -167,30 +167,28 @@ class _Prover:
     def _way(self, place: str, added: Added, moving: Blocks, standing: Blocks) -> tuple[Vector, ...]:
         """The way in, found as a way out; a finding if there is none."""
         own: list[Vector] = []
-        ignored = self.joined
         mount = self.mounts[added.name] if added.kind == "mount" else None
         if mount is not None:
             axes = np.array(mount.pose)[:3, :3].T
             own = [_vector(sign * axis) for axis in axes for sign in (1.0, -1.0)]
-            ignored = ignored | {(mount.name, other.name) for other in self.roles.touched_by(mount)}
         if mount is not None and self.roles.is_fastener(mount):
-            way = self._screw_way(mount, standing, own, ignored)
+            way = self._screw_way(mount, standing, own)
         else:
-            way = way_out(moving, standing, own, ignored)
+            way = way_out(moving, standing, own, self.joined)
         if way.moves_mm is None:
             self.findings.append(Finding("assembly", place, f"{self._name(added)} {_why(way)}"))
         return tuple(_vector(-np.array(move)) for move in reversed(way.moves_mm or ()))
 
-    def _screw_way(self, screw: Mount, standing: Blocks, own: Sequence[Vector], ignored: Ignored) -> Way:
+    def _screw_way(self, screw: Mount, standing: Blocks, own: Sequence[Vector]) -> Way:
         """The way of a screw: head and shank along its driver, its nut, the third solid, on any way."""
         head, *nuts = self.scene.screw(screw, self.stage)
-        ways = [way_out(nut, standing, own, ignored) for nut in nuts]
+        ways = [way_out(nut, standing, own) for nut in nuts]
         driver = next((access for access in screw.accesses if access.tool == "driver"), None)
         if driver is None:
-            ways.insert(0, way_out(head, standing, own, ignored))
+            ways.insert(0, way_out(head, standing, own))
         else:
             axis = np.array(compose(self.stage.mount(screw), driver.pose))[:3, 2]
-            ways.insert(0, way_out(head, standing, [_vector(axis)], ignored, only_own=True))
+            ways.insert(0, way_out(head, standing, [_vector(axis)], only_own=True))
         return next((way for way in ways if way.moves_mm is None), ways[0])
 
     def _name(self, added: Added) -> str:

@@ -9,9 +9,9 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from foldcar.car.assembly.lid import GLUED, lid_of
+from foldcar.car.folded.check_parts import stands_in
 from foldcar.car.folded.folding import folded
 from foldcar.car.folded.model import Access, FoldedCar, Join, Mount, Piece, PlacedPiece
 from foldcar.car.folded.placed import polygon
@@ -23,8 +23,6 @@ PARALLEL = 0.999
 # Layers lie closer than this to the face they are glued to.
 LAYER_MM = 1.5
 ON_AXIS_MM = 0.5
-# Solids that overlap by less only touch.
-TOUCH_MM = 0.1
 
 
 @lru_cache(maxsize=16)
@@ -140,27 +138,17 @@ class Roles:
         return mount.part in self.fastener_names
 
     def held_by(self, screw: Mount) -> list[Mount]:
-        """The mounts that a screw passes through, other than screws."""
+        """The mounts that a screw passes through, in bores of theirs."""
         return self._held[screw.name]
 
     @cached_property
     def _held(self) -> dict[str, list[Mount]]:
-        soft = self.car.parts.wiring.name
-        bounds = {m.name: _bounds(m) for m in self.car.mounts}
-        others = [m for m in self.car.mounts if not self.is_fastener(m) and m.part != soft]
+        others = [m for m in self.car.mounts if not self.is_fastener(m)]
         return {
-            screw.name: [m for m in others if _overlap(bounds[screw.name], bounds[m.name])]
+            screw.name: [m for m in others if any(stands_in(screw, a, m, b) for a in screw.solids for b in m.solids)]
             for screw in self.car.mounts
             if self.is_fastener(screw)
         }
-
-    def touched_by(self, mount: Mount) -> list[Mount]:
-        """The mounts that may overlap a mount at its place: a screw and what it holds, a horn and its servo's spline."""
-        if self.is_fastener(mount):
-            return self.held_by(mount)
-        screws = [m for m in self.car.mounts if self.is_fastener(m) and mount in self.held_by(m)]
-        servos = [axle.servo for axle in self.car.axles if axle.wheel == mount.body]
-        return [*screws, *(m for m in self.car.mounts if m.name in servos and mount.part == self.car.parts.horn.name)]
 
     def from_outside(self, mount: Mount, access: Access) -> bool:
         """Whether an access leads out of a segment, or starts outside it, other than through the lid above."""
@@ -211,21 +199,3 @@ class Roles:
 
 def _area(piece: Piece) -> float:
     return sum(net_area_mm2(face) for face in piece.faces)
-
-
-Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
-
-
-def _overlap(one: Bounds, other: Bounds) -> bool:
-    """Whether solids of two mounts overlap, as boxes along the car's axes."""
-    (low, high), (least, most) = one, other
-    apart = (low[:, None] + TOUCH_MM >= most[None]) | (least[None] + TOUCH_MM >= high[:, None])
-    return not bool(apart.any(axis=2).all())
-
-
-def _bounds(mount: Mount) -> Bounds:
-    """Lower and upper bounds of a mount's solids, (n, 3) in mm."""
-    solids = [(compose(mount.pose, one.pose), one.size_mm) for one in mount.solids] or [(mount.pose, mount.size_mm)]
-    matrices = np.array([pose for pose, _ in solids])
-    reach = (np.abs(matrices[:, :3, :3]) @ np.array([size for _, size in solids])[:, :, None])[:, :, 0] / 2
-    return matrices[:, :3, 3] - reach, matrices[:, :3, 3] + reach

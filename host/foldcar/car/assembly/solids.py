@@ -166,7 +166,13 @@ def solid_blocks(solid: Solid, title: str) -> Blocks:
     """A box or cylinder in its part's frame."""
     x, y, z = solid.size_mm
     corners = box((x, y, z)) if solid.kind == "box" else prism(x / 2 - SKIN_MM, -z / 2 + SKIN_MM, z / 2 - SKIN_MM)
-    return blocks_of([corners], title).moved(solid.pose)
+    if not solid.bores:
+        return blocks_of([corners], title).moved(solid.pose)
+    # Bores are polygons around their circles.
+    wide = 1 / math.cos(math.pi / SIDES)
+    bores = [shapely.Point(u, v).buffer(d / 2 * wide, quad_segs=SIDES // 4) for u, v, d in solid.bores]
+    shape = shapely.MultiPoint(corners[:, :2]).convex_hull.buffer(SKIN_MM, join_style="mitre")
+    return plate(shape.difference(shapely.union_all(bores)), z, title).moved(solid.pose)
 
 
 def access_blocks(access: Access, title: str) -> Blocks:

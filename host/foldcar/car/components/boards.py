@@ -38,7 +38,8 @@ def put_feather(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
         Access("plug", usb, plug_room_mm(plugs.usb), plugs.usb.length_mm.value),
         Access("plug", battery, plug_room_mm(plugs.battery), plugs.battery.length_mm.value),
     ]
-    _put(shape, feather, on, under, (*feather.headers, feather.usb, socket, feather.antenna, feather.reset), ways, holes)
+    standing = (*feather.headers, *feather.joints, *feather.small, feather.usb, socket, feather.antenna, feather.reset)
+    _put(shape, feather, on, under, standing, ways, holes)
 
 
 def put_wing(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:
@@ -49,7 +50,7 @@ def put_wing(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:
     parts, wing = shape.parts, shape.parts.featherwing
     here = compose(under, translation(0, 0, parts.feather.board_mm.value + wing.gap_mm.value))
     top = wing.plug_top_mm.value + wing.plug_bend_mm.value
-    solids, ways = [wing.terminal_block, wing.reset], []
+    solids, ways = [*wing.headers, wing.terminal_block, wing.reset], []
     for header in wing.servo_headers:
         (x, y, _), low = header.at_mm, wing.board_mm.value
         size = (*header.size_mm[:2], top - low)
@@ -70,7 +71,9 @@ def _put(
     """Add a board; boxes and accesses are given in its own frame."""
     length, width, height = (size.value for size in (board.length_mm, board.width_mm, board.height_mm))
     down = translation(0, 0, -height / 2)
-    plate = Solid("box", (length, width, board.board_mm.value), translation(0, 0, (board.board_mm.value - height) / 2))
+    middle = translation(0, 0, (board.board_mm.value - height) / 2)
+    bores = tuple((x, y, several.diameter_mm) for several in board.holes for x, y in several.at_mm)
+    plate = Solid("box", (length, width, board.board_mm.value), middle, bores)
     solids = [plate, *(Solid("box", box.size_mm, compose(down, translation(*box.at_mm))) for box in boxes)]
     accesses = [Access(way.tool, compose(down, way.pose), way.diameter_mm, way.length_mm) for way in ways]
     pose, size = compose(under, translation(0, 0, height / 2)), (length, width, height)

@@ -21,7 +21,7 @@ FOOT_CLEARANCE_MM = 0.5
 def half_width_mm(parts: Catalogue) -> float:
     """Half of the bridge's length along the car (mm): the boards', and film around their screws."""
     feather, assembly = parts.feather, parts.assembly
-    screws = max(abs(y) for holes in feather.holes for _, y in holes.at_mm)
+    screws = max(abs(y) for _, y in feather.free_holes(parts.board_screw))
     around = assembly.screw_hole_mm.value / 2 + assembly.fold_distance_mm.value
     return max(feather.width_mm.value / 2, screws + around)
 
@@ -48,9 +48,7 @@ def span_mm(parts: Catalogue) -> tuple[float, float]:
     """Distances of the bridge's ends from the boards' middle (mm): on the side of USB, and on the other."""
     assembly = parts.assembly
     at_wall = mouth_mm(parts) + assembly.usb_inside_mm.value - assembly.bridge_gap_mm.value
-    screws = max(x for holes in parts.feather.holes for x, _ in holes.at_mm)
-    around = assembly.screw_hole_mm.value / 2 + assembly.fold_distance_mm.value
-    return at_wall, max(parts.feather.length_mm.value / 2, screws + around)
+    return at_wall, parts.feather.length_mm.value / 2 + assembly.bridge_gap_mm.value
 
 
 class Bridge(Component):
@@ -103,19 +101,26 @@ class Bridge(Component):
         return y_mm + (left - right) / 2
 
     def _boards(self, shape: Shape, shelf: str, middle: tuple[float, float]) -> None:
-        """Spacers and screws through the holes of the shelf, on them the Feather and the wing."""
+        """Spacers and screws at the Feather's free holes, a foam pad under its other end; on them Feather and wing.
+
+        The module covers a part of the holes at the antenna. The pad is pressed to the spacers' height.
+        """
         parts, film = self.parts, self.parts.film.thickness_mm.value
         feather, spacer = parts.feather, parts.spacer
         holes, tall = [], spacer.length_mm.value
         size = (spacer.diameter_mm.value, spacer.diameter_mm.value, tall)
-        for i, (x, y) in enumerate(((y, -x) for holes in feather.holes for x, y in holes.at_mm), 1):
+        for i, (x, y) in enumerate(((y, -x) for x, y in feather.free_holes(parts.board_screw)), 1):
             at = (middle[0] + x, middle[1] + y)
             holes.append(shape.round_hole(shelf, f"board screw {i}", "screw", at, parts.assembly.screw_hole_mm.value))
             pose = translation(*at, (film + tall) / 2)
-            round_one = (cylinder(spacer.diameter_mm.value, -tall / 2, tall / 2),)
+            round_one = (cylinder(spacer.diameter_mm.value, -tall / 2, tall / 2, bore_mm=spacer.hole_mm.value),)
             shape.box(spacer.name, f"spacer {i}", shelf, pose, size, spacer.mass_kg.value, (), round_one)
             below = compose(translation(*at, -film / 2), rotation("x", math.pi))
             screw_in(shape, parts.board_screw, f"board screw {i}", shelf, below, film + tall + feather.board_mm.value)
+        pad = parts.board_pad
+        size = (pad.width_mm.value, pad.length_mm.value, tall)
+        pose = translation(middle[0], middle[1] - (feather.length_mm.value - pad.length_mm.value) / 2, (film + tall) / 2)
+        shape.box(pad.name, pad.name, shelf, pose, size, pad.mass_kg.value)
         up = film / 2 + tall
         for board in (put_feather, put_wing):
             board(shape, shelf, compose(translation(*middle, up), rotation("z", -math.pi / 2)), holes)

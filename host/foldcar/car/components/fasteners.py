@@ -10,10 +10,13 @@ from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.fasteners import Screw
 
 
-def cylinder(diameter_mm: float, low_mm: float, high_mm: float, x_mm: float = 0.0, y_mm: float = 0.0) -> Solid:
-    """A cylinder along z between two heights."""
+def cylinder(
+    diameter_mm: float, low_mm: float, high_mm: float, x_mm: float = 0.0, y_mm: float = 0.0, bore_mm: float = 0.0
+) -> Solid:
+    """A cylinder along z between two heights, with a bore along its axis."""
     pose = translation(x_mm, y_mm, (low_mm + high_mm) / 2)
-    return Solid("cylinder", (diameter_mm, diameter_mm, high_mm - low_mm), pose)
+    bores = ((0.0, 0.0, bore_mm),) if bore_mm else ()
+    return Solid("cylinder", (diameter_mm, diameter_mm, high_mm - low_mm), pose, bores)
 
 
 def driver(parts: Catalogue, z_mm: float) -> Access:
@@ -34,10 +37,9 @@ def screw_in(shape: Shape, screw: Screw, name: str, on: str, under_head: Pose, g
         cylinder(screw.diameter_mm.value, -shank - middle, -middle),
     ]
     if screw.nut_width_mm is not None and screw.nut_height_mm is not None:
-        # The circle through a hexagon's corners.
-        corners = screw.nut_width_mm.value / 3**0.5 * 2
+        # A nut is held with a flat towards what stands beside it.
         low = -grip_mm - screw.nut_height_mm.value - middle
-        solids.append(cylinder(corners, low, -grip_mm - middle))
+        solids.append(cylinder(screw.nut_width_mm.value, low, -grip_mm - middle))
     size = (screw.head_diameter_mm.value, screw.head_diameter_mm.value, head + shank)
     pose = compose(under_head, translation(0, 0, middle))
     accesses = [driver(shape.parts, head - middle)]

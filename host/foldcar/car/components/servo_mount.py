@@ -14,7 +14,6 @@ from foldcar.car.folded.model import Solid
 from foldcar.car.folded.pose import IDENTITY, compose, rotation, translation
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.quantity import Quantity
-from foldcar.car.parts.servo import Servo
 
 
 def inside_mm(parts: Catalogue) -> tuple[float, float]:
@@ -68,7 +67,7 @@ class ServoMount(Component):
         size = (servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value)
         name = f"{shape.name}.{mount}"
         pose = compose(translation(x, y, depth), turn)
-        shape.box(servo.name, name, wall, pose, size, servo.mass_kg.value, holes, _solids(servo))
+        shape.box(servo.name, name, wall, pose, size, servo.mass_kg.value, holes, _solids(shape.parts))
         under_head = -wall_mm / 2 - servo.ear_thickness_mm.value
         grip = servo.ear_thickness_mm.value + 2 * wall_mm
         for i, side in enumerate((-1, 1), 1):
@@ -77,8 +76,9 @@ class ServoMount(Component):
         return name
 
 
-def _solids(servo: Servo) -> list[Solid]:
+def _solids(parts: Catalogue) -> list[Solid]:
     """Body, ears, turret, idler and spline in the frame of the body's middle, whose z points to the servo's bottom."""
+    servo = parts.servo
     length, width, depth = servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value
 
     def z(height: Quantity) -> float:
@@ -88,13 +88,17 @@ def _solids(servo: Servo) -> list[Solid]:
     thickness = servo.ear_thickness_mm.value
     axis = servo.axis_from_end_mm.value - length / 2
     top, turret, spline = -depth / 2, z(servo.turret_top_mm), z(servo.spline_top_mm)
+    # The centre screw cuts its way into the spline.
+    screw = parts.centre_screw.diameter_mm.value
+    half = servo.screw_spacing_mm.value / 2
+    holes = tuple((x, 0.0, servo.screw_hole_mm.value) for x in (-half, half))
     idler = axis + servo.idler_from_axis_mm.value
     return [
         Solid("box", (length, width, depth), IDENTITY),
-        Solid("box", (servo.ear_span_mm.value, width, thickness), translation(0, 0, ears - thickness / 2)),
-        cylinder(servo.turret_diameter_mm.value, turret, top, axis),
+        Solid("box", (servo.ear_span_mm.value, width, thickness), translation(0, 0, ears - thickness / 2), holes),
+        cylinder(servo.turret_diameter_mm.value, turret, top, axis, bore_mm=screw),
         cylinder(servo.idler_diameter_mm.value, turret, top, idler),
-        cylinder(servo.spline_diameter_mm.value, spline, turret, axis),
+        cylinder(servo.spline_diameter_mm.value, spline, turret, axis, bore_mm=screw),
     ]
 
 

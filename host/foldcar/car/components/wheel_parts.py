@@ -6,10 +6,10 @@ Poses are in the frame of the inner disc, whose z points from the car outwards a
 import math
 
 from foldcar.car.compiler.shape import Shape
-from foldcar.car.components.fasteners import screw_in
+from foldcar.car.components.fasteners import cylinder, screw_in
 from foldcar.car.components.wheel_size import WheelSize, wheel_screws_mm
 from foldcar.car.folded.model import Pose, Solid
-from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.folded.pose import apply, compose, inverse, rotation, translation
 from foldcar.car.parts.catalogue import Catalogue
 
 # The tyre's ring is modelled as so many boxes.
@@ -38,20 +38,29 @@ def add_wheel_parts(shape: Shape, size: WheelSize) -> None:
 
 def _horn_solids(parts: Catalogue, center: tuple[float, float, float]) -> list[Solid]:
     """Hub and arms or disc, relative to the middle of the horn's box."""
-    horn = parts.horn
+    horn, screw = parts.horn, parts.horn_screw.diameter_mm.value
     x, y, _ = center
-    height, flat = horn.height_mm.value, horn.thickness_mm.value
-    hub = horn.hub_diameter_mm.value
-    solids = [Solid("cylinder", (hub, hub, height), translation(-x, -y, 0))]
-    # Arms and disc are flush with the hub's outer face.
+    height, flat, recess = horn.height_mm.value, horn.thickness_mm.value, horn.recess_depth_mm.value
+    hub, wide = horn.hub_diameter_mm.value, horn.recess_diameter_mm.value
+    # From the servo outwards: around the spline, a floor for the centre screw's head, a recess for it.
+    ends = (-height / 2, -height / 2 + horn.spline_depth_mm.value, height / 2 - recess, height / 2)
+    bores = (parts.servo.spline_diameter_mm.value, horn.centre_hole_mm.value, wide)
+    layers = zip(ends, ends[1:], bores, strict=False)
+    solids = [cylinder(hub, low, high, -x, -y, bore_mm=bore) for low, high, bore in layers]
+    # Arms and disc are flush with the hub's outer face; the screws cut their way into them.
     at_z = (height - flat) / 2
+    at = wheel_screws_mm(horn)
     if horn.disc_diameter_mm:
         disc = horn.disc_diameter_mm.value
-        solids.append(Solid("cylinder", (disc, disc, flat), translation(-x, -y, at_z)))
+        holes = ((0.0, 0.0, wide), *((u, v, screw) for u, v in at))
+        solids.append(Solid("cylinder", (disc, disc, flat), translation(-x, -y, at_z), holes))
     if horn.arms:
         for angle, reach in zip(horn.arms.at_deg, horn.arms.reach_mm, strict=True):
-            pose = compose(translation(-x, -y, at_z), rotation("z", math.radians(angle)), translation(reach / 2, 0, 0))
-            solids.append(Solid("box", (reach, horn.arms.width_mm, flat), pose))
+            out = rotation("z", math.radians(angle))
+            along = (apply(inverse(out), *point) for point in at)
+            holes = ((-reach / 2, 0.0, wide), *((u - reach / 2, v, screw) for u, v, _ in along))
+            pose = compose(translation(-x, -y, at_z), out, translation(reach / 2, 0, 0))
+            solids.append(Solid("box", (reach, horn.arms.width_mm, flat), pose, holes))
     return solids
 
 

@@ -1,4 +1,4 @@
-"""Checks of parts in the folded car: nothing overlaps, holes lie under their parts.
+"""Checks of parts in the folded car: nothing overlaps but a screw in a bore, holes lie under their parts.
 
 Input: a car and its placed faces. Output: findings.
 """
@@ -11,10 +11,9 @@ import shapely
 from numpy.typing import NDArray
 
 from foldcar.car.folded.finding import Finding
-from foldcar.car.folded.model import FoldedCar, Mount
+from foldcar.car.folded.model import FoldedCar, Mount, Solid
 from foldcar.car.folded.placed import PlacedFace
-from foldcar.car.folded.pose import compose
-from foldcar.car.parts.fasteners import Screw, Spacer
+from foldcar.car.folded.pose import apply, compose, inverse
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
@@ -24,6 +23,8 @@ TOUCH_MM = 0.1
 FILM_MM2 = 0.5
 # Screws fit with a part's holes off by this.
 FIT_MM = 0.3
+# Axes are parallel if their cosine is more.
+PARALLEL = 0.999
 
 
 def check_parts(
@@ -31,13 +32,11 @@ def check_parts(
 ) -> Iterator[Finding]:
     """Findings about parts. Those named ``soft`` are ignored."""
     firm = [mount for mount in car.mounts if mount.part != soft and mount.body.startswith("segment")]
-    fasteners = {part.name for part in dict(car.parts).values() if isinstance(part, Screw | Spacer)}
     solids = [boxes(mount) for mount in firm]
     for (one, first), (other, second) in itertools.combinations(zip(firm, solids, strict=True), 2):
-        # What screws hold is on the same face.
-        if fasteners & {one.part, other.part} and one.face == other.face:
-            continue
-        depth = max((_depth_mm(a, b) for a in first for b in second if _near(a, b)), default=0.0)
+        pairs = [(i, k) for i, a in enumerate(first) for k, b in enumerate(second) if _near(a, b)]
+        deep = (_depth_mm(first[i], second[k]) for i, k in pairs if not _bored(one, i, other, k))
+        depth = max(deep, default=0.0)
         if depth > TOUCH_MM:
             yield Finding("parts", one.name, f"runs {depth:.2f} mm into {other.name}")
     for mount, mine in zip(firm, solids, strict=True):
@@ -46,6 +45,25 @@ def check_parts(
             if area > FILM_MM2:
                 yield Finding("parts", mount.name, f"is cut by {area:.1f} mm² of {face.title}")
         yield from _holes(mount, bodies.get(mount.body, ()))
+
+
+def stands_in(one: Mount, solid: Solid, other: Mount, held: Solid) -> bool:
+    """Whether a cylinder of one part, a screw's shank, stands in a bore of a solid of another part."""
+    if solid.kind != "cylinder" or not held.bores:
+        return False
+    onto = np.array(compose(inverse(compose(other.pose, held.pose)), one.pose, solid.pose))
+    x, y, z = onto[:3, 3]
+    if abs(onto[2, 2]) < PARALLEL or abs(z) >= (solid.size_mm[2] + held.size_mm[2]) / 2:
+        return False
+    return any(np.hypot(x - u, y - v) + solid.size_mm[0] / 2 <= wide / 2 + TOUCH_MM for u, v, wide in held.bores)
+
+
+def _bored(one: Mount, i: int, other: Mount, k: int) -> bool:
+    """Whether solid i of a part and solid k of another one are a shank and what it passes through."""
+    if not one.solids or not other.solids:
+        return False
+    a, b = one.solids[i], other.solids[k]
+    return stands_in(one, a, other, b) or stands_in(other, b, one, a)
 
 
 def _box(mount: Mount) -> Box:
@@ -105,18 +123,24 @@ def _film_inside_mm2(box: Box, face: PlacedFace) -> float:
 
 
 def _holes(mount: Mount, faces: Sequence[PlacedFace]) -> Iterator[Finding]:
-    """Findings if a part's holes are missing or their centre is not under the part's."""
+    """Findings if a part's holes in the film are missing, or are neither under its middle nor under a bore of it.
+
+    The holes of a part without bores lie evenly around its middle.
+    """
     found = {hole.name: (face, hole) for face in faces for hole in face.face.holes}
-    middles = []
+    bores = [apply(mount.pose, *apply(one.pose, x, y)) for one in mount.solids for x, y, _ in one.bores]
+    above = np.array([apply(mount.pose, 0.0, 0.0), *bores])
+    offsets: dict[str, NDArray[np.float64]] = {}
     for name in mount.holes:
         if name not in found:
             yield Finding("parts", mount.name, f"there is no hole {name}")
             return
         face, hole = found[name]
-        center, _, _ = _box(mount)
-        x, y = shapely.Polygon(hole.outline_mm).centroid.coords[0]
-        middles.append(np.array((x, y)) - face.in_face(center[None])[0, :2])
-    if middles:
-        off = float(np.linalg.norm(np.mean(middles, axis=0)))
-        if off > FIT_MM:
-            yield Finding("parts", mount.name, f"is {off:.2f} mm off the middle of its holes, the limit is {FIT_MM:g} mm")
+        middle = shapely.Polygon(hole.outline_mm).centroid.coords[0]
+        offsets[name] = face.in_face(above)[:, :2] - middle
+    if offsets and not bores:
+        offsets = {f"{next(iter(offsets))} …": np.mean(list(offsets.values()), axis=0)}
+    for name, off in offsets.items():
+        nearest = float(np.linalg.norm(off, axis=1).min())
+        if nearest > FIT_MM:
+            yield Finding("parts", mount.name, f"is {nearest:.2f} mm off its hole {name}, the limit is {FIT_MM:g} mm")

@@ -111,11 +111,15 @@ class Join:
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """A box, or a cylinder along z (diameter, diameter, length); ``pose`` is that of its middle in its part's frame."""
+    """A box, or a cylinder along z (diameter, diameter, length); ``pose`` is that of its middle in its part's frame.
+
+    ``bores`` are round holes along z through it, (x, y, diameter): screws stand in them, and nothing else does.
+    """
 
     kind: Literal["box", "cylinder"]
     size_mm: tuple[float, float, float]
     pose: Pose
+    bores: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

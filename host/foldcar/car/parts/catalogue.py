@@ -29,6 +29,7 @@ FILES = {
     "featherwing": "servo_featherwing.json",
     "lipo": "lipo_500mah.json",
     "pad": "pad.json",
+    "board_pad": "board_pad.json",
     "switch": "switch.json",
     "plugs": "plugs.json",
     "wiring": "wiring.json",
@@ -47,8 +48,8 @@ CHOSEN = ("film", "horn", "tyre", "battery")
 class Catalogue(Data):
     """The parts of one car: those that all cars have and those that it chooses.
 
-    ``screw`` holds a servo in its wall, ``board_screw`` with a ``spacer`` the Feather, ``horn_screw`` a wheel on a horn,
-    ``centre_screw`` the horn on the servo, ``pad`` the battery in its place.
+    ``screw`` holds a servo in its wall, ``board_screw`` with a ``spacer`` the Feather's end at USB, ``board_pad`` its
+    other end, ``horn_screw`` a wheel on a horn, ``centre_screw`` the horn on the servo, ``pad`` the battery in its place.
     """
 
     servo: Servo
@@ -56,6 +57,7 @@ class Catalogue(Data):
     featherwing: FeatherWing
     lipo: BoxPart
     pad: BoxPart
+    board_pad: BoxPart
     switch: Switch
     plugs: Plugs
     wiring: BoxPart

@@ -4,14 +4,18 @@ A board's frame: the middle of its outline on its underside; x away from the Fea
 row of pins, z up.
 """
 
+import math
+
+from foldcar.car.parts.fasteners import Screw
 from foldcar.car.parts.quantity import Box, BoxPart, Data, Holes, PartData, Quantity
 
 
 class Feather(BoxPart):
-    """The processor's board with female headers on it; ``joints_mm`` is how far their pins stand out below."""
+    """The processor's board with female headers on it; ``joints`` are their pins below it, ``small`` parts at holes."""
 
     board_mm: Quantity
-    joints_mm: Quantity
+    joints: tuple[Box, Box]
+    small: tuple[Box, ...]
     headers: tuple[Box, Box]
     holes: tuple[Holes, Holes]
     usb: Box
@@ -19,9 +23,20 @@ class Feather(BoxPart):
     reset: Box
     antenna: Box
 
+    def free_holes(self, screw: Screw) -> list[tuple[float, float]]:
+        """The holes beside which a screw's nut can be turned: nothing stands on the board there."""
+        nut = screw.nut_width_mm.value / math.sqrt(3) if screw.nut_width_mm else screw.diameter_mm.value / 2
+        standing = (*self.headers, *self.small, self.usb, self.battery_socket, self.reset, self.antenna)
+        return [at for several in self.holes for at in several.at_mm if all(_apart(box, at) > nut for box in standing)]
+
+
+def _apart(box: Box, at: tuple[float, float]) -> float:
+    """Distance of a point of the board from a box on it (mm), seen from above."""
+    return math.hypot(*(max(0.0, abs(at[i] - box.at_mm[i]) - box.size_mm[i] / 2) for i in (0, 1)))
+
 
 class FeatherWing(BoxPart):
-    """The servo driver, plugged onto the Feather: ``gap_mm`` is between the two boards.
+    """The servo driver, plugged onto the Feather: ``gap_mm`` is between the two boards, ``headers`` are below it.
 
     ``plug_top_mm`` is the height of an upright servo plug's top over this board's underside, ``plug_bend_mm`` what its
     leads need above it.
@@ -31,6 +46,7 @@ class FeatherWing(BoxPart):
     gap_mm: Quantity
     plug_top_mm: Quantity
     plug_bend_mm: Quantity
+    headers: tuple[Box, Box]
     holes: tuple[Holes]
     servo_headers: tuple[Box, Box]
     terminal_block: Box

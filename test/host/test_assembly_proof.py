@@ -120,7 +120,7 @@ def test_a_battery_higher_than_the_room_keeps_the_lid_from_shutting() -> None:
 def test_a_servo_does_not_pass_an_opening_that_is_too_small() -> None:
     def narrower(face: Face) -> Face:
         holes = [
-            replace(hole, outline_mm=tuple((x, y * 0.96 + hole.center_mm[1] * 0.04) for x, y in hole.outline_mm))
+            replace(hole, outline_mm=tuple((x, y * 0.94 + hole.center_mm[1] * 0.06) for x, y in hole.outline_mm))
             if hole.name == "W0.left servo.wall opening" and hole.center_mm
             else hole
             for hole in face.holes

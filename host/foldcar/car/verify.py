@@ -1,7 +1,7 @@
-"""The verification of a design: its folded car against the volumes that the design implies, and its assembly.
+"""The verification of a design: its folded car against the volumes that the design implies, fits, and its assembly.
 
-Input: a design. Output: findings and measures (see folded/check.py and assembly/prove.py). A segment should enclose the
-box between the middle surfaces of its walls.
+Input: a design. Output: findings and measures (see folded/check.py, fits.py and assembly/prove.py). A segment should
+enclose the box between the middle surfaces of its walls.
 """
 
 from dataclasses import replace
@@ -9,6 +9,7 @@ from dataclasses import replace
 from foldcar.car.assembly.prove import prove
 from foldcar.car.components.box_beam import wall_mm
 from foldcar.car.design import Design
+from foldcar.car.fits import check_fits
 from foldcar.car.folded.check import Verification, check_design
 from foldcar.car.folded_car import folded_car
 
@@ -19,5 +20,5 @@ def verify(design: Design) -> Verification:
     across = wall_mm(design.values["width"], design.parts) * wall_mm(design.values["height"], design.parts)
     volumes = {f"segment{i}": segment.length_mm * across for i, segment in enumerate(design.segments)}
     folded = check_design(car, volumes)
-    findings = (*folded.findings, *prove(car).findings)
-    return replace(folded, findings=findings, checked=(*folded.checked, "assembly"))
+    findings = (*folded.findings, *check_fits(car), *prove(car).findings)
+    return replace(folded, findings=findings, checked=(*folded.checked, "fits", "assembly"))

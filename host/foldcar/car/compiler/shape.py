@@ -80,6 +80,19 @@ class Shape:
         outline = tuple((x + r * c, y + r * s) for c, s in _CIRCLE)
         return self._hole(face, Hole(self.path(name), kind, outline, diameter_mm, center_mm))
 
+    def slotted_hole(
+        self, face: str, name: str, kind: HoleKind, start_mm: Point, end_mm: Point, width_mm: float
+    ) -> str:
+        """Cut a slot with round ends about two points, a circle if they are one; returns its full name."""
+        (x0, y0), (x1, y1), r = start_mm, end_mm, width_mm / 2
+        if start_mm == end_mm:
+            return self.round_hole(face, name, kind, start_mm, width_mm)
+        along, half = math.atan2(y1 - y0, x1 - x0), CIRCLE_POINTS // 2
+        turns = [(i if i <= half else i - 1, i <= half) for i in range(CIRCLE_POINTS + 2)]
+        at = [(along - math.pi / 2 + 2 * math.pi * i / CIRCLE_POINTS, far) for i, far in turns]
+        outline = [((x1 if far else x0) + r * math.cos(a), (y1 if far else y0) + r * math.sin(a)) for a, far in at]
+        return self._hole(face, Hole(self.path(name), kind, tuple(outline), None, ((x0 + x1) / 2, (y0 + y1) / 2)))
+
     def polygon_hole(self, face: str, name: str, kind: HoleKind, outline_mm: Sequence[Point]) -> None:
         """Cut a polygon, counter-clockwise."""
         self._hole(face, Hole(self.path(name), kind, tuple(outline_mm)))

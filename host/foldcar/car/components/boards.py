@@ -22,8 +22,8 @@ def mouth_mm(parts: Catalogue) -> float:
 
 
 def plug_room_mm(plug: Plug) -> float:
-    """Diameter of the cylinder (mm) that a plug passes."""
-    return math.hypot(plug.width_mm.value, plug.thickness_mm.value)
+    """Diameter of the cylinder (mm) that the largest of such plugs passes."""
+    return math.hypot(*(size.value + size.tolerance for size in (plug.width_mm, plug.thickness_mm)))
 
 
 def put_feather(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:

@@ -60,7 +60,7 @@ class ElectronicsModule(BrainModule):
         bridge.insert(shape, "bridge", "beam.floor", x, y)
         lipo = (layout.lipo_mm(x), bridge.middle_mm(y), bottom + parts.lipo.height_mm.value / 2)
         shape.part(parts.lipo, parts.lipo.name, "beam.floor", lipo, turned=True)
-        hole = plug_room_mm(parts.plugs.usb) + 2 * assembly.slot_clearance_mm.value
+        hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
         shape.round_hole("beam.left", "USB", "opening", (x, usb_height_mm(parts)), hole)
         self._battery(shape, layout, x, y)
         wires = (self["length"] / 2, across / 2, wall_mm(self["height"], parts) / 2)
@@ -104,7 +104,7 @@ class ElectronicsModule(BrainModule):
         found = list(layouts(self.parts, floor, tyres, self["width"] - 2 * film))
         battery = self.parts.battery
         if not found:
-            least = min(battery.length_mm.value, battery.width_mm.value) + 2 * film
+            least = min(size.value + size.tolerance for size in (battery.length_mm, battery.width_mm)) + 2 * film
             raise self.misfit("width", _too_small(self["width"], least, battery.name))
         possible = [layout for layout in found if layout.missing_mm <= 0]
         if possible:

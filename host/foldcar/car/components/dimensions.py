@@ -3,7 +3,7 @@
 from foldcar.car.compiler.parameter import Parameter
 from foldcar.car.components.boards import mouth_mm
 from foldcar.car.components.bridge import span_mm, stack_height_mm
-from foldcar.car.components.servo_mount import least_doubler_mm
+from foldcar.car.components.servo_mount import least_doubler_mm, screw_end_mm
 from foldcar.car.components.wheel_size import least_radius_mm
 from foldcar.car.parts.catalogue import Catalogue
 
@@ -11,8 +11,7 @@ from foldcar.car.parts.catalogue import Catalogue
 def servo_reach_mm(parts: Catalogue) -> float:
     """Distance along the wall from the axis to the far edge of the screw hole on the servo's long side (mm)."""
     servo = parts.servo
-    middle = servo.length_mm.value / 2 - servo.axis_from_end_mm.value
-    return middle + (servo.screw_spacing_mm.value + parts.assembly.screw_hole_mm.value) / 2
+    return servo.length_mm.value / 2 - servo.axis_from_end_mm.value + screw_end_mm(parts)
 
 
 def _least_height(parts: Catalogue) -> float:

@@ -61,11 +61,11 @@ def layouts(parts: Catalogue, floor: Span, usb: Span, across_mm: float) -> Itera
     if parts.battery_place == "roof":
         yield _layout(parts, floor, usb, 0.0, behind=True, turned=True)
         return
-    length, width = parts.battery.length_mm.value, parts.battery.width_mm.value
+    length, width = parts.battery.length_mm, parts.battery.width_mm
     for along, across in ((width, length), (length, width)):
-        if across <= across_mm:
+        if across.value + across.tolerance <= across_mm:
             for behind in (True, False):
-                yield _layout(parts, floor, usb, along, behind, turned=across == length)
+                yield _layout(parts, floor, usb, along.value, behind, turned=across is length)
 
 
 def _layout(parts: Catalogue, floor: Span, usb: Span, along: float, behind: bool, turned: bool) -> Layout:
@@ -76,8 +76,10 @@ def _layout(parts: Catalogue, floor: Span, usb: Span, along: float, behind: bool
 
 def lipo_reach_mm(parts: Catalogue) -> float:
     """From the boards' middle to the far side of the LiPo (mm), whose near side lies at the bridge's flange."""
-    film, gap = parts.film.thickness_mm.value, parts.assembly.slot_clearance_mm.value
-    return film / 2 + gap + parts.lipo.width_mm.value - half_width_mm(parts)
+    film, width, assembly = parts.film.thickness_mm.value, parts.lipo.width_mm, parts.assembly
+    # The flange comes down beside it, wherever in its outline it lies.
+    gap = assembly.placement_mm.value + width.tolerance / 2 + assembly.slot_clearance_mm.value
+    return film / 2 + gap + width.value - half_width_mm(parts)
 
 
 def _reaches(parts: Catalogue, along_mm: float, behind: bool) -> tuple[float, float]:

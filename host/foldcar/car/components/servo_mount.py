@@ -27,14 +27,22 @@ def inside_mm(parts: Catalogue) -> tuple[float, float]:
 
 def doubler_length_mm(parts: Catalogue) -> float:
     """Length of the second layer (mm), which reaches past the screw holes."""
-    servo, assembly = parts.servo, parts.assembly
-    return servo.screw_spacing_mm.value + assembly.screw_hole_mm.value + 2 * assembly.doubler_margin_mm.value
+    return 2 * (screw_end_mm(parts) + parts.assembly.doubler_margin_mm.value)
+
+
+def screw_end_mm(parts: Catalogue) -> float:
+    """From the middle of the opening to the outer end of a screw's slot (mm).
+
+    Servos whose screws are farther apart find room there; if they are nearer, their own slots take them.
+    """
+    spacing = parts.servo.screw_spacing_mm
+    return (spacing.value + spacing.tolerance + parts.assembly.screw_hole_mm.value) / 2
 
 
 def least_doubler_mm(parts: Catalogue) -> float:
     """The least height of the second layer (mm)."""
     margins = parts.assembly.opening_clearance_mm.value + parts.assembly.doubler_margin_mm.value
-    return parts.servo.width_mm.value + 2 * margins
+    return parts.servo.width_mm.value + parts.servo.width_mm.tolerance + 2 * margins
 
 
 class ServoMount(Component):
@@ -105,10 +113,11 @@ def _solids(parts: Catalogue) -> list[Solid]:
 def _holes(shape: Shape, face: str, prefix: str, x: float, y: float) -> list[str]:
     servo, assembly = shape.parts.servo, shape.parts.assembly
     clearance, pitch = 2 * assembly.opening_clearance_mm.value, servo.screw_spacing_mm.value / 2
-    length, width = servo.length_mm.value + clearance, servo.width_mm.value + clearance
+    length, width = (size.value + size.tolerance + clearance for size in (servo.length_mm, servo.width_mm))
     screw = assembly.screw_hole_mm.value
+    far = screw_end_mm(shape.parts) - screw / 2
     return [
         shape.rectangular_hole(face, f"{prefix}opening", "opening", (x, y), length, width),
-        shape.round_hole(face, f"{prefix}screw 1", "screw", (x - pitch, y), screw),
-        shape.round_hole(face, f"{prefix}screw 2", "screw", (x + pitch, y), screw),
+        shape.slotted_hole(face, f"{prefix}screw 1", "screw", (x - pitch, y), (x - far, y), screw),
+        shape.slotted_hole(face, f"{prefix}screw 2", "screw", (x + pitch, y), (x + far, y), screw),
     ]

@@ -10,9 +10,9 @@ from foldcar.car.parts.catalogue import Catalogue
 
 
 def layers(parts: Catalogue) -> int:
-    """How many layers of film lie behind the panel, so that the switch's barbs hold."""
-    film, switch = parts.film.thickness_mm, parts.switch
-    return max(1, math.ceil((switch.panel_least_mm.value - switch.panel_least_mm.tolerance) / film.value - 1e-9) - 1)
+    """How many layers of film lie behind the panel, so that the barbs of any such switch hold."""
+    film, least = parts.film.thickness_mm, parts.switch.panel_least_mm
+    return max(1, math.ceil((least.value + least.tolerance) / (film.value - film.tolerance) - 1e-9) - 1)
 
 
 def depth_mm(parts: Catalogue) -> float:
@@ -32,7 +32,7 @@ class SwitchMount(Component):
         for i in range(layers(self.parts)):
             name = f"layer {i + 1}"
             shape.face(name, ((-a, -b), (a, -b), (a, b), (-a, b)), piece="switch doubler")
-            _opening(shape, name, f"{name} opening", (0.0, 0.0))
+            _opening(shape, name, f"{name}.opening", (0.0, 0.0))
 
     @staticmethod
     def cut(shape: Shape, mount: str, panel: str, at_mm: Point) -> None:

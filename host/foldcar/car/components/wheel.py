@@ -68,8 +68,11 @@ class Wheel(Component):
         for face in ("inner", *layers):
             shape.round_hole(face, f"{face}.hub", "axle", (0, 0), self.parts.horn.recess_diameter_mm.value)
             for i, center in enumerate(wheel_screws_mm(self.parts.horn)):
-                hole = self.parts.horn_screw.diameter_mm.value + 2 * assembly.opening_clearance_mm.value
-                shape.round_hole(face, f"{face}.horn screw {i + 1}", "screw", center, hole)
+                # Slots towards the axle, for horns whose holes lie nearer to it or farther from it.
+                screw, off = self.parts.horn_screw.diameter_mm, self.parts.horn.wheel_screws.tolerance
+                wide, far = screw.value + screw.tolerance + 2 * assembly.cut_mm.value, math.hypot(*center)
+                near, out = ((center[0] * share, center[1] * share) for share in (1 - off / far, 1 + off / far))
+                shape.slotted_hole(face, f"{face}.horn screw {i + 1}", "screw", near, out, wide)
         shape.round_hole("outer", "outer.access", "opening", (0, 0), 2 * size.access_radius_mm)
 
 

@@ -126,7 +126,8 @@ def wheel_screws_mm(horn: Horn) -> tuple[Point, Point]:
 def access_radius_mm(parts: Catalogue) -> float:
     """Radius of a hole through which a driver reaches all screws of the horn."""
     reach = max(math.hypot(*at) for at in wheel_screws_mm(parts.horn))
-    return reach + max(parts.tools.driver_diameter_mm.value, parts.horn_screw.head_diameter_mm.value) / 2 + 0.5
+    play = max(0.5, parts.horn.wheel_screws.tolerance)
+    return reach + max(parts.tools.driver_diameter_mm.value, parts.horn_screw.head_diameter_mm.value) / 2 + play
 
 
 def ring_radius_mm(parts: Catalogue) -> float:

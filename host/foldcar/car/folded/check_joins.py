@@ -163,7 +163,7 @@ def _lies_on(a: PlacedFace, b: PlacedFace) -> bool:
     local = b.in_face(a.corners_mm)
     heights = np.abs(local[:, 2])
     layers = heights.mean() / ((a.piece.thickness_mm + b.piece.thickness_mm) / 2)
-    if np.ptp(local[:, 2]) > CLOSURE_MM or not 0.8 < layers < 6:
+    if np.ptp(local[:, 2]) > CLOSURE_MM or not 0.8 < layers < 10:
         return False
     outline = shapely.Polygon(local[:, :2])
     holes = [shapely.Polygon(b.in_face(a.in_car(hole.outline_mm))[:, :2]) for hole in a.face.holes]

@@ -21,6 +21,8 @@ class Assembly(PartData):
 
     lap_flap_mm: Quantity
     fold_distance_mm: Quantity
+    cut_mm: Quantity
+    placement_mm: Quantity
     opening_clearance_mm: Quantity
     wheel_distance_mm: Quantity
     belly_clearance_mm: Quantity

@@ -1,4 +1,4 @@
-"""The bill of materials: film and bought parts with quantities, masses and costs, as Markdown and as CSV.
+"""The bill of materials: film and bought parts with quantities, masses and costs, as Markdown and as CSV; the fits.
 
 Input: a FoldedCar. Output: rows, and texts of them. Film is counted as cut, without waste.
 """
@@ -8,6 +8,7 @@ import io
 from collections import Counter
 from dataclasses import dataclass
 
+from foldcar.car.fits import fits
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.weight import body_properties
 from foldcar.car.parts.mass import assemble
@@ -67,7 +68,25 @@ def parts_list_text(folded: FoldedCar, title: str) -> str:
         f"| {piece.thickness_mm:g} | {len(piece.creases)} |"
         for piece in folded.pieces
     ]
-    return "\n".join([*lines, ""])
+    return "\n".join([*lines, "", *_fits(folded), ""])
+
+
+def _fits(folded: FoldedCar) -> list[str]:
+    """The worst case of every fit."""
+    cut = folded.parts.assembly.cut_mm.value
+    return [
+        "## Fits",
+        "Room in mm at nominal sizes, what tolerances of the parts' data and of a cutter that is off by "
+        f"{cut:g} mm at every edge take of it at most, and what is left then. Where little is left, measure your parts.",
+        "",
+        "| fit | nominal | parts | cutter | left |",
+        "|---|---:|---:|---:|---:|",
+        *(
+            f"| {fit.name} | {fit.nominal_mm:.2f} | {fit.parts_mm:.2f} | {fit.cutter_mm:.2f} "
+            f"| {round(fit.worst_mm, 2) + 0.0:.2f} |"
+            for fit in fits(folded)
+        ),
+    ]
 
 
 def parts_list_csv(folded: FoldedCar) -> str:

@@ -6,16 +6,23 @@ from collections import Counter
 from importlib.resources import files
 from typing import Any
 
+import numpy as np
 import pytest
 import shapely
 
 from foldcar.car.body import body_json
 from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar
+from foldcar.car.folded.placed import place
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import FILES
 from foldcar.car.parts.choices import OPTIONS
+from foldcar.car.variation.spread import workshop
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_text, total_mass_kg
+from foldcar.fabrication.patterns.join_marks import join_marks
+from foldcar.fabrication.patterns.options import options
+from foldcar.fabrication.patterns.piece_shapes import piece_shapes
+from foldcar.fabrication.patterns.sheets import cut_car
 
 DATA = files("foldcar.car.parts").joinpath("data")
 CARS = ["W_B_W", "W_B_H_W", "W_B_W+film=0.19+tyre=silicone_band", "W_B+film=0.127+tyre=none+horn=disc"]
@@ -129,3 +136,67 @@ def test_every_data_file_is_used_and_every_number_has_a_source() -> None:
     for name in kept:
         check(data(name), name)
     assert kept == used
+
+
+@pytest.mark.parametrize("width", [65.0, 95.0, 115.0, 180.0])
+def test_parts_laid_into_their_outlines_move_the_centre_as_said_and_as_cars_vary(width: float) -> None:
+    car, body = folded_car(compose("W_B_W", {"width": width})), body_json(compose("W_B_W", {"width": width}))
+    whole = sum(part["mass_kg"] for part in (*body["segments"], *body["wheels"]))
+    laid = sum(number(name, "mass_kg") for name in ("battery_4xaa_square.json", "pad.json", "lipo_500mah.json"))
+    placing = number("assembly.json", "placement_mm") * laid / whole
+    # The battery's mass and the switch's, at their distances from the middle of all, are most of the others.
+    middle = sum(m.mass_kg * np.array(m.pose)[:3, 3] for m in car.mounts) / sum(m.mass_kg for m in car.mounts)
+    weighed = np.zeros(3)
+    for file in ("battery_4xaa_square.json", "switch.json", "feather_huzzah32.json", "servo_featherwing.json"):
+        part = data(file)
+        (at,) = (np.array(m.pose)[:3, 3] for m in car.mounts if m.part == part["name"])
+        weighed += ((at - middle) * part["mass_kg"]["tolerance"] / whole) ** 2
+    heights = data("pad.json")["height_mm"]["tolerance"], data("battery_4xaa_square.json")["height_mm"]["tolerance"] / 2
+    high = math.hypot(*heights) * number("battery_4xaa_square.json", "mass_kg") / whole
+
+    assert f"It moves by at most {placing:.1f} mm along and across the car" in parts_list_text(car, "a car")
+    # Tolerances are two standard deviations; leads, which lie anywhere, add to them.
+    for axis, other in (("x", placing), ("y", placing), ("z", high)):
+        computed_m = math.hypot(other, math.sqrt(weighed["xyz".index(axis)])) / 2 * 1e-3
+        assert 0.8 < workshop()[f"com_{axis}_m"].sd / computed_m < 2, axis
+
+
+@pytest.mark.parametrize("type_string", ["W_B_W", "W_B_W+battery_place=roof", "W_B_W+battery=4xaa_flat", "W_B_H_W"])
+def test_outlines_on_the_film_are_where_the_parts_lie(type_string: str) -> None:
+    car = folded_car(compose(type_string, {"W.length": 130, "B.length": 120, "width": 110}))
+    mounts = {mount.name: mount for mount in car.mounts}
+    lying = {}
+    for faces in place(car).values():
+        for face in faces:
+            lying |= {mark.name: face.in_car(mark.outline_mm) for mark in face.face.marks}
+
+    assert lying.keys() == {car.parts.lipo.name, car.parts.pad.name, car.parts.battery.name}
+    for name, corners in lying.items():
+        mount = mounts[name]
+        center, half = np.array(mount.pose)[:3, 3], np.abs(np.array(mount.pose)[:3, :3]) @ np.array(mount.size_mm) / 2
+        assert np.ptp(corners[:, 2]) < 1e-9
+        assert corners[:, :2].min(axis=0) == pytest.approx((center - half)[:2])
+        assert corners[:, :2].max(axis=0) == pytest.approx((center + half)[:2])
+
+
+def test_sheets_have_the_corners_and_the_names_of_what_is_laid_on_the_film() -> None:
+    car, chosen = folded_car(compose("W_B_W", {})), options("silhouette")
+    (flat,) = (piece for piece in cut_car(car, chosen).pieces if piece.name == "beam")
+    shapes, missing = piece_shapes(flat, chosen, join_marks(flat, car.joins))
+    lines = [shapely.LineString(shape.points_mm) for shape in shapes if shape.layer == "SCORE"]
+    corners = [part for part in shapely.get_parts(shapely.line_merge(shapely.union_all(lines))) if part.length > 0]
+    sizes = {
+        name: (data(name)["length_mm"]["value"], data(name)["width_mm"]["value"])
+        for name in ("lipo_500mah.json", "pad.json", "battery_4xaa_square.json")
+    }
+
+    assert missing == [] and len(corners) == 4 * len(sizes)
+    middles = np.array([part.coords[1] for part in corners])
+    apart = {tuple(sorted(np.round(np.abs(a - b), 2), reverse=True)) for a in middles for b in middles}
+    assert {tuple(float(c) for c in size) for size in sizes.values()} <= apart
+    assert all(film_holds(flat.outline, line) for line in lines)
+
+
+def film_holds(outline: shapely.Polygon, line: shapely.LineString) -> bool:
+    """Whether a line is drawn on film, clear of cuts."""
+    return bool(outline.buffer(-0.5).contains(line))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from foldcar.car.compiler.graph import Atom, Graph, Link
 from foldcar.car.compiler.slot import ComponentError
-from foldcar.car.folded.model import Face, Hole, Point, Pose
+from foldcar.car.folded.model import Face, Hole, Mark, Point, Pose
 from foldcar.car.folded.pose import IDENTITY, across_crease, apply, compose
 
 Edge = tuple[str, int]
@@ -86,7 +86,9 @@ def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner
         ring = _ring(graph, poses, inner)
     outline, edges = _merge(ring, tags)
     holes = tuple(_moved(hole, pose) for path, pose in poses.items() for hole in graph.atoms[path].holes)
-    return Fused(Face(first.path, outline, holes, first.role), first, poses, edges)
+    marked = [(mark, pose) for path, pose in poses.items() for mark in graph.atoms[path].marks]
+    marks = tuple(Mark(mark.name, tuple(_flat(pose, at) for at in mark.outline_mm)) for mark, pose in marked)
+    return Fused(Face(first.path, outline, holes, first.role, marks=marks), first, poses, edges)
 
 
 def _ring(graph: Graph, poses: dict[str, Pose], inner: set[Edge]) -> list[tuple[Edge, Point]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from foldcar.car.compiler.slot import ComponentError
-from foldcar.car.folded.model import Access, Hole, JoinKind, Point, Pose, Solid, Wire
+from foldcar.car.folded.model import Access, Hole, JoinKind, Mark, Point, Pose, Solid, Wire
 
 LinkKind = Literal["fold", "bend", "rigid", "hinge", "tab"]
 
@@ -25,6 +25,7 @@ class Atom:
     thickness_mm: float
     body: str
     holes: list[Hole] = field(default_factory=list)
+    marks: list[Mark] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

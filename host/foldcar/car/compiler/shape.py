@@ -11,7 +11,7 @@ from typing import Literal
 
 from foldcar.car.compiler.graph import Atom, Contact, Graph, Link, LinkKind, PlacedAxle, PlacedPart, Placement
 from foldcar.car.compiler.slot import ComponentError
-from foldcar.car.folded.model import Access, Hole, HoleKind, Point, Pose, Solid
+from foldcar.car.folded.model import Access, Hole, HoleKind, Mark, Point, Pose, Solid
 from foldcar.car.folded.pose import translation
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.quantity import BoxPart
@@ -151,12 +151,19 @@ class Shape:
         self.graph.contacts.append(Contact("laminate", (self._face(face), 0), (self._face(on), 0)))
 
     def part(self, part: BoxPart, name: str, on: str, center_mm: tuple[float, float, float], *,
-             turned: bool = False, holes: Sequence[str] = (), solids: Sequence[Solid] = (),
+             turned: bool = False, marked: bool = False, holes: Sequence[str] = (), solids: Sequence[Solid] = (),
              accesses: Sequence[Access] = ()) -> None:  # fmt: skip
-        """Add a bought part of the catalogue, its height along the face's z; ``turned`` puts its length along y."""
+        """Add a bought part of the catalogue, its height along the face's z; ``turned`` puts its length along y.
+
+        If it is ``marked`` the face has its outline, which it is laid into.
+        """
         sizes = (part.length_mm.value, part.width_mm.value, part.height_mm.value)
         size = (sizes[1], sizes[0], sizes[2]) if turned else sizes
         pose = translation(*center_mm)
+        if marked:
+            (x, y, _), a, b = center_mm, size[0] / 2, size[1] / 2
+            outline = ((x - a, y - b), (x + a, y - b), (x + a, y + b), (x - a, y + b))
+            self.graph.atoms[self._face(on)].marks.append(Mark(name, outline))
         self.box(part.name, name, on, pose, size, part.mass_kg.value, holes, solids, accesses)
 
     def box(self, part: str, name: str, on: str, pose: Pose, size_mm: tuple[float, float, float],

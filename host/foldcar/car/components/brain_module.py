@@ -59,7 +59,7 @@ class ElectronicsModule(BrainModule):
         assert isinstance(bridge, Bridge)
         bridge.insert(shape, "bridge", "beam.floor", x, y)
         lipo = (layout.lipo_mm(x), bridge.middle_mm(y), bottom + parts.lipo.height_mm.value / 2)
-        shape.part(parts.lipo, parts.lipo.name, "beam.floor", lipo, turned=True)
+        shape.part(parts.lipo, parts.lipo.name, "beam.floor", lipo, turned=True, marked=True)
         hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
         shape.round_hole("beam.left", "USB", "opening", (x, usb_height_mm(parts)), hole)
         self._battery(shape, layout, x, y)
@@ -81,7 +81,7 @@ class ElectronicsModule(BrainModule):
             height = part.height_mm.value
             # The lid's printed side faces down, its y runs from the left wall.
             at = (x, across - y, -up - height / 2) if roof else (x, y, up + height / 2)
-            shape.part(part, part.name, "beam.lid" if roof else "beam.floor", at, turned=layout.turned)
+            shape.part(part, part.name, "beam.lid" if roof else "beam.floor", at, turned=layout.turned, marked=True)
             up += height
         if roof:
             self._lead(shape, x + battery.width_mm.value / 2)

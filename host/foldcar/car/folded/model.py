@@ -31,6 +31,14 @@ class Hole:
 
 
 @dataclass(frozen=True, slots=True)
+class Mark:
+    """Where the mount of that name is laid: its outline on the printed side, counter-clockwise in the face's frame."""
+
+    name: str
+    outline_mm: tuple[Point, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Face:
     """One flat polygon of film. ``role`` is panel, tab or rim; edge i runs from outline point i to i + 1."""
 
@@ -39,6 +47,7 @@ class Face:
     holes: tuple[Hole, ...] = ()
     role: Literal["panel", "tab", "rim"] = "panel"
     label: str = ""
+    marks: tuple[Mark, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

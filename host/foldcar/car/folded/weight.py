@@ -48,6 +48,14 @@ def body_mass_kg(car: FoldedCar, body: str) -> float:
     return film + sum(m.mass_kg for m in car.mounts if m.body == body)
 
 
+def placing_mm(car: FoldedCar) -> float:
+    """How far the centre of mass is off along the floor at most, if parts are laid into their outlines by eye (mm)."""
+    marked = {mark.name for piece in car.pieces for face in piece.faces for mark in face.marks}
+    laid_kg = sum(mount.mass_kg for mount in car.mounts if mount.name in marked)
+    whole_kg = sum(body_mass_kg(car, body) for body in {placed.body for placed in car.placed})
+    return car.parts.assembly.placement_mm.value * laid_kg / whole_kg
+
+
 def faces_of(car: FoldedCar, body: str) -> Iterator[tuple[Face, Piece, Pose]]:
     """Every face of a body with its piece and its pose in the car."""
     return _faces(car, body, placed=True)

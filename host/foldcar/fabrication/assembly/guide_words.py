@@ -194,9 +194,13 @@ def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
     if car.parts.tyre.name in parts:
         yield f"{car.parts.tyre.name[0].upper()}{car.parts.tyre.name[1:]}: {car.parts.tyre.note}."
     if car.parts.lipo.name in parts:
-        yield "Hold it with a strip of double-sided tape."
+        yield "It lies in its outline on the film, held by a strip of double-sided tape."
     if car.parts.battery.name in parts:
-        yield "It stands on hook-and-loop tape, so that it comes out for its cells."
+        yield "It stands on hook-and-loop tape in its outline, so that it comes out for its cells."
+    if car.parts.board_pad.name in parts:
+        yield "The pad, foam tape in two layers, sticks to film and board where the module covers the board's holes."
+    if car.parts.horn_screw.name in parts:
+        yield "Tighten them with the centre screw's head in the middle of the disc's hole: then the wheel runs true."
     strips = {p.name for p in car.pieces if any(crease.flexure for crease in p.creases)}
     if strips & {added.name for added in step.adds}:
         low, high = (math.degrees(limit) for limit in (car.hinges[0].min_rad, car.hinges[0].max_rad))

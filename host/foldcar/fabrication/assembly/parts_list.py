@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from foldcar.car.fits import fits
 from foldcar.car.folded.model import FoldedCar
-from foldcar.car.folded.weight import body_properties
+from foldcar.car.folded.weight import body_properties, placing_mm
 from foldcar.car.parts.mass import assemble
 from foldcar.car.parts.quantity import Bought
 from foldcar.car.parts.wheel_parts import Tyre
@@ -153,7 +153,13 @@ def _balance(folded: FoldedCar) -> list[str]:
     where = "at the middle" if abs(x) < 0.5 else f"{abs(x):.0f} mm {side} the middle"
     high = f"{z + folded.axles[0].radius_mm:.0f} mm above the ground"
     place = f"with the battery on the {folded.parts.battery_place}"
-    return [f"The centre of mass is {where} of the car's length, {high}, {place}.", ""]
+    laid = folded.parts.assembly.placement_mm.value
+    return [
+        f"The centre of mass is {where} of the car's length, {high}, {place}.",
+        f"It moves by at most {placing_mm(folded):.1f} mm along and across the car if LiPo, pad and battery lie within "
+        f"{laid:g} mm of their outlines on the film.",
+        "",
+    ]
 
 
 def _amount(row: Row) -> str:

@@ -6,8 +6,8 @@ compensated when the sheets are drawn.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -29,6 +29,9 @@ SHORTEST_SLIT_MM = 0.05
 # Beyond this fold angle faces lie on each other, and there is no bend deduction.
 LARGEST_BEND_RAD = math.radians(150)
 
+# Outlines of parts are drawn as corners with sides so long.
+CORNER_MM = 6.0
+
 FoldKind = Literal["mountain", "valley", "flexure"]
 Edge = tuple[Point, Point]
 
@@ -46,7 +49,8 @@ class Fold:
 class FlatFace:
     """A face in the flat, for labels. ``edges`` are numbered as in the face, ``holes`` has the edges of holes by name.
 
-    Edges run counter-clockwise, those of holes clockwise: the film is on their left.
+    ``laid`` has those of the outlines of parts that are laid onto it. Edges run counter-clockwise, those of holes
+    clockwise: the film is on their left.
     """
 
     name: str
@@ -54,6 +58,7 @@ class FlatFace:
     outline: Polygon
     edges: Mapping[int, Edge]
     holes: Mapping[str, tuple[Edge, ...]]
+    laid: Mapping[str, tuple[Edge, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +67,7 @@ class FlatPiece:
 
     ``outline`` has the polygonal openings as its holes; ``circles`` are (centre, diameter); ``slits`` are open cuts.
     ``origin`` is the name of the car's piece that it is, or is a part of; ``marks`` are lines that another part is
-    aligned with. ``bends`` are the lines between facets of a smooth bend, which are not drawn. ``seams`` are numbers
+    laid against. ``bends`` are the lines between facets of a smooth bend, which are not drawn. ``seams`` are numbers
     of joins that the piece was parted at, each with the edges beside which it may stand, film on their left.
     """
 
@@ -141,6 +146,7 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
         flat,
         piece.name,
         piece.count,
+        marks=tuple(corner for face in flat for edges in face.laid.values() for corner in _corners(edges)),
         bends=bends,
     )
 
@@ -202,7 +208,20 @@ def _flat_face(face: Face, corners: list[list[Point]], place: _Placing) -> FlatF
     for hole in face.holes:
         corner_points = [place.apply(p) for p in reversed(hole.outline_mm)]
         holes[hole.name] = tuple(zip(corner_points, [*corner_points[1:], corner_points[0]], strict=True))
-    return FlatFace(face.name, face.role, outline, edges, holes)
+    laid = {}
+    for mark in face.marks:
+        at = [place.apply(p) for p in mark.outline_mm]
+        laid[mark.name] = tuple(zip(at, [*at[1:], at[0]], strict=True))
+    return FlatFace(face.name, face.role, outline, edges, holes, laid)
+
+
+def _corners(edges: Sequence[Edge]) -> Iterator[Edge]:
+    """Both ends of every edge, with the film of the outline on their left."""
+    for a, b in edges:
+        share = min(CORNER_MM / math.dist(a, b), 0.5)
+        for start, end in ((0.0, share), (1 - share, 1.0)):
+            near, far = ((a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])) for s in (start, end))
+            yield near, far
 
 
 def _fold(crease: Crease, faces: dict[str, FlatFace]) -> Fold | None:
@@ -261,6 +280,7 @@ def moved(flat: FlatPiece, motion: Motion) -> FlatPiece:
                 outline=polygon(face.outline),
                 edges={i: ends(edge) for i, edge in face.edges.items()},
                 holes={name: tuple(ends(edge) for edge in ring) for name, ring in face.holes.items()},
+                laid={name: tuple(ends(edge) for edge in ring) for name, ring in face.laid.items()},
             )
             for face in flat.faces
         ),

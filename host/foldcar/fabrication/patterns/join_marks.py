@@ -1,10 +1,13 @@
-"""Positions of joins' numbers on flat pieces: beside both edges of every join.
+"""Positions of texts on flat pieces: joins' numbers beside both edges of every join, names in parts' outlines.
 
 Input: a FlatPiece and joins. Output: EdgeMarks. The teeth of a rim share one number, which is written once on the disc
 and once on the strip, not on a tooth.
 """
 
+import math
 from collections.abc import Iterable, Iterator
+
+import shapely
 
 from foldcar.car.folded.model import EdgeRef, Join
 from foldcar.fabrication.patterns.drawing import Point
@@ -17,7 +20,7 @@ PLACES = 8
 
 
 def join_marks(piece: FlatPiece, joins: Iterable[Join]) -> Iterator[EdgeMark]:
-    """The numbers of all joins of the piece, those that it was parted at first."""
+    """The numbers of all joins of the piece, those that it was parted at first; the names of parts laid onto it."""
     yield from (EdgeMark(str(number), beside) for number, beside in piece.seams)
     faces = {face.name: face for face in piece.faces}
     seen: set[tuple[int, str]] = set()
@@ -38,6 +41,9 @@ def join_marks(piece: FlatPiece, joins: Iterable[Join]) -> Iterator[EdgeMark]:
     for (number, _), edges in around.items():
         half = len(edges) // 2
         yield EdgeMark(str(number), tuple(sorted((*edges[half:], *edges[:half]), key=_slant)[:PLACES]))
+    for name, outline in (laid for face in piece.faces for laid in face.laid.items() if laid[1]):
+        longest = sorted(outline, key=lambda edge: -round(math.dist(*edge), 3))
+        yield EdgeMark(name, tuple(longest), shapely.MultiLineString(outline).convex_hull)
 
 
 def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[Edge]:

@@ -28,10 +28,11 @@ DESCENT = 0.35
 
 @dataclass(frozen=True, slots=True)
 class EdgeMark:
-    """A number to be written beside one of several edges, the first with room on its left."""
+    """A number to be written beside one of several edges, the first with room on its left, and inside ``within``."""
 
     text: str
     edges: tuple[tuple[Point, Point], ...]
+    within: BaseGeometry | None = None
 
 
 def label_paths(
@@ -40,7 +41,7 @@ def label_paths(
     """Strokes of name and numbers, upright after ``quarter_turns``; the texts that did not fit."""
     turn = quarter_turns * math.pi / 2
     taken: list[BaseGeometry] = [LineString([f.a, f.b]) for f in flat.folds]
-    taken += [LineString(slit) for slit in flat.slits]
+    taken += [LineString(line) for line in (*flat.slits, *flat.marks)]
     taken += [ShapelyPoint(p).buffer(d / 2) for p, d in flat.circles]
     blocked = shapely.union_all([line.buffer(CLEAR_MM, quad_segs=2) for line in taken])
     free: BaseGeometry = flat.outline.buffer(-CLEAR_MM, quad_segs=2).difference(blocked)
@@ -49,7 +50,8 @@ def label_paths(
 
     # Numbers first, because they have fewer possible places than the name.
     for mark in marks:
-        found = _first_fit(free, mark.text, _beside_edge(mark, turn), NUMBER_HEIGHTS_MM)
+        room = free if mark.within is None else free.intersection(mark.within)
+        found = _first_fit(room, mark.text, _beside_edge(mark, turn), NUMBER_HEIGHTS_MM)
         if found is None:
             missing.append(mark.text)
             continue

@@ -241,7 +241,8 @@ def _clipped(flat: FlatPiece, window: Polygon) -> FlatPiece:
         if isinstance(kept, Polygon) and kept.area > 1e-3:
             edges = {i: ordered(part, edge) for i, edge in face.edges.items() if (part := inside(edge)) is not None}
             rings = {name: ring for name, ring in face.holes.items() if window.contains(LineString(ring[0]))}
-            faces.append(replace(face, outline=kept, edges=edges, holes=rings))
+            laid = {name: tuple(filter(None, map(inside, around))) for name, around in face.laid.items()}
+            faces.append(replace(face, outline=kept, edges=edges, holes=rings, laid=laid))
     outline = flat.outline.intersection(window)
     # A slit on the cut itself is part of the outline now.
     slits = (LineString(slit).intersection(window.buffer(-GRID_MM)) for slit in flat.slits)

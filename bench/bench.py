@@ -54,7 +54,7 @@ def run(*arguments: str | Path) -> Timed:
 
 
 def sweep(
-    store: Path, jobs: int, environments: int | None = None, listing: Path = LISTING, engine: str = "side-view"
+    store: Path, jobs: int, environments: int | None = None, listing: Path = LISTING, engine: str = "multibody"
 ) -> Timed:
     """Sweep the study, or another listing, into a new store."""
     more = () if environments is None else ("--environments", str(environments))
@@ -140,7 +140,7 @@ def main() -> None:
         some = batch_lines(solid_store)
         status.update("the same runs in each engine")
         speeds = [
-            ("side view", "yes", speed(some, CARSIM)),
+            ("multibody", "yes", speed(some, CARSIM)),
             ("MuJoCo", "yes", speed(some, CARSIM_MUJOCO)),
             ("MuJoCo from Python, exported model", "no", python_factor(solid_store)),
             *box2d_speed(solid_store),
@@ -184,7 +184,7 @@ def main() -> None:
     console.print(table)
     count = some.count('{"run"')
     title = f"{count} of these runs on one core, by its processor time"
-    table = Table("engine", "firmware", "× real time", "side view faster by, ×", title=title)
+    table = Table("engine", "firmware", "× real time", "multibody faster by, ×", title=title)
     table.columns[2].justify = table.columns[3].justify = "right"
     for name, firmware, factor in speeds:
         table.add_row(name, firmware, f"{factor:.0f}", f"{speeds[0][2] / factor:.2g}")

@@ -23,7 +23,7 @@ from page_block import replaced
 from foldcar.analysis.intervals import wilson_interval
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.atomic_file import atomic_file
-from foldcar.simulation.engines import MUJOCO, SIDE_VIEW
+from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.store.reader import Store
 from foldcar.study.schedule import Schedule
 
@@ -135,14 +135,14 @@ def rows(name: str, side: Runs, mujoco: Runs, rule: StoppingRule) -> list[list[s
         ("MuJoCo, all environments", [most] * designs, 0.0, int(verdicts(mujoco.passed, most, rule).sum())),
         ("MuJoCo, equally many, fewest in hindsight", [enough] * designs, 0.0, fewest),
         ("MuJoCo until decided", plain.runs, 0.0, int(plain.decided.sum())),
-        ("both until decided, side view first", ordered.runs, before, int(ordered.decided.sum())),
+        ("both until decided, multibody first", ordered.runs, before, int(ordered.decided.sum())),
     ]
     tables = []
     for way, runs, extra, decided in ways:
         cost = mujoco.cost(runs) + extra
         share = f"{100 * cost / everything:.0f}"
         tables.append([name, way, f"{sum(runs)}", f"{decided} of {designs}", f"{cost:.0f}", share])
-    print(f"{name}: the side view's runs {first.runs.sum()}, {before:.0f} s; of MuJoCo's time of the same runs "
+    print(f"{name}: multibody's runs {first.runs.sum()}, {before:.0f} s; of MuJoCo's time of the same runs "
           f"{100 * side.seconds.mean() / mujoco.seconds.mean():.0f} %")
     # Designs on whose side the engines' verdicts part: when their first runs are made.
     here, there = (one.passed / one.runs for one in (ordered, first))
@@ -173,7 +173,7 @@ def main(folder: Path, page: Path) -> None:
     paired = []
     for listing in (SCENARIOS / "width_study.json", borders):
         store = folder / f"{listing.stem}.db"
-        side, mujoco = (measured(listing, store, engine) for engine in (SIDE_VIEW, MUJOCO))
+        side, mujoco = (measured(listing, store, engine) for engine in (MULTIBODY, MUJOCO))
         table += rows(NAMES[listing.stem], side, mujoco, rule)
         rho, ratio, cost = correlation(side, mujoco)
         paired.append(f"{NAMES[listing.stem]}: ρ = {rho:.2f}, c = {ratio:.2f}, {cost:.2f} times the cost")

@@ -27,7 +27,7 @@ OUTPUT = ROOT / "test/determinism/golden_output.jsonl"
 FLAGS = ("-std=gnu++17", "-ffp-contract=off", "-pthread")
 NUMERICS = (
     *("firmware/lib/application", "firmware/lib/attitude", "firmware/lib/control", "firmware/lib/parameters"),
-    *("firmware/lib/supervisor", "sim2d/lib/elementary", "sim2d/lib/engine", "sim2d/lib/model", "sim2d/lib/side_view"),
+    *("firmware/lib/supervisor", "sim2d/lib/elementary", "sim2d/lib/engine", "sim2d/lib/model", "sim2d/lib/multibody"),
     *("sim2d/lib/sim_hal", "sim2d/lib/terrain", "sim2d/lib/trial"),
 )
 
@@ -84,7 +84,7 @@ def _all_sources() -> list[Path]:
     folders = [folder for base in ("firmware/lib", "sim2d/lib") for folder in sorted((ROOT / base).iterdir())]
     skipped = ("feather_hal", "design_json", "mujoco_car")
     files = _sources(str(folder.relative_to(ROOT)) for folder in folders if folder.name not in skipped)
-    files += [*_sources(["sim2d/src"]), ROOT / "sim2d/engines/side_view.cpp"]
+    files += [*_sources(["sim2d/src"]), ROOT / "sim2d/engines/multibody.cpp"]
     box2d = _downloaded("box2d")
     if box2d is None:
         raise BuildError("Box2D is not there yet: make setup fetches it")

@@ -17,11 +17,11 @@ from foldcar.crosscheck.agreement import Agreement, Pair, agreement
 from foldcar.crosscheck.page import COMPARISON_HEAD, column_name, comparison_row, experiment_table
 from foldcar.crosscheck.stored import Case
 from foldcar.errors import FoldcarError
-from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, SIDE_VIEW
+from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY
 from foldcar.simulation.results import NUMBERS
 
 ENGINES = {
-    "side view": SIDE_VIEW,
+    "multibody": MULTIBODY,
     "MuJoCo, half step": HALF_STEP,
     "MuJoCo, ellipsoid tyres": ELLIPSOID,
 }
@@ -91,10 +91,10 @@ def read_rows(file: Path) -> list[dict[str, str]]:
 
 
 def experiments(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
-    """A row an experiment of the page: the side view against MuJoCo."""
+    """A row an experiment of the page: multibody against MuJoCo."""
     names = [*(name for _, name in NAMES), EVERYTHING]
     groups = {
-        name: [agreement(pairs_of([row for row in rows if name in (name_of(row), EVERYTHING)], SIDE_VIEW))]
+        name: [agreement(pairs_of([row for row in rows if name in (name_of(row), EVERYTHING)], MULTIBODY))]
         for name in names
     }
     head, *table = experiment_table(groups)
@@ -114,15 +114,15 @@ def engines(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
 
 
 def parted_designs(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
-    """The designs whose success rates part most in the side view and MuJoCo, by the difference in its standard errors."""
-    whole: Agreement = agreement(pairs_of(rows, SIDE_VIEW))
+    """The designs whose success rates part most in multibody and MuJoCo, by the difference in its standard errors."""
+    whole: Agreement = agreement(pairs_of(rows, MULTIBODY))
     varied = {
         name: {key for one, d in whole.designs.items() if one[0] == name for key in d.columns
                if len({other.columns[key] for them, other in whole.designs.items() if them[0] == name}) > 1}
         for name, _ in whole.designs
     }  # fmt: skip
     order = sorted(whole.designs.items(), key=lambda pair: -abs(pair[1].first - pair[1].second) / pair[1].runs**0.5)
-    found = [["experiment", "design", "runs", "side view %", "MuJoCo %"]]
+    found = [["experiment", "design", "runs", "multibody %", "MuJoCo %"]]
     for (name, _), one in order[:PARTED]:
         label = ", ".join(f"{key} {one.columns[key]:g}" for key in sorted(varied[name]))
         found.append([name, label, str(one.runs), *(f"{100 * n / one.runs:.0f}" for n in (one.first, one.second))])

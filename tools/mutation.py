@@ -35,12 +35,12 @@ CAR = [
 ]  # fmt: skip
 # Sources, or folders of them, and the suites that concern them, the quick ones first. The first entry that fits counts.
 TARGETS = {
-    "sim2d/lib/side_view/track_terrain.cpp": [*CAR, "test_sim_terrain"],
-    "sim2d/lib/side_view/tyre_contacts.cpp": ["test_sim_contacts", *CAR],
-    "sim2d/lib/side_view/tyre_section.cpp": ["test_sim_contacts", *CAR],
-    "sim2d/lib/side_view/belly_contacts.cpp": ["test_sim_contacts", *CAR],
+    "sim2d/lib/multibody/track_terrain.cpp": [*CAR, "test_sim_terrain"],
+    "sim2d/lib/multibody/tyre_contacts.cpp": ["test_sim_contacts", *CAR],
+    "sim2d/lib/multibody/tyre_section.cpp": ["test_sim_contacts", *CAR],
+    "sim2d/lib/multibody/belly_contacts.cpp": ["test_sim_contacts", *CAR],
     "sim2d/lib/engine": CAR,
-    "sim2d/lib/side_view": CAR,
+    "sim2d/lib/multibody": CAR,
     "firmware/lib/control": ["test_control"],
     "firmware/lib/supervisor": ["test_supervisor", "test_application"],
     "host/foldcar/analysis/anytime.py": ["test_sweep_until.py"],

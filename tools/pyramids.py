@@ -37,7 +37,7 @@ from foldcar.calibration.parameters import FloatArray
 from foldcar.car.body import body_json
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.engines import MUJOCO, SIDE_VIEW
+from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.simulation.results import outcome_of
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.writer import canonical_json
@@ -326,7 +326,7 @@ def main() -> None:
     for sizes in itertools.islice(search.proposed(), CONFIRMED):
         found = bench.passed(scenic_params(sizes), CONFIRM_SEED, CONFIRM_SCENES, WIDTHS)
         print(f"in {CONFIRM_SCENES} fresh scenes:", told(sizes), rates_told(found, CONFIRM_SCENES), flush=True)
-    shown = {"MuJoCo": bench, "side view": Bench(options.folder / "side_view.jsonl", SIDE_VIEW, options.jobs)}
+    shown = {"MuJoCo": bench, "multibody": Bench(options.folder / "multibody.jsonl", MULTIBODY, options.jobs)}
     rates = {name: one.passed({}, PAGE_SEED, PAGE_SCENES, WIDTHS) for name, one in shown.items()}
     said = f"Of {len(search.points)} sets of sizes tried, {len(fitting)} fit too: {ranges(fitting)}."
     renew(options.page, [*table(rates, PAGE_SCENES), "", said])

@@ -4,7 +4,7 @@
 namespace foldcar {
 namespace {
 
-// How far results depend on step and tyre tells how far one may ask the side view to agree.
+// How far results depend on step and tyre tells how far one may ask multibody to agree.
 MujocoOptions& options() {
   static MujocoOptions chosen;
   return chosen;

@@ -1,10 +1,10 @@
 // Lines of `carsim step`: none may crash, reach an assertion, cost too much or be answered by what is no JSON.
 #include "step_session.h"
 #include "lines.h"
-#include "side_view_engine.h"
+#include "multibody_engine.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static const foldcar::SideViewEngine engine;
+  static const foldcar::MultibodyEngine engine;
   foldcar::StepSession session(engine);
   return foldcar::answer_all(session, data, size);
 }

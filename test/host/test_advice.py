@@ -56,8 +56,8 @@ def test_a_design_is_told_of_its_nearest_driven_one() -> None:
     x = [[0.0, 0.0], [30.0, 0.0], [100.0, 10.0], [0.0, 4.0]]
     wide = believed(x, [50] * 4, [(5, 10), (0, 0), (0, 10), (10, 10)], [0.5] * 4)
     assert "nearest driven" not in next_reason(wide, 1, 0.5, None, [])
-    parted = Parting(-0.3, "MuJoCo and the side view")
-    assert next_reason(wide, 1, 0.5, parted, []).endswith("MuJoCo and the side view part by 30 points")
+    parted = Parting(-0.3, "MuJoCo and multibody")
+    assert next_reason(wide, 1, 0.5, parted, []).endswith("MuJoCo and multibody part by 30 points")
 
 
 def simulation(engine: str, calibration: Any, rates: dict[float, int], listed: str = "1") -> Any:
@@ -87,8 +87,8 @@ def test_the_simulation_that_parts_most_is_one_that_differs_in_one_thing() -> No
     first, second = (choice._parted(one) for one in here.designs)
 
     assert first is not None and second is not None
-    assert (first.difference, first.between) == (pytest.approx(-0.3), "the side view and MuJoCo")
-    assert (second.difference, second.between) == (pytest.approx(0.1), "the side view and MuJoCo")
+    assert (first.difference, first.between) == (pytest.approx(-0.3), "multibody and MuJoCo")
+    assert (second.difference, second.between) == (pytest.approx(0.1), "multibody and MuJoCo")
     # Doubt falls with the distance from the threshold in widths of the band, and rises with the parting.
     assert list(choice._doubt()) == pytest.approx([1 / (1 + 0.25 / 0.4) + 0.3, 1 / (1 + 0.15 / 0.25) + 0.1])
 

@@ -19,7 +19,7 @@ from foldcar.crosscheck.parted import parted
 from foldcar.crosscheck.stored import Case, read_cases
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.engines import MUJOCO, SIDE_VIEW
+from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.store.reader import Store
 from shell_signals import like_a_shell
 from under_coverage import unmeasured
@@ -82,14 +82,14 @@ def test_the_command_compares_and_goes_on_from_what_is_there(
     with (folder / "runs.csv").open() as lines:
         rows = list(csv.DictReader(lines))
     assert [(row["design"], row["sample"]) for row in rows] == [("1", "0"), ("2", "0"), ("1", "1"), ("2", "1")]
-    assert all(row["side_view_outcome"] and row["mujoco_outcome"] for row in rows)
+    assert all(row["multibody_outcome"] and row["mujoco_outcome"] for row in rows)
     for engine in ("mujoco_half_step", "mujoco_ellipsoid_tyres"):
         assert [bool(row[f"{engine}_outcome"]) for row in rows] == [True, True, False, False]
-    alike = sum((row["side_view_outcome"] == "passed") == (row["mujoco_outcome"] == "passed") for row in rows)
+    alike = sum((row["multibody_outcome"] == "passed") == (row["mujoco_outcome"] == "passed") for row in rows)
     numbers = json.loads((folder / "summary.json").read_text())
-    assert numbers["comparisons"]["side view – MuJoCo"]["alike"] == alike
+    assert numbers["comparisons"]["multibody – MuJoCo"]["alike"] == alike
     page = (folder / "index.html").read_text()
-    assert f"<td>side view – MuJoCo</td><td>4</td><td>{100 * alike / 4:.1f}</td>" in page
+    assert f"<td>multibody – MuJoCo</td><td>4</td><td>{100 * alike / 4:.1f}</td>" in page
     assert (folder / "success_1.png").read_bytes().startswith(b"\x89PNG")
     with Store.open(folder / "study.db") as store:
         infos = store.info().experiments
@@ -111,9 +111,9 @@ def test_the_worst_are_simulated_again_to_the_same_end(
 ) -> None:
     listing_data["vehicles"]["1"]["params"][0]["common"]["width"] = 95
     file = write_listing(listing_data)
-    for engine in (SIDE_VIEW, MUJOCO):
+    for engine in (MULTIBODY, MUJOCO):
         assert foldcar("sweep", file, "--store", "s.db", "--engine", engine).returncode == 0
-    engines = {engine: Carsim(engine=engine) for engine in (SIDE_VIEW, MUJOCO)}
+    engines = {engine: Carsim(engine=engine) for engine in (MULTIBODY, MUJOCO)}
     with Store.open(tmp_path / "s.db") as store:
         cases, results = read_cases(store, ["1"], engines)
         first, second = ([one for one in results[engine] if one is not None] for engine in engines)
@@ -211,8 +211,8 @@ def test_a_program_with_dynamics_decides_in_both_engines(
         rows = list(csv.DictReader(lines))
     assert len(rows) == 2
     for row in rows:
-        assert row["side_view_outcome"] == row["mujoco_outcome"] == row["mujoco_half_step_outcome"] == "passed"
-        times = [float(row[f"{engine}_elapsed_time_s"]) for engine in ("side_view", "mujoco")]
+        assert row["multibody_outcome"] == row["mujoco_outcome"] == row["mujoco_half_step_outcome"] == "passed"
+        times = [float(row[f"{engine}_elapsed_time_s"]) for engine in ("multibody", "mujoco")]
         assert times[0] == pytest.approx(times[1], rel=0.03)
     with Store.open(tmp_path / "check" / "study.db") as store:
         ends = [result.recorded["x_m"].value for result in store.results()]

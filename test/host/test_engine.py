@@ -1,4 +1,4 @@
-"""The MuJoCo engine from the commands: the same studies in three dimensions, beside the side view in one store."""
+"""The MuJoCo engine from the commands: the same studies, beside multibody in one store."""
 
 import json
 import os
@@ -46,7 +46,7 @@ def driven(carsim: Carsim, body: dict[str, Any], scene: dict[str, Any], **settin
 
 def test_engines_are_known_by_what_their_programs_say() -> None:
     assert [engine_of(told) for told in ("", "MuJoCo 4.0.0", "MuJoCo 3.17.0, half step")] == [
-        "side-view",
+        "multibody",
         "mujoco",
         "mujoco-half-step",
     ]
@@ -100,7 +100,7 @@ def listing(listing_data: Any, write_listing: Any) -> Path:
     return file
 
 
-def test_a_sweep_gives_the_same_numbers_over_jobs_and_stands_beside_the_side_view(
+def test_a_sweep_gives_the_same_numbers_over_jobs_and_stands_beside_the_multibody(
     tmp_path: Path, foldcar: Command, listing: Path
 ) -> None:
     for jobs in ("1", "2"):
@@ -157,7 +157,7 @@ def test_another_program_in_its_place_is_refused(foldcar: Command, listing: Path
     done = foldcar("sweep", listing, "--store", "s.db", "--engine", "mujoco", env=env)
 
     assert done.returncode == 2
-    assert "its engine is the side view, not mujoco" in done.stderr and done.stderr.count("\n") == 1
+    assert "its engine is multibody, not mujoco" in done.stderr and done.stderr.count("\n") == 1
 
 
 def test_an_unknown_engine_is_refused(foldcar: Command, listing: Path) -> None:

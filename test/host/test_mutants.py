@@ -47,7 +47,7 @@ def test_the_list_is_the_same_every_time() -> None:
 def test_every_explained_line_is_still_in_its_file() -> None:
     reasons = read_explained(TOOLS / "mutation_explained.txt")
     assert stale_reasons(TOOLS.parent, reasons) == []
-    assert stale_reasons(TOOLS.parent, {("sim2d/lib/side_view/car_constants.cpp", "no such line", "*"): "x"}) != []
+    assert stale_reasons(TOOLS.parent, {("sim2d/lib/multibody/car_constants.cpp", "no such line", "*"): "x"}) != []
 
 
 def test_a_broken_explanation_names_its_line(tmp_path: Path) -> None:

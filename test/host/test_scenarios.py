@@ -13,7 +13,7 @@ from scipy.stats import kstest
 
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.engines import MUJOCO, SIDE_VIEW
+from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.simulation.runner import CarsimError
 from foldcar.store.info import engine_id
 from foldcar.store.reader import Store
@@ -67,7 +67,7 @@ def test_listings_are_sound_and_small(name: str) -> None:
 def test_every_experiment_runs_in_both_engines(name: str, tmp_path: Path) -> None:
     """One car of each in two samples: each engine gives each run a result, a result of its own."""
     try:
-        carsims = [Carsim(engine=engine) for engine in (SIDE_VIEW, MUJOCO)]
+        carsims = [Carsim(engine=engine) for engine in (MULTIBODY, MUJOCO)]
     except CarsimError as error:
         pytest.skip(str(error))
     study = read_study(SCENARIOS / f"{name}.json", environments=2)
@@ -83,11 +83,11 @@ def test_every_experiment_runs_in_both_engines(name: str, tmp_path: Path) -> Non
         sweep(named, tmp_path / "s.db", carsim, 1, "", environment_of=lambda one: environments[one.place])
 
     with Store.open(tmp_path / "s.db") as store:
-        in_side_view, in_mujoco = (
+        in_multibody, in_mujoco = (
             [result for one in first for result in store.results(engine_id(one.id, carsim.engine))] for carsim in carsims
         )
-    assert len(in_side_view) == 2 * len(first)
-    for one, other in zip(in_side_view, in_mujoco, strict=True):
+    assert len(in_multibody) == 2 * len(first)
+    for one, other in zip(in_multibody, in_mujoco, strict=True):
         assert (one.sample, one.design) == (other.sample, other.design)
         for result in (one, other):
             assert result.outcome != "failed" and result.metrics["elapsed_time_s"] > 0

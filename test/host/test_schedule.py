@@ -192,7 +192,7 @@ def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(
         assert 12 <= info.stored_runs < info.planned_runs
     resumed, _ = swept(listing, stores[1], mujoco, 3)
 
-    assert not any("no side-view runs" in line for line in said)
+    assert not any("no multibody runs" in line for line in said)
     found = []
     for path in stores:
         with Store.open(path) as store:
@@ -214,9 +214,9 @@ def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(
     assert counts.states[0].decided and counts.states[2].decided
 
 
-def test_without_side_view_runs_one_line_says_so(listing: Path, tmp_path: Path) -> None:
+def test_without_multibody_runs_one_line_says_so(listing: Path, tmp_path: Path) -> None:
     counts, said = swept(listing, tmp_path / "s.db", Carsim(engine=MUJOCO), 2)
 
-    told = [line for line in said if "side-view" in line]
-    assert told == ["experiment 1 (MuJoCo): no side-view runs in the store: designs in the listing's order"]
+    told = [line for line in said if "multibody" in line]
+    assert told == ["experiment 1 (MuJoCo): no multibody runs in the store: designs in the listing's order"]
     assert counts.states[0].decided and counts.states[2].decided

@@ -3,7 +3,7 @@
 #include "../study_car.h"
 #include "link_record.h"
 #include "linked_car.h"
-#include "side_view_engine.h"
+#include "multibody_engine.h"
 
 #include <sstream>
 #include <string>
@@ -24,7 +24,7 @@ const char* const kFirmware = "0123456789abcdef";
 
 // A car on a cable with a host that sends a heartbeat every 0.2 s, and the record of both.
 struct Bench {
-  SideViewEngine engine;
+  MultibodyEngine engine;
   BodySpec body = study_car(0.095);
   SceneSpec scene;
   std::ostringstream lines;

@@ -1,4 +1,4 @@
-// The three-dimensional car's physics against the closed forms that the side view is held to, and its ground against
+// The three-dimensional car's physics against the closed forms that multibody is held to, and its ground against
 // the heights of the terrain. Built with MuJoCo: `pio test -e native_mujoco`.
 #include <unity.h>
 

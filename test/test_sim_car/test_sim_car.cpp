@@ -8,7 +8,7 @@
 
 #include "../study_car.h"
 #include "scene_terrain.h"
-#include "twin_track_car.h"
+#include "multibody_car.h"
 
 using namespace foldcar;
 
@@ -29,7 +29,7 @@ TerrainSpec slope_of(double slope_rad) {
 
 struct Drive {
   BodySpec body;
-  TwinTrackCar car;
+  MultibodyCar car;
   PulsesUs pulses_us;
   Drive(const BodySpec& body_spec, double friction, const Terrain& terrain, double fraction, StepOptions options = {},
         PoseSpec start = {})

@@ -5,11 +5,11 @@
 #include <cmath>
 
 #include "../full_speed.h"
-#include "../side_view_trial.h"
+#include "../multibody_trial.h"
 #include "../study_car.h"
 #include "scene_terrain.h"
 #include "trial.h"
-#include "twin_track_car.h"
+#include "multibody_car.h"
 
 using namespace foldcar;
 
@@ -23,7 +23,7 @@ constexpr double kRadius_m = 0.06;
 
 struct Drive {
   BodySpec body;
-  TwinTrackCar car;
+  MultibodyCar car;
   PulsesUs pulses_us;
   Drive(const BodySpec& body_spec, double friction, const Terrain& terrain, double fraction, PoseSpec start = {})
       : body(body_spec),

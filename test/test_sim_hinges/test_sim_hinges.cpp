@@ -7,7 +7,7 @@
 
 #include "../study_car.h"
 #include "scene_terrain.h"
-#include "twin_track_car.h"
+#include "multibody_car.h"
 
 using namespace foldcar;
 
@@ -26,7 +26,7 @@ constexpr double kWidth_m = 0.095;
 
 struct Drive {
   BodySpec body;
-  TwinTrackCar car;
+  MultibodyCar car;
   PulsesUs pulses_us;
   Drive(const BodySpec& body_spec, const Terrain& terrain, const PulsesUs& pulses, StepOptions options = {},
         PoseSpec start = {})

@@ -6,7 +6,7 @@
 
 #include "../study_car.h"
 #include "scene_terrain.h"
-#include "twin_track_car.h"
+#include "multibody_car.h"
 
 using namespace foldcar;
 
@@ -21,7 +21,7 @@ const SceneTerrain kFlat(TerrainSpec{});
 
 struct Drive {
   BodySpec body;
-  TwinTrackCar car;
+  MultibodyCar car;
   PulsesUs pulses_us;
   Drive(const BodySpec& body_spec, const Terrain& terrain, double fraction, StepOptions options = {})
       : body(body_spec), car(body, 0.6, terrain, {}, options, nullptr), pulses_us(pulses_for(study_car(0.095), fraction)) {}

@@ -1,7 +1,7 @@
 // The batch's input: what docs/carsim.md shows is taken, everything else is refused by name, nothing aborts.
 #include "../carsim_lines.h"
 #include "batch_session.h"
-#include "side_view_engine.h"
+#include "multibody_engine.h"
 
 #include <functional>
 #include <string>
@@ -19,7 +19,7 @@ namespace {
 
 // The answer to a line in a session that knows body b and scene s; empty if there is none.
 std::string answer(const std::string& line) {
-  const SideViewEngine engine;
+  const MultibodyEngine engine;
   BatchSession session(engine, false);
   TEST_ASSERT_FALSE(session.answer(1, body().dump()).has_value());
   TEST_ASSERT_FALSE(session.answer(2, scene().dump()).has_value());
@@ -67,7 +67,7 @@ void test_what_may_be_left_out_of_a_run_can_be() {
 }
 
 void test_a_scene_may_have_no_goal() {
-  const SideViewEngine engine;
+  const MultibodyEngine engine;
   BatchSession session(engine, false);
   session.answer(1, body().dump());
   json aimless = scene();
@@ -180,7 +180,7 @@ void test_a_run_may_only_name_what_is_known() {
 }
 
 void test_a_later_definition_replaces_an_earlier_one() {
-  const SideViewEngine engine;
+  const MultibodyEngine engine;
   BatchSession session(engine, false);
   session.answer(1, body().dump());
   session.answer(2, scene().dump());

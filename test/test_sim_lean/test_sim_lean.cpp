@@ -8,7 +8,7 @@
 
 #include "../study_car.h"
 #include "scene_terrain.h"
-#include "twin_track_car.h"
+#include "multibody_car.h"
 
 using namespace foldcar;
 
@@ -22,7 +22,7 @@ constexpr double kRadius_m = 0.06;
 struct Drive {
   const BodySpec body;
   const SceneTerrain terrain;
-  TwinTrackCar car;
+  MultibodyCar car;
   PulsesUs pulses_us{};
   Drive(const BodySpec& body_spec, double friction, const TerrainSpec& spec = {}, const StepOptions& options = {})
       : body(body_spec), terrain(spec), car(body, friction, terrain, {}, options, nullptr) {}

@@ -1,4 +1,4 @@
-// What the side view is built from, on its own: the car's constants.
+// What multibody is built from, on its own: the car's constants.
 #include <unity.h>
 
 #include "../study_car.h"

@@ -1,7 +1,7 @@
 // Sessions of carsim: a trial by steps is the trial of a batch, the ground is that of the scene, pulses those of a run.
 #include "../carsim_lines.h"
 #include "batch_session.h"
-#include "side_view_engine.h"
+#include "multibody_engine.h"
 #include "step_session.h"
 
 #include <cmath>
@@ -17,9 +17,9 @@ void tearDown() {}
 
 namespace {
 
-const SideViewEngine& engine() {
-  static const SideViewEngine side_view;
-  return side_view;
+const MultibodyEngine& engine() {
+  static const MultibodyEngine multibody;
+  return multibody;
 }
 
 // The reply to each line as JSON; null if there is none.

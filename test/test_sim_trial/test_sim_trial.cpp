@@ -6,7 +6,7 @@
 
 #include "../hal_contract.h"
 #include "../full_speed.h"
-#include "../side_view_trial.h"
+#include "../multibody_trial.h"
 #include "../study_car.h"
 #include "ending.h"
 #include "sim_hal.h"

@@ -51,7 +51,7 @@ class Parting:
 def between(one: ExperimentInfo, other: ExperimentInfo) -> str:
     """What two simulations of the same experiment are to each other: other engines, or under other parameters."""
     if one.engine != other.engine:
-        return " and ".join(engine_title(info.engine) or "the side view" for info in (one, other))
+        return " and ".join(engine_title(info.engine) or "multibody" for info in (one, other))
     return " and ".join(info.under or "nominal simulation" for info in (one, other))
 
 

@@ -1,4 +1,4 @@
-"""`foldcar crosscheck`: sweeps a listing in the side view and in MuJoCo and compares the results."""
+"""`foldcar crosscheck`: sweeps a listing in multibody and in MuJoCo and compares the results."""
 
 import shlex
 import sys

@@ -8,10 +8,10 @@ from foldcar.did_you_mean import did_you_mean
 
 
 def _known(engine: str) -> str:
-    from foldcar.simulation.engines import ENGINES, MUJOCO, SIDE_VIEW
+    from foldcar.simulation.engines import ENGINES, MUJOCO, MULTIBODY
 
     if engine not in ENGINES:
-        told = (SIDE_VIEW, MUJOCO)
+        told = (MULTIBODY, MUJOCO)
         raise typer.BadParameter(f'"{engine}" is none of {", ".join(told)}{did_you_mean(engine, told)}')
     return engine
 
@@ -21,6 +21,6 @@ Engine = Annotated[
     typer.Option(
         metavar="NAME",
         callback=_known,
-        help="side-view, or mujoco: three dimensions, slower (`make mujoco` builds it).",
+        help="multibody, or mujoco: three times slower (`make mujoco` builds it).",
     ),
 ]

@@ -29,7 +29,7 @@ def link(
         Path | None,
         typer.Option(metavar="FILE", help="JSON of what car and ground truly are, unknown to the host."),
     ] = None,
-    engine: Engine = "side-view",
+    engine: Engine = "multibody",
     components: Components = None,
 ) -> None:
     """Pose as a car on USB, simulated, until Ctrl-C.

@@ -50,7 +50,7 @@ class ListedRun:
 
 
 def listed_run(
-    listing: Path, experiment: str, settings: Sequence[str] | None, sample: int, engine: str = "side-view"
+    listing: Path, experiment: str, settings: Sequence[str] | None, sample: int, engine: str = "multibody"
 ) -> ListedRun:
     """The run of those options; FoldcarError if they name no single design or the program is at fault."""
     from foldcar.simulation.carsim import Carsim

@@ -24,7 +24,7 @@ def run(
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", callback=output_file, help="Picture to draw (.png, .svg, .pdf).")
     ] = None,
-    engine: Engine = "side-view",
+    engine: Engine = "multibody",
     components: Components = None,
     as_json: Json = False,
 ) -> None:

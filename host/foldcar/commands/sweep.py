@@ -56,7 +56,7 @@ def sweep(
         Path | None,
         typer.Option(metavar="FILE", help="Simulate with the parameters of this JSON file, as `foldcar link` does."),
     ] = None,
-    engine: Engine = "side-view",
+    engine: Engine = "multibody",
     components: Components = None,
     as_json: Json = False,
 ) -> None:

@@ -17,7 +17,7 @@ from foldcar.figures.style import ACCENT, INK, OUTCOME_LABELS
 from foldcar.figures.top_view import draw_top_view, view_of
 from foldcar.report.axis import parameter_label
 
-FIRST, SECOND = "side view", "MuJoCo"
+FIRST, SECOND = "multibody", "MuJoCo"
 SECOND_COLOUR = "#d55e00"
 LOOKS: Sequence[tuple[str, str, str, str]] = (
     (FIRST, ACCENT, "o", "-"),

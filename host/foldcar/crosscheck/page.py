@@ -25,7 +25,7 @@ from foldcar.figures.style import OUTCOME_LABELS, RC
 from foldcar.page_template import page_template
 from foldcar.shown_text import decoded
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, SIDE_VIEW
+from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY
 from foldcar.simulation.results import NUMBERS as METRICS
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.reader import Store
@@ -35,14 +35,14 @@ WORST = 3
 MOST_FAILURES = 10
 COLOURS = 256
 NAMES = {
-    SIDE_VIEW: "side view",
+    MULTIBODY: "multibody",
     MUJOCO: "MuJoCo",
     HALF_STEP: "MuJoCo, half the time step",
     ELLIPSOID: "MuJoCo, ellipsoid tyres",
 }
-BOTH = f"{NAMES[SIDE_VIEW]} – {NAMES[MUJOCO]}"
+BOTH = f"{NAMES[MULTIBODY]} – {NAMES[MUJOCO]}"
 COMPARISON_HEAD = ["engines", "runs", "alike %", "95 % interval", "r of rates", "RMSE", "bias"]
-EXPERIMENT_HEAD = ["experiment", "runs", "side view passed %", "MuJoCo passed %", *COMPARISON_HEAD[2:]]
+EXPERIMENT_HEAD = ["experiment", "runs", "multibody passed %", "MuJoCo passed %", *COMPARISON_HEAD[2:]]
 BASELINE_HEAD = ["half step alike %", "ellipsoid alike %"]
 
 
@@ -71,22 +71,22 @@ def write_page(
     """
     cases, results = read_cases(store, experiments, carsims)
     everything = max(case.sample for case in cases) + 1
-    pairs = pairs_of(cases, results, SIDE_VIEW, MUJOCO, everything)
+    pairs = pairs_of(cases, results, MULTIBODY, MUJOCO, everything)
     whole = agreement(pairs)
     comparisons = [(BOTH, whole)]
     few = min(baseline, everything)
     if few:
-        for engine in (SIDE_VIEW, *BASELINE):
+        for engine in (MULTIBODY, *BASELINE):
             name = f"{NAMES[engine]} – {NAMES[MUJOCO]}, samples 0 to {few - 1}"
             comparisons.append((name, agreement(pairs_of(cases, results, engine, MUJOCO, few))))
     selves = [pairs_of(cases, results, engine, MUJOCO, few) for engine in BASELINE if few]
     by_experiment = {name: [agreement(_of(name, some)) for some in (pairs, *selves)] for name in experiments}
     sections = []
     for number, (name, (one, *_)) in enumerate(by_experiment.items(), start=1):
-        both = {engine: carsims[engine] for engine in (SIDE_VIEW, MUJOCO)}
+        both = {engine: carsims[engine] for engine in (MULTIBODY, MUJOCO)}
         worst = parted(store, _of(name, pairs), both, jobs, WORST)
         with matplotlib.rc_context(RC):
-            sections.append(_section(folder, number, name, one, worst, carsims[SIDE_VIEW]))
+            sections.append(_section(folder, number, name, one, worst, carsims[MULTIBODY]))
         done(1)
     page = page_template("foldcar.crosscheck", "page.html").render(
         title=title,
@@ -179,7 +179,7 @@ def _section(
         "name": name,
         "comparison": [COMPARISON_HEAD, comparison_row(BOTH, one)],
         "chart": chart,
-        "designs": [[*keys, "runs", "side view passed %", "MuJoCo passed %"], *rows],
+        "designs": [[*keys, "runs", "multibody passed %", "MuJoCo passed %"], *rows],
         "worst": picture if worst else None,
     }
 

@@ -1,4 +1,4 @@
-"""The sweeps that a cross-check reads: every experiment in the side view and in MuJoCo, its first samples in variants.
+"""The sweeps that a cross-check reads: every experiment in multibody and in MuJoCo, its first samples in variants.
 
 Input: a study, a simulator for each engine. Output: rows in the store.
 """
@@ -11,7 +11,7 @@ from typing import Protocol
 
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, SIDE_VIEW
+from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY
 from foldcar.study.engine_study import engine_study
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Study
@@ -19,7 +19,7 @@ from foldcar.study.progress import Progress
 from foldcar.study.sweep import planned_total, sweep
 
 # Those of the baseline show how far MuJoCo agrees with itself.
-BOTH, BASELINE = (SIDE_VIEW, MUJOCO), (HALF_STEP, ELLIPSOID)
+BOTH, BASELINE = (MULTIBODY, MUJOCO), (HALF_STEP, ELLIPSOID)
 
 
 class Bar(Protocol):
@@ -59,7 +59,7 @@ def sweep_all(
         progress = Progress(total=planned_total(part))
         with bar_of(progress, engine) as bar:
             # What holds for the listing is said once.
-            say = bar.say if engine == SIDE_VIEW else lambda line: None
+            say = bar.say if engine == MULTIBODY else lambda line: None
             sweep(part, store, carsims[engine], jobs, command, bar.update, progress, say)
 
 

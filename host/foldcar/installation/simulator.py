@@ -10,7 +10,7 @@ from foldcar.errors import FoldcarError
 from foldcar.installation.finding import Finding
 from foldcar.installation.platformio_project import PlatformioProject
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.engines import BINARY_VARIABLE, ENGINES, MUJOCO, SIDE_VIEW
+from foldcar.simulation.engines import BINARY_VARIABLE, ENGINES, MUJOCO, MULTIBODY
 
 # The names by which SCons may call the compiler; the one that it does call is part of the build id.
 COMPILERS = ("c++", "g++")
@@ -35,11 +35,11 @@ def simulator(checkout: Path | None, project: PlatformioProject | None) -> Findi
         named = os.environ.get(BINARY_VARIABLE)
         advice = f"let {BINARY_VARIABLE} name a carsim, or leave it out" if named else _again(checkout, "make setup")
         return Finding("carsim", "missing", str(error), advice)
-    return _compared("carsim", "missing", carsim, SIDE_VIEW, checkout, project)
+    return _compared("carsim", "missing", carsim, MULTIBODY, checkout, project)
 
 
 def simulator_with_mujoco(checkout: Path | None, project: PlatformioProject | None) -> Finding:
-    """The simulator in three dimensions, in the same way; nothing else needs it."""
+    """The simulator with MuJoCo, in the same way; nothing else needs it."""
     try:
         carsim = Carsim(engine=MUJOCO)
     except FoldcarError as error:

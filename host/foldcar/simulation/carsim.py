@@ -14,7 +14,7 @@ from typing import Any
 
 from foldcar.car.firmware_parameters import TableRow
 from foldcar.simulation.carsim_limits import CarsimLimits, TrialRules
-from foldcar.simulation.engines import ENGINES, SIDE_VIEW, engine_title, find_carsim
+from foldcar.simulation.engines import ENGINES, MULTIBODY, engine_title, find_carsim
 from foldcar.simulation.process_ending import process_ending
 from foldcar.simulation.results import METRICS, NATIVE_OUTCOMES
 from foldcar.simulation.runner import CarsimError, RunRequest
@@ -44,18 +44,18 @@ class _Call:
 class Carsim:
     """A simulator program. Its methods may be called from several threads at once.
 
-    ``engine`` is name and version of what moves the cars, "" in the side view; ``build`` contains it. ``command`` starts
+    ``engine`` is name and version of what moves the cars, "" in multibody; ``build`` contains it. ``command`` starts
     the program: its file, and words that choose the engine.
     """
 
-    def __init__(self, binary: Path | None = None, engine: str = SIDE_VIEW) -> None:
+    def __init__(self, binary: Path | None = None, engine: str = MULTIBODY) -> None:
         self.binary = binary if binary is not None else find_carsim(engine)
         self.command = (str(self.binary), *(ENGINES[engine].options if binary is None else ()))
         self._calls: set[_Call] = set()
         self._limits: CarsimLimits | None = None
         self.build, self.firmware, self.engine = self._ask_builds()
         if binary is None and engine_title(self.engine) != ENGINES[engine].title:
-            raise CarsimError(f"{self.binary}: its engine is {self.engine or 'the side view'}, not {engine}")
+            raise CarsimError(f"{self.binary}: its engine is {self.engine or 'multibody'}, not {engine}")
 
     def stop(self) -> None:
         """End every call that is under way; it raises CarsimError."""
@@ -179,7 +179,7 @@ class Carsim:
             raise CarsimError(
                 f"{self.binary}: is no carsim (`--version` does not print its build)"
             ) from error
-        if engine == "side view":
+        if engine == "multibody":
             return build, firmware, ""
         return f"{build} {engine}", firmware, engine
 

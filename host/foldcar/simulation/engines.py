@@ -1,4 +1,4 @@
-"""What may move simulated cars: the side view, or MuJoCo, each a program of its own with carsim's words."""
+"""What may move simulated cars: multibody, or MuJoCo, each a program of its own with carsim's words."""
 
 import os
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ BINARY_VARIABLE = "FOLDCAR_CARSIM"
 class Engine:
     """A program of carsim's: the variable that may name it, PlatformIO's environment and make's target that build it.
 
-    ``title`` is what the program calls its engine, without the version, "" for the side view; ``options`` are words that
+    ``title`` is what the program calls its engine, without the version, "" for multibody; ``options`` are words that
     stand before the program's command.
     """
 
@@ -25,12 +25,12 @@ class Engine:
     options: tuple[str, ...] = ()
 
 
-SIDE_VIEW, MUJOCO = "side-view", "mujoco"
+MULTIBODY, MUJOCO = "multibody", "mujoco"
 # MuJoCo otherwise: how far results depend on details that a designer cannot know.
 HALF_STEP, ELLIPSOID = "mujoco-half-step", "mujoco-ellipsoid-tyres"
 _MUJOCO = ("FOLDCAR_CARSIM_MUJOCO", "carsim_mujoco", "mujoco")
 ENGINES = {
-    SIDE_VIEW: Engine(BINARY_VARIABLE, "carsim", "setup"),
+    MULTIBODY: Engine(BINARY_VARIABLE, "carsim", "setup"),
     MUJOCO: Engine(*_MUJOCO, "MuJoCo"),
     HALF_STEP: Engine(*_MUJOCO, "MuJoCo, half step", ("--half-step",)),
     ELLIPSOID: Engine(*_MUJOCO, "MuJoCo, ellipsoid tyres", ("--ellipsoid-tyres",)),
@@ -44,7 +44,7 @@ def engine_title(told: str) -> str:
 
 
 def engine_of(told: str) -> str:
-    """The key in ENGINES of what a program calls its engine, "" for the side view; CarsimError if there is none."""
+    """The key in ENGINES of what a program calls its engine, "" for multibody; CarsimError if there is none."""
     title = engine_title(told)
     for key, engine in ENGINES.items():
         if engine.title == title:
@@ -52,7 +52,7 @@ def engine_of(told: str) -> str:
     raise CarsimError(f"{told}: an engine that this foldcar does not know")
 
 
-def find_carsim(engine: str = SIDE_VIEW) -> Path:
+def find_carsim(engine: str = MULTIBODY) -> Path:
     """The simulator that the engine's variable names, else the wheel's own, else the one built in the checkout."""
     program = ENGINES[engine]
     named = os.environ.get(program.variable)

@@ -15,7 +15,7 @@ CALIBRATION_KIND, REALITY_KIND = "calibration", "reality"
 
 
 def engine_id(experiment: str, engine: str) -> str:
-    """The name, in stores, of an experiment in that engine; its own in the side view, whose name is empty."""
+    """The name, in stores, of an experiment in that engine; its own in multibody, whose name is empty."""
     return f"{experiment} ({engine_title(engine)})" if engine else experiment
 
 
@@ -42,7 +42,7 @@ class ExperimentInfo:
     ``listed_environment`` is the fingerprint of the listing's environment.
     ``searched`` says that a search chose the designs, and how many runs each has: no more are planned.
     ``thresholds`` are the shares of passed runs that tell good designs from bad ones. ``engine`` is the name and version
-    of what moved the cars, "" in the side view.
+    of what moved the cars, "" in multibody.
     """
 
     id: str
@@ -89,7 +89,7 @@ class ExperimentInfo:
 
     @property
     def simulation(self) -> str:
-        """What sentences call its simulation: ``simulation`` in the side view, else the engine's name."""
+        """What sentences call its simulation: ``simulation`` in multibody, else the engine's name."""
         return engine_title(self.engine) or "simulation"
 
 

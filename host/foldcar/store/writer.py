@@ -225,10 +225,10 @@ class StoreWriter(StoreConnection):
         ).fetchone()  # fmt: skip
         return int(row[0]), int(row[1])
 
-    def side_view_counts(self, plan: PlannedExperiment) -> tuple[list[int], list[int]] | None:
-        """Of each design the runs (passed, counted) in the side view of the same experiment, under the same calibration.
+    def multibody_counts(self, plan: PlannedExperiment) -> tuple[list[int], list[int]] | None:
+        """Of each design the runs (passed, counted) in multibody of the same experiment, under the same calibration.
 
-        None if there are none, or if the experiment is the side view's. Other environments count: they only predict.
+        None if there are none, or if the experiment is multibody's. Other environments count: they only predict.
         """
         if not plan.facts.get("engine"):
             return None

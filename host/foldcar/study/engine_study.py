@@ -1,4 +1,4 @@
-"""A study simulated by another engine than the side view: its experiments have names of their own in stores."""
+"""A study simulated by another engine than multibody: its experiments have names of their own in stores."""
 
 from dataclasses import replace
 

@@ -40,7 +40,7 @@ class ExperimentRuns:
     def until(self, rule: StoppingRule) -> Iterator[list[FinishedRun]]:
         """Every design until it is decided, or until that is hopeless: in the order and the batches of a schedule."""
         plan, writer = self.plan, self.writer
-        known, other = writer.design_counts(plan), writer.side_view_counts(plan)
+        known, other = writer.design_counts(plan), writer.multibody_counts(plan)
         schedule = Schedule(rule, plan.environments, known.reached, other)
         most, decided = self.counts.total, self.counts.decided
         while batches := schedule.next():

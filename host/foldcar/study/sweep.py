@@ -80,8 +80,8 @@ def sweep(
         for line in _rules(plans):
             announce(line)
         for plan in plans if until and carsim.engine else ():
-            if writer.side_view_counts(plan) is None:
-                announce(f"experiment {plan.id}: no side-view runs in the store: designs in the listing's order")
+            if writer.multibody_counts(plan) is None:
+                announce(f"experiment {plan.id}: no multibody runs in the store: designs in the listing's order")
         for experiment in study.experiments:
             for line in skipped_lines(experiment.id, experiment.family):
                 announce(line)

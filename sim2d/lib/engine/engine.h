@@ -1,4 +1,4 @@
-// What moves simulated cars: the side view in Box2D, or MuJoCo.
+// What moves simulated cars: multibody, in six degrees of freedom, or MuJoCo.
 #pragma once
 
 #include <memory>

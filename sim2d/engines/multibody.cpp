@@ -1,10 +1,10 @@
 #include "../src/built_engine.h"
-#include "side_view_engine.h"
+#include "multibody_engine.h"
 
 namespace foldcar {
 
 const Engine& engine() {
-  static const SideViewEngine built;
+  static const MultibodyEngine built;
   return built;
 }
 

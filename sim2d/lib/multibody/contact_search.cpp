@@ -6,7 +6,7 @@
 #include <string>
 
 #include "belly_contacts.h"
-#include "plane.h"
+#include "box2d_units.h"
 #include "scene_terrain.h"
 #include "tyre_contacts.h"
 

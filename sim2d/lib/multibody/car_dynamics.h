@@ -64,7 +64,7 @@ class CarDynamics {
   std::vector<Vec3> hinge_at_, axle_;
   std::vector<double> mass_, inverse_, implicit_inverse_;  // size × size
   std::vector<double> damping_;                            // of the wheels, as in implicit_inverse_
-  std::vector<double> force_, momentum_;
+  std::vector<double> force_, acceleration_, momentum_;
 };
 
 }  // namespace foldcar

@@ -31,11 +31,11 @@ struct StepOptions {
 };
 
 // One car on its terrain.
-class TwinTrackCar : public SimCar {
+class MultibodyCar : public SimCar {
  public:
   // Puts the car down at start, wheels on the ground, at rest. friction is the coefficient outside patches. body,
   // terrain and stopwatch (may be null) must outlive the car.
-  TwinTrackCar(const BodySpec& body, double friction, const Terrain& terrain, const PoseSpec& start,
+  MultibodyCar(const BodySpec& body, double friction, const Terrain& terrain, const PoseSpec& start,
                const StepOptions& options, Stopwatch* stopwatch);
 
   void step(const PulsesUs& pulses_us) override;

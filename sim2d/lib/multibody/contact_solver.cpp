@@ -57,7 +57,7 @@ void ContactSolver::add_row(const CarDynamics& car, double impulse, double gap_m
                    gap_m > 0 ? -gap_m / step_s_ : 0});
 }
 
-void ContactSolver::strike(Contact& contact) {
+void ContactSolver::set_impact(Contact& contact) {
   const double approach_m_s = -dot(&jacobian_[(rows_.size() - 1) * padded_], velocity_.data(), padded_);
   const bool arrives = contact.gap_m <= approach_m_s * step_s_;
   if (!arrives || (contact.impact_steps == 0 && approach_m_s < kImpactSpeed_m_s)) {
@@ -68,11 +68,11 @@ void ContactSolver::strike(Contact& contact) {
   contact.approach_m_s = std::max(contact.approach_m_s, approach_m_s);
   Row& row = rows_.back();
   if (++contact.impact_steps <= impact_steps_) {
-    row.relaxed_m_s = -impact_share_ * approach_m_s;
-    row.target_m_s = std::min(row.target_m_s, row.relaxed_m_s);
+    row.unbiased_m_s = -impact_share_ * approach_m_s;
+    row.biased_m_s = std::min(row.biased_m_s, row.unbiased_m_s);
   } else {
-    row.relaxed_m_s = kRestitution * (contact.approach_m_s - kImpactSpeed_m_s);
-    row.target_m_s = std::max(row.target_m_s, row.relaxed_m_s);
+    row.unbiased_m_s = kRestitution * (contact.approach_m_s - kImpactSpeed_m_s);
+    row.biased_m_s = std::max(row.biased_m_s, row.unbiased_m_s);
     contact.impact_steps = 0;
     contact.approach_m_s = 0;
   }
@@ -93,8 +93,8 @@ const std::vector<double>& ContactSolver::solve(CarDynamics& car, std::vector<Co
       car.jacobian(point_m, car.turn.to_body(directions[k]), contact.segment, contact.wheel,
                    &jacobian_[rows_.size() * padded_]);
       add_row(car, contact.impulse_n_s[k], k == 0 ? contact.gap_m : 0);
-      if (k > 0) rows_.back().target_m_s = rows_.back().relaxed_m_s = 0;
-      if (k == 0) strike(contact);
+      if (k > 0) rows_.back().biased_m_s = rows_.back().unbiased_m_s = 0;
+      if (k == 0) set_impact(contact);
     }
   }
   for (std::size_t i = 0; i < body_.hinges.size(); ++i) {
@@ -108,22 +108,22 @@ const std::vector<double>& ContactSolver::solve(CarDynamics& car, std::vector<Co
     }
   }
   for (std::size_t index = 0; index < rows_.size(); ++index) apply(index, rows_[index].impulse);
-  for (int i = 0; i < iterations_ && iterate(contacts, i % 2 == 1, false) > kTolerance_m_s; ++i) {
-  }
-  moving_ = velocity_;
   for (int i = 0; i < iterations_ && iterate(contacts, i % 2 == 1, true) > kTolerance_m_s; ++i) {
+  }
+  biased_velocity_ = velocity_;
+  for (int i = 0; i < iterations_ && iterate(contacts, i % 2 == 1, false) > kTolerance_m_s; ++i) {
   }
   std::copy_n(velocity_.begin(), size, car.velocity.begin());
   for (std::size_t c = 0; c < contacts.size(); ++c) {
     for (std::size_t k = 0; k < 3; ++k) contacts[c].impulse_n_s[k] = rows_[3 * c + k].impulse;
   }
   for (std::size_t i = 0; i < limit_impulse_.size(); ++i) limit_impulse_[i] = rows_[3 * contacts.size() + i].impulse;
-  return moving_;
+  return biased_velocity_;
 }
 
-// Change of the row's impulse that brings its velocity to the target.
-double ContactSolver::change(const Row& row, std::size_t index, double target_m_s) const {
-  return (target_m_s - dot(&jacobian_[index * padded_], velocity_.data(), padded_)) * row.mass;
+// Change of a rigid row's impulse that brings its velocity to the wanted one.
+double ContactSolver::impulse_change(const Row& row, std::size_t index, double wanted_m_s) const {
+  return (wanted_m_s - dot(&jacobian_[index * padded_], velocity_.data(), padded_)) * row.mass;
 }
 
 void ContactSolver::apply(std::size_t index, double impulse) {
@@ -132,25 +132,25 @@ void ContactSolver::apply(std::size_t index, double impulse) {
   for (std::size_t i = 0; i < padded_ / 2; ++i) velocity[i] += impulse * response[i];
 }
 
-double ContactSolver::iterate(const std::vector<Contact>& contacts, bool backward, bool relaxed) {
+double ContactSolver::iterate(const std::vector<Contact>& contacts, bool backward, bool use_bias) {
   double largest_m_s = 0;
-  const auto push = [&](std::size_t index) {
+  const auto solve_normal = [&](std::size_t index) {
     Row& row = rows_[index];
-    const double target = relaxed ? row.relaxed_m_s : row.target_m_s;
-    const double wanted = row.impulse + (change(row, index, target) - kCompliance * row.impulse) * kYield;
-    const double impulse = std::max(0.0, wanted);
+    const double wanted_m_s = use_bias ? row.biased_m_s : row.unbiased_m_s;
+    const double solved = row.impulse + (impulse_change(row, index, wanted_m_s) - kCompliance * row.impulse) * kYield;
+    const double impulse = std::max(0.0, solved);
     largest_m_s = std::max(largest_m_s, std::abs(impulse - row.impulse) * row.inverse_mass);
     apply(index, impulse - row.impulse);
     row.impulse = impulse;
   };
   for (std::size_t c = 0; c < contacts.size(); ++c) {
     const std::size_t first = 3 * (backward ? contacts.size() - 1 - c : c);
-    push(first);
+    solve_normal(first);
     Row &along = rows_[first + 1], &across = rows_[first + 2];
     // Without load there is no friction.
     if (rows_[first].impulse == 0 && along.impulse == 0 && across.impulse == 0) continue;
-    const double stop_a = (change(along, first + 1, 0) - kCompliance * along.impulse) * kYield;
-    const double stop_b = (change(across, first + 2, 0) - kCompliance * across.impulse) * kYield;
+    const double stop_a = (impulse_change(along, first + 1, 0) - kCompliance * along.impulse) * kYield;
+    const double stop_b = (impulse_change(across, first + 2, 0) - kCompliance * across.impulse) * kYield;
     double a = along.impulse + stop_a, b = across.impulse + stop_b;
     const double limit = contacts[first / 3].friction * rows_[first].impulse;
     if (a * a + b * b > limit * limit) {
@@ -169,7 +169,7 @@ double ContactSolver::iterate(const std::vector<Contact>& contacts, bool backwar
     along.impulse = a;
     across.impulse = b;
   }
-  for (std::size_t index = 3 * contacts.size(); index < rows_.size(); ++index) push(index);
+  for (std::size_t index = 3 * contacts.size(); index < rows_.size(); ++index) solve_normal(index);
   return largest_m_s;
 }
 

@@ -47,6 +47,7 @@ CarDynamics::CarDynamics(const BodySpec& body, double step_s)
       axle_(wheels_),
       damping_(wheels_),
       force_(size_),
+      acceleration_(size_),
       momentum_(size_) {
   place_segments();
   fill_mass(mass_);
@@ -167,8 +168,8 @@ void CarDynamics::accelerate(const std::vector<double>& torque_n_m, const std::v
     force_[6 + i] -= hinge.stiffness_n_m_rad * (hinge_rad[i] + step_s_ * rate) + hinge.damping_n_m_s_rad * rate;
   }
   for (std::size_t i = 0; i < wheels_; ++i) force_[6 + hinges_ + i] += torque_n_m[i];
-  respond(force_.data(), momentum_.data());
-  for (std::size_t i = 0; i < size_; ++i) velocity[i] += step_s_ * momentum_[i];
+  respond(force_.data(), acceleration_.data());
+  for (std::size_t i = 0; i < size_; ++i) velocity[i] += step_s_ * acceleration_[i];
 }
 
 void CarDynamics::respond(const double* row, double* response) const {

@@ -1,19 +1,19 @@
-// The side view as an engine of trials.
+// The car in six degrees of freedom as an engine of trials.
 #pragma once
 
 #include "engine.h"
-#include "twin_track_car.h"
+#include "multibody_car.h"
 
 namespace foldcar {
 
-class SideViewEngine : public Engine {
+class MultibodyEngine : public Engine {
  public:
-  explicit SideViewEngine(const StepOptions& options = {}) : options_(options) {}
-  std::string name() const override { return "side view"; }
+  explicit MultibodyEngine(const StepOptions& options = {}) : options_(options) {}
+  std::string name() const override { return "multibody"; }
   double step_s() const override { return 1 / options_.rate_hz; }
   std::unique_ptr<SimCar> put_down(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
                                    Stopwatch* stopwatch) const override {
-    return std::make_unique<TwinTrackCar>(body, scene.friction, terrain, scene.start, options_, stopwatch);
+    return std::make_unique<MultibodyCar>(body, scene.friction, terrain, scene.start, options_, stopwatch);
   }
 
  private:

@@ -1,4 +1,4 @@
-#include "twin_track_car.h"
+#include "multibody_car.h"
 
 #include <algorithm>
 #include <cmath>
@@ -21,7 +21,7 @@ constexpr double kTurn_rad = 2 * 3.14159265358979323846;
 
 }  // namespace
 
-TwinTrackCar::TwinTrackCar(const BodySpec& body, double friction, const Terrain& terrain, const PoseSpec& start,
+MultibodyCar::MultibodyCar(const BodySpec& body, double friction, const Terrain& terrain, const PoseSpec& start,
                            const StepOptions& options, Stopwatch* stopwatch)
     : body_(body),
       main_(main_segment(body)),
@@ -41,7 +41,7 @@ TwinTrackCar::TwinTrackCar(const BodySpec& body, double friction, const Terrain&
 }
 
 template <typename Counts>
-double TwinTrackCar::lowest_m(const Counts& counts) {
+double MultibodyCar::lowest_m(const Counts& counts) {
   const auto overlaps = [&](double z_m) {
     car_.position_m.z = z_m;
     search_.find(car_, ground_ ? &*ground_ : nullptr, 0, contacts_);
@@ -68,7 +68,7 @@ double TwinTrackCar::lowest_m(const Counts& counts) {
 }
 
 // Rolled as far as the heights under its sides differ, then put at the drop above the lowest height without overlap.
-void TwinTrackCar::put_down(const PoseSpec& start, double drop_m) {
+void MultibodyCar::put_down(const PoseSpec& start, double drop_m) {
   state_.heading_rad = start.heading_rad;
   const double c = std::cos(start.heading_rad), s = std::sin(start.heading_rad);
   const Rotation level = rotation_by({0, 0, start.heading_rad});
@@ -95,7 +95,7 @@ void TwinTrackCar::put_down(const PoseSpec& start, double drop_m) {
   path_m_ = 0;
 }
 
-CutPose TwinTrackCar::cut_pose() const {
+CutPose MultibodyCar::cut_pose() const {
   const SegmentSpec& main = body_.segments[main_];
   const Rotation& turn = car_.turn;
   const double q = std::clamp(turn.left.z, -kMaxSinRoll, kMaxSinRoll);
@@ -105,7 +105,7 @@ CutPose TwinTrackCar::cut_pose() const {
   return {{at.x - aside_m * s, at.y + aside_m * c, state_.heading_rad}, path_m_, q};
 }
 
-void TwinTrackCar::cut_terrain_if_stale() {
+void MultibodyCar::cut_terrain_if_stale() {
   if (!ground_) return;
   const CutPose pose = cut_pose();
   if (!ground_->stale(pose)) return;
@@ -113,7 +113,7 @@ void TwinTrackCar::cut_terrain_if_stale() {
   ground_->cut(pose);
 }
 
-void TwinTrackCar::step(const PulsesUs& pulses_us) {
+void MultibodyCar::step(const PulsesUs& pulses_us) {
   cut_terrain_if_stale();
   const bool timed = stopwatch_ != nullptr && steps_++ % kTimedStepInterval == 0;
   {
@@ -131,7 +131,7 @@ void TwinTrackCar::step(const PulsesUs& pulses_us) {
 }
 
 // The torque falls with the wheel's rate along the servo's line; the fall is taken at the end of the step.
-void TwinTrackCar::drive_wheels(const PulsesUs& pulses_us) {
+void MultibodyCar::drive_wheels(const PulsesUs& pulses_us) {
   for (std::size_t i = 0; i < body_.wheels.size(); ++i) {
     const WheelSpec& spec = body_.wheels[i];
     const ServoDrive drive = servo_drive(spec.servo, pulses_us[static_cast<std::size_t>(spec.channel)]);
@@ -142,7 +142,7 @@ void TwinTrackCar::drive_wheels(const PulsesUs& pulses_us) {
   car_.accelerate(torque_n_m_, damping_);
 }
 
-void TwinTrackCar::count_energy(const PulsesUs& pulses_us) {
+void MultibodyCar::count_energy(const PulsesUs& pulses_us) {
   for (std::size_t i = 0; i < body_.wheels.size(); ++i) {
     const WheelSpec& spec = body_.wheels[i];
     const ServoDrive drive = servo_drive(spec.servo, pulses_us[static_cast<std::size_t>(spec.channel)]);
@@ -153,7 +153,7 @@ void TwinTrackCar::count_energy(const PulsesUs& pulses_us) {
   }
 }
 
-void TwinTrackCar::find_contacts() {
+void MultibodyCar::find_contacts() {
   last_contacts_.swap(contacts_);
   search_.find(car_, ground_ ? &*ground_ : nullptr, kMargin_m, contacts_);
   for (Contact& contact : contacts_) {
@@ -175,7 +175,7 @@ void TwinTrackCar::find_contacts() {
   }
 }
 
-void TwinTrackCar::update_state() {
+void MultibodyCar::update_state() {
   const double fold_rad = car_.fold_rad(main_);
   const Rotation turn = car_.turn * rotation_by({0, fold_rad, 0});
   const Vec3 at = car_.position_m + car_.turn.to_world(car_.place(main_, {}));
@@ -199,11 +199,11 @@ void TwinTrackCar::update_state() {
   state_.yaw_rate_rad_s = car_.turn.to_world(rate).z;
 }
 
-double TwinTrackCar::wheel_speed_rad_s(std::size_t wheel) const {
+double MultibodyCar::wheel_speed_rad_s(std::size_t wheel) const {
   return car_.velocity[6 + body_.hinges.size() + wheel];
 }
 
-double TwinTrackCar::wheel_load_n(std::size_t wheel) const {
+double MultibodyCar::wheel_load_n(std::size_t wheel) const {
   double impulse_n_s = 0;
   for (const Contact& contact : contacts_) {
     if (contact.wheel == static_cast<int>(wheel)) impulse_n_s += contact.impulse_n_s[0];
@@ -211,7 +211,7 @@ double TwinTrackCar::wheel_load_n(std::size_t wheel) const {
   return impulse_n_s / step_s_;
 }
 
-bool TwinTrackCar::finite() const {
+bool MultibodyCar::finite() const {
   return std::isfinite(state_.x_m) && std::isfinite(state_.y_m) && std::isfinite(state_.z_m) &&
          std::isfinite(state_.heading_rad) && std::isfinite(state_.up);
 }

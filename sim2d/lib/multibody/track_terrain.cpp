@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "plane.h"
+#include "box2d_units.h"
 
 namespace foldcar {
 namespace {

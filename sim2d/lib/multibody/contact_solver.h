@@ -1,0 +1,104 @@
+// Contact impulses of one step: normal and both friction impulses of all contacts, solved together.
+//
+// The car has generalised velocities u and mass matrix M (car_dynamics.h). A row J of the contact Jacobian gives a point's
+// velocity along one direction, v = J u: every contact has three rows, its normal and two tangents, every hinge two, its
+// limits. An impulse λ along a row changes u by M⁻¹ Jᵀ λ, and so v of its own row by λ / m with
+//
+//   m = 1 / (J M⁻¹ Jᵀ)                  the row's effective mass (`mass`; its inverse `inverse_mass`),
+//   Y = M⁻¹ Jᵀ                          the row's response (`response_`),
+//   u = u* + Σ Y λ                      over all rows, from the free motion's u* (`velocity_`).
+//
+// Normal. A contact with gap g (negative: a penetration) may close at most g in a step h, so that v ≥ -g/h, and only
+// pushes:
+//
+//   λ ≥ 0,   v - b ≥ 0,   λ (v - b) = 0        complementarity,
+//   b = -g/h                                   g > 0: it may just arrive,
+//   b = min(-β g/h, b_max)                     g ≤ 0: a share β of the penetration is closed, at most at b_max.
+//
+// Compliance. A car on more wheels than statics can tell the loads of is indeterminate. Let each contact yield by γ λ,
+// as a soft contact does: the condition on v becomes
+//
+//   v + γ λ - b = 0   where λ > 0,             γ = c / m, c a small number (kCompliance).
+//
+// For one row, with all others held, v grows by Δλ / m. To satisfy the condition Δλ must be
+//
+//   (v + Δλ/m) + (c/m) (λ + Δλ) = b
+//   Δλ = [ (b - v) m - c λ ] / (1 + c)         m (b - v): `impulse_change`; 1 / (1 + c): kYield,
+//
+// and λ ← max(0, λ + Δλ). This is Box2D's soft step: its massScale is 1 / (1 + c) and its impulseScale c / (1 + c). There
+// they follow from a damped spring, here from c, and the spring's push is the bias b.
+//
+// Friction. Of both tangents' impulses λ_t, Coulomb's cone |λ_t| ≤ μ λ asks for v_t = 0 within it and an impulse against
+// the slip on its surface. The step for b = 0 is projected back onto the cone; there both slips are weighed by one mass, as
+// else λ_t would not end up opposite to the slip.
+//
+// Bias and energy. b would leave the car with the speed at which penetrations are closed. As Box2D does, rows are solved
+// twice: with the bias, which gives the velocities to move the positions with (`biased_velocity_`), then without it, from
+// those impulses, which gives u. Without bias is b = min(-g/h, 0): `unbiased_m_s`.
+//
+// Impacts. Of an approach v⁻ < -v_impact a share exp(-h/τ) is left in every step of an impact, b = exp(-h/τ) v⁻, and in
+// the step after τ the contact rebounds, b = e (|v⁻|max - v_impact).
+//
+// Projected Gauss-Seidel: rows are solved one after another, there and back in turn, from the last step's impulses, until
+// a pass changes no row's velocity by more than a tolerance.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "car_dynamics.h"
+#include "vec3.h"
+
+namespace foldcar {
+
+// A point where the car touches the ground, or is about to.
+struct Contact {
+  std::size_t segment = 0;
+  int wheel = -1;  // index; negative for a belly
+  Vec3 point_m;    // in the world
+  Vec3 normal;     // unit vector into the car
+  Vec3 along;      // unit vector in the tangent plane, along the heading
+  double gap_m = 0;
+  double across_m = 0;  // lateral coordinate on the tyre or belly, which tells contacts of one wheel apart
+  double friction = 0;
+  double impulse_n_s[3] = {0, 0, 0};  // result: normal, along, across; on entry a guess
+  int impact_steps = 0;               // result: steps since an impact began, if it goes on; on entry the last step's
+  double approach_m_s = 0;            // the same of its fastest approach
+};
+
+// Solves a hinge's limits as well, as rows without friction.
+class ContactSolver {
+ public:
+  // iterations is the largest number of them.
+  ContactSolver(const BodySpec& body, double step_s, int iterations);
+
+  // Changes car.velocity and the contacts' impulses. Returns the velocities to move with, which also close penetrations
+  // without giving their energy to the car.
+  const std::vector<double>& solve(CarDynamics& car, std::vector<Contact>& contacts);
+
+ private:
+  // A row of the Jacobian; those of a contact are three in sequence: normal, along, across. The velocity that it is to
+  // have, b above, with bias and without.
+  struct Row {
+    double inverse_mass, mass, impulse, biased_m_s, unbiased_m_s;
+  };
+  void add_row(const CarDynamics& car, double impulse, double gap_m);
+  // Sets the velocities that the contact's normal row, the last one, is to have during an impact.
+  void set_impact(Contact& contact);
+  double impulse_change(const Row& row, std::size_t index, double wanted_m_s) const;
+  void apply(std::size_t index, double impulse);
+  // One pass over all rows; the largest change of a row's velocity (m/s) by its own impulse.
+  double iterate(const std::vector<Contact>& contacts, bool backward, bool use_bias);
+
+  const BodySpec& body_;
+  const double step_s_;
+  const int iterations_;
+  const int impact_steps_;
+  const double impact_share_;
+  std::size_t padded_ = 0;  // of a row
+  std::vector<Row> rows_;
+  std::vector<double> jacobian_, response_, velocity_, biased_velocity_;
+  std::vector<double> limit_impulse_;  // of the hinges in the last step
+};
+
+}  // namespace foldcar

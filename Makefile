@@ -45,7 +45,7 @@ TORTURE_ONLY :=
 # The portable firmware on the simulated board, for programs that need nothing else.
 FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp)) sim2d/lib/sim_hal/sim_hal.cpp
 FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*)) -Isim2d/lib/sim_hal
-# The simulator with multibody, and Box2D's own sources.
+# The simulator with multibody and the side view, and Box2D's own sources.
 SIMULATOR_SOURCES := $(filter-out sim2d/lib/mujoco_car/%,$(wildcard sim2d/lib/*/*.cpp)) $(FIRMWARE_SOURCES)
 BOX2D = $(firstword $(wildcard .pio/libdeps/carsim/box2d .pio-core/lib/box2d))
 SIMULATOR_FLAGS = $(FIRMWARE_FLAGS) $(addprefix -I,$(wildcard sim2d/lib/*)) -isystem $(BOX2D)/include -isystem $(BOX2D)/src \
@@ -196,7 +196,7 @@ check: setup mujoco
 	@echo 'No sanitizer, no test and not clang-tidy finds a fault; $(LEAST_COVERAGE) % of the C++ lines or more are run'
 
 tidy: setup fuzz-packages
-	@printf '%s\n' $(sort $(SIMULATOR_SOURCES) $(wildcard sim2d/src/*.cpp) sim2d/engines/multibody.cpp) | xargs -P 2 -n 4 \
+	@printf '%s\n' $(sort $(SIMULATOR_SOURCES) $(wildcard sim2d/src/*.cpp) sim2d/engines/carsim.cpp) | xargs -P 2 -n 4 \
 	  sh -c '$(CLANG_TIDY) --quiet "$$@" -- $(SIMULATOR_FLAGS) -Isim2d/src -I.pio/build_id/carsim -I.pio/firmware_id' sh
 	@echo 'clang-tidy finds nothing'
 

@@ -84,7 +84,7 @@ def _all_sources() -> list[Path]:
     folders = [folder for base in ("firmware/lib", "sim2d/lib") for folder in sorted((ROOT / base).iterdir())]
     skipped = ("feather_hal", "design_json", "mujoco_car")
     files = _sources(str(folder.relative_to(ROOT)) for folder in folders if folder.name not in skipped)
-    files += [*_sources(["sim2d/src"]), ROOT / "sim2d/engines/multibody.cpp"]
+    files += [*_sources(["sim2d/src"]), ROOT / "sim2d/engines/carsim.cpp"]
     box2d = _downloaded("box2d")
     if box2d is None:
         raise BuildError("Box2D is not there yet: make setup fetches it")

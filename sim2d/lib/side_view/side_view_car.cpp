@@ -1,0 +1,340 @@
+#include "side_view_car.h"
+
+#include <box2d/b2_distance.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "box2d_units.h"
+#include "car_constants.h"
+
+namespace foldcar {
+namespace {
+
+// The smooth ground is made this far before and behind the car.
+constexpr double kAhead_m = 0.05;
+
+constexpr double kUnits2 = kUnitsPerMetre * kUnitsPerMetre;
+
+float to_torque(double n_m) { return static_cast<float>(n_m * kUnits2); }
+float to_inertia(double kg_m2) { return static_cast<float>(kg_m2 * kUnits2); }
+
+// Lets the joint's motor give a torque that falls to zero at goal_rad_s: it never drives beyond.
+void drive(b2RevoluteJoint& joint, double torque_n_m, double goal_rad_s) {
+  joint.EnableMotor(true);
+  joint.SetMotorSpeed(static_cast<float>(goal_rad_s));
+  joint.SetMaxMotorTorque(to_torque(std::abs(torque_n_m)));
+}
+
+// How far, as a share of the translation, the car's shape gets before it meets the ground's; 1 if it does not.
+float share_to_ground(const b2Fixture& part, const b2Fixture& ground, const b2Vec2& translation) {
+  float share = 1;
+  b2ShapeCastInput input;
+  input.proxyB.Set(part.GetShape(), 0);
+  input.transformA = ground.GetBody()->GetTransform();
+  input.transformB = part.GetBody()->GetTransform();
+  input.translationB = translation;
+  for (int32 child = 0; child < ground.GetShape()->GetChildCount(); ++child) {
+    input.proxyA.Set(ground.GetShape(), child);
+    b2ShapeCastOutput output;
+    if (b2ShapeCast(&output, &input)) share = std::min(share, output.lambda);
+  }
+  return share;
+}
+
+double kinetic_j(const b2Body& body) {
+  const double inertia = body.GetInertia() - body.GetMass() * body.GetLocalCenter().LengthSquared();
+  const double rate_rad_s = body.GetAngularVelocity();
+  return 0.5 * (body.GetMass() * body.GetLinearVelocity().LengthSquared() + inertia * rate_rad_s * rate_rad_s) / kUnits2;
+}
+
+}  // namespace
+
+SideViewCar::SideViewCar(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                         const SideViewOptions& options, Stopwatch* stopwatch)
+    : body_(body),
+      scene_(scene),
+      terrain_(terrain),
+      options_(options),
+      main_(main_segment(body)),
+      step_s_(1 / options.rate_hz),
+      reach_m_(CarConstants(body).reach_m + std::abs(body.segments[main_].com_x_m) + kAhead_m),
+      stopwatch_(stopwatch),
+      world_({0, to_units(-kGravity_m_s2)}),
+      ground_(world_, body, scene, terrain) {
+  const ScopedTimer timer(stopwatch_ != nullptr ? &stopwatch_->terrain_s : nullptr);
+  world_.SetAllowSleeping(false);
+  // Nothing here passes through anything in a step.
+  world_.SetContinuousPhysics(false);
+  world_.SetContactListener(this);
+  add_segments();
+  pairs_.reserve(body.wheels.size());
+  for (std::size_t i = 0; i < body.wheels.size(); ++i) {
+    const WheelSpec& left = body.wheels[i];
+    if (left.side != CarSide::kLeft) continue;
+    for (std::size_t j = 0; j < body.wheels.size(); ++j) {
+      const WheelSpec& right = body.wheels[j];
+      if (right.side == CarSide::kRight && right.segment == left.segment && right.x_m == left.x_m) add_pair({i, j});
+    }
+  }
+  ground_.extend(-reach_m_, reach_m_);
+  put_down(options.drop_m);
+  state_.heading_rad = scene.start.heading_rad;
+  update_state();
+}
+
+// Every segment's body has its origin at the car's, hinges flat.
+void SideViewCar::add_segments() {
+  b2BodyDef moving;
+  moving.type = b2_dynamicBody;
+  for (const SegmentSpec& spec : body_.segments) {
+    b2Body* segment = world_.CreateBody(&moving);
+    // Box2D's polygons have a skin.
+    b2PolygonShape box;
+    box.SetAsBox(to_units(0.5 * spec.length_m) - b2_polygonRadius, to_units(0.5 * spec.height_m) - b2_polygonRadius,
+                 to_units(spec.x_m, spec.center_z_m), 0);
+    b2FixtureDef fixture;
+    fixture.shape = &box;
+    fixture.filter.categoryBits = kBellyBit;
+    fixture.filter.maskBits = kBellyGroundBit;
+    fixture.userData.pointer = reinterpret_cast<uintptr_t>(&spec.grip);
+    segment->CreateFixture(&fixture);
+    b2MassData mass;
+    mass.mass = static_cast<float>(spec.mass_kg);
+    mass.center = to_units(spec.com_x_m, spec.com_z_m);
+    mass.I = to_inertia(spec.pitch_inertia_kg_m2 +
+                        spec.mass_kg * (spec.com_x_m * spec.com_x_m + spec.com_z_m * spec.com_z_m));
+    segment->SetMassData(&mass);
+    segments_.push_back(segment);
+  }
+  for (std::size_t j = 0; j < body_.hinges.size(); ++j) {
+    const HingeSpec& spec = body_.hinges[j];
+    // The rear segment comes first: then the angle is positive with the front one's nose up.
+    b2RevoluteJointDef joint;
+    joint.Initialize(segments_[j + 1], segments_[j], to_units(spec.x_m, spec.z_m));
+    joint.enableLimit = true;
+    joint.lowerAngle = static_cast<float>(spec.min_rad);
+    joint.upperAngle = static_cast<float>(spec.max_rad);
+    hinges_.push_back(static_cast<b2RevoluteJoint*>(world_.CreateJoint(&joint)));
+  }
+}
+
+// Both wheels in one: radius, eccentricity and grip are the means. The servos' rotors are part of the disc.
+void SideViewCar::add_pair(std::vector<std::size_t> wheels) {
+  Pair& pair = pairs_.emplace_back();
+  pair.wheels = std::move(wheels);
+  const WheelSpec& first = body_.wheels[pair.wheels.front()];
+  const double share = 1 / static_cast<double>(pair.wheels.size());
+  double radius_m = 0, off_x_m = 0, off_z_m = 0, mass_kg = 0, inertia_kg_m2 = 0;
+  for (const std::size_t i : pair.wheels) {
+    const WheelSpec& wheel = body_.wheels[i];
+    radius_m += share * wheel.radius_m;
+    off_x_m += share * wheel.eccentricity_m * std::cos(wheel.eccentricity_phase_rad);
+    off_z_m += share * wheel.eccentricity_m * std::sin(wheel.eccentricity_phase_rad);
+    mass_kg += wheel.mass_kg;
+    inertia_kg_m2 += 0.5 * wheel.mass_kg * wheel.radius_m * wheel.radius_m + wheel.servo.rotor_inertia_kg_m2;
+    pair.grip += share * wheel.grip;
+  }
+  b2BodyDef moving;
+  moving.type = b2_dynamicBody;
+  moving.position = to_units(first.x_m, 0);
+  pair.disc = world_.CreateBody(&moving);
+  b2CircleShape circle;
+  circle.m_p = to_units(off_x_m, off_z_m);
+  circle.m_radius = to_units(radius_m);
+  b2FixtureDef fixture;
+  fixture.shape = &circle;
+  fixture.filter.categoryBits = kWheelBit;
+  fixture.filter.maskBits = kWheelGroundBit;
+  fixture.userData.pointer = reinterpret_cast<uintptr_t>(&pair.grip);
+  pair.disc->CreateFixture(&fixture);
+  b2MassData mass;
+  mass.mass = static_cast<float>(mass_kg);
+  mass.center.SetZero();
+  mass.I = to_inertia(inertia_kg_m2);
+  pair.disc->SetMassData(&mass);
+  b2RevoluteJointDef joint;
+  joint.Initialize(segments_[static_cast<std::size_t>(first.segment)], pair.disc, moving.position);
+  pair.joint = static_cast<b2RevoluteJoint*>(world_.CreateJoint(&joint));
+}
+
+void SideViewCar::put_down(double drop_m) {
+  float top = 0;
+  for (const b2Fixture* one = ground_.body().GetFixtureList(); one != nullptr; one = one->GetNext()) {
+    for (int32 child = 0; child < one->GetShape()->GetChildCount(); ++child) {
+      b2AABB box;
+      one->GetShape()->ComputeAABB(&box, ground_.body().GetTransform(), child);
+      top = std::max(top, box.upperBound.y);
+    }
+  }
+  const float high = top + to_units(reach_m_);
+  const auto lift = [&](float by) {
+    for (b2Body* one = world_.GetBodyList(); one != nullptr; one = one->GetNext()) {
+      if (one->GetType() == b2_dynamicBody) one->SetTransform(one->GetPosition() + b2Vec2(0, by), 0);
+    }
+  };
+  lift(high);
+  const b2Vec2 down(0, -2 * high - to_units(1));
+  float share = 1;
+  for (const b2Body* body = world_.GetBodyList(); body != nullptr; body = body->GetNext()) {
+    if (body->GetType() != b2_dynamicBody) continue;
+    const b2Fixture& part = *body->GetFixtureList();
+    for (const b2Fixture* one = ground_.body().GetFixtureList(); one != nullptr; one = one->GetNext()) {
+      if ((one->GetFilterData().categoryBits & part.GetFilterData().maskBits) == 0) continue;
+      share = std::min(share, share_to_ground(part, *one, down));
+    }
+  }
+  lift(share * down.y + to_units(drop_m));
+}
+
+void SideViewCar::step(const PulsesUs& pulses_us) {
+  const double x_m = to_metres(segments_[main_]->GetPosition().x);
+  ground_.extend(x_m - reach_m_, x_m + reach_m_);
+  const bool timed = stopwatch_ != nullptr && steps_++ % kTimedStepInterval == 0;
+  for (Pair& pair : pairs_) pair.start_rad_s = -pair.joint->GetJointSpeed();
+  {
+    const ScopedTimer timer(timed ? &stopwatch_->physics_s : nullptr, kTimedStepInterval);
+    drive_wheels(pulses_us);
+    bend_hinges();
+    world_.Step(static_cast<float>(step_s_), options_.velocity_iterations, options_.position_iterations);
+  }
+  if (timed) {
+    const double collide_s = 1e-3 * kTimedStepInterval * static_cast<double>(world_.GetProfile().collide);
+    stopwatch_->physics_s -= collide_s;
+    stopwatch_->terrain_s += collide_s;
+  }
+  count_energy(pulses_us);
+  update_state();
+}
+
+// Both servos' torques at this speed; together they would end at the mean of their speeds, weighed by their lines' slopes.
+void SideViewCar::drive_wheels(const PulsesUs& pulses_us) {
+  for (const Pair& pair : pairs_) {
+    double torque_n_m = 0, drive_n_m = 0, slope = 0;
+    for (const std::size_t i : pair.wheels) {
+      const WheelSpec& wheel = body_.wheels[i];
+      const ServoDrive servo = servo_drive(wheel.servo, pulses_us[static_cast<std::size_t>(wheel.channel)]);
+      if (!servo.powered) continue;
+      torque_n_m += servo_torque_n_m(wheel.servo, servo, pair.start_rad_s, body_.supply_v);
+      drive_n_m += servo.fraction * wheel.servo.stall_torque_n_m * body_.supply_v / wheel.servo.rated_v;
+      slope += wheel.servo.stall_torque_n_m / wheel.servo.no_load_speed_rad_s;
+    }
+    if (slope == 0) {
+      pair.joint->EnableMotor(false);
+    } else {
+      drive(*pair.joint, torque_n_m, -drive_n_m / slope);
+    }
+  }
+}
+
+// A flexure's torque at the end of the step, -k (angle + step rate) - c rate, falls with the rate as a servo's does.
+void SideViewCar::bend_hinges() {
+  for (std::size_t j = 0; j < hinges_.size(); ++j) {
+    const HingeSpec& spec = body_.hinges[j];
+    const double slope = spec.damping_n_m_s_rad + step_s_ * spec.stiffness_n_m_rad;
+    if (slope == 0) continue;
+    const double bend_n_m = -spec.stiffness_n_m_rad * hinge_rad(j);
+    drive(*hinges_[j], bend_n_m - slope * static_cast<double>(hinges_[j]->GetJointSpeed()), bend_n_m / slope);
+  }
+}
+
+// Of the pair's torque every servo gives what its line does at the speed in the middle of the step.
+void SideViewCar::count_energy(const PulsesUs& pulses_us) {
+  for (const Pair& pair : pairs_) {
+    const double middle_rad_s = 0.5 * (pair.start_rad_s - static_cast<double>(pair.joint->GetJointSpeed()));
+    const double given_n_m = -pair.joint->GetMotorTorque(static_cast<float>(options_.rate_hz)) / kUnits2;
+    state_.motor_work_j += given_n_m * middle_rad_s * step_s_;
+    double sum_n_m = 0;
+    const auto torque_n_m = [&](const ServoSpec& spec, const ServoDrive& servo) {
+      return servo_torque_n_m(spec, servo, pair.start_rad_s, body_.supply_v);
+    };
+    const auto servo_of = [&](std::size_t i) {
+      const WheelSpec& wheel = body_.wheels[i];
+      return servo_drive(wheel.servo, pulses_us[static_cast<std::size_t>(wheel.channel)]);
+    };
+    for (const std::size_t i : pair.wheels) sum_n_m += torque_n_m(body_.wheels[i].servo, servo_of(i));
+    const double share = sum_n_m == 0 ? 0 : given_n_m / sum_n_m;
+    for (const std::size_t i : pair.wheels) {
+      const ServoSpec& spec = body_.wheels[i].servo;
+      const ServoDrive servo = servo_of(i);
+      state_.consumed_energy_j +=
+          body_.supply_v * servo_current_a(spec, servo, share * torque_n_m(spec, servo)) * step_s_;
+    }
+  }
+}
+
+void SideViewCar::update_state() {
+  const b2Body& main = *segments_[main_];
+  const double x_m = to_metres(main.GetPosition().x), pitch_rad = main.GetAngle();
+  const Vec3 at = ground_.to_world(x_m, 0);
+  state_.x_m = at.x;
+  state_.y_m = at.y;
+  state_.z_m = to_metres(main.GetPosition().y);
+  state_.pitch_rad = std::asin(std::clamp(std::sin(pitch_rad), -1.0, 1.0));
+  state_.up = std::cos(pitch_rad);
+  state_.speed_m_s = to_metres(main.GetLinearVelocityFromLocalPoint(b2Vec2_zero).x);
+}
+
+void SideViewCar::PreSolve(b2Contact* contact, const b2Manifold*) {
+  const uintptr_t a = contact->GetFixtureA()->GetUserData().pointer, b = contact->GetFixtureB()->GetUserData().pointer;
+  const double grip = *reinterpret_cast<const double*>(a != 0 ? a : b);
+  double friction = scene_.friction;
+  if (terrain_.has_patches()) {
+    b2WorldManifold manifold;
+    contact->GetWorldManifold(&manifold);
+    friction = friction_at(to_metres(manifold.points[0].x));
+  }
+  contact->SetFriction(static_cast<float>(grip * friction));
+}
+
+// The mean of both tracks.
+double SideViewCar::friction_at(double x_m) const {
+  double sum = 0;
+  for (const double side : {-0.5, 0.5}) {
+    const Vec3 at = ground_.to_world(x_m, side * body_.track_m);
+    sum += terrain_.friction(at.x, at.y, scene_.friction);
+  }
+  return 0.5 * sum;
+}
+
+double SideViewCar::hinge_rad(std::size_t hinge) const { return hinges_[hinge]->GetJointAngle(); }
+
+double SideViewCar::wheel_speed_rad_s(std::size_t wheel) const {
+  for (const Pair& pair : pairs_) {
+    for (const std::size_t i : pair.wheels) {
+      if (i == wheel) return -pair.joint->GetJointSpeed();
+    }
+  }
+  return 0;
+}
+
+double SideViewCar::pair_load_n(std::size_t wheel) const {
+  double impulse = 0;
+  for (const Pair& pair : pairs_) {
+    if (std::find(pair.wheels.begin(), pair.wheels.end(), wheel) == pair.wheels.end()) continue;
+    for (const b2ContactEdge* edge = pair.disc->GetContactList(); edge != nullptr; edge = edge->next) {
+      const b2Manifold& manifold = *edge->contact->GetManifold();
+      if (!edge->contact->IsTouching()) continue;
+      for (int32 i = 0; i < manifold.pointCount; ++i) impulse += manifold.points[i].normalImpulse;
+    }
+  }
+  return to_metres(impulse) / step_s_;
+}
+
+double SideViewCar::mechanical_energy_j() const {
+  double energy_j = 0;
+  for (const b2Body* one = world_.GetBodyList(); one != nullptr; one = one->GetNext()) {
+    energy_j += kinetic_j(*one) + one->GetMass() * kGravity_m_s2 * to_metres(one->GetWorldCenter().y);
+  }
+  for (std::size_t j = 0; j < hinges_.size(); ++j) {
+    energy_j += 0.5 * body_.hinges[j].stiffness_n_m_rad * hinge_rad(j) * hinge_rad(j);
+  }
+  return energy_j;
+}
+
+bool SideViewCar::finite() const {
+  return std::isfinite(state_.x_m) && std::isfinite(state_.z_m) && std::isfinite(state_.up) &&
+         std::isfinite(state_.speed_m_s);
+}
+
+}  // namespace foldcar

@@ -80,10 +80,10 @@ def batch_lines(store: Path) -> str:
     return "\n".join(lines) + "\n"
 
 
-def carsim_timing(lines: str, program: Path = CARSIM) -> dict[str, float]:
+def carsim_timing(lines: str, *command: Path | str) -> dict[str, float]:
     """The times (s) that `carsim batch --timing` reports."""
     answer = subprocess.run(
-        [program, "batch", "--timing"],
+        [*command, "batch", "--timing"],
         input=lines,
         text=True,
         capture_output=True,
@@ -93,10 +93,10 @@ def carsim_timing(lines: str, program: Path = CARSIM) -> dict[str, float]:
     return timing
 
 
-def speed(lines: str, program: Path) -> float:
+def speed(lines: str, *command: Path | str) -> float:
     """Simulated seconds a second of processor time, start and terrain included, which other load hardly changes."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    simulated_s = carsim_timing(lines, program)["simulated_s"]
+    simulated_s = carsim_timing(lines, *command)["simulated_s"]
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return simulated_s / (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
 
@@ -132,7 +132,7 @@ def main() -> None:
         quarter = sweep(Path(folder, "quarter.db"), 2, environments=25)
         status.update("the same runs inside carsim")
         lines = batch_lines(two_store)
-        timing = carsim_timing(lines)
+        timing = carsim_timing(lines, CARSIM)
         runs = lines.count('{"run"')
         status.update("a part of the study in MuJoCo")
         solid_store = Path(folder, "mujoco.db")
@@ -141,6 +141,7 @@ def main() -> None:
         status.update("the same runs in each engine")
         speeds = [
             ("multibody", "yes", speed(some, CARSIM)),
+            ("side view (Box2D)", "yes", speed(some, CARSIM, "--side-view")),
             ("MuJoCo", "yes", speed(some, CARSIM_MUJOCO)),
             ("MuJoCo from Python, exported model", "no", python_factor(solid_store)),
             *box2d_speed(solid_store),
@@ -148,7 +149,7 @@ def main() -> None:
         status.update("a field of hills")
         hills_store = Path(folder, "hills.db")
         sweep(hills_store, 2, listing=HILLS)
-        hills = carsim_timing(batch_lines(hills_store))
+        hills = carsim_timing(batch_lines(hills_store), CARSIM)
         status.update("Scenic alone")
         scenic_s = scenic_seconds(100)
         many_ms = [(turn, sampling_ms(turn)) for turn in TURNS]

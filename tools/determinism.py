@@ -2,10 +2,11 @@
 
 Usage: determinism.py [--renew] [--numerics] [COMPILER LEVEL]...
 
-Each build must answer test/determinism/golden_input.jsonl with the bytes of golden_output.jsonl; exit code 1 if one does
-not. Without arguments the builds are those of g++ and clang++, as far as installed, at -O0 to -O3. --numerics compiles
-anew only what computes trials and takes the rest from the build of PlatformIO, which must be there. --renew first writes
-golden_output.jsonl with that build: after a change of the physics, never to silence a difference.
+Each build must answer test/determinism/golden_input.jsonl with the bytes of golden_output.jsonl, multibody's answers and
+then the side view's; exit code 1 if one does not. Without arguments the builds are those of g++ and clang++, as far as
+installed, at -O0 to -O3. --numerics compiles anew only what computes trials and takes the rest from the build of
+PlatformIO, which must be there. --renew first writes golden_output.jsonl with that build: after a change of the physics,
+never to silence a difference.
 """
 
 import argparse
@@ -28,7 +29,7 @@ FLAGS = ("-std=gnu++17", "-ffp-contract=off", "-pthread")
 NUMERICS = (
     *("firmware/lib/application", "firmware/lib/attitude", "firmware/lib/control", "firmware/lib/parameters"),
     *("firmware/lib/supervisor", "sim2d/lib/elementary", "sim2d/lib/engine", "sim2d/lib/model", "sim2d/lib/multibody"),
-    *("sim2d/lib/sim_hal", "sim2d/lib/terrain", "sim2d/lib/trial"),
+    *("sim2d/lib/side_view", "sim2d/lib/sim_hal", "sim2d/lib/terrain", "sim2d/lib/trial"),
 )
 
 
@@ -36,10 +37,19 @@ class BuildError(Exception):
     """A compiler is missing or failed."""
 
 
-def answers(carsim: Path) -> str:
-    """What that carsim answers to the golden input."""
-    with INPUT.open(encoding="utf-8") as lines:
-        return subprocess.run([carsim, "batch"], stdin=lines, capture_output=True, text=True, check=True).stdout
+def answers(carsim: Path, **variables: str) -> str:
+    """What that carsim answers to the golden input in multibody and in the side view, with environment variables."""
+    return "".join(
+        subprocess.run(
+            [carsim, *engine, "batch"],
+            input=INPUT.read_text("utf-8"),
+            env={**os.environ, **variables},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for engine in ((), ("--side-view",))
+    )
 
 
 def difference(expected: str, got: str) -> str:

@@ -73,6 +73,8 @@ def _evidence(
     stored = info.stored_runs
     if stored < info.planned_runs:
         remarks.insert(0, f"Unfinished: {stored} of {info.planned_runs} runs are stored; the same sweep resumes.")
+    if info.warning:
+        remarks.insert(0, info.warning)
     here = store.trials_here(info)
     found = [_with_trials(info, one, by_design.get(key, []), here, again) for key, one in designs.items()]
     return Evidence(info, tuple(found), (*remarks, *_pair_remarks(found), *again.remarks(info.id)))

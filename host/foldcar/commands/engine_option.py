@@ -8,11 +8,10 @@ from foldcar.did_you_mean import did_you_mean
 
 
 def _known(engine: str) -> str:
-    from foldcar.simulation.engines import ENGINES, MUJOCO, MULTIBODY
+    from foldcar.simulation.engines import ENGINES, TOLD
 
     if engine not in ENGINES:
-        told = (MULTIBODY, MUJOCO)
-        raise typer.BadParameter(f'"{engine}" is none of {", ".join(told)}{did_you_mean(engine, told)}')
+        raise typer.BadParameter(f'"{engine}" is none of {", ".join(TOLD)}{did_you_mean(engine, TOLD)}')
     return engine
 
 
@@ -21,6 +20,7 @@ Engine = Annotated[
     typer.Option(
         metavar="NAME",
         callback=_known,
-        help="multibody, or mujoco: three times slower (`make mujoco` builds it).",
+        help="side-view (Box2D: quick, the same ground under both tracks), multibody (six degrees of freedom), or mujoco "
+        "(slow, `make mujoco` builds it).",
     ),
 ]

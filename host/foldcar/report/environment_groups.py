@@ -12,7 +12,7 @@ from foldcar.store.info import ExperimentInfo
 # What may differ between experiments of one group, or differs with the number of their runs.
 FREE = {
     "id", "vehicle", "environment", "scenic_params", "environments", "planned_runs", "stored_runs", "thresholds", "until",
-    "designs", "decided", "skipped", "calibration", "listed_environment",
+    "designs", "decided", "skipped", "calibration", "listed_environment", "unlike_sides",
 }  # fmt: skip
 
 
@@ -56,7 +56,7 @@ def environment_groups(infos: Iterable[ExperimentInfo]) -> list[EnvironmentGroup
 def _remarks(
     name: str, members: list[ExperimentInfo], kept: Mapping[float, ExperimentInfo], unset: list[ExperimentInfo]
 ) -> list[str]:
-    said = []
+    said = list(dict.fromkeys(info.warning for info in kept.values() if info.warning))
     for info in members:
         if info in kept.values():
             continue

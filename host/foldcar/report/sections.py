@@ -101,7 +101,7 @@ def read_section(
 
 
 def _remarks(info: ExperimentInfo, summary: Summary, trials: TrialSummary, rejected: str | None) -> list[str]:
-    remarks = []
+    remarks = [info.warning] if info.warning else []
     stored = summary.total.runs
     if stored < info.planned_runs:
         remarks.append(

@@ -1,4 +1,4 @@
-"""What may move simulated cars: multibody, or MuJoCo, each a program of its own with carsim's words."""
+"""What may move simulated cars: multibody or Box2D's side view, in one program, or MuJoCo, in another like it."""
 
 import os
 from dataclasses import dataclass
@@ -25,12 +25,16 @@ class Engine:
     options: tuple[str, ...] = ()
 
 
-MULTIBODY, MUJOCO = "multibody", "mujoco"
+MULTIBODY, SIDE_VIEW, MUJOCO = "multibody", "side-view", "mujoco"
+# What users choose from.
+TOLD = (SIDE_VIEW, MULTIBODY, MUJOCO)
 # MuJoCo otherwise: how far results depend on details that a designer cannot know.
 HALF_STEP, ELLIPSOID = "mujoco-half-step", "mujoco-ellipsoid-tyres"
-_MUJOCO = ("FOLDCAR_CARSIM_MUJOCO", "carsim_mujoco", "mujoco")
+MUJOCO_ENVIRONMENT = "carsim_mujoco"
+_MUJOCO = ("FOLDCAR_CARSIM_MUJOCO", MUJOCO_ENVIRONMENT, "mujoco")
 ENGINES = {
     MULTIBODY: Engine(BINARY_VARIABLE, "carsim", "setup"),
+    SIDE_VIEW: Engine(BINARY_VARIABLE, "carsim", "setup", "side-view", ("--side-view",)),
     MUJOCO: Engine(*_MUJOCO, "MuJoCo"),
     HALF_STEP: Engine(*_MUJOCO, "MuJoCo, half step", ("--half-step",)),
     ELLIPSOID: Engine(*_MUJOCO, "MuJoCo, ellipsoid tyres", ("--ellipsoid-tyres",)),
@@ -63,11 +67,11 @@ def find_carsim(engine: str = MULTIBODY) -> Path:
     packaged = packaged_program(program.environment)
     if packaged is not None:
         # The program looks for the library there (tools/mujoco_library.py).
-        if program.title and not any((packaged.parents[1] / "mujoco").glob("libmujoco.*")):
+        if program.environment == MUJOCO_ENVIRONMENT and not any((packaged.parents[1] / "mujoco").glob("libmujoco.*")):
             remedy = "run `pip install 'foldcar[mujoco]'` (Python 3.11 or newer)"
             raise CarsimError(f"no package mujoco in {packaged.parents[1]}: {remedy}")
         return packaged
-    what = "carsim with MuJoCo" if program.title else "carsim"
+    what = "carsim with MuJoCo" if program.environment == MUJOCO_ENVIRONMENT else "carsim"
     project = source_tree()
     if project is None:
         raise CarsimError(f"this foldcar came without {what}: install a wheel, or let {program.variable} name it")

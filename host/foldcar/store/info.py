@@ -25,6 +25,11 @@ def listed_id(experiment: str, calibration: Mapping[str, str] | None, engine: st
     return under.removesuffix(engine_id("", engine))
 
 
+def unlike_sides_text(what: str) -> str:
+    """The warning of an experiment in the side view whose two sides differ in that."""
+    return f"The side view knows neither roll, yaw nor sides, but these differ: {what}. Use --engine multibody."
+
+
 @dataclass(frozen=True, slots=True)
 class ExperimentInfo:
     """One experiment as it was last swept.
@@ -42,7 +47,7 @@ class ExperimentInfo:
     ``listed_environment`` is the fingerprint of the listing's environment.
     ``searched`` says that a search chose the designs, and how many runs each has: no more are planned.
     ``thresholds`` are the shares of passed runs that tell good designs from bad ones. ``engine`` is the name and version
-    of what moved the cars, "" in multibody.
+    of what moved the cars, "" in multibody. ``unlike_sides`` says what that engine cannot know here, "" if nothing.
     """
 
     id: str
@@ -75,6 +80,7 @@ class ExperimentInfo:
     decided: int = 0
     searched: bool = False
     engine: str = ""
+    unlike_sides: str = ""
 
     @property
     def listed_id(self) -> str:
@@ -86,6 +92,11 @@ class ExperimentInfo:
         """What it was simulated under, as ``calibration NAME``; None for nominal simulations."""
         one = self.calibration
         return None if one is None else f"{one.get('kind', CALIBRATION_KIND)} {one['name']}"
+
+    @property
+    def warning(self) -> str:
+        """What to say wherever its rates are shown, "" if they mean what they say."""
+        return unlike_sides_text(self.unlike_sides) if self.unlike_sides else ""
 
     @property
     def simulation(self) -> str:

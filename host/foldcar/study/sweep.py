@@ -17,8 +17,10 @@ from foldcar.interrupts import delayed
 from foldcar.scenes.fingerprint import scenic_version
 from foldcar.shown_text import decoded
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import ENGINES, SIDE_VIEW
 from foldcar.simulation.results import outcome_of
 from foldcar.simulation.simulators import Simulators
+from foldcar.store.info import unlike_sides_text
 from foldcar.store.writer import PlannedExperiment, StoreWriter, write_store
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
@@ -28,6 +30,7 @@ from foldcar.study.family import Family
 from foldcar.study.planned_designs import PlannedDesigns, planned_designs
 from foldcar.study.progress import Progress
 from foldcar.study.stopping import design_states
+from foldcar.study.unlike_sides import unlike_sides
 
 # Cars that cannot be built: how many are announced by name.
 SHOWN_SKIPPED = 5
@@ -64,11 +67,21 @@ def sweep(
             environment.sample(0)
     if until:
         _check_success(study, environments)
+    unlike = {}
+    if carsim.engine == ENGINES[SIDE_VIEW].title:
+        for experiment, environment in zip(study.experiments, environments, strict=True):
+            unlike[experiment.id] = unlike_sides(carsim, experiment, environment)
     with write_store(store) as writer:
         writer.begin_study(study_facts(study, carsim, command), carsim.build)
         plans = [
             plan_experiment(
-                experiment, environment, writer, designs[experiment.id], (until or {}).get(experiment.id), carsim.engine
+                experiment,
+                environment,
+                writer,
+                designs[experiment.id],
+                (until or {}).get(experiment.id),
+                carsim.engine,
+                unlike=unlike.get(experiment.id, ""),
             )
             for experiment, environment in zip(study.experiments, environments, strict=True)
         ]
@@ -79,6 +92,9 @@ def sweep(
         )
         for line in _rules(plans):
             announce(line)
+        for name, what in unlike.items():
+            if what:
+                announce(f"experiment {name}: {unlike_sides_text(what)}")
         for plan in plans if until and carsim.engine else ():
             if writer.multibody_counts(plan) is None:
                 announce(f"experiment {plan.id}: no multibody runs in the store: designs in the listing's order")
@@ -150,10 +166,12 @@ def plan_experiment(
     rule: StoppingRule | None = None,
     engine: str = "",
     searched: bool = False,
+    unlike: str = "",
 ) -> PlannedExperiment:
     """Record an experiment and its family's designs, replacing an earlier one of that id. FoldcarError.
 
-    ``rule``, ``engine`` and ``searched`` are ExperimentInfo's ``until``, ``engine`` and ``searched``.
+    ``rule``, ``engine``, ``searched`` and ``unlike`` are ExperimentInfo's ``until``, ``engine``, ``searched`` and
+    ``unlike_sides``.
     """
     first = next(iter(experiment.family))
     varied = experiment.family.varied
@@ -189,6 +207,7 @@ def plan_experiment(
             **({} if rule is None else {"until": asdict(rule)}),
             **({"searched": True} if searched else {}),
             **({"engine": engine} if engine else {}),
+            **({"unlike_sides": unlike} if unlike else {}),
             # Elsewhere the others lie elsewhere.
             **({} if any(Path(name).is_absolute() for name in environment.files) else {"files": dict(environment.files)}),
         },

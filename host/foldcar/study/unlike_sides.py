@@ -1,0 +1,128 @@
+"""What of a study the side view cannot know: where ground, way or cars differ from the left side to the right.
+
+Input: bodies, scenes and settings of docs/carsim.md. Output: words for what differs, "" if nothing does. The heights and
+friction under both tracks are carsim's own, along the way straight ahead from the start.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
+from typing import Any
+
+import numpy
+
+from foldcar.simulation.carsim import Carsim
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import Experiment
+from foldcar.study.planned_designs import planned_design
+
+# Of an experiment so many samples and so many designs, the narrowest and the widest among them, are looked at.
+SAMPLES, DESIGNS = 10, 8
+# Between points of a track along the way. Smaller differences than these count as none.
+SPACING_M = 0.005
+HEIGHT_M, FRICTION, ANGLE_RAD = 0.001, 0.01, math.radians(0.2)
+RADIUS_M, ECCENTRICITY_M, SHARE = 1e-4, 2e-4, 0.02
+# The way is looked at from behind the start.
+BEHIND_M = 0.3
+
+
+def unlike_sides(carsim: Carsim, experiment: Experiment, environment: Environment) -> str:
+    """What differs in the experiment's first samples and in its designs. FoldcarError."""
+    table = carsim.parameter_table()
+    every = max(1, len(experiment.family) // DESIGNS)
+    planned = [planned_design(experiment, one, table) for one in islice(experiment.family, 0, None, every)]
+    bodies = sorted((one.body for one in planned), key=lambda body: float(body["track_m"]))
+    scenes = [environment.sample(k) for k in range(min(SAMPLES, experiment.environments))]
+    found = [*_unlike_ground(carsim, [bodies[0], bodies[-1]], scenes)]
+    turn_rad_s = experiment.yaw_rate_rad_s
+    if turn_rad_s:
+        found.append(f"heading (a turn of {turn_rad_s:g} rad/s is asked for)")
+    if experiment.variation:
+        found.append("the cars' sides (nearby cars vary wheel by wheel)")
+    else:
+        found += [f"the cars' sides ({what})" for what in islice(filter(None, map(one_sided, bodies)), 1)]
+    return ", ".join(found)
+
+
+def one_sided(body: Mapping[str, Any]) -> str:
+    """What a body has on one side only, "" if its sides are alike."""
+    for segment in body["segments"]:
+        if abs(segment["com_y_m"]) > SHARE * body["track_m"]:
+            side = "left" if segment["com_y_m"] > 0 else "right"
+            return f"a centre of mass {1000 * abs(segment['com_y_m']):.1f} mm to the {side}"
+    pairs: dict[tuple[int, float], list[Mapping[str, Any]]] = {}
+    for wheel in body["wheels"]:
+        pairs.setdefault((wheel["segment"], wheel["x_m"]), []).append(wheel)
+    for left, right in pairs.values():
+        if abs(left["radius_m"] - right["radius_m"]) > RADIUS_M:
+            return "wheel radii"
+        if max(left["eccentricity_m"], right["eccentricity_m"]) > ECCENTRICITY_M:
+            return "wheels out of true"
+        numbers = [{**wheel["servo"], "grip": wheel["grip"], "mass": wheel["mass_kg"]} for wheel in (left, right)]
+        for name in ("grip", "mass", "stall_torque_n_m", "no_load_speed_rad_s", "deadband_us"):
+            one, other = numbers[0][name], numbers[1][name]
+            if abs(one - other) > SHARE * max(abs(one), abs(other)):
+                return f"wheels of unlike {name.partition('_')[0]}"
+    return ""
+
+
+def _unlike_ground(
+    carsim: Carsim, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]
+) -> Iterator[str]:
+    """An obstacle on one side and one that is met at an angle, each named with the first sample that has it."""
+    told = set()
+    for k, scene in enumerate(scenes):
+        if _alike(carsim, bodies, [scene])[0]:
+            continue
+        pieces = [{**scene, "terrain": [piece]} for piece in scene["terrain"]]
+        for piece, alike in zip(scene["terrain"], _alike(carsim, bodies, pieces), strict=True):
+            if alike:
+                continue
+            ahead_rad = scene["start"]["heading_rad"]
+            turned_rad = math.remainder(piece.get("heading_rad", ahead_rad) - ahead_rad, math.pi / 2)
+            kind = piece["kind"].replace("_", "-")
+            if abs(turned_rad) > ANGLE_RAD:
+                what, how = "heading", f"a {kind} met at {math.degrees(abs(turned_rad)):.1f}° in sample {k}"
+            else:
+                what = "friction" if kind == "patch" else "obstacle"
+                how = f"a {kind} that is not the same under both tracks in sample {k}"
+            if what not in told:
+                told.add(what)
+                yield f"{what} ({how})"
+
+
+def _alike(
+    carsim: Carsim, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]
+) -> list[bool]:
+    """Of each scene, whether the tracks of all bodies meet the same heights and friction left and right."""
+    lines = []
+    for index, scene in enumerate(scenes):
+        x_m, y_m = _track_points(bodies, scene)
+        lines.append(json.dumps({"scene": {**scene, "id": "s"}}))
+        lines.append(json.dumps({"heights": {"id": str(index), "scene": "s", "x_m": x_m, "y_m": y_m}}))
+    found = []
+    for answer in carsim.answers(lines):
+        heights, friction = (numpy.reshape(answer[name], (2, -1)) for name in ("z_m", "friction"))
+        apart = [numpy.abs(left - right).max() for left, right in (heights, friction)]
+        found.append(bool(apart[0] <= HEIGHT_M and apart[1] <= FRICTION))
+    return found
+
+
+def _track_points(bodies: Sequence[Mapping[str, Any]], scene: Mapping[str, Any]) -> tuple[list[float], list[float]]:
+    """Points under inner edge, middle and outer edge of the tyres, the left ones first, as far as the course reaches."""
+    start, course = scene["start"], scene["course"]
+    corners = [(x, y) for x in (course["x_min_m"], course["x_max_m"]) for y in (course["y_min_m"], course["y_max_m"])]
+    c, s = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
+    far_m = max((x - start["x_m"]) * c + (y - start["y_m"]) * s for x, y in corners)
+    along_m = numpy.arange(-BEHIND_M, max(far_m, BEHIND_M), SPACING_M)
+    edges = {
+        0.5 * (body["track_m"] + edge * wheel["width_m"])
+        for body in bodies
+        for wheel in body["wheels"]
+        for edge in (-1, 0, 1)
+    }
+    across_m = numpy.array([side * one for side in (1, -1) for one in sorted(edges)])
+    ahead, left = numpy.meshgrid(along_m, across_m)
+    x_m, y_m = start["x_m"] + ahead * c - left * s, start["y_m"] + ahead * s + left * c
+    return x_m.ravel().tolist(), y_m.ravel().tolist()

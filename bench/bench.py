@@ -2,10 +2,9 @@
 
 Output: a table of the study by `foldcar sweep` with one and two jobs, of the same runs in one `carsim` process that
 measures its own times, of terrain slicing in a field of hills, and of Scenic's cost (scenic_way.py); a table of a part
-of it in each engine, and in MuJoCo and Box2D from Python (mujoco_way.py, box2d_way.py), by the processor time.
+of it in each engine, and in MuJoCo from Python (mujoco_way.py), by the processor time.
 """
 
-import importlib.util
 import json
 import os
 import resource
@@ -101,16 +100,6 @@ def speed(lines: str, *command: Path | str) -> float:
     return simulated_s / (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
 
 
-def box2d_speed(store: Path) -> list[tuple[str, str, float]]:
-    """The row of Box2D from Python; none where its package has no wheel."""
-    if importlib.util.find_spec("Box2D") is None:
-        return []
-    import box2d_way
-
-    factor, passed = box2d_way.python_factor(store, Carsim().limits().trial)
-    return [(f"Box2D from Python, in the plane: {passed} pass", "no", factor)]
-
-
 def scenic_seconds(samples: int) -> float:
     """Wall time (s) to import Scenic, compile the study's program and sample its scenes, in a new process."""
     experiment = read_study(LISTING).experiments[0]
@@ -144,7 +133,6 @@ def main() -> None:
             ("side view (Box2D)", "yes", speed(some, CARSIM, "--side-view")),
             ("MuJoCo", "yes", speed(some, CARSIM_MUJOCO)),
             ("MuJoCo from Python, exported model", "no", python_factor(solid_store)),
-            *box2d_speed(solid_store),
         ]
         status.update("a field of hills")
         hills_store = Path(folder, "hills.db")

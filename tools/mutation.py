@@ -41,6 +41,7 @@ TARGETS = {
     "sim2d/lib/multibody/belly_contacts.cpp": ["test_sim_contacts", *CAR],
     "sim2d/lib/engine": CAR,
     "sim2d/lib/multibody": CAR,
+    "sim2d/lib/side_view": ["test_sim_side_view"],
     "firmware/lib/control": ["test_control"],
     "firmware/lib/supervisor": ["test_supervisor", "test_application"],
     "host/foldcar/analysis/anytime.py": ["test_sweep_until.py"],

@@ -1,7 +1,6 @@
 """The side view from the commands: where its two sides would differ, sweep, run, report and advice say so."""
 
 import json
-import sqlite3
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -9,19 +8,11 @@ from typing import Any
 
 import pytest
 
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.engines import SIDE_VIEW
 from foldcar.store.reader import Store
 from foldcar.study.unlike_sides import one_sided
 from study_car import car_body
-from written_study import write_study
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
-
-
-@pytest.fixture(scope="module")
-def side_view() -> Carsim:
-    return Carsim(engine=SIDE_VIEW)
 
 
 def swept(foldcar: Command, listing: Path, store: str, *words: Any) -> "subprocess.CompletedProcess[str]":
@@ -30,29 +21,30 @@ def swept(foldcar: Command, listing: Path, store: str, *words: Any) -> "subproce
     return done
 
 
-def listing_of(write_listing: Any, program: Path, variation: Any = None, **params: Any) -> Path:
-    data = json.loads((Path(__file__).parent / "data" / "appendix_a.json").read_text())
-    (name,) = data["environments"]
-    data["environments"][name] = {"scenic_filename": str(program), "seed": 1}
-    data["experiments"]["1"]["params"] |= {"environments": 3, "timeout": 20, **params}
-    if variation is not None:
-        data["experiments"]["1"]["variation"] = variation
-    file: Path = write_listing(data)
-    return file
+@pytest.fixture
+def listing_of(listing_data: Any, write_listing: Any, tmp_path: Path) -> Callable[..., Path]:
+    """A function that writes a listing of one object on the way to a goal; more settings are the experiment's."""
 
+    def make(obstacle: str, **params: Any) -> Path:
+        program = tmp_path / "way.scenic"
+        goal = "goal = new Goal at (1, 0), facing -90 deg\nego = new Robot at (0, 0), facing goal\n"
+        program.write_text("\n".join(("model model", obstacle, goal)))
+        listing_data["environments"]["1"] = {"scenic_filename": str(program), "seed": 1}
+        listing_data["experiments"]["1"]["params"] |= {"timeout": 20, **params}
+        file: Path = write_listing(listing_data)
+        return file
 
-def program_of(folder: Path, *objects: str) -> Path:
-    file = folder / "way.scenic"
-    goal = "goal = new Goal at (1, 0), facing -90 deg\nego = new Robot at (0, 0), facing goal\n"
-    file.write_text("\n".join(("model model", *objects, goal)))
-    return file
+    return make
 
 
 ACROSS = "new Bump at (0.4, 0), facing -90 deg, with length 0.06, with width 1, with height 0.012"
+PATCH = "new FrictionPatch at (0.4, 0.5), facing -90 deg"
 
 
-def test_across_the_course_it_warns_of_nothing_and_passes(tmp_path: Path, foldcar: Command, write_listing: Any) -> None:
-    done = swept(foldcar, listing_of(write_listing, program_of(tmp_path, ACROSS)), "s.db")
+def test_across_the_course_it_warns_of_nothing_and_passes(
+    tmp_path: Path, foldcar: Command, listing_of: Callable[..., Path]
+) -> None:
+    done = swept(foldcar, listing_of(ACROSS), "s.db")
 
     assert "differ" not in done.stderr + done.stdout
     with Store.open(tmp_path / "s.db") as store:
@@ -66,15 +58,15 @@ def test_across_the_course_it_warns_of_nothing_and_passes(tmp_path: Path, foldca
 @pytest.mark.parametrize(
     ("obstacle", "named"),
     [
-        (ACROSS.replace("(0.4, 0)", "(0.4, 0.5)"), "obstacle (a half-round that is not the same under both tracks"),
-        (ACROSS.replace("-90 deg", "-80 deg"), "heading (a half-round met at 10.0°"),
-        ("new Patch at (0.4, 0.5), with length 0.5, with width 1, with friction 0.1", "friction (a patch"),
+        (ACROSS.replace("(0.4, 0)", "(0.4, 0.5)"), "obstacle (box not the same under both tracks"),
+        (ACROSS.replace("-90 deg", "-80 deg"), "heading (box met at 10.0°"),
+        (f"{PATCH}, with length 0.5, with width 1, with friction 0.1", "friction (patch not"),
     ],
 )
 def test_what_differs_from_side_to_side_is_named_by_the_sweep_and_wherever_its_rates_are_shown(
-    tmp_path: Path, foldcar: Command, write_listing: Any, obstacle: str, named: str
+    tmp_path: Path, foldcar: Command, listing_of: Callable[..., Path], obstacle: str, named: str
 ) -> None:
-    listing = listing_of(write_listing, program_of(tmp_path, obstacle))
+    listing = listing_of(obstacle)
 
     done = swept(foldcar, listing, "s.db")
 
@@ -82,22 +74,19 @@ def test_what_differs_from_side_to_side_is_named_by_the_sweep_and_wherever_its_r
     assert line.startswith("experiment 1 (side-view): ") and named in line and line.endswith("Use --engine multibody.")
     warning = line.partition(": ")[2]
     page = foldcar("report", "s.db", "-o", "page", "--no-replay")
-    assert warning in page.stdout.replace("\n", " ")
+    assert warning in " ".join(page.stdout.split())
     assert named in (tmp_path / "page" / "index.html").read_text()
     assert warning in json.loads(foldcar("report", "s.db", "--json", "-o", "page").stdout)["experiments"][0]["remarks"]
     assert named in " ".join(foldcar("select", "s.db").stdout.split())
-    run = foldcar("run", listing, "--experiment", "1", "--engine", "side-view")
+    run = foldcar("run", listing, "--experiment", "1", "--set", "width=95", "--engine", "side-view")
     assert named in run.stderr
     assert "these differ" not in foldcar("sweep", listing, "--store", "s.db").stderr
 
 
 def test_cars_that_vary_wheel_by_wheel_have_unlike_sides(
-    tmp_path: Path, foldcar: Command, write_listing: Any
+    foldcar: Command, listing_of: Callable[..., Path]
 ) -> None:
-    listing = listing_of(write_listing, program_of(tmp_path, ACROSS), environments=1)
-    data = json.loads(listing.read_text())
-    data["experiments"]["1"]["params"]["variation"] = "workshop"
-    listing.write_text(json.dumps(data))
+    listing = listing_of(ACROSS, variation="workshop")
 
     assert "the cars' sides (nearby cars vary" in swept(foldcar, listing, "s.db").stderr
 

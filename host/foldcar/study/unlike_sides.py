@@ -70,26 +70,28 @@ def one_sided(body: Mapping[str, Any]) -> str:
 def _unlike_ground(
     carsim: Carsim, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """An obstacle on one side and one that is met at an angle, each named with the first sample that has it."""
-    told = set()
-    for k, scene in enumerate(scenes):
-        if _alike(carsim, bodies, [scene])[0]:
+    """An obstacle on one side, one met at an angle and unlike friction, each named with the first sample that has it."""
+    told: dict[str, str] = {}
+    for k, alike in enumerate(_alike(carsim, bodies, scenes)):
+        if alike:
             continue
-        pieces = [{**scene, "terrain": [piece]} for piece in scene["terrain"]]
-        for piece, alike in zip(scene["terrain"], _alike(carsim, bodies, pieces), strict=True):
-            if alike:
-                continue
-            ahead_rad = scene["start"]["heading_rad"]
+        scene = scenes[k]
+        ahead_rad = scene["start"]["heading_rad"]
+        pieces = scene["terrain"]
+        as_met = _alike(carsim, bodies, [{**scene, "terrain": [piece]} for piece in pieces])
+        straight = [{**piece, **({"heading_rad": ahead_rad} if "heading_rad" in piece else {})} for piece in pieces]
+        as_straight = _alike(carsim, bodies, [{**scene, "terrain": [piece]} for piece in straight])
+        for piece, met_alike, straight_alike in zip(pieces, as_met, as_straight, strict=True):
+            kind = {"rough": "rough ground", "half_round": "half-round"}.get(piece["kind"], piece["kind"])
             turned_rad = math.remainder(piece.get("heading_rad", ahead_rad) - ahead_rad, math.pi / 2)
-            kind = piece["kind"].replace("_", "-")
-            if abs(turned_rad) > ANGLE_RAD:
-                what, how = "heading", f"a {kind} met at {math.degrees(abs(turned_rad)):.1f}° in sample {k}"
-            else:
+            if not straight_alike:
                 what = "friction" if kind == "patch" else "obstacle"
-                how = f"a {kind} that is not the same under both tracks in sample {k}"
-            if what not in told:
-                told.add(what)
-                yield f"{what} ({how})"
+                told.setdefault(what, f"{kind} not the same under both tracks in sample {k}")
+            if not met_alike and abs(turned_rad) > ANGLE_RAD:
+                told.setdefault("heading", f"{kind} met at {math.degrees(abs(turned_rad)):.1f}° in sample {k}")
+        if not told:
+            told["ground"] = f"not the same under both tracks in sample {k}"
+    yield from (f"{what} ({how})" for what, how in told.items())
 
 
 def _alike(

@@ -21,7 +21,6 @@ from rich.console import Console
 from rich.table import Table
 from scenic_way import OBJECTS, RUN_S, TURNS, sampling_ms, scenic_run_ms
 
-from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import read_study
 
 PROJECT = Path(__file__).resolve().parents[1]

@@ -265,13 +265,13 @@ void SideViewCar::count_energy(const PulsesUs& pulses_us) {
 
 void SideViewCar::update_state() {
   const b2Body& main = *segments_[main_];
-  const double x_m = to_metres(main.GetPosition().x), pitch_rad = main.GetAngle();
-  const Vec3 at = ground_.to_world(x_m, 0);
+  const b2Rot& turn = main.GetTransform().q;
+  const Vec3 at = ground_.to_world(to_metres(main.GetPosition().x), 0);
   state_.x_m = at.x;
   state_.y_m = at.y;
   state_.z_m = to_metres(main.GetPosition().y);
-  state_.pitch_rad = std::asin(std::clamp(std::sin(pitch_rad), -1.0, 1.0));
-  state_.up = std::cos(pitch_rad);
+  state_.pitch_rad = std::asin(std::clamp(static_cast<double>(turn.s), -1.0, 1.0));
+  state_.up = turn.c;
   state_.speed_m_s = to_metres(main.GetLinearVelocityFromLocalPoint(b2Vec2_zero).x);
 }
 

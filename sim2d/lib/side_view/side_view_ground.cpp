@@ -62,7 +62,10 @@ std::vector<b2Vec2> upper_hull(std::vector<Vec3> points) {
 }  // namespace
 
 SideViewGround::SideViewGround(b2World& world, const BodySpec& body, const SceneSpec& scene, const Terrain& terrain)
-    : terrain_(terrain), frame_{scene.start.x_m, scene.start.y_m, scene.start.heading_rad} {
+    : terrain_(terrain),
+      frame_{scene.start.x_m, scene.start.y_m, scene.start.heading_rad},
+      cosine_(std::cos(frame_.heading_rad)),
+      sine_(std::sin(frame_.heading_rad)) {
   double tyre_width_m = 0, belly_width_m = 0;
   for (const WheelSpec& wheel : body.wheels) tyre_width_m = std::max(tyre_width_m, wheel.width_m);
   for (const SegmentSpec& segment : body.segments) belly_width_m = std::max(belly_width_m, segment.width_m);
@@ -88,8 +91,7 @@ SideViewGround::SideViewGround(b2World& world, const BodySpec& body, const Scene
 }
 
 Vec3 SideViewGround::to_world(double x_m, double y_m) const {
-  const double c = std::cos(frame_.heading_rad), s = std::sin(frame_.heading_rad);
-  return {frame_.x_m + c * x_m - s * y_m, frame_.y_m + s * x_m + c * y_m, 0};
+  return {frame_.x_m + cosine_ * x_m - sine_ * y_m, frame_.y_m + sine_ * x_m + cosine_ * y_m, 0};
 }
 
 // A polygon, or where that had too many vertices for Box2D, their chain.

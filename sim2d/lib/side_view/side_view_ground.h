@@ -42,6 +42,7 @@ class SideViewGround {
 
   const Terrain& terrain_;
   const SliceFrame frame_;
+  const double cosine_, sine_;  // of its heading
   std::array<Strip, 3> strips_;
   b2Body* body_;
   long first_ = 0, end_ = 0;  // pieces of the smooth ground that are there

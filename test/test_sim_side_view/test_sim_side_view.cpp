@@ -181,6 +181,32 @@ void test_without_slip_motor_work_becomes_mechanical_energy() {
   TEST_ASSERT_TRUE(drive.car.state().consumed_energy_j > drive.car.state().motor_work_j);
 }
 
+// Its reaction stays in the gearbox: a frame that took the rotors' torque would rear up, and turn over in a reversal.
+void test_spinning_up_the_rotors_hardly_pitches_it() {
+  const BodySpec body = study_car(0.115);
+  Drive drive(body, scene_of({}, 0.6), pulses_for(body, 0));
+  drive.run(0.3);
+  for (const double fraction : {1.0, -1.0}) {
+    drive.pulses_us = pulses_for(body, fraction);
+    double largest_rad = 0;
+    for (int i = 0; i < 240; ++i) largest_rad = std::max(largest_rad, std::abs(drive.run(drive.step_s).pitch_rad));
+    TEST_ASSERT_TRUE(largest_rad < (fraction > 0 ? 0.025 : 0.06));
+  }
+}
+
+// A segment far lighter than its rotors is driven at the line's speed, and stands still.
+void test_a_segment_lighter_than_its_rotors_drives_steadily() {
+  BodySpec body = study_car(0.115);
+  for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 2e-3;
+  Drive drive(body, scene_of({}, 0.9), pulses_for(body, 0.5));
+  drive.run(4);
+  for (int i = 0; i < 240; ++i) {
+    const CarState& state = drive.run(drive.step_s);
+    TEST_ASSERT_DOUBLE_WITHIN(0.01 * 0.345, 0.345, state.speed_m_s);
+    TEST_ASSERT_DOUBLE_WITHIN(0.01, 0, state.pitch_rad);
+  }
+}
+
 void test_friction_and_impacts_never_give_energy() {
   const BodySpec body = without_rotors(study_car(0.115));
   Drive drive(body, scene_of(blocks({{0.35, 0, 0.06, 2, 0.02, 0}, {0.75, 0, 0.06, 2, 0.02, 0}}), 0.6),
@@ -330,6 +356,8 @@ int main() {
   RUN_TEST(test_all_wheel_drive_climbs_to_the_friction_angle);
   RUN_TEST(test_the_highest_step_climbed_is_the_one_statics_allow);
   RUN_TEST(test_without_slip_motor_work_becomes_mechanical_energy);
+  RUN_TEST(test_spinning_up_the_rotors_hardly_pitches_it);
+  RUN_TEST(test_a_segment_lighter_than_its_rotors_drives_steadily);
   RUN_TEST(test_friction_and_impacts_never_give_energy);
   RUN_TEST(test_a_hinge_sags_as_its_stiffness_lets_it_and_rests_on_its_limits);
   RUN_TEST(test_hinges_let_every_wheel_stand_on_a_crest);

@@ -77,6 +77,13 @@ SideViewCar::SideViewCar(const BodySpec& body, const SceneSpec& scene, const Ter
       if (right.side == CarSide::kRight && right.segment == left.segment && right.x_m == left.x_m) add_pair({i, j});
     }
   }
+  for (Pair& pair : pairs_) {
+    const b2Body* segment = pair.joint->GetBodyA();
+    double rotors_kg_m2 = 0;
+    for (const Pair& one : pairs_) rotors_kg_m2 += one.joint->GetBodyA() == segment ? one.rotors_kg_m2 : 0;
+    const double own = segment->GetInertia() - segment->GetMass() * segment->GetLocalCenter().LengthSquared();
+    pair.settling = 1 / (1 + rotors_kg_m2 * kUnits2 / own);
+  }
   ground_.extend(-reach_m_, reach_m_);
   put_down(options.drop_m);
   state_.heading_rad = scene.start.heading_rad;
@@ -119,7 +126,8 @@ void SideViewCar::add_segments() {
   }
 }
 
-// Both wheels in one: radius, eccentricity and grip are the means. The servos' rotors are part of the disc.
+// Both wheels in one: radius, eccentricity and grip are the means. The servos' rotors are part of the disc, but for what
+// turn_rotors adds.
 void SideViewCar::add_pair(std::vector<std::size_t> wheels) {
   Pair& pair = pairs_.emplace_back();
   pair.wheels = std::move(wheels);
@@ -132,7 +140,8 @@ void SideViewCar::add_pair(std::vector<std::size_t> wheels) {
     off_x_m += share * wheel.eccentricity_m * std::cos(wheel.eccentricity_phase_rad);
     off_z_m += share * wheel.eccentricity_m * std::sin(wheel.eccentricity_phase_rad);
     mass_kg += wheel.mass_kg;
-    inertia_kg_m2 += 0.5 * wheel.mass_kg * wheel.radius_m * wheel.radius_m + wheel.servo.rotor_inertia_kg_m2;
+    inertia_kg_m2 += 0.5 * wheel.mass_kg * wheel.radius_m * wheel.radius_m;
+    pair.rotors_kg_m2 += wheel.servo.rotor_inertia_kg_m2;
     pair.grip += share * wheel.grip;
   }
   b2BodyDef moving;
@@ -151,7 +160,7 @@ void SideViewCar::add_pair(std::vector<std::size_t> wheels) {
   b2MassData mass;
   mass.mass = static_cast<float>(mass_kg);
   mass.center.SetZero();
-  mass.I = to_inertia(inertia_kg_m2);
+  mass.I = to_inertia(inertia_kg_m2 + pair.rotors_kg_m2);
   pair.disc->SetMassData(&mass);
   b2RevoluteJointDef joint;
   joint.Initialize(segments_[static_cast<std::size_t>(first.segment)], pair.disc, moving.position);
@@ -196,7 +205,9 @@ void SideViewCar::step(const PulsesUs& pulses_us) {
     const ScopedTimer timer(timed ? &stopwatch_->physics_s : nullptr, kTimedStepInterval);
     drive_wheels(pulses_us);
     bend_hinges();
-    world_.Step(static_cast<float>(step_s_), options_.velocity_iterations, options_.position_iterations);
+    turn_rotors([&] {
+      world_.Step(static_cast<float>(step_s_), options_.velocity_iterations, options_.position_iterations);
+    });
   }
   if (timed) {
     const double collide_s = 1e-3 * kTimedStepInterval * static_cast<double>(world_.GetProfile().collide);
@@ -224,6 +235,31 @@ void SideViewCar::drive_wheels(const PulsesUs& pulses_us) {
     } else {
       drive(*pair.joint, torque_n_m, -drive_n_m / slope);
     }
+  }
+}
+
+// A rotor resists the wheel's rate relative to the segment, and its reaction stays in the gearbox. With I its inertia, τ the
+// motor's torque and a_d, a_s the accelerations of disc and segment, their equations are
+//
+//   (I_disc + I) a_d = τ + I a_s,   I_segment a_s = -τ + I (a_d - a_s)
+//
+// without contacts. Box2D's bodies have the left sides and ±τ; the rest are torques on them. They are those of the last
+// step's accelerations, of which a share 1 / (1 + g), g = Σ I / I_segment, comes in at each step: so they settle to the
+// solution of the equations, also where I exceeds I_segment.
+template <typename Step>
+void SideViewCar::turn_rotors(const Step& step) {
+  for (Pair& pair : pairs_) {
+    b2Body& segment = *pair.joint->GetBodyA();
+    pair.disc->ApplyTorque(to_torque(pair.on_disc_n_m), true);
+    segment.ApplyTorque(to_torque(pair.on_segment_n_m), true);
+    pair.start_segment_rad_s = segment.GetAngularVelocity();
+  }
+  step();
+  for (Pair& pair : pairs_) {
+    const double segment_rad_s2 = (pair.joint->GetBodyA()->GetAngularVelocity() - pair.start_segment_rad_s) / step_s_;
+    const double joint_rad_s2 = (pair.joint->GetJointSpeed() + pair.start_rad_s) / step_s_;
+    pair.on_disc_n_m += pair.settling * (pair.rotors_kg_m2 * segment_rad_s2 - pair.on_disc_n_m);
+    pair.on_segment_n_m += pair.settling * (pair.rotors_kg_m2 * joint_rad_s2 - pair.on_segment_n_m);
   }
 }
 

@@ -55,12 +55,16 @@ class SideViewCar : public SimCar, private b2ContactListener {
     b2RevoluteJoint* joint = nullptr;
     double grip = 0;         // the mean
     double start_rad_s = 0;  // wheels' rate at the start of this step
+    // Of turn_rotors: both rotors' inertia, torques, how fast these follow, the segment's rate at the start of this step.
+    double rotors_kg_m2 = 0, on_disc_n_m = 0, on_segment_n_m = 0, settling = 1, start_segment_rad_s = 0;
   };
   void add_segments();
   void add_pair(std::vector<std::size_t> wheels);
   void put_down(double drop_m);
   void drive_wheels(const PulsesUs& pulses_us);
   void bend_hinges();
+  template <typename Step>
+  void turn_rotors(const Step& step);
   void count_energy(const PulsesUs& pulses_us);
   void update_state();
   // Sets the friction of a contact from the ground there and the part's grip.

@@ -45,8 +45,9 @@ def driven(carsim: Carsim, body: dict[str, Any], scene: dict[str, Any], **settin
 
 
 def test_engines_are_known_by_what_their_programs_say() -> None:
-    assert [engine_of(told) for told in ("", "MuJoCo 4.0.0", "MuJoCo 3.17.0, half step")] == [
+    assert [engine_of(told) for told in ("", "side-view", "MuJoCo 4.0.0", "MuJoCo 3.17.0, half step")] == [
         "multibody",
+        "side-view",
         "mujoco",
         "mujoco-half-step",
     ]

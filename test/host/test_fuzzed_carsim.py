@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "test" / "fuzz"))
 
@@ -46,7 +48,8 @@ def changed(session: list[Any], edges: list[float], chance: random.Random) -> st
     return "".join(json.dumps(line) + "\n" for line in session)
 
 
-def test_no_changed_number_crashes_carsim_or_keeps_it_busy(carsim_binary: Path) -> None:
+@pytest.mark.parametrize("engine", [(), ("--side-view",)])
+def test_no_changed_number_crashes_carsim_or_keeps_it_busy(carsim_binary: Path, engine: tuple[str, ...]) -> None:
     limits = json.loads(subprocess.run([carsim_binary, "limits"], capture_output=True, check=True).stdout)["input"]
     edges = sorted({edge for pair in limits.values() for edge in pair if edge is not None})
     sessions, chance = seeds.sessions()["batch"], random.Random(1)
@@ -55,7 +58,7 @@ def test_no_changed_number_crashes_carsim_or_keeps_it_busy(carsim_binary: Path) 
     for _ in range(SESSIONS):
         text = changed(chance.choice(sessions), edges, chance)
         before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-        run = subprocess.run([carsim_binary, "batch"], input=text, capture_output=True, text=True, timeout=600)
+        run = subprocess.run([carsim_binary, *engine, "batch"], input=text, capture_output=True, text=True, timeout=600)
         cpu_s = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
 
         assert run.returncode in (0, 2), (run.returncode, run.stderr, text)

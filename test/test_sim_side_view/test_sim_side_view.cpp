@@ -241,6 +241,16 @@ void test_a_hinge_sags_as_its_stiffness_lets_it_and_rests_on_its_limits() {
   }
 }
 
+void test_a_heavy_point_far_from_the_origin_is_taken() {
+  BodySpec body = study_car(0.095);
+  body.segments[0].com_x_m = 1;
+  body.segments[0].mass_kg = 50;
+  body.segments[0].pitch_inertia_kg_m2 = 1e-7;
+  Drive drive(body, scene_of({}, 0.6), pulses_for(body, 0));
+  TEST_ASSERT_TRUE(drive.run(0.1).pitch_rad < 0);
+  TEST_ASSERT_TRUE(drive.car.finite());
+}
+
 // On the crest of a ridge a limp car of three axles folds until every wheel stands; a stiff one bridges it.
 void test_hinges_let_every_wheel_stand_on_a_crest() {
   BodySpec body = study_car(0.095);
@@ -360,6 +370,7 @@ int main() {
   RUN_TEST(test_a_segment_lighter_than_its_rotors_drives_steadily);
   RUN_TEST(test_friction_and_impacts_never_give_energy);
   RUN_TEST(test_a_hinge_sags_as_its_stiffness_lets_it_and_rests_on_its_limits);
+  RUN_TEST(test_a_heavy_point_far_from_the_origin_is_taken);
   RUN_TEST(test_hinges_let_every_wheel_stand_on_a_crest);
   RUN_TEST(test_it_follows_smooth_ground_over_the_seams_of_its_pieces);
   RUN_TEST(test_an_arc_of_many_chords_lifts_it_by_its_height);

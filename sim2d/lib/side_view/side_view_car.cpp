@@ -109,8 +109,9 @@ void SideViewCar::add_segments() {
     b2MassData mass;
     mass.mass = static_cast<float>(spec.mass_kg);
     mass.center = to_units(spec.com_x_m, spec.com_z_m);
-    mass.I = to_inertia(spec.pitch_inertia_kg_m2 +
-                        spec.mass_kg * (spec.com_x_m * spec.com_x_m + spec.com_z_m * spec.com_z_m));
+    // Box2D takes the inertia about the origin, and what is left of it in single precision must not be zero.
+    const float shift = mass.mass * mass.center.LengthSquared();
+    mass.I = std::max(to_inertia(spec.pitch_inertia_kg_m2) + shift, 1.000001f * shift);
     segment->SetMassData(&mass);
     segments_.push_back(segment);
   }

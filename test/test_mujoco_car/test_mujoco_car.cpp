@@ -94,6 +94,57 @@ double ray_height_m(Drive& drive, double x_m, double y_m) {
   return 2 - mj_ray(&drive.car.model(), &drive.car.data(), from, down, nullptr, 1, -1, &geom, normal);
 }
 
+// A car with its belly on a ridge, its front wheels in the air, its rear ones on the floor.
+struct Hung {
+  double ridge_x_m, height_m, length_m, friction;
+};
+
+// The drive of its rear wheels, which spin, against the ridge's edge that its belly lies on: the least friction of the
+// belly that holds it, of the three equations of equilibrium in the plane.
+double holding_friction(const BodySpec& body, const Hung& hung) {
+  // The pitch at which the rear wheels touch the floor and the belly one of the edges, the other being below it.
+  const double half_height_m = 0.5 * body.segments.front().height_m;
+  const auto above_m = [&](double edge_x_m, double pitch_rad) {
+    const double up_m = hung.height_m - kRadius_m - kArm_m * std::sin(pitch_rad);
+    return up_m * std::cos(pitch_rad) - edge_x_m * std::sin(pitch_rad) + half_height_m;
+  };
+  double pitch_rad = 0, edge_x_m = 0;
+  for (const double side : {-1.0, 1.0}) {
+    const double x_m = hung.ridge_x_m + 0.5 * side * hung.length_m;
+    double low_rad = 0, high_rad = 0.6;
+    while (high_rad - low_rad > 1e-9) {
+      const double middle_rad = 0.5 * (low_rad + high_rad);
+      (above_m(x_m, middle_rad) > 0 ? low_rad : high_rad) = middle_rad;
+    }
+    if (low_rad > pitch_rad) {
+      pitch_rad = low_rad;
+      edge_x_m = x_m;
+    }
+  }
+  const double sine = std::sin(pitch_rad), cosine = std::cos(pitch_rad), weight_n = mass_kg(body) * kGravity_m_s2;
+  const double com_x_m = -(com_height_m(body) - kRadius_m) * sine, wheel_x_m = -kArm_m * cosine;
+  // Moments about the edge.
+  const double load_n = weight_n * (com_x_m - edge_x_m) / (wheel_x_m - edge_x_m + hung.height_m * hung.friction);
+  const double x_n = -hung.friction * load_n, z_n = weight_n - load_n;
+  return -(x_n * cosine + z_n * sine) / (z_n * cosine - x_n * sine);
+}
+
+// How far (mm) its rear wheels drive it in 8 s.
+double travel_mm(const Hung& hung, double belly_friction, double step_s) {
+  BodySpec body = study_car(0.095);
+  body.segments.front().grip = belly_friction / hung.friction;
+  const TerrainSpec ridge = blocks({{hung.ridge_x_m, 0, hung.length_m, 0.08, hung.height_m, 0}});
+  MujocoOptions options;
+  options.step_s = step_s;
+  Drive drive(body, scene_of(ridge, hung.friction), 0, options);
+  const double start_m = drive.run(0.5).x_m;
+  for (int percent = 1; percent <= 100; ++percent) {
+    drive.pulses_us = pulses_for(body, 0.01 * percent);
+    drive.run(0.02);
+  }
+  return 1e3 * (drive.run(8).x_m - start_m);
+}
+
 }  // namespace
 
 void test_it_falls_as_bodies_do() {
@@ -178,6 +229,24 @@ void test_all_wheel_drive_climbs_to_the_friction_angle() {
   TEST_ASSERT_TRUE(speed_on_slope_m_s(body, friction, angle_rad + margin_rad, 1, 2) < 0);
 }
 
+// Standing across a side slope it slides from arctan μ on, then with g (sin - μ cos) on all its tyres.
+void test_it_slides_down_a_side_slope_from_the_friction_angle_on() {
+  const double friction = 0.5;
+  for (const double margin_deg : {-0.2, 0.3, 1.0}) {
+    const double slope_rad = std::atan(friction) + margin_deg * kPi / 180;
+    Drive drive(study_car(0.115), scene_of({}, friction), 0);
+    drive.run(0.3);
+    const double start_m = drive.car.state().y_m;
+    mjModel& model = const_cast<mjModel&>(drive.car.model());
+    model.opt.gravity[1] = -kGravity_m_s2 * std::sin(slope_rad);
+    model.opt.gravity[2] = -kGravity_m_s2 * std::cos(slope_rad);
+    drive.settle();
+    const double accel = std::max(0.0, kGravity_m_s2 * (std::sin(slope_rad) - friction * std::cos(slope_rad)));
+    const double expected_m = 0.5 * accel * 1.0 * 1.0;
+    TEST_ASSERT_DOUBLE_WITHIN(0.05 * expected_m + 0.001, expected_m, start_m - drive.run(1).y_m);
+  }
+}
+
 // At rest against a step, its drive limited by friction: the three equations of equilibrium of test_sim_car give the
 // highest step; the front wheels' force has no moment about the edge.
 void test_the_highest_step_climbed_is_the_one_statics_allow() {
@@ -208,6 +277,22 @@ void test_the_highest_step_climbed_is_the_one_statics_allow() {
     TEST_ASSERT_TRUE(climbs(friction, highest_m - 0.0015));
     // Spinning wheels hop over a few millimetres more.
     TEST_ASSERT_FALSE(climbs(friction, highest_m + 0.008));
+  }
+}
+
+// Wheels that spin on the floor do not hammer a hung car free, and the step does not matter. Where its belly's friction is
+// too low it moves on.
+void test_a_hung_belly_holds_where_statics_hold_it_at_every_step() {
+  const BodySpec body = study_car(0.095);
+  for (const Hung& hung : {Hung{0.055, 0.05, 0.03, 0.6}, Hung{0.05, 0.06, 0.02, 0.6}, Hung{0.07, 0.06, 0.03, 0.5}}) {
+    const double holding = holding_friction(body, hung);
+    TEST_ASSERT_TRUE(holding > 0.4 && holding < 0.5);
+    const double sliding_mm = travel_mm(hung, 0.8 * holding, 5e-4);
+    TEST_ASSERT_TRUE(sliding_mm > 15);
+    for (const double step_s : {2e-3, 1e-3}) {
+      TEST_ASSERT_DOUBLE_WITHIN(1, 0, travel_mm(hung, 1.35 * holding, step_s));
+      TEST_ASSERT_DOUBLE_WITHIN(1, sliding_mm, travel_mm(hung, 0.8 * holding, step_s));
+    }
   }
 }
 
@@ -375,7 +460,9 @@ int main() {
   RUN_TEST(test_top_speed_is_where_the_torque_line_ends);
   RUN_TEST(test_a_load_slows_it_along_the_torque_line);
   RUN_TEST(test_all_wheel_drive_climbs_to_the_friction_angle);
+  RUN_TEST(test_it_slides_down_a_side_slope_from_the_friction_angle_on);
   RUN_TEST(test_the_highest_step_climbed_is_the_one_statics_allow);
+  RUN_TEST(test_a_hung_belly_holds_where_statics_hold_it_at_every_step);
   RUN_TEST(test_it_tips_where_its_weight_passes_the_outer_tyre);
   RUN_TEST(test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge);
   RUN_TEST(test_blocked_wheels_slide_to_a_halt_by_friction);

@@ -45,6 +45,7 @@ class MujocoCar : public SimCar {
   void put_down();
   void take_friction();
   void drive_wheels(const PulsesUs& pulses_us);
+  void cancel_lift_of_slip();
   void count_energy();
   void update_state();
 

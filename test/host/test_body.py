@@ -151,10 +151,10 @@ def test_inertias_obey_the_triangle_inequality_and_grow_with_width() -> None:
 
 
 def test_a_wheel_weighs_its_film_horn_screws_and_tyre() -> None:
-    # Discs of 59 mm under a tyre of 1 mm, a hub layer of 13.2 mm, a ring of eight sides of 11.87 mm and a rim, both 11.2
+    # Discs of 59 mm under a tyre of 1 mm, a hub of 15.2 mm with three walls of 11.6 mm and a rim, both 11.2
     # wide between the discs, without tongues and notches: these are 1 % of the wheel.
-    discs = 2 * math.pi * 59**2 - math.pi * 12.3**2 + math.pi * 13.2**2 - 2 * math.pi * 2.4**2
-    strips = (8 * 11.87 + 2 * math.pi * 58.9) * 11.2
+    discs = 2 * math.pi * 59**2 - math.pi * 12.3**2 + math.pi * 15.2**2 - 2 * math.pi * 2.4**2
+    strips = (3 * 11.6 + 2 * math.pi * 58.9) * 11.2
     film_kg = (discs + strips) * 1e-6 * 0.25e-3 * 1390
     tyre_kg = math.pi * (0.060**2 - 0.059**2) * 0.012 * 950
 

@@ -168,8 +168,8 @@ def _inside(car: _Measured) -> Iterator[Fit]:
 def _tongues(car: _Measured) -> Iterator[Fit]:
     """The beam's and the bridge's tongues; those of wheels turn in their slots."""
     film, tongue = car.parts.film.thickness_mm, ("lock", "tab_slot")
-    strips = {piece.name for piece in car.car.pieces if any(crease.bend for crease in piece.creases)}
-    for join in (j for j in car.car.joins if j.slot in car.holes and j.kind in tongue and j.piece_a not in strips):
+    turning = {one.piece for one in car.car.placed if one.body.startswith("wheel")}
+    for join in (j for j in car.car.joins if j.slot in car.holes and j.kind in tongue and j.piece_a not in turning):
         wide, long = sorted(_size(car.holes[join.slot or ""]))
         yield Fit("tongues along their slots", long - join.length_mm, 0.0, 4 * car.cut)
         yield Fit("tongues' film across their slots", wide - film.value, film.tolerance, 2 * car.cut)

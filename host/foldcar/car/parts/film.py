@@ -26,7 +26,6 @@ class Assembly(PartData):
     opening_clearance_mm: Quantity
     wheel_distance_mm: Quantity
     belly_clearance_mm: Quantity
-    hub_layers: Quantity
     screw_hole_mm: Quantity
     doubler_margin_mm: Quantity
     cap_tab_mm: Quantity

@@ -165,12 +165,11 @@ def is_wound(piece: Piece) -> bool:
 
 
 def turned(car: FoldedCar, step: AssemblyStep) -> list[Join]:
-    """One join for each disc that a step turns against a wound strip until its hooks hold."""
-    pieces = {piece.name: piece for piece in car.pieces}
+    """One join for each disc that a step turns against a wheel's hub until its hooks hold."""
+    discs = {piece.name for piece in car.pieces if not piece.creases} & _on_wheels(car)
     found: dict[str, Join] = {}
     for join in car.joins:
-        locks = join.number in step.joins and join.kind == "lock" and is_wound(pieces[join.piece_a])
-        if locks and not pieces[join.piece_b].creases:
+        if join.number in step.joins and join.kind == "lock" and join.piece_b in discs:
             found.setdefault(join.piece_b, join)
     return list(found.values())
 
@@ -191,9 +190,13 @@ def _by_hand(piece: Piece) -> list[Crease]:
 
 def _times(car: FoldedCar, join: Join) -> int:
     """How often a join is made: the joins of one wheel stand for all."""
+    return len(car.axles) if join.piece_a in _on_wheels(car) else 1
+
+
+def _on_wheels(car: FoldedCar) -> set[str]:
+    """The pieces of wheels."""
     wheels = {axle.wheel for axle in car.axles}
-    on_wheels = any(placed.piece == join.piece_a and placed.body in wheels for placed in car.placed)
-    return len(wheels) if on_wheels else 1
+    return {placed.piece for placed in car.placed if placed.body in wheels}
 
 
 @cache

@@ -77,11 +77,13 @@ def _all_fits(car: _Measured) -> Iterator[Fit]:
 def _servos(car: _Measured) -> Iterator[Fit]:
     servo, screw = car.parts.servo, car.parts.screw
     for mount in car.mounts(servo.name):
-        opening, *slots = (car.holes[name] for name in mount.holes)
-        for size, part, way in zip(_size(opening), (servo.length_mm, servo.width_mm), ("length", "width"), strict=True):
+        opening = car.holes[mount.holes[0]]
+        # The notches for the screws reach beyond the body's ends.
+        span, width = _size(opening)
+        length = float(np.ptp(_along_far_edge(opening)))
+        for size, part, way in zip((length, width), (servo.length_mm, servo.width_mm), ("length", "width"), strict=True):
             yield Fit(f"servo's {way} in its opening", size - part.value, part.tolerance, 2 * car.cut)
-        ends = [x for slot in slots for x, _ in slot.outline_mm]
-        reach = (max(ends) - min(ends)) / 2 + (servo.screw_hole_mm.value - screw.diameter_mm.value) / 2
+        reach = span / 2 + (servo.screw_hole_mm.value - screw.diameter_mm.value) / 2
         taken = (servo.screw_spacing_mm.tolerance + servo.screw_hole_mm.tolerance) / 2 + screw.diameter_mm.tolerance
         # If the holes are nearer to each other, the ears' own slots, which are open outwards, take the screws.
         room = reach - (servo.screw_spacing_mm.value + screw.diameter_mm.value) / 2
@@ -188,6 +190,12 @@ def _thread(car: _Measured, name: str, screw: Screw, films: int, between: Sequen
 
 def _sum(several: Iterable[Quantity]) -> float:
     return sum(one.tolerance for one in several)
+
+
+def _along_far_edge(hole: Hole) -> list[float]:
+    """The x of the corners with the largest y."""
+    far = max(y for _, y in hole.outline_mm)
+    return [x for x, y in hole.outline_mm if far - y < ROUNDING_MM]
 
 
 def _size(hole: Hole, along: Point = (1.0, 0.0)) -> Point:

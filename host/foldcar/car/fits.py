@@ -133,9 +133,10 @@ def _switch(car: _Measured) -> Iterator[Fit]:
             yield Fit("switch's bezel over its slot", over.value - room, over.tolerance, 2 * car.cut)
         holes = [(piece, hole) for piece in car.car.pieces for face in piece.faces for hole in face.holes]
         count = sum(piece.count for piece, hole in holes if math.dist(_size(hole), slot) < ROUNDING_MM)
-        least = switch.panel_least_mm
-        taken = count * film.tolerance + least.tolerance
-        yield Fit("switch's barbs behind layers of film", count * film.value - least.value, taken, 0.0)
+        least, tape = switch.panel_least_mm, car.parts.assembly.tape_mm
+        thick = count * film.value + (count - 1) * tape.value
+        taken = count * film.tolerance + (count - 1) * tape.tolerance + least.tolerance
+        yield Fit("switch's barbs behind layers of film", thick - least.value, taken, 0.0)
 
 
 def _inside(car: _Measured) -> Iterator[Fit]:

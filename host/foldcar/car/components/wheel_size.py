@@ -14,9 +14,15 @@ from foldcar.car.parts.wheel_parts import Horn
 
 # A rim strip is no longer than this, so that it fits on a sheet of A4.
 LONGEST_STRIP_MM = 250.0
-# The rim is tied to the discs at least this often along its circumference, and four times.
-SPAN_MM = 65.0
+# The rim is tied to the discs at least so often; spans shorter than this do not make a disc of thin film stiffer.
 LEAST_TIES = 4
+LEAST_SPAN_MM = 65.0
+# A tyre pulls with this force around the discs: a band of 12 x 1 mm² of natural rubber (1.5 MPa), stretched by a tenth.
+TYRE_PULL_N = 1.8
+# A disc that is clamped at its hub, held inwards by the rim and outwards at the ties stays even up to an edge load of so
+# many times D / span², D its bending stiffness (Ritz solution: 22 to 33 for 4 to 6 ties and radii of 30 to 150 mm).
+CRITICAL = 25.0
+POISSON = 0.38
 # Least length of a facet of the rim: its last one has the slot for the next strip's tongue.
 RIM_FACET_MM = 7.8
 # The hub's walls, each an eighth of a turn wide, as seen from the axle.
@@ -95,9 +101,16 @@ class WheelSize:
 
     @property
     def ties(self) -> int:
-        """Ties of each strip to the discs, one on each edge."""
-        length = 2 * math.pi * self.disc_radius_mm / self.strips
-        return max(math.ceil(length / SPAN_MM), math.ceil(LEAST_TIES / self.strips))
+        """Ties of each strip to the discs, one on each edge: so many that the tyre's pull makes no disc of 0.25 mm wavy.
+
+        The pull T loads the edge of each disc with N = T / 2 R; it stays even up to N = CRITICAL D / span².
+        """
+        thickness_m, modulus = self.film_mm * 1e-3, self.parts.film.youngs_modulus_pa.value
+        stiffness_n_m = modulus * thickness_m**3 / 12 / (1 - POISSON**2)
+        radius_m = self.disc_radius_mm * 1e-3
+        span_mm = max(LEAST_SPAN_MM, 1e3 * math.sqrt(CRITICAL * stiffness_n_m * 2 * radius_m / TYRE_PULL_N))
+        length_mm = 2 * math.pi * self.disc_radius_mm / self.strips
+        return max(math.ceil(length_mm / span_mm), math.ceil(LEAST_TIES / self.strips))
 
     @property
     def facets_per_tie(self) -> int:

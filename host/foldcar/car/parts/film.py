@@ -40,6 +40,7 @@ class Assembly(PartData):
     lock_reach_mm: Quantity
     lock_distance_mm: Quantity
     cap_clearance_mm: Quantity
+    tape_mm: Quantity
     bridge_foot_mm: Quantity
     bridge_gap_mm: Quantity
     floor_tongue_reach_mm: Quantity

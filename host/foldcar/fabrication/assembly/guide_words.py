@@ -26,7 +26,7 @@ def tools(car: FoldedCar) -> tuple[str, ...]:
     """Tools and materials of all steps, beside the parts."""
     screws = {mount.part for mount in car.mounts if is_screw(car.parts, mount)}
     return (
-        "knife or cutting machine, ruler, blunt needle or bone folder",
+        "knife or cutting machine, ruler, blunt needle or bone folder; pin or tweezers for the waste of openings",
         f"{DRIVER} for {listed(sorted(screws))}; small pliers for nuts",
         "double-sided tape for PET, thin (0.1 mm or less) and 6 to 8 mm wide",
         "felt pen to mark the servos' leads; hook-and-loop tape for the holder of cells",

@@ -144,7 +144,7 @@ def test_wheels_may_come_as_close_as_the_limit() -> None:
 
 def test_a_lone_wheel_module_has_room_for_servo_and_tabs() -> None:
     # From the axis to the second layer's end: 5.525 + 27.5 / 2 + 0.25 + 2.2; the tab is 8 mm deep.
-    with pytest.raises(DesignError, match=r"^W.length: 59 is below the minimum 59.7 \(a segment of its own"):
+    with pytest.raises(DesignError, match=r"^W.length: 59 is below the minimum 59.5 \(a segment of its own"):
         folded_car(compose("B_H_W", {"W.length": 59}))
 
 
@@ -157,25 +157,25 @@ def test_a_lone_wheel_module_has_room_for_servo_and_tabs() -> None:
         # The films of floor and lid; LiPo 4.75, screws' heads 2.4, film, spacer 5, board 1.6, headers 11.04, plugs 18.2
         # and their leads 4.
         ({"height": 47.7}, "height", "47.7 is below the minimum 47.74 (the boards and their plugs over the LiPo)"),
-        # B lies between axles 120 mm apart, with 27.5 - 21.83 mm of floor behind it, where the holder begins: 31.5 mm,
+        # B lies between axles 120 mm apart, with 27.5 - 21.73 mm of floor behind it, where the holder begins: 31.5 mm,
         # 1 mm and 12.24 mm farther is the boards' middle, 6.5 mm before the axles'. The plug, 13.59 mm in diameter and
         # 9.45 mm below the axles and 1 mm from a tyre, is at least sqrt((56 + 6.79 + 1)² - 9.45²) = 63.09 mm from the
         # front one, 3.09 mm behind the middle.
         (
             {"B.length": 65, "W.length": 55, "radius": 56},
             "B.length",
-            "65 is below the minimum 74.7 (the boards and the square 4xAA holder, with a USB plug clear of the tyres)",
+            "65 is below the minimum 74.6 (the boards and the square 4xAA holder, with a USB plug clear of the tyres)",
         ),
         # A holder 58 mm wide, or 59.5 mm, does not stand across a body 58.4 mm wide.
         (
             {"width": 58.4, "B.length": 60, "radius": 30},
             "B.length",
-            "60 is below the minimum 73.9 (the boards and the square 4xAA holder lengthwise at width 58.4)",
+            "60 is below the minimum 73.7 (the boards and the square 4xAA holder lengthwise at width 58.4)",
         ),
         (
             {"B.length": 44, "W.length": 61, "radius": 30},
             "B.length",
-            "44 is below the minimum 46.4 (the boards and the square 4xAA holder)",
+            "44 is below the minimum 46.2 (the boards and the square 4xAA holder)",
         ),
     ],
 )

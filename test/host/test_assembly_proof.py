@@ -7,6 +7,8 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+import shapely
+from shapely.affinity import scale
 
 from foldcar.car.assembly.order import assembly_steps, service_steps
 from foldcar.car.assembly.prove import prove
@@ -120,8 +122,8 @@ def test_a_battery_higher_than_the_room_keeps_the_lid_from_shutting() -> None:
 def test_a_servo_does_not_pass_an_opening_that_is_too_small() -> None:
     def narrower(face: Face) -> Face:
         holes = [
-            replace(hole, outline_mm=tuple((x, y * 0.94 + hole.center_mm[1] * 0.06) for x, y in hole.outline_mm))
-            if hole.name == "W0.left servo.wall opening" and hole.center_mm
+            replace(hole, outline_mm=tuple(scale(shapely.Polygon(hole.outline_mm), yfact=0.94).exterior.coords)[:-1])
+            if hole.name == "W0.left servo.wall opening"
             else hole
             for hole in face.holes
         ]

@@ -104,16 +104,17 @@ def test_a_box_cut_in_two_is_the_same_box() -> None:
 
 
 def test_the_chassis_weighs_its_film_and_parts() -> None:
-    opening, round_one, slot = 23.4 * 12.7, math.pi * 1.1**2, 10.6 * 0.55
-    screw = round_one + 0.25 * 2.2
+    round_one, slot = math.pi * 1.1**2, 10.6 * 0.55
+    # A servo's opening, and notches 2.2 mm wide for screws up to 14 mm from its middle.
+    opening = 23.4 * 12.7 + 2 * (2.2 * (14.0 - 11.7) + round_one / 2)
     # A strip 200 long: walls of 49.75, a floor of 94.75, a lid less a film and a gap of 0.2, a flap between caps'
     # tabs with two locks. Openings for servos, locks, the bridge, and around a USB plug of at most 10.6 x 8.5 mm with
     # 0.3 of play for it and 0.3 for its socket.
     beam = 200 * (2 * 49.75 + 94.75 + 94.3) + 10 * (200 - 2 * 8.6) + 2 * 9 * 2.575
-    beam -= 4 * (opening + 2 * screw) + math.pi / 4 * (math.hypot(10.6, 8.5) + 1.2) ** 2 + 3 * slot
+    beam -= 4 * opening + math.pi / 4 * (math.hypot(10.6, 8.5) + 1.2) ** 2 + 3 * slot
     # Caps inside the walls, a mitred flange or tab of 8 mm at each of their edges.
     caps = 2 * (94.05 * 49.05 + 2 * (94.05 - 8) * 8 + 2 * (49.05 - 8) * 8) - 13.9 * 8.8
-    doublers = 4 * (32.4 * 24.3 - opening - 2 * screw) + 4 * (17.2 * 12.7 - 13.9 * 8.8)
+    doublers = 4 * (32.4 * 24.3 - opening) + 3 * (17.2 * 12.7 - 13.9 * 8.8)
     # The bridge: a shelf with two legs over a LiPo of 4.75 mm and screws' heads, feet, and a flange with a tongue.
     leg = 4.75 + 2.4
     bridge = 23.98 * (52.15 + 2 * leg + 2 * 6) + (52.15 - 6.5) * (leg + 0.025) + 10 * 0.85 - 2 * round_one
@@ -151,10 +152,10 @@ def test_inertias_obey_the_triangle_inequality_and_grow_with_width() -> None:
 
 
 def test_a_wheel_weighs_its_film_horn_screws_and_tyre() -> None:
-    # Discs of 59 mm under a tyre of 1 mm, a hub layer of 13.2 mm, a ring of eight sides of 11.87 mm and a rim, both 11.2
+    # Discs of 59 mm under a tyre of 1 mm, a hub of 15.2 mm with three walls of 11.6 mm and a rim, both 11.2
     # wide between the discs, without tongues and notches: these are 1 % of the wheel.
-    discs = 2 * math.pi * 59**2 - math.pi * 12.3**2 + math.pi * 13.2**2 - 2 * math.pi * 2.4**2
-    strips = (8 * 11.87 + 2 * math.pi * 58.9) * 11.2
+    discs = 2 * math.pi * 59**2 - math.pi * 12.3**2 + math.pi * 15.2**2 - 2 * math.pi * 2.4**2
+    strips = (3 * 11.6 + 2 * math.pi * 58.9) * 11.2
     film_kg = (discs + strips) * 1e-6 * 0.25e-3 * 1390
     tyre_kg = math.pi * (0.060**2 - 0.059**2) * 0.012 * 950
 

@@ -45,13 +45,13 @@ def car_lines(made: MadeCar, chosen: Options, output: Path) -> list[str]:
     cut = made.pattern
     width, height = chosen.sheet_size_mm
     used = cut.film_area_mm2 / (len(cut.sheets) * width * height)
-    copies = sum(piece.count for piece in cut.pieces)
+    copies, done = sum(piece.count for piece in cut.pieces), made.operations
     return [
         made.title,
         f"  sheets    {len(cut.sheets)} of {width:g} x {height:g} mm, {used:.0%} of the film used",
         f"  pieces    {copies} of {len(cut.pieces)} kinds",
         f"  cut       {cut.cut_length_mm / 1000:.1f} m for {chosen.machine}, kerf {chosen.kerf_mm:g} mm",
-        f"  building  {made.operations.total} operations, about {made.operations.minutes:.0f} min (an estimate)",
+        f"  building  {done.total} operations, {done.weed} openings weeded: about {done.minutes:.0f} min (an estimate)",
         f"  mass      {made.mass_kg * 1000:.0f} g",
         f"  cost      about {made.cost_usd:.0f} USD",
         *(f"  checked   {text}" for text in made.checks),

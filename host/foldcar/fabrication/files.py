@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from foldcar.car.folded.model import FoldedCar
 from foldcar.fabrication.assembly.fold_file import fold_text
 from foldcar.fabrication.assembly.guide import guide_page
+from foldcar.fabrication.assembly.guide_step import work_table
 from foldcar.fabrication.assembly.mesh_files import obj_files, stl_bytes
+from foldcar.fabrication.assembly.operations import operations
 from foldcar.fabrication.assembly.parts_list import parts_list_csv, parts_list_text
 from foldcar.fabrication.assembly.solids import film_mesh, film_solids, mount_solids
 from foldcar.fabrication.assembly.wiring import wiring_text
@@ -89,7 +91,7 @@ def pages(folded: FoldedCar, cut: CutCar, machine: str, title: str) -> dict[str,
         "assembly.html": guide_page(folded, cut, machine, title),
         "wiring.md": wiring_text(folded, title),
         "wiring.svg": wiring_drawing(folded, title),
-        "parts.md": parts_list_text(folded, title),
+        "parts.md": parts_list_text(folded, title) + "\n" + work_table(operations(folded, cut)),
         "parts.csv": parts_list_csv(folded),
     }
     return {name: text.encode() for name, text in texts.items()}

@@ -124,12 +124,11 @@ def _wheels(roles: Roles, building: Building) -> None:
     screws = [m for m in mounts if roles.is_fastener(m)]
     central = [m for m in screws if roles.on_axis(m)]
     strips = [one for one in placed if roles.is_wound(one.piece)]
-    rings = [one for one in placed if one not in strips and roles.pieces[one.piece].creases]
-    flat = [one for one in placed if one not in strips and one not in rings]
     first = _first_discs(roles, horns)
-    building.step("Glue the layers onto the inner discs", [one for one in flat if one.piece in first], unit=WHEEL)
-    building.step("Put the hub rings on", rings, unit=WHEEL)
-    building.step("Put the outer discs on", [one for one in flat if one.piece not in first], unit=WHEEL)
+    inner = [one for one in placed if one.piece in first]
+    building.step("Tape the hubs onto the inner discs", inner, unit=WHEEL)
+    others = [one for one in placed if one not in strips and one not in inner]
+    building.step("Put the outer discs on", others, unit=WHEEL)
     building.step("Wind the rims around the discs", strips, unit=WHEEL)
     building.step("Stretch the tyres over the rims", mounts=[m for m in mounts if roles.is_tyre(m)], unit=WHEEL)
     building.step("Screw the horns onto the servos", mounts=[*horns, *central])

@@ -93,9 +93,9 @@ class Shape:
         outline = [((x1 if far else x0) + r * math.cos(a), (y1 if far else y0) + r * math.sin(a)) for a, far in at]
         return self._hole(face, Hole(self.path(name), kind, tuple(outline), None, ((x0 + x1) / 2, (y0 + y1) / 2)))
 
-    def polygon_hole(self, face: str, name: str, kind: HoleKind, outline_mm: Sequence[Point]) -> None:
-        """Cut a polygon, counter-clockwise."""
-        self._hole(face, Hole(self.path(name), kind, tuple(outline_mm)))
+    def polygon_hole(self, face: str, name: str, kind: HoleKind, outline_mm: Sequence[Point]) -> str:
+        """Cut a polygon, counter-clockwise; returns its full name."""
+        return self._hole(face, Hole(self.path(name), kind, tuple(outline_mm)))
 
     def connect(
         self,

@@ -43,7 +43,7 @@ HEIGHT = Parameter(
 )  # fmt: skip
 RADIUS = Parameter(
     "radius", 60, least_radius_mm, 150, "rolling radius of the wheels, tyre included",
-    "a hub ring that a driver reaches the horn's screws through, and a rim", shared=True,
+    "a hub between whose walls a driver reaches the horn's screws, and a rim", shared=True,
 )  # fmt: skip
 WHEEL_MODULE_LENGTH = Parameter(
     "length", 60, _least_wheel_module, 400, "length of a wheel module, its axle in the middle",

@@ -62,7 +62,7 @@ def _strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
     dip = math.degrees(size.rim.dip_rad(size.film_mm))
     hook = Hook(NECK_MM, HOOK_MM, HOOK_MM, 2 * size.clearance_mm + size.film_mm)
     for i in range(count):
-        hooks = None if i % size.facets_per_tie else (hook, hook)
+        hooks = (None, None) if i % size.facets_per_tie else (hook, hook)
         points, names = facet(length, width, hooks, length / 2, 0.0 if i else _tongue_mm(size))
         shape.face(f"rim {strip} {i}", points, names, role="rim", piece="wheel rim")
     for i in range(count - 1):

@@ -26,7 +26,6 @@ class Assembly(PartData):
     opening_clearance_mm: Quantity
     wheel_distance_mm: Quantity
     belly_clearance_mm: Quantity
-    hub_layers: Quantity
     screw_hole_mm: Quantity
     doubler_margin_mm: Quantity
     cap_tab_mm: Quantity
@@ -41,6 +40,7 @@ class Assembly(PartData):
     lock_reach_mm: Quantity
     lock_distance_mm: Quantity
     cap_clearance_mm: Quantity
+    tape_mm: Quantity
     bridge_foot_mm: Quantity
     bridge_gap_mm: Quantity
     floor_tongue_reach_mm: Quantity

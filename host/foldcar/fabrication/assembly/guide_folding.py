@@ -38,8 +38,9 @@ def out_of_sheets(cut: CutCar, machine: str) -> Step:
     lines = (
         f"Cut the sheets ({machine}: {files.upper()} files, {program}); how_to_cut.md says how, layer by layer. Cut the "
         "coupon first.",
-        "Take the pieces out of the sheets. Pictures show the printed side, which is inside the car; numbers in circles "
-        "are joins, the same on both sides of a join.",
+        "Take the pieces out of the sheets, and the waste out of every opening (green on the sheets) with a fingertip, a "
+        "pin or tweezers. Pictures show the printed side, which is inside the car; numbers in circles are joins, the "
+        "same on both sides of a join.",
         "Crease every fold once before you build: valleys (blue, dashed) towards you, mountains (red, dash-dotted) away "
         "from you, the printed side up.",
     )

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from foldcar.car.assembly.step import Added, AssemblyStep
-from foldcar.car.components.hub_ring import turn_rad
+from foldcar.car.components.hub import turn_rad
 from foldcar.car.components.wheel_size import WheelSize
 from foldcar.car.folded.model import FoldedCar, Join, Mount
 from foldcar.car.parts.fasteners import Spacer
@@ -26,7 +26,7 @@ def tools(car: FoldedCar) -> tuple[str, ...]:
     """Tools and materials of all steps, beside the parts."""
     screws = {mount.part for mount in car.mounts if is_screw(car.parts, mount)}
     return (
-        "knife or cutting machine, ruler, blunt needle or bone folder",
+        "knife or cutting machine, ruler, blunt needle or bone folder; pin or tweezers for the waste of openings",
         f"{DRIVER} for {listed(sorted(screws))}; small pliers for nuts",
         "double-sided tape for PET, thin (0.1 mm or less) and 6 to 8 mm wide",
         "felt pen to mark the servos' leads; hook-and-loop tape for the holder of cells",
@@ -105,14 +105,16 @@ def _from(added: Added, outward: int) -> str:
 
 def _joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     joins = [join for join in car.joins if join.number in step.joins]
-    layers = {join.number: join.piece_a for join in joins if join.kind == "laminate"}
+    layers = {join.number: join for join in joins if join.kind == "laminate"}
     labels = {piece.name: piece.label for piece in car.pieces}
-    flat = {piece.name for piece in car.pieces if not piece.creases}
-    for number, name in sorted(layers.items()):
-        how = "on, edges and holes on each other" if name in flat else "where it lies on what has the same number"
+    drilled = {face.name for piece in car.pieces for face in piece.faces if face.holes}
+    for number, join in sorted(layers.items()):
+        holes, name = join.a.face in drilled, join.piece_a
+        how = "on, holes on each other" if holes else "where it lies on what has the same number"
         yield f"Tape the {labels[name]} {how}: join {number}."
     yield from _wheel_joins(car, step)
-    own = {join.number for join in joins if join.kind == "rim" or _is_of_wheel(car, join)}
+    own = {join.number for join in joins if join.kind == "rim" or _is_of_rim(car, join)}
+    own |= {join.number for join in turned(car, step)}
     for kinds, text in (
         (("tab", "lap"), "Tape the tabs to the inside of the panel with the same number: join {}."),
         (("tab_slot",), "Push the tongues through the slots with the same number: join {}."),
@@ -124,26 +126,26 @@ def _joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
             yield text.format(numbers(found))
 
 
-def _is_of_wheel(car: FoldedCar, join: Join) -> bool:
+def _is_of_rim(car: FoldedCar, join: Join) -> bool:
     """Whether a wound strip locks."""
     return join.kind == "lock" and is_wound(next(piece for piece in car.pieces if piece.name == join.piece_a))
 
 
 def _wheel_joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """How the hub ring's hooks, the rim's hooks and its tongues are joined."""
+    """How the hub's hooks, the rim's hooks and its tongues are joined."""
     joins = [join for join in car.joins if join.number in step.joins]
     labels = {piece.name: piece.label for piece in car.pieces}
     for join in turned(car, step):
         radius, width = car.axles[0].radius_mm, car.axles[0].tyre_width_mm
         angle = math.degrees(turn_rad(WheelSize(radius, width, car.parts)))
         yield (
-            f"Drop the ring's hooks into the slots of the {labels[join.piece_b]}, and turn the disc against the ring "
+            f"Drop the hub's hooks into the slots of the {labels[join.piece_b]}, and turn the disc against the hub "
             f"until they hold: clockwise, as seen from its unprinted side, by about {angle:.0f}°: join {join.number}."
         )
     rims = {join.number for join in joins if join.kind == "rim"}
     if rims:
         yield f"Drop the strip's hooks from outside into the notches of both discs: join {numbers(rims)}."
-    tongues = {join.number for join in joins if _is_of_wheel(car, join)} - {join.number for join in turned(car, step)}
+    tongues = {join.number for join in joins if _is_of_rim(car, join)}
     if tongues:
         yield (
             "Put each tongue's head through the wide part of its slot and pull it into the narrow part; the last one "

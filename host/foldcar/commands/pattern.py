@@ -49,9 +49,6 @@ def pattern(
         float | None,
         typer.Option(metavar="SHARE", help="Position of a fold's neutral layer, from the inner side, per thickness."),
     ] = None,
-    thickness: Annotated[
-        float | None, typer.Option(metavar="MM", help="Thickness of the film for folds; default: the design's.")
-    ] = None,
     margin: Annotated[float | None, typer.Option(metavar="MM", help="Blank edge of a sheet.")] = None,
     gap: Annotated[float | None, typer.Option(metavar="MM", help="Film between two pieces.")] = None,
     components: Components = None,
@@ -73,8 +70,8 @@ def pattern(
 
     chosen = options(
         machine, sheet=sheet, paper=paper, fold=fold, kerf_mm=kerf, tab_clearance_mm=tab_clearance, dash_cut_mm=dash_cut,
-        dash_bridge_mm=dash_bridge, bend_radius_mm=bend_radius, k_factor=k_factor, thickness_mm=thickness,
-        margin_mm=margin, gap_mm=gap,
+        dash_bridge_mm=dash_bridge, bend_radius_mm=bend_radius, k_factor=k_factor, margin_mm=margin,
+        gap_mm=gap,
     )  # fmt: skip
     skipped: list[str] = []
     if every:

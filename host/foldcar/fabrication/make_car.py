@@ -58,8 +58,7 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
         cut = pattern_of(pieces, chosen, title, command)
     except NestingError as error:
         raise NestingError(f"{error} ({title})") from error
-    thickness = max(piece.thickness_mm for piece in folded.pieces)
-    sheets = (*cut.sheets, coupon(chosen, chosen.thickness_mm or thickness))
+    sheets = (*cut.sheets, coupon(chosen, folded.parts))
     verified = verify(design)
     written = [svg_files(sheets, chosen), pdf_files(sheets, chosen, title), dxf_files(sheets, chosen)]
     findings = [*(str(finding) for finding in verified.findings), *cut.torn]
@@ -72,7 +71,7 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
         "car.json": (json.dumps(car_json(design), indent=2) + "\n").encode(),
         "how_to_cut.md": how_to_cut(cut, command).encode(),
         **shape_files(folded, title),
-        **pages(folded, pieces, chosen.machine, title),
+        **pages(folded, pieces, cut),
     }
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
     checks = (
@@ -81,7 +80,7 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
         f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed, none twice",
         f"film between two cuts at least {cut.least_film_mm:.2f} mm, bridges in folds aside",
     )
-    rows = parts_list(folded)
+    rows = parts_list(folded, cut.sheets)
     made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), operations(folded, pieces), files, checks)
     files[MANIFEST] = _manifest(design, made, command).encode()
     return made
@@ -98,7 +97,8 @@ def _view(folded: FoldedCar, title: str, cut: Pattern, drawings: Mapping[str, by
     texts = [drawings[f"{sheet.name}.svg"].decode() for sheet in cut.sheets]
     # An element in a page has no XML declaration.
     elements = [text[text.index("<svg") :] for text in texts]
-    return view_page(folded, title, [Drawing(svg, sheet.name) for svg, sheet in zip(elements, cut.sheets, strict=True)])
+    shown = [Drawing(svg, sheet.name) for svg, sheet in zip(elements, cut.sheets, strict=True)]
+    return view_page(folded, title, shown, film=cut.sheets)
 
 
 def _manifest(design: Design, made: MadeCar, command: str) -> str:

@@ -54,6 +54,8 @@ def pdf_files(sheets: Sequence[Sheet], chosen: Options, title: str) -> WrittenFi
         f"{COUPON}.pdf": ([sheet for sheet in sheets if sheet.name == COUPON], COUPON),
     }
     for name, (shown, heading) in groups.items():
+        if not shown:
+            continue
         files[name] = pdf(shown, chosen.paper, heading)
         findings += [f"{name}: {found}" for found in check_pdf(shown, files[name], chosen)]
     return WrittenFiles(files, tuple(findings))

@@ -21,6 +21,7 @@ from foldcar.fabrication.assembly.view_page import Drawing, view_page
 from foldcar.fabrication.files import dxf_files, pages, pdf_files, shape_files, svg_files
 from foldcar.fabrication.patterns.coupon import coupon
 from foldcar.fabrication.patterns.how_to_cut import how_to_cut
+from foldcar.fabrication.patterns.mock_up import how_to_fold, mock_up
 from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import Options
 from foldcar.fabrication.patterns.sheets import Pattern, cut_car, pattern_of
@@ -84,6 +85,33 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
     made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), operations(folded, pieces), files, checks)
     files[MANIFEST] = _manifest(design, made, command).encode()
     return made
+
+
+@dataclass(frozen=True, slots=True)
+class MadeMockUp:
+    """A paper prototype; ``files`` are names and contents."""
+
+    pattern: Pattern
+    files: Mapping[str, bytes]
+
+
+def make_mock_up(design: Design, chosen: Options, scale: float, command: str = "") -> MadeMockUp:
+    """A car's paper prototype; CheckError if something is wrong with a file, FoldcarError if it cannot be made."""
+    cut = mock_up(design, chosen, scale, command)
+    written = pdf_files(cut.sheets, chosen, cut.title)
+    findings = [f"{sheet.name}: {found}" for sheet in cut.sheets for found in check_sheet(sheet, chosen.margin_mm)]
+    _refuse(cut.title, [*findings, *written.findings])
+    files = {"sheets.pdf": written.files["sheets.pdf"], "how_to_fold.md": how_to_fold(cut, scale).encode()}
+    manifest = {
+        "foldcar": __version__,
+        "command": command,
+        "mockup": scale,
+        "sheets": len(cut.sheets),
+        "warnings": list(cut.warnings),
+        "files": sorted([*files, MANIFEST]),
+    }
+    files[MANIFEST] = (json.dumps(manifest, indent=2) + "\n").encode()
+    return MadeMockUp(cut, files)
 
 
 def _refuse(title: str, findings: Sequence[str]) -> None:

@@ -19,6 +19,7 @@ from foldcar.car.parts.catalogue import chosen
 from foldcar.car.parts.choices import OPTIONS, PartChoices
 from foldcar.car.verify import verify
 from foldcar.cli import app
+from foldcar.fabrication.assembly.guide_steps import steps
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_csv, parts_list_text
 from foldcar.fabrication.assembly.skin import piece_area_mm2
 from foldcar.fabrication.patterns.how_to_cut import how_to_cut
@@ -126,6 +127,8 @@ def test_the_parts_list_says_what_is_curled_and_how_long_tyres_are() -> None:
     bent = {row[1].strip(): row[-2].strip() for row in cells if len(row) == 7}
 
     assert bent["wheel rim 1"] == bent["wheel hub ring"] == "curl, do not crease"
+    (cut, *_) = steps(folded, cut_car(folded, options("laser")), "laser")
+    assert "Do not crease the wheel hub ring, wheel rim 1 and wheel rim 2: they are curled." in cut.lines
     assert bent["beam 1"] == "6" and bent["hinge strip"] == "0 and a hinge: do not crease that"
     # A strip of that size has the tyre's volume.
     tyre = folded.parts.tyre

@@ -25,6 +25,7 @@ from foldcar.fabrication.assembly.skin import piece_area_mm2
 from foldcar.fabrication.patterns.how_to_cut import how_to_cut
 from foldcar.fabrication.patterns.options import MACHINES, OptionError, options
 from foldcar.fabrication.patterns.sheets import cut_car, pattern
+from foldcar.simulation.results import NATIVE_OUTCOMES
 
 HINGED = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.length": 80.0}
 
@@ -59,6 +60,19 @@ def test_cars_of_every_film_pass_all_checks_and_follow_its_numbers(film: str) ->
     least = number["least_bend_radius_mm"]["value"]
     assert ring_radius_mm(car.parts) > least
     assert design.values["H.length"] / math.radians(design.values["H.fold_down"]) >= least - 1e-9
+
+
+@pytest.mark.parametrize("film", ["card_300", "pp_0.8"])
+@pytest.mark.usefixtures("carsim_binary")
+def test_cars_of_other_films_drive_in_the_simulator(film: str) -> None:
+    listing = Path(__file__).parents[2] / "scenarios/width_study.json"
+
+    words = ["--experiment", "1", "--set", "width=95", "--set", f"film={film}", "--json"]
+    done = CliRunner().invoke(app, ["run", str(listing), *words])
+
+    result = json.loads(done.output)
+    assert result["vehicle_type"] == f"W_B_W+film={film}" and result["outcome"] in NATIVE_OUTCOMES
+    assert result["metrics"]["consumed_energy_j"] > 0
 
 
 def test_wheels_without_a_tyre_grip_as_their_film_does() -> None:

@@ -125,7 +125,7 @@ def with_a_face_cut_twice(old: Piece) -> Piece:
         ("W_B_W_W", {"W.length": 130}),
         ("B_W_W_W_W", {"W.length": 70, "radius": 30}),
         ("W_B_H_W_H_W", {"W.length": 130}),
-        ("B_H_W", {"H.fold_up": 6, "H.thickness": 0.1}),
+        ("B_H_W", {"H.fold_up": 6, "H.thickness": 0.127}),
         ("W_H_B_H_W", {"H.length": 20, "H.fold_up": 12, "W.length": 80}),
     ],
 )

@@ -148,11 +148,13 @@ def _inside(car: _Measured) -> Iterator[Fit]:
 
         def gap(face: str, axis: int, mount: Mount = mount, bridge: dict[str, PlacedFace] = bridge) -> float:
             off = np.abs(bridge[face].corners_mm[:, axis] - mount.pose[axis][3]).min()
-            return float(off) - _half(mount, axis) - film / 2
+            return float(off) - _half(mount, axis)
 
+        # The feet lie beside it, with their edges towards it; of shelf and flange it meets a side.
         feet = min(gap(f"{side} foot", 1) for side in ("left", "right"))
-        yield Fit("LiPo below the bridge", gap("shelf", 2), parts.lipo.height_mm.tolerance, car.cut)
-        yield Fit("LiPo beside the bridge's flange", gap("flange", 0), parts.lipo.width_mm.tolerance / 2 + laid, car.cut)
+        yield Fit("LiPo below the bridge", gap("shelf", 2) - film / 2, parts.lipo.height_mm.tolerance, car.cut)
+        beside = gap("flange", 0) - film / 2
+        yield Fit("LiPo beside the bridge's flange", beside, parts.lipo.width_mm.tolerance / 2 + laid, car.cut)
         yield Fit("LiPo between the bridge's feet", feet, parts.lipo.length_mm.tolerance / 2 + laid, 2 * car.cut)
     for mount in (*car.mounts(parts.battery.name), *car.mounts(wing.name)):
         walls = np.concatenate([face.corners_mm for face in bodies[mount.body] if face.face.role == "panel"])

@@ -21,7 +21,7 @@ from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.dxf import dxf
 from foldcar.fabrication.patterns.options import Options
 from foldcar.fabrication.patterns.pdf import pdf
-from foldcar.fabrication.patterns.sheets import CutCar
+from foldcar.fabrication.patterns.sheets import CutCar, Pattern
 from foldcar.fabrication.patterns.svg import svg
 from foldcar.fabrication.patterns.verify import check_dxf, check_pdf, check_svg
 
@@ -56,6 +56,8 @@ def pdf_files(sheets: Sequence[Sheet], chosen: Options, title: str) -> WrittenFi
         f"{COUPON}.pdf": ([sheet for sheet in sheets if sheet.name == COUPON], COUPON),
     }
     for name, (shown, heading) in groups.items():
+        if not shown:
+            continue
         files[name] = pdf(shown, chosen.paper, heading)
         findings += [f"{name}: {found}" for found in check_pdf(shown, files[name], chosen)]
     return WrittenFiles(files, tuple(findings))
@@ -85,13 +87,15 @@ def shape_files(folded: FoldedCar, title: str) -> dict[str, bytes]:
     }
 
 
-def pages(folded: FoldedCar, cut: CutCar, machine: str, title: str) -> dict[str, bytes]:
-    """Guide, wiring and parts list of a car that is cut on a machine of that name."""
+def pages(folded: FoldedCar, cut: CutCar, made: Pattern) -> dict[str, bytes]:
+    """Guide, wiring and parts list of a car with that pattern."""
+    title, sheets = made.title, made.sheets
     texts = {
-        "assembly.html": guide_page(folded, cut, machine, title),
+        "assembly.html": guide_page(folded, cut, made.options.machine, title, sheets),
         "wiring.md": wiring_text(folded, title),
         "wiring.svg": wiring_drawing(folded, title),
-        "parts.md": parts_list_text(folded, title) + "\n" + work_table(operations(folded, cut)),
-        "parts.csv": parts_list_csv(folded),
+        "parts.md": parts_list_text(folded, title, sheets) + "
+" + work_table(operations(folded, cut)),
+        "parts.csv": parts_list_csv(folded, sheets),
     }
     return {name: text.encode() for name, text in texts.items()}

@@ -17,6 +17,7 @@ from foldcar.car.parts.fasteners import Spacer
 from foldcar.fabrication.assembly.guide_state import State
 from foldcar.fabrication.assembly.guide_step import listed, numbers
 from foldcar.fabrication.assembly.operations import closing, is_screw, is_wound, plugs_in, turned
+from foldcar.fabrication.assembly.parts_list import tyre_cut
 
 DRIVER = "PH0 screwdriver"
 SIDES = (("the front", "the rear"), ("the left", "the right"), ("above", "below"))
@@ -28,7 +29,7 @@ def tools(car: FoldedCar) -> tuple[str, ...]:
     return (
         "knife or cutting machine, ruler, blunt needle or bone folder; pin or tweezers for the waste of openings",
         f"{DRIVER} for {listed(sorted(screws))}; small pliers for nuts",
-        "double-sided tape for PET, thin (0.1 mm or less) and 6 to 8 mm wide",
+        car.parts.film.tape,
         "felt pen to mark the servos' leads; hook-and-loop tape for the holder of cells",
         "soldering iron, once: headers of the two boards, leads of the switch",
         "computer with a USB cable that carries data",
@@ -194,7 +195,8 @@ def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
         )
         yield "The shaft is at the end of the servo that is nearer to the wheel's axle."
     if car.parts.tyre.name in parts:
-        yield f"{car.parts.tyre.name[0].upper()}{car.parts.tyre.name[1:]}: {car.parts.tyre.note}."
+        tyre = car.parts.tyre
+        yield f"{tyre.name[0].upper()}{tyre.name[1:]}: {tyre.note}: {tyre_cut(car)} for each."
     if car.parts.lipo.name in parts:
         yield "It lies in its outline on the film, held by a strip of double-sided tape."
     if car.parts.battery.name in parts:

@@ -76,7 +76,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """One sheet of film. Each group contains the shapes that move together: a piece with its labels.
+    """One sheet of film, whose title is ``film``. Each group has the shapes that move together: a piece with its labels.
 
     ``dashed``: folds are drawn in their dashed line types, because nothing is cut or scored along them by a machine.
     """
@@ -86,6 +86,7 @@ class Sheet:
     height_mm: float
     groups: tuple[tuple[Shape, ...], ...]
     dashed: bool = False
+    film: str = ""
 
     @property
     def shapes(self) -> tuple[Shape, ...]:

@@ -39,7 +39,16 @@ def _lines(made: Pattern, command: str) -> Iterator[str]:
         f"{len(made.sheets)} sheets of {width:g} x {height:g} mm on {chosen.machine} with {machine.program}. Cut the "
         f"coupon first. Check that the bar in the sheet's corner is {REFERENCE_MM:.1f} mm long."
     )
-    yield ""
+    film = made.film
+    yield from (
+        "",
+        f"- Film: {', '.join(dict.fromkeys(sheet.film for sheet in made.sheets))}, sold as {film.sold_as}.",
+        f"- Cutting: {getattr(film.cutting, chosen.machine)}.",
+        f"- Folds: {film.folding}.",
+        f"- Joins: {film.tape}.",
+        f"- Bent in use: {film.hinge}.",
+        "",
+    )
     yield from (f"{number}. {step}" for number, step in enumerate(machine.steps, 1))
     yield from ("", "|file|drawn: width x height in mm|", "|---|---|")
     for sheet in made.sheets:

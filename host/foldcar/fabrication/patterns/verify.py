@@ -125,10 +125,13 @@ def _check_page(page: "Page", shown: Sheet, tile: Tile) -> list[str]:
 
 
 def _check_cover(sheet: Sheet, windows: Sequence[Tile]) -> list[str]:
-    """Findings about strips that the grid of windows leaves uncovered."""
-    findings = []
-    for axis, length in enumerate((sheet.width_mm, sheet.height_mm)):
-        reached = 0.0
+    """Findings about strips of the sheet's lines that the grid of windows leaves uncovered."""
+    findings: list[str] = []
+    if not sheet.shapes:
+        return findings
+    box = bounds(sheet.shapes)
+    for axis in (0, 1):
+        reached, length = box[axis], box[axis + 2]
         for low, high in sorted((t.low_mm[axis], t.high_mm[axis]) for t in windows):
             if low > reached + 1e-6:
                 break

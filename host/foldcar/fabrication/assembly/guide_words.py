@@ -13,10 +13,12 @@ from foldcar.car.assembly.step import Added, AssemblyStep
 from foldcar.car.components.hub_ring import turn_rad
 from foldcar.car.components.wheel_size import WheelSize
 from foldcar.car.folded.model import FoldedCar, Join, Mount
+from foldcar.car.leads import leads
 from foldcar.car.parts.fasteners import Spacer
 from foldcar.fabrication.assembly.guide_state import State
 from foldcar.fabrication.assembly.guide_step import listed, numbers
 from foldcar.fabrication.assembly.operations import closing, is_screw, is_wound, plugs_in, turned
+from foldcar.fabrication.assembly.wiring import remedy
 
 DRIVER = "PH0 screwdriver"
 SIDES = (("the front", "the rear"), ("the left", "the right"), ("above", "below"))
@@ -172,14 +174,19 @@ def _by_part(mounts: Iterable[Mount]) -> dict[str, list[Mount]]:
 
 def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     wires = plugs_in(car, step)
+    servos, names = {axle.servo for axle in car.axles}, {mount.name for mount in car.mounts}
     signals = [wire for wire in wires if wire.carries == "signal"]
+    for wire in (wire for wire in signals if wire.a in names):
+        yield f"Plug the {wire.b} into its extension; tape the joint to the floor under it."
     if signals:
-        yield f"Plug {len(signals)} servos into the outputs that their leads are marked with; the brown lead is ground."
+        yield f"Plug {len(servos)} servos into the outputs that their leads are marked with; the brown lead is ground."
         if car.hinges:
             yield "Lead cables between segments through the openings of the caps, with a loop at each hinge."
+    lengths = {(lead.start, lead.end): remedy(lead) for lead in leads(car)}
     for wire in wires:
         if wire.carries != "signal":
-            yield f"{wire.a[0].upper()}{wire.a[1:]} to {wire.b}: {wire.note}."
+            notes = [wire.note, lengths.get((wire.a, wire.b), "")]
+            yield f"{wire.a[0].upper()}{wire.a[1:]} to {wire.b}: {'; '.join(note for note in notes if note)}."
 
 
 def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:

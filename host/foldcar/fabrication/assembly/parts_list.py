@@ -5,12 +5,14 @@ Input: a FoldedCar. Output: rows, and texts of them. Film is counted as cut, wit
 
 import csv
 import io
+import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from foldcar.car.fits import fits
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.weight import body_properties, placing_mm
+from foldcar.car.leads import leads, more_wire_m, wire_mm
 from foldcar.car.parts.mass import assemble
 from foldcar.car.parts.quantity import Bought
 from foldcar.car.parts.wheel_parts import Tyre
@@ -129,9 +131,16 @@ def _bought(folded: FoldedCar) -> list[Row]:
     masses: dict[str, float] = {}
     for mount in folded.mounts:
         masses[mount.part] = masses.get(mount.part, 0.0) + mount.mass_kg
-    return [
-        Row(name, count, "", masses[name], *_cost(bought.get(name), count)) for name, count in counts.items()
-    ]
+    rows = [Row(name, count, "", masses[name], *_cost(bought.get(name), count)) for name, count in counts.items()]
+    return [_with_wire(folded, row) if row.name == folded.parts.wiring.name else row for row in rows]
+
+
+def _with_wire(folded: FoldedCar, row: Row) -> Row:
+    """The row of the wires with the length that is cut, and the cost of what goes beyond that which is included."""
+    wiring, found = folded.parts.wiring, leads(folded)
+    more = more_wire_m(found, wiring) * wiring.wire_usd_m.value
+    note = f"{math.ceil(wire_mm(found) / 10) * 10} mm of wire, solder, heat-shrink: see the wiring"
+    return replace(row, cost_usd=(row.cost_usd or 0.0) + more, note=note)
 
 
 def _cost(part: Bought | None, count: int) -> tuple[float | None, str]:

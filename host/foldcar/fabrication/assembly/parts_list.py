@@ -1,6 +1,7 @@
 """The bill of materials: film and bought parts with quantities, masses and costs, as Markdown and as CSV; the fits.
 
-Input: a FoldedCar. Output: rows, and texts of them. Film is counted as cut, without waste.
+Input: a FoldedCar. Output: rows, and texts of them, parts in the order in which they go in. Film is counted as cut,
+without waste.
 """
 
 import csv
@@ -9,6 +10,7 @@ import math
 from collections import Counter
 from dataclasses import dataclass, replace
 
+from foldcar.car.assembly.plan import planned
 from foldcar.car.fits import fits
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.weight import body_properties, placing_mm
@@ -127,10 +129,13 @@ def _film(folded: FoldedCar) -> list[Row]:
 
 def _bought(folded: FoldedCar) -> list[Row]:
     bought = {part.name: part for part in folded.parts.bought}
-    counts = Counter(mount.part for mount in folded.mounts)
+    mounts = {mount.name: mount for mount in folded.mounts}
+    counts: dict[str, int] = Counter(mount.part for mount in folded.mounts)
     masses: dict[str, float] = {}
     for mount in folded.mounts:
         masses[mount.part] = masses.get(mount.part, 0.0) + mount.mass_kg
+    order = [mounts[one.name].part for step in planned(folded) for one in step.adds if one.kind == "mount"]
+    counts = {name: counts[name] for name in dict.fromkeys([*order, *counts])}
     rows = [Row(name, count, "", masses[name], *_cost(bought.get(name), count)) for name, count in counts.items()]
     return [_with_wire(folded, row) if row.name == folded.parts.wiring.name else row for row in rows]
 

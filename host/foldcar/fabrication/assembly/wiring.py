@@ -92,10 +92,15 @@ def _leads(folded: FoldedCar) -> list[str]:
         "|---|---|---:|---:|---:|---|",
         *(
             f"| {lead.start} | {lead.end} | {lead.way_mm:.0f} | {lead.needed_mm:.0f} "
-            f"| {f'{lead.there_mm:.0f}' if lead.there_mm else ''} | {remedy(lead)} |"
+            f"| {f'{lead.there_mm:.0f}' if lead.there_mm else ''} | {_note(lead)} |"
             for lead in found
         ),
     ]
+
+
+def _note(lead: Lead) -> str:
+    side = f"leaves the battery on the {lead.leaves}" if lead.leaves else ""
+    return "; ".join(text for text in (side, remedy(lead)) if text)
 
 
 def remedy(lead: Lead) -> str:
@@ -104,10 +109,7 @@ def remedy(lead: Lead) -> str:
     if lead.kind == "wire":
         return f"cut {length} mm of wire"
     if lead.kind == "solder":
-        side = f"leaves the battery on the {lead.leaves}"
-        return f"{side}; solder {length} mm of wire to it" if length else side
-    if lead.leaves:
-        return f"leaves the battery on the {lead.leaves}"
+        return f"solder {length} mm of wire to it" if length else ""
     return f"with {lead.extension}" if lead.extension else ""
 
 

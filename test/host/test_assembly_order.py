@@ -68,10 +68,9 @@ def test_the_guide_says_from_where_screws_come_what_they_pass_and_where_nuts_go(
     text = html.unescape(page(name))
     servos = len(car(name).axles)
 
-    through = "through the FS90R servo, the beam"
-    assert f"{servos} times: FS90R servo: from outside; then 2 × M2x8 screw with nut: from outside {through}" in text or (
-        "hinged" in name and f"M2x8 screw with nut: from outside {through} 1 and the servo doubler" in text
-    )
+    screws = "2 × M2x8 screw with nut: from outside through the FS90R servo, the beam and the servo doubler"
+    how = f"{screws}, with the PH0 screwdriver, its nut from inside"
+    assert f"{servos} times: FS90R servo: from outside; then {how}" in text
     assert (
         "2 × M2x12 screw with nut: from below through the bridge, the M2 spacer, nylon and the HUZZAH32 Feather, "
         "with the PH0 screwdriver, its nut from above" in text

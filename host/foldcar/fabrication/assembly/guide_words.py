@@ -4,6 +4,7 @@ Input: an AssemblyStep and the State before it. Output: lines of text. Numbers a
 """
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
@@ -22,6 +23,8 @@ from foldcar.fabrication.assembly.wiring import remedy
 DRIVER = "PH0 screwdriver"
 # What is farther from the car's middle is beside it.
 BESIDE_MM = 10.0
+# Of several beams, a screw's own is meant.
+NUMBER = re.compile(r" \d+$")
 SIDES = (("the front", "the rear"), ("the left", "the right"), ("above", "below"))
 
 
@@ -112,7 +115,9 @@ def _how(added: Added, before: State, apart: bool) -> str:
     """Where a thing comes from, move by move; of a screw also what it passes, its tool and its nut."""
     car = before.car
     if added.kind == "mount" and is_screw(car.parts, before.mounts[added.name]):
-        passed = [_label(Added(kind, name, copy, ""), before) for kind, name, copy in added.passes]  # type: ignore[arg-type]
+        labels = {("mount", name): mount.part for name, mount in before.mounts.items()}
+        labels |= {("piece", name): NUMBER.sub("", piece.label) for name, piece in before.pieces.items()}
+        passed = [labels[kind, name] for kind, name, _ in added.passes]
         into = ""
         if not added.nut_mm and passed:
             *passed, last = passed
@@ -196,12 +201,16 @@ def _wheel_joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
 
 def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     wires = plugs_in(car, step)
-    servos, names = {axle.servo for axle in car.axles}, {mount.name for mount in car.mounts}
+    mounts = {mount.name: mount.part for mount in car.mounts}
     signals = [wire for wire in wires if wire.carries == "signal"]
-    for wire in (wire for wire in signals if wire.a in names):
-        yield f"Plug the {wire.b} into its extension; tape the joint to the floor under it."
+    extended: dict[str, list[str]] = {}
+    for wire in (wire for wire in signals if wire.a in mounts):
+        extended.setdefault(mounts[wire.a], []).append(f"the {wire.b}")
+    for extension, servos in extended.items():
+        each = ", each" if len(servos) > 1 else ""
+        yield f"Plug {listed(servos)} into a {extension}{each}; tape the joints to the floor."
     if signals:
-        yield f"Plug {len(servos)} servos into the outputs that their leads are marked with; the brown lead is ground."
+        yield f"Plug {len(car.axles)} servos into the outputs that their leads are marked with; the brown lead is ground."
         if car.hinges:
             yield "Lead cables between segments through the openings of the caps, with a loop at each hinge."
     lengths = {(lead.start, lead.end): remedy(lead) for lead in leads(car)}

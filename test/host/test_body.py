@@ -12,7 +12,7 @@ import trimesh
 from foldcar.car.body import body_json, full_speed_m_s
 from foldcar.car.design import Design, compose
 from foldcar.car.firmware_parameters import TableRow, check_parameters, firmware_parameters
-from foldcar.car.folded.model import Solid
+from foldcar.car.folded.model import FoldedCar, Solid
 from foldcar.car.folded.weight import body_mass_kg, body_properties, faces_of
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.mass import assemble, box_properties
@@ -213,6 +213,14 @@ def test_values_the_firmware_does_not_take_are_refused() -> None:
         check_parameters({"TRACKM": 1.0}, table)
 
 
+def longer_leads_kg(car: FoldedCar, body: str = "") -> float:
+    """Servo extensions, and wire beyond that which the wiring includes, in one body or in all."""
+    sold = {extension.name for extension in car.parts.extensions.sold}
+    mounts = [mount for mount in car.mounts if body in ("", mount.body)]
+    wires = sum(m.mass_kg - car.parts.wiring.mass_kg.value for m in mounts if m.part == car.parts.wiring.name)
+    return wires + sum(mount.mass_kg for mount in mounts if mount.part in sold)
+
+
 def test_the_same_modules_weigh_the_same_with_hinges_between() -> None:
     rigid, hinged = compose("W_B_W_W", {"W.length": 140}), compose("W_B_H_W_H_W", {"W.length": 140})
 
@@ -226,11 +234,14 @@ def test_the_same_modules_weigh_the_same_with_hinges_between() -> None:
     stops = 2 * 94.75 / 3 * (2 * 12 * 0.45 + 2 * (6 - 2 * 0.25) + 12)
     caps = 4 * (94.05 * 49.05 + 2 * (94.05 - 8) * 8 + 2 * (49.05 - 8) * 8 - 12 * 6)
     flaps = -2 * 2 * 8.6 * 10 + 4 * (9 * 2.575 - 10.6 * 0.55)
-    assert weights[1] - weights[0] == pytest.approx((strips + stops + caps + flaps) * 1e-6 * 0.25e-3 * 1390)
+    longer = [longer_leads_kg(folded_car(design)) for design in (rigid, hinged)]
+    film = (strips + stops + caps + flaps) * 1e-6 * 0.25e-3 * 1390
+    assert weights[1] - weights[0] == pytest.approx(film + longer[1] - longer[0])
 
 
 def test_segments_and_hinges_stand_where_the_modules_do() -> None:
-    body = body_json(compose("W_B_H_W_H_W", {"W.length": 140, "B.length": 80, "H.length": 6}))
+    design = compose("W_B_H_W_H_W", {"W.length": 140, "B.length": 80, "H.length": 6})
+    body = body_json(design)
 
     # 140 + 80, 6, 140, 6, 140: 512 in all.
     places = [(segment["x_m"], segment["length_m"]) for segment in body["segments"]]
@@ -245,7 +256,9 @@ def test_segments_and_hinges_stand_where_the_modules_do() -> None:
     assert first["mass_kg"] > 0.15 > 0.05 > second["mass_kg"]
     # The centre of mass of a single-axle segment is at its axle, except for the servos' offset.
     assert second["com_x_m"] == pytest.approx(-0.04, abs=0.006)
-    assert third["mass_kg"] == pytest.approx(second["mass_kg"], abs=0.001)
+    extensions = [longer_leads_kg(folded_car(design), f"segment{i}") for i in (1, 2)]
+    assert extensions[1] > extensions[0]
+    assert third["mass_kg"] - extensions[1] == pytest.approx(second["mass_kg"] - extensions[0], abs=0.001)
 
 
 def test_a_hinge_is_as_stiff_as_a_clamped_strip() -> None:

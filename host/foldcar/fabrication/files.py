@@ -94,8 +94,7 @@ def pages(folded: FoldedCar, cut: CutCar, made: Pattern) -> dict[str, bytes]:
         "assembly.html": guide_page(folded, cut, made.options.machine, title, sheets),
         "wiring.md": wiring_text(folded, title),
         "wiring.svg": wiring_drawing(folded, title),
-        "parts.md": parts_list_text(folded, title, sheets) + "
-" + work_table(operations(folded, cut)),
+        "parts.md": parts_list_text(folded, title, sheets) + "\n" + work_table(operations(folded, cut)),
         "parts.csv": parts_list_csv(folded, sheets),
     }
     return {name: text.encode() for name, text in texts.items()}

@@ -80,7 +80,9 @@ def _inside(roles: Roles, building: Building) -> None:
     carried = [m for one in carriers for m in roles.carried(one) if not roles.is_fastener(m)]
     parts = [m for m in car.mounts if m.body not in wheels and not roles.is_fastener(m) and m.name not in building.parts]
     soft = [m for m in parts if m.part == car.parts.wiring.name]
-    parts = [m for m in parts if m not in soft and m not in carried and not roles.is_on_lid(m)]
+    sold = {extension.name for extension in car.parts.extensions.sold}
+    extensions = [m for m in parts if m.part in sold]
+    parts = [m for m in parts if m not in (*soft, *extensions, *carried) and not roles.is_on_lid(m)]
     under = [m for m in parts if any(_under(m, board) for board in carried)]
     for one in carriers:
         boards = sorted((m for m in roles.carried(one) if not roles.is_fastener(m)), key=lambda m: m.pose[2][3])
@@ -99,7 +101,7 @@ def _inside(roles: Roles, building: Building) -> None:
     left = [m for m in car.mounts if m.name not in building.parts and m.body not in wheels and m not in soft]
     left = [m for m in left if roles.is_fastener(m)]
     building.step("Drive the other screws", mounts=left)
-    building.step("Plug all wires in", mounts=soft)
+    building.step("Plug all wires in", mounts=[*extensions, *soft])
 
 
 def _under(mount: Mount, board: Mount) -> bool:

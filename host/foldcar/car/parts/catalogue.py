@@ -10,7 +10,16 @@ from importlib.resources import files
 from typing import Literal
 
 from foldcar.car.parts.choices import DEFAULT_CHOICES, OPTIONS, PartChoices, PartError
-from foldcar.car.parts.electronics import Battery, Feather, FeatherWing, Plugs, Switch
+from foldcar.car.parts.electronics import (
+    Battery,
+    Extensions,
+    Feather,
+    FeatherWing,
+    LeadedBattery,
+    Plugs,
+    Switch,
+    Wiring,
+)
 from foldcar.car.parts.fasteners import Caster, Screw, Spacer, Tools
 from foldcar.car.parts.film import Assembly, Film
 from foldcar.car.parts.quantity import Bought, BoxPart, Data, Quantity
@@ -35,6 +44,7 @@ FILES = {
     "switch": "switch.json",
     "plugs": "plugs.json",
     "wiring": "wiring.json",
+    "extensions": "servo_extensions.json",
     "screw": "screw_m2.json",
     "board_screw": "screw_board.json",
     "horn_screw": "screw_horn.json",
@@ -59,12 +69,13 @@ class Catalogue(Data):
     feather: Feather
     featherwing: FeatherWing
     headers: Bought
-    lipo: BoxPart
+    lipo: LeadedBattery
     pad: BoxPart
     board_pad: BoxPart
     switch: Switch
     plugs: Plugs
-    wiring: BoxPart
+    wiring: Wiring
+    extensions: Extensions
     screw: Screw
     board_screw: Screw
     horn_screw: Screw
@@ -88,7 +99,7 @@ class Catalogue(Data):
     def bought(self) -> tuple[Bought, ...]:
         """The parts that are bought and put in."""
         parts = (getattr(self, field) for field in type(self).model_fields)
-        return tuple(part for part in parts if isinstance(part, Bought))
+        return (*(part for part in parts if isinstance(part, Bought)), *self.extensions.sold)
 
 
 def catalogue() -> Catalogue:

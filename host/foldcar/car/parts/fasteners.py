@@ -25,12 +25,13 @@ class Spacer(Bought):
 
 
 class Tools(PartData):
-    """The room that a screwdriver and a finger need."""
+    """The room that a screwdriver, a finger, and a nut before its screw need."""
 
     driver_diameter_mm: Quantity
     driver_length_mm: Quantity
     finger_diameter_mm: Quantity
     finger_length_mm: Quantity
+    nut_room_mm: Quantity
 
 
 class Caster(BoxPart):

@@ -1,20 +1,23 @@
 """The bill of materials: film and bought parts with quantities, masses and costs, as Markdown and as CSV; the fits.
 
 Input: a FoldedCar, and the sheets that it is cut from: film is bought by whole sheets. Without sheets it is counted as
-cut, without waste. Output: rows, and texts of them.
+cut, without waste. Output: rows, and texts of them, parts in the order in which they go in.
 """
 
 import csv
 import io
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 
+from foldcar.car.assembly.plan import planned
 from foldcar.car.fits import fits
 from foldcar.car.folded.model import FoldedCar, Piece
 from foldcar.car.folded.weight import body_properties, placing_mm
+from foldcar.car.leads import leads, more_wire_m, wire_mm
 from foldcar.car.parts.catalogue import film_of
 from foldcar.car.parts.mass import assemble
 from foldcar.car.parts.quantity import Bought, Quantity
@@ -149,17 +152,29 @@ def _film(folded: FoldedCar, sheets: Sequence[Sheet]) -> Iterator[Row]:
 
 def _bought(folded: FoldedCar) -> list[Row]:
     bought = {part.name: part for part in folded.parts.bought}
-    counts = Counter(mount.part for mount in folded.mounts)
+    mounts = {mount.name: mount for mount in folded.mounts}
+    counts: dict[str, int] = Counter(mount.part for mount in folded.mounts)
     masses: dict[str, float] = {}
     for mount in folded.mounts:
         masses[mount.part] = masses.get(mount.part, 0.0) + mount.mass_kg
-    headers = folded.parts.headers
-    boards = counts[folded.parts.featherwing.name]
+    order = [mounts[one.name].part for step in planned(folded) for one in step.adds if one.kind == "mount"]
+    counts = {name: counts[name] for name in dict.fromkeys([*order, *counts])}
     rows = [Row(name, count, "", masses[name], *_cost(bought.get(name), count, folded)) for name, count in counts.items()]
+    rows = [_with_wire(folded, row) if row.name == folded.parts.wiring.name else row for row in rows]
+    headers = folded.parts.headers
+    boards = counts.get(folded.parts.featherwing.name, 0)
     if boards:
         note = "soldered to it; in its mass"
         rows.append(Row(headers.name, boards, "", 0.0, boards * headers.cost_usd.value, note))
     return rows
+
+
+def _with_wire(folded: FoldedCar, row: Row) -> Row:
+    """The row of the wires with the length that is cut, and the cost of what goes beyond that which is included."""
+    wiring, found = folded.parts.wiring, leads(folded)
+    more = more_wire_m(found, wiring) * wiring.wire_usd_m.value
+    note = f"{math.ceil(wire_mm(found) / 10) * 10} mm of wire, solder, heat-shrink: see the wiring"
+    return replace(row, cost_usd=(row.cost_usd or 0.0) + more, note=note)
 
 
 def _cost(part: Bought | None, count: int, folded: FoldedCar) -> tuple[float | None, str]:

@@ -37,7 +37,7 @@ def _lines(made: Pattern, command: str) -> Iterator[str]:
     yield ""
     yield (
         f"{len(made.sheets)} sheets of {width:g} x {height:g} mm on {chosen.machine} with {machine.program}. Cut the "
-        f"coupon first. Check that the bar in the sheet's corner is {REFERENCE_MM:.1f} mm long."
+        f"coupon first. Check that the bar in a sheet's title is {REFERENCE_MM:.1f} mm long."
     )
     yield ""
     yield from (f"{number}. {step}" for number, step in enumerate(machine.steps, 1))

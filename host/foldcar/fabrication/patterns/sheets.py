@@ -28,8 +28,8 @@ from foldcar.fabrication.patterns.title_block import (
     REFERENCE_MM,
     code_shapes,
     code_size_mm,
-    corner_mm,
-    corner_shapes,
+    title_shapes,
+    title_size_mm,
     wrapped,
 )
 
@@ -148,10 +148,10 @@ def lay_out(
     width, height = chosen.sheet_size_mm
     listed = [(piece.label, piece.outline, piece.count) for piece in pieces]
     # As many lines as with the longest numbers.
-    corner = corner_mm(len(_title_lines(title, "99 of 99", command, chosen)))
+    title_mm = title_size_mm(len(_title_lines(title, "99 of 99", command, chosen)))
     code_mm = code_size_mm(command) if command else 0.0
-    nested = nest(listed, (width, height), chosen.margin_mm, chosen.gap_mm, corner, (code_mm, code_mm))
-    on_sheets: list[list[Iterable[Shape]]] = [[] for _ in nested.reserved]
+    nested = nest(listed, (width, height), chosen.margin_mm, chosen.gap_mm, title_mm, (code_mm, code_mm))
+    on_sheets: list[list[Iterable[Shape]]] = [[] for _ in nested.titles]
     drawn: dict[tuple[int, int], list[Shape]] = {}
     for index, copies in enumerate(nested.placements):
         for copy in copies:
@@ -161,15 +161,15 @@ def lay_out(
             on_sheets[copy.sheet].append([shape.moved(copy.motion) for shape in drawn[key]])
     count = len(on_sheets)
     warnings = []
-    for index, (reserved, free) in enumerate(zip(nested.reserved, nested.free, strict=True)):
-        if reserved:
+    for index, (titled, free) in enumerate(zip(nested.titles, nested.boxes, strict=True)):
+        if titled is not None:
             lines = _title_lines(title, f"{index + 1} of {count}", command, chosen)
-            on_sheets[index].append(corner_shapes(lines, chosen.margin_mm))
+            on_sheets[index].append([shape.moved(titled) for shape in title_shapes(lines)])
         else:
             warnings.append(f"sheet {index + 1}: no room for the {REFERENCE_MM:g} mm reference bar")
         if command and free is not None:
             on_sheets[index].append([shape.moved(free) for shape in code_shapes(command)])
-    if command and not any(nested.free):
+    if command and not any(nested.boxes):
         warnings.append("no sheet has room for the QR code of its command; how_to_cut.md has the command")
     sheets = tuple(
         Sheet(f"sheet_{index + 1}", width, height, tuple(tuple(rounded(group)) for group in on_sheet), chosen.dashed)

@@ -3,6 +3,7 @@
 import io
 import re
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import ezdxf
 import pytest
@@ -16,6 +17,7 @@ from foldcar.fabrication.patterns.coupon import coupon
 from foldcar.fabrication.patterns.drawing import Circle, Motion, Path, Sheet, bounds
 from foldcar.fabrication.patterns.dxf import dxf
 from foldcar.fabrication.patterns.layers import LAYERS
+from foldcar.fabrication.patterns.lbrn import lbrn, read_lbrn
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.pdf import pdf
 from foldcar.fabrication.patterns.read_dxf import read_dxf
@@ -23,7 +25,7 @@ from foldcar.fabrication.patterns.read_pdf import read_pdf
 from foldcar.fabrication.patterns.read_svg import read_svg
 from foldcar.fabrication.patterns.sheets import pattern
 from foldcar.fabrication.patterns.svg import svg
-from foldcar.fabrication.patterns.verify import check_dxf, check_pdf, check_sheet, check_svg
+from foldcar.fabrication.patterns.verify import check_dxf, check_lbrn, check_pdf, check_sheet, check_svg
 from written_sheet import CHOSEN, COMMAND, Made, written_sample
 
 # RGB by number, as its documentation lists them.
@@ -225,3 +227,37 @@ def _sides(path: Path) -> list[tuple[float, float]]:
 
 def test_quarter_turns_are_exact() -> None:
     assert [Motion(turn, (1, 1)).apply((2.0, 1.0)) for turn in range(4)] == [(3, 2), (0, 3), (-1, 0), (2, -1)]
+
+
+def test_a_lightburn_project_has_named_layers_in_the_order_of_cutting_and_all_lines(made: Made) -> None:
+    text = lbrn(made.sheet)
+
+    root = ElementTree.fromstring(text)
+    settings = sorted(
+        ({key.tag: key.attrib["Value"] for key in setting} for setting in root.iter("CutSetting")),
+        key=lambda setting: int(setting["priority"]),
+    )
+    assert [setting["name"] for setting in settings] == [*LAYERS, "T1"]
+    assert [f"C{int(setting['index']):02}" for setting in settings[:-1]] == [layer.lightburn for layer in LAYERS.values()]
+    assert [setting["name"] for setting in settings if setting.get("doOutput") == "0"] == ["QR_CODE"]
+    assert check_lbrn(made.sheet, text, CHOSEN) == []
+    assert reference_bars(read_lbrn(text)) == [pytest.approx(100.0, abs=1e-3)]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "other", "finding"),
+    [
+        (r"<VertList>V", "<VertList>V1", "is missing"),
+        (r'<name Value="CUT_INNER" />', '<name Value="CUT_OUTER" />', "not cut in their order"),
+        (r"LineClosed", "LineOpen", "is not closed|is missing"),
+        (r'Rx="[0-9.]+"', 'Rx="0.1"', "has a Ellipse"),
+        (r'<XForm>1 0 0 1 150 100', "<XForm>1 0 0 1 151 100", "the sheet's corner is at 1, 0"),
+        (r"</LightBurnProject>", "", "not a LightBurn project"),
+    ],
+)  # fmt: skip
+def test_a_damaged_lightburn_project_is_found(made: Made, pattern: str, other: str, finding: str) -> None:
+    text = lbrn(made.sheet)
+    damaged = re.sub(pattern, other, text, count=1)
+
+    assert damaged != text
+    assert any(re.search(finding, found) for found in check_lbrn(made.sheet, damaged, CHOSEN))

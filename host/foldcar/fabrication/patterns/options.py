@@ -81,7 +81,7 @@ class Machine:
     preset: Options
     sheets: tuple[str, ...]
     program: str
-    files: Literal["svg", "dxf", "pdf"]
+    files: Literal["svg", "dxf", "pdf", "lbrn2"]
     steps: tuple[str, ...]
     actions: Mapping[str, str]
 

@@ -79,6 +79,13 @@ def check_dxf(meant: Sheet, text: str, chosen: Options) -> list[str]:
     return _read_back(meant, lambda: read_dxf(text), chosen)
 
 
+def check_lbrn(meant: Sheet, text: str, chosen: Options) -> list[str]:
+    """Findings about a written LightBurn project."""
+    from foldcar.fabrication.patterns.lbrn import read_lbrn
+
+    return _read_back(meant, lambda: read_lbrn(text), chosen)
+
+
 def _read_back(meant: Sheet, read: Callable[[], Sheet], chosen: Options) -> list[str]:
     try:
         found = read()

@@ -1,6 +1,7 @@
 """Written SVG, DXF and PDF files: true scale, layers and colours for independent readers."""
 
 import io
+import math
 import re
 from dataclasses import replace
 from xml.etree import ElementTree
@@ -11,6 +12,7 @@ import segno
 from ezdxf.addons.drawing import RenderContext
 from pypdf import PdfReader
 from shapely.geometry import LineString, box
+from shapely.ops import linemerge, unary_union
 
 from cut_samples import folded_box
 from foldcar.fabrication.patterns.coupon import coupon
@@ -261,3 +263,40 @@ def test_a_damaged_lightburn_project_is_found(made: Made, pattern: str, other: s
 
     assert damaged != text
     assert any(re.search(finding, found) for found in check_lbrn(made.sheet, damaged, CHOSEN))
+
+
+@pytest.mark.parametrize("width", [0.3, 2.0])
+def test_holding_tabs_keep_each_piece_in_the_sheet_by_bridges_of_their_width(width: float) -> None:
+    chosen = options("laser", sheet="300x200", holding_tabs_mm=width)
+
+    made = pattern(folded_box(40.0), chosen, "sample")
+
+    closed = pattern(folded_box(40.0), options("laser", sheet="300x200"), "sample")
+    for held, plain in zip(made.sheets, closed.sheets, strict=True):
+        assert check_svg(held, svg(held), chosen) == check_dxf(held, dxf(held), chosen) == []
+        for group, whole in zip(held.groups, plain.groups, strict=True):
+            cuts = [LineString(s.points_mm) for s in group if isinstance(s, Path) and s.layer == "CUT_OUTER"]
+            rings = [s for s in whole if isinstance(s, Path) and s.layer == "CUT_OUTER"]
+            if not rings:
+                continue
+            # What the beam, a kerf wide with round ends, leaves of the outline.
+            outline = LineString([*rings[0].points_mm, rings[0].points_mm[0]])
+            left = outline.difference(unary_union(cuts).buffer(chosen.kerf_mm / 2, quad_segs=32))
+            bridges = [part.length for part in getattr(linemerge(left), "geoms", [linemerge(left)])]
+            assert len(bridges) == len(cuts) >= 2
+            assert bridges == [pytest.approx(width, abs=0.02 + 0.05 * width)] * len(bridges)
+
+
+def test_an_outline_that_lost_a_holding_tab_is_found() -> None:
+    chosen = options("laser", sheet="300x200", holding_tabs_mm=0.5)
+    sheet = pattern(folded_box(40.0), chosen, "sample").sheets[0]
+    index, group = next((i, g) for i, g in enumerate(sheet.groups) if any(s.layer == "CUT_OUTER" for s in g))
+    cut = next(shape for shape in group if isinstance(shape, Path) and shape.layer == "CUT_OUTER")
+    # A cut goes on by half of the bridge.
+    (x0, y0), (x1, y1) = cut.points_mm[-2:]
+    share = 0.3 / math.dist((x0, y0), (x1, y1))
+    longer = replace(cut, points_mm=(*cut.points_mm[:-1], (x1 + share * (x1 - x0), y1 + share * (y1 - y0))))
+    groups = (*sheet.groups[:index], tuple(longer if s is cut else s for s in group), *sheet.groups[index + 1 :])
+
+    assert any("leaves no holding tab of 0.65 mm" in found for found in check_sheet(replace(sheet, groups=groups), 5.0))
+    assert any("is not closed" in found for found in check_sheet(replace(sheet, tab_gap_mm=0.0), 5.0))

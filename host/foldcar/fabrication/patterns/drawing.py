@@ -79,6 +79,7 @@ class Sheet:
     """One sheet of film. Each group contains the shapes that move together: a piece with its labels.
 
     ``dashed``: folds are drawn in their dashed line types, because nothing is cut or scored along them by a machine.
+    ``tab_gap_mm`` is the width of the gaps in outlines that leave holding tabs, 0 if outlines are closed.
     """
 
     name: str
@@ -86,6 +87,7 @@ class Sheet:
     height_mm: float
     groups: tuple[tuple[Shape, ...], ...]
     dashed: bool = False
+    tab_gap_mm: float = 0.0
 
     @property
     def shapes(self) -> tuple[Shape, ...]:

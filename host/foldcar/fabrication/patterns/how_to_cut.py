@@ -52,6 +52,12 @@ def _lines(made: Pattern, command: str) -> Iterator[str]:
     for layer in LAYERS.values():
         if layer.name in used:
             yield f"|{layer.name}|{layer.hex}|{layer.lightburn}|{_meaning(layer, made)}|{_action(layer, made)}|"
+    if chosen.holding_tabs_mm:
+        yield ""
+        yield (
+            f"Holding tabs of {chosen.holding_tabs_mm:g} mm keep the pieces in the sheet: cut them with scissors along "
+            "the outline when the sheet is off the machine; what is left on a wheel disc makes it run out of true."
+        )
     yield from _parted(made)
     yield from ("", f"The narrowest film between two cuts is {made.least_film_mm:.2f} mm.")
     if made.least_film_mm < LEAST_FILM_MM:

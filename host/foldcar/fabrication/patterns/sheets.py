@@ -171,8 +171,11 @@ def lay_out(
             on_sheets[index].append([shape.moved(free) for shape in code_shapes(command)])
     if command and not any(nested.boxes):
         warnings.append("no sheet has room for the QR code of its command; how_to_cut.md has the command")
+    gap_mm = chosen.holding_tabs_mm + chosen.kerf_mm if chosen.holding_tabs_mm else 0.0
     sheets = tuple(
-        Sheet(f"sheet_{index + 1}", width, height, tuple(tuple(rounded(group)) for group in on_sheet), chosen.dashed)
+        Sheet(
+            f"sheet_{index + 1}", width, height, tuple(tuple(rounded(group)) for group in on_sheet), chosen.dashed, gap_mm
+        )
         for index, on_sheet in enumerate(on_sheets)
     )
     return sheets, warnings

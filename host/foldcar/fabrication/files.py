@@ -24,6 +24,8 @@ from foldcar.fabrication.patterns.sheets import CutCar
 from foldcar.fabrication.patterns.svg import svg
 from foldcar.fabrication.patterns.verify import check_dxf, check_lbrn, check_pdf, check_svg
 
+# The page to open first.
+GUIDE = "assembly.html"
 # PDF files hold several sheets.
 COUPON = "coupon"
 
@@ -92,7 +94,7 @@ def shape_files(folded: FoldedCar, title: str) -> dict[str, bytes]:
 def pages(folded: FoldedCar, cut: CutCar, machine: str, title: str) -> dict[str, bytes]:
     """Guide, wiring and parts list of a car that is cut on a machine of that name."""
     texts = {
-        "assembly.html": guide_page(folded, cut, machine, title),
+        GUIDE: guide_page(folded, cut, machine, title),
         "wiring.md": wiring_text(folded, title),
         "wiring.svg": wiring_drawing(folded, title),
         "parts.md": parts_list_text(folded, title),

@@ -79,10 +79,11 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
         **pages(folded, pieces, chosen.machine, title),
     }
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
+    held = " but for their holding tabs" if chosen.holding_tabs_mm else ""
     checks = (
         *verified.lines(),
         f"{lines} lines on {len(cut.sheets)} sheets read back from {formats}: as meant within "
-        f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed, none twice",
+        f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed{held}, none twice",
         f"film between two cuts at least {cut.least_film_mm:.2f} mm, bridges in folds aside",
     )
     rows = parts_list(folded)

@@ -1,8 +1,8 @@
 """Writes a sheet as a LightBurn project (.lbrn2), and reads it back.
 
-LightBurn does not document the format; this is what LightBurn 1.2 writes and all later versions open: a CutSetting for
-each layer, with its number in the palette and its priority, the place in the order of cutting; a Shape for each line, in
-millimetres, y up. The sheet's edge is on the tool layer T1, which is never cut.
+LightBurn does not document the format; this follows public files of FormatVersion 1 and has not been opened in LightBurn
+itself. A CutSetting for each layer has its number in the palette and its priority, the place in the order of cutting;
+each line is a Shape in millimetres, y up. The sheet's edge is on the tool layer T1, which is never cut.
 """
 
 import re

@@ -29,6 +29,7 @@ def test_a_car_becomes_a_folder_of_files(foldcar: Command, listing: Path, tmp_pa
     assert (done.returncode, done.stderr) == (0, "")
     for word in ("sheets", "cut", "mass", "cost", "checked"):
         assert f"  {word} " in done.stdout
+    assert f"open {Path('car', 'assembly.html')} first" in done.stdout
     folder = tmp_path / "car"
     manifest = json.loads((folder / "pattern.json").read_text())
     written = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}

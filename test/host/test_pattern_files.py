@@ -1,9 +1,11 @@
 """Written SVG, DXF and PDF files: true scale, layers and colours for independent readers."""
 
 import io
+import math
 import re
 from dataclasses import replace
 from typing import Any
+from xml.etree import ElementTree
 
 import ezdxf
 import pytest
@@ -11,6 +13,7 @@ import segno
 from ezdxf.addons.drawing import RenderContext
 from pypdf import PdfReader
 from shapely.geometry import LineString, box
+from shapely.ops import linemerge, unary_union
 
 from cut_samples import folded_box
 from foldcar.car.parts.catalogue import catalogue
@@ -18,6 +21,7 @@ from foldcar.fabrication.patterns.coupon import coupon
 from foldcar.fabrication.patterns.drawing import Circle, Motion, Path, Sheet, bounds
 from foldcar.fabrication.patterns.dxf import dxf
 from foldcar.fabrication.patterns.layers import LAYERS
+from foldcar.fabrication.patterns.lbrn import lbrn, read_lbrn
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.pdf import pdf
 from foldcar.fabrication.patterns.read_dxf import read_dxf
@@ -25,7 +29,7 @@ from foldcar.fabrication.patterns.read_pdf import read_pdf
 from foldcar.fabrication.patterns.read_svg import read_svg
 from foldcar.fabrication.patterns.sheets import pattern
 from foldcar.fabrication.patterns.svg import svg
-from foldcar.fabrication.patterns.verify import check_dxf, check_pdf, check_sheet, check_svg
+from foldcar.fabrication.patterns.verify import check_dxf, check_lbrn, check_pdf, check_sheet, check_svg
 from written_sheet import CHOSEN, COMMAND, Made, written_sample
 
 # RGB by number, as its documentation lists them.
@@ -245,3 +249,74 @@ def _sides(path: Path) -> list[tuple[float, float]]:
 
 def test_quarter_turns_are_exact() -> None:
     assert [Motion(turn, (1, 1)).apply((2.0, 1.0)) for turn in range(4)] == [(3, 2), (0, 3), (-1, 0), (2, -1)]
+
+
+def test_a_lightburn_project_has_named_layers_in_the_order_of_cutting_and_all_lines(made: Made) -> None:
+    text = lbrn(made.sheet)
+
+    root = ElementTree.fromstring(text)
+    settings = sorted(
+        ({key.tag: key.attrib["Value"] for key in setting} for setting in root.iter("CutSetting")),
+        key=lambda setting: int(setting["priority"]),
+    )
+    assert [setting["name"] for setting in settings] == [*LAYERS, "T1"]
+    assert [f"C{int(setting['index']):02}" for setting in settings[:-1]] == [layer.lightburn for layer in LAYERS.values()]
+    assert [setting["name"] for setting in settings if setting.get("doOutput") == "0"] == ["QR_CODE"]
+    assert check_lbrn(made.sheet, text, CHOSEN) == []
+    assert reference_bars(read_lbrn(text)) == [pytest.approx(100.0, abs=1e-3)]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "other", "finding"),
+    [
+        (r"<VertList>V", "<VertList>V1", "is missing"),
+        (r'<name Value="CUT_INNER" />', '<name Value="CUT_OUTER" />', "not cut in their order"),
+        (r"LineClosed", "LineOpen", "is not closed|is missing"),
+        (r'Rx="[0-9.]+"', 'Rx="0.1"', "has a Ellipse"),
+        (r'<XForm>1 0 0 1 150 100', "<XForm>1 0 0 1 151 100", "the sheet's corner is at 1, 0"),
+        (r"</LightBurnProject>", "", "not a LightBurn project"),
+    ],
+)  # fmt: skip
+def test_a_damaged_lightburn_project_is_found(made: Made, pattern: str, other: str, finding: str) -> None:
+    text = lbrn(made.sheet)
+    damaged = re.sub(pattern, other, text, count=1)
+
+    assert damaged != text
+    assert any(re.search(finding, found) for found in check_lbrn(made.sheet, damaged, CHOSEN))
+
+
+@pytest.mark.parametrize("width", [0.3, 2.0])
+def test_holding_tabs_keep_each_piece_in_the_sheet_by_bridges_of_their_width(width: float) -> None:
+    chosen = options("laser", sheet="300x200", holding_tabs_mm=width)
+
+    made = pattern(folded_box(40.0), chosen, "sample")
+
+    closed = pattern(folded_box(40.0), options("laser", sheet="300x200"), "sample")
+    for held, plain in zip(made.sheets, closed.sheets, strict=True):
+        assert check_svg(held, svg(held), chosen) == check_dxf(held, dxf(held), chosen) == []
+        for group, whole in zip(held.groups, plain.groups, strict=True):
+            cuts = [LineString(s.points_mm) for s in group if isinstance(s, Path) and s.layer == "CUT_OUTER"]
+            rings = [s for s in whole if isinstance(s, Path) and s.layer == "CUT_OUTER"]
+            if not rings:
+                continue
+            # What the beam, a kerf wide with round ends, leaves of the outline.
+            outline = LineString([*rings[0].points_mm, rings[0].points_mm[0]])
+            left = outline.difference(unary_union(cuts).buffer(chosen.kerf_mm / 2, quad_segs=32))
+            bridges = [part.length for part in getattr(linemerge(left), "geoms", [linemerge(left)])]
+            assert len(bridges) == len(cuts) >= 2
+            assert bridges == [pytest.approx(width, abs=0.02 + 0.05 * width)] * len(bridges)
+
+
+def test_an_outline_that_lost_a_holding_tab_is_found() -> None:
+    chosen = options("laser", sheet="300x200", holding_tabs_mm=0.5)
+    sheet = pattern(folded_box(40.0), chosen, "sample").sheets[0]
+    index, group = next((i, g) for i, g in enumerate(sheet.groups) if any(s.layer == "CUT_OUTER" for s in g))
+    cut = next(shape for shape in group if isinstance(shape, Path) and shape.layer == "CUT_OUTER")
+    # A cut goes on by half of the bridge.
+    (x0, y0), (x1, y1) = cut.points_mm[-2:]
+    share = 0.3 / math.dist((x0, y0), (x1, y1))
+    longer = replace(cut, points_mm=(*cut.points_mm[:-1], (x1 + share * (x1 - x0), y1 + share * (y1 - y0))))
+    groups = (*sheet.groups[:index], tuple(longer if s is cut else s for s in group), *sheet.groups[index + 1 :])
+
+    assert any("leaves no holding tab of 0.65 mm" in found for found in check_sheet(replace(sheet, groups=groups), 5.0))
+    assert any("is not closed" in found for found in check_sheet(replace(sheet, tab_gap_mm=0.0), 5.0))

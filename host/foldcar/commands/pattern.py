@@ -52,6 +52,9 @@ def pattern(
     ] = None,
     margin: Annotated[float | None, typer.Option(metavar="MM", help="Blank edge of a sheet.")] = None,
     gap: Annotated[float | None, typer.Option(metavar="MM", help="Film between two pieces.")] = None,
+    holding_tabs: Annotated[
+        float | None, typer.Option(metavar="MM", help="Bridges that hold the pieces in the sheet; 0: none.")
+    ] = None,
     mockup: Annotated[
         float | None,
         typer.Option(metavar="SCALE", help="Paper prototype to try the fold, 0.25 to 1: body and discs, for scissors."),
@@ -83,7 +86,7 @@ def pattern(
     chosen = options(
         machine, sheet=sheet, paper=paper, fold=fold, kerf_mm=kerf, tab_clearance_mm=tab_clearance, dash_cut_mm=dash_cut,
         dash_bridge_mm=dash_bridge, bend_radius_mm=bend_radius, k_factor=k_factor, margin_mm=margin,
-        gap_mm=gap,
+        gap_mm=gap, holding_tabs_mm=holding_tabs,
     )  # fmt: skip
     skipped: list[str] = []
     if every:

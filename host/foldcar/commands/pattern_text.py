@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from foldcar.fabrication.files import GUIDE
 from foldcar.fabrication.make_car import MANIFEST, MadeCar, MadeMockUp
 from foldcar.fabrication.patterns.options import Options, arguments
 from foldcar.shown_text import decoded
@@ -61,7 +62,7 @@ def car_lines(made: MadeCar, chosen: Options, output: Path) -> list[str]:
         f"  cost      about {made.cost_usd:.0f} USD",
         *(f"  checked   {text}" for text in made.checks),
         *(f"  warning   {text}" for text in cut.warnings),
-        f"  made      {len(made.files)} files in {output}",
+        f"  made      {len(made.files)} files in {output}; open {output / GUIDE} first",
     ]
 
 

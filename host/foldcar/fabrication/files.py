@@ -19,12 +19,15 @@ from foldcar.fabrication.assembly.wiring import wiring_text
 from foldcar.fabrication.assembly.wiring_drawing import wiring_drawing
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.dxf import dxf
+from foldcar.fabrication.patterns.lbrn import lbrn
 from foldcar.fabrication.patterns.options import Options
 from foldcar.fabrication.patterns.pdf import pdf
 from foldcar.fabrication.patterns.sheets import CutCar, Pattern
 from foldcar.fabrication.patterns.svg import svg
-from foldcar.fabrication.patterns.verify import check_dxf, check_pdf, check_svg
+from foldcar.fabrication.patterns.verify import check_dxf, check_lbrn, check_pdf, check_svg
 
+# The page to open first.
+GUIDE = "assembly.html"
 # PDF files hold several sheets.
 COUPON = "coupon"
 
@@ -45,6 +48,11 @@ def svg_files(sheets: Sequence[Sheet], chosen: Options) -> WrittenFiles:
 def dxf_files(sheets: Sequence[Sheet], chosen: Options) -> WrittenFiles:
     """A file for each sheet."""
     return _files("dxf", sheets, dxf, lambda sheet, text: check_dxf(sheet, text, chosen))
+
+
+def lbrn_files(sheets: Sequence[Sheet], chosen: Options) -> WrittenFiles:
+    """A LightBurn project for each sheet."""
+    return _files("lbrn2", sheets, lbrn, lambda sheet, text: check_lbrn(sheet, text, chosen))
 
 
 def pdf_files(sheets: Sequence[Sheet], chosen: Options, title: str) -> WrittenFiles:
@@ -91,7 +99,7 @@ def pages(folded: FoldedCar, cut: CutCar, made: Pattern) -> dict[str, bytes]:
     """Guide, wiring and parts list of a car with that pattern."""
     title, sheets = made.title, made.sheets
     texts = {
-        "assembly.html": guide_page(folded, cut, made.options.machine, title, sheets),
+        GUIDE: guide_page(folded, cut, made.options.machine, title, sheets),
         "wiring.md": wiring_text(folded, title),
         "wiring.svg": wiring_drawing(folded, title),
         "parts.md": parts_list_text(folded, title, sheets) + "\n" + work_table(operations(folded, cut)),

@@ -18,12 +18,12 @@ from foldcar.errors import FoldcarError
 from foldcar.fabrication.assembly.operations import Operations, operations
 from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, total_mass_kg
 from foldcar.fabrication.assembly.view_page import Drawing, view_page
-from foldcar.fabrication.files import dxf_files, pages, pdf_files, shape_files, svg_files
+from foldcar.fabrication.files import dxf_files, lbrn_files, pages, pdf_files, shape_files, svg_files
 from foldcar.fabrication.patterns.coupon import coupon
 from foldcar.fabrication.patterns.how_to_cut import how_to_cut
 from foldcar.fabrication.patterns.mock_up import how_to_fold, mock_up
 from foldcar.fabrication.patterns.nesting import NestingError
-from foldcar.fabrication.patterns.options import Options
+from foldcar.fabrication.patterns.options import MACHINES, Options
 from foldcar.fabrication.patterns.sheets import Pattern, cut_car, pattern_of
 from foldcar.fabrication.patterns.verify import TOLERANCE_MM, check_sheet
 
@@ -62,6 +62,10 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
     sheets = (*cut.sheets, coupon(chosen, folded.parts))
     verified = verify(design)
     written = [svg_files(sheets, chosen), pdf_files(sheets, chosen, title), dxf_files(sheets, chosen)]
+    formats = "SVG, PDF and DXF"
+    if MACHINES[chosen.machine].files == "lbrn2":
+        written.append(lbrn_files(sheets, chosen))
+        formats = "SVG, PDF, DXF and LightBurn projects"
     findings = [*(str(finding) for finding in verified.findings), *cut.torn]
     findings += [f"{sheet.name}: {found}" for sheet in sheets for found in check_sheet(sheet, chosen.margin_mm)]
     _refuse(title, [*findings, *(found for files in written for found in files.findings)])
@@ -75,10 +79,11 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
         **pages(folded, pieces, cut),
     }
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
+    held = " but for their holding tabs" if chosen.holding_tabs_mm else ""
     checks = (
         *verified.lines(),
-        f"{lines} lines on {len(cut.sheets)} sheets read back from SVG, DXF and PDF: as meant within "
-        f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed, none twice",
+        f"{lines} lines on {len(cut.sheets)} sheets read back from {formats}: as meant within "
+        f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed{held}, none twice",
         f"film between two cuts at least {cut.least_film_mm:.2f} mm, bridges in folds aside",
     )
     rows = parts_list(folded, cut.sheets)

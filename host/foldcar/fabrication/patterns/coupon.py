@@ -18,7 +18,7 @@ from foldcar.fabrication.patterns.piece_shapes import cut_shapes
 from foldcar.fabrication.patterns.sheet_advice import advice, all_fit
 from foldcar.fabrication.patterns.sheets import rounded
 from foldcar.fabrication.patterns.stroke_font import text_strokes
-from foldcar.fabrication.patterns.title_block import REFERENCE_MM, corner_mm, corner_shapes, wrapped
+from foldcar.fabrication.patterns.title_block import REFERENCE_MM, title_shapes, title_size_mm, wrapped
 
 # Cut and bridge lengths to choose from.
 DASHES_MM = ((1.0, 1.0), (1.5, 1.0), (2.0, 1.0), (1.5, 0.6), (2.5, 0.8), (4.0, 1.0))
@@ -32,8 +32,8 @@ def coupon(chosen: Options, parts: Catalogue) -> Sheet:
     rows = [[_bar()], [_slots(parts), _square()], [_folds(chosen), _tongue()], [_window()]]
     margin = chosen.margin_mm
     lines = wrapped([f"{REFERENCE_MM:g} mm  coupon  {parts.film.title}, {chosen.machine}, kerf {chosen.kerf_mm:g} mm"])
-    groups: list[tuple[Shape, ...]] = [tuple(corner_shapes(lines, margin))]
-    y, right = margin + corner_mm(len(lines))[1] + chosen.gap_mm, margin
+    groups: list[tuple[Shape, ...]] = [tuple(shape.moved(Motion(0, (margin, margin))) for shape in title_shapes(lines))]
+    y, right = margin + title_size_mm(len(lines))[1] + chosen.gap_mm, margin
     for row in rows:
         x, top = margin + chosen.kerf_mm, y
         for flat, marks in row:

@@ -37,7 +37,7 @@ def _lines(made: Pattern, command: str) -> Iterator[str]:
     yield ""
     yield (
         f"{len(made.sheets)} sheets of {width:g} x {height:g} mm on {chosen.machine} with {machine.program}. Cut the "
-        f"coupon first. Check that the bar in the sheet's corner is {REFERENCE_MM:.1f} mm long."
+        f"coupon first. Check that the bar in a sheet's title is {REFERENCE_MM:.1f} mm long."
     )
     film = made.film
     yield from (
@@ -61,6 +61,12 @@ def _lines(made: Pattern, command: str) -> Iterator[str]:
     for layer in LAYERS.values():
         if layer.name in used:
             yield f"|{layer.name}|{layer.hex}|{layer.lightburn}|{_meaning(layer, made)}|{_action(layer, made)}|"
+    if chosen.holding_tabs_mm:
+        yield ""
+        yield (
+            f"Holding tabs of {chosen.holding_tabs_mm:g} mm keep the pieces in the sheet: cut them with scissors along "
+            "the outline when the sheet is off the machine; what is left on a wheel disc makes it run out of true."
+        )
     yield from _parted(made)
     yield from ("", f"The narrowest film between two cuts is {made.least_film_mm:.2f} mm.")
     if made.least_film_mm < LEAST_FILM_MM:

@@ -30,8 +30,8 @@ from foldcar.fabrication.patterns.title_block import (
     REFERENCE_MM,
     code_shapes,
     code_size_mm,
-    corner_mm,
-    corner_shapes,
+    title_shapes,
+    title_size_mm,
     wrapped,
 )
 
@@ -162,20 +162,20 @@ def lay_out(
     """
     width, height = chosen.sheet_size_mm
     # As many lines as with the longest numbers.
-    corner = corner_mm(max(len(_title_lines(title, "99 of 99", piece.film, command, chosen)) for piece in pieces))
+    title_mm = title_size_mm(max(len(_title_lines(title, "99 of 99", piece.film, command, chosen)) for piece in pieces))
     code_mm = code_size_mm(command) if command else 0.0
     films: list[str] = []
-    kept_free: list[tuple[bool, Motion | None]] = []
+    boxes: list[tuple[Motion | None, Motion | None]] = []
     on_sheets: list[list[Iterable[Shape]]] = []
     drawn: dict[tuple[int, int], list[Shape]] = {}
     for film in dict.fromkeys(piece.film for piece in pieces):
         of_film = [(index, piece) for index, piece in enumerate(pieces) if piece.film == film]
         listed = [(piece.label, piece.outline, piece.count) for _, piece in of_film]
-        nested = nest(listed, (width, height), chosen.margin_mm, chosen.gap_mm, corner, (code_mm, code_mm))
+        nested = nest(listed, (width, height), chosen.margin_mm, chosen.gap_mm, title_mm, (code_mm, code_mm))
         first = len(on_sheets)
-        kept_free += zip(nested.reserved, nested.free, strict=True)
-        films += [film] * len(nested.reserved)
-        on_sheets += [[] for _ in nested.reserved]
+        boxes += zip(nested.titles, nested.boxes, strict=True)
+        films += [film] * len(nested.titles)
+        on_sheets += [[] for _ in nested.titles]
         for (index, _), copies in zip(of_film, nested.placements, strict=True):
             for copy in copies:
                 key = (index, copy.motion.quarter_turns)
@@ -184,18 +184,19 @@ def lay_out(
                 on_sheets[first + copy.sheet].append([shape.moved(copy.motion) for shape in drawn[key]])
     count = len(on_sheets)
     warnings = []
-    for index, (reserved, free) in enumerate(kept_free):
-        if reserved:
+    for index, (titled, free) in enumerate(boxes):
+        if titled is not None:
             lines = _title_lines(title, f"{index + 1} of {count}", films[index], command, chosen)
-            on_sheets[index].append(corner_shapes(lines, chosen.margin_mm))
+            on_sheets[index].append([shape.moved(titled) for shape in title_shapes(lines)])
         else:
             warnings.append(f"sheet {index + 1}: no room for the {REFERENCE_MM:g} mm reference bar")
         if command and free is not None:
             on_sheets[index].append([shape.moved(free) for shape in code_shapes(command)])
-    if command and not any(free for _, free in kept_free):
+    if command and not any(free for _, free in boxes):
         warnings.append("no sheet has room for the QR code of its command; how_to_cut.md has the command")
+    gap_mm = chosen.holding_tabs_mm + chosen.kerf_mm if chosen.holding_tabs_mm else 0.0
     sheets = tuple(
-        Sheet(f"sheet_{i + 1}", width, height, tuple(tuple(rounded(group)) for group in on_sheet), chosen.dashed, film)
+        Sheet(f"sheet_{i + 1}", width, height, tuple(map(tuple, map(rounded, on_sheet))), chosen.dashed, film, gap_mm)
         for i, (on_sheet, film) in enumerate(zip(on_sheets, films, strict=True))
     )
     return sheets, warnings

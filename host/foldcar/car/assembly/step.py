@@ -27,10 +27,11 @@ class Added:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """A tool, plug or finger used in a step: the access ``index`` of a mount."""
+    """A tool, plug or finger used in a step: the access ``index`` of a mount, or of a face of ``piece``."""
 
-    mount: str
+    name: str
     index: int
+    piece: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from foldcar.car.components.box_beam import latch_mm, wall_mm
 from foldcar.car.components.bridge import Bridge, usb_height_mm
 from foldcar.car.components.dimensions import HEIGHT, WIDTH
 from foldcar.car.components.module import Module
-from foldcar.car.components.room import Layout, Span, layouts
+from foldcar.car.components.room import Layout, Span, across_least_mm, layouts
 from foldcar.car.folded.model import Wire
 from foldcar.car.parts.catalogue import Catalogue
 
@@ -116,7 +116,8 @@ class ElectronicsModule(BrainModule):
         found = list(layouts(self.parts, floor, tyres, self["width"] - 2 * film))
         battery = self.parts.battery
         if not found:
-            least = min(size.value + size.tolerance for size in (battery.length_mm, battery.width_mm)) + 2 * film
+            sizes = (battery.length_mm, battery.width_mm)
+            least = min(across_least_mm(self.parts, size) for size in sizes) + 2 * film
             raise self.misfit("width", _too_small(self["width"], least, battery.name))
         possible = [layout for layout in found if layout.missing_mm <= 0]
         if possible:

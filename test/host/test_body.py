@@ -103,14 +103,19 @@ def test_a_box_cut_in_two_is_the_same_box() -> None:
     assert halves.inertia_kg_m2 == pytest.approx(whole.inertia_kg_m2)
 
 
+# Beside its tongue and slot a latch has a lever and a pull tab, 11 mm wide and 9 at their tips, cut from a notch of the
+# lid with 1.5 mm around them, which the flap keeps off its end too.
+LATCH_MM2 = 2 * 10 * 10 - 14 * 21.5 - 1.5 * 10
+
+
 def test_the_chassis_weighs_its_film_and_parts() -> None:
     round_one, slot = math.pi * 1.1**2, 10.6 * 0.55
     # A servo's opening, and notches 2.2 mm wide for screws up to 14 mm from its middle.
     opening = 23.4 * 12.7 + 2 * (2.2 * (14.0 - 11.7) + round_one / 2)
     # A strip 200 long: walls of 49.75, a floor of 94.75, a lid less a film and a gap of 0.2, a flap between caps'
-    # tabs with two locks. Openings for servos, locks, the bridge, and around a USB plug of at most 10.6 x 8.5 mm with
+    # tabs with two latches. Openings for servos, locks, the bridge, and around a USB plug of at most 10.6 x 8.5 mm with
     # 0.3 of play for it and 0.3 for its socket.
-    beam = 200 * (2 * 49.75 + 94.75 + 94.3) + 10 * (200 - 2 * 8.6) + 2 * 9 * 2.575
+    beam = 200 * (2 * 49.75 + 94.75 + 94.3) + 10 * (200 - 2 * 8.6) + 2 * 9 * 2.575 + 2 * LATCH_MM2
     beam -= 4 * opening + math.pi / 4 * (math.hypot(10.6, 8.5) + 1.2) ** 2 + 3 * slot
     # Caps inside the walls, a mitred flange or tab of 8 mm at each of their edges.
     caps = 2 * (94.05 * 49.05 + 2 * (94.05 - 8) * 8 + 2 * (49.05 - 8) * 8) - 13.9 * 8.8
@@ -229,11 +234,11 @@ def test_the_same_modules_weigh_the_same_with_hinges_between() -> None:
     ]
 
     # Two strips of 6 mm glued over 10 mm at either end, two stops of five faces, two pairs of end caps, which have
-    # slits for cables; two flaps and their locks more, between the caps.
+    # slits for cables; two flaps and four latches more, between the caps.
     strips = 2 * 26 * 94.75
     stops = 2 * 94.75 / 3 * (2 * 12 * 0.45 + 2 * (6 - 2 * 0.25) + 12)
     caps = 4 * (94.05 * 49.05 + 2 * (94.05 - 8) * 8 + 2 * (49.05 - 8) * 8 - 12 * 6)
-    flaps = -2 * 2 * 8.6 * 10 + 4 * (9 * 2.575 - 10.6 * 0.55)
+    flaps = -2 * 2 * 8.6 * 10 + 4 * (9 * 2.575 - 10.6 * 0.55 + LATCH_MM2)
     longer = [longer_leads_kg(folded_car(design)) for design in (rigid, hinged)]
     film = (strips + stops + caps + flaps) * 1e-6 * 0.25e-3 * 1390
     assert weights[1] - weights[0] == pytest.approx(film + longer[1] - longer[0])

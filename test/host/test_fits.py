@@ -9,7 +9,7 @@ import pytest
 import shapely
 from shapely.affinity import translate
 
-from foldcar.car.design import compose
+from foldcar.car.design import DesignError, compose
 from foldcar.car.fits import check_fits, fits
 from foldcar.car.folded.model import Face, FoldedCar, Hole
 from foldcar.car.folded.pose import compose as chain
@@ -149,3 +149,12 @@ def test_the_parts_list_has_every_fit_and_the_verification_fails_without_room() 
     assert all(f"| {fit.name} |" in text for fit in fits(study_car()))
     assert "| USB plug in its hole | 2.33 | 1.93 | 0.40 | 0.00 |" in text
     assert "fits" in verify(compose("W_B_W", {})).checked
+
+
+def test_a_body_as_narrow_as_its_battery_allows_takes_the_largest_one() -> None:
+    values = {"width": 55.0, "B.length": 200.0}
+    with pytest.raises(DesignError, match=r"width: 55 is below the minimum ([0-9.]+) \(flat 4xAA holder\)") as refused:
+        folded_car(compose("W_B_W+battery=4xaa_flat", values))
+
+    least_mm = float(str(refused.value).partition("minimum ")[2].split()[0])
+    assert list(check_fits(folded_car(compose("W_B_W+battery=4xaa_flat", {**values, "width": least_mm})))) == []

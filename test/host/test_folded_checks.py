@@ -169,7 +169,7 @@ def test_the_study_car_encloses_its_box() -> None:
         (with_holes_moved("beam", "right", "slot", 5.0), "slot", "do not go through"),
         (with_holes_moved("beam", "floor", "slot", 5.0), "crossing", "bridge: flange"),
         (with_holes_moved("servo doubler", "doubler", "opening", 2.0), "laminate", "holes on holes"),
-        (with_face("beam", "tongue 1", stretched(0, -2.2)), "slot", "inside the slot"),
+        (with_face("beam", "rear tongue", stretched(0, -2.2)), "slot", "inside the slot"),
         (with_mount_moved("front left servo", -3, 0, 0), "parts", "is cut by"),
         (with_holes_moved("bridge", "shelf", "screw", 0.5), "parts", "Feather: is 0.50 mm off its hole B1.board"),
         (with_holes_moved("beam", "left", "opening", 1.0), "parts", "servo: is 1.00 mm off its hole W0.left servo"),

@@ -79,7 +79,7 @@ class _Prover:
             twin = self._twin(step, added, found)
             if twin is None:
                 came = self._comes_in(place, added, group)
-                self._reach(place, [one for one in step.reaches if one.mount == added.name], group)
+                self._reach(place, [one for one in step.reaches if one.name == added.name], group)
             else:
                 # Wheels are alike: the way of the first one's, turned with the wheel.
                 way = tuple(self._turned(move, twin.body, added.body) for move in twin.way_mm)
@@ -89,11 +89,14 @@ class _Prover:
         return replace(step, adds=tuple(found))
 
     def service_step(self, number: str, step: AssemblyStep) -> AssemblyStep:
-        """Prove one step of service: a lid that was folded shut opens on the same way; what is taken out stays out."""
+        """Prove one step of service: what opens a lid is reached while it is shut; it opens on the way that it shut.
+
+        What is taken out stays out.
+        """
         place = f"{number}, {step.title}"
+        self._reach(place, step.reaches, CAR)
         if step.folds:
             self._close(step.folds)
-        self._reach(place, step.reaches, CAR)
         found = []
         for added in step.adds:
             for key in self._keys(added):
@@ -229,14 +232,18 @@ class _Prover:
 
     def _reach(self, place: str, reaches: Sequence[Reach], group: tuple[str, str]) -> None:
         """A finding for each access that is not free."""
+        standing = together(self.standing[group].values()) if reaches else together(())
         for reach in reaches:
-            mount = self.mounts[reach.mount]
-            standing = together(self.standing[group].values())
-            access = self.scene.access(mount, reach.index, self.stage)
-            obstacle = hit(access, standing, ignored=frozenset({(mount.name, mount.name)}))
+            access, room = self.scene.access(reach, self.stage)
+            name = room.blocks[0].title
+            # What is pressed or gripped gives way with the face that it hangs on: a tongue with flap and lever.
+            own = {name}
+            if reach.piece:
+                creases = self.roles.pieces[reach.piece].creases
+                own |= {title(reach.piece, c.parent.face) for c in creases if c.child.face == reach.name}
+            obstacle = hit(room, standing, ignored=frozenset((name, one) for one in own))
             if obstacle is not None:
-                tool = mount.accesses[reach.index].tool
-                message = f"{mount.name} has no room for its {tool}: {obstacle} is in the way"
+                message = f"{name} has no room for its {access.tool}: {obstacle} is in the way"
                 self.findings.append(Finding("assembly", place, message))
 
     def _swing(self, place: str, name: str, failure: str, path: Sequence[Mapping[str, float]]) -> None:

@@ -32,10 +32,14 @@ class Added:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """A tool, plug or finger used in a step: the access ``index`` of a mount. A driver comes with its screw."""
+    """A tool, plug or finger used in a step: the access ``index`` of a mount, or of a face of ``piece``.
 
-    mount: str
+    A driver comes with its screw.
+    """
+
+    name: str
     index: int
+    piece: str = ""
 
 
 @dataclass(frozen=True, slots=True)

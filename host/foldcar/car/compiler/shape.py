@@ -138,6 +138,10 @@ class Shape:
         """Let the tongue whose tip is the edge ``tongue`` go through a hole of ``face``; a lock can be opened again."""
         self.graph.contacts.append(Contact(kind, self._edge(tongue), (self._face(face), 0), self.path(slot)))
 
+    def reach(self, face: str, access: Access) -> None:
+        """Ask for room at a face, in its frame, where it is gripped or pressed."""
+        self.graph.atoms[self._face(face)].accesses.append(access)
+
     def hook(self, tip: str, notch: str) -> None:
         """Let the neck behind the edge ``tip`` lie in a notch, whose bottom is the edge ``notch``."""
         self.graph.contacts.append(Contact("rim", self._edge(tip), self._edge(notch)))

@@ -55,7 +55,8 @@ class SwitchMount(Component):
             _box(body, -half, half - outside),
         ]
         tools = shape.parts.tools
-        finger = Access("finger", translation(0, 0, half), tools.finger_diameter_mm.value, tools.finger_length_mm.value)
+        thick, long = tools.finger_mm
+        finger = Access("finger", translation(0, 0, half), thick, long)
         shape.box(switch.name, switch.name, panel, pose, size, switch.mass_kg.value, [hole], solids, [finger])
 
 

@@ -33,6 +33,20 @@ class Tools(PartData):
     finger_length_mm: Quantity
     nut_room_mm: Quantity
 
+    @property
+    def finger_mm(self) -> tuple[float, float]:
+        """Diameter and length of the largest finger (mm)."""
+        return _largest(self.finger_diameter_mm), _largest(self.finger_length_mm)
+
+    @property
+    def driver_mm(self) -> tuple[float, float]:
+        """Diameter and length of the largest screwdriver's shaft (mm)."""
+        return _largest(self.driver_diameter_mm), _largest(self.driver_length_mm)
+
+
+def _largest(size: Quantity) -> float:
+    return size.value + size.tolerance
+
 
 class Caster(BoxPart):
     """A ball caster: a ball under a flange with two screws."""

@@ -62,6 +62,8 @@ class Assembly(PartData):
     lock_mm: Quantity
     lock_reach_mm: Quantity
     lock_distance_mm: Quantity
+    grip_mm: Quantity
+    grip_gap_mm: Quantity
     cap_clearance_mm: Quantity
     tape_mm: Quantity
     bridge_foot_mm: Quantity

@@ -34,7 +34,8 @@ def tools(car: FoldedCar) -> tuple[str, ...]:
     screws = {mount.part for mount in car.mounts if is_screw(car.parts, mount)}
     return (
         "knife or cutting machine, ruler, blunt needle or bone folder; pin or tweezers for the waste of openings",
-        f"{DRIVER} for {listed(sorted(screws))}; small pliers for nuts",
+        f"{DRIVER}, its shaft at most {car.parts.tools.driver_mm[0]:g} mm thick, for {listed(sorted(screws))}",
+        "small pliers for nuts",
         car.parts.film.tape,
         "felt pen to mark the servos' leads; hook-and-loop tape for the holder of cells",
         "soldering iron, once: headers of the two boards, leads of the switch",
@@ -167,7 +168,7 @@ def _joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     for kinds, text in (
         (("tab", "lap"), "Tape the tabs to the inside of the panel with the same number: join {}."),
         (("tab_slot",), "Push the tongues through the slots with the same number: join {}."),
-        (("lock",), "Push the locking tongues through their slots; they open again without harm: join {}."),
+        (("lock",), "Hold the levers outwards, press the lid down, let go: the tongues go into their slots: join {}."),
         (("tuck",), "Lay the edges inside the walls, without tape: join {}."),
     ):
         found = {join.number for join in joins if join.kind in kinds} - own
@@ -272,8 +273,9 @@ def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, .
     reached: dict[bool, list[str]] = {False: [], True: []}
     for number, step in enumerate(steps):
         for reach in step.reaches:
-            word = reached_word(car, mounts[reach.mount], reach.index)
-            reached[bool(lids) and number > lids[0]].append(word)
+            if not reach.piece:
+                word = reached_word(car, mounts[reach.name], reach.index)
+                reached[bool(lids) and number > lids[0]].append(word)
     shut, opened = (list(dict.fromkeys(reached[state])) for state in (False, True))
     opening = {name for step in steps for name in step.folds}
     locks = {join.number for join in car.joins if join.kind == "lock" and {join.piece_a, join.piece_b} & opening}
@@ -281,7 +283,11 @@ def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, .
     if shut:
         lines.append(f"Reached from outside{', the lid shut' if lids else ''}: {listed(shut)}.")
     if lids:
-        lines.append(f"To open the lid, push its tongues, joins {numbers(locks)}, back through their slots and lift it.")
+        lines.append(
+            "To open the lid, one latch after the other: with a fingertip between lever and pull tab push the lever, "
+            f"which stands at the right wall, outwards; that draws the tongue below it, join {numbers(locks)}, out of "
+            "its slot. Then lift the lid by the pull tab."
+        )
     if opened:
         lines.append(f"Reached with the lid open: {listed(opened)}.")
     taken = {mounts[one.name].part for step in steps for one in step.adds}

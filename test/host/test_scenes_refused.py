@@ -428,3 +428,7 @@ def test_a_copy_of_the_model_beside_the_program_is_used(tmp_path: Path) -> None:
     program = tmp_path / "own.scenic"
     program.write_text(f"model model\n{EGO}{GOAL}")
     assert open_environment(program, {}, 1).sample(0)["friction"] == 0.3
+
+
+def test_a_misspelt_variable_is_not_said_to_come_with_the_model(tmp_path: Path) -> None:
+    assert message(tmp_path, "height = 0.01\nx = hight\n").endswith("line 2: NameError: name 'hight' is not defined")

@@ -39,7 +39,7 @@ def _segments(roles: Roles, building: Building) -> None:
     rest = [one for one in others if (one.piece, one.copy) not in layers]
     between = [one for one in rest if roles.is_between(one)]
     caps = [one for one in rest if one not in between and not roles.is_carrier(one)]
-    title = "Glue the layers onto the flat beam" if on_beams else "Lay out the beam"
+    title = "Tape the layers onto the flat beam" if on_beams else "Lay out the beam"
     building.step(title, [*bases, *on_beams], flat=True)
     folds = {}
     for name in sorted(roles.bases):
@@ -55,7 +55,7 @@ def _segments(roles: Roles, building: Building) -> None:
             if mine:
                 name = _unit(roles, one)
                 doubled.append(Added("unit", name, 0, one.body))
-                building.step(f"Glue the layers onto the flat {one.piece}", [one, *mine], unit=name, flat=True)
+                building.step(f"Tape the layers onto the flat {one.piece}", [one, *mine], unit=name, flat=True)
         units = {unit.name for unit in doubled}
         folded = {
             one.piece: {crease.name: 1.0 for crease in roles.pieces[one.piece].creases}

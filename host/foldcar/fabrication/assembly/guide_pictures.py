@@ -22,6 +22,8 @@ from foldcar.fabrication.assembly.poses import face_poses, moved
 FROM_RIGHT, FROM_LEFT, FROM_REAR = camera(-55, 34), camera(125, 34), camera(-125, 34)
 FROM_BELOW, FLAT = camera(-55, -34), camera(-75, 50)
 FLAT_MM, TOOL_MM, PUSH_MM = 16.0, 28.0, 16.0
+# Longer than those of plugs, whose words it would cross.
+DRIVER_MM = 65.0
 # Where a lever is pushed, as a share of its height.
 LEVER_AT = 0.8
 # Cosine from which on something comes from a side.
@@ -53,14 +55,16 @@ def service_picture(car: FoldedCar) -> tuple[Picture, ...]:
     for folds in lids:
         for piece, creases in folds.items():
             state.closed.setdefault(piece, {}).update(creases)
+    mounts = {mount.name: mount for mount in car.mounts}
     arrows: list[Arrow] = []
-    for mount in car.mounts:
-        for index, access in enumerate(mount.accesses):
-            if access.tool != "driver":
-                at = state.pose(mount) @ np.array(access.pose)
-                ends = np.stack([at[:3, 3] + at[:3, 2] * min(access.length_mm, TOOL_MM), at[:3, 3]])
-                word = reached_word(car, mount, index)
-                arrows.append(Arrow(ends, "tool", "" if any(one.text == word for one in arrows) else word))
+    for reach in (reach for step in service_steps(car) for reach in step.reaches if not reach.piece):
+        mount = mounts[reach.name]
+        access = mount.accesses[reach.index]
+        longest_mm = DRIVER_MM if access.tool == "driver" else TOOL_MM
+        at = state.pose(mount) @ np.array(access.pose)
+        ends = np.stack([at[:3, 3] + at[:3, 2] * min(access.length_mm, longest_mm), at[:3, 3]])
+        word = reached_word(car, mount, reach.index)
+        arrows.append(Arrow(ends, "tool", "" if any(one.text == word for one in arrows) else word))
     caption = "the lid open, without wheels" if lids else "without wheels"
     pictures.append(Picture(Drawing(together(map(state.shape, shown)), FROM_RIGHT, "Service", arrows=arrows), caption))
     return tuple(pictures)

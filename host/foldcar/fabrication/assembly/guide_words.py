@@ -62,15 +62,17 @@ def _folds(step: AssemblyStep, before: State) -> Iterator[str]:
         yield f"Curl {listed([f'the {piece.label}' for piece in wound])} evenly, without a crease, printed side inside."
     alike: dict[str, list[str]] = {}
     for name, creases in step.folds.items():
-        made = closing(step, before.closed, before.pieces[name])
+        piece = before.pieces[name]
+        made = closing(step, before.closed, piece)
         shut = [crease for crease in made if creases[crease.name]]
         angles = [math.degrees(crease.angle_rad) for crease in shut]
         kinds = Counter(("valley" if angle > 0 else "mountain", round(abs(angle))) for angle in angles)
         texts = [f"{n} {kind} fold{'s' if n > 1 else ''} of {degrees}°" for (kind, degrees), n in kinds.items()]
         opened = [crease.name for crease in made if crease not in shut]
-        left = f"; leave {listed(opened)} open" if opened else ""
+        left = f"; fold {listed(opened)} too, and open them again" if opened else ""
+        named = f" ({listed([crease.name for crease in shut])})" if before.closed.get(name) else ""
         if made:
-            alike.setdefault(f"{listed(texts)}{left}", []).append(f"the {before.pieces[name].label}")
+            alike.setdefault(f"{listed(texts)}{named}{left}", []).append(f"the {piece.label}")
     for text, labels in alike.items():
         yield f"Fold {listed(labels)}: {text}{', each' if len(labels) > 1 else ''}."
 
@@ -242,7 +244,9 @@ def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
         yield "The shaft is at the end of the servo that is nearer to the wheel's axle."
     if car.parts.tyre.name in parts:
         tyre = car.parts.tyre
-        yield f"{tyre.name[0].upper()}{tyre.name[1:]}: {tyre.note}: {tyre_cut(car)} for each."
+        yield f"{tyre.note[0].upper()}{tyre.note[1:]}: {tyre_cut(car)} for each."
+    if car.parts.switch.name in parts:
+        yield "Before: solder its wires on (see the wiring); their free ends go in through the opening first."
     sides = {lead.start.removesuffix(" +"): lead.leaves for lead in leads(car)}
     if car.parts.lipo.name in parts:
         side = sides[car.parts.lipo.name]
@@ -259,7 +263,7 @@ def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
         low, high = (math.degrees(limit) for limit in (car.hinges[0].min_rad, car.hinges[0].max_rad))
         yield (
             "A hinge's strip stays uncreased between the segments, which then pitch freely from "
-            f"{low:.0f}° (nose down) to {high:.0f}° (nose up) against each other."
+            f"{-low:.0f}° nose down to {high:.0f}° nose up against each other."
         )
     if any(added.kind == "unit" and added.body in {axle.wheel for axle in car.axles} for added in step.adds):
         yield "Turn every wheel by hand: it touches neither the wall nor its neighbour."

@@ -79,14 +79,15 @@ def _leads(folded: FoldedCar) -> list[str]:
     wiring, found = folded.parts.wiring, leads(folded)
     if not found:
         return []
+    limits = ", hinges at their limits" if folded.hinges else ""
     loop = f", {wiring.hinge_slack_mm.value:g} mm at each hinge," if folded.hinges else ""
     return [
         "",
         "## Leads",
-        "Lengths in mm. Needed is the way along floor and walls at its longest (the battery lifted out of the car, "
-        f"hinges at their limits) with {wiring.slack_share.value * 100:.0f} % slack{loop} and the plug with "
-        f"{wiring.slack_mm.value:g} mm to hold it by, or {wiring.joint_mm.value:g} mm for each joint. There is what the "
-        "parts' data promise at least: measure yours.",
+        "Lengths in mm. Needed is the way along floor and walls at its longest (the battery lifted out of the "
+        f"car{limits}) with {wiring.slack_share.value * 100:.0f} % slack{loop} and the plug with "
+        f"{wiring.slack_mm.value:g} mm to hold it by, or {wiring.joint_mm.value:g} mm for each joint. What is there is "
+        "the least that the parts' data promise: measure yours.",
         "",
         "| from | to | way | needed | there | |",
         "|---|---|---:|---:|---:|---|",

@@ -94,7 +94,7 @@ def _lengths(rows_end: float, found: list[Lead]) -> list[str]:
     for lead in found:
         text = f"{math.ceil(lead.missing_mm / 5) * 5} mm"
         if lead.kind == "wire":
-            texts.append(_text((BOARD_MM[0] + BOARD_MM[1]) / 2 + 3, y - 4, text, 2.5, "end"))
+            texts.append(_text((BOARD_MM[0] + BOARD_MM[1]) / 2 + 2.5, y - 4, text, 2.5, "end"))
         else:
             below = lead.start.endswith("-")
             texts.append(_text(left + 6, y + (5.5 if below else -3.6), f"+ {text}", 2.5, "start"))

@@ -5,7 +5,7 @@ Input: a design and a module's index. Output: values of the module's internal pa
 
 import math
 
-from foldcar.car.compiler.parameter import at_least
+from foldcar.car.compiler.parameter import ROUNDING, at_least
 from foldcar.car.components.boards import plug_room_mm
 from foldcar.car.components.box_beam import flap_end_mm, latch_mm, wall_mm
 from foldcar.car.components.brain_module import BrainModule
@@ -72,7 +72,7 @@ def _flap(design: Design, module: int) -> dict[str, float]:
     for at in (at for at in latched if module == ends[at]):
         both = known["flap_front"] and known["flap_rear"]
         least = notch + LEAST_FOLD_MM + end * (2 if both else 1)
-        if _length(design, module) < least:
+        if _length(design, module) < least - ROUNDING:
             key, value = f"{design.modules[module]}.length", _length(design, module)
             raise DesignError(key, f"{value:g} is below the minimum {at_least(least)} (the latch of a segment's lid)")
         known[f"latch_{at}"] = 1.0

@@ -62,7 +62,7 @@ def _length(design: Design, module: int) -> float:
 
 
 def _flap(design: Design, module: int) -> dict[str, float]:
-    """Where the lid's flap ends on a module, and the latches: one at each end of a long segment, one of a short one."""
+    """Where the lid's flap ends on a module; the latches, one at each end of a long segment, and at one the pull tab."""
     segment = design.segments[design.segment_at(module)]
     end, (notch, _) = flap_end_mm(design.parts), latch_mm(design.parts)
     ends = {"front": segment.modules[0], "rear": segment.modules[-1]}
@@ -75,8 +75,8 @@ def _flap(design: Design, module: int) -> dict[str, float]:
         if _length(design, module) < least - ROUNDING:
             key, value = f"{design.modules[module]}.length", _length(design, module)
             raise DesignError(key, f"{value:g} is below the minimum {at_least(least)} (the latch of a segment's lid)")
-        known[f"latch_{at}"] = 1.0
-    return {f"latch_{at}": 0.0 for at in ends} | known
+        known |= {f"latch_{at}": 1.0, f"pull_{at}": float(at == latched[0])}
+    return dict.fromkeys((f"{what}_{at}" for what in ("latch", "pull") for at in ends), 0.0) | known
 
 
 def _floor(design: Design, module: int, step: int) -> float:

@@ -191,7 +191,7 @@ def test_parts_that_find_no_room_are_named(values: dict[str, float], parameter: 
     ("type_string", "values", "parameter", "least"),
     [
         ("W_B", {"radius": 27, "W.tire_thickness": 11, "B.length": 62.4}, "B.length", 63.4),
-        ("W_B_W+film=pp_0.8+horn=disc+battery=4xaa_flat", {"B.length": 110, "width": 54.75}, "width", 61.3),
+        ("W_B_W+film=pp_0.8+horn=disc+battery=4xaa_flat", {"B.length": 110, "width": 56}, "width", 61.3),
     ],
 )
 def test_the_least_value_that_a_refusal_tells_is_taken(

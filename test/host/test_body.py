@@ -103,9 +103,10 @@ def test_a_box_cut_in_two_is_the_same_box() -> None:
     assert halves.inertia_kg_m2 == pytest.approx(whole.inertia_kg_m2)
 
 
-# Beside its tongue and slot a latch has a lever and a pull tab, 11 mm wide and 9 at their tips, cut from a notch of the
-# lid with 1.5 mm around them, which the flap keeps off its end too.
-LATCH_MM2 = 2 * 10 * 10 - 14 * 21.5 - 1.5 * 10
+# Beside its tongue and slot a latch has a lever, 11 mm wide and 9 at its tip, cut from a notch of the lid with 1.5 mm
+# around it, which the flap keeps off its end too. The notch of one is longer by a pull tab, as large.
+LATCH_MM2 = 10 * 10 - 14 * 11.5 - 1.5 * 10
+PULL_TAB_MM2 = 10 * 10 - 14 * 10
 
 
 def test_the_chassis_weighs_its_film_and_parts() -> None:
@@ -115,7 +116,7 @@ def test_the_chassis_weighs_its_film_and_parts() -> None:
     # A strip 200 long: walls of 49.75, a floor of 94.75, a lid less a film and a gap of 0.2, a flap between caps'
     # tabs with two latches. Openings for servos, locks, the bridge, and around a USB plug of at most 10.6 x 8.5 mm with
     # 0.3 of play for it and 0.3 for its socket.
-    beam = 200 * (2 * 49.75 + 94.75 + 94.3) + 10 * (200 - 2 * 8.6) + 2 * 9 * 2.575 + 2 * LATCH_MM2
+    beam = 200 * (2 * 49.75 + 94.75 + 94.3) + 10 * (200 - 2 * 8.6) + 2 * 9 * 2.575 + 2 * LATCH_MM2 + PULL_TAB_MM2
     beam -= 4 * opening + math.pi / 4 * (math.hypot(10.6, 8.5) + 1.2) ** 2 + 3 * slot
     # Caps inside the walls, a mitred flange or tab of 8 mm at each of their edges.
     caps = 2 * (94.05 * 49.05 + 2 * (94.05 - 8) * 8 + 2 * (49.05 - 8) * 8) - 13.9 * 8.8

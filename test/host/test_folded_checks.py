@@ -142,7 +142,7 @@ def test_the_study_car_encloses_its_box() -> None:
     verification = verify(compose("W_B_W", {}))
 
     assert verification.volumes_mm3["segment0"] == pytest.approx(200 * 94.75 * 49.75, rel=1e-9)
-    assert verification.lines()[-1] == "flat, folded, parts, wheels, fits, assembly: nothing found"
+    assert verification.lines()[-1] == "flat, folded, parts, wheels, fits, leads, assembly: nothing found"
 
 
 @pytest.mark.parametrize(

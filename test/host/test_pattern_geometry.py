@@ -11,8 +11,10 @@ import shapely
 from shapely.geometry import LineString, Polygon, box
 
 from cut_samples import FLAP, HEIGHT, LENGTH, RIGHT_ANGLE, THICKNESS, WIDTH, beam, cap, circle, disc, folded_box, rim
+from foldcar.car.design import compose
 from foldcar.car.folded.model import Crease, EdgeRef, Face, Hole, Piece, PlacedPiece
 from foldcar.car.folded.pose import IDENTITY
+from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.patterns.dashes import dashes
 from foldcar.fabrication.patterns.drawing import Circle, Path
 from foldcar.fabrication.patterns.edge_offset import offset_edges
@@ -35,6 +37,17 @@ def plain(**changes: object) -> Options:
 
 # The bend deduction of a right angle with k = 0.5 and radius 0.
 RIGHT_ANGLE_DEDUCTION = THICKNESS - RIGHT_ANGLE * THICKNESS / 2
+
+
+def test_faces_along_oblique_edges_that_end_beside_their_corners_are_one_area() -> None:
+    # A hub's walls are shorter than its edges, which a bend deduction moves inwards.
+    car = folded_car(compose("W_B+film=card_160+horn=disc", {"width": 60, "B.length": 100}))
+    hub = next(piece for piece in car.pieces if piece.name == "wheel hub")
+
+    flat = flat_piece(hub, options("cricut"))
+
+    of_faces = sum(face.outline.area for face in flat.faces)
+    assert Polygon(flat.outline.exterior).area == pytest.approx(of_faces, abs=0.01)
 
 
 def test_an_offset_square_is_a_smaller_square() -> None:

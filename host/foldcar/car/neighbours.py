@@ -5,7 +5,7 @@ Input: a design and a module's index. Output: values of the module's internal pa
 
 import math
 
-from foldcar.car.compiler.parameter import at_least
+from foldcar.car.compiler.parameter import ROUNDING, at_least
 from foldcar.car.components.boards import plug_room_mm
 from foldcar.car.components.box_beam import flap_end_mm, latch_mm, wall_mm
 from foldcar.car.components.brain_module import BrainModule
@@ -62,7 +62,7 @@ def _length(design: Design, module: int) -> float:
 
 
 def _flap(design: Design, module: int) -> dict[str, float]:
-    """Where the lid's flap ends on a module, and the latches: one at each end of a long segment, one of a short one."""
+    """Where the lid's flap ends on a module; the latches, one at each end of a long segment, and at one the pull tab."""
     segment = design.segments[design.segment_at(module)]
     end, (notch, _) = flap_end_mm(design.parts), latch_mm(design.parts)
     ends = {"front": segment.modules[0], "rear": segment.modules[-1]}
@@ -72,11 +72,11 @@ def _flap(design: Design, module: int) -> dict[str, float]:
     for at in (at for at in latched if module == ends[at]):
         both = known["flap_front"] and known["flap_rear"]
         least = notch + LEAST_FOLD_MM + end * (2 if both else 1)
-        if _length(design, module) < least:
+        if _length(design, module) < least - ROUNDING:
             key, value = f"{design.modules[module]}.length", _length(design, module)
             raise DesignError(key, f"{value:g} is below the minimum {at_least(least)} (the latch of a segment's lid)")
-        known[f"latch_{at}"] = 1.0
-    return {f"latch_{at}": 0.0 for at in ends} | known
+        known |= {f"latch_{at}": 1.0, f"pull_{at}": float(at == latched[0])}
+    return dict.fromkeys((f"{what}_{at}" for what in ("latch", "pull") for at in ends), 0.0) | known
 
 
 def _floor(design: Design, module: int, step: int) -> float:

@@ -9,7 +9,7 @@ from foldcar.car.assembly.roles import roles_of
 from foldcar.car.assembly.step import Added, AssemblyStep, Reach
 from foldcar.car.folded.model import FoldedCar
 
-OPEN = "Push the levers outwards and lift the lid by its pull tabs"
+OPEN = "Push the levers outwards and lift the lid by its pull tab"
 USES = {"plug": "Plug a cable into", "finger": "Press", "driver": "Press, with a screwdriver,"}
 
 

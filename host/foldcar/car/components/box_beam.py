@@ -4,7 +4,7 @@ Faces: ``right``, ``floor``, ``left``, ``lid``, ``flap``, each with x forward; n
 ``front`` and ``rear`` edges. The lid turns about the left wall's upper edge. Its flap hangs inside the right wall, and
 is held by a latch at one end of the lid or at both: a tongue on the flap's lower edge goes through a slot of that wall.
 Beyond the fold the flap goes on as a lever, which stands up in a notch of the lid: pushed outwards from above, it
-turns the flap about the wall's upper edge and draws the tongue in. A pull tab across the notch lifts the lid. All of it
+turns the flap about the wall's upper edge and draws the tongue in. A pull tab across one notch lifts the lid. All of it
 is reached from above, so that no wheel is in the way. ``width`` and ``height`` are outer dimensions; faces are the
 film's middle surface.
 """
@@ -22,7 +22,8 @@ from foldcar.car.parts.catalogue import Catalogue
 
 PANELS = ("floor", "right", "left", "lid", "flap")
 LENGTH = Parameter("length", 80, 1, 1000, "length of a box beam", "a strip that can be folded")
-# Set by the car. A flap ends before the tabs of an end cap; a latch, if it is 1, is at that end of the flap.
+# Set by the car. A flap ends before the tabs of an end cap; a latch, if it is 1, is at that end of the flap, and beside
+# it, if that is 1, the lid's pull tab.
 FLAP = {
     end: Parameter(f"flap_{end}", 0, 0, 100, f"from the {end} end to the flap", "none", internal=True)
     for end in ("front", "rear")
@@ -31,7 +32,11 @@ LATCH = {
     end: Parameter(f"latch_{end}", 0, 0, 1, f"whether a latch is at the {end} end", "none", "", internal=True)
     for end in ("front", "rear")
 }
-FROM_CAR = tuple(parameter.name for parameter in (*FLAP.values(), *LATCH.values()))
+PULL = {
+    end: Parameter(f"pull_{end}", 0, 0, 1, f"whether the {end} latch has the pull tab", "none", "", internal=True)
+    for end in ("front", "rear")
+}
+FROM_CAR = tuple(parameter.name for parameter in (*FLAP.values(), *LATCH.values(), *PULL.values()))
 # A lever is wider than its tongue by this (mm).
 LEVER_OVER_MM = 1.0
 
@@ -47,10 +52,10 @@ def flap_end_mm(parts: Catalogue) -> float:
 
 
 def latch_mm(parts: Catalogue) -> Point:
-    """Length of a latch's notch along the lid and its depth across it (mm)."""
+    """Length of a latch's notch along the lid and its depth across it (mm), without a pull tab."""
     assembly = parts.assembly
     gap = assembly.grip_gap_mm.value
-    return assembly.lock_mm.value + LEVER_OVER_MM + 2 * gap, 2 * assembly.grip_mm.value + gap
+    return assembly.lock_mm.value + LEVER_OVER_MM + 2 * gap, assembly.grip_mm.value + gap
 
 
 class Panel(Component):
@@ -69,7 +74,7 @@ class Panel(Component):
 class BoxBeam(Component):
     """Three walls, a lid and its flap with up to two latches, at the ``front`` and at the ``rear``."""
 
-    parameters = (LENGTH, WIDTH, HEIGHT, *FLAP.values(), *LATCH.values())
+    parameters = (LENGTH, WIDTH, HEIGHT, *FLAP.values(), *LATCH.values(), *PULL.values())
 
     def build(self, shape: Shape) -> None:
         """The floor, the two walls folded up from it, the lid folded from the left one."""
@@ -105,10 +110,11 @@ class BoxBeam(Component):
             if self[f"latch_{end}"]:
                 # Against x: the notch's sides and, between its corners, the edge of the pull tab.
                 high = x + (along if end == "front" else 0.0)
-                corners = ((high, width), (high, width - depth), (high - gap, width - depth),
-                           (high - along + gap, width - depth), (high - along, width - depth))  # fmt: skip
-                names = ("side", "corner", "grip", "corner 2", "side 2")
-                points |= {f"{end} {name}": at for name, at in zip(names, corners, strict=True)}
+                low, bottom = high - along, width - depth - self[f"pull_{end}"] * assembly.grip_mm.value
+                points |= {f"{end} side": (high, width), f"{end} corner": (high, bottom)}
+                if self[f"pull_{end}"]:
+                    points |= {f"{end} grip": (high - gap, bottom), f"{end} corner 2": (low + gap, bottom)}
+                points[f"{end} side 2"] = (low, bottom)
         if self["flap_rear"]:
             points["far rear"] = (self["flap_rear"], width)
         points["rear"] = (0.0, width)
@@ -138,7 +144,7 @@ class BoxBeam(Component):
         shape.face("flap", tuple(edges.values()), tuple(edges))
 
     def _latch(self, shape: Shape, end: str) -> None:
-        """A tongue at the flap's lower edge, folded outwards through a slot of the right wall, and the lid's pull tab."""
+        """A tongue at the flap's lower edge, folded outwards through a slot of the right wall; perhaps the pull tab."""
         assembly, film = self.parts.assembly, self.parts.film.thickness_mm.value
         width, play, (notch, _) = assembly.lock_mm.value, assembly.slot_clearance_mm.value, latch_mm(self.parts)
         reach = 1.5 * film + assembly.flap_gap_mm.value + assembly.lock_reach_mm.value
@@ -148,18 +154,25 @@ class BoxBeam(Component):
         shape.connect(f"flap.lock {end}", f"{end} tongue.near", "fold", -90)
         shape.rectangular_hole("right", f"{end} lock slot", "slot", at, width + 2 * play, film + play)
         shape.lock(f"{end} tongue.tip", "right", f"{end} lock slot")
-        grip = notch - 2 * assembly.grip_gap_mm.value
-        shape.face(f"{end} pull tab", _tongue(grip, assembly.grip_mm.value), ("near", "1", "tip", "3"), role="tab")
+        self._reached(shape, end)
+        if self[f"pull_{end}"]:
+            self._pull_tab(shape, end, notch - 2 * assembly.grip_gap_mm.value)
+
+    def _pull_tab(self, shape: Shape, end: str, width_mm: float) -> None:
+        """The lid's pull tab across a notch, with room for two fingers."""
+        film, (finger, long) = self.parts.film.thickness_mm.value, self.parts.tools.finger_mm
+        outline = _tongue(width_mm, self.parts.assembly.grip_mm.value)
+        shape.face(f"{end} pull tab", outline, ("near", "1", "tip", "3"), role="tab")
         shape.connect(f"lid.{end} grip", f"{end} pull tab.near", "fold", -90)
-        self._reached(shape, end, width / 2, grip / 2)
+        for side in (-1, 1):
+            at = translation(width_mm / 2, film, side * (finger / 2 + film))
+            shape.reach(f"{end} pull tab", Access("finger", compose(at, rotation("x", -math.pi / 2)), finger, long))
 
-    def _reached(self, shape: Shape, end: str, tongue_mm: float, tab_mm: float) -> None:
-        """What a latch needs: a finger at its lever, pushed outwards, room for the tongue, two fingers at the tab.
-
-        Both faces are given by their middles along the car.
-        """
-        assembly, tools, film = self.parts.assembly, self.parts.tools, self.parts.film.thickness_mm.value
-        finger, long = tools.finger_mm
+    def _reached(self, shape: Shape, end: str) -> None:
+        """What a latch needs: a finger at its lever, pushed outwards, and room for the tongue."""
+        assembly, film = self.parts.assembly, self.parts.film.thickness_mm.value
+        finger, long = self.parts.tools.finger_mm
+        tongue_mm = assembly.lock_mm.value / 2
         # The tongue is drawn in until its tip is within the wall; the lever, as high, goes out as far.
         stroke = assembly.lock_reach_mm.value + film
         on_lid = -(assembly.flap_mm.value + film)
@@ -168,9 +181,6 @@ class BoxBeam(Component):
         shape.reach(f"{end} tongue", Access("finger", pushed, finger, long))
         drawn = compose(behind, rotation("y", math.pi / 2))
         shape.reach(f"{end} tongue", Access("tongue", drawn, stroke, 2 * tongue_mm))
-        for side in (-1, 1):
-            at = translation(tab_mm, film, side * (finger / 2 + film))
-            shape.reach(f"{end} pull tab", Access("finger", compose(at, rotation("x", -math.pi / 2)), finger, long))
 
 
 def _tongue(width_mm: float, reach_mm: float) -> tuple[Point, ...]:

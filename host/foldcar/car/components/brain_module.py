@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from foldcar.car.compiler.component import Sub
-from foldcar.car.compiler.parameter import Parameter
+from foldcar.car.compiler.parameter import ROUNDING, Parameter
 from foldcar.car.compiler.shape import Shape
 from foldcar.car.components.boards import mouth_mm, plug_room_mm
 from foldcar.car.components.box_beam import latch_mm, wall_mm
@@ -94,7 +94,7 @@ class ElectronicsModule(BrainModule):
         (notch, _), (finger, _) = latch_mm(self.parts), self.parts.tools.finger_mm
         latch = notch / 2 + max(notch, finger) / 2
         taken = max(self[f"latch_{end}"] * (self[f"flap_{end}"] + latch) for end in ("front", "rear"))
-        if taken and self["length"] < 2 * (reach + taken):
+        if taken and self["length"] < 2 * (reach + taken) - ROUNDING:
             what = f"the {battery.name} on the roof beside the lid's latch"
             raise self.misfit("length", _too_small(self["length"], 2 * (reach + taken), what))
 
@@ -102,7 +102,7 @@ class ElectronicsModule(BrainModule):
         """Cut a hole for the battery's lead into the lid, before the battery and near the left wall."""
         hole, edge = self.parts.assembly.lead_hole_mm.value, self.parts.assembly.fold_distance_mm.value
         x, least = end_mm + edge + hole / 2, 2 * (end_mm + 2 * edge + hole) - self["length"]
-        if least > self["length"]:
+        if least - ROUNDING > self["length"]:
             what = f"the {self.parts.battery.name} on the roof and its lead"
             raise self.misfit("length", _too_small(self["length"], least, what))
         shape.round_hole("beam.lid", "lead", "slit", (x, edge + hole), hole)
@@ -119,7 +119,7 @@ class ElectronicsModule(BrainModule):
             sizes = (battery.length_mm, battery.width_mm)
             least = min(across_least_mm(self.parts, size) for size in sizes) + 2 * film
             raise self.misfit("width", _too_small(self["width"], least, battery.name))
-        possible = [layout for layout in found if layout.missing_mm <= 0]
+        possible = [layout for layout in found if layout.missing_mm <= ROUNDING]
         if possible:
             return min(possible, key=lambda layout: abs(layout.boards_mm(length / 2) - length / 2))
         best = min(found, key=lambda layout: layout.missing_mm)
@@ -149,4 +149,4 @@ def _power_wires(parts: Catalogue) -> list[Wire]:
 
 
 def _too_small(value: float, needed: float, what: str) -> str:
-    return f"{value:g} is below the minimum {math.ceil(needed * 10 - 1e-6) / 10:g} ({what})"
+    return f"{value:g} is below the minimum {math.ceil((needed - ROUNDING) * 10) / 10:g} ({what})"

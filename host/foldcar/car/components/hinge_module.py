@@ -79,7 +79,7 @@ class HingeModule(Component):
         ComponentError if ``fold_up`` is beyond the angle at which the lids meet, or the strip would bend too sharply.
         """
         limit = fold_up_limit_rad(self["length"], wall_mm(self["height"], self.parts))
-        if math.radians(self["fold_up"]) > limit:
+        if self["fold_up"] > math.degrees(limit) + ROUNDING:
             meet = f"where the lids meet at H.length {self['length']:g} and height {self['height']:g}"
             most = at_most(math.degrees(limit))
             raise self.misfit("fold_up", f"{self['fold_up']:g} is above the maximum {most} ({meet})")

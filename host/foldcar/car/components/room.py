@@ -6,6 +6,7 @@ Lengths in mm, x from the module's rear; the floor may reach into the neighbouri
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from foldcar.car.compiler.parameter import ROUNDING
 from foldcar.car.components.bridge import half_width_mm
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.quantity import Quantity
@@ -64,7 +65,7 @@ def layouts(parts: Catalogue, floor: Span, usb: Span, across_mm: float) -> Itera
         return
     length, width = parts.battery.length_mm, parts.battery.width_mm
     for along, across in ((width, length), (length, width)):
-        if across_least_mm(parts, across) <= across_mm:
+        if across_least_mm(parts, across) <= across_mm + ROUNDING:
             for behind in (True, False):
                 yield _layout(parts, floor, usb, along.value, behind, turned=across is length)
 

@@ -288,9 +288,9 @@ def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, .
         lines.append(f"Reached from outside{', the lid shut' if lids else ''}: {listed(shut)}.")
     if lids:
         lines.append(
-            "To open the lid, one latch after the other: with a fingertip between lever and pull tab push the lever, "
+            "To open the lid, one latch after the other: with a fingertip on the lid push the lever, "
             f"which stands at the right wall, outwards; that draws the tongue below it, join {numbers(locks)}, out of "
-            "its slot. Then lift the lid by the pull tab."
+            "its slot. Then lift the lid by its pull tab."
         )
     if opened:
         lines.append(f"Reached with the lid open: {listed(opened)}.")

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Any, Literal
 
 import shapely
-from shapely.geometry import LineString, Polygon
+from shapely.geometry import LineString, MultiPoint, Polygon
 
 from foldcar.car.folded.folding import edge, folded
 from foldcar.car.folded.model import Crease, Face, Piece
@@ -124,7 +124,9 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
     lines = [(_fold(crease, by_name), crease.bend) for crease in piece.creases]
     folds = tuple(fold for fold, bent in lines if fold is not None and not bent)
     bends = tuple((fold.a, fold.b) for fold, bent in lines if fold is not None and bent)
-    outline = shapely.union_all([face.outline for face in flat], grid_size=GRID_MM)
+    # Rounded to the grid, a corner within the edge of another face would leave it: both edges get the fold's ends.
+    ends = MultiPoint([end for fold, _ in lines if fold is not None for end in (fold.a, fold.b)])
+    outline = shapely.union_all([shapely.snap(face.outline, ends, GRID_MM) for face in flat], grid_size=GRID_MM)
     outline = shapely.simplify(outline, STRAIGHT_MM)
     if not isinstance(outline, Polygon):
         raise ValueError(f"piece {piece.name} is not one connected area")

@@ -39,6 +39,7 @@ def _lines(made: Pattern, command: str) -> Iterator[str]:
         f"{len(made.sheets)} sheets of {width:g} x {height:g} mm on {chosen.machine} with {machine.program}. Cut the "
         f"coupon first. Check that the bar in a sheet's title is {REFERENCE_MM:.1f} mm long."
     )
+    yield from ("", "![All sheets](sheets.png)")
     film = made.film
     yield from (
         "",

@@ -2,7 +2,10 @@
 
 import io
 import math
+import os
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree
@@ -54,6 +57,28 @@ def test_written_files_have_no_findings(made: Made) -> None:
 def test_the_same_sheet_gives_the_same_bytes(made: Made) -> None:
     assert (svg(made.sheet), dxf(made.sheet)) == (made.svg, made.dxf)
     assert pdf([made.sheet], "a4", "sample") == made.pdf
+
+
+def test_every_process_lays_out_the_same_bytes() -> None:
+    """Of sheets that the search has orders to choose from, whatever the order of Python's sets."""
+    program = (
+        "import hashlib; from cut_samples import folded_box; from foldcar.fabrication.patterns.svg import svg;"
+        "from foldcar.fabrication.patterns.options import options;"
+        "from foldcar.fabrication.patterns.sheets import pattern;"
+        "sheets = pattern(folded_box(40.0), options('scissors'), 'box').sheets; assert len(sheets) > 1;"
+        "print(hashlib.sha256(''.join(map(svg, sheets)).encode()).hexdigest())"
+    )
+    paths = os.pathsep.join(path for path in sys.path if path)
+
+    digests = [
+        subprocess.run(
+            [sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": paths, "PYTHONHASHSEED": seed},
+            check=True, capture_output=True, text=True, timeout=120,
+        ).stdout
+        for seed in ("1", "2")
+    ]  # fmt: skip
+
+    assert digests[0] == digests[1] != ""
 
 
 def reference_bars(sheet: Sheet) -> list[float]:

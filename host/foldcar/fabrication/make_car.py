@@ -70,7 +70,11 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
     findings += [f"{sheet.name}: {found}" for sheet in sheets for found in check_sheet(sheet, chosen.margin_mm)]
     _refuse(title, [*findings, *(found for files in written for found in files.findings)])
     files = {name: content for some in written for name, content in some.files.items()}
+    # matplotlib is slow to import, and other commands import this module.
+    from foldcar.fabrication.patterns.preview import preview
+
     files |= {
+        "sheets.png": preview(cut.sheets, title),
         "view.html": _view(folded, title, cut, files).encode(),
         "body.json": (json.dumps(body_json(design), indent=2) + "\n").encode(),
         "car.json": (json.dumps(car_json(design), indent=2) + "\n").encode(),

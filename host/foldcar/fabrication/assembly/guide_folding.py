@@ -37,8 +37,8 @@ def out_of_sheets(cut: CutCar, machine: str) -> Step:
     wound = [piece.label for piece in cut.car.pieces if is_wound(piece)]
     program, files = MACHINES[machine].program, MACHINES[machine].files
     lines = (
-        f"Cut the sheets ({machine}: {files.upper()} files, {program}); how_to_cut.md says how, layer by layer. Cut the "
-        "coupon first.",
+        f"Cut the sheets ({machine}: {files.upper()} files, {program}); how_to_cut.md says how, layer by layer; "
+        "sheets.png shows all sheets. Cut the coupon first.",
         "Take the pieces out of the sheets, and the waste out of every opening (green on the sheets) with a fingertip, a "
         "pin or tweezers. Pictures show the printed side, which is inside the car; numbers in circles are joins, the "
         "same on both sides of a join.",

@@ -39,6 +39,7 @@ def _lines(made: Pattern, command: str) -> Iterator[str]:
         f"{len(made.sheets)} sheets of {width:g} x {height:g} mm on {chosen.machine} with {machine.program}. Cut the "
         f"coupon first. Check that the bar in a sheet's title is {REFERENCE_MM:.1f} mm long."
     )
+    yield from ("", "![All sheets](sheets.png)")
     film = made.film
     yield from (
         "",
@@ -55,7 +56,7 @@ def _lines(made: Pattern, command: str) -> Iterator[str]:
         x0, y0, x1, y1 = bounds(sheet.shapes)
         file = f"sheets.pdf, {sheet.name}" if machine.files == "pdf" else f"{sheet.name}.{machine.files}"
         yield f"|{file}|{x1 - x0:.1f} x {y1 - y0:.1f}|"
-    yield from ("", "In this order, openings before outlines, so that no piece moves before it is done:", "")
+    yield from ("", "In this order, openings before outlines and small before large, so that nothing moves too soon:", "")
     yield from ("|layer|colour|LightBurn|what it is|what to do|", "|---|---|---|---|---|")
     used = {shape.layer for sheet in made.sheets for shape in sheet.shapes}
     for layer in LAYERS.values():

@@ -25,9 +25,12 @@ from foldcar.fabrication.patterns.drawing import Motion, Point
 
 CELL_MM = 1.0
 MAX_SHEETS = 200
-# The search ends after so many orders, or positions looked at in all: a second or two.
+# The search ends after so many orders, or positions looked at in all: a second or two. It goes on so many times as long
+# while little of the last sheet is taken, and the pieces' area would fit on fewer sheets.
 MOST_TRIES = 300
 MOST_POSITIONS = 1e9
+LONGER = 4
+LITTLE = 0.25
 SEED = 1
 # How often the search changes when the title is placed, not the order.
 TITLE_SHARE = 0.1
@@ -201,13 +204,19 @@ def nest(
     for (name, outline, _), turned in zip(pieces, turns, strict=True):
         if not turned:
             raise NestingError(too_large(name, outline, size_mm, margin_mm))
-    best = _searched(area, title, turns, _first_orders(pieces))
+    best = _searched(area, title, turns, _first_orders(pieces), _least_sheets(area, pieces))
     ranks = sorted(range(len(best.sheets)), key=lambda k: (best.sheets[k] is best.last, k))
     placements: list[list[Placement]] = [[] for _ in pieces]
     for index, sheet, motion in best.copies:
         placements[index].append(Placement(ranks.index(sheet), motion))
     boxes = tuple(best.sheets[k].place(box) for k in ranks)
     return Nest(tuple(map(tuple, placements)), tuple(best.titles[k] for k in ranks), boxes)
+
+
+def _least_sheets(area: _Area, pieces: Sequence[tuple[str, Polygon, int]]) -> int:
+    """A lower bound: pieces grown by half of the gap overlap nowhere and stay on a sheet's usable area grown as much."""
+    taken: float = sum(outline.buffer(area.gap_mm / 2).area * count for _, outline, count in pieces)
+    return math.ceil(taken / math.prod(side + area.gap_mm for side in area.usable_mm))
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,9 +242,12 @@ class _Layout:
 
 
 def _searched(
-    area: _Area, title: Sequence[_Turned], turns: Sequence[Sequence[_Turned]], orders: Sequence[list[int]]
+    area: _Area, title: Sequence[_Turned], turns: Sequence[Sequence[_Turned]], orders: Sequence[list[int]], least: int
 ) -> _Layout:
-    """The best layout that a local search finds; of those with most titles, since the bar on them proves the scale."""
+    """The best layout that a local search finds; of those with most titles, since the bar on them proves the scale.
+
+    ``least`` is a lower bound of the number of sheets.
+    """
     chance = random.Random(SEED)
     starts = [(_lay(area, title, turns, order, first), order, first) for order in orders for first in (True, False)]
     here, order, first = min(starts, key=lambda start: start[0].film)
@@ -246,7 +258,10 @@ def _searched(
     best = min((layout for layout, _, _ in starts), key=worth)
     positions = sum(math.prod(turned.places) for index in order for turned in turns[index])
     tries = min(MOST_TRIES, int(MOST_POSITIONS / positions)) if len(order) > 1 else 0
-    for _ in range(tries):
+    little = LITTLE * math.prod(area.usable_mm) / CELL_MM**2
+    for number in range(LONGER * tries):
+        if number >= tries and (len(best.sheets) <= least or best.film[-1] > little):
+            break
         changed = (order, not first) if chance.random() < TITLE_SHARE else (_exchanged(order, chance), first)
         layout = _lay(area, title, turns, *changed)
         if layout.film <= here.film:

@@ -6,6 +6,7 @@ import re
 import subprocess
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from foldcar.car.design import Design, compose
 from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.assembly.facets import mount_shape, together
 from foldcar.fabrication.assembly.guide import guide_page
+from foldcar.fabrication.assembly.guide_pictures import service_picture
 from foldcar.fabrication.assembly.guide_scene import tiny
 from foldcar.fabrication.assembly.guide_shapes import whole_car
 from foldcar.fabrication.assembly.guide_state import State
@@ -196,6 +198,22 @@ def test_guide_tells_the_steps_that_are_proved_and_shows_what_goes_in() -> None:
             names = [name for name, part in parts.items() if part == parts.get(added.name)]
             starts = [f"{added.name} {added.copy} "] if added.kind == "piece" else [f"{name} " for name in names]
             assert any(key.startswith(start) for key in seen for start in starts), (step.title, added.name)
+
+
+@pytest.mark.parametrize("design", designs(), ids=lambda design: design.type)
+def test_what_is_reached_in_service_is_named_inside_the_picture_and_readable(design: Design) -> None:
+    drawn = ET.fromstring(service_picture(folded_car(design))[-1].svg)
+
+    left, top, wide, high = map(float, drawn.attrib["viewBox"].split())
+    boxes = {}
+    for text in drawn.iterfind("{*}text"):
+        x, y, size = float(text.attrib["x"]), float(text.attrib["y"]), float(text.attrib["font-size"])
+        base, length = y + float(text.attrib["dy"].removesuffix("em")) * size, 0.55 * size * len(text.text or "")
+        start = x - length * {"start": 0, "middle": 0.5, "end": 1}[text.attrib["text-anchor"]]
+        boxes[text.text] = shapely.box(start, base - 0.7 * size, start + length, base)
+    assert set(boxes) == {"USB", "switch", "LiPo's plug", "servos' plugs", "reset button"}
+    assert all(shapely.box(left, top, left + wide, top + high).covers(box) for box in boxes.values())
+    assert not any(a.intersects(b) for a, b in combinations(boxes.values(), 2))
 
 
 def test_guide_is_one_page_that_needs_no_other_file() -> None:

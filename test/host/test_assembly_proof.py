@@ -7,13 +7,17 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+import shapely
+from shapely.affinity import scale
 
 from foldcar.car.assembly.order import assembly_steps, service_steps
 from foldcar.car.assembly.prove import prove
+from foldcar.car.design import DesignError
 from foldcar.car.design import compose as compose_design
 from foldcar.car.folded.check import check_design
-from foldcar.car.folded.model import Face, FoldedCar, Mount, Solid
-from foldcar.car.folded.pose import compose, inverse, translation
+from foldcar.car.folded.folding import folded as folded_poses
+from foldcar.car.folded.model import Access, Face, FoldedCar, Mount, Pose, Solid
+from foldcar.car.folded.pose import compose, inverse, rotation, translation
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.choices import DEFAULT_CHOICES
 from foldcar.study.family import read_family
@@ -78,7 +82,7 @@ def test_usb_and_switch_are_reached_with_the_lid_shut_and_the_battery_changes_wi
     folded = car("w95")
     steps = service_steps(folded)
     opened = next(i for i, step in enumerate(steps) if step.folds)
-    shut = {reach.mount for step in steps[:opened] for reach in step.reaches}
+    shut = {reach.name for step in steps[:opened] for reach in step.reaches}
 
     assert {folded.parts.feather.name, folded.parts.switch.name} <= shut
     assert [one.name for step in steps[opened:] for one in step.adds] == [folded.parts.battery.name]
@@ -120,8 +124,8 @@ def test_a_battery_higher_than_the_room_keeps_the_lid_from_shutting() -> None:
 def test_a_servo_does_not_pass_an_opening_that_is_too_small() -> None:
     def narrower(face: Face) -> Face:
         holes = [
-            replace(hole, outline_mm=tuple((x, y * 0.94 + hole.center_mm[1] * 0.06) for x, y in hole.outline_mm))
-            if hole.name == "W0.left servo.wall opening" and hole.center_mm
+            replace(hole, outline_mm=tuple(scale(shapely.Polygon(hole.outline_mm), yfact=0.94).exterior.coords)[:-1])
+            if hole.name == "W0.left servo.wall opening"
             else hole
             for hole in face.holes
         ]
@@ -250,3 +254,118 @@ def test_blocks_over_the_holes_are_found_as_parts_of_the_board_and_as_parts_of_t
     alone = all_found(replace(folded, mounts=(*folded.mounts, *blocks)))
     for block in blocks:
         assert any(one.startswith("parts") and block.name in one for one in alone), alone
+
+
+def face_pose(car: FoldedCar, name: str) -> Pose:
+    """The pose in the car of a face of its first beam."""
+    beam = next(piece for piece in car.pieces if piece.name.startswith("beam"))
+    placed = next(one for one in car.placed if one.piece == beam.name)
+    return compose(placed.pose, folded_poses(beam)[name])
+
+
+def with_block(car: FoldedCar, pose: Pose, size_mm: tuple[float, float, float]) -> FoldedCar:
+    """The car with a block, which belongs to no face, whose middle is at a pose."""
+    return replace(car, mounts=(*car.mounts, Mount("block", "block", "segment0", pose, size_mm, 0.001)))
+
+
+def blocked(car: FoldedCar) -> list[str]:
+    return [one for one in found(car) if one.endswith("block is in the way")]
+
+
+# In a tongue's frame x runs along the car, y outwards and z down, from the flap's film; the lever is above it.
+LEVER_Z = -15.0
+# 1 mm off the film of lever or flap, 0.25 mm thick, lies the near side of a block of 2 mm.
+OFF = 0.125 + 1 + 1
+
+
+@pytest.mark.parametrize("latch", ["front", "rear"])
+@pytest.mark.parametrize(
+    ("at", "room"),
+    [((5, OFF, LEVER_Z), "finger"), ((5, -OFF, LEVER_Z), "finger"), ((5, -OFF, 0), "tongue"), ((5, -6, -45), "finger")],
+    ids=["outside the lever", "between lever and pull tab", "inside the tongue", "over the notch"],
+)
+def test_a_block_1_mm_off_a_latch_is_found(latch: str, at: tuple[float, float, float], room: str) -> None:
+    folded = car("w95")
+    pose = compose(face_pose(folded, f"{latch} tongue"), translation(*at))
+
+    findings = blocked(with_block(folded, pose, (2.0, 2.0, 2.0)))
+
+    assert any(f"beam: {latch} tongue has no room for its {room}: block" in one for one in findings), findings
+    assert all("Push the levers outwards" in one for one in findings)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_fingers_have_room_on_both_sides_of_a_pull_tab(side: int) -> None:
+    folded = car("w95")
+    pose = compose(face_pose(folded, "front pull tab"), translation(5, 5, side * OFF))
+
+    assert any("front pull tab has no room for its finger" in one for one in blocked(with_block(folded, pose, (2, 2, 2))))
+
+
+@pytest.mark.parametrize("latch", ["front", "rear"])
+def test_a_lock_pressed_in_from_outside_would_be_behind_the_wheel(latch: str) -> None:
+    largest = car("w95").parts.tools.finger_mm
+
+    def pressed(face: Face) -> Face:
+        if face.name != f"{latch} tongue":
+            return face
+        tip = compose(translation(5, face.outline_mm[2][1], 0), rotation("x", -1.5707963267948966))
+        return replace(face, accesses=(Access("finger", tip, *largest),))
+
+    (finding,) = found(with_faces(car("w95"), pressed))
+
+    assert f"beam: {latch} tongue has no room for its finger: wheel inner disc: inner is in the way" in finding
+
+
+def in_front(car: FoldedCar, part: str, index: int, off_mm: float, beside_mm: float = 0.0) -> FoldedCar:
+    """The car with a block of 2 mm before what is reached, so far from it and from the access's axis."""
+    mount = next(m for m in car.mounts if m.part == part)
+    pose = compose(mount.pose, mount.accesses[index].pose, translation(beside_mm, 0, off_mm + 1))
+    return with_block(car, pose, (2.0, 2.0, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("part", "index", "off_mm", "tool", "state"),
+    [
+        ("switch", 0, 1.0, "finger", "Press rocker switch"),
+        # The socket's mouth lies 1.6 mm inside the wall's outer side.
+        ("feather", 0, 3.0, "plug", "lid shut"),
+        ("feather", 1, 1.0, "plug", "lid open"),
+        ("featherwing", 2, 1.0, "driver", "lid open"),
+    ],
+    ids=["switch", "USB, which charges the LiPo", "LiPo's plug", "reset button"],
+)
+def test_a_block_in_front_of_what_is_pressed_or_plugged_is_found(
+    part: str, index: int, off_mm: float, tool: str, state: str
+) -> None:
+    folded = car("w95")
+    name = getattr(folded.parts, part).name
+
+    findings = blocked(in_front(folded, name, index, off_mm))
+
+    assert any(f"{name} has no room for its {tool}: block" in one and state in one for one in findings), findings
+
+
+@pytest.mark.parametrize(("off_mm", "beside_mm", "met"), [(30, 8.7, True), (30, 10.0, False), (38, 0, False)])
+def test_the_largest_finger_is_tried(off_mm: float, beside_mm: float, met: bool) -> None:
+    # A finger of 14 + 3 mm reaches 8.5 mm from its axis, one of 25 + 10 mm 35 mm; the block reaches 1 mm from its middle.
+    folded = car("w95")
+
+    findings = blocked(in_front(folded, folded.parts.switch.name, 0, off_mm, beside_mm))
+
+    assert bool(findings) == met
+
+
+def test_a_battery_on_the_roof_keeps_off_a_latch() -> None:
+    roof = DEFAULT_CHOICES.changed({"battery_place": "roof"})
+    values = {"W.length": 130.0, "B.length": 60.0}
+    with pytest.raises(DesignError, match=r"B\.length: 60 is below the minimum ([0-9.]+) .*latch") as refused:
+        folded_car(compose_design("B_W_W", values, roof))
+
+    least = float(str(refused.value).partition("minimum ")[2].split()[0])
+    assert found(folded_car(compose_design("B_W_W", {**values, "B.length": least}, roof))) == []
+
+
+def test_a_segment_too_short_for_a_latch_is_refused_with_what_would_do() -> None:
+    with pytest.raises(DesignError, match=r"B\.length: 20 is below the minimum ([0-9.]+) .*latch"):
+        folded_car(compose_design("W_B_W_B", {"B.length": 20, "W.length": 170}))

@@ -12,7 +12,7 @@ import trimesh
 from foldcar.car.body import body_json, full_speed_m_s
 from foldcar.car.design import Design, compose
 from foldcar.car.firmware_parameters import TableRow, check_parameters, firmware_parameters
-from foldcar.car.folded.model import Solid
+from foldcar.car.folded.model import FoldedCar, Solid
 from foldcar.car.folded.weight import body_mass_kg, body_properties, faces_of
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.mass import assemble, box_properties
@@ -103,17 +103,24 @@ def test_a_box_cut_in_two_is_the_same_box() -> None:
     assert halves.inertia_kg_m2 == pytest.approx(whole.inertia_kg_m2)
 
 
+# Beside its tongue and slot a latch has a lever, 11 mm wide and 9 at its tip, cut from a notch of the lid with 1.5 mm
+# around it, which the flap keeps off its end too. The notch of one is longer by a pull tab, as large.
+LATCH_MM2 = 10 * 10 - 14 * 11.5 - 1.5 * 10
+PULL_TAB_MM2 = 10 * 10 - 14 * 10
+
+
 def test_the_chassis_weighs_its_film_and_parts() -> None:
-    opening, round_one, slot = 23.4 * 12.7, math.pi * 1.1**2, 10.6 * 0.55
-    screw = round_one + 0.25 * 2.2
+    round_one, slot = math.pi * 1.1**2, 10.6 * 0.55
+    # A servo's opening, and notches 2.2 mm wide for screws up to 14 mm from its middle.
+    opening = 23.4 * 12.7 + 2 * (2.2 * (14.0 - 11.7) + round_one / 2)
     # A strip 200 long: walls of 49.75, a floor of 94.75, a lid less a film and a gap of 0.2, a flap between caps'
-    # tabs with two locks. Openings for servos, locks, the bridge, and around a USB plug of at most 10.6 x 8.5 mm with
+    # tabs with two latches. Openings for servos, locks, the bridge, and around a USB plug of at most 10.6 x 8.5 mm with
     # 0.3 of play for it and 0.3 for its socket.
-    beam = 200 * (2 * 49.75 + 94.75 + 94.3) + 10 * (200 - 2 * 8.6) + 2 * 9 * 2.575
-    beam -= 4 * (opening + 2 * screw) + math.pi / 4 * (math.hypot(10.6, 8.5) + 1.2) ** 2 + 3 * slot
+    beam = 200 * (2 * 49.75 + 94.75 + 94.3) + 10 * (200 - 2 * 8.6) + 2 * 9 * 2.575 + 2 * LATCH_MM2 + PULL_TAB_MM2
+    beam -= 4 * opening + math.pi / 4 * (math.hypot(10.6, 8.5) + 1.2) ** 2 + 3 * slot
     # Caps inside the walls, a mitred flange or tab of 8 mm at each of their edges.
     caps = 2 * (94.05 * 49.05 + 2 * (94.05 - 8) * 8 + 2 * (49.05 - 8) * 8) - 13.9 * 8.8
-    doublers = 4 * (32.4 * 24.3 - opening - 2 * screw) + 4 * (17.2 * 12.7 - 13.9 * 8.8)
+    doublers = 4 * (32.4 * 24.3 - opening) + 3 * (17.2 * 12.7 - 13.9 * 8.8)
     # The bridge: a shelf with two legs over a LiPo of 4.75 mm and screws' heads, feet, and a flange with a tongue.
     leg = 4.75 + 2.4
     bridge = 23.98 * (52.15 + 2 * leg + 2 * 6) + (52.15 - 6.5) * (leg + 0.025) + 10 * 0.85 - 2 * round_one
@@ -151,10 +158,10 @@ def test_inertias_obey_the_triangle_inequality_and_grow_with_width() -> None:
 
 
 def test_a_wheel_weighs_its_film_horn_screws_and_tyre() -> None:
-    # Discs of 59 mm under a tyre of 1 mm, a hub layer of 13.2 mm, a ring of eight sides of 11.87 mm and a rim, both 11.2
+    # Discs of 59 mm under a tyre of 1 mm, a hub of 15.2 mm with three walls of 11.6 mm and a rim, both 11.2
     # wide between the discs, without tongues and notches: these are 1 % of the wheel.
-    discs = 2 * math.pi * 59**2 - math.pi * 12.3**2 + math.pi * 13.2**2 - 2 * math.pi * 2.4**2
-    strips = (8 * 11.87 + 2 * math.pi * 58.9) * 11.2
+    discs = 2 * math.pi * 59**2 - math.pi * 12.3**2 + math.pi * 15.2**2 - 2 * math.pi * 2.4**2
+    strips = (3 * 11.6 + 2 * math.pi * 58.9) * 11.2
     film_kg = (discs + strips) * 1e-6 * 0.25e-3 * 1390
     tyre_kg = math.pi * (0.060**2 - 0.059**2) * 0.012 * 950
 
@@ -212,6 +219,14 @@ def test_values_the_firmware_does_not_take_are_refused() -> None:
         check_parameters({"TRACKM": 1.0}, table)
 
 
+def longer_leads_kg(car: FoldedCar, body: str = "") -> float:
+    """Servo extensions, and wire beyond that which the wiring includes, in one body or in all."""
+    sold = {extension.name for extension in car.parts.extensions.sold}
+    mounts = [mount for mount in car.mounts if body in ("", mount.body)]
+    wires = sum(m.mass_kg - car.parts.wiring.mass_kg.value for m in mounts if m.part == car.parts.wiring.name)
+    return wires + sum(mount.mass_kg for mount in mounts if mount.part in sold)
+
+
 def test_the_same_modules_weigh_the_same_with_hinges_between() -> None:
     rigid, hinged = compose("W_B_W_W", {"W.length": 140}), compose("W_B_H_W_H_W", {"W.length": 140})
 
@@ -220,16 +235,19 @@ def test_the_same_modules_weigh_the_same_with_hinges_between() -> None:
     ]
 
     # Two strips of 6 mm glued over 10 mm at either end, two stops of five faces, two pairs of end caps, which have
-    # slits for cables; two flaps and their locks more, between the caps.
+    # slits for cables; two flaps and four latches more, between the caps.
     strips = 2 * 26 * 94.75
     stops = 2 * 94.75 / 3 * (2 * 12 * 0.45 + 2 * (6 - 2 * 0.25) + 12)
     caps = 4 * (94.05 * 49.05 + 2 * (94.05 - 8) * 8 + 2 * (49.05 - 8) * 8 - 12 * 6)
-    flaps = -2 * 2 * 8.6 * 10 + 4 * (9 * 2.575 - 10.6 * 0.55)
-    assert weights[1] - weights[0] == pytest.approx((strips + stops + caps + flaps) * 1e-6 * 0.25e-3 * 1390)
+    flaps = -2 * 2 * 8.6 * 10 + 4 * (9 * 2.575 - 10.6 * 0.55 + LATCH_MM2)
+    longer = [longer_leads_kg(folded_car(design)) for design in (rigid, hinged)]
+    film = (strips + stops + caps + flaps) * 1e-6 * 0.25e-3 * 1390
+    assert weights[1] - weights[0] == pytest.approx(film + longer[1] - longer[0])
 
 
 def test_segments_and_hinges_stand_where_the_modules_do() -> None:
-    body = body_json(compose("W_B_H_W_H_W", {"W.length": 140, "B.length": 80, "H.length": 6}))
+    design = compose("W_B_H_W_H_W", {"W.length": 140, "B.length": 80, "H.length": 6})
+    body = body_json(design)
 
     # 140 + 80, 6, 140, 6, 140: 512 in all.
     places = [(segment["x_m"], segment["length_m"]) for segment in body["segments"]]
@@ -244,7 +262,9 @@ def test_segments_and_hinges_stand_where_the_modules_do() -> None:
     assert first["mass_kg"] > 0.15 > 0.05 > second["mass_kg"]
     # The centre of mass of a single-axle segment is at its axle, except for the servos' offset.
     assert second["com_x_m"] == pytest.approx(-0.04, abs=0.006)
-    assert third["mass_kg"] == pytest.approx(second["mass_kg"], abs=0.001)
+    extensions = [longer_leads_kg(folded_car(design), f"segment{i}") for i in (1, 2)]
+    assert extensions[1] > extensions[0]
+    assert third["mass_kg"] - extensions[1] == pytest.approx(second["mass_kg"] - extensions[0], abs=0.001)
 
 
 def test_a_hinge_is_as_stiff_as_a_clamped_strip() -> None:

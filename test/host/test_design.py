@@ -186,6 +186,27 @@ def test_parts_that_find_no_room_are_named(values: dict[str, float], parameter: 
     assert (caught.value.parameter, caught.value.message) == (parameter, message)
 
 
+# The sums of these minima are off by rounding, beyond the digits that are told.
+@pytest.mark.parametrize(
+    ("type_string", "values", "parameter", "least"),
+    [
+        ("W_B", {"radius": 27, "W.tire_thickness": 11, "B.length": 62.4}, "B.length", 63.4),
+        ("W_B_W+film=pp_0.8+horn=disc+battery=4xaa_flat", {"B.length": 110, "width": 56}, "width", 61.3),
+    ],
+)
+def test_the_least_value_that_a_refusal_tells_is_taken(
+    type_string: str, values: dict[str, float], parameter: str, least: float
+) -> None:
+    with pytest.raises(DesignError, match=rf"is below the minimum {least} ") as caught:
+        folded_car(compose(type_string, values))
+    assert caught.value.parameter == parameter
+
+    folded_car(compose(type_string, {**values, parameter: least}))
+
+    with pytest.raises(DesignError, match="below the minimum"):
+        folded_car(compose(type_string, {**values, parameter: least - 0.1}))
+
+
 def test_a_family_has_every_combination_the_last_varied_fastest() -> None:
     cars = family("W_B_W", {"common": {"width": [70, 80], "radius": [60, 50]}}, {"B": {"length": 90}})
 

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -24,10 +25,15 @@ def listing(folder: Path, vehicle: dict[str, object]) -> Path:
     return file
 
 
+def data_number(file: str, key: str) -> float:
+    value: float = json.loads(files("foldcar.car.parts").joinpath("data", file).read_text())[key]["value"]
+    return value
+
+
 def test_every_choice_has_data_and_its_type_string_names_it_again() -> None:
     for names in itertools.product(*OPTIONS.values()):
         choices = PartChoices(*names)
-        assert chosen(choices).film.thickness_mm.value == float(choices.film)
+        assert chosen(choices).film.thickness_mm.value == data_number(OPTIONS["film"][choices.film], "thickness_mm")
         assert split_type(f"W_B_W{choices.suffix}") == ("W_B_W", choices)
     assert DEFAULT_CHOICES.suffix == ""
 

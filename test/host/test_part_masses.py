@@ -15,6 +15,7 @@ from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.placed import place
 from foldcar.car.folded_car import folded_car
+from foldcar.car.leads import leads, wire_mm
 from foldcar.car.parts.catalogue import FILES
 from foldcar.car.parts.choices import OPTIONS
 from foldcar.car.variation.spread import workshop
@@ -44,6 +45,14 @@ def film_mm2(car: FoldedCar) -> float:
     return area
 
 
+def leads_g(car: FoldedCar) -> float:
+    """Servo extensions, and wire beyond that which the wiring's mass includes."""
+    sold = {one["name"]: one["mass_kg"]["value"] for one in data(FILES["extensions"])["sold"]}
+    more_mm = max(0.0, wire_mm(leads(car)) - number(FILES["wiring"], "wire_mm"))
+    extensions = sum(sold[lead.extension] for lead in leads(car) if lead.extension)
+    return 1e3 * extensions + more_mm * number(FILES["wiring"], "wire_kg_m")
+
+
 @pytest.mark.parametrize("type_string", CARS)
 def test_cars_weigh_their_film_and_the_parts_of_the_data_files(type_string: str) -> None:
     design = compose(type_string, {"W.length": 100.0} if "H" in type_string else {})
@@ -69,6 +78,7 @@ def test_cars_weigh_their_film_and_the_parts_of_the_data_files(type_string: str)
             number(FILES[key], "mass_kg")
             for key in ("feather", "featherwing", "lipo", "pad", "board_pad", "switch", "wiring")
         ),
+        "longer leads": leads_g(car),
     }  # fmt: skip
     simulated = sum(part["mass_kg"] for part in (*body["segments"], *body["wheels"]))
 

@@ -29,12 +29,13 @@ def test_a_car_becomes_a_folder_of_files(foldcar: Command, listing: Path, tmp_pa
     assert (done.returncode, done.stderr) == (0, "")
     for word in ("sheets", "cut", "mass", "cost", "checked"):
         assert f"  {word} " in done.stdout
+    assert f"open {Path('car', 'assembly.html')} first" in done.stdout
     folder = tmp_path / "car"
     manifest = json.loads((folder / "pattern.json").read_text())
     written = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
     assert written == set(manifest["files"])
     wanted = {"how_to_cut.md", "sheet_1.svg", "sheet_1.dxf", "sheets.pdf", "coupon.svg", "car.stl", "wiring.md"}
-    assert {*wanted, "parts.csv"} <= written
+    assert {*wanted, "parts.csv", "sheets.png"} <= written
     assert (manifest["type"], manifest["parameters"]["width"]) == ("W_B_W", 95)
     sheet = read_svg((folder / "sheet_1.svg").read_text())
     assert (sheet.width_mm, sheet.height_mm) == pytest.approx((304.8, 304.8))

@@ -1,8 +1,14 @@
 """Written SVG, DXF and PDF files: true scale, layers and colours for independent readers."""
 
 import io
+import math
+import os
 import re
+import subprocess
+import sys
 from dataclasses import replace
+from typing import Any
+from xml.etree import ElementTree
 
 import ezdxf
 import pytest
@@ -10,12 +16,15 @@ import segno
 from ezdxf.addons.drawing import RenderContext
 from pypdf import PdfReader
 from shapely.geometry import LineString, box
+from shapely.ops import linemerge, unary_union
 
 from cut_samples import folded_box
+from foldcar.car.parts.catalogue import catalogue
 from foldcar.fabrication.patterns.coupon import coupon
 from foldcar.fabrication.patterns.drawing import Circle, Motion, Path, Sheet, bounds
 from foldcar.fabrication.patterns.dxf import dxf
 from foldcar.fabrication.patterns.layers import LAYERS
+from foldcar.fabrication.patterns.lbrn import lbrn, read_lbrn
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.pdf import pdf
 from foldcar.fabrication.patterns.read_dxf import read_dxf
@@ -23,7 +32,7 @@ from foldcar.fabrication.patterns.read_pdf import read_pdf
 from foldcar.fabrication.patterns.read_svg import read_svg
 from foldcar.fabrication.patterns.sheets import pattern
 from foldcar.fabrication.patterns.svg import svg
-from foldcar.fabrication.patterns.verify import check_dxf, check_pdf, check_sheet, check_svg
+from foldcar.fabrication.patterns.verify import check_dxf, check_lbrn, check_pdf, check_sheet, check_svg
 from written_sheet import CHOSEN, COMMAND, Made, written_sample
 
 # RGB by number, as its documentation lists them.
@@ -48,6 +57,28 @@ def test_written_files_have_no_findings(made: Made) -> None:
 def test_the_same_sheet_gives_the_same_bytes(made: Made) -> None:
     assert (svg(made.sheet), dxf(made.sheet)) == (made.svg, made.dxf)
     assert pdf([made.sheet], "a4", "sample") == made.pdf
+
+
+def test_every_process_lays_out_the_same_bytes() -> None:
+    """Of sheets that the search has orders to choose from, whatever the order of Python's sets."""
+    program = (
+        "import hashlib; from cut_samples import folded_box; from foldcar.fabrication.patterns.svg import svg;"
+        "from foldcar.fabrication.patterns.options import options;"
+        "from foldcar.fabrication.patterns.sheets import pattern;"
+        "sheets = pattern(folded_box(40.0), options('scissors'), 'box').sheets; assert len(sheets) > 1;"
+        "print(hashlib.sha256(''.join(map(svg, sheets)).encode()).hexdigest())"
+    )
+    paths = os.pathsep.join(path for path in sys.path if path)
+
+    digests = [
+        subprocess.run(
+            [sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": paths, "PYTHONHASHSEED": seed},
+            check=True, capture_output=True, text=True, timeout=120,
+        ).stdout
+        for seed in ("1", "2")
+    ]  # fmt: skip
+
+    assert digests[0] == digests[1] != ""
 
 
 def reference_bars(sheet: Sheet) -> list[float]:
@@ -164,16 +195,18 @@ def test_svg_layers_are_inkscape_layers_with_their_colours(made: Made) -> None:
         assert f'stroke="{layer.hex}"' in group[0]
 
 
-def test_pages_of_paper_show_neighbouring_crosses_at_the_same_place(made: Made) -> None:
-    left, right = read_pdf(made.pdf)
+def test_pages_of_paper_show_neighbouring_crosses_at_the_same_place() -> None:
+    sheet = Sheet("wide", 400, 300, ((Path("CUT_OUTER", ((5, 5), (355, 5), (355, 255), (5, 255)), closed=True),),))
+    binary = pdf([sheet], "a4", "wide")
+    left, right = read_pdf(binary)
 
     # On paper the same cross lies at different places: by as much as the pages show different parts of the sheet.
     moved_mm = {round(a[0][0] - b[0][0], 2) for a, b in zip(left.marks, right.marks, strict=True)}
     assert len(left.marks) == 4
     assert len(moved_mm) == 1
-    reader = PdfReader(io.BytesIO(made.pdf))
+    reader = PdfReader(io.BytesIO(binary))
     assert [round(float(page.mediabox.width) / 72 * 25.4, 1) for page in reader.pages] == [210.0, 210.0]
-    outline = max((s for s in made.sheet.shapes if isinstance(s, Path)), key=lambda s: s.length_mm)
+    (outline,) = sheet.shapes
     shown_left = next(s for s in left.shapes if isinstance(s, Path) and s.length_mm > outline.length_mm - 0.01)
     shown_right = next(s for s in right.shapes if isinstance(s, Path) and s.length_mm > outline.length_mm - 0.01)
     assert shown_left.points_mm[0][0] - shown_right.points_mm[0][0] == pytest.approx(moved_mm.pop(), abs=0.01)
@@ -186,6 +219,22 @@ def test_a_sheet_of_paper_size_is_printed_on_one_page() -> None:
 
     assert (round(page.width_mm, 2), round(page.height_mm, 2)) == (210.0, 297.0)
     assert page.marks == ()
+
+
+@pytest.mark.parametrize("paper", ["a4", "letter"])
+@pytest.mark.parametrize(
+    ("machine", "more"), [("silhouette", {}), ("laser", {}), ("scissors", {}), ("laser", {"gap_mm": 40.0})]
+)
+def test_the_coupon_is_one_page_of_any_paper(machine: str, more: dict[str, Any], paper: str) -> None:
+    chosen = options(machine, paper=paper, **more)
+    sheet = coupon(chosen, catalogue())
+
+    (page,) = read_pdf(binary := pdf([sheet], paper, "coupon"))
+
+    assert check_pdf([sheet], binary, chosen) == [] and page.marks == ()
+    # Home printers leave 5 mm and more blank; on a sheet of paper it is the sheet's margin that does.
+    x0, y0, x1, y1 = bounds(page.shapes)
+    assert min(x0, y0, page.width_mm - x1, page.height_mm - y1) > 4.9
 
 
 def test_a_sheet_that_a_cutter_cannot_cut_is_found(made: Made) -> None:
@@ -205,7 +254,7 @@ def test_a_sheet_that_a_cutter_cannot_cut_is_found(made: Made) -> None:
 def test_the_coupon_holds_its_tests_within_a_corner_of_the_sheet(machine: str) -> None:
     chosen = options(machine)
 
-    sheet = coupon(chosen, 0.25)
+    sheet = coupon(chosen, catalogue())
 
     assert check_sheet(sheet, chosen.margin_mm) == []
     outlines = [s for s in sheet.shapes if isinstance(s, Path) and s.layer == "CUT_OUTER"]
@@ -213,9 +262,9 @@ def test_the_coupon_holds_its_tests_within_a_corner_of_the_sheet(machine: str) -
     assert round(100 + chosen.kerf_mm, 2) in sizes
     assert len(outlines) == 6
     slots = [s for s in sheet.shapes if isinstance(s, Path) and s.layer == "CUT_INNER"]
-    # A slot takes two films and 0.2 mm.
+    # A slot is as wide as the car's: 0.3 mm more than its film.
     narrow = [round(min(b - a for a, b in _sides(slot)) + chosen.kerf_mm, 2) for slot in slots]
-    assert sorted(narrow) == [0.7] * 5 + [20.0]
+    assert sorted(narrow) == [0.55] * 5 + [20.0]
 
 
 def _sides(path: Path) -> list[tuple[float, float]]:
@@ -225,3 +274,74 @@ def _sides(path: Path) -> list[tuple[float, float]]:
 
 def test_quarter_turns_are_exact() -> None:
     assert [Motion(turn, (1, 1)).apply((2.0, 1.0)) for turn in range(4)] == [(3, 2), (0, 3), (-1, 0), (2, -1)]
+
+
+def test_a_lightburn_project_has_named_layers_in_the_order_of_cutting_and_all_lines(made: Made) -> None:
+    text = lbrn(made.sheet)
+
+    root = ElementTree.fromstring(text)
+    settings = sorted(
+        ({key.tag: key.attrib["Value"] for key in setting} for setting in root.iter("CutSetting")),
+        key=lambda setting: int(setting["priority"]),
+    )
+    assert [setting["name"] for setting in settings] == [*LAYERS, "T1"]
+    assert [f"C{int(setting['index']):02}" for setting in settings[:-1]] == [layer.lightburn for layer in LAYERS.values()]
+    assert [setting["name"] for setting in settings if setting.get("doOutput") == "0"] == ["QR_CODE"]
+    assert check_lbrn(made.sheet, text, CHOSEN) == []
+    assert reference_bars(read_lbrn(text)) == [pytest.approx(100.0, abs=1e-3)]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "other", "finding"),
+    [
+        (r"<VertList>V", "<VertList>V1", "is missing"),
+        (r'<name Value="CUT_INNER" />', '<name Value="CUT_OUTER" />', "not cut in their order"),
+        (r"LineClosed", "LineOpen", "is not closed|is missing"),
+        (r'Rx="[0-9.]+"', 'Rx="0.1"', "has a Ellipse"),
+        (r'<XForm>1 0 0 1 150 100', "<XForm>1 0 0 1 151 100", "the sheet's corner is at 1, 0"),
+        (r"</LightBurnProject>", "", "not a LightBurn project"),
+    ],
+)  # fmt: skip
+def test_a_damaged_lightburn_project_is_found(made: Made, pattern: str, other: str, finding: str) -> None:
+    text = lbrn(made.sheet)
+    damaged = re.sub(pattern, other, text, count=1)
+
+    assert damaged != text
+    assert any(re.search(finding, found) for found in check_lbrn(made.sheet, damaged, CHOSEN))
+
+
+@pytest.mark.parametrize("width", [0.3, 2.0])
+def test_holding_tabs_keep_each_piece_in_the_sheet_by_bridges_of_their_width(width: float) -> None:
+    chosen = options("laser", sheet="300x200", holding_tabs_mm=width)
+
+    made = pattern(folded_box(40.0), chosen, "sample")
+
+    closed = pattern(folded_box(40.0), options("laser", sheet="300x200"), "sample")
+    for held, plain in zip(made.sheets, closed.sheets, strict=True):
+        assert check_svg(held, svg(held), chosen) == check_dxf(held, dxf(held), chosen) == []
+        for group, whole in zip(held.groups, plain.groups, strict=True):
+            cuts = [LineString(s.points_mm) for s in group if isinstance(s, Path) and s.layer == "CUT_OUTER"]
+            rings = [s for s in whole if isinstance(s, Path) and s.layer == "CUT_OUTER"]
+            if not rings:
+                continue
+            # What the beam, a kerf wide with round ends, leaves of the outline.
+            outline = LineString([*rings[0].points_mm, rings[0].points_mm[0]])
+            left = outline.difference(unary_union(cuts).buffer(chosen.kerf_mm / 2, quad_segs=32))
+            bridges = [part.length for part in getattr(linemerge(left), "geoms", [linemerge(left)])]
+            assert len(bridges) == len(cuts) >= 2
+            assert bridges == [pytest.approx(width, abs=0.02 + 0.05 * width)] * len(bridges)
+
+
+def test_an_outline_that_lost_a_holding_tab_is_found() -> None:
+    chosen = options("laser", sheet="300x200", holding_tabs_mm=0.5)
+    sheet = pattern(folded_box(40.0), chosen, "sample").sheets[0]
+    index, group = next((i, g) for i, g in enumerate(sheet.groups) if any(s.layer == "CUT_OUTER" for s in g))
+    cut = next(shape for shape in group if isinstance(shape, Path) and shape.layer == "CUT_OUTER")
+    # A cut goes on by half of the bridge.
+    (x0, y0), (x1, y1) = cut.points_mm[-2:]
+    share = 0.3 / math.dist((x0, y0), (x1, y1))
+    longer = replace(cut, points_mm=(*cut.points_mm[:-1], (x1 + share * (x1 - x0), y1 + share * (y1 - y0))))
+    groups = (*sheet.groups[:index], tuple(longer if s is cut else s for s in group), *sheet.groups[index + 1 :])
+
+    assert any("leaves no holding tab of 0.65 mm" in found for found in check_sheet(replace(sheet, groups=groups), 5.0))
+    assert any("is not closed" in found for found in check_sheet(replace(sheet, tab_gap_mm=0.0), 5.0))

@@ -11,8 +11,10 @@ import shapely
 from shapely.geometry import LineString, Polygon, box
 
 from cut_samples import FLAP, HEIGHT, LENGTH, RIGHT_ANGLE, THICKNESS, WIDTH, beam, cap, circle, disc, folded_box, rim
+from foldcar.car.design import compose
 from foldcar.car.folded.model import Crease, EdgeRef, Face, Hole, Piece, PlacedPiece
 from foldcar.car.folded.pose import IDENTITY
+from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.patterns.dashes import dashes
 from foldcar.fabrication.patterns.drawing import Circle, Path
 from foldcar.fabrication.patterns.edge_offset import offset_edges
@@ -35,6 +37,17 @@ def plain(**changes: object) -> Options:
 
 # The bend deduction of a right angle with k = 0.5 and radius 0.
 RIGHT_ANGLE_DEDUCTION = THICKNESS - RIGHT_ANGLE * THICKNESS / 2
+
+
+def test_faces_along_oblique_edges_that_end_beside_their_corners_are_one_area() -> None:
+    # A hub's walls are shorter than its edges, which a bend deduction moves inwards.
+    car = folded_car(compose("W_B+film=card_160+horn=disc", {"width": 60, "B.length": 100}))
+    hub = next(piece for piece in car.pieces if piece.name == "wheel hub")
+
+    flat = flat_piece(hub, options("cricut"))
+
+    of_faces = sum(face.outline.area for face in flat.faces)
+    assert Polygon(flat.outline.exterior).area == pytest.approx(of_faces, abs=0.01)
 
 
 def test_an_offset_square_is_a_smaller_square() -> None:
@@ -319,24 +332,34 @@ def test_nested_pieces_keep_their_gap_and_stay_on_their_sheets() -> None:
 
     nested = nest(pieces, (200.0, 180.0), 4.0, 2.0, (102.0, 9.0))
 
-    for sheet in range(len(nested.reserved)):
+    for sheet in range(len(nested.titles)):
         placed = [
             shapely.transform(outline, lambda xy, m=copy.motion: [m.apply(tuple(p)) for p in xy])
             for (_, outline, _), copies in zip(pieces, nested.placements, strict=True)
             for copy in copies
             if copy.sheet == sheet
         ]
-        placed.append(box(4, 4, 106, 13))
-        assert all(a.distance(b) >= 2.0 for a, b in itertools.combinations(placed, 2))
+        title = nested.titles[sheet]
+        assert title is not None
+        placed.append(box(*title.apply((0.0, 0.0)), *title.apply((102.0, 9.0))))
+        # Arcs of the grown outlines are polygons, up to 3 µm inside them.
+        assert all(a.distance(b) >= 2.0 - 0.003 for a, b in itertools.combinations(placed, 2))
         assert all(box(4, 4, 196, 176).buffer(1e-6).contains(piece) for piece in placed)
     assert [len(copies) for copies in nested.placements] == [3, 9, 4]
     assert nest(pieces, (200.0, 180.0), 4.0, 2.0, (102.0, 9.0)) == nested
 
 
+def test_a_title_that_fits_no_corner_takes_what_pieces_have_left() -> None:
+    # Beside a slab that fills the height, a title as wide as the rest has room at any height, above it none.
+    nested = nest([("slab", box(0, 0, 90, 172), 1)], (200.0, 180.0), 4.0, 2.0, (98.0, 9.0))
+
+    assert nested.titles[0] is not None and len(nested.titles) == 1
+
+
 def test_a_piece_that_just_fits_is_placed() -> None:
     nested = nest([("full", box(0, 0, 191.9, 171.9), 1)], (200.0, 180.0), 4.0, 2.0, (102.0, 9.0))
 
-    assert nested.reserved == (False,)
+    assert nested.titles == (None,)
 
 
 def test_a_piece_that_fits_no_sheet_is_named_with_both_sizes() -> None:

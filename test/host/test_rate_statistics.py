@@ -4,10 +4,11 @@ from itertools import product
 
 import numpy
 import pytest
-from scipy import integrate, stats
+from scipy import integrate, special, stats
 from sklearn.gaussian_process.kernels import Matern
 
 from foldcar.analysis.betting import betting_interval
+from foldcar.analysis.binomial_normal import binomial_normal
 from foldcar.analysis.intervals import clopper_pearson_interval, jeffreys_interval, wilson_interval
 from foldcar.analysis.pooled_bias import (
     ALONE,
@@ -170,3 +171,16 @@ def test_pooling_leaves_lone_designs_to_jeffreys_and_many_trials_alone() -> None
     assert pooled_rates(numpy.zeros((0, 1)), [], [], []) == []
     with pytest.raises(FoldcarError, match="simulated"):
         pooled_rates([[65.0], [95.0]], [1, 1], [2, 2], [0.5])
+
+
+@pytest.mark.parametrize(("passed", "counted"), [(0, 0), (0, 1), (1, 1), (1, 2), (40, 1000)])
+def test_the_likelihood_of_few_or_many_counts_is_that_of_plain_quadrature(passed: int, counted: int) -> None:
+    mean, sd = 0.8, 1.3
+    of_log_odds = integrate.quad(
+        lambda x: special.expit(x) ** passed * special.expit(-x) ** (counted - passed) * stats.norm.pdf(x, mean, sd),
+        mean - 10 * sd, mean + 10 * sd, points=[special.logit((passed + 0.5) / (counted + 1))], epsabs=0, limit=500,
+    )[0]  # fmt: skip
+
+    _, shares = binomial_normal(*(numpy.array([value], dtype=float) for value in (mean, sd, passed, counted)))
+
+    assert special.logsumexp(shares) == pytest.approx(numpy.log(of_log_odds), abs=0.01)

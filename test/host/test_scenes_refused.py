@@ -216,6 +216,7 @@ def test_statements_that_an_import_would_lose(tmp_path: Path, imported: str, tex
         ("param friction = 0.5, outer_step_s = 'soon'\n", "param outer_step_s: soon is no number"),
         ("param friction = -1\n", "line 4: param friction: -1.0 is not above 0"),
         ("behavior B():\n    wait\n    take 3\n", "line 6: `take 3`: an action is an object of a class of actions"),
+        ("behavior B():\n    wait\n    take [3]\n", "line 6: `take 3`: an action is an object of a class of actions"),
         (
             "record ego.position.x as a\nrecord final ego.position.y as a\n",
             "line 5: `record final … as a`: line 4 records under this name already",
@@ -240,6 +241,13 @@ def test_statements_beside_a_scenario_that_scenic_would_drop(tmp_path: Path) -> 
     scenario = "scenario Main():\n    setup:\n        ego = new Robot at (0, 0)\n"
     said = message(tmp_path, f"model model\nterminate when 1 > 2\n{scenario}")
     assert "bad.scenic: line 2: `terminate when` (line 2): Scenic drops" in said
+
+
+def test_an_interrupt_that_a_program_raises_itself_is_its_mistake(tmp_path: Path, foldcar: Any) -> None:
+    (tmp_path / "bad.scenic").write_text(f"model model\n{EGO}{GOAL}raise KeyboardInterrupt\n")
+    answer = foldcar("sample", "bad.scenic")
+    said = "bad.scenic: compiling: line 4: KeyboardInterrupt: `raise KeyboardInterrupt`"
+    assert (answer.returncode, answer.stderr) == (2, f"foldcar: error: {said}\n")
 
 
 def test_what_an_import_takes_over_is_accepted(tmp_path: Path) -> None:
@@ -428,3 +436,7 @@ def test_a_copy_of_the_model_beside_the_program_is_used(tmp_path: Path) -> None:
     program = tmp_path / "own.scenic"
     program.write_text(f"model model\n{EGO}{GOAL}")
     assert open_environment(program, {}, 1).sample(0)["friction"] == 0.3
+
+
+def test_a_misspelt_variable_is_not_said_to_come_with_the_model(tmp_path: Path) -> None:
+    assert message(tmp_path, "height = 0.01\nx = hight\n").endswith("line 2: NameError: name 'hight' is not defined")

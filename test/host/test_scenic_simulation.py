@@ -209,6 +209,13 @@ COUNT = "seen = []\ndef count():\n    seen.append(1)\n    return len(seen)\n"
         ("require always count() in range(9)\nterminate after 0.8 seconds\nrecord final len(seen) as n\n", 6, 0.8),
         ("terminate simulation when ego.position.x > 0.4\nrecord count() as n\n", [1, 2, 3, 4], 0.74),
         ("terminate when ego.position.x > 0.4\nrecord count() as n\n", [1, 2, 3, 4], 0.74),
+        (
+            "class Counter(object):\n    @property\n    def v(self):\n        return count()\n"
+            "post = new Marker at (1, 0.5), with counter Counter()\n"
+            "terminate when post.counter.v in [4]\nrecord final len(seen) as n\n",
+            4,
+            0.75,
+        ),
     ],
 )
 def test_what_counts_its_evaluations_is_evaluated_once_a_look(
@@ -247,6 +254,14 @@ def test_what_counts_its_evaluations_is_evaluated_once_a_look(
         ("post.note()", False),
         ("bumped(post)", False),
         ("print(ego)", False),
+        ("counter.v > 3", False),
+        ("counter[0] > 3", False),
+        ("not counter", False),
+        ("any(one.v > 3 for one in [counter])", False),
+        ("len(f'{counter}') > 3", False),
+        ("pole.v > 3", False),
+        ("calls[0]() > 3", False),
+        ("getattr(seen, 'append')(1)", False),
     ],
 )
 def test_conditions_that_are_certain_to_change_nothing(tmp_path: Path, condition: str, pure: bool) -> None:
@@ -256,6 +271,9 @@ def test_conditions_that_are_certain_to_change_nothing(tmp_path: Path, condition
         "numbers = iter([1, 2])\npost = new Marker at (1, 0.5)\n"
         "def near(thing):\n    return thing.position.x > goal.position.x - 1\n"
         "def through():\n    return count()\ndef bumped(thing):\n    thing.visits = 1\n"
+        "class Counter(object):\n    @property\n    def v(self):\n        return count()\ncounter = Counter()\n"
+        "class Pole(Marker):\n    @property\n    def v(self):\n        return count()\n"
+        "pole = new Pole at (1, -0.5)\ncalls = [count]\n"
         f"terminate when {condition}\n"
     )
     (ending,) = open_environment(program, {}, 1).scenario.terminationConditions
@@ -422,9 +440,13 @@ def test_behaviors_of_things_that_do_not_drive_run_beside(run: Run) -> None:
 
 
 def test_what_is_no_action_is_named(run: Run) -> None:
-    text = f"{HEAD}{GOAL}three = 3\nbehavior B():\n    take three\nnew Marker at (0, 0.5), with behavior B()\n"
-    with pytest.raises(InvalidScenarioError, match="a Marker takes 3, which is no action"):
+    text = (
+        f"{HEAD}{GOAL}three = 3\nbehavior B():\n    do C()\n"
+        "behavior C():\n    take three\nnew Marker at (0, 0.5), with behavior B()\n"
+    )
+    with pytest.raises(InvalidScenarioError, match="a Marker takes 3, which is no action") as raised:
         run(text)
+    assert (raised.value.lineno, Path(raised.value.filename).name) == (8, "program.scenic")
 
 
 def test_a_temporal_requirement_of_an_imported_program_holds_in_the_run(run: Run, tmp_path: Path) -> None:

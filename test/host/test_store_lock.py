@@ -15,6 +15,7 @@ from foldcar.store.errors import StoreError
 from foldcar.store.opening import writing
 from foldcar.store.reader import Store
 from foldcar.store.writer import write_store
+from shell_signals import like_a_shell
 from test_store import STUDY, fill
 
 IN_USE = "another sweep or trial is writing this store"
@@ -201,7 +202,8 @@ def test_a_writer_waits_for_another_program_and_says_so(store: Path) -> None:
 
 def test_ctrl_c_ends_a_writer_that_waits(store: Path) -> None:
     command = [sys.executable, "-m", "foldcar", "migrate", store]
-    with read_by_another(store), subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as writer:
+    as_typed = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=like_a_shell)
+    with read_by_another(store), as_typed as writer:
         assert writer.stderr is not None and "waiting for another program" in writer.stderr.readline()
         writer.send_signal(signal.SIGINT)
         _, errors = writer.communicate(timeout=60)

@@ -8,15 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.linalg
 import shapely
 
 from foldcar.car.assembly.order import assembly_steps
 from foldcar.car.compiler.assemble import assemble
 from foldcar.car.compiler.component import build
 from foldcar.car.components.wheel import Wheel
+from foldcar.car.components.wheel_size import WheelSize
 from foldcar.car.design import DesignError, compose
 from foldcar.car.folded.check import check_design
 from foldcar.car.folded.check_crossings import check_crossings
+from foldcar.car.folded.check_flat import check_flat
 from foldcar.car.folded.check_wheels import check_wheels, roundness_mm
 from foldcar.car.folded.model import Axle, FoldedCar
 from foldcar.car.folded.placed import PlacedFace, place
@@ -75,13 +78,13 @@ def test_a_wheel_is_made_in_few_operations(car: FoldedCar) -> None:
 
     turns = sum(len(discs_turned(car, step)) for step in assembly_steps(car))
 
-    assert (pieces, joins, parts, folds, turns) == (6, 23, 5, 0, 2)
+    assert (pieces, joins, parts, folds, turns) == (5, 14, 5, 3, 1)
 
 
 def test_the_circle_is_as_even_as_its_strip_is_a_polygon(car: FoldedCar) -> None:
-    # The strip's middle surface is 2 pi (59 - t / 2) long in 42 facets; their middles lie inside the circle.
-    facet = 2 * math.pi * (60 - TYRE_MM - FILM_MM / 2) / 42
-    apothem = facet / 2 / math.tan(math.pi / 42)
+    # The strip's middle surface is 2 pi (59 - t / 2) long in 44 facets; their middles lie inside the circle.
+    facet = 2 * math.pi * (60 - TYRE_MM - FILM_MM / 2) / 44
+    apothem = facet / 2 / math.tan(math.pi / 44)
 
     assert roundness_mm(car, place(car)) == pytest.approx(60 - TYRE_MM - FILM_MM / 2 - apothem, abs=1e-6)
 
@@ -106,39 +109,31 @@ def turned(face: PlacedFace, center: tuple[float, float, float], angle: float) -
     return replace(face, pose=chain(about, face.pose))
 
 
-def test_the_ring_goes_in_turned_and_is_held_both_ways(car: FoldedCar, wheel: dict[str, PlacedFace]) -> None:
-    center = car.axles[0].center_mm
-    fits: dict[str, list[float]] = {"inner": [], "outer": []}
-    discs = {name: wheel[f"wheel {name} disc: {name}"] for name in fits}
-    hooks = [face for title, face in wheel.items() if "hub ring: ring" in title and len(face.face.outline_mm) > 4]
-    assert len(hooks) == 5
-    for name, disc in discs.items():
-        outside = -1.0 if name == "inner" else 1.0
-        for degrees in np.arange(-9, 9.1, 0.1):
-            moved = [turned(hook, center, math.radians(degrees)) for hook in hooks]
-            free = True
-            for hook in moved:
-                corners = hook.corners_mm
-                # The head, seen along the axle: corners beyond the disc.
-                head = disc.in_face(corners[(corners[:, 1] - disc.matrix[1, 3]) * outside > 0])[:, :2]
-                path = shapely.LineString([head[head[:, 0].argmin()], head[head[:, 0].argmax()]])
-                if np.ptp(head[:, 0]) < np.ptp(head[:, 1]):
-                    path = shapely.LineString([head[head[:, 1].argmin()], head[head[:, 1].argmax()]])
-                free &= not path.buffer(FILM_MM / 2, cap_style="flat").intersects(disc.polygon)
-            if free:
-                fits[name].append(float(degrees))
+def test_the_outer_disc_goes_on_turned_and_is_held(car: FoldedCar, wheel: dict[str, PlacedFace]) -> None:
+    center, disc = car.axles[0].center_mm, wheel["wheel outer disc: outer"]
+    hooks = [face for title, face in wheel.items() if "hub: wall" in title]
+    assert len(hooks) == 3
+    fits = []
+    for degrees in np.arange(-9, 9.1, 0.1):
+        free = True
+        for hook in (turned(hook, center, math.radians(degrees)) for hook in hooks):
+            corners = hook.corners_mm
+            # The head, seen along the axle: corners beyond the disc.
+            head = disc.in_face(corners[corners[:, 1] > disc.matrix[1, 3]])[:, :2]
+            ends = shapely.MultiPoint(head).minimum_rotated_rectangle
+            free &= not ends.buffer(FILM_MM / 2, cap_style="flat").intersects(disc.polygon)
+        if free:
+            fits.append(float(degrees))
 
-    # The heads pass each disc turned by about 6 degrees, one way for the inner and the other way for the outer one.
-    assert fits["inner"] and fits["outer"]
-    assert all(4 < abs(angle) < 9 for angles in fits.values() for angle in angles)
-    # Seen from the disc's unprinted side, which is outside, it is then turned clockwise: the guide says so.
-    assert min(fits["inner"]) > 0 > max(fits["outer"])
+    # The heads pass the disc turned by about 6 degrees. Seen from the disc's unprinted side, which is outside, it is then
+    # turned clockwise: the guide says so.
+    assert fits and all(-9 < angle < -4 for angle in fits)
 
 
 @pytest.mark.parametrize(
     ("piece", "shift", "words"),
     [
-        ("wheel hub ring", (0.15, 0, 0), "of play, the limit is 0.1 mm"),
+        ("wheel hub", (0.15, 0, 0), "of play, the limit is 0.1 mm"),
         ("wheel rim 1", (1.0, 0, 0), "its neck has"),
         ("wheel outer disc", (0, 3.0, 0), "no neck passes its notch or slot"),
     ],
@@ -172,10 +167,10 @@ def test_a_disc_that_is_not_round_is_found(car: FoldedCar) -> None:
 
 
 def test_a_wheel_weighs_its_film_and_parts(car: FoldedCar) -> None:
-    density, ring_mm = 1390e-9, 15.1
-    discs = 2 * math.pi * 59**2 - math.pi * 12.3**2 - 8 * 7.5 * 1.1
-    strips = (2 * math.pi * 59 + 2 * 6.7) * 11.2 + (2 * math.pi * ring_mm + 11.9) * 11.2
-    film = (discs + strips + math.pi * 13.2**2) * FILM_MM * density
+    density, wall_mm = 1390e-9, 11.6
+    discs = 2 * math.pi * 59**2 - math.pi * 12.3**2 - 3 * 7.5 * 1.1
+    strips = (2 * math.pi * 59 + 2 * 6.7) * 11.2 + 3 * wall_mm * 11.2
+    film = (discs + strips + math.pi * 15.2**2) * FILM_MM * density
     horn, screw = drawing("horn_two_sided.json")["mass_kg"]["value"], drawing("screw_horn.json")["mass_kg"]["value"]
     tyre = math.pi * (60**2 - 59**2) * 12 * 950e-9
     bought = horn + 2 * screw + drawing("screw_centre.json")["mass_kg"]["value"] + tyre
@@ -188,8 +183,18 @@ def test_a_wheel_weighs_its_film_and_parts(car: FoldedCar) -> None:
     rim = 2 * math.pi * 59 * 11.2 * FILM_MM * density
     spin = (math.pi * 59**4 * FILM_MM * density + rim * 59**2 + tyre * 59.5**2) * 1e-6
     assert found.inertia_kg_m2[1, 1] == pytest.approx(spin, rel=0.02)
-    # A wheel is balanced but for the ring's overlap and the rim's tongues.
+    # A wheel is balanced but for the rim's tongues.
     assert np.hypot(*(found.center_m[[0, 2]] * 1e3 - np.array(car.axles[0].center_mm)[[0, 2]])) < 0.1
+
+
+def test_a_hubs_walls_do_not_overlap_it_in_the_flat() -> None:
+    # Edges shared but for rounding, at 120 degrees: GEOS 3.14 gives an overlap of 118 mm² without a grid.
+    values = {"width": 107, "height": 72.8, "radius": 63.207, "W.tire_thickness": 10.7, "B.length": 118.9}
+    thin = folded_car(compose("B_W+film=0.127+horn=cross", values))
+
+    hub = next(piece for piece in thin.pieces if piece.name == "wheel hub")
+
+    assert not list(check_flat(hub, 2.0))
 
 
 def alone(radius: float, width: float, choices: PartChoices) -> FoldedCar:
@@ -205,7 +210,7 @@ def alone(radius: float, width: float, choices: PartChoices) -> FoldedCar:
 @pytest.mark.parametrize(("film", "tyre"), [("0.127", "none"), ("0.25", "silicone_band")])
 def test_wheels_are_made_with_every_horn_from_the_least_radius_on(horn: str, film: str, tyre: str) -> None:
     choices = PartChoices(film=film, horn=horn, tyre=tyre)
-    with pytest.raises(DesignError, match="hub ring") as caught:
+    with pytest.raises(DesignError, match="a hub") as caught:
         compose("W_B_W", {"radius": 10}, choices)
     least = float(str(caught.value).split("minimum ")[1].split()[0])
     for radius, width in ((least, 12), (47.3, 12), (150, 40)):
@@ -213,10 +218,56 @@ def test_wheels_are_made_with_every_horn_from_the_least_radius_on(horn: str, fil
         bodies = place(car)
 
         assert not [*check_wheels(car, bodies), *check_crossings(bodies["wheel0"])], (radius, least)
-        # Every screw's driver passes the access hole, and the horn, on the other side, stays within the ring's hooks.
+        # Every screw's driver passes the access hole, and the hub's layer reaches past every screw's head.
         disc = next(face for face in bodies["wheel0"] if face.face.name == "outer")
+        hub = next(face for face in bodies["wheel0"] if face.face.name == "hub")
         screws = [mount for mount in car.mounts if "screw" in mount.name]
         assert len(screws) == 3
         for screw in screws:
             x, y, _ = disc.in_face(np.array(screw.pose)[None, :3, 3])[0]
             assert not shapely.Point(x, y).buffer(screw.accesses[0].diameter_mm / 2).intersects(disc.polygon)
+            x, y, _ = hub.in_face(np.array(screw.pose)[None, :3, 3])[0]
+            head = shapely.Point(x, y).buffer(screw.size_mm[0] / 2 + 0.5)
+            assert shapely.Polygon(hub.face.outline_mm).covers(head), (radius, horn)
+
+
+def critical_n_m(outer_m: float, ties: int) -> float:
+    """Edge load (N/m) at which an annular plate of film 0.25 mm thick buckles: a Ritz solution.
+
+    It is clamped at 15 mm, its outer edge does not move inwards and is held outwards at the ties: lobes between these, as
+    cosines of multiples of the number of ties.
+    """
+    inner, nu, terms = 0.015, 0.38, 9
+    stiffness = 4.5e9 * 0.25e-3**3 / 12 / (1 - nu**2)
+    points, weights = np.polynomial.legendre.leggauss(60)
+    length = outer_m - inner
+    r, by = inner + length * (points + 1) / 2, weights * length / 2
+    # Lamé: the load -(a + b / r²) along the radius, -(a - b / r²) around, no displacement at the hub.
+    share = (1 - nu) * inner**2 / (1 + nu)
+    a = 1 / (1 + share / outer_m**2)
+    radial, around = a * (1 + share / r**2), a * (1 - share / r**2)
+    s, i = (r - inner) / length, np.arange(terms)[:, None]
+    w, w1, w2 = s ** (i + 2), (i + 2) * s ** (i + 1) / length, (i + 2) * (i + 1) * s**i / length**2
+
+    def product(f: Any, g: Any) -> Any:
+        return (f * by * r) @ g.T
+
+    bending, loading = [], []
+    for n in (0, ties, 2 * ties, 3 * ties):
+        bent, hoop, twist = -w2, n * n * w / r**2 - w1 / r, n * w1 / r - n * w / r**2
+        energy = product(bent, bent) + product(hoop, hoop) + nu * (product(bent, hoop) + product(hoop, bent))
+        mean = 2 if n == 0 else 1
+        bending.append(mean * stiffness * (energy + 2 * (1 - nu) * product(twist, twist)))
+        loading.append(mean * (product(w1 * radial, w1) + product(n * w / r * around, n * w / r)))
+    free = scipy.linalg.null_space(np.ones((1, 4 * terms)))
+    matrices = (free.T @ scipy.linalg.block_diag(*some) @ free for some in (loading, bending))
+    return float(1 / scipy.linalg.eigh(*matrices, eigvals_only=True)[-1])
+
+
+@pytest.mark.parametrize("radius", [25.0, 30.0, 45.0, 60.0, 80.0, 120.0, 150.0])
+def test_a_rubber_band_does_not_make_discs_wavy(radius: float) -> None:
+    size = WheelSize(radius, 12.0, chosen(PartChoices()))
+    disc_m = size.disc_radius_mm * 1e-3
+
+    # A band of 12 x 1 mm², stretched by a tenth, pulls with 1.8 N around two discs.
+    assert 2 * disc_m * critical_n_m(disc_m, size.strips * size.ties) > 1.8

@@ -44,7 +44,7 @@ def full_speed_m_s(design: Design) -> float:
 
 
 def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
-    assembly, box = car.parts.assembly, design.segments[index]
+    box = design.segments[index]
     properties = body_properties(car, f"segment{index}")
     return {
         "x_m": box.center_mm * MM,
@@ -60,7 +60,7 @@ def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
         "pitch_inertia_kg_m2": properties.inertia_kg_m2[1, 1],
         "yaw_inertia_kg_m2": properties.inertia_kg_m2[2, 2],
         # Grip is a contact's friction coefficient relative to that of a tyre.
-        "grip": assembly.belly_friction.value / catalogue().tyre.friction.value,
+        "grip": car.parts.film.friction.value / catalogue().tyre_friction.value,
     }
 
 
@@ -89,7 +89,7 @@ def _wheel(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
         "radius_m": axle.radius_mm * MM,
         "width_m": axle.tyre_width_mm * MM,
         "mass_kg": mass_kg,
-        "grip": parts.tyre.friction.value / catalogue().tyre.friction.value,
+        "grip": parts.tyre_friction.value / catalogue().tyre_friction.value,
         "eccentricity_m": 0.0,
         "eccentricity_phase_rad": 0.0,
         "servo": {

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from foldcar.car.compiler.parameter import at_least
+from foldcar.car.compiler.parameter import ROUNDING, at_least
 from foldcar.car.modules import REQUIRED_MODULES, modules, parameters
 from foldcar.car.parts.catalogue import Catalogue, chosen
 from foldcar.car.parts.choices import DEFAULT_CHOICES, PartChoices, PartError, split_type
@@ -214,7 +214,7 @@ def _check_wheels(design: Design) -> None:
     radius = design.values["radius"]
     # Axles are at half the body's height.
     least_radius = design.values["height"] / 2 + assembly.belly_clearance_mm.value
-    if radius < least_radius:
+    if radius < least_radius - ROUNDING:
         raise DesignError(
             "radius",
             f"{radius:g} is below the minimum {at_least(least_radius)} (half of height {design.values['height']:g} "

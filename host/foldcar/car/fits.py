@@ -77,11 +77,13 @@ def _all_fits(car: _Measured) -> Iterator[Fit]:
 def _servos(car: _Measured) -> Iterator[Fit]:
     servo, screw = car.parts.servo, car.parts.screw
     for mount in car.mounts(servo.name):
-        opening, *slots = (car.holes[name] for name in mount.holes)
-        for size, part, way in zip(_size(opening), (servo.length_mm, servo.width_mm), ("length", "width"), strict=True):
+        opening = car.holes[mount.holes[0]]
+        # The notches for the screws reach beyond the body's ends.
+        span, width = _size(opening)
+        length = float(np.ptp(_along_far_edge(opening)))
+        for size, part, way in zip((length, width), (servo.length_mm, servo.width_mm), ("length", "width"), strict=True):
             yield Fit(f"servo's {way} in its opening", size - part.value, part.tolerance, 2 * car.cut)
-        ends = [x for slot in slots for x, _ in slot.outline_mm]
-        reach = (max(ends) - min(ends)) / 2 + (servo.screw_hole_mm.value - screw.diameter_mm.value) / 2
+        reach = span / 2 + (servo.screw_hole_mm.value - screw.diameter_mm.value) / 2
         taken = (servo.screw_spacing_mm.tolerance + servo.screw_hole_mm.tolerance) / 2 + screw.diameter_mm.tolerance
         # If the holes are nearer to each other, the ears' own slots, which are open outwards, take the screws.
         room = reach - (servo.screw_spacing_mm.value + screw.diameter_mm.value) / 2
@@ -131,9 +133,10 @@ def _switch(car: _Measured) -> Iterator[Fit]:
             yield Fit("switch's bezel over its slot", over.value - room, over.tolerance, 2 * car.cut)
         holes = [(piece, hole) for piece in car.car.pieces for face in piece.faces for hole in face.holes]
         count = sum(piece.count for piece, hole in holes if math.dist(_size(hole), slot) < ROUNDING_MM)
-        least = switch.panel_least_mm
-        taken = count * film.tolerance + least.tolerance
-        yield Fit("switch's barbs behind layers of film", count * film.value - least.value, taken, 0.0)
+        least, tape = switch.panel_least_mm, car.parts.assembly.tape_mm
+        thick = count * film.value + (count - 1) * tape.value
+        taken = count * film.tolerance + (count - 1) * tape.tolerance + least.tolerance
+        yield Fit("switch's barbs behind layers of film", thick - least.value, taken, 0.0)
 
 
 def _inside(car: _Measured) -> Iterator[Fit]:
@@ -145,11 +148,13 @@ def _inside(car: _Measured) -> Iterator[Fit]:
 
         def gap(face: str, axis: int, mount: Mount = mount, bridge: dict[str, PlacedFace] = bridge) -> float:
             off = np.abs(bridge[face].corners_mm[:, axis] - mount.pose[axis][3]).min()
-            return float(off) - _half(mount, axis) - film / 2
+            return float(off) - _half(mount, axis)
 
+        # The feet lie beside it, with their edges towards it; of shelf and flange it meets a side.
         feet = min(gap(f"{side} foot", 1) for side in ("left", "right"))
-        yield Fit("LiPo below the bridge", gap("shelf", 2), parts.lipo.height_mm.tolerance, car.cut)
-        yield Fit("LiPo beside the bridge's flange", gap("flange", 0), parts.lipo.width_mm.tolerance / 2 + laid, car.cut)
+        yield Fit("LiPo below the bridge", gap("shelf", 2) - film / 2, parts.lipo.height_mm.tolerance, car.cut)
+        beside = gap("flange", 0) - film / 2
+        yield Fit("LiPo beside the bridge's flange", beside, parts.lipo.width_mm.tolerance / 2 + laid, car.cut)
         yield Fit("LiPo between the bridge's feet", feet, parts.lipo.length_mm.tolerance / 2 + laid, 2 * car.cut)
     for mount in (*car.mounts(parts.battery.name), *car.mounts(wing.name)):
         walls = np.concatenate([face.corners_mm for face in bodies[mount.body] if face.face.role == "panel"])
@@ -168,8 +173,8 @@ def _inside(car: _Measured) -> Iterator[Fit]:
 def _tongues(car: _Measured) -> Iterator[Fit]:
     """The beam's and the bridge's tongues; those of wheels turn in their slots."""
     film, tongue = car.parts.film.thickness_mm, ("lock", "tab_slot")
-    strips = {piece.name for piece in car.car.pieces if any(crease.bend for crease in piece.creases)}
-    for join in (j for j in car.car.joins if j.slot in car.holes and j.kind in tongue and j.piece_a not in strips):
+    turning = {one.piece for one in car.car.placed if one.body.startswith("wheel")}
+    for join in (j for j in car.car.joins if j.slot in car.holes and j.kind in tongue and j.piece_a not in turning):
         wide, long = sorted(_size(car.holes[join.slot or ""]))
         yield Fit("tongues along their slots", long - join.length_mm, 0.0, 4 * car.cut)
         yield Fit("tongues' film across their slots", wide - film.value, film.tolerance, 2 * car.cut)
@@ -188,6 +193,12 @@ def _thread(car: _Measured, name: str, screw: Screw, films: int, between: Sequen
 
 def _sum(several: Iterable[Quantity]) -> float:
     return sum(one.tolerance for one in several)
+
+
+def _along_far_edge(hole: Hole) -> list[float]:
+    """The x of the corners with the largest y."""
+    far = max(y for _, y in hole.outline_mm)
+    return [x for x, y in hole.outline_mm if far - y < ROUNDING_MM]
 
 
 def _size(hole: Hole, along: Point = (1.0, 0.0)) -> Point:

@@ -23,6 +23,7 @@ from foldcar.car.design import Design, DesignError
 from foldcar.car.folded.folding import edge, folded
 from foldcar.car.folded.model import Axle, FoldedCar, HingeJoint, Join, Mount, Piece, PlacedPiece, Pose, Wire
 from foldcar.car.folded.pose import apply, compose, rotation, translation
+from foldcar.car.leads import with_leads
 from foldcar.car.modules import HINGE, declared, modules
 from foldcar.car.neighbours import around, switch_cap
 from foldcar.car.parts.catalogue import Catalogue, chosen
@@ -106,7 +107,7 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
         Join(first + j.number, j.kind, j.piece_a, j.a, j.piece_b, j.b, j.length_mm, j.slot) for j in wheel.joins
     )
     wheels = _wheels(wheel, axles) if count else ((), ())
-    return FoldedCar(
+    car = FoldedCar(
         pieces=(*frame.pieces, *(_times(piece, count) for piece in wheel.pieces if count)),
         placed=(*frame.placed, *wheels[0]),
         joins=(*frame.joins, *(wheel_joins if count else ())),
@@ -116,6 +117,7 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
         wires=(*graph.wires, *_servo_wires(axles, design.parts)),
         parts=design.parts,
     )
+    return with_leads(car)
 
 
 def _frame(design: Design) -> tuple[Graph, Assembly]:

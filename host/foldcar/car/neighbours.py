@@ -5,9 +5,9 @@ Input: a design and a module's index. Output: values of the module's internal pa
 
 import math
 
-from foldcar.car.compiler.parameter import at_least
+from foldcar.car.compiler.parameter import ROUNDING, at_least
 from foldcar.car.components.boards import plug_room_mm
-from foldcar.car.components.box_beam import flap_end_mm, wall_mm
+from foldcar.car.components.box_beam import flap_end_mm, latch_mm, wall_mm
 from foldcar.car.components.brain_module import BrainModule
 from foldcar.car.components.bridge import usb_height_mm
 from foldcar.car.components.servo_mount import inside_mm
@@ -17,6 +17,8 @@ from foldcar.car.design import Design, DesignError
 
 # As far as a floor reaches where no tyre limits the place of USB.
 FAR_MM = 2000.0
+# The fold of a lid's flap beside its latch is at least so long.
+LEAST_FOLD_MM = 1.0
 
 
 def electronics(design: Design) -> int:
@@ -60,31 +62,21 @@ def _length(design: Design, module: int) -> float:
 
 
 def _flap(design: Design, module: int) -> dict[str, float]:
-    """Where the lid's flap ends and its locks are on a module, from its rear end; each lock is in one module."""
+    """Where the lid's flap ends on a module; the latches, one at each end of a long segment, and at one the pull tab."""
     segment = design.segments[design.segment_at(module)]
-    assembly, end = design.parts.assembly, flap_end_mm(design.parts)
-    first, last = module == segment.modules[0], module == segment.modules[-1]
-    known = {"flap_front": end if first else 0.0, "flap_rear": end if last else 0.0}
-    shares = (0.25, 0.75) if segment.length_mm - 2 * end > assembly.lock_distance_mm.value else (0.5,)
-    margin = assembly.lock_mm.value / 2 + 1
-    # From the segment's rear end to that of each module, rear to front.
-    rooms, start = {}, 0.0
-    for i in reversed(segment.modules):
-        low = start + margin + (end if i == segment.modules[-1] else 0.0)
-        high = start + _length(design, i) - margin - (end if i == segment.modules[0] else 0.0)
-        if low <= high:
-            rooms[i] = (low, high, start)
-        start += _length(design, i)
-    if not rooms:
-        key = f"{design.modules[module]}.length"
-        least = at_least(2 * (end + margin))
-        raise DesignError(key, f"{design.values[key]:g} is below the minimum {least} (the lock of a segment's lid)")
-    for i, share in enumerate(shares, 1):
-        wanted = share * segment.length_mm
-        places = {k: min(max(wanted, low), high) for k, (low, high, _) in rooms.items()}
-        nearest = min(places, key=lambda k: abs(places[k] - wanted))
-        known[f"lock_{i}"] = places[nearest] - rooms[nearest][2] if nearest == module else 0.0
-    return known
+    end, (notch, _) = flap_end_mm(design.parts), latch_mm(design.parts)
+    ends = {"front": segment.modules[0], "rear": segment.modules[-1]}
+    long = segment.length_mm - 2 * end > design.parts.assembly.lock_distance_mm.value
+    known = {f"flap_{at}": end if module == outer else 0.0 for at, outer in ends.items()}
+    latched = list(ends) if long else [max(ends, key=lambda at: _length(design, ends[at]))]
+    for at in (at for at in latched if module == ends[at]):
+        both = known["flap_front"] and known["flap_rear"]
+        least = notch + LEAST_FOLD_MM + end * (2 if both else 1)
+        if _length(design, module) < least - ROUNDING:
+            key, value = f"{design.modules[module]}.length", _length(design, module)
+            raise DesignError(key, f"{value:g} is below the minimum {at_least(least)} (the latch of a segment's lid)")
+        known |= {f"latch_{at}": 1.0, f"pull_{at}": float(at == latched[0])}
+    return dict.fromkeys((f"{what}_{at}" for what in ("latch", "pull") for at in ends), 0.0) | known
 
 
 def _floor(design: Design, module: int, step: int) -> float:

@@ -14,6 +14,7 @@ from foldcar.commands.components_option import Components
 from foldcar.commands.design_settings import Settings
 from foldcar.commands.json_option import Json, print_json
 from foldcar.commands.output_option import output_folder
+from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
@@ -49,11 +50,15 @@ def pattern(
         float | None,
         typer.Option(metavar="SHARE", help="Position of a fold's neutral layer, from the inner side, per thickness."),
     ] = None,
-    thickness: Annotated[
-        float | None, typer.Option(metavar="MM", help="Thickness of the film for folds; default: the design's.")
-    ] = None,
     margin: Annotated[float | None, typer.Option(metavar="MM", help="Blank edge of a sheet.")] = None,
     gap: Annotated[float | None, typer.Option(metavar="MM", help="Film between two pieces.")] = None,
+    holding_tabs: Annotated[
+        float | None, typer.Option(metavar="MM", help="Bridges that hold the pieces in the sheet; 0: none.")
+    ] = None,
+    mockup: Annotated[
+        float | None,
+        typer.Option(metavar="SCALE", help="Paper prototype to try the fold, 0.25 to 1: body and discs, for scissors."),
+    ] = None,
     components: Components = None,
     as_json: Json = False,
 ) -> None:
@@ -64,17 +69,24 @@ def pattern(
     \b
     Example: foldcar pattern patterns/published_cars.json --vehicle w95 -o car
              foldcar pattern patterns/published_cars.json --all -o cars
+             foldcar pattern patterns/published_cars.json --vehicle w95 --mockup 0.5 -o paper
     """
     from foldcar.atomic_folder import atomic_folder
     from foldcar.commands.listed_design import listed_families, listed_family
-    from foldcar.commands.pattern_text import car_command, car_line, car_lines, car_object, total_line
-    from foldcar.fabrication.make_car import MANIFEST, make_car
+    from foldcar.commands.pattern_text import car_command, car_line, car_lines, car_object, mock_up_lines, total_line
+    from foldcar.fabrication.make_car import MANIFEST, make_car, make_mock_up
     from foldcar.fabrication.patterns.options import options
 
+    if mockup is not None:
+        # The silhouette is the default machine.
+        if machine not in ("silhouette", "scissors") or every:
+            much = "--all" if every else f"--machine {machine}"
+            raise FoldcarError(f"--mockup: makes one car's prototype for scissors, without {much}")
+        machine, sheet = "scissors", sheet or paper
     chosen = options(
         machine, sheet=sheet, paper=paper, fold=fold, kerf_mm=kerf, tab_clearance_mm=tab_clearance, dash_cut_mm=dash_cut,
-        dash_bridge_mm=dash_bridge, bend_radius_mm=bend_radius, k_factor=k_factor, thickness_mm=thickness,
-        margin_mm=margin, gap_mm=gap,
+        dash_bridge_mm=dash_bridge, bend_radius_mm=bend_radius, k_factor=k_factor, margin_mm=margin,
+        gap_mm=gap, holding_tabs_mm=holding_tabs,
     )  # fmt: skip
     skipped: list[str] = []
     if every:
@@ -84,6 +96,17 @@ def pattern(
     else:
         family = listed_family(listing, vehicle, settings or [])[1]
         places = [_Place(family.vehicle, "", family.single(), ())]
+    if mockup is not None:
+        command = car_command(listing, places[0].vehicle, settings or [], chosen, components or [], mockup)
+        prototype = make_mock_up(places[0].design, chosen, mockup, command)
+        with atomic_folder(output, MANIFEST) as folder:
+            for file, content in prototype.files.items():
+                (folder / file).write_bytes(content)
+        if as_json:
+            print_json({"folder": output, **json.loads(prototype.files[MANIFEST])})
+        else:
+            typer.echo("\n".join(mock_up_lines(prototype, output)))
+        return
     cars = []
     with atomic_folder(output, MANIFEST) as folder:
         listed = []

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from foldcar.fabrication.make_car import MANIFEST, MadeCar
+from foldcar.fabrication.files import GUIDE
+from foldcar.fabrication.make_car import MANIFEST, MadeCar, MadeMockUp
 from foldcar.fabrication.patterns.options import Options, arguments
 from foldcar.shown_text import decoded
 
@@ -17,12 +18,17 @@ def car_object(vehicle: str, folder: Path, made: MadeCar) -> dict[str, Any]:
     return {"vehicle": vehicle, "folder": folder, "title": made.title, **manifest, "checks": list(made.checks)}
 
 
-def car_command(listing: Path, vehicle: str, settings: Sequence[str], chosen: Options, components: Sequence[Path]) -> str:
-    """The command that makes this car alone, in a folder ``car``."""
+def car_command(
+    listing: Path, vehicle: str, settings: Sequence[str], chosen: Options, components: Sequence[Path],
+    mockup: float | None = None,
+) -> str:  # fmt: skip
+    """The command that makes this car alone, or its paper prototype of a scale, in a folder ``car``."""
     words = ["foldcar", "pattern", listing.as_posix(), "--vehicle", vehicle]
     words += [word for setting in settings for word in ("--set", setting)]
     words += [word for file in components for word in ("--components", file.as_posix())]
-    return decoded(shlex.join([*words, *arguments(chosen), "-o", "car"]))
+    words = [*words, *arguments(chosen)]
+    words += [] if mockup is None else ["--mockup", f"{mockup:g}"]
+    return decoded(shlex.join([*words, "-o", "car"]))
 
 
 def car_line(folder: str, made: MadeCar) -> str:
@@ -45,16 +51,29 @@ def car_lines(made: MadeCar, chosen: Options, output: Path) -> list[str]:
     cut = made.pattern
     width, height = chosen.sheet_size_mm
     used = cut.film_area_mm2 / (len(cut.sheets) * width * height)
-    copies = sum(piece.count for piece in cut.pieces)
+    copies, done = sum(piece.count for piece in cut.pieces), made.operations
     return [
         made.title,
         f"  sheets    {len(cut.sheets)} of {width:g} x {height:g} mm, {used:.0%} of the film used",
         f"  pieces    {copies} of {len(cut.pieces)} kinds",
         f"  cut       {cut.cut_length_mm / 1000:.1f} m for {chosen.machine}, kerf {chosen.kerf_mm:g} mm",
-        f"  building  {made.operations.total} operations, about {made.operations.minutes:.0f} min (an estimate)",
+        f"  building  {done.total} operations, {done.weed} openings weeded: about {done.minutes:.0f} min (an estimate)",
         f"  mass      {made.mass_kg * 1000:.0f} g",
         f"  cost      about {made.cost_usd:.0f} USD",
         *(f"  checked   {text}" for text in made.checks),
+        *(f"  warning   {text}" for text in cut.warnings),
+        f"  made      {len(made.files)} files in {output}; open {output / GUIDE} first",
+    ]
+
+
+def mock_up_lines(made: MadeMockUp, output: Path) -> list[str]:
+    """A paper prototype."""
+    cut = made.pattern
+    width, height = cut.options.sheet_size_mm
+    return [
+        cut.title,
+        f"  pages     {len(cut.sheets)} of {width:g} x {height:g} mm",
+        f"  pieces    {sum(piece.count for piece in cut.pieces)} of {len(cut.pieces)} kinds",
         *(f"  warning   {text}" for text in cut.warnings),
         f"  made      {len(made.files)} files in {output}",
     ]

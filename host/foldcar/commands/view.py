@@ -77,8 +77,8 @@ def _write(design: "Design", output: Path, run: dict[str, Any] | None, machine: 
     from foldcar.view.live_car import checked_car
 
     folded, title = checked_car(design), design.title
-    sheets = [Drawing(svg(one), one.name) for one in pattern(folded, options(machine, sheet=sheet), title).sheets]
-    page = view_page(folded, title, sheets, run)
+    cut = pattern(folded, options(machine, sheet=sheet), title).sheets
+    page = view_page(folded, title, [Drawing(svg(one), one.name) for one in cut], run, film=cut)
     with atomic_file(output) as binary:
         binary.write(page.encode())
 

@@ -10,19 +10,24 @@ from dataclasses import dataclass
 from foldcar.car.folded.model import FoldedCar
 from foldcar.fabrication.assembly.fold_file import fold_text
 from foldcar.fabrication.assembly.guide import guide_page
+from foldcar.fabrication.assembly.guide_step import work_table
 from foldcar.fabrication.assembly.mesh_files import obj_files, stl_bytes
+from foldcar.fabrication.assembly.operations import operations
 from foldcar.fabrication.assembly.parts_list import parts_list_csv, parts_list_text
 from foldcar.fabrication.assembly.solids import film_mesh, film_solids, mount_solids
 from foldcar.fabrication.assembly.wiring import wiring_text
 from foldcar.fabrication.assembly.wiring_drawing import wiring_drawing
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.dxf import dxf
+from foldcar.fabrication.patterns.lbrn import lbrn
 from foldcar.fabrication.patterns.options import Options
 from foldcar.fabrication.patterns.pdf import pdf
-from foldcar.fabrication.patterns.sheets import CutCar
+from foldcar.fabrication.patterns.sheets import CutCar, Pattern
 from foldcar.fabrication.patterns.svg import svg
-from foldcar.fabrication.patterns.verify import check_dxf, check_pdf, check_svg
+from foldcar.fabrication.patterns.verify import check_dxf, check_lbrn, check_pdf, check_svg
 
+# The page to open first.
+GUIDE = "assembly.html"
 # PDF files hold several sheets.
 COUPON = "coupon"
 
@@ -45,6 +50,11 @@ def dxf_files(sheets: Sequence[Sheet], chosen: Options) -> WrittenFiles:
     return _files("dxf", sheets, dxf, lambda sheet, text: check_dxf(sheet, text, chosen))
 
 
+def lbrn_files(sheets: Sequence[Sheet], chosen: Options) -> WrittenFiles:
+    """A LightBurn project for each sheet."""
+    return _files("lbrn2", sheets, lbrn, lambda sheet, text: check_lbrn(sheet, text, chosen))
+
+
 def pdf_files(sheets: Sequence[Sheet], chosen: Options, title: str) -> WrittenFiles:
     """One file for the coupon, one for all others."""
     files: dict[str, bytes] = {}
@@ -54,6 +64,8 @@ def pdf_files(sheets: Sequence[Sheet], chosen: Options, title: str) -> WrittenFi
         f"{COUPON}.pdf": ([sheet for sheet in sheets if sheet.name == COUPON], COUPON),
     }
     for name, (shown, heading) in groups.items():
+        if not shown:
+            continue
         files[name] = pdf(shown, chosen.paper, heading)
         findings += [f"{name}: {found}" for found in check_pdf(shown, files[name], chosen)]
     return WrittenFiles(files, tuple(findings))
@@ -83,13 +95,14 @@ def shape_files(folded: FoldedCar, title: str) -> dict[str, bytes]:
     }
 
 
-def pages(folded: FoldedCar, cut: CutCar, machine: str, title: str) -> dict[str, bytes]:
-    """Guide, wiring and parts list of a car that is cut on a machine of that name."""
+def pages(folded: FoldedCar, cut: CutCar, made: Pattern) -> dict[str, bytes]:
+    """Guide, wiring and parts list of a car with that pattern."""
+    title, sheets = made.title, made.sheets
     texts = {
-        "assembly.html": guide_page(folded, cut, machine, title),
+        GUIDE: guide_page(folded, cut, made.options.machine, title, sheets),
         "wiring.md": wiring_text(folded, title),
         "wiring.svg": wiring_drawing(folded, title),
-        "parts.md": parts_list_text(folded, title),
-        "parts.csv": parts_list_csv(folded),
+        "parts.md": parts_list_text(folded, title, sheets) + "\n" + work_table(operations(folded, cut)),
+        "parts.csv": parts_list_csv(folded, sheets),
     }
     return {name: text.encode() for name, text in texts.items()}

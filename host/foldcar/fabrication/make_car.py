@@ -18,11 +18,12 @@ from foldcar.errors import FoldcarError
 from foldcar.fabrication.assembly.operations import Operations, operations
 from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, total_mass_kg
 from foldcar.fabrication.assembly.view_page import Drawing, view_page
-from foldcar.fabrication.files import dxf_files, pages, pdf_files, shape_files, svg_files
+from foldcar.fabrication.files import dxf_files, lbrn_files, pages, pdf_files, shape_files, svg_files
 from foldcar.fabrication.patterns.coupon import coupon
 from foldcar.fabrication.patterns.how_to_cut import how_to_cut
+from foldcar.fabrication.patterns.mock_up import how_to_fold, mock_up
 from foldcar.fabrication.patterns.nesting import NestingError
-from foldcar.fabrication.patterns.options import Options
+from foldcar.fabrication.patterns.options import MACHINES, Options
 from foldcar.fabrication.patterns.sheets import Pattern, cut_car, pattern_of
 from foldcar.fabrication.patterns.verify import TOLERANCE_MM, check_sheet
 
@@ -58,33 +59,68 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
         cut = pattern_of(pieces, chosen, title, command)
     except NestingError as error:
         raise NestingError(f"{error} ({title})") from error
-    thickness = max(piece.thickness_mm for piece in folded.pieces)
-    sheets = (*cut.sheets, coupon(chosen, chosen.thickness_mm or thickness))
+    sheets = (*cut.sheets, coupon(chosen, folded.parts))
     verified = verify(design)
     written = [svg_files(sheets, chosen), pdf_files(sheets, chosen, title), dxf_files(sheets, chosen)]
+    formats = "SVG, PDF and DXF"
+    if MACHINES[chosen.machine].files == "lbrn2":
+        written.append(lbrn_files(sheets, chosen))
+        formats = "SVG, PDF, DXF and LightBurn projects"
     findings = [*(str(finding) for finding in verified.findings), *cut.torn]
     findings += [f"{sheet.name}: {found}" for sheet in sheets for found in check_sheet(sheet, chosen.margin_mm)]
     _refuse(title, [*findings, *(found for files in written for found in files.findings)])
     files = {name: content for some in written for name, content in some.files.items()}
+    # matplotlib is slow to import, and other commands import this module.
+    from foldcar.fabrication.patterns.preview import preview
+
     files |= {
+        "sheets.png": preview(cut.sheets, title),
         "view.html": _view(folded, title, cut, files).encode(),
         "body.json": (json.dumps(body_json(design), indent=2) + "\n").encode(),
         "car.json": (json.dumps(car_json(design), indent=2) + "\n").encode(),
         "how_to_cut.md": how_to_cut(cut, command).encode(),
         **shape_files(folded, title),
-        **pages(folded, pieces, chosen.machine, title),
+        **pages(folded, pieces, cut),
     }
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
+    held = " but for their holding tabs" if chosen.holding_tabs_mm else ""
     checks = (
         *verified.lines(),
-        f"{lines} lines on {len(cut.sheets)} sheets read back from SVG, DXF and PDF: as meant within "
-        f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed, none twice",
+        f"{lines} lines on {len(cut.sheets)} sheets read back from {formats}: as meant within "
+        f"{TOLERANCE_MM:g} mm, inside their sheets, outlines closed{held}, none twice",
         f"film between two cuts at least {cut.least_film_mm:.2f} mm, bridges in folds aside",
     )
-    rows = parts_list(folded)
+    rows = parts_list(folded, cut.sheets)
     made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), operations(folded, pieces), files, checks)
     files[MANIFEST] = _manifest(design, made, command).encode()
     return made
+
+
+@dataclass(frozen=True, slots=True)
+class MadeMockUp:
+    """A paper prototype; ``files`` are names and contents."""
+
+    pattern: Pattern
+    files: Mapping[str, bytes]
+
+
+def make_mock_up(design: Design, chosen: Options, scale: float, command: str = "") -> MadeMockUp:
+    """A car's paper prototype; CheckError if something is wrong with a file, FoldcarError if it cannot be made."""
+    cut = mock_up(design, chosen, scale, command)
+    written = pdf_files(cut.sheets, chosen, cut.title)
+    findings = [f"{sheet.name}: {found}" for sheet in cut.sheets for found in check_sheet(sheet, chosen.margin_mm)]
+    _refuse(cut.title, [*findings, *written.findings])
+    files = {"sheets.pdf": written.files["sheets.pdf"], "how_to_fold.md": how_to_fold(cut, scale).encode()}
+    manifest = {
+        "foldcar": __version__,
+        "command": command,
+        "mockup": scale,
+        "sheets": len(cut.sheets),
+        "warnings": list(cut.warnings),
+        "files": sorted([*files, MANIFEST]),
+    }
+    files[MANIFEST] = (json.dumps(manifest, indent=2) + "\n").encode()
+    return MadeMockUp(cut, files)
 
 
 def _refuse(title: str, findings: Sequence[str]) -> None:
@@ -98,7 +134,8 @@ def _view(folded: FoldedCar, title: str, cut: Pattern, drawings: Mapping[str, by
     texts = [drawings[f"{sheet.name}.svg"].decode() for sheet in cut.sheets]
     # An element in a page has no XML declaration.
     elements = [text[text.index("<svg") :] for text in texts]
-    return view_page(folded, title, [Drawing(svg, sheet.name) for svg, sheet in zip(elements, cut.sheets, strict=True)])
+    shown = [Drawing(svg, sheet.name) for svg, sheet in zip(elements, cut.sheets, strict=True)]
+    return view_page(folded, title, shown, film=cut.sheets)
 
 
 def _manifest(design: Design, made: MadeCar, command: str) -> str:

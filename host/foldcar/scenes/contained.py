@@ -6,6 +6,7 @@ for would silently not be done, or be written somewhere else.
 
 import contextlib
 import os
+import signal
 import sys
 import threading
 from collections.abc import Iterator
@@ -39,7 +40,9 @@ def contained(limit_s: float, what: str, program: Path) -> Iterator[None]:
     try:
         with time_limit(limit_s, what):
             yield
-    except SystemExit as error:
+    except (SystemExit, KeyboardInterrupt) as error:
+        if isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            raise  # can be a Ctrl-C; foldcar's commands do not raise theirs while a program runs
         raise FoldcarError(f"{what}: {one_line(error, program)}") from error
     finally:
         os._exit = ending

@@ -33,11 +33,11 @@ def hint(error: BaseException, program: Path, line: int | None) -> str:
 
 
 def _name_hint(name: str, text: str) -> str:
+    if not name[:1].isupper():
+        return ""
     if not MODEL.search(text):
         return "; Robot, Goal and the obstacles come with the line `model model`, which the program lacks"
     classes = re.findall(r"^class (\w+)", VOCABULARY.read_text(encoding="utf-8"), re.MULTILINE)
-    if not name[:1].isupper():
-        return ""
     return f"; known: {', '.join(classes)}{did_you_mean(name, classes)}"
 
 

@@ -12,11 +12,12 @@ from scenic.syntax import ast as scenic_ast
 
 
 def refuse_actions(node: ast.AST, file: str) -> None:
-    """Raise Scenic's InvalidScenarioError, with file and line, if ``node`` is a `take` of a literal: `take 3`."""
+    """Raise Scenic's InvalidScenarioError, with file and line, if ``node`` takes a literal: `take [3]`."""
     if not isinstance(node, scenic_ast.Take):
         return
-    for action in node.elts:
-        if isinstance(action, ast.Constant):
+    lists = (ast.List, ast.Tuple)
+    for action in [one for part in node.elts for one in (part.elts if isinstance(part, lists) else [part])]:
+        if isinstance(action, ast.Constant | ast.Dict | ast.JoinedStr | ast.List | ast.Set | ast.Tuple):
             error: Any = InvalidScenarioError(
                 f"`take {ast.unparse(action)}`: an action is an object of a class of actions"
             )

@@ -2,7 +2,8 @@
 
 Input: the function that Scenic makes of the condition. Output: a truth value. What is certain to change nothing may be
 evaluated at any number of moments; what counts its calls, prints or draws at random may not. Certain are expressions
-that call nothing but Scenic's operators, queries of Python and Scenic, and functions that obey the same rules.
+that call nothing but Scenic's operators, queries of Python and Scenic, and functions that obey the same rules, on data of
+Python, numpy and Scenic: an object of another class may run any code when an attribute is read or it is printed.
 """
 
 import builtins
@@ -14,13 +15,15 @@ from collections.abc import Callable, Mapping
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
-from scenic.core.distributions import Samplable
+from scenic.core.distributions import Options
+from scenic.core.dynamics.invocables import Invocable
+from scenic.core.object_types import Constructible
 from scenic.core.vectors import Vector
 
 from foldcar.scenes.undefined_names import blocks
 
 BUILTINS = frozenset(
-    {"abs", "all", "any", "bool", "dict", "enumerate", "float", "getattr", "hasattr", "int", "isinstance", "len", "list"}
+    {"abs", "all", "any", "bool", "dict", "enumerate", "float", "int", "isinstance", "len", "list"}
     | {"max", "min", "range", "reversed", "round", "set", "sorted", "str", "sum", "tuple", "type", "zip"}
 )
 # Of numbers, vectors, regions, objects, texts and containers.
@@ -33,6 +36,8 @@ METHODS = frozenset(
 CHANGING = frozenset(name for kind in (list, dict, set) for name in dir(kind) if name[0] != "_") - METHODS
 # Modules without state, but for numpy's random numbers.
 MODULES = ("math", "numpy")
+# Those whose objects run no code of a program when they are read.
+PLAIN = frozenset({"builtins", "math", "numpy", "scenic", "weakref"})
 # Scenic's functions that draw at random or create.
 DRAWING = frozenset({"new", "mutate", "resample"})
 STORES = ("STORE_GLOBAL", "STORE_ATTR", "STORE_SUBSCR", "STORE_SLICE", "DELETE_", "IMPORT_", "INPLACE_")
@@ -97,8 +102,42 @@ def _may_be_used(value: Any, seen: set[Any]) -> bool:
         if value.__self__ is builtins:
             return value.__name__ in BUILTINS
         return isinstance(value.__self__, ModuleType) and _is_known(value.__self__.__name__)
-    return (
-        isinstance(value, Samplable)
-        or _is_known(type(value).__module__)
-        or not (callable(value) or hasattr(value, "__next__"))
-    )
+    return is_data(value)
+
+
+def is_data(value: Any) -> bool:
+    """Whether reading ``value``, its parts included, runs no code of a program and uses nothing up."""
+    parts, seen = [value], {id(value)}
+    for one in parts:
+        if isinstance(one, Constructible):
+            own: Any = type(one)
+            if not _has_no_code(own):
+                return False
+            more = one._allProperties().values()
+        elif type(one) in (dict, list, tuple, set, frozenset):
+            more = [*one, *one.values()] if isinstance(one, dict) else one
+        elif isinstance(one, Options):
+            more = one.options
+        elif isinstance(one, Invocable) or _is_plain(one):
+            continue
+        else:
+            return False
+        # The list grows, which also keeps what the ids belong to.
+        new = {id(part): part for part in more if id(part) not in seen}
+        seen.update(new)
+        parts += new.values()
+    return True
+
+
+def _is_plain(value: Any) -> bool:
+    module = type(value).__module__.partition(".")[0]
+    # Functions and iterators are Python's own as well.
+    return module in PLAIN and not (module == "builtins" and (callable(value) or hasattr(value, "__next__")))
+
+
+@functools.lru_cache(maxsize=256)
+def _has_no_code(cls: type) -> bool:
+    """Whether a class of Scenic objects has no methods and properties (`@property`) but Scenic's."""
+    own = [one for one in cls.__mro__ if one.__module__.partition(".")[0] not in PLAIN]
+    members = [member for one in own for name, member in vars(one).items() if name not in ("__dict__", "__weakref__")]
+    return not any(hasattr(type(member), "__get__") for member in members)

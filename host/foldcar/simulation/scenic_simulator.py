@@ -27,6 +27,7 @@ from foldcar.errors import FoldcarError
 from foldcar.scenes.outer_step import OUTER_STEP_S, outer_step_s
 from foldcar.scenes.success import VERDICT
 from foldcar.simulation.carsim_step import State, SteppedCarsim
+from foldcar.simulation.pure_conditions import is_data
 from foldcar.simulation.scenic_ego import ShownEgo
 from foldcar.simulation.scenic_endings import ChangesMonitor, NativeEnding, is_pure, is_traceable
 from foldcar.simulation.scenic_records import Records, refuse_misplaced
@@ -119,6 +120,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._steps: float = 0.0
         self._begun: tuple[float, float] = (0.0, 0.0)  # time (s) and steps at the last look but one
         self._row: int | None = None  # of the last advance, if the look was put back to it
+        self._plain = False  # whether no object of the scene runs code of the program when it is read
         self._endings: list[Any] = []
         self._requirements: list[Any] = []
         self._things: list[WatchedThing] = []
@@ -161,7 +163,8 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._show(advanced.state, 0)
         self._records = Records(self.records)
         conditions = (*scenario._terminationConditions, *scenario._terminateSimulationConditions)
-        self._endings = [one for one in conditions if is_pure(one)]
+        self._plain = is_data(self.scene.objects)
+        self._endings = [one for one in conditions if self._plain and is_pure(one)]
         scenario._terminateSimulationConditions = (
             *scenario._terminateSimulationConditions,
             NativeEnding(lambda: self._native),
@@ -245,7 +248,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         if scenario._timeLimitInSteps is not None:
             # 1.1 s in steps of 0.1 s is a little more than 11 steps in floating-point numbers.
             scenario._timeLimitInSteps = round(scenario._timeLimitInSteps, 9)
-        self._requirements = [one for one in scenario._requirementMonitors if is_traceable(one)]
+        self._requirements = [one for one in scenario._requirementMonitors if self._plain and is_traceable(one)]
         for one in self._requirements:
             one.monitor = ChangesMonitor(one.proposition)
 
@@ -253,7 +256,9 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         """Scenic's hook."""
         for action in actions:
             if not isinstance(action, Action):
-                raise InvalidScenarioError(f"a {type(agent).__name__} takes {action!r}, which is no action")
+                error: Any = InvalidScenarioError(f"a {type(agent).__name__} takes {action!r}, which is no action")
+                error.filename, error.lineno = _place(agent.behavior)
+                raise error
         return bool(super().actionsAreCompatible(agent, actions))
 
     def getProperties(self, obj: Any, properties: set[str]) -> dict[str, Any]:  # noqa: N802
@@ -308,6 +313,17 @@ def _imported_requirements() -> Iterator[None]:
         yield
     finally:
         veneer.executeInRequirement = evaluate
+
+
+def _place(behavior: Any) -> tuple[str | None, int | None]:
+    """File and line at which a behavior, or the one that it does, has taken its actions."""
+    running, place = behavior._runningIterator, (None, None)
+    while running is not None:
+        frame = getattr(running, "gi_frame", None)
+        if frame is not None and frame.f_code.co_filename.endswith(".scenic"):
+            place = (frame.f_code.co_filename, frame.f_lineno)
+        running = getattr(running, "gi_yieldfrom", None)
+    return place
 
 
 def _result(simulation: CarSimulation, outcome: str | None) -> Result:

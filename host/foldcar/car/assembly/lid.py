@@ -6,7 +6,7 @@ Input: a FoldedCar and one of its beams. Output: the faces that move, the folds 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from foldcar.car.folded.model import Crease, FoldedCar, Piece
+from foldcar.car.folded.model import Crease, Face, FoldedCar, Piece
 
 # Joins that hold for good; locks and tucks open again.
 GLUED = frozenset({"lap", "tab", "rim", "laminate"})
@@ -14,11 +14,15 @@ GLUED = frozenset({"lap", "tab", "rim", "laminate"})
 
 @dataclass(frozen=True)
 class Lid:
-    """The part of a beam that opens: faces, the folds that open it, its hinge first, and the joins that shut it."""
+    """The part of a beam that opens: faces, the folds that open it, its hinge first, and the joins that shut it.
+
+    ``gripped`` are those of the faces that fingers press or hold to open it.
+    """
 
     faces: frozenset[str]
     creases: tuple[str, ...]
     joins: tuple[int, ...]
+    gripped: tuple[Face, ...] = ()
 
 
 def lid_of(car: FoldedCar, base: Piece) -> Lid:
@@ -52,7 +56,8 @@ def lid_of(car: FoldedCar, base: Piece) -> Lid:
         for j in car.joins
         if j.kind in ("lock", "tuck") and len(ends & {(j.piece_a, j.a.face), (j.piece_b, j.b.face)}) == 1
     }
-    return Lid(frozenset(moving), tuple(order), tuple(sorted(shutting)))
+    gripped = tuple(face for face in base.faces if face.name in moving and face.accesses)
+    return Lid(frozenset(moving), tuple(order), tuple(sorted(shutting)), gripped)
 
 
 def _ancestors(parents: Mapping[str, Crease], face: str) -> set[str]:

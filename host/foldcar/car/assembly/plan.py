@@ -39,7 +39,7 @@ def _segments(roles: Roles, building: Building) -> None:
     rest = [one for one in others if (one.piece, one.copy) not in layers]
     between = [one for one in rest if roles.is_between(one)]
     caps = [one for one in rest if one not in between and not roles.is_carrier(one)]
-    title = "Glue the layers onto the flat beam" if on_beams else "Lay out the beam"
+    title = "Tape the layers onto the flat beam" if on_beams else "Lay out the beam"
     building.step(title, [*bases, *on_beams], flat=True)
     folds = {}
     for name in sorted(roles.bases):
@@ -55,7 +55,7 @@ def _segments(roles: Roles, building: Building) -> None:
             if mine:
                 name = _unit(roles, one)
                 doubled.append(Added("unit", name, 0, one.body))
-                building.step(f"Glue the layers onto the flat {one.piece}", [one, *mine], unit=name, flat=True)
+                building.step(f"Tape the layers onto the flat {one.piece}", [one, *mine], unit=name, flat=True)
         units = {unit.name for unit in doubled}
         folded = {
             one.piece: {crease.name: 1.0 for crease in roles.pieces[one.piece].creases}
@@ -80,7 +80,9 @@ def _inside(roles: Roles, building: Building) -> None:
     carried = [m for one in carriers for m in roles.carried(one) if not roles.is_fastener(m)]
     parts = [m for m in car.mounts if m.body not in wheels and not roles.is_fastener(m) and m.name not in building.parts]
     soft = [m for m in parts if m.part == car.parts.wiring.name]
-    parts = [m for m in parts if m not in soft and m not in carried and not roles.is_on_lid(m)]
+    sold = {extension.name for extension in car.parts.extensions.sold}
+    extensions = [m for m in parts if m.part in sold]
+    parts = [m for m in parts if m not in (*soft, *extensions, *carried) and not roles.is_on_lid(m)]
     under = [m for m in parts if any(_under(m, board) for board in carried)]
     for one in carriers:
         boards = sorted((m for m in roles.carried(one) if not roles.is_fastener(m)), key=lambda m: m.pose[2][3])
@@ -99,7 +101,7 @@ def _inside(roles: Roles, building: Building) -> None:
     left = [m for m in car.mounts if m.name not in building.parts and m.body not in wheels and m not in soft]
     left = [m for m in left if roles.is_fastener(m)]
     building.step("Drive the other screws", mounts=left)
-    building.step("Plug all wires in", mounts=soft)
+    building.step("Plug all wires in", mounts=[*extensions, *soft])
 
 
 def _under(mount: Mount, board: Mount) -> bool:
@@ -124,12 +126,11 @@ def _wheels(roles: Roles, building: Building) -> None:
     screws = [m for m in mounts if roles.is_fastener(m)]
     central = [m for m in screws if roles.on_axis(m)]
     strips = [one for one in placed if roles.is_wound(one.piece)]
-    rings = [one for one in placed if one not in strips and roles.pieces[one.piece].creases]
-    flat = [one for one in placed if one not in strips and one not in rings]
     first = _first_discs(roles, horns)
-    building.step("Glue the layers onto the inner discs", [one for one in flat if one.piece in first], unit=WHEEL)
-    building.step("Put the hub rings on", rings, unit=WHEEL)
-    building.step("Put the outer discs on", [one for one in flat if one.piece not in first], unit=WHEEL)
+    inner = [one for one in placed if one.piece in first]
+    building.step("Tape the hubs onto the inner discs", inner, unit=WHEEL)
+    others = [one for one in placed if one not in strips and one not in inner]
+    building.step("Put the outer discs on", others, unit=WHEEL)
     building.step("Wind the rims around the discs", strips, unit=WHEEL)
     building.step("Stretch the tyres over the rims", mounts=[m for m in mounts if roles.is_tyre(m)], unit=WHEEL)
     building.step("Screw the horns onto the servos", mounts=[*horns, *central])

@@ -19,13 +19,14 @@ from foldcar.car.assembly.scene import Scene, title
 from foldcar.car.assembly.service import service
 from foldcar.car.assembly.solids import Blocks, together
 from foldcar.car.assembly.stage import Stage
-from foldcar.car.assembly.step import Added, AssemblyStep, Reach, Vector
+from foldcar.car.assembly.step import Added, AssemblyStep, Reach, Thing, Vector
 from foldcar.car.folded.finding import Finding
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
-from foldcar.car.folded.pose import compose
+from foldcar.car.folded.pose import compose, translation
 
-Key = tuple[str, str, int]
 CAR = ("", "")
+# What follows a board's name in the wire that stands for its headers.
+HEADERS = " headers"
 # A lid turns in steps so small that film leaves the hull of two of its places by less than 0.01 mm.
 SWING_STEPS = 60
 
@@ -42,8 +43,13 @@ class Proof:
 @lru_cache(maxsize=16)
 def prove(car: FoldedCar) -> Proof:
     """The proof of a car."""
+    return prove_steps(car, planned(car))
+
+
+def prove_steps(car: FoldedCar, several: Sequence[AssemblyStep]) -> Proof:
+    """The proof of a car that is put together in these steps."""
     prover = _Prover(car)
-    steps = tuple(prover.step(f"step {n}", one) for n, one in enumerate(planned(car), 1))
+    steps = tuple(prover.step(f"step {n}", one) for n, one in enumerate(several, 1))
     serviced = tuple(prover.service_step(f"service {n}", one) for n, one in enumerate(service(car), 1))
     return Proof(steps, serviced, tuple(prover.findings))
 
@@ -57,10 +63,10 @@ class _Prover:
         self.joined = self.scene.ignored()
         self.folds: dict[str, Mapping[str, float]] = {}
         self.stage = Stage(self.roles, self.folds)
-        self.pieces: dict[Key, PlacedPiece] = {("piece", one.piece, one.copy): one for one in car.placed}
+        self.pieces: dict[Thing, PlacedPiece] = {("piece", one.piece, one.copy): one for one in car.placed}
         self.mounts = {mount.name: mount for mount in car.mounts}
         # What stands in the car (no unit), and in units by name and body.
-        self.standing: dict[tuple[str, str], dict[Key, Blocks]] = {CAR: {}}
+        self.standing: dict[tuple[str, str], dict[Thing, Blocks]] = {CAR: {}}
         self.findings: list[Finding] = []
 
     def step(self, number: str, step: AssemblyStep) -> AssemblyStep:
@@ -72,27 +78,30 @@ class _Prover:
             group = (step.unit, added.body) if step.unit else CAR
             twin = self._twin(step, added, found)
             if twin is None:
-                way = self._comes_in(place, added, group)
+                came = self._comes_in(place, added, group)
+                self._reach(place, [one for one in step.reaches if one.name == added.name], group)
             else:
                 # Wheels are alike: the way of the first one's, turned with the wheel.
                 way = tuple(self._turned(move, twin.body, added.body) for move in twin.way_mm)
+                came = replace(added, way_mm=way)
                 self._put(added, group)
-            found.append(replace(added, way_mm=way))
-        self._reach(place, step.reaches, next(group for group in self.standing if group[0] == step.unit))
+            found.append(came)
         return replace(step, adds=tuple(found))
 
     def service_step(self, number: str, step: AssemblyStep) -> AssemblyStep:
-        """Prove one step of service: a lid that was folded shut opens on the same way; what is taken out stays out."""
+        """Prove one step of service: what opens a lid is reached while it is shut; it opens on the way that it shut.
+
+        What is taken out stays out.
+        """
         place = f"{number}, {step.title}"
+        self._reach(place, step.reaches, CAR)
         if step.folds:
             self._close(step.folds)
-        self._reach(place, step.reaches, CAR)
         found = []
         for added in step.adds:
             for key in self._keys(added):
                 self.standing[CAR].pop(key, None)
-            way = self._way(place, added, self._blocks(added), together(self.standing[CAR].values()))
-            found.append(replace(added, way_mm=way))
+            found.append(self._way(place, added, self._blocks(added), self.standing[CAR]))
         return replace(step, adds=tuple(found))
 
     def _twin(self, step: AssemblyStep, added: Added, found: Sequence[Added]) -> Added | None:
@@ -129,13 +138,13 @@ class _Prover:
         for standing in self.standing.values():
             standing.update({key: self._solid(key) for key in standing})
 
-    def _solid(self, key: Key, stage: Stage | None = None) -> Blocks:
+    def _solid(self, key: Thing, stage: Stage | None = None) -> Blocks:
         stage = stage or self.stage
         if key[0] == "piece":
             return self.scene.piece(self.pieces[key], stage)
         return self.scene.mount(self.mounts[key[1]], stage)
 
-    def _keys(self, added: Added) -> list[Key]:
+    def _keys(self, added: Added) -> list[Thing]:
         if added.kind == "unit":
             return list(self.standing.get((added.name, added.body), {}))
         return [(added.kind, added.name, added.copy)]
@@ -146,14 +155,13 @@ class _Prover:
     def _put(self, added: Added, group: tuple[str, str]) -> None:
         self.standing.setdefault(group, {}).update({key: self._solid(key) for key in self._keys(added)})
 
-    def _comes_in(self, place: str, added: Added, group: tuple[str, str]) -> tuple[Vector, ...]:
-        """The way in of one thing, which is put in its place."""
-        way: tuple[Vector, ...] = ()
+    def _comes_in(self, place: str, added: Added, group: tuple[str, str]) -> Added:
+        """One thing, which is put in its place, with its way in."""
         before = self.standing.get(group, {})
         if before and not self._is_bent(added):
-            way = self._way(place, added, self._blocks(added), together(before.values()))
+            added = self._way(place, added, self._blocks(added), before)
         self._put(added, group)
-        return way
+        return added
 
     def _is_bent(self, added: Added) -> bool:
         """Whether something is laid out, wound or stretched, so that it has no straight way."""
@@ -164,32 +172,58 @@ class _Prover:
         mount = self.mounts[added.name]
         return mount.part == self.car.parts.wiring.name or self.roles.is_tyre(mount)
 
-    def _way(self, place: str, added: Added, moving: Blocks, standing: Blocks) -> tuple[Vector, ...]:
-        """The way in, found as a way out; a finding if there is none."""
+    def _way(self, place: str, added: Added, moving: Blocks, there: Mapping[Thing, Blocks]) -> Added:
+        """With the way in, found as a way out; a finding if there is none."""
+        standing = together(there.values())
         own: list[Vector] = []
         mount = self.mounts[added.name] if added.kind == "mount" else None
         if mount is not None:
             axes = np.array(mount.pose)[:3, :3].T
             own = [_vector(sign * axis) for axis in axes for sign in (1.0, -1.0)]
+        nut: Way | None = None
         if mount is not None and self.roles.is_fastener(mount):
-            way = self._screw_way(mount, standing, own)
+            way, nut = self._screw_ways(mount, standing, own)
+            passes = self.roles.passed_by(mount)
+            added = replace(added, passes=passes)
+            for kind, name, copy in passes:
+                if (kind, name, copy) not in there:
+                    self._find(place, f"{self._name(added)} passes {name}, which is not there yet")
+        elif mount is not None and self._plugs_onto(mount, there):
+            # Pins go straight into their sockets.
+            way = way_out(moving, standing, own[4:], self.joined, only_own=True)
         else:
             way = way_out(moving, standing, own, self.joined)
-        if way.moves_mm is None:
-            self.findings.append(Finding("assembly", place, f"{self._name(added)} {_why(way)}"))
-        return tuple(_vector(-np.array(move)) for move in reversed(way.moves_mm or ()))
+        for what, one in (("", way), ("the nut of ", nut)):
+            if one is not None and one.moves_mm is None:
+                self._find(place, f"{what}{self._name(added)} {_why(one)}")
+        return replace(added, way_mm=_way_in(way), nut_mm=() if nut is None else _way_in(nut))
 
-    def _screw_way(self, screw: Mount, standing: Blocks, own: Sequence[Vector]) -> Way:
-        """The way of a screw: head and shank along its driver, its nut, the third solid, on any way."""
+    def _find(self, place: str, message: str) -> None:
+        self.findings.append(Finding("assembly", place, message))
+
+    def _plugs_onto(self, mount: Mount, there: Mapping[Thing, Blocks]) -> bool:
+        """Whether a mount is plugged onto one that is there, header on header."""
+        stacks = [{wire.a.removesuffix(HEADERS), wire.b.removesuffix(HEADERS)} for wire in self.car.wires
+                  if wire.carries == "stack"]  # fmt: skip
+        names = {self.mounts[name].part for kind, name, _ in there if kind == "mount"}
+        return any(mount.part in stack and names & (stack - {mount.part}) for stack in stacks)
+
+    def _screw_ways(self, screw: Mount, standing: Blocks, own: Sequence[Vector]) -> tuple[Way, Way | None]:
+        """The ways out of head and shank, along the driver, and of the nut: off the shank with what holds it, then on."""
         head, *nuts = self.scene.screw(screw, self.stage)
-        ways = [way_out(nut, standing, own) for nut in nuts]
         driver = next((access for access in screw.accesses if access.tool == "driver"), None)
         if driver is None:
-            ways.insert(0, way_out(head, standing, own))
-        else:
-            axis = np.array(compose(self.stage.mount(screw), driver.pose))[:3, 2]
-            ways.insert(0, way_out(head, standing, [_vector(axis)], only_own=True))
-        return next((way for way in ways if way.moves_mm is None), ways[0])
+            return way_out(together([head, *nuts]), standing, own), None
+        axis = np.array(compose(self.stage.mount(screw), driver.pose))[:3, 2]
+        way = way_out(head, standing, [_vector(axis)], only_own=True)
+        if not nuts:
+            return way, None
+        nut, off = together(nuts), _vector(-axis * self.car.parts.tools.nut_room_mm.value)
+        obstacle = hit(nut, standing, off)
+        if obstacle is not None:
+            return way, Way(None, ((_vector(-axis), obstacle),))
+        rest = way_out(nut.moved(translation(*off)), standing, own)
+        return way, rest if rest.moves_mm is None else Way((off, *rest.moves_mm))
 
     def _name(self, added: Added) -> str:
         if added.kind == "unit" and added.name != WHEEL:
@@ -198,14 +232,18 @@ class _Prover:
 
     def _reach(self, place: str, reaches: Sequence[Reach], group: tuple[str, str]) -> None:
         """A finding for each access that is not free."""
+        standing = together(self.standing[group].values()) if reaches else together(())
         for reach in reaches:
-            mount = self.mounts[reach.mount]
-            standing = together(self.standing[group].values())
-            access = self.scene.access(mount, reach.index, self.stage)
-            obstacle = hit(access, standing, ignored=frozenset({(mount.name, mount.name)}))
+            access, room = self.scene.access(reach, self.stage)
+            name = room.blocks[0].title
+            # What is pressed or gripped gives way with the face that it hangs on: a tongue with flap and lever.
+            own = {name}
+            if reach.piece:
+                creases = self.roles.pieces[reach.piece].creases
+                own |= {title(reach.piece, c.parent.face) for c in creases if c.child.face == reach.name}
+            obstacle = hit(room, standing, ignored=frozenset((name, one) for one in own))
             if obstacle is not None:
-                tool = mount.accesses[reach.index].tool
-                message = f"{mount.name} has no room for its {tool}: {obstacle} is in the way"
+                message = f"{name} has no room for its {access.tool}: {obstacle} is in the way"
                 self.findings.append(Finding("assembly", place, message))
 
     def _swing(self, place: str, name: str, failure: str, path: Sequence[Mapping[str, float]]) -> None:
@@ -232,12 +270,12 @@ class _Prover:
     def _only(blocks: Blocks, titles: set[str], inside: bool = True) -> Blocks:
         return blocks.where(lambda one: (one in titles) == inside)
 
-    def _moves(self, key: Key, first: Stage, last: Stage) -> bool:
+    def _moves(self, key: Thing, first: Stage, last: Stage) -> bool:
         if key[0] == "piece":
             return first.faces(self.pieces[key]) != last.faces(self.pieces[key])
         return first.mount(self.mounts[key[1]]) != last.mount(self.mounts[key[1]])
 
-    def _swung(self, key: Key, stages: Sequence[Stage]) -> list[str]:
+    def _swung(self, key: Thing, stages: Sequence[Stage]) -> list[str]:
         """The faces of a piece that move."""
         first, last = (stage.faces(self.pieces[key]) for stage in (stages[0], stages[-1]))
         return [face for face, pose in first.items() if pose != last[face]]
@@ -256,6 +294,11 @@ def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, fl
     for i in range(SWING_STEPS + 1):
         closed = i / SWING_STEPS
         yield {hinge: closed, flap: 1.0 + ratio * min(closed, 1.0 - closed), **whole}
+
+
+def _way_in(way: Way) -> tuple[Vector, ...]:
+    """A way out, backwards."""
+    return tuple(_vector(-np.array(move)) for move in reversed(way.moves_mm or ()))
 
 
 def _vector(values: NDArray[np.float64]) -> Vector:

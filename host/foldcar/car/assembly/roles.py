@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 
 from foldcar.car.assembly.lid import GLUED, lid_of
+from foldcar.car.assembly.step import Thing
 from foldcar.car.folded.check_parts import stands_in
 from foldcar.car.folded.folding import folded
 from foldcar.car.folded.model import Access, FoldedCar, Join, Mount, Piece, PlacedPiece
@@ -149,6 +150,27 @@ class Roles:
             for screw in self.car.mounts
             if self.is_fastener(screw)
         }
+
+    def passed_by(self, screw: Mount) -> tuple[Thing, ...]:
+        """What the shank of a screw, the second of its solids, passes, from the head on: parts with bores, and film."""
+        if len(screw.solids) < 2:
+            return ()
+        shank = screw.solids[1]
+        onto = inverse(compose(screw.pose, shank.pose))
+        half = shank.size_mm[2] / 2
+        found: list[tuple[float, Thing]] = []
+        for mount in self.held_by(screw):
+            heights = [compose(onto, mount.pose, solid.pose)[2][3] for solid in mount.solids if stands_in(
+                screw, shank, mount, solid)]  # fmt: skip
+            found += [(max(heights), ("mount", mount.name, 0))] if heights else []
+        for one in self.placed(screw.body):
+            for face in self.pieces[one.piece].faces:
+                pose = np.array(compose(onto, one.pose, self.finished[one.piece][face.name]))
+                x, y, _ = -pose[:3, :3].T @ pose[:3, 3]
+                flat = abs(pose[2, 2]) > PARALLEL and abs(pose[2, 3]) < half
+                if flat and shapely.Polygon(face.outline_mm).contains(shapely.Point(x, y)):
+                    found.append((pose[2, 3], ("piece", one.piece, one.copy)))
+        return tuple(thing for _, thing in sorted(found, key=lambda one: -one[0]))
 
     def from_outside(self, mount: Mount, access: Access) -> bool:
         """Whether an access leads out of a segment, or starts outside it, other than through the lid above."""

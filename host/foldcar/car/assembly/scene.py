@@ -16,7 +16,8 @@ from foldcar.car.assembly.collide import Ignored
 from foldcar.car.assembly.roles import Roles
 from foldcar.car.assembly.solids import Blocks, access_blocks, face_blocks, mount_blocks, solid_blocks, together
 from foldcar.car.assembly.stage import Stage
-from foldcar.car.folded.model import EdgeRef, Face, Join, Mount, Piece, PlacedPiece, Pose
+from foldcar.car.assembly.step import Reach
+from foldcar.car.folded.model import Access, EdgeRef, Face, Join, Mount, Piece, PlacedPiece, Pose
 from foldcar.car.folded.pose import IDENTITY, apply, compose, inverse
 
 TONGUES = frozenset({"lock", "tab_slot", "rim"})
@@ -38,6 +39,7 @@ class Scene:
     def __init__(self, roles: Roles) -> None:
         self.roles = roles
         self._mounts: dict[str, Blocks] = {}
+        self._named = {mount.name: mount for mount in roles.car.mounts}
         # The solids of pieces and mounts at the poses where they were last.
         self._last: dict[tuple[str, int], tuple[object, Blocks]] = {}
         self._tongues: dict[tuple[str, str], list[shapely.Geometry]] = defaultdict(list)
@@ -77,9 +79,16 @@ class Scene:
         several = [solid_blocks(solid, mount.name).moved(pose) for solid in mount.solids]
         return [together(several[:2]), *several[2:]]
 
-    def access(self, mount: Mount, index: int, stage: Stage) -> Blocks:
-        """The cylinder of an access."""
-        return access_blocks(mount.accesses[index], mount.name).moved(stage.mount(mount))
+    def access(self, reach: Reach, stage: Stage) -> tuple[Access, Blocks]:
+        """An access and its cylinder, which is named as what is reached."""
+        if not reach.piece:
+            mount = self._named[reach.name]
+            access = mount.accesses[reach.index]
+            return access, access_blocks(access, mount.name).moved(stage.mount(mount))
+        one = next(one for one in self.roles.car.placed if one.piece == reach.piece)
+        face = next(face for face in self.roles.pieces[reach.piece].faces if face.name == reach.name)
+        access = face.accesses[reach.index]
+        return access, access_blocks(access, title(reach.piece, reach.name)).moved(stage.faces(one)[reach.name])
 
     def ignored(self) -> Ignored:
         """The pairs of faces that tabs join: a tab is modelled in the plane it is glued to, or on it."""

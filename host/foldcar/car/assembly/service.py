@@ -9,6 +9,7 @@ from foldcar.car.assembly.roles import roles_of
 from foldcar.car.assembly.step import Added, AssemblyStep, Reach
 from foldcar.car.folded.model import FoldedCar
 
+OPEN = "Push the levers outwards and lift the lid by its pull tab"
 USES = {"plug": "Plug a cable into", "finger": "Press", "driver": "Press, with a screwdriver,"}
 
 
@@ -30,8 +31,10 @@ def service(car: FoldedCar) -> tuple[AssemblyStep, ...]:
     on_lid = [m.name for m in car.mounts if roles.is_on_lid(m)]
     for battery in (one for one in batteries if one.name in on_lid):
         steps.append(AssemblyStep(f"Take {battery.name} off", {}, (battery,), ()))
+    grips = [Reach(face.name, i, name) for name in sorted(folds) for face in roles.lids[name].gripped
+             for i in range(len(face.accesses))]  # fmt: skip
     if folds:
-        steps.append(AssemblyStep("Open the lid", folds, (), ()))
+        steps.append(AssemblyStep(OPEN, folds, (), (), tuple(grips)))
     for what, reach in opened:
         steps.append(AssemblyStep(f"{what}, the lid open", {}, (), (), (reach,)))
     for battery in (one for one in batteries if one.name not in on_lid):

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 Vector = tuple[float, float, float]
+# A piece or a mount: its kind, its name and which copy.
+Thing = tuple[str, str, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +17,8 @@ class Added:
     """A copy of a piece, a mount (by its name) or a unit that was put together apart, and its way into the assembly.
 
     ``way_mm`` are straight moves in the car's frame, in order; their sum leads to its place. No moves: it does not
-    come in as a whole, but is bent, stuck on or laid out. ``body`` is that of the finished car.
+    come in as a whole, but is bent, stuck on or laid out. ``body`` is that of the finished car. Of a screw, ``way_mm`` is
+    that of head and shank, ``nut_mm`` that of its nut; ``passes`` are the things that its shank passes, from the head on.
     """
 
     kind: Literal["piece", "mount", "unit"]
@@ -23,14 +26,20 @@ class Added:
     copy: int
     body: str
     way_mm: tuple[Vector, ...] = ()
+    nut_mm: tuple[Vector, ...] = ()
+    passes: tuple[Thing, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """A tool, plug or finger used in a step: the access ``index`` of a mount."""
+    """A tool, plug or finger used in a step: the access ``index`` of a mount, or of a face of ``piece``.
 
-    mount: str
+    A driver comes with its screw.
+    """
+
+    name: str
     index: int
+    piece: str = ""
 
 
 @dataclass(frozen=True, slots=True)

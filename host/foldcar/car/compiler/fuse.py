@@ -88,7 +88,9 @@ def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner
     holes = tuple(_moved(hole, pose) for path, pose in poses.items() for hole in graph.atoms[path].holes)
     marked = [(mark, pose) for path, pose in poses.items() for mark in graph.atoms[path].marks]
     marks = tuple(Mark(mark.name, tuple(_flat(pose, at) for at in mark.outline_mm)) for mark, pose in marked)
-    return Fused(Face(first.path, outline, holes, first.role, marks=marks), first, poses, edges)
+    reached = [(one, pose) for path, pose in poses.items() for one in graph.atoms[path].accesses]
+    accesses = tuple(replace(one, pose=compose(pose, one.pose)) for one, pose in reached)
+    return Fused(Face(first.path, outline, holes, first.role, marks=marks, accesses=accesses), first, poses, edges)
 
 
 def _ring(graph: Graph, poses: dict[str, Pose], inner: set[Edge]) -> list[tuple[Edge, Point]]:

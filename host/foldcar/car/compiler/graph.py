@@ -26,6 +26,7 @@ class Atom:
     body: str
     holes: list[Hole] = field(default_factory=list)
     marks: list[Mark] = field(default_factory=list)
+    accesses: list[Access] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

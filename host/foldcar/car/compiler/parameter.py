@@ -1,7 +1,7 @@
 """A component's parameter: a number with its unit, default, limits and the reason for its lower limit."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from foldcar.car.parts.catalogue import Catalogue, catalogue
@@ -18,6 +18,7 @@ class Parameter:
     """A parameter of a component, in millimetres or degrees (``unit``).
 
     A shared one has one value for the whole car. An internal one is set by the parent component, never by a design.
+    ``sold`` are the only values that there are, if any: what can be bought.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Parameter:
     unit: str = "mm"
     shared: bool = False
     internal: bool = False
+    sold: Callable[[Catalogue], Sequence[float]] | None = None
 
     @property
     def default_value(self) -> float:
@@ -55,6 +57,12 @@ class Parameter:
             return f"{value:g} is below the minimum {at_least(least)} ({self.reason})"
         if not value <= self.maximum + ROUNDING:
             return f"{value:g} is above the maximum {at_most(self.maximum)}"
+        sold = self.sold(parts) if self.sold else [value]
+        nearest = min(sold, key=lambda one: abs(one - value))
+        if abs(nearest - value) > ROUNDING:
+            side = "above" if value > nearest else "below"
+            known = ", ".join(f"{one:g}" for one in sold)
+            return f"{value:g} is {side} the {nearest:g} of the nearest that is sold ({known})"
         return None
 
 

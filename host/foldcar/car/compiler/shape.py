@@ -93,9 +93,9 @@ class Shape:
         outline = [((x1 if far else x0) + r * math.cos(a), (y1 if far else y0) + r * math.sin(a)) for a, far in at]
         return self._hole(face, Hole(self.path(name), kind, tuple(outline), None, ((x0 + x1) / 2, (y0 + y1) / 2)))
 
-    def polygon_hole(self, face: str, name: str, kind: HoleKind, outline_mm: Sequence[Point]) -> None:
-        """Cut a polygon, counter-clockwise."""
-        self._hole(face, Hole(self.path(name), kind, tuple(outline_mm)))
+    def polygon_hole(self, face: str, name: str, kind: HoleKind, outline_mm: Sequence[Point]) -> str:
+        """Cut a polygon, counter-clockwise; returns its full name."""
+        return self._hole(face, Hole(self.path(name), kind, tuple(outline_mm)))
 
     def connect(
         self,
@@ -137,6 +137,10 @@ class Shape:
     def lock(self, tongue: str, face: str, slot: str, kind: Literal["lock", "tab_slot"] = "lock") -> None:
         """Let the tongue whose tip is the edge ``tongue`` go through a hole of ``face``; a lock can be opened again."""
         self.graph.contacts.append(Contact(kind, self._edge(tongue), (self._face(face), 0), self.path(slot)))
+
+    def reach(self, face: str, access: Access) -> None:
+        """Ask for room at a face, in its frame, where it is gripped or pressed."""
+        self.graph.atoms[self._face(face)].accesses.append(access)
 
     def hook(self, tip: str, notch: str) -> None:
         """Let the neck behind the edge ``tip`` lie in a notch, whose bottom is the edge ``notch``."""

@@ -26,6 +26,11 @@ def plug_room_mm(plug: Plug) -> float:
     return math.hypot(*(size.value + size.tolerance for size in (plug.width_mm, plug.thickness_mm)))
 
 
+def _plug(plug: Plug) -> tuple[float, float]:
+    """Diameter and length of the cylinder (mm) that the largest of such plugs takes."""
+    return plug_room_mm(plug), plug.length_mm.value + plug.length_mm.tolerance
+
+
 def put_feather(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:
     """Add the Feather, ``under`` its board's frame in that of the face ``on``."""
     feather, plugs = shape.parts.feather, shape.parts.plugs
@@ -35,8 +40,8 @@ def put_feather(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
     (along, across, up), (_, reach, _) = socket.at_mm, socket.size_mm
     battery = compose(translation(along, across + reach / 2, up), rotation("x", -math.pi / 2))
     ways = [
-        Access("plug", usb, plug_room_mm(plugs.usb), plugs.usb.length_mm.value),
-        Access("plug", battery, plug_room_mm(plugs.battery), plugs.battery.length_mm.value),
+        Access("plug", usb, *_plug(plugs.usb)),
+        Access("plug", battery, *_plug(plugs.battery)),
     ]
     standing = (*feather.headers, *feather.joints, *feather.small, feather.usb, socket, feather.antenna, feather.reset)
     _put(shape, feather, on, under, standing, ways, holes)
@@ -56,7 +61,7 @@ def put_wing(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:
         size = (*header.size_mm[:2], top - low)
         solids.append(header.model_copy(update={"at_mm": (x, y, (top + low) / 2), "size_mm": size}))
         plug = parts.plugs.servo
-        ways.append(Access("plug", translation(x, y, top), plug_room_mm(plug), plug.length_mm.value))
+        ways.append(Access("plug", translation(x, y, top), *_plug(plug)))
     x, y, z = wing.reset.at_mm
     pressed = driver(parts, 0.0)
     above = translation(x, y, z + wing.reset.size_mm[2] / 2)

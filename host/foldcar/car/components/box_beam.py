@@ -2,27 +2,43 @@
 
 Faces: ``right``, ``floor``, ``left``, ``lid``, ``flap``, each with x forward; neighbouring beams are fused along their
 ``front`` and ``rear`` edges. The lid turns about the left wall's upper edge. Its flap hangs inside the right wall, and
-locks on the flap's lower edge go through slots of that wall: pressed in from outside, they let the lid open.
-``width`` and ``height`` are outer dimensions; faces are the film's middle surface.
+is held by a latch at one end of the lid or at both: a tongue on the flap's lower edge goes through a slot of that wall.
+Beyond the fold the flap goes on as a lever, which stands up in a notch of the lid: pushed outwards from above, it
+turns the flap about the wall's upper edge and draws the tongue in. A pull tab across one notch lifts the lid. All of it
+is reached from above, so that no wheel is in the way. ``width`` and ``height`` are outer dimensions; faces are the
+film's middle surface.
 """
 
+import math
 from collections.abc import Mapping
 
 from foldcar.car.compiler.component import Component
 from foldcar.car.compiler.parameter import Parameter
 from foldcar.car.compiler.shape import Shape
 from foldcar.car.components.dimensions import HEIGHT, WIDTH
+from foldcar.car.folded.model import Access, Point
+from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.catalogue import Catalogue
 
 PANELS = ("floor", "right", "left", "lid", "flap")
 LENGTH = Parameter("length", 80, 1, 1000, "length of a box beam", "a strip that can be folded")
-# Set by the car. A flap ends before the tabs of an end cap; a lock's place is counted from the rear, 0 is none.
-FLAP_FRONT = Parameter("flap_front", 0, 0, 100, "from the front end to the flap", "none", internal=True)
-FLAP_REAR = Parameter("flap_rear", 0, 0, 100, "from the rear end to the flap", "none", internal=True)
-LOCKS = tuple(
-    Parameter(f"lock_{i}", 0, 0, 1000, f"middle of lock {i} from the rear end", "none", internal=True) for i in (1, 2)
-)
-FROM_CAR = tuple(parameter.name for parameter in (FLAP_FRONT, FLAP_REAR, *LOCKS))
+# Set by the car. A flap ends before the tabs of an end cap; a latch, if it is 1, is at that end of the flap, and beside
+# it, if that is 1, the lid's pull tab.
+FLAP = {
+    end: Parameter(f"flap_{end}", 0, 0, 100, f"from the {end} end to the flap", "none", internal=True)
+    for end in ("front", "rear")
+}
+LATCH = {
+    end: Parameter(f"latch_{end}", 0, 0, 1, f"whether a latch is at the {end} end", "none", "", internal=True)
+    for end in ("front", "rear")
+}
+PULL = {
+    end: Parameter(f"pull_{end}", 0, 0, 1, f"whether the {end} latch has the pull tab", "none", "", internal=True)
+    for end in ("front", "rear")
+}
+FROM_CAR = tuple(parameter.name for parameter in (*FLAP.values(), *LATCH.values(), *PULL.values()))
+# A lever is wider than its tongue by this (mm).
+LEVER_OVER_MM = 1.0
 
 
 def wall_mm(outer_mm: float, parts: Catalogue) -> float:
@@ -33,6 +49,13 @@ def wall_mm(outer_mm: float, parts: Catalogue) -> float:
 def flap_end_mm(parts: Catalogue) -> float:
     """Distance of a flap from the middle of an end cap (mm): the cap's tab and a clearance."""
     return parts.assembly.cap_tab_mm.value + 2 * parts.assembly.slot_clearance_mm.value
+
+
+def latch_mm(parts: Catalogue) -> Point:
+    """Length of a latch's notch along the lid and its depth across it (mm), without a pull tab."""
+    assembly = parts.assembly
+    gap = assembly.grip_gap_mm.value
+    return assembly.lock_mm.value + LEVER_OVER_MM + 2 * gap, assembly.grip_mm.value + gap
 
 
 class Panel(Component):
@@ -49,9 +72,9 @@ class Panel(Component):
 
 
 class BoxBeam(Component):
-    """Three walls, a lid and its flap with up to two locks, ``tongue 1`` and ``tongue 2``."""
+    """Three walls, a lid and its flap with up to two latches, at the ``front`` and at the ``rear``."""
 
-    parameters = (LENGTH, WIDTH, HEIGHT, FLAP_FRONT, FLAP_REAR, *LOCKS)
+    parameters = (LENGTH, WIDTH, HEIGHT, *FLAP.values(), *LATCH.values(), *PULL.values())
 
     def build(self, shape: Shape) -> None:
         """The floor, the two walls folded up from it, the lid folded from the left one."""
@@ -59,50 +82,108 @@ class BoxBeam(Component):
         across, up = wall_mm(self["width"], self.parts), wall_mm(self["height"], self.parts)
         for name, size in (("floor", across), ("right", up), ("left", up)):
             shape.rectangle(name, length, size, piece="beam")
-        self._lid(shape)
+        ends = [end for end in ("front", "rear") if self[f"latch_{end}"]]
+        # From each end of the beam to its flap's fold.
+        notch, _ = latch_mm(self.parts)
+        starts = {end: self[f"flap_{end}"] + notch * self[f"latch_{end}"] for end in ("front", "rear")}
+        self._lid(shape, starts)
+        self._flap(shape, starts)
         for one, following in (("right", "floor"), ("floor", "left"), ("left", "lid"), ("lid", "flap")):
             shape.connect(f"{one}.far", f"{following}.near", "fold", 90)
         for edge in ("far", "far front", "far rear"):
             if edge in shape.edges("lid"):
                 shape.tuck(f"lid.{edge}", "right.near")
+        for end in ends:
+            self._latch(shape, end)
 
-    def _lid(self, shape: Shape) -> None:
-        """The lid, narrower than the floor by the film of wall and flap and their clearance, the flap and its locks."""
+    def _lid(self, shape: Shape, starts: Mapping[str, float]) -> None:
+        """The lid, narrower than the floor by the film of wall and flap and their clearance, with a latch's notches."""
         assembly, film = self.parts.assembly, self.parts.film.thickness_mm.value
-        length, front, rear = self["length"], self["flap_front"], self["flap_rear"]
-        width = wall_mm(self["width"], self.parts) - film - assembly.flap_gap_mm.value
-        corners = {
-            "near": (0.0, 0.0), "front": (length, 0.0), "far front": (length, width), "far": (length - front, width),
-            "far rear": (rear, width), "rear": (0.0, width),
-        }  # fmt: skip
-        if front == 0:
-            del corners["far front"]
-        if rear == 0:
-            del corners["far rear"]
-        shape.face("lid", tuple(corners.values()), tuple(corners))
-        depth, half = assembly.flap_mm.value, assembly.lock_mm.value / 2
-        long = length - front - rear
-        edges: dict[str, tuple[float, float]] = {"near": (0.0, 0.0), "front": (long, 0.0)}
-        locks = {i: self[f"lock_{i}"] for i in (1, 2) if self[f"lock_{i}"] > 0}
-        start = long
-        for i, x in sorted(locks.items(), key=lambda lock: -lock[1]):
-            edges[f"before {i}"] = (start, depth)
-            edges[f"lock {i}"] = (x - rear + half, depth)
-            start = x - rear - half
-        edges["far"], edges["rear"] = (start, depth), (0.0, depth)
+        length, (along, depth) = self["length"], latch_mm(self.parts)
+        width, gap = wall_mm(self["width"], self.parts) - film - assembly.flap_gap_mm.value, assembly.grip_gap_mm.value
+        points: dict[str, Point] = {"near": (0.0, 0.0), "front": (length, 0.0)}
+        if self["flap_front"]:
+            points["far front"] = (length, width)
+        for end, x, first in (("front", length - starts["front"], True), ("rear", starts["rear"], False)):
+            if not first:
+                points["far"] = (length - starts["front"], width)
+            if self[f"latch_{end}"]:
+                # Against x: the notch's sides and, between its corners, the edge of the pull tab.
+                high = x + (along if end == "front" else 0.0)
+                low, bottom = high - along, width - depth - self[f"pull_{end}"] * assembly.grip_mm.value
+                points |= {f"{end} side": (high, width), f"{end} corner": (high, bottom)}
+                if self[f"pull_{end}"]:
+                    points |= {f"{end} grip": (high - gap, bottom), f"{end} corner 2": (low + gap, bottom)}
+                points[f"{end} side 2"] = (low, bottom)
+        if self["flap_rear"]:
+            points["far rear"] = (self["flap_rear"], width)
+        points["rear"] = (0.0, width)
+        shape.face("lid", tuple(points.values()), tuple(points))
+
+    def _flap(self, shape: Shape, starts: Mapping[str, float]) -> None:
+        """The flap, x from the rear end of its fold; levers above it, the edges of tongues below."""
+        assembly = self.parts.assembly
+        long = self["length"] - sum(starts.values())
+        notch, depth, grip = latch_mm(self.parts)[0], assembly.flap_mm.value, assembly.grip_mm.value
+        gap, half = assembly.grip_gap_mm.value, assembly.lock_mm.value / 2
+        front: dict[str, Point] = {"front": (long, 0.0)}
+        rear: dict[str, Point] = {"far": (long, depth), "rear": (0.0, depth)}
+        if self["latch_front"]:
+            near, far, middle = long + gap, long + notch - gap, long + notch / 2
+            front = {"front": (long, 0.0), "front lever": (near, 0.0), "front lever 2": (near + 1, -grip),
+                     "front lever 3": (far - 1, -grip), "front lever 4": (far, 0.0)}  # fmt: skip
+            rear = {"before front": (far, depth), "lock front": (middle + half, depth), "far": (middle - half, depth),
+                    "rear": (0.0, depth)}  # fmt: skip
+        if self["latch_rear"]:
+            near, far, middle = -gap, gap - notch, -notch / 2
+            del rear["rear"]
+            rear |= {"lock rear": (middle + half, depth), "behind rear": (middle - half, depth), "rear": (far, depth),
+                     "rear lever": (far, 0.0), "rear lever 2": (far + 1, -grip), "rear lever 3": (near - 1, -grip),
+                     "rear lever 4": (near, 0.0)}  # fmt: skip
+        edges = {"near": (0.0, 0.0), **front, **rear}
         shape.face("flap", tuple(edges.values()), tuple(edges))
-        self._locks(shape, locks)
 
-    def _locks(self, shape: Shape, locks: Mapping[int, float]) -> None:
-        """Tongues at the flap's lower edge, folded outwards through slots of the right wall."""
+    def _latch(self, shape: Shape, end: str) -> None:
+        """A tongue at the flap's lower edge, folded outwards through a slot of the right wall; perhaps the pull tab."""
         assembly, film = self.parts.assembly, self.parts.film.thickness_mm.value
-        width, play = assembly.lock_mm.value, assembly.slot_clearance_mm.value
+        width, play, (notch, _) = assembly.lock_mm.value, assembly.slot_clearance_mm.value, latch_mm(self.parts)
         reach = 1.5 * film + assembly.flap_gap_mm.value + assembly.lock_reach_mm.value
-        corner = min(1.0, reach / 2)
-        for i, x in locks.items():
-            outline = ((0.0, 0.0), (width, 0.0), (width - corner, reach), (corner, reach))
-            shape.face(f"tongue {i}", outline, ("near", "1", "tip", "3"), role="tab")
-            shape.connect(f"flap.lock {i}", f"tongue {i}.near", "fold", -90)
-            at = (x, assembly.flap_mm.value)
-            shape.rectangular_hole("right", f"lock slot {i}", "slot", at, width + 2 * play, film + play)
-            shape.lock(f"tongue {i}.tip", "right", f"lock slot {i}")
+        x = self[f"flap_{end}"] + notch / 2
+        at = (self["length"] - x if end == "front" else x, assembly.flap_mm.value)
+        shape.face(f"{end} tongue", _tongue(width, reach), ("near", "1", "tip", "3"), role="tab")
+        shape.connect(f"flap.lock {end}", f"{end} tongue.near", "fold", -90)
+        shape.rectangular_hole("right", f"{end} lock slot", "slot", at, width + 2 * play, film + play)
+        shape.lock(f"{end} tongue.tip", "right", f"{end} lock slot")
+        self._reached(shape, end)
+        if self[f"pull_{end}"]:
+            self._pull_tab(shape, end, notch - 2 * assembly.grip_gap_mm.value)
+
+    def _pull_tab(self, shape: Shape, end: str, width_mm: float) -> None:
+        """The lid's pull tab across a notch, with room for two fingers."""
+        film, (finger, long) = self.parts.film.thickness_mm.value, self.parts.tools.finger_mm
+        outline = _tongue(width_mm, self.parts.assembly.grip_mm.value)
+        shape.face(f"{end} pull tab", outline, ("near", "1", "tip", "3"), role="tab")
+        shape.connect(f"lid.{end} grip", f"{end} pull tab.near", "fold", -90)
+        for side in (-1, 1):
+            at = translation(width_mm / 2, film, side * (finger / 2 + film))
+            shape.reach(f"{end} pull tab", Access("finger", compose(at, rotation("x", -math.pi / 2)), finger, long))
+
+    def _reached(self, shape: Shape, end: str) -> None:
+        """What a latch needs: a finger at its lever, pushed outwards, and room for the tongue."""
+        assembly, film = self.parts.assembly, self.parts.film.thickness_mm.value
+        finger, long = self.parts.tools.finger_mm
+        tongue_mm = assembly.lock_mm.value / 2
+        # The tongue is drawn in until its tip is within the wall; the lever, as high, goes out as far.
+        stroke = assembly.lock_reach_mm.value + film
+        on_lid = -(assembly.flap_mm.value + film)
+        pushed = compose(translation(tongue_mm, stroke - finger / 2, on_lid), rotation("x", math.pi))
+        behind = translation(0.0, -(film + stroke) / 2, 0.0)
+        shape.reach(f"{end} tongue", Access("finger", pushed, finger, long))
+        drawn = compose(behind, rotation("y", math.pi / 2))
+        shape.reach(f"{end} tongue", Access("tongue", drawn, stroke, 2 * tongue_mm))
+
+
+def _tongue(width_mm: float, reach_mm: float) -> tuple[Point, ...]:
+    """A tongue with its corners cut off, folded along its first edge."""
+    corner = min(1.0, reach_mm / 2)
+    return ((0.0, 0.0), (width_mm, 0.0), (width_mm - corner, reach_mm), (corner, reach_mm))

@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from foldcar.car.compiler.component import Sub
-from foldcar.car.compiler.parameter import Parameter
+from foldcar.car.compiler.parameter import ROUNDING, Parameter
 from foldcar.car.compiler.shape import Shape
 from foldcar.car.components.boards import mouth_mm, plug_room_mm
-from foldcar.car.components.box_beam import wall_mm
+from foldcar.car.components.box_beam import latch_mm, wall_mm
 from foldcar.car.components.bridge import Bridge, usb_height_mm
 from foldcar.car.components.dimensions import HEIGHT, WIDTH
 from foldcar.car.components.module import Module
-from foldcar.car.components.room import Layout, Span, layouts
+from foldcar.car.components.room import Layout, Span, across_least_mm, layouts
 from foldcar.car.folded.model import Wire
 from foldcar.car.parts.catalogue import Catalogue
 
@@ -84,13 +84,25 @@ class ElectronicsModule(BrainModule):
             shape.part(part, part.name, "beam.lid" if roof else "beam.floor", at, turned=layout.turned, marked=True)
             up += height
         if roof:
+            self._check_latches()
             self._lead(shape, x + battery.width_mm.value / 2)
+
+    def _check_latches(self) -> None:
+        """ComponentError if the battery on the roof would lie on a latch of the lid, or where fingers hold its tab."""
+        battery, laid = self.parts.battery, self.parts.assembly.placement_mm.value
+        reach = (battery.width_mm.value + battery.width_mm.tolerance) / 2 + laid
+        (notch, _), (finger, _) = latch_mm(self.parts), self.parts.tools.finger_mm
+        latch = notch / 2 + max(notch, finger) / 2
+        taken = max(self[f"latch_{end}"] * (self[f"flap_{end}"] + latch) for end in ("front", "rear"))
+        if taken and self["length"] < 2 * (reach + taken) - ROUNDING:
+            what = f"the {battery.name} on the roof beside the lid's latch"
+            raise self.misfit("length", _too_small(self["length"], 2 * (reach + taken), what))
 
     def _lead(self, shape: Shape, end_mm: float) -> None:
         """Cut a hole for the battery's lead into the lid, before the battery and near the left wall."""
         hole, edge = self.parts.assembly.lead_hole_mm.value, self.parts.assembly.fold_distance_mm.value
         x, least = end_mm + edge + hole / 2, 2 * (end_mm + 2 * edge + hole) - self["length"]
-        if least > self["length"]:
+        if least - ROUNDING > self["length"]:
             what = f"the {self.parts.battery.name} on the roof and its lead"
             raise self.misfit("length", _too_small(self["length"], least, what))
         shape.round_hole("beam.lid", "lead", "slit", (x, edge + hole), hole)
@@ -104,9 +116,10 @@ class ElectronicsModule(BrainModule):
         found = list(layouts(self.parts, floor, tyres, self["width"] - 2 * film))
         battery = self.parts.battery
         if not found:
-            least = min(size.value + size.tolerance for size in (battery.length_mm, battery.width_mm)) + 2 * film
+            sizes = (battery.length_mm, battery.width_mm)
+            least = min(across_least_mm(self.parts, size) for size in sizes) + 2 * film
             raise self.misfit("width", _too_small(self["width"], least, battery.name))
-        possible = [layout for layout in found if layout.missing_mm <= 0]
+        possible = [layout for layout in found if layout.missing_mm <= ROUNDING]
         if possible:
             return min(possible, key=lambda layout: abs(layout.boards_mm(length / 2) - length / 2))
         best = min(found, key=lambda layout: layout.missing_mm)
@@ -136,4 +149,4 @@ def _power_wires(parts: Catalogue) -> list[Wire]:
 
 
 def _too_small(value: float, needed: float, what: str) -> str:
-    return f"{value:g} is below the minimum {math.ceil(needed * 10 - 1e-6) / 10:g} ({what})"
+    return f"{value:g} is below the minimum {math.ceil((needed - ROUNDING) * 10) / 10:g} ({what})"

@@ -25,7 +25,9 @@ def _least_height(parts: Catalogue) -> float:
 def _least_width(parts: Catalogue) -> float:
     assembly, film = parts.assembly, parts.film.thickness_mm.value
     _, right = span_mm(parts)
-    boards = assembly.usb_inside_mm.value + mouth_mm(parts) + right + assembly.bridge_gap_mm.value
+    # The lid's flap goes down between the boards and the right wall.
+    beside = max(assembly.bridge_gap_mm.value, assembly.flap_gap_mm.value + film)
+    boards = assembly.usb_inside_mm.value + mouth_mm(parts) + right + beside
     return max(boards, 2 * parts.servo.ear_underside_mm.value) + 2 * film
 
 
@@ -43,7 +45,7 @@ HEIGHT = Parameter(
 )  # fmt: skip
 RADIUS = Parameter(
     "radius", 60, least_radius_mm, 150, "rolling radius of the wheels, tyre included",
-    "a hub ring that a driver reaches the horn's screws through, and a rim", shared=True,
+    "a hub between whose walls a driver reaches the horn's screws, and a rim", shared=True,
 )  # fmt: skip
 WHEEL_MODULE_LENGTH = Parameter(
     "length", 60, _least_wheel_module, 400, "length of a wheel module, its axle in the middle",

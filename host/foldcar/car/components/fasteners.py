@@ -21,8 +21,7 @@ def cylinder(
 
 def driver(parts: Catalogue, z_mm: float) -> Access:
     """The room of a screwdriver along +z from a height."""
-    tools = parts.tools
-    return Access("driver", translation(0, 0, z_mm), tools.driver_diameter_mm.value, tools.driver_length_mm.value)
+    return Access("driver", translation(0, 0, z_mm), *parts.tools.driver_mm)
 
 
 def screw_in(shape: Shape, screw: Screw, name: str, on: str, under_head: Pose, grip_mm: float) -> None:

@@ -8,18 +8,34 @@ import math
 from itertools import pairwise
 
 from foldcar.car.compiler.component import Component
-from foldcar.car.compiler.parameter import Parameter, at_most
+from foldcar.car.compiler.parameter import ROUNDING, Parameter, at_least, at_most
 from foldcar.car.compiler.shape import Shape
 from foldcar.car.components.box_beam import wall_mm
 from foldcar.car.components.dimensions import HEIGHT, WIDTH
 from foldcar.car.components.end_cap import cap_inset_mm
 from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.parts.catalogue import Catalogue, film_of, films
 from foldcar.car.parts.film import Film
 
+
+def _thicknesses_mm(parts: Catalogue) -> list[float]:
+    """The films that a hinge's strip may be of: those of the car's material."""
+    return [film.thickness_mm.value for film in films(parts.film.name)]
+
+
 THICKNESS = Parameter(
-    "thickness", lambda parts: parts.film.thickness_mm.value, 0.05, 1,
-    "thickness of a hinge's strip, as wide as the body", "the thinnest film there is",
+    "thickness", lambda parts: parts.film.thickness_mm.value, lambda parts: min(_thicknesses_mm(parts)), 1,
+    "thickness of a hinge's strip, as wide as the body: of a film of the car's material", "the thinnest film there is",
+    sold=_thicknesses_mm,
 )  # fmt: skip
+
+FOLD_DOWN_DEG = 60
+
+
+def _length_mm(parts: Catalogue) -> float:
+    """The default length: 6 mm, or what the film needs to bend by the default angle."""
+    return max(6.0, math.ceil(parts.film.least_bend_radius_mm.value * math.radians(FOLD_DOWN_DEG)))
+
 
 # The stop is a square tube of film below the lids; shares are of the body's width and of the tube's height.
 STOP_FROM_LID_MM = 2.0
@@ -48,10 +64,11 @@ class HingeModule(Component):
     parameters = (
         WIDTH, HEIGHT,
         Parameter(
-            "length", 6, 1, 60, "length of a hinge's strip, the gap between two segments", "a strip that bends evenly"
+            "length", _length_mm, 1, 60, "length of a hinge's strip, the gap between two segments",
+            "a strip that bends evenly",
         ),
         THICKNESS,
-        Parameter("fold_down", 60, 0, 90, "how far the front segment may pitch nose down against the rear one",
+        Parameter("fold_down", FOLD_DOWN_DEG, 0, 90, "how far the front segment may pitch nose down against the rear one",
                   "flat", "deg"),
         Parameter("fold_up", 0, 0, 90, "how far it may pitch nose up, which lets the car sag", "flat", "deg"),
     )  # fmt: skip
@@ -59,13 +76,14 @@ class HingeModule(Component):
     def build(self, shape: Shape) -> None:
         """The faces ``front half`` and ``rear half``, y to the left, with the flexure at their common edge; the stop.
 
-        ComponentError if ``fold_up`` is beyond the angle at which the lids meet.
+        ComponentError if ``fold_up`` is beyond the angle at which the lids meet, or the strip would bend too sharply.
         """
         limit = fold_up_limit_rad(self["length"], wall_mm(self["height"], self.parts))
-        if math.radians(self["fold_up"]) > limit:
+        if self["fold_up"] > math.degrees(limit) + ROUNDING:
             meet = f"where the lids meet at H.length {self['length']:g} and height {self['height']:g}"
             most = at_most(math.degrees(limit))
             raise self.misfit("fold_up", f"{self['fold_up']:g} is above the maximum {most} ({meet})")
+        self._check_bend()
         half = self["length"] / 2 + self.parts.assembly.hinge_glue_mm.value
         width = wall_mm(self["width"], self.parts)
         outline = ((0.0, 0.0), (half, 0.0), (half, width), (0.0, width))
@@ -97,6 +115,15 @@ class HingeModule(Component):
             # A cap's printed side faces inwards, and the stop stands outside: it is turned over.
             corner = translation(width * (1 + STOP_SHARE) / 2, top - glue, -film)
             shape.laminate(f"{hinge}.glue 1", f"{caps[0]}.cap", compose(corner, rotation("y", math.pi)))
+
+    def _check_bend(self) -> None:
+        """ComponentError if the strip, an arc at either limit, bends below the least radius of its film."""
+        thickness, limit = self["thickness"], math.radians(max(self["fold_down"], self["fold_up"]))
+        film = film_of(self.parts.film, thickness)
+        least = film.least_bend_radius_mm.value * limit
+        if self["length"] < least - ROUNDING:
+            bent = f"{film.title} bent by {math.degrees(limit):g}° on {film.least_bend_radius_mm.value:g} mm"
+            raise self.misfit("length", f"{self['length']:g} is below the minimum {at_least(least)} ({bent})")
 
     def _stop_mm(self) -> float:
         """Reach of the stop (mm) from the front segment's cap, such that it meets the other cap at the upper limit."""

@@ -1,4 +1,4 @@
-"""Facets of a strip of film between two discs, with hooks on its edges that hold the discs.
+"""Facets of film between two discs, with hooks on their edges that hold the discs.
 
 A facet's frame: x along the strip, y across it from the inner disc to the outer one, z towards the axle. Lengths in
 millimetres.
@@ -35,23 +35,31 @@ class Hook:
 
 
 def facet(
-    length_mm: float, width_mm: float, hooks: tuple[Hook, Hook] | None = None, at_mm: float = 0.0, base_mm: float = 0.0
+    length_mm: float,
+    width_mm: float,
+    hooks: tuple[Hook | None, Hook | None] = (None, None),
+    at_mm: float = 0.0,
+    base_mm: float = 0.0,
 ) -> tuple[list[Point], list[str]]:
     """The outline of a facet and the names of its edges, counter-clockwise from the origin.
 
     Edges ``next`` and ``last`` lie at x = length and 0. ``hooks`` for the inner and outer disc stand at x = ``at_mm``,
-    their tips are ``inner tip`` and ``outer tip``. With ``base_mm`` the middle of ``last`` is an edge ``base``, so long.
+    their tips are ``inner tip`` and ``outer tip``; without an inner one that edge is ``inner``. With ``base_mm`` the
+    middle of ``last`` is an edge ``base``, so long.
     """
     named: dict[tuple[Point, Point], str] = {}
     points: list[Point] = [(0.0, 0.0)]
-    if hooks is not None:
-        path, tip = hooks[0].path(at_mm, 0.0, -1.0)
+    inner, outer = hooks
+    if inner is not None:
+        path, tip = inner.path(at_mm, 0.0, -1.0)
         points += path
         named[tip] = "inner tip"
+    else:
+        named[points[0], (length_mm, 0.0)] = "inner"
     points += [(length_mm, 0.0), (length_mm, width_mm)]
     named[points[-2], points[-1]] = "next"
-    if hooks is not None:
-        path, tip = hooks[1].path(at_mm, width_mm, 1.0)
+    if outer is not None:
+        path, tip = outer.path(at_mm, width_mm, 1.0)
         points += reversed(path)
         named[tip[1], tip[0]] = "outer tip"
     points.append((0.0, width_mm))

@@ -15,9 +15,10 @@ from foldcar.car.folded.pose import compose, rotation, translation
 
 NECK_MM = 3.0
 HOOK_MM = 1.5
-# The tongue: the lengths of its part outside, of the part through the slot and of the head.
+# The tongue: the lengths of its part outside, of the part through the slot (at least, and per thickness) and of the head.
 OUTSIDE_MM = 1.9
 THROUGH_MM = 1.4
+THROUGH_FILMS = 2.8
 HEAD_MM = 3.4
 # The slot: how far its narrow part reaches over the head, and the length of the wide part.
 OVER_MM = 0.7
@@ -62,7 +63,7 @@ def _strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
     dip = math.degrees(size.rim.dip_rad(size.film_mm))
     hook = Hook(NECK_MM, HOOK_MM, HOOK_MM, 2 * size.clearance_mm + size.film_mm)
     for i in range(count):
-        hooks = None if i % size.facets_per_tie else (hook, hook)
+        hooks = (None, None) if i % size.facets_per_tie else (hook, hook)
         points, names = facet(length, width, hooks, length / 2, 0.0 if i else _tongue_mm(size))
         shape.face(f"rim {strip} {i}", points, names, role="rim", piece="wheel rim")
     for i in range(count - 1):
@@ -84,7 +85,7 @@ def _spread_mm(size: WheelSize) -> float:
 
 def _slot(size: WheelSize) -> list[Point]:
     """The slot in the last facet's frame: narrow where the tongue passes, wide beyond, where its head is put in."""
-    along = math.sqrt(THROUGH_MM**2 - (2 * _apart_mm(size)) ** 2)
+    along = math.sqrt(_through_mm(size) ** 2 - (2 * _apart_mm(size)) ** 2)
     start = size.rim.facet_mm - _short_mm(size) - OUTSIDE_MM
     right = start + size.film_mm / 2 + size.clearance_mm
     middle, left = start - along - OVER_MM, start - along - OVER_MM - WIDE_MM
@@ -93,6 +94,11 @@ def _slot(size: WheelSize) -> list[Point]:
     half = [(left, wide), (middle, wide), (middle, narrow), (right, narrow)]
     across = size.between_mm / 2
     return [*((x, across - y) for x, y in half), *((x, across + y) for x, y in reversed(half))]
+
+
+def _through_mm(size: WheelSize) -> float:
+    """Length of the tongue's part that leads from one side of the facet to the other."""
+    return max(THROUGH_MM, THROUGH_FILMS * size.film_mm)
 
 
 def _slope_rad(size: WheelSize) -> float:
@@ -115,14 +121,14 @@ def _short_mm(size: WheelSize) -> float:
 def _tongue(shape: Shape, size: WheelSize, strip: int) -> None:
     """The tongue: a part parallel to the facet under it, a part through its slot, a head behind it."""
     w, spread = _tongue_mm(size), _spread_mm(size)
-    for name, length in (("out", OUTSIDE_MM), ("through", THROUGH_MM)):
+    for name, length in (("out", OUTSIDE_MM), ("through", _through_mm(size))):
         corners = ((0.0, 0.0), (w, 0.0), (w, length), (0.0, length))
         shape.face(f"rim {strip} tongue {name}", corners, ("root", "b", "end", "a"), role="rim")
     head = ((0.0, 0.0), (w, 0.0), (w + spread, 0.3), (w + spread, 1.3), (w - 0.5, HEAD_MM), (0.5, HEAD_MM),
             (-spread, 1.3), (-spread, 0.3))  # fmt: skip
     shape.face(f"rim {strip} tongue head", head, ("root", "b", "c", "d", "tip", "e", "f", "g"), role="rim")
     parallel = math.degrees(_slope_rad(size))
-    down = math.degrees(math.asin(2 * _apart_mm(size) / THROUGH_MM))
+    down = math.degrees(math.asin(2 * _apart_mm(size) / _through_mm(size)))
     tongue = f"rim {strip} tongue"
     shape.connect(f"rim {strip} 0.base", f"{tongue} out.root", "bend", parallel)
     shape.connect(f"{tongue} out.end", f"{tongue} through.root", "bend", down)

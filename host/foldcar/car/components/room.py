@@ -6,8 +6,10 @@ Lengths in mm, x from the module's rear; the floor may reach into the neighbouri
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from foldcar.car.compiler.parameter import ROUNDING
 from foldcar.car.components.bridge import half_width_mm
 from foldcar.car.parts.catalogue import Catalogue
+from foldcar.car.parts.quantity import Quantity
 
 
 @dataclass(frozen=True)
@@ -63,9 +65,14 @@ def layouts(parts: Catalogue, floor: Span, usb: Span, across_mm: float) -> Itera
         return
     length, width = parts.battery.length_mm, parts.battery.width_mm
     for along, across in ((width, length), (length, width)):
-        if across.value + across.tolerance <= across_mm:
+        if across_least_mm(parts, across) <= across_mm + ROUNDING:
             for behind in (True, False):
                 yield _layout(parts, floor, usb, along.value, behind, turned=across is length)
+
+
+def across_least_mm(parts: Catalogue, size: Quantity) -> float:
+    """Width of the floor (mm) that takes a battery of that size across the car in the worst case of it and the cuts."""
+    return size.value + size.tolerance + 2 * parts.assembly.cut_mm.value
 
 
 def _layout(parts: Catalogue, floor: Span, usb: Span, along: float, behind: bool, turned: bool) -> Layout:

@@ -1,4 +1,4 @@
-"""A servo in a wall: its opening, its screw holes, and a second layer of film behind them.
+"""A servo in a wall: its opening with notches for its screws, and a second layer of film behind it.
 
 The servo is inserted from outside until its ears lie on the wall: its shaft points outwards, its length runs along
 the wall.
@@ -15,6 +15,9 @@ from foldcar.car.folded.pose import IDENTITY, compose, rotation, translation
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.quantity import Quantity
 
+# Sides of a notch's round end.
+ARC_STEPS = 24
+
 
 def inside_mm(parts: Catalogue) -> tuple[float, float]:
     """From the axis to the last layer or nut inside (mm), on the servo's long side and on its short one."""
@@ -26,12 +29,12 @@ def inside_mm(parts: Catalogue) -> tuple[float, float]:
 
 
 def doubler_length_mm(parts: Catalogue) -> float:
-    """Length of the second layer (mm), which reaches past the screw holes."""
+    """Length of the second layer (mm), which reaches past the notches."""
     return 2 * (screw_end_mm(parts) + parts.assembly.doubler_margin_mm.value)
 
 
 def screw_end_mm(parts: Catalogue) -> float:
-    """From the middle of the opening to the outer end of a screw's slot (mm).
+    """From the middle of the opening to the outer end of a screw's notch (mm).
 
     Servos whose screws are farther apart find room there; if they are nearer, their own slots take them.
     """
@@ -54,7 +57,7 @@ class ServoMount(Component):
         """The face ``doubler``, its origin at the centre of the opening."""
         a, b = doubler_length_mm(self.parts) / 2, self["height"] / 2
         shape.face("doubler", ((-a, -b), (a, -b), (a, b), (-a, b)), piece="servo doubler")
-        _holes(shape, "doubler", "", 0.0, 0.0)
+        _opening(shape, "doubler", "opening", 0.0, 0.0)
 
     @staticmethod
     def cut(shape: Shape, mount: str, wall: str, axis_mm: tuple[float, float], inward: float) -> str:
@@ -66,7 +69,7 @@ class ServoMount(Component):
         servo, wall_mm = shape.parts.servo, shape.parts.film.thickness_mm.value
         x = axis_mm[0] + inward * (servo.length_mm.value / 2 - servo.axis_from_end_mm.value)
         y = axis_mm[1]
-        holes = _holes(shape, wall, f"{mount}.wall ", x, y)
+        hole = _opening(shape, wall, f"{mount}.wall opening", x, y)
         shape.laminate(f"{mount}.doubler", wall, translation(x, y, wall_mm))
         # The ears' undersides lie on the outside of the wall.
         depth = servo.ear_underside_mm.value - servo.depth_mm.value / 2 - wall_mm / 2
@@ -75,7 +78,7 @@ class ServoMount(Component):
         size = (servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value)
         name = f"{shape.name}.{mount}"
         pose = compose(translation(x, y, depth), turn)
-        shape.box(servo.name, name, wall, pose, size, servo.mass_kg.value, holes, _solids(shape.parts))
+        shape.box(servo.name, name, wall, pose, size, servo.mass_kg.value, [hole], _solids(shape.parts))
         under_head = -wall_mm / 2 - servo.ear_thickness_mm.value
         grip = servo.ear_thickness_mm.value + 2 * wall_mm
         for i, side in enumerate((-1, 1), 1):
@@ -110,14 +113,17 @@ def _solids(parts: Catalogue) -> list[Solid]:
     ]
 
 
-def _holes(shape: Shape, face: str, prefix: str, x: float, y: float) -> list[str]:
+def _opening(shape: Shape, face: str, name: str, x: float, y: float) -> str:
+    """Cut the servo's opening, with a notch for the screw at each end; returns its full name.
+
+    One piece of waste instead of three: between a hole and the opening there would be less than 1 mm of film, which holds
+    nothing. A notch holds its screw across the wall's length and outwards, the servo's body rests inwards.
+    """
     servo, assembly = shape.parts.servo, shape.parts.assembly
-    clearance, pitch = 2 * assembly.opening_clearance_mm.value, servo.screw_spacing_mm.value / 2
-    length, width = (size.value + size.tolerance + clearance for size in (servo.length_mm, servo.width_mm))
-    screw = assembly.screw_hole_mm.value
-    far = screw_end_mm(shape.parts) - screw / 2
-    return [
-        shape.rectangular_hole(face, f"{prefix}opening", "opening", (x, y), length, width),
-        shape.slotted_hole(face, f"{prefix}screw 1", "screw", (x - pitch, y), (x - far, y), screw),
-        shape.slotted_hole(face, f"{prefix}screw 2", "screw", (x + pitch, y), (x + far, y), screw),
-    ]
+    clearance, r = 2 * assembly.opening_clearance_mm.value, assembly.screw_hole_mm.value / 2
+    a, b = ((size.value + size.tolerance + clearance) / 2 for size in (servo.length_mm, servo.width_mm))
+    far = screw_end_mm(shape.parts) - r
+    turns = [math.pi * (i / ARC_STEPS - 0.5) for i in range(ARC_STEPS + 1)]
+    half = [(a, -b), (a, -r), *((far + r * math.cos(at), r * math.sin(at)) for at in turns), (a, r), (a, b)]
+    outline = [*half, *((-u, -v) for u, v in half)]
+    return shape.polygon_hole(face, name, "opening", [(x + u, y + v) for u, v in outline])

@@ -10,9 +10,10 @@ from foldcar.car.parts.catalogue import Catalogue
 
 
 def layers(parts: Catalogue) -> int:
-    """How many layers of film lie behind the panel, so that the barbs of any such switch hold."""
-    film, least = parts.film.thickness_mm, parts.switch.panel_least_mm
-    return max(1, math.ceil((least.value + least.tolerance) / (film.value - film.tolerance) - 1e-9) - 1)
+    """How many layers of film and tape lie behind the panel, so that the barbs of any such switch hold."""
+    film, tape = (one.value - one.tolerance for one in (parts.film.thickness_mm, parts.assembly.tape_mm))
+    least = parts.switch.panel_least_mm
+    return max(1, math.ceil((least.value + least.tolerance - film) / (film + tape) - 1e-9))
 
 
 def depth_mm(parts: Catalogue) -> float:
@@ -54,7 +55,8 @@ class SwitchMount(Component):
             _box(body, -half, half - outside),
         ]
         tools = shape.parts.tools
-        finger = Access("finger", translation(0, 0, half), tools.finger_diameter_mm.value, tools.finger_length_mm.value)
+        thick, long = tools.finger_mm
+        finger = Access("finger", translation(0, 0, half), thick, long)
         shape.box(switch.name, switch.name, panel, pose, size, switch.mass_kg.value, [hole], solids, [finger])
 
 

@@ -1,4 +1,4 @@
-"""A wheel: a spool of two discs on a hub ring, rim strips hooked around it, the horn, its screws and the tyre.
+"""A wheel: a spool of two discs on a hub, rim strips hooked around it, the horn, its screws and the tyre.
 
 The wheel's frame has its origin at the wheel's centre and y along the axle, outwards on the left side. The discs' edges
 are the running circle, the tyre lies over them.
@@ -10,34 +10,30 @@ from foldcar.car.compiler.component import Component
 from foldcar.car.compiler.parameter import Parameter
 from foldcar.car.compiler.shape import Shape
 from foldcar.car.components.dimensions import RADIUS
-from foldcar.car.components.hub_ring import FIRST_RAD, build_ring
+from foldcar.car.components.hub import EVEN_MM, build_hub
 from foldcar.car.components.rim_strip import build_rim, facet_pose, notch_mm, tie_angles_rad
 from foldcar.car.components.wheel_parts import add_wheel_parts
-from foldcar.car.components.wheel_size import BRIDGE_MM, WheelSize, wheel_screws_mm
+from foldcar.car.components.wheel_size import WheelSize, wheel_screws_mm
 from foldcar.car.folded.model import Point, Pose
 from foldcar.car.folded.pose import compose, inverse, rotation, translation
 
 TYRE_WIDTH = Parameter(
     "tire_thickness", 12, 8, 40, "width of a wheel, from outside to outside of its discs", "the tongues of its rim"
 )
-# Deviation of the discs' outline from a circle.
-EVEN_MM = 0.02
 
 
 class Wheel(Component):
-    """Two discs, a hub ring and a rim; the servo's horn is screwed to the inner disc."""
+    """Two discs, a hub and a rim; the servo's horn is screwed to the inner disc."""
 
     parameters = (RADIUS, TYRE_WIDTH)
 
     def build(self, shape: Shape) -> None:
-        """Faces ``inner``, ``outer``, ``hub 1`` …, ``ring 0`` … and ``rim 0 0`` …"""
+        """Faces ``inner``, ``outer``, ``hub``, ``wall 1`` … and ``rim 0 0`` …"""
         size = WheelSize(self["radius"], self["tire_thickness"], self.parts)
         poses = self._discs(shape, size)
-        self._hub(shape, size)
-        build_ring(shape, size)
+        build_hub(shape, size)
+        self._holes(shape, size)
         build_rim(shape, size)
-        at = facet_pose(size, size.ring.apothem_mm, size.ring.facet_mm, FIRST_RAD)
-        shape.place("ring 0", "inner", compose(inverse(poses["inner"]), at))
         for strip in range(size.strips):
             angle = tie_angles_rad(size)[strip * size.ties]
             at = facet_pose(size, size.rim.apothem_mm, size.rim.facet_mm, angle)
@@ -57,29 +53,18 @@ class Wheel(Component):
             "outer": compose(translation(0, out, 0), rotation("x", math.pi / 2)),
         }
 
-    def _hub(self, shape: Shape, size: WheelSize) -> None:
-        """Layers on the inner disc within the ring, holes for the horn's screws, and the access to them."""
-        assembly = self.parts.assembly
-        layers = [f"hub {i + 1}" for i in range(round(assembly.hub_layers.value))]
-        radius = size.ring.apothem_mm - 1.5 * size.film_mm - BRIDGE_MM / 2
-        for i, layer in enumerate(layers):
-            shape.face(layer, _circle(radius), piece="wheel hub layer")
-            shape.laminate(layer, "inner", translation(0, 0, (i + 1) * size.film_mm))
-        for face in ("inner", *layers):
-            shape.round_hole(face, f"{face}.hub", "axle", (0, 0), self.parts.horn.recess_diameter_mm.value)
-            for i, center in enumerate(wheel_screws_mm(self.parts.horn)):
+    def _holes(self, shape: Shape, size: WheelSize) -> None:
+        """Holes for the horn's screws in the inner disc and the hub's layer on it, and the access to them."""
+        assembly, horn = self.parts.assembly, self.parts.horn
+        for face in ("inner", "hub"):
+            shape.round_hole(face, f"{face}.hub", "axle", (0, 0), horn.recess_diameter_mm.value)
+            for i, center in enumerate(wheel_screws_mm(horn)):
                 # Slots towards the axle, for horns whose holes lie nearer to it or farther from it.
-                screw, off = self.parts.horn_screw.diameter_mm, self.parts.horn.wheel_screws.tolerance
+                screw, off = self.parts.horn_screw.diameter_mm, horn.wheel_screws.tolerance
                 wide, far = screw.value + screw.tolerance + 2 * assembly.cut_mm.value, math.hypot(*center)
                 near, out = ((center[0] * share, center[1] * share) for share in (1 - off / far, 1 + off / far))
                 shape.slotted_hole(face, f"{face}.horn screw {i + 1}", "screw", near, out, wide)
         shape.round_hole("outer", "outer.access", "opening", (0, 0), 2 * size.access_radius_mm)
-
-
-def _circle(radius: float) -> list[Point]:
-    count = math.ceil(math.pi / math.acos(1 - EVEN_MM / radius))
-    step = 2 * math.pi / count
-    return [(radius * math.cos(i * step), radius * math.sin(i * step)) for i in range(count)]
 
 
 def _disc(size: WheelSize, mirror: int) -> tuple[list[Point], list[str]]:

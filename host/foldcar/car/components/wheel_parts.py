@@ -26,11 +26,11 @@ def add_wheel_parts(shape: Shape, size: WheelSize) -> None:
         horn.name, "horn", "inner", translation(*center), (x1 - x0, y1 - y0, horn.height_mm.value), horn.mass_kg.value,
         solids=_horn_solids(shape.parts, center),
     )  # fmt: skip
-    layers = round(parts.assembly.hub_layers.value)
     seat = translation(0, 0, under - horn.recess_depth_mm.value)
     screw_in(shape, parts.centre_screw, "centre screw", "inner", seat, 0.0)
     for i, (x, y) in enumerate(wheel_screws_mm(horn)):
-        seat = translation(x, y, -under + layers * size.film_mm)
+        # On the hub's layer.
+        seat = translation(x, y, -under + size.film_mm)
         screw_in(shape, parts.horn_screw, f"wheel screw {i + 1}", "inner", seat, 0.0)
     if parts.tyre.thickness_mm.value > 0:
         _tyre(shape, size)

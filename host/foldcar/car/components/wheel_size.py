@@ -1,4 +1,4 @@
-"""Sizes of a wheel that follow from its radius, its width and the chosen parts: discs, rim strips, hub ring.
+"""Sizes of a wheel that follow from its radius, its width and the chosen parts: discs, rim strips, hub.
 
 A strip is a polygon of facets in the model and a smooth curve when built: its facets are together as long as the circle
 that its middle surface bends to. Lengths in millimetres, angles in radians.
@@ -14,15 +14,25 @@ from foldcar.car.parts.wheel_parts import Horn
 
 # A rim strip is no longer than this, so that it fits on a sheet of A4.
 LONGEST_STRIP_MM = 250.0
-# The rim is tied to the discs at least this often along its circumference, and four times.
-SPAN_MM = 65.0
+# The rim is tied to the discs at least so often; spans shorter than this do not make a disc of thin film stiffer.
 LEAST_TIES = 4
+LEAST_SPAN_MM = 65.0
+# A tyre pulls with this force around the discs: a band of 12 x 1 mm² of natural rubber (1.5 MPa), stretched by a tenth.
+TYRE_PULL_N = 1.8
+# A disc that is clamped at its hub, held inwards by the rim and outwards at the ties stays even up to an edge load of so
+# many times D / span², D its bending stiffness (Ritz solution: 22 to 33 for 4 to 6 ties and radii of 30 to 150 mm).
+CRITICAL = 25.0
+POISSON = 0.38
 # Least length of a facet of the rim: its last one has the slot for the next strip's tongue.
 RIM_FACET_MM = 7.8
-RING_FACETS = 8
-# Film between a slot and another edge, and between the notches of the rim and the slots of the hub ring.
+# The hub's walls, each an eighth of a turn wide, as seen from the axle.
+WALLS = 3
+WALL_RAD = math.pi / 4
+# Film between a slot and another edge, and between the notches of the rim and the hub's walls.
 BRIDGE_MM = 1.5
 LEAST_WEB_MM = 4.0
+# Play of the hub's necks towards the axle, which lets the outer disc run out of true: as little as machines repeat.
+PLAY_MM = 0.1
 
 
 @dataclass(frozen=True)
@@ -91,9 +101,16 @@ class WheelSize:
 
     @property
     def ties(self) -> int:
-        """Ties of each strip to the discs, one on each edge."""
-        length = 2 * math.pi * self.disc_radius_mm / self.strips
-        return max(math.ceil(length / SPAN_MM), math.ceil(LEAST_TIES / self.strips))
+        """Ties of each strip to the discs, one on each edge: so many that the tyre's pull makes no disc of 0.25 mm wavy.
+
+        The pull T loads the edge of each disc with N = T / 2 R; it stays even up to N = CRITICAL D / span².
+        """
+        thickness_m, modulus = self.film_mm * 1e-3, self.parts.film.youngs_modulus_pa.value
+        stiffness_n_m = modulus * thickness_m**3 / 12 / (1 - POISSON**2)
+        radius_m = self.disc_radius_mm * 1e-3
+        span_mm = max(LEAST_SPAN_MM, 1e3 * math.sqrt(CRITICAL * stiffness_n_m * 2 * radius_m / TYRE_PULL_N))
+        length_mm = 2 * math.pi * self.disc_radius_mm / self.strips
+        return max(math.ceil(length_mm / span_mm), math.ceil(LEAST_TIES / self.strips))
 
     @property
     def facets_per_tie(self) -> int:
@@ -106,10 +123,15 @@ class WheelSize:
         """The rim's polygon."""
         return Strip(self.disc_radius_mm - self.film_mm / 2, self.strips * self.ties * self.facets_per_tie)
 
-    @cached_property
-    def ring(self) -> Strip:
-        """The hub ring's polygon: a driver reaches every screw through it, and a disc horn stays within its hooks."""
-        return Strip(ring_radius_mm(self.parts), RING_FACETS)
+    @property
+    def hub_mm(self) -> float:
+        """Distance of the hub's walls from the axle: a driver reaches every screw between them."""
+        return hub_mm(self.parts)
+
+    @property
+    def wall_mm(self) -> float:
+        """Height of the hub's walls, from the middle of its layer on the inner disc to the outer disc, with some play."""
+        return self.width_mm - 2.5 * self.film_mm - self.clearance_mm
 
     @property
     def access_radius_mm(self) -> float:
@@ -130,18 +152,13 @@ def access_radius_mm(parts: Catalogue) -> float:
     return reach + max(parts.tools.driver_diameter_mm.value, parts.horn_screw.head_diameter_mm.value) / 2 + play
 
 
-def ring_radius_mm(parts: Catalogue) -> float:
-    """Radius of the hub ring's middle surface."""
-    disc = parts.horn.disc_diameter_mm.value / 2 + 1 if parts.horn.disc_diameter_mm else 0.0
-    film, play = parts.film.thickness_mm.value, parts.assembly.slot_clearance_mm.value / 2
-    # At the ring's overlap a second layer lies inside.
-    apothem = max(access_radius_mm(parts) + BRIDGE_MM, disc) + 1.5 * film + play
-    half = math.pi / RING_FACETS
-    return apothem * math.tan(half) / half
+def hub_mm(parts: Catalogue) -> float:
+    """Distance of the hub's walls from the axle (mm): film is left between their slots and the hole for the driver."""
+    return access_radius_mm(parts) + BRIDGE_MM + PLAY_MM + parts.film.thickness_mm.value / 2
 
 
 def least_radius_mm(parts: Catalogue) -> float:
-    """Least rolling radius of a wheel: hub ring, film to the rim's notches, tyre; in tenths of a millimetre."""
-    corner = ring_radius_mm(parts) * math.pi / RING_FACETS / math.sin(math.pi / RING_FACETS)
+    """Least rolling radius of a wheel: hub, film to the rim's notches, tyre; in tenths of a millimetre."""
+    corner = hub_mm(parts) / math.cos(WALL_RAD / 2)
     least = corner + LEAST_WEB_MM + 2 * parts.film.thickness_mm.value + parts.tyre.thickness_mm.value
     return math.ceil(10 * least - 1e-9) / 10

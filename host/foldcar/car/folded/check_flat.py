@@ -14,6 +14,8 @@ from foldcar.car.folded.folding import edge, folded
 from foldcar.car.folded.model import Face, Piece, Pose
 from foldcar.car.folded.placed import polygon
 
+# Without a grid, an edge that two faces share but for rounding can make GEOS return the wrong side of it.
+GRID_MM = 1e-6
 # Overlaps up to this are rounding errors.
 OVERLAP_MM2 = 1e-3
 EDGE_TOLERANCE_MM = 0.05
@@ -98,7 +100,8 @@ def _overlaps(piece: Piece) -> Iterator[Finding]:
     pairs = [(i, k) for i, k in zip(first, second, strict=True) if i < k]
     if not pairs:
         return
-    areas = shapely.area(shapely.intersection([shapes[i] for i, _ in pairs], [shapes[k] for _, k in pairs]))
+    ends = ([shapes[i] for i, _ in pairs], [shapes[k] for _, k in pairs])
+    areas = shapely.area(shapely.intersection(*ends, grid_size=GRID_MM))
     for (i, k), area in zip(pairs, areas, strict=True):
         if area > OVERLAP_MM2:
             yield Finding("overlap", f"{piece.name}: {names[i]}", f"overlaps {names[k]} by {area:.2f} mm² in the flat")

@@ -1,12 +1,13 @@
 """Checks that the joined faces of a body leave no edge loose and enclose the designed volume.
 
 Input: placed faces of one body and the car's joins. Output: findings and volumes. A body opens: its lid and what is
-tucked into it need not be tight, but every edge must be folded, glued or tucked.
+tucked into it need not be tight, but every edge must be folded, glued or tucked, but for those of notches.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
@@ -86,15 +87,23 @@ def _joined_edges(car: FoldedCar) -> Iterator[tuple[str, str, int]]:
 def _loose_edges(
     car: FoldedCar, skin: Sequence[PlacedFace], faces: Sequence[PlacedFace]
 ) -> list[tuple[PlacedFace, int]]:
-    """Edges of the skin that are not joined and do not coincide with an edge of another face."""
+    """Edges of the skin that are not joined and do not coincide with an edge of another face.
+
+    Edges off the convex hull of their face are those of a notch, which is open like a hole.
+    """
     held = set(_joined_edges(car))
     owners = [(face, i) for face in skin for i in range(len(face.face.outline_mm))]
     starts, ends = _edges(skin)
     other_starts, other_ends = _edges(faces)
     forward, backward = np.hstack([starts, ends]), np.hstack([other_ends, other_starts])
     loose = []
+    hulls = {id(face): shapely.Polygon(face.face.outline_mm).convex_hull.exterior for face in skin}
     for (face, index), edge in zip(owners, forward, strict=True):
         if (face.piece.name, face.face.name, index) in held:
+            continue
+        outline = face.face.outline_mm
+        side = shapely.LineString((outline[index], outline[(index + 1) % len(outline)]))
+        if hulls[id(face)].distance(side.centroid) > CLOSURE_MM:
             continue
         if not (np.abs(backward - edge).max(axis=1) <= CLOSURE_MM).any():
             loose.append((face, index))

@@ -40,7 +40,10 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Face:
-    """One flat polygon of film. ``role`` is panel, tab or rim; edge i runs from outline point i to i + 1."""
+    """One flat polygon of film. ``role`` is panel, tab or rim; edge i runs from outline point i to i + 1.
+
+    ``accesses`` are what must be free at a face that is gripped or pressed, in its frame.
+    """
 
     name: str
     outline_mm: tuple[Point, ...]
@@ -48,6 +51,7 @@ class Face:
     role: Literal["panel", "tab", "rim"] = "panel"
     label: str = ""
     marks: tuple[Mark, ...] = ()
+    accesses: tuple["Access", ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,12 +137,12 @@ class Solid:
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """A cylinder along +z from ``pose`` in its part's frame that must be free, from the part outwards.
+    """A cylinder along +z from ``pose`` in the frame of its part or face that must be free, from there outwards.
 
-    ``tool`` is what needs it: a screwdriver, a plug with its hand, a finger.
+    ``tool`` is what needs it: a screwdriver, a plug with its hand, a finger; the film of a tongue that is drawn in.
     """
 
-    tool: Literal["driver", "plug", "finger"]
+    tool: Literal["driver", "plug", "finger", "tongue"]
     pose: Pose
     diameter_mm: float
     length_mm: float

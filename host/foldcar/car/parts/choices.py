@@ -12,7 +12,15 @@ from foldcar.errors import FoldcarError
 
 # Kind of part → name → data file; where the battery sits needs none.
 OPTIONS: dict[str, dict[str, str]] = {
-    "film": {"0.127": "film_0127.json", "0.19": "film_019.json", "0.25": "film_025.json"},
+    "film": {
+        "0.127": "film_0127.json",
+        "0.19": "film_019.json",
+        "0.25": "film_025.json",
+        "card_160": "film_card_160.json",
+        "card_300": "film_card_300.json",
+        "pp_0.5": "film_pp_05.json",
+        "pp_0.8": "film_pp_08.json",
+    },
     "horn": {
         "one_sided": "horn_one_sided.json",
         "two_sided": "horn_two_sided.json",

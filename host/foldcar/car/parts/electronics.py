@@ -7,7 +7,7 @@ row of pins, z up.
 import math
 
 from foldcar.car.parts.fasteners import Screw
-from foldcar.car.parts.quantity import Box, BoxPart, Data, Holes, PartData, Quantity
+from foldcar.car.parts.quantity import Bought, Box, BoxPart, Data, Holes, PartData, Places, Quantity
 
 
 class Feather(BoxPart):
@@ -39,7 +39,7 @@ class FeatherWing(BoxPart):
     """The servo driver, plugged onto the Feather: ``gap_mm`` is between the two boards, ``headers`` are below it.
 
     ``plug_top_mm`` is the height of an upright servo plug's top over this board's underside, ``plug_bend_mm`` what its
-    leads need above it.
+    leads need above it. ``outputs`` are the middles of the outputs' pins, from output 0 on.
     """
 
     board_mm: Quantity
@@ -49,15 +49,21 @@ class FeatherWing(BoxPart):
     headers: tuple[Box, Box]
     holes: tuple[Holes]
     servo_headers: tuple[Box, Box]
+    outputs: Places
     terminal_block: Box
     reset: Box
 
 
-class Battery(BoxPart):
+class LeadedBattery(BoxPart):
+    """A battery whose leads leave the middle of an end of its length."""
+
+    lead_length_mm: Quantity
+
+
+class Battery(LeadedBattery):
     """The servos' supply and its voltage under light load."""
 
     supply_v: Quantity
-    lead_length_mm: Quantity
 
 
 class Switch(BoxPart):
@@ -91,3 +97,31 @@ class Plugs(PartData):
     usb: Plug
     servo: Plug
     battery: Plug
+
+
+class Wiring(BoxPart):
+    """Wire with what is soldered; ``wire_mm`` of it are in its mass and cost. The slack that leads need on their ways."""
+
+    wire_mm: Quantity
+    wire_kg_m: Quantity
+    wire_usd_m: Quantity
+    joint_mm: Quantity
+    slack_mm: Quantity
+    slack_share: Quantity
+    hinge_slack_mm: Quantity
+
+
+class Extension(Bought):
+    """A lead with a socket at one end and a plug at the other."""
+
+    mass_kg: Quantity
+    length_mm: Quantity
+
+
+class Extensions(PartData):
+    """Servo extensions as they are sold, the shortest first; ``joint`` is a plug in an extension's socket."""
+
+    joint_length_mm: Quantity
+    joint_width_mm: Quantity
+    joint_height_mm: Quantity
+    sold: tuple[Extension, ...]

@@ -25,12 +25,27 @@ class Spacer(Bought):
 
 
 class Tools(PartData):
-    """The room that a screwdriver and a finger need."""
+    """The room that a screwdriver, a finger, and a nut before its screw need."""
 
     driver_diameter_mm: Quantity
     driver_length_mm: Quantity
     finger_diameter_mm: Quantity
     finger_length_mm: Quantity
+    nut_room_mm: Quantity
+
+    @property
+    def finger_mm(self) -> tuple[float, float]:
+        """Diameter and length of the largest finger (mm)."""
+        return _largest(self.finger_diameter_mm), _largest(self.finger_length_mm)
+
+    @property
+    def driver_mm(self) -> tuple[float, float]:
+        """Diameter and length of the largest screwdriver's shaft (mm)."""
+        return _largest(self.driver_diameter_mm), _largest(self.driver_length_mm)
+
+
+def _largest(size: Quantity) -> float:
+    return size.value + size.tolerance
 
 
 class Caster(BoxPart):

@@ -38,6 +38,14 @@ class Holes(Data):
     source: str
 
 
+class Places(Data):
+    """Points (x, y) of a part's frame; the tolerance is that of each number."""
+
+    at_mm: tuple[tuple[float, float], ...]
+    tolerance: float
+    source: str
+
+
 class PartData(Data):
     """The base of all data files."""
 

@@ -1,6 +1,7 @@
 """What makes a wheel of folded discs: the horn that turns it and the tyre around it."""
 
 import math
+from typing import Literal
 
 from foldcar.car.parts.quantity import Bought, Data, Holes, Quantity
 
@@ -48,17 +49,30 @@ class Horn(Bought):
 
 
 class Tyre(Bought):
-    """A wheel's tyre; without a ``width_mm`` of its own it is cut to the rim's width. Its cost is a wheel's."""
+    """A wheel's tyre; without a ``width_mm`` of its own it is cut to the rim's width. Its cost is a wheel's.
 
+    It is cut from a strip, or from a tube that shrinks. Without a ``friction`` of its own it has the film's.
+    """
+
+    form: Literal["strip", "tube"]
     thickness_mm: Quantity
     width_mm: Quantity | None
     density_kg_m3: Quantity
-    friction: Quantity
+    friction: Quantity | None
     note: str
 
     def running_width_mm(self, rim_width_mm: float) -> float:
         """The width that touches the ground (mm), on a rim of that width."""
         return rim_width_mm if self.width_mm is None else min(self.width_mm.value, rim_width_mm)
+
+    def cut(self, radius_mm: float, rim_width_mm: float) -> str:
+        """What to cut for a wheel of that outer radius: a strip as long as the tyre's middle, or a piece of tube."""
+        wide, thick = self.running_width_mm(rim_width_mm), self.thickness_mm.value
+        if self.form == "tube":
+            least = 2 * (radius_mm - thick)
+            flat = math.ceil(math.pi * least / 2)
+            return f"{wide:g} mm of a tube that is wider than {least:g} mm before it shrinks ({flat} mm flat)"
+        return f"a strip of {round(math.pi * (2 * radius_mm - thick))} x {wide:g} mm"
 
     def mass_kg(self, radius_mm: float, rim_width_mm: float) -> float:
         """The mass of a ring of that outer radius (kg)."""

@@ -40,6 +40,8 @@ ARROWS = {"way": ("#c8102e", 0.6), "tool": ("#6a3d9a", 0.45)}
 EDGE_SLACK_MM = 0.08
 # Shares of the larger side.
 MARGIN, LEAST_ARROW = 0.04, 0.012
+# Height of an arrow's text as a share of the larger side, width of a letter as a share of that height.
+TEXT, LETTER = 0.03, 0.6
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,8 @@ class Drawing:
         drawn = [one.region for one in seen] + [shapely.linestrings(view.flat(arrow.points_mm)) for arrow in self.arrows]
         left, low, right, high = shapely.total_bounds(drawn)
         size = max(right - left, high - low)
+        texts = [len(arrow.text) * LETTER * TEXT * size for arrow in self.arrows]
+        right = max([right, *(view.flat(a.points_mm)[0][0] + wide for a, wide in zip(self.arrows, texts, strict=True))])
         edge = MARGIN * size
         box = f"{left - edge:.2f} {-high - edge:.2f} {right - left + 2 * edge:.2f} {high - low + 2 * edge:.2f}"
         materials = self.shape.materials
@@ -181,10 +185,11 @@ def _arrow(arrow: Arrow, view: Camera, size: float) -> str:
     tip = _polyline(np.stack([points[-1], neck + across, neck - across])) + "Z"
     label = ""
     if arrow.text:
-        (u, v), up = points[0], points[0][1] > points[-1][1]
+        (u, v), (right, up) = points[0], points[0] - points[-1]
+        anchor = "end" if right < -abs(up) / 2 else "start"
         label = (
-            f'<text x="{u:.2f}" y="{-v:.2f}" dy="{-0.4 if up else 1.1:g}em" font-size="{size * 0.03:.2f}" '
-            f'fill="{colour}" text-anchor="middle" stroke="#ffffff" stroke-width="{size * 0.008:.2f}" '
+            f'<text x="{u:.2f}" y="{-v:.2f}" dy="{-0.4 if up > 0 else 1.1:g}em" font-size="{size * TEXT:.2f}" '
+            f'fill="{colour}" text-anchor="{anchor}" stroke="#ffffff" stroke-width="{size * 0.008:.2f}" '
             'paint-order="stroke">'
             f"{html.escape(arrow.text)}</text>"
         )

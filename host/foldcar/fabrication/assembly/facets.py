@@ -4,7 +4,7 @@ Input: pieces with their poses and fold fractions, mounts. Output: Facets and th
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -20,6 +20,8 @@ CYLINDER_ENDS = 2
 # So many boxes stand for a ring around z, as those of a tyre; it is drawn round.
 RING_SOLIDS, RING_SIDES = 16, 40
 CYLINDER_SIDES, SMALL_CYLINDER_SIDES = 16, 8
+
+NUT_OF = "nut of "
 
 LineKind = Literal["cut", "mountain", "valley", "flat"]
 
@@ -99,6 +101,11 @@ def mount_shape(mount: Mount, pose: Matrix | None = None, prefix: str = "") -> S
             if solid.kind == "box" or side < CYLINDER_ENDS:
                 lines += [EdgeLine((key,), ends, "cut") for ends in np.stack([ring, np.roll(ring, -1, 0)], axis=1)]
     return Shape(tuple(facets), tuple(lines), {facet.key: mount_material(mount) for facet in facets})
+
+
+def shank_and_nut(screw: Mount) -> tuple[Mount, Mount]:
+    """A screw, which is head, shank and nut, as head with shank and as its nut, each by a name of its own."""
+    return replace(screw, solids=screw.solids[:2]), replace(screw, name=f"{NUT_OF}{screw.name}", solids=screw.solids[2:])
 
 
 def _ring(mount: Mount, pose: Matrix, prefix: str) -> Shape:

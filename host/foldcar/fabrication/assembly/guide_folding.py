@@ -13,7 +13,7 @@ from foldcar.fabrication.assembly.facets import film_shape
 from foldcar.fabrication.assembly.guide_step import Picture, Step, listed, numbers
 from foldcar.fabrication.assembly.hidden_surfaces import camera
 from foldcar.fabrication.assembly.join_marks import join_marks
-from foldcar.fabrication.assembly.operations import of_parting, of_sheets
+from foldcar.fabrication.assembly.operations import is_wound, of_parting, of_sheets
 from foldcar.fabrication.patterns.options import MACHINES
 from foldcar.fabrication.patterns.sheets import CutCar
 
@@ -34,14 +34,17 @@ def out_of_sheets(cut: CutCar, machine: str) -> Step:
         drawing = Drawing(shape, view, piece.label, join_marks(cut.car, piece, np.eye(4), 0.0), enlarged=2.0)
         times = f", {piece.count} times" if piece.count > 1 else ""
         pictures.append(Picture(drawing, f"{piece.label}{times}"))
+    wound = [piece.label for piece in cut.car.pieces if is_wound(piece)]
     program, files = MACHINES[machine].program, MACHINES[machine].files
     lines = (
-        f"Cut the sheets ({machine}: {files.upper()} files, {program}); how_to_cut.md says how, layer by layer. Cut the "
-        "coupon first.",
-        "Take the pieces out of the sheets. Pictures show the printed side, which is inside the car; numbers in circles "
-        "are joins, the same on both sides of a join.",
+        f"Cut the sheets ({machine}: {files.upper()} files, {program}); how_to_cut.md says how, layer by layer; "
+        "sheets.png shows all sheets. Cut the coupon first.",
+        "Take the pieces out of the sheets, and the waste out of every opening (green on the sheets) with a fingertip, a "
+        "pin or tweezers. Pictures show the printed side, which is inside the car; numbers in circles are joins, the "
+        "same on both sides of a join.",
         "Crease every fold once before you build: valleys (blue, dashed) towards you, mountains (red, dash-dotted) away "
         "from you, the printed side up.",
+        *([f"Do not crease the {listed(wound)}: they are curled."] if wound else []),
     )
     return Step("Cut the pieces", lines, tuple(pictures), of_sheets(cut))
 

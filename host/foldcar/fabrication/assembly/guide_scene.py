@@ -1,11 +1,11 @@
 """What one picture of a step shows: the car so far, what goes in apart from its place, arrows along the ways.
 
 Input: a step and the State after it. Output: a Shape, the keys of what was there, arrows, join numbers. Parts that come
-from one side onto each other stand apart in a row, screws last.
+from one side onto each other stand apart in a row, in the order of the step; a nut stands on its own side.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from foldcar.car.assembly.step import Added, AssemblyStep
 from foldcar.car.folded.model import Mount, PlacedPiece
 from foldcar.car.parts.fasteners import Screw, Spacer
 from foldcar.fabrication.assembly.drawing import Arrow, Mark
-from foldcar.fabrication.assembly.facets import Shape, together
+from foldcar.fabrication.assembly.facets import Shape, shank_and_nut, together
 from foldcar.fabrication.assembly.guide_state import Part, State, key
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, Vector
 from foldcar.fabrication.assembly.join_marks import join_marks
@@ -67,7 +67,7 @@ class Scene:
             self._mark(part, np.zeros(3))
             if not step.adds:
                 self._fold_arrows(part)
-        for added in sorted(shown, key=self._is_screw):
+        for added in shown:
             fresh += self._added(added)
         self.shape = together([*old, *fresh])
 
@@ -79,6 +79,14 @@ class Scene:
     def _added(self, added: Added) -> list[Shape]:
         """What comes in with ``added``, apart from its place."""
         parts = self.state.parts(added)
+        if added.nut_mm:
+            (screw,) = parts
+            assert isinstance(screw, Mount)
+            shank, nut = shank_and_nut(screw)
+            return [*self._come(added, [shank]), *self._come(replace(added, way_mm=added.nut_mm[-1:]), [nut])]
+        return self._come(added, parts)
+
+    def _come(self, added: Added, parts: Sequence[Part]) -> list[Shape]:
         in_place = points([self.state.shape(part) for part in parts])
         box = np.stack([in_place.min(axis=0), in_place.max(axis=0)])
         moves = self._moves(added, box)

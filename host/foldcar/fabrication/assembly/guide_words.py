@@ -1,24 +1,31 @@
-"""What a step of the guide says: what to take, to fold, to put in, to join, to screw and to plug, in this order.
+"""What a step of the guide says: what to fold, to put in and to screw in the order of the proof, to join, to plug.
 
 Input: an AssemblyStep and the State before it. Output: lines of text. Numbers are those printed on the sheets.
 """
 
 import math
+import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from foldcar.car.assembly.step import Added, AssemblyStep
-from foldcar.car.components.hub_ring import turn_rad
+from foldcar.car.assembly.step import Added, AssemblyStep, Vector
+from foldcar.car.components.hub import turn_rad
 from foldcar.car.components.wheel_size import WheelSize
 from foldcar.car.folded.model import FoldedCar, Join, Mount
-from foldcar.car.parts.fasteners import Spacer
+from foldcar.car.leads import leads
 from foldcar.fabrication.assembly.guide_state import State
 from foldcar.fabrication.assembly.guide_step import listed, numbers
 from foldcar.fabrication.assembly.operations import closing, is_screw, is_wound, plugs_in, turned
+from foldcar.fabrication.assembly.parts_list import tyre_cut
+from foldcar.fabrication.assembly.wiring import remedy
 
 DRIVER = "PH0 screwdriver"
+# What is farther from the car's middle is beside it.
+BESIDE_MM = 10.0
+# Of several beams, a screw's own is meant.
+NUMBER = re.compile(r" \d+$")
 SIDES = (("the front", "the rear"), ("the left", "the right"), ("above", "below"))
 
 
@@ -26,9 +33,10 @@ def tools(car: FoldedCar) -> tuple[str, ...]:
     """Tools and materials of all steps, beside the parts."""
     screws = {mount.part for mount in car.mounts if is_screw(car.parts, mount)}
     return (
-        "knife or cutting machine, ruler, blunt needle or bone folder",
-        f"{DRIVER} for {listed(sorted(screws))}; small pliers for nuts",
-        "double-sided tape for PET, thin (0.1 mm or less) and 6 to 8 mm wide",
+        "knife or cutting machine, ruler, blunt needle or bone folder; pin or tweezers for the waste of openings",
+        f"{DRIVER}, its shaft at most {car.parts.tools.driver_mm[0]:g} mm thick, for {listed(sorted(screws))}",
+        "small pliers for nuts",
+        car.parts.film.tape,
         "felt pen to mark the servos' leads; hook-and-loop tape for the holder of cells",
         "soldering iron, once: headers of the two boards, leads of the switch",
         "computer with a USB cable that carries data",
@@ -39,10 +47,10 @@ def step_lines(step: AssemblyStep, before: State) -> tuple[str, ...]:
     """The instructions."""
     car = before.car
     return (
+        *_first(step, before),
         *_folds(step, before),
-        *_put_in(step, before),
+        *(line for line, _ in put_in_lines(step, before)),
         *_joins(car, step),
-        *_screws(step, before),
         *_plugs(car, step),
         *_care(car, step, before),
     )
@@ -54,33 +62,49 @@ def _folds(step: AssemblyStep, before: State) -> Iterator[str]:
         yield f"Curl {listed([f'the {piece.label}' for piece in wound])} evenly, without a crease, printed side inside."
     alike: dict[str, list[str]] = {}
     for name, creases in step.folds.items():
-        made = closing(step, before.closed, before.pieces[name])
+        piece = before.pieces[name]
+        made = closing(step, before.closed, piece)
         shut = [crease for crease in made if creases[crease.name]]
         angles = [math.degrees(crease.angle_rad) for crease in shut]
         kinds = Counter(("valley" if angle > 0 else "mountain", round(abs(angle))) for angle in angles)
         texts = [f"{n} {kind} fold{'s' if n > 1 else ''} of {degrees}°" for (kind, degrees), n in kinds.items()]
         opened = [crease.name for crease in made if crease not in shut]
-        left = f"; leave {listed(opened)} open" if opened else ""
+        left = f"; fold {listed(opened)} too, and open them again" if opened else ""
+        named = f" ({listed([crease.name for crease in shut])})" if before.closed.get(name) else ""
         if made:
-            alike.setdefault(f"{listed(texts)}{left}", []).append(f"the {before.pieces[name].label}")
+            alike.setdefault(f"{listed(texts)}{named}{left}", []).append(f"the {piece.label}")
     for text, labels in alike.items():
         yield f"Fold {listed(labels)}: {text}{', each' if len(labels) > 1 else ''}."
 
 
-def _put_in(step: AssemblyStep, before: State) -> Iterator[str]:
-    car = before.car
-    on_screws = {part.name for _, part in car.parts if isinstance(part, Spacer)}
-    outward = {axle.wheel: 1 if axle.side == "left" else -1 for axle in car.axles} if step.unit else {}
-    groups: dict[str, Counter[str]] = {}
-    for added in step.adds:
-        screw = added.kind == "mount" and is_screw(car.parts, before.mounts[added.name])
-        if added.way_mm and not screw and (not step.unit or added.body == step.adds[0].body):
-            label = _label(added, before)
-            place = "one on each screw" if label in on_screws else f"from {_from(added, outward.get(added.body, 0))}"
-            groups.setdefault(place, Counter())[label] += 1
-    for place, labels in groups.items():
-        text = listed([f"{count} × {label}" if count > 1 else label for label, count in labels.items()])
-        yield f"{text[0].upper()}{text[1:]}: {place}."
+def put_in_lines(step: AssemblyStep, before: State) -> Iterator[tuple[str, tuple[Added, ...]]]:
+    """What goes in, in the order of the step: a line and the things that it stands for.
+
+    Of wheels, the first one stands for all; loose wires have lines of their own. What repeats is told once.
+    """
+    shown = [a for a in step.adds if not step.unit or a.body == step.adds[0].body]
+    wires = {mount.name for mount in before.car.mounts if mount.part == before.car.parts.wiring.name}
+    runs: list[tuple[str, str, list[Added]]] = []
+    for added in (one for one in shown if one.name not in wires):
+        label, how = _label(added, before), _how(added, before, bool(step.unit))
+        if runs and runs[-1][:2] == (label, how):
+            runs[-1][2].append(added)
+        else:
+            runs.append((label, how, [added]))
+    alike = [(label, how, len(several)) for label, how, several in runs]
+    period = next(p for p in range(1, len(runs) + 1) if alike == alike[:p] * (len(runs) // p)) if runs else 1
+    times = len(runs) // period
+    if times > 1 and period > 1:
+        text = "; then ".join(_counted(*one) for one in alike[:period])
+        yield f"{times} times: {text}.", tuple(added for _, _, several in runs for added in several)
+        return
+    for (label, how, count), (_, _, several) in zip(alike, runs, strict=True):
+        text = _counted(label, how, count)
+        yield f"{text[0].upper()}{text[1:]}.", tuple(several)
+
+
+def _counted(label: str, how: str, count: int) -> str:
+    return f"{f'{count} × ' if count > 1 else ''}{label}: {how}"
 
 
 def _label(added: Added, before: State) -> str:
@@ -91,32 +115,62 @@ def _label(added: Added, before: State) -> str:
     return before.mounts[added.name].part
 
 
-def _from(added: Added, outward: int) -> str:
-    """Where a thing comes from, move by move; ``outward`` is the sign of y on a wheel's outer side, 0 for the car."""
+def _how(added: Added, before: State, apart: bool) -> str:
+    """Where a thing comes from, move by move; of a screw also what it passes, its tool and its nut."""
+    car = before.car
+    if added.kind == "mount" and is_screw(car.parts, before.mounts[added.name]):
+        labels = {("mount", name): mount.part for name, mount in before.mounts.items()}
+        labels |= {("piece", name): NUMBER.sub("", piece.label) for name, piece in before.pieces.items()}
+        passed = [labels[kind, name] for kind, name, _ in added.passes]
+        into = ""
+        if not added.nut_mm and passed:
+            *passed, last = passed
+            into = f" into the {last}"
+        through = f" through {listed([f'the {name}' for name in passed])}" if passed else ""
+        nut = f", its nut {_from(added, added.nut_mm[-1:], before, apart)}, held with pliers" if added.nut_mm else ""
+        return f"{_from(added, added.way_mm, before, apart)}{through}{into}, with the {DRIVER}{nut}"
+    if added.way_mm:
+        return _from(added, added.way_mm, before, apart)
+    if added.kind == "piece" and is_wound(before.pieces[added.name]):
+        return "wind it around the discs"
+    if added.kind == "mount" and added.body in {axle.wheel for axle in car.axles}:
+        return "stretch it over the rim"
+    return "lay it down"
+
+
+def _from(added: Added, moves: Sequence[Vector], before: State, apart: bool) -> str:
+    """The sides that moves come from; on a wheel those of the wheel, else outside or inside of the car's walls."""
+    axle = next((axle for axle in before.car.axles if axle.wheel == added.body), None)
+    place = before.mounts[added.name].pose[1][3] if added.kind == "mount" else 0.0
+    y = axle.center_mm[1] if axle else place
     places = []
-    for move in added.way_mm:
+    for move in moves:
         axis = int(np.argmax(np.abs(move)))
-        if outward and axis == 1:
-            places.append("the outer side" if move[axis] * outward < 0 else "the inner side")
-        else:
+        if axis != 1 or abs(y) < BESIDE_MM:
             places.append(SIDES[axis][0 if move[axis] < 0 else 1])
-    return ", then from ".join(dict.fromkeys(places))
+        elif apart:
+            places.append("its outer side" if move[1] * y < 0 else "its inner side")
+        else:
+            places.append("outside" if move[1] * y < 0 else "inside")
+    return "from " + ", then from ".join(dict.fromkeys(places))
 
 
 def _joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     joins = [join for join in car.joins if join.number in step.joins]
-    layers = {join.number: join.piece_a for join in joins if join.kind == "laminate"}
+    layers = {join.number: join for join in joins if join.kind == "laminate"}
     labels = {piece.name: piece.label for piece in car.pieces}
-    flat = {piece.name for piece in car.pieces if not piece.creases}
-    for number, name in sorted(layers.items()):
-        how = "on, edges and holes on each other" if name in flat else "where it lies on what has the same number"
+    drilled = {face.name for piece in car.pieces for face in piece.faces if face.holes}
+    for number, join in sorted(layers.items()):
+        holes, name = join.a.face in drilled, join.piece_a
+        how = "on, holes on each other" if holes else "where it lies on what has the same number"
         yield f"Tape the {labels[name]} {how}: join {number}."
     yield from _wheel_joins(car, step)
-    own = {join.number for join in joins if join.kind == "rim" or _is_of_wheel(car, join)}
+    own = {join.number for join in joins if join.kind == "rim" or _is_of_rim(car, join)}
+    own |= {join.number for join in turned(car, step)}
     for kinds, text in (
         (("tab", "lap"), "Tape the tabs to the inside of the panel with the same number: join {}."),
         (("tab_slot",), "Push the tongues through the slots with the same number: join {}."),
-        (("lock",), "Push the locking tongues through their slots; they open again without harm: join {}."),
+        (("lock",), "Hold the levers outwards, press the lid down, let go: the tongues go into their slots: join {}."),
         (("tuck",), "Lay the edges inside the walls, without tape: join {}."),
     ):
         found = {join.number for join in joins if join.kind in kinds} - own
@@ -124,26 +178,26 @@ def _joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
             yield text.format(numbers(found))
 
 
-def _is_of_wheel(car: FoldedCar, join: Join) -> bool:
+def _is_of_rim(car: FoldedCar, join: Join) -> bool:
     """Whether a wound strip locks."""
     return join.kind == "lock" and is_wound(next(piece for piece in car.pieces if piece.name == join.piece_a))
 
 
 def _wheel_joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """How the hub ring's hooks, the rim's hooks and its tongues are joined."""
+    """How the hub's hooks, the rim's hooks and its tongues are joined."""
     joins = [join for join in car.joins if join.number in step.joins]
     labels = {piece.name: piece.label for piece in car.pieces}
     for join in turned(car, step):
         radius, width = car.axles[0].radius_mm, car.axles[0].tyre_width_mm
         angle = math.degrees(turn_rad(WheelSize(radius, width, car.parts)))
         yield (
-            f"Drop the ring's hooks into the slots of the {labels[join.piece_b]}, and turn the disc against the ring "
+            f"Drop the hub's hooks into the slots of the {labels[join.piece_b]}, and turn the disc against the hub "
             f"until they hold: clockwise, as seen from its unprinted side, by about {angle:.0f}°: join {join.number}."
         )
     rims = {join.number for join in joins if join.kind == "rim"}
     if rims:
         yield f"Drop the strip's hooks from outside into the notches of both discs: join {numbers(rims)}."
-    tongues = {join.number for join in joins if _is_of_wheel(car, join)} - {join.number for join in turned(car, step)}
+    tongues = {join.number for join in joins if _is_of_rim(car, join)}
     if tongues:
         yield (
             "Put each tongue's head through the wide part of its slot and pull it into the narrow part; the last one "
@@ -151,52 +205,55 @@ def _wheel_joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         )
 
 
-def _screws(step: AssemblyStep, before: State) -> Iterator[str]:
-    car = before.car
-    screws = [before.mounts[added.name] for added in step.adds if added.kind == "mount"]
-    screws = [mount for mount in screws if is_screw(car.parts, mount)]
-    of_axles = {axle.wheel for axle in car.axles}
-    for part, found in _by_part(screws).items():
-        wheels = {mount.body for mount in found} & of_axles
-        each = f", {len(found) // len(wheels)} a wheel" if wheels and len(found) % len(wheels) == 0 else ""
-        nut = "; hold the nut with pliers" if "nut" in part else ""
-        yield f"{len(found)} × {part}{each}: {DRIVER}{nut}."
-
-
-def _by_part(mounts: Iterable[Mount]) -> dict[str, list[Mount]]:
-    found: dict[str, list[Mount]] = {}
-    for mount in mounts:
-        found.setdefault(mount.part, []).append(mount)
-    return found
-
-
 def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     wires = plugs_in(car, step)
+    mounts = {mount.name: mount.part for mount in car.mounts}
     signals = [wire for wire in wires if wire.carries == "signal"]
+    extended: dict[str, list[str]] = {}
+    for wire in (wire for wire in signals if wire.a in mounts):
+        extended.setdefault(mounts[wire.a], []).append(f"the {wire.b}")
+    for extension, servos in extended.items():
+        each = ", each" if len(servos) > 1 else ""
+        yield f"Plug {listed(servos)} into a {extension}{each}; tape the joints to the floor."
     if signals:
-        yield f"Plug {len(signals)} servos into the outputs that their leads are marked with; the brown lead is ground."
+        yield f"Plug {len(car.axles)} servos into the outputs that their leads are marked with; the brown lead is ground."
         if car.hinges:
             yield "Lead cables between segments through the openings of the caps, with a loop at each hinge."
+    lengths = {(lead.start, lead.end): remedy(lead) for lead in leads(car)}
     for wire in wires:
         if wire.carries != "signal":
-            yield f"{wire.a[0].upper()}{wire.a[1:]} to {wire.b}: {wire.note}."
+            notes = [wire.note, lengths.get((wire.a, wire.b), "")]
+            yield f"{wire.a[0].upper()}{wire.a[1:]} to {wire.b}: {'; '.join(note for note in notes if note)}."
+
+
+def _first(step: AssemblyStep, before: State) -> Iterator[str]:
+    """What is done to parts before they go in."""
+    if before.car.parts.servo.name in {before.mounts[added.name].part for added in step.adds if added.kind == "mount"}:
+        axles = sorted(before.car.axles, key=lambda axle: axle.channel)
+        marks = "; ".join(f"{axle.servo} {axle.channel}" for axle in axles)
+        yield (
+            "Before: give each servo pulses of 1500 µs and turn its potentiometer until it stands still. Mark the leads: "
+            f"{marks}."
+        )
 
 
 def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
     """What a part asks for beside its place."""
     parts = {before.mounts[added.name].part for added in step.adds if added.kind == "mount"}
     if car.parts.servo.name in parts:
-        yield (
-            "Before: give each servo pulses of 1500 µs and turn its potentiometer until it stands still. Mark the leads: "
-            + "; ".join(f"{axle.servo} {axle.channel}" for axle in sorted(car.axles, key=lambda axle: axle.channel)) + "."
-        )
         yield "The shaft is at the end of the servo that is nearer to the wheel's axle."
     if car.parts.tyre.name in parts:
-        yield f"{car.parts.tyre.name[0].upper()}{car.parts.tyre.name[1:]}: {car.parts.tyre.note}."
+        tyre = car.parts.tyre
+        yield f"{tyre.note[0].upper()}{tyre.note[1:]}: {tyre_cut(car)} for each."
+    if car.parts.switch.name in parts:
+        yield "Before: solder its wires on (see the wiring); their free ends go in through the opening first."
+    sides = {lead.start.removesuffix(" +"): lead.leaves for lead in leads(car)}
     if car.parts.lipo.name in parts:
-        yield "It lies in its outline on the film, held by a strip of double-sided tape."
+        side = sides[car.parts.lipo.name]
+        yield f"It lies in its outline on the film, its lead on the {side}, held by a strip of double-sided tape."
     if car.parts.battery.name in parts:
-        yield "It stands on hook-and-loop tape in its outline, so that it comes out for its cells."
+        side = sides[car.parts.battery.name]
+        yield f"It stands on hook-and-loop tape in its outline, its leads on the {side}; it comes out for its cells."
     if car.parts.board_pad.name in parts:
         yield "The pad, foam tape in two layers, sticks to film and board where the module covers the board's holes."
     if car.parts.horn_screw.name in parts:
@@ -206,7 +263,7 @@ def _care(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
         low, high = (math.degrees(limit) for limit in (car.hinges[0].min_rad, car.hinges[0].max_rad))
         yield (
             "A hinge's strip stays uncreased between the segments, which then pitch freely from "
-            f"{low:.0f}° (nose down) to {high:.0f}° (nose up) against each other."
+            f"{-low:.0f}° nose down to {high:.0f}° nose up against each other."
         )
     if any(added.kind == "unit" and added.body in {axle.wheel for axle in car.axles} for added in step.adds):
         yield "Turn every wheel by hand: it touches neither the wall nor its neighbour."
@@ -220,8 +277,9 @@ def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, .
     reached: dict[bool, list[str]] = {False: [], True: []}
     for number, step in enumerate(steps):
         for reach in step.reaches:
-            word = reached_word(car, mounts[reach.mount], reach.index)
-            reached[bool(lids) and number > lids[0]].append(word)
+            if not reach.piece:
+                word = reached_word(car, mounts[reach.name], reach.index)
+                reached[bool(lids) and number > lids[0]].append(word)
     shut, opened = (list(dict.fromkeys(reached[state])) for state in (False, True))
     opening = {name for step in steps for name in step.folds}
     locks = {join.number for join in car.joins if join.kind == "lock" and {join.piece_a, join.piece_b} & opening}
@@ -229,7 +287,11 @@ def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, .
     if shut:
         lines.append(f"Reached from outside{', the lid shut' if lids else ''}: {listed(shut)}.")
     if lids:
-        lines.append(f"To open the lid, push its tongues, joins {numbers(locks)}, back through their slots and lift it.")
+        lines.append(
+            "To open the lid, one latch after the other: with a fingertip on the lid push the lever, "
+            f"which stands at the right wall, outwards; that draws the tongue below it, join {numbers(locks)}, out of "
+            "its slot. Then lift the lid by its pull tab."
+        )
     if opened:
         lines.append(f"Reached with the lid open: {listed(opened)}.")
     taken = {mounts[one.name].part for step in steps for one in step.adds}

@@ -40,7 +40,9 @@ class Times(BaseModel):
     turn_s: Quantity
     part_s: Quantity
     screw_s: Quantity
+    nut_s: Quantity
     plug_s: Quantity
+    weed_s: Quantity
 
     def of_kinds(self) -> dict[str, Quantity]:
         """The seconds of each kind, by its name in Operations."""
@@ -49,8 +51,8 @@ class Times(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Operations:
-    """How many of each kind: pieces out of the sheet, folds, strips wound, joins taped, tongues pushed through slots,
-    discs turned onto hooks, parts and wheels put in, screws, plugs and leads."""
+    """How many of each kind: pieces out of the sheet, folds, strips wound, joins taped, tongues and hooks pushed in,
+    discs turned onto hooks, parts and wheels put in, screws, their nuts, plugs and leads; openings weeded."""
 
     piece: int = 0
     fold: int = 0
@@ -60,12 +62,14 @@ class Operations:
     turn: int = 0
     part: int = 0
     screw: int = 0
+    nut: int = 0
     plug: int = 0
+    weed: int = 0
 
     @property
     def total(self) -> int:
-        """All of them."""
-        return sum(self.counts.values())
+        """All of them but weeding, which is told apart: a laser's openings fall out."""
+        return sum(self.counts.values()) - self.weed
 
     @property
     def counts(self) -> dict[str, int]:
@@ -100,8 +104,9 @@ def operations(car: FoldedCar, cut: CutCar) -> Operations:
 
 
 def of_sheets(cut: CutCar) -> Operations:
-    """Every piece, and every part of one, is taken out of its sheet."""
-    return Operations(piece=sum(piece.count for piece in cut.pieces))
+    """Every piece, and every part of one, is taken out of its sheet, and the waste out of all its openings."""
+    openings = sum(piece.count * (len(piece.outline.interiors) + len(piece.circles)) for piece in cut.pieces)
+    return Operations(piece=sum(piece.count for piece in cut.pieces), weed=openings)
 
 
 def of_parting(car: FoldedCar, cut: CutCar) -> Operations:
@@ -127,11 +132,12 @@ def by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
         done = Operations(
             fold=sum(piece.count * len(closing(step, before, piece)) for piece in folded),
             wind=sum(piece.count for piece in folded if is_wound(piece)),
-            tape=sum(join.kind in TAPED for join in joins),
+            tape=sum(join.kind in TAPED for join in joins) + sum(is_taped(car.parts, mount) for mount in parts),
             tongue=sum(join.kind in PUSHED for join in joins),
             turn=sum(_times(car, join) for join in turned(car, step)),
             part=sum(is_put_in(car.parts, mount) for mount in parts) + sum(added.kind == "unit" for added in step.adds),
             screw=sum(is_screw(car.parts, mount) for mount in parts),
+            nut=sum(has_nut(car.parts, mount) for mount in parts),
             plug=len(plugs_in(car, step)),
         )
         for name, creases in step.folds.items():
@@ -165,12 +171,11 @@ def is_wound(piece: Piece) -> bool:
 
 
 def turned(car: FoldedCar, step: AssemblyStep) -> list[Join]:
-    """One join for each disc that a step turns against a wound strip until its hooks hold."""
-    pieces = {piece.name: piece for piece in car.pieces}
+    """One join for each disc that a step turns against a wheel's hub until its hooks hold."""
+    discs = {piece.name for piece in car.pieces if not piece.creases} & _on_wheels(car)
     found: dict[str, Join] = {}
     for join in car.joins:
-        locks = join.number in step.joins and join.kind == "lock" and is_wound(pieces[join.piece_a])
-        if locks and not pieces[join.piece_b].creases:
+        if join.number in step.joins and join.kind == "lock" and join.piece_b in discs:
             found.setdefault(join.piece_b, join)
     return list(found.values())
 
@@ -178,6 +183,16 @@ def turned(car: FoldedCar, step: AssemblyStep) -> list[Join]:
 def is_screw(parts: Catalogue, mount: Mount) -> bool:
     """Whether the part is a screw, with or without a nut."""
     return mount.part in {part.name for _, part in parts if isinstance(part, Screw)}
+
+
+def has_nut(parts: Catalogue, mount: Mount) -> bool:
+    """Whether the part is a screw with a nut, which is put on by itself."""
+    return any(mount.part == part.name and part.nut_width_mm for _, part in parts if isinstance(part, Screw))
+
+
+def is_taped(parts: Catalogue, mount: Mount) -> bool:
+    """Whether the part is laid onto a strip of tape; pads are sticky themselves."""
+    return mount.part == parts.lipo.name
 
 
 def is_put_in(parts: Catalogue, mount: Mount) -> bool:
@@ -191,9 +206,13 @@ def _by_hand(piece: Piece) -> list[Crease]:
 
 def _times(car: FoldedCar, join: Join) -> int:
     """How often a join is made: the joins of one wheel stand for all."""
+    return len(car.axles) if join.piece_a in _on_wheels(car) else 1
+
+
+def _on_wheels(car: FoldedCar) -> set[str]:
+    """The pieces of wheels."""
     wheels = {axle.wheel for axle in car.axles}
-    on_wheels = any(placed.piece == join.piece_a and placed.body in wheels for placed in car.placed)
-    return len(wheels) if on_wheels else 1
+    return {placed.piece for placed in car.placed if placed.body in wheels}
 
 
 @cache

@@ -1,20 +1,30 @@
 """The bill of materials: film and bought parts with quantities, masses and costs, as Markdown and as CSV; the fits.
 
-Input: a FoldedCar. Output: rows, and texts of them. Film is counted as cut, without waste.
+Input: a FoldedCar, and the sheets that it is cut from: film is bought by whole sheets. Without sheets it is counted as
+cut, without waste. Output: rows, and texts of them, parts in the order in which they go in.
 """
 
 import csv
 import io
+import math
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.resources import files
 
+from foldcar.car.assembly.plan import planned
 from foldcar.car.fits import fits
-from foldcar.car.folded.model import FoldedCar
+from foldcar.car.folded.model import FoldedCar, Piece
 from foldcar.car.folded.weight import body_properties, placing_mm
+from foldcar.car.leads import leads, more_wire_m, wire_mm
+from foldcar.car.parts.catalogue import film_of
 from foldcar.car.parts.mass import assemble
-from foldcar.car.parts.quantity import Bought
+from foldcar.car.parts.quantity import Bought, Quantity
 from foldcar.car.parts.wheel_parts import Tyre
+from foldcar.fabrication.assembly.operations import is_wound
 from foldcar.fabrication.assembly.skin import piece_area_mm2
+from foldcar.fabrication.patterns.drawing import Sheet
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +39,9 @@ class Row:
     note: str = ""
 
 
-def parts_list(folded: FoldedCar) -> tuple[Row, ...]:
+def parts_list(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> tuple[Row, ...]:
     """All rows: film, then the bought parts that are placed in the car."""
-    return (*_film(folded), *_bought(folded))
+    return (*_film(folded, sheets), *_bought(folded))
 
 
 def total_mass_kg(rows: tuple[Row, ...]) -> float:
@@ -44,9 +54,16 @@ def total_cost_usd(rows: tuple[Row, ...]) -> float:
     return sum(row.cost_usd or 0.0 for row in rows)
 
 
-def parts_list_text(folded: FoldedCar, title: str) -> str:
+@cache
+def eur_per_usd() -> Quantity:
+    """Euros for a US dollar, without tax; its source says of when."""
+    text = files("foldcar.fabrication.assembly").joinpath("euro.json").read_text(encoding="utf-8")
+    return Quantity.model_validate_json(text)
+
+
+def parts_list_text(folded: FoldedCar, title: str, sheets: Sequence[Sheet] = ()) -> str:
     """The parts list as Markdown: parts to buy, pieces to cut."""
-    rows = parts_list(folded)
+    rows, film, euro = parts_list(folded, sheets), folded.parts.film, eur_per_usd()
     lines = [f"# Parts of {title}", "", "| part | quantity | mass g | cost USD | |", "|---|---:|---:|---:|---|"]
     lines += [
         f"| {row.name} | {_amount(row)} | {row.mass_kg * 1e3:.2f} | {_dollars(row)} | {row.note} |"
@@ -55,20 +72,32 @@ def parts_list_text(folded: FoldedCar, title: str) -> str:
     lines += [
         f"| **together** | | **{total_mass_kg(rows) * 1e3:.1f}** | **{total_cost_usd(rows):.2f}** | |",
         "",
+        f"That is about {total_cost_usd(rows) * euro.value:.0f} EUR at {euro.value:g} ± {euro.tolerance:g} EUR a dollar "
+        f"({euro.source}).",
+        "",
         *_balance(folded),
-        "Prices are guides: see the tolerances and sources in the parts' data. Besides you need glue or double-sided "
-        "tape for film, and headers for the two boards.",
+        "Prices are guides: see the tolerances and sources in the parts' data. Besides you need "
+        f"{film.tape}, and solder for the boards' headers and the switch's leads: soldering is not among the operations.",
         "",
         "## Pieces to cut",
         "| piece | copies | area cm² each | film mm | folds |",
-        "|---|---:|---:|---:|---:|",
+        "|---|---:|---:|---:|---|",
     ]
     lines += [
         f"| {piece.label or piece.name} | {piece.count} | {piece_area_mm2(piece) / 100:.1f} "
-        f"| {piece.thickness_mm:g} | {len(piece.creases)} |"
+        f"| {piece.thickness_mm:g} | {_folds(piece)} |"
         for piece in folded.pieces
     ]
     return "\n".join([*lines, "", *_fits(folded), ""])
+
+
+def _folds(piece: Piece) -> str:
+    """How the piece is bent: creased, or not."""
+    if is_wound(piece):
+        return "curl, do not crease"
+    creased = sum(not crease.flexure for crease in piece.creases)
+    hinge = " and a hinge: do not crease that" if any(crease.flexure for crease in piece.creases) else ""
+    return f"{creased}{hinge}"
 
 
 def _fits(folded: FoldedCar) -> list[str]:
@@ -89,12 +118,12 @@ def _fits(folded: FoldedCar) -> list[str]:
     ]
 
 
-def parts_list_csv(folded: FoldedCar) -> str:
+def parts_list_csv(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
     """The same rows for a spreadsheet; mass in grams, cost in US dollars."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["part", "quantity", "unit", "mass_g", "cost_usd", "note"])
-    for row in parts_list(folded):
+    for row in parts_list(folded, sheets):
         mass = f"{row.mass_kg * 1e3:.3f}"
         writer.writerow([row.name, f"{row.quantity:g}", row.unit, mass, _dollars(row), row.note])
     return text.getvalue()
@@ -105,42 +134,63 @@ def film_area_mm2(folded: FoldedCar) -> float:
     return sum(piece.count * piece_area_mm2(piece) for piece in folded.pieces)
 
 
-def _film(folded: FoldedCar) -> list[Row]:
-    film = folded.parts.film
+def _film(folded: FoldedCar, sheets: Sequence[Sheet]) -> Iterator[Row]:
     areas: dict[float, float] = {}
     for piece in folded.pieces:
         areas[piece.thickness_mm] = areas.get(piece.thickness_mm, 0.0) + piece.count * piece_area_mm2(piece)
-    return [
-        Row(
-            f"{film.name} {thickness:g} mm",
-            area * 1e-6,
-            "m²",
-            area * thickness * 1e-9 * film.density_kg_m3.value,
-            area * 1e-6 * film.cost_usd_m2.value,
-            f"sold as {film.sold_as}; as cut, sheets have more",
-        )
-        for thickness, area in sorted(areas.items())
-    ]
+    for thickness, area in sorted(areas.items()):
+        film = film_of(folded.parts.film, thickness)
+        bought, note = area, f"sold as {film.sold_as}; as cut, sheets have more"
+        if sheets:
+            mine = [sheet for sheet in sheets if sheet.film == film.title]
+            bought = sum(sheet.width_mm * sheet.height_mm for sheet in mine)
+            size = f"{mine[0].width_mm:g} x {mine[0].height_mm:g} mm"
+            note = f"sold as {film.sold_as}; {len(mine)} sheets of {size}, {area * 1e-6:.4f} m² of it in the car"
+        mass_kg = area * thickness * 1e-9 * film.density_kg_m3.value
+        yield Row(film.title, bought * 1e-6, "m²", mass_kg, bought * 1e-6 * film.cost_usd_m2.value, note)
 
 
 def _bought(folded: FoldedCar) -> list[Row]:
     bought = {part.name: part for part in folded.parts.bought}
-    counts = Counter(mount.part for mount in folded.mounts)
+    mounts = {mount.name: mount for mount in folded.mounts}
+    counts: dict[str, int] = Counter(mount.part for mount in folded.mounts)
     masses: dict[str, float] = {}
     for mount in folded.mounts:
         masses[mount.part] = masses.get(mount.part, 0.0) + mount.mass_kg
-    return [
-        Row(name, count, "", masses[name], *_cost(bought.get(name), count)) for name, count in counts.items()
-    ]
+    order = [mounts[one.name].part for step in planned(folded) for one in step.adds if one.kind == "mount"]
+    counts = {name: counts[name] for name in dict.fromkeys([*order, *counts])}
+    rows = [Row(name, count, "", masses[name], *_cost(bought.get(name), count, folded)) for name, count in counts.items()]
+    rows = [_with_wire(folded, row) if row.name == folded.parts.wiring.name else row for row in rows]
+    headers = folded.parts.headers
+    boards = counts.get(folded.parts.featherwing.name, 0)
+    if boards:
+        note = "soldered to it; in its mass"
+        rows.append(Row(headers.name, boards, "", 0.0, boards * headers.cost_usd.value, note))
+    return rows
 
 
-def _cost(part: Bought | None, count: int) -> tuple[float | None, str]:
+def _with_wire(folded: FoldedCar, row: Row) -> Row:
+    """The row of the wires with the length that is cut, and the cost of what goes beyond that which is included."""
+    wiring, found = folded.parts.wiring, leads(folded)
+    more = more_wire_m(found, wiring) * wiring.wire_usd_m.value
+    note = f"{math.ceil(wire_mm(found) / 10) * 10} mm of wire, solder, heat-shrink: see the wiring"
+    return replace(row, cost_usd=(row.cost_usd or 0.0) + more, note=note)
+
+
+def _cost(part: Bought | None, count: int, folded: FoldedCar) -> tuple[float | None, str]:
     """The cost of so many of them, and a note; a module of one's own may place a part that is not in the catalogue."""
     if part is None:
         return None, "no price known"
     if part.cost_usd.value == 0:
         return 0.0, "comes with the servos"
-    return count * part.cost_usd.value, part.note if isinstance(part, Tyre) else ""
+    note = f"{part.note}: {tyre_cut(folded)} for each" if isinstance(part, Tyre) else ""
+    return count * part.cost_usd.value, note
+
+
+def tyre_cut(folded: FoldedCar) -> str:
+    """What to cut for one wheel's tyre."""
+    axle = folded.axles[0]
+    return folded.parts.tyre.cut(axle.radius_mm, axle.tyre_width_mm)
 
 
 def _balance(folded: FoldedCar) -> list[str]:

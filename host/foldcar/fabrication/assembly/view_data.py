@@ -14,12 +14,13 @@ from foldcar.car.assembly.step import AssemblyStep
 from foldcar.car.folded.folding import edge
 from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
 from foldcar.car.folded.pose import IDENTITY
+from foldcar.fabrication.assembly.facets import NUT_OF, shank_and_nut
 from foldcar.fabrication.assembly.hinge_creases import hinge_crease
 from foldcar.fabrication.assembly.laid_out import laid_out
 from foldcar.fabrication.assembly.poses import face_poses, moved
 from foldcar.fabrication.assembly.solids import mount_material
 from foldcar.fabrication.assembly.triangles import face_points, face_triangles
-from foldcar.fabrication.assembly.view_steps import Part, ViewSteps, view_steps
+from foldcar.fabrication.assembly.view_steps import NUT, Part, ViewSteps, view_steps
 
 DECIMALS = 4
 
@@ -32,8 +33,12 @@ def view_data(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None) 
     glued = {(join.piece_a, join.a.face) for join in folded.joins if join.kind in ("tab", "lap", "rim")}
     index = {piece.name: i for i, piece in enumerate(folded.pieces)}
     number = {("piece", one.piece, one.copy): i for i, one in enumerate(folded.placed)}
+    mounts: list[tuple[Mount, str]] = []
+    for mount in folded.mounts:
+        nutted = (NUT, mount.name, 0) in steps.ways
+        mounts += zip(shank_and_nut(mount), ("mount", NUT), strict=True) if nutted else [(mount, "mount")]
     extents = [_flat_extent(folded.pieces[index[placed.piece]]) for placed in folded.placed]
-    extents += [(-mount.size_mm[0] / 2, -mount.size_mm[1] / 2, *mount.size_mm[:2]) for mount in folded.mounts]
+    extents += [(-mount.size_mm[0] / 2, -mount.size_mm[1] / 2, *mount.size_mm[:2]) for mount, _ in mounts]
     parts = []
     for placed in folded.placed:
         piece = folded.pieces[index[placed.piece]]
@@ -45,12 +50,12 @@ def view_data(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None) 
             "hinge": asdict(hinge) if hinge else None,
             **_part(placed.body, placed.pose, steps, ("piece", placed.piece, placed.copy)),
         })  # fmt: skip
-    for mount in folded.mounts:
+    for mount, kind in mounts:
         parts.append({
             "name": mount.name if mount.name == mount.part else f"{mount.name} ({mount.part})",
             "material": mount_material(mount),
             "solids": _solids(mount),
-            **_part(mount.body, mount.pose, steps, ("mount", mount.name, 0)),
+            **_part(mount.body, mount.pose, steps, (kind, mount.name.removeprefix(NUT_OF), 0)),
         })  # fmt: skip
     for part, flat in zip(parts, laid_out(extents), strict=True):
         part["flat"] = flat

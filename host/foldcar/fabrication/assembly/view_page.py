@@ -15,6 +15,7 @@ from markupsafe import Markup
 from foldcar.car.folded.model import FoldedCar
 from foldcar.fabrication.assembly.parts_list import film_area_mm2, parts_list, total_cost_usd, total_mass_kg
 from foldcar.fabrication.assembly.view_data import view_data
+from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.inline_svg import inline_svg
 from foldcar.page_template import page_template
 
@@ -40,11 +41,15 @@ def view_page(
     sheets: Sequence[Drawing],
     run: Mapping[str, Any] | None = None,
     live: Mapping[str, Any] | None = None,
+    film: Sequence[Sheet] = (),
 ) -> str:
-    """The page's text. ``run`` and ``live`` are objects that run.js and live.js read, of a room downstream."""
+    """The page's text. ``run`` and ``live`` are objects that run.js and live.js read, of a room downstream.
+
+    ``film`` are the sheets of film to buy, if they are known.
+    """
     return page_template(ROOM, "web/view.html").render(
         title=title,
-        facts=facts(folded),
+        facts=facts(folded, film),
         drawings=[
             {"svg": Markup(inline_svg(one.svg, f"drawing{number}", one.caption)), "caption": one.caption}
             for number, one in enumerate(sheets, 1)
@@ -58,13 +63,14 @@ def view_page(
     )
 
 
-def facts(folded: FoldedCar) -> str:
-    """Mass, film, wheels and cost of the car in one line."""
-    rows = parts_list(folded)
+def facts(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
+    """Mass, film, wheels and cost of the car in one line; without sheets the cost leaves out the film's waste."""
+    rows = parts_list(folded, sheets)
+    waste = "" if sheets else ", without the film's waste"
     count = sum(piece.count for piece in folded.pieces)
     return (
         f"{total_mass_kg(rows) * 1e3:.0f} g, {count} pieces of film with {film_area_mm2(folded) / 100:.0f} cm², "
-        f"{len(folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts"
+        f"{len(folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts{waste}"
     )
 
 

@@ -16,7 +16,8 @@ from foldcar.car.assembly.step import Added, AssemblyStep
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 
 Vector = tuple[float, float, float]
-Part = tuple[str, str, int]  # piece or mount, its name, copy
+Part = tuple[str, str, int]  # piece, mount or a screw's nut, its name, copy
+NUT = "nut"
 # Step, motions out, and from when to when of the step's motions, 0 to 1, the part goes in.
 Ways = list[tuple[int, tuple[Vector, ...], float, float]]
 
@@ -63,14 +64,20 @@ def view_steps(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None)
     found.rides = {key: host for key, one in things.items() if (host := _host(roles, one)) is not None}
     units: dict[tuple[str, str], list[Part]] = {}
     for number, step in enumerate(steps, 1):
-        # What is screwed on comes before its screws.
-        adds = sorted(step.adds, key=lambda one: one.kind != "unit")
-        for place, added in enumerate(adds):
-            begin = TOGETHER * place / len(adds)
+        for place, added in enumerate(step.adds):
+            begin = TOGETHER * place / len(step.adds)
             if step.unit and added.kind != "unit":
                 units.setdefault((step.unit, added.body), []).append((added.kind, added.name, added.copy))
+            if added.nut_mm:
+                nut = NUT, added.name, added.copy
+                things[nut] = things["mount", added.name, 0]
+                if step.unit:
+                    units[step.unit, added.body].append(nut)
+                found.ways[nut] = [(number, _out(added.nut_mm), begin, begin + 1 - TOGETHER)]
+                if ("mount", added.name, 0) in found.rides:
+                    found.rides[nut] = found.rides["mount", added.name, 0]
             for part in _parts(added, units):
-                way = _out(added)
+                way = _out(added.way_mm)
                 if added.kind == "unit" and not way:
                     way = (_usual(folded, added.body, UNIT_MM),)
                 found.ways.setdefault(part, []).append((number, way, begin, begin + 1 - TOGETHER))
@@ -93,9 +100,9 @@ def _parts(added: Added, units: dict[tuple[str, str], list[Part]]) -> list[Part]
     return units[added.name, added.body] if added.kind == "unit" else [(added.kind, added.name, added.copy)]
 
 
-def _out(added: Added) -> tuple[Vector, ...]:
+def _out(way_mm: Sequence[Vector]) -> tuple[Vector, ...]:
     """The way out: the way in, backwards."""
-    way = [-np.array(move) for move in reversed(added.way_mm)]
+    way = [-np.array(move) for move in reversed(way_mm)]
     if way:
         way[-1] *= max(1.0, LEAST_WAY_MM / float(np.linalg.norm(way[-1])))
     return tuple(_vector(move) for move in way)
@@ -126,7 +133,9 @@ def _exploded(
         if part in steps.bases.values():
             continue
         one = things[part]
-        directions = [np.array(way).sum(axis=0) if way else np.array(_usual(folded, one.body)) for _, way, _, _ in ways]
+        # A nut stands off the end of its screw, however it got there.
+        outs = [way[:1] if part[0] == NUT else way for _, way, _, _ in ways]
+        directions = [np.array(way).sum(axis=0) if way else np.array(_usual(folded, one.body)) for way in outs]
         directions = [direction / np.linalg.norm(direction) for direction in directions]
         key = (one.body, tuple(int(value) for value in np.rint(3 * directions[0])))
         # A unit goes out as a whole.

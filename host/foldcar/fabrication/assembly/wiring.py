@@ -1,10 +1,13 @@
-"""The wiring as text: servo and direction of each output of the servo driver, and the supplies.
+"""The wiring as text: servo and direction of each output of the servo driver, the supplies, the length of every lead.
 
 Input: a FoldedCar. Output: Markdown. Outputs count from 0 as on the board, channels from 1 as in the firmware's
 parameter names.
 """
 
+import math
+
 from foldcar.car.folded.model import FoldedCar
+from foldcar.car.leads import Lead, leads
 
 SUPPLY_V = (4.8, 6.0)
 # The option of a wire to the servo driver's output enable: the board's pin, as in the firmware's output_gate.h, and a
@@ -58,6 +61,7 @@ def wiring_text(folded: FoldedCar, title: str) -> str:
     if others:
         lines += ["", "## All other connections", "| from | to | what | |", "|---|---|---|---|"]
         lines += [f"| {wire.a} | {wire.b} | {CARRIES[wire.carries]} | {wire.note} |" for wire in others]
+    lines += _leads(folded)
     lines += _output_enable(wing, feather)
     lines += [
         "",
@@ -68,6 +72,46 @@ def wiring_text(folded: FoldedCar, title: str) -> str:
         "",
     ]
     return "\n".join(lines)
+
+
+def _leads(folded: FoldedCar) -> list[str]:
+    """What every lead needs along its way and what there is."""
+    wiring, found = folded.parts.wiring, leads(folded)
+    if not found:
+        return []
+    limits = ", hinges at their limits" if folded.hinges else ""
+    loop = f", {wiring.hinge_slack_mm.value:g} mm at each hinge," if folded.hinges else ""
+    return [
+        "",
+        "## Leads",
+        "Lengths in mm. Needed is the way along floor and walls at its longest (the battery lifted out of the "
+        f"car{limits}) with {wiring.slack_share.value * 100:.0f} % slack{loop} and the plug with "
+        f"{wiring.slack_mm.value:g} mm to hold it by, or {wiring.joint_mm.value:g} mm for each joint. What is there is "
+        "the least that the parts' data promise: measure yours.",
+        "",
+        "| from | to | way | needed | there | |",
+        "|---|---|---:|---:|---:|---|",
+        *(
+            f"| {lead.start} | {lead.end} | {lead.way_mm:.0f} | {lead.needed_mm:.0f} "
+            f"| {f'{lead.there_mm:.0f}' if lead.there_mm else ''} | {_note(lead)} |"
+            for lead in found
+        ),
+    ]
+
+
+def _note(lead: Lead) -> str:
+    side = f"leaves the battery on the {lead.leaves}" if lead.leaves else ""
+    return "; ".join(text for text in (side, remedy(lead)) if text)
+
+
+def remedy(lead: Lead) -> str:
+    """What is done so that a lead is long enough, "" for nothing."""
+    length = math.ceil(lead.missing_mm / 5) * 5
+    if lead.kind == "wire":
+        return f"cut {length} mm of wire"
+    if lead.kind == "solder":
+        return f"solder {length} mm of wire to it" if length else ""
+    return f"with {lead.extension}" if lead.extension else ""
 
 
 def _output_enable(wing: str, feather: str) -> list[str]:

@@ -4,8 +4,10 @@ Input: a FoldedCar. Output: SVG text, in millimetres of a page; the car's front 
 """
 
 import html
+import math
 
 from foldcar.car.folded.model import Axle, FoldedCar
+from foldcar.car.leads import Lead, leads
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.fabrication.assembly.drawing import COLOURS
 from foldcar.fabrication.assembly.wiring import OE_GPIO, OE_PULL_UP_OHM
@@ -29,11 +31,16 @@ def wiring_drawing(folded: FoldedCar, title: str) -> str:
         _text(WIDTH_MM / 2, 15, "front of the car ↑", 3.6),
         *_wing(rows_end, folded.parts),
     ]
-    axles = {axle.channel: axle for axle in folded.axles}
+    axles, found = {axle.channel: axle for axle in folded.axles}, leads(folded)
+    extended = {lead.start: lead.extension.rpartition(", ")[2] for lead in found if lead.extension}
     for output in range(OUTPUTS):
-        body += _output(output, axles.get(output))
+        axle = axles.get(output)
+        body += _output(output, axle)
+        if axle is not None and axle.servo in extended:
+            body += _extension(output, axle.side == "left", extended[axle.servo])
     switched = any(wire.a.startswith(folded.parts.switch.name) for wire in folded.wires)
     body += _supply(rows_end, folded.parts, switched)
+    body += _lengths(rows_end, [lead for lead in found if lead.kind != "plug" and lead.missing_mm > 0])
     body += _output_enable(rows_end)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH_MM:g}mm" height="{height:g}mm" '
@@ -72,6 +79,26 @@ def _output(output: int, axle: Axle | None) -> list[str]:
         _text(x + SERVO_MM / 2, y - 1.2, axle.servo, 3.4, bold=True),
         _text(x + SERVO_MM / 2, y + 3.6, f"forward: {pulse} pulse", 3),
     ]
+
+
+def _extension(output: int, on_left: bool, length: str) -> list[str]:
+    """A servo extension in the wire of an output, with its length."""
+    y, x = TOP_MM + (output + 0.5) * ROW_MM, SERVO_MM + 6 if on_left else BOARD_MM[1] + 1.5
+    return [_box(x, y - 2.4, 12.5, 4.8, "other"), _text(x + 6.25, y + 1, length, 2.5)]
+
+
+def _lengths(rows_end: float, found: list[Lead]) -> list[str]:
+    """The lengths of wire beside the lines that it is soldered into."""
+    y, left = rows_end + 26, 5 + SERVO_MM
+    texts = []
+    for lead in found:
+        text = f"{math.ceil(lead.missing_mm / 5) * 5} mm"
+        if lead.kind == "wire":
+            texts.append(_text((BOARD_MM[0] + BOARD_MM[1]) / 2 + 2.5, y - 4, text, 2.5, "end"))
+        else:
+            below = lead.start.endswith("-")
+            texts.append(_text(left + 6, y + (5.5 if below else -3.6), f"+ {text}", 2.5, "start"))
+    return texts
 
 
 def _supply(rows_end: float, parts: Catalogue, switched: bool) -> list[str]:

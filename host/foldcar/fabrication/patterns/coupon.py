@@ -1,13 +1,14 @@
 """A calibration coupon to determine the fold dashes, slot clearance and kerf of a film and a machine.
 
-Input: Options. Output: one sheet. "folds" is a comb whose tongues have dashes with the labelled lengths of cut and
-bridge: fold each and choose the one that bends cleanly and does not tear. "slots" fits the 10 mm tongue: the smallest
-clearance whose slot accepts it without bulging is the tab clearance. "kerf": if the kerf is right, the 20 mm square
-fills its window without play, and the bar is 100.0 mm long.
+Input: Options and the car's parts. Output: one sheet. "folds" is a comb whose tongues have dashes with the labelled
+lengths of cut and bridge: fold each and choose the one that bends cleanly and does not tear. "slots" fits the 10 mm
+tongue: the smallest clearance whose slot accepts it without bulging is the tab clearance. "kerf": if the kerf is right,
+the 20 mm square fills its window without play, and the bar is 100.0 mm long.
 """
 
 from shapely.geometry import Polygon, box
 
+from foldcar.car.parts.catalogue import Catalogue
 from foldcar.fabrication.patterns.dashes import dashes
 from foldcar.fabrication.patterns.drawing import Motion, Path, Point, Shape, Sheet
 from foldcar.fabrication.patterns.flat_piece import FlatPiece
@@ -17,7 +18,7 @@ from foldcar.fabrication.patterns.piece_shapes import cut_shapes
 from foldcar.fabrication.patterns.sheet_advice import advice, all_fit
 from foldcar.fabrication.patterns.sheets import rounded
 from foldcar.fabrication.patterns.stroke_font import text_strokes
-from foldcar.fabrication.patterns.title_block import REFERENCE_MM, corner_mm, corner_shapes, wrapped
+from foldcar.fabrication.patterns.title_block import REFERENCE_MM, title_shapes, title_size_mm, wrapped
 
 # Cut and bridge lengths to choose from.
 DASHES_MM = ((1.0, 1.0), (1.5, 1.0), (2.0, 1.0), (1.5, 0.6), (2.5, 0.8), (4.0, 1.0))
@@ -26,13 +27,13 @@ TONGUE_MM = 10.0
 TEXT_MM = 2.0
 
 
-def coupon(chosen: Options, thickness_mm: float) -> Sheet:
-    """The coupon for film of that thickness."""
-    rows = [[_bar()], [_slots(thickness_mm), _square()], [_folds(chosen), _tongue()], [_window()]]
+def coupon(chosen: Options, parts: Catalogue) -> Sheet:
+    """The coupon for the film of a car with these parts."""
+    rows = [[_bar()], [_slots(parts), _square()], [_folds(chosen), _tongue()], [_window()]]
     margin = chosen.margin_mm
-    lines = wrapped([f"{REFERENCE_MM:g} mm  coupon  {chosen.machine}, kerf {chosen.kerf_mm:g} mm"])
-    groups: list[tuple[Shape, ...]] = [tuple(corner_shapes(lines, margin))]
-    y, right = margin + corner_mm(len(lines))[1] + chosen.gap_mm, margin
+    lines = wrapped([f"{REFERENCE_MM:g} mm  coupon  {parts.film.title}, {chosen.machine}, kerf {chosen.kerf_mm:g} mm"])
+    groups: list[tuple[Shape, ...]] = [tuple(shape.moved(Motion(0, (margin, margin))) for shape in title_shapes(lines))]
+    y, right = margin + title_size_mm(len(lines))[1] + chosen.gap_mm, margin
     for row in rows:
         x, top = margin + chosen.kerf_mm, y
         for flat, marks in row:
@@ -78,11 +79,11 @@ def _folds(chosen: Options) -> tuple[FlatPiece, list[Shape]]:
     return _piece("folds", Polygon(points)), marks
 
 
-def _slots(thickness_mm: float) -> tuple[FlatPiece, list[Shape]]:
-    """Slots two film thicknesses + 0.2 mm wide, and as long as the tongue plus the labelled clearance."""
+def _slots(parts: Catalogue) -> tuple[FlatPiece, list[Shape]]:
+    """Slots as wide as the car's, and as long as the tongue plus the labelled clearance."""
     pitch = TONGUE_MM + 5
     outline = box(0, 0, len(CLEARANCES_MM) * pitch, 16)
-    wide = 2 * thickness_mm + 0.2
+    wide = parts.film.thickness_mm.value + parts.assembly.slot_clearance_mm.value
     holes = []
     marks = _text("slots", len(CLEARANCES_MM) * pitch / 2, 1.5)
     for i, clearance in enumerate(CLEARANCES_MM):

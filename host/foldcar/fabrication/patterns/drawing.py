@@ -76,9 +76,10 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """One sheet of film. Each group contains the shapes that move together: a piece with its labels.
+    """One sheet of film, whose title is ``film``. Each group has the shapes that move together: a piece with its labels.
 
     ``dashed``: folds are drawn in their dashed line types, because nothing is cut or scored along them by a machine.
+    ``tab_gap_mm`` is the width of the gaps in outlines that leave holding tabs, 0 if outlines are closed.
     """
 
     name: str
@@ -86,6 +87,8 @@ class Sheet:
     height_mm: float
     groups: tuple[tuple[Shape, ...], ...]
     dashed: bool = False
+    film: str = ""
+    tab_gap_mm: float = 0.0
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -93,11 +96,36 @@ class Sheet:
         return tuple(itertools.chain.from_iterable(self.groups))
 
     def on(self, layer: LayerName) -> Iterator[tuple[Shape, ...]]:
-        """Each group's shapes on one layer, in order."""
+        """A layer's cuts in their order: a closed line or circle alone, a group's open lines together.
+
+        Small before large, since film holds a blade less the more of it is cut; among those of a size, by factors of
+        two, always the one that starts nearest to where the last ended, from the sheet's lower left corner.
+        """
+        cuts: list[tuple[Shape, ...]] = []
         for group in self.groups:
-            shapes = tuple(shape for shape in group if shape.layer == layer)
-            if shapes:
-                yield shapes
+            shapes = [shape for shape in group if shape.layer == layer]
+            lines = tuple(shape for shape in shapes if isinstance(shape, Path) and not shape.closed)
+            cuts += [lines] if lines else []
+            cuts += [(shape,) for shape in shapes if isinstance(shape, Circle) or shape.closed]
+        sizes: dict[int, list[tuple[Shape, ...]]] = {}
+        for cut in cuts:
+            x0, y0, x1, y1 = bounds(cut)
+            sizes.setdefault(math.frexp(max(x1 - x0, y1 - y0))[1], []).append(cut)
+        place = (0.0, 0.0)
+        for _, left in sorted(sizes.items()):
+            while left:
+                starts = [math.dist(place, _ends(cut[0])[0]) for cut in left]
+                cut = left.pop(starts.index(min(starts)))
+                place = _ends(cut[-1])[1]
+                yield cut
+
+
+def _ends(shape: Shape) -> tuple[Point, Point]:
+    """Where the cut of a shape starts and ends; that of a circle at its right."""
+    if isinstance(shape, Circle):
+        right = shape.center_mm[0] + shape.radius_mm, shape.center_mm[1]
+        return right, right
+    return shape.points_mm[0], shape.points_mm[0 if shape.closed else -1]
 
 
 def bounds(shapes: Iterable[Shape]) -> tuple[float, float, float, float]:

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Any, Literal
 
 import shapely
-from shapely.geometry import LineString, Polygon
+from shapely.geometry import LineString, MultiPoint, Polygon
 
 from foldcar.car.folded.folding import edge, folded
 from foldcar.car.folded.model import Crease, Face, Piece
@@ -69,6 +69,7 @@ class FlatPiece:
     ``origin`` is the name of the car's piece that it is, or is a part of; ``marks`` are lines that another part is
     laid against. ``bends`` are the lines between facets of a smooth bend, which are not drawn. ``seams`` are numbers
     of joins that the piece was parted at, each with the edges beside which it may stand, film on their left.
+    ``thickness_mm`` is the film's.
     """
 
     name: str
@@ -83,6 +84,7 @@ class FlatPiece:
     marks: tuple[Edge, ...] = ()
     bends: tuple[Edge, ...] = ()
     seams: tuple[tuple[int, tuple[Edge, ...]], ...] = ()
+    thickness_mm: float = 0.0
 
     @property
     def area_mm2(self) -> float:
@@ -108,7 +110,7 @@ class _Placing:
 @lru_cache(maxsize=256)
 def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
     """The flat piece; ValueError if its faces are not one connected area."""
-    thickness = chosen.thickness_mm if chosen.thickness_mm is not None else piece.thickness_mm
+    thickness = piece.thickness_mm
     faces = {face.name: face for face in piece.faces}
     inward = {face.name: [_free_edge_mm(face, chosen)] * len(face.outline_mm) for face in piece.faces}
     for crease in piece.creases:
@@ -122,7 +124,9 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
     lines = [(_fold(crease, by_name), crease.bend) for crease in piece.creases]
     folds = tuple(fold for fold, bent in lines if fold is not None and not bent)
     bends = tuple((fold.a, fold.b) for fold, bent in lines if fold is not None and bent)
-    outline = shapely.union_all([face.outline for face in flat], grid_size=GRID_MM)
+    # Rounded to the grid, a corner within the edge of another face would leave it: both edges get the fold's ends.
+    ends = MultiPoint([end for fold, _ in lines if fold is not None for end in (fold.a, fold.b)])
+    outline = shapely.union_all([shapely.snap(face.outline, ends, GRID_MM) for face in flat], grid_size=GRID_MM)
     outline = shapely.simplify(outline, STRAIGHT_MM)
     if not isinstance(outline, Polygon):
         raise ValueError(f"piece {piece.name} is not one connected area")
@@ -148,6 +152,7 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
         piece.count,
         marks=tuple(corner for face in flat for edges in face.laid.values() for corner in _corners(edges)),
         bends=bends,
+        thickness_mm=piece.thickness_mm,
     )
 
 

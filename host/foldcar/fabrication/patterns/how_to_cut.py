@@ -37,21 +37,37 @@ def _lines(made: Pattern, command: str) -> Iterator[str]:
     yield ""
     yield (
         f"{len(made.sheets)} sheets of {width:g} x {height:g} mm on {chosen.machine} with {machine.program}. Cut the "
-        f"coupon first. Check that the bar in the sheet's corner is {REFERENCE_MM:.1f} mm long."
+        f"coupon first. Check that the bar in a sheet's title is {REFERENCE_MM:.1f} mm long."
     )
-    yield ""
+    yield from ("", "![All sheets](sheets.png)")
+    film = made.film
+    yield from (
+        "",
+        f"- Film: {', '.join(dict.fromkeys(sheet.film for sheet in made.sheets))}, sold as {film.sold_as}.",
+        f"- Cutting: {getattr(film.cutting, chosen.machine)}.",
+        f"- Folds: {film.folding}.",
+        f"- Joins: {film.tape}.",
+        f"- Bent in use: {film.hinge}.",
+        "",
+    )
     yield from (f"{number}. {step}" for number, step in enumerate(machine.steps, 1))
     yield from ("", "|file|drawn: width x height in mm|", "|---|---|")
     for sheet in made.sheets:
         x0, y0, x1, y1 = bounds(sheet.shapes)
         file = f"sheets.pdf, {sheet.name}" if machine.files == "pdf" else f"{sheet.name}.{machine.files}"
         yield f"|{file}|{x1 - x0:.1f} x {y1 - y0:.1f}|"
-    yield from ("", "In this order, openings before outlines, so that no piece moves before it is done:", "")
+    yield from ("", "In this order, openings before outlines and small before large, so that nothing moves too soon:", "")
     yield from ("|layer|colour|LightBurn|what it is|what to do|", "|---|---|---|---|---|")
     used = {shape.layer for sheet in made.sheets for shape in sheet.shapes}
     for layer in LAYERS.values():
         if layer.name in used:
             yield f"|{layer.name}|{layer.hex}|{layer.lightburn}|{_meaning(layer, made)}|{_action(layer, made)}|"
+    if chosen.holding_tabs_mm:
+        yield ""
+        yield (
+            f"Holding tabs of {chosen.holding_tabs_mm:g} mm keep the pieces in the sheet: cut them with scissors along "
+            "the outline when the sheet is off the machine; what is left on a wheel disc makes it run out of true."
+        )
     yield from _parted(made)
     yield from ("", f"The narrowest film between two cuts is {made.least_film_mm:.2f} mm.")
     if made.least_film_mm < LEAST_FILM_MM:

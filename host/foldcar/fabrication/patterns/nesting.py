@@ -1,25 +1,43 @@
-"""Nests pieces on few sheets in quarter turns, also into notches and gaps of each other (bottom-left heuristic).
+"""Nests pieces on few sheets in quarter turns, also into notches and gaps of each other.
 
-Input: outlines in millimetres with counts, the sheet's size, margin and gap. Output: sheet and motion of every copy. The
-largest pieces come first, each as low and then as far left as possible. The occupied area of a sheet is a raster; the
-free positions of a piece are the zeros of its correlation with the piece's raster, computed by FFT. Deterministic.
+Input: outlines in millimetres with counts, the sheet's size, margin and gap. Output: sheet and motion of every copy.
+
+Pieces are placed one after the other, each as low and then as far left as possible on the first sheet with room. A local
+search over their orders, from the largest first, exchanges pieces and keeps what takes less film. A piece is a raster of
+the cells that it touches; where one placed piece keeps another away is the correlation of the two rasters, one of them
+grown by the gap, which is computed once for each pair (no-fit polygons, as rasters). The search has a fixed seed and ends
+after a fixed amount of work, not time: the same pieces give the same layout.
 """
 
 import math
+import random
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.fft import irfft2, next_fast_len, rfft2
+from scipy.signal import fftconvolve
 from shapely.geometry import Polygon
 
 from foldcar.errors import FoldcarError
-from foldcar.fabrication.patterns.drawing import Motion
+from foldcar.fabrication.patterns.drawing import Motion, Point
 
 CELL_MM = 1.0
 MAX_SHEETS = 200
+# The search ends after so many orders, or positions looked at in all: a second or two. It goes on so many times as long
+# while little of the last sheet is taken, and the pieces' area would fit on fewer sheets.
+MOST_TRIES = 300
+MOST_POSITIONS = 1e9
+LONGER = 4
+LITTLE = 0.25
+SEED = 1
+# How often the search changes when the title is placed, not the order.
+TITLE_SHARE = 0.1
+# Rounding errors of outlines: what reaches into a cell by less does not touch it.
+TOUCH_MM = 1e-4
+
+Cells = NDArray[np.bool_]
 
 
 class NestingError(FoldcarError):
@@ -36,40 +54,40 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Nest:
-    """A layout: ``placements[i]`` are the copies of piece i; ``reserved``: whether each sheet's corner is kept free.
+    """A layout: ``placements[i]`` are the copies of piece i.
 
-    ``free`` is the motion of the box that was to find room on each sheet, None where there is none.
+    ``titles`` and ``boxes`` are the motions of each sheet's title and box, None where there is no room for it.
     """
 
     placements: tuple[tuple[Placement, ...], ...]
-    reserved: tuple[bool, ...]
-    free: tuple[Motion | None, ...] = ()
+    titles: tuple[Motion | None, ...]
+    boxes: tuple[Motion | None, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Turned:
-    """A piece in one of four turns: its cells (gap included), their spectrum, its corner relative to the first cell."""
+    """A piece in one of four turns, its lower left corner at the first cell's.
+
+    ``cells`` are those that it touches, ``grown`` those that it touches grown by the gap, ``apron`` cells farther out.
+    ``places`` are the numbers of rows and of columns at which its first cell may be.
+    """
 
     turn: int
-    cells: NDArray[np.bool_]
-    spectrum: NDArray[np.complexfloating]
-    corner_mm: tuple[float, float]
+    cells: Cells
+    grown: Cells
+    apron: int
+    corner_mm: Point
+    places: tuple[int, int]
 
 
 class _Area:
-    """A sheet's usable area as a raster, with a border for the gaps of pieces at its edge."""
+    """A sheet's usable area as a raster, and what keeps pieces apart on it."""
 
     def __init__(self, size_mm: tuple[float, float], margin_mm: float, gap_mm: float) -> None:
         self.margin_mm = margin_mm
-        usable = [side - 2 * margin_mm for side in size_mm]
-        self.counts = [math.ceil(side / CELL_MM - 1e-9) for side in usable]
-        self.cell_mm = [side / count for side, count in zip(usable, self.counts, strict=True)]
-        # A cell is occupied if its centre is within half the gap plus half its diagonal of a piece.
-        self.reach_mm = gap_mm / 2 + math.hypot(*self.cell_mm) / 2
-        self.apron = math.ceil(self.reach_mm / min(self.cell_mm))
-        self.shape = (self.counts[1] + 2 * self.apron, self.counts[0] + 2 * self.apron)
-        # Lengths whose Fourier transforms are quick.
-        self.padded = tuple(next_fast_len(length, real=True) for length in self.shape)
+        self.gap_mm = gap_mm
+        self.usable_mm = (size_mm[0] - 2 * margin_mm, size_mm[1] - 2 * margin_mm)
+        self._kept: dict[tuple[int, int], tuple[_Turned, _Turned, Cells]] = {}
 
     def turned(self, outline: Polygon) -> list[_Turned]:
         """The piece in every turn that fits into the empty area."""
@@ -78,70 +96,88 @@ class _Area:
             motion = Motion(turn)
             moved = Polygon([motion.apply((x, y)) for x, y in outline.exterior.coords])
             x0, y0, x1, y1 = moved.bounds
-            columns, rows = (
-                math.ceil(length / cell - 1e-6)
-                for length, cell in zip((x1 - x0, y1 - y0), self.cell_mm, strict=True)
-            )
-            if columns > self.counts[0] or rows > self.counts[1]:
+            spare = [side - length for side, length in zip(self.usable_mm, (x1 - x0, y1 - y0), strict=True)]
+            if min(spare) < -1e-6:
                 continue
-            xs = x0 + (np.arange(-self.apron, columns + self.apron) + 0.5) * self.cell_mm[0]
-            ys = y0 + (np.arange(-self.apron, rows + self.apron) + 0.5) * self.cell_mm[1]
-            grown = moved.buffer(self.reach_mm, quad_segs=4)
-            shapely.prepare(grown)
-            cells = np.asarray(shapely.contains_xy(grown, *np.meshgrid(xs, ys)))
-            if not any(np.array_equal(cells, other.cells) for other in found):
-                found.append(_Turned(turn, cells, self.spectrum(cells), (x0, y0)))
+            cells = _touched(moved, (x0, y0), 0)
+            if any(np.array_equal(cells, other.cells) for other in found):
+                continue
+            apron = math.ceil(self.gap_mm / CELL_MM - 1e-9)
+            grown = _touched(moved.buffer(self.gap_mm, quad_segs=16), (x0, y0), apron)
+            columns, rows = (max(0, math.floor(length / CELL_MM + 1e-6)) + 1 for length in spare)
+            found.append(_Turned(turn, cells, grown, apron, (x0, y0), (rows, columns)))
         return found
 
-    def spectrum(self, cells: NDArray[np.bool_]) -> NDArray[np.complexfloating]:
-        """The cells' Fourier transform, padded to the area."""
-        # Single precision suffices for counts of cells; scipy's transform takes less than half of numpy's time.
-        result: NDArray[np.complexfloating] = rfft2(cells.astype(np.float32), self.padded)
-        return result
+    def kept_off(self, placed: _Turned, other: _Turned) -> Cells:
+        """Where ``placed`` keeps ``other`` off; the first is as far down and left as any (see `_Sheet.blocked`)."""
+        key = (id(placed), id(other))
+        if key not in self._kept:
+            # Counts of cells: 0.5 is far above the rounding errors.
+            meets = fftconvolve(placed.grown.astype(np.float32), other.cells[::-1, ::-1].astype(np.float32)) > 0.5
+            self._kept[key] = (placed, other, meets)
+        return self._kept[key][2]
 
     def motion(self, turned: _Turned, row: int, column: int) -> Motion:
         """The motion of a piece whose first cell is at that row and column."""
-        x = self.margin_mm + column * self.cell_mm[0] - turned.corner_mm[0]
-        y = self.margin_mm + row * self.cell_mm[1] - turned.corner_mm[1]
+        x = self.margin_mm + column * CELL_MM - turned.corner_mm[0]
+        y = self.margin_mm + row * CELL_MM - turned.corner_mm[1]
         return Motion(turned.turn, (x, y))
 
 
+def _touched(outline: Polygon, corner_mm: Point, apron: int) -> Cells:
+    """The cells that the polygon touches, from ``apron`` cells below and left of the corner to as many beyond its box."""
+    _, _, x1, y1 = outline.bounds
+    columns, rows = (math.ceil((high - low) / CELL_MM - 1e-6) for low, high in zip(corner_mm, (x1, y1), strict=True))
+    # A square touches the polygon if its centre is in the polygon or in an edge drawn with the square as a pen.
+    half = CELL_MM / 2 - TOUCH_MM
+    ring = np.asarray(outline.exterior.coords)
+    pen = np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
+    strokes = np.concatenate([ring[:-1, None] + pen, ring[1:, None] + pen], axis=1)
+    drawn = shapely.union_all([outline, *shapely.convex_hull(shapely.multipoints(strokes))])
+    shapely.prepare(drawn)
+    xs = corner_mm[0] + (np.arange(-apron, columns) + 0.5) * CELL_MM
+    ys = corner_mm[1] + (np.arange(-apron, rows) + 0.5) * CELL_MM
+    return np.asarray(shapely.contains_xy(drawn, *np.meshgrid(xs, ys)))
+
+
+@dataclass(slots=True)
 class _Sheet:
-    """The occupied cells of one sheet."""
+    """The pieces on one sheet with their rows and columns, their highest row, and where they keep others off."""
 
-    def __init__(self, area: _Area) -> None:
-        self.area = area
-        self.taken = np.zeros(area.shape, dtype=bool)
-        self.free_cells = self.taken.size
-        self._spectrum: NDArray[np.complexfloating] | None = None
+    area: _Area
+    placed: list[tuple[_Turned, int, int]] = field(default_factory=list)
+    top: int = 0
+    top_of_pieces: int = 0
+    _blocked: dict[int, tuple[Cells, int]] = field(default_factory=dict)
 
-    def lowest(self, turned: _Turned) -> tuple[int, int] | None:
-        """The lowest row, and in it the leftmost column, at which the piece overlaps nothing; None if there is none."""
-        rows = self.taken.shape[0] - turned.cells.shape[0] + 1
-        columns = self.taken.shape[1] - turned.cells.shape[1] + 1
-        if self._spectrum is None:
-            self._spectrum = self.area.spectrum(self.taken)
-        # Positions that wrap around are discarded; for the others circular correlation is exact.
-        meets = irfft2(self._spectrum * turned.spectrum.conj(), self.area.padded)[:rows, :columns]
-        free = np.flatnonzero(meets.ravel() < 0.5)
-        return None if free.size == 0 else divmod(int(free[0]), columns)
+    def blocked(self, turned: _Turned) -> Cells:
+        """The rows and columns at which the piece would come too near to another."""
+        blocked, known = self._blocked.get(id(turned)) or (np.zeros(turned.places, dtype=bool), 0)
+        rows, columns = turned.places
+        for other, row, column in self.placed[known:]:
+            kept = self.area.kept_off(other, turned)
+            up, right = row - other.apron - turned.cells.shape[0] + 1, column - other.apron - turned.cells.shape[1] + 1
+            above, beyond = min(rows, up + kept.shape[0]), min(columns, right + kept.shape[1])
+            low, left = max(0, up), max(0, right)
+            if low < above and left < beyond:
+                blocked[low:above, left:beyond] |= kept[low - up : above - up, left - right : beyond - right]
+        self._blocked[id(turned)] = (blocked, len(self.placed))
+        return blocked
 
     def place(self, turns: Sequence[_Turned]) -> Motion | None:
         """Put the piece, in one of its turns, where its top is lowest; None if no turn fits."""
         places = []
         for turned in turns:
-            if turned.cells.sum() > self.free_cells:
-                continue
-            found = self.lowest(turned)
-            if found is not None:
-                places.append((found[0] + turned.cells.shape[0], found[1], turned.turn, found[0], turned))
+            blocked = self.blocked(turned).ravel()
+            first = int(blocked.argmin())
+            if not blocked[first]:
+                row, column = divmod(first, turned.places[1])
+                places.append((row + turned.cells.shape[0], column, turned.turn, row, turned))
         if not places:
             return None
-        _, column, _, row, turned = min(places, key=lambda place: place[:3])
-        rows, columns = turned.cells.shape
-        self.taken[row : row + rows, column : column + columns] |= turned.cells
-        self.free_cells -= int(turned.cells.sum())
-        self._spectrum = None
+        top, column, _, row, turned = min(places, key=lambda place: place[:3])
+        self.placed.append((turned, row, column))
+        self.top = max(self.top, top)
         return self.area.motion(turned, row, column)
 
 
@@ -150,74 +186,139 @@ def nest(
     size_mm: tuple[float, float],
     margin_mm: float,
     gap_mm: float,
-    corner_mm: tuple[float, float],
+    title_mm: tuple[float, float],
     box_mm: tuple[float, float] = (0.0, 0.0),
 ) -> Nest:
-    """Lay out pieces (name, outline, count), keeping the lower left ``corner_mm`` free where possible.
+    """Lay out pieces (name, outline, count), with a title of that size on every sheet that has room for it.
 
-    On each sheet a box of ``box_mm``, if any, then takes a place that the pieces left free.
+    On each sheet a box of ``box_mm``, if any, then takes a place that pieces and title left free. The last sheet is the
+    one with most film left.
 
     NestingError, naming the piece, its size and the sheet's, if a piece does not fit on a sheet.
     """
     area = _Area(size_mm, margin_mm, gap_mm)
-    corner = area.turned(shapely.box(0, 0, *corner_mm))[:1] if fits(corner_mm, size_mm, margin_mm) else []
+    title, box = (area.turned(shapely.box(0, 0, *size))[:1] if min(size) > 0 else [] for size in (title_mm, box_mm))
+    if title and title[0].turn:
+        title = []
     turns = [area.turned(outline) for _, outline, _ in pieces]
     for (name, outline, _), turned in zip(pieces, turns, strict=True):
         if not turned:
             raise NestingError(too_large(name, outline, size_mm, margin_mm))
-    tries = []
-    for order in _orders(pieces):
-        tries.append(_lay(area, corner, turns, [count for *_, count in pieces], order))
-        # No other order is better than a single sheet.
-        if len(tries[-1][0].reserved) == 1:
+    best = _searched(area, title, turns, _first_orders(pieces), _least_sheets(area, pieces))
+    ranks = sorted(range(len(best.sheets)), key=lambda k: (best.sheets[k] is best.last, k))
+    placements: list[list[Placement]] = [[] for _ in pieces]
+    for index, sheet, motion in best.copies:
+        placements[index].append(Placement(ranks.index(sheet), motion))
+    boxes = tuple(best.sheets[k].place(box) for k in ranks)
+    return Nest(tuple(map(tuple, placements)), tuple(best.titles[k] for k in ranks), boxes)
+
+
+def _least_sheets(area: _Area, pieces: Sequence[tuple[str, Polygon, int]]) -> int:
+    """A lower bound: pieces grown by half of the gap overlap nowhere and stay on a sheet's usable area grown as much."""
+    taken: float = sum(outline.buffer(area.gap_mm / 2).area * count for _, outline, count in pieces)
+    return math.ceil(taken / math.prod(side + area.gap_mm for side in area.usable_mm))
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """``copies``: piece's index, sheet and motion; the sheets and the motions of their titles."""
+
+    copies: tuple[tuple[int, int, Motion], ...]
+    sheets: tuple[_Sheet, ...]
+    titles: tuple[Motion | None, ...]
+
+    @property
+    def last(self) -> _Sheet | None:
+        """The sheet with most film left, to which the pieces are to be few and low."""
+        return min(self.sheets, key=lambda sheet: sheet.top_of_pieces, default=None)
+
+    @property
+    def film(self) -> tuple[int, ...]:
+        """What is to be small: number of sheets, missing titles; height and area (cells) taken of the last one."""
+        if self.last is None:
+            return (0,)
+        taken = sum(int(turned.cells.sum()) for turned, _, _ in self.last.placed)
+        return len(self.sheets), self.titles.count(None), self.last.top_of_pieces, taken
+
+
+def _searched(
+    area: _Area, title: Sequence[_Turned], turns: Sequence[Sequence[_Turned]], orders: Sequence[list[int]], least: int
+) -> _Layout:
+    """The best layout that a local search finds; of those with most titles, since the bar on them proves the scale.
+
+    ``least`` is a lower bound of the number of sheets.
+    """
+    chance = random.Random(SEED)
+    starts = [(_lay(area, title, turns, order, first), order, first) for order in orders for first in (True, False)]
+    here, order, first = min(starts, key=lambda start: start[0].film)
+
+    def worth(layout: _Layout) -> tuple[int, ...]:
+        return layout.titles.count(None), *layout.film
+
+    best = min((layout for layout, _, _ in starts), key=worth)
+    positions = sum(math.prod(turned.places) for index in order for turned in turns[index])
+    tries = min(MOST_TRIES, int(MOST_POSITIONS / positions)) if len(order) > 1 else 0
+    little = LITTLE * math.prod(area.usable_mm) / CELL_MM**2
+    for number in range(LONGER * tries):
+        if number >= tries and (len(best.sheets) <= least or best.film[-1] > little):
             break
-    nested, _, sheets = min(tries, key=lambda found: (len(found[0].reserved), found[1]))
-    boxes = area.turned(shapely.box(0, 0, *box_mm))[:1] if min(box_mm) > 0 else []
-    return replace(nested, free=tuple(sheet.place(boxes) for sheet in sheets))
+        changed = (order, not first) if chance.random() < TITLE_SHARE else (_exchanged(order, chance), first)
+        layout = _lay(area, title, turns, *changed)
+        if layout.film <= here.film:
+            here, (order, first) = layout, changed
+        best = min(best, layout, key=worth)
+    return best
 
 
-def _orders(pieces: Sequence[tuple[str, Polygon, int]]) -> list[list[int]]:
-    """The orders to try: by decreasing area of the box, by decreasing length."""
+def _exchanged(order: Sequence[int], chance: random.Random) -> list[int]:
+    """The order with two different pieces exchanged, or one moved to another place."""
+    other = list(order)
+    i, j = chance.sample(range(len(order)), 2)
+    if chance.random() < 0.5:
+        other[i], other[j] = other[j], other[i]
+    else:
+        other.insert(j, other.pop(i))
+    return other
+
+
+def _first_orders(pieces: Sequence[tuple[str, Polygon, int]]) -> list[list[int]]:
+    """Copies by decreasing area of the box, by decreasing length."""
     boxes = [outline.bounds for _, outline, _ in pieces]
     sides = [(x1 - x0, y1 - y0) for x0, y0, x1, y1 in boxes]
-    indices = range(len(pieces))
+    copies = [index for index, (_, _, count) in enumerate(pieces) for _ in range(count)]
     return [
-        sorted(indices, key=lambda i: (-sides[i][0] * sides[i][1], i)),
-        sorted(indices, key=lambda i: (-max(sides[i]), i)),
+        sorted(copies, key=lambda i: (-sides[i][0] * sides[i][1], i)),
+        sorted(copies, key=lambda i: (-max(sides[i]), i)),
     ]
 
 
 def _lay(
-    area: _Area,
-    corner: Sequence[_Turned],
-    turns: Sequence[Sequence[_Turned]],
-    counts: Sequence[int],
-    order: Sequence[int],
-) -> tuple[Nest, int, list[_Sheet]]:
-    """The layout of the pieces in that order, the number of occupied cells on the last sheet, the sheets."""
+    area: _Area, title: Sequence[_Turned], turns: Sequence[Sequence[_Turned]], order: Sequence[int], title_first: bool
+) -> _Layout:
+    """The layout of the copies in that order; titles take a sheet's corner, or what the pieces have left."""
     sheets: list[_Sheet] = []
-    reserved: list[bool] = []
-    placed: list[tuple[Placement, ...]] = [()] * len(turns)
+    titles: list[Motion | None] = []
+    copies: list[tuple[int, int, Motion]] = []
+    # A piece that does not fit on a sheet will not fit later, because sheets only fill up.
+    first = [0] * len(turns)
     for index in order:
-        first = 0
-        copies = []
-        for _ in range(counts[index]):
-            motion = None
-            while motion is None:
-                if first == len(sheets):
-                    if first == MAX_SHEETS:
-                        raise NestingError(f"--sheet: the pieces need more than {MAX_SHEETS} sheets")
-                    sheets.append(_Sheet(area))
-                    reserved.append(bool(corner) and sheets[-1].place(corner) is not None)
-                    motion = sheets[-1].place(turns[index])
-                    if motion is None:
-                        sheets[-1], reserved[-1] = _Sheet(area), False
-                motion = motion or sheets[first].place(turns[index])
-                # A piece that does not fit on a sheet will not fit later, because sheets only fill up.
-                first += motion is None
-            copies.append(Placement(first, motion))
-        placed[index] = tuple(copies)
-    return Nest(tuple(placed), tuple(reserved)), int(sheets[-1].taken.sum()) if sheets else 0, sheets
+        motion = None
+        while motion is None:
+            if first[index] == len(sheets):
+                if len(sheets) == MAX_SHEETS:
+                    raise NestingError(f"--sheet: the pieces need more than {MAX_SHEETS} sheets")
+                sheets.append(_Sheet(area))
+                titles.append(sheets[-1].place(title) if title_first else None)
+                motion = sheets[-1].place(turns[index])
+                if motion is None:
+                    sheets[-1], titles[-1] = _Sheet(area), None
+            motion = motion or sheets[first[index]].place(turns[index])
+            first[index] += motion is None
+        copies.append((index, first[index], motion))
+    for number, sheet in enumerate(sheets):
+        sheet.top_of_pieces = sheet.top
+        titles[number] = titles[number] or sheet.place(title)
+    return _Layout(tuple(copies), tuple(sheets), tuple(titles))
 
 
 def fits(extent_mm: tuple[float, float], size_mm: tuple[float, float], margin_mm: float) -> bool:

@@ -42,8 +42,9 @@ class Options:
 
     ``kerf_mm`` is the width that the cut removes, ``margin_mm`` the sheet's border that the machine cannot reach,
     ``gap_mm`` the distance of two pieces. ``bend_radius_mm`` is a fold's inner radius, ``k_factor`` the position of its
-    neutral layer from the inner side per thickness. ``thickness_mm`` None: each piece's own. ``fold``: dashes of
-    ``dash_cut_mm`` with bridges of ``dash_bridge_mm``, or a scored line. ``paper`` is the size of PDF pages.
+    neutral layer from the inner side per thickness. ``fold``: dashes of ``dash_cut_mm`` with bridges of
+    ``dash_bridge_mm``, or a scored line. ``holding_tabs_mm`` is the width of the bridges that hold a cut piece in its
+    sheet, 0 for none. ``paper`` is the size of PDF pages.
     """
 
     machine: str
@@ -57,7 +58,7 @@ class Options:
     dash_bridge_mm: float = 1.0
     bend_radius_mm: float = 0.0
     k_factor: float = 0.5
-    thickness_mm: float | None = None
+    holding_tabs_mm: float = 0.0
     paper: str = "a4"
 
     @property
@@ -81,7 +82,7 @@ class Machine:
     preset: Options
     sheets: tuple[str, ...]
     program: str
-    files: Literal["svg", "dxf", "pdf"]
+    files: Literal["svg", "dxf", "pdf", "lbrn2"]
     steps: tuple[str, ...]
     actions: Mapping[str, str]
 
@@ -110,7 +111,7 @@ LIMITS = {
     "dash_bridge_mm": (0.3, 50.0, "a bridge that does not tear when it is folded"),
     "bend_radius_mm": (0.0, 5.0, "a fold's inner radius"),
     "k_factor": (0.0, 1.0, "inner to outer side of the film"),
-    "thickness_mm": (0.03, 3.0, "film that folds"),
+    "holding_tabs_mm": (0.0, 2.0, "a bridge that is cut with scissors"),
 }
 
 

@@ -13,13 +13,15 @@ from dataclasses import dataclass
 from shapely.geometry import Polygon
 
 from foldcar.car.folded.model import FoldedCar
-from foldcar.fabrication.patterns.drawing import Path, Point, Shape, Sheet
+from foldcar.car.parts.catalogue import film_of
+from foldcar.car.parts.film import Film as SoldFilm
+from foldcar.fabrication.patterns.drawing import Motion, Path, Point, Shape, Sheet
 from foldcar.fabrication.patterns.film import Film, narrowest_film
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, flat_piece
 from foldcar.fabrication.patterns.join_marks import join_marks
 from foldcar.fabrication.patterns.layers import LAYERS
 from foldcar.fabrication.patterns.nesting import NestingError, nest
-from foldcar.fabrication.patterns.options import TORN_FILM_MM, Options
+from foldcar.fabrication.patterns.options import TORN_FILM_MM, OptionError, Options
 from foldcar.fabrication.patterns.piece_shapes import outer_cut, piece_shapes
 from foldcar.fabrication.patterns.sheet_advice import advice, all_fit
 from foldcar.fabrication.patterns.split_across import split_to_fit
@@ -28,8 +30,8 @@ from foldcar.fabrication.patterns.title_block import (
     REFERENCE_MM,
     code_shapes,
     code_size_mm,
-    corner_mm,
-    corner_shapes,
+    title_shapes,
+    title_size_mm,
     wrapped,
 )
 
@@ -38,7 +40,7 @@ from foldcar.fabrication.patterns.title_block import (
 class Pattern:
     """The flat pieces and sheets of one car, the options, warnings as texts, the narrowest film between two cuts (mm).
 
-    ``torn`` are findings: film too narrow to be cut at all.
+    ``film`` is what the car is bought and cut from. ``torn`` are findings: film too narrow to be cut at all.
     """
 
     title: str
@@ -46,6 +48,7 @@ class Pattern:
     sheets: tuple[Sheet, ...]
     warnings: tuple[str, ...]
     options: Options
+    film: SoldFilm
     least_film_mm: float
     torn: tuple[str, ...] = ()
 
@@ -79,7 +82,14 @@ class CutCar:
 
 
 def cut_car(folded: FoldedCar, chosen: Options) -> CutCar:
-    """The car's pieces, split to fit the sheet as far as possible; no disc is, whose halves would run out of true."""
+    """The car's pieces, split to fit the sheet as far as possible; no disc is, whose halves would run out of true.
+
+    OptionError if the machine does not cut the car's film.
+    """
+    film = folded.parts.film
+    if getattr(film.cutting, chosen.machine) is None:
+        others = " or ".join(name for name, how in film.cutting if how is not None)
+        raise OptionError(f"--machine {chosen.machine}: does not cut {film.title}; only {others} would do")
     car = as_cut(folded, chosen)
     numbers = itertools.count(max((join.number for join in car.joins), default=0) + 1)
     turning = {placed.piece for placed in car.placed if placed.body.startswith("wheel")}
@@ -106,14 +116,18 @@ def pattern_of(cut: CutCar, chosen: Options, title: str, command: str = "") -> P
         missing.update(dict.fromkeys(unlabelled))
         return shapes
 
-    laid = [LaidPiece(piece.label, outer_cut(piece, chosen.kerf_mm), piece.count) for piece in cut.pieces]
+    of_car = cut.car.parts.film
+    laid = [
+        LaidPiece(piece.label, outer_cut(piece, chosen.kerf_mm), piece.count, film_of(of_car, piece.thickness_mm).title)
+        for piece in cut.pieces
+    ]
     try:
         sheets, unmarked = lay_out(laid, draw, chosen, title, command)
     except NestingError as error:
         raise NestingError(f"{error}; {_advice(cut.car, chosen)}") from error
     least = min((film.width_mm for film in films.values()), default=math.inf)
     torn = tuple(f"{label}: {_narrow(film)}" for label, film in films.items() if film.width_mm < TORN_FILM_MM)
-    return Pattern(title, cut.pieces, sheets, (*narrow, *missing, *unmarked), chosen, least, torn)
+    return Pattern(title, cut.pieces, sheets, (*narrow, *missing, *unmarked), chosen, of_car, least, torn)
 
 
 def _narrow(film: Film) -> str:
@@ -131,56 +145,66 @@ def _advice(car: FoldedCar, chosen: Options) -> str:
 
 @dataclass(frozen=True, slots=True)
 class LaidPiece:
-    """A piece to lay out: ``outline`` with the kerf (mm), ``count`` copies."""
+    """A piece to lay out: ``outline`` with the kerf (mm), ``count`` copies, the title of its ``film``."""
 
     label: str
     outline: Polygon
     count: int
+    film: str
 
 
 def lay_out(
     pieces: Sequence[LaidPiece], draw: Callable[[int, int], list[Shape]], chosen: Options, title: str, command: str = ""
 ) -> tuple[tuple[Sheet, ...], list[str]]:
-    """Pieces nested on sheets, and warnings about sheets without a reference bar or QR code. NestingError.
+    """Pieces nested on sheets of their films, and warnings about sheets without a reference bar or QR code. NestingError.
 
     ``draw(index, quarter_turns)`` returns a piece's shapes in its own frame, texts upright after the turns.
     """
     width, height = chosen.sheet_size_mm
-    listed = [(piece.label, piece.outline, piece.count) for piece in pieces]
     # As many lines as with the longest numbers.
-    corner = corner_mm(len(_title_lines(title, "99 of 99", command, chosen)))
+    title_mm = title_size_mm(max(len(_title_lines(title, "99 of 99", piece.film, command, chosen)) for piece in pieces))
     code_mm = code_size_mm(command) if command else 0.0
-    nested = nest(listed, (width, height), chosen.margin_mm, chosen.gap_mm, corner, (code_mm, code_mm))
-    on_sheets: list[list[Iterable[Shape]]] = [[] for _ in nested.reserved]
+    films: list[str] = []
+    boxes: list[tuple[Motion | None, Motion | None]] = []
+    on_sheets: list[list[Iterable[Shape]]] = []
     drawn: dict[tuple[int, int], list[Shape]] = {}
-    for index, copies in enumerate(nested.placements):
-        for copy in copies:
-            key = (index, copy.motion.quarter_turns)
-            if key not in drawn:
-                drawn[key] = draw(*key)
-            on_sheets[copy.sheet].append([shape.moved(copy.motion) for shape in drawn[key]])
+    for film in dict.fromkeys(piece.film for piece in pieces):
+        of_film = [(index, piece) for index, piece in enumerate(pieces) if piece.film == film]
+        listed = [(piece.label, piece.outline, piece.count) for _, piece in of_film]
+        nested = nest(listed, (width, height), chosen.margin_mm, chosen.gap_mm, title_mm, (code_mm, code_mm))
+        first = len(on_sheets)
+        boxes += zip(nested.titles, nested.boxes, strict=True)
+        films += [film] * len(nested.titles)
+        on_sheets += [[] for _ in nested.titles]
+        for (index, _), copies in zip(of_film, nested.placements, strict=True):
+            for copy in copies:
+                key = (index, copy.motion.quarter_turns)
+                if key not in drawn:
+                    drawn[key] = draw(*key)
+                on_sheets[first + copy.sheet].append([shape.moved(copy.motion) for shape in drawn[key]])
     count = len(on_sheets)
     warnings = []
-    for index, (reserved, free) in enumerate(zip(nested.reserved, nested.free, strict=True)):
-        if reserved:
-            lines = _title_lines(title, f"{index + 1} of {count}", command, chosen)
-            on_sheets[index].append(corner_shapes(lines, chosen.margin_mm))
+    for index, (titled, free) in enumerate(boxes):
+        if titled is not None:
+            lines = _title_lines(title, f"{index + 1} of {count}", films[index], command, chosen)
+            on_sheets[index].append([shape.moved(titled) for shape in title_shapes(lines)])
         else:
             warnings.append(f"sheet {index + 1}: no room for the {REFERENCE_MM:g} mm reference bar")
         if command and free is not None:
             on_sheets[index].append([shape.moved(free) for shape in code_shapes(command)])
-    if command and not any(nested.free):
+    if command and not any(free for _, free in boxes):
         warnings.append("no sheet has room for the QR code of its command; how_to_cut.md has the command")
+    gap_mm = chosen.holding_tabs_mm + chosen.kerf_mm if chosen.holding_tabs_mm else 0.0
     sheets = tuple(
-        Sheet(f"sheet_{index + 1}", width, height, tuple(tuple(rounded(group)) for group in on_sheet), chosen.dashed)
-        for index, on_sheet in enumerate(on_sheets)
+        Sheet(f"sheet_{i + 1}", width, height, tuple(map(tuple, map(rounded, on_sheet))), chosen.dashed, film, gap_mm)
+        for i, (on_sheet, film) in enumerate(zip(on_sheets, films, strict=True))
     )
     return sheets, warnings
 
 
-def _title_lines(title: str, number: str, command: str, chosen: Options) -> list[str]:
+def _title_lines(title: str, number: str, film: str, command: str, chosen: Options) -> list[str]:
     width, height = chosen.sheet_size_mm
-    machine = f"{chosen.machine}, {width:g} x {height:g} mm, kerf {chosen.kerf_mm:g} mm"
+    machine = f"{film}, {chosen.machine}, {width:g} x {height:g} mm, kerf {chosen.kerf_mm:g} mm"
     return wrapped([f"{REFERENCE_MM:g} mm  {title}  sheet {number}", machine, *([command] if command else [])])
 
 

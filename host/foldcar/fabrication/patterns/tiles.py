@@ -1,7 +1,8 @@
 """Tiles a sheet over printer pages: overlapping windows with registration marks.
 
-Input: a Sheet and a paper size. Output: Tiles. A sheet no larger than the paper is one page without marks. Otherwise
-windows of the printable area overlap, with crosses in the middle of each overlap on both pages.
+Input: a Sheet and a paper size. Output: Tiles. A sheet no larger than the paper is one page without marks, and so is one
+whose lines fit into a page's printable area. Otherwise windows of that area overlap over all lines, with crosses in the
+middle of each overlap on both pages.
 """
 
 import itertools
@@ -17,6 +18,8 @@ from foldcar.fabrication.patterns.options import SHEETS
 BLANK_MM = 8.0
 OVERLAP_MM = 12.0
 MARK_MM = 4.0
+# Around the lines of a sheet that is larger than the paper: their own width.
+LINE_MM = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +45,11 @@ def tiles(sheet: Sheet, paper: str) -> tuple[Tile, ...]:
     for page in (upright, upright[::-1]):
         if size[0] <= page[0] + 1e-6 and size[1] <= page[1] + 1e-6:
             return (Tile(sheet.name, page, (0.0, 0.0), size, (0.0, 0.0), ()),)
+    x0, y0, x1, y1 = bounds(sheet.shapes) if sheet.shapes else (0.0, 0.0, *size)
+    low = (max(x0 - LINE_MM, 0.0), max(y0 - LINE_MM, 0.0))
+    size = (min(x1 + LINE_MM, size[0]) - low[0], min(y1 + LINE_MM, size[1]) - low[1])
     page = min((upright, upright[::-1]), key=lambda p: len(_starts(size[0], p[0])) * len(_starts(size[1], p[1])))
-    return _grid(sheet, page)
+    return _grid(sheet.name, low, size, page)
 
 
 def printed(sheet: Sheet, paper: str) -> list[tuple[Tile, Sheet]]:
@@ -73,24 +79,27 @@ def _starts(length: float, page_side: float) -> list[float]:
     return [i * step for i in range(count)]
 
 
-def _grid(sheet: Sheet, page: Point) -> tuple[Tile, ...]:
-    columns, rows = _starts(sheet.width_mm, page[0]), _starts(sheet.height_mm, page[1])
-    width = min(_window(page[0]), sheet.width_mm)
-    height = min(_window(page[1]), sheet.height_mm)
+def _grid(name: str, low: Point, size: Point, page: Point) -> tuple[Tile, ...]:
+    """Windows over the part of a sheet that begins at ``low`` and is of that size (mm)."""
+    columns, rows = _starts(size[0], page[0]), _starts(size[1], page[1])
+    width, height = (min(_window(page[i]), size[i]) for i in (0, 1))
     # Each overlap has two crosses between two crossings with other overlaps, and between the last one and the edge.
     seams_x = [(b + a + width) / 2 for a, b in itertools.pairwise(columns)]
     seams_y = [(b + a + height) / 2 for a, b in itertools.pairwise(rows)]
-    marks = [(x, y) for x in seams_x for y in _quarters([0.0, *seams_y, sheet.height_mm])]
-    marks += [(x, y) for y in seams_y for x in _quarters([0.0, *seams_x, sheet.width_mm])]
+    marks = [(x, y) for x in seams_x for y in _quarters([0.0, *seams_y, size[1]])]
+    marks += [(x, y) for y in seams_y for x in _quarters([0.0, *seams_x, size[0]])]
     found = []
     for row, y in reversed(list(enumerate(rows))):
         for column, x in enumerate(columns):
-            low, high = (x, y), (x + width, y + height)
             inside = tuple(
-                m for m in marks if all(low[i] + MARK_MM / 2 < m[i] < high[i] - MARK_MM / 2 for i in (0, 1))
+                (low[0] + u, low[1] + v)
+                for u, v in marks
+                if x + MARK_MM / 2 < u < x + width - MARK_MM / 2 and y + MARK_MM / 2 < v < y + height - MARK_MM / 2
             )
-            name = f"{sheet.name} page {chr(ord('A') + column)}{len(rows) - row}"
-            found.append(Tile(name, page, low, high, (BLANK_MM - x, BLANK_MM - y), inside))
+            title = name if len(columns) * len(rows) == 1 else f"{name} page {chr(ord('A') + column)}{len(rows) - row}"
+            start = (low[0] + x, low[1] + y)
+            end = (start[0] + width, start[1] + height)
+            found.append(Tile(title, page, start, end, (BLANK_MM - start[0], BLANK_MM - start[1]), inside))
     return tuple(found)
 
 

@@ -1,7 +1,7 @@
 """The title block of a sheet: a bar to check the scale, what the sheet is, the command that made it as text and QR code.
 
-Bar and text stand in the sheet's lower left corner, which the pieces leave free; the code takes what room they left. All
-of it is on layers that are not cut. A code is drawn as lines as wide as a module, one for each run of dark ones, so that
+Bar and text stand together where the pieces leave room, the code where there is room besides. All of it is on layers that
+are not cut. A code is drawn as lines as wide as a module, one for each run of dark ones, so that
 it looks the same on screen, on paper and from a pen.
 """
 
@@ -52,14 +52,14 @@ def _width_mm(text: str) -> float:
     return text_strokes(text, TEXT_MM)[1]
 
 
-def corner_mm(lines: int) -> Point:
-    """Width and height of the corner for the bar and that many lines of text."""
+def title_size_mm(lines: int) -> Point:
+    """Width and height of the place for the bar and that many lines of text."""
     return REFERENCE_MM + 2.0, TICK_MM + 2.0 + lines * LINE_MM
 
 
-def corner_shapes(lines: Sequence[str], margin_mm: float) -> list[Shape]:
-    """The reference bar with a tick every 10 mm, and the lines of text (see `wrapped`) above it."""
-    x = y = margin_mm + 1
+def title_shapes(lines: Sequence[str]) -> list[Shape]:
+    """The reference bar with a tick every 10 mm, and the lines of text (see `wrapped`) above it; from the origin."""
+    x = y = 1.0
     shapes: list[Shape] = [Path("LABEL", ((x, y), (x + REFERENCE_MM, y)))]
     for i in range(11):
         tall = TICK_MM if i in (0, 10) else TICK_MM / 2

@@ -7,6 +7,7 @@ Each reader is imported where it is used, so that a process that checks one form
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,9 +32,12 @@ SHOWN = 3
 def check_sheet(sheet: Sheet, margin_mm: float) -> list[str]:
     """Findings about open outlines, duplicate lines, lines outside the usable area, lines of length 0."""
     findings = []
+    outer = [shape for shape in sheet.shapes if isinstance(shape, Path) and shape.layer == "CUT_OUTER"]
+    if sheet.tab_gap_mm:
+        findings += _unheld(outer, sheet.tab_gap_mm)
+    else:
+        findings += [f"an outline at {_at(shape)} is not closed" for shape in outer if not shape.closed]
     for shape in sheet.shapes:
-        if isinstance(shape, Path) and shape.layer == "CUT_OUTER" and not shape.closed:
-            findings.append(f"an outline at {_at(shape)} is not closed")
         if not shape.length_mm > TOLERANCE_MM:
             findings.append(f"a line of no length on {shape.layer} at {_at(shape)}")
     for key, count in Counter(_keys(s for s in sheet.shapes if s.layer != "LABEL")).items():
@@ -49,6 +53,21 @@ def check_sheet(sheet: Sheet, margin_mm: float) -> list[str]:
                 f"{sheet.width_mm:g} x {sheet.height_mm:g} mm"
             )
     return _short(findings)
+
+
+def _unheld(outer: Sequence[Path], gap_mm: float) -> list[str]:
+    """Findings about outlines without holding tabs, and about ends of cuts that have not one other a gap away."""
+    findings = [f"an outline at {_at(shape)} has no holding tabs" for shape in outer if shape.closed]
+    ends = [end for shape in outer if not shape.closed for end in (shape.points_mm[0], shape.points_mm[-1])]
+    # A gap in a curve of facets is a little shorter than along them.
+    near = shapely.STRtree([shapely.Point(end) for end in ends])
+    for end in ends:
+        around = near.query(shapely.Point(end), predicate="dwithin", distance=gap_mm + TOLERANCE_MM)
+        apart = [math.dist(end, ends[other]) for other in around.tolist()]
+        if sum(distance > 0.8 * gap_mm for distance in apart) != 1 or len(apart) != 2:
+            place = f"{end[0]:.2f}, {end[1]:.2f}"
+            findings.append(f"a cut's end at {place} leaves no holding tab of {gap_mm:g} mm, kerf included")
+    return findings
 
 
 def check_same(meant: Sheet, read: Sheet) -> list[str]:
@@ -79,9 +98,16 @@ def check_dxf(meant: Sheet, text: str, chosen: Options) -> list[str]:
     return _read_back(meant, lambda: read_dxf(text), chosen)
 
 
+def check_lbrn(meant: Sheet, text: str, chosen: Options) -> list[str]:
+    """Findings about a written LightBurn project."""
+    from foldcar.fabrication.patterns.lbrn import read_lbrn
+
+    return _read_back(meant, lambda: read_lbrn(text), chosen)
+
+
 def _read_back(meant: Sheet, read: Callable[[], Sheet], chosen: Options) -> list[str]:
     try:
-        found = read()
+        found = replace(read(), tab_gap_mm=meant.tab_gap_mm)
     except ReadingError as error:
         return [str(error)]
     return [*check_same(meant, found), *check_sheet(found, chosen.margin_mm)]
@@ -125,10 +151,13 @@ def _check_page(page: "Page", shown: Sheet, tile: Tile) -> list[str]:
 
 
 def _check_cover(sheet: Sheet, windows: Sequence[Tile]) -> list[str]:
-    """Findings about strips that the grid of windows leaves uncovered."""
-    findings = []
-    for axis, length in enumerate((sheet.width_mm, sheet.height_mm)):
-        reached = 0.0
+    """Findings about strips of the sheet's lines that the grid of windows leaves uncovered."""
+    findings: list[str] = []
+    if not sheet.shapes:
+        return findings
+    box = bounds(sheet.shapes)
+    for axis in (0, 1):
+        reached, length = box[axis], box[axis + 2]
         for low, high in sorted((t.low_mm[axis], t.high_mm[axis]) for t in windows):
             if low > reached + 1e-6:
                 break

@@ -1,0 +1,285 @@
+"""How long every lead of a car must be along its way, how long it is, and the servo extensions that make up for it.
+
+Input: a FoldedCar. Output: Leads; the car with its extensions; findings. A lead is laid along floor and walls, so that
+a stretch of its way is as long as its parts along x, y and z together; from segment to segment it passes the slits of
+the caps, with the hinge where these are farthest apart. Lengths are in mm, in the car's frame.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foldcar.car.design import DesignError
+from foldcar.car.folded.check_hinges import folded_back
+from foldcar.car.folded.finding import Finding
+from foldcar.car.folded.model import FoldedCar, Hole, Mount, Wire
+from foldcar.car.folded.placed import PlacedFace, place
+from foldcar.car.folded.pose import apply, translation
+from foldcar.car.parts.electronics import Extension, LeadedBattery, Wiring
+from foldcar.car.parts.quantity import Quantity
+
+Points = NDArray[np.float64]
+# A direction's component along an axis of the car from which on it counts as that axis.
+ALONG = 0.9
+# Between an extension's joint and the layers of a wall (mm).
+JOINT_GAP_MM = 1.0
+SIDES = (("rear", "front"), ("right", "left"))
+
+
+@dataclass(frozen=True, slots=True)
+class Lead:
+    """``way_mm`` from ``start`` to ``end``, ``needed_mm`` with slack and joints, ``there_mm`` at least by its data.
+
+    ``kind`` tells what is done if it is too short: "plug" leads take an extension, if they are servos', "solder" leads
+    are lengthened; a "wire" is cut from stock and has no length of its own. ``leaves`` is the side of a battery at
+    which its leads lie.
+    """
+
+    start: str
+    end: str
+    kind: Literal["plug", "solder", "wire"]
+    way_mm: float
+    needed_mm: float
+    there_mm: float
+    extension: str = ""
+    leaves: str = ""
+
+    @property
+    def missing_mm(self) -> float:
+        """How much is missing, 0 if it is long enough."""
+        return max(0.0, self.needed_mm - self.there_mm)
+
+
+def leads(car: FoldedCar) -> tuple[Lead, ...]:
+    """The leads of all servos and batteries and the wires of the switch; none of a car without a servo driver."""
+    return tuple(_Ways(car).leads()) if any(m.part == car.parts.featherwing.name for m in car.mounts) else ()
+
+
+def check_leads(car: FoldedCar) -> Iterator[Finding]:
+    """A finding for each lead with a plug that does not reach its socket."""
+    for lead in leads(car):
+        if lead.kind == "plug" and lead.missing_mm > 0:
+            told = f"needs a lead of {lead.needed_mm:.0f} mm to {lead.end}, has at least {lead.there_mm:.0f} mm"
+            yield Finding("leads", lead.start, told)
+
+
+def wire_mm(several: Iterable[Lead]) -> float:
+    """The length of wire (mm) that is cut from stock: the switch's wire and what lengthens the battery's leads."""
+    return sum(lead.missing_mm for lead in several if lead.kind != "plug")
+
+
+def more_wire_m(several: Iterable[Lead], wiring: Wiring) -> float:
+    """The length of wire (m) beyond that which the wiring's mass and cost include."""
+    return max(0.0, wire_mm(several) - wiring.wire_mm.value) / 1000
+
+
+def with_leads(car: FoldedCar) -> FoldedCar:
+    """The car with an extension for each servo whose lead is too short, and with the mass of all its wire.
+
+    DesignError if none is long enough.
+    """
+    sold, mounts = car.parts.extensions.sold, {mount.name: mount for mount in car.mounts}
+    servos, found = {axle.servo for axle in car.axles}, leads(car)
+    added: dict[str, Mount] = {}
+    for lead in (one for one in found if one.start in servos and one.missing_mm > 0):
+        extension = next((one for one in sold if _with(car, lead.there_mm, one) >= lead.needed_mm), None)
+        if extension is None:
+            longest = f"{_with(car, lead.there_mm, sold[-1]):.0f} mm with the longest extension, {sold[-1].name}"
+            told = f"the lead of the {lead.start} must be {lead.needed_mm:.0f} mm long, but is {longest}"
+            raise DesignError(None, f"{told}: make the car shorter")
+        added[lead.start] = _joint(car, mounts[lead.start], extension)
+    wires: list[Wire] = []
+    for wire in car.wires:
+        if wire.carries == "signal" and wire.b in added:
+            name = added[wire.b].name
+            wires += [replace(wire, b=name), Wire(name, wire.b, "signal", wire.note)]
+        else:
+            wires.append(wire)
+    wiring = car.parts.wiring
+    more_kg = more_wire_m(found, wiring) * wiring.wire_kg_m.value
+    heavier = (replace(m, mass_kg=m.mass_kg + more_kg) if m.part == wiring.name else m for m in car.mounts)
+    return replace(car, mounts=(*heavier, *added.values()), wires=tuple(wires))
+
+
+def _with(car: FoldedCar, lead_mm: float, extension: Extension) -> float:
+    """The least length (mm) of a lead that is plugged into an extension."""
+    return lead_mm + _least(extension.length_mm) - car.parts.plugs.servo.inserted_mm.value
+
+
+def _least(length: Quantity) -> float:
+    return length.value - length.tolerance
+
+
+def _joint(car: FoldedCar, servo: Mount, extension: Extension) -> Mount:
+    """An extension's socket with the servo's plug in it, on the floor under the servo, beside its wall."""
+    parts, film = car.parts, car.parts.film.thickness_mm.value
+    size = tuple(q.value for q in (parts.extensions.joint_length_mm, parts.extensions.joint_width_mm,
+                                   parts.extensions.joint_height_mm))  # fmt: skip
+    # z of the servo's frame points inwards; its ears lie on the wall's outside.
+    wall = parts.servo.depth_mm.value / 2 - parts.servo.ear_underside_mm.value + 2 * film
+    x, y, _ = apply(servo.pose, 0.0, 0.0, wall + JOINT_GAP_MM + size[1] / 2)
+    faces = _segments(car)[servo.body]
+    beam = next(face.piece for face in faces if face.face.name == servo.face)
+    low = min(float(face.corners_mm[:, 2].min()) for face in faces if face.piece is beam and abs(face.normal[2]) > ALONG)
+    pose = translation(x, y, low + film / 2 + size[2] / 2)
+    return Mount(extension.name, f"extension of {servo.name}", servo.body, pose, (size[0], size[1], size[2]),
+                 extension.mass_kg.value)  # fmt: skip
+
+
+def _segments(car: FoldedCar) -> dict[str, list[PlacedFace]]:
+    """The faces of the segments, by body."""
+    return place(replace(car, placed=tuple(one for one in car.placed if one.body.startswith("segment"))))
+
+
+class _Ways:
+    """Where the leads of one car start and end, and the ways between."""
+
+    def __init__(self, car: FoldedCar) -> None:
+        self.car, self.parts = car, car.parts
+        self.bodies = _segments(car)
+        self.mounts = {mount.name: mount for mount in car.mounts}
+        self.of_part = {mount.part: mount for mount in car.mounts}
+        self.order = sorted(self.bodies, key=lambda body: int(body.removeprefix("segment")))
+
+    def leads(self) -> Iterator[Lead]:
+        """All leads, servos first."""
+        parts, wing = self.parts, self.parts.featherwing.name
+        plug, slack = parts.plugs.servo, parts.wiring.slack_mm.value
+        block = self._at(wing, self._block_mm())
+        for axle in self.car.axles:
+            way, hinges = self.way(self._servo_exit(axle.servo), self._at(wing, self._plug_mm(axle.channel)), axle.body)
+            there = _least(parts.servo.lead_length_mm)
+            chain = next((w.a for w in self.car.wires if w.b == axle.servo and w.a in self.mounts), "")
+            extension = self.mounts[chain].part if chain else ""
+            for one in (one for one in parts.extensions.sold if one.name == extension):
+                there = _with(self.car, there, one)
+            needed = self._with_slack(way, hinges) + slack + plug.length_mm.value
+            yield Lead(axle.servo, f"{wing} {axle.channel}", "plug", way, needed, there, extension)
+        yield from self._lipo(slack)
+        yield from self._supply(block)
+
+    def _lipo(self, slack: float) -> Iterator[Lead]:
+        feather, lipo = self.parts.feather, self.of_part.get(self.parts.lipo.name)
+        if lipo is None or feather.name not in self.of_part:
+            return
+        socket = feather.battery_socket
+        (x, y, z), (_, wide, _) = socket.at_mm, socket.size_mm
+        mouth = self._at(feather.name, (x, y + wide / 2, z - feather.height_mm.value / 2))
+        ends = self._ends(lipo, self.parts.lipo)
+        (way, hinges), side = min((self.way(end, mouth, lipo.body, feather.name), side) for side, end in ends.items())
+        needed = self._with_slack(way, hinges) + slack + self.parts.plugs.battery.inserted_mm.value
+        there = _least(self.parts.lipo.lead_length_mm)
+        yield Lead(lipo.name, f"{feather.name} JST", "plug", way, needed, there, leaves=side)
+
+    def _supply(self, block: Points) -> Iterator[Lead]:
+        """The battery's leads, + over the switch, and the wire from switch to terminal block."""
+        parts, wing = self.parts, self.parts.featherwing.name
+        battery, switch = self.of_part.get(parts.battery.name), self.of_part.get(parts.switch.name)
+        if battery is None:
+            return
+        joint, there = parts.wiring.joint_mm.value, _least(parts.battery.lead_length_mm)
+        tails = None if switch is None else self._at(switch.name, (0.0, 0.0, -switch.size_mm[2] / 2))
+        targets = [("+", f"{wing} terminal +", block, wing), ("-", f"{wing} terminal -", block, wing)]
+        if switch is not None and tails is not None:
+            targets[0] = ("+", f"{switch.name} 1", tails, switch.name)
+        found: dict[str, list[Lead]] = {}
+        for side, end in self._ends(battery, parts.battery).items():
+            for sign, name, target, at in targets:
+                # It is taken out for its cells with its leads on.
+                places = [end, end + np.array((0.0, 0.0, self._lift_mm(battery)))]
+                way, hinges = max(self.way(one, target, battery.body, at) for one in places)
+                needed = self._with_slack(way, hinges) + joint
+                found.setdefault(side, []).append(
+                    Lead(f"{battery.name} {sign}", name, "solder", way, needed, there, leaves=side)
+                )
+        yield from min(found.values(), key=lambda several: sum(lead.needed_mm for lead in several))
+        if switch is not None and tails is not None:
+            way, hinges = self.way(tails, block, switch.body, wing)
+            needed = self._with_slack(way, hinges) + 2 * joint
+            yield Lead(f"{switch.name} 2", f"{wing} terminal +", "wire", way, needed, 0.0)
+
+    def _with_slack(self, way: float, hinges: int) -> float:
+        wiring = self.parts.wiring
+        return way * (1 + wiring.slack_share.value) + hinges * wiring.hinge_slack_mm.value
+
+    def _at(self, part: str, point: tuple[float, float, float]) -> Points:
+        return np.array(apply(self.of_part[part].pose, *point))
+
+    def _servo_exit(self, name: str) -> Points:
+        servo = self.parts.servo
+        end = (-servo.length_mm.value / 2, 0.0, servo.depth_mm.value / 2 - servo.lead_height_mm.value)
+        return np.array(apply(self.mounts[name].pose, *end))
+
+    def _plug_mm(self, output: int) -> tuple[float, float, float]:
+        """Where the lead bends over the plug of an output, in the frame of the driver's box."""
+        wing = self.parts.featherwing
+        up = wing.plug_top_mm.value + wing.plug_bend_mm.value - wing.height_mm.value / 2
+        return (*wing.outputs.at_mm[output], up)
+
+    def _block_mm(self) -> tuple[float, float, float]:
+        """The mouth of the terminal block in the frame of the driver's box."""
+        wing = self.parts.featherwing
+        (x, y, z), (_, wide, _) = wing.terminal_block.at_mm, wing.terminal_block.size_mm
+        return x, y + wide / 2, z - wing.height_mm.value / 2
+
+    @staticmethod
+    def _ends(mount: Mount, battery: LeadedBattery) -> dict[str, Points]:
+        """The middles of both ends of a battery's length, by their side of the car."""
+        found, length = {}, battery.length_mm.value
+        axis = min((0, 1), key=lambda i: abs(mount.size_mm[i] - length))
+        for sign in (-1, 1):
+            local = [0.0, 0.0, 0.0]
+            local[axis] = sign * mount.size_mm[axis] / 2
+            point = np.array(apply(mount.pose, *local))
+            off = point - np.array([row[3] for row in mount.pose[:3]])
+            along = int(np.argmax(np.abs(off[:2])))
+            found[SIDES[along][int(off[along] > 0)]] = point
+        return found
+
+    def _lift_mm(self, battery: Mount) -> float:
+        """How far a battery is lifted to stand above the walls; 0 for one on the roof."""
+        top = max(float(face.corners_mm[:, 2].max()) for face in self.bodies[battery.body] if face.face.role == "panel")
+        return max(0.0, top - (battery.pose[2][3] - battery.size_mm[2] / 2))
+
+    def way(self, start: Points, end: Points, body: str, at: str = "") -> tuple[float, int]:
+        """Length (mm) of the way from a point in ``body`` to one at the part ``at``, and how many hinges it crosses."""
+        there = self.of_part[at or self.parts.featherwing.name].body
+        first, last = self.order.index(body), self.order.index(there)
+        step = 1 if last > first else -1
+        length, here = 0.0, self._inside(start, body)
+        length += float(np.abs(start - here).sum())
+        for i in range(first, last, step):
+            front, rear = self.order[min(i, i + step)], self.order[max(i, i + step)]
+            slits = self._slit(front, -1), self._slit(rear, 1)
+            near, far = slits if step > 0 else slits[::-1]
+            hinge = next(one for one in self.car.hinges if (one.front, one.rear) == (front, rear))
+            turns = (folded_back(hinge, angle) for angle in (hinge.min_rad, 0.0, hinge.max_rad))
+            gap = max(float(np.linalg.norm(slits[0] - np.array(apply(turn, *slits[1])))) for turn in turns)
+            length += float(np.abs(near - here).sum()) + gap
+            here = far
+        return length + float(np.abs(end - here).sum()), abs(last - first)
+
+    def _inside(self, start: Points, body: str) -> Points:
+        """The point where a lead enters the body: the lead's hole in the lid for a battery on the roof."""
+        holes = list(self._holes(body, 2))
+        top = max(float(face.corners_mm[:, 2].max()) for face in self.bodies[body])
+        if self.parts.battery_place != "roof" or start[2] < top or not holes:
+            return start
+        return holes[0]
+
+    def _slit(self, body: str, end: int) -> Points:
+        """The slit of the cap at the front (1) or rear (-1) of a body; ``DesignError`` if it has none."""
+        found = list(self._holes(body, 0))
+        if not found:
+            raise DesignError(None, f"{body} has no slit in its caps for the leads that pass it")
+        return max(found, key=lambda point: end * float(point[0]))
+
+    def _holes(self, body: str, axis: int) -> Iterator[Points]:
+        """The middles of ways for cables in faces across an axis."""
+        for face in self.bodies[body]:
+            slits: Sequence[Hole] = [hole for hole in face.face.holes if hole.kind == "slit"]
+            if slits and abs(face.normal[axis]) > ALONG:
+                yield from face.in_car([tuple(np.mean(slit.outline_mm, axis=0)) for slit in slits])

@@ -1,0 +1,114 @@
+"""Paper prototypes: fewer pages than the car's sheets, the car's shape at their scale, honest labels, refusals."""
+
+import io
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from pypdf import PdfReader
+from typer.testing import CliRunner
+
+from foldcar.car.design import Design, compose
+from foldcar.car.folded.check_joins import check_joins
+from foldcar.car.folded.placed import place
+from foldcar.car.folded_car import folded_car
+from foldcar.cli import app
+from foldcar.errors import FoldcarError
+from foldcar.fabrication.make_car import make_mock_up
+from foldcar.fabrication.patterns.mock_up import mocked
+from foldcar.fabrication.patterns.options import OptionError, options
+from foldcar.fabrication.patterns.sheets import pattern
+
+HINGED = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.length": 80.0}
+
+
+def w95() -> Design:
+    return compose("W_B_W", {"width": 95})
+
+
+def test_the_95_mm_car_folds_on_one_page_of_paper_instead_of_six() -> None:
+    chosen = options("scissors")
+    car = pattern(folded_car(w95()), chosen, "a car")
+
+    pages = {scale: len(PdfReader(io.BytesIO(make_mock_up(w95(), chosen, scale).files["sheets.pdf"])).pages)
+             for scale in (0.5, 1.0)}  # fmt: skip
+
+    assert len(car.sheets) == 6 and pages == {0.5: 1, 1.0: 4}
+
+
+@pytest.mark.parametrize("scale", [0.5, 0.8])
+@pytest.mark.parametrize("design", [w95(), compose("W_B_H_W_H_W", HINGED)], ids=lambda design: design.type)
+def test_a_prototype_has_the_cars_body_and_wheels_at_its_scale(design: Design, scale: float) -> None:
+    of_card = compose(f"{design.type}+film=card_160", {k: v for k, v in design.values.items() if k != "H.thickness"})
+    car = folded_car(of_card)
+    small = mocked(car, scale)
+    bodies, whole = place(small), place(car)
+    kept = {piece.name for piece in small.pieces}
+
+    assert {"servo doubler", "switch doubler", "wheel hub ring"}.isdisjoint(kept) and {"bridge", "wheel"} <= kept
+    for body in (name for name in whole if name.startswith("segment")):
+        mine = np.concatenate([face.corners_mm for face in bodies[body]])
+        real = np.concatenate([face.corners_mm for face in whole[body] if face.piece.name in kept])
+        assert mine == pytest.approx(scale * real, abs=1e-9)
+    # Joined edges still meet, tongues still go through their slots: with film scaled, too, layers lie on each other.
+    thin = replace(small, pieces=tuple(replace(piece, thickness_mm=0.2 * scale) for piece in small.pieces))
+    assert [str(one) for one in check_joins(thin, place(thin))] == []
+    (disc,) = (piece for piece in small.pieces if piece.name == "wheel")
+    assert disc.count == len(car.axles)
+    area = shapely.Polygon(disc.faces[0].outline_mm).area
+    assert area == pytest.approx(math.pi * (scale * design.values["radius"]) ** 2, rel=0.002)
+    # A pin in the middle of each wheel passes the wall beside it.
+    walls = [face for faces in bodies.values() for face in faces if face.piece.name != "wheel"]
+    pins = [face.in_car([hole.center_mm])[0] for face in walls for hole in face.face.holes if hole.kind == "axle"]
+    for axle in car.axles:
+        x, y, z = (scale * c for c in axle.center_mm)
+        (pin,) = (pin for pin in pins if math.dist((pin[0], pin[2]), (x, z)) < 1e-6 and pin[1] * y > 0)
+        assert abs(pin[1]) == pytest.approx(scale * (design.values["width"] - 0.2) / 2)
+    assert len(pins) == len(car.axles)
+
+
+def test_a_prototype_says_what_it_is_on_every_page_and_in_its_text(tmp_path: Path) -> None:
+    out = tmp_path / "paper"
+    listing = Path(__file__).parents[2] / "patterns/published_cars.json"
+
+    done = CliRunner().invoke(app, ["pattern", str(listing), "--vehicle", "w95", "--mockup", "0.5", "-o", str(out)])
+
+    assert done.exit_code == 0 and "PAPER PROTOTYPE scale 1:2, not for driving" in done.output
+    assert "pages     1 of 210 x 297 mm" in done.output
+    manifest = json.loads((out / "pattern.json").read_text())
+    assert sorted(path.name for path in out.iterdir()) == manifest["files"]
+    assert manifest["mockup"] == 0.5 and manifest["command"].endswith("--machine scissors --mockup 0.5 -o car")
+    text = (out / "how_to_fold.md").read_text()
+    assert text.startswith("# PAPER PROTOTYPE scale 1:2, not for driving") and "1 page: sheets.pdf" in text
+    # The same command with the machine that it names gives the same sheets, also on paper of another size.
+    more = ["--machine", "scissors", "--mockup", "0.5", "--paper", "letter", "-o", str(tmp_path / "letter")]
+    letter = CliRunner().invoke(app, ["pattern", str(listing), "--vehicle", "w95", *more])
+    assert letter.exit_code == 0 and "pages     1 of 215.9 x 279.4 mm" in letter.output
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--mockup", "0.1"], "--mockup 0.1: not within 0.25 to 1"),
+        (["--mockup", "nan"], "--mockup nan: not within 0.25 to 1"),
+        (["--mockup", "0.5", "--machine", "laser"], "one car's prototype for scissors, without --machine laser"),
+        (["--mockup", "0.5", "--all"], "one car's prototype for scissors, without --all"),
+    ],
+)
+def test_prototypes_that_cannot_be_are_refused(tmp_path: Path, words: list[str], message: str) -> None:
+    listing = Path(__file__).parents[2] / "patterns/published_cars.json"
+    vehicle = [] if "--all" in words else ["--vehicle", "w95"]
+
+    done = CliRunner().invoke(app, ["pattern", str(listing), *vehicle, *words, "-o", str(tmp_path / "car")])
+
+    assert isinstance(done.exception, FoldcarError) and message in str(done.exception)
+    assert not (tmp_path / "car").exists()
+
+
+def test_a_scale_is_checked_in_python_too() -> None:
+    with pytest.raises(OptionError, match="scale of a paper prototype"):
+        make_mock_up(w95(), options("scissors"), 2.0)

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import mujoco
 
-from foldcar.models.mjcf import MjcfOptions, mjcf
-
-STEP_S = 0.002
+from foldcar.models.mjcf import mjcf
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import MUJOCO
 
 
 def python_factor(store: Path) -> float:
@@ -24,10 +24,10 @@ def python_factor(store: Path) -> float:
         "JOIN scene s ON s.id = r.scene_id WHERE r.elapsed_time_s IS NOT NULL"
     ).fetchall()
     connection.close()
-    simulated_s = processor_s = 0.0
+    carsim, simulated_s, processor_s = Carsim(engine=MUJOCO), 0.0, 0.0
     for body, scene, elapsed_s in runs:
         parsed = json.loads(scene)
-        model = mujoco.MjModel.from_xml_string(mjcf(json.loads(body), parsed, options=MjcfOptions(STEP_S)))
+        model = mujoco.MjModel.from_xml_string(mjcf(carsim, json.loads(body), parsed))
         data = mujoco.MjData(model)
         start_s = time.process_time()
         data.ctrl[:] = 1.0

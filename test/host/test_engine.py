@@ -17,7 +17,7 @@ from foldcar.car.body import body_json
 from foldcar.car.car_file import car_json
 from foldcar.car.design import compose
 from foldcar.link.simulated_car import simulated_car
-from foldcar.models.mjcf import MjcfOptions, mjcf
+from foldcar.models.mjcf import mjcf
 from foldcar.models.servo import drive_fraction
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO, engine_of, engine_title
@@ -65,7 +65,7 @@ def test_the_exported_model_drives_as_the_native_one(native: Carsim) -> None:
 
     # carsim's rows lie at the firmware's own ticks, whose pulses these are.
     (pulses,) = ask_pulses(native, [settings])
-    model = mujoco.MjModel.from_xml_string(mjcf(body, scene, options=MjcfOptions(timestep_s=rules.step_s)))
+    model = mujoco.MjModel.from_xml_string(mjcf(native, body, scene))
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, round(rules.settling_s / rules.step_s))
     mine = []

@@ -14,15 +14,24 @@ import pytest
 
 from foldcar.models.ground import height_grid
 from foldcar.models.mjcf import mjcf
-from foldcar.models.put_down import start_height_m
 from foldcar.models.urdf import urdf
 from foldcar.models.webots_car import webots_proto
 from foldcar.models.webots_world import webots_world
+from foldcar.simulation import engines
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import MUJOCO
+from foldcar.simulation.runner import CarsimError
 from study_car import car_body, empty_scene, hinged_body
 from vrml_reader import Reader, ReadNode
 
 POSE = {"x_m": 1.0, "y_m": 0.1, "heading_rad": 0.3}
 BLOCK = {**POSE, "length_m": 0.4, "width_m": 0.6, "height_m": 0.05}
+
+
+@pytest.fixture(scope="module")
+def native() -> Carsim:
+    """The program with MuJoCo."""
+    return Carsim(engine=MUJOCO)
 
 
 def mass_and_center(body: dict[str, Any]) -> tuple[float, Any]:
@@ -38,37 +47,41 @@ def mass_and_center(body: dict[str, Any]) -> tuple[float, Any]:
 
 
 @pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
-def test_mjcf_and_urdf_weigh_and_measure_what_the_body_does(body: dict[str, Any]) -> None:
+def test_mjcf_and_urdf_weigh_and_measure_what_the_body_does(native: Carsim, body: dict[str, Any]) -> None:
     mass, center = mass_and_center(body)
-    height = start_height_m(body, None, None)
 
-    for model, origin in (
-        (mujoco.MjModel.from_xml_string(mjcf(body)), numpy.array([0, 0, height])),
-        (mujoco.MjModel.from_xml_string(urdf(body, "car")), numpy.zeros(3)),
-    ):
+    # MuJoCo writes six digits.
+    for text, small_m, small in ((mjcf(native, body), 2e-7, 3e-6), (urdf(body, "car"), 1e-9, 1e-6)):
+        model = mujoco.MjModel.from_xml_string(text)
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
-        assert model.body_mass.sum() == pytest.approx(mass)
-        assert data.subtree_com[0] - origin == pytest.approx(center, abs=1e-9)
+        origin = data.xpos[1].copy()
+        if urdf_names(model):
+            assert origin == pytest.approx([0, 0, 0])
+        else:
+            # Put down on a level floor.
+            assert origin == pytest.approx([0, 0, body["wheels"][0]["radius_m"]], abs=2e-3)
+        assert model.body_mass.sum() == pytest.approx(mass, rel=small)
+        assert data.subtree_com[0] - origin == pytest.approx(center, abs=small_m)
         for index, segment in enumerate(body["segments"]):
             inertia = [segment[f"{axis}_inertia_kg_m2"] for axis in ("roll", "pitch", "yaw")]
             part = model.body(f"segment{index}" if index or not urdf_names(model) else "base_link")
             # The order of principal axes is arbitrary.
-            assert sorted(part.inertia) == pytest.approx(sorted(inertia), rel=1e-6)
+            assert sorted(part.inertia) == pytest.approx(sorted(inertia), rel=small)
         for wheel in body["wheels"]:
             part = model.body(f"wheel{wheel['channel']}")
             side = 1 if wheel["side"] == "left" else -1
             place = [wheel["x_m"], side * body["track_m"] / 2, 0]
-            assert data.xpos[part.id] - origin == pytest.approx(place, abs=1e-9)
+            assert data.xpos[part.id] - origin == pytest.approx(place, abs=small_m)
             radius, width = wheel["radius_m"], wheel["width_m"]
             spin = wheel["mass_kg"] * radius**2 / 2
             across = wheel["mass_kg"] * (3 * radius**2 + width**2) / 12
-            assert sorted(part.inertia) == pytest.approx([across, across, spin], rel=1e-6)
+            assert sorted(part.inertia) == pytest.approx([across, across, spin], rel=small)
         axle = data.xaxis[model.joint("wheel0_axle").id]
         assert axle == pytest.approx([0, 1, 0], abs=1e-9)
         if body["hinges"]:
             assert model.joint("hinge0").range == pytest.approx([-0.5, 0.4])
-            assert data.xanchor[model.joint("hinge0").id] - origin == pytest.approx([0, 0, 0.02], abs=1e-9)
+            assert data.xanchor[model.joint("hinge0").id] - origin == pytest.approx([0, 0, 0.02], abs=small_m)
 
 
 def urdf_names(model: Any) -> bool:
@@ -76,9 +89,9 @@ def urdf_names(model: Any) -> bool:
     return "base_link" in {model.body(i).name for i in range(model.nbody)}
 
 
-def test_a_hinge_bends_as_the_body_says() -> None:
+def test_a_hinge_bends_as_the_body_says(native: Carsim) -> None:
     body = hinged_body()
-    model = mujoco.MjModel.from_xml_string(mjcf(body))
+    model = mujoco.MjModel.from_xml_string(mjcf(native, body))
     data = mujoco.MjData(model)
     data.qpos[model.joint("hinge0").qposadr] = 0.3
     mujoco.mj_forward(model, data)
@@ -100,13 +113,18 @@ def test_urdf_has_the_servos_limits() -> None:
 
 @pytest.mark.parametrize("body", [car_body(), hinged_body()], ids=["rigid", "hinged"])
 @pytest.mark.parametrize("hills", [False, True])
-def test_mjcf_has_cameras_that_see_the_scene_sensors_and_its_start(body: dict[str, Any], hills: bool) -> None:
+def test_mjcf_has_cameras_that_see_the_scene_sensors_and_its_start(
+    native: Carsim, body: dict[str, Any], hills: bool
+) -> None:
     block = {**BLOCK, "kind": "box", "x_m": 1.5, "y_m": 0.0}
-    scene = empty_scene([block], x_m=-0.2, goal_x_m=2.0)
+    rough = {**POSE, "y_m": 0.0, "kind": "rough", "length_m": 0.4, "width_m": 0.6}
+    rough |= {"height_sd_m": 0.002, "correlation_m": 0.05, "seed": 1}
+    scene = empty_scene([block, rough] if hills else [block], x_m=-0.2, goal_x_m=2.0)
     scene["start"]["heading_rad"] = 0.4
-    piece = {"kind": "rough", **BLOCK}
-    grid = height_grid([piece], scene["course"], lambda x, y: 0.002 * numpy.sin(20 * x)) if hills else None
-    model = mujoco.MjModel.from_xml_string(mjcf(body, scene, grid, name="Foldcar1"))
+    text = mjcf(native, body, scene, "Foldcar1")
+    model = mujoco.MjModel.from_xml_string(text)
+    assert ElementTree.fromstring(text).get("model") == "Foldcar1"
+    assert (model.nhfield == 1) == hills
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("start").id)
     mujoco.mj_forward(model, data)
@@ -125,12 +143,12 @@ def test_mjcf_has_cameras_that_see_the_scene_sensors_and_its_start(body: dict[st
     for wheel in body["wheels"]:
         data.ctrl[model.actuator(f"wheel{wheel['channel']}_servo").id] = 0.5
     before = data.time
-    mujoco.mj_step(model, data, 1500)
+    mujoco.mj_step(model, data, round(1.5 / model.opt.timestep))
     assert data.time - before == pytest.approx(1.5)
     speed = data.sensor("wheel0_speed").data[0]
     assert speed == pytest.approx(0.5 * 11.519 * body["supply_v"] / 6.0, rel=0.2) or hills
     data.ctrl[:] = 0
-    mujoco.mj_step(model, data, 1500)
+    mujoco.mj_step(model, data, round(1.5 / model.opt.timestep))
     # At rest an accelerometer shows gravity upwards.
     assert numpy.linalg.norm(data.sensor("imu_acceleration").data) == pytest.approx(9.81, abs=0.3)
     assert data.sensor("imu_turn_rate").data == pytest.approx([0, 0, 0], abs=0.05)
@@ -277,6 +295,16 @@ def test_the_command_writes_each_format(
         assert model.body("wheel3").mass > 0
         assert to == "urdf" or model.geom("box5").type == mujoco.mjtGeom.mjGEOM_BOX
         assert f'"{Path(expected[0]).stem}"' in texts[0].splitlines()[to == "urdf"]
+
+
+def test_without_mujoco_a_line_says_what_builds_it(native: Carsim, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(CarsimError, match="mjcf: this program's engine is not MuJoCo"):
+        mjcf(Carsim(), car_body())
+    with pytest.raises(CarsimError, match=r"body\.track_m: -1.0 is below the limit"):
+        mjcf(native, {**car_body(), "track_m": -1})
+    monkeypatch.setattr(engines, "source_tree", lambda: Path("/nowhere"))
+    with pytest.raises(CarsimError, match=r"no carsim with MuJoCo built at .*: run `make mujoco`"):
+        Carsim(engine=MUJOCO)
 
 
 @pytest.mark.parametrize("to", ["mjcf", "urdf", "webots"])

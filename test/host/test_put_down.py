@@ -5,20 +5,27 @@ import random
 from typing import Any
 
 import mujoco
-import numpy
 import pytest
 
-from foldcar.models.ground import HeightGrid, height_grid
-from foldcar.models.mjcf import MjcfOptions, mjcf
+from foldcar.models.ground import HeightGrid, smooth_ground
+from foldcar.models.mjcf import mjcf
 from foldcar.models.put_down import FALL_M, start_height_m
 from foldcar.models.webots_world import webots_world
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.engines import ELLIPSOID, MUJOCO
 from study_car import car_body, empty_scene, hinged_body
 from vrml_reader import Reader
 
 BODIES = {"rigid": car_body(), "hinged": hinged_body()}
 
 
-def random_scene(seed: int) -> tuple[dict[str, Any], HeightGrid | None]:
+@pytest.fixture(scope="module")
+def native() -> Carsim:
+    """The program with MuJoCo."""
+    return Carsim(engine=MUJOCO)
+
+
+def random_scene(native: Carsim, seed: int) -> tuple[dict[str, Any], HeightGrid | None]:
     """A start on, beside and across blocks, half of the time on hills, at any heading."""
     draw = random.Random(seed)
     kinds = ("box", "ramp", "half_round")
@@ -41,38 +48,38 @@ def random_scene(seed: int) -> tuple[dict[str, Any], HeightGrid | None]:
     if seed % 2:
         return scene, None
     scene["course"] = {"x_min_m": -0.5, "x_max_m": 0.5, "y_min_m": -0.5, "y_max_m": 0.5}
-    piece = {"kind": "rough", "x_m": 0, "y_m": 0, "heading_rad": 0, "length_m": 1.0, "width_m": 1.0}
-    pitch, phase = draw.uniform(8, 60), draw.uniform(0, 6)
-
-    def heights(x: Any, y: Any) -> Any:
-        return 0.01 * numpy.sin(pitch * x + phase) * numpy.cos(0.7 * pitch * y - 2 * phase)
-
-    return scene, height_grid([piece], scene["course"], heights)
+    rough = {"kind": "rough", "x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0, "length_m": 1.0, "width_m": 1.0}
+    rough |= {"height_sd_m": 0.005, "correlation_m": draw.uniform(0.03, 0.2), "seed": seed}
+    scene["terrain"].append(rough)
+    return scene, smooth_ground(scene, native)
 
 
-def contacts(model: Any, lower_m: float = 0.0) -> int:
-    """How many there are at the start, or with the car lower than that."""
+def contacts(model: Any, height_m: float) -> int:
+    """How many there are at the start with the car's frame at that height."""
     data = mujoco.MjData(model)
-    data.qpos[2] -= lower_m
+    data.qpos[2] = height_m
     mujoco.mj_forward(model, data)
     return int(data.ncon)
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_no_car_starts_inside_the_ground_nor_far_above_it(name: str) -> None:
+def test_no_car_starts_inside_the_ground_nor_far_above_it(native: Carsim, name: str) -> None:
     for seed in range(50):
-        scene, grid = random_scene(seed)
-        model = mujoco.MjModel.from_xml_string(mjcf(BODIES[name], scene, grid))
-        assert contacts(model) == 0, seed
+        scene, grid = random_scene(native, seed)
+        model = mujoco.MjModel.from_xml_string(mjcf(native, BODIES[name], scene))
         # The two ways to split a cell of the grid into triangles differ by a few tenths of a millimetre.
-        assert contacts(model, FALL_M + (1e-4 if grid is None else 1e-3)) > 0, seed
+        small_m = 1e-4 if grid is None else 1e-3
+        for height_m in (start_height_m(BODIES[name], scene, grid), model.qpos0[2]):
+            assert contacts(model, height_m) == 0, seed
+            assert contacts(model, height_m - FALL_M - small_m) > 0, seed
 
 
-def test_tyres_that_are_ellipsoids_stand_no_lower() -> None:
+def test_tyres_that_are_ellipsoids_stand_no_lower(native: Carsim) -> None:
+    ellipsoid = Carsim(engine=ELLIPSOID)
     for seed in range(1, 20, 2):
-        scene, _ = random_scene(seed)
-        model = mujoco.MjModel.from_xml_string(mjcf(BODIES["rigid"], scene, None, MjcfOptions(tyre="ellipsoid")))
-        assert contacts(model) == 0, seed
+        scene, _ = random_scene(native, seed)
+        model = mujoco.MjModel.from_xml_string(mjcf(ellipsoid, BODIES["rigid"], scene))
+        assert contacts(model, start_height_m(BODIES["rigid"], scene, None)) == 0, seed
 
 
 def test_heights_are_those_of_the_geometry() -> None:
@@ -90,10 +97,10 @@ def test_heights_are_those_of_the_geometry() -> None:
     assert on_ridge == pytest.approx(max(radius, 0.08 - belly) + FALL_M, abs=1.1e-5)
 
 
-def test_a_webots_world_puts_the_car_down_alike() -> None:
+def test_a_webots_world_puts_the_car_down_alike(native: Carsim) -> None:
     body = car_body()
     for seed in range(4):
-        scene, grid = random_scene(seed)
+        scene, grid = random_scene(native, seed)
         file = Reader(webots_world(body, "FoldcarTest", scene, grid)).read()
         height_m = file.nodes[-1].fields["translation"][2]
         assert height_m == pytest.approx(start_height_m(body, scene, grid), abs=1e-8)

@@ -63,23 +63,28 @@ def model(
     design = family.narrowed(chosen).single()
     body = body_json(design)
     car = car_name(vehicle, {key: design.values[key] for key in varied} | chosen)
-    scene, grid = _ground(listing, listed, environment, sample)
+    scene = _scene(listing, listed, environment, sample)
     surroundings = f"_{scene_name(environment, sample)}" if environment is not None else ""
     files = {}
     if to == "mjcf":
         from foldcar.models.mjcf import mjcf
+        from foldcar.simulation.carsim import Carsim
+        from foldcar.simulation.engines import MUJOCO
 
         name = f"{car}{surroundings}"
-        files[f"{name}.xml"] = mjcf(body, scene, grid, name=name)
+        files[f"{name}.xml"] = mjcf(Carsim(engine=MUJOCO), body, scene, name)
     elif to == "urdf":
         from foldcar.models.urdf import urdf
 
         files[f"{car}.urdf"] = urdf(body, car)
     else:
+        from foldcar.models.ground import smooth_ground
         from foldcar.models.webots_car import webots_proto
         from foldcar.models.webots_drive import CONTROLLER, controller_drive, controller_program
         from foldcar.models.webots_world import webots_world
+        from foldcar.simulation.carsim import Carsim
 
+        grid = smooth_ground(scene, Carsim()) if scene is not None else None
         file = listed.environments[environment].wbt_filename if environment is not None else None
         prefix = f"{Path(file).stem}_" if file else ""
         controller = f"controllers/{CONTROLLER}"
@@ -132,15 +137,11 @@ def _drive(
     return pulses, carsim.limits().trial.settling_s
 
 
-def _ground(
-    file: Path, listed: "Listing", environment: str | None, sample: int
-) -> tuple[dict[str, Any] | None, Any]:
-    """The sampled scene and the grid of its smooth ground."""
+def _scene(file: Path, listed: "Listing", environment: str | None, sample: int) -> dict[str, Any] | None:
+    """The environment's sample."""
     if environment is None:
-        return None, None
-    from foldcar.models.ground import smooth_ground
+        return None
     from foldcar.scenes.source import open_environment
-    from foldcar.simulation.carsim import Carsim
 
     if environment not in listed.environments:
         known = ", ".join(listed.environments)
@@ -150,5 +151,4 @@ def _ground(
     if not program.is_file():
         raise FoldcarError(f"{file}: environments.{environment}.scenic_filename: {program} is not a file")
     condition = one.condition.model_dump(exclude_none=True) if one.condition else None
-    scene = open_environment(program, dict(one.scenic_params), one.seed, condition).sample(sample)
-    return scene, smooth_ground(scene, Carsim())
+    return open_environment(program, dict(one.scenic_params), one.seed, condition).sample(sample)

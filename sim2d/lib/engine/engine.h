@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <stdexcept>
 #include <string>
 
 #include "body_spec.h"
@@ -24,6 +25,10 @@ class Engine {
   // scene, terrain and stopwatch (may be null) must outlive the car. Throws std::runtime_error for what it cannot model.
   virtual std::unique_ptr<SimCar> put_down(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
                                            Stopwatch* stopwatch) const = 0;
+  // The car put down in the scene, as MuJoCo's XML. Throws std::runtime_error of an engine that has no such model.
+  virtual std::string mjcf(const BodySpec&, const SceneSpec&, const Terrain&, const std::string& /*name*/) const {
+    throw std::runtime_error("mjcf: this program's engine is not MuJoCo");
+  }
 };
 
 }  // namespace foldcar

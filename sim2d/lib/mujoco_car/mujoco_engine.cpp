@@ -4,6 +4,7 @@
 #include <cstdlib>
 
 #include "mujoco_car.h"
+#include "mujoco_xml.h"
 
 namespace foldcar {
 namespace {
@@ -33,6 +34,11 @@ std::string MujocoEngine::name() const {
 std::unique_ptr<SimCar> MujocoEngine::put_down(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
                                                Stopwatch* stopwatch) const {
   return std::make_unique<MujocoCar>(body, scene, terrain, options_, stopwatch);
+}
+
+std::string MujocoEngine::mjcf(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                               const std::string& name) const {
+  return mujoco_xml(body, scene, terrain, options_, name);
 }
 
 }  // namespace foldcar

@@ -14,6 +14,8 @@ class MujocoEngine : public Engine {
   double step_s() const override { return options_.step_s; }
   std::unique_ptr<SimCar> put_down(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
                                    Stopwatch* stopwatch) const override;
+  std::string mjcf(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                   const std::string& name) const override;
 
  private:
   const MujocoOptions options_;

@@ -11,6 +11,8 @@
 namespace foldcar {
 namespace {
 
+constexpr float kFloorColour[] = {0.93F, 0.92F, 0.88F, 1};
+constexpr float kPieceColour[] = {0.75F, 0.6F, 0.4F, 1};
 constexpr double kSunk_m = 0.1;
 constexpr double kFloorReach_m = 50;
 constexpr double kFloorDepth_m = 1;
@@ -25,20 +27,21 @@ void set(double* to, double x, double y, double z) {
 }
 
 // A geom that collides with the car only.
-mjsGeom& ground_geom(mjSpec* spec, mjtGeom type) {
+mjsGeom& ground_geom(mjSpec* spec, mjtGeom type, const std::string& name, const float (&colour)[4]) {
   mjsGeom& geom = *mjs_addGeom(mjs_findBody(spec, "world"), nullptr);
+  mjs_setName(geom.element, name.c_str());
   geom.type = type;
+  std::copy(std::begin(colour), std::end(colour), geom.rgba);
   geom.contype = 1;
   geom.conaffinity = 2;
   return geom;
 }
 
-void add_box(mjSpec* spec, double x_m, double y_m, double top_m, double length_m, double width_m, double depth_m,
-             double heading_rad) {
-  mjsGeom& box = ground_geom(spec, mjGEOM_BOX);
-  set(box.size, 0.5 * length_m, 0.5 * width_m, 0.5 * depth_m);
-  set(box.pos, x_m, y_m, top_m - 0.5 * depth_m);
-  set_heading(box.quat, heading_rad);
+void add_box(mjSpec* spec, const BlockSpec& block, const std::string& name) {
+  mjsGeom& box = ground_geom(spec, mjGEOM_BOX, name, kPieceColour);
+  set(box.size, 0.5 * block.length_m, 0.5 * block.width_m, 0.5 * (block.height_m + kSunk_m));
+  set(box.pos, block.x_m, block.y_m, 0.5 * (block.height_m - kSunk_m));
+  set_heading(box.quat, block.heading_rad);
 }
 
 void add_ramp(mjSpec* spec, const BlockSpec& ramp, const std::string& name) {
@@ -54,15 +57,15 @@ void add_ramp(mjSpec* spec, const BlockSpec& ramp, const std::string& name) {
   mjsMesh& mesh = *mjs_addMesh(spec, nullptr);
   mjs_setName(mesh.element, name.c_str());
   mjs_setFloat(mesh.uservert, corners.data(), static_cast<int>(corners.size()));
-  mjsGeom& geom = ground_geom(spec, mjGEOM_MESH);
+  mjsGeom& geom = ground_geom(spec, mjGEOM_MESH, name, kPieceColour);
   mjs_setString(geom.meshname, name.c_str());
   set(geom.pos, ramp.x_m, ramp.y_m, 0);
   set_heading(geom.quat, ramp.heading_rad);
 }
 
-void add_half_round(mjSpec* spec, const BlockSpec& block) {
+void add_half_round(mjSpec* spec, const BlockSpec& block, const std::string& name) {
   const double radius_m = arc_radius_m(block);
-  mjsGeom& geom = ground_geom(spec, mjGEOM_CYLINDER);
+  mjsGeom& geom = ground_geom(spec, mjGEOM_CYLINDER, name, kPieceColour);
   set(geom.size, radius_m, 0.5 * block.width_m, 0);
   set(geom.pos, block.x_m, block.y_m, block.height_m - radius_m);
   // A quarter turn about x lays the cylinder across; then the heading.
@@ -87,19 +90,20 @@ void add_height_field(mjSpec* spec, const HeightGrid& grid) {
   field.size[2] = rise_m;
   field.size[3] = kFieldBase_m;
   mjs_setFloat(field.userdata, rise.data(), static_cast<int>(rise.size()));
-  mjsGeom& geom = ground_geom(spec, mjGEOM_HFIELD);
+  mjsGeom& geom = ground_geom(spec, mjGEOM_HFIELD, "ground", kFloorColour);
   mjs_setString(geom.hfieldname, "ground");
   set(geom.pos, x_m, y_m, low_m);
   const double far_m = kFloorReach_m;
-  const struct { double x0, x1, y0, y1; } around[] = {
-      {-far_m, grid.x_min_m, -far_m, far_m},
-      {grid.x_max_m, far_m, -far_m, far_m},
-      {grid.x_min_m, grid.x_max_m, -far_m, grid.y_min_m},
-      {grid.x_min_m, grid.x_max_m, grid.y_max_m, far_m},
+  const struct { const char* name; double x0, x1, y0, y1; } around[] = {
+      {"floor_back", -far_m, grid.x_min_m, -far_m, far_m},
+      {"floor_front", grid.x_max_m, far_m, -far_m, far_m},
+      {"floor_right", grid.x_min_m, grid.x_max_m, -far_m, grid.y_min_m},
+      {"floor_left", grid.x_min_m, grid.x_max_m, grid.y_max_m, far_m},
   };
   for (const auto& floor : around) {
-    add_box(spec, 0.5 * (floor.x0 + floor.x1), 0.5 * (floor.y0 + floor.y1), 0, floor.x1 - floor.x0,
-            floor.y1 - floor.y0, kFloorDepth_m, 0);
+    mjsGeom& box = ground_geom(spec, mjGEOM_BOX, floor.name, kFloorColour);
+    set(box.size, 0.5 * (floor.x1 - floor.x0), 0.5 * (floor.y1 - floor.y0), 0.5 * kFloorDepth_m);
+    set(box.pos, 0.5 * (floor.x0 + floor.x1), 0.5 * (floor.y0 + floor.y1), -0.5 * kFloorDepth_m);
   }
 }
 
@@ -108,19 +112,17 @@ void add_height_field(mjSpec* spec, const HeightGrid& grid) {
 void add_mujoco_ground(mjSpec* spec, const SceneSpec& scene, const Terrain& terrain) {
   const HeightGrid grid = terrain.ground() == nullptr ? HeightGrid{} : height_grid(*terrain.ground(), scene.course);
   if (grid.z_m.empty()) {
-    set(ground_geom(spec, mjGEOM_PLANE).size, 0, 0, 1);
+    set(ground_geom(spec, mjGEOM_PLANE, "floor", kFloorColour).size, 0, 0, 1);
   } else {
     add_height_field(spec, grid);
   }
-  int ramps = 0;
+  int count = 0;
   for (const BlockSpec& block : scene.terrain.blocks) {
+    const std::string number = std::to_string(count++);
     switch (block.kind) {
-      case BlockSpec::Kind::kBox:
-        add_box(spec, block.x_m, block.y_m, block.height_m, block.length_m, block.width_m, block.height_m + kSunk_m,
-                block.heading_rad);
-        break;
-      case BlockSpec::Kind::kRamp: add_ramp(spec, block, "ramp" + std::to_string(ramps++)); break;
-      case BlockSpec::Kind::kHalfRound: add_half_round(spec, block); break;
+      case BlockSpec::Kind::kBox: add_box(spec, block, "box" + number); break;
+      case BlockSpec::Kind::kRamp: add_ramp(spec, block, "ramp" + number); break;
+      case BlockSpec::Kind::kHalfRound: add_half_round(spec, block, "half_round" + number); break;
     }
   }
 }

@@ -14,9 +14,8 @@ namespace {
 constexpr double kContactTime_s = 0.005;
 constexpr double kImpedanceRatio = 10;
 
-struct DeleteSpec {
-  void operator()(mjSpec* spec) const { mj_deleteSpec(spec); }
-};
+constexpr float kCarColour[] = {0.1F, 0.45F, 0.7F, 0.6F};
+constexpr float kTyreColour[] = {0.2F, 0.2F, 0.2F, 1};
 
 void set(double* to, double x, double y, double z) {
   to[0] = x;
@@ -32,7 +31,7 @@ void set_inertia(mjsBody& body, double mass_kg, double x_m, double y_m, double z
 }
 
 // A geom of the car: it collides with the ground only, with a friction of its own.
-mjsGeom& car_geom(mjsBody* of, const std::string& name, double friction) {
+mjsGeom& car_geom(mjsBody* of, const std::string& name, double friction, const float (&colour)[4]) {
   mjsGeom& geom = *mjs_addGeom(of, nullptr);
   mjs_setName(geom.element, name.c_str());
   geom.contype = 2;
@@ -42,6 +41,7 @@ mjsGeom& car_geom(mjsBody* of, const std::string& name, double friction) {
   geom.friction[0] = friction;
   geom.solref[0] = kContactTime_s;
   geom.mass = 0;
+  std::copy(std::begin(colour), std::end(colour), geom.rgba);
   return geom;
 }
 
@@ -75,7 +75,7 @@ void add_wheel(mjsBody* of, const BodySpec& body, const WheelSpec& spec, double 
   const double spin = 0.5 * spec.mass_kg * spec.radius_m * spec.radius_m;
   const double across = 0.5 * spin + spec.mass_kg * spec.width_m * spec.width_m / 12;
   set_inertia(*wheel, spec.mass_kg, x_m, 0, z_m, across, spin, across);
-  mjsGeom& tyre = car_geom(wheel, name + "_tyre", friction * spec.grip);
+  mjsGeom& tyre = car_geom(wheel, name + "_tyre", friction * spec.grip, kTyreColour);
   set(tyre.pos, x_m, 0, z_m);
   if (shape == TyreShape::kCylinder) {
     tyre.type = mjGEOM_CYLINDER;
@@ -121,7 +121,7 @@ void add_car(mjSpec* spec, const BodySpec& body, const SceneSpec& scene, TyreSha
     }
     set_inertia(*part, segment.mass_kg, segment.com_x_m, segment.com_y_m, segment.com_z_m, segment.roll_inertia_kg_m2,
                 segment.pitch_inertia_kg_m2, segment.yaw_inertia_kg_m2);
-    mjsGeom& belly = car_geom(part, name + "_belly", scene.friction * segment.grip);
+    mjsGeom& belly = car_geom(part, name + "_belly", scene.friction * segment.grip, kCarColour);
     belly.type = mjGEOM_BOX;
     set(belly.size, 0.5 * segment.length_m, 0.5 * segment.width_m, 0.5 * segment.height_m);
     set(belly.pos, segment.x_m, 0, segment.center_z_m);
@@ -137,9 +137,9 @@ int id(const mjModel& model, mjtObj kind, const std::string& name) { return mj_n
 
 }  // namespace
 
-MujocoModel build_mujoco_model(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
-                               const MujocoOptions& options) {
-  const std::unique_ptr<mjSpec, DeleteSpec> spec(mj_makeSpec());
+std::unique_ptr<mjSpec, DeleteSpec> mujoco_spec(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                                                const MujocoOptions& options) {
+  std::unique_ptr<mjSpec, DeleteSpec> spec(mj_makeSpec());
   spec->compiler.degree = 0;
   spec->compiler.inertiafromgeom = mjINERTIAFROMGEOM_FALSE;
   spec->compiler.usethread = 0;
@@ -152,6 +152,12 @@ MujocoModel build_mujoco_model(const BodySpec& body, const SceneSpec& scene, con
   spec->option.disableflags |= mjDSBL_MULTICCD | mjDSBL_ISLAND;
   add_mujoco_ground(spec.get(), scene, terrain);
   add_car(spec.get(), body, scene, options.tyre);
+  return spec;
+}
+
+MujocoModel build_mujoco_model(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                               const MujocoOptions& options) {
+  const auto spec = mujoco_spec(body, scene, terrain, options);
   MujocoModel built;
   built.model.reset(mj_compile(spec.get(), nullptr));
   if (built.model == nullptr) throw std::runtime_error(std::string("MuJoCo: ") + mjs_getError(spec.get()));

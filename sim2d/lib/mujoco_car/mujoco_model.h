@@ -30,6 +30,10 @@ struct MujocoOptions {
   TyreShape tyre = TyreShape::kCylinder;
 };
 
+struct DeleteSpec {
+  void operator()(mjSpec* spec) const { mj_deleteSpec(spec); }
+};
+
 struct DeleteModel {
   void operator()(mjModel* model) const { mj_deleteModel(model); }
 };
@@ -43,7 +47,11 @@ struct MujocoModel {
   std::vector<int> wheel_velocity;  // indices into qvel; actuator i turns wheel i
 };
 
-// The car's origin is at (0, 0) of the start, at the height 0. Throws std::runtime_error if MuJoCo refuses the model.
+// The model to compile: the car's origin is in the world's.
+std::unique_ptr<mjSpec, DeleteSpec> mujoco_spec(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                                                const MujocoOptions& options);
+
+// The same compiled. Throws std::runtime_error if MuJoCo refuses the model.
 MujocoModel build_mujoco_model(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
                                const MujocoOptions& options);
 

@@ -75,8 +75,9 @@ LineKind line_kind(const json& line) {
     if (line.contains("run")) return LineKind::kRun;
     if (line.contains("heights")) return LineKind::kHeights;
     if (line.contains("pulses")) return LineKind::kPulses;
+    if (line.contains("mjcf")) return LineKind::kMjcf;
   }
-  throw InputError("a line must have exactly one key: body, scene, run, heights or pulses");
+  throw InputError("a line must have exactly one key: body, scene, run, heights, pulses or mjcf");
 }
 
 BodySpec read_body(const json& line) { return read_body(only_value(line, "body")); }
@@ -129,6 +130,13 @@ PulsesLine read_pulses(const json& line) {
   read_set_point(reader, pulses.trial);
   reader.finish();
   return pulses;
+}
+
+MjcfLine read_mjcf(const json& line) {
+  JsonReader reader = only_value(line, "mjcf");
+  const MjcfLine mjcf{reader.string("id"), reader.string("body"), reader.string("scene")};
+  reader.finish();
+  return mjcf;
 }
 
 std::string run_id_if_any(const json& line) {

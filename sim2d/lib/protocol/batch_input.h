@@ -12,7 +12,7 @@
 namespace foldcar {
 
 // The kinds of input line.
-enum class LineKind { kBody, kScene, kRun, kHeights, kPulses };
+enum class LineKind { kBody, kScene, kRun, kHeights, kPulses, kMjcf };
 
 // Which kind a parsed line is. InputError if it is none or has more than one key.
 LineKind line_kind(const nlohmann::json& line);
@@ -39,12 +39,20 @@ struct PulsesLine {
   TrialSpec trial;
 };
 
+// A car in a scene that MuJoCo's XML is asked for; the model is named by the id.
+struct MjcfLine {
+  std::string id;
+  std::string body;
+  std::string scene;
+};
+
 // The line's only value, checked in full. All throw InputError.
 BodySpec read_body(const nlohmann::json& line);
 SceneSpec read_scene(const nlohmann::json& line);
 RunLine read_run(const nlohmann::json& line);
 HeightsLine read_heights(const nlohmann::json& line);
 PulsesLine read_pulses(const nlohmann::json& line);
+MjcfLine read_mjcf(const nlohmann::json& line);
 
 // The id of a run line that may be wrong otherwise; empty if it has none.
 std::string run_id_if_any(const nlohmann::json& line);

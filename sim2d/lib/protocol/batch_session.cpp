@@ -75,6 +75,8 @@ std::optional<std::string> BatchSession::answer(std::size_t line_number, const s
         return heights(read_heights(parsed));
       case LineKind::kPulses:
         return pulses_reply(read_pulses(parsed), engine_.step_s());
+      case LineKind::kMjcf:
+        return mjcf(read_mjcf(parsed));
     }
     return std::nullopt;
   } catch (const InputError& error) {
@@ -85,11 +87,10 @@ std::optional<std::string> BatchSession::answer(std::size_t line_number, const s
 }
 
 std::string BatchSession::run(const RunLine& run) {
-  const auto body = bodies_.find(run.body);
-  if (body == bodies_.end()) throw InputError("run.body: no body \"" + run.body + "\" on an earlier line");
+  const BodySpec& car = body("run", run.body);
   const SceneSpec& in = scene("run", run.scene);
   const TrialResult result =
-      run_trial(engine_, body->second, in, run.trial, timed_ ? &stopwatch_ : nullptr, &terrain(in));
+      run_trial(engine_, car, in, run.trial, timed_ ? &stopwatch_ : nullptr, &terrain(in));
   simulated_s_ += result.elapsed_time_s;
   return result_reply(run, result);
 }
@@ -103,6 +104,18 @@ std::string BatchSession::heights(const HeightsLine& heights) {
     friction.push_back(ground.friction(heights.x_m[i], heights.y_m[i], in.friction));
   }
   return one_line({{"heights", heights.id}, {"z_m", z_m}, {"friction", friction}});
+}
+
+std::string BatchSession::mjcf(const MjcfLine& mjcf) {
+  const BodySpec& car = body("mjcf", mjcf.body);
+  const SceneSpec& in = scene("mjcf", mjcf.scene);
+  return one_line({{"mjcf", mjcf.id}, {"xml", engine_.mjcf(car, in, terrain(in), mjcf.id)}});
+}
+
+const BodySpec& BatchSession::body(const char* line, const std::string& id) const {
+  const auto found = bodies_.find(id);
+  if (found == bodies_.end()) throw InputError(std::string(line) + ".body: no body \"" + id + "\" on an earlier line");
+  return found->second;
 }
 
 const SceneSpec& BatchSession::scene(const char* line, const std::string& id) const {

@@ -39,6 +39,8 @@ class BatchSession {
  private:
   std::string run(const RunLine& run);
   std::string heights(const HeightsLine& heights);
+  std::string mjcf(const MjcfLine& mjcf);
+  const BodySpec& body(const char* line, const std::string& id) const;
   const SceneSpec& scene(const char* line, const std::string& id) const;
   // The scene's terrain, made anew only when another scene is asked for.
   const SceneTerrain& terrain(const SceneSpec& scene);

@@ -1,0 +1,132 @@
+#include "mujoco_xml.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+#include "mujoco_car.h"
+
+namespace foldcar {
+namespace {
+
+using Vector = std::array<double, 3>;
+
+// The ground around the car that is shown at least.
+constexpr double kReach_m = 0.5;
+// From the middle of what is shown to the camera, in radii of what is shown: from behind, right and above. To the lamp.
+constexpr Vector kEye = {-1.4, -1.9, 1.5};
+constexpr Vector kLamp = {-0.6, -0.9, 3.0};
+
+// Start, goal and terrain within the course.
+struct Shown {
+  double x_m, y_m, radius_m;
+};
+
+Shown shown(const SceneSpec& scene) {
+  std::vector<double> x_m, y_m;
+  const auto add = [&](const auto& place) {
+    x_m.push_back(std::clamp(place.x_m, scene.course.x_min_m, scene.course.x_max_m));
+    y_m.push_back(std::clamp(place.y_m, scene.course.y_min_m, scene.course.y_max_m));
+  };
+  const auto add_all = [&](const auto&... lists) { (std::for_each(lists.begin(), lists.end(), add), ...); };
+  add(scene.start);
+  if (scene.goal) add(*scene.goal);
+  const TerrainSpec& terrain = scene.terrain;
+  add_all(terrain.blocks, terrain.hills, terrain.potholes, terrain.roughs, terrain.patches);
+  const auto [left, right] = std::minmax_element(x_m.begin(), x_m.end());
+  const auto [low, high] = std::minmax_element(y_m.begin(), y_m.end());
+  return {0.5 * (*left + *right), 0.5 * (*low + *high), 0.5 * std::hypot(*right - *left, *high - *low) + kReach_m};
+}
+
+// A camera at a multiple of kEye from a point, which it looks at.
+void add_camera(mjsBody* of, const char* name, double x_m, double y_m, double distance_m, mjtCamLight mode) {
+  mjsCamera& camera = *mjs_addCamera(of, nullptr);
+  mjs_setName(camera.element, name);
+  camera.mode = mode;
+  const double from[] = {x_m, y_m, 0}, across = std::hypot(kEye[0], kEye[1]);
+  for (std::size_t i = 0; i < 3; ++i) camera.pos[i] = from[i] + distance_m * kEye[i];
+  camera.alt.type = mjORIENTATION_XYAXES;
+  const double axes[] = {-kEye[1] / across,           kEye[0] / across,            0,
+                         -kEye[0] * kEye[2] / across, -kEye[1] * kEye[2] / across, across};
+  std::copy(std::begin(axes), std::end(axes), camera.alt.xyaxes);
+}
+
+void add_lamp_and_overview(mjSpec* spec, const SceneSpec& scene) {
+  const Shown what = shown(scene);
+  mjsBody* world = mjs_findBody(spec, "world");
+  const double middle[] = {what.x_m, what.y_m, 0};
+  std::copy(std::begin(middle), std::end(middle), spec->stat.center);
+  spec->stat.extent = what.radius_m;
+  mjsLight& lamp = *mjs_addLight(world, nullptr);
+  for (std::size_t i = 0; i < 3; ++i) {
+    lamp.pos[i] = middle[i] + what.radius_m * kLamp[i];
+    lamp.dir[i] = -kLamp[i];
+    lamp.diffuse[i] = 0.5F;
+    lamp.specular[i] = 0;
+    // The headlight is low, so that shapes have a light and a dark side.
+    spec->visual.headlight.ambient[i] = 0.35F;
+    spec->visual.headlight.diffuse[i] = 0.2F;
+    spec->visual.headlight.specular[i] = 0;
+  }
+  lamp.cutoff = 60;
+  spec->visual.global.offwidth = 1280;
+  spec->visual.global.offheight = 960;
+  add_camera(world, "overview", what.x_m, what.y_m, 0.8 * what.radius_m, mjCAMLIGHT_FIXED);
+}
+
+void add_sensor(mjSpec* spec, const std::string& name, mjtSensor type, mjtObj kind, const std::string& of) {
+  mjsSensor& sensor = *mjs_addSensor(spec);
+  mjs_setName(sensor.element, name.c_str());
+  sensor.type = type;
+  sensor.objtype = kind;
+  mjs_setString(sensor.objname, of.c_str());
+}
+
+void add_sensors(mjSpec* spec, const BodySpec& body) {
+  const std::string part = "segment" + std::to_string(main_segment(body));
+  mjs_setName(mjs_addSite(mjs_findBody(spec, part.c_str()), nullptr)->element, "imu");
+  add_sensor(spec, "imu_acceleration", mjSENS_ACCELEROMETER, mjOBJ_SITE, "imu");
+  add_sensor(spec, "imu_turn_rate", mjSENS_GYRO, mjOBJ_SITE, "imu");
+  for (const WheelSpec& wheel : body.wheels) {
+    const std::string name = "wheel" + std::to_string(wheel.channel);
+    add_sensor(spec, name + "_speed", mjSENS_JOINTVEL, mjOBJ_JOINT, name + "_axle");
+    add_sensor(spec, name + "_torque", mjSENS_ACTUATORFRC, mjOBJ_ACTUATOR, name + "_servo");
+  }
+}
+
+}  // namespace
+
+std::string mujoco_xml(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
+                       const MujocoOptions& options, const std::string& name) {
+  MujocoCar car(body, scene, terrain, options, nullptr);
+  const double* start = car.data().qpos;
+  const auto spec = mujoco_spec(body, scene, terrain, options);
+  mjs_setString(spec->modelname, name.c_str());
+  mjsBody& front = *mjs_findBody(spec.get(), "segment0");
+  std::copy(start, start + 3, front.pos);
+  std::copy(start + 3, start + 7, front.quat);
+  double length_m = 0;
+  for (const SegmentSpec& part : body.segments) length_m = std::max(length_m, 2 * part.x_m + part.length_m);
+  add_camera(&front, "follow", 0, 0, 1.6 * length_m, mjCAMLIGHT_TRACKCOM);
+  add_lamp_and_overview(spec.get(), scene);
+  add_sensors(spec.get(), body);
+  mjsKey& key = *mjs_addKey(spec.get());
+  mjs_setName(key.element, "start");
+  mjs_setDouble(key.qpos, start, static_cast<int>(car.model().nq));
+  const std::unique_ptr<mjModel, DeleteModel> model(mj_compile(spec.get(), nullptr));
+  if (model == nullptr) throw std::runtime_error(std::string("MuJoCo: ") + mjs_getError(spec.get()));
+  // With a buffer that is too small, the answer is the size that it takes.
+  char error[500] = "";
+  std::string text(1, '\0');
+  const int size = mj_saveXMLString(spec.get(), text.data(), 1, error, sizeof error);
+  if (size > 0) text.resize(static_cast<std::size_t>(size) + 1);
+  if (size <= 0 || mj_saveXMLString(spec.get(), text.data(), size + 1, error, sizeof error) != 0) {
+    throw std::runtime_error(std::string("MuJoCo: ") + error);
+  }
+  text.resize(text.find('\0'));
+  return text;
+}
+
+}  // namespace foldcar

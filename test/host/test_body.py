@@ -235,11 +235,11 @@ def test_the_same_modules_weigh_the_same_with_hinges_between() -> None:
     ]
 
     # Two strips of 6 mm glued over 10 mm at either end, two stops of five faces, two pairs of end caps, which have
-    # slits for cables; two flaps and four latches more, between the caps.
+    # slits for cables; two flaps, four latches and two pull tabs more, between the caps.
     strips = 2 * 26 * 94.75
     stops = 2 * 94.75 / 3 * (2 * 12 * 0.45 + 2 * (6 - 2 * 0.25) + 12)
     caps = 4 * (94.05 * 49.05 + 2 * (94.05 - 8) * 8 + 2 * (49.05 - 8) * 8 - 12 * 6)
-    flaps = -2 * 2 * 8.6 * 10 + 4 * (9 * 2.575 - 10.6 * 0.55 + LATCH_MM2)
+    flaps = -2 * 2 * 8.6 * 10 + 4 * (9 * 2.575 - 10.6 * 0.55 + LATCH_MM2) + 2 * PULL_TAB_MM2
     longer = [longer_leads_kg(folded_car(design)) for design in (rigid, hinged)]
     film = (strips + stops + caps + flaps) * 1e-6 * 0.25e-3 * 1390
     assert weights[1] - weights[0] == pytest.approx(film + longer[1] - longer[0])

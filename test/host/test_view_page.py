@@ -22,14 +22,16 @@ STEP_M = 0.02
 
 
 def film_box(folded: FoldedCar) -> np.ndarray:
-    """Minimum and maximum coordinates of the middle surfaces of the built car's film."""
+    """Minimum and maximum coordinates of the middle surfaces of the built car's film; layers are drawn 1 mm off."""
     pieces = {piece.name: piece for piece in folded.pieces}
+    layers = {join.piece_a for join in folded.joins if join.kind == "laminate"}
     points = []
     for placed in folded.placed:
         piece = pieces[placed.piece]
         poses = face_poses(piece)
         for face in piece.faces:
-            points.append(moved(np.array(placed.pose) @ poses[face.name], np.array(face.outline_mm)))
+            corners = moved(poses[face.name], np.array(face.outline_mm)) + np.array((0, 0, placed.piece in layers))
+            points.append(corners @ np.array(placed.pose)[:3, :3].T + np.array(placed.pose)[:3, 3])
     every = np.concatenate(points)
     return np.concatenate([every.min(axis=0), every.max(axis=0)])
 

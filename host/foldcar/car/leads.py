@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from foldcar.car.assembly.lid import lid_of
 from foldcar.car.design import DesignError
 from foldcar.car.folded.check_hinges import folded_back
 from foldcar.car.folded.finding import Finding
@@ -241,8 +242,7 @@ class _Ways:
 
     def _lift_mm(self, battery: Mount) -> float:
         """How far a battery is lifted to stand above the walls; 0 for one on the roof."""
-        top = max(float(face.corners_mm[:, 2].max()) for face in self.bodies[battery.body] if face.face.role == "panel")
-        return max(0.0, top - (battery.pose[2][3] - battery.size_mm[2] / 2))
+        return max(0.0, self._walls_mm(battery.body) - (battery.pose[2][3] - battery.size_mm[2] / 2))
 
     def way(self, start: Points, end: Points, body: str, at: str = "") -> tuple[float, int]:
         """Length (mm) of the way from a point in ``body`` to one at the part ``at``, and how many hinges it crosses."""
@@ -265,10 +265,15 @@ class _Ways:
     def _inside(self, start: Points, body: str) -> Points:
         """The point where a lead enters the body: the lead's hole in the lid for a battery on the roof."""
         holes = list(self._holes(body, 2))
-        top = max(float(face.corners_mm[:, 2].max()) for face in self.bodies[body])
-        if self.parts.battery_place != "roof" or start[2] < top or not holes:
+        if self.parts.battery_place != "roof" or start[2] < self._walls_mm(body) or not holes:
             return start
         return holes[0]
+
+    def _walls_mm(self, body: str) -> float:
+        """The upper edge of a body's walls, over which latches of its lid stand."""
+        panels = (one for one in self.bodies[body] if one.face.role == "panel")
+        walls = (one for one in panels if one.face.name not in lid_of(self.car, one.piece).faces)
+        return max(float(one.corners_mm[:, 2].max()) for one in walls)
 
     def _slit(self, body: str, end: int) -> Points:
         """The slit of the cap at the front (1) or rear (-1) of a body; ``DesignError`` if it has none."""

@@ -7,6 +7,7 @@ the caps, with the hinge where these are farthest apart. Lengths are in mm, in t
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -269,10 +270,15 @@ class _Ways:
             return start
         return holes[0]
 
+    @cached_property
+    def _lids(self) -> set[tuple[str, str]]:
+        """The faces of all lids, by piece and name."""
+        return {(piece.name, face) for piece in self.car.pieces for face in lid_of(self.car, piece).faces}
+
     def _walls_mm(self, body: str) -> float:
         """The upper edge of a body's walls, over which latches of its lid stand."""
         panels = (one for one in self.bodies[body] if one.face.role == "panel")
-        walls = (one for one in panels if one.face.name not in lid_of(self.car, one.piece).faces)
+        walls = (one for one in panels if (one.piece.name, one.face.name) not in self._lids)
         return max(float(one.corners_mm[:, 2].max()) for one in walls)
 
     def _slit(self, body: str, end: int) -> Points:

@@ -124,4 +124,21 @@ inline SceneSpec pyramids() {
   return scene;
 }
 
+// Rotors turn against the frames that carry them: their energy is not the plane's, and they slow a fold.
+inline BodySpec without_rotors(BodySpec body) {
+  for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 0;
+  return body;
+}
+
+// Terrain on a course of 40 m.
+inline SceneSpec scene_of(const TerrainSpec& terrain, double friction, const PoseSpec& start = {}) {
+  SceneSpec scene;
+  scene.id = "test";
+  scene.friction = friction;
+  scene.terrain = terrain;
+  scene.start = start;
+  scene.course = {-20, 20, -20, 20};
+  return scene;
+}
+
 }  // namespace foldcar

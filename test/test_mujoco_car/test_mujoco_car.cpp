@@ -23,16 +23,6 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kRadius_m = 0.06, kArm_m = 0.07;  // of the study car: wheels, half the distance of its axles
 
-SceneSpec scene_of(const TerrainSpec& terrain, double friction, const PoseSpec& start = {}) {
-  SceneSpec scene;
-  scene.id = "test";
-  scene.friction = friction;
-  scene.terrain = terrain;
-  scene.start = start;
-  scene.course = {-20, 20, -20, 20};
-  return scene;
-}
-
 struct Drive {
   const BodySpec body;
   const SceneSpec scene;

@@ -45,12 +45,6 @@ StepOptions gently(double rate_hz = 240) {
   return options;
 }
 
-// Rotors turn against the frames that carry them: their energy is not the plane's, and they slow a fold.
-BodySpec without_rotors(BodySpec body) {
-  for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 0;
-  return body;
-}
-
 // One half of the hinged study car on its free-rolling wheels, the hinge between the axles. By symmetry the hinge
 // carries no shear, so the half turns about its axle (0.07 m) under its weight (at 0.05 m, 4 mm up) and the flexure.
 struct Half {

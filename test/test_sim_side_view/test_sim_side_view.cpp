@@ -19,16 +19,6 @@ void tearDown() {}
 
 namespace {
 
-SceneSpec scene_of(const TerrainSpec& terrain, double friction, const PoseSpec& start = {}) {
-  SceneSpec scene;
-  scene.id = "test";
-  scene.friction = friction;
-  scene.terrain = terrain;
-  scene.start = start;
-  scene.course = {-20, 20, -20, 20};
-  return scene;
-}
-
 struct Drive {
   const BodySpec body;
   const SceneSpec scene;
@@ -55,11 +45,6 @@ SideViewOptions gently(double rate_hz = 240) {
   options.drop_m = 0;
   options.rate_hz = rate_hz;
   return options;
-}
-
-BodySpec without_rotors(BodySpec body) {
-  for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 0;
-  return body;
 }
 
 double speed_on_slope_m_s(const BodySpec& body, double friction, double slope_rad, double fraction, double time_s) {

@@ -46,6 +46,7 @@ from foldcar.commands.sweep import sweep
 from foldcar.commands.trials import trials
 from foldcar.commands.view import view
 from foldcar.errors import FoldcarError
+from foldcar.extras import missing_extra
 from foldcar.interrupts import listen
 from foldcar.shown_text import show_text
 
@@ -111,6 +112,11 @@ def main() -> None:
         app()
     except FoldcarError as error:
         sys.exit(_fail("\n".join(error.lines()), error.exit_code))
+    except ModuleNotFoundError as error:
+        remedy = missing_extra(error)
+        if remedy is None:
+            raise
+        sys.exit(_fail(remedy, 2))
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else ""
         sys.exit(_fail(" ".join(f"{where}{error.strerror or error}".split()), 2))

@@ -1,6 +1,5 @@
 """What loading firmware onto a car needs: PlatformIO, the board's toolchain, a serial port that may be opened."""
 
-import importlib.metadata
 import os
 import threading
 import urllib.error
@@ -25,7 +24,7 @@ def platformio(checkout: Path | None, project: PlatformioProject | None) -> Find
         return Finding("PlatformIO", "absent", "the firmware's sources are not here", "use a checkout of the project")
     if project is None:
         return Finding("PlatformIO", "absent", f"{program} cannot read {checkout / 'platformio.ini'}", "make setup")
-    return Finding("PlatformIO", "ok", f"{importlib.metadata.version('platformio')}, {program}")
+    return Finding("PlatformIO", "ok", program)
 
 
 def toolchain(project: PlatformioProject) -> Finding:

@@ -9,6 +9,7 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 from foldcar import __version__
+from foldcar.extras import MODULES
 from foldcar.installation.finding import Finding
 
 LEAST_PYTHON = (3, 10)
@@ -28,7 +29,7 @@ def foldcar_itself(checkout: Path | None) -> Finding:
 
 
 def packages() -> Finding:
-    """The declared packages against the installed ones."""
+    """The declared packages against the installed ones; extras that are not there."""
     try:
         declared = [Requirement(text) for text in importlib.metadata.requires("foldcar") or []]
     except importlib.metadata.PackageNotFoundError:
@@ -37,7 +38,11 @@ def packages() -> Finding:
     wrong = [text for one in needed if (text := _mismatch(one))]
     if wrong:
         return Finding("packages", "missing", "; ".join(wrong), AGAIN)
-    return Finding("packages", "ok", f"{len(needed)} as declared")
+    absent = [extra for extra in MODULES if any(map(_mismatch, _of_extra(declared, extra)))]
+    if absent:
+        text = f"{len(needed)} as declared, without the extras {', '.join(absent)}: some commands need them"
+        return Finding("packages", "absent", text, f"pip install 'foldcar[{','.join(absent)}]'")
+    return Finding("packages", "ok", f"{len(needed)} as declared, and all extras")
 
 
 def scenic() -> Finding:
@@ -56,6 +61,11 @@ def scenic() -> Finding:
 def mavproxy() -> Finding:
     """A ground station for the car."""
     return _optional("MAVProxy", "MAVProxy", "driving by hand and `make test`", "pip install MAVProxy")
+
+
+def _of_extra(declared: list[Requirement], extra: str) -> list[Requirement]:
+    marked = [one for one in declared if one.marker is not None and not one.marker.evaluate({"extra": ""})]
+    return [one for one in marked if one.marker is not None and one.marker.evaluate({"extra": extra})]
 
 
 def _optional(name: str, package: str, use: str, advice: str) -> Finding:

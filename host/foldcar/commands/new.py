@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.options import Json, print_json
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import held
 from foldcar.output_folder import make_output_folder

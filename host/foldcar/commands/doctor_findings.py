@@ -1,16 +1,82 @@
-"""Python, the packages that foldcar declares, and those that only some commands need."""
+"""What `foldcar doctor` looks at: Python's packages, programs, a car."""
 
 import importlib.metadata
 import platform
+import shutil
 import sys
+import tempfile
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 from packaging.requirements import Requirement
 
 from foldcar import __version__
+from foldcar.commands.doctor_programs import (
+    Finding,
+    platformio,
+    read_project,
+    serial_ports,
+    simulator,
+    simulator_with_mujoco,
+    toolchain,
+)
 from foldcar.extras import MODULES
-from foldcar.installation.finding import Finding
+from foldcar.source_tree import source_tree
+
+
+def findings() -> Iterator[Finding]:
+    """Look for everything. Nothing is changed, fetched or driven; each step takes at most a few seconds."""
+    checkout = source_tree()
+    yield foldcar_itself(checkout)
+    yield packages()
+    yield scenic()
+    project = read_project(checkout) if checkout is not None else None
+    yield simulator(checkout, project)
+    yield from writing()
+    yield platformio(checkout, project)
+    if project is not None:
+        yield toolchain(project)
+    yield serial_ports()
+    yield simulator_with_mujoco(checkout, project)
+    yield mavproxy()
+    yield browser()
+
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+def writing() -> Iterator[Finding]:
+    """The current folder, for results, and the one for temporary files."""
+    yield _writable("results", Path.cwd(), "change to a folder of yours, or name outputs elsewhere")
+    yield _writable("temporary", _temporary(), "let TMPDIR name a folder that can be written")
+
+
+def browser() -> Finding:
+    """Chromium, which opens pages in tests."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        return Finding("browser", "absent", f"none of {', '.join(BROWSERS)}: only `make test` needs one", "make test")
+    return Finding("browser", "ok", found)
+
+
+def _temporary() -> Path | None:
+    try:
+        return Path(tempfile.gettempdir())
+    except OSError:
+        return None
+
+
+def _writable(name: str, folder: Path | None, advice: str) -> Finding:
+    if folder is None:
+        return Finding(name, "missing", "no folder for temporary files can be written", advice)
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        return Finding(name, "missing", f"{folder}: cannot be written: {error.strerror}", advice)
+    return Finding(name, "ok", f"{folder}: {shutil.disk_usage(folder).free / 1e9:.1f} GB free")
+
 
 LEAST_PYTHON = (3, 10)
 AGAIN = "make setup; where the package is installed by itself: pip install --force-reinstall foldcar-….whl"

@@ -5,9 +5,8 @@ The numbers are those of `foldcar run` and of a sweep: the same cars, samples an
 
 import json
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
@@ -23,6 +22,7 @@ from foldcar.errors import FoldcarError
 from foldcar.processors import usable_processors
 from foldcar.simulation.results import NUMBERS, has_passed, no_rate_text, outcome_of
 from foldcar.simulation.runner import Runner, RunRequest
+from foldcar.simulation.side_by_side import side_by_side
 from foldcar.store.writer import canonical_json
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
@@ -185,7 +185,9 @@ def evaluate(
     requests = [
         RunRequest(names[k % len(names)], f"s{k}", text, f"{car.title}, sample {k}", k) for k in range(count)
     ]
-    answers = _side_by_side(place.runner, bodies, scenes, requests, workers)
+    runner, size = place.runner, -(-count // min(workers, count))
+    calls = (partial(runner.run, bodies, scenes, requests[i : i + size]) for i in range(0, count, size))
+    answers = [answer for share in side_by_side(calls, workers, runner.stop) for answer in share]
     return Evaluation(_table(answers, place.success_defined), place.success, place.success_defined, confidence)
 
 
@@ -202,27 +204,6 @@ def _scene_json(scene: Mapping[str, Any]) -> str:
         return canonical_json({key: value for key, value in scene.items() if key != "id"})
     except (TypeError, ValueError) as error:
         raise FoldcarError(f"scene: {error}") from None
-
-
-def _side_by_side(
-    runner: Runner,
-    bodies: Mapping[str, str],
-    scenes: Mapping[str, str],
-    requests: Sequence[RunRequest],
-    workers: int,
-) -> list[dict[str, Any]]:
-    """The answers in order, each worker's share simulated in a process of its own."""
-    shares = [requests[first::workers] for first in range(min(workers, len(requests)))]
-    if len(shares) == 1:
-        return runner.run(bodies, scenes, requests)
-    with ThreadPoolExecutor(len(shares), thread_name_prefix="carsim") as pool:
-        futures = [pool.submit(runner.run, bodies, scenes, share) for share in shares]
-        try:
-            found = [future.result() for future in futures]
-        except BaseException:
-            runner.stop()
-            raise
-    return [found[k % len(shares)][k // len(shares)] for k in range(len(requests))]
 
 
 def _table(answers: Sequence[Mapping[str, Any]], judged: bool) -> "pandas.DataFrame":

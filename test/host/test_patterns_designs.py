@@ -8,7 +8,7 @@ from foldcar.car.design import compose
 from foldcar.car.folded_car import folded_car
 from foldcar.car.verify import verify
 from foldcar.fabrication.patterns.join_marks import join_marks
-from foldcar.fabrication.patterns.options import LEAST_FILM_MM, options
+from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car, pattern
 from foldcar.study.family import read_family
 from foldcar.study.listing_file import read_listing
@@ -63,7 +63,8 @@ def test_cars_of_the_designs_leave_nothing_to_warn_of(file: Path, film: str) -> 
     made = pattern(folded_car(car), options("silhouette"), car.title, "foldcar pattern cars.json -o car")
 
     assert made.warnings == ()
-    assert made.least_film_mm > LEAST_FILM_MM - 0.02
+    # The film around a servo's notches: 1 mm, as between a fold's cuts, is enough.
+    assert 1.09 < made.least_film_mm < 1.11
 
 
 @pytest.mark.parametrize("machine", ["silhouette", "scissors"])

@@ -242,4 +242,4 @@ def test_a_program_with_dynamics_decides_in_both_engines(
     with Store.open(tmp_path / "check" / "study.db") as store:
         ends = [result.recorded["x_m"].value for result in store.results()]
     # Scenic looks every 0.1 s at most: 70 mm of way.
-    assert len(ends) == 8 and all(0.8 < end < 0.88 for end in ends)
+    assert len(ends) == 10 and all(0.8 < end < 0.88 for end in ends)

@@ -52,7 +52,8 @@ ACROSS = (
     ("bars", "rough strips of bars"),
     ("across_hills", "hills across"),
 )
-EVERYTHING = "all"
+# The names of the rows that have all runs of a listing.
+ALL, ALL_ACROSS = "all", "all across"
 HEAD = ["experiment", "runs", *(f"{name} %" for name in ("side-view", "multibody", "MuJoCo")),
         "side-view RMSE", "multibody alike %", "multibody RMSE"]  # fmt: skip
 NOT_CLAIMED = "–"
@@ -70,7 +71,7 @@ def main(folder: Path, across: Path, page: Path) -> None:
     rows, level = read_rows(folder / "runs.csv", NAMES), read_rows(across / "runs.csv", ACROSS)
     shown = [(folder / name, *target) for name, target in PICTURES.items() if (folder / name).is_file()]
     blocks = {
-        "experiments": markdown([HEAD, *experiments(rows, NAMES), *experiments(level, ACROSS)]),
+        "experiments": markdown([HEAD, *experiments(rows, NAMES, ALL), *experiments(level, ACROSS, ALL_ACROSS)]),
         "engines": markdown(engines(rows, level)),
         "designs": markdown(parted_designs(rows)),
         "pictures": "\n".join(f"![{caption}]({page.stem}/{name})\n" for _, name, caption in shown),
@@ -102,11 +103,13 @@ def read_rows(file: Path, names: Sequence[tuple[str, str]]) -> list[dict[str, st
     return rows
 
 
-def experiments(rows: Sequence[Mapping[str, str]], names: Sequence[tuple[str, str]]) -> list[list[str]]:
-    """A row an experiment of the page and one for all: each engine's share, side-view and multibody against MuJoCo."""
+def experiments(
+    rows: Sequence[Mapping[str, str]], names: Sequence[tuple[str, str]], everything: str
+) -> list[list[str]]:
+    """A row an experiment of the page and one of all: each engine's share, side-view and multibody against MuJoCo."""
     table = []
-    for name in (*(name for _, name in names), EVERYTHING):
-        some = [row for row in rows if name in (name_of(row, names), EVERYTHING)]
+    for name in (*(name for _, name in names), everything):
+        some = [row for row in rows if name in (name_of(row, names), everything)]
         in_plane = pairs_of(some, SIDE_VIEW)
         flat, one = agreement(in_plane) if len(in_plane) == len(some) else None, agreement(pairs_of(some, MULTIBODY))
         plane = [NOT_CLAIMED, NOT_CLAIMED] if flat is None else [passed(flat)[0], f"{100 * flat.rmse:.1f}"]

@@ -440,8 +440,8 @@ void within_six_digits(const mjtNum* expected, const mjtNum* actual, int count) 
 }
 
 // Read by MuJoCo and stepped as the engine does, the saved file drives as the engine's car. They differ by rounding to
-// six digits: lengths, speeds and times near 1 by up to 5e-7, so that on level ground the cars part by micrometres. Each
-// impact multiplies what there is, but cars that meet a bump alike part by less than they drive in a step, 1.4 mm.
+// six digits: lengths, speeds and times near 1 by up to 5e-7, so that on level ground the cars part by micrometres.
+// Each impact multiplies what there is, but cars that meet a bump alike part by less than they drive in a step, 1.4 mm.
 void test_the_saved_model_runs_like_the_engine() {
   const BodySpec body = hinged_study_car(0.095, 0.6);
   SceneSpec scene = scene_of(blocks({{0.4, 0, 0.06, 2, 0.01, 0}}), 0.6);

@@ -97,7 +97,8 @@ std::vector<std::vector<b2Vec2>> highest(std::vector<Line> lines) {
   for (std::size_t i = 1; i < at_m.size(); ++i) {
     const double from_m = at_m[i - 1], to_m = at_m[i], middle_m = 0.5 * (from_m + to_m);
     for (; next != lines.end() && next->x0_m <= from_m; ++next) here.push_back(*next);
-    here.erase(std::remove_if(here.begin(), here.end(), [&](const Line& one) { return one.x1_m <= from_m; }), here.end());
+    const auto is_over = [&](const Line& one) { return one.x1_m <= from_m; };
+    here.erase(std::remove_if(here.begin(), here.end(), is_over), here.end());
     if (to_m <= from_m) continue;
     const auto top = std::max_element(here.begin(), here.end(), [&](const Line& a, const Line& b) {
       return a.z_m(middle_m) < b.z_m(middle_m);
@@ -139,15 +140,17 @@ Vec3 SideViewGround::to_world(double x_m, double y_m) const {
   return {frame_.x_m + cosine_ * x_m - sine_ * y_m, frame_.y_m + sine_ * x_m + cosine_ * y_m, 0};
 }
 
-// One outline of all blocks, with the floor where it is level: at edges that lie on each other or in a block bodies would
-// stumble.
+// One outline of all blocks, with the floor where it is level: at edges that lie on each other or in a block bodies
+// would stumble.
 void SideViewGround::add_blocks(const CourseSpec& course, FixtureBits bits) {
   std::vector<Line> lines;
   const bool level = terrain_.ground() == nullptr;
   if (level) {
     double far_m = 1;
     for (const double x_m : {course.x_min_m, course.x_max_m}) {
-      for (const double y_m : {course.y_min_m, course.y_max_m}) far_m = std::max(far_m, 1 + distance_m(frame_, x_m, y_m));
+      for (const double y_m : {course.y_min_m, course.y_max_m}) {
+        far_m = std::max(far_m, 1 + distance_m(frame_, x_m, y_m));
+      }
     }
     lines.push_back({-far_m, 0, far_m, 0});
   }

@@ -9,10 +9,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from foldcar.car.assembly.order import assembly_steps
-from foldcar.car.assembly.plan import planned
-from foldcar.car.assembly.prove import prove_steps
-from foldcar.car.assembly.step import Added, AssemblyStep
+from foldcar.car.assembly_order.order import assembly_steps
+from foldcar.car.assembly_order.plan import planned
+from foldcar.car.assembly_order.prove import prove_steps
+from foldcar.car.assembly_order.step import Added, AssemblyStep
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.pose import compose
 from foldcar.fabrication.assembly.guide import guide_page

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import shapely
 
-from foldcar.car.assembly.order import assembly_steps
+from foldcar.car.assembly_order.order import assembly_steps
 from foldcar.car.body import body_json
 from foldcar.car.design import Design, compose
 from foldcar.car.folded_car import folded_car

@@ -10,8 +10,8 @@ import pytest
 import shapely
 from shapely.affinity import scale
 
-from foldcar.car.assembly.order import assembly_steps, service_steps
-from foldcar.car.assembly.prove import prove
+from foldcar.car.assembly_order.order import assembly_steps, service_steps
+from foldcar.car.assembly_order.prove import prove
 from foldcar.car.design import DesignError
 from foldcar.car.design import compose as compose_design
 from foldcar.car.folded.check import check_design

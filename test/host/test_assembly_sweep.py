@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import shapely
 
-from foldcar.car.assembly.collide import hit, way_out
-from foldcar.car.assembly.solids import SKIN_MM, Blocks, blocks_of, box, convex_parts, plate, prism
+from foldcar.car.assembly_order.blocks import SKIN_MM, Blocks, blocks_of, box, convex_parts, plate, prism
+from foldcar.car.assembly_order.collide import hit, way_out
 from foldcar.car.folded.pose import compose, rotation, translation
 
 FILM_MM = 0.25

@@ -14,8 +14,8 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from foldcar.car.assembly.order import assembly_steps
-from foldcar.car.assembly.prove import prove
+from foldcar.car.assembly_order.order import assembly_steps
+from foldcar.car.assembly_order.prove import prove
 from foldcar.car.design import DesignError, compose
 from foldcar.car.folded.check_parts import boxes
 from foldcar.car.folded.model import FoldedCar

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import shapely
 
-from foldcar.car.assembly.order import assembly_steps
-from foldcar.car.assembly.plan import planned
+from foldcar.car.assembly_order.order import assembly_steps
+from foldcar.car.assembly_order.plan import planned
 from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car

@@ -11,7 +11,7 @@ import pytest
 import scipy.linalg
 import shapely
 
-from foldcar.car.assembly.order import assembly_steps
+from foldcar.car.assembly_order.order import assembly_steps
 from foldcar.car.compiler.assemble import assemble
 from foldcar.car.compiler.component import build
 from foldcar.car.components.wheel import Wheel

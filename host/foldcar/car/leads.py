@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.assembly.lid import lid_of
+from foldcar.car.assembly_order.lid import lid_of
 from foldcar.car.design import DesignError
 from foldcar.car.folded.check_hinges import folded_back
 from foldcar.car.folded.finding import Finding

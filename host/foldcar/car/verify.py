@@ -6,7 +6,7 @@ should enclose the box between the middle surfaces of its walls.
 
 from dataclasses import replace
 
-from foldcar.car.assembly.prove import prove
+from foldcar.car.assembly_order.prove import prove
 from foldcar.car.components.box_beam import wall_mm
 from foldcar.car.design import Design
 from foldcar.car.fits import check_fits

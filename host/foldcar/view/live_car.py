@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from foldcar.car.assembly.plan import planned
+from foldcar.car.assembly_order.plan import planned
 from foldcar.car.design import Design, DesignError, compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car

@@ -5,9 +5,9 @@ Input: a step and the State after it; a FoldedCar. Output: Pictures.
 
 import numpy as np
 
-from foldcar.car.assembly.order import assembly_steps, service_steps
-from foldcar.car.assembly.roles import roles_of
-from foldcar.car.assembly.step import AssemblyStep
+from foldcar.car.assembly_order.order import assembly_steps, service_steps
+from foldcar.car.assembly_order.roles import roles_of
+from foldcar.car.assembly_order.step import AssemblyStep
 from foldcar.car.folded.model import FoldedCar, Mount
 from foldcar.fabrication.assembly.drawing import Arrow, Drawing
 from foldcar.fabrication.assembly.facets import together

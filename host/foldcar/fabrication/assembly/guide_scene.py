@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from foldcar.car.assembly.step import Added, AssemblyStep
+from foldcar.car.assembly_order.step import Added, AssemblyStep
 from foldcar.car.folded.model import Mount, PlacedPiece
 from foldcar.car.parts.fasteners import Screw, Spacer
 from foldcar.fabrication.assembly.drawing import Arrow, Mark

@@ -3,7 +3,7 @@
 Input: a FoldedCar, and the CutCar of its sheets. Output: Steps in order, with texts, pictures and counts.
 """
 
-from foldcar.car.assembly.order import service_steps
+from foldcar.car.assembly_order.order import service_steps
 from foldcar.car.folded.model import FoldedCar
 from foldcar.fabrication.assembly.drawing import Drawing
 from foldcar.fabrication.assembly.guide_folding import out_of_sheets, parted

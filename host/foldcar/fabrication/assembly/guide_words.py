@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from foldcar.car.assembly.step import Added, AssemblyStep, Vector
+from foldcar.car.assembly_order.step import Added, AssemblyStep, Vector
 from foldcar.car.components.hub import turn_rad
 from foldcar.car.components.wheel_size import WheelSize
 from foldcar.car.folded.model import FoldedCar, Join, Mount

@@ -12,8 +12,8 @@ from importlib.resources import files
 
 from pydantic import BaseModel, ConfigDict
 
-from foldcar.car.assembly.order import assembly_steps
-from foldcar.car.assembly.step import AssemblyStep
+from foldcar.car.assembly_order.order import assembly_steps
+from foldcar.car.assembly_order.step import AssemblyStep
 from foldcar.car.folded.model import Crease, FoldedCar, Join, Mount, Piece, Wire
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.fasteners import Screw

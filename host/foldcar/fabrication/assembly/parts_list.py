@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 
-from foldcar.car.assembly.plan import planned
+from foldcar.car.assembly_order.plan import planned
 from foldcar.car.fits import fits
 from foldcar.car.folded.model import FoldedCar, Piece
 from foldcar.car.folded.weight import body_properties, placing_mm

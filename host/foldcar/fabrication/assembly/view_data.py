@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from foldcar.car.assembly.step import AssemblyStep
+from foldcar.car.assembly_order.step import AssemblyStep
 from foldcar.car.folded.folding import edge
 from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
 from foldcar.car.folded.pose import IDENTITY

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.assembly.order import assembly_steps
-from foldcar.car.assembly.roles import Roles, roles_of
-from foldcar.car.assembly.step import Added, AssemblyStep
+from foldcar.car.assembly_order.order import assembly_steps
+from foldcar.car.assembly_order.roles import Roles, roles_of
+from foldcar.car.assembly_order.step import Added, AssemblyStep
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 
 Vector = tuple[float, float, float]

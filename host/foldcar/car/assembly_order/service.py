@@ -5,8 +5,8 @@ Input: a FoldedCar. Output: steps; they start at the finished car and end with i
 
 from functools import lru_cache
 
-from foldcar.car.assembly.roles import roles_of
-from foldcar.car.assembly.step import Added, AssemblyStep, Reach
+from foldcar.car.assembly_order.roles import roles_of
+from foldcar.car.assembly_order.step import Added, AssemblyStep, Reach
 from foldcar.car.folded.model import FoldedCar
 
 OPEN = "Push the levers outwards and lift the lid by its pull tab"

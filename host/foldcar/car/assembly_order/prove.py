@@ -11,15 +11,15 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.assembly.collide import Way, hit, swept, way_out
-from foldcar.car.assembly.lid import Lid
-from foldcar.car.assembly.plan import WHEEL, planned
-from foldcar.car.assembly.roles import roles_of
-from foldcar.car.assembly.scene import Scene, title
-from foldcar.car.assembly.service import service
-from foldcar.car.assembly.solids import Blocks, together
-from foldcar.car.assembly.stage import Stage
-from foldcar.car.assembly.step import Added, AssemblyStep, Reach, Thing, Vector
+from foldcar.car.assembly_order.blocks import Blocks, together
+from foldcar.car.assembly_order.collide import Way, hit, swept, way_out
+from foldcar.car.assembly_order.lid import Lid
+from foldcar.car.assembly_order.plan import WHEEL, planned
+from foldcar.car.assembly_order.roles import roles_of
+from foldcar.car.assembly_order.scene import Scene, title
+from foldcar.car.assembly_order.service import service
+from foldcar.car.assembly_order.stage import Stage
+from foldcar.car.assembly_order.step import Added, AssemblyStep, Reach, Thing, Vector
 from foldcar.car.folded.finding import Finding
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 from foldcar.car.folded.pose import compose, translation

@@ -1,7 +1,7 @@
 """The order of assembly of a folded car and the steps of its service, with the way of everything that goes in."""
 
-from foldcar.car.assembly.prove import prove
-from foldcar.car.assembly.step import AssemblyStep
+from foldcar.car.assembly_order.prove import prove
+from foldcar.car.assembly_order.step import AssemblyStep
 from foldcar.car.folded.model import FoldedCar
 
 

@@ -5,8 +5,8 @@ Input: pieces, mounts, units and folds of a step. Output: AssemblySteps.
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from foldcar.car.assembly.roles import Roles
-from foldcar.car.assembly.step import Added, AssemblyStep, Reach
+from foldcar.car.assembly_order.roles import Roles
+from foldcar.car.assembly_order.step import Added, AssemblyStep, Reach
 from foldcar.car.folded.model import Mount, PlacedPiece
 
 

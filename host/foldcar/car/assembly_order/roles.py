@@ -10,8 +10,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 import shapely
 
-from foldcar.car.assembly.lid import GLUED, lid_of
-from foldcar.car.assembly.step import Thing
+from foldcar.car.assembly_order.lid import GLUED, lid_of
+from foldcar.car.assembly_order.step import Thing
 from foldcar.car.folded.check_parts import stands_in
 from foldcar.car.folded.folding import folded
 from foldcar.car.folded.model import Access, FoldedCar, Join, Mount, Piece, PlacedPiece

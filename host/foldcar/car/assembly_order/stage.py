@@ -6,7 +6,7 @@ fixed to a piece follows the face it is fixed to; the root of a beam stays where
 
 from collections.abc import Mapping
 
-from foldcar.car.assembly.roles import Roles
+from foldcar.car.assembly_order.roles import Roles
 from foldcar.car.folded.folding import edge
 from foldcar.car.folded.model import Mount, Piece, PlacedPiece, Pose
 from foldcar.car.folded.pose import IDENTITY, across_crease, compose, inverse

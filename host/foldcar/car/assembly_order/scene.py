@@ -12,11 +12,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foldcar.car.assembly.collide import Ignored
-from foldcar.car.assembly.roles import Roles
-from foldcar.car.assembly.solids import Blocks, access_blocks, face_blocks, mount_blocks, solid_blocks, together
-from foldcar.car.assembly.stage import Stage
-from foldcar.car.assembly.step import Reach
+from foldcar.car.assembly_order.blocks import Blocks, access_blocks, face_blocks, mount_blocks, solid_blocks, together
+from foldcar.car.assembly_order.collide import Ignored
+from foldcar.car.assembly_order.roles import Roles
+from foldcar.car.assembly_order.stage import Stage
+from foldcar.car.assembly_order.step import Reach
 from foldcar.car.folded.model import Access, EdgeRef, Face, Join, Mount, Piece, PlacedPiece, Pose
 from foldcar.car.folded.pose import IDENTITY, apply, compose, inverse
 

@@ -11,8 +11,8 @@ import fcl
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.assembly.solids import Block, Blocks, Points, hull
-from foldcar.car.assembly.step import Vector
+from foldcar.car.assembly_order.blocks import Block, Blocks, Points, hull
+from foldcar.car.assembly_order.step import Vector
 from foldcar.car.folded.pose import translation
 
 # How far a first move goes, if a second one is needed.

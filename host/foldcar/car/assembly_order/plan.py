@@ -8,9 +8,9 @@ above; wheels are put together apart, horns and wheels go on; lids are shut, and
 from collections.abc import Sequence
 from functools import lru_cache
 
-from foldcar.car.assembly.building import Building
-from foldcar.car.assembly.roles import Roles, roles_of
-from foldcar.car.assembly.step import Added, AssemblyStep
+from foldcar.car.assembly_order.building import Building
+from foldcar.car.assembly_order.roles import Roles, roles_of
+from foldcar.car.assembly_order.step import Added, AssemblyStep
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 
 # The unit of every wheel; other units are named after their piece.

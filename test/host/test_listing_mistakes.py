@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from foldcar.errors import FoldcarError
+from foldcar.fabrication.patterns.read_svg import read_svg
 from foldcar.study.experiments import read_study
 
 APPENDIX_A = Path(__file__).parent / "data" / "appendix_a.json"
@@ -112,6 +113,8 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     assert [line for line in made.stdout.splitlines() if line.startswith("skipped")] == [
         f"skipped, as it cannot be built: {one}" for one in why
     ]
+    sheet = read_svg((tmp_path / "cars" / "width_95" / "sheet_1.svg").read_text())
+    assert (sheet.width_mm, sheet.height_mm) == pytest.approx((304.8, 304.8))
     single = foldcar("run", listing, "--experiment", "1", "--set", "width=20")
     assert single.returncode == 2
     assert single.stderr.startswith("foldcar: error: --set width: 20 is below the minimum 53.65")

@@ -81,7 +81,9 @@ def test_operations_are_those_of_pieces_joins_parts_and_wires(car: FoldedCar) ->
     assert found.part == len(car.mounts) - screws - wiring + len(units)
 
 
-@pytest.mark.parametrize("machine", ["silhouette", "scissors"])
+@pytest.mark.parametrize(
+    ("car", "machine"), [("three segments", "silhouette"), ("four wheels", "scissors")], indirect=["car"]
+)
 def test_openings_weeded_are_the_closed_inner_contours_of_the_sheets(car: FoldedCar, machine: str) -> None:
     chosen = options(machine)
     cut = cut_car(car, chosen)

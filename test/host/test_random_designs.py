@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -12,20 +13,26 @@ from foldcar.fabrication.make_car import CheckError
 from foldcar.fabrication.patterns.options import Options
 
 sys.path.insert(0, str(PROJECT / "tools"))
-from random_designs import draws, tried
+from random_designs import Draw, draws, tried
 
 SEED = 9
 
 
+@cache
+def foldable() -> Draw:
+    """A draw that can be folded."""
+    return next(draw for draw in draws(30, SEED) if tried(draw, lambda *_: None).made)
+
+
 def test_random_designs_are_made_or_refused_with_what_would_do() -> None:
     # Small sheets are nested sooner.
-    drawn = [replace(draw, sheet=None) for draw in draws(6, SEED)]
+    drawn = [replace(draw, sheet=None) for draw in draws(4, SEED)]
     outcomes = [tried(draw) for draw in drawn]
 
     assert [outcome.fault for outcome in outcomes if outcome.fault] == []
-    assert sum(outcome.made for outcome in outcomes) >= 4
+    assert sum(outcome.made for outcome in outcomes) >= 3
     assert any(outcome.refusals for outcome in outcomes)
-    assert drawn == [replace(draw, sheet=None) for draw in draws(6, SEED)]
+    assert drawn == [replace(draw, sheet=None) for draw in draws(4, SEED)]
 
 
 @pytest.mark.parametrize(
@@ -42,6 +49,4 @@ def test_a_design_that_ends_otherwise_is_a_fault(error: Exception, said: str) ->
     def make(_design: Design, _chosen: Options) -> None:
         raise error
 
-    draw = next(draw for draw in draws(30, SEED) if tried(draw, lambda *_: None).made)
-
-    assert said in tried(draw, make).fault
+    assert said in tried(foldable(), make).fault

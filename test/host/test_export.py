@@ -142,12 +142,7 @@ def test_failed_runs_have_a_message_and_no_numbers(tmp_path: Path) -> None:
         ("tipped", "", "0"), ("tipped", "", "1"),
         ("failed", "crashed, badly", ""), ("failed", "crashed, badly", ""),
     ]  # fmt: skip
-    assert pq.read_table(tmp_path / "runs.parquet")["consumed_energy_j"].to_pylist() == [
-        1 / 3,
-        1 / 3,
-        None,
-        None,
-    ]
+    assert pq.read_table(tmp_path / "runs.parquet")["consumed_energy_j"].to_pylist() == [1 / 3, 1 / 3, None, None]
 
 
 def test_an_export_that_fails_leaves_the_old_file(
@@ -162,10 +157,7 @@ def test_an_export_that_fails_leaves_the_old_file(
 
     monkeypatch.setattr(Store, "results", fail)
     for export in (export_csv, export_parquet):
-        with (
-            Store.open(store_file) as store,
-            pytest.raises(FoldcarError, match="cannot be written: No space"),
-        ):
+        with Store.open(store_file) as store, pytest.raises(FoldcarError, match="cannot be written: No space"):
             export(store, target)
         assert target.read_text() == "old"
         assert {file.name for file in tmp_path.iterdir()} == {"runs.csv", "s.db"}

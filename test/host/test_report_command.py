@@ -14,12 +14,7 @@ from pypdf import PdfReader
 
 from foldcar.cli import main
 from foldcar.report.file_names import file_name_part
-from foldcar.store.writer import (
-    PlannedDesign,
-    PlannedExperiment,
-    StoreWriter,
-    write_store,
-)
+from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
 from page_check import page_findings
 
 WIDTHS = tuple(float(width) for width in range(65, 250, 5))
@@ -43,12 +38,7 @@ def width_outcome(design: Mapping[str, float], sample: int) -> str:
 
 
 def add_experiment(
-    writer: StoreWriter,
-    name: str,
-    varied: Mapping[str, tuple[float, ...]],
-    samples: int,
-    stored: int,
-    outcome: Outcome,
+    writer: StoreWriter, name: str, varied: Mapping[str, tuple[float, ...]], samples: int, stored: int, outcome: Outcome
 ) -> None:
     """Plan every combination of ``varied`` in ``samples`` environments; the first ``stored`` have results."""
     environment = writer.environment(f"environment of {name}")
@@ -68,9 +58,7 @@ def add_experiment(
     }
     spread = writer.spread("nominal")
     plan = PlannedExperiment(name, "car", "pyramids", environment, spread, samples, facts)
-    designs = [
-        {**dict(zip(varied, values, strict=True)), "height_mm": 50.0} for values in product(*varied.values())
-    ]
+    designs = [{**dict(zip(varied, values, strict=True)), "height_mm": 50.0} for values in product(*varied.values())]
     writer.put_experiment(
         plan, [PlannedDesign(design, {"id": name, **design}, {"time_limit_s": 120}) for design in designs]
     )
@@ -104,9 +92,7 @@ def study(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def report(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., tuple[int, str, str]]:
+def report(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
     def run(*arguments: str | Path) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["foldcar", "report", *map(str, arguments)])
         with pytest.raises(SystemExit) as end:
@@ -162,9 +148,7 @@ def test_a_width_study_gives_one_page_and_five_figures_within_ten_seconds(
     assert html.count("<svg") == 2 * len(figures)
     assert not re.search(r"url\((?!#)|@import|<script [^>]*src|<link|<img", html)
     assert "No replay: the runs are of carsim build build-7, and the one here is " in page.text
-    passed = sum(
-        width_outcome({"width_mm": width}, sample) == "passed" for width in WIDTHS for sample in range(100)
-    )
+    passed = sum(width_outcome({"width_mm": width}, sample) == "passed" for width in WIDTHS for sample in range(100))
     assert f"{passed} of 3700 runs passed" in page.text
     for fact in (
         *FACTS.values(),
@@ -230,9 +214,7 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(
     assert "Unfinished: 12 of 16 runs are stored" in shown
 
 
-def test_a_study_where_no_run_passed_is_drawn(
-    tmp_path: Path, report: Callable[..., tuple[int, str, str]]
-) -> None:
+def test_a_study_where_no_run_passed_is_drawn(tmp_path: Path, report: Callable[..., tuple[int, str, str]]) -> None:
     store, folder = tmp_path / "study.db", tmp_path / "report"
     with write_store(store) as writer:
         writer.begin_study(FACTS, "build-7")

@@ -35,7 +35,7 @@ def message(folder: Path, text: str, params: dict[str, Any] | None = None) -> st
         (f"model model\n{EGO}new Bump at (unknown, 0)\n", "line 3: NameError: name 'unknown' is not defined"),
         (f"{EGO}{GOAL}", "line 1: NameError: name 'Robot' is not defined; Robot, Goal and the obstacles come with"),
         ("new Curb at (1, 0)\n", "'Curb' is not defined; Robot, Goal and the obstacles come with the line `model model`"),
-        (f"model model\n{EGO}new Kerp at (1, 0)\n", 'Kerb, Ramp, StepPyramid, '),
+        (f"model model\n{EGO}new Kerp at (1, 0)\n", "Kerb, Ramp, StepPyramid, "),
         (f"model model\n{EGO}new Kerp at (1, 0)\n", 'Robot; did you mean "Kerb"?'),
         (
             "model model\nparam grass = 1\nego = new Robot at (globalParameters.gras, 0)\n",
@@ -89,10 +89,7 @@ def test_errors_about_the_ego_name_its_line(tmp_path: Path, text: str, part: str
             "line 4: Goal has no property radius, and the program does not read it; "
             "its own are height, length, reach, width",
         ),
-        (
-            "new Point at (0.5, 0), with postion (1, 1)\n",
-            "line 4: Point has no property postion; did you mean position?",
-        ),
+        ("new Point at (0.5, 0), with postion (1, 1)\n", "line 4: Point has no property postion; did you mean position?"),
         (
             "class Own(Bump):\n    rise: 0.01\nnew Own at (0.5, 0), with rize 0.1\n",
             "Own has no property rize; did you mean rise?",
@@ -168,9 +165,7 @@ def test_properties_that_an_imported_library_reads(tmp_path: Path, library: str,
     ],
 )
 def test_names_that_only_a_run_would_evaluate(tmp_path: Path, text: str, line: int) -> None:
-    assert f"line {line}: NameError: name 'target' is not defined" in message(
-        tmp_path, f"model model\n{EGO}{GOAL}{text}"
-    )
+    assert f"line {line}: NameError: name 'target' is not defined" in message(tmp_path, f"model model\n{EGO}{GOAL}{text}")
 
 
 def test_names_that_the_program_defines_somewhere(tmp_path: Path) -> None:
@@ -186,10 +181,7 @@ def test_names_that_the_program_defines_somewhere(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        (
-            "terminate when ego.position.x > 1\n",
-            "line 3: `terminate when` (line 3): Scenic drops such statements",
-        ),
+        ("terminate when ego.position.x > 1\n", "line 3: `terminate when` (line 3): Scenic drops such statements"),
         ("terminate after 5 seconds\n", "line 3: `terminate after` (line 3): "),
         (
             "record ego.position as place\nterminate after 5 seconds\n",
@@ -276,10 +268,7 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
         (EGO + GOAL + GOAL, "line 4: Goal at (1, 0): is a second Goal"),
         (GOAL + "ego = new Marker at (0, 0)\n", "the ego is a Marker, not a Robot"),
         (EGO + GOAL + "new Robot at (0, 0.5)\n", "line 4: Robot at (0, 0.5): is a second Robot"),
-        (
-            EGO + GOAL + "new Object at (0.5, 0), with allowCollisions True\n",
-            "Object at (0.5, 0): is not one of",
-        ),
+        (EGO + GOAL + "new Object at (0.5, 0), with allowCollisions True\n", "Object at (0.5, 0): is not one of"),
         (
             EGO + GOAL + "new Bump at (0.5, 0), with height -0.1\n",
             "line 4: Bump at (0.5, 0): box: height_m: -0.1 is below the limit 0.0001",
@@ -324,32 +313,17 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
             "new Bump at (0.8, 0), with length 0.3, with width 0.3, with height 0.2\n",
             "no car can reach it: it is inside a box 0.2 m high, and no wheel climbs more than 0.15 m",
         ),
-        (
-            EGO + GOAL + "new Bump at (0.5, 0), with height 20\n",
-            "height_m: 20 is above the limit 1; lengths are in",
-        ),
-        (
-            EGO + GOAL + "new GaussianHill at (0.5, 0), with height -20\n",
-            "hill: height_m: -20 is below the limit -1",
-        ),
-        (
-            EGO + GOAL + "new Pothole at (0.5, 0), with depth 15\n",
-            "pothole: depth_m: 15 is above the limit 1",
-        ),
+        (EGO + GOAL + "new Bump at (0.5, 0), with height 20\n", "height_m: 20 is above the limit 1; lengths are in"),
+        (EGO + GOAL + "new GaussianHill at (0.5, 0), with height -20\n", "hill: height_m: -20 is below the limit -1"),
+        (EGO + GOAL + "new Pothole at (0.5, 0), with depth 15\n", "pothole: depth_m: 15 is above the limit 1"),
         (EGO + GOAL + "new Pothole at (0.5, 0), with edge 0.1\n", "edge_m: 0.1 is above the radius, 0.08"),
-        (
-            EGO + GOAL + "new RoundBump at (0.5, 0), with height 0.05\n",
-            "half_round: height_m: 0.05 is above half the",
-        ),
+        (EGO + GOAL + "new RoundBump at (0.5, 0), with height 0.05\n", "half_round: height_m: 0.05 is above half the"),
         (
             EGO + GOAL + "new RoughGround at (0.5, 0), with correlation 0.0015\n",
             "rough: correlation_m: 0.0015 makes a grid of 1.71e+07 heights, which is above the limit 4e+06",
         ),
         (EGO + GOAL + "new RoughGround at (0.5, 0), with seed 1.5\n", "rough: seed: 1.5 is not a whole number"),
-        (
-            EGO + GOAL + "new FrictionPatch at (0.5, 0), with friction 9\n",
-            "patch: friction: 9 is above the limit 5",
-        ),
+        (EGO + GOAL + "new FrictionPatch at (0.5, 0), with friction 9\n", "patch: friction: 9 is above the limit 5"),
         (EGO + GOAL + f"{PIECES}        return [3]\nnew Own at (0.5, 0)\n", "3 is not a piece of terrain"),
         (
             EGO + GOAL + f"{PIECES}        return [{{'kind': 'box', 'length_m': 1}}]\nnew Own at (0.5, 0)\n",
@@ -360,8 +334,7 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
             "box: unknown key radius; its keys are length_m, width_m, height_m",
         ),
         (
-            f"{EGO}{GOAL}for _ in range(101):\n"
-            "    new StepPyramid at (0.5, 0), with steps 100, with step_height 0.001\n",
+            f"{EGO}{GOAL}for _ in range(101):\n    new StepPyramid at (0.5, 0), with steps 100, with step_height 0.001\n",
             "the terrain has more than 10000 pieces",
         ),
     ],
@@ -402,21 +375,15 @@ def test_a_program_that_loops_while_sampling(tmp_path: Path, monkeypatch: pytest
     assert "sample 0 takes longer than the limit of 0.5 s" in said
 
 
-def test_a_terrain_that_loops_while_it_is_taken_apart(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_terrain_that_loops_while_it_is_taken_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(source, "SAMPLE_LIMIT_S", 0.5)
     loop = f"{PIECES}        while True:\n            pass\nnew Own at (0.5, 0)\n"
-    assert "sample 0 takes longer than the limit of 0.5 s" in message(
-        tmp_path, f"model model\n{EGO}{GOAL}{loop}"
-    )
+    assert "sample 0 takes longer than the limit of 0.5 s" in message(tmp_path, f"model model\n{EGO}{GOAL}{loop}")
 
 
 def test_parameters_are_checked(tmp_path: Path) -> None:
     text = f"model model\nparam far = 3, label = 'a'\n{EGO}{GOAL}"
-    assert "param near: unknown; the program's parameters are: course_x_max" in message(
-        tmp_path, text, {"near": 1}
-    )
+    assert "param near: unknown; the program's parameters are: course_x_max" in message(tmp_path, text, {"near": 1})
     assert "param far: 'x' is not a number" in message(tmp_path, text, {"far": "x"})
     assert "param far: nan is not finite" in message(tmp_path, text, {"far": float("nan")})
 

@@ -83,9 +83,7 @@ def test_what_differs_from_side_to_side_is_named_by_the_sweep_and_wherever_its_r
     assert "these differ" not in foldcar("sweep", listing, "--store", "s.db").stderr
 
 
-def test_cars_that_vary_wheel_by_wheel_have_unlike_sides(
-    foldcar: Command, listing_of: Callable[..., Path]
-) -> None:
+def test_cars_that_vary_wheel_by_wheel_have_unlike_sides(foldcar: Command, listing_of: Callable[..., Path]) -> None:
     listing = listing_of(ACROSS, variation="workshop")
 
     assert "the cars' sides (nearby cars vary" in swept(foldcar, listing, "s.db").stderr

@@ -5,29 +5,25 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from html.parser import HTMLParser
-from itertools import product
 from pathlib import Path
-from typing import Any
 
 import pytest
 from pypdf import PdfReader
 
+import written_study
 from foldcar.cli import main
 from foldcar.report.file_names import file_name_part
-from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
+from foldcar.store.writer import write_store
 from page_check import page_findings
+from written_study import add_experiment
 
 WIDTHS = tuple(float(width) for width in range(65, 250, 5))
-FACTS = {
-    "foldcar_version": "0.1.0",
-    "scenic_version": "3.1.1",
-    "carsim_build": "build-7",
-    "listing_name": "study.json",
-    "listing_text": '{"experiments": "<&>"}',
-    "command": "foldcar sweep study.json --store study.db",
-    "created_utc": "2025-01-02T03:04:05",
+FACTS = {**written_study.FACTS, "listing_text": '{"experiments": "<&>"}'}
+TOLD = {
+    "scenic_params": {"friction": 0.6},
+    "condition": {"sample": 3, "objects": ["bump"], "params": ["friction"]},
+    "variation": {"supply_v": 0.2},
 }
-Outcome = Callable[[Mapping[str, float], int], str]
 
 
 def width_outcome(design: Mapping[str, float], sample: int) -> str:
@@ -37,57 +33,13 @@ def width_outcome(design: Mapping[str, float], sample: int) -> str:
     return "stuck" if design["width_mm"] > 190 - sample % 40 else "passed"
 
 
-def add_experiment(
-    writer: StoreWriter, name: str, varied: Mapping[str, tuple[float, ...]], samples: int, stored: int, outcome: Outcome
-) -> None:
-    """Plan every combination of ``varied`` in ``samples`` environments; the first ``stored`` have results."""
-    environment = writer.environment(f"environment of {name}")
-    facts: dict[str, Any] = {
-        "vehicle_type": "W_B_W",
-        "varied": varied,
-        "fixed": {"height_mm": 50.0},
-        "timeout_s": 120.0,
-        "speed_m_s": None,
-        "yaw_rate_rad_s": 0.0,
-        "scenic_program": "step_pyramids.scenic",
-        "scenic_params": {"friction": 0.6},
-        "seed": 42,
-        "condition": {"sample": 3, "objects": ["bump"], "params": ["friction"]},
-        "variation": {"supply_v": 0.2},
-        "variation_seed": 42,
-    }
-    spread = writer.spread("nominal")
-    plan = PlannedExperiment(name, "car", "pyramids", environment, spread, samples, facts)
-    designs = [{**dict(zip(varied, values, strict=True)), "height_mm": 50.0} for values in product(*varied.values())]
-    writer.put_experiment(
-        plan, [PlannedDesign(design, {"id": name, **design}, {"time_limit_s": 120}) for design in designs]
-    )
-    for sample in range(samples):
-        writer.put_sample(environment, sample, {"of": name, "sample": sample})
-        writer.put_draw(spread, sample, {})
-    for sample in range(stored):
-        chunk = []
-        for run in writer.planned_runs(plan, sample):
-            design = designs[run.design]
-            ending = {
-                "outcome": outcome(design, sample),
-                "elapsed_time_s": 2.0 + run.design / 100,
-                "distance_to_target_m": 0.1,
-                "consumed_energy_j": 3.0,
-                "max_roll_rad": 0.2,
-                "max_pitch_rad": 0.3,
-            }
-            chunk.append((run, ending))
-        writer.add_results(chunk)
-
-
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
     """A finished width study: 37 widths in 100 environments."""
     store = tmp_path / "study.db"
     with write_store(store) as writer:
         writer.begin_study(FACTS, "build-7")
-        add_experiment(writer, "1", {"width_mm": WIDTHS}, 100, 100, width_outcome)
+        add_experiment(writer, "1", {"width_mm": WIDTHS}, 100, width_outcome, TOLD)
     return store
 
 
@@ -192,9 +144,9 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(
     with write_store(store) as writer:
         writer.begin_study(FACTS, "build-7")
         two = {"width_mm": (80.0, 100.0), "radius_mm": (50.0, 60.0)}
-        add_experiment(writer, "a/b", two, 4, 3, width_outcome)
-        add_experiment(writer, "single", {}, 2, 2, lambda design, sample: "timeout")
-        add_experiment(writer, "later", {"width_mm": (80.0, 100.0)}, 5, 0, width_outcome)
+        add_experiment(writer, "a/b", two, 4, width_outcome, TOLD, 3)
+        add_experiment(writer, "single", {}, 2, lambda design, sample: "timeout", TOLD)
+        add_experiment(writer, "later", {"width_mm": (80.0, 100.0)}, 5, width_outcome, TOLD, 0)
     code, shown, _ = report(store, "-o", folder)
     assert code == 0
     start = f"experiment_{file_name_part('a/b')}"
@@ -218,7 +170,7 @@ def test_a_study_where_no_run_passed_is_drawn(tmp_path: Path, report: Callable[.
     store, folder = tmp_path / "study.db", tmp_path / "report"
     with write_store(store) as writer:
         writer.begin_study(FACTS, "build-7")
-        add_experiment(writer, "1", {"width_mm": (80.0, 100.0)}, 3, 3, lambda design, sample: "tipped")
+        add_experiment(writer, "1", {"width_mm": (80.0, 100.0)}, 3, lambda design, sample: "tipped", TOLD)
     assert report(store, "-o", folder, "--no-replay")[0] == 0
     page = (folder / "index.html").read_text()
     assert "No replay: the report was made with --no-replay." in page and '<script type="text/plain"' not in page
@@ -235,7 +187,7 @@ def test_mistakes_are_one_line_and_leave_nothing(
     text.write_text("no database, but long enough to be taken for one by its size alone " * 20)
     with write_store(empty) as writer:
         writer.begin_study(FACTS, "build-7")
-        add_experiment(writer, "1", {"width_mm": (80.0, 100.0)}, 3, 0, width_outcome)
+        add_experiment(writer, "1", {"width_mm": (80.0, 100.0)}, 3, width_outcome, TOLD, 0)
     before = sorted(path.name for path in tmp_path.iterdir())
     for store, folder, part in (
         (tmp_path / "none.db", tmp_path / "out", "none.db: "),
@@ -267,7 +219,7 @@ def test_every_experiment_has_figures_of_its_own_whatever_its_name(
         writer.begin_study(FACTS, "build-7")
         for number, name in enumerate(some):
             widths = (80.0, 100.0 + number)
-            add_experiment(writer, name, {"width_mm": widths}, 2, 2, lambda design, sample: "passed")
+            add_experiment(writer, name, {"width_mm": widths}, 2, lambda design, sample: "passed", TOLD)
     assert report(store, "-o", folder)[0] == 0
 
     files = [path.name for path in folder.iterdir()]

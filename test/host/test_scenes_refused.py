@@ -28,6 +28,15 @@ def message(folder: Path, text: str, params: dict[str, Any] | None = None) -> st
     return said
 
 
+def accepted(folder: Path, text: str) -> dict[str, Any]:
+    """Sample 0 of the program ``text``, with the goal 1 m ahead of the car."""
+    program = folder / "good.scenic"
+    program.write_text(text)
+    scene = open_environment(program, {}, 1).sample(0)
+    assert scene["goal"]["x_m"] == 1
+    return scene
+
+
 @pytest.mark.parametrize(
     ("text", "part"),
     [
@@ -131,9 +140,7 @@ def test_misspelt_properties(tmp_path: Path, text: str, part: str) -> None:
     ],
 )
 def test_properties_that_the_program_or_scenic_uses(tmp_path: Path, text: str) -> None:
-    program = tmp_path / "good.scenic"
-    program.write_text(f"model model\n{EGO}{GOAL}{text}")
-    open_environment(program, {}, 1).sample(0)
+    accepted(tmp_path, f"model model\n{EGO}{GOAL}{text}")
 
 
 @pytest.mark.parametrize(
@@ -148,10 +155,8 @@ def test_properties_that_the_program_or_scenic_uses(tmp_path: Path, text: str) -
 def test_properties_that_an_imported_library_reads(tmp_path: Path, library: str, text: str, kind: str) -> None:
     (tmp_path / "walking.scenic").write_text(f"model model\n{library}")
     (tmp_path / "helping.py").write_text("def paced(self):\n    return self.pace\n")
-    program = tmp_path / "good.scenic"
     new = f"walker = new {kind} at (0.5, 0.5), facing -90 deg, with pace 0.1{text}\nwalker.pace = 0.2\n"
-    program.write_text(f"model model\nfrom walking import Walk\n{EGO}{GOAL}{new}")
-    open_environment(program, {}, 1).sample(0)
+    accepted(tmp_path, f"model model\nfrom walking import Walk\n{EGO}{GOAL}{new}")
 
 
 @pytest.mark.parametrize(
@@ -169,13 +174,12 @@ def test_names_that_only_a_run_would_evaluate(tmp_path: Path, text: str, line: i
 
 
 def test_names_that_the_program_defines_somewhere(tmp_path: Path) -> None:
-    program = tmp_path / "good.scenic"
-    program.write_text(
+    text = (
         f"model model\n{EGO}{GOAL}if 1 > 2:\n    target = goal\n"
         "monitor Near():\n    global seen\n    seen = 0\n    local = seen\n    while local + seen < 3:\n        wait\n"
         "require monitor Near()\nrecord (lambda near: min(near, 3))(2) as three\ndef never():\n    return target\n"
     )
-    open_environment(program, {}, 1).sample(0)
+    accepted(tmp_path, text)
 
 
 @pytest.mark.parametrize(
@@ -247,11 +251,6 @@ def test_what_an_import_takes_over_is_accepted(tmp_path: Path) -> None:
     program = tmp_path / "good.scenic"
     program.write_text("from other import ego, goal\nterminate when ego.position.x > 1\n")
     assert open_environment(program, {}, 1).dynamic
-
-
-def test_an_error_in_an_imported_program_names_that_file(tmp_path: Path) -> None:
-    (tmp_path / "other.scenic").write_text("model model\n\nnew Bump at (unknown, 0)\n")
-    assert "other.scenic: line 3: NameError" in message(tmp_path, f"model model\nimport other\n{EGO}{GOAL}")
 
 
 def test_requirements_that_never_hold(tmp_path: Path) -> None:
@@ -343,17 +342,17 @@ def test_what_the_simulator_cannot_represent(tmp_path: Path, text: str, part: st
     assert part in message(tmp_path, f"model model\n{text}")
 
 
-def test_mistakes_in_an_imported_program_name_that_file(tmp_path: Path) -> None:
-    (tmp_path / "other.scenic").write_text("model model\n\nnew Bump at (30, 0)\n")
-    said = message(tmp_path, f"model model\nimport other\n{EGO}{GOAL}")
-    assert "other.scenic: line 3: Bump at (30, 0): x: 30.0 m is outside" in said
+@pytest.mark.parametrize(
+    ("place", "part"), [("(unknown, 0)", "NameError"), ("(30, 0)", "Bump at (30, 0): x: 30.0 m is outside")]
+)
+def test_mistakes_in_an_imported_program_name_that_file(tmp_path: Path, place: str, part: str) -> None:
+    (tmp_path / "other.scenic").write_text(f"model model\n\nnew Bump at {place}\n")
+    assert f"other.scenic: line 3: {part}" in message(tmp_path, f"model model\nimport other\n{EGO}{GOAL}")
 
 
 @pytest.mark.parametrize("obstacle", ["Bump at (0.14, 0)", "Step at (0, 0)", "GaussianHill at (0.05, 0)"])
 def test_starts_beside_a_block_wholly_on_one_or_on_a_hill_are_fine(tmp_path: Path, obstacle: str) -> None:
-    program = tmp_path / "good.scenic"
-    program.write_text(f"model model\n{EGO}{GOAL}new {obstacle}, facing -90 deg\n")
-    assert len(open_environment(program, {}, 1).sample(0)["terrain"]) == 1
+    assert len(accepted(tmp_path, f"model model\n{EGO}{GOAL}new {obstacle}, facing -90 deg\n")["terrain"]) == 1
 
 
 def test_too_many_objects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -362,23 +361,19 @@ def test_too_many_objects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     assert "21 objects are above the limit 20 of a scene" in message(tmp_path, text)
 
 
-def test_a_program_that_loops_while_compiling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scenic_program, "COMPILE_LIMIT_S", 0.5)
-    text = f"model model\n{EGO}{GOAL}while True:\n    pass\n"
-    assert "compiling takes longer than the limit of 0.5 s" in message(tmp_path, text)
-
-
-def test_a_program_that_loops_while_sampling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(source, "SAMPLE_LIMIT_S", 0.5)
-    loop = "def never(x):\n    while True:\n        x += 1\nrequire never(ego.position.x)\n"
+@pytest.mark.parametrize(
+    ("loop", "what"),
+    [
+        ("while True:\n    pass\n", "compiling"),
+        ("def never(x):\n    while True:\n        x += 1\nrequire never(ego.position.x)\n", "sample 0"),
+        (f"{PIECES}        while True:\n            pass\nnew Own at (0.5, 0)\n", "sample 0"),
+    ],
+)
+def test_a_program_that_loops(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loop: str, what: str) -> None:
+    limit = (scenic_program, "COMPILE_LIMIT_S") if what == "compiling" else (source, "SAMPLE_LIMIT_S")
+    monkeypatch.setattr(*limit, 0.5)
     said = message(tmp_path, f"model model\n{EGO}{GOAL}{loop}")
-    assert "sample 0 takes longer than the limit of 0.5 s" in said
-
-
-def test_a_terrain_that_loops_while_it_is_taken_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(source, "SAMPLE_LIMIT_S", 0.5)
-    loop = f"{PIECES}        while True:\n            pass\nnew Own at (0.5, 0)\n"
-    assert "sample 0 takes longer than the limit of 0.5 s" in message(tmp_path, f"model model\n{EGO}{GOAL}{loop}")
+    assert f"{what} takes longer than the limit of 0.5 s" in said
 
 
 def test_parameters_are_checked(tmp_path: Path) -> None:
@@ -400,9 +395,7 @@ def test_missing_files(tmp_path: Path) -> None:
 def test_a_copy_of_the_model_beside_the_program_is_used(tmp_path: Path) -> None:
     model = VOCABULARY_DIR / "model.scenic"
     (tmp_path / "model.scenic").write_text(model.read_text().replace("friction = 0.6", "friction = 0.3"))
-    program = tmp_path / "own.scenic"
-    program.write_text(f"model model\n{EGO}{GOAL}")
-    assert open_environment(program, {}, 1).sample(0)["friction"] == 0.3
+    assert accepted(tmp_path, f"model model\n{EGO}{GOAL}")["friction"] == 0.3
 
 
 def test_a_misspelt_variable_is_not_said_to_come_with_the_model(tmp_path: Path) -> None:

@@ -53,8 +53,9 @@ def add_experiment(
     samples: int,
     outcome: Outcome,
     facts: Mapping[str, Any],
+    stored: int | None = None,
 ) -> None:
-    """Add one experiment to an open store."""
+    """Add one experiment to an open store, with the runs of the first ``stored`` samples, or of all."""
     environment, spread = writer.environment(fingerprint(name)), writer.spread("nominal")
     told: dict[str, Any] = {
         "vehicle_type": "W_B_W",
@@ -78,6 +79,7 @@ def add_experiment(
     for sample in range(samples):
         writer.put_sample(environment, sample, {"of": name, "sample": sample})
         writer.put_draw(spread, sample, {})
+    for sample in range(samples if stored is None else stored):
         runs = writer.planned_runs(plan, sample)
         writer.add_results((run, {**METRICS, "outcome": outcome(designs[run.design], sample)}) for run in runs)
 

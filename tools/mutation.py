@@ -29,16 +29,9 @@ from mutation_tests import PythonWorkshop
 ROOT = Path(__file__).resolve().parent.parent
 WORK = ROOT / ".pio" / "mutation"
 EXPLAINED = ROOT / "tools" / "mutation_explained.txt"
-CAR = [
-    "test_sim_terms", "test_sim_mechanism", "test_sim_lean", "test_sim_imperfect", "test_sim_hinges", "test_sim_car",
-    "test_sim_ground", "test_sim_trial",
-]  # fmt: skip
+CAR = ["test_sim_terms", "test_sim_car", "test_sim_terrain", "test_sim_trial"]
 # Sources, or folders of them, and the suites that concern them, the quick ones first. The first entry that fits counts.
 TARGETS = {
-    "sim2d/lib/multibody/track_terrain.cpp": [*CAR, "test_sim_terrain"],
-    "sim2d/lib/multibody/tyre_contacts.cpp": ["test_sim_contacts", *CAR],
-    "sim2d/lib/multibody/tyre_section.cpp": ["test_sim_contacts", *CAR],
-    "sim2d/lib/multibody/belly_contacts.cpp": ["test_sim_contacts", *CAR],
     "sim2d/lib/engine": CAR,
     "sim2d/lib/multibody": CAR,
     "sim2d/lib/side_view": ["test_sim_side_view"],

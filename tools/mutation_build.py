@@ -79,7 +79,7 @@ class Workshop(Processes):
         self.root = root
         self.work = work
         self.times_s: dict[str, float] = {}
-        self.suites: dict[str, Path] = {}
+        self.suites: dict[str, list[Path]] = {}
         for folder in ("objects", "programs", "verdicts", "copies"):
             (work / folder).mkdir(parents=True, exist_ok=True)
         config = configparser.ConfigParser(interpolation=None)
@@ -126,7 +126,7 @@ class Workshop(Processes):
 
     def prepare(self, suite: str) -> None:
         """Builds a suite and measures its time. Raises BuildError if it fails without any mutant."""
-        self.suites[suite] = self.compile(self.root / "test" / suite / f"{suite}.cpp")
+        self.suites[suite] = [self.compile(file) for file in sorted((self.root / "test" / suite).glob("*.cpp"))]
         program = self.link(suite, None, None)
         start = time.monotonic()
         if not self.passes(program, 600):
@@ -137,7 +137,7 @@ class Workshop(Processes):
         """The suite's program, with ``mutant`` in place of the object of ``source``."""
         objects = [mutant if path == source and mutant else built for path, built in self.objects.items()]
         program = self.work / "programs" / f"{suite}.{threading.get_ident()}"
-        files = [str(path) for path in (self.suites[suite], *objects)]
+        files = [str(path) for path in (*self.suites[suite], *objects)]
         self._run(["g++", *files, "-pthread", "-o", str(program)], self.work)
         return program
 
@@ -158,7 +158,7 @@ class Workshop(Processes):
             return Verdict("stillborn")
         if built.read_bytes() == self.objects[source].read_bytes():
             return Verdict("equivalent")
-        linked = [self.suites[suite] for suite in suites]
+        linked = [made for suite in suites for made in self.suites[suite]]
         linked += [made for path, made in self.objects.items() if path != source]
         parts = [hashlib.sha256(made.read_bytes()).hexdigest() for made in (built, *linked)]
         kept = self.work / "verdicts" / hashlib.sha256(" ".join(parts).encode()).hexdigest()

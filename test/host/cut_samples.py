@@ -40,10 +40,7 @@ def beam() -> Piece:
         Face("flap", tab(LENGTH, FLAP), role="tab"),
     )
     names = [face.name for face in faces]
-    creases = tuple(
-        Crease(f"{a} {b}", EdgeRef(a, 2), EdgeRef(b, 0), RIGHT_ANGLE)
-        for a, b in itertools.pairwise(names)
-    )
+    creases = tuple(Crease(f"{a} {b}", EdgeRef(a, 2), EdgeRef(b, 0), RIGHT_ANGLE) for a, b in itertools.pairwise(names))
     return Piece("beam", "beam", faces, creases, THICKNESS)
 
 
@@ -51,20 +48,14 @@ def cap() -> Piece:
     """A panel with a mitred tab at each edge, folded away from the printed side."""
     panel = Face("cap", rectangle(WIDTH, HEIGHT))
     tabs = tuple(Face(f"tab {i}", tab((WIDTH, HEIGHT)[i % 2]), role="tab") for i in range(4))
-    creases = tuple(
-        Crease(f"fold {i}", EdgeRef("cap", i), EdgeRef(f"tab {i}", 0), -RIGHT_ANGLE) for i in range(4)
-    )
+    creases = tuple(Crease(f"fold {i}", EdgeRef("cap", i), EdgeRef(f"tab {i}", 0), -RIGHT_ANGLE) for i in range(4))
     return Piece("cap", "cap", (panel, *tabs), creases, THICKNESS, count=2)
 
 
 def disc(radius: float) -> Piece:
     """A wheel's disc of 96 corners with a hole in the middle."""
-    outline = tuple(
-        (radius * math.cos(2 * math.pi * i / 96), radius * math.sin(2 * math.pi * i / 96)) for i in range(96)
-    )
-    return Piece(
-        "disc", "disc", (Face("disc", outline, (circle("axle", 0.0, 0.0, 7.4),)),), (), THICKNESS, count=4
-    )
+    outline = tuple((radius * math.cos(2 * math.pi * i / 96), radius * math.sin(2 * math.pi * i / 96)) for i in range(96))
+    return Piece("disc", "disc", (Face("disc", outline, (circle("axle", 0.0, 0.0, 7.4),)),), (), THICKNESS, count=4)
 
 
 def rim(radius: float, width: float = 12.0, teeth: int = 40) -> Piece:
@@ -91,7 +82,5 @@ def folded_box(radius: float = 40.0) -> FoldedCar:
         joins.append(
             Join(number, "tab", "cap", EdgeRef(f"tab {index}", 0), "beam", EdgeRef(face, 1), (WIDTH, HEIGHT)[index % 2])
         )
-    joins += [
-        Join(6, "rim", "rim", EdgeRef(f"tooth {i} 0", 0), "disc", EdgeRef("disc", i), 1.0) for i in range(40)
-    ]
+    joins += [Join(6, "rim", "rim", EdgeRef(f"tooth {i} 0", 0), "disc", EdgeRef("disc", i), 1.0) for i in range(40)]
     return FoldedCar((beam(), cap(), disc(radius), rim(radius)), (), tuple(joins), (), (), (), (), catalogue())

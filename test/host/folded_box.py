@@ -5,18 +5,7 @@ import math
 
 import numpy as np
 
-from foldcar.car.folded.model import (
-    Crease,
-    EdgeRef,
-    Face,
-    FoldedCar,
-    Hole,
-    Join,
-    Mount,
-    Piece,
-    PlacedPiece,
-    Pose,
-)
+from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Hole, Join, Mount, Piece, PlacedPiece, Pose
 from foldcar.car.parts.catalogue import catalogue
 
 LENGTH_MM, WIDTH_MM, HEIGHT_MM, FLAP_MM, THICKNESS_MM = 60.0, 40.0, 30.0, 8.0, 0.25

@@ -120,11 +120,7 @@ class ForkedFoldcar:
         self._original.wait()
 
     def start(
-        self,
-        words: Sequence[str],
-        folder: Path,
-        env: Mapping[str, str] | None = None,
-        files: Sequence[int] | None = None,
+        self, words: Sequence[str], folder: Path, env: Mapping[str, str] | None = None, files: Sequence[int] | None = None
     ) -> ForkedProcess:
         """Start `foldcar` with these words in ``folder``; input, output and errors are ``files``, or pipes."""
         request = {"words": words, "folder": str(folder), "env": dict(os.environ if env is None else env)}

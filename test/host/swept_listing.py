@@ -15,12 +15,8 @@ from foldcar.study.sweep import sweep
 WriteListing = Callable[[Any], Path]
 
 
-def swept(
-    listing: Path, store: Path, carsim: Path, jobs: int = 2, environments: int | None = None
-) -> Progress:
-    return sweep(
-        read_study(listing, environments=environments), store, Carsim(carsim), jobs, "foldcar sweep …"
-    )
+def swept(listing: Path, store: Path, carsim: Path, jobs: int = 2, environments: int | None = None) -> Progress:
+    return sweep(read_study(listing, environments=environments), store, Carsim(carsim), jobs, "foldcar sweep …")
 
 
 def rows(store: Path) -> list[Result]:

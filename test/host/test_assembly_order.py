@@ -22,13 +22,17 @@ from foldcar.fabrication.assembly.parts_list import parts_list
 from foldcar.fabrication.assembly.view_steps import view_steps
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car
+from page_check import page_findings
 from test_assembly_proof import NAMES, car
+
+# Those between differ from these in their width.
+PAGES = ("w65", "six", "hinged")
 
 
 @cache
 def page(name: str) -> str:
     folded = car(name)
-    return guide_page(folded, cut_car(folded, options("laser", sheet="1000x1000")), "laser", name)
+    return guide_page(folded, cut_car(folded, options("laser", sheet="1000x1000")), "laser", f"a <{name}>")
 
 
 def label(folded: FoldedCar, added: Added) -> str:
@@ -49,7 +53,7 @@ def told(lines: list[str], labels: set[str]) -> Iterator[str]:
                     yield from [name] * int(found[1] or 1)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", PAGES)
 def test_the_guide_s_page_puts_things_in_in_the_order_that_is_proved(name: str) -> None:
     folded, steps = car(name), assembly_steps(car(name))
     sections = re.findall(r"<h2><b>\d+</b>(.*?)<small>.*?</h2>(.*?)</section>", page(name), re.DOTALL)
@@ -63,7 +67,16 @@ def test_the_guide_s_page_puts_things_in_in_the_order_that_is_proved(name: str) 
         assert list(told(lines, set(proved))) == proved, (title, lines)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", PAGES)
+def test_the_guide_is_one_page_that_needs_no_other_file(name: str) -> None:
+    guide = page(name)
+
+    assert page_findings(guide) == []
+    assert f"a &lt;{name}&gt;" in guide and f"<{name}>" not in guide
+    assert not re.search(r'(src|href)="', guide)
+
+
+@pytest.mark.parametrize("name", PAGES)
 def test_the_guide_says_from_where_screws_come_what_they_pass_and_where_nuts_go(name: str) -> None:
     text = html.unescape(page(name))
     servos = len(car(name).axles)

@@ -19,7 +19,6 @@ from foldcar.car.body import body_json
 from foldcar.car.design import Design, compose
 from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.assembly.facets import mount_shape, together
-from foldcar.fabrication.assembly.guide import guide_page
 from foldcar.fabrication.assembly.guide_pictures import service_picture
 from foldcar.fabrication.assembly.guide_scene import tiny
 from foldcar.fabrication.assembly.guide_shapes import whole_car
@@ -273,16 +272,6 @@ def test_what_is_reached_in_service_is_named_inside_the_picture_and_readable(des
     assert set(boxes) == {"USB", "switch", "LiPo's plug", "servos' plugs", "reset button"}
     assert all(shapely.box(left, top, left + wide, top + high).covers(box) for box in boxes.values())
     assert not any(a.intersects(b) for a, b in combinations(boxes.values(), 2))
-
-
-def test_guide_is_one_page_that_needs_no_other_file() -> None:
-    folded = folded_car(designs()[0])
-
-    guide = guide_page(folded, cut_car(folded, options("laser")), "laser", "a <car>")
-
-    assert page_findings(guide) == []
-    assert "a &lt;car&gt;" in guide and "<car>" not in guide
-    assert not re.search(r'(src|href)="', guide)
 
 
 def test_whole_car_is_drawn_without_what_is_inside() -> None:

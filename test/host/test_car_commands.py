@@ -95,9 +95,7 @@ def values_of(car: Car, *names: str) -> list[float]:
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_posing_as_a_car_ends_clean(
-    tmp_path: Path, free_course: Path, carsim_binary: Path, end: signal.Signals
-) -> None:
+def test_posing_as_a_car_ends_clean(tmp_path: Path, free_course: Path, carsim_binary: Path, end: signal.Signals) -> None:
     words = ("link", "l.json", "--experiment", "1", "--set", "width=120", "--tcp", "0", "--speedup", "4")
     with Typist(tmp_path, *words) as person:
         port = "tcp:127.0.0.1:" + person.sees_one_of("Ctrl-C ends").split("tcp:127.0.0.1:")[1].split()[0]

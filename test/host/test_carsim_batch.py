@@ -87,9 +87,7 @@ def test_timing_changes_no_reply_and_sums_up(carsim_binary: Path, definitions: l
     assert ordered, timing
 
 
-def test_bad_lines_are_answered_in_their_places_and_the_rest_goes_on(
-    carsim_binary: Path, definitions: list[Any]
-) -> None:
+def test_bad_lines_are_answered_in_their_places_and_the_rest_goes_on(carsim_binary: Path, definitions: list[Any]) -> None:
     runs = all_runs()[:3]
     lines = [*definitions, runs[0], "nonsense", runs[1], " ", run_line("no such", 0), runs[2]]
 
@@ -106,9 +104,7 @@ def test_bad_lines_are_answered_in_their_places_and_the_rest_goes_on(
 
 
 def test_a_run_is_answered_before_the_next_line_is_sent(carsim_binary: Path, definitions: list[Any]) -> None:
-    with subprocess.Popen(
-        [carsim_binary, "batch"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
+    with subprocess.Popen([carsim_binary, "batch"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdin is not None and process.stdout is not None
         for line in definitions:
             process.stdin.write(json.dumps(line) + "\n")

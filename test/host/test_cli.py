@@ -47,10 +47,7 @@ def test_help_waits_for_nothing_heavy() -> None:
         (("run", "l.json", "--experiment", "1", "--set", "width"), "--set width: not NAME=MM"),
         (("run", "l.json", "--experiment", "1", "--set", "width=x"), "--set width=x: not NAME=MM"),
         (("run", "l.json", "--experiment", "1", "--set", "w=1"), "--set w: W_B_W has no such parameter"),
-        (
-            ("run", "l.json", "--experiment", "1", "--set", "width=20"),
-            "--set width: 20 is below the minimum 53.65",
-        ),
+        (("run", "l.json", "--experiment", "1", "--set", "width=20"), "--set width: 20 is below the minimum 53.65"),
     ],
 )
 def test_mistakes_are_one_line_and_leave_nothing(
@@ -68,8 +65,7 @@ def test_mistakes_are_one_line_and_leave_nothing(
 
 
 @pytest.mark.parametrize(
-    "words",
-    [("fly",), ("sweep",), ("sweep", "l.json", "--store", "s.db", "--jobs", "0"), ("run", "l.json", "--no")],
+    "words", [("fly",), ("sweep",), ("sweep", "l.json", "--store", "s.db", "--jobs", "0"), ("run", "l.json", "--no")]
 )
 def test_wrong_usage_is_told_without_traceback(foldcar: Any, words: tuple[str, ...]) -> None:
     answer = foldcar(*words)
@@ -83,9 +79,7 @@ def test_without_carsim_the_way_to_one_is_named(
 ) -> None:
     listing = write_listing(listing_data)
 
-    answer = foldcar(
-        "sweep", listing, "--store", "s.db", env={**os.environ, "FOLDCAR_CARSIM": "/none/carsim"}
-    )
+    answer = foldcar("sweep", listing, "--store", "s.db", env={**os.environ, "FOLDCAR_CARSIM": "/none/carsim"})
 
     assert answer.returncode == 2
     assert answer.stderr == "foldcar: error: FOLDCAR_CARSIM: /none/carsim is no program\n"

@@ -114,9 +114,7 @@ def test_named_objects_keep_their_place_and_the_others_vary(
         ({"objects": ["last"]}, '"last" depends on a random value of the Bump of line 14, which has no name, which'),
     ],
 )
-def test_a_random_value_is_not_frozen_for_what_is_not_named(
-    tmp_path: Path, condition: dict[str, Any], part: str
-) -> None:
+def test_a_random_value_is_not_frozen_for_what_is_not_named(tmp_path: Path, condition: dict[str, Any], part: str) -> None:
     program = tmp_path / "program.scenic"
     program.write_text(
         f"{PROGRAM}param twice = 2 * globalParameters.friction\ndeep = Range(0.01, 0.02)\n"

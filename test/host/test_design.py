@@ -57,18 +57,8 @@ def test_columns_carry_module_and_unit() -> None:
             # Axis to screw hole: 11.6 - 5.9 + 27.5 / 2 + 2.2 / 2, and 2 mm to the module's end.
             "38 is below the minimum 45.25 (the opening and screws of one servo)",
         ),
-        (
-            "W_B_W",
-            {"radius": 26},
-            "radius",
-            "26 is below the minimum 27 (half of height 50 and 2 under the belly)",
-        ),
-        (
-            "W_B_W",
-            {"radius": 69},
-            "radius",
-            "69 needs axles at least 141 apart, or wheels touch, but W.length 60 and",
-        ),
+        ("W_B_W", {"radius": 26}, "radius", "26 is below the minimum 27 (half of height 50 and 2 under the belly)"),
+        ("W_B_W", {"radius": 69}, "radius", "69 needs axles at least 141 apart, or wheels touch, but W.length 60 and"),
         ("W_B_W_W", {}, "radius", "60 needs axles at least 123 apart"),
         ("W_B_W", {"L.length": 5}, "L.length", "W_B_W has no such parameter"),
         ("W_B_W_W_W_W", {"radius": 30}, None, '"W_B_W_W_W_W" has 5 axles, the servo driver serves 4'),
@@ -76,12 +66,7 @@ def test_columns_carry_module_and_unit() -> None:
         ("W_B_H", {}, None, '"W_B_H" ends with a hinge (H), which must join two segments'),
         ("W_B_H_H_W", {}, None, '"W_B_H_H_W" has two hinges (H) in a row, with no segment between them'),
         ("W_H_W", {}, None, '"W_H_W" has no module B'),
-        (
-            "W_H" + "_B_H" * 7 + "_B",
-            {},
-            None,
-            '"W_H_B_H_B_H_B_H_B_H_B_H_B_H_B_H_B" has 9 segments, the simulator',
-        ),
+        ("W_H" + "_B_H" * 7 + "_B", {}, None, '"W_H_B_H_B_H_B_H_B_H_B_H_B_H_B_H_B" has 9 segments, the simulator'),
         ("W_B_H_W", {"H.length": 0.5}, "H.length", "0.5 is below the minimum 1 (a strip that bends evenly"),
         ("W_B_H_W", {"H.fold_down": 91}, "H.fold_down", "91 is above the maximum 90"),
         ("W_B_W", {"H.length": 5}, "H.length", "W_B_W has no such parameter"),
@@ -235,15 +220,12 @@ def test_a_family_is_narrowed_to_one_car() -> None:
     with pytest.raises(FoldcarError) as caught:
         cars.single()
     assert str(caught.value) == (
-        "cars.json: vehicles.v.params.0.common.width: has 37 values (65, 70, 75, … 245); "
-        "choose one with --set width=…"
+        "cars.json: vehicles.v.params.0.common.width: has 37 values (65, 70, 75, … 245); choose one with --set width=…"
     )
     assert cars.narrowed({"width": 95}).single().values["width"] == 95
     with pytest.raises(FoldcarError, match=r"^--set width: 20 is below the minimum 53.65"):
         cars.narrowed({"width": 20}).single()
-    with pytest.raises(
-        FoldcarError, match=r"^--set colour: W_B_W has no such parameter; it has width, height"
-    ):
+    with pytest.raises(FoldcarError, match=r"^--set colour: W_B_W has no such parameter; it has width, height"):
         cars.narrowed({"colour": 1})
 
 

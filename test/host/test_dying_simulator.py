@@ -136,9 +136,7 @@ def test_a_limit_of_the_system_takes_only_the_run_that_breaks_it(
     assert answers[0]["outcome"] == answers[2]["outcome"] == "passed"
 
 
-def test_stopping_ends_a_chunk_at_once_and_starts_nothing_anew(
-    carsim_binary: Path, chunk: dict[str, Any]
-) -> None:
+def test_stopping_ends_a_chunk_at_once_and_starts_nothing_anew(carsim_binary: Path, chunk: dict[str, Any]) -> None:
     carsim = Carsim(carsim_binary)
     before = children()
 
@@ -204,9 +202,7 @@ def test_beside_scenic_too_a_process_killed_once_costs_nothing(
     assert len(whole["recorded"]["x"]["value"]) > 40
 
 
-def test_beside_scenic_too_a_simulator_killed_twice_is_a_failed_run(
-    beside: tuple[ScenicRunner, dict[str, Any]],
-) -> None:
+def test_beside_scenic_too_a_simulator_killed_twice_is_a_failed_run(beside: tuple[ScenicRunner, dict[str, Any]]) -> None:
     runner, chunk = beside
 
     with under_way(lambda: runner.run(**chunk)) as (answers, next_process):

@@ -10,15 +10,13 @@ import pytest
 from foldcar.errors import FoldcarError
 from foldcar.report.export import export_csv, export_parquet
 from foldcar.report.parquet import list_type
-from foldcar.simulation.results import Recorded
+from foldcar.simulation.results import METRICS, NUMBERS, Recorded
 from foldcar.store.reader import Store
 from foldcar.store.writer import PlannedRun
 from test_store import answer, fill
 
-COLUMNS = [
-    "experiment", "vehicle", "environment", "sample", "outcome", "passed", "elapsed_time_s",
-    "distance_to_target_m", "consumed_energy_j", "max_roll_rad", "max_pitch_rad", "message", "width_mm", "height_mm",
-]  # fmt: skip
+KEYS = ["experiment", "vehicle", "environment", "sample", "outcome", "passed"]
+COLUMNS = [*KEYS, *NUMBERS, "message", "width_mm", "height_mm"]
 
 
 @pytest.fixture
@@ -62,10 +60,7 @@ def test_parquet_columns_know_their_units(tmp_path: Path, store_file: Path) -> N
 
     schema = pq.read_schema(tmp_path / "runs.parquet")
     units = {one.name: one.metadata[b"unit"].decode() for one in schema if one.metadata and b"unit" in one.metadata}
-    assert units == {
-        "elapsed_time_s": "s", "distance_to_target_m": "m", "consumed_energy_j": "J", "max_roll_rad": "rad",
-        "max_pitch_rad": "rad", "width_mm": "mm", "height_mm": "mm",
-    }  # fmt: skip
+    assert units == {**{metric.name: metric.unit for metric in METRICS}, "width_mm": "mm", "height_mm": "mm"}
 
 
 @pytest.mark.parametrize(
@@ -142,12 +137,7 @@ def test_failed_runs_have_a_message_and_no_numbers(tmp_path: Path) -> None:
         ("tipped", "", "0"), ("tipped", "", "1"),
         ("failed", "crashed, badly", ""), ("failed", "crashed, badly", ""),
     ]  # fmt: skip
-    assert pq.read_table(tmp_path / "runs.parquet")["consumed_energy_j"].to_pylist() == [
-        1 / 3,
-        1 / 3,
-        None,
-        None,
-    ]
+    assert pq.read_table(tmp_path / "runs.parquet")["consumed_energy_j"].to_pylist() == [1 / 3, 1 / 3, None, None]
 
 
 def test_an_export_that_fails_leaves_the_old_file(
@@ -162,10 +152,7 @@ def test_an_export_that_fails_leaves_the_old_file(
 
     monkeypatch.setattr(Store, "results", fail)
     for export in (export_csv, export_parquet):
-        with (
-            Store.open(store_file) as store,
-            pytest.raises(FoldcarError, match="cannot be written: No space"),
-        ):
+        with Store.open(store_file) as store, pytest.raises(FoldcarError, match="cannot be written: No space"):
             export(store, target)
         assert target.read_text() == "old"
         assert {file.name for file in tmp_path.iterdir()} == {"runs.csv", "s.db"}

@@ -20,9 +20,7 @@ from foldcar.simulation.carsim import Carsim
 FIRST_BYTES = {".png": b"\x89PNG\r\n\x1a\n", ".svg": b"<?xml", ".pdf": b"%PDF"}
 
 
-def box(
-    x_m: float, y_m: float, length_m: float, width_m: float, height_m: float, heading_rad: float = 0.0
-) -> Any:
+def box(x_m: float, y_m: float, length_m: float, width_m: float, height_m: float, heading_rad: float = 0.0) -> Any:
     return {
         "kind": "box", "x_m": x_m, "y_m": y_m, "length_m": length_m, "width_m": width_m, "height_m": height_m,
         "heading_rad": heading_rad,
@@ -78,9 +76,7 @@ def test_rolling_back_counts_backwards_and_draws_no_new_ground() -> None:
 
 def test_a_line_over_a_turned_heading_goes_on_straight() -> None:
     heading = 0.7
-    path = [
-        [i, 0.1 * i * math.cos(heading), 0.1 * i * math.sin(heading), 0.06, heading, 0, 0] for i in range(4)
-    ]
+    path = [[i, 0.1 * i * math.cos(heading), 0.1 * i * math.sin(heading), 0.06, heading, 0, 0] for i in range(4)]
     line = driven_line(path, margin_m=0.2)
     assert line.x_m == pytest.approx(line.distance_m * math.cos(heading))
     assert line.y_m == pytest.approx(line.distance_m * math.sin(heading))
@@ -111,10 +107,7 @@ def highest_box(terrain: Any, line: Any, index: int, offset: Any, tolerance_m: f
     for piece in terrain:
         cos, sin = math.cos(piece["heading_rad"]), math.sin(piece["heading_rad"])
         dx, dy = x - piece["x_m"], y - piece["y_m"]
-        outside = max(
-            abs(dx * cos + dy * sin) - piece["length_m"] / 2,
-            abs(dy * cos - dx * sin) - piece["width_m"] / 2,
-        )
+        outside = max(abs(dx * cos + dy * sin) - piece["length_m"] / 2, abs(dy * cos - dx * sin) - piece["width_m"] / 2)
         found = max(found, piece["height_m"] if outside <= tolerance_m else 0.0)
     return found
 
@@ -156,9 +149,7 @@ def test_the_view_holds_start_goal_and_path_within_the_course() -> None:
     assert extent == Extent(-0.5, pytest.approx(1.2), pytest.approx(0.05 - 0.1 * math.sqrt(2) - 0.2), pytest.approx(0.5))
     assert view_of([{**SCENE, "goal": None}]) == Extent(-0.5, 2.0, -1.0, 1.0)
     wide = {**SCENE, "terrain": [box(0.4, 0.0, 0.1, 50.0, 0.02)]}
-    assert view_of([wide]) == Extent(
-        pytest.approx(-0.2), pytest.approx(1.2), pytest.approx(-0.6), pytest.approx(0.6)
-    )
+    assert view_of([wide]) == Extent(pytest.approx(-0.2), pytest.approx(1.2), pytest.approx(-0.6), pytest.approx(0.6))
 
 
 def test_poses_keep_their_distance_and_end_with_the_last() -> None:
@@ -172,9 +163,7 @@ def test_poses_keep_their_distance_and_end_with_the_last() -> None:
 
 
 @pytest.mark.parametrize("suffix", FIRST_BYTES)
-def test_runs_are_drawn_in_every_format_the_same_each_time(
-    tmp_path: Path, suffix: str, heights: Heights
-) -> None:
+def test_runs_are_drawn_in_every_format_the_same_each_time(tmp_path: Path, suffix: str, heights: Heights) -> None:
     files = [tmp_path / f"{name}{suffix}" for name in ("one", "two")]
     for file in files:
         draw_run(BODY, SCENE, {"outcome": "passed", "elapsed_time_s": 2.55}, PATH, heights, file)
@@ -201,9 +190,7 @@ def test_a_run_without_a_path_or_with_another_suffix_is_refused(tmp_path: Path, 
 def test_up_to_nine_scenes_are_drawn(tmp_path: Path, heights: Heights) -> None:
     disc = {**SCENE, "goal": {"kind": "disc", "x_m": 1.0, "y_m": 0.0, "radius_m": 0.05}, "terrain": []}
     file = tmp_path / "scenes.svg"
-    draw_scenes(
-        [{**(disc if k == 1 else SCENE), "id": f"7/{k}"} for k in range(11)], file, heights, title="eleven"
-    )
+    draw_scenes([{**(disc if k == 1 else SCENE), "id": f"7/{k}"} for k in range(11)], file, heights, title="eleven")
     text = file.read_text()
     assert [f"scene 7/{k}" in text for k in range(11)] == [True] * 9 + [False] * 2
     draw_scenes([disc], tmp_path / "flat.png", heights)
@@ -226,19 +213,12 @@ def every_kind() -> list[dict[str, Any]]:
 
 def test_every_kind_of_terrain_is_drawn_with_and_without_a_goal(tmp_path: Path, heights: Heights) -> None:
     scene = {**SCENE, "terrain": every_kind()}
-    draw_gallery(
-        [scene, {**scene, "goal": None, "id": "1/1"}], tmp_path / "gallery.svg", heights, "every kind"
-    )
+    draw_gallery([scene, {**scene, "goal": None, "id": "1/1"}], tmp_path / "gallery.svg", heights, "every kind")
     text = (tmp_path / "gallery.svg").read_text()
     assert text.count("friction 0.25") == 2
     assert "scene 1/1" in text
     draw_run(
-        BODY,
-        {**scene, "goal": None},
-        {"outcome": "stuck", "elapsed_time_s": 2.5},
-        PATH,
-        heights,
-        tmp_path / "r.png",
+        BODY, {**scene, "goal": None}, {"outcome": "stuck", "elapsed_time_s": 2.5}, PATH, heights, tmp_path / "r.png"
     )
     draw_scenes([{**scene, "goal": None}], tmp_path / "s.png", heights)
     assert all((tmp_path / name).read_bytes().startswith(FIRST_BYTES[".png"]) for name in ("r.png", "s.png"))

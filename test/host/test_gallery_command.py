@@ -8,9 +8,7 @@ Foldcar = Callable[..., "subprocess.CompletedProcess[str]"]
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
 
-def test_named_programs_are_drawn_into_a_folder(
-    foldcar: Foldcar, tmp_path: Path, carsim_binary: Path
-) -> None:
+def test_named_programs_are_drawn_into_a_folder(foldcar: Foldcar, tmp_path: Path, carsim_binary: Path) -> None:
     programs = [SCENARIOS / "two_bumps.scenic", SCENARIOS / "gaussian_hills.scenic"]
     done = foldcar("gallery", *programs, "-o", "pictures")
     assert (done.returncode, done.stderr) == (0, "")

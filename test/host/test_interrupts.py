@@ -171,5 +171,3 @@ def test_a_killed_link_leaves_its_terminal_as_it_was(
     assert (termios.tcgetattr(terminal), fcntl.fcntl(terminal, fcntl.F_GETFL)) == before
     os.close(master)
     os.close(terminal)
-
-

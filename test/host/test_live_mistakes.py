@@ -90,9 +90,7 @@ def test_a_logs_folder_that_is_a_file_is_named_before_the_drive(tmp_path: Path, 
     assert trials_in(tmp_path / "s.db") == []
 
 
-def test_a_parameter_file_is_not_called_equal_unless_it_was_compared(
-    tmp_path: Path, port: str, foldcar: Foldcar
-) -> None:
+def test_a_parameter_file_is_not_called_equal_unless_it_was_compared(tmp_path: Path, port: str, foldcar: Foldcar) -> None:
     (tmp_path / "typo.parm").write_text("CH1_NEUTRAL_U 1510\n")
     (tmp_path / "part.parm").write_text("CH1_NEUTRAL_US 1500\n")
 
@@ -114,9 +112,7 @@ def test_parameters_that_no_car_keeps_are_named(tmp_path: Path, port: str, foldc
     differing = foldcar("params", "diff", "--port", port, "part.parm")
 
     assert refused(huge) == "TRIAL_MAX_S: 1e+39 is no number that a car keeps (32-bit floating point)"
-    assert refused(long) == (
-        "CH1_DEADBAND_US_AND_MORE: no name of a parameter: those have 1 to 16 ASCII characters"
-    )
+    assert refused(long) == ("CH1_DEADBAND_US_AND_MORE: no name of a parameter: those have 1 to 16 ASCII characters")
     assert refused(unknown) == 'trial_max_s: the car has no such parameter; did you mean "TRIAL_MAX_S"?'
     assert "\n1 of 1 parameters differ; 5" in differing.stdout
 
@@ -186,9 +182,7 @@ def test_a_second_deviation_of_one_thing_is_refused() -> None:
         ("started_utc", "0001-01-01T00:00:00+02:00", "started_utc: .* is not a date"),
     ],
 )
-def test_a_cell_of_imported_trials_that_cannot_be_is_named(
-    tmp_path: Path, column: str, cell: str, message: str
-) -> None:
+def test_a_cell_of_imported_trials_that_cannot_be_is_named(tmp_path: Path, column: str, cell: str, message: str) -> None:
     file = tmp_path / "t.csv"
     # The other row alone would be imported.
     rows = ("vehicle_type,height_mm,outcome,source,experiment", "W_B_W,50,passed,p,1", "W_B_W,50,passed,p,1")

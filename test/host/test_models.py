@@ -222,9 +222,7 @@ def test_a_webots_world_holds_the_car_and_the_scene() -> None:
     assert file.protos == ["../protos/FoldcarTest.proto"]
     assert [node.name for node in file.nodes[:2]] == ["WorldInfo", "Viewpoint"]
     assert file.nodes[-1].name == "FoldcarTest"
-    frictions = {
-        c.fields["material2"]: c.fields["coulombFriction"] for c in file.nodes[0].all("ContactProperties")
-    }
+    frictions = {c.fields["material2"]: c.fields["coulombFriction"] for c in file.nodes[0].all("ContactProperties")}
     assert frictions["wheel0 tyre"] == [0.5 * body["wheels"][0]["grip"]]
     assert frictions["segment0 belly"] == [pytest.approx(0.5 * body["segments"][0]["grip"])]
     solids = {n.fields["name"]: n for n in file.nodes if n.name == "Solid"}
@@ -232,9 +230,7 @@ def test_a_webots_world_holds_the_car_and_the_scene() -> None:
     assert len(surface["height"]) == surface["xDimension"] * surface["yDimension"]
     assert surface["height"] == pytest.approx(grid.z_m.ravel(), abs=1e-6)
     assert solids["box 0"].fields["translation"] == [1.0, 0.1, 0.0]
-    assert solids["box 0"].fields["boundingObject"].all("Box")[0].fields["size"] == pytest.approx(
-        [0.4, 0.6, 0.15]
-    )
+    assert solids["box 0"].fields["boundingObject"].all("Box")[0].fields["size"] == pytest.approx([0.4, 0.6, 0.15])
     arc = solids["half_round 2"].fields["boundingObject"]
     radius = arc.all("Cylinder")[0].fields["radius"]
     assert arc.fields["translation"][2] + radius == pytest.approx(0.05)
@@ -262,9 +258,7 @@ def test_a_webots_ramp_is_closed_and_its_faces_look_outwards() -> None:
         assert normal @ (points[f].mean(axis=0) - middle) > 0
     # A prism: rising from 0 to 50 mm over 0.4 m, and 100 mm deep, 0.6 m wide.
     volume = sum(
-        points[f[0]] @ numpy.cross(points[f[i]], points[f[i + 1]]) / 6
-        for f in faces
-        for i in range(1, len(f) - 1)
+        points[f[0]] @ numpy.cross(points[f[i]], points[f[i + 1]]) / 6 for f in faces for i in range(1, len(f) - 1)
     )
     assert volume == pytest.approx(0.4 * 0.6 * (0.1 + 0.025))
 

@@ -62,7 +62,8 @@ def slow(*words: str) -> object:
     [
         ("--help",),
         ("report", "s.db", "-o", "report"),
-        ("pattern", "study.json", "--vehicle", "mine", *CAR, "-o", "car"),
+        ("pattern", "study.json", "--vehicle", "mine", *CAR, "--mockup", "0.5", "-o", "paper"),
+        slow("pattern", "study.json", "--vehicle", "mine", *CAR, "-o", "car"),
         slow("new", "yard"),
         slow("sample", "yard.scenic", "-n", "2", "--seed", "1"),
         slow("gallery", "yard.scenic", "-o", "pictures"),

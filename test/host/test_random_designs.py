@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -9,23 +10,31 @@ from conftest import PROJECT
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.make_car import CheckError
+from foldcar.fabrication.patterns import nesting
 from foldcar.fabrication.patterns.options import Options
 
 sys.path.insert(0, str(PROJECT / "tools"))
-from random_designs import draws, tried
+from random_designs import Draw, draws, tried
 
 SEED = 9
 
 
-def test_random_designs_are_made_or_refused_with_what_would_do() -> None:
-    # Small sheets are nested sooner.
-    drawn = [replace(draw, sheet=None) for draw in draws(6, SEED)]
+@cache
+def foldable() -> Draw:
+    """A draw that can be folded."""
+    return next(draw for draw in draws(30, SEED) if tried(draw, lambda *_: None).made)
+
+
+def test_random_designs_are_made_or_refused_with_what_would_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Small sheets are nested sooner, and the first layout is checked as well as the best.
+    monkeypatch.setattr(nesting, "MOST_TRIES", 0)
+    drawn = [replace(draw, sheet=None) for draw in draws(4, SEED)]
     outcomes = [tried(draw) for draw in drawn]
 
     assert [outcome.fault for outcome in outcomes if outcome.fault] == []
-    assert sum(outcome.made for outcome in outcomes) >= 4
+    assert sum(outcome.made for outcome in outcomes) >= 3
     assert any(outcome.refusals for outcome in outcomes)
-    assert drawn == [replace(draw, sheet=None) for draw in draws(6, SEED)]
+    assert drawn == [replace(draw, sheet=None) for draw in draws(4, SEED)]
 
 
 @pytest.mark.parametrize(
@@ -42,6 +51,4 @@ def test_a_design_that_ends_otherwise_is_a_fault(error: Exception, said: str) ->
     def make(_design: Design, _chosen: Options) -> None:
         raise error
 
-    draw = next(draw for draw in draws(30, SEED) if tried(draw, lambda *_: None).made)
-
-    assert said in tried(draw, make).fault
+    assert said in tried(foldable(), make).fault

@@ -33,9 +33,7 @@ def sample(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) 
     return Command(monkeypatch, capsys)
 
 
-def test_lines_go_to_a_file_or_to_the_terminal_and_a_picture_beside_them(
-    sample: Command, tmp_path: Path
-) -> None:
+def test_lines_go_to_a_file_or_to_the_terminal_and_a_picture_beside_them(sample: Command, tmp_path: Path) -> None:
     file, picture = tmp_path / "scenes.jsonl", tmp_path / "scenes.png"
     assert sample(PYRAMIDS, "-n", "3", "--seed", "42", "-o", file, "--plot", picture) == (0, "", "")
     _, shown, _ = sample(PYRAMIDS, "-n", "2", "--seed", "42")
@@ -62,10 +60,7 @@ def test_mistakes_are_one_line_and_leave_no_file(sample: Command, tmp_path: Path
         (["--param", "friction"], "--param friction: not NAME=VALUE"),
         (["--param", "step_height=-1"], "height_m: -1 is below the limit 0.0001"),
         (["--plot", str(tmp_path / "a.gif")], "a picture's name ends in one of .png, .svg, .pdf"),
-        (
-            ["--plot", str(tmp_path / "nowhere" / "deeper" / "a.png")],
-            "there is no folder",
-        ),
+        (["--plot", str(tmp_path / "nowhere" / "deeper" / "a.png")], "there is no folder"),
     ):
         output = [] if "nowhere" in arguments[1] else ["-o", file]
         code, _, said = sample(PYRAMIDS, *arguments, *output)

@@ -28,6 +28,15 @@ def message(folder: Path, text: str, params: dict[str, Any] | None = None) -> st
     return said
 
 
+def accepted(folder: Path, text: str) -> dict[str, Any]:
+    """Sample 0 of the program ``text``, with the goal 1 m ahead of the car."""
+    program = folder / "good.scenic"
+    program.write_text(text)
+    scene = open_environment(program, {}, 1).sample(0)
+    assert scene["goal"]["x_m"] == 1
+    return scene
+
+
 @pytest.mark.parametrize(
     ("text", "part"),
     [
@@ -35,7 +44,7 @@ def message(folder: Path, text: str, params: dict[str, Any] | None = None) -> st
         (f"model model\n{EGO}new Bump at (unknown, 0)\n", "line 3: NameError: name 'unknown' is not defined"),
         (f"{EGO}{GOAL}", "line 1: NameError: name 'Robot' is not defined; Robot, Goal and the obstacles come with"),
         ("new Curb at (1, 0)\n", "'Curb' is not defined; Robot, Goal and the obstacles come with the line `model model`"),
-        (f"model model\n{EGO}new Kerp at (1, 0)\n", 'Kerb, Ramp, StepPyramid, '),
+        (f"model model\n{EGO}new Kerp at (1, 0)\n", "Kerb, Ramp, StepPyramid, "),
         (f"model model\n{EGO}new Kerp at (1, 0)\n", 'Robot; did you mean "Kerb"?'),
         (
             "model model\nparam grass = 1\nego = new Robot at (globalParameters.gras, 0)\n",
@@ -93,10 +102,7 @@ def test_errors_about_the_ego_name_its_line(tmp_path: Path, text: str, part: str
             "line 4: Goal has no property radius, and the program does not read it; "
             "its own are height, length, reach, width",
         ),
-        (
-            "new Point at (0.5, 0), with postion (1, 1)\n",
-            "line 4: Point has no property postion; did you mean position?",
-        ),
+        ("new Point at (0.5, 0), with postion (1, 1)\n", "line 4: Point has no property postion; did you mean position?"),
         (
             "class Own(Bump):\n    rise: 0.01\nnew Own at (0.5, 0), with rize 0.1\n",
             "Own has no property rize; did you mean rise?",
@@ -138,9 +144,7 @@ def test_misspelt_properties(tmp_path: Path, text: str, part: str) -> None:
     ],
 )
 def test_properties_that_the_program_or_scenic_uses(tmp_path: Path, text: str) -> None:
-    program = tmp_path / "good.scenic"
-    program.write_text(f"model model\n{EGO}{GOAL}{text}")
-    open_environment(program, {}, 1).sample(0)
+    accepted(tmp_path, f"model model\n{EGO}{GOAL}{text}")
 
 
 @pytest.mark.parametrize(
@@ -155,10 +159,8 @@ def test_properties_that_the_program_or_scenic_uses(tmp_path: Path, text: str) -
 def test_properties_that_an_imported_library_reads(tmp_path: Path, library: str, text: str, kind: str) -> None:
     (tmp_path / "walking.scenic").write_text(f"model model\n{library}")
     (tmp_path / "helping.py").write_text("def paced(self):\n    return self.pace\n")
-    program = tmp_path / "good.scenic"
     new = f"walker = new {kind} at (0.5, 0.5), facing -90 deg, with pace 0.1{text}\nwalker.pace = 0.2\n"
-    program.write_text(f"model model\nfrom walking import Walk\n{EGO}{GOAL}{new}")
-    open_environment(program, {}, 1).sample(0)
+    accepted(tmp_path, f"model model\nfrom walking import Walk\n{EGO}{GOAL}{new}")
 
 
 @pytest.mark.parametrize(
@@ -172,28 +174,22 @@ def test_properties_that_an_imported_library_reads(tmp_path: Path, library: str,
     ],
 )
 def test_names_that_only_a_run_would_evaluate(tmp_path: Path, text: str, line: int) -> None:
-    assert f"line {line}: NameError: name 'target' is not defined" in message(
-        tmp_path, f"model model\n{EGO}{GOAL}{text}"
-    )
+    assert f"line {line}: NameError: name 'target' is not defined" in message(tmp_path, f"model model\n{EGO}{GOAL}{text}")
 
 
 def test_names_that_the_program_defines_somewhere(tmp_path: Path) -> None:
-    program = tmp_path / "good.scenic"
-    program.write_text(
+    text = (
         f"model model\n{EGO}{GOAL}if 1 > 2:\n    target = goal\n"
         "monitor Near():\n    global seen\n    seen = 0\n    local = seen\n    while local + seen < 3:\n        wait\n"
         "require monitor Near()\nrecord (lambda near: min(near, 3))(2) as three\ndef never():\n    return target\n"
     )
-    open_environment(program, {}, 1).sample(0)
+    accepted(tmp_path, text)
 
 
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        (
-            "terminate when ego.position.x > 1\n",
-            "line 3: `terminate when` (line 3): Scenic drops such statements",
-        ),
+        ("terminate when ego.position.x > 1\n", "line 3: `terminate when` (line 3): Scenic drops such statements"),
         ("terminate after 5 seconds\n", "line 3: `terminate after` (line 3): "),
         (
             "record ego.position as place\nterminate after 5 seconds\n",
@@ -261,11 +257,6 @@ def test_what_an_import_takes_over_is_accepted(tmp_path: Path) -> None:
     assert open_environment(program, {}, 1).dynamic
 
 
-def test_an_error_in_an_imported_program_names_that_file(tmp_path: Path) -> None:
-    (tmp_path / "other.scenic").write_text("model model\n\nnew Bump at (unknown, 0)\n")
-    assert "other.scenic: line 3: NameError" in message(tmp_path, f"model model\nimport other\n{EGO}{GOAL}")
-
-
 def test_requirements_that_never_hold(tmp_path: Path) -> None:
     said = message(tmp_path, f"model model\n{EGO}{GOAL}require ego.position.x > 3\n")
     assert "rejected all 2000 tries" in said
@@ -280,10 +271,7 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
         (EGO + GOAL + GOAL, "line 4: Goal at (1, 0): is a second Goal"),
         (GOAL + "ego = new Marker at (0, 0)\n", "the ego is a Marker, not a Robot"),
         (EGO + GOAL + "new Robot at (0, 0.5)\n", "line 4: Robot at (0, 0.5): is a second Robot"),
-        (
-            EGO + GOAL + "new Object at (0.5, 0), with allowCollisions True\n",
-            "Object at (0.5, 0): is not one of",
-        ),
+        (EGO + GOAL + "new Object at (0.5, 0), with allowCollisions True\n", "Object at (0.5, 0): is not one of"),
         (
             EGO + GOAL + "new Bump at (0.5, 0), with height -0.1\n",
             "line 4: Bump at (0.5, 0): box: height_m: -0.1 is below the limit 0.0001",
@@ -328,32 +316,17 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
             "new Bump at (0.8, 0), with length 0.3, with width 0.3, with height 0.2\n",
             "no car can reach it: it is inside a box 0.2 m high, and no wheel climbs more than 0.15 m",
         ),
-        (
-            EGO + GOAL + "new Bump at (0.5, 0), with height 20\n",
-            "height_m: 20 is above the limit 1; lengths are in",
-        ),
-        (
-            EGO + GOAL + "new GaussianHill at (0.5, 0), with height -20\n",
-            "hill: height_m: -20 is below the limit -1",
-        ),
-        (
-            EGO + GOAL + "new Pothole at (0.5, 0), with depth 15\n",
-            "pothole: depth_m: 15 is above the limit 1",
-        ),
+        (EGO + GOAL + "new Bump at (0.5, 0), with height 20\n", "height_m: 20 is above the limit 1; lengths are in"),
+        (EGO + GOAL + "new GaussianHill at (0.5, 0), with height -20\n", "hill: height_m: -20 is below the limit -1"),
+        (EGO + GOAL + "new Pothole at (0.5, 0), with depth 15\n", "pothole: depth_m: 15 is above the limit 1"),
         (EGO + GOAL + "new Pothole at (0.5, 0), with edge 0.1\n", "edge_m: 0.1 is above the radius, 0.08"),
-        (
-            EGO + GOAL + "new RoundBump at (0.5, 0), with height 0.05\n",
-            "half_round: height_m: 0.05 is above half the",
-        ),
+        (EGO + GOAL + "new RoundBump at (0.5, 0), with height 0.05\n", "half_round: height_m: 0.05 is above half the"),
         (
             EGO + GOAL + "new RoughGround at (0.5, 0), with correlation 0.0015\n",
             "rough: correlation_m: 0.0015 makes a grid of 1.71e+07 heights, which is above the limit 4e+06",
         ),
         (EGO + GOAL + "new RoughGround at (0.5, 0), with seed 1.5\n", "rough: seed: 1.5 is not a whole number"),
-        (
-            EGO + GOAL + "new FrictionPatch at (0.5, 0), with friction 9\n",
-            "patch: friction: 9 is above the limit 5",
-        ),
+        (EGO + GOAL + "new FrictionPatch at (0.5, 0), with friction 9\n", "patch: friction: 9 is above the limit 5"),
         (EGO + GOAL + f"{PIECES}        return [3]\nnew Own at (0.5, 0)\n", "3 is not a piece of terrain"),
         (
             EGO + GOAL + f"{PIECES}        return [{{'kind': 'box', 'length_m': 1}}]\nnew Own at (0.5, 0)\n",
@@ -364,8 +337,7 @@ def test_requirements_that_never_hold(tmp_path: Path) -> None:
             "box: unknown key radius; its keys are length_m, width_m, height_m",
         ),
         (
-            f"{EGO}{GOAL}for _ in range(101):\n"
-            "    new StepPyramid at (0.5, 0), with steps 100, with step_height 0.001\n",
+            f"{EGO}{GOAL}for _ in range(101):\n    new StepPyramid at (0.5, 0), with steps 100, with step_height 0.001\n",
             "the terrain has more than 10000 pieces",
         ),
     ],
@@ -374,17 +346,17 @@ def test_what_the_simulator_cannot_represent(tmp_path: Path, text: str, part: st
     assert part in message(tmp_path, f"model model\n{text}")
 
 
-def test_mistakes_in_an_imported_program_name_that_file(tmp_path: Path) -> None:
-    (tmp_path / "other.scenic").write_text("model model\n\nnew Bump at (30, 0)\n")
-    said = message(tmp_path, f"model model\nimport other\n{EGO}{GOAL}")
-    assert "other.scenic: line 3: Bump at (30, 0): x: 30.0 m is outside" in said
+@pytest.mark.parametrize(
+    ("place", "part"), [("(unknown, 0)", "NameError"), ("(30, 0)", "Bump at (30, 0): x: 30.0 m is outside")]
+)
+def test_mistakes_in_an_imported_program_name_that_file(tmp_path: Path, place: str, part: str) -> None:
+    (tmp_path / "other.scenic").write_text(f"model model\n\nnew Bump at {place}\n")
+    assert f"other.scenic: line 3: {part}" in message(tmp_path, f"model model\nimport other\n{EGO}{GOAL}")
 
 
 @pytest.mark.parametrize("obstacle", ["Bump at (0.14, 0)", "Step at (0, 0)", "GaussianHill at (0.05, 0)"])
 def test_starts_beside_a_block_wholly_on_one_or_on_a_hill_are_fine(tmp_path: Path, obstacle: str) -> None:
-    program = tmp_path / "good.scenic"
-    program.write_text(f"model model\n{EGO}{GOAL}new {obstacle}, facing -90 deg\n")
-    assert len(open_environment(program, {}, 1).sample(0)["terrain"]) == 1
+    assert len(accepted(tmp_path, f"model model\n{EGO}{GOAL}new {obstacle}, facing -90 deg\n")["terrain"]) == 1
 
 
 def test_too_many_objects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -393,34 +365,24 @@ def test_too_many_objects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     assert "21 objects are above the limit 20 of a scene" in message(tmp_path, text)
 
 
-def test_a_program_that_loops_while_compiling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scenic_program, "COMPILE_LIMIT_S", 0.5)
-    text = f"model model\n{EGO}{GOAL}while True:\n    pass\n"
-    assert "compiling takes longer than the limit of 0.5 s" in message(tmp_path, text)
-
-
-def test_a_program_that_loops_while_sampling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(source, "SAMPLE_LIMIT_S", 0.5)
-    loop = "def never(x):\n    while True:\n        x += 1\nrequire never(ego.position.x)\n"
+@pytest.mark.parametrize(
+    ("loop", "what"),
+    [
+        ("while True:\n    pass\n", "compiling"),
+        ("def never(x):\n    while True:\n        x += 1\nrequire never(ego.position.x)\n", "sample 0"),
+        (f"{PIECES}        while True:\n            pass\nnew Own at (0.5, 0)\n", "sample 0"),
+    ],
+)
+def test_a_program_that_loops(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loop: str, what: str) -> None:
+    limit = (scenic_program, "COMPILE_LIMIT_S") if what == "compiling" else (source, "SAMPLE_LIMIT_S")
+    monkeypatch.setattr(*limit, 0.5)
     said = message(tmp_path, f"model model\n{EGO}{GOAL}{loop}")
-    assert "sample 0 takes longer than the limit of 0.5 s" in said
-
-
-def test_a_terrain_that_loops_while_it_is_taken_apart(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(source, "SAMPLE_LIMIT_S", 0.5)
-    loop = f"{PIECES}        while True:\n            pass\nnew Own at (0.5, 0)\n"
-    assert "sample 0 takes longer than the limit of 0.5 s" in message(
-        tmp_path, f"model model\n{EGO}{GOAL}{loop}"
-    )
+    assert f"{what} takes longer than the limit of 0.5 s" in said
 
 
 def test_parameters_are_checked(tmp_path: Path) -> None:
     text = f"model model\nparam far = 3, label = 'a'\n{EGO}{GOAL}"
-    assert "param near: unknown; the program's parameters are: course_x_max" in message(
-        tmp_path, text, {"near": 1}
-    )
+    assert "param near: unknown; the program's parameters are: course_x_max" in message(tmp_path, text, {"near": 1})
     assert "param far: 'x' is not a number" in message(tmp_path, text, {"far": "x"})
     assert "param far: nan is not finite" in message(tmp_path, text, {"far": float("nan")})
 
@@ -437,9 +399,7 @@ def test_missing_files(tmp_path: Path) -> None:
 def test_a_copy_of_the_model_beside_the_program_is_used(tmp_path: Path) -> None:
     model = VOCABULARY_DIR / "model.scenic"
     (tmp_path / "model.scenic").write_text(model.read_text().replace("friction = 0.6", "friction = 0.3"))
-    program = tmp_path / "own.scenic"
-    program.write_text(f"model model\n{EGO}{GOAL}")
-    assert open_environment(program, {}, 1).sample(0)["friction"] == 0.3
+    assert accepted(tmp_path, f"model model\n{EGO}{GOAL}")["friction"] == 0.3
 
 
 def test_a_misspelt_variable_is_not_said_to_come_with_the_model(tmp_path: Path) -> None:

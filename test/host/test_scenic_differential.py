@@ -273,9 +273,7 @@ def alike(ours: Any, theirs: Any) -> bool:
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_programs_do_what_they_do_in_scenics_own_simulation(
-    tmp_path: Path, stepped: SteppedCarsim, name: str
-) -> None:
+def test_programs_do_what_they_do_in_scenics_own_simulation(tmp_path: Path, stepped: SteppedCarsim, name: str) -> None:
     program = tmp_path / "program.scenic"
     program.write_text(text_of(name))
     source = open_environment(program, {}, 1)

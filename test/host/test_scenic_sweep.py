@@ -70,9 +70,7 @@ def test_both_ways_store_the_same_outcomes_times_and_distances(
     counts, beside = swept(listing, tmp_path / "beside.db", carsim_binary)
 
     assert (counts.new, counts.failed) == (6, 0)
-    assert [(r.outcome, r.metrics) for r in beside] == [
-        (r.outcome, r.metrics) for r in native
-    ]
+    assert [(r.outcome, r.metrics) for r in beside] == [(r.outcome, r.metrics) for r in native]
     assert "passed" in {r.outcome for r in native}
 
 
@@ -177,9 +175,7 @@ def test_a_run_begins_as_if_it_were_the_first(
     assert [other, first] == answers(1, 0)
 
 
-def test_rows_do_not_depend_on_jobs(
-    tmp_path: Path, listing: Path, program: Path, carsim_binary: Path
-) -> None:
+def test_rows_do_not_depend_on_jobs(tmp_path: Path, listing: Path, program: Path, carsim_binary: Path) -> None:
     program.write_text(
         HEAD + GOAL + "import random\n" + LEAKS["a list in an attribute"] + "record final random.random() as chance\n"
     )

@@ -90,9 +90,7 @@ def test_a_network_that_swallows_everything_is_given_up_in_time(monkeypatch: pyt
     assert took_s < 30.0
 
 
-def test_a_page_that_is_not_the_registrys_does_not_count_as_the_registry(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_page_that_is_not_the_registrys_does_not_count_as_the_registry(monkeypatch: pytest.MonkeyPatch) -> None:
     login_page = requests.Response()
     login_page.status_code = 200
     login_page._content = b"<html>Please log in</html>"

@@ -121,9 +121,7 @@ def test_a_segment_too_heavy_for_its_wheels_fails_with_its_numbers(carsim_binary
     assert "more than 100 times as heavy as a pair of wheels" in error["message"]
 
 
-def test_cars_that_vary_wheel_by_wheel_have_unlike_sides(
-    foldcar: Command, listing_of: Callable[..., Path]
-) -> None:
+def test_cars_that_vary_wheel_by_wheel_have_unlike_sides(foldcar: Command, listing_of: Callable[..., Path]) -> None:
     listing = listing_of(ACROSS, variation="workshop")
 
     assert "the cars' sides (nearby cars vary" in swept(foldcar, listing, "s.db").stderr

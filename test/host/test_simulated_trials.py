@@ -102,9 +102,7 @@ def test_a_changed_program_is_refused(course: Path, carsim_binary: Path, foldcar
 
 
 @pytest.mark.parametrize("scene_id", ["bump", "42/0", "x" * 100])
-def test_a_car_in_a_scene_of_ones_own_is_refused(
-    course: Path, carsim_binary: Path, foldcar: Any, scene_id: str
-) -> None:
+def test_a_car_in_a_scene_of_ones_own_is_refused(course: Path, carsim_binary: Path, foldcar: Any, scene_id: str) -> None:
     design = compose("W_B_W", {"width": 95.0})
     with simulated_car(
         [str(carsim_binary)], body_json(design), empty_scene(goal_x_m=0.6), car_json(design), scene_id=scene_id

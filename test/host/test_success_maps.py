@@ -48,9 +48,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A study over width and radius, and of bumps of three heights, one experiment each."""
     store = tmp_path_factory.mktemp("maps") / "study.db"
     varied = {"width_mm": WIDTHS, "radius_mm": RADII}
-    write_study(
-        store, varied, SAMPLES, lambda d, s: share_passes(true_rate(d["width_mm"], d["radius_mm"]), s, SAMPLES)
-    )
+    write_study(store, varied, SAMPLES, lambda d, s: share_passes(true_rate(d["width_mm"], d["radius_mm"]), s, SAMPLES))
     with write_store(store) as writer:
         writer.begin_study(FACTS, BUILD)
         for height in HEIGHTS:

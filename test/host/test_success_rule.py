@@ -116,9 +116,7 @@ def test_a_monitor_may_end_a_run_without_a_goal(listing: Path, program: Path, fo
     assert float(told["elapsed_time_s"]) == pytest.approx(0.5)
 
 
-def test_no_share_is_given_where_success_is_undefined(
-    listing: Path, program: Path, foldcar: Any, tmp_path: Path
-) -> None:
+def test_no_share_is_given_where_success_is_undefined(listing: Path, program: Path, foldcar: Any, tmp_path: Path) -> None:
     program.write_text(HEAD + MONITOR)
 
     said = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")

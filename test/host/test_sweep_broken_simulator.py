@@ -29,12 +29,7 @@ def simulator(tmp_path: Path, carsim: Path, batch: str) -> Path:
     ],
 )
 def test_a_simulator_that_breaks_down_is_named(
-    tmp_path: Path,
-    write_listing: WriteListing,
-    listing_data: Any,
-    carsim_binary: Path,
-    batch: str,
-    message: str,
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path, batch: str, message: str
 ) -> None:
     broken = simulator(tmp_path, carsim_binary, batch)
 

@@ -15,8 +15,9 @@ from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import write_store
 from old_stores import contents, old_store
-from test_report_command import FACTS, add_experiment, width_outcome
+from test_report_command import FACTS, TOLD, width_outcome
 from test_trial_store import begin
+from written_study import add_experiment
 
 CARS = ("built", "built", "simulated", "simulated", None)
 
@@ -27,7 +28,7 @@ def mixed(tmp_path: Path) -> Path:
     path = tmp_path / "s.db"
     with write_store(path) as study:
         study.begin_study(FACTS, "build-7")
-        add_experiment(study, "1", {"width_mm": (95.0, 115.0)}, 3, 3, width_outcome)
+        add_experiment(study, "1", {"width_mm": (95.0, 115.0)}, 3, width_outcome, TOLD)
     with write_trials(path) as writer:
         for outcome, car in zip(("passed", "stuck", "passed", "passed", "passed"), CARS, strict=True):
             row = {"experiment": "1", "vehicle_type": "W_B_W", "design": {"width_mm": 95.0, "height_mm": 50.0}}

@@ -110,9 +110,7 @@ def test_a_car_that_still_drives_an_earlier_trial_is_stopped_first(
     assert (trial.outcome, trial.ending) == ("timeout", "time limit")
 
 
-def test_a_board_that_restarts_aborts_the_trial(
-    tmp_path: Path, free_course: Path, carsim_binary: Path
-) -> None:
+def test_a_board_that_restarts_aborts_the_trial(tmp_path: Path, free_course: Path, carsim_binary: Path) -> None:
     with (
         car_at_port(carsim_binary, goal_x_m=None) as car,
         Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes") as person,

@@ -21,9 +21,10 @@ from typist import Typist
 
 
 def test_a_person_drives_a_trial(tmp_path: Path, free_course: Path, carsim_binary: Path) -> None:
-    with car_at_port(carsim_binary, goal_x_m=None) as car, Typist(
-        tmp_path, *LOG, "--port", car.port, "--countdown", "1"
-    ) as person:
+    with (
+        car_at_port(carsim_binary, goal_x_m=None) as car,
+        Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "1") as person,
+    ):
         assert "W_B_W 95x200 r60" in person.sees("Measured deviations")
         person.sees("deviation: ")
         person.types("A 5 -3 90\n")
@@ -135,9 +136,7 @@ def test_another_design_is_refused_and_does_not_move(
     assert float(other.stdout.split()[1]) == pytest.approx(body_json(compose("W_B_W", {"width": 150.0}))["track_m"])
 
 
-def test_an_untethered_car_brings_its_log_home(
-    tmp_path: Path, free_course: Path, carsim_binary: Path
-) -> None:
+def test_an_untethered_car_brings_its_log_home(tmp_path: Path, free_course: Path, carsim_binary: Path) -> None:
     with (
         car_at_port(carsim_binary, goal_x_m=None, tcp=True) as car,
         Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes", "--untethered") as person,

@@ -136,9 +136,7 @@ def test_a_ramp_leads_up_from_the_side_that_it_is_met_from(tmp_path: Path, carsi
     }
     question = {"id": "h", "scene": "s", "x_m": x_m, "y_m": [0.1] * len(x_m)}
     lines = f"{json.dumps({'scene': scene})}\n{json.dumps({'heights': question})}\n"
-    answer = subprocess.run(
-        [carsim_binary, "batch"], input=lines, capture_output=True, text=True, check=True
-    ).stdout
+    answer = subprocess.run([carsim_binary, "batch"], input=lines, capture_output=True, text=True, check=True).stdout
     assert json.loads(answer)["z_m"] == pytest.approx(expected, abs=1e-6)
 
 

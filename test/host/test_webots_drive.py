@@ -110,4 +110,4 @@ def test_the_controller_drives_as_the_firmware_does(
 
 
 def test_the_controller_is_python_of_the_oldest_webots() -> None:
-    ast.parse(controller_program(), feature_version=(3, 8))
+    assert ast.parse(controller_program(), feature_version=(3, 8)).body

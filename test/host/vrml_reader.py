@@ -9,12 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 POSE = {"translation": "SFVec3f", "rotation": "SFRotation", "children": "MFNode"}
-SOLID = POSE | {
-    "name": "SFString",
-    "contactMaterial": "SFString",
-    "boundingObject": "SFNode",
-    "physics": "SFNode",
-}
+SOLID = POSE | {"name": "SFString", "contactMaterial": "SFString", "boundingObject": "SFNode", "physics": "SFNode"}
 NODES: dict[str, dict[str, str]] = {
     "WorldInfo": {"basicTimeStep": "SFFloat", "contactProperties": "MFNode"},
     "Viewpoint": {"orientation": "SFRotation", "position": "SFVec3f"},
@@ -45,12 +40,7 @@ NODES: dict[str, dict[str, str]] = {
         "springConstant": "SFFloat",
         "dampingConstant": "SFFloat",
     },
-    "RotationalMotor": {
-        "name": "SFString",
-        "maxVelocity": "SFFloat",
-        "maxTorque": "SFFloat",
-        "sound": "SFString",
-    },
+    "RotationalMotor": {"name": "SFString", "maxVelocity": "SFFloat", "maxTorque": "SFFloat", "sound": "SFString"},
     "PositionSensor": {"name": "SFString"},
     "Shape": {"appearance": "SFNode", "geometry": "SFNode"},
     "PBRAppearance": {"baseColor": "SFColor", "roughness": "SFFloat", "metalness": "SFFloat"},
@@ -107,9 +97,7 @@ class Reader:
     def __init__(self, text: str) -> None:
         assert text.startswith("#VRML_SIM R2023b utf8\n")
         assert "".join(TOKEN.findall(text)) == text
-        self.tokens = [
-            t for t in TOKEN.findall(text) if not t.isspace() and not t.startswith("#") and t != ","
-        ]
+        self.tokens = [t for t in TOKEN.findall(text) if not t.isspace() and not t.startswith("#") and t != ","]
         self.file = ReadFile([], [])
 
     def read(self) -> ReadFile:

@@ -5,6 +5,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from foldcar.simulation.results import NUMBERS
 from foldcar.store.trial_writer import CarFacts, Drive, Ending, TrialDesign, write_trials
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
 
@@ -20,13 +21,7 @@ FACTS = {
 }
 RULE = {"success_rule": "a run has passed if it reaches its Goal", "success_defined": True}
 FIXED = {"height_mm": 50.0}
-METRICS = {
-    "elapsed_time_s": 12.5,
-    "distance_to_target_m": None,
-    "consumed_energy_j": 3.0,
-    "max_roll_rad": 0.2,
-    "max_pitch_rad": 0.3,
-}
+METRICS = {**dict.fromkeys(NUMBERS, 0.2), "elapsed_time_s": 12.5, "distance_to_target_m": None, "consumed_energy_j": 3.0}
 Outcome = Callable[[Mapping[str, float], int], str]
 
 
@@ -53,8 +48,9 @@ def add_experiment(
     samples: int,
     outcome: Outcome,
     facts: Mapping[str, Any],
+    stored: int | None = None,
 ) -> None:
-    """Add one experiment to an open store."""
+    """Add one experiment to an open store, with the runs of the first ``stored`` samples, or of all."""
     environment, spread = writer.environment(fingerprint(name)), writer.spread("nominal")
     told: dict[str, Any] = {
         "vehicle_type": "W_B_W",
@@ -78,6 +74,7 @@ def add_experiment(
     for sample in range(samples):
         writer.put_sample(environment, sample, {"of": name, "sample": sample})
         writer.put_draw(spread, sample, {})
+    for sample in range(samples if stored is None else stored):
         runs = writer.planned_runs(plan, sample)
         writer.add_results((run, {**METRICS, "outcome": outcome(designs[run.design], sample)}) for run in runs)
 

@@ -30,10 +30,4 @@ struct Bench {
 
 inline bool any_pulse(const PulsesUs& pulses_us) { return pulses_us != kOff; }
 
-// Each runs the tests of one file.
-void run_start_up_tests();
-void run_tick_tests();
-void run_fault_tests();
-void run_by_hand_tests();
-
 }  // namespace foldcar

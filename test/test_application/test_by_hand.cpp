@@ -1,5 +1,5 @@
 // What people do by hand: the stick, a test of one output, a parameter.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 
@@ -9,7 +9,7 @@ namespace foldcar {
 namespace {
 
 // Full forward stick is WHEEL_MAX_RAD_S: 1500 + 45 + 155 us forward at the default gain, mirrored on the right.
-void the_stick_drives_an_armed_car() {
+TEST(the_stick_drives_an_armed_car) {
   Bench bench;
   bench.application.begin();
   TEST_ASSERT_TRUE(bench.application.drive_manually(1.0f, 0.0f) == Refusal::kNotArmed);
@@ -37,7 +37,7 @@ void the_stick_drives_an_armed_car() {
   TEST_ASSERT_TRUE(bench.application.drive_manually(1.1f, 0.0f) == Refusal::kNotANumber);
 }
 
-void a_test_puts_its_pulse_on_one_output_only_and_ends() {
+TEST(a_test_puts_its_pulse_on_one_output_only_and_ends) {
   Bench bench;
   bench.application.begin();
   TEST_ASSERT_TRUE(bench.application.test(2, 1480.0f, 0.2f) == Refusal::kNone);
@@ -56,7 +56,7 @@ void a_test_puts_its_pulse_on_one_output_only_and_ends() {
   TEST_ASSERT_TRUE(bench.application.test(0, NAN, 0.2f) == Refusal::kTest);
 }
 
-void a_parameter_that_is_set_is_saved_and_forgotten_on_request() {
+TEST(a_parameter_that_is_set_is_saved_and_forgotten_on_request) {
   Bench bench;
   bench.application.begin();
   Application& application = bench.application;
@@ -74,12 +74,5 @@ void a_parameter_that_is_set_is_saved_and_forgotten_on_request() {
 }
 
 }  // namespace
-
-void run_by_hand_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(the_stick_drives_an_armed_car);
-  RUN_TEST(a_test_puts_its_pulse_on_one_output_only_and_ends);
-  RUN_TEST(a_parameter_that_is_set_is_saved_and_forgotten_on_request);
-}
 
 }  // namespace foldcar

@@ -1,12 +1,12 @@
 // Faults of the hardware while the application runs: servo driver, battery, IMU, tilt.
-#include <unity.h>
+#include "../suite.h"
 
 #include "application_bench.h"
 
 namespace foldcar {
 namespace {
 
-void a_write_that_fails_is_a_bus_fault_and_is_followed_by_an_off_write() {
+TEST(a_write_that_fails_is_a_bus_fault_and_is_followed_by_an_off_write) {
   Bench bench;
   bench.run();
   bench.tick();
@@ -17,7 +17,7 @@ void a_write_that_fails_is_a_bus_fault_and_is_followed_by_an_off_write() {
   TEST_ASSERT_FALSE(any_pulse(bench.application.status().pulses_us));
 }
 
-void a_bus_fault_comes_back_until_the_driver_answers() {
+TEST(a_bus_fault_comes_back_until_the_driver_answers) {
   Bench bench;
   bench.board.servos.answers = false;
   bench.application.begin();
@@ -31,7 +31,7 @@ void a_bus_fault_comes_back_until_the_driver_answers() {
   TEST_ASSERT_TRUE(bench.application.status().state == State::kDisarmed);
 }
 
-void a_short_dip_of_the_battery_does_not_end_a_trial_and_a_long_one_does() {
+TEST(a_short_dip_of_the_battery_does_not_end_a_trial_and_a_long_one_does) {
   Bench bench;
   bench.run();
   const auto low_for = [&bench](int tick_count) {
@@ -45,7 +45,7 @@ void a_short_dip_of_the_battery_does_not_end_a_trial_and_a_long_one_does() {
   TEST_ASSERT_TRUE(low_for(26) == Fault::kBatteryLow);
 }
 
-void a_car_that_lies_on_its_side_stops_if_it_has_an_imu() {
+TEST(a_car_that_lies_on_its_side_stops_if_it_has_an_imu) {
   Bench bench;
   bench.board.imu.fitted = true;
   bench.board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
@@ -61,7 +61,7 @@ void a_car_that_lies_on_its_side_stops_if_it_has_an_imu() {
   TEST_ASSERT_TRUE(ticks > 15 && ticks < 80);
 }
 
-void an_imu_that_stops_answering_stops_the_car() {
+TEST(an_imu_that_stops_answering_stops_the_car) {
   Bench bench;
   bench.board.imu.fitted = true;
   bench.board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
@@ -74,14 +74,5 @@ void an_imu_that_stops_answering_stops_the_car() {
 }
 
 }  // namespace
-
-void run_fault_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(a_write_that_fails_is_a_bus_fault_and_is_followed_by_an_off_write);
-  RUN_TEST(a_bus_fault_comes_back_until_the_driver_answers);
-  RUN_TEST(a_short_dip_of_the_battery_does_not_end_a_trial_and_a_long_one_does);
-  RUN_TEST(a_car_that_lies_on_its_side_stops_if_it_has_an_imu);
-  RUN_TEST(an_imu_that_stops_answering_stops_the_car);
-}
 
 }  // namespace foldcar

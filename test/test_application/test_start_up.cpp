@@ -1,12 +1,12 @@
 // What the application does first: outputs off, stored parameters, reset reason, design.
-#include <unity.h>
+#include "../suite.h"
 
 #include "application_bench.h"
 
 namespace foldcar {
 namespace {
 
-void outputs_are_off_before_parameters_are_loaded() {
+TEST(outputs_are_off_before_parameters_are_loaded) {
   struct WatchingStorage : SimStorage {
     const RecordingServos* servos = nullptr;
     bool off_came_first = true;
@@ -29,7 +29,7 @@ void outputs_are_off_before_parameters_are_loaded() {
   TEST_ASSERT_EQUAL_FLOAT(0.25f, parameters.get(Parameter::kTrackM));
 }
 
-void a_stored_parameter_out_of_range_is_a_fault() {
+TEST(a_stored_parameter_out_of_range_is_a_fault) {
   Bench bench;
   bench.board.storage.values["TRACK_M"] = 99.0f;
   bench.application.begin();
@@ -37,7 +37,7 @@ void a_stored_parameter_out_of_range_is_a_fault() {
   TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kFaultLatched);
 }
 
-void stored_parameters_that_cannot_be_read_are_a_fault() {
+TEST(stored_parameters_that_cannot_be_read_are_a_fault) {
   Bench bench;
   bench.board.storage.values["STAGGER_MS"] = 77.0f;
   bench.board.storage.fitted = false;
@@ -47,7 +47,7 @@ void stored_parameters_that_cannot_be_read_are_a_fault() {
   TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
 }
 
-void a_reset_by_a_watchdog_or_a_brown_out_is_a_fault() {
+TEST(a_reset_by_a_watchdog_or_a_brown_out_is_a_fault) {
   const auto fault_after = [](ResetReason reason) {
     Bench bench;
     bench.board.board.reason = reason;
@@ -63,7 +63,7 @@ void a_reset_by_a_watchdog_or_a_brown_out_is_a_fault() {
   }
 }
 
-void a_refused_design_keeps_the_car_from_moving_even_when_acknowledged() {
+TEST(a_refused_design_keeps_the_car_from_moving_even_when_acknowledged) {
   Bench bench;
   DesignResult design;
   design.source = DesignSource::kRefused;
@@ -74,7 +74,7 @@ void a_refused_design_keeps_the_car_from_moving_even_when_acknowledged() {
   TEST_ASSERT_TRUE(bench.application.test(0, 1500.0f, 1.0f) == Refusal::kDesign);
 }
 
-void a_car_without_a_design_stays_disarmed_until_that_is_confirmed() {
+TEST(a_car_without_a_design_stays_disarmed_until_that_is_confirmed) {
   for (const DesignSource source : {DesignSource::kMissing, DesignSource::kUnreadable}) {
     Bench bench;
     DesignResult design;
@@ -91,7 +91,7 @@ void a_car_without_a_design_stays_disarmed_until_that_is_confirmed() {
   }
 }
 
-void another_fault_does_not_hide_that_there_is_no_design() {
+TEST(another_fault_does_not_hide_that_there_is_no_design) {
   Bench bench;
   bench.board.board.reason = ResetReason::kBrownOut;
   DesignResult design;
@@ -103,7 +103,7 @@ void another_fault_does_not_hide_that_there_is_no_design() {
   TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kFaultLatched);
 }
 
-void each_fault_of_the_start_is_reported_when_the_one_before_is_acknowledged() {
+TEST(each_fault_of_the_start_is_reported_when_the_one_before_is_acknowledged) {
   Bench bench;
   bench.board.board.reason = ResetReason::kTaskWatchdog;
   bench.board.storage.values["TRACK_M"] = -1.0f;
@@ -119,17 +119,5 @@ void each_fault_of_the_start_is_reported_when_the_one_before_is_acknowledged() {
 }
 
 }  // namespace
-
-void run_start_up_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(outputs_are_off_before_parameters_are_loaded);
-  RUN_TEST(a_stored_parameter_out_of_range_is_a_fault);
-  RUN_TEST(stored_parameters_that_cannot_be_read_are_a_fault);
-  RUN_TEST(a_reset_by_a_watchdog_or_a_brown_out_is_a_fault);
-  RUN_TEST(a_refused_design_keeps_the_car_from_moving_even_when_acknowledged);
-  RUN_TEST(a_car_without_a_design_stays_disarmed_until_that_is_confirmed);
-  RUN_TEST(another_fault_does_not_hide_that_there_is_no_design);
-  RUN_TEST(each_fault_of_the_start_is_reported_when_the_one_before_is_acknowledged);
-}
 
 }  // namespace foldcar

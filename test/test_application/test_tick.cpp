@@ -1,5 +1,5 @@
 // The tick in a trial: pulses in each state, the ramp over ticks early and late, many cars in one process.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 #include <memory>
@@ -10,7 +10,7 @@
 namespace foldcar {
 namespace {
 
-void pulses_come_only_while_a_trial_runs() {
+TEST(pulses_come_only_while_a_trial_runs) {
   Bench bench;
   Application& car = bench.application;
   const auto pulses_after_tick = [&bench] {
@@ -41,7 +41,7 @@ void pulses_come_only_while_a_trial_runs() {
   TEST_ASSERT_FALSE_MESSAGE(any_pulse(bench.last_us()), "disarm acts at once");
 }
 
-void the_first_tick_of_a_trial_is_neutral_and_the_ramp_follows_the_clock() {
+TEST(the_first_tick_of_a_trial_is_neutral_and_the_ramp_follows_the_clock) {
   Bench bench;
   bench.parameters.set("SLEW_US_PER_S", 500.0f);
   bench.parameters.set("STAGGER_MS", 0.0f);
@@ -57,7 +57,7 @@ void the_first_tick_of_a_trial_is_neutral_and_the_ramp_follows_the_clock() {
   }
 }
 
-void a_second_trial_starts_from_rest_like_the_first() {
+TEST(a_second_trial_starts_from_rest_like_the_first) {
   Bench bench;
   bench.run();
   std::vector<PulsesUs> first_us;
@@ -75,7 +75,7 @@ void a_second_trial_starts_from_rest_like_the_first() {
   }
 }
 
-void after_a_long_gap_the_ramp_does_not_jump() {
+TEST(after_a_long_gap_the_ramp_does_not_jump) {
   Bench bench;
   bench.parameters.set("SLEW_US_PER_S", 500.0f);
   bench.parameters.set("STAGGER_MS", 0.0f);
@@ -84,7 +84,7 @@ void after_a_long_gap_the_ramp_does_not_jump() {
   TEST_ASSERT_FLOAT_WITHIN(0.01f, 1545.0f + 500.0f * 0.1f, bench.last_us()[0]);
 }
 
-void a_late_tick_does_not_lengthen_the_trial() {
+TEST(a_late_tick_does_not_lengthen_the_trial) {
   Bench bench;
   bench.run({0.1f, 0.0f, 1.0f, true, 0});
   bench.tick(1500000);
@@ -92,7 +92,7 @@ void a_late_tick_does_not_lengthen_the_trial() {
   TEST_ASSERT_FALSE(any_pulse(bench.last_us()));
 }
 
-void parameters_changed_in_a_trial_drive_the_next_one() {
+TEST(parameters_changed_in_a_trial_drive_the_next_one) {
   Bench bench;
   bench.run();
   for (int i = 0; i < 50; ++i) bench.tick();
@@ -106,7 +106,7 @@ void parameters_changed_in_a_trial_drive_the_next_one() {
   TEST_ASSERT_FLOAT_WITHIN(0.01f, 1650.0f, bench.last_us()[0]);
 }
 
-void status_tells_the_state_the_time_and_the_pulses() {
+TEST(status_tells_the_state_the_time_and_the_pulses) {
   Bench bench;
   bench.run();
   for (int i = 0; i < 10; ++i) bench.tick();
@@ -118,7 +118,7 @@ void status_tells_the_state_the_time_and_the_pulses() {
 }
 
 // Cars that are ticked in turn write exactly the pulses that each writes alone.
-void many_applications_do_not_influence_each_other() {
+TEST(many_applications_do_not_influence_each_other) {
   constexpr std::size_t kCarCount = 40;
   const auto make = [](std::size_t number) {
     auto bench = std::make_unique<Bench>();
@@ -142,17 +142,5 @@ void many_applications_do_not_influence_each_other() {
 }
 
 }  // namespace
-
-void run_tick_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(pulses_come_only_while_a_trial_runs);
-  RUN_TEST(the_first_tick_of_a_trial_is_neutral_and_the_ramp_follows_the_clock);
-  RUN_TEST(a_second_trial_starts_from_rest_like_the_first);
-  RUN_TEST(after_a_long_gap_the_ramp_does_not_jump);
-  RUN_TEST(a_late_tick_does_not_lengthen_the_trial);
-  RUN_TEST(parameters_changed_in_a_trial_drive_the_next_one);
-  RUN_TEST(status_tells_the_state_the_time_and_the_pulses);
-  RUN_TEST(many_applications_do_not_influence_each_other);
-}
 
 }  // namespace foldcar

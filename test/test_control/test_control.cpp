@@ -1,5 +1,5 @@
 // The controller: wheel speeds, pulses, slew, stagger, mirror symmetry, all against closed forms.
-#include <unity.h>
+#include "../suite.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,9 +7,6 @@
 #include "differential_drive.h"
 
 using namespace foldcar;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -26,7 +23,7 @@ PulsesUs settled(const Parameters& parameters, const SetPoint& set_point) {
 
 }  // namespace
 
-void wheel_speeds_add_up_to_the_set_point() {
+TEST(wheel_speeds_add_up_to_the_set_point) {
   Parameters parameters;
   parameters.set("WHEEL_RADIUS_M", 0.05f);
   parameters.set("TRACK_M", 0.2f);
@@ -38,13 +35,13 @@ void wheel_speeds_add_up_to_the_set_point() {
   TEST_ASSERT_FLOAT_WITHIN(1e-5f, 1.0f, static_cast<float>((right_m_s - left_m_s) / 0.2));
 }
 
-void a_positive_yaw_rate_turns_left() {
+TEST(a_positive_yaw_rate_turns_left) {
   const WheelSpeeds speeds = wheel_speeds(calibrate(Parameters()), {0.0f, 2.0f});
   TEST_ASSERT_TRUE(speeds.right_rad_s > 0.0f);
   TEST_ASSERT_TRUE(speeds.left_rad_s == -speeds.right_rad_s);
 }
 
-void scaling_back_keeps_the_curvature() {
+TEST(scaling_back_keeps_the_curvature) {
   const Calibration calibration = calibrate(Parameters());
   for (const float speed_m_s : {1.0f, -3.0f, 5.0f}) {
     for (const float yaw_rate_rad_s : {-20.0f, 4.0f}) {
@@ -59,7 +56,7 @@ void scaling_back_keeps_the_curvature() {
   }
 }
 
-void full_speed_forward_is_two_hundred_microseconds_from_neutral_and_mirrored_on_the_right() {
+TEST(full_speed_forward_is_two_hundred_microseconds_from_neutral_and_mirrored_on_the_right) {
   const PulsesUs pulses_us = settled(Parameters(), {0.69f, 0.0f});
   TEST_ASSERT_FLOAT_WITHIN(0.01f, 1700.0f, pulses_us[0]);
   TEST_ASSERT_FLOAT_WITHIN(0.01f, 1300.0f, pulses_us[1]);
@@ -70,7 +67,7 @@ void full_speed_forward_is_two_hundred_microseconds_from_neutral_and_mirrored_on
   }
 }
 
-void every_wheel_has_its_own_neutral_deadband_direction_and_gain() {
+TEST(every_wheel_has_its_own_neutral_deadband_direction_and_gain) {
   Parameters parameters;
   parameters.set("WHEEL_RADIUS_M", 0.05f);
   const float neutral_us[] = {1480.0f, 1510.0f, 1523.5f, 1499.0f};
@@ -93,7 +90,7 @@ void every_wheel_has_its_own_neutral_deadband_direction_and_gain() {
   }
 }
 
-void zero_speed_is_the_neutral_pulse() {
+TEST(zero_speed_is_the_neutral_pulse) {
   Parameters parameters;
   parameters.set("CH2_NEUTRAL_US", 1530.0f);
   const PulsesUs pulses_us = settled(parameters, {0.0f, 0.0f});
@@ -101,7 +98,7 @@ void zero_speed_is_the_neutral_pulse() {
   TEST_ASSERT_TRUE(pulses_us[1] == 1530.0f);
 }
 
-void pulses_stay_within_what_servos_understand() {
+TEST(pulses_stay_within_what_servos_understand) {
   Parameters parameters;
   for (const char* name : {"CH1_GAIN_US", "CH2_GAIN_US"}) parameters.set(name, 500.0f);
   const PulsesUs pulses_us = settled(parameters, {0.69f, 0.0f});
@@ -110,7 +107,7 @@ void pulses_stay_within_what_servos_understand() {
 }
 
 // The n-th axle's ramp is slew × (time − n × stagger) for any length of the ticks.
-void axles_start_one_after_the_other_and_ramp_at_the_slew_rate() {
+TEST(axles_start_one_after_the_other_and_ramp_at_the_slew_rate) {
   for (const std::uint32_t step_us : {5000u, 20000u, 33333u}) {
     Parameters parameters;
     parameters.set("STAGGER_MS", 70.0f);
@@ -131,7 +128,7 @@ void axles_start_one_after_the_other_and_ramp_at_the_slew_rate() {
   }
 }
 
-void the_stagger_counts_only_channels_in_use() {
+TEST(the_stagger_counts_only_channels_in_use) {
   Parameters parameters;
   for (const char* name : {"CH1_SIDE", "CH2_SIDE", "CH3_SIDE", "CH4_SIDE"}) parameters.set(name, 0.0f);
   parameters.set("CH3_SIDE", 2.0f);
@@ -146,7 +143,7 @@ void the_stagger_counts_only_channels_in_use() {
   TEST_ASSERT_EQUAL_UINT32(30000, calibration.wheels[7].starts_at_us);
 }
 
-void a_reversal_ramps_through_neutral() {
+TEST(a_reversal_ramps_through_neutral) {
   Parameters parameters;
   parameters.set("SLEW_US_PER_S", 1000.0f);
   const Calibration calibration = calibrate(parameters);
@@ -162,7 +159,7 @@ void a_reversal_ramps_through_neutral() {
 }
 
 // A mirrored set-point drives the left side exactly as the other drove the right, at every step of the ramp.
-void mirrored_set_points_give_mirrored_pulses_to_the_last_bit() {
+TEST(mirrored_set_points_give_mirrored_pulses_to_the_last_bit) {
   const Calibration calibration = calibrate(Parameters());
   DriveState state;
   DriveState mirrored_state;
@@ -178,7 +175,7 @@ void mirrored_set_points_give_mirrored_pulses_to_the_last_bit() {
   }
 }
 
-void the_same_input_gives_the_same_bits() {
+TEST(the_same_input_gives_the_same_bits) {
   DriveState first;
   DriveState second;
   for (int i = 0; i < 30; ++i) {
@@ -186,21 +183,4 @@ void the_same_input_gives_the_same_bits() {
     const PulsesUs b_us = drive(calibrate(Parameters()), second, {0.4f, 0.3f}, kTick);
     TEST_ASSERT_TRUE(a_us == b_us);
   }
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(wheel_speeds_add_up_to_the_set_point);
-  RUN_TEST(a_positive_yaw_rate_turns_left);
-  RUN_TEST(scaling_back_keeps_the_curvature);
-  RUN_TEST(full_speed_forward_is_two_hundred_microseconds_from_neutral_and_mirrored_on_the_right);
-  RUN_TEST(every_wheel_has_its_own_neutral_deadband_direction_and_gain);
-  RUN_TEST(zero_speed_is_the_neutral_pulse);
-  RUN_TEST(pulses_stay_within_what_servos_understand);
-  RUN_TEST(axles_start_one_after_the_other_and_ramp_at_the_slew_rate);
-  RUN_TEST(the_stagger_counts_only_channels_in_use);
-  RUN_TEST(a_reversal_ramps_through_neutral);
-  RUN_TEST(mirrored_set_points_give_mirrored_pulses_to_the_last_bit);
-  RUN_TEST(the_same_input_gives_the_same_bits);
-  return UNITY_END();
 }

@@ -28,12 +28,4 @@ struct FeatherBench {
   }
 };
 
-// Each runs the tests of one file.
-void run_board_tests();
-void run_servo_tests();
-void run_imu_tests();
-void run_flash_tests();
-void run_whole_board_tests();
-void run_main_tests();
-
 }  // namespace foldcar

@@ -1,5 +1,5 @@
 // Clock, battery, serial port, reset and watchdog of the ESP32.
-#include <unity.h>
+#include "../suite.h"
 
 #include <esp_log.h>
 
@@ -11,7 +11,7 @@
 namespace foldcar {
 namespace {
 
-void the_clock_counts_on_where_32_bits_end() {
+TEST(the_clock_counts_on_where_32_bits_end) {
   FeatherBench bench;
   fake_esp32.time_us = 4294967295;  // 71.6 minutes
   TEST_ASSERT_EQUAL_UINT64(4294967295u, bench.hal.clock.now_us());
@@ -19,7 +19,7 @@ void the_clock_counts_on_where_32_bits_end() {
   TEST_ASSERT_EQUAL_UINT64(4294967296u, bench.hal.clock.now_us());
 }
 
-void the_battery_has_twice_the_voltage_of_its_pin() {
+TEST(the_battery_has_twice_the_voltage_of_its_pin) {
   FeatherBench bench;
   TEST_ASSERT_EQUAL_FLOAT(3.8f, bench.hal.battery.voltage_v());
   fake_esp32.pin_mv[35] = 1250;
@@ -27,7 +27,7 @@ void the_battery_has_twice_the_voltage_of_its_pin() {
 }
 
 // The converter gives 142 mV for a pin without voltage, and the core 0 if the conversion fails.
-void a_broken_divider_is_no_battery() {
+TEST(a_broken_divider_is_no_battery) {
   FeatherBench bench;
   for (const std::uint32_t pin_mv : {0u, 142u, 499u}) {
     fake_esp32.pin_mv[35] = pin_mv;
@@ -35,7 +35,7 @@ void a_broken_divider_is_no_battery() {
   }
 }
 
-void the_serial_port_has_room_for_a_burst_of_packets() {
+TEST(the_serial_port_has_room_for_a_burst_of_packets) {
   FeatherBench bench;
   bench.begin();
   TEST_ASSERT_EQUAL_UINT(115200, fake_esp32.uart.baud);
@@ -43,7 +43,7 @@ void the_serial_port_has_room_for_a_burst_of_packets() {
   TEST_ASSERT_EQUAL_INT_MESSAGE(ESP_LOG_NONE, fake_esp32.log_level, "the SDK's texts break packets");
 }
 
-void bytes_that_have_arrived_are_read_in_order() {
+TEST(bytes_that_have_arrived_are_read_in_order) {
   FeatherBench bench;
   bench.begin();
   for (const std::uint8_t byte : {0x00, 0xFD, 0xFF, 0x0A, 0x7F}) fake_esp32.uart.receive_buffer.push_back(byte);
@@ -57,7 +57,7 @@ void bytes_that_have_arrived_are_read_in_order() {
 }
 
 // The UART's FIFO takes 128 bytes; more would have to wait for 87 µs each.
-void a_write_takes_what_fits_and_never_waits() {
+TEST(a_write_takes_what_fits_and_never_waits) {
   FeatherBench bench;
   bench.begin();
   std::uint8_t bytes[300];
@@ -70,12 +70,12 @@ void a_write_takes_what_fits_and_never_waits() {
   TEST_ASSERT_FALSE(fake_esp32.uart.write_waited);
 }
 
-void the_board_is_no_simulator() {
+TEST(the_board_is_no_simulator) {
   FeatherBench bench;
   TEST_ASSERT_FALSE(bench.hal.board.is_simulated());
 }
 
-void the_reset_reason_is_the_chips() {
+TEST(the_reset_reason_is_the_chips) {
   FeatherBench bench;
   const auto reason_for = [&bench](int reason) {
     fake_esp32.reset_reason = reason;
@@ -92,7 +92,7 @@ void the_reset_reason_is_the_chips() {
   TEST_ASSERT_TRUE(reason_for(10) == ResetReason::kUnknown);
 }
 
-void a_restart_comes_after_the_last_byte_was_sent() {
+TEST(a_restart_comes_after_the_last_byte_was_sent) {
   FeatherBench bench;
   bench.begin();
   const std::uint8_t byte = 1;
@@ -107,7 +107,7 @@ void a_restart_comes_after_the_last_byte_was_sent() {
   TEST_ASSERT_TRUE(fake_esp32.uart.flushed);
 }
 
-void the_watchdog_restarts_a_loop_that_stands_for_a_second() {
+TEST(the_watchdog_restarts_a_loop_that_stands_for_a_second) {
   FeatherBench bench;
   bench.hal.board.start_watchdog();
   TEST_ASSERT_EQUAL_UINT32(1, fake_esp32.watchdog_s);
@@ -116,19 +116,5 @@ void the_watchdog_restarts_a_loop_that_stands_for_a_second() {
 }
 
 }  // namespace
-
-void run_board_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(the_clock_counts_on_where_32_bits_end);
-  RUN_TEST(the_battery_has_twice_the_voltage_of_its_pin);
-  RUN_TEST(a_broken_divider_is_no_battery);
-  RUN_TEST(the_serial_port_has_room_for_a_burst_of_packets);
-  RUN_TEST(bytes_that_have_arrived_are_read_in_order);
-  RUN_TEST(a_write_takes_what_fits_and_never_waits);
-  RUN_TEST(the_board_is_no_simulator);
-  RUN_TEST(the_reset_reason_is_the_chips);
-  RUN_TEST(a_restart_comes_after_the_last_byte_was_sent);
-  RUN_TEST(the_watchdog_restarts_a_loop_that_stands_for_a_second);
-}
 
 }  // namespace foldcar

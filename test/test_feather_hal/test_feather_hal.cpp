@@ -1,15 +1,12 @@
 // The real board's HAL over fakes of the Arduino calls that it makes: the contract of hal.h, then each part's own promises.
-#include <unity.h>
+#include "../suite.h"
 
 #include "../hal_contract.h"
 #include "feather_bench.h"
 
 using namespace foldcar;
 
-void setUp() {}
-void tearDown() {}
-
-void the_boards_hal_keeps_the_contract() {
+TEST(the_boards_hal_keeps_the_contract) {
   for (const bool with_imu : {false, true}) {
     FeatherBench bench(with_imu);
     bench.begin();
@@ -18,7 +15,7 @@ void the_boards_hal_keeps_the_contract() {
 }
 
 // Every part of the hardware is missing or broken; nothing is promised but that the firmware is told.
-void a_board_with_nothing_on_it_answers_false() {
+TEST(a_board_with_nothing_on_it_answers_false) {
   FeatherBench bench;
   fake_esp32.i2c.chips.clear();
   fake_esp32.flash.nvs_is_broken = true;
@@ -35,17 +32,4 @@ void a_board_with_nothing_on_it_answers_false() {
   TEST_ASSERT_FALSE(hal.storage.load("TRACK_M", value));
   TEST_ASSERT_FALSE(hal.storage.clear());
   TEST_ASSERT_EQUAL_FLOAT(7.0f, value);
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(the_boards_hal_keeps_the_contract);
-  RUN_TEST(a_board_with_nothing_on_it_answers_false);
-  run_board_tests();
-  run_servo_tests();
-  run_imu_tests();
-  run_flash_tests();
-  run_whole_board_tests();
-  run_main_tests();
-  return UNITY_END();
 }

@@ -1,5 +1,5 @@
 // What the board keeps in its flash: parameters, logs, the car's design.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cstring>
 #include <memory>
@@ -29,7 +29,7 @@ std::unique_ptr<FeatherHal> new_board() {
   return board;
 }
 
-void every_parameter_is_stored_over_a_reset() {
+TEST(every_parameter_is_stored_over_a_reset) {
   auto board = new_board();
   float number = 0.5f;
   for (const ParameterInfo& info : parameter_table()) {
@@ -46,7 +46,7 @@ void every_parameter_is_stored_over_a_reset() {
   }
 }
 
-void a_value_that_does_not_fit_is_not_saved_and_the_old_one_stays() {
+TEST(a_value_that_does_not_fit_is_not_saved_and_the_old_one_stays) {
   auto board = new_board();
   TEST_ASSERT_TRUE(board->storage.save("TRACK_M", 0.2f));
   fake_esp32.flash.nvs_is_full = true;
@@ -57,7 +57,7 @@ void a_value_that_does_not_fit_is_not_saved_and_the_old_one_stays() {
   TEST_ASSERT_FALSE_MESSAGE(board->storage.save("SIXTEEN_LETTERS_", 1.0f), "a name beyond the limit of 15");
 }
 
-void what_another_program_has_stored_is_no_number() {
+TEST(what_another_program_has_stored_is_no_number) {
   auto board = new_board();
   fake_esp32.flash.nvs["foldcar"]["TRACK_M"] = {1, 2};
   fake_esp32.flash.nvs["foldcar"]["STAGGER_MS"] = {1, 2, 3, 4, 5, 6, 7, 8};
@@ -68,7 +68,7 @@ void what_another_program_has_stored_is_no_number() {
 }
 
 // What is in it may be a design that someone can still save.
-void a_file_system_that_does_not_mount_is_not_formatted() {
+TEST(a_file_system_that_does_not_mount_is_not_formatted) {
   auto board = new_board();
   fake_esp32.flash.files["/car.json"] = "{}";
   fake_esp32.flash.is_formatted = false;
@@ -78,7 +78,7 @@ void a_file_system_that_does_not_mount_is_not_formatted() {
   TEST_ASSERT_EQUAL_UINT(1, fake_esp32.flash.files.count("/car.json"));
 }
 
-void logs_are_found_again_after_a_reset_and_other_files_are_none() {
+TEST(logs_are_found_again_after_a_reset_and_other_files_are_none) {
   auto board = new_board();
   fake_esp32.flash.files["/car.json"] = "{}";
   fake_esp32.flash.files["/log_x"] = "no number";
@@ -95,7 +95,7 @@ void logs_are_found_again_after_a_reset_and_other_files_are_none() {
   TEST_ASSERT_EQUAL_UINT(5, board->logs.size(10));
 }
 
-void a_brown_out_costs_less_than_32_KiB_of_what_was_appended() {
+TEST(a_brown_out_costs_less_than_32_KiB_of_what_was_appended) {
   auto board = new_board();
   const std::string part(1024, 'x');
   TEST_ASSERT_TRUE(board->logs.create(1));
@@ -105,7 +105,7 @@ void a_brown_out_costs_less_than_32_KiB_of_what_was_appended() {
 }
 
 // A host may ask for a log in the moment between the trial's end and its close.
-void a_log_that_was_read_too_early_is_whole_when_it_is_read_again() {
+TEST(a_log_that_was_read_too_early_is_whole_when_it_is_read_again) {
   auto board = new_board();
   TEST_ASSERT_TRUE(board->logs.create(1));
   TEST_ASSERT_TRUE(board->logs.append(bytes_of("early"), 5));
@@ -119,7 +119,7 @@ void a_log_that_was_read_too_early_is_whole_when_it_is_read_again() {
 }
 
 // At the latest when it is closed, by its size.
-void an_append_to_a_full_file_system_is_told() {
+TEST(an_append_to_a_full_file_system_is_told) {
   for (const bool is_told_early : {false, true}) {
     auto board = new_board();
     fake_esp32.flash.capacity = 40 * 1024;
@@ -133,7 +133,7 @@ void an_append_to_a_full_file_system_is_told() {
 }
 
 // LittleFS refuses to remove a file that is open, the one that is being read included.
-void a_log_is_removed_while_it_is_read_but_not_while_it_is_written() {
+TEST(a_log_is_removed_while_it_is_read_but_not_while_it_is_written) {
   auto board = new_board();
   for (const std::uint16_t id : {1, 2}) {
     TEST_ASSERT_TRUE(board->logs.create(id));
@@ -148,7 +148,7 @@ void a_log_is_removed_while_it_is_read_but_not_while_it_is_written() {
 }
 
 #if __has_include(<ArduinoJson.h>)
-void the_stored_design_is_read_or_refused_with_its_reason() {
+TEST(the_stored_design_is_read_or_refused_with_its_reason) {
   auto board = new_board();
   TEST_ASSERT_TRUE(read_stored_design(true).source == DesignSource::kMissing);
   TEST_ASSERT_TRUE(read_stored_design(false).source == DesignSource::kUnreadable);
@@ -172,21 +172,5 @@ void the_stored_design_is_read_or_refused_with_its_reason() {
 #endif
 
 }  // namespace
-
-void run_flash_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(every_parameter_is_stored_over_a_reset);
-  RUN_TEST(a_value_that_does_not_fit_is_not_saved_and_the_old_one_stays);
-  RUN_TEST(what_another_program_has_stored_is_no_number);
-  RUN_TEST(a_file_system_that_does_not_mount_is_not_formatted);
-  RUN_TEST(logs_are_found_again_after_a_reset_and_other_files_are_none);
-  RUN_TEST(a_brown_out_costs_less_than_32_KiB_of_what_was_appended);
-  RUN_TEST(a_log_that_was_read_too_early_is_whole_when_it_is_read_again);
-  RUN_TEST(an_append_to_a_full_file_system_is_told);
-  RUN_TEST(a_log_is_removed_while_it_is_read_but_not_while_it_is_written);
-#if __has_include(<ArduinoJson.h>)
-  RUN_TEST(the_stored_design_is_read_or_refused_with_its_reason);
-#endif
-}
 
 }  // namespace foldcar

@@ -1,18 +1,18 @@
 // The IMU: whether it is found, what it measures in SI units, what is told when it falls silent.
-#include <unity.h>
+#include "../suite.h"
 
 #include "feather_bench.h"
 
 namespace foldcar {
 namespace {
 
-void a_board_without_an_imu_has_none() {
+TEST(a_board_without_an_imu_has_none) {
   FeatherBench bench;
   bench.begin();
   TEST_ASSERT_FALSE(bench.hal.imu.present());
 }
 
-void an_imu_is_found_at_both_of_its_addresses() {
+TEST(an_imu_is_found_at_both_of_its_addresses) {
   for (const std::uint8_t address : {0x6A, 0x6B}) {
     FeatherBench bench;
     fake_esp32.i2c.chips[address] = &bench.imu_chip;
@@ -21,7 +21,7 @@ void an_imu_is_found_at_both_of_its_addresses() {
   }
 }
 
-void another_chip_at_its_address_is_no_imu() {
+TEST(another_chip_at_its_address_is_no_imu) {
   FeatherBench bench(true);
   bench.imu_chip.identity = 0x6B;  // an LSM6DSR
   bench.begin();
@@ -29,7 +29,7 @@ void another_chip_at_its_address_is_no_imu() {
 }
 
 // The sensitivities are 0.122 mg and 17.5 mdps; the values stay within +-4 g and +-500 degrees/s.
-void a_sample_has_the_measured_values_within_a_bit() {
+TEST(a_sample_has_the_measured_values_within_a_bit) {
   FeatherBench bench(true);
   bench.imu_chip.acceleration_m_s2 = {-39.0, 9.81, 0.5};
   bench.imu_chip.rate_rad_s = {8.7, -8.7, -0.01};
@@ -44,7 +44,7 @@ void a_sample_has_the_measured_values_within_a_bit() {
   }
 }
 
-void an_imu_that_falls_silent_leaves_the_sample_alone() {
+TEST(an_imu_that_falls_silent_leaves_the_sample_alone) {
   FeatherBench bench(true);
   bench.begin();
   fake_esp32.i2c.bus_hangs = true;
@@ -56,14 +56,5 @@ void an_imu_that_falls_silent_leaves_the_sample_alone() {
 }
 
 }  // namespace
-
-void run_imu_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(a_board_without_an_imu_has_none);
-  RUN_TEST(an_imu_is_found_at_both_of_its_addresses);
-  RUN_TEST(another_chip_at_its_address_is_no_imu);
-  RUN_TEST(a_sample_has_the_measured_values_within_a_bit);
-  RUN_TEST(an_imu_that_falls_silent_leaves_the_sample_alone);
-}
 
 }  // namespace foldcar

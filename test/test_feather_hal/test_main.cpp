@@ -1,5 +1,5 @@
 // setup() and loop() of the real car: what the board does first, and which task does what.
-#include <unity.h>
+#include "../suite.h"
 
 #include <freertos/task.h>
 
@@ -49,7 +49,7 @@ void start_board() {
 }
 
 // main.cpp keeps one car, so this is one test.
-void the_board_turns_its_outputs_off_first_and_drives_and_stores_in_two_tasks() {
+TEST(the_board_turns_its_outputs_off_first_and_drives_and_stores_in_two_tasks) {
   start_board();
   const std::vector<std::uint8_t> all_off = {0xFD, 0x10};
   TEST_ASSERT_TRUE(servo_chip.transmissions.front() == all_off);
@@ -90,7 +90,7 @@ void the_board_turns_its_outputs_off_first_and_drives_and_stores_in_two_tasks() 
   TEST_ASSERT_EQUAL_UINT32_MESSAGE(20, task.delay_ms, "a task with nothing to do makes room");
 }
 
-void without_memory_for_the_task_no_log_is_promised() {
+TEST(without_memory_for_the_task_no_log_is_promised) {
   fake_esp32 = {};
   fake_esp32.heap_is_full = true;
   TEST_ASSERT_FALSE(start_background_task([](void*) { return false; }, nullptr));
@@ -102,11 +102,5 @@ void without_memory_for_the_task_no_log_is_promised() {
 }
 
 }  // namespace
-
-void run_main_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(the_board_turns_its_outputs_off_first_and_drives_and_stores_in_two_tasks);
-  RUN_TEST(without_memory_for_the_task_no_log_is_promised);
-}
 
 }  // namespace foldcar

@@ -1,5 +1,5 @@
 // The servo driver: what leaves its outputs, from the registers of its chip, and what is told of a bus that fails.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 
@@ -15,7 +15,7 @@ PulsesUs pulse_on(std::size_t channel, float pulse_us) {
 }
 
 // The chip still drives from before a reset of the board, at 50 Hz and with auto-increment on.
-void outputs_are_off_from_the_first_transmission_on() {
+TEST(outputs_are_off_from_the_first_transmission_on) {
   FeatherBench bench;
   for (const std::vector<std::uint8_t>& bytes :
        {std::vector<std::uint8_t>{0x00, 0x10}, {0xFE, 121}, {0x00, 0x20}, {0x06, 0, 0, 0x4D, 0x01}}) {
@@ -30,7 +30,7 @@ void outputs_are_off_from_the_first_transmission_on() {
   TEST_ASSERT_FALSE(bench.servo_chip.has_driven);
 }
 
-void the_bus_runs_at_400_khz_on_its_pins_and_gives_up_after_5_ms() {
+TEST(the_bus_runs_at_400_khz_on_its_pins_and_gives_up_after_5_ms) {
   FeatherBench bench;
   bench.begin();
   TEST_ASSERT_EQUAL_INT(23, fake_esp32.i2c.sda);
@@ -40,7 +40,7 @@ void the_bus_runs_at_400_khz_on_its_pins_and_gives_up_after_5_ms() {
 }
 
 // Whatever the oscillator, each pulse is right within half a tick, and the rate within the prescaler's half step.
-void a_pulse_has_its_width_within_half_a_tick_at_any_oscillator() {
+TEST(a_pulse_has_its_width_within_half_a_tick_at_any_oscillator) {
   for (const float oscillator_hz : {23e6f, 24.06e6f, 25e6f, 26.3e6f, 27e6f}) {
     FeatherBench bench;
     bench.begin(oscillator_hz);
@@ -55,7 +55,7 @@ void a_pulse_has_its_width_within_half_a_tick_at_any_oscillator() {
 }
 
 // At 25 MHz the prescaler is 121, so a tick is 122 / 25 MHz = 4.88 µs, and 1500 µs are 307.4 ticks.
-void pulses_are_rounded_to_the_nearest_tick() {
+TEST(pulses_are_rounded_to_the_nearest_tick) {
   FeatherBench bench;
   bench.begin();
   const auto ticks_of = [&bench](float pulse_us) {
@@ -67,7 +67,7 @@ void pulses_are_rounded_to_the_nearest_tick() {
   TEST_ASSERT_EQUAL_INT(308, ticks_of(307.51f * 4.88f));
 }
 
-void every_output_has_its_own_pulse_or_none() {
+TEST(every_output_has_its_own_pulse_or_none) {
   FeatherBench bench;
   bench.begin();
   PulsesUs pulses_us{1000.0f, kNoPulse, 1500.0f, 2000.0f, kNoPulse, kNoPulse, 1234.5f, 1800.0f};
@@ -80,7 +80,7 @@ void every_output_has_its_own_pulse_or_none() {
   for (std::size_t channel = 0; channel < 16; ++channel) TEST_ASSERT_TRUE(bench.servo_chip.pulse_us(channel) == 0);
 }
 
-void a_pulse_outside_its_limits_leaves_the_outputs_as_they_are() {
+TEST(a_pulse_outside_its_limits_leaves_the_outputs_as_they_are) {
   FeatherBench bench;
   bench.begin();
   bench.hal.servos.write_pulses(pulse_on(0, 1500.0f));
@@ -91,7 +91,7 @@ void a_pulse_outside_its_limits_leaves_the_outputs_as_they_are() {
   TEST_ASSERT_EQUAL_UINT(before, bench.servo_chip.transmissions.size());
 }
 
-void a_write_to_a_bus_that_fails_is_told() {
+TEST(a_write_to_a_bus_that_fails_is_told) {
   FeatherBench bench;
   bench.begin();
   fake_esp32.i2c.bus_hangs = true;
@@ -105,7 +105,7 @@ void a_write_to_a_bus_that_fails_is_told() {
 }
 
 // As when flash is erased, which stops both cores in the middle of a transfer.
-void one_transfer_that_fails_is_repeated() {
+TEST(one_transfer_that_fails_is_repeated) {
   for (int transfer = 0; transfer < 8; ++transfer) {
     FeatherBench bench(true);
     bench.begin();
@@ -124,7 +124,7 @@ void one_transfer_that_fails_is_repeated() {
 }
 
 // The chip was not there at the start and is not set up, even if it answers later.
-void a_chip_that_was_missing_at_the_start_takes_no_writes() {
+TEST(a_chip_that_was_missing_at_the_start_takes_no_writes) {
   FeatherBench bench;
   fake_esp32.i2c.chips.clear();
   TEST_ASSERT_FALSE(bench.hal.servos.begin());
@@ -135,14 +135,14 @@ void a_chip_that_was_missing_at_the_start_takes_no_writes() {
   TEST_ASSERT_FALSE(bench.servo_chip.has_driven);
 }
 
-void without_the_bus_nothing_is_written() {
+TEST(without_the_bus_nothing_is_written) {
   FeatherBench bench;
   fake_esp32.i2c.driver_fails = true;
   TEST_ASSERT_FALSE(bench.hal.servos.begin());
   TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(PulsesUs{}));
 }
 
-void no_pulse_is_written_before_the_oscillator_is_known() {
+TEST(no_pulse_is_written_before_the_oscillator_is_known) {
   FeatherBench bench;
   TEST_ASSERT_TRUE(bench.hal.servos.begin());
   TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(PulsesUs{}));
@@ -150,7 +150,7 @@ void no_pulse_is_written_before_the_oscillator_is_known() {
 }
 
 // The library checks none of its transfers. Whichever of them fails while the rate is set, pulses are right or refused.
-void a_transfer_that_fails_while_the_rate_is_set_never_leads_to_wrong_pulses() {
+TEST(a_transfer_that_fails_while_the_rate_is_set_never_leads_to_wrong_pulses) {
   int refused_count = 0;
   for (int transfer = 0; transfer < 12; ++transfer) {
     FeatherBench bench;
@@ -165,7 +165,7 @@ void a_transfer_that_fails_while_the_rate_is_set_never_leads_to_wrong_pulses() {
   TEST_ASSERT_TRUE(refused_count >= 3);  // off, sleep, prescaler
 }
 
-void a_rate_that_cannot_be_set_again_ends_the_pulses() {
+TEST(a_rate_that_cannot_be_set_again_ends_the_pulses) {
   FeatherBench bench;
   bench.begin();
   fake_esp32.i2c.bus_hangs = true;
@@ -174,7 +174,7 @@ void a_rate_that_cannot_be_set_again_ends_the_pulses() {
   TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
 }
 
-void without_a_wire_to_output_enable_its_pin_is_left_alone() {
+TEST(without_a_wire_to_output_enable_its_pin_is_left_alone) {
   FeatherBench bench;
   bench.begin();
   bench.hal.servos.write_pulses(pulse_on(0, 1500.0f));
@@ -183,7 +183,7 @@ void without_a_wire_to_output_enable_its_pin_is_left_alone() {
 }
 
 // With a wire, pulses end when they are turned off, and 150 ms after the last write of a loop that hangs.
-void output_enable_is_low_only_while_pulses_are_written() {
+TEST(output_enable_is_low_only_while_pulses_are_written) {
   FeatherBench bench;
   bench.begin();
   TEST_ASSERT_TRUE(bench.hal.servos.use_output_enable());
@@ -205,7 +205,7 @@ void output_enable_is_low_only_while_pulses_are_written() {
   TEST_ASSERT_EQUAL_INT_MESSAGE(HIGH, level, "the pulses end although the driver does not answer");
 }
 
-void without_a_timer_output_enable_stays_high_and_no_pulse_is_written() {
+TEST(without_a_timer_output_enable_stays_high_and_no_pulse_is_written) {
   FeatherBench bench;
   bench.begin();
   fake_esp32.heap_is_full = true;
@@ -215,25 +215,5 @@ void without_a_timer_output_enable_stays_high_and_no_pulse_is_written() {
 }
 
 }  // namespace
-
-void run_servo_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(outputs_are_off_from_the_first_transmission_on);
-  RUN_TEST(the_bus_runs_at_400_khz_on_its_pins_and_gives_up_after_5_ms);
-  RUN_TEST(a_pulse_has_its_width_within_half_a_tick_at_any_oscillator);
-  RUN_TEST(pulses_are_rounded_to_the_nearest_tick);
-  RUN_TEST(every_output_has_its_own_pulse_or_none);
-  RUN_TEST(a_pulse_outside_its_limits_leaves_the_outputs_as_they_are);
-  RUN_TEST(a_write_to_a_bus_that_fails_is_told);
-  RUN_TEST(one_transfer_that_fails_is_repeated);
-  RUN_TEST(a_chip_that_was_missing_at_the_start_takes_no_writes);
-  RUN_TEST(without_the_bus_nothing_is_written);
-  RUN_TEST(no_pulse_is_written_before_the_oscillator_is_known);
-  RUN_TEST(a_transfer_that_fails_while_the_rate_is_set_never_leads_to_wrong_pulses);
-  RUN_TEST(a_rate_that_cannot_be_set_again_ends_the_pulses);
-  RUN_TEST(without_a_wire_to_output_enable_its_pin_is_left_alone);
-  RUN_TEST(output_enable_is_low_only_while_pulses_are_written);
-  RUN_TEST(without_a_timer_output_enable_stays_high_and_no_pulse_is_written);
-}
 
 }  // namespace foldcar

@@ -1,5 +1,5 @@
 // The whole firmware on the board's HAL: from a host's packets on the serial port to pulses on the servo driver's outputs.
-#include <unity.h>
+#include "../suite.h"
 
 #include <string>
 
@@ -55,7 +55,7 @@ struct Car {
 };
 
 // Full speed is 200 µs from neutral, mirrored on the right; the four wheels of the default parameters use outputs 0 to 3.
-void a_trial_asked_for_over_usb_drives_the_outputs_until_the_host_is_silent() {
+TEST(a_trial_asked_for_over_usb_drives_the_outputs_until_the_host_is_silent) {
   Car car(true);
   car.start_trial(0.0f);
   for (int i = 0; i < 4; ++i) car.run(200, car.host.heartbeat());
@@ -70,7 +70,7 @@ void a_trial_asked_for_over_usb_drives_the_outputs_until_the_host_is_silent() {
   TEST_ASSERT_FALSE(fake_esp32.uart.write_waited);
 }
 
-void a_bus_that_fails_in_a_trial_is_a_fault() {
+TEST(a_bus_that_fails_in_a_trial_is_a_fault) {
   Car car(false);
   car.start_trial(0.0f);
   fake_esp32.i2c.bus_hangs = true;
@@ -81,7 +81,7 @@ void a_bus_that_fails_in_a_trial_is_a_fault() {
   for (std::size_t channel = 0; channel < kChannelCount; ++channel) TEST_ASSERT_TRUE(car.pulse_us(channel) == 0);
 }
 
-void an_untethered_trial_leaves_a_log_in_flash() {
+TEST(an_untethered_trial_leaves_a_log_in_flash) {
   Car car(true);
   car.start_trial(1.0f);
   car.run(5200);
@@ -97,7 +97,7 @@ void an_untethered_trial_leaves_a_log_in_flash() {
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, reader.trials().back().end);
 }
 
-void a_flash_that_does_not_mount_is_told_and_keeps_the_car_disarmed() {
+TEST(a_flash_that_does_not_mount_is_told_and_keeps_the_car_disarmed) {
   FakeFlash flash;
   flash.is_formatted = false;
   Car car(flash);
@@ -114,7 +114,7 @@ void a_flash_that_does_not_mount_is_told_and_keeps_the_car_disarmed() {
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, car.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
 }
 
-void stored_parameters_that_cannot_be_read_are_told() {
+TEST(stored_parameters_that_cannot_be_read_are_told) {
   FakeFlash flash;
   flash.nvs_is_broken = true;
   Car car(flash);
@@ -125,7 +125,7 @@ void stored_parameters_that_cannot_be_read_are_told() {
 }
 
 // Writing to flash and other long work leave the host's bytes in the serial port's buffer.
-void a_start_that_waited_in_the_receive_buffer_is_refused() {
+TEST(a_start_that_waited_in_the_receive_buffer_is_refused) {
   Car car(true);
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, car.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
   for (const char byte : car.host.heartbeat() + car.host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.2f, 0, 5, 1, 7})) {
@@ -139,15 +139,5 @@ void a_start_that_waited_in_the_receive_buffer_is_refused() {
 }
 
 }  // namespace
-
-void run_whole_board_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(a_trial_asked_for_over_usb_drives_the_outputs_until_the_host_is_silent);
-  RUN_TEST(a_bus_that_fails_in_a_trial_is_a_fault);
-  RUN_TEST(an_untethered_trial_leaves_a_log_in_flash);
-  RUN_TEST(a_flash_that_does_not_mount_is_told_and_keeps_the_car_disarmed);
-  RUN_TEST(stored_parameters_that_cannot_be_read_are_told);
-  RUN_TEST(a_start_that_waited_in_the_receive_buffer_is_refused);
-}
 
 }  // namespace foldcar

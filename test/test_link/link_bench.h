@@ -64,16 +64,4 @@ inline std::size_t count_of(const MavlinkHost& host, std::uint32_t message_id) {
 inline const std::vector<float> kStart = {0.3f, 0.0f, 20.0f, 0.0f, 7.0f};
 inline const std::vector<float> kStartUntethered = {0.3f, 0.0f, 20.0f, 1.0f, 8.0f};
 
-// Each runs the tests of one file.
-void run_telemetry_tests();
-void run_parameter_tests();
-void run_command_tests();
-void run_holder_tests();
-void run_late_input_tests();
-void run_link_loss_tests();
-void run_log_tests();
-void run_slow_flash_tests();
-void run_packet_parser_tests();
-void run_heap_tests();
-
 }  // namespace foldcar

@@ -1,5 +1,5 @@
 // Commands and their acknowledgements: arming, trials, output tests, restart.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 
@@ -8,7 +8,7 @@
 namespace foldcar {
 namespace {
 
-void a_trial_goes_from_arming_to_its_end_by_commands() {
+TEST(a_trial_goes_from_arming_to_its_end_by_commands) {
   Bench bench;
   bench.expect(MAV_RESULT_TEMPORARILY_REJECTED, Refusal::kNotArmed, MAV_CMD_FOLDCAR_START_TRIAL, kStart);
   TEST_ASSERT_EQUAL_STRING("refused: not armed", bench.host.texts().back().c_str());
@@ -36,7 +36,7 @@ void a_trial_goes_from_arming_to_its_end_by_commands() {
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, trial.end);
 }
 
-void every_enum_of_the_firmware_has_the_dialects_values() {
+TEST(every_enum_of_the_firmware_has_the_dialects_values) {
   TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_DISARMED, static_cast<int>(State::kDisarmed));
   TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_ARMED, static_cast<int>(State::kArmed));
   TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_RUNNING, static_cast<int>(State::kRunning));
@@ -70,7 +70,7 @@ void every_enum_of_the_firmware_has_the_dialects_values() {
   TEST_ASSERT_EQUAL_INT(21, static_cast<int>(Refusal::kUnknownCommand));
 }
 
-void a_repeated_command_is_answered_again_and_not_obeyed_twice() {
+TEST(a_repeated_command_is_answered_again_and_not_obeyed_twice) {
   Bench bench;
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart).result);
@@ -80,7 +80,7 @@ void a_repeated_command_is_answered_again_and_not_obeyed_twice() {
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart).result);
 }
 
-void what_the_car_does_not_know_is_unsupported_and_what_is_for_others_is_left_alone() {
+TEST(what_the_car_does_not_know_is_unsupported_and_what_is_for_others_is_left_alone) {
   Bench bench;
   bench.expect(MAV_RESULT_UNSUPPORTED, Refusal::kUnknownCommand, 22, {});
   mavlink_command_long_t command{};
@@ -92,7 +92,7 @@ void what_the_car_does_not_know_is_unsupported_and_what_is_for_others_is_left_al
   TEST_ASSERT_TRUE(bench.state() == State::kDisarmed);
 }
 
-void an_output_is_tested_by_the_standard_command() {
+TEST(an_output_is_tested_by_the_standard_command) {
   Bench bench;
   const float output = ACTUATOR_OUTPUT_FUNCTION_SERVO1 + 2;
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_ACTUATOR_TEST, {-0.02f, 0.4f, 0, 0, output});
@@ -110,7 +110,7 @@ void an_output_is_tested_by_the_standard_command() {
   bench.expect(MAV_RESULT_DENIED, Refusal::kTest, MAV_CMD_ACTUATOR_TEST, {0, 1, 0, 0, 32});
 }
 
-void the_board_restarts_on_request_but_not_while_it_drives() {
+TEST(the_board_restarts_on_request_but_not_while_it_drives) {
   Bench bench;
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
   bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStart);
@@ -122,15 +122,5 @@ void the_board_restarts_on_request_but_not_while_it_drives() {
 }
 
 }  // namespace
-
-void run_command_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(a_trial_goes_from_arming_to_its_end_by_commands);
-  RUN_TEST(every_enum_of_the_firmware_has_the_dialects_values);
-  RUN_TEST(a_repeated_command_is_answered_again_and_not_obeyed_twice);
-  RUN_TEST(what_the_car_does_not_know_is_unsupported_and_what_is_for_others_is_left_alone);
-  RUN_TEST(an_output_is_tested_by_the_standard_command);
-  RUN_TEST(the_board_restarts_on_request_but_not_while_it_drives);
-}
 
 }  // namespace foldcar

@@ -1,5 +1,5 @@
 // The firmware takes no memory from the heap after its set-up.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cstdlib>
 #include <new>
@@ -24,7 +24,7 @@ __attribute__((noinline)) void operator delete(void* memory, std::size_t) noexce
 namespace foldcar {
 namespace {
 
-void after_set_up_nothing_is_taken_from_the_heap() {
+TEST(after_set_up_nothing_is_taken_from_the_heap) {
   Bench bench;
   bench.board.imu.fitted = true;
   bench.board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
@@ -51,10 +51,5 @@ void after_set_up_nothing_is_taken_from_the_heap() {
 }
 
 }  // namespace
-
-void run_heap_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(after_set_up_nothing_is_taken_from_the_heap);
-}
 
 }  // namespace foldcar

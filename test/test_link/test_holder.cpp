@@ -1,5 +1,5 @@
 // The host that armed the car holds it: others are refused, and without it the car disarms.
-#include <unity.h>
+#include "../suite.h"
 
 #include "link_bench.h"
 
@@ -12,7 +12,7 @@ mavlink_command_ack_t answer_to(MavlinkHost& other, Bench& bench, const std::str
   return bench.host.acks().back();
 }
 
-void another_host_cannot_drive_a_car_that_this_one_has_armed() {
+TEST(another_host_cannot_drive_a_car_that_this_one_has_armed) {
   for (MavlinkHost other : {MavlinkHost(200, 190), MavlinkHost(255, 230)}) {
     Bench bench;
     bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
@@ -39,7 +39,7 @@ void another_host_cannot_drive_a_car_that_this_one_has_armed() {
 }
 
 // The same command, marked as a repetition: what it repeats is another host's.
-void a_command_does_not_repeat_another_hosts() {
+TEST(a_command_does_not_repeat_another_hosts) {
   for (MavlinkHost other : {MavlinkHost(200, 190), MavlinkHost(255, 230)}) {
     Bench bench;
     const mavlink_command_ack_t first = bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
@@ -51,7 +51,7 @@ void a_command_does_not_repeat_another_hosts() {
   }
 }
 
-void another_hosts_stick_is_refused_and_told_so_once_in_a_while() {
+TEST(another_hosts_stick_is_refused_and_told_so_once_in_a_while) {
   Bench bench;
   MavlinkHost other(200);
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
@@ -67,7 +67,7 @@ void another_hosts_stick_is_refused_and_told_so_once_in_a_while() {
 }
 
 // To stand is safe, so whoever sees a reason may ask for it.
-void every_host_may_stop_and_disarm_and_is_named() {
+TEST(every_host_may_stop_and_disarm_and_is_named) {
   Bench bench;
   MavlinkHost other(200);
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
@@ -84,7 +84,7 @@ void every_host_may_stop_and_disarm_and_is_named() {
   TEST_ASSERT_EQUAL_UINT(200, ack.target_system);
 }
 
-void a_car_that_is_left_alone_disarms_although_another_host_talks() {
+TEST(a_car_that_is_left_alone_disarms_although_another_host_talks) {
   Bench bench;
   MavlinkHost other(200);
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
@@ -105,7 +105,7 @@ void a_car_that_is_left_alone_disarms_although_another_host_talks() {
 }
 
 // Driving on without a host is what an untethered trial is for.
-void an_untethered_trial_outlives_the_silence_of_its_host() {
+TEST(an_untethered_trial_outlives_the_silence_of_its_host) {
   Bench bench;
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
   bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStartUntethered);
@@ -113,7 +113,7 @@ void an_untethered_trial_outlives_the_silence_of_its_host() {
   TEST_ASSERT_TRUE(bench.state() == State::kRunning);
 }
 
-void what_is_wrong_is_told_to_every_host_that_comes() {
+TEST(what_is_wrong_is_told_to_every_host_that_comes) {
   DesignResult design;
   design.source = DesignSource::kUnreadable;
   Bench bench(design);
@@ -133,7 +133,7 @@ void what_is_wrong_is_told_to_every_host_that_comes() {
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_COMPONENT_ARM_DISARM, {1});
 }
 
-void ground_stations_modes_and_radio_control_are_refused() {
+TEST(ground_stations_modes_and_radio_control_are_refused) {
   Bench bench;
   constexpr std::uint16_t kDoSetMode = 176;
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
@@ -164,7 +164,7 @@ void ground_stations_modes_and_radio_control_are_refused() {
 }
 
 // Ground stations take a custom mode of a rover for ArduPilot's mode of that number.
-void the_heartbeat_claims_no_mode_of_another_autopilot() {
+TEST(the_heartbeat_claims_no_mode_of_another_autopilot) {
   Bench bench;
   bench.run(1000);
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
@@ -176,18 +176,5 @@ void the_heartbeat_claims_no_mode_of_another_autopilot() {
 }
 
 }  // namespace
-
-void run_holder_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(another_host_cannot_drive_a_car_that_this_one_has_armed);
-  RUN_TEST(a_command_does_not_repeat_another_hosts);
-  RUN_TEST(another_hosts_stick_is_refused_and_told_so_once_in_a_while);
-  RUN_TEST(every_host_may_stop_and_disarm_and_is_named);
-  RUN_TEST(a_car_that_is_left_alone_disarms_although_another_host_talks);
-  RUN_TEST(an_untethered_trial_outlives_the_silence_of_its_host);
-  RUN_TEST(what_is_wrong_is_told_to_every_host_that_comes);
-  RUN_TEST(ground_stations_modes_and_radio_control_are_refused);
-  RUN_TEST(the_heartbeat_claims_no_mode_of_another_autopilot);
-}
 
 }  // namespace foldcar

@@ -1,5 +1,5 @@
 // What waited while the car's loop stood still or the board started sets nothing in motion.
-#include <unity.h>
+#include "../suite.h"
 
 #include "link_bench.h"
 
@@ -13,7 +13,7 @@ void stand_still(Bench& bench, std::uint64_t time_ms, const std::string& bytes) 
   bench.run(20);
 }
 
-void a_start_that_waited_is_refused_and_one_that_did_not_is_executed() {
+TEST(a_start_that_waited_is_refused_and_one_that_did_not_is_executed) {
   Bench bench;
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
   stand_still(bench, 600, bench.host.heartbeat() + bench.host.command(MAV_CMD_FOLDCAR_START_TRIAL, kStart));
@@ -26,14 +26,14 @@ void a_start_that_waited_is_refused_and_one_that_did_not_is_executed() {
   TEST_ASSERT_TRUE(bench.state() == State::kRunning);
 }
 
-void writing_to_flash_makes_nothing_late() {
+TEST(writing_to_flash_makes_nothing_late) {
   Bench bench;
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
   stand_still(bench, 250, bench.host.heartbeat() + bench.host.command(MAV_CMD_FOLDCAR_START_TRIAL, kStart));
   TEST_ASSERT_TRUE(bench.state() == State::kRunning);
 }
 
-void a_late_stick_and_late_signs_of_life_count_for_nothing() {
+TEST(a_late_stick_and_late_signs_of_life_count_for_nothing) {
   Bench bench;
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
   mavlink_manual_control_t stick{};
@@ -50,7 +50,7 @@ void a_late_stick_and_late_signs_of_life_count_for_nothing() {
   TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kUnknownHost), bench.host.acks().back().result_param2);
 }
 
-void a_late_stop_and_a_late_disarm_are_executed() {
+TEST(a_late_stop_and_a_late_disarm_are_executed) {
   Bench bench;
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
   bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStartUntethered);
@@ -62,7 +62,7 @@ void a_late_stop_and_a_late_disarm_are_executed() {
 }
 
 // A stopped simulation does not know by its own clock that it was stopped.
-void a_caller_that_knows_of_a_pause_says_so() {
+TEST(a_caller_that_knows_of_a_pause_says_so) {
   Bench bench;
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
   bench.board.link.incoming = bench.host.heartbeat() + bench.host.command(MAV_CMD_FOLDCAR_START_TRIAL, kStart);
@@ -72,7 +72,7 @@ void a_caller_that_knows_of_a_pause_says_so() {
   TEST_ASSERT_TRUE(bench.state() == State::kArmed);
 }
 
-void what_arrived_while_the_board_started_is_forgotten() {
+TEST(what_arrived_while_the_board_started_is_forgotten) {
   RecordingHal board;
   board.link.room = 100000;
   MavlinkHost host;
@@ -84,15 +84,5 @@ void what_arrived_while_the_board_started_is_forgotten() {
 }
 
 }  // namespace
-
-void run_late_input_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(a_start_that_waited_is_refused_and_one_that_did_not_is_executed);
-  RUN_TEST(writing_to_flash_makes_nothing_late);
-  RUN_TEST(a_late_stick_and_late_signs_of_life_count_for_nothing);
-  RUN_TEST(a_late_stop_and_a_late_disarm_are_executed);
-  RUN_TEST(a_caller_that_knows_of_a_pause_says_so);
-  RUN_TEST(what_arrived_while_the_board_started_is_forgotten);
-}
 
 }  // namespace foldcar

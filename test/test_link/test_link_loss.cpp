@@ -1,5 +1,5 @@
 // Who may drive the car, and when it stops by itself: link loss, manual control, unknown hosts.
-#include <unity.h>
+#include "../suite.h"
 
 #include <random>
 
@@ -10,7 +10,7 @@ namespace foldcar {
 namespace {
 
 // In each of a thousand trials the host falls silent at a random time, between ticks too.
-void pulses_are_off_within_half_a_second_of_link_loss_a_thousand_times() {
+TEST(pulses_are_off_within_half_a_second_of_link_loss_a_thousand_times) {
   std::mt19937_64 random(2);
   std::uniform_int_distribution<std::uint64_t> any_us(0, 3000000);
   for (int trial = 0; trial < 1000; ++trial) {
@@ -37,7 +37,7 @@ void pulses_are_off_within_half_a_second_of_link_loss_a_thousand_times() {
   }
 }
 
-void only_the_host_that_drives_keeps_a_trial_alive() {
+TEST(only_the_host_that_drives_keeps_a_trial_alive) {
   Bench bench;
   MavlinkHost other(200);
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
@@ -50,7 +50,7 @@ void only_the_host_that_drives_keeps_a_trial_alive() {
   TEST_ASSERT_TRUE(bench.state() == State::kDisarmed);
 }
 
-void the_stick_drives_and_its_silence_stops() {
+TEST(the_stick_drives_and_its_silence_stops) {
   Bench bench;
   mavlink_manual_control_t stick{};
   stick.target = 1;
@@ -71,7 +71,7 @@ void the_stick_drives_and_its_silence_stops() {
   TEST_ASSERT_TRUE(bench.last_us() == kOff);
 }
 
-void a_single_packet_sets_nothing_in_motion() {
+TEST(a_single_packet_sets_nothing_in_motion) {
   Bench bench;
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
   bench.run(2100);
@@ -92,21 +92,12 @@ void a_single_packet_sets_nothing_in_motion() {
 }
 
 // `make fuzz` looks for such bytes by coverage, under sanitizers.
-void a_million_random_and_damaged_bytes_move_nothing() {
+TEST(a_million_random_and_damaged_bytes_move_nothing) {
   LinkFuzz fuzz(1);
   TEST_ASSERT_TRUE(fuzz.run(1000000));
   TEST_ASSERT_TRUE(fuzz.fed() >= 1000000);
 }
 
 }  // namespace
-
-void run_link_loss_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(pulses_are_off_within_half_a_second_of_link_loss_a_thousand_times);
-  RUN_TEST(only_the_host_that_drives_keeps_a_trial_alive);
-  RUN_TEST(the_stick_drives_and_its_silence_stops);
-  RUN_TEST(a_single_packet_sets_nothing_in_motion);
-  RUN_TEST(a_million_random_and_damaged_bytes_move_nothing);
-}
 
 }  // namespace foldcar

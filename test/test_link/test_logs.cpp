@@ -1,5 +1,5 @@
 // Logs of untethered trials: what is recorded, fetched, kept and erased.
-#include <unity.h>
+#include "../suite.h"
 
 #include <random>
 #include <string>
@@ -10,7 +10,7 @@
 namespace foldcar {
 namespace {
 
-void an_untethered_trial_is_recorded_and_can_be_fetched() {
+TEST(an_untethered_trial_is_recorded_and_can_be_fetched) {
   Bench bench;
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
   bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, kStartUntethered);
@@ -54,7 +54,7 @@ void an_untethered_trial_is_recorded_and_can_be_fetched() {
   TEST_ASSERT_EQUAL_UINT32(8, reader.trials().back().trial_id);
 }
 
-void the_newest_logs_are_kept_and_all_can_be_erased() {
+TEST(the_newest_logs_are_kept_and_all_can_be_erased) {
   Bench bench;
   for (int i = 0; i < 6; ++i) {
     bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
@@ -70,7 +70,7 @@ void the_newest_logs_are_kept_and_all_can_be_erased() {
 }
 
 // Random messages, of which most bytes are zero, as MAVLink packs them, some after hours.
-void a_message_in_a_log_is_as_it_was_sent() {
+TEST(a_message_in_a_log_is_as_it_was_sent) {
   LogPacker packer;
   LogUnpacker unpacker;
   std::mt19937 random(1);
@@ -105,7 +105,7 @@ void a_message_in_a_log_is_as_it_was_sent() {
   }
 }
 
-void the_longest_trial_fits_its_log() {
+TEST(the_longest_trial_fits_its_log) {
   Bench bench;
   bench.board.imu.fitted = true;
   bench.board.imu.now.acceleration_m_s2 = {0.3f, -0.2f, 9.81f};
@@ -129,13 +129,5 @@ void the_longest_trial_fits_its_log() {
 }
 
 }  // namespace
-
-void run_log_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(an_untethered_trial_is_recorded_and_can_be_fetched);
-  RUN_TEST(the_newest_logs_are_kept_and_all_can_be_erased);
-  RUN_TEST(a_message_in_a_log_is_as_it_was_sent);
-  RUN_TEST(the_longest_trial_fits_its_log);
-}
 
 }  // namespace foldcar

@@ -1,5 +1,5 @@
 // The search for packets in a stream of bytes.
-#include <unity.h>
+#include "../suite.h"
 
 #include <string>
 
@@ -9,7 +9,7 @@
 namespace foldcar {
 namespace {
 
-void packets_are_found_among_noise_and_behind_false_starts() {
+TEST(packets_are_found_among_noise_and_behind_false_starts) {
   MavlinkHost host;
   const std::string packet = host.heartbeat();
   const std::string false_start = std::string("\xfd\x09\x00\x00\x00\x01\x01\x00\x00\x00", 10);  // of a HEARTBEAT
@@ -28,7 +28,7 @@ void packets_are_found_among_noise_and_behind_false_starts() {
 }
 
 // A false start at the length of a packet is given up after 100 ms, and the packet behind it is found.
-void an_unfinished_packet_does_not_hold_up_the_next_for_long() {
+TEST(an_unfinished_packet_does_not_hold_up_the_next_for_long) {
   MavlinkHost host;
   const std::string start = std::string("\xfd\x21\x00\x00\x00\x01\x01\x4c\x00\x00", 10);  // a COMMAND_LONG of 33 bytes
   const std::string bytes = start + host.heartbeat();
@@ -41,11 +41,5 @@ void an_unfinished_packet_does_not_hold_up_the_next_for_long() {
 }
 
 }  // namespace
-
-void run_packet_parser_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(packets_are_found_among_noise_and_behind_false_starts);
-  RUN_TEST(an_unfinished_packet_does_not_hold_up_the_next_for_long);
-}
 
 }  // namespace foldcar

@@ -1,5 +1,5 @@
 // MAVLink's parameter protocol: list, read, set, and a link that loses a fifth of its bytes.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 #include <cstring>
@@ -23,7 +23,7 @@ std::string through(const std::string& bytes, double loss, std::mt19937_64& rand
   return arrived;
 }
 
-void the_parameter_list_is_that_of_the_table() {
+TEST(the_parameter_list_is_that_of_the_table) {
   Bench bench;
   bench.run(200, bench.host.request_list());
   const auto values = bench.host.parameters();
@@ -39,7 +39,7 @@ void the_parameter_list_is_that_of_the_table() {
 
 // 4 % of the requests and 0.03 % of the values arrive undamaged; the host repeats its request until it has all values. Some
 // of so many damaged packets pass a checksum of 16 bits, so a value counts when it has arrived twice.
-void the_parameter_list_is_complete_over_a_link_that_drops_a_fifth_of_the_bytes() {
+TEST(the_parameter_list_is_complete_over_a_link_that_drops_a_fifth_of_the_bytes) {
   Bench bench;
   std::mt19937_64 random(1);
   PacketParser reader;  // the reference parser loses whole packets behind each damaged one
@@ -74,7 +74,7 @@ void the_parameter_list_is_complete_over_a_link_that_drops_a_fifth_of_the_bytes(
   }
 }
 
-void a_parameter_is_set_or_the_value_that_holds_comes_back_with_the_reason() {
+TEST(a_parameter_is_set_or_the_value_that_holds_comes_back_with_the_reason) {
   Bench bench;
   const auto value_after = [&bench](const char* name, float value) {
     bench.host.received.clear();
@@ -104,7 +104,7 @@ void a_parameter_is_set_or_the_value_that_holds_comes_back_with_the_reason() {
   TEST_ASSERT_EQUAL_STRING("TRACK_M cannot be set while wheels are driven", bench.host.texts().back().c_str());
 }
 
-void one_parameter_is_read_by_index_or_by_name() {
+TEST(one_parameter_is_read_by_index_or_by_name) {
   Bench bench;
   mavlink_param_request_read_t request{};
   request.target_system = 1;
@@ -122,13 +122,5 @@ void one_parameter_is_read_by_index_or_by_name() {
 }
 
 }  // namespace
-
-void run_parameter_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(the_parameter_list_is_that_of_the_table);
-  RUN_TEST(the_parameter_list_is_complete_over_a_link_that_drops_a_fifth_of_the_bytes);
-  RUN_TEST(a_parameter_is_set_or_the_value_that_holds_comes_back_with_the_reason);
-  RUN_TEST(one_parameter_is_read_by_index_or_by_name);
-}
 
 }  // namespace foldcar

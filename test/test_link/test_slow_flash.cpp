@@ -1,5 +1,5 @@
 // Flash that is slow, full or busy: no tick waits for it, and what is lost is told.
-#include <unity.h>
+#include "../suite.h"
 
 #include <random>
 #include <string>
@@ -121,7 +121,7 @@ std::size_t whole_size(float time_s) {
 }
 
 // A tick takes no time on this clock, unless it waits for flash.
-void no_tick_waits_for_the_log() {
+TEST(no_tick_waits_for_the_log) {
   SlowBench bench;
   bench.drive(170.0f);
   TEST_ASSERT_EQUAL_INT(0, bench.writes_while_driving);
@@ -136,7 +136,7 @@ void no_tick_waits_for_the_log() {
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, reader.trials().back().end);
 }
 
-void a_trial_that_may_last_longer_is_recorded_less_often() {
+TEST(a_trial_that_may_last_longer_is_recorded_less_often) {
   SlowBench bench;
   bench.erasing_stops_both_cores = true;
   bench.drive(600.0f);
@@ -150,7 +150,7 @@ void a_trial_that_may_last_longer_is_recorded_less_often() {
 
 // Whoever writes flash on the ESP32 stops both cores; so does who reads it. Everything that could is asked for before and
 // while wheels turn: nothing is done until they stand, and all that was accepted then is.
-void no_tick_is_late_while_wheels_turn_whatever_a_host_asks() {
+TEST(no_tick_is_late_while_wheels_turn_whatever_a_host_asks) {
   for (const float time_s : {5.0f, 60.0f, 170.0f}) {
     SlowBench bench;
     bench.erasing_stops_both_cores = true;
@@ -185,7 +185,7 @@ void no_tick_is_late_while_wheels_turn_whatever_a_host_asks() {
   }
 }
 
-void a_log_waits_to_be_stored_while_wheels_turn_again() {
+TEST(a_log_waits_to_be_stored_while_wheels_turn_again) {
   SlowBench bench;
   bench.erasing_stops_both_cores = true;
   bench.drive(60.0f);
@@ -206,7 +206,7 @@ void a_log_waits_to_be_stored_while_wheels_turn_again() {
 }
 
 // Each takes up to 0.6 s, and a loop that stands still for a second is reset.
-void logs_are_erased_one_in_a_tick() {
+TEST(logs_are_erased_one_in_a_tick) {
   SlowBench bench;
   for (int i = 0; i < 4; ++i) {
     bench.drive(1.0f);
@@ -222,7 +222,7 @@ void logs_are_erased_one_in_a_tick() {
   }
 }
 
-void the_noisiest_trial_fits_in_memory() {
+TEST(the_noisiest_trial_fits_in_memory) {
   SlowBench bench;
   bench.noise = 1e3f;  // hardly a byte of a record is that of the one before
   bench.run(20, bench.host.set_parameter("TILT_MAX_RAD", 3.2f));
@@ -232,7 +232,7 @@ void the_noisiest_trial_fits_in_memory() {
   TEST_ASSERT_EQUAL_UINT32(0, told.log_lost);
 }
 
-void a_flash_that_is_full_keeps_what_it_has_and_says_what_is_missing() {
+TEST(a_flash_that_is_full_keeps_what_it_has_and_says_what_is_missing) {
   for (const std::size_t capacity : {std::size_t{0}, std::size_t{33000}}) {
     SlowBench bench;
     bench.logs.capacity = capacity;
@@ -248,7 +248,7 @@ void a_flash_that_is_full_keeps_what_it_has_and_says_what_is_missing() {
 }
 
 // A log is not closed before all of it is in flash, and nothing else touches flash until then.
-void a_log_is_closed_when_all_is_stored() {
+TEST(a_log_is_closed_when_all_is_stored) {
   SlowBench bench;
   bench.logs.slowness = 10.0;
   bench.drive(10.0f);
@@ -268,7 +268,7 @@ void a_log_is_closed_when_all_is_stored() {
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.told().log);
 }
 
-void without_storage_for_logs_an_untethered_trial_is_refused() {
+TEST(without_storage_for_logs_an_untethered_trial_is_refused) {
   SlowBench bench;
   bench.logs.fitted = false;
   bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
@@ -278,7 +278,7 @@ void without_storage_for_logs_an_untethered_trial_is_refused() {
 }
 
 // They arrive at once. Between two polls there is a tick wherever one is due, and a tick saves one value at most.
-void sixty_settings_at_once_neither_keep_the_tick_waiting_nor_are_saved_sixty_times() {
+TEST(sixty_settings_at_once_neither_keep_the_tick_waiting_nor_are_saved_sixty_times) {
   SlowBench bench;
   bench.run(2000);
   const std::uint32_t ticks_before = bench.loop().tick_count;
@@ -305,7 +305,7 @@ void sixty_settings_at_once_neither_keep_the_tick_waiting_nor_are_saved_sixty_ti
   TEST_ASSERT_UINT_WITHIN(2, (900 + elapsed_ms) / 20 + 55, bench.loop().tick_count - ticks_before);
 }
 
-void every_value_that_was_set_is_saved_before_a_restart() {
+TEST(every_value_that_was_set_is_saved_before_a_restart) {
   SlowBench bench;
   std::string settings;
   for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
@@ -317,26 +317,10 @@ void every_value_that_was_set_is_saved_before_a_restart() {
   TEST_ASSERT_EQUAL_UINT(kChannelCount, bench.storage.values.size());
 }
 
-void two_threads_record_and_store_a_log() {
+TEST(two_threads_record_and_store_a_log) {
   TEST_ASSERT_EQUAL_STRING("", record_and_store_in_two_threads(4, 1).c_str());
 }
 
 }  // namespace
-
-void run_slow_flash_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(no_tick_waits_for_the_log);
-  RUN_TEST(a_trial_that_may_last_longer_is_recorded_less_often);
-  RUN_TEST(no_tick_is_late_while_wheels_turn_whatever_a_host_asks);
-  RUN_TEST(a_log_waits_to_be_stored_while_wheels_turn_again);
-  RUN_TEST(logs_are_erased_one_in_a_tick);
-  RUN_TEST(the_noisiest_trial_fits_in_memory);
-  RUN_TEST(a_flash_that_is_full_keeps_what_it_has_and_says_what_is_missing);
-  RUN_TEST(a_log_is_closed_when_all_is_stored);
-  RUN_TEST(without_storage_for_logs_an_untethered_trial_is_refused);
-  RUN_TEST(two_threads_record_and_store_a_log);
-  RUN_TEST(sixty_settings_at_once_neither_keep_the_tick_waiting_nor_are_saved_sixty_times);
-  RUN_TEST(every_value_that_was_set_is_saved_before_a_restart);
-}
 
 }  // namespace foldcar

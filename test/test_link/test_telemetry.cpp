@@ -1,5 +1,5 @@
 // Telemetry: intervals, order, requested messages, and which packets a slow link leaves out.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 #include <cstring>
@@ -10,7 +10,7 @@
 namespace foldcar {
 namespace {
 
-void messages_come_at_their_intervals_without_drift() {
+TEST(messages_come_at_their_intervals_without_drift) {
   Bench bench;
   bench.board.imu.fitted = true;
   bench.board.imu.now.acceleration_m_s2 = {0.0f, 0.0f, 9.81f};
@@ -44,14 +44,14 @@ void messages_come_at_their_intervals_without_drift() {
   }
 }
 
-void a_car_without_an_imu_sends_no_attitude() {
+TEST(a_car_without_an_imu_sends_no_attitude) {
   Bench bench;
   bench.run(1000);
   TEST_ASSERT_EQUAL_UINT(0, count_of(bench.host, MAVLINK_MSG_ID_ATTITUDE));
   bench.expect(MAV_RESULT_DENIED, Refusal::kMessage, MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_ATTITUDE});
 }
 
-void messages_can_be_asked_for_and_their_intervals_set() {
+TEST(messages_can_be_asked_for_and_their_intervals_set) {
   Bench bench;
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_AUTOPILOT_VERSION});
   const auto version = bench.host.all<mavlink_autopilot_version_t>(MAVLINK_MSG_ID_AUTOPILOT_VERSION,
@@ -74,7 +74,7 @@ void messages_can_be_asked_for_and_their_intervals_set() {
   bench.expect(MAV_RESULT_DENIED, Refusal::kMessage, MAV_CMD_SET_MESSAGE_INTERVAL, {33, 100000});
 }
 
-void a_link_that_takes_little_gets_whole_packets_and_answers_first() {
+TEST(a_link_that_takes_little_gets_whole_packets_and_answers_first) {
   Bench bench;
   bench.run(1000);
   bench.host.received.clear();
@@ -91,7 +91,7 @@ void a_link_that_takes_little_gets_whole_packets_and_answers_first() {
   TEST_ASSERT_TRUE(loops.back().unsent_count > 10);
 }
 
-void a_refused_design_is_told_in_full_and_other_designs_by_name() {
+TEST(a_refused_design_is_told_in_full_and_other_designs_by_name) {
   DesignResult design;
   design.source = DesignSource::kRefused;
   std::strcpy(design.problem, "car.json: wheels[1].channel is not a whole number from 1 to 8, and more than 50 bytes");
@@ -112,7 +112,7 @@ void a_refused_design_is_told_in_full_and_other_designs_by_name() {
   TEST_ASSERT_EQUAL_STRING_LEN(kBuild, told[0].build, 16);
 }
 
-void clocks_are_compared_and_pings_answered() {
+TEST(clocks_are_compared_and_pings_answered) {
   Bench bench;
   mavlink_timesync_t sync{};
   sync.ts1 = 123456789;
@@ -131,15 +131,5 @@ void clocks_are_compared_and_pings_answered() {
 }
 
 }  // namespace
-
-void run_telemetry_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(messages_come_at_their_intervals_without_drift);
-  RUN_TEST(a_car_without_an_imu_sends_no_attitude);
-  RUN_TEST(messages_can_be_asked_for_and_their_intervals_set);
-  RUN_TEST(a_link_that_takes_little_gets_whole_packets_and_answers_first);
-  RUN_TEST(a_refused_design_is_told_in_full_and_other_designs_by_name);
-  RUN_TEST(clocks_are_compared_and_pings_answered);
-}
 
 }  // namespace foldcar

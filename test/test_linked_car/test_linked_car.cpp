@@ -10,13 +10,10 @@
 #include <vector>
 
 // After the rest: Unity hides std::isnan behind a macro.
-#include <unity.h>
+#include "../suite.h"
 
 using namespace foldcar;
 using nlohmann::json;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -74,7 +71,7 @@ struct Bench {
 
 }  // namespace
 
-void test_a_trial_moves_the_car_and_its_truth_says_so() {
+TEST(test_a_trial_moves_the_car_and_its_truth_says_so) {
   Bench bench;
   bench.start_trial();
   TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_RUNNING, bench.trial().state);
@@ -85,7 +82,7 @@ void test_a_trial_moves_the_car_and_its_truth_says_so() {
   TEST_ASSERT_EQUAL_STRING("flat", scenes.front().id);
 }
 
-void test_each_fault_stops_the_car_with_its_name() {
+TEST(test_each_fault_stops_the_car_with_its_name) {
   const struct {
     const char* line;
     int fault;
@@ -110,7 +107,7 @@ void test_each_fault_stops_the_car_with_its_name() {
   }
 }
 
-void test_a_battery_fault_ends_in_time() {
+TEST(test_a_battery_fault_ends_in_time) {
   Bench bench;
   bench.start_trial();
   bench.inject(R"({"inject": "battery", "volts": 2.0, "for_s": 0.1})");
@@ -118,7 +115,7 @@ void test_a_battery_fault_ends_in_time() {
   TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_RUNNING, bench.trial().state);
 }
 
-void test_the_car_can_be_put_back() {
+TEST(test_the_car_can_be_put_back) {
   Bench by_hand;
   by_hand.start_trial();
   by_hand.inject(R"({"inject": "put_back"})");
@@ -134,7 +131,7 @@ void test_the_car_can_be_put_back() {
   TEST_ASSERT_FLOAT_WITHIN(0.02f, 0.0f, when_armed.x_m());
 }
 
-void test_a_record_repeats_itself() {
+TEST(test_a_record_repeats_itself) {
   Bench bench;
   bench.start_trial();
   bench.inject(R"({"inject": "corrupt", "share": 0.01, "for_s": 0.5})");
@@ -150,7 +147,7 @@ void test_a_record_repeats_itself() {
   TEST_ASSERT_TRUE(first == second.str());
 }
 
-void test_a_wrong_record_is_refused_by_its_line() {
+TEST(test_a_wrong_record_is_refused_by_its_line) {
   const struct {
     const char* text;
     const char* words;
@@ -173,15 +170,4 @@ void test_a_wrong_record_is_refused_by_its_line() {
     }
     TEST_ASSERT_TRUE_MESSAGE(message.find(wrong.words) != std::string::npos, message.c_str());
   }
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_a_trial_moves_the_car_and_its_truth_says_so);
-  RUN_TEST(test_each_fault_stops_the_car_with_its_name);
-  RUN_TEST(test_a_battery_fault_ends_in_time);
-  RUN_TEST(test_the_car_can_be_put_back);
-  RUN_TEST(test_a_record_repeats_itself);
-  RUN_TEST(test_a_wrong_record_is_refused_by_its_line);
-  return UNITY_END();
 }

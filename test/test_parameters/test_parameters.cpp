@@ -1,5 +1,5 @@
 // The parameter table and the values: names, limits, refusals, storage.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 #include <cstring>
@@ -11,10 +11,7 @@
 
 using namespace foldcar;
 
-void setUp() {}
-void tearDown() {}
-
-void names_are_unique_upper_case_and_fit_a_flash_key() {
+TEST(names_are_unique_upper_case_and_fit_a_flash_key) {
   for (const ParameterInfo& info : parameter_table()) {
     const std::size_t length = std::strlen(info.name);
     TEST_ASSERT_TRUE_MESSAGE(length >= 1 && length <= 15, info.name);
@@ -26,14 +23,14 @@ void names_are_unique_upper_case_and_fit_a_flash_key() {
   }
 }
 
-void every_parameter_is_explained() {
+TEST(every_parameter_is_explained) {
   for (const ParameterInfo& info : parameter_table()) {
     TEST_ASSERT_TRUE_MESSAGE(std::strlen(info.help) > 10, info.name);
     TEST_ASSERT_NOT_NULL_MESSAGE(info.unit, info.name);
   }
 }
 
-void a_name_leads_to_its_typed_index() {
+TEST(a_name_leads_to_its_typed_index) {
   const auto is = [](const char* name, Parameter parameter) {
     TEST_ASSERT_TRUE_MESSAGE(find_parameter(name) == parameter, name);
     TEST_ASSERT_EQUAL_STRING(name, parameter_info(parameter).name);
@@ -61,7 +58,7 @@ void a_name_leads_to_its_typed_index() {
   TEST_ASSERT_EQUAL_UINT(14 + 8 * 5, parameter_table().size());
 }
 
-void a_new_object_describes_the_study_car() {
+TEST(a_new_object_describes_the_study_car) {
   const Parameters parameters;
   TEST_ASSERT_EQUAL_FLOAT(0.06f, parameters.get(Parameter::kWheelRadiusM));
   TEST_ASSERT_EQUAL_FLOAT(0.111f, parameters.get(Parameter::kTrackM));
@@ -79,7 +76,7 @@ void a_new_object_describes_the_study_car() {
   }
 }
 
-void limits_are_allowed_and_what_is_beyond_them_is_not() {
+TEST(limits_are_allowed_and_what_is_beyond_them_is_not) {
   for (const ParameterInfo& info : parameter_table()) {
     Parameters parameters;
     const Parameter index = *find_parameter(info.name);
@@ -97,7 +94,7 @@ void limits_are_allowed_and_what_is_beyond_them_is_not() {
   }
 }
 
-void a_side_is_whole_and_a_direction_is_a_sign() {
+TEST(a_side_is_whole_and_a_direction_is_a_sign) {
   Parameters parameters;
   TEST_ASSERT_TRUE(parameters.set("CH1_SIDE", 1.5f) == SetResult::kNotAnInteger);
   TEST_ASSERT_TRUE(parameters.set("CH1_DIRECTION", 0.0f) == SetResult::kNotASign);
@@ -105,14 +102,14 @@ void a_side_is_whole_and_a_direction_is_a_sign() {
   TEST_ASSERT_TRUE(parameters.set("CH1_DIRECTION", -1.0f) == SetResult::kOk);
 }
 
-void an_unknown_name_is_refused() {
+TEST(an_unknown_name_is_refused) {
   Parameters parameters;
   for (const char* name : {"", "TRACK", "track_m", "CH0_SIDE", "CH9_SIDE", "TRACK_M_AND_MORE_THAN_FITS"}) {
     TEST_ASSERT_TRUE_MESSAGE(parameters.set(name, 1.0f) == SetResult::kUnknownName, name);
   }
 }
 
-void values_survive_storage() {
+TEST(values_survive_storage) {
   SimStorage storage;
   Parameters written;
   written.set("TRACK_M", 0.2f);
@@ -129,7 +126,7 @@ void values_survive_storage() {
   }
 }
 
-void empty_storage_leaves_values_alone() {
+TEST(empty_storage_leaves_values_alone) {
   SimStorage storage;
   Parameters parameters;
   parameters.set("TRACK_M", 0.2f);
@@ -137,7 +134,7 @@ void empty_storage_leaves_values_alone() {
   TEST_ASSERT_EQUAL_FLOAT(0.2f, parameters.get(Parameter::kTrackM));
 }
 
-void stored_values_beyond_the_limits_are_counted_and_not_taken() {
+TEST(stored_values_beyond_the_limits_are_counted_and_not_taken) {
   SimStorage storage;
   storage.values = {{"TRACK_M", -1.0f}, {"STAGGER_MS", NAN}, {"BATT_MIN_V", 3.0f}};
   Parameters parameters;
@@ -146,13 +143,13 @@ void stored_values_beyond_the_limits_are_counted_and_not_taken() {
   TEST_ASSERT_EQUAL_FLOAT(3.0f, parameters.get(Parameter::kBattMinV));
 }
 
-void a_storage_that_takes_nothing_is_noticed() {
+TEST(a_storage_that_takes_nothing_is_noticed) {
   SimStorage storage;
   storage.accepts = false;
   TEST_ASSERT_FALSE(Parameters().save(storage, Parameter::kTrackM));
 }
 
-void a_fixed_value_is_neither_set_nor_loaded() {
+TEST(a_fixed_value_is_neither_set_nor_loaded) {
   SimStorage storage;
   storage.values = {{"TRACK_M", 0.3f}};
   Parameters parameters;
@@ -164,27 +161,9 @@ void a_fixed_value_is_neither_set_nor_loaded() {
   TEST_ASSERT_EQUAL_FLOAT(0.2f, parameters.get(Parameter::kTrackM));
 }
 
-void objects_do_not_share_values() {
+TEST(objects_do_not_share_values) {
   Parameters first;
   Parameters second;
   first.set("TRACK_M", 0.3f);
   TEST_ASSERT_EQUAL_FLOAT(0.111f, second.get(Parameter::kTrackM));
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(names_are_unique_upper_case_and_fit_a_flash_key);
-  RUN_TEST(every_parameter_is_explained);
-  RUN_TEST(a_name_leads_to_its_typed_index);
-  RUN_TEST(a_new_object_describes_the_study_car);
-  RUN_TEST(limits_are_allowed_and_what_is_beyond_them_is_not);
-  RUN_TEST(a_side_is_whole_and_a_direction_is_a_sign);
-  RUN_TEST(an_unknown_name_is_refused);
-  RUN_TEST(values_survive_storage);
-  RUN_TEST(empty_storage_leaves_values_alone);
-  RUN_TEST(stored_values_beyond_the_limits_are_counted_and_not_taken);
-  RUN_TEST(a_storage_that_takes_nothing_is_noticed);
-  RUN_TEST(a_fixed_value_is_neither_set_nor_loaded);
-  RUN_TEST(objects_do_not_share_values);
-  return UNITY_END();
 }

@@ -1,5 +1,5 @@
 // The car's physics against closed forms: fall, friction, torque-speed line, steps, tip-over, yaw, energy.
-#include <unity.h>
+#include "../suite.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,9 +12,6 @@
 #include "scene_terrain.h"
 
 using namespace foldcar;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -46,7 +43,7 @@ double speed_on_slope_m_s(const BodySpec& body, double friction, double slope_ra
 
 }  // namespace
 
-void test_it_falls_as_bodies_do() {
+TEST(test_it_falls_as_bodies_do) {
   StepOptions options;
   options.drop_m = 1;
   for (const double time_s : {0.1, 0.2, 0.4}) {
@@ -61,7 +58,7 @@ void test_it_falls_as_bodies_do() {
   }
 }
 
-void test_it_stands_on_its_wheels() {
+TEST(test_it_stands_on_its_wheels) {
   const BodySpec body = study_car(0.115);
   Drive drive(body, 0.6, kFlat, 0);
   const CarState& state = drive.run(2);
@@ -70,7 +67,7 @@ void test_it_stands_on_its_wheels() {
   TEST_ASSERT_DOUBLE_WITHIN(0.002, 0, state.pitch_rad);
 }
 
-void test_it_neither_sinks_nor_slows_far_from_where_it_started() {
+TEST(test_it_neither_sinks_nor_slows_far_from_where_it_started) {
   Drive drive(study_car(0.095), 0.6, kFlat, 1);
   const CarState early = drive.run(5);
   const CarState& late = drive.run(75);
@@ -79,7 +76,7 @@ void test_it_neither_sinks_nor_slows_far_from_where_it_started() {
   TEST_ASSERT_DOUBLE_WITHIN(1e-3 * early.speed_m_s, early.speed_m_s, late.speed_m_s);
 }
 
-void test_top_speed_is_where_the_torque_line_ends() {
+TEST(test_top_speed_is_where_the_torque_line_ends) {
   for (const double fraction : {1.0, 0.5, -1.0}) {
     const BodySpec body = study_car(0.115);
     Drive drive(body, 0.6, kFlat, fraction);
@@ -88,7 +85,7 @@ void test_top_speed_is_where_the_torque_line_ends() {
   }
 }
 
-void test_a_load_slows_it_along_the_torque_line() {
+TEST(test_a_load_slows_it_along_the_torque_line) {
   const BodySpec body = study_car(0.115);
   for (const double fraction : {0.0, 0.5, 1.0}) {
     const double slope_rad = 15 * kPi / 180;
@@ -97,7 +94,7 @@ void test_a_load_slows_it_along_the_torque_line() {
   }
 }
 
-void test_it_stalls_where_the_slope_asks_for_more_than_stall_torque() {
+TEST(test_it_stalls_where_the_slope_asks_for_more_than_stall_torque) {
   BodySpec body = study_car(0.115);
   for (WheelSpec& wheel : body.wheels) wheel.servo.stall_torque_n_m = 0.02;
   const double limit_rad = std::asin(4 * 0.02 / (0.06 * mass_kg(body) * kGravity));
@@ -106,7 +103,7 @@ void test_it_stalls_where_the_slope_asks_for_more_than_stall_torque() {
   TEST_ASSERT_TRUE(speed_on_slope_m_s(body, 3.0, limit_rad + margin_rad, 1, 4) < -0.005);
 }
 
-void test_friction_holds_braked_wheels_up_to_its_angle_and_no_further() {
+TEST(test_friction_holds_braked_wheels_up_to_its_angle_and_no_further) {
   BodySpec body = study_car(0.115);
   for (WheelSpec& wheel : body.wheels) wheel.servo.stall_torque_n_m = 0.5;  // neutral holds almost as a lock does
   const double friction = 0.3, angle_rad = std::atan(friction), margin_rad = 3 * kPi / 180;
@@ -122,7 +119,7 @@ void test_friction_holds_braked_wheels_up_to_its_angle_and_no_further() {
   TEST_ASSERT_DOUBLE_WITHIN(0.06 * std::abs(expected), expected, acceleration);
 }
 
-void test_all_wheel_drive_climbs_to_the_friction_angle() {
+TEST(test_all_wheel_drive_climbs_to_the_friction_angle) {
   const BodySpec body = study_car(0.115);
   const double friction = 0.3, angle_rad = std::atan(friction), margin_rad = 2 * kPi / 180;
   TEST_ASSERT_TRUE(speed_on_slope_m_s(body, friction, angle_rad - margin_rad, 1, 2) > 0.1);
@@ -139,7 +136,7 @@ bool climbs_step(const BodySpec& body, double friction, double height_m, double 
   return highest_rad > 0.8 * std::asin(height_m / 0.14);
 }
 
-void test_the_highest_step_climbed_is_the_one_statics_allow() {
+TEST(test_the_highest_step_climbed_is_the_one_statics_allow) {
   struct Case {
     double friction, stall_torque_n_m, fraction;
   };
@@ -155,7 +152,7 @@ void test_the_highest_step_climbed_is_the_one_statics_allow() {
   }
 }
 
-void test_it_tips_where_its_weight_passes_the_outer_tyre() {
+TEST(test_it_tips_where_its_weight_passes_the_outer_tyre) {
   for (const double width_m : {0.065, 0.095, 0.115}) {
     const BodySpec body = study_car(width_m);
     const double limit_rad = std::atan((body.track_m + 0.012) / (2 * CarConstants(body).com_height_m));
@@ -176,7 +173,7 @@ void test_it_tips_where_its_weight_passes_the_outer_tyre() {
 }
 
 // The left wheels on a bench: rolling about its contacts carries the axles a radius times sin(roll) to the right.
-void test_a_rolled_car_stands_beside_where_its_wheels_do_in_every_direction() {
+TEST(test_a_rolled_car_stands_beside_where_its_wheels_do_in_every_direction) {
   const BodySpec body = study_car(0.115);
   const double height_m = 0.04;
   for (const double heading_rad : {0.0, 1.0, 2.5, -1.2}) {
@@ -193,7 +190,7 @@ void test_a_rolled_car_stands_beside_where_its_wheels_do_in_every_direction() {
 }
 
 // What its axles carry of a difference between left and right is told by their tyres, all alike, not by the solver.
-void test_a_rigid_car_loads_its_axles_alike() {
+TEST(test_a_rigid_car_loads_its_axles_alike) {
   BodySpec body = study_car(0.115);
   body.segments[0].com_y_m = 0.01;
   Drive drive(body, 0.6, kFlat, 0);
@@ -211,7 +208,7 @@ void test_a_rigid_car_loads_its_axles_alike() {
 // Steady turn of a car whose right side is weaker: both sides' wheels follow their torque lines, the difference of
 // their drives balances the tyres' scrub, and tyres that are dragged sideways creep along, for friction opposes their
 // slip as a whole: forward slip is to sideways slip as drive is to scrub.
-void test_a_weaker_side_turns_it_as_scrub_and_torque_lines_balance() {
+TEST(test_a_weaker_side_turns_it_as_scrub_and_torque_lines_balance) {
   BodySpec body = study_car(0.115);
   for (WheelSpec& wheel : body.wheels) {
     if (wheel.side == CarSide::kRight) wheel.servo.no_load_speed_rad_s *= 0.65;
@@ -229,7 +226,7 @@ void test_a_weaker_side_turns_it_as_scrub_and_torque_lines_balance() {
   TEST_ASSERT_DOUBLE_WITHIN(0.1 * std::abs(expected_rad_s), expected_rad_s, drive.car.state().yaw_rate_rad_s);
 }
 
-void test_without_slip_motor_work_becomes_mechanical_energy() {
+TEST(test_without_slip_motor_work_becomes_mechanical_energy) {
   Drive drive(study_car(0.115), 2.0, kFlat, 0);
   drive.run(0.5);
   const double energy_j = drive.car.mechanical_energy_j(), work_j = drive.car.state().motor_work_j;
@@ -241,7 +238,7 @@ void test_without_slip_motor_work_becomes_mechanical_energy() {
   TEST_ASSERT_DOUBLE_WITHIN(0.05 * done_j, done_j, gained_j);
 }
 
-void test_friction_and_impacts_never_give_energy() {
+TEST(test_friction_and_impacts_never_give_energy) {
   const SceneTerrain bumps(blocks({{0.35, 0, 0.06, 2, 0.02, 0}, {0.75, 0, 0.06, 2, 0.02, 0}}));
   // Hitting an edge, a wheel enters it by a step's travel and is pushed out at no cost: short steps keep that
   // below the tolerance.
@@ -263,7 +260,7 @@ void test_friction_and_impacts_never_give_energy() {
   TEST_ASSERT_TRUE(least_j < start_j);
 }
 
-void test_electrical_energy_covers_the_work() {
+TEST(test_electrical_energy_covers_the_work) {
   Drive drive(study_car(0.115), 0.6, kFlat, 1);
   const CarState& state = drive.run(1);
   TEST_ASSERT_TRUE(state.motor_work_j > 0);
@@ -272,7 +269,7 @@ void test_electrical_energy_covers_the_work() {
 
 // The torque that spins up the geared rotors never reaches the wheels, nor the frame: only what drives the car
 // may lift its nose, which is a hundredth of a radian. A frame that took all of it would rear up.
-void test_spinning_up_the_rotors_does_not_lift_the_nose() {
+TEST(test_spinning_up_the_rotors_does_not_lift_the_nose) {
   BodySpec body = study_car(0.115);
   for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 5e-4;
   Drive drive(body, 0.6, kFlat, 0);
@@ -281,26 +278,4 @@ void test_spinning_up_the_rotors_does_not_lift_the_nose() {
   double highest_rad = 0;
   for (int i = 0; i < 120; ++i) highest_rad = std::max(highest_rad, drive.run(drive.car.step_s()).pitch_rad);
   TEST_ASSERT_TRUE(highest_rad < 0.02);
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_it_falls_as_bodies_do);
-  RUN_TEST(test_it_stands_on_its_wheels);
-  RUN_TEST(test_it_neither_sinks_nor_slows_far_from_where_it_started);
-  RUN_TEST(test_top_speed_is_where_the_torque_line_ends);
-  RUN_TEST(test_a_load_slows_it_along_the_torque_line);
-  RUN_TEST(test_it_stalls_where_the_slope_asks_for_more_than_stall_torque);
-  RUN_TEST(test_friction_holds_braked_wheels_up_to_its_angle_and_no_further);
-  RUN_TEST(test_all_wheel_drive_climbs_to_the_friction_angle);
-  RUN_TEST(test_the_highest_step_climbed_is_the_one_statics_allow);
-  RUN_TEST(test_it_tips_where_its_weight_passes_the_outer_tyre);
-  RUN_TEST(test_a_rolled_car_stands_beside_where_its_wheels_do_in_every_direction);
-  RUN_TEST(test_a_rigid_car_loads_its_axles_alike);
-  RUN_TEST(test_a_weaker_side_turns_it_as_scrub_and_torque_lines_balance);
-  RUN_TEST(test_without_slip_motor_work_becomes_mechanical_energy);
-  RUN_TEST(test_friction_and_impacts_never_give_energy);
-  RUN_TEST(test_electrical_energy_covers_the_work);
-  RUN_TEST(test_spinning_up_the_rotors_does_not_lift_the_nose);
-  return UNITY_END();
 }

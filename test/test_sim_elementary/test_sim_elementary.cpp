@@ -1,5 +1,5 @@
 // The simulator's elementary functions against the C library's in long double, whose 11 more bits make them a reference.
-#include <unity.h>
+#include "../suite.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,9 +9,6 @@
 #include "elementary_functions.h"
 
 using namespace foldcar;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -47,7 +44,7 @@ double of_any_size(std::mt19937_64& random, int least_exponent, int most_exponen
 
 }  // namespace
 
-void test_sine_and_cosine_are_within_the_stated_error() {
+TEST(test_sine_and_cosine_are_within_the_stated_error) {
   const double error = largest([](std::mt19937_64& random) {
     const double x = random() % 2 == 0 ? between(random, -7, 7) : of_any_size(random, -30, 19);
     return std::max(error_ulp(sine(x), std::sin(static_cast<long double>(x))),
@@ -56,7 +53,7 @@ void test_sine_and_cosine_are_within_the_stated_error() {
   TEST_ASSERT_DOUBLE_WITHIN(1, 0, error);
 }
 
-void test_sine_and_cosine_are_exact_to_the_bit_count_next_to_their_zeros() {
+TEST(test_sine_and_cosine_are_exact_to_the_bit_count_next_to_their_zeros) {
   double error = 0;
   for (int quarter = 1; quarter < 600000; ++quarter) {
     const double x = quarter * 1.5707963267948966;
@@ -68,13 +65,13 @@ void test_sine_and_cosine_are_exact_to_the_bit_count_next_to_their_zeros() {
   TEST_ASSERT_DOUBLE_WITHIN(1.2e-16, 0, error);
 }
 
-void test_large_angles_give_a_point_of_the_unit_circle() {
+TEST(test_large_angles_give_a_point_of_the_unit_circle) {
   for (const double x : {1e7, -3e12, 1e100, std::numeric_limits<double>::max()}) {
     TEST_ASSERT_DOUBLE_WITHIN(4e-16, 1, sine(x) * sine(x) + cosine(x) * cosine(x));
   }
 }
 
-void test_exponential_is_within_the_stated_error() {
+TEST(test_exponential_is_within_the_stated_error) {
   const double error = largest([](std::mt19937_64& random) {
     const double x = random() % 2 == 0 ? between(random, -2, 2) : between(random, -708, 709);
     return error_ulp(exponential(x), std::exp(static_cast<long double>(x)));
@@ -82,7 +79,7 @@ void test_exponential_is_within_the_stated_error() {
   TEST_ASSERT_DOUBLE_WITHIN(1.5, 0, error);
 }
 
-void test_arc_tangent_is_within_the_stated_error() {
+TEST(test_arc_tangent_is_within_the_stated_error) {
   const double error = largest([](std::mt19937_64& random) {
     const double y = of_any_size(random, -30, 30);
     const double x = random() % 2 == 0 ? of_any_size(random, -30, 30) : y * between(random, -3, 3);
@@ -91,7 +88,7 @@ void test_arc_tangent_is_within_the_stated_error() {
   TEST_ASSERT_DOUBLE_WITHIN(kElementaryError_ulp, 0, error);
 }
 
-void test_arc_sine_and_arc_cosine_are_within_the_stated_error() {
+TEST(test_arc_sine_and_arc_cosine_are_within_the_stated_error) {
   const double error = largest([](std::mt19937_64& random) {
     const double x = between(random, -1, 1);
     return std::max(error_ulp(std::asin(x), std::asin(static_cast<long double>(x))),
@@ -100,7 +97,7 @@ void test_arc_sine_and_arc_cosine_are_within_the_stated_error() {
   TEST_ASSERT_DOUBLE_WITHIN(kElementaryError_ulp, 0, error);
 }
 
-void test_hypotenuse_is_within_the_stated_error() {
+TEST(test_hypotenuse_is_within_the_stated_error) {
   const double error = largest([](std::mt19937_64& random) {
     const double x = of_any_size(random, -600, 600), y = x * between(random, -4, 4);
     return error_ulp(hypotenuse(x, y), std::hypot(static_cast<long double>(x), static_cast<long double>(y)));
@@ -108,7 +105,7 @@ void test_hypotenuse_is_within_the_stated_error() {
   TEST_ASSERT_DOUBLE_WITHIN(kElementaryError_ulp, 0, error);
 }
 
-void test_sine_and_cosine_together_are_those_alone() {
+TEST(test_sine_and_cosine_together_are_those_alone) {
   int differing = 0;
   std::mt19937_64 random(1);
   for (int i = 0; i < kSamples; ++i) {
@@ -121,7 +118,7 @@ void test_sine_and_cosine_together_are_those_alone() {
 }
 
 // Twice as many bits as a float has: the rounded result is nearly always the nearest float.
-void test_single_precision_results_are_rounded_once() {
+TEST(test_single_precision_results_are_rounded_once) {
   const double error = largest([](std::mt19937_64& random) {
     const auto x = static_cast<float>(between(random, -10, 10));
     const double computed = std::sin(x), expected = std::sin(static_cast<double>(x));
@@ -130,7 +127,7 @@ void test_single_precision_results_are_rounded_once() {
   TEST_ASSERT_DOUBLE_WITHIN(0.501, 0, error);
 }
 
-void test_special_values_are_those_of_the_standard() {
+TEST(test_special_values_are_those_of_the_standard) {
   const double infinity = std::numeric_limits<double>::infinity(), nan = std::nan("");
   for (const double x : {infinity, -infinity, nan}) {
     TEST_ASSERT_TRUE(is_nan(sine(x)));
@@ -154,7 +151,7 @@ void test_special_values_are_those_of_the_standard() {
 }
 
 // The linker found these before the C library's.
-void test_the_c_library_s_names_mean_these_functions() {
+TEST(test_the_c_library_s_names_mean_these_functions) {
   volatile double x = 0.7;
   int differing = 0;
   for (int i = 0; i < 100000; ++i) {
@@ -165,20 +162,4 @@ void test_the_c_library_s_names_mean_these_functions() {
     }
   }
   TEST_ASSERT_EQUAL(0, differing);
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_sine_and_cosine_are_within_the_stated_error);
-  RUN_TEST(test_sine_and_cosine_are_exact_to_the_bit_count_next_to_their_zeros);
-  RUN_TEST(test_large_angles_give_a_point_of_the_unit_circle);
-  RUN_TEST(test_exponential_is_within_the_stated_error);
-  RUN_TEST(test_arc_tangent_is_within_the_stated_error);
-  RUN_TEST(test_arc_sine_and_arc_cosine_are_within_the_stated_error);
-  RUN_TEST(test_hypotenuse_is_within_the_stated_error);
-  RUN_TEST(test_sine_and_cosine_together_are_those_alone);
-  RUN_TEST(test_single_precision_results_are_rounded_once);
-  RUN_TEST(test_special_values_are_those_of_the_standard);
-  RUN_TEST(test_the_c_library_s_names_mean_these_functions);
-  return UNITY_END();
 }

@@ -8,12 +8,9 @@
 #include <string>
 
 // After the rest: Unity hides std::isnan behind a macro.
-#include <unity.h>
+#include "../suite.h"
 
 using namespace foldcar;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -66,7 +63,7 @@ json everything() {
 
 }  // namespace
 
-void test_a_trial_by_steps_ends_as_in_a_batch() {
+TEST(test_a_trial_by_steps_ends_as_in_a_batch) {
   BatchSession batch(engine(), false);
   ask(batch, body());
   ask(batch, scene());
@@ -79,7 +76,7 @@ void test_a_trial_by_steps_ends_as_in_a_batch() {
   TEST_ASSERT_EQUAL_STRING(whole.dump().c_str(), result.dump().c_str());
 }
 
-void test_the_rows_of_an_advance_are_its_steps() {
+TEST(test_the_rows_of_an_advance_are_its_steps) {
   StepSession session = started();
   const json state = ask(session, {{"advance", {{"to_s", 0.1}}}})["state"];
   const json rows = ask(session, {{"rows", json::object()}})["rows"];
@@ -91,7 +88,7 @@ void test_the_rows_of_an_advance_are_its_steps() {
   TEST_ASSERT_TRUE(refuses(ask(session, {{"rows", json::object()}}), "no trial is under way"));
 }
 
-void test_lines_that_no_step_can_follow_are_refused() {
+TEST(test_lines_that_no_step_can_follow_are_refused) {
   StepSession session = started();
   TEST_ASSERT_TRUE(refuses(ask(session, {{"end", {{"row", 1}}}}), "end.row: 1 is above the limit 0"));
   TEST_ASSERT_TRUE(refuses(ask(session, {{"advance", {{"to_s", -1.0}}}}), "advance.to_s: -1.0 is below the limit 0"));
@@ -101,7 +98,7 @@ void test_lines_that_no_step_can_follow_are_refused() {
   TEST_ASSERT_TRUE(refuses(ask(session, other), "run.scene: no scene \"t\""));
 }
 
-void test_heights_and_friction_are_those_of_every_kind_of_terrain() {
+TEST(test_heights_and_friction_are_those_of_every_kind_of_terrain) {
   BatchSession session(engine(), false);
   TEST_ASSERT_TRUE(ask(session, everything()).is_null());
   const json points = {{"id", "h"}, {"scene", "s"}, {"x_m", {0.0, 0.45, 6.1, 7.0, 10.0, 20.0, 40.0}},
@@ -120,14 +117,14 @@ void test_heights_and_friction_are_those_of_every_kind_of_terrain() {
   TEST_ASSERT_TRUE(refuses(ask(session, {{"heights", uneven}}), "heights.scene: no scene \"t\""));
 }
 
-void test_too_fine_rough_ground_is_refused() {
+TEST(test_too_fine_rough_ground_is_refused) {
   BatchSession session(engine(), false);
   json line = everything();
   line["scene"]["terrain"][5]["correlation_m"] = 0.001;
   TEST_ASSERT_TRUE(refuses(ask(session, line), "the limit of a scene is 4000000 nodes"));
 }
 
-void test_pulses_stand_before_the_start_and_are_off_after_the_limit() {
+TEST(test_pulses_stand_before_the_start_and_are_off_after_the_limit) {
   BatchSession session(engine(), false);
   const json reply = ask(session, {{"pulses", {{"id", "p"}, {"speed_m_s", 0.5}, {"time_limit_s", 1.0}}}});
   const json& changes = reply["changes"];
@@ -140,15 +137,4 @@ void test_pulses_stand_before_the_start_and_are_off_after_the_limit() {
   // Forward is a longer pulse on the left and, with servos mounted mirrored, a shorter one on the right.
   const json& last = changes[changes.size() - 2];
   TEST_ASSERT_TRUE(last[1].get<double>() > 1545 && last[2].get<double>() < 1455);
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_a_trial_by_steps_ends_as_in_a_batch);
-  RUN_TEST(test_the_rows_of_an_advance_are_its_steps);
-  RUN_TEST(test_lines_that_no_step_can_follow_are_refused);
-  RUN_TEST(test_heights_and_friction_are_those_of_every_kind_of_terrain);
-  RUN_TEST(test_too_fine_rough_ground_is_refused);
-  RUN_TEST(test_pulses_stand_before_the_start_and_are_off_after_the_limit);
-  return UNITY_END();
 }

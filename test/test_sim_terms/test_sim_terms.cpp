@@ -1,5 +1,5 @@
 // The terms of the model on their own: the servo line, contact impulses and their friction cone.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 #include <vector>
@@ -11,9 +11,6 @@
 
 using namespace foldcar;
 
-void setUp() {}
-void tearDown() {}
-
 namespace {
 
 const ServoSpec kServo = {0.134, 11.5, 5.2, 0.7, 0.11, 2e-4, 1500, 45, 200, 1};
@@ -24,14 +21,14 @@ double torque_n_m(double pulse_us, double omega_rad_s, double supply_v = 5.2) {
 
 }  // namespace
 
-void test_a_pulse_within_the_deadband_asks_for_standstill() {
+TEST(test_a_pulse_within_the_deadband_asks_for_standstill) {
   for (const double pulse_us : {1456.0, 1500.0, 1544.0}) {
     TEST_ASSERT_TRUE(servo_drive(kServo, pulse_us).powered);
     TEST_ASSERT_EQUAL_DOUBLE(0, servo_drive(kServo, pulse_us).fraction);
   }
 }
 
-void test_speed_grows_linearly_beyond_the_deadband_and_saturates() {
+TEST(test_speed_grows_linearly_beyond_the_deadband_and_saturates) {
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.5, servo_drive(kServo, 1500 + 45 + 77.5).fraction);
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.5, servo_drive(kServo, 1500 - 45 - 77.5).fraction);
   TEST_ASSERT_EQUAL_DOUBLE(1, servo_drive(kServo, 1700).fraction);
@@ -39,13 +36,13 @@ void test_speed_grows_linearly_beyond_the_deadband_and_saturates() {
   TEST_ASSERT_EQUAL_DOUBLE(-1, servo_drive(kServo, 1000).fraction);
 }
 
-void test_a_mirrored_servo_turns_the_other_way() {
+TEST(test_a_mirrored_servo_turns_the_other_way) {
   ServoSpec mirrored = kServo;
   mirrored.direction = -1;
   TEST_ASSERT_EQUAL_DOUBLE(-1, servo_drive(mirrored, 1700).fraction);
 }
 
-void test_torque_is_a_line_from_stall_to_no_load() {
+TEST(test_torque_is_a_line_from_stall_to_no_load) {
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.134, torque_n_m(1700, 0));
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.067, torque_n_m(1700, 5.75));
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0, torque_n_m(1700, 11.5));
@@ -54,12 +51,12 @@ void test_torque_is_a_line_from_stall_to_no_load() {
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, -0.134, torque_n_m(1300, 11.5));  // never more than stall torque
 }
 
-void test_torque_and_speed_follow_the_supply() {
+TEST(test_torque_and_speed_follow_the_supply) {
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.134 * 0.8, torque_n_m(1700, 0, 0.8 * 5.2));
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0, torque_n_m(1700, 0.8 * 11.5, 0.8 * 5.2));
 }
 
-void test_without_pulses_there_is_neither_torque_nor_current() {
+TEST(test_without_pulses_there_is_neither_torque_nor_current) {
   const ServoDrive off = servo_drive(kServo, kNoPulse);
   TEST_ASSERT_FALSE(off.powered);
   TEST_ASSERT_EQUAL_DOUBLE(0, off.fraction);
@@ -67,7 +64,7 @@ void test_without_pulses_there_is_neither_torque_nor_current() {
   TEST_ASSERT_EQUAL_DOUBLE(0, servo_current_a(kServo, off, 0));
 }
 
-void test_current_runs_from_free_to_stall() {
+TEST(test_current_runs_from_free_to_stall) {
   const ServoDrive full = servo_drive(kServo, 1700);
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.11, servo_current_a(kServo, full, 0));
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.70, servo_current_a(kServo, full, 0.134));
@@ -115,7 +112,7 @@ struct Pressed {
 }  // namespace
 
 // Impulses are within the friction cone, on it where a contact slides, and there against its slip.
-void test_friction_lies_in_its_cone_and_opposes_slip() {
+TEST(test_friction_lies_in_its_cone_and_opposes_slip) {
   Pressed pressed(0.5, {0.4, 0.3, 0}, 3);
   pressed.solve();
   double normal_n_s = 0;
@@ -133,7 +130,7 @@ void test_friction_lies_in_its_cone_and_opposes_slip() {
   TEST_ASSERT_DOUBLE_WITHIN(0.03 * weight_n_s, weight_n_s, normal_n_s);
 }
 
-void test_friction_that_suffices_holds_every_contact() {
+TEST(test_friction_that_suffices_holds_every_contact) {
   const double speed_m_s = 0.01, yaw_rad_s = 0.1;
   Pressed pressed(2, {speed_m_s, speed_m_s, 0}, yaw_rad_s);
   pressed.solve();
@@ -145,18 +142,4 @@ void test_friction_that_suffices_holds_every_contact() {
     TEST_ASSERT_DOUBLE_WITHIN(before_m_s / 7, 0, slip.x);
     TEST_ASSERT_DOUBLE_WITHIN(before_m_s / 7, 0, slip.y);
   }
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_a_pulse_within_the_deadband_asks_for_standstill);
-  RUN_TEST(test_speed_grows_linearly_beyond_the_deadband_and_saturates);
-  RUN_TEST(test_a_mirrored_servo_turns_the_other_way);
-  RUN_TEST(test_torque_is_a_line_from_stall_to_no_load);
-  RUN_TEST(test_torque_and_speed_follow_the_supply);
-  RUN_TEST(test_without_pulses_there_is_neither_torque_nor_current);
-  RUN_TEST(test_current_runs_from_free_to_stall);
-  RUN_TEST(test_friction_lies_in_its_cone_and_opposes_slip);
-  RUN_TEST(test_friction_that_suffices_holds_every_contact);
-  return UNITY_END();
 }

@@ -1,5 +1,5 @@
 // Terrain and the outlines of smooth ground against dense sampling and closed forms.
-#include <unity.h>
+#include "../suite.h"
 
 #include <algorithm>
 #include <cmath>
@@ -14,9 +14,6 @@
 #include "track_terrain.h"
 
 using namespace foldcar;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -94,21 +91,21 @@ TerrainSpec rough_ground(int seed) {
 
 }  // namespace
 
-void test_outlines_of_hills_are_those_of_the_surface() {
+TEST(test_outlines_of_hills_are_those_of_the_surface) {
   TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, worst_wheel_error_m(hills_and_hollows()));
 }
 
-void test_outlines_of_potholes_are_those_of_the_surface() {
+TEST(test_outlines_of_potholes_are_those_of_the_surface) {
   TerrainSpec spec;
   spec.potholes = {{0.03, 0.02, 0.05, 0.02, 0.02}, {-0.09, -0.06, 0.08, 0.015, 0.08}, {0.05, -0.05, 0.04, 0.01, 0.012}};
   TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, worst_wheel_error_m(spec));
 }
 
-void test_outlines_of_rough_ground_are_those_of_the_surface() {
+TEST(test_outlines_of_rough_ground_are_those_of_the_surface) {
   TEST_ASSERT_DOUBLE_WITHIN(kAllowed_m, 0, worst_wheel_error_m(rough_ground(5)));
 }
 
-void test_outlines_of_all_fields_at_once_are_those_of_the_surface() {
+TEST(test_outlines_of_all_fields_at_once_are_those_of_the_surface) {
   TerrainSpec spec = hills_and_hollows();
   spec.roughs = rough_ground(6).roughs;
   spec.potholes = {{0.1, 0.0, 0.06, 0.02, 0.03}};
@@ -116,7 +113,7 @@ void test_outlines_of_all_fields_at_once_are_those_of_the_surface() {
 }
 
 // A car that drives, turns and drifts cuts anew with what was planned for an earlier place.
-void test_outlines_stay_right_while_the_car_drives() {
+TEST(test_outlines_stay_right_while_the_car_drives) {
   TerrainSpec spec = hills_and_hollows();
   spec.roughs = rough_ground(7).roughs;
   const SceneTerrain terrain(spec);
@@ -128,7 +125,7 @@ void test_outlines_stay_right_while_the_car_drives() {
   }
 }
 
-void test_a_rolled_belly_meets_the_ground_lowered_across_it() {
+TEST(test_a_rolled_belly_meets_the_ground_lowered_across_it) {
   const SceneTerrain terrain(hills_and_hollows());
   for (const double q : {0.0, 0.15, -0.3}) {
     TrackTerrain cut(*terrain.ground(), kBody, CarConstants(kBody));
@@ -143,7 +140,7 @@ void test_a_rolled_belly_meets_the_ground_lowered_across_it() {
   }
 }
 
-void test_the_belly_is_met_where_the_ground_is_highest() {
+TEST(test_the_belly_is_met_where_the_ground_is_highest) {
   TerrainSpec spec;
   spec.hills = {{0, 0.03, 0, 0.03, 0.03, 0.02}};
   const SceneTerrain terrain(spec);
@@ -155,7 +152,7 @@ void test_the_belly_is_met_where_the_ground_is_highest() {
   }
 }
 
-void test_a_hill_is_the_gaussian_of_its_distances() {
+TEST(test_a_hill_is_the_gaussian_of_its_distances) {
   TerrainSpec spec;
   spec.hills = {{0.4, -0.2, 0.7, 0.09, 0.05, 0.04}};
   const SceneTerrain terrain(spec);
@@ -172,7 +169,7 @@ void test_a_hill_is_the_gaussian_of_its_distances() {
 // Along the line through a round hill's middle the second derivative is (r² - 1)·exp(-r²/2) of height/sd² at r standard
 // deviations; across that line it is -exp(-r²/2) of it. Its magnitude falls from 1 at the middle and has a second peak
 // of 2·exp(-3/2) at r = √3. The stations of an outline are as close as the largest of it within a disc asks for.
-void test_the_curvature_bound_of_a_hill_is_the_largest_second_derivative_in_the_disc() {
+TEST(test_the_curvature_bound_of_a_hill_is_the_largest_second_derivative_in_the_disc) {
   constexpr double kHeight_m = 0.03, kSd_m = 0.05;
   for (const double height_m : {kHeight_m, -kHeight_m}) {
     const Hill hill({0.2, 0.1, 0.7, kSd_m, kSd_m, height_m});
@@ -194,7 +191,7 @@ void test_the_curvature_bound_of_a_hill_is_the_largest_second_derivative_in_the_
 }
 
 // A long hill is curved across by its smaller standard deviation: the bound holds for every direction at every point.
-void test_the_curvature_bound_of_a_long_hill_holds_in_every_direction() {
+TEST(test_the_curvature_bound_of_a_long_hill_holds_in_every_direction) {
   constexpr double kHeight_m = 0.02, kAlong_m = 0.12, kAcross_m = 0.04, kReach_m = 0.03;
   const Hill hill({0, 0, 0, kAlong_m, kAcross_m, kHeight_m});
   for (double x_m = -0.3; x_m <= 0.3; x_m += 0.06) {
@@ -213,7 +210,7 @@ void test_the_curvature_bound_of_a_long_hill_holds_in_every_direction() {
   }
 }
 
-void test_fields_add_up_and_the_highest_of_them_and_the_blocks_counts() {
+TEST(test_fields_add_up_and_the_highest_of_them_and_the_blocks_counts) {
   TerrainSpec spec;
   spec.hills = {{0, 0, 0, 0.1, 0.1, 0.03}, {0, 0, 0, 0.1, 0.1, 0.01}};
   spec.potholes = {{0, 0, 0.05, 0.015, 0.02}, {1, 0, 0.05, 0.015, 0.02}};
@@ -227,7 +224,7 @@ void test_fields_add_up_and_the_highest_of_them_and_the_blocks_counts() {
   TEST_ASSERT_EQUAL_DOUBLE(0, terrain.height_m(1, 0.05));
 }
 
-void test_a_tyre_bridges_a_hole_narrower_than_itself() {
+TEST(test_a_tyre_bridges_a_hole_narrower_than_itself) {
   for (const double radius_m : {0.005, 0.03}) {
     TerrainSpec spec;
     spec.potholes = {{0, 0.5 * kBody.track_m, radius_m, 0.01, 0.002}};
@@ -239,7 +236,7 @@ void test_a_tyre_bridges_a_hole_narrower_than_itself() {
   }
 }
 
-void test_rough_ground_has_the_spread_and_the_correlation_asked_for() {
+TEST(test_rough_ground_has_the_spread_and_the_correlation_asked_for) {
   const double sd_m = 0.004, correlation_m = 0.02;
   const Rough rough({0, 0, 0.3, 2.5, 2.5, sd_m, correlation_m, 17});
   // Means over many products, sampled two correlation lengths apart inside the fading edge: about 3,300 that hardly
@@ -265,7 +262,7 @@ void test_rough_ground_has_the_spread_and_the_correlation_asked_for() {
   }
 }
 
-void test_rough_ground_depends_on_its_seed_alone_and_ends_at_its_edge() {
+TEST(test_rough_ground_depends_on_its_seed_alone_and_ends_at_its_edge) {
   const RoughSpec spec{0.2, 0.1, 0.5, 0.6, 0.4, 0.004, 0.03, 3};
   RoughSpec other = spec;
   other.seed = 4;
@@ -287,7 +284,7 @@ void test_rough_ground_depends_on_its_seed_alone_and_ends_at_its_edge() {
   }
 }
 
-void test_the_last_patch_that_covers_a_point_sets_its_friction() {
+TEST(test_the_last_patch_that_covers_a_point_sets_its_friction) {
   TerrainSpec spec;
   spec.patches = {{0, 0, 0, 1, 1, 0.2}, {0.3, 0, 0.785, 0.4, 0.1, 0.9}};
   const SceneTerrain terrain(spec);
@@ -296,24 +293,4 @@ void test_the_last_patch_that_covers_a_point_sets_its_friction() {
   TEST_ASSERT_EQUAL_DOUBLE(0.2, terrain.friction(0.4, -0.1, 0.6));
   TEST_ASSERT_EQUAL_DOUBLE(0.6, terrain.friction(0.6, 0.45, 0.6));
   TEST_ASSERT_EQUAL_DOUBLE(0, terrain.height_m(0, 0));
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_outlines_of_hills_are_those_of_the_surface);
-  RUN_TEST(test_outlines_of_potholes_are_those_of_the_surface);
-  RUN_TEST(test_outlines_of_rough_ground_are_those_of_the_surface);
-  RUN_TEST(test_outlines_of_all_fields_at_once_are_those_of_the_surface);
-  RUN_TEST(test_outlines_stay_right_while_the_car_drives);
-  RUN_TEST(test_a_rolled_belly_meets_the_ground_lowered_across_it);
-  RUN_TEST(test_the_belly_is_met_where_the_ground_is_highest);
-  RUN_TEST(test_a_hill_is_the_gaussian_of_its_distances);
-  RUN_TEST(test_the_curvature_bound_of_a_hill_is_the_largest_second_derivative_in_the_disc);
-  RUN_TEST(test_the_curvature_bound_of_a_long_hill_holds_in_every_direction);
-  RUN_TEST(test_fields_add_up_and_the_highest_of_them_and_the_blocks_counts);
-  RUN_TEST(test_a_tyre_bridges_a_hole_narrower_than_itself);
-  RUN_TEST(test_rough_ground_has_the_spread_and_the_correlation_asked_for);
-  RUN_TEST(test_rough_ground_depends_on_its_seed_alone_and_ends_at_its_edge);
-  RUN_TEST(test_the_last_patch_that_covers_a_point_sets_its_friction);
-  return UNITY_END();
 }

@@ -1,5 +1,5 @@
 // Whole trials, firmware in the loop: determinism, mirror symmetry, time step, endings, the HAL's contract.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 #include <cstring>
@@ -14,9 +14,6 @@
 #include "trial.h"
 
 using namespace foldcar;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -37,20 +34,20 @@ void assert_same(const TrialResult& a, const TrialResult& b) {
 
 }  // namespace
 
-void test_the_simulated_hal_keeps_the_contract() {
+TEST(test_the_simulated_hal_keeps_the_contract) {
   SimHal board(4.0);
   std::uint64_t now_us = 0;
   check_hal_contract(board.hal(), [&] { board.clock.advance_to_us(now_us += 4167); });
 }
 
-void test_the_same_trial_gives_the_same_numbers() {
+TEST(test_the_same_trial_gives_the_same_numbers) {
   const BodySpec body = study_car(0.18);
   const TrialResult first = run_trial(body, pyramids(), full_speed(body));
   run_trial(study_car(0.065), pyramids(), full_speed(body));  // another car in between leaves nothing behind
   assert_same(first, run_trial(body, pyramids(), full_speed(body)));
 }
 
-void test_a_stopwatch_changes_nothing() {
+TEST(test_a_stopwatch_changes_nothing) {
   const BodySpec body = study_car(0.115);
   Stopwatch stopwatch;
   const TrialResult timed = run_trial(body, pyramids(), full_speed(body), {}, &stopwatch);
@@ -59,7 +56,7 @@ void test_a_stopwatch_changes_nothing() {
 }
 
 // Where one run ends hangs on which wheel lands first; the mean over bumps half a centimetre apart does so less.
-void test_a_mirrored_scene_is_driven_as_a_mirror_image() {
+TEST(test_a_mirrored_scene_is_driven_as_a_mirror_image) {
   const BodySpec body = study_car(0.115);
   constexpr int kBumps = 5;
   double left_m = 0, right_m = 0, left_rad = 0, right_rad = 0;
@@ -81,7 +78,7 @@ void test_a_mirrored_scene_is_driven_as_a_mirror_image() {
   TEST_ASSERT_DOUBLE_WITHIN(0.02, left_rad, -right_rad);
 }
 
-void test_a_turned_world_changes_nothing_but_the_direction() {
+TEST(test_a_turned_world_changes_nothing_but_the_direction) {
   const BodySpec body = study_car(0.115);
   const double turn_rad = 1.1, c = std::cos(turn_rad), s = std::sin(turn_rad);
   const SceneSpec scene = one_bump(0.08, 0.1);
@@ -100,7 +97,7 @@ void test_a_turned_world_changes_nothing_but_the_direction() {
 
 // One run over steps hangs on which edge is met first, and may even leave the course; the mean of those that pass with
 // both steps, started a few millimetres apart, does not.
-void test_half_the_time_step_tells_the_same_story() {
+TEST(test_half_the_time_step_tells_the_same_story) {
   StepOptions fine;
   fine.rate_hz = 480;
   constexpr int kStarts = 9;
@@ -126,13 +123,13 @@ void test_half_the_time_step_tells_the_same_story() {
   }
 }
 
-void test_too_narrow_a_car_tips_and_too_wide_a_one_sticks() {
+TEST(test_too_narrow_a_car_tips_and_too_wide_a_one_sticks) {
   const BodySpec narrow = study_car(0.065), wide = study_car(0.245);
   TEST_ASSERT_EQUAL_STRING("tipped", text(run_trial(narrow, pyramids(), full_speed(narrow)).outcome));
   TEST_ASSERT_EQUAL_STRING("stuck", text(run_trial(wide, pyramids(), full_speed(wide)).outcome));
 }
 
-void test_the_flat_is_crossed_in_the_time_the_speed_takes() {
+TEST(test_the_flat_is_crossed_in_the_time_the_speed_takes) {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = one_bump(0, 0);
   scene.terrain.blocks.clear();
@@ -147,7 +144,7 @@ void test_the_flat_is_crossed_in_the_time_the_speed_takes() {
   TEST_ASSERT_DOUBLE_WITHIN(0.02, 0, result.distance_to_target_m.value());
 }
 
-void test_a_disc_is_reached_at_its_edge() {
+TEST(test_a_disc_is_reached_at_its_edge) {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = one_bump(0, 0);
   scene.terrain.blocks.clear();
@@ -157,7 +154,7 @@ void test_a_disc_is_reached_at_its_edge() {
   TEST_ASSERT_DOUBLE_WITHIN(0.004, 0.05, result.distance_to_target_m.value());
 }
 
-void test_without_a_goal_it_drives_until_something_else_ends_it() {
+TEST(test_without_a_goal_it_drives_until_something_else_ends_it) {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = one_bump(0, 0);
   scene.terrain.blocks.clear();
@@ -168,14 +165,14 @@ void test_without_a_goal_it_drives_until_something_else_ends_it() {
   TEST_ASSERT_FALSE(result.distance_to_target_m.has_value());
 }
 
-void test_the_firmware_ends_the_trial_at_its_time_limit() {
+TEST(test_the_firmware_ends_the_trial_at_its_time_limit) {
   const BodySpec body = study_car(0.115);
   const TrialResult result = run_trial(body, pyramids(), full_speed(body, 1.0));
   TEST_ASSERT_EQUAL_STRING("timeout", text(result.outcome));
   TEST_ASSERT_DOUBLE_WITHIN(0.025, 1.0, result.elapsed_time_s);
 }
 
-void test_it_leaves_the_course_at_its_edge() {
+TEST(test_it_leaves_the_course_at_its_edge) {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = one_bump(0, 0);
   scene.terrain.blocks.clear();
@@ -188,7 +185,7 @@ void test_it_leaves_the_course_at_its_edge() {
 
 // The servos have no speed feedback: each side runs on its torque line, and the tyres' scrub M takes drive from
 // the outer wheels and gives it to the inner ones, M/(2 T) a wheel, until both balance.
-void test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for() {
+TEST(test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for) {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = one_bump(0, 0);
   scene.terrain.blocks.clear();
@@ -210,7 +207,7 @@ void test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for() {
 }
 
 // Down a ramp the nose only points down, along a hillside one side only is up: both count by their size.
-void test_the_largest_tilt_counts_to_both_sides() {
+TEST(test_the_largest_tilt_counts_to_both_sides) {
   const BodySpec body = study_car(0.115);
   const double rise_m = 0.12, length_m = 0.8;
   SceneSpec down = one_bump(0, 0);
@@ -234,7 +231,7 @@ void test_the_largest_tilt_counts_to_both_sides() {
   }
 }
 
-void test_a_refused_trial_says_why() {
+TEST(test_a_refused_trial_says_why) {
   const BodySpec body = study_car(0.115);
   TrialSpec trial = full_speed(body, 3000);
   try {
@@ -246,7 +243,7 @@ void test_a_refused_trial_says_why() {
 }
 
 // A car that hangs on its belly turns and rocks, and gets nowhere.
-void test_a_car_that_turns_where_it_is_ends_stuck_unless_it_was_told_to() {
+TEST(test_a_car_that_turns_where_it_is_ends_stuck_unless_it_was_told_to) {
   const SceneSpec scene = one_bump(0, 0);
   const auto ends_s = [&](float speed_m_s, float yaw_rate_rad_s, double drift_m_s) {
     TrialRequest trial;
@@ -264,25 +261,4 @@ void test_a_car_that_turns_where_it_is_ends_stuck_unless_it_was_told_to() {
   TEST_ASSERT_DOUBLE_WITHIN(0.02, 8, ends_s(0.6f, 0, 0));
   TEST_ASSERT_EQUAL_DOUBLE(20, ends_s(0, 0.5f, 0));
   TEST_ASSERT_EQUAL_DOUBLE(20, ends_s(0.6f, 0, 0.01));
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_the_simulated_hal_keeps_the_contract);
-  RUN_TEST(test_the_same_trial_gives_the_same_numbers);
-  RUN_TEST(test_a_stopwatch_changes_nothing);
-  RUN_TEST(test_a_mirrored_scene_is_driven_as_a_mirror_image);
-  RUN_TEST(test_a_turned_world_changes_nothing_but_the_direction);
-  RUN_TEST(test_half_the_time_step_tells_the_same_story);
-  RUN_TEST(test_too_narrow_a_car_tips_and_too_wide_a_one_sticks);
-  RUN_TEST(test_the_flat_is_crossed_in_the_time_the_speed_takes);
-  RUN_TEST(test_a_disc_is_reached_at_its_edge);
-  RUN_TEST(test_without_a_goal_it_drives_until_something_else_ends_it);
-  RUN_TEST(test_the_firmware_ends_the_trial_at_its_time_limit);
-  RUN_TEST(test_it_leaves_the_course_at_its_edge);
-  RUN_TEST(test_a_skid_steered_turn_is_what_scrub_leaves_of_the_one_asked_for);
-  RUN_TEST(test_the_largest_tilt_counts_to_both_sides);
-  RUN_TEST(test_a_car_that_turns_where_it_is_ends_stuck_unless_it_was_told_to);
-  RUN_TEST(test_a_refused_trial_says_why);
-  return UNITY_END();
 }

@@ -43,10 +43,4 @@ constexpr Refusal kBusy = Refusal::kRunning;
 constexpr Refusal kLatched = Refusal::kFaultLatched;
 constexpr Refusal kOk = Refusal::kNone;
 
-// Each runs the tests of one file.
-void run_state_table_tests();
-void run_request_tests();
-void run_time_tests();
-void run_fault_tests();
-
 }  // namespace foldcar

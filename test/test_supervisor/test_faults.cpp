@@ -1,5 +1,5 @@
 // Faults: the battery, the first fault latched, how a trial ended.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 #include <functional>
@@ -9,7 +9,7 @@
 namespace foldcar {
 namespace {
 
-void a_battery_that_recovers_starts_the_count_anew() {
+TEST(a_battery_that_recovers_starts_the_count_anew) {
   const Parameters parameters;
   Supervisor supervisor(parameters);
   supervisor.arm(kGoodV, 0);
@@ -22,7 +22,7 @@ void a_battery_that_recovers_starts_the_count_anew() {
   }
 }
 
-void a_minimum_of_zero_volts_allows_any_battery() {
+TEST(a_minimum_of_zero_volts_allows_any_battery) {
   Parameters parameters;
   parameters.set("BATT_MIN_V", 0.0f);
   Supervisor supervisor(parameters);
@@ -33,7 +33,7 @@ void a_minimum_of_zero_volts_allows_any_battery() {
   TEST_ASSERT_TRUE(supervisor.state() == kRunning);
 }
 
-void the_first_fault_stays_until_it_is_acknowledged() {
+TEST(the_first_fault_stays_until_it_is_acknowledged) {
   const Parameters parameters;
   Supervisor supervisor(parameters);
   supervisor.arm(kGoodV, 0);
@@ -47,7 +47,7 @@ void the_first_fault_stays_until_it_is_acknowledged() {
   TEST_ASSERT_TRUE(supervisor.state() == kDisarmed);
 }
 
-void how_a_trial_ended_is_kept_until_the_next_one_starts() {
+TEST(how_a_trial_ended_is_kept_until_the_next_one_starts) {
   const Parameters parameters;
   const auto end_after = [&parameters](const std::function<void(Supervisor&)>& event) {
     Supervisor supervisor(parameters);
@@ -69,13 +69,5 @@ void how_a_trial_ended_is_kept_until_the_next_one_starts() {
 }
 
 }  // namespace
-
-void run_fault_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(a_battery_that_recovers_starts_the_count_anew);
-  RUN_TEST(a_minimum_of_zero_volts_allows_any_battery);
-  RUN_TEST(the_first_fault_stays_until_it_is_acknowledged);
-  RUN_TEST(how_a_trial_ended_is_kept_until_the_next_one_starts);
-}
 
 }  // namespace foldcar

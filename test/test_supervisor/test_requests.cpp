@@ -1,5 +1,5 @@
 // Refusals of requests for a trial, with their reasons.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 #include <limits>
@@ -17,7 +17,7 @@ Refusal answer(const TrialRequest& request, const Parameters& parameters = Param
   return refusal;
 }
 
-void a_request_beyond_the_limits_is_refused_with_its_reason() {
+TEST(a_request_beyond_the_limits_is_refused_with_its_reason) {
   const float infinity = std::numeric_limits<float>::infinity();
   TEST_ASSERT_TRUE(answer({NAN, 0.0f, 1.0f, false, 0}) == Refusal::kNotANumber);
   TEST_ASSERT_TRUE(answer({0.1f, NAN, 1.0f, false, 0}) == Refusal::kNotANumber);
@@ -32,14 +32,14 @@ void a_request_beyond_the_limits_is_refused_with_its_reason() {
   TEST_ASSERT_TRUE(answer({0.1f, 0.0f, infinity, false, 0}) == Refusal::kTimeLimit);
 }
 
-void the_longest_trial_is_a_parameter() {
+TEST(the_longest_trial_is_a_parameter) {
   Parameters parameters;
   parameters.set("TRIAL_MAX_S", 20.0f);
   TEST_ASSERT_TRUE(answer({0.1f, 0.0f, 20.0f, false, 0}, parameters) == Refusal::kNone);
   TEST_ASSERT_TRUE(answer({0.1f, 0.0f, 20.01f, false, 0}, parameters) == Refusal::kTimeLimit);
 }
 
-void a_car_without_a_wheel_on_a_side_does_not_start() {
+TEST(a_car_without_a_wheel_on_a_side_does_not_start) {
   Parameters parameters;
   parameters.set("CH2_SIDE", 0.0f);
   TEST_ASSERT_TRUE(answer(kTrial, parameters) == Refusal::kNone);
@@ -50,12 +50,5 @@ void a_car_without_a_wheel_on_a_side_does_not_start() {
 }
 
 }  // namespace
-
-void run_request_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(a_request_beyond_the_limits_is_refused_with_its_reason);
-  RUN_TEST(the_longest_trial_is_a_parameter);
-  RUN_TEST(a_car_without_a_wheel_on_a_side_does_not_start);
-}
 
 }  // namespace foldcar

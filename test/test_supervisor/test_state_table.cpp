@@ -1,5 +1,5 @@
 // The whole table of states and events.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 #include <cstdio>
@@ -157,7 +157,7 @@ const std::vector<Event> kTable = {
       {kTesting, kOk}}},
 };
 
-void every_event_in_every_state_does_what_the_table_says() {
+TEST(every_event_in_every_state_does_what_the_table_says) {
   const Parameters parameters;
   for (const Event& event : kTable) {
     for (const State from : {kDisarmed, kArmed, kRunning, kFinished, kFault, kManual, kTesting}) {
@@ -181,10 +181,5 @@ void every_event_in_every_state_does_what_the_table_says() {
 }
 
 }  // namespace
-
-void run_state_table_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(every_event_in_every_state_does_what_the_table_says);
-}
 
 }  // namespace foldcar

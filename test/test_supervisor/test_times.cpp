@@ -1,12 +1,12 @@
 // What time ends: trials, tethered ones without a host, a car left armed.
-#include <unity.h>
+#include "../suite.h"
 
 #include "supervisor_bench.h"
 
 namespace foldcar {
 namespace {
 
-void a_trial_ends_at_its_time_limit_and_not_before() {
+TEST(a_trial_ends_at_its_time_limit_and_not_before) {
   const Parameters parameters;
   Supervisor supervisor(parameters);
   supervisor.arm(kGoodV, 0);
@@ -20,7 +20,7 @@ void a_trial_ends_at_its_time_limit_and_not_before() {
   TEST_ASSERT_EQUAL_UINT64(ms(2500), supervisor.trial_elapsed_us());
 }
 
-void a_second_trial_counts_its_own_time() {
+TEST(a_second_trial_counts_its_own_time) {
   const Parameters parameters;
   Supervisor supervisor(parameters);
   supervisor.arm(kGoodV, 0);
@@ -33,7 +33,7 @@ void a_second_trial_counts_its_own_time() {
   TEST_ASSERT_TRUE(supervisor.state() == kRunning);
 }
 
-void refreshing_keeps_a_tethered_trial_alive() {
+TEST(refreshing_keeps_a_tethered_trial_alive) {
   const Parameters parameters;
   Supervisor supervisor(parameters);
   supervisor.arm(kGoodV, 0);
@@ -49,7 +49,7 @@ void refreshing_keeps_a_tethered_trial_alive() {
   TEST_ASSERT_TRUE(supervisor.fault() == Fault::kCommandStale);
 }
 
-void an_untethered_trial_needs_no_refresh() {
+TEST(an_untethered_trial_needs_no_refresh) {
   const Parameters parameters;
   Supervisor supervisor(parameters);
   supervisor.arm(kGoodV, 0);
@@ -58,7 +58,7 @@ void an_untethered_trial_needs_no_refresh() {
   TEST_ASSERT_TRUE(supervisor.state() == kRunning);
 }
 
-void an_armed_car_that_is_left_alone_disarms() {
+TEST(an_armed_car_that_is_left_alone_disarms) {
   Parameters parameters;
   parameters.set("ARM_TIMEOUT_S", 3.0f);
   Supervisor supervisor(parameters);
@@ -75,14 +75,5 @@ void an_armed_car_that_is_left_alone_disarms() {
 }
 
 }  // namespace
-
-void run_time_tests() {
-  UnitySetTestFile(__FILE__);
-  RUN_TEST(a_trial_ends_at_its_time_limit_and_not_before);
-  RUN_TEST(a_second_trial_counts_its_own_time);
-  RUN_TEST(refreshing_keeps_a_tethered_trial_alive);
-  RUN_TEST(an_untethered_trial_needs_no_refresh);
-  RUN_TEST(an_armed_car_that_is_left_alone_disarms);
-}
 
 }  // namespace foldcar

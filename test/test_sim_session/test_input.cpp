@@ -7,13 +7,10 @@
 #include <string>
 
 // After the rest: Unity hides std::isnan behind a macro.
-#include <unity.h>
+#include "../suite.h"
 
 using namespace foldcar;
 using nlohmann::json;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -50,7 +47,7 @@ void for_each_value(const json& line, const std::function<void(json& parent, con
 
 }  // namespace
 
-void test_the_documented_lines_are_taken() {
+TEST(test_the_documented_lines_are_taken) {
   const json reply = json::parse(answer(run().dump()));
   TEST_ASSERT_EQUAL_STRING("r", reply["run"].get<std::string>().c_str());
   TEST_ASSERT_EQUAL_STRING("timeout", reply["outcome"].get<std::string>().c_str());
@@ -58,7 +55,7 @@ void test_the_documented_lines_are_taken() {
   TEST_ASSERT_EQUAL_UINT(7 + body()["body"]["hinges"].size(), reply["path"][0].size());
 }
 
-void test_what_may_be_left_out_of_a_run_can_be() {
+TEST(test_what_may_be_left_out_of_a_run_can_be) {
   json line = run();
   for (const char* key : {"yaw_rate_rad_s", "parameters", "path_interval_s"}) line["run"].erase(key);
   const json reply = json::parse(answer(line.dump()));
@@ -66,7 +63,7 @@ void test_what_may_be_left_out_of_a_run_can_be() {
   TEST_ASSERT_FALSE(reply.contains("path"));
 }
 
-void test_a_scene_may_have_no_goal() {
+TEST(test_a_scene_may_have_no_goal) {
   const MultibodyEngine engine;
   BatchSession session(engine, false);
   session.answer(1, body().dump());
@@ -77,7 +74,7 @@ void test_a_scene_may_have_no_goal() {
   TEST_ASSERT_TRUE(reply.contains("outcome") && reply["distance_to_target_m"].is_null());
 }
 
-void test_every_missing_key_is_named() {
+TEST(test_every_missing_key_is_named) {
   for (const json& line : {body(), scene(), run()}) {
     for_each_value(
         line, [](json& parent, const std::string& key) { parent.erase(key); },
@@ -88,7 +85,7 @@ void test_every_missing_key_is_named() {
   }
 }
 
-void test_every_wrong_type_is_named() {
+TEST(test_every_wrong_type_is_named) {
   for (const json& line : {body(), scene(), run()}) {
     for_each_value(
         line, [](json& parent, const std::string& key) { parent[key] = json::array({1}); },
@@ -98,7 +95,7 @@ void test_every_wrong_type_is_named() {
   }
 }
 
-void test_every_number_has_limits() {
+TEST(test_every_number_has_limits) {
   for (const json& line : {body(), scene(), run()}) {
     for (const double beyond : {1e9, -1e9}) {
       bool was_number = false;
@@ -116,7 +113,7 @@ void test_every_number_has_limits() {
   }
 }
 
-void test_an_unknown_key_is_refused_everywhere() {
+TEST(test_an_unknown_key_is_refused_everywhere) {
   for (const json& line : {body(), scene(), run()}) {
     for_each_value(
         line, [](json& parent, const std::string&) { parent["colour"] = 1; },
@@ -126,7 +123,7 @@ void test_an_unknown_key_is_refused_everywhere() {
   }
 }
 
-void test_cars_that_cannot_be_are_refused() {
+TEST(test_cars_that_cannot_be_are_refused) {
   json lopsided = body();
   lopsided["body"]["wheels"][1]["x_m"] = 0.05;
   TEST_ASSERT_TRUE(is_error_naming(answer(lopsided.dump()), "body.wheels: every left wheel needs a right one"));
@@ -156,7 +153,7 @@ void test_cars_that_cannot_be_are_refused() {
   TEST_ASSERT_TRUE(is_error_naming(answer(still.dump()), "direction: must be -1 or 1"));
 }
 
-void test_a_firmware_parameter_is_checked_by_the_firmwares_table() {
+TEST(test_a_firmware_parameter_is_checked_by_the_firmwares_table) {
   json line = run();
   line["run"]["parameters"] = {{"TRACK_M", 50.0}};
   TEST_ASSERT_TRUE(is_error_naming(answer(line.dump()), "run.parameters.TRACK_M: 50.0"));
@@ -164,7 +161,7 @@ void test_a_firmware_parameter_is_checked_by_the_firmwares_table() {
   TEST_ASSERT_TRUE(is_error_naming(answer(line.dump()), "run.parameters.NO_SUCH"));
 }
 
-void test_what_is_no_line_is_answered_too() {
+TEST(test_what_is_no_line_is_answered_too) {
   for (const char* line : {"", "nonsense", "[]", "{}", "{\"body\": 1}", "{\"run\": {\"id\": 1e999}}", "\xff\xfe", "{\"a\":",
                            "{\"body\": {}, \"run\": {}}", "[[[[[[[[[[[[[[[[[[", "null"}) {
     TEST_ASSERT_TRUE_MESSAGE(json::parse(answer(line)).contains("error"), line);
@@ -173,13 +170,13 @@ void test_what_is_no_line_is_answered_too() {
   TEST_ASSERT_TRUE(is_error_naming(answer(std::string(100000, '[')), "nested deeper"));
 }
 
-void test_a_run_may_only_name_what_is_known() {
+TEST(test_a_run_may_only_name_what_is_known) {
   json line = run();
   line["run"]["body"] = "other";
   TEST_ASSERT_TRUE(is_error_naming(answer(line.dump()), "run.body: no body \"other\""));
 }
 
-void test_a_later_definition_replaces_an_earlier_one() {
+TEST(test_a_later_definition_replaces_an_earlier_one) {
   const MultibodyEngine engine;
   BatchSession session(engine, false);
   session.answer(1, body().dump());
@@ -193,7 +190,7 @@ void test_a_later_definition_replaces_an_earlier_one() {
 
 // The numbers of a result are the rows of the metrics' table, in their order, after the outcome; one that a run does
 // not have is null.
-void test_a_result_holds_the_metrics_of_the_table() {
+TEST(test_a_result_holds_the_metrics_of_the_table) {
   TrialResult result;
   double value = 0.5;
   for (const MetricInfo& metric : kMetrics) {
@@ -213,22 +210,4 @@ void test_a_result_holds_the_metrics_of_the_table() {
   }
   const nlohmann::ordered_json empty = result_object(TrialResult());
   for (const MetricInfo& metric : kMetrics) TEST_ASSERT_EQUAL_INT(metric.optional(), empty[metric.name].is_null());
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_the_documented_lines_are_taken);
-  RUN_TEST(test_what_may_be_left_out_of_a_run_can_be);
-  RUN_TEST(test_a_scene_may_have_no_goal);
-  RUN_TEST(test_every_missing_key_is_named);
-  RUN_TEST(test_every_wrong_type_is_named);
-  RUN_TEST(test_every_number_has_limits);
-  RUN_TEST(test_an_unknown_key_is_refused_everywhere);
-  RUN_TEST(test_cars_that_cannot_be_are_refused);
-  RUN_TEST(test_a_firmware_parameter_is_checked_by_the_firmwares_table);
-  RUN_TEST(test_what_is_no_line_is_answered_too);
-  RUN_TEST(test_a_run_may_only_name_what_is_known);
-  RUN_TEST(test_a_later_definition_replaces_an_earlier_one);
-  RUN_TEST(test_a_result_holds_the_metrics_of_the_table);
-  return UNITY_END();
 }

@@ -1,5 +1,5 @@
 // Cars of several segments against closed forms: sag, swing, limits, energy, the rigid limit, 2 to 8 wheels.
-#include <unity.h>
+#include "../suite.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,9 +10,6 @@
 #include "multibody_car.h"
 
 using namespace foldcar;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -106,7 +103,7 @@ double total_load_n(const Drive& drive) {
 
 }  // namespace
 
-void test_cut_in_two_the_car_has_the_same_constants() {
+TEST(test_cut_in_two_the_car_has_the_same_constants) {
   const CarConstants whole(study_car(kWidth_m)), halves(hinged_study_car(kWidth_m, 1));
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, whole.mass_kg, halves.mass_kg);
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, whole.com_x_m, halves.com_x_m);
@@ -116,7 +113,7 @@ void test_cut_in_two_the_car_has_the_same_constants() {
 }
 
 // Mass, moments and products about the car's origin simply add up; Steiner's theorem brings them to the centre of mass.
-void test_the_constants_of_unlike_segments_are_those_of_their_sum() {
+TEST(test_the_constants_of_unlike_segments_are_those_of_their_sum) {
   BodySpec body = three_segments(1);
   body.segments[0].com_z_m = 0.031;
   body.segments[0].com_y_m = -0.009;
@@ -156,7 +153,7 @@ void test_the_constants_of_unlike_segments_are_those_of_their_sum() {
                             constants.yaw_inertia_kg_m2);
 }
 
-void test_a_hinge_sags_as_its_stiffness_lets_it() {
+TEST(test_a_hinge_sags_as_its_stiffness_lets_it) {
   for (const double stiffness : {0.05, 0.15, 0.5}) {
     BodySpec body = hinged_study_car(kWidth_m, stiffness);
     body.hinges[0].damping_n_m_s_rad = 0.003;
@@ -167,7 +164,7 @@ void test_a_hinge_sags_as_its_stiffness_lets_it() {
   }
 }
 
-void test_a_hinge_swings_at_its_natural_frequency_without_gaining_energy() {
+TEST(test_a_hinge_swings_at_its_natural_frequency_without_gaining_energy) {
   const BodySpec body = without_rotors(hinged_study_car(kWidth_m, 0.15));
   const Half half(body);
   Drive drive(body, kFlat, kNoPulses, gently(kFineRate_hz));
@@ -195,7 +192,7 @@ void test_a_hinge_swings_at_its_natural_frequency_without_gaining_energy() {
   TEST_ASSERT_DOUBLE_WITHIN(0.1 * half.sag_rad(), 2 * half.sag_rad(), highest_rad);
 }
 
-void test_damping_takes_its_share_of_each_swing() {
+TEST(test_damping_takes_its_share_of_each_swing) {
   BodySpec body = without_rotors(hinged_study_car(kWidth_m, 0.15));
   const Half half(body);
   const double ratio = 0.1;
@@ -214,7 +211,7 @@ void test_damping_takes_its_share_of_each_swing() {
   TEST_ASSERT_DOUBLE_WITHIN(0.2 * expected, expected, peak_rad / half.sag_rad() - 1);
 }
 
-void test_a_limp_hinge_rests_on_its_limits() {
+TEST(test_a_limp_hinge_rests_on_its_limits) {
   BodySpec sagging = hinged_study_car(kWidth_m, 1e-6, 0.3);
   BodySpec drooping = sagging;
   for (WheelSpec& wheel : drooping.wheels) wheel.x_m *= 0.03 / 0.07;  // inside of where the weight is
@@ -225,7 +222,7 @@ void test_a_limp_hinge_rests_on_its_limits() {
   TEST_ASSERT_DOUBLE_WITHIN(0.01, -0.3, up.car.hinge_rad(0));
 }
 
-void test_a_very_stiff_hinge_is_none() {
+TEST(test_a_very_stiff_hinge_is_none) {
   const SceneTerrain bumps(blocks({{0.4, 0, 0.06, 2, 0.02, 0}, {0.9, 0.3, 0.2, 0.6, 0.03, 0}}));
   const BodySpec rigid = study_car(kWidth_m), stiff = hinged_study_car(kWidth_m, 1000);
   Drive one(rigid, bumps, pulses_for(rigid, 0.4)), two(stiff, bumps, pulses_for(stiff, 0.4));
@@ -241,7 +238,7 @@ void test_a_very_stiff_hinge_is_none() {
 }
 
 // Scrub's arms are those from the whole car's centre of mass, whichever segment the pose is fixed to.
-void test_a_car_with_a_very_stiff_hinge_turns_as_a_rigid_one() {
+TEST(test_a_car_with_a_very_stiff_hinge_turns_as_a_rigid_one) {
   BodySpec rigid = study_car(0.115), stiff = hinged_study_car(0.115, 1000);
   for (BodySpec* body : {&rigid, &stiff}) {
     for (WheelSpec& wheel : body->wheels) {
@@ -254,7 +251,7 @@ void test_a_car_with_a_very_stiff_hinge_turns_as_a_rigid_one() {
   TEST_ASSERT_DOUBLE_WITHIN(0.05 * std::abs(expected_rad), expected_rad, two.run(2).heading_rad);
 }
 
-void test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle() {
+TEST(test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle) {
   const SceneTerrain block(blocks({{0, 0, 0.06, 2, 0.02, 0}}));
   Drive limp(three_segments(1e-3), block, kNoPulses), rigid(three_segments(1000), block, kNoPulses);
   limp.run(2);
@@ -271,7 +268,7 @@ void test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle() {
   TEST_ASSERT_DOUBLE_WITHIN(0.02, -slope_rad, 0.5 * (limp.car.hinge_rad(0) + limp.car.hinge_rad(1)));
 }
 
-void test_a_hinged_car_crosses_bumps_without_gaining_energy() {
+TEST(test_a_hinged_car_crosses_bumps_without_gaining_energy) {
   const SceneTerrain bumps(blocks({{0.45, 0, 0.06, 2, 0.02, 0}, {0.85, 0, 0.06, 2, 0.02, 0}}));
   const BodySpec body = without_rotors(three_segments(0.1));
   Drive drive(body, bumps, pulses_for(body, 1), gently(960));
@@ -286,7 +283,7 @@ void test_a_hinged_car_crosses_bumps_without_gaining_energy() {
   }
 }
 
-void test_half_the_time_step_changes_little() {
+TEST(test_half_the_time_step_changes_little) {
   const SceneTerrain bumps(blocks({{0.45, 0, 0.06, 2, 0.015, 0}}));
   const BodySpec body = three_segments(0.1);
   Drive coarse(body, bumps, pulses_for(body, 0.5)), fine(body, bumps, pulses_for(body, 0.5), gently(480));
@@ -294,7 +291,7 @@ void test_half_the_time_step_changes_little() {
   TEST_ASSERT_TRUE(fine.car.state().x_m > 0.7);
 }
 
-void test_mirrored_ground_mirrors_the_way() {
+TEST(test_mirrored_ground_mirrors_the_way) {
   const SceneTerrain left(blocks({{0.35, 0.06, 0.08, 0.08, 0.02, 0}}));
   const SceneTerrain right(blocks({{0.35, -0.06, 0.08, 0.08, 0.02, 0}}));
   const BodySpec body = three_segments(0.1);
@@ -309,7 +306,7 @@ void test_mirrored_ground_mirrors_the_way() {
 
 // Two wheels in front and a belly that drags: the load at its rear edge follows from the weight, its friction from
 // the load, the speed from the torque line.
-void test_one_axle_pulls_its_belly_along() {
+TEST(test_one_axle_pulls_its_belly_along) {
   BodySpec body = study_car(kWidth_m);
   body.wheels.resize(2);
   const double weight_n = CarConstants(body).mass_kg * kGravity, radius_m = 0.06, friction = 0.35;
@@ -327,7 +324,7 @@ void test_one_axle_pulls_its_belly_along() {
   TEST_ASSERT_DOUBLE_WITHIN(0.01, 0, drive.car.state().y_m);
 }
 
-void test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed() {
+TEST(test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed) {
   BodySpec eight = three_segments(0.1);
   BodySpec four_axles = study_car(kWidth_m);
   four_axles.wheels.clear();
@@ -349,7 +346,7 @@ void test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed() {
 }
 
 // Behind a body that slides without friction, two wheels on a segment far lighter than their rotors.
-void test_a_segment_lighter_than_its_rotors_drives_steadily() {
+TEST(test_a_segment_lighter_than_its_rotors_drives_steadily) {
   BodySpec body = hinged_study_car(kWidth_m, 0.1);
   body.wheels.erase(body.wheels.begin(), body.wheels.begin() + 2);
   body.segments[0].grip = 0;
@@ -360,24 +357,4 @@ void test_a_segment_lighter_than_its_rotors_drives_steadily() {
   TEST_ASSERT_TRUE(2 * body.wheels[0].servo.rotor_inertia_kg_m2 > 10 * rear.pitch_inertia_kg_m2);
   Drive drive(body, kFlat, pulses_for(body, 1));
   TEST_ASSERT_DOUBLE_WITHIN(0.03 * top_m_s, top_m_s, drive.run(2.5).speed_m_s);
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_cut_in_two_the_car_has_the_same_constants);
-  RUN_TEST(test_the_constants_of_unlike_segments_are_those_of_their_sum);
-  RUN_TEST(test_a_hinge_sags_as_its_stiffness_lets_it);
-  RUN_TEST(test_a_hinge_swings_at_its_natural_frequency_without_gaining_energy);
-  RUN_TEST(test_damping_takes_its_share_of_each_swing);
-  RUN_TEST(test_a_limp_hinge_rests_on_its_limits);
-  RUN_TEST(test_a_very_stiff_hinge_is_none);
-  RUN_TEST(test_a_car_with_a_very_stiff_hinge_turns_as_a_rigid_one);
-  RUN_TEST(test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle);
-  RUN_TEST(test_a_hinged_car_crosses_bumps_without_gaining_energy);
-  RUN_TEST(test_half_the_time_step_changes_little);
-  RUN_TEST(test_mirrored_ground_mirrors_the_way);
-  RUN_TEST(test_one_axle_pulls_its_belly_along);
-  RUN_TEST(test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed);
-  RUN_TEST(test_a_segment_lighter_than_its_rotors_drives_steadily);
-  return UNITY_END();
 }

@@ -1,15 +1,12 @@
 // What multibody is built from, on its own: the car's constants.
-#include <unity.h>
+#include "../suite.h"
 
 #include "../study_car.h"
 #include "car_constants.h"
 
 using namespace foldcar;
 
-void setUp() {}
-void tearDown() {}
-
-void test_the_constants_hold_the_largest_the_lowest_and_the_farthest() {
+TEST(test_the_constants_hold_the_largest_the_lowest_and_the_farthest) {
   BodySpec body = hinged_study_car(0.115, 1);
   body.wheels[2].width_m = 0.02;
   body.wheels[3].radius_m = 0.05;
@@ -27,10 +24,4 @@ void test_the_constants_hold_the_largest_the_lowest_and_the_farthest() {
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.05 + 0.07 + 0.063, CarConstants(body).reach_m);
   body.segments[1].x_m = -0.15;
   TEST_ASSERT_DOUBLE_WITHIN(1e-12, 0.05 + 0.15 + 0.05, CarConstants(body).reach_m);
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_the_constants_hold_the_largest_the_lowest_and_the_farthest);
-  return UNITY_END();
 }

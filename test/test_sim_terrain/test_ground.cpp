@@ -1,5 +1,5 @@
 // Cars on hills, hollows and patches: where they stand, energy, friction against closed forms, symmetry, determinism.
-#include <unity.h>
+#include "../suite.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,9 +12,6 @@
 #include "multibody_car.h"
 
 using namespace foldcar;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -70,7 +67,7 @@ double axle_height_m(double x_m, const Height& height_m) {
 
 }  // namespace
 
-void test_it_stands_on_a_hill_and_in_a_hollow_as_high_as_its_wheels_touch() {
+TEST(test_it_stands_on_a_hill_and_in_a_hollow_as_high_as_its_wheels_touch) {
   for (const double hill_m : {0.05, -0.05}) {
     const double sd_m = 0.25;
     const SceneTerrain terrain(one_hill({0, 0, 0, sd_m, 10, hill_m}));
@@ -82,7 +79,7 @@ void test_it_stands_on_a_hill_and_in_a_hollow_as_high_as_its_wheels_touch() {
   }
 }
 
-void test_on_a_hillside_it_rolls_as_far_as_its_tracks_differ() {
+TEST(test_on_a_hillside_it_rolls_as_far_as_its_tracks_differ) {
   const double sd_m = 0.25, hill_m = 0.06;
   const SceneTerrain terrain(one_hill({0, 0.25, 0, 10, sd_m, hill_m}));
   Drive drive(study_car(0.115), 0.8, terrain, 0);
@@ -94,7 +91,7 @@ void test_on_a_hillside_it_rolls_as_far_as_its_tracks_differ() {
   TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected, expected, std::sin(roll_rad));
 }
 
-void test_over_a_smooth_hill_motor_work_becomes_mechanical_energy() {
+TEST(test_over_a_smooth_hill_motor_work_becomes_mechanical_energy) {
   BodySpec body = study_car(0.115);
   for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 0;  // its energy is not the plane's
   const SceneTerrain terrain(one_hill({0.6, 0, 0, 0.15, 5, 0.05}));
@@ -114,7 +111,7 @@ void test_over_a_smooth_hill_motor_work_becomes_mechanical_energy() {
   TEST_ASSERT_TRUE(drive.car.state().z_m < kRadius_m + 0.012);
 }
 
-void test_locked_wheels_brake_with_the_friction_of_the_patch() {
+TEST(test_locked_wheels_brake_with_the_friction_of_the_patch) {
   TerrainSpec spec;
   spec.patches = {{2, 0, 0, 3, 2, 0.15}};  // from x = 0.5 m on
   const SceneTerrain terrain(spec);
@@ -126,7 +123,7 @@ void test_locked_wheels_brake_with_the_friction_of_the_patch() {
   TEST_ASSERT_DOUBLE_WITHIN(0.04 * 0.15 * kGravity, 0.15 * kGravity, (early_m_s - late_m_s) / 0.3);
 }
 
-void test_ice_under_one_side_brakes_half_and_turns_to_the_other() {
+TEST(test_ice_under_one_side_brakes_half_and_turns_to_the_other) {
   TerrainSpec spec;
   spec.patches = {{2, 0.5, 0, 3, 1, 0.05}};  // the left wheels only
   const SceneTerrain terrain(spec);
@@ -142,7 +139,7 @@ void test_ice_under_one_side_brakes_half_and_turns_to_the_other() {
 }
 
 // The belly on a ramp between the wheels, which hang free: it holds or slides by the friction under it.
-void test_a_belly_slides_on_a_slippery_ramp() {
+TEST(test_a_belly_slides_on_a_slippery_ramp) {
   const double length_m = 0.8, height_m = 0.22, slope_rad = std::atan(height_m / length_m);
   BodySpec body = study_car(0.115);
   body.segments[0].grip = 0.5;
@@ -164,7 +161,7 @@ void test_a_belly_slides_on_a_slippery_ramp() {
 // One axle ahead of the centre of mass, and the belly's rear corner dragging on a rail beside the middle. In a steady
 // turn the drag's couple balances what the two torque lines and the tail's own slip across the way hold against it. The
 // simulated belly resists a slip across its way more than Coulomb's friction would: it turns less, to the same side.
-void test_a_belly_that_drags_beside_the_middle_turns_the_car_to_that_side() {
+TEST(test_a_belly_that_drags_beside_the_middle_turns_the_car_to_that_side) {
   constexpr double kAxle_m = 0.01, kTail_m = -0.03, kRail_m = 0.07, kFriction = 0.6, kTime_s = 2, kFraction = 0.1;
   BodySpec body = study_car(0.17);
   body.segments[0].length_m = -2 * kTail_m;
@@ -193,7 +190,7 @@ void test_a_belly_that_drags_beside_the_middle_turns_the_car_to_that_side() {
 
 // Drive, scrub and belly all take the patch's friction: it makes no difference what lies under it. The car is told to
 // turn at a bump and drags its belly, for it has one axle; nothing in that hangs on the last digit of a number.
-void test_a_patch_over_everything_is_the_ground() {
+TEST(test_a_patch_over_everything_is_the_ground) {
   BodySpec body = study_car(0.115);
   body.wheels.resize(2);
   SceneSpec slippery;
@@ -221,7 +218,7 @@ void test_a_patch_over_everything_is_the_ground() {
 
 // A hill askew under one front wheel pushes it aside, which turns the car down the flank where friction is low. Over
 // ten such hills MuJoCo turns the same car by 0.2 to 1 rad on ice, 0.59 in the mean, and by 0.06 on dry ground.
-void test_a_flank_turns_the_car_where_friction_is_low() {
+TEST(test_a_flank_turns_the_car_where_friction_is_low) {
   const BodySpec body = study_car(0.245);
   constexpr int kHills = 5;
   double icy_mean_rad = 0;
@@ -239,7 +236,7 @@ void test_a_flank_turns_the_car_where_friction_is_low() {
 }
 
 // The highest roll of one run hangs on which wheel lands first; the mean over hills half a centimetre apart does not.
-void test_a_mirrored_hill_is_driven_as_a_mirror_image() {
+TEST(test_a_mirrored_hill_is_driven_as_a_mirror_image) {
   const BodySpec body = study_car(0.115);
   constexpr int kHills = 5;
   double left_rad = 0, right_rad = 0, left_m = 0, right_m = 0, left_turn = 0, right_turn = 0;
@@ -263,7 +260,7 @@ void test_a_mirrored_hill_is_driven_as_a_mirror_image() {
   TEST_ASSERT_DOUBLE_WITHIN(0.01, left_turn, -right_turn);
 }
 
-void test_a_turned_hill_changes_nothing_but_the_direction() {
+TEST(test_a_turned_hill_changes_nothing_but_the_direction) {
   const BodySpec body = study_car(0.115);
   const double turn_rad = 1.1, c = std::cos(turn_rad), s = std::sin(turn_rad);
   const SceneSpec plain = field(one_hill({0.5, 0.1, 0.4, 0.1, 0.07, 0.06}));
@@ -277,7 +274,7 @@ void test_a_turned_hill_changes_nothing_but_the_direction() {
   TEST_ASSERT_DOUBLE_WITHIN(0.005, p[2], c * r[2] - s * r[1]);
 }
 
-void test_the_same_ground_gives_the_same_numbers_whoever_made_it() {
+TEST(test_the_same_ground_gives_the_same_numbers_whoever_made_it) {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = field(one_hill({0.5, 0.1, 0.4, 0.1, 0.07, 0.06}));
   scene.terrain.roughs = {{0.6, 0, 0, 1, 1, 0.003, 0.03, 9}};
@@ -289,21 +286,4 @@ void test_the_same_ground_gives_the_same_numbers_whoever_made_it() {
     const TrialResult shared = run_trial(body, scene, full_speed(body, 20), {}, nullptr, &terrain);
     TEST_ASSERT_TRUE(own.path == shared.path && own.consumed_energy_j == shared.consumed_energy_j);
   }
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_it_stands_on_a_hill_and_in_a_hollow_as_high_as_its_wheels_touch);
-  RUN_TEST(test_on_a_hillside_it_rolls_as_far_as_its_tracks_differ);
-  RUN_TEST(test_over_a_smooth_hill_motor_work_becomes_mechanical_energy);
-  RUN_TEST(test_locked_wheels_brake_with_the_friction_of_the_patch);
-  RUN_TEST(test_ice_under_one_side_brakes_half_and_turns_to_the_other);
-  RUN_TEST(test_a_belly_slides_on_a_slippery_ramp);
-  RUN_TEST(test_a_belly_that_drags_beside_the_middle_turns_the_car_to_that_side);
-  RUN_TEST(test_a_patch_over_everything_is_the_ground);
-  RUN_TEST(test_a_flank_turns_the_car_where_friction_is_low);
-  RUN_TEST(test_a_mirrored_hill_is_driven_as_a_mirror_image);
-  RUN_TEST(test_a_turned_hill_changes_nothing_but_the_direction);
-  RUN_TEST(test_the_same_ground_gives_the_same_numbers_whoever_made_it);
-  return UNITY_END();
 }

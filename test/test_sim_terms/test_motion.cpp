@@ -1,5 +1,5 @@
 // The simulated IMU against motions whose accelerations and turn rates are known in closed form.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 #include <functional>
@@ -8,9 +8,6 @@
 #include "motion_sensor.h"
 
 using namespace foldcar;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -34,7 +31,7 @@ void expect(const ImuSample& sample, std::array<float, 3> acceleration, std::arr
 
 }  // namespace
 
-void a_car_at_rest_feels_gravity_as_it_is_tilted() {
+TEST(a_car_at_rest_feels_gravity_as_it_is_tilted) {
   for (const double pitch : {-0.5, 0.0, 0.7}) {
     for (const double roll : {-0.4, 0.0, 1.0}) {
       const ImuSample sample = after([=](double) {
@@ -51,7 +48,7 @@ void a_car_at_rest_feels_gravity_as_it_is_tilted() {
   }
 }
 
-void a_car_on_a_circle_is_pushed_inward() {
+TEST(a_car_on_a_circle_is_pushed_inward) {
   constexpr double kRadiusM = 0.5, kRateRadS = 2;
   const ImuSample sample = after([](double t_s) {
     CarState car;
@@ -63,7 +60,7 @@ void a_car_on_a_circle_is_pushed_inward() {
   expect(sample, {0.0f, static_cast<float>(kRadiusM * kRateRadS * kRateRadS), kG}, {0.0f, 0.0f, 2.0f});
 }
 
-void a_car_that_speeds_up_is_pushed_forward() {
+TEST(a_car_that_speeds_up_is_pushed_forward) {
   const ImuSample sample = after([](double t_s) {
     CarState car;
     car.heading_rad = -1.0;
@@ -76,7 +73,7 @@ void a_car_that_speeds_up_is_pushed_forward() {
 }
 
 // Turning by the vertical while the nose is up: the gyroscope sees it about the car's own axes.
-void a_tilted_car_that_turns_shows_it_about_its_own_axes() {
+TEST(a_tilted_car_that_turns_shows_it_about_its_own_axes) {
   constexpr double kPitch = 0.6;
   const ImuSample sample = after([](double t_s) {
     CarState car;
@@ -88,7 +85,7 @@ void a_tilted_car_that_turns_shows_it_about_its_own_axes() {
   expect(sample, {kG * s, 0.0f, kG * c}, {s, 0.0f, c});
 }
 
-void the_attitude_follows_the_simulated_sensor() {
+TEST(the_attitude_follows_the_simulated_sensor) {
   MotionSensor sensor;
   Attitude attitude;
   ImuSample sample;
@@ -104,14 +101,4 @@ void the_attitude_follows_the_simulated_sensor() {
     TEST_ASSERT_FLOAT_WITHIN(0.03f, static_cast<float>(car.roll_rad), roll_rad(attitude));
     TEST_ASSERT_FLOAT_WITHIN(0.03f, static_cast<float>(car.pitch_rad), pitch_rad(attitude));
   }
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(a_car_at_rest_feels_gravity_as_it_is_tilted);
-  RUN_TEST(a_car_on_a_circle_is_pushed_inward);
-  RUN_TEST(a_car_that_speeds_up_is_pushed_forward);
-  RUN_TEST(a_tilted_car_that_turns_shows_it_about_its_own_axes);
-  RUN_TEST(the_attitude_follows_the_simulated_sensor);
-  return UNITY_END();
 }

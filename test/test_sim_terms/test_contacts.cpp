@@ -1,6 +1,6 @@
 // Contacts of tyres and bellies with blocks: heights at which they just touch against dense sampling of the terrain,
 // normals and depths against closed forms.
-#include <unity.h>
+#include "../suite.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,9 +13,6 @@
 #include "tyre_contacts.h"
 
 using namespace foldcar;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -101,7 +98,7 @@ void assert_direction(const Vec3& expected, const Vec3& direction) {
 
 }  // namespace
 
-void test_a_tyre_stands_as_high_as_its_surface_touches() {
+TEST(test_a_tyre_stands_as_high_as_its_surface_touches) {
   const std::vector<Vec3> surface = tyre_surface();
   for (const auto kind : {BlockSpec::Kind::kBox, BlockSpec::Kind::kRamp, BlockSpec::Kind::kHalfRound}) {
     const SceneTerrain terrain(three_blocks(kind));
@@ -114,7 +111,7 @@ void test_a_tyre_stands_as_high_as_its_surface_touches() {
   }
 }
 
-void test_a_belly_lies_as_high_as_its_surface_touches() {
+TEST(test_a_belly_lies_as_high_as_its_surface_touches) {
   const double half_m[3] = {0.1, 0.05, 0.025};
   std::vector<Vec3> surface;
   for (double x_m = -half_m[0]; x_m <= half_m[0] + 1e-9; x_m += 2 * kSample_m) {
@@ -140,7 +137,7 @@ void test_a_belly_lies_as_high_as_its_surface_touches() {
   }
 }
 
-void test_a_tyre_on_top_stands_on_both_rims_and_a_leaning_one_on_the_lower() {
+TEST(test_a_tyre_on_top_stands_on_both_rims_and_a_leaning_one_on_the_lower) {
   for (const double roll_rad : {0.0, 0.2, -0.2}) {
     const double height_m = 0.03 + kRadius_m * std::cos(roll_rad) + kHalfWidth_m * std::abs(std::sin(roll_rad));
     std::size_t touching = 0;
@@ -155,7 +152,7 @@ void test_a_tyre_on_top_stands_on_both_rims_and_a_leaning_one_on_the_lower() {
 }
 
 // The tread of a leaning tyre meets the edge of the box between its rims: the normal is across the tread.
-void test_a_leaning_tyre_on_a_side_edge_is_pushed_across_its_tread() {
+TEST(test_a_leaning_tyre_on_a_side_edge_is_pushed_across_its_tread) {
   const double roll_rad = 0.4, sink_m = 0.0002;
   const double away_m = kRadius_m - sink_m;
   const Tyre tyre = tyre_at({0, -std::sin(roll_rad) * away_m, 0.03 + std::cos(roll_rad) * away_m}, roll_rad);
@@ -165,7 +162,7 @@ void test_a_leaning_tyre_on_a_side_edge_is_pushed_across_its_tread() {
   TEST_ASSERT_DOUBLE_WITHIN(1e-9, -sink_m, contacts[0].gap_m);
 }
 
-void test_a_tyre_beside_a_wall_is_pushed_aside() {
+TEST(test_a_tyre_beside_a_wall_is_pushed_aside) {
   const double deep_m = 0.001;
   // Upright, its left side 1 mm within the box, whose top is 0.03 m above the tyre's lowest point.
   const std::vector<Contact> contacts = contacts_of(tyre_at({0, deep_m - kHalfWidth_m, kRadius_m}, 0), kBox);
@@ -177,7 +174,7 @@ void test_a_tyre_beside_a_wall_is_pushed_aside() {
 }
 
 // Leaning to the right, its lower part would be under the box: the box's edge presses into its left side.
-void test_a_leaning_tyre_is_pushed_off_an_edge_along_its_axle() {
+TEST(test_a_leaning_tyre_is_pushed_off_an_edge_along_its_axle) {
   const double roll_rad = 0.4, deep_m = 0.001;
   Tyre tyre = tyre_at({0, 0, 0}, roll_rad);
   // The side's middle is 0.04 m along the tyre's own up above the edge at y = 0.
@@ -192,7 +189,7 @@ void test_a_leaning_tyre_is_pushed_off_an_edge_along_its_axle() {
 }
 
 // Where a turned tyre meets a step's edge with its rim, the normal is across the edge, whatever the heading.
-void test_a_turned_tyre_meets_a_steps_edge_across_the_edge() {
+TEST(test_a_turned_tyre_meets_a_steps_edge_across_the_edge) {
   const Solid step = make_solid({0.5, 0, 1, 2, 0.03, 0, BlockSpec::Kind::kBox});
   for (const double heading_rad : {0.1, 0.4, -0.6}) {
     bool met = false;
@@ -206,16 +203,4 @@ void test_a_turned_tyre_meets_a_steps_edge_across_the_edge() {
     }
     TEST_ASSERT_TRUE(met);
   }
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_a_tyre_stands_as_high_as_its_surface_touches);
-  RUN_TEST(test_a_belly_lies_as_high_as_its_surface_touches);
-  RUN_TEST(test_a_tyre_on_top_stands_on_both_rims_and_a_leaning_one_on_the_lower);
-  RUN_TEST(test_a_leaning_tyre_on_a_side_edge_is_pushed_across_its_tread);
-  RUN_TEST(test_a_tyre_beside_a_wall_is_pushed_aside);
-  RUN_TEST(test_a_leaning_tyre_is_pushed_off_an_edge_along_its_axle);
-  RUN_TEST(test_a_turned_tyre_meets_a_steps_edge_across_the_edge);
-  return UNITY_END();
 }

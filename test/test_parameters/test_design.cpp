@@ -12,13 +12,10 @@
 #define FOLDCAR_HAS_ARDUINO_JSON 1
 #endif
 // Its macros would break the JSON library.
-#include <unity.h>
+#include "../suite.h"
 
 using namespace foldcar;
 using nlohmann::json;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -70,7 +67,7 @@ void expect_refused(const char* key, const json& value, const char* problem) {
 
 }  // namespace
 
-void a_good_file_is_taken_whole() {
+TEST(a_good_file_is_taken_whole) {
   const DesignResult result = read_car_json(good().dump());
   TEST_ASSERT_EQUAL_STRING("", result.problem);
   TEST_ASSERT_TRUE(result.source == DesignSource::kFile);
@@ -81,7 +78,7 @@ void a_good_file_is_taken_whole() {
   TEST_ASSERT_EQUAL_FLOAT(-1.0f, result.design.directions[0]);
 }
 
-void the_design_comes_before_the_flash_where_it_must_and_behind_it_where_it_may() {
+TEST(the_design_comes_before_the_flash_where_it_must_and_behind_it_where_it_may) {
   SimStorage storage;
   storage.values = {{"TRACK_M", 0.3f}, {"WHEEL_MAX_RAD_S", 8.0f}, {"CH2_SIDE", 1.0f}};
   Parameters parameters;
@@ -98,7 +95,7 @@ void the_design_comes_before_the_flash_where_it_must_and_behind_it_where_it_may(
   TEST_ASSERT_EQUAL_FLOAT(-1.0f, parameters.get(0, ChannelParameter::kDirection));
 }
 
-void without_a_design_the_parameters_hold() {
+TEST(without_a_design_the_parameters_hold) {
   SimStorage storage;
   storage.values = {{"TRACK_M", 0.3f}};
   Parameters parameters;
@@ -107,7 +104,7 @@ void without_a_design_the_parameters_hold() {
   TEST_ASSERT_TRUE(parameters.set("TRACK_M", 0.2f) == SetResult::kOk);
 }
 
-void every_missing_key_is_named() {
+TEST(every_missing_key_is_named) {
   for (const char* key : {"format", "name", "hash", "wheel_radius_m", "track_m"}) {
     json file = good();
     file.erase(key);
@@ -118,7 +115,7 @@ void every_missing_key_is_named() {
   expect_refused(file, "car.json: wheels has none on the left or on the right");
 }
 
-void a_wrong_value_is_named_with_its_limit() {
+TEST(a_wrong_value_is_named_with_its_limit) {
   expect_refused("format", 2, "car.json: format is not 1, the format this firmware knows");
   expect_refused("name", "", "car.json: name is empty or longer than 32 bytes");
   expect_refused("name", std::string(33, 'x'), "car.json: name is empty or longer than 32 bytes");
@@ -137,7 +134,7 @@ void a_wrong_value_is_named_with_its_limit() {
                  "car.json: parameters.CH3_SIDE follows from wheels, wheel_radius_m and track_m");
 }
 
-void wrong_wheels_are_named() {
+TEST(wrong_wheels_are_named) {
   const auto refused = [](std::size_t index, const char* key, const json& value, const char* problem) {
     json file = good();
     file["wheels"][index][key] = value;
@@ -164,7 +161,7 @@ void wrong_wheels_are_named() {
 }
 
 // Every prefix of a valid file is refused; a file with a changed byte is either refused with a message or accepted.
-void damaged_files_are_refused_or_harmless() {
+TEST(damaged_files_are_refused_or_harmless) {
   const std::string text = good().dump();
   for (std::size_t size = 0; size < text.size(); ++size) {
     TEST_ASSERT_TRUE(read_car_json(text.substr(0, size)).source == DesignSource::kRefused);
@@ -183,7 +180,7 @@ void damaged_files_are_refused_or_harmless() {
 }
 
 // Both read damaged files alike, as far as they are JSON.
-void the_board_reads_what_the_simulator_reads() {
+TEST(the_board_reads_what_the_simulator_reads) {
 #ifndef FOLDCAR_HAS_ARDUINO_JSON
   TEST_IGNORE_MESSAGE("ArduinoJson is not installed");
 #endif
@@ -207,17 +204,4 @@ void the_board_reads_what_the_simulator_reads() {
       if (std::strcmp(simulator.problem, "car.json: is not a JSON object") != 0) expect_same_design(simulator, board);
     }
   }
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(a_good_file_is_taken_whole);
-  RUN_TEST(the_design_comes_before_the_flash_where_it_must_and_behind_it_where_it_may);
-  RUN_TEST(without_a_design_the_parameters_hold);
-  RUN_TEST(every_missing_key_is_named);
-  RUN_TEST(a_wrong_value_is_named_with_its_limit);
-  RUN_TEST(wrong_wheels_are_named);
-  RUN_TEST(damaged_files_are_refused_or_harmless);
-  RUN_TEST(the_board_reads_what_the_simulator_reads);
-  return UNITY_END();
 }

@@ -1,14 +1,11 @@
 // The attitude from an IMU, against rotations whose angles are known in closed form.
-#include <unity.h>
+#include "../suite.h"
 
 #include <cmath>
 
 #include "attitude.h"
 
 using namespace foldcar;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -25,7 +22,7 @@ ImuSample at_rest(float roll, float pitch) {
 
 }  // namespace
 
-void a_car_at_rest_shows_its_angles_at_once() {
+TEST(a_car_at_rest_shows_its_angles_at_once) {
   for (const float roll : {-2.0f, -0.3f, 0.0f, 0.5f, 3.0f}) {
     for (const float pitch : {-1.2f, 0.0f, 0.4f}) {
       const Attitude attitude = updated(Attitude{}, at_rest(roll, pitch), kStepS);
@@ -37,7 +34,7 @@ void a_car_at_rest_shows_its_angles_at_once() {
 }
 
 // A roll of 0.5 rad within 0.5 s, with gravity as the accelerometer sees it: the estimate follows without lag.
-void a_turn_is_followed_by_the_gyroscope() {
+TEST(a_turn_is_followed_by_the_gyroscope) {
   Attitude attitude = updated(Attitude{}, at_rest(0.0f, 0.0f), kStepS);
   for (int i = 1; i <= 25; ++i) {
     ImuSample sample = at_rest(0.02f * static_cast<float>(i), 0.0f);
@@ -48,7 +45,7 @@ void a_turn_is_followed_by_the_gyroscope() {
 }
 
 // A gyroscope of 500 degrees/s may have a bias of 1 degree/s. In the filter's steady state the error is bias × time constant.
-void gravity_holds_the_drift_of_the_gyroscope() {
+TEST(gravity_holds_the_drift_of_the_gyroscope) {
   constexpr float kDriftRadS = 0.0175f;
   Attitude attitude;
   for (int i = 0; i < 50 * 600; ++i) {
@@ -60,7 +57,7 @@ void gravity_holds_the_drift_of_the_gyroscope() {
   TEST_ASSERT_FLOAT_WITHIN(0.001f, kDriftRadS * 0.5f, pitch_rad(attitude));
 }
 
-void a_shock_does_not_tilt_the_estimate() {
+TEST(a_shock_does_not_tilt_the_estimate) {
   Attitude attitude = updated(Attitude{}, at_rest(0.0f, 0.0f), kStepS);
   ImuSample shock;
   shock.acceleration_m_s2 = {0.0f, 30.0f, 9.81f};
@@ -68,7 +65,7 @@ void a_shock_does_not_tilt_the_estimate() {
   TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.0f, tilt_rad(attitude));
 }
 
-void yaw_counts_turns_to_the_left_and_wraps() {
+TEST(yaw_counts_turns_to_the_left_and_wraps) {
   Attitude attitude = updated(Attitude{}, at_rest(0.0f, 0.0f), kStepS);
   ImuSample sample = at_rest(0.0f, 0.0f);
   sample.rate_rad_s = {0.0f, 0.0f, 1.0f};
@@ -76,14 +73,4 @@ void yaw_counts_turns_to_the_left_and_wraps() {
   TEST_ASSERT_FLOAT_WITHIN(1e-3f, 2.0f, attitude.yaw_rad);
   for (int i = 0; i < 100; ++i) attitude = updated(attitude, sample, kStepS);
   TEST_ASSERT_FLOAT_WITHIN(1e-3f, 4.0f - 2.0f * 3.14159265f, attitude.yaw_rad);
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(a_car_at_rest_shows_its_angles_at_once);
-  RUN_TEST(a_turn_is_followed_by_the_gyroscope);
-  RUN_TEST(gravity_holds_the_drift_of_the_gyroscope);
-  RUN_TEST(a_shock_does_not_tilt_the_estimate);
-  RUN_TEST(yaw_counts_turns_to_the_left_and_wraps);
-  return UNITY_END();
 }

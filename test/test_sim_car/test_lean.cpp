@@ -1,6 +1,6 @@
 // A leaning car against closed forms: falling back on a tyre's edge, landing on the other side's wheels, and what a car
 // in the air keeps.
-#include <unity.h>
+#include "../suite.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,9 +11,6 @@
 #include "multibody_car.h"
 
 using namespace foldcar;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -104,7 +101,7 @@ Vec3 angular_momentum(const BodySpec& body, const CarDynamics& car) {
 }  // namespace
 
 // Nothing touches it: angular momentum about the forward axis, a principal one, is kept.
-void test_in_the_air_it_keeps_its_roll_rate() {
+TEST(test_in_the_air_it_keeps_its_roll_rate) {
   BodySpec body = study_car(0.08);
   body.segments[0].com_z_m = 0;
   Drive drive(body, 0.6);
@@ -117,7 +114,7 @@ void test_in_the_air_it_keeps_its_roll_rate() {
 
 // Thrown with all three rates it tumbles: in the world the angular momentum keeps its size and direction, and the energy
 // stays, whatever the rates in its own axes do.
-void test_in_the_air_it_tumbles_with_constant_angular_momentum_and_energy() {
+TEST(test_in_the_air_it_tumbles_with_constant_angular_momentum_and_energy) {
   Drive drive(study_car(0.08), 0.6);
   drive.set({0, 0, 2}, 0.3, {0.5, 0.2, 2.5}, 4);
   CarDynamics& car = drive.car.dynamics();
@@ -138,7 +135,7 @@ void test_in_the_air_it_tumbles_with_constant_angular_momentum_and_energy() {
 }
 
 // (I + m (h² + a²)) φ'' = -m g (a cos φ - h sin φ) about the low side's tyre edge, a beside the middle.
-void test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge() {
+TEST(test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge) {
   for (const double side : {1.0, -1.0}) {
     const BodySpec body = study_car(0.08);
     const AcrossPlane plane(body);
@@ -190,7 +187,7 @@ double roll_rate_after_landing_rad_s(const BodySpec& body, double lean_rad, doub
   return roll_rad_s;
 }
 
-void test_landing_on_a_leaning_sides_wheels_is_a_rigid_bodys_impact() {
+TEST(test_landing_on_a_leaning_sides_wheels_is_a_rigid_bodys_impact) {
   const BodySpec body = study_car(0.08);
   const AcrossPlane plane(body);
   const double a_m = 0.5 * (body.track_m + body.wheels[0].width_m), before_rad_s = 4;
@@ -211,13 +208,4 @@ void test_landing_on_a_leaning_sides_wheels_is_a_rigid_bodys_impact() {
       }
     }
   }
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_in_the_air_it_keeps_its_roll_rate);
-  RUN_TEST(test_in_the_air_it_tumbles_with_constant_angular_momentum_and_energy);
-  RUN_TEST(test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge);
-  RUN_TEST(test_landing_on_a_leaning_sides_wheels_is_a_rigid_bodys_impact);
-  return UNITY_END();
 }

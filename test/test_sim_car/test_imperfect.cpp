@@ -1,5 +1,5 @@
 // Imperfect cars against closed forms: a centre of mass off the middle, wheels off their axles, unequal servos.
-#include <unity.h>
+#include "../suite.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,9 +9,6 @@
 #include "multibody_car.h"
 
 using namespace foldcar;
-
-void setUp() {}
-void tearDown() {}
 
 namespace {
 
@@ -47,7 +44,7 @@ StepOptions gently() {
 
 }  // namespace
 
-void test_a_weight_off_the_middle_loads_that_side_by_its_lever() {
+TEST(test_a_weight_off_the_middle_loads_that_side_by_its_lever) {
   for (const double com_y_m : {0.0, 0.006, -0.015}) {
     BodySpec body = study_car(0.095);
     body.segments[0].com_y_m = com_y_m;
@@ -62,7 +59,7 @@ void test_a_weight_off_the_middle_loads_that_side_by_its_lever() {
   }
 }
 
-void test_a_weight_off_the_middle_tips_the_car_earlier_to_that_side() {
+TEST(test_a_weight_off_the_middle_tips_the_car_earlier_to_that_side) {
   const double com_y_m = 0.01;
   BodySpec body = study_car(0.095);
   body.segments[0].com_y_m = com_y_m;
@@ -81,7 +78,7 @@ void test_a_weight_off_the_middle_tips_the_car_earlier_to_that_side() {
   }
 }
 
-void test_an_axle_off_its_tyres_middle_rises_and_falls_by_twice_that() {
+TEST(test_an_axle_off_its_tyres_middle_rises_and_falls_by_twice_that) {
   const double eccentricity_m = 0.002;
   BodySpec body = study_car(0.095);
   for (WheelSpec& wheel : body.wheels) wheel.eccentricity_m = eccentricity_m;
@@ -98,7 +95,7 @@ void test_an_axle_off_its_tyres_middle_rises_and_falls_by_twice_that() {
   TEST_ASSERT_DOUBLE_WITHIN(0.0003, 0.06, 0.5 * (highest_m + lowest_m));
 }
 
-void test_a_tyres_middle_starts_where_its_phase_says() {
+TEST(test_a_tyres_middle_starts_where_its_phase_says) {
   for (const double phase_rad : {0.0, 0.5 * kPi, kPi, 1.5 * kPi}) {
     BodySpec body = study_car(0.095);
     for (WheelSpec& wheel : body.wheels) {
@@ -110,7 +107,7 @@ void test_a_tyres_middle_starts_where_its_phase_says() {
   }
 }
 
-void test_eccentric_wheels_roll_their_circumference_in_a_turn() {
+TEST(test_eccentric_wheels_roll_their_circumference_in_a_turn) {
   BodySpec body = study_car(0.095);
   for (WheelSpec& wheel : body.wheels) wheel.eccentricity_m = 0.003;
   Drive drive(body, kFlat, 0.5);
@@ -124,7 +121,7 @@ void test_eccentric_wheels_roll_their_circumference_in_a_turn() {
   TEST_ASSERT_DOUBLE_WITHIN(0.01, turned_rad * 0.06, drive.car.state().x_m - start_m);
 }
 
-void test_a_servo_whose_neutral_is_off_creeps_once_it_leaves_the_dead_band() {
+TEST(test_a_servo_whose_neutral_is_off_creeps_once_it_leaves_the_dead_band) {
   for (const double offset_us : {30.0, 80.0}) {
     BodySpec body = study_car(0.095);
     // A neutral below what the firmware sends: to this servo the pulse says forward.
@@ -135,15 +132,4 @@ void test_a_servo_whose_neutral_is_off_creeps_once_it_leaves_the_dead_band() {
     const double fraction = std::max(0.0, offset_us - servo.deadband_us) / (servo.saturation_us - servo.deadband_us);
     TEST_ASSERT_DOUBLE_WITHIN(0.01, fraction * servo.no_load_speed_rad_s * 0.06, drive.car.state().speed_m_s);
   }
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_a_weight_off_the_middle_loads_that_side_by_its_lever);
-  RUN_TEST(test_a_weight_off_the_middle_tips_the_car_earlier_to_that_side);
-  RUN_TEST(test_an_axle_off_its_tyres_middle_rises_and_falls_by_twice_that);
-  RUN_TEST(test_a_tyres_middle_starts_where_its_phase_says);
-  RUN_TEST(test_eccentric_wheels_roll_their_circumference_in_a_turn);
-  RUN_TEST(test_a_servo_whose_neutral_is_off_creeps_once_it_leaves_the_dead_band);
-  return UNITY_END();
 }

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import shapely
 
-from foldcar.car.assembly.collide import hit, way_out
-from foldcar.car.assembly.solids import SKIN_MM, Blocks, blocks_of, box, convex_parts, plate, prism
 from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.proof.collide import hit, way_out
+from foldcar.car.proof.solids import SKIN_MM, Blocks, blocks_of, box, convex_parts, plate, prism
 
 FILM_MM = 0.25
 

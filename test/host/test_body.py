@@ -13,9 +13,8 @@ from foldcar.car.body import body_json, full_speed_m_s
 from foldcar.car.design import Design, compose
 from foldcar.car.firmware_parameters import TableRow, check_parameters, firmware_parameters
 from foldcar.car.folded.model import FoldedCar, Solid
-from foldcar.car.folded.weight import body_mass_kg, body_properties, faces_of
+from foldcar.car.folded.weight import assemble, body_mass_kg, body_properties, box_properties, faces_of
 from foldcar.car.folded_car import folded_car
-from foldcar.car.parts.mass import assemble, box_properties
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import RunRequest

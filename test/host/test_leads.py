@@ -14,15 +14,14 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from foldcar.car.assembly.order import assembly_steps
-from foldcar.car.assembly.prove import prove
 from foldcar.car.design import DesignError, compose
-from foldcar.car.folded.check_parts import boxes
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.placed import place
 from foldcar.car.folded.pose import apply
 from foldcar.car.folded_car import folded_car
 from foldcar.car.leads import check_leads, leads
+from foldcar.car.proof.check_parts import boxes
+from foldcar.car.proof.prove import assembly_steps, prove
 from foldcar.car.verify import verify
 from foldcar.fabrication.assembly.operations import operations
 from foldcar.fabrication.assembly.parts_list import parts_list

@@ -18,7 +18,7 @@ from foldcar.car.folded_car import folded_car
 from foldcar.car.leads import leads, wire_mm
 from foldcar.car.parts.catalogue import FILES
 from foldcar.car.parts.choices import OPTIONS
-from foldcar.car.variation.spread import workshop
+from foldcar.car.variation import workshop
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_text, total_mass_kg
 from foldcar.fabrication.patterns.join_marks import join_marks
 from foldcar.fabrication.patterns.options import options

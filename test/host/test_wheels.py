@@ -11,16 +11,11 @@ import pytest
 import scipy.linalg
 import shapely
 
-from foldcar.car.assembly.order import assembly_steps
-from foldcar.car.compiler.assemble import assemble
-from foldcar.car.compiler.component import build
+from foldcar.car.components.assemble import assemble
+from foldcar.car.components.component import build
 from foldcar.car.components.wheel import Wheel
 from foldcar.car.components.wheel_size import WheelSize
 from foldcar.car.design import DesignError, compose
-from foldcar.car.folded.check import check_design
-from foldcar.car.folded.check_crossings import check_crossings
-from foldcar.car.folded.check_flat import check_flat
-from foldcar.car.folded.check_wheels import check_wheels, roundness_mm
 from foldcar.car.folded.model import Axle, FoldedCar
 from foldcar.car.folded.placed import PlacedFace, place
 from foldcar.car.folded.pose import compose as chain
@@ -29,6 +24,11 @@ from foldcar.car.folded.weight import body_properties
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import chosen
 from foldcar.car.parts.choices import PartChoices
+from foldcar.car.proof.check_crossings import check_crossings
+from foldcar.car.proof.check_flat import check_flat
+from foldcar.car.proof.check_wheels import check_wheels, roundness_mm
+from foldcar.car.proof.prove import assembly_steps
+from foldcar.car.verify import check_design
 from foldcar.fabrication.assembly.operations import turned as discs_turned
 from foldcar.fabrication.patterns.flat_piece import flat_piece
 from foldcar.fabrication.patterns.options import options

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from foldcar.car.compiler.parameter import ROUNDING, at_least
+from foldcar.car.components.parameter import ROUNDING, at_least
 from foldcar.car.modules import REQUIRED_MODULES, modules, parameters
 from foldcar.car.parts.catalogue import Catalogue, chosen
 from foldcar.car.parts.choices import DEFAULT_CHOICES, PartChoices, PartError, split_type

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foldcar.car.folded.finding import Finding
 from foldcar.car.folded.model import FoldedCar, Hole, Mount, Point
-from foldcar.car.folded.placed import PlacedFace, place
+from foldcar.car.folded.placed import Finding, PlacedFace, place
 from foldcar.car.folded.pose import compose
-from foldcar.car.parts.fasteners import Screw
+from foldcar.car.parts.mechanics import Screw
 from foldcar.car.parts.quantity import Quantity
 
 ROUNDING_MM = 1e-6

@@ -13,15 +13,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.assembly.lid import lid_of
 from foldcar.car.design import DesignError
-from foldcar.car.folded.check_hinges import folded_back
-from foldcar.car.folded.finding import Finding
 from foldcar.car.folded.model import FoldedCar, Hole, Mount, Wire
-from foldcar.car.folded.placed import PlacedFace, place
+from foldcar.car.folded.placed import Finding, PlacedFace, place
 from foldcar.car.folded.pose import apply, translation
 from foldcar.car.parts.electronics import Extension, LeadedBattery, Wiring
 from foldcar.car.parts.quantity import Quantity
+from foldcar.car.proof.check_crossings import folded_back
+from foldcar.car.proof.roles import lid_of
 
 Points = NDArray[np.float64]
 # A direction's component along an axis of the car from which on it counts as that axis.

@@ -5,17 +5,21 @@ letter. In listings a parameter is found under its module (``{"W": {"length": 60
 its key here is ``width`` or ``W.length``.
 """
 
+import importlib.util
+import inspect
+import sys
+import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
-from foldcar.car.compiler.component import Component
-from foldcar.car.compiler.parameter import Parameter
-from foldcar.car.compiler.slot import ComponentError
 from foldcar.car.components.brain_module import BrainModule, ElectronicsModule
+from foldcar.car.components.component import Component
 from foldcar.car.components.hinge_module import HingeModule
-from foldcar.car.components.module import Module
-from foldcar.car.components.wheel_module import WheelModule
+from foldcar.car.components.module import Module, WheelModule
+from foldcar.car.components.parameter import ComponentError, Parameter
+from foldcar.errors import FoldcarError
 
 HINGE = HingeModule.letter
 # Every car has these.
@@ -93,3 +97,59 @@ def names_in(group: str) -> list[str]:
     """The parameter names that ``group`` (``common`` or a module letter) may set."""
     names = {parameter.declared.name for parameter in parameters().values()}
     return sorted(name for name in names if find_parameter(group, name) is not None)
+
+
+_loaded: dict[Path, list[str]] = {}
+
+
+def load_components(file: Path) -> list[str]:
+    """Register the modules that the file defines and return their letters; FoldcarError if it fails or has none."""
+    path = file.resolve()
+    if path in _loaded:
+        return _loaded[path]
+    spec = importlib.util.spec_from_file_location(f"foldcar_components_{path.stem}", path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise FoldcarError(f"--components {file}: is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except SyntaxError as error:
+        raise FoldcarError(f"{file}:{error.lineno}: {error.msg}") from error
+    except Exception as error:
+        raise FoldcarError(f"{file}:{_line_in(path, error)}: {type(error).__name__}: {error}") from error
+    kinds = [
+        kind for kind in vars(module).values()
+        if inspect.isclass(kind) and issubclass(kind, Module) and kind.__module__ == module.__name__
+    ]  # fmt: skip
+    if not kinds:
+        raise FoldcarError(f"{file}:1: defines no subclass of foldcar.car.components.module.Module")
+    sys.modules[module.__name__] = module
+    for kind in kinds:
+        line = inspect.getsourcelines(kind)[1]
+        for attribute in ("letter", "title"):
+            if not isinstance(getattr(kind, attribute, None), str):
+                raise FoldcarError(f'{file}:{line}: {kind.__name__} has no text "{attribute}"')
+        try:
+            register(kind)
+        except FoldcarError as error:
+            raise FoldcarError(f"{file}:{line}: {error}") from error
+    _loaded[path] = [kind.letter for kind in kinds]
+    return _loaded[path]
+
+
+def loaded_files() -> list[Path]:
+    """The files that were loaded."""
+    return list(_loaded)
+
+
+def place_of(error: BaseException) -> str | None:
+    """File and line of the user's component that raised the exception, or None if none did."""
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        if Path(frame.filename) in _loaded:
+            return f"{frame.filename}:{frame.lineno}"
+    return None
+
+
+def _line_in(path: Path, error: Exception) -> int:
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
+    return lines[-1] if lines and lines[-1] else 1

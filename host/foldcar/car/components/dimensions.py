@@ -1,9 +1,8 @@
 """The parameters that the whole car shares, and the minimums that follow from a servo in a wall."""
 
-from foldcar.car.compiler.parameter import Parameter
-from foldcar.car.components.boards import mouth_mm
-from foldcar.car.components.bridge import span_mm, stack_height_mm
-from foldcar.car.components.servo_mount import least_doubler_mm, screw_end_mm
+from foldcar.car.components.bridge import mouth_mm, span_mm, stack_height_mm
+from foldcar.car.components.mounts import least_doubler_mm, screw_end_mm
+from foldcar.car.components.parameter import Parameter
 from foldcar.car.components.wheel_size import least_radius_mm
 from foldcar.car.parts.catalogue import Catalogue
 

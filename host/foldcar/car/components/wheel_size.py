@@ -10,7 +10,7 @@ from functools import cached_property
 
 from foldcar.car.folded.model import Point
 from foldcar.car.parts.catalogue import Catalogue
-from foldcar.car.parts.wheel_parts import Horn
+from foldcar.car.parts.mechanics import Horn
 
 # A rim strip is no longer than this, so that it fits on a sheet of A4.
 LONGEST_STRIP_MM = 250.0

@@ -11,9 +11,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foldcar.car.folded.folding import folded
 from foldcar.car.folded.model import Face, FoldedCar, Piece, PlacedPiece, Point, Pose
-from foldcar.car.folded.pose import compose
+from foldcar.car.folded.pose import compose, folded
 
 
 @dataclass(frozen=True)
@@ -88,3 +87,15 @@ def _faces(piece: Piece, placed: PlacedPiece, poses: dict[str, Pose]) -> list[Pl
     return [
         PlacedFace(piece, placed.copy, placed.body, face, compose(placed.pose, poses[face.name])) for face in piece.faces
     ]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One defect: the check that found it, its place, and a message with value and limit."""
+
+    check: str
+    place: str
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.check}: {self.place}: {self.message}"

@@ -1,8 +1,9 @@
 """Poses as nested tuples: 4x4 homogeneous matrices, row-major, lengths in millimetres, angles in radians."""
 
 import math
+from collections.abc import Mapping
 
-from foldcar.car.folded.model import Point, Pose
+from foldcar.car.folded.model import EdgeRef, Face, Piece, Point, Pose
 
 IDENTITY: Pose = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
@@ -89,3 +90,22 @@ def _cos_sin(angle_rad: float) -> tuple[float, float]:
     """Cosine and sine; exact for quarter turns, so that coplanar faces stay exactly coplanar."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     return (float(round(c)), float(round(s))) if abs(c * s) < 1e-12 else (c, s)
+
+
+def folded(piece: Piece, fraction: float = 1.0, flexures_rad: Mapping[str, float] | None = None) -> dict[str, Pose]:
+    """The poses of all faces by name; ``flexures_rad`` overrides the assembled angles of flexures, by crease name."""
+    faces = {face.name: face for face in piece.faces}
+    poses = {piece.faces[0].name: IDENTITY}
+    for crease in piece.creases:
+        angle = crease.angle_rad * fraction
+        if flexures_rad and crease.flexure and crease.name in flexures_rad:
+            angle = flexures_rad[crease.name]
+        parent, child = edge(faces, crease.parent), edge(faces, crease.child)
+        poses[crease.child.face] = compose(poses[crease.parent.face], across_crease(parent, child, angle))
+    return poses
+
+
+def edge(faces: Mapping[str, Face], reference: EdgeRef) -> tuple[Point, Point]:
+    """The ends of an edge (mm) in its face's frame."""
+    outline = faces[reference.face].outline_mm
+    return outline[reference.index], outline[(reference.index + 1) % len(outline)]

@@ -20,11 +20,9 @@ from foldcar.car.parts.electronics import (
     Switch,
     Wiring,
 )
-from foldcar.car.parts.fasteners import Caster, Screw, Spacer, Tools
 from foldcar.car.parts.film import Assembly, Film
+from foldcar.car.parts.mechanics import Caster, Horn, Screw, Servo, Spacer, Tools, Tyre
 from foldcar.car.parts.quantity import Bought, BoxPart, Data, Quantity
-from foldcar.car.parts.servo import Servo
-from foldcar.car.parts.wheel_parts import Horn, Tyre
 
 __all__ = [
     "Assembly", "Battery", "BoxPart", "Caster", "Catalogue", "Feather", "FeatherWing", "Film", "Horn", "Plugs", "Screw",

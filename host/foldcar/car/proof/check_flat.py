@@ -1,0 +1,123 @@
+"""Checks of flat pieces: valid outlines, no overlaps, no line cut twice, a distance between holes and folds.
+
+Input: a piece. Output: findings.
+"""
+
+import math
+from collections.abc import Iterator
+
+import shapely
+from shapely.affinity import affine_transform
+
+from foldcar.car.folded.model import Face, Piece, Pose
+from foldcar.car.folded.placed import Finding, polygon
+from foldcar.car.folded.pose import edge, folded
+
+# Without a grid, an edge that two faces share but for rounding can make GEOS return the wrong side of it.
+GRID_MM = 1e-6
+# Overlaps up to this are rounding errors.
+OVERLAP_MM2 = 1e-3
+EDGE_TOLERANCE_MM = 0.05
+CUT_TWICE_MM = 1e-3
+
+
+def check_flat(piece: Piece, hole_to_fold_mm: float) -> Iterator[Finding]:
+    """Findings about the flat piece; every hole must be ``hole_to_fold_mm`` or more from every fold."""
+    sound = True
+    for face in piece.faces:
+        for finding in _outlines(piece, face):
+            sound = False
+            yield finding
+    yield from _creases(piece)
+    yield from _holes_at_folds(piece, hole_to_fold_mm)
+    if sound:
+        yield from _overlaps(piece)
+    yield from _cut_twice(piece)
+
+
+def flat_polygons(piece: Piece) -> dict[str, shapely.Polygon]:
+    """The faces in the flat layout (mm), by name."""
+    poses = folded(piece, 0.0)
+    return {face.name: _moved(polygon(face), poses[face.name]) for face in piece.faces}
+
+
+def _moved(shape: shapely.Polygon, pose: Pose) -> shapely.Polygon:
+    (a, b, _, x), (c, d, _, y), *_ = pose
+    return affine_transform(shape, (a, b, c, d, x, y))
+
+
+def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
+    place = f"{piece.name}: {face.name}"
+    outline = shapely.Polygon(face.outline_mm)
+    if not outline.is_valid or not shapely.is_ccw(outline.exterior):
+        yield Finding("outline", place, "its outline crosses itself or runs clockwise")
+        return
+    taken: shapely.Geometry = shapely.Polygon()
+    for hole in face.holes:
+        shape = shapely.Polygon(hole.outline_mm)
+        if not shape.is_valid or shape.area <= 0:
+            yield Finding("outline", f"{place}: {hole.name}", "the hole's outline crosses itself")
+        elif not outline.contains(shape):
+            yield Finding("outline", f"{place}: {hole.name}", "the hole is not inside its face")
+        elif shape.intersects(taken):
+            yield Finding("outline", f"{place}: {hole.name}", "the hole runs into another one")
+        taken = shapely.union(taken, shape)
+
+
+def _creases(piece: Piece) -> Iterator[Finding]:
+    faces = {face.name: face for face in piece.faces}
+    for crease in piece.creases:
+        parent, child = (math.dist(*edge(faces, ref)) for ref in (crease.parent, crease.child))
+        if abs(parent - child) > EDGE_TOLERANCE_MM:
+            yield Finding(
+                "fold", f"{piece.name}: {crease.name}",
+                f"its edges are {parent:.3f} and {child:.3f} mm long, {abs(parent - child):.3f} mm apart; "
+                f"limit {EDGE_TOLERANCE_MM:g} mm",
+            )  # fmt: skip
+
+
+def _holes_at_folds(piece: Piece, least_mm: float) -> Iterator[Finding]:
+    faces = {face.name: face for face in piece.faces}
+    folds: dict[str, list[shapely.LineString]] = {}
+    for crease in piece.creases:
+        for ref in () if crease.bend else (crease.parent, crease.child):
+            if faces[ref.face].holes:
+                folds.setdefault(ref.face, []).append(shapely.LineString(edge(faces, ref)))
+    for name, lines in folds.items():
+        for hole in faces[name].holes:
+            nearest = min(line.distance(shapely.Polygon(hole.outline_mm)) for line in lines)
+            if nearest < least_mm - 1e-6:
+                place = f"{piece.name}: {name}: {hole.name}"
+                yield Finding("hole", place, f"is {nearest:.2f} mm from a fold, the limit is {least_mm:g} mm")
+
+
+def _overlaps(piece: Piece) -> Iterator[Finding]:
+    flat = flat_polygons(piece)
+    names, shapes = list(flat), list(flat.values())
+    tree = shapely.STRtree(shapes)
+    first, second = tree.query(shapes, predicate="intersects")
+    pairs = [(i, k) for i, k in zip(first, second, strict=True) if i < k]
+    if not pairs:
+        return
+    ends = ([shapes[i] for i, _ in pairs], [shapes[k] for _, k in pairs])
+    areas = shapely.area(shapely.intersection(*ends, grid_size=GRID_MM))
+    for (i, k), area in zip(pairs, areas, strict=True):
+        if area > OVERLAP_MM2:
+            yield Finding("overlap", f"{piece.name}: {names[i]}", f"overlaps {names[k]} by {area:.2f} mm² in the flat")
+
+
+def _cut_twice(piece: Piece) -> Iterator[Finding]:
+    """Findings for outer edges that coincide, which the cutter would cut twice."""
+    creased = {(ref.face, ref.index) for crease in piece.creases for ref in (crease.parent, crease.child)}
+    poses = folded(piece, 0.0)
+    seen: dict[tuple[tuple[int, int], ...], str] = {}
+    for face in piece.faces:
+        (a, b, _, x), (c, d, _, y), *_ = poses[face.name]
+        points = [(a * p + b * q + x, c * p + d * q + y) for p, q in face.outline_mm]
+        for index, (start, end) in enumerate(zip(points, (*points[1:], points[0]), strict=True)):
+            if (face.name, index) in creased:
+                continue
+            key = tuple(sorted((round(p / CUT_TWICE_MM), round(q / CUT_TWICE_MM)) for p, q in (start, end)))
+            if key in seen:
+                yield Finding("duplicate", f"{piece.name}: {face.name}", f"shares a cut with {seen[key]} but no fold")
+            seen[key] = face.name

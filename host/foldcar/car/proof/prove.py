@@ -1,0 +1,326 @@
+"""The proof that a car can be put together: everything has a way in, every tool, plug and finger has room.
+
+Input: a FoldedCar. Output: its steps with the ways found, and findings that name the step and the parts. Fixed film
+bends, tongues snap, rims are wound, tyres stretched: these have no way to find.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
+from foldcar.car.folded.placed import Finding
+from foldcar.car.folded.pose import compose, translation
+from foldcar.car.proof.collide import Way, hit, swept, way_out
+from foldcar.car.proof.plan import WHEEL, planned, service
+from foldcar.car.proof.roles import Lid, roles_of
+from foldcar.car.proof.scene import Scene, Stage, title
+from foldcar.car.proof.solids import Blocks, together
+from foldcar.car.proof.step import Added, AssemblyStep, Reach, Thing, Vector
+
+CAR = ("", "")
+# What follows a board's name in the wire that stands for its headers.
+HEADERS = " headers"
+# A lid turns in steps so small that film leaves the hull of two of its places by less than 0.01 mm.
+SWING_STEPS = 60
+
+
+@dataclass(frozen=True)
+class Proof:
+    """The steps of assembly and of service with the ways that were found, and what does not go."""
+
+    steps: tuple[AssemblyStep, ...]
+    service: tuple[AssemblyStep, ...]
+    findings: tuple[Finding, ...]
+
+
+@lru_cache(maxsize=16)
+def prove(car: FoldedCar) -> Proof:
+    """The proof of a car."""
+    return prove_steps(car, planned(car))
+
+
+def prove_steps(car: FoldedCar, several: Sequence[AssemblyStep]) -> Proof:
+    """The proof of a car that is put together in these steps."""
+    prover = _Prover(car)
+    steps = tuple(prover.step(f"step {n}", one) for n, one in enumerate(several, 1))
+    serviced = tuple(prover.service_step(f"service {n}", one) for n, one in enumerate(service(car), 1))
+    return Proof(steps, serviced, tuple(prover.findings))
+
+
+class _Prover:
+    """The assembly as it is: what stands where."""
+
+    def __init__(self, car: FoldedCar) -> None:
+        self.car, self.roles = car, roles_of(car)
+        self.scene = Scene(self.roles)
+        self.joined = self.scene.ignored()
+        self.folds: dict[str, Mapping[str, float]] = {}
+        self.stage = Stage(self.roles, self.folds)
+        self.pieces: dict[Thing, PlacedPiece] = {("piece", one.piece, one.copy): one for one in car.placed}
+        self.mounts = {mount.name: mount for mount in car.mounts}
+        # What stands in the car (no unit), and in units by name and body.
+        self.standing: dict[tuple[str, str], dict[Thing, Blocks]] = {CAR: {}}
+        self.findings: list[Finding] = []
+
+    def step(self, number: str, step: AssemblyStep) -> AssemblyStep:
+        """Prove one step and carry it out; returns it with the ways found."""
+        place = f"{number}, {step.title}"
+        self._fold(place, step)
+        found: list[Added] = []
+        for added in step.adds:
+            group = (step.unit, added.body) if step.unit else CAR
+            twin = self._twin(step, added, found)
+            if twin is None:
+                came = self._comes_in(place, added, group)
+                self._reach(place, [one for one in step.reaches if one.name == added.name], group)
+            else:
+                # Wheels are alike: the way of the first one's, turned with the wheel.
+                way = tuple(self._turned(move, twin.body, added.body) for move in twin.way_mm)
+                came = replace(added, way_mm=way)
+                self._put(added, group)
+            found.append(came)
+        return replace(step, adds=tuple(found))
+
+    def service_step(self, number: str, step: AssemblyStep) -> AssemblyStep:
+        """Prove one step of service: what opens a lid is reached while it is shut; it opens on the way that it shut.
+
+        What is taken out stays out.
+        """
+        place = f"{number}, {step.title}"
+        self._reach(place, step.reaches, CAR)
+        if step.folds:
+            self._close(step.folds)
+        found = []
+        for added in step.adds:
+            for key in self._keys(added):
+                self.standing[CAR].pop(key, None)
+            found.append(self._way(place, added, self._blocks(added), self.standing[CAR]))
+        return replace(step, adds=tuple(found))
+
+    def _twin(self, step: AssemblyStep, added: Added, found: Sequence[Added]) -> Added | None:
+        """What was proved in this step for the first wheel, if ``added`` belongs to another one."""
+        if step.unit != WHEEL or added.body == step.adds[0].body:
+            return None
+        mine = [one for one in step.adds if one.body == added.body]
+        return [one for one in found if one.body == step.adds[0].body][mine.index(added)]
+
+    def _turned(self, move: Vector, first: str, other: str) -> Vector:
+        a, b = (np.array(self.roles.placed(body)[0].pose)[:3, :3] for body in (first, other))
+        x, y, z = (float(c) for c in b @ a.T @ np.array(move))
+        return (x, y, z)
+
+    def _fold(self, place: str, step: AssemblyStep) -> None:
+        """Close folds; what swings meets nothing of its own piece or of what stands there."""
+        for name, fractions in step.folds.items():
+            before = self.folds.get(name, {})
+            lid = self.roles.lids.get(name)
+            if lid is not None and lid.creases and set(fractions) == set(lid.creases):
+                angles = {crease.name: crease.angle_rad for crease in self.roles.pieces[name].creases}
+                self._swing(place, name, f"the lid of {name} does not shut", list(_closing(lid, angles)))
+            elif any(key[1] == name for standing in self.standing.values() for key in standing):
+                shares = [i / SWING_STEPS for i in range(SWING_STEPS + 1)]
+                path = [{c: before.get(c, 0.0) * (1 - s) + f * s for c, f in fractions.items()} for s in shares]
+                self._swing(place, name, f"{name} does not fold", path)
+        if step.folds:
+            self._close(step.folds)
+
+    def _close(self, folds: Mapping[str, Mapping[str, float]]) -> None:
+        for name, fractions in folds.items():
+            self.folds[name] = {**self.folds.get(name, {}), **fractions}
+        self.stage = Stage(self.roles, self.folds)
+        for standing in self.standing.values():
+            standing.update({key: self._solid(key) for key in standing})
+
+    def _solid(self, key: Thing, stage: Stage | None = None) -> Blocks:
+        stage = stage or self.stage
+        if key[0] == "piece":
+            return self.scene.piece(self.pieces[key], stage)
+        return self.scene.mount(self.mounts[key[1]], stage)
+
+    def _keys(self, added: Added) -> list[Thing]:
+        if added.kind == "unit":
+            return list(self.standing.get((added.name, added.body), {}))
+        return [(added.kind, added.name, added.copy)]
+
+    def _blocks(self, added: Added) -> Blocks:
+        return together(self._solid(key) for key in self._keys(added))
+
+    def _put(self, added: Added, group: tuple[str, str]) -> None:
+        self.standing.setdefault(group, {}).update({key: self._solid(key) for key in self._keys(added)})
+
+    def _comes_in(self, place: str, added: Added, group: tuple[str, str]) -> Added:
+        """One thing, which is put in its place, with its way in."""
+        before = self.standing.get(group, {})
+        if before and not self._is_bent(added):
+            added = self._way(place, added, self._blocks(added), before)
+        self._put(added, group)
+        return added
+
+    def _is_bent(self, added: Added) -> bool:
+        """Whether something is laid out, wound or stretched, so that it has no straight way."""
+        if added.kind == "piece":
+            return added.name in self.roles.bases or self.roles.is_wound(added.name)
+        if added.kind == "unit":
+            return False
+        mount = self.mounts[added.name]
+        return mount.part == self.car.parts.wiring.name or self.roles.is_tyre(mount)
+
+    def _way(self, place: str, added: Added, moving: Blocks, there: Mapping[Thing, Blocks]) -> Added:
+        """With the way in, found as a way out; a finding if there is none."""
+        standing = together(there.values())
+        own: list[Vector] = []
+        mount = self.mounts[added.name] if added.kind == "mount" else None
+        if mount is not None:
+            axes = np.array(mount.pose)[:3, :3].T
+            own = [_vector(sign * axis) for axis in axes for sign in (1.0, -1.0)]
+        nut: Way | None = None
+        if mount is not None and self.roles.is_fastener(mount):
+            way, nut = self._screw_ways(mount, standing, own)
+            passes = self.roles.passed_by(mount)
+            added = replace(added, passes=passes)
+            for kind, name, copy in passes:
+                if (kind, name, copy) not in there:
+                    self._find(place, f"{self._name(added)} passes {name}, which is not there yet")
+        elif mount is not None and self._plugs_onto(mount, there):
+            # Pins go straight into their sockets.
+            way = way_out(moving, standing, own[4:], self.joined, only_own=True)
+        else:
+            way = way_out(moving, standing, own, self.joined)
+        for what, one in (("", way), ("the nut of ", nut)):
+            if one is not None and one.moves_mm is None:
+                self._find(place, f"{what}{self._name(added)} {_why(one)}")
+        return replace(added, way_mm=_way_in(way), nut_mm=() if nut is None else _way_in(nut))
+
+    def _find(self, place: str, message: str) -> None:
+        self.findings.append(Finding("assembly", place, message))
+
+    def _plugs_onto(self, mount: Mount, there: Mapping[Thing, Blocks]) -> bool:
+        """Whether a mount is plugged onto one that is there, header on header."""
+        stacks = [{wire.a.removesuffix(HEADERS), wire.b.removesuffix(HEADERS)} for wire in self.car.wires
+                  if wire.carries == "stack"]  # fmt: skip
+        names = {self.mounts[name].part for kind, name, _ in there if kind == "mount"}
+        return any(mount.part in stack and names & (stack - {mount.part}) for stack in stacks)
+
+    def _screw_ways(self, screw: Mount, standing: Blocks, own: Sequence[Vector]) -> tuple[Way, Way | None]:
+        """The ways out of head and shank, along the driver, and of the nut: off the shank with what holds it, then on."""
+        head, *nuts = self.scene.screw(screw, self.stage)
+        driver = next((access for access in screw.accesses if access.tool == "driver"), None)
+        if driver is None:
+            return way_out(together([head, *nuts]), standing, own), None
+        axis = np.array(compose(self.stage.mount(screw), driver.pose))[:3, 2]
+        way = way_out(head, standing, [_vector(axis)], only_own=True)
+        if not nuts:
+            return way, None
+        nut, off = together(nuts), _vector(-axis * self.car.parts.tools.nut_room_mm.value)
+        obstacle = hit(nut, standing, off)
+        if obstacle is not None:
+            return way, Way(None, ((_vector(-axis), obstacle),))
+        rest = way_out(nut.moved(translation(*off)), standing, own)
+        return way, rest if rest.moves_mm is None else Way((off, *rest.moves_mm))
+
+    def _name(self, added: Added) -> str:
+        if added.kind == "unit" and added.name != WHEEL:
+            return " with ".join(key[1] for key in self._keys(added)[:2])
+        return added.body if added.kind == "unit" else added.name
+
+    def _reach(self, place: str, reaches: Sequence[Reach], group: tuple[str, str]) -> None:
+        """A finding for each access that is not free."""
+        standing = together(self.standing[group].values()) if reaches else together(())
+        for reach in reaches:
+            access, room = self.scene.access(reach, self.stage)
+            name = room.blocks[0].title
+            # What is pressed or gripped gives way with the face that it hangs on: a tongue with flap and lever.
+            own = {name}
+            if reach.piece:
+                creases = self.roles.pieces[reach.piece].creases
+                own |= {title(reach.piece, c.parent.face) for c in creases if c.child.face == reach.name}
+            obstacle = hit(room, standing, ignored=frozenset((name, one) for one in own))
+            if obstacle is not None:
+                message = f"{name} has no room for its {access.tool}: {obstacle} is in the way"
+                self.findings.append(Finding("assembly", place, message))
+
+    def _swing(self, place: str, name: str, failure: str, path: Sequence[Mapping[str, float]]) -> None:
+        """A finding if a piece, or what it carries, meets something while its folds take the fractions of ``path``."""
+        stages = [Stage(self.roles, {**self.folds, name: {**self.folds.get(name, {}), **one}}) for one in path]
+        for standing in self.standing.values():
+            keys = [key for key in standing if self._moves(key, stages[0], stages[-1])]
+            mine = [key for key in keys if key[:2] == ("piece", name)]
+            faces = {title(name, face) for key in mine for face in self._swung(key, stages)}
+            still = [self._only(standing[key], faces, inside=False) for key in mine]
+            rest = together([*still, *(one for key, one in standing.items() if key not in keys)])
+            start: Blocks | None = None
+            for share, stage in zip(path, stages, strict=True):
+                riders = [self._solid(key, stage) for key in keys if key not in mine]
+                end = together([*(self._only(self._solid(key, stage), faces) for key in mine), *riders])
+                obstacle = None if start is None else swept(start, end, rest, self.joined)
+                if obstacle is not None:
+                    message = f"{failure}: {next(iter(share.values())):.0%} closed, it meets {obstacle}"
+                    self.findings.append(Finding("assembly", place, message))
+                    break
+                start = end
+
+    @staticmethod
+    def _only(blocks: Blocks, titles: set[str], inside: bool = True) -> Blocks:
+        return blocks.where(lambda one: (one in titles) == inside)
+
+    def _moves(self, key: Thing, first: Stage, last: Stage) -> bool:
+        if key[0] == "piece":
+            return first.faces(self.pieces[key]) != last.faces(self.pieces[key])
+        return first.mount(self.mounts[key[1]]) != last.mount(self.mounts[key[1]])
+
+    def _swung(self, key: Thing, stages: Sequence[Stage]) -> list[str]:
+        """The faces of a piece that move."""
+        first, last = (stage.faces(self.pieces[key]) for stage in (stages[0], stages[-1]))
+        return [face for face, pose in first.items() if pose != last[face]]
+
+
+def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, float]]:
+    """Fractions of the lid's folds while it closes: the flap is bent inwards first and is upright in the second half."""
+    hinge, *flaps = lid.creases
+    if not flaps:
+        yield from ({hinge: i / SWING_STEPS} for i in range(SWING_STEPS + 1))
+        return
+    flap, *others = flaps
+    whole = dict.fromkeys(others, 1.0)
+    yield from ({hinge: 0.0, flap: i / SWING_STEPS, **whole} for i in range(SWING_STEPS))
+    ratio = angles_rad[hinge] / angles_rad[flap]
+    for i in range(SWING_STEPS + 1):
+        closed = i / SWING_STEPS
+        yield {hinge: closed, flap: 1.0 + ratio * min(closed, 1.0 - closed), **whole}
+
+
+def _way_in(way: Way) -> tuple[Vector, ...]:
+    """A way out, backwards."""
+    return tuple(_vector(-np.array(move)) for move in reversed(way.moves_mm or ()))
+
+
+def _vector(values: NDArray[np.float64]) -> Vector:
+    x, y, z = (float(value) + 0.0 for value in values)
+    return (x, y, z)
+
+
+def _why(way: Way) -> str:
+    if way.stuck:
+        return f"does not fit: at its place it runs into {way.stuck}"
+    return "has no way out: " + ", ".join(f"along {_direction(move)} it meets {what}" for move, what in way.met)
+
+
+def _direction(move: Vector) -> str:
+    for axis, value in zip("xyz", move, strict=True):
+        if abs(value) > 0.999:
+            return f"{'+' if value > 0 else '-'}{axis}"
+    return "(" + ", ".join(f"{value:.2f}" for value in move) + ")"
+
+
+def assembly_steps(car: FoldedCar) -> tuple[AssemblyStep, ...]:
+    """All steps from the cut pieces to the car with its lid shut."""
+    return prove(car).steps
+
+
+def service_steps(car: FoldedCar) -> tuple[AssemblyStep, ...]:
+    """What is done to the finished car: plugs and buttons reached, the lid opened, the battery changed."""
+    return prove(car).service

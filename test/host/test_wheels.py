@@ -56,7 +56,7 @@ def wheel(car: FoldedCar) -> dict[str, PlacedFace]:
 
 @pytest.mark.parametrize(("width", "published"), [(65, 109), (95, 139), (115, 159), (180, 224)])
 def test_the_track_is_that_of_servo_horn_and_wheel(width: float, published: float) -> None:
-    servo, horn = drawing("fs90r.json"), drawing("horn_two_sided.json")
+    servo, horn = drawing("servo.json"), drawing("horn_two_sided.json")
     outer_face = servo["spline_top_mm"]["value"] - horn["spline_depth_mm"]["value"] + horn["height_mm"]["value"]
     beside = outer_face - servo["ear_underside_mm"]["value"]
 
@@ -171,9 +171,9 @@ def test_a_wheel_weighs_its_film_and_parts(car: FoldedCar) -> None:
     discs = 2 * math.pi * 59**2 - math.pi * 12.3**2 - 3 * 7.5 * 1.1
     strips = (2 * math.pi * 59 + 2 * 6.7) * 11.2 + 3 * wall_mm * 11.2
     film = (discs + strips + math.pi * 15.2**2) * FILM_MM * density
-    horn, screw = drawing("horn_two_sided.json")["mass_kg"]["value"], drawing("screw_horn.json")["mass_kg"]["value"]
+    horn, screw = drawing("horn_two_sided.json")["mass_kg"]["value"], drawing("horn_screw.json")["mass_kg"]["value"]
     tyre = math.pi * (60**2 - 59**2) * 12 * 950e-9
-    bought = horn + 2 * screw + drawing("screw_centre.json")["mass_kg"]["value"] + tyre
+    bought = horn + 2 * screw + drawing("centre_screw.json")["mass_kg"]["value"] + tyre
 
     found = body_properties(car, "wheel0")
 

@@ -17,10 +17,10 @@ from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
 from foldcar.car.components.module import WheelModule
 from foldcar.car.components.mounts import SwitchMount, depth_mm, inside_mm
 from foldcar.car.components.parameter import ROUNDING, ComponentError, Slot, at_least
-from foldcar.car.components.shape import Graph, PlacedAxle, Shape
+from foldcar.car.components.shape import Graph, Shape
 from foldcar.car.components.wheel import Wheel
 from foldcar.car.design import Design, DesignError
-from foldcar.car.folded.model import Axle, FoldedCar, HingeJoint, Join, Mount, Piece, PlacedPiece, Pose, Wire
+from foldcar.car.folded.model import Axle, FoldedCar, HingeJoint, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
 from foldcar.car.leads import with_leads
 from foldcar.car.modules import HINGE, declared, modules, place_of
@@ -94,27 +94,34 @@ def folded_car(design: Design) -> FoldedCar:
 def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...], choices: PartChoices) -> FoldedCar:
     design = Design(letters, dict(values), choices)
     graph, frame = _frame(design)
-    wheel = _wheel(design.values["radius"], design.values["W.tire_thickness"], choices)
-    count = len(frame.axles)
-    titles = {axle.servo: _servo_title(channel, count, axle.side) for channel, (axle, _, _) in enumerate(frame.axles)}
-    axles = [_axle(channel, titles[axle[0].servo], *axle) for channel, axle in enumerate(frame.axles)]
+    count, axles = len(frame.axles), []
+    for channel, axle in enumerate(frame.axles):
+        title = _servo_title(channel, count, axle.side)
+        axles.append(replace(axle, wheel=f"wheel{channel}", servo=title, channel=channel))
+    titles = {mine.servo: axle.servo for mine, axle in zip(frame.axles, axles, strict=True)}
     mounts = [replace(m, name=_titled(m.name, titles)) for m in frame.mounts]
-    first = max((join.number for join in frame.joins), default=0)
-    wheel_joins = (
-        Join(first + j.number, j.kind, j.piece_a, j.a, j.piece_b, j.b, j.length_mm, j.slot) for j in wheel.joins
-    )
-    wheels = _wheels(wheel, axles) if count else ((), ())
-    car = FoldedCar(
-        pieces=(*frame.pieces, *(_times(piece, count) for piece in wheel.pieces if count)),
-        placed=(*frame.placed, *wheels[0]),
-        joins=(*frame.joins, *(wheel_joins if count else ())),
-        mounts=(*mounts, *wheels[1]),
-        axles=tuple(axles),
-        hinges=tuple(_hinges(frame, design.parts)),
-        wires=(*graph.wires, *_servo_wires(axles, design.parts)),
-        parts=design.parts,
-    )
-    return with_leads(car)
+    pieces, placed, joins = list(frame.pieces), list(frame.placed), list(frame.joins)
+    if count:
+        wheel = _wheel(design.values["radius"], design.values["W.tire_thickness"], choices)
+        pieces += (replace(piece, count=piece.count * count) for piece in wheel.pieces)
+        first = max((join.number for join in frame.joins), default=0)
+        joins += (replace(join, number=first + join.number) for join in wheel.joins)
+        counts = {piece.name: piece.count for piece in wheel.pieces}
+        for n, axle in enumerate(axles):
+            # The wheel is turned by half a turn about z on the right side.
+            pose = translation(*axle.center_mm)
+            if axle.side == "right":
+                pose = compose(pose, rotation("z", math.pi))
+            for one in wheel.placed:
+                copy = n * counts[one.piece] + one.copy
+                placed.append(PlacedPiece(one.piece, copy, axle.wheel, compose(pose, one.pose)))
+            for m in wheel.mounts:
+                name = f"{m.name} of {axle.wheel}"
+                mounts.append(replace(m, name=name, body=axle.wheel, pose=compose(pose, m.pose)))
+    hinges = tuple(_hinges(frame, design.parts))
+    wires = (*graph.wires, *_servo_wires(axles, design.parts))
+    whole = (tuple(group) for group in (pieces, placed, joins, mounts, axles))
+    return with_leads(FoldedCar(*whole, hinges, wires, design.parts))
 
 
 def _frame(design: Design) -> tuple[Graph, Assembly]:
@@ -150,38 +157,11 @@ def _titled(name: str, titles: Mapping[str, str]) -> str:
     return titles.get(servo, "") + name.removeprefix(servo)
 
 
-def _times(piece: Piece, count: int) -> Piece:
-    return Piece(piece.name, piece.label, piece.faces, piece.creases, piece.thickness_mm, piece.count * count)
-
-
 def _servo_title(channel: int, count: int, side: str) -> str:
     if count <= 4:
         end = "" if count <= 2 else ("front ", "rear ")[channel // 2]
         return f"{end}{side} servo"
     return f"axle {channel // 2 + 1} {side} servo"
-
-
-def _axle(channel: int, servo: str, axle: PlacedAxle, body: str, center_mm: tuple[float, float, float]) -> Axle:
-    """The axle in the car. Servos turn counter-clockwise above neutral, so those on the right turn backwards."""
-    direction = 1 if axle.side == "left" else -1
-    return Axle(f"wheel{channel}", body, servo, channel, axle.side, direction, center_mm, axle.radius_mm,
-                axle.tyre_width_mm)  # fmt: skip
-
-
-def _wheels(wheel: Assembly, axles: list[Axle]) -> tuple[tuple[PlacedPiece, ...], tuple[Mount, ...]]:
-    """The wheel's pieces and parts once for every axle, turned by half a turn about z on the right side."""
-    counts = {piece.name: piece.count for piece in wheel.pieces}
-    placed, mounts = [], []
-    for n, axle in enumerate(axles):
-        pose: Pose = translation(*axle.center_mm)
-        if axle.side == "right":
-            pose = compose(pose, rotation("z", math.pi))
-        for one in wheel.placed:
-            copy = n * counts[one.piece] + one.copy
-            placed.append(PlacedPiece(one.piece, copy, axle.wheel, compose(pose, one.pose)))
-        for m in wheel.mounts:
-            mounts.append(replace(m, name=f"{m.name} of {axle.wheel}", body=axle.wheel, pose=compose(pose, m.pose)))
-    return tuple(placed), tuple(mounts)
 
 
 def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:

@@ -1,7 +1,6 @@
-"""The verification of a design: its folded car against the volumes that the design implies, fits, leads, assembly.
+"""The verification of a design: all checks of its folded car, the proof of its assembly, and a short report.
 
-Input: a design. Output: findings and measures (see folded/check.py, fits.py, leads.py, assembly/prove.py). A segment
-should enclose the box between the middle surfaces of its walls.
+Input: a design or a FoldedCar. Output: findings (none, if it can be built) and measures.
 """
 
 from collections.abc import Mapping
@@ -14,7 +13,7 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.placed import Finding, place
 from foldcar.car.folded_car import folded_car
 from foldcar.car.leads import check_leads
-from foldcar.car.proof.check_crossings import check_crossings, check_hinges, check_layers
+from foldcar.car.proof.check_crossings import check_crossings, check_hinges
 from foldcar.car.proof.check_flat import check_flat
 from foldcar.car.proof.check_joins import CLOSURE_MM, check_joins, check_skin, skin_of, volume_mm3, worst_gap_mm
 from foldcar.car.proof.check_parts import check_parts, check_turning
@@ -46,29 +45,28 @@ class Verification:
     def lines(self) -> list[str]:
         """A short report: the measures, then the findings."""
         volumes = ", ".join(f"{body} {volume / 1000:.1f} cm³" for body, volume in self.volumes_mm3.items())
-        measured = [
+        found = [str(finding) for finding in self.findings] or [f"{', '.join(self.checked)}: nothing found"]
+        return [
             f"{self.faces} faces, {self.folds} folds, {self.joins} joins; edges meet within {self.worst_gap_mm:.3f} mm "
             f"(limit {CLOSURE_MM:g})",
             f"enclosed: {volumes}; wheels are round within {self.roundness_mm:.2f} mm (limit {ROUND_MM:g})",
+            *found,
         ]
-        if self.passed:
-            return [*measured, f"{', '.join(self.checked)}: nothing found"]
-        return [*measured, *(str(finding) for finding in self.findings)]
 
 
 def check_design(car: FoldedCar, volumes_mm3: Mapping[str, float] | None = None) -> Verification:
     """Verify a car; ``volumes_mm3`` maps bodies to the volumes they should enclose, where these are known."""
     bodies = place(car)
-    assembly, soft = car.parts.assembly, car.parts.wiring.name
+    assembly = car.parts.assembly
     findings = [finding for piece in car.pieces for finding in check_flat(piece, assembly.fold_distance_mm.value)]
     findings += check_joins(car, bodies)
     findings += check_skin(car, bodies, volumes_mm3 or {})
     for faces in bodies.values():
-        findings += [*check_crossings(faces), *check_layers(faces)]
+        findings += check_crossings(faces)
     findings += check_hinges(car, bodies, assembly.wheel_distance_mm.value)
     findings += check_wheels(car, bodies)
-    findings += check_parts(car, bodies, soft)
-    findings += check_turning(car, bodies, soft, assembly.wheel_distance_mm.value)
+    findings += check_parts(car, bodies)
+    findings += check_turning(car, bodies, assembly.wheel_distance_mm.value)
     return Verification(
         tuple(findings),
         sum(len(piece.faces) * piece.count for piece in car.pieces),
@@ -81,7 +79,10 @@ def check_design(car: FoldedCar, volumes_mm3: Mapping[str, float] | None = None)
 
 
 def verify(design: Design) -> Verification:
-    """All checks of the design's folded car; DesignError if the design cannot be compiled."""
+    """All checks of the design's folded car; DesignError if the design cannot be compiled.
+
+    A segment should enclose the box between the middle surfaces of its walls.
+    """
     car = folded_car(design)
     across = wall_mm(design.values["width"], design.parts) * wall_mm(design.values["height"], design.parts)
     volumes = {f"segment{i}": segment.length_mm * across for i, segment in enumerate(design.segments)}

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 from foldcar.car.components.parameter import ComponentError
 from foldcar.car.components.shape import Atom, Graph, Link
-from foldcar.car.folded.model import Face, Hole, Mark, Point, Pose
-from foldcar.car.folded.pose import IDENTITY, across_crease, apply, compose
+from foldcar.car.folded.model import IDENTITY, Face, Hole, Mark, Point, Pose
+from foldcar.car.folded.pose import across_crease, apply, compose
 
 Edge = tuple[str, int]
 # Directions count as parallel below this sine; points closer than 100 times this, in mm, are the same.

@@ -9,8 +9,8 @@ import math
 from foldcar.car.components.component import Component
 from foldcar.car.components.parameter import Parameter
 from foldcar.car.components.shape import Shape
-from foldcar.car.folded.model import Access, Point, Pose, Solid
-from foldcar.car.folded.pose import IDENTITY, compose, rotation, translation
+from foldcar.car.folded.model import IDENTITY, Access, Point, Pose, Solid
+from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.mechanics import Screw
 from foldcar.car.parts.quantity import Quantity

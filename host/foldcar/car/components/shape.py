@@ -11,8 +11,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from foldcar.car.components.parameter import ComponentError
-from foldcar.car.folded.model import Access, Hole, HoleKind, JoinKind, Mark, Point, Pose, Solid, Wire
+from foldcar.car.folded.model import Access, Axle, Hole, HoleKind, JoinKind, Mark, Mount, Point, Pose, Solid, Wire
+from foldcar.car.folded.pose import side as ends_of
 from foldcar.car.folded.pose import translation
+from foldcar.car.folded.weight import area_mm2
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.quantity import BoxPart
 
@@ -76,43 +78,19 @@ class Contact:
     slot: str | None = None
 
 
-@dataclass(frozen=True)
-class PlacedPart:
-    """A bought part: the pose of its box's centre in the frame of the face ``on``; ``holes`` are its screw holes."""
-
-    part: str
-    name: str
-    on: str
-    pose: Pose
-    size_mm: tuple[float, float, float]
-    mass_kg: float
-    holes: tuple[str, ...]
-    solids: tuple[Solid, ...] = ()
-    accesses: tuple[Access, ...] = ()
-
-
-@dataclass(frozen=True)
-class PlacedAxle:
-    """A wheel's joint: the tyre's centre in the frame of the face ``on``, and the name of the servo that turns it."""
-
-    on: str
-    servo: str
-    side: Literal["left", "right"]
-    center_mm: tuple[float, float, float]
-    radius_mm: float
-    tyre_width_mm: float
-
-
 @dataclass
 class Graph:
-    """Everything that the components of a tree have built; ``origin`` is a face and its pose in the car."""
+    """Everything that the components of a tree have built; ``origin`` is a face and its pose in the car.
+
+    Mounts and axles are given in the frame of a face: that of their ``face``, or the one named with the axle.
+    """
 
     atoms: dict[str, Atom] = field(default_factory=dict)
     links: list[Link] = field(default_factory=list)
     placements: list[Placement] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
-    parts: list[PlacedPart] = field(default_factory=list)
-    axles: list[PlacedAxle] = field(default_factory=list)
+    mounts: list[Mount] = field(default_factory=list)
+    axles: list[tuple[str, Axle]] = field(default_factory=list)
     wires: list[Wire] = field(default_factory=list)
     origin: tuple[str, Pose] | None = None
     _linked: dict[tuple[str, int], str] = field(default_factory=dict)
@@ -133,8 +111,7 @@ class Graph:
 
     def edge_length_mm(self, edge: tuple[str, int]) -> float:
         """Length of an edge (mm)."""
-        outline = self.atoms[edge[0]].outline_mm
-        return math.dist(outline[edge[1]], outline[(edge[1] + 1) % len(outline)])
+        return math.dist(*ends_of(self.atoms[edge[0]].outline_mm, edge[1]))
 
 
 RECTANGLE_EDGES = ("near", "front", "far", "rear")
@@ -175,7 +152,7 @@ class Shape:
         names = tuple(edges) if edges is not None else tuple(str(i) for i in range(len(outline_mm)))
         if len(names) != len(outline_mm):
             raise ComponentError(path, f"has {len(outline_mm)} edges and {len(names)} names for them")
-        if _area(outline_mm) <= 0:
+        if area_mm2(outline_mm) <= 0:
             raise ComponentError(path, "its outline does not run counter-clockwise around an area")
         thickness = self.parts.film.thickness_mm.value if thickness_mm is None else thickness_mm
         body = self._body if body is None else body
@@ -190,8 +167,7 @@ class Shape:
         self, face: str, name: str, kind: HoleKind, center_mm: Point, length_mm: float, width_mm: float
     ) -> str:
         """Cut a rectangle with sides along x and y of the face; returns its full name."""
-        (x, y), a, b = center_mm, length_mm / 2, width_mm / 2
-        outline = ((x - a, y - b), (x + a, y - b), (x + a, y + b), (x - a, y + b))
+        outline = rectangle_around(center_mm, length_mm, width_mm)
         return self._hole(face, Hole(self.path(name), kind, outline, None, center_mm))
 
     def round_hole(self, face: str, name: str, kind: HoleKind, center_mm: Point, diameter_mm: float) -> str:
@@ -284,12 +260,10 @@ class Shape:
         """
         sizes = (part.length_mm.value, part.width_mm.value, part.height_mm.value)
         size = (sizes[1], sizes[0], sizes[2]) if turned else sizes
-        pose = translation(*center_mm)
         if marked:
-            (x, y, _), a, b = center_mm, size[0] / 2, size[1] / 2
-            outline = ((x - a, y - b), (x + a, y - b), (x + a, y + b), (x - a, y + b))
+            outline = rectangle_around(center_mm[:2], size[0], size[1])
             self.graph.atoms[self._face(on)].marks.append(Mark(name, outline))
-        self.box(part.name, name, on, pose, size, part.mass_kg.value, holes, solids, accesses)
+        self.box(part.name, name, on, translation(*center_mm), size, part.mass_kg.value, holes, solids, accesses)
 
     def box(self, part: str, name: str, on: str, pose: Pose, size_mm: tuple[float, float, float],
             mass_kg: float, holes: Sequence[str] = (), solids: Sequence[Solid] = (),
@@ -298,15 +272,18 @@ class Shape:
 
         ``solids`` and ``accesses`` are given in the frame of its centre.
         """
-        on_face, shown = self._face(on), (tuple(solids), tuple(accesses))
-        found = PlacedPart(part, name, on_face, pose, size_mm, mass_kg, tuple(holes), *shown)
-        self.graph.parts.append(found)
+        face = self._face(on)
+        shape = tuple(holes), tuple(solids), tuple(accesses)
+        self.graph.mounts.append(Mount(part, name, self.graph.atoms[face].body, pose, size_mm, mass_kg, face, *shape))
 
     def axle(self, on: str, servo: str, side: Literal["left", "right"], center_mm: tuple[float, float, float],
              radius_mm: float, tyre_width_mm: float) -> None:  # fmt: skip
         """Add a wheel that the part ``servo`` turns; ``center_mm`` is the tyre's centre in the frame of ``on``."""
-        found = PlacedAxle(self._face(on), servo, side, center_mm, radius_mm, tyre_width_mm)
-        self.graph.axles.append(found)
+        face = self._face(on)
+        # Servos turn counter-clockwise above neutral, so those on the right turn backwards. The car numbers the channels.
+        turned = (servo, -1, side, 1 if side == "left" else -1)
+        axle = Axle("", self.graph.atoms[face].body, *turned, center_mm, radius_mm, tyre_width_mm)
+        self.graph.axles.append((face, axle))
 
     def begin_at(self, face: str, pose: Pose) -> None:
         """Set the pose of one face in the car; those of all other faces follow from the joins."""
@@ -345,6 +322,7 @@ class Shape:
         return path, edges.index(edge)
 
 
-def _area(outline: Sequence[Point]) -> float:
-    following = (*outline[1:], outline[0])
-    return sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(outline, following, strict=True)) / 2
+def rectangle_around(center_mm: Point, length_mm: float, width_mm: float) -> tuple[Point, ...]:
+    """The corners of a rectangle around a point, its length along x, counter-clockwise."""
+    (x, y), a, b = center_mm, length_mm / 2, width_mm / 2
+    return ((x - a, y - b), (x + a, y - b), (x + a, y + b), (x - a, y + b))

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foldcar.car.folded.model import Face, FoldedCar, Piece, PlacedPiece, Point, Pose
+from foldcar.car.folded.model import Face, FoldedCar, Piece, Point, Pose
 from foldcar.car.folded.pose import compose, folded
 
 
@@ -77,16 +77,12 @@ def place(car: FoldedCar) -> dict[str, list[PlacedFace]]:
     for placed in car.placed:
         if placed.body in others:
             continue
-        piece = pieces[placed.piece]
+        piece, faces = pieces[placed.piece], bodies.setdefault(placed.body, [])
         poses = shapes.setdefault(piece.name, folded(piece))
-        bodies.setdefault(placed.body, []).extend(_faces(piece, placed, poses))
+        for face in piece.faces:
+            pose = compose(placed.pose, poses[face.name])
+            faces.append(PlacedFace(piece, placed.copy, placed.body, face, pose))
     return bodies
-
-
-def _faces(piece: Piece, placed: PlacedPiece, poses: dict[str, Pose]) -> list[PlacedFace]:
-    return [
-        PlacedFace(piece, placed.copy, placed.body, face, compose(placed.pose, poses[face.name])) for face in piece.faces
-    ]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,7 @@
-"""Screws, spacers and the tools that put them in, and the ball caster."""
+"""Screws, spacers, tools, the ball caster; servos, and what makes a wheel of folded discs: horns, tyres."""
 
 import math
 from typing import Literal
-
-from pydantic import ConfigDict
 
 from foldcar.car.parts.quantity import Bought, BoxPart, Data, Holes, PartData, Quantity
 
@@ -41,16 +39,12 @@ class Tools(PartData):
     @property
     def finger_mm(self) -> tuple[float, float]:
         """Diameter and length of the largest finger (mm)."""
-        return _largest(self.finger_diameter_mm), _largest(self.finger_length_mm)
+        return self.finger_diameter_mm.most, self.finger_length_mm.most
 
     @property
     def driver_mm(self) -> tuple[float, float]:
         """Diameter and length of the largest screwdriver's shaft (mm)."""
-        return _largest(self.driver_diameter_mm), _largest(self.driver_length_mm)
-
-
-def _largest(size: Quantity) -> float:
-    return size.value + size.tolerance
+        return self.driver_diameter_mm.most, self.driver_length_mm.most
 
 
 class Caster(BoxPart):
@@ -74,8 +68,6 @@ class OperatingPoint(Data):
 
 class ServoLine(Data):
     """A servo's torque-speed line and currents at one voltage, in SI units."""
-
-    model_config = ConfigDict(frozen=True)
 
     no_load_speed_rad_s: float
     stall_torque_n_m: float
@@ -120,10 +112,9 @@ class Servo(Bought):
         low, high = self.operating_points
         share = (voltage_v - low.voltage_v) / (high.voltage_v - low.voltage_v)
 
-        def between(quantity: str) -> float:
-            low_value: float = getattr(low, quantity).value
-            high_value: float = getattr(high, quantity).value
-            return low_value + share * (high_value - low_value)
+        def between(name: str) -> float:
+            first, last = (float(getattr(point, name).value) for point in (low, high))
+            return first + share * (last - first)
 
         return ServoLine(
             no_load_speed_rad_s=between("no_load_speed_rpm") * 2 * math.pi / 60,

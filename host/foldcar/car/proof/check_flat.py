@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import shapely
 from shapely.affinity import affine_transform
 
-from foldcar.car.folded.model import Face, Piece, Pose
+from foldcar.car.folded.model import Face, Piece
 from foldcar.car.folded.placed import Finding, polygon
-from foldcar.car.folded.pose import edge, folded
+from foldcar.car.folded.pose import apply, edge, folded
 
 # Without a grid, an edge that two faces share but for rounding can make GEOS return the wrong side of it.
 GRID_MM = 1e-6
@@ -23,14 +23,11 @@ CUT_TWICE_MM = 1e-3
 
 def check_flat(piece: Piece, hole_to_fold_mm: float) -> Iterator[Finding]:
     """Findings about the flat piece; every hole must be ``hole_to_fold_mm`` or more from every fold."""
-    sound = True
-    for face in piece.faces:
-        for finding in _outlines(piece, face):
-            sound = False
-            yield finding
+    unsound = [finding for face in piece.faces for finding in _outlines(piece, face)]
+    yield from unsound
     yield from _creases(piece)
     yield from _holes_at_folds(piece, hole_to_fold_mm)
-    if sound:
+    if not unsound:
         yield from _overlaps(piece)
     yield from _cut_twice(piece)
 
@@ -38,12 +35,11 @@ def check_flat(piece: Piece, hole_to_fold_mm: float) -> Iterator[Finding]:
 def flat_polygons(piece: Piece) -> dict[str, shapely.Polygon]:
     """The faces in the flat layout (mm), by name."""
     poses = folded(piece, 0.0)
-    return {face.name: _moved(polygon(face), poses[face.name]) for face in piece.faces}
-
-
-def _moved(shape: shapely.Polygon, pose: Pose) -> shapely.Polygon:
-    (a, b, _, x), (c, d, _, y), *_ = pose
-    return affine_transform(shape, (a, b, c, d, x, y))
+    flat = {}
+    for face in piece.faces:
+        (a, b, _, x), (c, d, _, y), *_ = poses[face.name]
+        flat[face.name] = affine_transform(polygon(face), (a, b, c, d, x, y))
+    return flat
 
 
 def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
@@ -69,11 +65,8 @@ def _creases(piece: Piece) -> Iterator[Finding]:
     for crease in piece.creases:
         parent, child = (math.dist(*edge(faces, ref)) for ref in (crease.parent, crease.child))
         if abs(parent - child) > EDGE_TOLERANCE_MM:
-            yield Finding(
-                "fold", f"{piece.name}: {crease.name}",
-                f"its edges are {parent:.3f} and {child:.3f} mm long, {abs(parent - child):.3f} mm apart; "
-                f"limit {EDGE_TOLERANCE_MM:g} mm",
-            )  # fmt: skip
+            told = f"its edges are {parent:.3f} and {child:.3f} mm long, {abs(parent - child):.3f} mm apart"
+            yield Finding("fold", f"{piece.name}: {crease.name}", f"{told}; limit {EDGE_TOLERANCE_MM:g} mm")
 
 
 def _holes_at_folds(piece: Piece, least_mm: float) -> Iterator[Finding]:
@@ -95,13 +88,8 @@ def _overlaps(piece: Piece) -> Iterator[Finding]:
     flat = flat_polygons(piece)
     names, shapes = list(flat), list(flat.values())
     tree = shapely.STRtree(shapes)
-    first, second = tree.query(shapes, predicate="intersects")
-    pairs = [(i, k) for i, k in zip(first, second, strict=True) if i < k]
-    if not pairs:
-        return
-    ends = ([shapes[i] for i, _ in pairs], [shapes[k] for _, k in pairs])
-    areas = shapely.area(shapely.intersection(*ends, grid_size=GRID_MM))
-    for (i, k), area in zip(pairs, areas, strict=True):
+    for i, k in tree.query(shapes, predicate="intersects").T.tolist():
+        area = shapely.intersection(shapes[i], shapes[k], grid_size=GRID_MM).area if i < k else 0.0
         if area > OVERLAP_MM2:
             yield Finding("overlap", f"{piece.name}: {names[i]}", f"overlaps {names[k]} by {area:.2f} mm² in the flat")
 
@@ -112,12 +100,12 @@ def _cut_twice(piece: Piece) -> Iterator[Finding]:
     poses = folded(piece, 0.0)
     seen: dict[tuple[tuple[int, int], ...], str] = {}
     for face in piece.faces:
-        (a, b, _, x), (c, d, _, y), *_ = poses[face.name]
-        points = [(a * p + b * q + x, c * p + d * q + y) for p, q in face.outline_mm]
-        for index, (start, end) in enumerate(zip(points, (*points[1:], points[0]), strict=True)):
+        points = [apply(poses[face.name], *point) for point in face.outline_mm]
+        for index in range(len(points)):
             if (face.name, index) in creased:
                 continue
-            key = tuple(sorted((round(p / CUT_TWICE_MM), round(q / CUT_TWICE_MM)) for p, q in (start, end)))
+            ends = points[index], points[(index + 1) % len(points)]
+            key = tuple(sorted((round(x / CUT_TWICE_MM), round(y / CUT_TWICE_MM)) for x, y, _ in ends))
             if key in seen:
                 yield Finding("duplicate", f"{piece.name}: {face.name}", f"shares a cut with {seen[key]} but no fold")
             seen[key] = face.name

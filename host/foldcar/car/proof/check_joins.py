@@ -1,8 +1,10 @@
-"""Checks of joins: edges meet, tabs lie on the faces they are glued to, tongues go through their slots.
+"""Checks of joins (edges meet, tabs lie on their faces, tongues go through their slots) and of the skin they make.
 
-Input: placed faces of one body and the car's joins. Output: findings.
+Input: placed faces and the car's joins. Output: findings and volumes. A body opens: its lid and what is tucked into it
+need not be tight, but every edge must be folded, glued or tucked, but for those of notches.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -12,6 +14,7 @@ from scipy.spatial import ConvexHull
 
 from foldcar.car.folded.model import EdgeRef, FoldedCar, Join, Piece
 from foldcar.car.folded.placed import Finding, PlacedFace
+from foldcar.car.folded.pose import side
 
 CLOSURE_MM = 0.05
 # Between films that lie on or inside each other.
@@ -19,59 +22,42 @@ FIT_MM = 0.3
 # The area of a tab that may lie beside its face or over a hole in it.
 TAB_OVER_MM2 = 0.05
 
-Index = Mapping[tuple[str, str], Sequence[PlacedFace]]
+Index = defaultdict[tuple[str, str], list[PlacedFace]]
 
 
 def check_joins(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> Iterator[Finding]:
     """Findings about every join, in each body that has both its faces."""
+    checks = {"tab": _tab, "lap": _tab, "tuck": _tucked, "tab_slot": _tongue, "lock": _tongue}
     index = _index(bodies)
     for join in car.joins:
-        first = index.get((join.piece_a, join.a.face), [])
-        second = index.get((join.piece_b, join.b.face), [])
-        if not first or not second:
+        if not index[join.piece_a, join.a.face] or not index[join.piece_b, join.b.face]:
             yield Finding("join", f"join {join.number}", f"{join.a.face} or {join.b.face} is nowhere in the car")
-        elif join.kind in ("tab", "lap"):
-            for a, b in _pairs(first, second):
-                yield from _tab(join, a, b)
-        elif join.kind == "tuck":
-            for a, b in _pairs(first, second):
-                yield from _tucked(join, a, b)
-        elif join.kind in ("tab_slot", "lock"):
-            # Hooks of wheels turn behind the film: check_wheels.py.
-            for a, b in _pairs(first, second):
-                if not a.body.startswith("wheel"):
-                    yield from _tongue(join, a, b)
+        elif join.kind in checks:
+            for a, b in _pairs(join, index):
+                # Hooks of wheels turn behind the film: check_wheels.py.
+                if join.kind not in ("tab_slot", "lock") or not a.body.startswith("wheel"):
+                    yield from checks[join.kind](join, a, b)
     yield from _laminates(car, index)
 
 
 def worst_gap_mm(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> float:
     """The widest gap between edges that should meet (mm)."""
-    index = _index(bodies)
-    return max(
-        (
-            _gap_mm(join, a, b)
-            for join in car.joins
-            if join.kind in ("tab", "lap")
-            for a, b in _pairs(index.get((join.piece_a, join.a.face), []), index.get((join.piece_b, join.b.face), []))
-        ),
-        default=0.0,
-    )
+    index, tabs = _index(bodies), [join for join in car.joins if join.kind in ("tab", "lap")]
+    return max((_gap_mm(join, a, b) for join in tabs for a, b in _pairs(join, index)), default=0.0)
 
 
-def _index(bodies: Mapping[str, Sequence[PlacedFace]]) -> dict[tuple[str, str], list[PlacedFace]]:
+def _index(bodies: Mapping[str, Sequence[PlacedFace]]) -> Index:
     """All copies of each face, by the names of piece and face."""
-    index: dict[tuple[str, str], list[PlacedFace]] = {}
+    index: Index = defaultdict(list)
     for face in (face for faces in bodies.values() for face in faces):
-        index.setdefault((face.piece.name, face.face.name), []).append(face)
+        index[face.piece.name, face.face.name].append(face)
     return index
 
 
-def _pairs(first: Sequence[PlacedFace], second: Sequence[PlacedFace]) -> Iterator[tuple[PlacedFace, PlacedFace]]:
-    """Pairs of copies in the same body."""
-    for a in first:
-        for b in second:
-            if a.body == b.body:
-                yield a, b
+def _pairs(join: Join, index: Index) -> list[tuple[PlacedFace, PlacedFace]]:
+    """The pairs of copies of a join's faces in the same body."""
+    first, second = index[join.piece_a, join.a.face], index[join.piece_b, join.b.face]
+    return [(a, b) for a in first for b in second if a.body == b.body]
 
 
 def _edge(face: PlacedFace, ref: EdgeRef) -> NDArray[np.float64]:
@@ -103,9 +89,8 @@ def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
     height = float(np.abs(local[:, 2] - layer).max())
     limit = FIT_MM if join.kind == "tab" else CLOSURE_MM
     if height > limit:
-        yield Finding(
-            "tab", place, f"the tab stands {height:.3f} mm off the face it is glued to, the limit is {limit:g} mm"
-        )
+        told = f"the tab stands {height:.3f} mm off the face it is glued to, the limit is {limit:g} mm"
+        yield Finding("tab", place, told)
         return
     over = shapely.Polygon(local[:, :2]).difference(b.polygon)
     # Shrinking removes the slivers that a tab as wide as its face leaves.
@@ -147,13 +132,12 @@ def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
 
 def _laminates(car: FoldedCar, index: Index) -> Iterator[Finding]:
     """Findings for copies of laminated pieces that do not lie on a face they are joined to with their holes aligned."""
-    joins: dict[tuple[str, str], list[Join]] = {}
-    for join in car.joins:
-        if join.kind == "laminate":
-            joins.setdefault((join.piece_a, join.a.face), []).append(join)
+    joins: dict[tuple[str, str], list[Join]] = defaultdict(list)
+    for join in (join for join in car.joins if join.kind == "laminate"):
+        joins[join.piece_a, join.a.face].append(join)
     for key, several in joins.items():
-        onto = [face for join in several for face in index.get((join.piece_b, join.b.face), ())]
-        for a in index.get(key, ()):
+        onto = [face for join in several for face in index[join.piece_b, join.b.face]]
+        for a in index[key]:
             if not any(_lies_on(a, b) for b in onto):
                 others = ", ".join(sorted({b.title for b in onto}))
                 yield Finding("laminate", a.title, f"does not lie flat, holes on holes, on {others}")
@@ -172,10 +156,8 @@ def _lies_on(a: PlacedFace, b: PlacedFace) -> bool:
     if shared.area < 1:
         return False
     # Within the shared area the holes of both must agree.
-    return bool(
-        mine.intersection(shared).difference(b.polygon).area < 1
-        and b.polygon.intersection(shared).difference(mine).area < 1
-    )
+    pairs = ((mine, b.polygon), (b.polygon, mine))
+    return all(bool(one.intersection(shared).difference(other).area < 1) for one, other in pairs)
 
 
 VOLUME_TOLERANCE = 1e-3
@@ -184,9 +166,8 @@ VOLUME_TOLERANCE = 1e-3
 def check_skin(
     car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]], volumes_mm3: Mapping[str, float]
 ) -> Iterator[Finding]:
-    """Findings for each body whose skin has a loose edge or, where ``volumes_mm3`` gives one, another volume."""
+    """Findings for each segment whose skin has a loose edge or, where ``volumes_mm3`` gives one, another volume."""
     for body, faces in bodies.items():
-        # Wheels are open.
         if body.startswith("wheel"):
             continue
         skin = skin_of(car, faces)
@@ -197,14 +178,10 @@ def check_skin(
         for face, index in loose[:3]:
             more = f" (and {len(loose) - 3} more)" if len(loose) > 3 else ""
             yield Finding("skin", f"{body}: {face.title}", f"edge {index} meets no other face{more}")
-        volume = volume_mm3(skin)
-        expected = volumes_mm3.get(body)
+        volume, expected = volume_mm3(skin), volumes_mm3.get(body)
         if expected is not None and abs(volume - expected) > VOLUME_TOLERANCE * expected:
-            yield Finding(
-                "volume",
-                body,
-                f"encloses {volume:.0f} mm³ instead of {expected:.0f}, the limit is {VOLUME_TOLERANCE:.1%}",
-            )
+            told = f"encloses {volume:.0f} mm³ instead of {expected:.0f}, the limit is {VOLUME_TOLERANCE:.1%}"
+            yield Finding("volume", body, told)
 
 
 def skin_of(car: FoldedCar, faces: Sequence[PlacedFace]) -> list[PlacedFace]:
@@ -214,13 +191,14 @@ def skin_of(car: FoldedCar, faces: Sequence[PlacedFace]) -> list[PlacedFace]:
     """
     tabbed = {name for join in car.joins if join.kind in ("tab", "lap") for name in (join.piece_a, join.piece_b)}
     joined = {(piece, face) for piece, face, _ in _joined_edges(car)}
-    return [
-        face
-        for face in faces
-        if face.piece.name in tabbed
-        and face.face.role != "tab"
-        and ((face.piece.name, face.face.name) in joined or _folds(face.piece, face.face.name) != 1)
-    ]
+
+    def hangs(piece: Piece, face: str) -> bool:
+        tabs = {one.name for one in piece.faces if one.role == "tab"}
+        folds = ({crease.parent.face, crease.child.face} for crease in piece.creases)
+        return sum(face in ends and not ends & tabs for ends in folds) == 1
+
+    panels = [face for face in faces if face.piece.name in tabbed and face.face.role != "tab"]
+    return [one for one in panels if (one.piece.name, one.face.name) in joined or not hangs(one.piece, one.face.name)]
 
 
 def volume_mm3(skin: Sequence[PlacedFace]) -> float:
@@ -228,13 +206,6 @@ def volume_mm3(skin: Sequence[PlacedFace]) -> float:
     if not skin:
         return 0.0
     return float(ConvexHull(np.concatenate([face.corners_mm for face in skin])).volume)
-
-
-def _folds(piece: Piece, face: str) -> int:
-    """The number of folds between a face and faces other than tabs."""
-    tabs = {one.name for one in piece.faces if one.role == "tab"}
-    ends = ({crease.parent.face, crease.child.face} for crease in piece.creases)
-    return sum(face in pair and not pair & tabs for pair in ends)
 
 
 def _joined_edges(car: FoldedCar) -> Iterator[tuple[str, str, int]]:
@@ -255,24 +226,21 @@ def _loose_edges(
     """
     held = set(_joined_edges(car))
     owners = [(face, i) for face in skin for i in range(len(face.face.outline_mm))]
-    starts, ends = _edges(skin)
-    other_starts, other_ends = _edges(faces)
-    forward, backward = np.hstack([starts, ends]), np.hstack([other_ends, other_starts])
+    forward, backward = np.hstack(_ends(skin)), np.hstack(_ends(faces)[::-1])
     loose = []
     hulls = {id(face): shapely.Polygon(face.face.outline_mm).convex_hull.exterior for face in skin}
-    for (face, index), edge in zip(owners, forward, strict=True):
+    for (face, index), ends in zip(owners, forward, strict=True):
         if (face.piece.name, face.face.name, index) in held:
             continue
-        outline = face.face.outline_mm
-        side = shapely.LineString((outline[index], outline[(index + 1) % len(outline)]))
-        if hulls[id(face)].distance(side.centroid) > CLOSURE_MM:
+        middle = shapely.LineString(side(face.face.outline_mm, index)).centroid
+        if hulls[id(face)].distance(middle) > CLOSURE_MM:
             continue
-        if not (np.abs(backward - edge).max(axis=1) <= CLOSURE_MM).any():
+        if not (np.abs(backward - ends).max(axis=1) <= CLOSURE_MM).any():
             loose.append((face, index))
     return loose
 
 
-def _edges(faces: Sequence[PlacedFace]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _ends(faces: Sequence[PlacedFace]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Starts and ends of all edges, each (n, 3) in mm."""
     starts = np.concatenate([face.corners_mm for face in faces])
     ends = np.concatenate([np.roll(face.corners_mm, -1, axis=0) for face in faces])

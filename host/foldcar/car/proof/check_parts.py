@@ -1,6 +1,6 @@
-"""Checks of parts in the folded car: nothing overlaps but a screw in a bore, holes lie under their parts.
+"""Checks of parts in the folded car: nothing overlaps but a screw in a bore, holes lie under their parts, wheels turn.
 
-Input: a car and its placed faces. Output: findings.
+Input: a car and its placed faces; wheels are alike, so that the first one stands for all. Output: findings.
 """
 
 import itertools
@@ -15,7 +15,9 @@ from foldcar.car.folded.model import Axle, FoldedCar, Mount, Solid
 from foldcar.car.folded.placed import Finding, PlacedFace
 from foldcar.car.folded.pose import apply, compose, inverse
 
-Box = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+Points = NDArray[np.float64]
+# Centre (3,), axes as columns (3, 3), half sizes (3,), in mm in the car's frame.
+Box = tuple[Points, Points, Points]
 
 # Parts may touch: overlaps of boxes up to this depth are contact.
 TOUCH_MM = 0.1
@@ -25,13 +27,17 @@ FILM_MM2 = 0.5
 FIT_MM = 0.3
 # Axes are parallel if their cosine is more.
 PARALLEL = 0.999
+# Least distance of what turns from what does not, less than between a servo's turret and the horn over it.
+FREE_MM = 0.5
+# What is as near to an axle as this is the spline that turns.
+ON_AXIS_MM = 0.5
+# The corners of a box of half sizes 1.
+_CORNERS = np.array(list(itertools.product((-1, 1), repeat=3)))
 
 
-def check_parts(
-    car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]], soft: str
-) -> Iterator[Finding]:
-    """Findings about parts. Those named ``soft`` are ignored."""
-    firm = [mount for mount in car.mounts if mount.part != soft and mount.body.startswith("segment")]
+def check_parts(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> Iterator[Finding]:
+    """Findings about parts in segments."""
+    firm = _firm(car)
     solids = [boxes(mount) for mount in firm]
     for (one, first), (other, second) in itertools.combinations(zip(firm, solids, strict=True), 2):
         pairs = [(i, k) for i, a in enumerate(first) for k, b in enumerate(second) if _near(a, b)]
@@ -47,6 +53,11 @@ def check_parts(
         yield from _holes(mount, bodies.get(mount.body, ()))
 
 
+def _firm(car: FoldedCar) -> list[Mount]:
+    """The parts in segments but for loose wires."""
+    return [m for m in car.mounts if m.part != car.parts.wiring.name and m.body.startswith("segment")]
+
+
 def stands_in(one: Mount, solid: Solid, other: Mount, held: Solid) -> bool:
     """Whether a cylinder of one part, a screw's shank, stands in a bore of a solid of another part."""
     if solid.kind != "cylinder" or not held.bores:
@@ -60,24 +71,14 @@ def stands_in(one: Mount, solid: Solid, other: Mount, held: Solid) -> bool:
 
 def _bored(one: Mount, i: int, other: Mount, k: int) -> bool:
     """Whether solid i of a part and solid k of another one are a shank and what it passes through."""
-    if not one.solids or not other.solids:
-        return False
-    a, b = one.solids[i], other.solids[k]
+    a, b = one.shape[i], other.shape[k]
     return stands_in(one, a, other, b) or stands_in(other, b, one, a)
-
-
-def _box(mount: Mount) -> Box:
-    """A part's box: centre (3,), axes as columns (3, 3), half sizes (3,), in mm in the car's frame."""
-    pose = np.array(mount.pose)
-    return pose[:3, 3], pose[:3, :3], np.array(mount.size_mm) / 2
 
 
 def boxes(mount: Mount) -> list[Box]:
     """The boxes around a part's solids; its own box if it has none."""
-    if not mount.solids:
-        return [_box(mount)]
-    poses = [np.array(compose(mount.pose, solid.pose)) for solid in mount.solids]
-    halves = (np.array(solid.size_mm) / 2 for solid in mount.solids)
+    poses = [np.array(compose(mount.pose, solid.pose)) for solid in mount.shape]
+    halves = (np.array(solid.size_mm) / 2 for solid in mount.shape)
     return [(pose[:3, 3], pose[:3, :3], half) for pose, half in zip(poses, halves, strict=True)]
 
 
@@ -91,9 +92,8 @@ def _depth_mm(one: Box, other: Box) -> float:
     """Depth (mm) by which two boxes overlap (separating-axis theorem), negative if they are apart."""
     (c1, r1, h1), (c2, r2, h2) = one, other
     between = c2 - c1
-    axes = [*r1.T, *r2.T, *(np.cross(a, b) for a in r1.T for b in r2.T)]
     depth = np.inf
-    for axis in axes:
+    for axis in [*r1.T, *r2.T, *(np.cross(a, b) for a in r1.T for b in r2.T)]:
         length = np.linalg.norm(axis)
         if length > 1e-9:
             axis = axis / length
@@ -109,17 +109,23 @@ def _film_inside_mm2(box: Box, face: PlacedFace) -> float:
     corners = (face.corners_mm - center) @ turn
     if (corners.min(axis=0) > half).any() or (corners.max(axis=0) < -half).any():
         return 0.0
-    signs = np.array(list(itertools.product((-1, 1), repeat=3)))
-    points = face.in_face(signs * half @ turn.T + center)
+    points = face.in_face(_corners((center, turn, half)))
     # Points where the box's edges pass the face's plane; an edge joins two corners that differ in one sign.
     section = []
     for i, k in itertools.combinations(range(8), 2):
         a, b = points[i], points[k]
-        if np.abs(signs[i] - signs[k]).sum() == 2 and a[2] * b[2] < 0:
+        if np.abs(_CORNERS[i] - _CORNERS[k]).sum() == 2 and a[2] * b[2] < 0:
             section.append((a + (b - a) * a[2] / (a[2] - b[2]))[:2])
     if len(section) < 3:
         return 0.0
     return float(shapely.MultiPoint(section).convex_hull.intersection(face.polygon).area)
+
+
+def _corners(box: Box) -> Points:
+    """The corners of a box, (8, 3) in mm."""
+    center, turn, half = box
+    corners: Points = _CORNERS * half @ turn.T + center
+    return corners
 
 
 def _holes(mount: Mount, faces: Sequence[PlacedFace]) -> Iterator[Finding]:
@@ -130,7 +136,7 @@ def _holes(mount: Mount, faces: Sequence[PlacedFace]) -> Iterator[Finding]:
     found = {hole.name: (face, hole) for face in faces for hole in face.face.holes}
     bores = [apply(mount.pose, *apply(one.pose, x, y)) for one in mount.solids for x, y, _ in one.bores]
     above = np.array([apply(mount.pose, 0.0, 0.0), *bores])
-    offsets: dict[str, NDArray[np.float64]] = {}
+    offsets: dict[str, Points] = {}
     for name in mount.holes:
         if name not in found:
             yield Finding("parts", mount.name, f"there is no hole {name}")
@@ -144,15 +150,6 @@ def _holes(mount: Mount, faces: Sequence[PlacedFace]) -> Iterator[Finding]:
         nearest = float(np.linalg.norm(off, axis=1).min())
         if nearest > FIT_MM:
             yield Finding("parts", mount.name, f"is {nearest:.2f} mm off its hole {name}, the limit is {FIT_MM:g} mm")
-
-
-# Least distance of what turns from what does not, less than between a servo's turret and the horn over it.
-FREE_MM = 0.5
-# What is as near to an axle as this is the spline that turns.
-ON_AXIS_MM = 0.5
-_CORNERS = np.array(list(itertools.product((-1, 1), repeat=3)))
-
-Points = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -172,9 +169,9 @@ class Band:
 
 
 def check_turning(
-    car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]], soft: str, distance_mm: float
+    car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]], distance_mm: float
 ) -> Iterator[Finding]:
-    """Findings about wheels; parts named ``soft`` are ignored, tyres must be ``distance_mm`` apart."""
+    """Findings about wheels: something is where a wheel's film, screws or tyre pass; tyres are nearer than that."""
     for one, other in itertools.combinations(car.axles, 2):
         widths = (one.tyre_width_mm + other.tyre_width_mm) / 2
         if abs(one.center_mm[1] - other.center_mm[1]) >= widths:
@@ -185,14 +182,14 @@ def check_turning(
             yield Finding("wheels", one.wheel, f"is {gap:.2f} mm from {other.wheel}, the limit is {distance_mm:g} mm")
     turning = _turning(car, bodies)
     walls = [face for faces in bodies.values() for face in faces if face.body.startswith("segment")]
-    firm = [mount for mount in car.mounts if mount.part != soft and mount.body.startswith("segment")]
     for axle in car.axles:
         for face in walls:
-            if any(band.meets(one) for one in turning for band in [_band(face.corners_mm, axle)]):
+            still = _band(face.corners_mm, axle)
+            if any(still.meets(one) for one in turning):
                 yield Finding("wheels", axle.wheel, f"runs into {face.title}")
-        for mount in firm:
-            still = [_band(_corners(box), axle) for box in boxes(mount) if not _is_spline(box, axle)]
-            if any(band.meets(one) for one in turning for band in still):
+        for mount in _firm(car):
+            bands = [_band(_corners(box), axle) for box in boxes(mount) if not _is_spline(box, axle)]
+            if any(band.meets(one) for one in turning for band in bands):
                 yield Finding("wheels", axle.wheel, f"runs into {mount.name}")
 
 
@@ -202,16 +199,12 @@ def _turning(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> list
     if axle is None:
         return []
     bands = [_band(face.corners_mm, axle) for face in bodies[axle.wheel]]
-    # The centre screw sits in the spline.
-    mounts = (m for m in car.mounts if m.body == axle.wheel and not _is_spline(_box(m), axle))
-    bands += [_band(_corners(box), axle) for mount in mounts for box in boxes(mount)]
+    for mount in (m for m in car.mounts if m.body == axle.wheel):
+        # The centre screw sits in the spline.
+        whole = np.array(mount.pose)
+        if not _is_spline((whole[:3, 3], whole[:3, :3], np.array(mount.size_mm) / 2), axle):
+            bands += [_band(_corners(box), axle) for box in boxes(mount)]
     return list({tuple(round(v, 1) for v in (b.near, b.far, b.inside, b.outside)): b for b in bands}.values())
-
-
-def _corners(box: Box) -> Points:
-    center, turn, half = box
-    corners: Points = _CORNERS * half @ turn.T + center
-    return corners
 
 
 def _band(corners: Points, axle: Axle) -> Band:

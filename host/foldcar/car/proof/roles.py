@@ -14,7 +14,6 @@ import shapely
 from foldcar.car.folded.model import Access, Crease, Face, FoldedCar, Join, Mount, Piece, PlacedPiece
 from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, folded, inverse
-from foldcar.car.folded.weight import net_area_mm2
 from foldcar.car.parts.mechanics import Screw
 from foldcar.car.proof.check_parts import stands_in
 from foldcar.car.proof.step import Thing
@@ -219,7 +218,7 @@ class Roles:
 
 
 def _area(piece: Piece) -> float:
-    return sum(net_area_mm2(face) for face in piece.faces)
+    return sum(polygon(face).area for face in piece.faces)
 
 
 # Joins that hold for good; locks and tucks open again.

@@ -12,25 +12,14 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foldcar.car.folded.model import Access, EdgeRef, Face, Join, Mount, Piece, PlacedPiece, Pose
-from foldcar.car.folded.pose import IDENTITY, across_crease, apply, compose, edge, inverse
+from foldcar.car.folded.model import IDENTITY, Access, Face, Join, Mount, Piece, PlacedPiece, Pose
+from foldcar.car.folded.pose import apply, compose, edge, folded, inverse, side
 from foldcar.car.proof.collide import Ignored
 from foldcar.car.proof.roles import Roles
 from foldcar.car.proof.solids import Blocks, access_blocks, face_blocks, mount_blocks, solid_blocks, together
 from foldcar.car.proof.step import Reach
 
 Folds = Mapping[str, Mapping[str, float]]
-
-
-def partly_folded(piece: Piece, fractions: Mapping[str, float]) -> dict[str, Pose]:
-    """The poses of a piece's faces in its root's frame; ``fractions`` of the angles by crease, 0 if not named."""
-    faces = {face.name: face for face in piece.faces}
-    poses = {piece.faces[0].name: IDENTITY}
-    for crease in piece.creases:
-        angle = crease.angle_rad * fractions.get(crease.name, 0.0)
-        turn = across_crease(edge(faces, crease.parent), edge(faces, crease.child), angle)
-        poses[crease.child.face] = compose(poses[crease.parent.face], turn)
-    return poses
 
 
 class Stage:
@@ -51,7 +40,7 @@ class Stage:
 
     def _folded(self, name: str) -> dict[str, Pose]:
         if name not in self._local:
-            self._local[name] = partly_folded(self.roles.pieces[name], self._folds.get(name, {}))
+            self._local[name] = folded(self.roles.pieces[name], self._folds.get(name, {}))
         return self._local[name]
 
     def _shift(self, host: tuple[PlacedPiece, str] | None) -> Pose:
@@ -161,7 +150,8 @@ class Scene:
         """
         roles = self.roles
         piece = roles.pieces[join.piece_a]
-        tip = _middle(next(face for face in piece.faces if face.name == join.a.face), join.a)
+        ends = edge({face.name: face for face in piece.faces}, join.a)
+        tip = [sum(values) / 2 for values in zip(*ends, strict=True)]
         nearest: tuple[float, PlacedPiece | None, Pose] = (FAR_MM, None, IDENTITY)
         copies = [[one for one in roles.car.placed if one.piece == name] for name in (join.piece_a, join.piece_b)]
         for one, other in itertools.product(*copies):
@@ -194,17 +184,12 @@ def _band(slope: NDArray[np.float64], offset: float, low: float, high: float) ->
     return shapely.Polygon([first - along, first + along, last + along, last - along])
 
 
-def _middle(face: Face, ref: EdgeRef) -> tuple[float, float]:
-    (x0, y0), (x1, y1) = face.outline_mm[ref.index], face.outline_mm[(ref.index + 1) % len(face.outline_mm)]
-    return (x0 + x1) / 2, (y0 + y1) / 2
-
-
 def _bends(piece: Piece, face: Face) -> list[shapely.Geometry]:
     """Strips along the folds of a face, half a film wide."""
     strips = []
     for crease in piece.creases:
         for ref in (crease.parent, crease.child):
             if ref.face == face.name and not crease.bend:
-                ends = face.outline_mm[ref.index], face.outline_mm[(ref.index + 1) % len(face.outline_mm)]
-                strips.append(shapely.LineString(ends).buffer(piece.thickness_mm / 2, cap_style="flat"))
+                line = shapely.LineString(side(face.outline_mm, ref.index))
+                strips.append(line.buffer(piece.thickness_mm / 2, cap_style="flat"))
     return strips

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
-from foldcar.car.folded.pose import IDENTITY, edge
+from foldcar.car.folded.model import IDENTITY, Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
+from foldcar.car.folded.pose import edge
 from foldcar.car.proof.step import AssemblyStep
 from foldcar.fabrication.assembly.facets import NUT_OF, shank_and_nut
 from foldcar.fabrication.assembly.hinge_creases import hinge_crease

@@ -42,11 +42,10 @@ def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -
         "WHEEL_MAX_RAD_S": first["servo"]["no_load_speed_rad_s"],
     }
     for channel in range(CHANNELS):
-        prefix = f"CH{channel + 1}"
-        if channel not in wheels:
+        prefix, wheel = f"CH{channel + 1}", wheels.get(channel)
+        if wheel is None:
             values[f"{prefix}_SIDE"] = SIDES["unused"]
             continue
-        wheel = wheels[channel]
         servo = wheel["servo"]
         span_us = servo["saturation_us"] - servo["deadband_us"]
         values[f"{prefix}_SIDE"] = SIDES[wheel["side"]]
@@ -62,11 +61,7 @@ def check_parameters(values: Mapping[str, float], table: Mapping[str, TableRow])
     for name, value in values.items():
         row = table.get(name)
         if row is None:
-            raise FoldcarError(
-                f"firmware parameter {name}: the firmware of this carsim has no such parameter"
-            )
+            raise FoldcarError(f"firmware parameter {name}: the firmware of this carsim has no such parameter")
         if not row.minimum <= value <= row.maximum:
-            raise FoldcarError(
-                f"firmware parameter {name}: {value:g} is outside the firmware's limits "
-                f"{row.minimum:g} to {row.maximum:g} {row.unit}".rstrip()
-            )
+            limits = f"{row.minimum:g} to {row.maximum:g} {row.unit}".rstrip()
+            raise FoldcarError(f"firmware parameter {name}: {value:g} is outside the firmware's limits {limits}")

@@ -120,8 +120,8 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
                 mounts.append(replace(m, name=name, body=axle.wheel, pose=compose(pose, m.pose)))
     hinges = tuple(_hinges(frame, design.parts))
     wires = (*graph.wires, *_servo_wires(axles, design.parts))
-    whole = (tuple(group) for group in (pieces, placed, joins, mounts, axles))
-    return with_leads(FoldedCar(*whole, hinges, wires, design.parts))
+    solid = tuple(pieces), tuple(placed), tuple(joins), tuple(mounts)
+    return with_leads(FoldedCar(*solid, tuple(axles), hinges, wires, design.parts))
 
 
 def _frame(design: Design) -> tuple[Graph, Assembly]:

@@ -1,8 +1,8 @@
-"""The modules that type strings may name, and the table of their parameters.
+"""The modules that type strings may name, the table of their parameters, a user's own modules (``--components FILE``).
 
 A shared parameter has one value for the whole car; the other ones belong to a module and hold for every module of that
 letter. In listings a parameter is found under its module (``{"W": {"length": 60}}``) or, if shared, under ``common``;
-its key here is ``width`` or ``W.length``.
+its key here is ``width`` or ``W.length``. An error in a user's file is a message of one line that names file and line.
 """
 
 import importlib.util
@@ -60,9 +60,8 @@ def register(kind: type[Module]) -> None:
     known = {key: parameter.declared for key, parameter in parameters().items()}
     for parameter in kind.parameters:
         if known.get(parameter.name, parameter) != parameter:
-            raise ComponentError(
-                kind.__name__, f'its parameter "{parameter.name}" is declared otherwise than that of the whole car'
-            )
+            told = f'its parameter "{parameter.name}" is declared otherwise than that of the whole car'
+            raise ComponentError(kind.__name__, told)
     _MODULES[letter] = kind
     parameters.cache_clear()
 
@@ -116,7 +115,8 @@ def load_components(file: Path) -> list[str]:
     except SyntaxError as error:
         raise FoldcarError(f"{file}:{error.lineno}: {error.msg}") from error
     except Exception as error:
-        raise FoldcarError(f"{file}:{_line_in(path, error)}: {type(error).__name__}: {error}") from error
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
+        raise FoldcarError(f"{file}:{(lines or [1])[-1] or 1}: {type(error).__name__}: {error}") from error
     kinds = [
         kind for kind in vars(module).values()
         if inspect.isclass(kind) and issubclass(kind, Module) and kind.__module__ == module.__name__
@@ -148,8 +148,3 @@ def place_of(error: BaseException) -> str | None:
         if Path(frame.filename) in _loaded:
             return f"{frame.filename}:{frame.lineno}"
     return None
-
-
-def _line_in(path: Path, error: Exception) -> int:
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
-    return lines[-1] if lines and lines[-1] else 1

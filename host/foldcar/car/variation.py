@@ -1,7 +1,8 @@
-"""Spreads: distributions of the differences between built cars and their design, and draws from them.
+"""How built cars differ from their design: distributions, draws from them, and the body of one built car.
 
-Input: standard deviations by name (defaults and their sources in workshop.json), a seed, a sample number. Output:
-differences as JSON values; those of wheels are lists of eight, by servo channel.
+Input: standard deviations by name (defaults and their sources in workshop.json), a seed, a sample number; a body as in
+docs/carsim.md and the simulator's limits. Output: differences as JSON values, those of wheels as lists of eight, by servo
+channel; the body with them. The firmware keeps the parameters of the design: it has no knowledge of the differences.
 """
 
 import math
@@ -11,9 +12,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict
-
 from foldcar.car.firmware_parameters import CHANNELS
+from foldcar.car.parts.quantity import Data
 from foldcar.errors import FoldcarError
 
 WORKSHOP = "workshop"
@@ -21,10 +21,8 @@ WORKSHOP = "workshop"
 CUT_OFF = 3.0
 
 
-class Spread(BaseModel):
+class Spread(Data):
     """The distribution of one quantity. A half-normal one is the magnitude of a vector of uniform direction."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     per: Literal["wheel", "car"]
     unit: str
@@ -34,9 +32,7 @@ class Spread(BaseModel):
     source: str
 
 
-class _Workshop(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
+class _Workshop(Data):
     name: str
     spreads: dict[str, Spread]
 
@@ -67,9 +63,7 @@ def spread_named(name_or_object: Any, place: str) -> Mapping[str, float]:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise FoldcarError(f"{place}.{name}: {value!r} is not a number")
         if not 0 <= value <= known.largest_sd:
-            raise FoldcarError(
-                f"{place}.{name}: {value:g} is outside 0 to {known.largest_sd:g} ({known.unit}, one sd)"
-            )
+            raise FoldcarError(f"{place}.{name}: {value:g} is outside 0 to {known.largest_sd:g} ({known.unit}, one sd)")
         spread[name] = float(value)
     return spread
 

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 
 from foldcar.car.components.component import Component
-from foldcar.car.components.mounts import cylinder, driver, screw_in
+from foldcar.car.components.mounts import cylinder, screw_in
 from foldcar.car.components.parameter import Parameter
 from foldcar.car.components.shape import Shape
 from foldcar.car.folded.model import Access, Pose, Solid
@@ -137,12 +137,12 @@ def mouth_mm(parts: Catalogue) -> float:
 
 def plug_room_mm(plug: Plug) -> float:
     """Diameter of the cylinder (mm) that the largest of such plugs passes."""
-    return math.hypot(*(size.value + size.tolerance for size in (plug.width_mm, plug.thickness_mm)))
+    return math.hypot(plug.width_mm.most, plug.thickness_mm.most)
 
 
-def _plug(plug: Plug) -> tuple[float, float]:
-    """Diameter and length of the cylinder (mm) that the largest of such plugs takes."""
-    return plug_room_mm(plug), plug.length_mm.value + plug.length_mm.tolerance
+def _plug(plug: Plug, pose: Pose) -> Access:
+    """The room that the largest of such plugs takes."""
+    return Access("plug", pose, plug_room_mm(plug), plug.length_mm.most)
 
 
 def put_feather(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:
@@ -153,10 +153,7 @@ def put_feather(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
     socket = feather.battery_socket
     (along, across, up), (_, reach, _) = socket.at_mm, socket.size_mm
     battery = compose(translation(along, across + reach / 2, up), rotation("x", -math.pi / 2))
-    ways = [
-        Access("plug", usb, *_plug(plugs.usb)),
-        Access("plug", battery, *_plug(plugs.battery)),
-    ]
+    ways = [_plug(plugs.usb, usb), _plug(plugs.battery, battery)]
     standing = (*feather.headers, *feather.joints, *feather.small, feather.usb, socket, feather.antenna, feather.reset)
     _put(shape, feather, on, under, standing, ways, holes)
 
@@ -174,12 +171,10 @@ def put_wing(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:
         (x, y, _), low = header.at_mm, wing.board_mm.value
         size = (*header.size_mm[:2], top - low)
         solids.append(header.model_copy(update={"at_mm": (x, y, (top + low) / 2), "size_mm": size}))
-        plug = parts.plugs.servo
-        ways.append(Access("plug", translation(x, y, top), *_plug(plug)))
+        ways.append(_plug(parts.plugs.servo, translation(x, y, top)))
     x, y, z = wing.reset.at_mm
-    pressed = driver(parts, 0.0)
     above = translation(x, y, z + wing.reset.size_mm[2] / 2)
-    ways.append(Access(pressed.tool, above, pressed.diameter_mm, pressed.length_mm))
+    ways.append(Access("driver", above, *parts.tools.driver_mm))
     _put(shape, wing, on, here, solids, ways, ())
 
 

@@ -1,9 +1,8 @@
-"""Components: parameters, subcomponents and the constraints between them, solved from the top down.
+"""Components: their parameters and subcomponents, solved from the top down.
 
-A component declares its parameters, its subcomponents and constraints between their parameters; ``build`` then
-makes its faces and connects them (see shape.py). A parameter of a subcomponent is the parent's parameter of the
-same name (``inherit``), a parameter of the parent named ``prefix.name`` (``prefix``), or set to a number or an
-expression of the parent's parameters (``settings``).
+A component declares its parameters and its subcomponents; ``build`` then makes its faces and connects them (shape.py). A
+parameter of a subcomponent is the parent's parameter of the same name (``inherit``), a parameter of the parent named
+``prefix.name`` (``prefix``), or set to a number or an expression of the parent's parameters (``settings``).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -33,14 +32,6 @@ class Sub:
     body: str | None = None
 
 
-@dataclass(frozen=True)
-class Equal:
-    """A constraint: two parameters, given by their paths below the component, have the same value."""
-
-    a: str
-    b: str
-
-
 class Component:
     """The base class of all that is folded, cut or bought: subclasses declare parameters and override ``build``.
 
@@ -59,15 +50,9 @@ class Component:
                 raise ComponentError(path, f'two subcomponents are called "{sub.name}"')
             self.children[sub.name] = sub.kind(self._under(sub.name), sub.body or body, self.parts)
             self._bind(sub, self.children[sub.name])
-        for rule in self.constraints():
-            self.slot(rule.a).unite(self.slot(rule.b))
 
     def subcomponents(self) -> Sequence[Sub]:
         """The subcomponents; none by default."""
-        return ()
-
-    def constraints(self) -> Sequence[Equal]:
-        """Constraints between parameters of the subcomponents; none by default."""
         return ()
 
     def build(self, shape: Shape) -> None:
@@ -122,14 +107,10 @@ class Component:
         return f"{self.path}.{name}" if self.path else name
 
 
-def build(component: Component) -> Graph:
+def build(component: Component, graph: Graph | None = None) -> Graph:
     """The graph of faces and links that a solved component and all its subcomponents build."""
-    graph = Graph()
-    _build(component, graph)
-    return graph
-
-
-def _build(component: Component, graph: Graph) -> None:
+    graph = graph if graph is not None else Graph()
     for child in component.children.values():
-        _build(child, graph)
+        build(child, graph)
     component.build(Shape(component.path, component.body, graph, component.parts))
+    return graph

@@ -7,9 +7,8 @@ crest) by ``fold_down``, and nose up by ``fold_up``, until the lids meet or a st
 import math
 from itertools import pairwise
 
-from foldcar.car.components.box_beam import cap_inset_mm, wall_mm
+from foldcar.car.components.box_beam import HEIGHT, WIDTH, cap_inset_mm, wall_mm
 from foldcar.car.components.component import Component
-from foldcar.car.components.dimensions import HEIGHT, WIDTH
 from foldcar.car.components.parameter import ROUNDING, Parameter, at_least, at_most
 from foldcar.car.components.shape import Shape
 from foldcar.car.folded.pose import compose, rotation, translation

@@ -1,7 +1,14 @@
-"""Facets of film between two discs, with hooks on their edges that hold the discs.
+"""Strips of film between a wheel's two discs, with hooks on their edges that hold the discs: the rim, the hub's walls.
 
-A facet's frame: x along the strip, y across it from the inner disc to the outer one, z towards the axle. Lengths in
-millimetres.
+The rim is equal strips around the discs, each hooked to the next one. A strip's hooks drop from outside into notches in
+the discs' edges, where its necks lie flush with the running circle. Its first facet has a tongue whose head passes the
+wide part of the slot in the last facet of the strip before and is then pulled into the narrow part. That facet dips by
+the film's thickness, so that the circle stays even.
+
+The hub is a layer glued onto the inner disc over the horn, with three walls folded up from its edges. A hook on each
+drops through a slot of the outer disc, which is then turned until the hooks lie behind film; the rim holds it there.
+
+A facet's frame: x along the strip, y across it from the inner disc to the outer one, z towards the axle. In mm.
 """
 
 import math
@@ -128,7 +135,7 @@ def _strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
     hook = Hook(NECK_MM, HOOK_MM, HOOK_MM, 2 * size.clearance_mm + size.film_mm)
     for i in range(count):
         hooks = (None, None) if i % size.facets_per_tie else (hook, hook)
-        points, names = facet(length, width, hooks, length / 2, 0.0 if i else _tongue_mm(size))
+        points, names = facet(length, width, hooks, length / 2, 0.0 if i else _tongue_mm(size)[0])
         shape.face(f"rim {strip} {i}", points, names, role="rim", piece="wheel rim")
     for i in range(count - 1):
         extra = dip if i == count - 2 else 0.0
@@ -137,24 +144,21 @@ def _strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
     shape.polygon_hole(f"rim {strip} {count - 1}", f"rim {strip} slot", "slot", _slot(size))
 
 
-def _tongue_mm(size: WheelSize) -> float:
-    """Width of the tongue."""
-    return min(4.0, 0.36 * size.between_mm)
-
-
-def _spread_mm(size: WheelSize) -> float:
-    """How far the tongue's head reaches beyond it on each side."""
-    return min(1.5, 0.15 * size.between_mm)
+def _tongue_mm(size: WheelSize) -> Point:
+    """Width of the tongue, and how far its head reaches beyond it on each side."""
+    return min(4.0, 0.36 * size.between_mm), min(1.5, 0.15 * size.between_mm)
 
 
 def _slot(size: WheelSize) -> list[Point]:
     """The slot in the last facet's frame: narrow where the tongue passes, wide beyond, where its head is put in."""
-    along = math.sqrt(_through_mm(size) ** 2 - (2 * _apart_mm(size)) ** 2)
-    start = size.rim.facet_mm - _short_mm(size) - OUTSIDE_MM
+    short, apart = _start_mm(size)
+    along = math.sqrt(_through_mm(size) ** 2 - (2 * apart) ** 2)
+    start = size.rim.facet_mm - short - OUTSIDE_MM
     right = start + size.film_mm / 2 + size.clearance_mm
     middle, left = start - along - OVER_MM, start - along - OVER_MM - WIDE_MM
-    narrow = _tongue_mm(size) / 2 + size.clearance_mm
-    wide = narrow + _spread_mm(size)
+    width, spread = _tongue_mm(size)
+    narrow = width / 2 + size.clearance_mm
+    wide = narrow + spread
     half = [(left, wide), (middle, wide), (middle, narrow), (right, narrow)]
     across = size.between_mm / 2
     return [*((x, across - y) for x, y in half), *((x, across + y) for x, y in reversed(half))]
@@ -170,21 +174,15 @@ def _slope_rad(size: WheelSize) -> float:
     return size.rim.turn_rad - size.rim.dip_rad(size.film_mm)
 
 
-def _apart_mm(size: WheelSize) -> float:
-    """Distance of the tongue's outer part from the facet under it (mm)."""
-    slope = _slope_rad(size)
-    return size.rim.shift_mm(size.film_mm) * math.sin(slope) + size.film_mm * math.cos(slope)
-
-
-def _short_mm(size: WheelSize) -> float:
-    """How far the next strip starts before that facet ends (mm), along it."""
-    slope = _slope_rad(size)
-    return size.rim.shift_mm(size.film_mm) * math.cos(slope) - size.film_mm * math.sin(slope)
+def _start_mm(size: WheelSize) -> Point:
+    """How far the next strip starts before that facet ends, along it, and the distance of its tongue from it (mm)."""
+    slope, shift, film = _slope_rad(size), size.rim.shift_mm(size.film_mm), size.film_mm
+    return shift * math.cos(slope) - film * math.sin(slope), shift * math.sin(slope) + film * math.cos(slope)
 
 
 def _tongue(shape: Shape, size: WheelSize, strip: int) -> None:
     """The tongue: a part parallel to the facet under it, a part through its slot, a head behind it."""
-    w, spread = _tongue_mm(size), _spread_mm(size)
+    w, spread = _tongue_mm(size)
     for name, length in (("out", OUTSIDE_MM), ("through", _through_mm(size))):
         corners = ((0.0, 0.0), (w, 0.0), (w, length), (0.0, length))
         shape.face(f"rim {strip} tongue {name}", corners, ("root", "b", "end", "a"), role="rim")
@@ -192,7 +190,7 @@ def _tongue(shape: Shape, size: WheelSize, strip: int) -> None:
             (-spread, 1.3), (-spread, 0.3))  # fmt: skip
     shape.face(f"rim {strip} tongue head", head, ("root", "b", "c", "d", "tip", "e", "f", "g"), role="rim")
     parallel = math.degrees(_slope_rad(size))
-    down = math.degrees(math.asin(2 * _apart_mm(size) / _through_mm(size)))
+    down = math.degrees(math.asin(2 * _start_mm(size)[1] / _through_mm(size)))
     tongue = f"rim {strip} tongue"
     shape.connect(f"rim {strip} 0.base", f"{tongue} out.root", "bend", parallel)
     shape.connect(f"{tongue} out.end", f"{tongue} through.root", "bend", down)
@@ -201,8 +199,9 @@ def _tongue(shape: Shape, size: WheelSize, strip: int) -> None:
 
 WALL_NECK_MM = 5.0
 WALL_HOOK_MM = 1.6
-# Walls are between the arms of horns along x and y, where the screws and their slots need the layer's film.
-FIRST_RAD = math.pi / 2
+# Directions of the walls in the frame of the hub and of the inner disc: between the arms of horns along x and y, where
+# the screws and their slots need the layer's film.
+DIRECTIONS_RAD = [math.pi / 2 + 2 * math.pi * i / WALLS for i in range(WALLS)]
 ARC_STEPS = 8
 # Deviation of the layer's outline from a circle.
 EVEN_MM = 0.02
@@ -215,7 +214,7 @@ def build_hub(shape: Shape, size: WheelSize) -> None:
     shape.laminate("hub", "inner", translation(0, 0, size.film_mm))
     length = 2 * size.hub_mm * math.tan(WALL_RAD / 2)
     hook = Hook(WALL_NECK_MM, WALL_HOOK_MM, 0.0, 2 * size.clearance_mm + size.film_mm)
-    for i, direction in enumerate(_directions(), 1):
+    for i, direction in enumerate(DIRECTIONS_RAD, 1):
         points, names = facet(length, size.wall_mm, (None, hook), length / 2)
         shape.face(f"wall {i}", points, names, role="rim")
         shape.connect(f"hub.wall {i}", f"wall {i}.inner", "fold", 90)
@@ -231,18 +230,13 @@ def turn_rad(size: WheelSize) -> float:
     return math.atan((WALL_NECK_MM / 2 + WALL_HOOK_MM) / inside) - math.atan(WALL_NECK_MM / 2 / inside)
 
 
-def _directions() -> list[float]:
-    """Directions of the walls in the frame of the hub and of the inner disc."""
-    return [FIRST_RAD + 2 * math.pi * i / WALLS for i in range(WALLS)]
-
-
 def _layer(size: WheelSize) -> tuple[list[Point], list[str]]:
     """A circle with a straight edge ``wall 1`` … for each wall."""
     radius, half = size.hub_mm / math.cos(WALL_RAD / 2), WALL_RAD / 2
     arc = 2 * math.pi / WALLS - WALL_RAD
     steps = math.ceil(arc / 2 / math.acos(1 - EVEN_MM / radius))
     angles, names = [], []
-    for i, direction in enumerate(_directions(), 1):
+    for i, direction in enumerate(DIRECTIONS_RAD, 1):
         angles += [direction - half, *(direction + half + arc * k / steps for k in range(steps))]
         names += [f"wall {i}", *(f"arc {i} {k}" for k in range(steps))]
     return [(radius * math.cos(at), radius * math.sin(at)) for at in angles], names

@@ -1,14 +1,16 @@
-"""A servo in a wall: its opening with notches for its screws, and a second layer of film behind it.
+"""Parts in walls, caps and floors, with layers of film behind them, and screws: servo, switch and ball caster.
 
-The servo is inserted from outside until its ears lie on the wall: its shaft points outwards, its length runs along
-the wall.
+A servo is inserted from outside until its ears lie on the wall: its shaft points outwards, its length runs along the
+wall. A switch snaps into an end cap. A caster is screwed under the floor of a user's module: `Sub("caster", Caster)` and
+`Caster.attach` in `build`; in the simulator, which has contacts for wheels and bellies only, it is mass without contact.
+A screw's frame has its origin in the middle of its length, z along its axis towards its head.
 """
 
 import math
 
 from foldcar.car.components.component import Component
 from foldcar.car.components.parameter import Parameter
-from foldcar.car.components.shape import Shape
+from foldcar.car.components.shape import Shape, rectangle_around
 from foldcar.car.folded.model import IDENTITY, Access, Point, Pose, Solid
 from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.catalogue import Catalogue
@@ -38,14 +40,13 @@ def screw_end_mm(parts: Catalogue) -> float:
 
     Servos whose screws are farther apart find room there; if they are nearer, their own slots take them.
     """
-    spacing = parts.servo.screw_spacing_mm
-    return (spacing.value + spacing.tolerance + parts.assembly.screw_hole_mm.value) / 2
+    return (parts.servo.screw_spacing_mm.most + parts.assembly.screw_hole_mm.value) / 2
 
 
 def least_doubler_mm(parts: Catalogue) -> float:
     """The least height of the second layer (mm)."""
     margins = parts.assembly.opening_clearance_mm.value + parts.assembly.doubler_margin_mm.value
-    return parts.servo.width_mm.value + parts.servo.width_mm.tolerance + 2 * margins
+    return parts.servo.width_mm.most + 2 * margins
 
 
 class ServoMount(Component):
@@ -55,8 +56,8 @@ class ServoMount(Component):
 
     def build(self, shape: Shape) -> None:
         """The face ``doubler``, its origin at the centre of the opening."""
-        a, b = doubler_length_mm(self.parts) / 2, self["height"] / 2
-        shape.face("doubler", ((-a, -b), (a, -b), (a, b), (-a, b)), piece="servo doubler")
+        outline = rectangle_around((0.0, 0.0), doubler_length_mm(self.parts), self["height"])
+        shape.face("doubler", outline, piece="servo doubler")
         _opening(shape, "doubler", "opening", 0.0, 0.0)
 
     @staticmethod
@@ -121,7 +122,7 @@ def _opening(shape: Shape, face: str, name: str, x: float, y: float) -> str:
     """
     servo, assembly = shape.parts.servo, shape.parts.assembly
     clearance, r = 2 * assembly.opening_clearance_mm.value, assembly.screw_hole_mm.value / 2
-    a, b = ((size.value + size.tolerance + clearance) / 2 for size in (servo.length_mm, servo.width_mm))
+    a, b = ((size.most + clearance) / 2 for size in (servo.length_mm, servo.width_mm))
     far = screw_end_mm(shape.parts) - r
     turns = [math.pi * (i / ARC_STEPS - 0.5) for i in range(ARC_STEPS + 1)]
     half = [(a, -b), (a, -r), *((far + r * math.cos(at), r * math.sin(at)) for at in turns), (a, r), (a, b)]
@@ -131,9 +132,8 @@ def _opening(shape: Shape, face: str, name: str, x: float, y: float) -> str:
 
 def layers(parts: Catalogue) -> int:
     """How many layers of film and tape lie behind the panel, so that the barbs of any such switch hold."""
-    film, tape = (one.value - one.tolerance for one in (parts.film.thickness_mm, parts.assembly.tape_mm))
-    least = parts.switch.panel_least_mm
-    return max(1, math.ceil((least.value + least.tolerance - film) / (film + tape) - 1e-9))
+    film, tape = parts.film.thickness_mm.least, parts.assembly.tape_mm.least
+    return max(1, math.ceil((parts.switch.panel_least_mm.most - film) / (film + tape) - 1e-9))
 
 
 def depth_mm(parts: Catalogue) -> float:
@@ -149,10 +149,10 @@ class SwitchMount(Component):
         """The layers, each with its opening at the origin."""
         switch, margin = self.parts.switch, self.parts.assembly.doubler_margin_mm.value
         # A bezel's overhang and a margin around the slot.
-        a, b = switch.length_mm.value / 2 + margin, switch.width_mm.value / 2 + margin
+        outline = rectangle_around((0.0, 0.0), switch.length_mm.value + 2 * margin, switch.width_mm.value + 2 * margin)
         for i in range(layers(self.parts)):
             name = f"layer {i + 1}"
-            shape.face(name, ((-a, -b), (a, -b), (a, b), (-a, b)), piece="switch doubler")
+            shape.face(name, outline, piece="switch doubler")
             _switch_opening(shape, name, f"{name}.opening", (0.0, 0.0))
 
     @staticmethod
@@ -174,9 +174,7 @@ class SwitchMount(Component):
             _box(body, half - switch.rocker_height_mm.value, half),
             _box(body, -half, half - outside),
         ]
-        tools = shape.parts.tools
-        thick, long = tools.finger_mm
-        finger = Access("finger", translation(0, 0, half), thick, long)
+        finger = Access("finger", translation(0, 0, half), *shape.parts.tools.finger_mm)
         shape.box(switch.name, switch.name, panel, pose, size, switch.mass_kg.value, [hole], solids, [finger])
 
 
@@ -195,9 +193,8 @@ class Caster(Component):
     def build(self, shape: Shape) -> None:
         """The face ``plate``, its origin at its centre."""
         caster, margin = self.parts.caster, self.parts.assembly.doubler_margin_mm.value
-        a = caster.length_mm.value / 2 + margin
-        b = caster.width_mm.value / 2 + margin
-        shape.face("plate", ((-a, -b), (a, -b), (a, b), (-a, b)), piece="caster plate")
+        outline = rectangle_around((0.0, 0.0), caster.length_mm.value + 2 * margin, caster.width_mm.value + 2 * margin)
+        shape.face("plate", outline, piece="caster plate")
         _holes(shape, "plate", "", (0.0, 0.0))
 
     @staticmethod

@@ -1,13 +1,16 @@
-"""A component's parameter: a number with its unit, default, limits and the reason for its lower limit."""
+"""A component's parameter: a number with its unit, default, limits and the reason for its lower limit; its value.
+
+A value comes from the component itself or from a parent; two sources that disagree are an error that names both.
+"""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from foldcar.car.parts.catalogue import Catalogue, catalogue
+from foldcar.car.parts.catalogue import Catalogue
 from foldcar.errors import FoldcarError
 
-# Computed limits carry errors of rounding.
+# Computed values and limits carry errors of rounding.
 ROUNDING = 1e-9
 
 # A number, or a function that computes it from the parts catalogue.
@@ -33,23 +36,13 @@ class Parameter:
     internal: bool = False
     sold: Callable[[Catalogue], Sequence[float]] | None = None
 
-    @property
-    def default_value(self) -> float:
-        """The default, with the default parts if it depends on them."""
-        return _number(self.default, catalogue())
-
-    @property
-    def least(self) -> float:
-        """The minimum, with the default parts if it depends on them."""
-        return _number(self.minimum, catalogue())
-
     def default_with(self, parts: Catalogue) -> float:
         """The default with these parts."""
-        return _number(self.default, parts)
+        return float(self.default(parts) if callable(self.default) else self.default)
 
     def least_with(self, parts: Catalogue) -> float:
         """The minimum with these parts."""
-        return _number(self.minimum, parts)
+        return float(self.minimum(parts) if callable(self.minimum) else self.minimum)
 
     def complaint(self, value: float, parts: Catalogue) -> str | None:
         """The error message for a value outside the limits with these parts, or None."""
@@ -77,21 +70,12 @@ def at_most(limit: float) -> str:
     return f"{math.floor(limit * 1000 + 1e-6) / 1000:.10g}"
 
 
-def _number(number: Number, parts: Catalogue) -> float:
-    return float(number(parts)) if callable(number) else float(number)
-
-
-# Values that differ by less than this, a rounding error, are equal.
-SAME = 1e-9
-
-
 class ComponentError(FoldcarError):
     """A component that cannot be made. ``slot`` is the slot of the parameter at fault, or None."""
 
     def __init__(self, path: str, message: str, slot: "Slot | None" = None) -> None:
         super().__init__(f"{path}: {message}" if path else message)
-        self.message = message
-        self.slot = slot
+        self.message, self.slot = message, slot
 
 
 class Slot:
@@ -110,10 +94,8 @@ class Slot:
 
     def unite(self, other: "Slot") -> None:
         """Let both slots share one value; its default is that of this slot's parameter."""
-        mine, others = self.head, other.head
-        if mine is others:
-            return
-        others._same = mine
+        if self.head is not other.head:
+            other.head._same = self.head
 
     def assign(self, value: float, origin: str = "") -> None:
         """Set the value; ``origin`` says in messages where it comes from.
@@ -121,7 +103,7 @@ class Slot:
         ComponentError if this slot, or one united with it, has another value already.
         """
         head = self.head
-        if head._value is not None and abs(head._value - value) > SAME:
+        if head._value is not None and abs(head._value - value) > ROUNDING:
             there = f"{head._value:g} at {head._source}"
             raise ComponentError(self.path, f"{value:g} here{origin}, but {there}; they must be equal", self)
         head._value, head._source = value, f"{self.path}{origin}"

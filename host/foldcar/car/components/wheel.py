@@ -1,22 +1,26 @@
 """A wheel: a spool of two discs on a hub, rim strips hooked around it, the horn, its screws and the tyre.
 
 The wheel's frame has its origin at the wheel's centre and y along the axle, outwards on the left side. The discs' edges
-are the running circle, the tyre lies over them.
+are the running circle, the tyre lies over them. Bought parts are placed in the frame of the inner disc, whose z points
+from the car outwards along the axle.
 """
 
 import math
 
 from foldcar.car.components.component import Component
-from foldcar.car.components.dimensions import RADIUS
 from foldcar.car.components.hooked_strip import EVEN_MM, build_hub, build_rim, facet_pose, notch_mm, tie_angles_rad
 from foldcar.car.components.mounts import cylinder, screw_in
 from foldcar.car.components.parameter import Parameter
 from foldcar.car.components.shape import Shape
-from foldcar.car.components.wheel_size import WheelSize, wheel_screws_mm
-from foldcar.car.folded.model import Point, Pose, Solid
+from foldcar.car.components.wheel_size import WheelSize, access_radius_mm, least_radius_mm, wheel_screws_mm
+from foldcar.car.folded.model import Point, Solid
 from foldcar.car.folded.pose import apply, compose, inverse, rotation, translation
 from foldcar.car.parts.catalogue import Catalogue
 
+RADIUS = Parameter(
+    "radius", 60, least_radius_mm, 150, "rolling radius of the wheels, tyre included",
+    "a hub between whose walls a driver reaches the horn's screws, and a rim", shared=True,
+)  # fmt: skip
 TYRE_WIDTH = Parameter(
     "tire_thickness", 12, 8, 40, "width of a wheel, from outside to outside of its discs", "the tongues of its rim"
 )
@@ -30,7 +34,15 @@ class Wheel(Component):
     def build(self, shape: Shape) -> None:
         """Faces ``inner``, ``outer``, ``hub``, ``wall 1`` … and ``rim 0 0`` …"""
         size = WheelSize(self["radius"], self["tire_thickness"], self.parts)
-        poses = self._discs(shape, size)
+        # The discs are drawn as seen from inside the wheel.
+        for name, mirror in (("inner", -1), ("outer", 1)):
+            points, names = _disc(size, mirror)
+            shape.face(name, points, names, piece=f"wheel {name} disc")
+        out = (size.width_mm - size.film_mm) / 2
+        poses = {
+            "inner": compose(translation(0, -out, 0), rotation("x", -math.pi / 2)),
+            "outer": compose(translation(0, out, 0), rotation("x", math.pi / 2)),
+        }
         build_hub(shape, size)
         self._holes(shape, size)
         build_rim(shape, size)
@@ -42,17 +54,6 @@ class Wheel(Component):
         add_wheel_parts(shape, size)
         shape.begin_at("inner", poses["inner"])
 
-    def _discs(self, shape: Shape, size: WheelSize) -> dict[str, Pose]:
-        """The faces of the discs, drawn as seen from inside the wheel, and their poses in the wheel's frame."""
-        out = (size.width_mm - size.film_mm) / 2
-        for name, mirror in (("inner", -1), ("outer", 1)):
-            points, names = _disc(size, mirror)
-            shape.face(name, points, names, piece=f"wheel {name} disc")
-        return {
-            "inner": compose(translation(0, -out, 0), rotation("x", -math.pi / 2)),
-            "outer": compose(translation(0, out, 0), rotation("x", math.pi / 2)),
-        }
-
     def _holes(self, shape: Shape, size: WheelSize) -> None:
         """Holes for the horn's screws in the inner disc and the hub's layer on it, and the access to them."""
         assembly, horn = self.parts.assembly, self.parts.horn
@@ -60,11 +61,11 @@ class Wheel(Component):
             shape.round_hole(face, f"{face}.hub", "axle", (0, 0), horn.recess_diameter_mm.value)
             for i, center in enumerate(wheel_screws_mm(horn)):
                 # Slots towards the axle, for horns whose holes lie nearer to it or farther from it.
-                screw, off = self.parts.horn_screw.diameter_mm, horn.wheel_screws.tolerance
-                wide, far = screw.value + screw.tolerance + 2 * assembly.cut_mm.value, math.hypot(*center)
+                off, far = horn.wheel_screws.tolerance, math.hypot(*center)
+                wide = self.parts.horn_screw.diameter_mm.most + 2 * assembly.cut_mm.value
                 near, out = ((center[0] * share, center[1] * share) for share in (1 - off / far, 1 + off / far))
                 shape.slotted_hole(face, f"{face}.horn screw {i + 1}", "screw", near, out, wide)
-        shape.round_hole("outer", "outer.access", "opening", (0, 0), 2 * size.access_radius_mm)
+        shape.round_hole("outer", "outer.access", "opening", (0, 0), 2 * access_radius_mm(self.parts))
 
 
 def _disc(size: WheelSize, mirror: int) -> tuple[list[Point], list[str]]:
@@ -103,10 +104,8 @@ def add_wheel_parts(shape: Shape, size: WheelSize) -> None:
     under = -size.film_mm / 2
     x0, y0, x1, y1 = horn.extent_mm
     center = ((x0 + x1) / 2, (y0 + y1) / 2, under - horn.height_mm.value / 2)
-    shape.box(
-        horn.name, "horn", "inner", translation(*center), (x1 - x0, y1 - y0, horn.height_mm.value), horn.mass_kg.value,
-        solids=_horn_solids(shape.parts, center),
-    )  # fmt: skip
+    box, solids = (x1 - x0, y1 - y0, horn.height_mm.value), _horn_solids(shape.parts, center)
+    shape.box(horn.name, "horn", "inner", translation(*center), box, horn.mass_kg.value, solids=solids)
     seat = translation(0, 0, under - horn.recess_depth_mm.value)
     screw_in(shape, parts.centre_screw, "centre screw", "inner", seat, 0.0)
     for i, (x, y) in enumerate(wheel_screws_mm(horn)):
@@ -155,6 +154,5 @@ def _tyre(shape: Shape, size: WheelSize) -> None:
     solids = [
         Solid("box", box, compose(rotation("z", i * step), translation(middle, 0, 0))) for i in range(TYRE_BOXES)
     ]
-    pose: Pose = translation(0, 0, (size.width_mm - size.film_mm) / 2)
-    shape.box(tyre.name, "tyre", "inner", pose, (2 * size.radius_mm, 2 * size.radius_mm, width),
-              tyre.mass_kg(size.radius_mm, size.width_mm), solids=solids)  # fmt: skip
+    pose, whole = translation(0, 0, (size.width_mm - size.film_mm) / 2), (2 * size.radius_mm, 2 * size.radius_mm, width)
+    shape.box(tyre.name, "tyre", "inner", pose, whole, tyre.mass_kg(size.radius_mm, size.width_mm), solids=solids)

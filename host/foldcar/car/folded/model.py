@@ -172,6 +172,10 @@ class Mount:
         """Its solids, or else its box."""
         return self.solids or (Solid("box", self.size_mm, IDENTITY),)
 
+    def half_mm(self, axis: int) -> float:
+        """Half of its box along an axis of the car (mm)."""
+        return sum(abs(self.pose[axis][k]) * self.size_mm[k] for k in range(3)) / 2
+
 
 @dataclass(frozen=True, slots=True)
 class Axle:

@@ -1,8 +1,9 @@
-"""The sequence of the assembly, without the ways on which things come in: these are found in prove.py.
+"""The sequence of the assembly and of the service, without the ways on which things come in: see prove.py.
 
 Input: a FoldedCar. Output: steps. Layers are glued onto flat pieces; walls are folded up, lids open; servos, caps and
 what joins segments follow; boards are screwed to their carrier apart, while it is flat; it and other parts go in from
-above; wheels are put together apart, horns and wheels go on; lids are shut, and what lies on them is put on.
+above; wheels are put together apart, horns and wheels go on; lids are shut, and what lies on them is put on. In service
+USB and switch are used with the lid shut, plugs and reset with it open, the battery is changed.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,6 +12,11 @@ from functools import lru_cache
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 from foldcar.car.proof.roles import Roles, roles_of
 from foldcar.car.proof.step import Added, AssemblyStep, Reach
+
+# The unit of every wheel; other units are named after their piece.
+WHEEL = "wheel"
+OPEN = "Push the levers outwards and lift the lid by its pull tab"
+USES = {"plug": "Plug a cable into", "finger": "Press", "driver": "Press, with a screwdriver,"}
 
 
 class Building:
@@ -40,30 +46,24 @@ class Building:
         """Append a step; pieces come in folded, unless it is ``flat``. A step that does nothing is left out."""
         pieces, mounts, units, closed = list(pieces), list(mounts), list(units), dict(folds or {})
         for one in pieces:
-            creases = self.roles.pieces[one.piece].creases
-            if not flat and creases:
-                closed.setdefault(one.piece, {crease.name: 1.0 for crease in creases})
+            whole = self.roles.whole(one.piece)
+            if not flat and whole:
+                closed.setdefault(one.piece, whole)
         self._there |= {(one.piece, one.copy) for one in pieces}
         self.parts |= {mount.name for mount in mounts}
         self._shaped |= {name for name, fractions in closed.items() if any(fractions.values())}
         if unit:
             self._apart |= {one.piece for one in pieces}
         for came in units:
-            members = {added.name for step in self.steps if step.unit == came.name for added in step.adds}
-            self._apart -= members
+            self._apart -= {added.name for step in self.steps if step.unit == came.name for added in step.adds}
         joins = self._joins(flat, unit)
         adds = (
             *(Added("piece", one.piece, one.copy, one.body) for one in pieces),
             *units,
             *(Added("mount", mount.name, 0, mount.body) for mount in mounts),
         )
-        reaches = tuple(
-            Reach(mount.name, i)
-            for mount in mounts
-            if self.roles.is_fastener(mount)
-            for i, access in enumerate(mount.accesses)
-            if access.tool == "driver"
-        )
+        screws = [mount for mount in mounts if self.roles.is_fastener(mount)]
+        reaches = tuple(Reach(m.name, i) for m in screws for i, one in enumerate(m.accesses) if one.tool == "driver")
         if adds or joins or closed:
             self.steps.append(AssemblyStep(title, closed, adds, joins, reaches, unit))
 
@@ -96,10 +96,6 @@ class Building:
         return tuple(sorted(found))
 
 
-# The unit of every wheel; other units are named after their piece.
-WHEEL = "wheel"
-
-
 @lru_cache(maxsize=16)
 def planned(car: FoldedCar) -> tuple[AssemblyStep, ...]:
     """All steps of a car, in order; the ways are empty."""
@@ -109,7 +105,12 @@ def planned(car: FoldedCar) -> tuple[AssemblyStep, ...]:
     _inside(roles, building)
     if roles.wheels:
         _wheels(roles, building)
-    _shut(roles, building)
+    # The lids are folded shut and locked; what lies on them is put on.
+    folds = {name: dict.fromkeys(lid.creases, 1.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
+    if folds:
+        building.shut("Shut the lid", folds)
+    for mount in (mount for mount in car.mounts if roles.is_on_lid(mount)):
+        building.step(f"Put the {mount.name} on", mounts=building.with_screws([mount]))
     return tuple(building.steps)
 
 
@@ -117,38 +118,29 @@ def _segments(roles: Roles, building: Building) -> None:
     """Beams, their layers and walls, servos, caps, what joins segments."""
     others = list(roles.others())
     bases = [roles.base[body] for body in roles.bodies]
-    layers = {(one.piece, one.copy): roles.host(one) for one in others if roles.is_layer(one)}
-    on_beams = [one for one in others if (host := layers.get((one.piece, one.copy))) is not None and host[0] in bases]
-    rest = [one for one in others if (one.piece, one.copy) not in layers]
+    layers = [one for one in others if roles.is_layer(one)]
+
+    def on(several: Sequence[PlacedPiece]) -> list[PlacedPiece]:
+        return [one for one in layers if (host := roles.host(one)) is not None and host[0] in several]
+
+    rest = [one for one in others if one not in layers]
     between = [one for one in rest if roles.is_between(one)]
     caps = [one for one in rest if one not in between and not roles.is_carrier(one)]
-    title = "Tape the layers onto the flat beam" if on_beams else "Lay out the beam"
-    building.step(title, [*bases, *on_beams], flat=True)
-    folds = {}
-    for name in sorted(roles.bases):
-        opening = roles.lids[name].creases
-        folds[name] = {c.name: 0.0 if c.name in opening else 1.0 for c in roles.pieces[name].creases}
+    title = "Tape the layers onto the flat beam" if on(bases) else "Lay out the beam"
+    building.step(title, [*bases, *on(bases)], flat=True)
+    folds = {name: roles.whole(name) | dict.fromkeys(roles.lids[name].creases, 0.0) for name in sorted(roles.bases)}
     building.step("Fold the walls up", folds=folds)
     servos = [m for m in roles.car.mounts if m.part == roles.car.parts.servo.name]
     building.step("Screw the servos in from outside", mounts=building.with_screws(servos))
     for title, group in (("Close the ends", caps), ("Join the segments", between)):
-        doubled = []
-        for one in group:
-            mine = [p for p in others if (host := layers.get((p.piece, p.copy))) is not None and host[0] is one]
-            if mine:
-                name = _unit(roles, one)
-                doubled.append(Added("unit", name, 0, one.body))
-                building.step(f"Tape the layers onto the flat {one.piece}", [one, *mine], unit=name, flat=True)
-        units = {unit.name for unit in doubled}
-        folded = {
-            one.piece: {crease.name: 1.0 for crease in roles.pieces[one.piece].creases}
-            for one in group
-            if _unit(roles, one) in units
-        }
-        alone = [one for one in group if _unit(roles, one) not in units]
-        building.step(title, alone, units=doubled, folds=folded)
-    loose = [one for one in others if (one.piece, one.copy) in layers and layers[one.piece, one.copy] is None]
-    building.step("Glue the other layers on", loose)
+        doubled = [one for one in group if on([one])]
+        for one in doubled:
+            flat = f"Tape the layers onto the flat {one.piece}"
+            building.step(flat, [one, *on([one])], unit=_unit(roles, one), flat=True)
+        units = [Added("unit", _unit(roles, one), 0, one.body) for one in doubled]
+        alone = [one for one in group if one not in doubled]
+        building.step(title, alone, units=units, folds={one.piece: roles.whole(one.piece) for one in doubled})
+    building.step("Glue the other layers on", [one for one in layers if roles.host(one) is None])
 
 
 def _unit(roles: Roles, one: PlacedPiece) -> str:
@@ -169,9 +161,8 @@ def _inside(roles: Roles, building: Building) -> None:
     under = [m for m in parts if any(_under(m, board) for board in carried)]
     for one in carriers:
         boards = sorted((m for m in roles.carried(one) if not roles.is_fastener(m)), key=lambda m: m.pose[2][3])
-        name, parts_on = _unit(roles, one), building.with_screws(boards)
+        name, parts_on, whole = _unit(roles, one), building.with_screws(boards), roles.whole(one.piece)
         building.step(f"Screw the boards onto the flat {one.piece}", [one], parts_on, unit=name, flat=True)
-        whole = {crease.name: 1.0 for crease in roles.pieces[one.piece].creases}
         building.step(f"Fold the {one.piece}", folds={one.piece: whole} if whole else {}, unit=name)
     for mount in under:
         building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
@@ -181,9 +172,8 @@ def _inside(roles: Roles, building: Building) -> None:
     for mount in parts:
         if mount not in under:
             building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
-    left = [m for m in car.mounts if m.name not in building.parts and m.body not in wheels and m not in soft]
-    left = [m for m in left if roles.is_fastener(m)]
-    building.step("Drive the other screws", mounts=left)
+    screws = [m for m in car.mounts if roles.is_fastener(m) and m.name not in building.parts and m.body not in wheels]
+    building.step("Drive the other screws", mounts=screws)
     building.step("Plug all wires in", mounts=[*extensions, *soft])
 
 
@@ -191,13 +181,8 @@ def _under(mount: Mount, board: Mount) -> bool:
     """Whether a mount lies below a board that is above it."""
     if mount.body != board.body or mount.pose[2][3] >= board.pose[2][3]:
         return False
-    for axis in (0, 1):
-        reach = sum(
-            sum(abs(one.pose[axis][k]) * one.size_mm[k] for k in range(3)) / 2 for one in (mount, board)
-        )
-        if abs(mount.pose[axis][3] - board.pose[axis][3]) >= reach:
-            return False
-    return True
+    reach = (mount.half_mm(axis) + board.half_mm(axis) for axis in (0, 1))
+    return all(abs(mount.pose[axis][3] - board.pose[axis][3]) < far for axis, far in enumerate(reach))
 
 
 def _wheels(roles: Roles, building: Building) -> None:
@@ -209,7 +194,12 @@ def _wheels(roles: Roles, building: Building) -> None:
     screws = [m for m in mounts if roles.is_fastener(m)]
     central = [m for m in screws if roles.on_axis(m)]
     strips = [one for one in placed if roles.is_wound(one.piece)]
-    first = _first_discs(roles, horns)
+    # The disc on the horn and the layers glued to it.
+    faces, on_wheels = {horn.face for horn in horns}, {one.piece for one in placed}
+    first = {name for name in on_wheels if any(face.name in faces for face in roles.pieces[name].faces)}
+    for join in (join for join in car.joins if join.kind == "laminate"):
+        ends = {join.piece_a, join.piece_b}
+        first |= ends if ends & first and ends <= on_wheels else set()
     inner = [one for one in placed if one.piece in first]
     building.step("Tape the hubs onto the inner discs", inner, unit=WHEEL)
     others = [one for one in placed if one not in strips and one not in inner]
@@ -221,57 +211,23 @@ def _wheels(roles: Roles, building: Building) -> None:
     building.step("Screw the wheels onto the horns", units=units, mounts=[m for m in screws if m not in central])
 
 
-def _first_discs(roles: Roles, horns: Sequence[Mount]) -> set[str]:
-    """The disc on the horn and the layers glued to it."""
-    faces = {horn.face for horn in horns}
-    on_wheels = {one.piece for wheel in roles.wheels for one in roles.placed(wheel)}
-    found = {name for name in on_wheels if any(face.name in faces for face in roles.pieces[name].faces)}
-    for join in roles.car.joins:
-        ends = {join.piece_a, join.piece_b}
-        if join.kind == "laminate" and ends & found and ends <= on_wheels:
-            found |= ends
-    return found
-
-
-def _shut(roles: Roles, building: Building) -> None:
-    """The lids are folded shut and locked; what lies on them is put on."""
-    lids = roles.lids
-    folds = {name: dict.fromkeys(lids[name].creases, 1.0) for name in sorted(lids) if lids[name].creases}
-    if folds:
-        building.shut("Shut the lid", folds)
-    for mount in roles.car.mounts:
-        if roles.is_on_lid(mount):
-            building.step(f"Put the {mount.name} on", mounts=building.with_screws([mount]))
-
-
-OPEN = "Push the levers outwards and lift the lid by its pull tab"
-USES = {"plug": "Plug a cable into", "finger": "Press", "driver": "Press, with a screwdriver,"}
-
-
 @lru_cache(maxsize=16)
 def service(car: FoldedCar) -> tuple[AssemblyStep, ...]:
-    """The steps, in order; ``adds`` are what is taken out, with empty ways."""
+    """The steps of service, from the finished car to that with its lid open; ``adds`` are taken out, their ways empty."""
     roles = roles_of(car)
-    steps: list[AssemblyStep] = []
-    shut: list[tuple[str, Reach]] = []
-    opened: list[tuple[str, Reach]] = []
+    shut: list[AssemblyStep] = []
+    opened: list[AssemblyStep] = []
     for mount in (m for m in car.mounts if not roles.is_fastener(m)):
         for i, access in enumerate(mount.accesses):
-            what = f"{USES[access.tool]} {mount.name}"
-            (shut if roles.from_outside(mount, access) else opened).append((what, Reach(mount.name, i)))
-    for what, reach in shut:
-        steps.append(AssemblyStep(f"{what}, the lid shut", {}, (), (), (reach,)))
+            outside = roles.from_outside(mount, access)
+            what = f"{USES[access.tool]} {mount.name}, the lid {'shut' if outside else 'open'}"
+            (shut if outside else opened).append(AssemblyStep(what, {}, (), (), (Reach(mount.name, i),)))
     folds = {name: dict.fromkeys(lid.creases, 0.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
-    batteries = [Added("mount", m.name, 0, m.body) for m in car.mounts if m.part == car.parts.battery.name]
-    on_lid = [m.name for m in car.mounts if roles.is_on_lid(m)]
-    for battery in (one for one in batteries if one.name in on_lid):
-        steps.append(AssemblyStep(f"Take {battery.name} off", {}, (battery,), ()))
-    grips = [Reach(face.name, i, name) for name in sorted(folds) for face in roles.lids[name].gripped
-             for i in range(len(face.accesses))]  # fmt: skip
-    if folds:
-        steps.append(AssemblyStep(OPEN, folds, (), (), tuple(grips)))
-    for what, reach in opened:
-        steps.append(AssemblyStep(f"{what}, the lid open", {}, (), (), (reach,)))
-    for battery in (one for one in batteries if one.name not in on_lid):
-        steps.append(AssemblyStep(f"Take {battery.name} out", {}, (battery,), ()))
-    return tuple(steps)
+    for mount in (m for m in car.mounts if m.part == car.parts.battery.name):
+        on_lid = roles.is_on_lid(mount)
+        out = f"Take {mount.name} {'off' if on_lid else 'out'}"
+        (shut if on_lid else opened).append(AssemblyStep(out, {}, (Added("mount", mount.name, 0, mount.body),), ()))
+    gripped = [(name, face) for name in folds for face in roles.lids[name].gripped]
+    grips = tuple(Reach(face.name, i, name) for name, face in gripped for i in range(len(face.accesses)))
+    lifted = [AssemblyStep(OPEN, folds, (), (), grips)] if folds else []
+    return (*shut, *lifted, *opened)

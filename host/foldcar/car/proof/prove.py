@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
+from foldcar.car.folded.model import FoldedCar, Mount
 from foldcar.car.folded.placed import Finding
 from foldcar.car.folded.pose import compose, translation
 from foldcar.car.proof.collide import Way, hit, swept, way_out
@@ -60,7 +60,6 @@ class _Prover:
         self.joined = self.scene.ignored()
         self.folds: dict[str, Mapping[str, float]] = {}
         self.stage = Stage(self.roles, self.folds)
-        self.pieces: dict[Thing, PlacedPiece] = {("piece", one.piece, one.copy): one for one in car.placed}
         self.mounts = {mount.name: mount for mount in car.mounts}
         # What stands in the car (no unit), and in units by name and body.
         self.standing: dict[tuple[str, str], dict[Thing, Blocks]] = {CAR: {}}
@@ -73,15 +72,19 @@ class _Prover:
         found: list[Added] = []
         for added in step.adds:
             group = (step.unit, added.body) if step.unit else CAR
-            twin = self._twin(step, added, found)
-            if twin is None:
-                came = self._comes_in(place, added, group)
-                self._reach(place, [one for one in step.reaches if one.name == added.name], group)
-            else:
+            first = step.adds[0].body
+            if step.unit == WHEEL and added.body != first:
                 # Wheels are alike: the way of the first one's, turned with the wheel.
-                way = tuple(self._turned(move, twin.body, added.body) for move in twin.way_mm)
-                came = replace(added, way_mm=way)
-                self._put(added, group)
+                mine = [one for one in step.adds if one.body == added.body]
+                twin = [one for one in found if one.body == first][mine.index(added)]
+                came = replace(added, way_mm=tuple(self._turned(move, first, added.body) for move in twin.way_mm))
+            else:
+                came, before = added, self.standing.get(group, {})
+                if before and not self._is_bent(added):
+                    came = self._way(place, added, before)
+            self.standing.setdefault(group, {}).update({key: self._solid(key) for key in self._keys(added)})
+            if came.body == first or step.unit != WHEEL:
+                self._reach(place, [one for one in step.reaches if one.name == added.name], group)
             found.append(came)
         return replace(step, adds=tuple(found))
 
@@ -92,21 +95,16 @@ class _Prover:
         """
         place = f"{number}, {step.title}"
         self._reach(place, step.reaches, CAR)
-        if step.folds:
-            self._close(step.folds)
+        self._close(step.folds)
         found = []
         for added in step.adds:
             for key in self._keys(added):
                 self.standing[CAR].pop(key, None)
-            found.append(self._way(place, added, self._blocks(added), self.standing[CAR]))
+            found.append(self._way(place, added, self.standing[CAR]))
         return replace(step, adds=tuple(found))
 
-    def _twin(self, step: AssemblyStep, added: Added, found: Sequence[Added]) -> Added | None:
-        """What was proved in this step for the first wheel, if ``added`` belongs to another one."""
-        if step.unit != WHEEL or added.body == step.adds[0].body:
-            return None
-        mine = [one for one in step.adds if one.body == added.body]
-        return [one for one in found if one.body == step.adds[0].body][mine.index(added)]
+    def _find(self, place: str, message: str) -> None:
+        self.findings.append(Finding("assembly", place, message))
 
     def _turned(self, move: Vector, first: str, other: str) -> Vector:
         a, b = (np.array(self.roles.placed(body)[0].pose)[:3, :3] for body in (first, other))
@@ -125,40 +123,24 @@ class _Prover:
                 shares = [i / SWING_STEPS for i in range(SWING_STEPS + 1)]
                 path = [{c: before.get(c, 0.0) * (1 - s) + f * s for c, f in fractions.items()} for s in shares]
                 self._swing(place, name, f"{name} does not fold", path)
-        if step.folds:
-            self._close(step.folds)
+        self._close(step.folds)
 
     def _close(self, folds: Mapping[str, Mapping[str, float]]) -> None:
+        if not folds:
+            return
         for name, fractions in folds.items():
             self.folds[name] = {**self.folds.get(name, {}), **fractions}
         self.stage = Stage(self.roles, self.folds)
         for standing in self.standing.values():
             standing.update({key: self._solid(key) for key in standing})
 
-    def _solid(self, key: Thing, stage: Stage | None = None) -> Blocks:
-        stage = stage or self.stage
-        if key[0] == "piece":
-            return self.scene.piece(self.pieces[key], stage)
-        return self.scene.mount(self.mounts[key[1]], stage)
+    def _solid(self, key: Thing) -> Blocks:
+        return self.scene.solid(key, self.stage)
 
     def _keys(self, added: Added) -> list[Thing]:
         if added.kind == "unit":
             return list(self.standing.get((added.name, added.body), {}))
         return [(added.kind, added.name, added.copy)]
-
-    def _blocks(self, added: Added) -> Blocks:
-        return together(self._solid(key) for key in self._keys(added))
-
-    def _put(self, added: Added, group: tuple[str, str]) -> None:
-        self.standing.setdefault(group, {}).update({key: self._solid(key) for key in self._keys(added)})
-
-    def _comes_in(self, place: str, added: Added, group: tuple[str, str]) -> Added:
-        """One thing, which is put in its place, with its way in."""
-        before = self.standing.get(group, {})
-        if before and not self._is_bent(added):
-            added = self._way(place, added, self._blocks(added), before)
-        self._put(added, group)
-        return added
 
     def _is_bent(self, added: Added) -> bool:
         """Whether something is laid out, wound or stretched, so that it has no straight way."""
@@ -169,9 +151,9 @@ class _Prover:
         mount = self.mounts[added.name]
         return mount.part == self.car.parts.wiring.name or self.roles.is_tyre(mount)
 
-    def _way(self, place: str, added: Added, moving: Blocks, there: Mapping[Thing, Blocks]) -> Added:
+    def _way(self, place: str, added: Added, there: Mapping[Thing, Blocks]) -> Added:
         """With the way in, found as a way out; a finding if there is none."""
-        standing = together(there.values())
+        moving, standing = together(self._solid(key) for key in self._keys(added)), together(there.values())
         own: list[Vector] = []
         mount = self.mounts[added.name] if added.kind == "mount" else None
         if mount is not None:
@@ -180,11 +162,9 @@ class _Prover:
         nut: Way | None = None
         if mount is not None and self.roles.is_fastener(mount):
             way, nut = self._screw_ways(mount, standing, own)
-            passes = self.roles.passed_by(mount)
-            added = replace(added, passes=passes)
-            for kind, name, copy in passes:
-                if (kind, name, copy) not in there:
-                    self._find(place, f"{self._name(added)} passes {name}, which is not there yet")
+            added = replace(added, passes=self.roles.passed_by(mount))
+            for thing in (thing for thing in added.passes if thing not in there):
+                self._find(place, f"{self._name(added)} passes {thing[1]}, which is not there yet")
         elif mount is not None and self._plugs_onto(mount, there):
             # Pins go straight into their sockets.
             way = way_out(moving, standing, own[4:], self.joined, only_own=True)
@@ -195,15 +175,12 @@ class _Prover:
                 self._find(place, f"{what}{self._name(added)} {_why(one)}")
         return replace(added, way_mm=_way_in(way), nut_mm=() if nut is None else _way_in(nut))
 
-    def _find(self, place: str, message: str) -> None:
-        self.findings.append(Finding("assembly", place, message))
-
     def _plugs_onto(self, mount: Mount, there: Mapping[Thing, Blocks]) -> bool:
         """Whether a mount is plugged onto one that is there, header on header."""
-        stacks = [{wire.a.removesuffix(HEADERS), wire.b.removesuffix(HEADERS)} for wire in self.car.wires
-                  if wire.carries == "stack"]  # fmt: skip
+        stacks = [wire for wire in self.car.wires if wire.carries == "stack"]
+        pairs = [{wire.a.removesuffix(HEADERS), wire.b.removesuffix(HEADERS)} for wire in stacks]
         names = {self.mounts[name].part for kind, name, _ in there if kind == "mount"}
-        return any(mount.part in stack and names & (stack - {mount.part}) for stack in stacks)
+        return any(mount.part in pair and names & (pair - {mount.part}) for pair in pairs)
 
     def _screw_ways(self, screw: Mount, standing: Blocks, own: Sequence[Vector]) -> tuple[Way, Way | None]:
         """The ways out of head and shank, along the driver, and of the nut: off the shank with what holds it, then on."""
@@ -240,42 +217,30 @@ class _Prover:
                 own |= {title(reach.piece, c.parent.face) for c in creases if c.child.face == reach.name}
             obstacle = hit(room, standing, ignored=frozenset((name, one) for one in own))
             if obstacle is not None:
-                message = f"{name} has no room for its {access.tool}: {obstacle} is in the way"
-                self.findings.append(Finding("assembly", place, message))
+                self._find(place, f"{name} has no room for its {access.tool}: {obstacle} is in the way")
 
     def _swing(self, place: str, name: str, failure: str, path: Sequence[Mapping[str, float]]) -> None:
         """A finding if a piece, or what it carries, meets something while its folds take the fractions of ``path``."""
         stages = [Stage(self.roles, {**self.folds, name: {**self.folds.get(name, {}), **one}}) for one in path]
+        first, last = stages[0], stages[-1]
         for standing in self.standing.values():
-            keys = [key for key in standing if self._moves(key, stages[0], stages[-1])]
+            keys = [key for key in standing if self.scene.poses(key, first) != self.scene.poses(key, last)]
             mine = [key for key in keys if key[:2] == ("piece", name)]
-            faces = {title(name, face) for key in mine for face in self._swung(key, stages)}
-            still = [self._only(standing[key], faces, inside=False) for key in mine]
+            faces: set[str] = set()
+            for key in mine:
+                ends = self.scene.poses(key, last)
+                faces |= {title(name, face) for face, pose in self.scene.poses(key, first).items() if pose != ends[face]}
+            still = [standing[key].where(faces, among=False) for key in mine]
             rest = together([*still, *(one for key, one in standing.items() if key not in keys)])
             start: Blocks | None = None
             for share, stage in zip(path, stages, strict=True):
-                riders = [self._solid(key, stage) for key in keys if key not in mine]
-                end = together([*(self._only(self._solid(key, stage), faces) for key in mine), *riders])
+                swung = [self.scene.solid(key, stage).where(faces) for key in mine]
+                end = together([*swung, *(self.scene.solid(key, stage) for key in keys if key not in mine)])
                 obstacle = None if start is None else swept(start, end, rest, self.joined)
                 if obstacle is not None:
-                    message = f"{failure}: {next(iter(share.values())):.0%} closed, it meets {obstacle}"
-                    self.findings.append(Finding("assembly", place, message))
+                    self._find(place, f"{failure}: {next(iter(share.values())):.0%} closed, it meets {obstacle}")
                     break
                 start = end
-
-    @staticmethod
-    def _only(blocks: Blocks, titles: set[str], inside: bool = True) -> Blocks:
-        return blocks.where(lambda one: (one in titles) == inside)
-
-    def _moves(self, key: Thing, first: Stage, last: Stage) -> bool:
-        if key[0] == "piece":
-            return first.faces(self.pieces[key]) != last.faces(self.pieces[key])
-        return first.mount(self.mounts[key[1]]) != last.mount(self.mounts[key[1]])
-
-    def _swung(self, key: Thing, stages: Sequence[Stage]) -> list[str]:
-        """The faces of a piece that move."""
-        first, last = (stage.faces(self.pieces[key]) for stage in (stages[0], stages[-1]))
-        return [face for face, pose in first.items() if pose != last[face]]
 
 
 def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, float]]:

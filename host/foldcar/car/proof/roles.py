@@ -1,17 +1,17 @@
-"""What each piece and part of a folded car is for, as far as the order of assembly depends on it.
+"""What each piece and part of a folded car is for, as far as the order of assembly depends on it; the lids of beams.
 
-Input: a FoldedCar. Output: its beams, their lids, the layers, caps, carriers of boards and fasteners. All follows from
-joins, creases and mounts.
+Input: a FoldedCar. Output: its beams, what opens of them without harm, the layers, caps, carriers of boards and
+fasteners. All follows from joins, creases and mounts.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 import shapely
 
-from foldcar.car.folded.model import Access, Crease, Face, FoldedCar, Join, Mount, Piece, PlacedPiece
+from foldcar.car.folded.model import Access, Face, FoldedCar, Join, Mount, Piece, PlacedPiece
 from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, folded, inverse
 from foldcar.car.parts.mechanics import Screw
@@ -22,6 +22,8 @@ PARALLEL = 0.999
 # Layers lie closer than this to the face they are glued to.
 LAYER_MM = 1.5
 ON_AXIS_MM = 0.5
+# A piece, and a face of it that something is fixed to.
+Host = tuple[PlacedPiece, str] | None
 
 
 @lru_cache(maxsize=16)
@@ -42,8 +44,9 @@ class Roles:
         self.bases = {one.piece for one in self.base.values()}
         self.lids = {name: lid_of(car, self.pieces[name]) for name in self.bases}
         self.finished = {piece.name: folded(piece) for piece in car.pieces}
-        parts = [getattr(car.parts, name) for name in type(car.parts).model_fields]
-        self.fastener_names = {part.name for part in parts if isinstance(part, Screw)}
+        self.fastener_names = {part.name for part in car.parts.bought if isinstance(part, Screw)}
+        self.host = cache(self._host)
+        self.held_by = cache(self._held_by)
         self.board_names = {car.parts.feather.name, car.parts.featherwing.name}
 
     def placed(self, body: str) -> list[PlacedPiece]:
@@ -55,15 +58,8 @@ class Roles:
         for body in self.bodies:
             yield from (one for one in self.placed(body) if one is not self.base[body])
 
-    @cached_property
-    def _hosts(self) -> dict[tuple[str, int], tuple[PlacedPiece, str] | None]:
-        return {(one.piece, one.copy): self._host(one) for one in self.car.placed}
-
-    def host(self, one: PlacedPiece) -> tuple[PlacedPiece, str] | None:
+    def _host(self, one: PlacedPiece) -> Host:
         """The piece that a piece is fixed to, and the face of it that it moves with; None for a beam or a loose piece."""
-        return self._hosts[one.piece, one.copy]
-
-    def _host(self, one: PlacedPiece) -> tuple[PlacedPiece, str] | None:
         base = self.base.get(one.body)
         if base is None or one is base:
             return None
@@ -76,7 +72,7 @@ class Roles:
                 return other, face
         return None
 
-    def mount_host(self, mount: Mount) -> tuple[PlacedPiece, str] | None:
+    def mount_host(self, mount: Mount) -> Host:
         """The piece and its face that a mount is fixed to."""
         if mount.face is None:
             return None
@@ -87,25 +83,29 @@ class Roles:
     def is_on_lid(self, mount: Mount) -> bool:
         """Whether a mount lies on the outer side of a lid."""
         base, host = self.base.get(mount.body), self.mount_host(mount)
-        if base is None or host is None or not self.moves_with(host, base, self.lids[base.piece].faces):
+        if base is None or host is None or self._face_of_beam(host, base) not in self.lids[base.piece].faces:
             return False
         onto = inverse(compose(host[0].pose, self.finished[host[0].piece][host[1]]))
         # Printed sides, along +z of their frames, look inwards.
         return compose(onto, mount.pose)[2][3] < 0 and not self.is_fastener(mount)
 
-    def moves_with(self, host: tuple[PlacedPiece, str] | None, base: PlacedPiece, faces: frozenset[str]) -> bool:
-        """Whether what is fixed to ``host`` moves with some faces of a beam."""
+    def _face_of_beam(self, host: Host, base: PlacedPiece | None) -> str | None:
+        """The face of a beam that what is fixed to ``host`` moves with; None if it is not fixed to the beam."""
         while host is not None and host[0] is not base:
             host = self.host(host[0])
-        return host is not None and host[1] in faces
+        return None if host is None else host[1]
+
+    def face_under(self, one: PlacedPiece) -> str | None:
+        """The face of its beam that a piece moves with; None for a beam and for what is fixed to none."""
+        return self._face_of_beam(self.host(one), self.base.get(one.body))
+
+    def whole(self, piece: str) -> dict[str, float]:
+        """The fractions of a piece's folds when it is folded: 1 for each crease."""
+        return {crease.name: 1.0 for crease in self.pieces[piece].creases}
 
     def joined(self, piece: str) -> list[Join]:
         """The joins of a piece with others."""
         return [j for j in self.car.joins if (j.piece_a == piece) != (j.piece_b == piece)]
-
-    def partners(self, piece: str) -> set[str]:
-        """The pieces that a piece is joined to."""
-        return {j.piece_b if j.piece_a == piece else j.piece_a for j in self.joined(piece)}
 
     def is_layer(self, one: PlacedPiece) -> bool:
         """Whether it is a flat piece that is only laminated to others."""
@@ -115,7 +115,7 @@ class Roles:
         """Whether it joins segments or is fixed to other pieces than beams: hinge strips, stops."""
         if any(crease.flexure for crease in self.pieces[one.piece].creases):
             return True
-        partners = self.partners(one.piece)
+        partners = {j.piece_b if j.piece_a == one.piece else j.piece_a for j in self.joined(one.piece)}
         return bool(partners) and not partners & self.bases
 
     def is_wound(self, piece: str) -> bool:
@@ -136,18 +136,10 @@ class Roles:
         """Whether a mount is a screw, with its nut."""
         return mount.part in self.fastener_names
 
-    def held_by(self, screw: Mount) -> list[Mount]:
+    def _held_by(self, screw: Mount) -> list[Mount]:
         """The mounts that a screw passes through, in bores of theirs."""
-        return self._held[screw.name]
-
-    @cached_property
-    def _held(self) -> dict[str, list[Mount]]:
         others = [m for m in self.car.mounts if not self.is_fastener(m)]
-        return {
-            screw.name: [m for m in others if any(stands_in(screw, a, m, b) for a in screw.solids for b in m.solids)]
-            for screw in self.car.mounts
-            if self.is_fastener(screw)
-        }
+        return [m for m in others if any(stands_in(screw, a, m, b) for a in screw.solids for b in m.solids)]
 
     def passed_by(self, screw: Mount) -> tuple[Thing, ...]:
         """What the shank of a screw, the second of its solids, passes, from the head on: parts with bores, and film."""
@@ -158,8 +150,8 @@ class Roles:
         half = shank.size_mm[2] / 2
         found: list[tuple[float, Thing]] = []
         for mount in self.held_by(screw):
-            heights = [compose(onto, mount.pose, solid.pose)[2][3] for solid in mount.solids if stands_in(
-                screw, shank, mount, solid)]  # fmt: skip
+            held = [solid for solid in mount.solids if stands_in(screw, shank, mount, solid)]
+            heights = [compose(onto, mount.pose, solid.pose)[2][3] for solid in held]
             found += [(max(heights), ("mount", mount.name, 0))] if heights else []
         for one in self.placed(screw.body):
             for face in self.pieces[one.piece].faces:
@@ -175,10 +167,9 @@ class Roles:
         if mount.body not in self.base:
             return True
         base = self.base[mount.body]
-        corners = np.array([
-            apply(compose(base.pose, self.finished[base.piece][face.name]), *point)
-            for face in self.pieces[base.piece].faces if face.role == "panel" for point in face.outline_mm
-        ])  # fmt: skip
+        panels = [face for face in self.pieces[base.piece].faces if face.role == "panel"]
+        poses = {face.name: compose(base.pose, self.finished[base.piece][face.name]) for face in panels}
+        corners = np.array([apply(poses[face.name], *point) for face in panels for point in face.outline_mm])
         pose = compose(mount.pose, access.pose)
         start, end = (np.array(apply(pose, 0.0, 0.0, z)) for z in (0.0, access.length_mm))
         low, high = corners.min(axis=0), corners.max(axis=0)
@@ -195,13 +186,6 @@ class Roles:
         axle = next(axle for axle in self.car.axles if axle.wheel == mount.body)
         x, z = (mount.pose[i][3] - axle.center_mm[i] for i in (0, 2))
         return bool(np.hypot(x, z) < ON_AXIS_MM)
-
-    def face_under(self, one: PlacedPiece) -> str | None:
-        """The face of its beam that a piece moves with; None for a beam and for what is fixed to none."""
-        base, host = self.base.get(one.body), self.host(one)
-        while host is not None and host[0] is not base:
-            host = self.host(host[0])
-        return None if host is None else host[1]
 
     def _lies_on(self, one: PlacedPiece, other: PlacedPiece, faces: Sequence[str]) -> str | None:
         """The one of some faces of a piece that another piece lies on; None if it lies on none."""
@@ -250,17 +234,24 @@ def lid_of(car: FoldedCar, base: Piece) -> Lid:
     moving: set[str] = set()
     opening: list[str] = []
     for lock in locks:
-        still = _ancestors(parents, lock.b.face)
+        face = lock.b.face
+        still = {face}
+        while face in parents:
+            face = parents[face].parent.face
+            still.add(face)
         at, folds = lock.a.face, []
         while at in parents and at not in still:
-            crease = parents[at]
-            below = _subtree(base, at)
+            # The face and all that hang on it.
+            below = {at}
+            for crease in base.creases:
+                if crease.parent.face in below:
+                    below.add(crease.child.face)
             if _glued_elsewhere(car, base, below):
                 break
             moving |= below
             if faces[at].role == "panel":
-                folds.append(crease.name)
-            at = crease.parent.face
+                folds.append(parents[at].name)
+            at = parents[at].parent.face
         opening += [name for name in reversed(folds) if name not in opening]
     order = [crease.name for crease in base.creases if crease.name in opening]
     ends = {(base.name, face) for face in moving}
@@ -271,23 +262,6 @@ def lid_of(car: FoldedCar, base: Piece) -> Lid:
     }
     gripped = tuple(face for face in base.faces if face.name in moving and face.accesses)
     return Lid(frozenset(moving), tuple(order), tuple(sorted(shutting)), gripped)
-
-
-def _ancestors(parents: Mapping[str, Crease], face: str) -> set[str]:
-    found = {face}
-    while face in parents:
-        face = parents[face].parent.face
-        found.add(face)
-    return found
-
-
-def _subtree(piece: Piece, top: str) -> set[str]:
-    """A face and all that hang on it."""
-    found = {top}
-    for crease in piece.creases:
-        if crease.parent.face in found:
-            found.add(crease.child.face)
-    return found
 
 
 def _glued_elsewhere(car: FoldedCar, base: Piece, faces: set[str]) -> bool:

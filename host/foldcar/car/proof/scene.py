@@ -7,27 +7,32 @@ film bends; tongues are cut off where they reach into what they lock into.
 import itertools
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from functools import cache
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from foldcar.car.folded.model import IDENTITY, Access, Face, Join, Mount, Piece, PlacedPiece, Pose
+from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, edge, folded, inverse, side
 from foldcar.car.proof.collide import Ignored
-from foldcar.car.proof.roles import Roles
-from foldcar.car.proof.solids import Blocks, access_blocks, face_blocks, mount_blocks, solid_blocks, together
-from foldcar.car.proof.step import Reach
+from foldcar.car.proof.roles import Host, Roles
+from foldcar.car.proof.solids import Blocks, access_blocks, mount_blocks, plate, solid_blocks, together
+from foldcar.car.proof.step import Reach, Thing
 
 Folds = Mapping[str, Mapping[str, float]]
 
 
 class Stage:
-    """The car with its folds closed by fractions, by piece and crease."""
+    """The car with its folds closed by fractions, by piece and crease.
+
+    What is fixed to a piece follows the face it is fixed to; the root of a beam stays where it is in the finished car.
+    """
 
     def __init__(self, roles: Roles, folds: Folds) -> None:
-        self.roles, self._folds = roles, folds
-        self._local: dict[str, dict[str, Pose]] = {}
+        self.roles = roles
+        self._folded = cache(lambda name: folded(roles.pieces[name], folds.get(name, {})))
 
     def faces(self, one: PlacedPiece) -> dict[str, Pose]:
         """The poses of the faces of a copy of a piece."""
@@ -38,12 +43,7 @@ class Stage:
         """The pose of a mount."""
         return compose(self._shift(self.roles.mount_host(mount)), mount.pose)
 
-    def _folded(self, name: str) -> dict[str, Pose]:
-        if name not in self._local:
-            self._local[name] = folded(self.roles.pieces[name], self._folds.get(name, {}))
-        return self._local[name]
-
-    def _shift(self, host: tuple[PlacedPiece, str] | None) -> Pose:
+    def _shift(self, host: Host) -> Pose:
         """The motion of a face from its place in the finished car."""
         if host is None:
             return IDENTITY
@@ -73,10 +73,10 @@ class Scene:
 
     def __init__(self, roles: Roles) -> None:
         self.roles = roles
-        self._mounts: dict[str, Blocks] = {}
+        self._placed: dict[Thing, PlacedPiece] = {("piece", one.piece, one.copy): one for one in roles.car.placed}
         self._named = {mount.name: mount for mount in roles.car.mounts}
         # The solids of pieces and mounts at the poses where they were last.
-        self._last: dict[tuple[str, int], tuple[object, Blocks]] = {}
+        self._last: dict[Thing, tuple[dict[str, Pose], Blocks]] = {}
         self._tongues: dict[tuple[str, str], list[shapely.Geometry]] = defaultdict(list)
         # A tongue's piece is cut whole where it meets a face of another one.
         cuts = {(j.piece_a, j.piece_b, j.b.face, j.a.face if j.piece_a == j.piece_b else ""): j for j in roles.car.joins}
@@ -84,46 +84,45 @@ class Scene:
             if join.kind in TONGUES:
                 for face, tongue in self._through(join):
                     self._tongues[join.piece_a, face].append(tongue)
-        self._faces: dict[tuple[str, str], Blocks] = {}
+        self._face = cache(self._made_face)
+        self._mount = cache(mount_blocks)
 
-    def piece(self, one: PlacedPiece, stage: Stage) -> Blocks:
-        """A copy of a piece."""
-        poses, key = stage.faces(one), (one.piece, one.copy)
-        if key not in self._last or self._last[key][0] != poses:
-            blocks = together(self._face(one.piece, face).moved(pose) for face, pose in poses.items())
-            self._last[key] = poses, blocks
-        return self._last[key][1]
+    def poses(self, thing: Thing, stage: Stage) -> dict[str, Pose]:
+        """The poses of a piece's faces by name, or that of a mount by its own."""
+        if thing[0] == "piece":
+            return stage.faces(self._placed[thing])
+        return {thing[1]: stage.mount(self._named[thing[1]])}
 
-    def mount(self, mount: Mount, stage: Stage) -> Blocks:
-        """A mount; none for loose wires and for what is stretched over a wheel."""
-        car = self.roles.car
-        if mount.part == car.parts.wiring.name:
-            return together(())
-        if mount.name not in self._mounts:
-            self._mounts[mount.name] = mount_blocks(mount)
-        pose, key = stage.mount(mount), (mount.name, -1)
-        if key not in self._last or self._last[key][0] != pose:
-            self._last[key] = pose, self._mounts[mount.name].moved(pose)
-        return self._last[key][1]
+    def solid(self, thing: Thing, stage: Stage) -> Blocks:
+        """A copy of a piece, or a mount; nothing for loose wires."""
+        poses = self.poses(thing, stage)
+        if thing not in self._last or self._last[thing][0] != poses:
+            kind, name, _ = thing
+            if kind == "piece":
+                parts = [self._face(name, face).moved(pose) for face, pose in poses.items()]
+            elif self._named[name].part == self.roles.car.parts.wiring.name:
+                parts = []
+            else:
+                parts = [self._mount(self._named[name]).moved(poses[name])]
+            self._last[thing] = poses, together(parts)
+        return self._last[thing][1]
 
     def screw(self, mount: Mount, stage: Stage) -> list[Blocks]:
         """Head with shank, then the nut: the solids from the third on; the box of a screw without solids."""
-        if not mount.solids:
-            return [self.mount(mount, stage)]
-        pose = stage.mount(mount)
-        several = [solid_blocks(solid, mount.name).moved(pose) for solid in mount.solids]
+        several = [solid_blocks(solid, mount.name).moved(stage.mount(mount)) for solid in mount.shape]
         return [together(several[:2]), *several[2:]]
 
     def access(self, reach: Reach, stage: Stage) -> tuple[Access, Blocks]:
         """An access and its cylinder, which is named as what is reached."""
         if not reach.piece:
             mount = self._named[reach.name]
-            access = mount.accesses[reach.index]
-            return access, access_blocks(access, mount.name).moved(stage.mount(mount))
-        one = next(one for one in self.roles.car.placed if one.piece == reach.piece)
-        face = next(face for face in self.roles.pieces[reach.piece].faces if face.name == reach.name)
-        access = face.accesses[reach.index]
-        return access, access_blocks(access, title(reach.piece, reach.name)).moved(stage.faces(one)[reach.name])
+            access, name, pose = mount.accesses[reach.index], mount.name, stage.mount(mount)
+        else:
+            one = next(one for one in self.roles.car.placed if one.piece == reach.piece)
+            face = next(face for face in self.roles.pieces[reach.piece].faces if face.name == reach.name)
+            access, name = face.accesses[reach.index], title(reach.piece, reach.name)
+            pose = stage.faces(one)[reach.name]
+        return access, access_blocks(access, name).moved(pose)
 
     def ignored(self) -> Ignored:
         """The pairs of faces that tabs join: a tab is modelled in the plane it is glued to, or on it."""
@@ -134,14 +133,14 @@ class Scene:
                 pairs |= {ends, ends[::-1]}
         return frozenset(pairs)
 
-    def _face(self, name: str, face_name: str) -> Blocks:
-        key = name, face_name
-        if key not in self._faces:
-            piece = self.roles.pieces[name]
-            face = next(face for face in piece.faces if face.name == face_name)
-            without = [*self._tongues[key], *_bends(piece, face)]
-            self._faces[key] = face_blocks(face, piece.thickness_mm, title(name, face_name), without)
-        return self._faces[key]
+    def _made_face(self, name: str, face_name: str) -> Blocks:
+        """A face in its own frame, without its tongues and what bends at its folds."""
+        piece = self.roles.pieces[name]
+        face = next(face for face in piece.faces if face.name == face_name)
+        shape: shapely.Geometry = polygon(face)
+        for one in (*self._tongues[name, face_name], *_bends(piece, face)):
+            shape = shape.difference(one)
+        return plate(shape, piece.thickness_mm, title(name, face_name))
 
     def _through(self, join: Join) -> Iterator[tuple[str, shapely.Geometry]]:
         """Bands of faces, in their frames, in and behind the film that a tongue goes through, as far as its tip.

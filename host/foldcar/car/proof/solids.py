@@ -7,7 +7,7 @@ into.
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 import fcl
@@ -15,8 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foldcar.car.folded.model import Access, Face, Mount, Pose, Solid
-from foldcar.car.folded.placed import polygon
+from foldcar.car.folded.model import Access, Mount, Pose, Solid
 
 # Solids may overlap by twice this.
 SKIN_MM = 0.05
@@ -53,9 +52,9 @@ class Blocks:
     low: Points
     high: Points
 
-    def where(self, wanted: Callable[[str], bool]) -> "Blocks":
-        """The solids whose title is ``wanted``."""
-        kept = [i for i, block in enumerate(self.blocks) if wanted(block.title)]
+    def where(self, titles: Collection[str], among: bool = True) -> "Blocks":
+        """The solids whose title is ``among`` these, or is not."""
+        kept = [i for i, block in enumerate(self.blocks) if (block.title in titles) == among]
         return Blocks(tuple(self.blocks[i] for i in kept), self.low[kept], self.high[kept])
 
     def moved(self, pose: Pose) -> "Blocks":
@@ -147,19 +146,9 @@ def _merge(
     return merged
 
 
-def face_blocks(face: Face, thickness_mm: float, title: str, without: Sequence[shapely.Geometry] = ()) -> Blocks:
-    """A face as plates in its own frame, less the shapes ``without``: its tongues."""
-    shape: shapely.Geometry = polygon(face)
-    for one in without:
-        shape = shape.difference(one)
-    return plate(shape, thickness_mm, title)
-
-
 def mount_blocks(mount: Mount) -> Blocks:
     """A mount's solids, or its box, in its own frame."""
-    if not mount.solids:
-        return blocks_of([box(mount.size_mm)], mount.name)
-    return together(solid_blocks(solid, mount.name) for solid in mount.solids)
+    return together(solid_blocks(solid, mount.name) for solid in mount.shape)
 
 
 def solid_blocks(solid: Solid, title: str) -> Blocks:

@@ -1,10 +1,11 @@
 """The folded car of a design: modules fused to segments, caps on their ends, hinges between them, wheels on servos.
 
-Input: a design. Output: the immutable FoldedCar that every exporter and the simulator's body read.
+Input: a design. Output: the immutable FoldedCar that every exporter and the simulator's body read. A module's internal
+parameters tell it what it must know of the others: its segment's ends, the floor beside it, the tyres next to it.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -20,7 +21,7 @@ from foldcar.car.components.parameter import ROUNDING, ComponentError, Slot, at_
 from foldcar.car.components.shape import Graph, Shape
 from foldcar.car.components.wheel import Wheel
 from foldcar.car.design import Design, DesignError
-from foldcar.car.folded.model import Axle, FoldedCar, HingeJoint, PlacedPiece, Wire
+from foldcar.car.folded.model import FoldedCar, HingeJoint, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
 from foldcar.car.leads import with_leads
 from foldcar.car.modules import HINGE, declared, modules, place_of
@@ -39,9 +40,8 @@ class Car(Component):
     def subcomponents(self) -> Sequence[Sub]:
         """Modules from front to back, then two caps for each segment."""
         subs = []
-        electronics = self.design.modules.index("B")
         for i, letter in enumerate(self.design.modules):
-            kind: type[Component] = ElectronicsModule if i == electronics else modules()[letter]
+            kind: type[Component] = ElectronicsModule if i == electronics(self.design) else modules()[letter]
             shared = tuple(parameter.name for parameter in declared(kind) if parameter.shared)
             body = f"segment{self.design.segment_at(i)}"
             settings = {} if letter == HINGE else around(self.design, i)
@@ -52,8 +52,8 @@ class Car(Component):
                 settings = {"slit": 0.0 if outer else self.parts.assembly.cable_slit_length_mm.value}
                 name = f"{end} cap {index + 1}"
                 subs.append(Sub(name, EndCap, ("width", "height"), settings=settings, body=f"segment{index}"))
-        ends = {"front": 0, "rear": len(self.design.segments) - 1}
-        subs.append(Sub("switch", SwitchMount, body=f"segment{ends[switch_cap(self.design).partition(' ')[0]]}"))
+        segment = int(switch_cap(self.design).rpartition(" ")[2]) - 1
+        subs.append(Sub("switch", SwitchMount, body=f"segment{segment}"))
         return subs
 
     def build(self, shape: Shape) -> None:
@@ -99,29 +99,35 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
         title = _servo_title(channel, count, axle.side)
         axles.append(replace(axle, wheel=f"wheel{channel}", servo=title, channel=channel))
     titles = {mine.servo: axle.servo for mine, axle in zip(frame.axles, axles, strict=True)}
-    mounts = [replace(m, name=_titled(m.name, titles)) for m in frame.mounts]
+    mounts = []
+    for mount in frame.mounts:
+        # Servos and their screws are named by their place in the car.
+        servo = next((servo for servo in titles if mount.name.startswith(servo)), "")
+        mounts.append(replace(mount, name=titles.get(servo, "") + mount.name.removeprefix(servo)))
     pieces, placed, joins = list(frame.pieces), list(frame.placed), list(frame.joins)
-    if count:
-        wheel = _wheel(design.values["radius"], design.values["W.tire_thickness"], choices)
-        pieces += (replace(piece, count=piece.count * count) for piece in wheel.pieces)
-        first = max((join.number for join in frame.joins), default=0)
-        joins += (replace(join, number=first + join.number) for join in wheel.joins)
-        counts = {piece.name: piece.count for piece in wheel.pieces}
-        for n, axle in enumerate(axles):
-            # The wheel is turned by half a turn about z on the right side.
-            pose = translation(*axle.center_mm)
-            if axle.side == "right":
-                pose = compose(pose, rotation("z", math.pi))
-            for one in wheel.placed:
-                copy = n * counts[one.piece] + one.copy
-                placed.append(PlacedPiece(one.piece, copy, axle.wheel, compose(pose, one.pose)))
-            for m in wheel.mounts:
-                name = f"{m.name} of {axle.wheel}"
-                mounts.append(replace(m, name=name, body=axle.wheel, pose=compose(pose, m.pose)))
+    wheel = _wheel(design.values["radius"], design.values["W.tire_thickness"], choices)
+    pieces += (replace(piece, count=piece.count * count) for piece in wheel.pieces)
+    first = max(join.number for join in frame.joins)
+    joins += (replace(join, number=first + join.number) for join in wheel.joins)
+    counts = {piece.name: piece.count for piece in wheel.pieces}
+    for n, axle in enumerate(axles):
+        # The wheel is turned by half a turn about z on the right side.
+        pose = translation(*axle.center_mm)
+        if axle.side == "right":
+            pose = compose(pose, rotation("z", math.pi))
+        for one in wheel.placed:
+            copy = n * counts[one.piece] + one.copy
+            placed.append(PlacedPiece(one.piece, copy, axle.wheel, compose(pose, one.pose)))
+        for m in wheel.mounts:
+            name = f"{m.name} of {axle.wheel}"
+            mounts.append(replace(m, name=name, body=axle.wheel, pose=compose(pose, m.pose)))
     hinges = tuple(_hinges(frame, design.parts))
-    wires = (*graph.wires, *_servo_wires(axles, design.parts))
+    wires = list(graph.wires)
+    for axle in axles:
+        turns = "turns forward above neutral" if axle.direction > 0 else "mirrored: turns forward below neutral"
+        wires.append(Wire(f"{design.parts.featherwing.name} channel {axle.channel}", axle.servo, "signal", turns))
     solid = tuple(pieces), tuple(placed), tuple(joins), tuple(mounts)
-    return with_leads(FoldedCar(*solid, tuple(axles), hinges, wires, design.parts))
+    return with_leads(FoldedCar(*solid, tuple(axles), hinges, tuple(wires), design.parts))
 
 
 def _frame(design: Design) -> tuple[Graph, Assembly]:
@@ -151,12 +157,6 @@ def _wheel(radius_mm: float, tyre_width_mm: float, choices: PartChoices) -> Asse
     return assemble(build(wheel))
 
 
-def _titled(name: str, titles: Mapping[str, str]) -> str:
-    """The name of a servo, or of one of its screws, by its place in the car."""
-    servo = next((servo for servo in titles if name.startswith(servo)), "")
-    return titles.get(servo, "") + name.removeprefix(servo)
-
-
 def _servo_title(channel: int, count: int, side: str) -> str:
     if count <= 4:
         end = "" if count <= 2 else ("front ", "rear ")[channel // 2]
@@ -174,9 +174,8 @@ def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
         for crease in piece.creases:
             if not crease.flexure:
                 continue
-            ends = edge(faces, crease.parent)
             pose = compose(placed.pose, folded(piece)[crease.parent.face])
-            a, b = (apply(pose, *end) for end in ends)
+            a, b = (apply(pose, *end) for end in edge(faces, crease.parent))
             x, y, z = ((p + q) / 2 for p, q in zip(a, b, strict=True))
             number = int(placed.body.removeprefix("segment"))
             length = 2 * (max(p[0] for p in faces[crease.parent.face].outline_mm) - parts.assembly.hinge_glue_mm.value)
@@ -185,15 +184,6 @@ def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
             limits = (crease.min_rad or 0.0, crease.max_rad or 0.0)
             hinges.append(HingeJoint(f"segment{number}", f"segment{number + 1}", (x, y, z), stiffness, *limits))
     return sorted(hinges, key=lambda hinge: -hinge.center_mm[0])
-
-
-def _servo_wires(axles: list[Axle], parts: Catalogue) -> list[Wire]:
-    wing = parts.featherwing.name
-    return [
-        Wire(f"{wing} channel {axle.channel}", axle.servo, "signal",
-             "turns forward above neutral" if axle.direction > 0 else "mirrored: turns forward below neutral")
-        for axle in axles
-    ]  # fmt: skip
 
 
 # As far as a floor reaches where no tyre limits the place of USB.
@@ -210,17 +200,18 @@ def electronics(design: Design) -> int:
 def switch_cap(design: Design) -> str:
     """The outer cap that carries the switch: the one nearer to the electronics, but not at their own end."""
     index, last = electronics(design), len(design.modules) - 1
-    rear = f"rear cap {len(design.segments)}"
-    if index == 0:
-        return rear
-    return "front cap 1" if index == last or index <= last - index else rear
+    in_front = index > 0 and (index == last or index <= last - index)
+    return "front cap 1" if in_front else f"rear cap {len(design.segments)}"
 
 
 def around(design: Design, module: int) -> dict[str, float]:
     """Values of the internal parameters of a module that is no hinge; those that it lacks are left out."""
     known = _flap(design, module)
     if design.modules[module] == WheelModule.letter:
-        known |= {"towards_middle": _towards_middle(design, module), "tab_there": _tab_there(design, module)}
+        # No cap is at the inner end of a module that is not a segment of its own.
+        alone = len(design.segments[design.segment_at(module)].modules) == 1
+        tab = design.parts.assembly.cap_tab_mm.value if alone else 0.0
+        known |= {"towards_middle": _towards_middle(design, module), "tab_there": tab}
     if module == electronics(design):
         known |= {"floor_front": _floor(design, module, -1), "floor_rear": _floor(design, module, 1)}
         known |= dict(zip(("usb_low", "usb_high"), _between_tyres(design, module), strict=True))
@@ -230,12 +221,6 @@ def around(design: Design, module: int) -> dict[str, float]:
 def _towards_middle(design: Design, module: int) -> float:
     middle = design.segments[design.segment_at(module)].center_mm
     return -1.0 if design.module_centers_mm[module] > middle else 1.0
-
-
-def _tab_there(design: Design, module: int) -> float:
-    """The depth of the caps' tabs (mm) if the module is a segment of its own, else 0: no cap is at its inner end."""
-    alone = len(design.segments[design.segment_at(module)].modules) == 1
-    return design.parts.assembly.cap_tab_mm.value if alone else 0.0
 
 
 def _length(design: Design, module: int) -> float:

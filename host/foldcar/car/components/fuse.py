@@ -5,13 +5,14 @@ edge of its fused face. Neighbouring collinear edges that are linked to the same
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from foldcar.car.components.parameter import ComponentError
 from foldcar.car.components.shape import Atom, Graph, Link
 from foldcar.car.folded.model import IDENTITY, Face, Hole, Mark, Point, Pose
-from foldcar.car.folded.pose import across_crease, apply, compose
+from foldcar.car.folded.pose import across_crease, apply, compose, side
 
 Edge = tuple[str, int]
 # Directions count as parallel below this sine; points closer than 100 times this, in mm, are the same.
@@ -49,11 +50,11 @@ def fuse(graph: Graph) -> dict[str, Fused]:
 
 def _groups(graph: Graph) -> dict[str, dict[str, Pose]]:
     """Groups of rigidly linked atoms, by the first one's path: the atoms' poses in its frame."""
-    neighbours: dict[str, list[tuple[Edge, Edge]]] = {}
+    neighbours: dict[str, list[tuple[Edge, Edge]]] = defaultdict(list)
     for link in graph.links:
         if link.kind == "rigid":
-            neighbours.setdefault(link.a[0], []).append((link.a, link.b))
-            neighbours.setdefault(link.b[0], []).append((link.b, link.a))
+            neighbours[link.a[0]].append((link.a, link.b))
+            neighbours[link.b[0]].append((link.b, link.a))
     groups: dict[str, dict[str, Pose]] = {}
     done: set[str] = set()
     for path in graph.atoms:
@@ -63,7 +64,7 @@ def _groups(graph: Graph) -> dict[str, dict[str, Pose]]:
         stack = [path]
         while stack:
             here = stack.pop()
-            for mine, other in neighbours.get(here, ()):
+            for mine, other in neighbours[here]:
                 if other[0] not in poses:
                     step = across_crease(_ends(graph, mine), _ends(graph, other), 0.0)
                     poses[other[0]] = compose(poses[here], step)
@@ -74,8 +75,7 @@ def _groups(graph: Graph) -> dict[str, dict[str, Pose]]:
 
 
 def _ends(graph: Graph, edge: Edge) -> tuple[Point, Point]:
-    outline = graph.atoms[edge[0]].outline_mm
-    return outline[edge[1]], outline[(edge[1] + 1) % len(outline)]
+    return side(graph.atoms[edge[0]].outline_mm, edge[1])
 
 
 def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner: set[Edge]) -> Fused:
@@ -85,12 +85,14 @@ def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner
     else:
         ring = _ring(graph, poses, inner)
     outline, edges = _merge(ring, tags)
-    holes = tuple(_moved(hole, pose) for path, pose in poses.items() for hole in graph.atoms[path].holes)
-    marked = [(mark, pose) for path, pose in poses.items() for mark in graph.atoms[path].marks]
-    marks = tuple(Mark(mark.name, tuple(_flat(pose, at) for at in mark.outline_mm)) for mark, pose in marked)
-    reached = [(one, pose) for path, pose in poses.items() for one in graph.atoms[path].accesses]
-    accesses = tuple(replace(one, pose=compose(pose, one.pose)) for one, pose in reached)
-    return Fused(Face(first.path, outline, holes, first.role, marks=marks, accesses=accesses), first, poses, edges)
+    holes, marks, accesses = list[Hole](), [], []
+    for path, pose in poses.items():
+        atom = graph.atoms[path]
+        holes += atom.holes if pose is IDENTITY else (_moved(hole, pose) for hole in atom.holes)
+        marks += (Mark(mark.name, tuple(_flat(pose, at) for at in mark.outline_mm)) for mark in atom.marks)
+        accesses += (replace(one, pose=compose(pose, one.pose)) for one in atom.accesses)
+    on = {"marks": tuple(marks), "accesses": tuple(accesses)}
+    return Fused(Face(first.path, outline, tuple(holes), first.role, **on), first, poses, edges)
 
 
 def _ring(graph: Graph, poses: dict[str, Pose], inner: set[Edge]) -> list[tuple[Edge, Point]]:
@@ -115,19 +117,12 @@ def _ring(graph: Graph, poses: dict[str, Pose], inner: set[Edge]) -> list[tuple[
 
 def _merge(ring: list[tuple[Edge, Point]], tags: dict[Edge, object]) -> tuple[tuple[Point, ...], dict[Edge, int]]:
     """Merge neighbouring collinear edges with equal tags: the outline's points and each atom edge's new index."""
-    count = len(ring)
-    corners = [i for i in range(count) if not _goes_on(ring, tags, i)]
-    outline = tuple(ring[i][1] for i in corners)
-    edges: dict[Edge, int] = {}
-    for place, corner in enumerate(corners):
-        end = corners[(place + 1) % len(corners)]
-        i = corner
-        while True:
-            edges[ring[i][0]] = place
-            i = (i + 1) % count
-            if i == end:
-                break
-    return outline, edges
+    corners = [i for i in range(len(ring)) if not _goes_on(ring, tags, i)]
+    edges = {}
+    for i, (edge, _) in enumerate(ring):
+        # Edges before the first corner go on the last one.
+        edges[edge] = (sum(corner <= i for corner in corners) - 1) % len(corners)
+    return tuple(ring[i][1] for i in corners), edges
 
 
 def _goes_on(ring: list[tuple[Edge, Point]], tags: dict[Edge, object], i: int) -> bool:
@@ -140,15 +135,12 @@ def _goes_on(ring: list[tuple[Edge, Point]], tags: dict[Edge, object], i: int) -
 
 
 def _moved(hole: Hole, pose: Pose) -> Hole:
-    if pose is IDENTITY:
-        return hole
     center = None if hole.center_mm is None else _flat(pose, hole.center_mm)
     return replace(hole, outline_mm=tuple(_flat(pose, point) for point in hole.outline_mm), center_mm=center)
 
 
 def _flat(pose: Pose, point: Point) -> Point:
-    x, y, _ = apply(pose, *point)
-    return (x, y)
+    return apply(pose, *point)[:2]
 
 
 def _key(point: Point) -> tuple[int, int]:
@@ -162,20 +154,12 @@ def seams(links: Iterable[Link], fused: dict[str, Fused]) -> list[tuple[Link, Ed
     """
     owner = {path: first for first, one in fused.items() for path in one.poses}
     found: dict[tuple[Edge, Edge], tuple[Link, Edge, Edge, float]] = {}
-    for link in links:
-        if link.kind == "rigid":
-            continue
+    for link in (link for link in links if link.kind != "rigid"):
         a, b = ((owner[path], fused[owner[path]].edges[path, index]) for path, index in (link.a, link.b))
-        if (a, b) in found:
-            continue
-        lengths = [_length(fused[edge[0]].face, edge[1]) for edge in (a, b)]
-        if abs(lengths[0] - lengths[1] - 2 * link.inset_mm) > 1e-4:
-            raise ComponentError(
-                link.a[0], f"meets {link.b[0]} in edges of {lengths[0]:g} and {lengths[1]:g} mm once they are fused"
-            )
-        found[a, b] = (link, a, b, lengths[1])
+        if (a, b) not in found:
+            first, second = (math.dist(*side(fused[path].face.outline_mm, index)) for path, index in (a, b))
+            if abs(first - second - 2 * link.inset_mm) > 1e-4:
+                told = f"meets {link.b[0]} in edges of {first:g} and {second:g} mm once they are fused"
+                raise ComponentError(link.a[0], told)
+            found[a, b] = (link, a, b, second)
     return list(found.values())
-
-
-def _length(face: Face, index: int) -> float:
-    return math.dist(face.outline_mm[index], face.outline_mm[(index + 1) % len(face.outline_mm)])

@@ -158,10 +158,12 @@ class Shape:
         body = self._body if body is None else body
         self.graph.atoms[path] = Atom(path, tuple(outline_mm), names, role, piece, thickness, body)
 
-    def rectangle(self, name: str, length_mm: float, width_mm: float, *, piece: str = "") -> None:
+    def rectangle(
+        self, name: str, length_mm: float, width_mm: float, *, piece: str = "", thickness_mm: float | None = None
+    ) -> None:
         """Add a face, x from 0 to length, y from 0 to width; edges near (y = 0), front (x = length), far and rear."""
         outline = ((0.0, 0.0), (length_mm, 0.0), (length_mm, width_mm), (0.0, width_mm))
-        self.face(name, outline, RECTANGLE_EDGES, piece=piece)
+        self.face(name, outline, RECTANGLE_EDGES, piece=piece, thickness_mm=thickness_mm)
 
     def rectangular_hole(
         self, face: str, name: str, kind: HoleKind, center_mm: Point, length_mm: float, width_mm: float

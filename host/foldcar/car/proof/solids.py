@@ -9,6 +9,7 @@ import itertools
 import math
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import fcl
 import numpy as np
@@ -25,23 +26,20 @@ SIDES = 16
 _NO_FACES = np.array([3, 0, 1, 2], dtype=np.int32)
 
 Points = NDArray[np.float64]
+Ring = list[tuple[float, float]]
 
 
+@dataclass(eq=False)
 class Block:
     """One convex solid: its corners, (k, 3) in mm, and what it belongs to."""
 
-    __slots__ = ("_solid", "corners_mm", "title")
+    corners_mm: Points
+    title: str
 
-    def __init__(self, corners_mm: Points, title: str) -> None:
-        self.corners_mm, self.title = corners_mm, title
-        self._solid: fcl.CollisionObject | None = None
-
-    @property
+    @cached_property
     def solid(self) -> fcl.CollisionObject:
         """The solid for fcl."""
-        if self._solid is None:
-            self._solid = hull(self.corners_mm)
-        return self._solid
+        return hull(self.corners_mm)
 
 
 @dataclass(frozen=True)
@@ -94,19 +92,14 @@ def hull(points: Points) -> fcl.CollisionObject:
 def plate(shape: shapely.Geometry, thickness_mm: float, title: str) -> Blocks:
     """A flat shape as a plate around the plane z = 0."""
     half = thickness_mm / 2 - SKIN_MM
-    shrunk = shape.buffer(-SKIN_MM, join_style="mitre")
-    corners = [np.array(part) for part in convex_parts(shrunk)]
-    heights = np.array((-half, half))
-    solids = []
-    for flat in corners:
-        upright = np.repeat(flat, 2, axis=0)
-        solids.append(np.column_stack([upright, np.tile(heights, len(flat))]))
+    flat = [np.array(part) for part in convex_parts(shape.buffer(-SKIN_MM, join_style="mitre"))]
+    solids = (np.column_stack([np.repeat(part, 2, axis=0), np.tile((-half, half), len(part))]) for part in flat)
     return blocks_of(solids, title)
 
 
-def convex_parts(shape: shapely.Geometry) -> list[list[tuple[float, float]]]:
+def convex_parts(shape: shapely.Geometry) -> list[Ring]:
     """The corners of convex polygons that make up a shape: its triangles, joined while they stay convex."""
-    parts: list[list[tuple[float, float]]] = []
+    parts: list[Ring] = []
     for one in shapely.get_parts(shape):
         if one.geom_type == "Polygon" and one.area > LEAST_MM**2:
             triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(one))
@@ -114,7 +107,7 @@ def convex_parts(shape: shapely.Geometry) -> list[list[tuple[float, float]]]:
     return parts
 
 
-def _joined(polygons: list[list[tuple[float, float]]]) -> list[list[tuple[float, float]]]:
+def _joined(polygons: list[Ring]) -> list[Ring]:
     """Convex polygons (counter-clockwise) after neighbours are joined over their common edge, if the result is convex."""
     alive = dict(enumerate(polygons))
     owner = {(a, b): i for i, p in alive.items() for a, b in zip(p, [*p[1:], p[0]], strict=True)}
@@ -134,9 +127,7 @@ def _joined(polygons: list[list[tuple[float, float]]]) -> list[list[tuple[float,
     return list(alive.values())
 
 
-def _merge(
-    one: list[tuple[float, float]], other: list[tuple[float, float]], edge: tuple[tuple[float, float], ...]
-) -> list[tuple[float, float]] | None:
+def _merge(one: Ring, other: Ring, edge: tuple[tuple[float, float], ...]) -> Ring | None:
     i, k = one.index(edge[0]), other.index(edge[1])
     # Both start behind the common edge: one from its end, the other from its start.
     merged = [*(one[i + 1 :] + one[: i + 1]), *(other[k + 1 :] + other[:k])[1:]]
@@ -182,4 +173,3 @@ def prism(radius_mm: float, low_mm: float, high_mm: float) -> Points:
     turns = 2 * math.pi * np.arange(SIDES) / SIDES
     circle = np.column_stack([radius * np.cos(turns), radius * np.sin(turns)])
     return np.vstack([np.column_stack([circle, np.full(SIDES, z)]) for z in (low_mm, high_mm)])
-

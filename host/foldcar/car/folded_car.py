@@ -17,7 +17,7 @@ from foldcar.car.components.component import Component, Sub, build
 from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
 from foldcar.car.components.module import WheelModule
 from foldcar.car.components.mounts import SwitchMount, depth_mm, inside_mm
-from foldcar.car.components.parameter import ROUNDING, ComponentError, Slot, at_least
+from foldcar.car.components.parameter import ROUNDING, ComponentError, at_least
 from foldcar.car.components.shape import Graph, Shape
 from foldcar.car.components.wheel import Wheel
 from foldcar.car.design import Design, DesignError
@@ -52,8 +52,8 @@ class Car(Component):
                 settings = {"slit": 0.0 if outer else self.parts.assembly.cable_slit_length_mm.value}
                 name = f"{end} cap {index + 1}"
                 subs.append(Sub(name, EndCap, ("width", "height"), settings=settings, body=f"segment{index}"))
-        segment = int(switch_cap(self.design).rpartition(" ")[2]) - 1
-        subs.append(Sub("switch", SwitchMount, body=f"segment{segment}"))
+        number = int(switch_cap(self.design).rpartition(" ")[2])
+        subs.append(Sub("switch", SwitchMount, body=f"segment{number - 1}"))
         return subs
 
     def build(self, shape: Shape) -> None:
@@ -80,10 +80,6 @@ class Car(Component):
         corner = translation(rear_of_first, -across / 2, -up / 2)
         shape.begin_at(f"{self.names[0]}.beam.floor", corner)
 
-    def key_of(self, slot: Slot) -> str | None:
-        """The design's key of the parameter that shares its value with ``slot``, or None."""
-        return next((key for key, mine in self.slots.items() if mine.head is slot.head), None)
-
 
 def folded_car(design: Design) -> FoldedCar:
     """The folded car of a design; DesignError if its parts do not fit."""
@@ -96,7 +92,10 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
     graph, frame = _frame(design)
     count, axles = len(frame.axles), []
     for channel, axle in enumerate(frame.axles):
-        title = _servo_title(channel, count, axle.side)
+        end = f"axle {channel // 2 + 1} "
+        if count <= 4:
+            end = "" if count <= 2 else ("front ", "rear ")[channel // 2]
+        title = f"{end}{axle.side} servo"
         axles.append(replace(axle, wheel=f"wheel{channel}", servo=title, channel=channel))
     titles = {mine.servo: axle.servo for mine, axle in zip(frame.axles, axles, strict=True)}
     mounts = []
@@ -139,8 +138,10 @@ def _frame(design: Design) -> tuple[Graph, Assembly]:
         graph = build(car)
         return graph, assemble(graph)
     except ComponentError as error:
-        key = car.key_of(error.slot) if car is not None and error.slot is not None else None
-        place = place_of(error)
+        key, place = None, place_of(error)
+        if car is not None and error.slot is not None:
+            # The design's key of the parameter that shares its value with the slot.
+            key = next((key for key, mine in car.slots.items() if mine.head is error.slot.head), None)
         message = error.message if key else str(error)
         raise DesignError(key, f"{message} [{place}]" if place else message) from error
     except Exception as error:
@@ -155,13 +156,6 @@ def _wheel(radius_mm: float, tyre_width_mm: float, choices: PartChoices) -> Asse
     wheel = Wheel(body="wheel", parts=chosen(choices))
     wheel.solve({"radius": radius_mm, "tire_thickness": tyre_width_mm})
     return assemble(build(wheel))
-
-
-def _servo_title(channel: int, count: int, side: str) -> str:
-    if count <= 4:
-        end = "" if count <= 2 else ("front ", "rear ")[channel // 2]
-        return f"{end}{side} servo"
-    return f"axle {channel // 2 + 1} {side} servo"
 
 
 def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:

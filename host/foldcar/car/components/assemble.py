@@ -124,9 +124,9 @@ class _Pieces:
             if link.kind in FOLDED and a[0] in order:
                 parent, child = (a, b) if order[a[0]] < order[b[0]] else (b, a)
                 bends, name = link.kind == "hinge", f"{self.names[parent[0]]} to {self.names[child[0]]}"
-                limits = (link.min_rad, link.max_rad) if bends else (None, None)
+                least, most = (link.min_rad, link.max_rad) if bends else (None, None)
                 ends = self._ref(parent), self._ref(child)
-                found = Crease(name, *ends, link.angle_rad, bends, *limits, link.kind == "bend")
+                found = Crease(name, *ends, link.angle_rad, bends, least, most, link.kind == "bend")
                 creases.append((order[child[0]], found))
         creases.sort(key=lambda pair: pair[0])
         mine = [tab for tab in self.tabs if tab.b[0] in order]
@@ -235,7 +235,7 @@ def _sheets(fused: dict[str, Fused], folds: list[Seam]) -> list[list[str]]:
 
 def _names(sheets: list[list[str]]) -> dict[str, str]:
     """Face names: the last part of the path if it is unique within the piece, else the whole path."""
-    names = {}
+    names: dict[str, str] = {}
     for sheet in sheets:
         short = {first: first.rpartition(".")[2] for first in sheet}
         count = Counter(short.values())
@@ -284,21 +284,17 @@ def _counted(
     numbered: list[Join] = []
     numbers: dict[tuple[object, ...], int] = {}
     for join, *pair in joins:
-        (name_a, a), (name_b, b) = (
-            (kept[index_of[i]].name, _same_face(ref, pieces[i], kept[index_of[i]]))
-            for i, ref in zip(pair, (join.a, join.b), strict=True)
-        )
+        ends = []
+        for i, ref in zip(pair, (join.a, join.b), strict=True):
+            # A merged piece has the names of the one that is kept.
+            face = next(place for place, face in enumerate(pieces[i].faces) if face.name == ref.face)
+            ends.append((kept[index_of[i]].name, EdgeRef(kept[index_of[i]].faces[face].name, ref.index)))
+        (name_a, a), (name_b, b) = ends
         # Laminations of all copies of a piece share a number.
         key = ("laminate", name_a) if join.kind == "laminate" else (join.kind, join.number)
         number = numbers.setdefault(key, len(numbers) + 1)
         numbered.append(replace(join, number=number, piece_a=name_a, a=a, piece_b=name_b, b=b))
     return kept, placed, numbered
-
-
-def _same_face(ref: EdgeRef, piece: Piece, copied: Piece) -> EdgeRef:
-    """The edge of ``copied``, which equals ``piece``, that corresponds to the edge ``ref`` of ``piece``."""
-    place = next(i for i, face in enumerate(piece.faces) if face.name == ref.face)
-    return EdgeRef(copied.faces[place].name, ref.index)
 
 
 def _without_names(face: Face) -> Face:

@@ -183,12 +183,12 @@ def _put(
     holes: Sequence[str],
 ) -> None:  # fmt: skip
     """Add a board; boxes and accesses are given in its own frame."""
-    length, width, height = (size.value for size in (board.length_mm, board.width_mm, board.height_mm))
+    length, width, height = board.size_mm
     down = translation(0, 0, -height / 2)
     middle = translation(0, 0, (board.board_mm.value - height) / 2)
     bores = tuple((x, y, several.diameter_mm) for several in board.holes for x, y in several.at_mm)
     plate = Solid("box", (length, width, board.board_mm.value), middle, bores)
     solids = [plate, *(Solid("box", box.size_mm, compose(down, translation(*box.at_mm))) for box in boxes)]
     accesses = [Access(way.tool, compose(down, way.pose), way.diameter_mm, way.length_mm) for way in ways]
-    pose, size = compose(under, translation(0, 0, height / 2)), (length, width, height)
-    shape.box(board.name, board.name, on, pose, size, board.mass_kg.value, holes, solids, accesses)
+    pose = compose(under, translation(0, 0, height / 2))
+    shape.box(board.name, board.name, on, pose, board.size_mm, board.mass_kg.value, holes, solids, accesses)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from foldcar.car.components.parameter import ComponentError
 from foldcar.car.components.shape import Atom, Graph, Link
-from foldcar.car.folded.model import IDENTITY, Face, Hole, Mark, Point, Pose
+from foldcar.car.folded.model import IDENTITY, Access, Face, Hole, Mark, Point, Pose
 from foldcar.car.folded.pose import across_crease, apply, compose, side
 
 Edge = tuple[str, int]
@@ -85,14 +85,14 @@ def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner
     else:
         ring = _ring(graph, poses, inner)
     outline, edges = _merge(ring, tags)
-    holes, marks, accesses = list[Hole](), [], []
+    holes, marks, accesses = list[Hole](), list[Mark](), list[Access]()
     for path, pose in poses.items():
         atom = graph.atoms[path]
         holes += atom.holes if pose is IDENTITY else (_moved(hole, pose) for hole in atom.holes)
         marks += (Mark(mark.name, tuple(_flat(pose, at) for at in mark.outline_mm)) for mark in atom.marks)
         accesses += (replace(one, pose=compose(pose, one.pose)) for one in atom.accesses)
-    on = {"marks": tuple(marks), "accesses": tuple(accesses)}
-    return Fused(Face(first.path, outline, tuple(holes), first.role, **on), first, poses, edges)
+    face = Face(first.path, outline, tuple(holes), first.role, "", tuple(marks), tuple(accesses))
+    return Fused(face, first, poses, edges)
 
 
 def _ring(graph: Graph, poses: dict[str, Pose], inner: set[Edge]) -> list[tuple[Edge, Point]]:

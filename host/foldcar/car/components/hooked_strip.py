@@ -13,7 +13,6 @@ A facet's frame: x along the strip, y across it from the inner disc to the outer
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 
 from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel_size import PLAY_MM, WALL_RAD, WALLS, WheelSize
@@ -34,15 +33,19 @@ class Hook:
     right_mm: float
     reach_mm: float
 
-    def path(self, x: float, y: float, out: float) -> tuple[list[Point], tuple[Point, Point]]:
-        """Its points from left to right for a neck at ``x`` on an edge at ``y``, and its tip; ``out`` is -1 or 1."""
+    def path(self, x: float, y: float, out: float) -> tuple[list[Point], int]:
+        """Its points for a neck at ``x`` on an edge at ``y``, counter-clockwise around the facet, and the tip's index.
+
+        ``out`` is -1 on the inner edge, 1 on the outer one.
+        """
         near, far = y + out * self.reach_mm, y + out * (self.reach_mm + DEPTH_MM)
         a, b = x - self.neck_mm / 2, x + self.neck_mm / 2
         left, right = a - self.left_mm, b + self.right_mm
-        tip = ((left + TAPER_MM * (self.left_mm > 0), far), (right - TAPER_MM * (self.right_mm > 0), far))
-        points = [(a, y), *[(a, near), (left, near)][: 2 if self.left_mm else 0], *tip]
-        points += [*[(right, near), (b, near)][: 2 if self.right_mm else 0], (b, y)]
-        return points, tip
+        tip = [(left + TAPER_MM * (self.left_mm > 0), far), (right - TAPER_MM * (self.right_mm > 0), far)]
+        before = [(a, y), (a, near), (left, near)] if self.left_mm else [(a, y)]
+        after = [(right, near), (b, near), (b, y)] if self.right_mm else [(b, y)]
+        points = [*before, *tip, *after]
+        return (points, len(before)) if out < 0 else (points[::-1], len(after))
 
 
 def facet(
@@ -58,30 +61,28 @@ def facet(
     their tips are ``inner tip`` and ``outer tip``; without an inner one that edge is ``inner``. With ``base_mm`` the
     middle of ``last`` is an edge ``base``, so long.
     """
-    named: dict[tuple[Point, Point], str] = {}
     points: list[Point] = [(0.0, 0.0)]
+    names: dict[int, str] = {}
     inner, outer = hooks
     if inner is not None:
         path, tip = inner.path(at_mm, 0.0, -1.0)
+        names[len(points) + tip] = "inner tip"
         points += path
-        named[tip] = "inner tip"
     else:
-        named[points[0], (length_mm, 0.0)] = "inner"
+        names[0] = "inner"
+    names[len(points)] = "next"
     points += [(length_mm, 0.0), (length_mm, width_mm)]
-    named[points[-2], points[-1]] = "next"
     if outer is not None:
         path, tip = outer.path(at_mm, width_mm, 1.0)
-        points += reversed(path)
-        named[tip[1], tip[0]] = "outer tip"
+        names[len(points) + tip] = "outer tip"
+        points += path
     points.append((0.0, width_mm))
     if base_mm:
-        ends = ((0.0, (width_mm + base_mm) / 2), (0.0, (width_mm - base_mm) / 2))
-        points += ends
-        named[ends] = "base"
+        names[len(points)] = "base"
+        points += [(0.0, (width_mm + base_mm) / 2), (0.0, (width_mm - base_mm) / 2)]
     else:
-        named[points[-1], points[0]] = "last"
-    edges = pairwise([*points, points[0]])
-    return points, [named.get(edge, str(i)) for i, edge in enumerate(edges)]
+        names[len(points) - 1] = "last"
+    return points, [names.get(i, str(i)) for i in range(len(points))]
 
 
 NECK_MM = 3.0

@@ -167,7 +167,7 @@ class SwitchMount(Component):
         # z of the mount's frame points outwards; its box's middle lies inside.
         middle = half - outside - film / 2
         pose = compose(translation(*at_mm, middle), rotation("x", math.pi))
-        size = (switch.length_mm.value, switch.width_mm.value, switch.height_mm.value)
+        size = switch.size_mm
         body = (switch.body_length_mm.value, switch.body_width_mm.value)
         solids = [
             _box((size[0], size[1]), half - outside, half - switch.rocker_height_mm.value),
@@ -204,9 +204,8 @@ class Caster(Component):
         holes = _holes(shape, floor, f"{mount}.", at_mm)
         shape.laminate(f"{mount}.plate", floor, translation(*at_mm, film))
         under = translation(*at_mm, -(film + caster.height_mm.value) / 2)
-        size = (caster.length_mm.value, caster.width_mm.value, caster.height_mm.value)
         pose = compose(under, rotation("x", math.pi))
-        shape.box(caster.name, f"{shape.name}.{mount}", floor, pose, size, caster.mass_kg.value, holes)
+        shape.box(caster.name, f"{shape.name}.{mount}", floor, pose, caster.size_mm, caster.mass_kg.value, holes)
 
 
 def _holes(shape: Shape, face: str, prefix: str, middle: tuple[float, float]) -> list[str]:

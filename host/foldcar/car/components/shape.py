@@ -260,8 +260,8 @@ class Shape:
 
         If it is ``marked`` the face has its outline, which it is laid into.
         """
-        sizes = (part.length_mm.value, part.width_mm.value, part.height_mm.value)
-        size = (sizes[1], sizes[0], sizes[2]) if turned else sizes
+        length, width, height = part.size_mm
+        size = (width, length, height) if turned else part.size_mm
         if marked:
             outline = rectangle_around(center_mm[:2], size[0], size[1])
             self.graph.atoms[self._face(on)].marks.append(Mark(name, outline))

@@ -72,3 +72,8 @@ class BoxPart(Bought):
     length_mm: Quantity
     width_mm: Quantity
     height_mm: Quantity
+
+    @property
+    def size_mm(self) -> tuple[float, float, float]:
+        """Length, width and height."""
+        return self.length_mm.value, self.width_mm.value, self.height_mm.value

@@ -68,12 +68,12 @@ def check_hinges(
             place = f"between {hinge.front} and {hinge.rear}, folded by {math.degrees(angle):.1f} degrees"
             for one, other, length in crossings(front, moved):
                 yield Finding("hinge", place, f"{one.title} runs through {other.title} over {length:.2f} mm")
-            for one, other in ((a, b) for a in car.axles for b in car.axles if a.side == b.side):
-                if (one.body, other.body) == (hinge.front, hinge.rear):
-                    x, _, z = apply(turn, *other.center_mm)
-                    gap = math.hypot(x - one.center_mm[0], z - one.center_mm[2]) - one.radius_mm - other.radius_mm
+            for a, b in ((a, b) for a in car.axles for b in car.axles if a.side == b.side):
+                if (a.body, b.body) == (hinge.front, hinge.rear):
+                    x, _, z = apply(turn, *b.center_mm)
+                    gap = math.hypot(x - a.center_mm[0], z - a.center_mm[2]) - a.radius_mm - b.radius_mm
                     if gap < wheel_distance_mm - 1e-6:
-                        told = f"{one.wheel} is {gap:.2f} mm from {other.wheel}, the limit is {wheel_distance_mm:g} mm"
+                        told = f"{a.wheel} is {gap:.2f} mm from {b.wheel}, the limit is {wheel_distance_mm:g} mm"
                         yield Finding("hinge", place, told)
 
 

@@ -83,7 +83,10 @@ def _hook(join: Join, a: PlacedFace, b: PlacedFace, index: Mapping[tuple[str, st
     """Findings about one neck in its notch or slot of face b, and the head behind it."""
     place = f"join {join.number}: {a.title} through {b.title}"
     height = float(b.normal @ b.matrix[:3, 3])
-    necks = [(face, cut) for face in (a, *_before(a, index)) if len(cut := _cut(face, b.normal, height)) == 2]
+    # Of a tongue of several parts also the one that it grows from.
+    parents = {crease.child.face: crease.parent.face for crease in a.piece.creases}
+    several = [a, index[a.piece.name, parents[a.face.name]]] if a.face.name in parents else [a]
+    necks = [(face, cut) for face in several if len(cut := _cut(face, b.normal, height)) == 2]
     if not necks:
         yield Finding("hook", place, "no neck passes its notch or slot")
         return
@@ -100,20 +103,13 @@ def _hook(join: Join, a: PlacedFace, b: PlacedFace, index: Mapping[tuple[str, st
     beyond = local[local[:, 2] * local[join.a.index, 2] > 0][:, :2] @ along
     low, high = ends @ along
     held = {-1: low - beyond.min(), 1: beyond.max() - high}
-    if max(held.values()) < HOLD_MM - 1e-6:
-        most = max(held.values())
+    most = max(held.values())
+    if most < HOLD_MM - 1e-6:
         yield Finding("hook", place, f"its head reaches {most:.2f} mm beyond its neck, the limit is {HOLD_MM:g} mm")
     for side in (side for side, length in held.items() if length >= HOLD_MM - 1e-6):
         step = side * (PLAY_MM[1] + 1e-6) * along
         if not shapely.affinity.translate(section, *step).intersects(b.polygon):
             yield Finding("hook", place, f"its neck has more than {PLAY_MM[1]:g} mm of play towards its hook")
-
-
-def _before(face: PlacedFace, index: Mapping[tuple[str, str], PlacedFace]) -> Iterator[PlacedFace]:
-    """The face that this one grows from, of a tongue of several parts."""
-    parents = {crease.child.face: crease.parent.face for crease in face.piece.creases}
-    if face.face.name in parents:
-        yield index[face.piece.name, parents[face.face.name]]
 
 
 def _cut(face: PlacedFace, normal: Vector, height_mm: float) -> Vector:

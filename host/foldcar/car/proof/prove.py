@@ -170,10 +170,13 @@ class _Prover:
             way = way_out(moving, standing, own[4:], self.joined, only_own=True)
         else:
             way = way_out(moving, standing, own, self.joined)
+        ways_in = []
         for what, one in (("", way), ("the nut of ", nut)):
             if one is not None and one.moves_mm is None:
                 self._find(place, f"{what}{self._name(added)} {_why(one)}")
-        return replace(added, way_mm=_way_in(way), nut_mm=() if nut is None else _way_in(nut))
+            moves = (one.moves_mm or ()) if one is not None else ()
+            ways_in.append(tuple(_vector(-np.array(move)) for move in reversed(moves)))
+        return replace(added, way_mm=ways_in[0], nut_mm=ways_in[1])
 
     def _plugs_onto(self, mount: Mount, there: Mapping[Thing, Blocks]) -> bool:
         """Whether a mount is plugged onto one that is there, header on header."""
@@ -258,11 +261,6 @@ def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, fl
         yield {hinge: closed, flap: 1.0 + ratio * min(closed, 1.0 - closed), **whole}
 
 
-def _way_in(way: Way) -> tuple[Vector, ...]:
-    """A way out, backwards."""
-    return tuple(_vector(-np.array(move)) for move in reversed(way.moves_mm or ()))
-
-
 def _vector(values: NDArray[np.float64]) -> Vector:
     x, y, z = (float(value) + 0.0 for value in values)
     return (x, y, z)
@@ -271,14 +269,14 @@ def _vector(values: NDArray[np.float64]) -> Vector:
 def _why(way: Way) -> str:
     if way.stuck:
         return f"does not fit: at its place it runs into {way.stuck}"
-    return "has no way out: " + ", ".join(f"along {_direction(move)} it meets {what}" for move, what in way.met)
-
-
-def _direction(move: Vector) -> str:
-    for axis, value in zip("xyz", move, strict=True):
-        if abs(value) > 0.999:
-            return f"{'+' if value > 0 else '-'}{axis}"
-    return "(" + ", ".join(f"{value:.2f}" for value in move) + ")"
+    met = []
+    for move, what in way.met:
+        axis = int(np.argmax(np.abs(move)))
+        direction = "(" + ", ".join(f"{value:.2f}" for value in move) + ")"
+        if abs(move[axis]) > 0.999:
+            direction = f"{'+' if move[axis] > 0 else '-'}{'xyz'[axis]}"
+        met.append(f"along {direction} it meets {what}")
+    return "has no way out: " + ", ".join(met)
 
 
 def assembly_steps(car: FoldedCar) -> tuple[AssemblyStep, ...]:

@@ -40,7 +40,8 @@ class Roles:
         self.pieces = {piece.name: piece for piece in car.pieces}
         self.bodies = sorted({one.body for one in car.placed if one.body.startswith("segment")})
         self.wheels = [axle.wheel for axle in car.axles]
-        self.base = {body: max(self.placed(body), key=lambda one: _area(self.pieces[one.piece])) for body in self.bodies}
+        area = {piece.name: sum(polygon(face).area for face in piece.faces) for piece in car.pieces}
+        self.base = {body: max(self.placed(body), key=lambda one: area[one.piece]) for body in self.bodies}
         self.bases = {one.piece for one in self.base.values()}
         self.lids = {name: lid_of(car, self.pieces[name]) for name in self.bases}
         self.finished = {piece.name: folded(piece) for piece in car.pieces}
@@ -83,21 +84,16 @@ class Roles:
     def is_on_lid(self, mount: Mount) -> bool:
         """Whether a mount lies on the outer side of a lid."""
         base, host = self.base.get(mount.body), self.mount_host(mount)
-        if base is None or host is None or self._face_of_beam(host, base) not in self.lids[base.piece].faces:
+        if base is None or host is None:
+            return False
+        on: Host = host
+        while on is not None and on[0] is not base:
+            on = self.host(on[0])
+        if on is None or on[1] not in self.lids[base.piece].faces:
             return False
         onto = inverse(compose(host[0].pose, self.finished[host[0].piece][host[1]]))
         # Printed sides, along +z of their frames, look inwards.
         return compose(onto, mount.pose)[2][3] < 0 and not self.is_fastener(mount)
-
-    def _face_of_beam(self, host: Host, base: PlacedPiece | None) -> str | None:
-        """The face of a beam that what is fixed to ``host`` moves with; None if it is not fixed to the beam."""
-        while host is not None and host[0] is not base:
-            host = self.host(host[0])
-        return None if host is None else host[1]
-
-    def face_under(self, one: PlacedPiece) -> str | None:
-        """The face of its beam that a piece moves with; None for a beam and for what is fixed to none."""
-        return self._face_of_beam(self.host(one), self.base.get(one.body))
 
     def whole(self, piece: str) -> dict[str, float]:
         """The fractions of a piece's folds when it is folded: 1 for each crease."""
@@ -199,10 +195,6 @@ class Roles:
             if near and shapely.Polygon(face.outline_mm).contains(shapely.Point(x, y)):
                 return face.name
         return None
-
-
-def _area(piece: Piece) -> float:
-    return sum(polygon(face).area for face in piece.faces)
 
 
 # Joins that hold for good; locks and tucks open again.

@@ -10,8 +10,8 @@ import shapely
 import trimesh
 
 from foldcar.car.body import body_json, full_speed_m_s
+from foldcar.car.car_file import TableRow, check_parameters, firmware_parameters
 from foldcar.car.design import Design, compose
-from foldcar.car.firmware_parameters import TableRow, check_parameters, firmware_parameters
 from foldcar.car.folded.model import FoldedCar, Mount, Solid
 from foldcar.car.folded.pose import translation
 from foldcar.car.folded.weight import MassProperties, assemble, body_properties, faces_of, mount_properties

@@ -13,8 +13,8 @@ from pydantic import ValidationError
 from foldcar.api.environment import simulator
 from foldcar.api.whole import whole
 from foldcar.car.body import body_json
+from foldcar.car.car_file import TableRow
 from foldcar.car.design import Design, compose
-from foldcar.car.firmware_parameters import TableRow
 from foldcar.car.variation import draw, spread_named, vary_body
 from foldcar.errors import FoldcarError
 from foldcar.store.writer import canonical_json

@@ -112,7 +112,7 @@ class _Pieces:
     def _tab(self, seam: Seam) -> _Tab:
         link, a, b, length = seam
         depth = link.depth_mm
-        inset = min(depth * link.mitre, length / 4)
+        inset = min(depth, length / 4)
         outline = ((0.0, 0.0), (length, 0.0), (length - inset, depth), (inset, depth))
         face = Face(f"{self.names[b[0]]} tab to {self.names[a[0]]}", outline, (), "tab")
         return _Tab(face, a, b, length, link.angle_rad)

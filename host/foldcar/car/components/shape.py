@@ -41,7 +41,7 @@ class Atom:
 class Link:
     """Two edges (face path, index) that meet at ``angle_rad``. A tab grows from edge ``b`` and is glued at edge ``a``.
 
-    ``depth_mm``, ``mitre`` and ``inset_mm`` describe a tab (see Shape.connect), ``min_rad`` and ``max_rad`` a hinge.
+    ``depth_mm`` and ``inset_mm`` describe a tab (see Shape.connect), ``min_rad`` and ``max_rad`` a hinge.
     """
 
     kind: LinkKind
@@ -49,7 +49,6 @@ class Link:
     b: tuple[str, int]
     angle_rad: float
     depth_mm: float = 0.0
-    mitre: float = 1.0
     min_rad: float = 0.0
     max_rad: float = 0.0
     inset_mm: float = 0.0
@@ -99,9 +98,8 @@ class Graph:
         """Add a link; ComponentError if one of its edges is linked already."""
         for edge, other in ((link.a, link.b), (link.b, link.a)):
             if edge in self._linked:
-                raise ComponentError(
-                    self.edge_path(edge), f"is connected to {self.edge_path(other)} and {self._linked[edge]}"
-                )
+                told = f"is connected to {self.edge_path(other)} and {self._linked[edge]}"
+                raise ComponentError(self.edge_path(edge), told)
             self._linked[edge] = self.edge_path(other)
         self.links.append(link)
 
@@ -139,7 +137,6 @@ class Shape:
         piece: str = "",
         role: Literal["panel", "tab", "rim"] = "panel",
         thickness_mm: float | None = None,
-        body: str | None = None,
     ) -> None:
         """Add a polygon, counter-clockwise; ``edges`` names its edges, by default "0", "1", …
 
@@ -155,8 +152,7 @@ class Shape:
         if area_mm2(outline_mm) <= 0:
             raise ComponentError(path, "its outline does not run counter-clockwise around an area")
         thickness = self.parts.film.thickness_mm.value if thickness_mm is None else thickness_mm
-        body = self._body if body is None else body
-        self.graph.atoms[path] = Atom(path, tuple(outline_mm), names, role, piece, thickness, body)
+        self.graph.atoms[path] = Atom(path, tuple(outline_mm), names, role, piece, thickness, self._body)
 
     def rectangle(
         self, name: str, length_mm: float, width_mm: float, *, piece: str = "", thickness_mm: float | None = None
@@ -204,26 +200,21 @@ class Shape:
         angle_deg: float = 0.0,
         *,
         depth_mm: float = 0.0,
-        mitre: float = 1.0,
         inset_mm: float = 0.0,
         limits_rad: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Join two edges of equal length: folded or bent by the angle, fused flat, hinged, or by a tab of ``b`` on ``a``.
 
-        ``depth_mm`` is a tab's depth, ``mitre`` the inset of its ends per depth (mm/mm), ``limits_rad`` a hinge's range.
-        A tab lies ``inset_mm`` above the face it is glued to, and its edge may be shorter by twice as much.
-        ComponentError if the lengths differ or an edge is joined already.
+        ``depth_mm`` is a tab's depth, ``limits_rad`` a hinge's range. A tab lies ``inset_mm`` above the face it is glued
+        to, its edge may be shorter by twice as much. ComponentError if lengths differ or an edge is joined already.
         """
         first, second = self._edge(a), self._edge(b)
         lengths = [self.graph.edge_length_mm(edge) for edge in (first, second)]
         if abs(lengths[0] - lengths[1] - 2 * inset_mm) > LENGTH_TOLERANCE_MM:
-            raise ComponentError(
-                self.graph.edge_path(first),
-                f"is {lengths[0]:g} mm long, {self.graph.edge_path(second)} is {lengths[1]:g} mm: "
-                f"a {kind} joins edges of equal length",
-            )
-        angle = math.radians(angle_deg)
-        self.graph.add(Link(kind, first, second, angle, depth_mm, mitre, *limits_rad, inset_mm))
+            here, there = self.graph.edge_path(first), self.graph.edge_path(second)
+            told = f"is {lengths[0]:g} mm long, {there} is {lengths[1]:g} mm: a {kind} joins edges of equal length"
+            raise ComponentError(here, told)
+        self.graph.add(Link(kind, first, second, math.radians(angle_deg), depth_mm, *limits_rad, inset_mm))
 
     def laminate(self, face: str, on: str, pose: Pose) -> None:
         """Glue the face flat onto the face ``on``, at that pose in the frame of ``on``."""

@@ -4,7 +4,7 @@ Input: Blocks that move, Blocks that stand. A convex solid that is translated sw
 nothing is stepped over, however thin. Lengths in mm.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import fcl
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldcar.car.folded.pose import translation
-from foldcar.car.proof.solids import Block, Blocks, Points, hull
+from foldcar.car.proof.solids import Blocks, Points, hull
 from foldcar.car.proof.step import Vector
 
 # How far a first move goes, if a second one is needed.
@@ -34,59 +34,36 @@ class Way:
 # Pairs of titles that may overlap: what is joined.
 Ignored = frozenset[tuple[str, str]]
 NOTHING: Ignored = frozenset()
-# The hull that the solid with that index sweeps.
-Sweep = Callable[[int], fcl.CollisionObject]
 
 
 def hit(
-    moving: Blocks, standing: Blocks, move_mm: Sequence[float] = (0.0, 0.0, 0.0), ignored: Ignored = NOTHING
+    moving: Blocks, standing: Blocks, move_mm: Vector = (0.0, 0.0, 0.0), ignored: Ignored = NOTHING
 ) -> str | None:
     """What the solids meet first while they are moved, or None."""
-    move = np.asarray(move_mm, dtype=np.float64)
-    if not move.any():
-        return _meets(moving, moving.low, moving.high, lambda i: moving.blocks[i].solid, standing, ignored)
-
-    def sweep(i: int) -> fcl.CollisionObject:
-        corners = moving.blocks[i].corners_mm
-        return hull(np.vstack([corners, corners + move]))
-
-    bounds = moving.low + np.minimum(move, 0.0), moving.high + np.maximum(move, 0.0)
-    return _meets(moving, *bounds, sweep, standing, ignored)
+    return swept(moving, moving.moved(translation(*move_mm)) if any(move_mm) else moving, standing, ignored)
 
 
 def swept(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignored = NOTHING) -> str | None:
     """What the hulls of the solids at two places meet, or None; the nearest first."""
-    bounds = np.minimum(start.low, end.low), np.maximum(start.high, end.high)
-
-    def sweep(i: int) -> fcl.CollisionObject:
-        return hull(np.vstack([start.blocks[i].corners_mm, end.blocks[i].corners_mm]))
-
-    return _meets(start, *bounds, sweep, standing, ignored)
-
-
-def _meets(
-    start: Blocks, low: Points, high: Points, sweep: Sweep, standing: Blocks, ignored: Ignored
-) -> str | None:
-    """The title of what the swept solids, with their bounds, meet first."""
     if not start.blocks or not standing.blocks:
         return None
-    pairs = near(low, high, standing)
+    pairs = _near(np.minimum(start.low, end.low), np.maximum(start.high, end.high), standing)
     first, second = pairs.T
     # Distances of the bounds at the start: the nearest obstacle is named.
     gaps = np.maximum(standing.low[second] - start.high[first], start.low[first] - standing.high[second])
     hulls: dict[int, fcl.CollisionObject] = {}
     for i, k in pairs[np.argsort(gaps.max(axis=1), kind="stable")].tolist():
-        obstacle: Block = standing.blocks[k]
-        if (start.blocks[i].title, obstacle.title) in ignored:
+        one, obstacle = start.blocks[i], standing.blocks[k]
+        if (one.title, obstacle.title) in ignored:
             continue
         if i not in hulls:
-            hulls[i] = sweep(i)
+            hulls[i] = one.solid if start is end else hull(np.vstack([one.corners_mm, end.blocks[i].corners_mm]))
         if fcl.collide(hulls[i], obstacle.solid):
             return obstacle.title
     return None
 
 
-def near(low: Points, high: Points, standing: Blocks) -> NDArray[np.intp]:
+def _near(low: Points, high: Points, standing: Blocks) -> NDArray[np.intp]:
     """Index pairs (n, 2) of bounds that overlap: of the moving and of the standing solids."""
     # The few standing solids that reach into the bounds of all moving ones.
     some = np.flatnonzero(((standing.low <= high.max(axis=0)) & (standing.high >= low.min(axis=0))).all(axis=1))

@@ -201,15 +201,16 @@ class _Pieces:
         joins: dict[tuple[object, ...], Bound] = {}
         numbers: dict[object, int] = {}
         for contact in self.graph.contacts:
-            a, b = ((first, self.fused[first].edges.get((path, index), 0))
-                    for path, index in (contact.a, contact.b) for first in [self.owner[path]])  # fmt: skip
-            seam: object = ("tuck", a[0], b) if contact.kind == "tuck" else contact
-            if self.fused[a[0]].face.role == "rim":
-                seam = (contact.kind, self.home[a[0]], self.home[b[0]])
+            first, second = (self.owner[path] for path, _ in (contact.a, contact.b))
+            a = first, self.fused[first].edges.get(contact.a, 0)
+            b = second, self.fused[second].edges.get(contact.b, 0)
+            seam: object = ("tuck", first, b) if contact.kind == "tuck" else contact
+            if self.fused[first].face.role == "rim":
+                seam = (contact.kind, self.home[first], self.home[second])
             number = numbers.setdefault(seam, -1 - len(numbers))
             length = 0.0 if contact.kind == "laminate" else self.graph.edge_length_mm(contact.a)
             refs = self._ref(a), self._ref(b)
-            join = self._join(number, contact.kind, (a[0], b[0]), refs, length, contact.slot)
+            join = self._join(number, contact.kind, (first, second), refs, length, contact.slot)
             joins.setdefault((contact.kind, a, b, contact.slot), join)
         return list(joins.values())
 

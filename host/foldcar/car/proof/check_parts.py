@@ -5,7 +5,7 @@ Input: a car and its placed faces; wheels are alike, so that the first one stand
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -38,16 +38,18 @@ _CORNERS = np.array(list(itertools.product((-1, 1), repeat=3)))
 def check_parts(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> Iterator[Finding]:
     """Findings about parts in segments."""
     firm = _firm(car)
-    solids = [boxes(mount) for mount in firm]
+    solids = [list(zip(mount.shape, boxes(mount), strict=True)) for mount in firm]
     for (one, first), (other, second) in itertools.combinations(zip(firm, solids, strict=True), 2):
-        pairs = [(i, k) for i, a in enumerate(first) for k, b in enumerate(second) if _near(a, b)]
-        deep = (_depth_mm(first[i], second[k]) for i, k in pairs if not _bored(one, i, other, k))
-        depth = max(deep, default=0.0)
+        depth = 0.0
+        for (a, box_a), (b, box_b) in itertools.product(first, second):
+            # A shank may stand in what it passes through.
+            if _near(box_a, box_b) and not (stands_in(one, a, other, b) or stands_in(other, b, one, a)):
+                depth = max(depth, _depth_mm(box_a, box_b))
         if depth > TOUCH_MM:
             yield Finding("parts", one.name, f"runs {depth:.2f} mm into {other.name}")
     for mount, mine in zip(firm, solids, strict=True):
         for face in bodies.get(mount.body, ()):
-            area = max(_film_inside_mm2(box, face) for box in mine)
+            area = max(_film_inside_mm2(box, face) for _, box in mine)
             if area > FILM_MM2:
                 yield Finding("parts", mount.name, f"is cut by {area:.1f} mm² of {face.title}")
         yield from _holes(mount, bodies.get(mount.body, ()))
@@ -67,12 +69,6 @@ def stands_in(one: Mount, solid: Solid, other: Mount, held: Solid) -> bool:
     if abs(onto[2, 2]) < PARALLEL or abs(z) >= (solid.size_mm[2] + held.size_mm[2]) / 2:
         return False
     return any(np.hypot(x - u, y - v) + solid.size_mm[0] / 2 <= wide / 2 + TOUCH_MM for u, v, wide in held.bores)
-
-
-def _bored(one: Mount, i: int, other: Mount, k: int) -> bool:
-    """Whether solid i of a part and solid k of another one are a shank and what it passes through."""
-    a, b = one.shape[i], other.shape[k]
-    return stands_in(one, a, other, b) or stands_in(other, b, one, a)
 
 
 def boxes(mount: Mount) -> list[Box]:
@@ -152,8 +148,7 @@ def _holes(mount: Mount, faces: Sequence[PlacedFace]) -> Iterator[Finding]:
             yield Finding("parts", mount.name, f"is {nearest:.2f} mm off its hole {name}, the limit is {FIT_MM:g} mm")
 
 
-@dataclass(frozen=True)
-class Band:
+class Band(NamedTuple):
     """What turning points pass: distances from the axle, and from the wheel's middle outwards along it (mm)."""
 
     near: float
@@ -204,7 +199,7 @@ def _turning(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> list
         whole = np.array(mount.pose)
         if not _is_spline((whole[:3, 3], whole[:3, :3], np.array(mount.size_mm) / 2), axle):
             bands += [_band(_corners(box), axle) for box in boxes(mount)]
-    return list({tuple(round(v, 1) for v in (b.near, b.far, b.inside, b.outside)): b for b in bands}.values())
+    return list({tuple(round(value, 1) for value in band): band for band in bands}.values())
 
 
 def _band(corners: Points, axle: Axle) -> Band:

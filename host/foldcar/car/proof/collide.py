@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldcar.car.folded.pose import translation
-from foldcar.car.proof.solids import Blocks, Points, hull
+from foldcar.car.proof.solids import Block, Blocks, Points, hull
 from foldcar.car.proof.step import Vector
 
 # How far a first move goes, if a second one is needed.
@@ -53,7 +53,8 @@ def swept(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignored = NOTHI
     gaps = np.maximum(standing.low[second] - start.high[first], start.low[first] - standing.high[second])
     hulls: dict[int, fcl.CollisionObject] = {}
     for i, k in pairs[np.argsort(gaps.max(axis=1), kind="stable")].tolist():
-        one, obstacle = start.blocks[i], standing.blocks[k]
+        one: Block = start.blocks[i]
+        obstacle: Block = standing.blocks[k]
         if (one.title, obstacle.title) in ignored:
             continue
         if i not in hulls:

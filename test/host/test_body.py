@@ -14,7 +14,7 @@ from foldcar.car.car_file import TableRow, check_parameters, firmware_parameters
 from foldcar.car.design import Design, compose
 from foldcar.car.folded.model import FoldedCar, Mount, Solid
 from foldcar.car.folded.pose import translation
-from foldcar.car.folded.weight import MassProperties, assemble, body_properties, faces_of, mount_properties
+from foldcar.car.folded.weight import MassProperties, assemble, body_properties, faces_of, mount_properties, wheel_mass_kg
 from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
@@ -83,6 +83,8 @@ def test_mass_center_and_inertia_agree_with_the_integrals_over_meshes(type_strin
     properties = body_properties(folded_car(design), body)
 
     assert properties.mass_kg == pytest.approx(mass, rel=1e-9)
+    if body.startswith("wheel"):
+        assert wheel_mass_kg(folded_car(design), body) == pytest.approx(properties.mass_kg, rel=1e-12)
     assert properties.center_m == pytest.approx(center, abs=1e-9)
     assert properties.inertia_kg_m2 == pytest.approx(inertia, rel=1e-6, abs=1e-11)
 

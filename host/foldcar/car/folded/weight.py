@@ -66,6 +66,17 @@ def mount_properties(mount: Mount) -> MassProperties:
     return assemble(found)
 
 
+def wheel_mass_kg(car: FoldedCar, wheel: str) -> float:
+    """The mass of a wheel (kg), for which no poses are computed."""
+    pieces = {piece.name: piece for piece in car.pieces}
+    film_kg = 0.0
+    for piece in (pieces[one.piece] for one in car.placed if one.body == wheel):
+        for face in piece.faces:
+            net_mm2 = area_mm2(face.outline_mm) - sum(area_mm2(hole.outline_mm) for hole in face.holes)
+            film_kg += net_mm2 * piece.thickness_mm * MM**3 * car.parts.film.density_kg_m3.value
+    return film_kg + sum(mount.mass_kg for mount in car.mounts if mount.body == wheel)
+
+
 def placing_mm(car: FoldedCar) -> float:
     """How far the centre of mass is off along the floor at most, if parts are laid into their outlines by eye (mm)."""
     marked = {mark.name for piece in car.pieces for face in piece.faces for mark in face.marks}

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from foldcar.car.folded.model import FoldedCar, HingeJoint, Pose
 from foldcar.car.folded.placed import Finding, PlacedFace
@@ -107,24 +106,9 @@ def _crossing_mm(a: PlacedFace, b: PlacedFace) -> float:
     # A face that lies on one side of the other's plane cannot cross it.
     if any(np.min(h) > -SHRINK_MM or np.max(h) < SHRINK_MM for h in (heights_a, heights_b)):
         return 0.0
-    direction: NDArray[np.float64] = np.cross(a.normal, b.normal).astype(np.float64)
-    direction /= np.linalg.norm(direction)
-    # A point that lies in both planes.
-    origin_a, origin_b = a.matrix[:3, 3], b.matrix[:3, 3]
-    values = np.array([a.normal @ origin_a, b.normal @ origin_b, direction @ origin_a])
-    through = np.linalg.solve(np.array([a.normal, b.normal, direction]), values)
-    first, second = (_inside(face, through, direction) for face in (a, b))
-    return float(shapely.length(shapely.intersection(first, second)))
-
-
-def _inside(face: PlacedFace, through: NDArray[np.float64], direction: NDArray[np.float64]) -> shapely.Geometry:
-    """The intervals of the line inside the shrunk face, as segments of the x axis (mm)."""
-    reach = 2 * float(np.abs(face.corners_mm - through).max()) + 10
-    ends = face.in_face(np.array([through - reach * direction, through + reach * direction]))[:, :2]
-    line = shapely.LineString(ends)
-    parts = shapely.get_parts(line.intersection(face.polygon.buffer(-SHRINK_MM)))
-    # Distances along the line from ``through``, which is the same point for both faces.
-    spans = [
-        [(line.project(shapely.Point(part.coords[i])) - reach, 0.0) for i in (0, -1)] for part in parts if part.length > 0
-    ]
-    return shapely.union_all([shapely.LineString(span) for span in spans])
+    direction = np.cross(a.normal, b.normal)
+    spans = []
+    for one, other in ((a, b), (b, a)):
+        ends = one.cut(other.normal, float(other.normal @ other.matrix[:3, 3]), SHRINK_MM) @ direction
+        spans.append(shapely.union_all([shapely.LineString([(x, 0.0), (y, 0.0)]) for x, y in ends.reshape(-1, 2)]))
+    return float(shapely.intersection(*spans).length / np.linalg.norm(direction))

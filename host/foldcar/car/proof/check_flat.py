@@ -25,7 +25,12 @@ def check_flat(piece: Piece, hole_to_fold_mm: float) -> Iterator[Finding]:
     """Findings about the flat piece; every hole must be ``hole_to_fold_mm`` or more from every fold."""
     unsound = [finding for face in piece.faces for finding in _outlines(piece, face)]
     yield from unsound
-    yield from _creases(piece)
+    faces = {face.name: face for face in piece.faces}
+    for crease in piece.creases:
+        parent, child = (math.dist(*edge(faces, ref)) for ref in (crease.parent, crease.child))
+        if abs(parent - child) > EDGE_TOLERANCE_MM:
+            told = f"its edges are {parent:.3f} and {child:.3f} mm long, {abs(parent - child):.3f} mm apart"
+            yield Finding("fold", f"{piece.name}: {crease.name}", f"{told}; limit {EDGE_TOLERANCE_MM:g} mm")
     yield from _holes_at_folds(piece, hole_to_fold_mm)
     if not unsound:
         yield from _overlaps(piece)
@@ -58,15 +63,6 @@ def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
         elif shape.intersects(taken):
             yield Finding("outline", f"{place}: {hole.name}", "the hole runs into another one")
         taken = shapely.union(taken, shape)
-
-
-def _creases(piece: Piece) -> Iterator[Finding]:
-    faces = {face.name: face for face in piece.faces}
-    for crease in piece.creases:
-        parent, child = (math.dist(*edge(faces, ref)) for ref in (crease.parent, crease.child))
-        if abs(parent - child) > EDGE_TOLERANCE_MM:
-            told = f"its edges are {parent:.3f} and {child:.3f} mm long, {abs(parent - child):.3f} mm apart"
-            yield Finding("fold", f"{piece.name}: {crease.name}", f"{told}; limit {EDGE_TOLERANCE_MM:g} mm")
 
 
 def _holes_at_folds(piece: Piece, least_mm: float) -> Iterator[Finding]:

@@ -61,7 +61,7 @@ def _uneven_mm(faces: Sequence[PlacedFace], axle: Axle, y_mm: float, radius_mm: 
         if abs(face.normal[1]) > 0.5:
             cut = face.corners_mm if abs(face.matrix[1, 3] - y_mm) < face.piece.thickness_mm / 2 else np.zeros((0, 3))
         else:
-            cut = _cut(face, np.array([0.0, 1.0, 0.0]), y_mm)
+            cut = face.cut(np.array([0.0, 1.0, 0.0]), y_mm)
         if len(cut):
             points.append(_outer(face, cut, axle)[0])
     hull = shapely.MultiPoint(np.concatenate(points)).convex_hull
@@ -86,7 +86,7 @@ def _hook(join: Join, a: PlacedFace, b: PlacedFace, index: Mapping[tuple[str, st
     # Of a tongue of several parts also the one that it grows from.
     parents = {crease.child.face: crease.parent.face for crease in a.piece.creases}
     several = [a, index[a.piece.name, parents[a.face.name]]] if a.face.name in parents else [a]
-    necks = [(face, cut) for face in several if len(cut := _cut(face, b.normal, height)) == 2]
+    necks = [(face, cut) for face in several if len(cut := face.cut(b.normal, height)) == 2]
     if not necks:
         yield Finding("hook", place, "no neck passes its notch or slot")
         return
@@ -110,17 +110,3 @@ def _hook(join: Join, a: PlacedFace, b: PlacedFace, index: Mapping[tuple[str, st
         step = side * (PLAY_MM[1] + 1e-6) * along
         if not shapely.affinity.translate(section, *step).intersects(b.polygon):
             yield Finding("hook", place, f"its neck has more than {PLAY_MM[1]:g} mm of play towards its hook")
-
-
-def _cut(face: PlacedFace, normal: Vector, height_mm: float) -> Vector:
-    """The ends of the lines, (2 n, 3) in mm, along which a face passes the plane of points p with normal · p = height."""
-    heights = face.corners_mm @ normal - height_mm
-    if heights.min() > -1e-9 or heights.max() < 1e-9:
-        return np.zeros((0, 3))
-    # The height over the plane is a linear function of the face's x and y.
-    origin, slope = float(normal @ face.matrix[:3, 3]) - height_mm, normal @ face.matrix[:3, :2]
-    foot = -origin * slope / (slope @ slope)
-    along = np.array([-slope[1], slope[0]]) / np.linalg.norm(slope)
-    line = shapely.LineString([foot - 1e3 * along, foot + 1e3 * along])
-    parts = [part for part in shapely.get_parts(line.intersection(face.polygon)) if part.length > 1e-6]
-    return face.in_car([end for part in parts for end in part.coords]) if parts else np.zeros((0, 3))

@@ -101,7 +101,7 @@ def _two_moves(
         for direction in directions:
             if length > FIRST_MM[0] and direction not in ends:
                 continue
-            move = _scaled(direction, length)
+            move = vector(np.array(direction) * length)
             if hit(moving, standing, move, ignored) is not None:
                 ends.pop(direction, None)
                 continue
@@ -126,7 +126,7 @@ def _shortest_first(moving: Blocks, standing: Blocks, several: Iterable[Vector])
 def _out(moving: Blocks, standing: Blocks, direction: Vector) -> Vector:
     """The move in a direction that takes the bounds of the moving solids clear of the standing ones'."""
     if not standing.blocks:
-        return _scaled(direction, CLEAR_MM)
+        return vector(np.array(direction) * CLEAR_MM)
     low, high = moving.low.min(axis=0), moving.high.max(axis=0)
     least, most = standing.low.min(axis=0), standing.high.max(axis=0)
     lengths = [
@@ -134,9 +134,10 @@ def _out(moving: Blocks, standing: Blocks, direction: Vector) -> Vector:
         for i in range(3)
         if abs(direction[i]) > 1e-6
     ]
-    return _scaled(direction, max(0.0, min(lengths)) + CLEAR_MM)
+    return vector(np.array(direction) * (max(0.0, min(lengths)) + CLEAR_MM))
 
 
-def _scaled(direction: Vector, length: float) -> Vector:
-    x, y, z = (float(c * length) for c in direction)
+def vector(values: NDArray[np.float64]) -> Vector:
+    """The (3,) numbers of an array, zeros without a sign."""
+    x, y, z = (float(value) + 0.0 for value in values)
     return (x, y, z)

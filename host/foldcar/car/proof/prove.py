@@ -9,12 +9,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foldcar.car.folded.model import FoldedCar, Mount
 from foldcar.car.folded.placed import Finding
 from foldcar.car.folded.pose import compose, translation
-from foldcar.car.proof.collide import Way, hit, swept, way_out
+from foldcar.car.proof.collide import Way, hit, swept, vector, way_out
 from foldcar.car.proof.plan import WHEEL, planned, service
 from foldcar.car.proof.roles import Lid, roles_of
 from foldcar.car.proof.scene import Scene, Stage, title
@@ -158,7 +157,7 @@ class _Prover:
         mount = self.mounts[added.name] if added.kind == "mount" else None
         if mount is not None:
             axes = np.array(mount.pose)[:3, :3].T
-            own = [_vector(sign * axis) for axis in axes for sign in (1.0, -1.0)]
+            own = [vector(sign * axis) for axis in axes for sign in (1.0, -1.0)]
         nut: Way | None = None
         if mount is not None and self.roles.is_fastener(mount):
             way, nut = self._screw_ways(mount, standing, own)
@@ -175,7 +174,7 @@ class _Prover:
             if one is not None and one.moves_mm is None:
                 self._find(place, f"{what}{self._name(added)} {_why(one)}")
             moves = (one.moves_mm or ()) if one is not None else ()
-            ways_in.append(tuple(_vector(-np.array(move)) for move in reversed(moves)))
+            ways_in.append(tuple(vector(-np.array(move)) for move in reversed(moves)))
         return replace(added, way_mm=ways_in[0], nut_mm=ways_in[1])
 
     def _plugs_onto(self, mount: Mount, there: Mapping[Thing, Blocks]) -> bool:
@@ -192,13 +191,13 @@ class _Prover:
         if driver is None:
             return way_out(together([head, *nuts]), standing, own), None
         axis = np.array(compose(self.stage.mount(screw), driver.pose))[:3, 2]
-        way = way_out(head, standing, [_vector(axis)], only_own=True)
+        way = way_out(head, standing, [vector(axis)], only_own=True)
         if not nuts:
             return way, None
-        nut, off = together(nuts), _vector(-axis * self.car.parts.tools.nut_room_mm.value)
+        nut, off = together(nuts), vector(-axis * self.car.parts.tools.nut_room_mm.value)
         obstacle = hit(nut, standing, off)
         if obstacle is not None:
-            return way, Way(None, ((_vector(-axis), obstacle),))
+            return way, Way(None, ((vector(-axis), obstacle),))
         rest = way_out(nut.moved(translation(*off)), standing, own)
         return way, rest if rest.moves_mm is None else Way((off, *rest.moves_mm))
 
@@ -259,11 +258,6 @@ def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, fl
     for i in range(SWING_STEPS + 1):
         closed = i / SWING_STEPS
         yield {hinge: closed, flap: 1.0 + ratio * min(closed, 1.0 - closed), **whole}
-
-
-def _vector(values: NDArray[np.float64]) -> Vector:
-    x, y, z = (float(value) + 0.0 for value in values)
-    return (x, y, z)
 
 
 def _why(way: Way) -> str:

@@ -147,9 +147,9 @@ class SwitchMount(Component):
 
     def build(self, shape: Shape) -> None:
         """The layers, each with its opening at the origin."""
-        switch, margin = self.parts.switch, self.parts.assembly.doubler_margin_mm.value
-        # A bezel's overhang and a margin around the slot.
-        outline = rectangle_around((0.0, 0.0), switch.length_mm.value + 2 * margin, switch.width_mm.value + 2 * margin)
+        switch, around = self.parts.switch, 2 * self.parts.assembly.switch_margin_mm.value
+        size = (switch.slot_length_mm.value + around, switch.slot_width_mm.value + around)
+        outline = rectangle_around((0.0, 0.0), *size)
         for i in range(layers(self.parts)):
             name = f"layer {i + 1}"
             shape.face(name, outline, piece="switch doubler")

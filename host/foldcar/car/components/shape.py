@@ -175,9 +175,7 @@ class Shape:
         outline = tuple((x + r * c, y + r * s) for c, s in _CIRCLE)
         return self._hole(face, Hole(self.path(name), kind, outline, diameter_mm, center_mm))
 
-    def slotted_hole(
-        self, face: str, name: str, kind: HoleKind, start_mm: Point, end_mm: Point, width_mm: float
-    ) -> str:
+    def slotted_hole(self, face: str, name: str, kind: HoleKind, start_mm: Point, end_mm: Point, width_mm: float) -> str:
         """Cut a slot with round ends about two points, a circle if they are one; returns its full name."""
         (x0, y0), (x1, y1), r = start_mm, end_mm, width_mm / 2
         if start_mm == end_mm:

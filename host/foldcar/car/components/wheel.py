@@ -151,8 +151,6 @@ def _tyre(shape: Shape, size: WheelSize) -> None:
     step = 2 * math.pi / TYRE_BOXES
     middle = size.disc_radius_mm + thick / 2
     box = (thick, 2 * middle * math.tan(step / 2), width)
-    solids = [
-        Solid("box", box, compose(rotation("z", i * step), translation(middle, 0, 0))) for i in range(TYRE_BOXES)
-    ]
+    solids = [Solid("box", box, compose(rotation("z", i * step), translation(middle, 0, 0))) for i in range(TYRE_BOXES)]
     pose, whole = translation(0, 0, (size.width_mm - size.film_mm) / 2), (2 * size.radius_mm, 2 * size.radius_mm, width)
     shape.box(tyre.name, "tyre", "inner", pose, whole, tyre.mass_kg(size.radius_mm, size.width_mm), solids=solids)

@@ -3,7 +3,7 @@
 Input: a FoldedCar. Output: placed faces by body; wheels are equal, so only the first one is placed.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -76,6 +76,10 @@ class PlacedFace:
         shape = self.polygon.buffer(-shrink_mm) if shrink_mm else self.polygon
         parts = [part for part in shapely.get_parts(line.intersection(shape)) if part.length > 1e-6]
         return self.in_car([end for part in parts for end in part.coords]) if parts else np.zeros((0, 3))
+
+
+# Placed faces by the body's name.
+Bodies = Mapping[str, Sequence[PlacedFace]]
 
 
 def polygon(face: Face) -> shapely.Polygon:

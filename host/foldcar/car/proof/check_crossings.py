@@ -4,14 +4,14 @@ Input: placed faces, hinges flat. Output: findings.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 import shapely
 
 from foldcar.car.folded.model import FoldedCar, HingeJoint, Pose
-from foldcar.car.folded.placed import Finding, PlacedFace
+from foldcar.car.folded.placed import Bodies, Finding, PlacedFace
 from foldcar.car.folded.pose import apply, compose, rotation, translation
 
 # Faces are shrunk by this before they are intersected, so that faces that meet at an edge do not cross.
@@ -49,9 +49,7 @@ def crossings(
             yield one, other, length
 
 
-def check_hinges(
-    car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]], wheel_distance_mm: float
-) -> Iterator[Finding]:
+def check_hinges(car: FoldedCar, bodies: Bodies, wheel_distance_mm: float) -> Iterator[Finding]:
     """Findings for each hinge at both limits, all others flat: segments collide, wheels come closer than that distance.
 
     Hinge strips bend and are not checked.

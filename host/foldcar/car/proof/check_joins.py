@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from foldcar.car.folded.model import EdgeRef, FoldedCar, Join, Piece
-from foldcar.car.folded.placed import Finding, PlacedFace
+from foldcar.car.folded.placed import Bodies, Finding, PlacedFace
 from foldcar.car.folded.pose import side
 
 CLOSURE_MM = 0.05
@@ -25,7 +25,7 @@ TAB_OVER_MM2 = 0.05
 Index = defaultdict[tuple[str, str], list[PlacedFace]]
 
 
-def check_joins(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> Iterator[Finding]:
+def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
     """Findings about every join, in each body that has both its faces."""
     checks = {"tab": _tab, "lap": _tab, "tuck": _tucked, "tab_slot": _tongue, "lock": _tongue}
     index = _index(bodies)
@@ -40,13 +40,13 @@ def check_joins(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> I
     yield from _laminates(car, index)
 
 
-def worst_gap_mm(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> float:
+def worst_gap_mm(car: FoldedCar, bodies: Bodies) -> float:
     """The widest gap between edges that should meet (mm)."""
     index, tabs = _index(bodies), [join for join in car.joins if join.kind in ("tab", "lap")]
     return max((_gap_mm(join, a, b) for join in tabs for a, b in _pairs(join, index)), default=0.0)
 
 
-def _index(bodies: Mapping[str, Sequence[PlacedFace]]) -> Index:
+def _index(bodies: Bodies) -> Index:
     """All copies of each face, by the names of piece and face."""
     index: Index = defaultdict(list)
     for face in (face for faces in bodies.values() for face in faces):
@@ -163,9 +163,7 @@ def _lies_on(a: PlacedFace, b: PlacedFace) -> bool:
 VOLUME_TOLERANCE = 1e-3
 
 
-def check_skin(
-    car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]], volumes_mm3: Mapping[str, float]
-) -> Iterator[Finding]:
+def check_skin(car: FoldedCar, bodies: Bodies, volumes_mm3: Mapping[str, float]) -> Iterator[Finding]:
     """Findings for each segment whose skin has a loose edge or, where ``volumes_mm3`` gives one, another volume."""
     for body, faces in bodies.items():
         if body.startswith("wheel"):
@@ -217,9 +215,7 @@ def _joined_edges(car: FoldedCar) -> Iterator[tuple[str, str, int]]:
             yield join.piece_a, join.a.face, join.a.index
 
 
-def _loose_edges(
-    car: FoldedCar, skin: Sequence[PlacedFace], faces: Sequence[PlacedFace]
-) -> list[tuple[PlacedFace, int]]:
+def _loose_edges(car: FoldedCar, skin: Sequence[PlacedFace], faces: Sequence[PlacedFace]) -> list[tuple[PlacedFace, int]]:
     """Edges of the skin that are not joined and do not coincide with an edge of another face.
 
     Edges off the convex hull of their face are those of a notch, which is open like a hole.

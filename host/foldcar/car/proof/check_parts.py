@@ -4,7 +4,7 @@ Input: a car and its placed faces; wheels are alike, so that the first one stand
 """
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from foldcar.car.folded.model import Axle, FoldedCar, Mount, Solid
-from foldcar.car.folded.placed import Finding, PlacedFace
+from foldcar.car.folded.placed import Bodies, Finding, PlacedFace
 from foldcar.car.folded.pose import apply, compose, inverse
 
 Points = NDArray[np.float64]
@@ -35,7 +35,7 @@ ON_AXIS_MM = 0.5
 _CORNERS = np.array(list(itertools.product((-1, 1), repeat=3)))
 
 
-def check_parts(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> Iterator[Finding]:
+def check_parts(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
     """Findings about parts in segments."""
     firm = _firm(car)
     solids = [list(zip(mount.shape, boxes(mount), strict=True)) for mount in firm]
@@ -163,9 +163,7 @@ class Band(NamedTuple):
         return across and along
 
 
-def check_turning(
-    car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]], distance_mm: float
-) -> Iterator[Finding]:
+def check_turning(car: FoldedCar, bodies: Bodies, distance_mm: float) -> Iterator[Finding]:
     """Findings about wheels: something is where a wheel's film, screws or tyre pass; tyres are nearer than that."""
     for one, other in itertools.combinations(car.axles, 2):
         widths = (one.tyre_width_mm + other.tyre_width_mm) / 2
@@ -188,7 +186,7 @@ def check_turning(
                 yield Finding("wheels", axle.wheel, f"runs into {mount.name}")
 
 
-def _turning(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> list[Band]:
+def _turning(car: FoldedCar, bodies: Bodies) -> list[Band]:
     """The bands of the first wheel's film and parts, each once."""
     axle = next((axle for axle in car.axles if axle.wheel in bodies), None)
     if axle is None:

@@ -11,7 +11,7 @@ import shapely.affinity
 from numpy.typing import NDArray
 
 from foldcar.car.folded.model import Axle, FoldedCar, Join
-from foldcar.car.folded.placed import Finding, PlacedFace
+from foldcar.car.folded.placed import Bodies, Finding, PlacedFace
 
 ROUND_MM = 0.5
 # A neck has at least this play on all sides and at most this where its head holds, which reaches so far beyond it.
@@ -21,7 +21,7 @@ HOLD_MM = 0.8
 Vector = NDArray[np.float64]
 
 
-def check_wheels(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> Iterator[Finding]:
+def check_wheels(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
     """Findings about every hook of the placed wheel, and about its circle."""
     for body, faces in bodies.items():
         if not body.startswith("wheel"):
@@ -36,7 +36,7 @@ def check_wheels(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> 
         yield Finding("round", "wheels", f"deviate from their circle by {off:.2f} mm, the limit is {ROUND_MM:g} mm")
 
 
-def roundness_mm(car: FoldedCar, bodies: Mapping[str, Sequence[PlacedFace]]) -> float:
+def roundness_mm(car: FoldedCar, bodies: Bodies) -> float:
     """The largest deviation (mm) of a wheel's film from the circle that the tyre lies on; 0 without wheels.
 
     A stretched band, or flat ground, touches the convex hull of a section across the axle: there are sections in the

@@ -36,9 +36,7 @@ Ignored = frozenset[tuple[str, str]]
 NOTHING: Ignored = frozenset()
 
 
-def hit(
-    moving: Blocks, standing: Blocks, move_mm: Vector = (0.0, 0.0, 0.0), ignored: Ignored = NOTHING
-) -> str | None:
+def hit(moving: Blocks, standing: Blocks, move_mm: Vector = (0.0, 0.0, 0.0), ignored: Ignored = NOTHING) -> str | None:
     """What the solids meet first while they are moved, or None."""
     return swept(moving, moving.moved(translation(*move_mm)) if any(move_mm) else moving, standing, ignored)
 

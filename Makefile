@@ -115,7 +115,8 @@ calibration: setup
 fidelity: setup mujoco
 	@mkdir -p out
 	$(BIN)/foldcar crosscheck scenarios/fidelity.json --baseline 10 -o out/fidelity
-	$(BIN)/python tools/fidelity.py out/fidelity docs/fidelity.md
+	$(BIN)/foldcar crosscheck scenarios/across.json --baseline 0 -o out/across
+	$(BIN)/python tools/fidelity.py out/fidelity out/across docs/fidelity.md
 
 statistics: .venv/installed
 	$(BIN)/python tools/interval_coverage.py docs/statistics.md

@@ -1,7 +1,7 @@
-"""Updates tables and pictures of docs/fidelity.md from a cross-check of scenarios/fidelity.json.
+"""Updates tables and pictures of docs/fidelity.md from cross-checks of scenarios/fidelity.json and across.json.
 
-Usage: fidelity.py CROSSCHECK_DIR PAGE. Input: runs.csv and pictures of the folder. Output: the page with the text
-between its marks replaced, and the pictures in the folder of the page's name beside it.
+Usage: fidelity.py CROSSCHECK_DIR ACROSS_DIR PAGE. Input: runs.csv of both folders, pictures of the first. Output: the
+page with the text between its marks replaced, and the pictures in the folder of the page's name beside it.
 """
 
 import csv
@@ -14,13 +14,14 @@ from page_block import replaced
 
 from foldcar.atomic_file import atomic_file
 from foldcar.crosscheck.agreement import Agreement, Pair, agreement
-from foldcar.crosscheck.page import COMPARISON_HEAD, column_name, comparison_row, experiment_table
+from foldcar.crosscheck.page import COMPARISON_HEAD, column_name, comparison_row
 from foldcar.crosscheck.stored import Case
 from foldcar.errors import FoldcarError
-from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY
+from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW
 from foldcar.simulation.results import NUMBERS
 
 ENGINES = {
+    "side-view, across the course": SIDE_VIEW,
     "multibody": MULTIBODY,
     "MuJoCo, half step": HALF_STEP,
     "MuJoCo, ellipsoid tyres": ELLIPSOID,
@@ -41,9 +42,21 @@ NAMES = (
     ("ten_bumps", "ten bumps"),
     ("course", "obstacle course"),
 )
-EVERYTHING = "all"
-# Columns of the cross-check's own table that the page leaves out.
-LEFT_OUT = ("95 % interval", "r of rates", "bias")
+ACROSS = (
+    ("bumps", "bumps across"),
+    ("round_bumps", "half-round bumps across"),
+    ("kerbs", "kerbs across"),
+    ("steps", "steps across"),
+    ("pyramids", "pyramids under both tracks"),
+    ("ramps", "ramps across"),
+    ("bars", "rough strips of bars"),
+    ("across_hills", "hills across"),
+)
+# The names of the rows that have all runs of a listing.
+ALL, ALL_ACROSS = "all", "all across"
+HEAD = ["experiment", "runs", *(f"{name} %" for name in ("side-view", "multibody", "MuJoCo")),
+        "side-view RMSE", "multibody alike %", "multibody RMSE"]  # fmt: skip
+NOT_CLAIMED = "–"
 # Names here of the cross-check's pictures, which are numbered as the listing's experiments.
 PICTURES = {
     "success_1.png": ("width.png", "Success by width"),
@@ -53,13 +66,13 @@ PICTURES = {
 PARTED = 5
 
 
-def main(folder: Path, page: Path) -> None:
+def main(folder: Path, across: Path, page: Path) -> None:
     """Update the page and its pictures. FoldcarError if something is missing, before anything is written."""
-    rows = read_rows(folder / "runs.csv")
+    rows, level = read_rows(folder / "runs.csv", NAMES), read_rows(across / "runs.csv", ACROSS)
     shown = [(folder / name, *target) for name, target in PICTURES.items() if (folder / name).is_file()]
     blocks = {
-        "experiments": markdown(experiments(rows)),
-        "engines": markdown(engines(rows)),
+        "experiments": markdown([HEAD, *experiments(rows, NAMES, ALL), *experiments(level, ACROSS, ALL_ACROSS)]),
+        "engines": markdown(engines(rows, level)),
         "designs": markdown(parted_designs(rows)),
         "pictures": "\n".join(f"![{caption}]({page.stem}/{name})\n" for _, name, caption in shown),
     }
@@ -76,7 +89,7 @@ def main(folder: Path, page: Path) -> None:
         binary.write(text.encode())
 
 
-def read_rows(file: Path) -> list[dict[str, str]]:
+def read_rows(file: Path, names: Sequence[tuple[str, str]]) -> list[dict[str, str]]:
     """The rows of a cross-check's runs; FoldcarError if it has none or lacks an experiment of the page."""
     try:
         with file.open(encoding="utf-8") as lines:
@@ -84,29 +97,38 @@ def read_rows(file: Path) -> list[dict[str, str]]:
     except OSError as error:
         raise FoldcarError(f"{file}: {error.strerror}; `foldcar crosscheck` makes it") from error
     found = {row["experiment"] for row in rows}
-    for start, name in NAMES:
+    for start, name in names:
         if not any(one.startswith(start) for one in found):
-            raise FoldcarError(f"{file}: no run of {name}; cross-check the whole of scenarios/fidelity.json")
+            raise FoldcarError(f"{file}: no run of {name}; cross-check the whole listing")
     return rows
 
 
-def experiments(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
-    """A row an experiment of the page: multibody against MuJoCo."""
-    names = [*(name for _, name in NAMES), EVERYTHING]
-    groups = {
-        name: [agreement(pairs_of([row for row in rows if name in (name_of(row), EVERYTHING)], MULTIBODY))]
-        for name in names
-    }
-    head, *table = experiment_table(groups)
-    kept = [index for index, name in enumerate(head) if name not in LEFT_OUT]
-    return [[row[index] for index in kept] for row in (head, *table)]
+def experiments(
+    rows: Sequence[Mapping[str, str]], names: Sequence[tuple[str, str]], everything: str
+) -> list[list[str]]:
+    """A row an experiment of the page and one of all: each engine's share, side-view and multibody against MuJoCo."""
+    table = []
+    for name in (*(name for _, name in names), everything):
+        some = [row for row in rows if name in (name_of(row, names), everything)]
+        in_plane = pairs_of(some, SIDE_VIEW)
+        flat, one = agreement(in_plane) if len(in_plane) == len(some) else None, agreement(pairs_of(some, MULTIBODY))
+        plane = [NOT_CLAIMED, NOT_CLAIMED] if flat is None else [passed(flat)[0], f"{100 * flat.rmse:.1f}"]
+        agree = [f"{100 * share:.1f}" for share in (one.share, one.rmse)]
+        table.append([name, str(one.runs), plane[0], *passed(one), plane[1], *agree])
+    return table
 
 
-def engines(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
+def passed(one: Agreement) -> list[str]:
+    """The percentages of the runs that pass in the first and in the second engine."""
+    counts = [sum(d.first for d in one.designs.values()), sum(d.second for d in one.designs.values())]
+    return [f"{100 * count / one.runs:.1f}" for count in counts]
+
+
+def engines(rows: Sequence[Mapping[str, str]], level: Sequence[Mapping[str, str]]) -> list[list[str]]:
     """A row an engine, in all experiments, against MuJoCo; FoldcarError if one was not asked."""
     found = []
     for name, engine in ENGINES.items():
-        pairs = pairs_of(rows, engine)
+        pairs = pairs_of(level if engine == SIDE_VIEW else rows, engine)
         if not pairs:
             raise FoldcarError(f"no run of {name}: cross-check with a --baseline")
         found.append(comparison_row(name, agreement(pairs)))
@@ -129,9 +151,9 @@ def parted_designs(rows: Sequence[Mapping[str, str]]) -> list[list[str]]:
     return found
 
 
-def name_of(row: Mapping[str, str]) -> str:
+def name_of(row: Mapping[str, str], names: Sequence[tuple[str, str]]) -> str:
     """The page's name of a run's experiment."""
-    return next(name for start, name in NAMES if row["experiment"].startswith(start))
+    return next(name for start, name in names if row["experiment"].startswith(start))
 
 
 def pairs_of(rows: Sequence[Mapping[str, str]], engine: str) -> list[Pair]:
@@ -163,7 +185,7 @@ def markdown(table: Sequence[Sequence[str]]) -> str:
 
 if __name__ == "__main__":
     try:
-        main(Path(sys.argv[1]), Path(sys.argv[2]))
+        main(*map(Path, sys.argv[1:4]))
     except FoldcarError as error:
         print(f"fidelity: {error}", file=sys.stderr)
         sys.exit(2)

@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from foldcar.search.bench import Row, Values, open_bench
+from foldcar.search.design_simulator import Row, Values, open_simulator
 from foldcar.search.objectives import OBJECTIVES
 from foldcar.search.proposals import Proposals, Tried
 from foldcar.search.search import batches, searched_study
@@ -93,8 +93,8 @@ def judge(
     assert SUCCESS.value is not None
     with write_store(store) as writer:
         writer.begin_study(study_facts(study, carsim, "tools/optimize_comparison.py"), carsim.build)
-        with open_bench(fresh, Environment(fresh), writer, carsim, jobs, lambda runs: None, False) as bench:
-            return {one: SUCCESS.value(bench.rows(one, range(fresh.environments)), 0.0) for one in sorted(designs)}
+        with open_simulator(fresh, Environment(fresh), writer, carsim, jobs, lambda runs: None, False) as simulator:
+            return {one: SUCCESS.value(simulator.rows(one, range(fresh.environments)), 0.0) for one in sorted(designs)}
 
 
 def main() -> None:

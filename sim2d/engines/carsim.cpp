@@ -13,6 +13,10 @@ bool& in_side_view() {
 
 }  // namespace
 
+const char* const kEngineUsage =
+    "before the command:\n"
+    "       --side-view                          Box2D in the car's side plane instead of multibody\n";
+
 const Engine& engine() {
   static const MultibodyEngine multibody;
   static const SideViewEngine side_view;

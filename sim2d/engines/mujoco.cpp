@@ -12,6 +12,11 @@ MujocoOptions& options() {
 
 }  // namespace
 
+const char* const kEngineUsage =
+    "before the command:\n"
+    "       --half-step                          half MuJoCo's time step\n"
+    "       --ellipsoid-tyres                    tyres as ellipsoids instead of cylinders\n";
+
 const Engine& engine() {
   static const MujocoEngine built(options());
   return built;

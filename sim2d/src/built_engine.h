@@ -12,5 +12,7 @@ const Engine& engine();
 // Whether the engine takes this word, which stands before the program's command; it then is another engine, by its name
 // too. To be called before engine().
 bool take_engine_option(const std::string& word);
+// What --help says of these words.
+extern const char* const kEngineUsage;
 
 }  // namespace foldcar

@@ -35,7 +35,7 @@ constexpr char kUsage[] =
     "       carsim --help\n";
 
 int usage_error(const std::string& problem) {
-  std::fprintf(stderr, "carsim: %s\n%s", problem.c_str(), kUsage);
+  std::fprintf(stderr, "carsim: %s\n%s%s", problem.c_str(), kUsage, foldcar::kEngineUsage);
   return 2;
 }
 
@@ -88,9 +88,7 @@ int print_limits() {
                                         {"tipped_up", foldcar::kTippedUp},
                                         {"stuck_distance_m", foldcar::kStuckDistance_m},
                                         {"stuck_turn_rad", foldcar::kStuckTurn_rad},
-                                        {"stuck_time_s", foldcar::kStuckTime_s},
-                                        {"held_distance_m", foldcar::kHeldDistance_m},
-                                        {"held_time_s", foldcar::kHeldTime_s}};
+                                        {"stuck_time_s", foldcar::kStuckTime_s}};
   return print({{"input", input}, {"trial", trial}}, 1);
 }
 
@@ -121,6 +119,7 @@ int run(std::vector<std::string> words) {
   if (command == "--version") return print(version(), -1);
   if (command == "--help" || command == "-h") {
     std::fputs(kUsage, stdout);
+    std::fputs(foldcar::kEngineUsage, stdout);
     return 0;
   }
   return usage_error("unknown command " + command);

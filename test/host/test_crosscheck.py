@@ -106,6 +106,31 @@ def test_the_command_compares_and_goes_on_from_what_is_there(
         assert sum(info.stored_runs for info in store.info().experiments.values()) == 12
 
 
+def test_the_side_view_is_compared_where_both_sides_are_alike(
+    tmp_path: Path, foldcar: Callable[..., "subprocess.CompletedProcess[str]"], write_listing: Any, listing_data: Any
+) -> None:
+    program = tmp_path / "step.scenic"
+    program.write_text(
+        "model model\nego = new Robot at (0, 0), facing -90 deg\ngoal = new Goal at (0.8, 0), facing -90 deg\n"
+        "new Step at (0.5, 0), facing -90 deg, with height Range(0.01, 0.05)\n"
+    )
+    listing_data["environments"]["2"] = {"scenic_filename": str(program), "seed": 1}
+    listing_data["experiments"]["2"] = {**listing_data["experiments"]["1"], "env_id": 2}
+    done = foldcar("crosscheck", write_listing(listing_data), "--environments", "3", "--baseline", "0", "-o", "check")
+
+    assert done.returncode == 0, done.stderr
+    with Store.open(tmp_path / "check" / "study.db") as store:
+        assert [name for name in store.info().experiments if "side" in name] == ["2 (side-view)"]
+    with (tmp_path / "check" / "runs.csv").open() as lines:
+        rows = list(csv.DictReader(lines))
+    assert {row["experiment"] for row in rows if row["side_view_outcome"]} == {"2"}
+    head, *table = json.loads((tmp_path / "check" / "summary.json").read_text())["by_experiment"]
+    shown = {row[0]: row[head.index("side-view passed %")] for row in table}
+    passed = [row["side_view_outcome"] == "passed" for row in rows if row["experiment"] == "2"]
+    assert shown == {"1": "–", "2": f"{100 * sum(passed) / len(passed):.1f}"}
+    assert "<td>side-view – MuJoCo</td>" in (tmp_path / "check" / "index.html").read_text()
+
+
 def test_the_worst_are_simulated_again_to_the_same_end(
     tmp_path: Path, foldcar: Callable[..., "subprocess.CompletedProcess[str]"], write_listing: Any, listing_data: Any
 ) -> None:
@@ -217,4 +242,4 @@ def test_a_program_with_dynamics_decides_in_both_engines(
     with Store.open(tmp_path / "check" / "study.db") as store:
         ends = [result.recorded["x_m"].value for result in store.results()]
     # Scenic looks every 0.1 s at most: 70 mm of way.
-    assert len(ends) == 8 and all(0.8 < end < 0.88 for end in ends)
+    assert len(ends) == 10 and all(0.8 < end < 0.88 for end in ends)

@@ -8,8 +8,10 @@ from typing import Any
 
 import pytest
 
+from foldcar.simulation.engines import MUJOCO, SIDE_VIEW, find_carsim
 from foldcar.store.reader import Store
 from foldcar.study.unlike_sides import one_sided
+from forked_foldcar import original
 from study_car import car_body
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -81,6 +83,42 @@ def test_what_differs_from_side_to_side_is_named_by_the_sweep_and_wherever_its_r
     run = foldcar("run", listing, "--experiment", "1", "--set", "width=95", "--engine", "side-view")
     assert named in run.stderr
     assert "these differ" not in foldcar("sweep", listing, "--store", "s.db").stderr
+
+
+def test_a_simulated_car_on_a_port_says_so_too(tmp_path: Path, listing_of: Callable[..., Path]) -> None:
+    listing = listing_of(ACROSS.replace("-90 deg", "-80 deg"))
+    words = ["link", str(listing), "--experiment", "1", "--set", "width=95", "--engine"]
+    for engine in ("side-view", "multibody"):
+        process = original().start([*words, engine], tmp_path)
+        said = [process.stderr.readline()]
+        while "Ctrl-C ends" not in said[-1]:
+            said.append(process.stderr.readline())
+        process.terminate()
+        process.communicate()
+
+        assert ("heading (box met at 10.0°" in said[0]) == (engine == "side-view")
+
+
+def test_help_names_the_words_that_choose_an_engine() -> None:
+    for engine, option in ((SIDE_VIEW, "--side-view"), (MUJOCO, "--half-step")):
+        told = subprocess.run([find_carsim(engine), "--help"], capture_output=True, text=True, check=True).stdout
+        assert option in told
+
+
+def test_a_segment_too_heavy_for_its_wheels_fails_with_its_numbers(carsim_binary: Path) -> None:
+    body = car_body()
+    body["segments"][0]["mass_kg"] = 101 * 2 * body["wheels"][0]["mass_kg"]
+    scene = {"id": "s", "friction": 0.6, "terrain": [], "start": {"x_m": 0, "y_m": 0, "heading_rad": 0}, "goal": None,
+             "course": {"x_min_m": -1, "x_max_m": 2, "y_min_m": -1, "y_max_m": 1}}  # fmt: skip
+    run = {"id": "r", "body": "b", "scene": "s", "speed_m_s": 0.3, "time_limit_s": 1}
+    lines = [{"body": {**body, "id": "b"}}, {"scene": scene}, {"run": run}]
+    text = "".join(json.dumps(line) + "\n" for line in lines)
+
+    done = subprocess.run([carsim_binary, "--side-view", "batch"], input=text, capture_output=True, text=True)
+
+    error = json.loads(done.stdout)["error"]
+    assert (done.returncode, error["run"]) == (2, "r")
+    assert "more than 100 times as heavy as a pair of wheels" in error["message"]
 
 
 def test_cars_that_vary_wheel_by_wheel_have_unlike_sides(

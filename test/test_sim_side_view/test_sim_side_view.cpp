@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <string>
 
 #include "../closed_forms.h"
 #include "../full_speed.h"
@@ -229,11 +231,44 @@ void test_a_hinge_sags_as_its_stiffness_lets_it_and_rests_on_its_limits() {
 void test_a_heavy_point_far_from_the_origin_is_taken() {
   BodySpec body = study_car(0.095);
   body.segments[0].com_x_m = 1;
-  body.segments[0].mass_kg = 50;
+  body.segments[0].mass_kg = 2;
   body.segments[0].pitch_inertia_kg_m2 = 1e-7;
   Drive drive(body, scene_of({}, 0.6), pulses_for(body, 0));
   TEST_ASSERT_TRUE(drive.run(0.1).pitch_rad < 0);
   TEST_ASSERT_TRUE(drive.car.finite());
+}
+
+// Within the limit it sinks by less than a millimetre, beyond it is refused.
+void test_a_segment_too_heavy_for_its_wheels_is_refused() {
+  BodySpec body = study_car(0.095);
+  const double pair_kg = 2 * body.wheels[0].mass_kg;
+  body.segments[0].mass_kg = 99 * pair_kg;
+  Drive drive(body, scene_of({}, 0.6), pulses_for(body, 0));
+  TEST_ASSERT_DOUBLE_WITHIN(0.001, 0.06, drive.run(2).z_m);
+  body.segments[0].mass_kg = 101 * pair_kg;
+  std::string refusal;
+  try {
+    Drive(body, scene_of({}, 0.6), pulses_for(body, 0));
+  } catch (const std::runtime_error& error) {
+    refusal = error.what();
+  }
+  TEST_ASSERT_TRUE(refusal.find("more than 100 times as heavy") != std::string::npos);
+}
+
+// The belly's lower corner, 11 mm high, meets the slope a few millimetres before the plateau's wall behind it. Sliding up
+// it loses speed to the inelastic impact and to friction, but the wall is inside the slope.
+void test_a_belly_slides_up_a_slope_onto_the_plateau_behind_it() {
+  BodySpec body = study_car(0.095);
+  for (WheelSpec& wheel : body.wheels) wheel.radius_m = 0.036;
+  for (const double length_m : {0.016, 0.02}) {
+    for (const double height_m : {0.012, 0.0128, 0.0136}) {
+      const BlockSpec slope{0.4, 0, length_m, 2, height_m, 0, BlockSpec::Kind::kRamp};
+      const BlockSpec plateau{0.4 + length_m / 2 + 0.25, 0, 0.5, 2, height_m, 0};
+      Drive drive(body, scene_of(blocks({slope, plateau}), 0.8), pulses_for(body, 1));
+      while (drive.car.state().x_m < 0.28) drive.run(drive.step_s);
+      TEST_ASSERT_TRUE(drive.run(0.5).x_m > 0.37);
+    }
+  }
 }
 
 // On the crest of a ridge a limp car of three axles folds until every wheel stands; a stiff one bridges it.
@@ -356,6 +391,8 @@ int main() {
   RUN_TEST(test_friction_and_impacts_never_give_energy);
   RUN_TEST(test_a_hinge_sags_as_its_stiffness_lets_it_and_rests_on_its_limits);
   RUN_TEST(test_a_heavy_point_far_from_the_origin_is_taken);
+  RUN_TEST(test_a_segment_too_heavy_for_its_wheels_is_refused);
+  RUN_TEST(test_a_belly_slides_up_a_slope_onto_the_plateau_behind_it);
   RUN_TEST(test_hinges_let_every_wheel_stand_on_a_crest);
   RUN_TEST(test_it_follows_smooth_ground_over_the_seams_of_its_pieces);
   RUN_TEST(test_an_arc_of_many_chords_lifts_it_by_its_height);

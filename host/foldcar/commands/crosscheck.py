@@ -1,4 +1,4 @@
-"""`foldcar crosscheck`: sweeps a listing in multibody and in MuJoCo and compares the results."""
+"""`foldcar crosscheck`: sweeps a listing in all engines and compares the results."""
 
 import shlex
 import sys
@@ -51,8 +51,9 @@ def crosscheck(
 ) -> None:
     """Simulate a listing's runs in MuJoCo too and compare.
 
-    The same cars with the same firmware in the same scenes, swept into DIR/study.db (needs `make mujoco`). It may be
-    stopped at any time: the same command resumes it.
+    The same cars with the same firmware in the same scenes, swept into DIR/study.db (needs `make mujoco`); in the side
+    view those experiments whose ground, way and cars are alike on both sides. It may be stopped at any time: the same
+    command resumes it.
 
     \b
     Example: foldcar crosscheck scenarios/step_pyramids.json -o check

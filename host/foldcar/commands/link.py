@@ -60,6 +60,8 @@ def link(
         said(lambda: "ended"),
     ):
         typer.echo(car.port)
+        if one.side_view_note:
+            typer.echo(one.side_view_note, err=True)
         typer.echo(f"{one.design.type} in sample {sample}; Ctrl-C ends", err=True)
         assert car.process.stdout is not None and car.process.stderr is not None
         for line in car.process.stdout:

@@ -39,6 +39,18 @@ class ListedRun:
     body: dict[str, Any]
     scene: dict[str, Any]
 
+    @property
+    def side_view_note(self) -> str:
+        """What the side view cannot know of the run's experiment, "" if nothing or in another engine."""
+        from foldcar.simulation.engines import ENGINES, SIDE_VIEW
+        from foldcar.store.info import unlike_sides_text
+        from foldcar.study.unlike_sides import unlike_sides
+
+        if self.carsim.engine != ENGINES[SIDE_VIEW].title:
+            return ""
+        unlike = unlike_sides(self.carsim, self.experiment, self.environment)
+        return f"note: {unlike_sides_text(unlike)}" if unlike else ""
+
     def with_design(self, design: "Design") -> "ListedRun":
         """The run of another design in the same environment, built with the same differences."""
         from foldcar.car.body import body_json

@@ -32,17 +32,14 @@ def run(
     """
     from foldcar.commands.run_text import answer_lines, answer_object, variation_text
     from foldcar.figures.output import check_format
-    from foldcar.simulation.engines import SIDE_VIEW
-    from foldcar.store.info import unlike_sides_text
-    from foldcar.study.unlike_sides import unlike_sides
 
     if plot is not None:
         check_format(plot)
     listed = listed_run(listing, experiment, settings, sample, engine)
     carsim, chosen, design, variation = listed.carsim, listed.experiment, listed.design, listed.variation
     one, answer = simulated_run(listed, sample)
-    if engine == SIDE_VIEW and (unlike := unlike_sides(carsim, chosen, listed.environment)):
-        typer.echo(f"note: {unlike_sides_text(unlike)}", err=True)
+    if listed.side_view_note:
+        typer.echo(listed.side_view_note, err=True)
     lines = [
         ("experiment", f"{experiment}: vehicle {chosen.family.vehicle} in environment {chosen.environment}"),
         ("design", f"{design.type} " + " ".join(f"{key}={value:g}" for key, value in design.values.items())),

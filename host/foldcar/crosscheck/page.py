@@ -25,7 +25,7 @@ from foldcar.figures.style import OUTCOME_LABELS, RC
 from foldcar.page_template import page_template
 from foldcar.shown_text import decoded
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY
+from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW
 from foldcar.simulation.results import NUMBERS as METRICS
 from foldcar.simulation.results import OUTCOMES
 from foldcar.store.reader import Store
@@ -35,6 +35,7 @@ WORST = 3
 MOST_FAILURES = 10
 COLOURS = 256
 NAMES = {
+    SIDE_VIEW: "side-view",
     MULTIBODY: "multibody",
     MUJOCO: "MuJoCo",
     HALF_STEP: "MuJoCo, half the time step",
@@ -43,7 +44,9 @@ NAMES = {
 BOTH = f"{NAMES[MULTIBODY]} – {NAMES[MUJOCO]}"
 COMPARISON_HEAD = ["engines", "runs", "alike %", "95 % interval", "r of rates", "RMSE", "bias"]
 EXPERIMENT_HEAD = ["experiment", "runs", "multibody passed %", "MuJoCo passed %", *COMPARISON_HEAD[2:]]
+SIDE_VIEW_HEAD = ["side-view passed %", "side-view alike %", "side-view RMSE"]
 BASELINE_HEAD = ["half step alike %", "ellipsoid alike %"]
+NOT_CLAIMED = "–"
 
 
 def pairs_of(cases: Sequence[Case], results: Results, first: str, second: str, samples: int) -> list[Pair]:
@@ -74,6 +77,9 @@ def write_page(
     pairs = pairs_of(cases, results, MULTIBODY, MUJOCO, everything)
     whole = agreement(pairs)
     comparisons = [(BOTH, whole)]
+    in_plane = pairs_of(cases, results, SIDE_VIEW, MUJOCO, everything)
+    if in_plane:
+        comparisons.append((f"{NAMES[SIDE_VIEW]} – {NAMES[MUJOCO]}", agreement(in_plane)))
     few = min(baseline, everything)
     if few:
         for engine in (MULTIBODY, *BASELINE):
@@ -81,6 +87,7 @@ def write_page(
             comparisons.append((name, agreement(pairs_of(cases, results, engine, MUJOCO, few))))
     selves = [pairs_of(cases, results, engine, MUJOCO, few) for engine in BASELINE if few]
     by_experiment = {name: [agreement(_of(name, some)) for some in (pairs, *selves)] for name in experiments}
+    side_view = {name: agreement(some) for name in experiments if (some := _of(name, in_plane))}
     sections = []
     for number, (name, (one, *_)) in enumerate(by_experiment.items(), start=1):
         both = {engine: carsims[engine] for engine in (MULTIBODY, MUJOCO)}
@@ -91,7 +98,7 @@ def write_page(
     page = page_template("foldcar.crosscheck", "page.html").render(
         title=title,
         comparisons=[COMPARISON_HEAD, *(comparison_row(name, one) for name, one in comparisons)],
-        by_experiment=experiment_table(by_experiment) if len(experiments) > 1 else [],
+        by_experiment=experiment_table(by_experiment, side_view) if len(experiments) > 1 else [],
         confusion=_confusion(whole),
         kinds=[[OUTCOME_LABELS[a], OUTCOME_LABELS[b], str(count)] for (a, b), count in whole.kinds],
         failures=_failures(cases, results),
@@ -102,7 +109,7 @@ def write_page(
     _write(folder / RUNS, _runs_csv(cases, results))
     numbers = {
         "comparisons": {name: comparison_numbers(one) for name, one in comparisons},
-        "by_experiment": experiment_table(by_experiment),
+        "by_experiment": experiment_table(by_experiment, side_view),
     }
     _write(folder / NUMBERS, json.dumps(numbers, indent=2, ensure_ascii=False) + "\n")
     return comparisons
@@ -122,15 +129,25 @@ def comparison_row(name: str, one: Agreement) -> list[str]:
     ]
 
 
-def experiment_table(experiments: Mapping[str, Sequence[Agreement]]) -> list[list[str]]:
-    """A row an experiment: both engines, and how far MuJoCo agrees with itself if it was asked; a head above."""
+def experiment_table(
+    experiments: Mapping[str, Sequence[Agreement]], side_view: Mapping[str, Agreement]
+) -> list[list[str]]:
+    """A row an experiment: multibody and MuJoCo, the side view against MuJoCo where it claims the scenes, and how far
+    MuJoCo agrees with itself if it was asked; a head above.
+    """
     rows = []
     for name, (one, *selves) in experiments.items():
         _, runs, *cells = comparison_row(name, one)
         passed = [sum(d.first for d in one.designs.values()), sum(d.second for d in one.designs.values())]
         shares = [f"{100 * count / one.runs:.1f}" for count in passed]
-        rows.append([name, runs, *shares, *cells, *(f"{100 * other.share:.1f}" for other in selves)])
-    return [[*EXPERIMENT_HEAD, *(BASELINE_HEAD if rows and len(rows[0]) > len(EXPERIMENT_HEAD) else [])], *rows]
+        flat = side_view.get(name)
+        plane = [NOT_CLAIMED] * len(SIDE_VIEW_HEAD)
+        if flat is not None:
+            went = sum(d.first for d in flat.designs.values())
+            plane = [f"{100 * share:.1f}" for share in (went / flat.runs, flat.share, flat.rmse)]
+        rows.append([name, runs, *shares, *cells, *plane, *(f"{100 * other.share:.1f}" for other in selves)])
+    head = [*EXPERIMENT_HEAD, *SIDE_VIEW_HEAD]
+    return [[*head, *(BASELINE_HEAD if rows and len(rows[0]) > len(head) else [])], *rows]
 
 
 def _of(experiment: str, pairs: Sequence[Pair]) -> list[Pair]:

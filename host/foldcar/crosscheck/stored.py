@@ -39,9 +39,10 @@ def read_cases(store: Store, experiments: Sequence[str], engines: Iterable[str])
     """All cases of listed experiments; a result has ``outcome``, the metrics, and of a failed run its ``message``."""
     cases: list[Case] = []
     results: Results = {engine: [] for engine in engines}
+    swept = store.info().experiments
     for experiment in experiments:
         names = {engine: stored_name(experiment, engine) for engine in results}
-        found = {engine: _results(store, name) for engine, name in names.items()}
+        found = {engine: _results(store, name) if name in swept else {} for engine, name in names.items()}
         designs = store.designs(next(iter(names.values())))
         for design, sample in sorted(set().union(*found.values()), key=lambda key: (key[1], key[0])):
             columns = {key: float(value) for key, value in designs[design].items() if not isinstance(value, str)}

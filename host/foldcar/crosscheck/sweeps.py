@@ -1,5 +1,7 @@
 """The sweeps that a cross-check reads: every experiment in multibody and in MuJoCo, its first samples in variants.
 
+What is alike on both sides is swept in the side view too.
+
 Input: a study, a simulator for each engine. Output: rows in the store.
 """
 
@@ -11,15 +13,16 @@ from typing import Protocol
 
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY
+from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW
 from foldcar.study.engine_study import engine_study
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Study
 from foldcar.study.progress import Progress
 from foldcar.study.sweep import planned_total, sweep
+from foldcar.study.unlike_sides import unlike_sides
 
 # Those of the baseline show how far MuJoCo agrees with itself.
-BOTH, BASELINE = (MULTIBODY, MUJOCO), (HALF_STEP, ELLIPSOID)
+EVERY, BASELINE = (MULTIBODY, MUJOCO, SIDE_VIEW), (HALF_STEP, ELLIPSOID)
 
 
 class Bar(Protocol):
@@ -34,7 +37,7 @@ class Bar(Protocol):
 
 def simulators(baseline: int) -> dict[str, Carsim]:
     """A simulator for each engine that is asked; CarsimError if one is missing."""
-    return {engine: Carsim(engine=engine) for engine in (*BOTH, *(BASELINE if baseline else ()))}
+    return {engine: Carsim(engine=engine) for engine in (*EVERY, *(BASELINE if baseline else ()))}
 
 
 def check_success(study: Study) -> None:
@@ -56,6 +59,8 @@ def sweep_all(
 ) -> None:
     """Simulate with each engine what the store lacks; ``bar_of`` shows that of an engine, by its key. FoldcarError."""
     for engine, part in _parts(study, baseline, carsims):
+        if not part.experiments:
+            continue
         progress = Progress(total=planned_total(part))
         with bar_of(progress, engine) as bar:
             # What holds for the listing is said once.
@@ -69,4 +74,8 @@ def _parts(study: Study, baseline: int, carsims: Mapping[str, Carsim]) -> Iterat
         experiments=tuple(replace(one, environments=min(one.environments, baseline)) for one in study.experiments),
     )
     for engine, carsim in carsims.items():
-        yield engine, engine_study(few if engine in BASELINE else study, carsim)
+        part = few if engine in BASELINE else study
+        if engine == SIDE_VIEW:
+            alike = (one for one in study.experiments if not unlike_sides(carsim, one, Environment(one)))
+            part = replace(study, experiments=tuple(alike))
+        yield engine, engine_study(part, carsim)

@@ -15,7 +15,7 @@ from foldcar.analysis.intervals import wilson_interval
 from foldcar.car.design import Design
 from foldcar.car.folded.weight import area_mm2
 from foldcar.car.folded_car import folded_car
-from foldcar.search.bench import Row
+from foldcar.search.design_simulator import Row
 
 Interval = tuple[float, float]
 RESAMPLES = 2000

@@ -23,7 +23,7 @@ from optuna.trial import FrozenTrial, Trial, TrialState
 
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import delayed
-from foldcar.search.bench import Values
+from foldcar.search.design_simulator import Values
 from foldcar.search.objectives import Objective
 from foldcar.study.family import Family
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.search.bench import Bench, Row, Values, open_bench
+from foldcar.search.design_simulator import DesignSimulator, Row, Values, open_simulator
 from foldcar.search.objectives import OBJECTIVES, Objective, film_area_cm2
 from foldcar.search.proposals import Proposals, Tried
 from foldcar.simulation.carsim import Carsim
@@ -132,14 +132,14 @@ def search(
             store.with_name(f"{store.name}.optuna"), experiment.family, plan.objectives, plan.sampler, plan.seed,
             _identity(experiment, environment, plan, carsim), plan.designs,
         )  # fmt: skip
-        with open_bench(experiment, environment, writer, carsim, simulators, simulated, True) as bench:
-            _try_designs(experiment, plan, proposals, bench, found, report)
+        with open_simulator(experiment, environment, writer, carsim, simulators, simulated, True) as simulator:
+            _try_designs(experiment, plan, proposals, simulator, found, report)
             unbuildable = proposals.unbuildable()
-            bench.finish(list(unbuildable))
+            simulator.finish(list(unbuildable))
         best = proposals.best(proposals.tried(), plan.best)
-        with open_bench(fresh, environment_of(fresh), writer, carsim, simulators, simulated, False) as bench:
+        with open_simulator(fresh, environment_of(fresh), writer, carsim, simulators, simulated, False) as simulator:
             for one in best:
-                rows = _counted(bench.rows(one.values, range(plan.fresh)))
+                rows = _counted(simulator.rows(one.values, range(plan.fresh)))
                 found.best.append(_judged(experiment, plan, one, rows))
                 report(found)
     found.unbuildable = {_named(experiment, values): reason for values, reason in unbuildable.items()}
@@ -149,7 +149,7 @@ def _try_designs(
     experiment: Experiment,
     plan: Plan,
     proposals: Proposals,
-    bench: Bench,
+    simulator: DesignSimulator,
     found: Found,
     report: Callable[[Found], None],
 ) -> None:
@@ -167,7 +167,7 @@ def _try_designs(
         made = 0
         pruned = False
         for number, batch in enumerate(batches(experiment.environments)):
-            new = bench.rows(values, batch)
+            new = simulator.rows(values, batch)
             made += len(new)
             new = _counted(new)
             rows += new

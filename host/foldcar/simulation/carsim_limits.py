@@ -10,8 +10,7 @@ class TrialRules:
 
     The car settles for ``settling_s`` before the trial begins, the physics takes steps of ``step_s``, the firmware
     ticks every ``firmware_tick_s``. A car has tipped when the upward part of its up axis is below ``tipped_up``, and is
-    stuck when within ``stuck_time_s`` it has neither moved ``stuck_distance_m`` nor turned ``stuck_turn_rad``, or within
-    ``held_time_s`` not moved ``held_distance_m``.
+    stuck when within ``stuck_time_s`` it has neither moved ``stuck_distance_m`` nor turned ``stuck_turn_rad``.
     """
 
     settling_s: float
@@ -21,8 +20,6 @@ class TrialRules:
     stuck_distance_m: float
     stuck_turn_rad: float
     stuck_time_s: float
-    held_distance_m: float
-    held_time_s: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-// What moves simulated cars: multibody, in six degrees of freedom, or MuJoCo.
+// What moves simulated cars: Box2D in the side view, multibody in six degrees of freedom, or MuJoCo.
 #pragma once
 
 #include <memory>

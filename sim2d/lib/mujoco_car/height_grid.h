@@ -16,8 +16,9 @@ struct HeightGrid {
   std::vector<double> z_m;
 };
 
-// The coarsest grid of 20, 10 or 5 mm whose error in the middles of its cells is within 0.2 mm, else the finest. It ends
-// where the ground is level, or a car's length beyond the course. Throws std::runtime_error above 4 million points.
+// The coarsest grid of 20, 10 or 5 mm whose error in the middles of its cells is within 0.2 mm, else the finest. It
+// ends where the ground is level, or a car's length beyond the course. Throws std::runtime_error above 4 million
+// points.
 HeightGrid height_grid(const Ground& ground, const CourseSpec& course);
 
 }  // namespace foldcar

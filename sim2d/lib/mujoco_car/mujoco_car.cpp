@@ -38,6 +38,26 @@ double lowest_ground_m(const SceneSpec& scene) {
 
 }  // namespace
 
+// Coulomb's law for contacts that slip.
+//
+// MuJoCo solves for contact accelerations a (normal n, tangential t) and forces f with a convex cost: in a contact that
+// slips, R f_n = r_n - a_n + μ |a_t - r_t| and |f_t| = μ f_n, with the reference accelerations r_n = -b v_n - k d and
+// r_t = -b v_t of velocities v and gap d, and the regularisation R. The last term of the first equation is no part of
+// Coulomb's law: with b = 420/s a tyre that spins at v_t = 0.7 m/s on a friction of 0.6 is pushed off the ground at
+// 18 g, and hammers it. As |a_t| is small beside b |v_t|, r_n - μ |r_t| in place of r_n takes the term away. Where
+// friction ends the slip within a step, |a_t - r_t| is smaller than |r_t| and the contact softer than meant; therefore
+// the share that is taken away falls to none at a depth of kLiftDepth_m. A contact that holds has r_t close to 0 and is
+// left as it is.
+void cancel_lift_of_slip(mjData& data) {
+  for (int i = 0; i < data.ncon; ++i) {
+    const mjContact& contact = data.contact[i];
+    if (contact.efc_address < 0) continue;
+    double* reference = data.efc_aref + contact.efc_address;
+    const double share = std::max(0.0, 1 + contact.dist / kLiftDepth_m);
+    reference[0] -= share * contact.friction[0] * std::hypot(reference[1], reference[2]);
+  }
+}
+
 MujocoCar::MujocoCar(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
                      const MujocoOptions& options, Stopwatch* stopwatch)
     : body_(body),
@@ -51,7 +71,7 @@ MujocoCar::MujocoCar(const BodySpec& body, const SceneSpec& scene, const Terrain
   drive_wheels({});
   take_friction();
   mj_step1(built_.model.get(), data_.get());
-  cancel_lift_of_slip();
+  cancel_lift_of_slip(*data_);
   update_state();
 }
 
@@ -87,7 +107,7 @@ void MujocoCar::step(const PulsesUs& pulses_us) {
     // In this order positions, contacts and what follows from them are those at the end of the step.
     mj_step2(built_.model.get(), data_.get());
     mj_step1(built_.model.get(), data_.get());
-    cancel_lift_of_slip();
+    cancel_lift_of_slip(*data_);
   }
   count_energy();
   update_state();
@@ -116,25 +136,6 @@ void MujocoCar::take_friction() {
   };
   for (std::size_t i = 0; i < body_.wheels.size(); ++i) take(built_.tyre[i], body_.wheels[i].grip);
   for (std::size_t i = 0; i < body_.segments.size(); ++i) take(built_.belly[i], body_.segments[i].grip);
-}
-
-// Coulomb's law for contacts that slip.
-//
-// MuJoCo solves for contact accelerations a (normal n, tangential t) and forces f with a convex cost: in a contact that
-// slips, R f_n = r_n - a_n + μ |a_t - r_t| and |f_t| = μ f_n, with the reference accelerations r_n = -b v_n - k d and
-// r_t = -b v_t of velocities v and gap d, and the regularisation R. The last term of the first equation is no part of
-// Coulomb's law: with b = 420/s a tyre that spins at v_t = 0.7 m/s on a friction of 0.6 is pushed off the ground at 18 g,
-// and hammers it. As |a_t| is small beside b |v_t|, r_n - μ |r_t| in place of r_n takes the term away. Where friction ends
-// the slip within a step, |a_t - r_t| is smaller than |r_t| and the contact softer than meant; therefore the share that is
-// taken away falls to none at a depth of kLiftDepth_m. A contact that holds has r_t close to 0 and is left as it is.
-void MujocoCar::cancel_lift_of_slip() {
-  for (int i = 0; i < data_->ncon; ++i) {
-    const mjContact& contact = data_->contact[i];
-    if (contact.efc_address < 0) continue;
-    double* reference = data_->efc_aref + contact.efc_address;
-    const double share = std::max(0.0, 1 + contact.dist / kLiftDepth_m);
-    reference[0] -= share * contact.friction[0] * std::hypot(reference[1], reference[2]);
-  }
 }
 
 void MujocoCar::count_energy() {

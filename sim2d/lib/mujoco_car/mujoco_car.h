@@ -23,6 +23,10 @@ struct DeleteData {
   void operator()(mjData* data) const { mj_deleteData(data); }
 };
 
+// What the engine does between mj_step1 and mj_step2: takes away what MuJoCo adds to the normal forces of contacts that
+// slip. A model that is stepped without it differs in that alone.
+void cancel_lift_of_slip(mjData& data);
+
 class MujocoCar : public SimCar {
  public:
   // Puts the car down, level, at the scene's start. body, scene, terrain and stopwatch (may be null) must outlive it.
@@ -45,7 +49,6 @@ class MujocoCar : public SimCar {
   void put_down();
   void take_friction();
   void drive_wheels(const PulsesUs& pulses_us);
-  void cancel_lift_of_slip();
   void count_energy();
   void update_state();
 

@@ -40,7 +40,7 @@ mjsGeom& ground_geom(mjSpec* spec, mjtGeom type, const std::string& name, const 
 void add_box(mjSpec* spec, const BlockSpec& block, const std::string& name) {
   mjsGeom& box = ground_geom(spec, mjGEOM_BOX, name, kPieceColour);
   set(box.size, 0.5 * block.length_m, 0.5 * block.width_m, 0.5 * (block.height_m + kSunk_m));
-  set(box.pos, block.x_m, block.y_m, 0.5 * (block.height_m - kSunk_m));
+  set(box.pos, block.x_m, block.y_m, block.height_m - box.size[2]);
   set_heading(box.quat, block.heading_rad);
 }
 

@@ -1,8 +1,8 @@
 // The engine's model as a file of MuJoCo's: MJCF.
 //
-// The car stands at the scene's start, where the engine puts it down. Besides there is what people see and read, none of
-// which changes the physics: a lamp, the cameras "overview" of the scene and "follow" of the car, accelerometer and gyro
-// of the car, speed and torque of each wheel, and the keyframe "start".
+// The car stands at the scene's start, where the engine puts it down. Besides there is what people see and read, none
+// of which changes the physics: a lamp, the cameras "overview" of the scene and "follow" of the car, accelerometer and
+// gyro of the car, speed and torque of each wheel, and the keyframe "start".
 #pragma once
 
 #include <string>

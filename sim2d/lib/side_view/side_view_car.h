@@ -33,7 +33,8 @@ struct SideViewOptions {
 class SideViewCar : public SimCar, private b2ContactListener {
  public:
   // Puts the car down at the scene's start, level and at rest, on the part that touches first. body, scene, terrain and
-  // stopwatch (may be null) must outlive the car.
+  // stopwatch (may be null) must outlive the car. Throws std::runtime_error if a segment is more than 100 times as heavy
+  // as a pair of wheels.
   SideViewCar(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain, const SideViewOptions& options,
               Stopwatch* stopwatch);
 
@@ -60,6 +61,7 @@ class SideViewCar : public SimCar, private b2ContactListener {
   };
   void add_segments();
   void add_pair(std::vector<std::size_t> wheels);
+  void check_masses() const;
   void put_down(double drop_m);
   void drive_wheels(const PulsesUs& pulses_us);
   void bend_hinges();

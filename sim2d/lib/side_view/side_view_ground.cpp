@@ -13,8 +13,10 @@ namespace {
 // how it goes on. Both are multiples of the distance at which outlines always have a vertex.
 constexpr double kPiece_m = 0.4;
 constexpr double kMore_m = 0.02;
-// Ends are told from vertices by this.
+// Ends are told from vertices by this, and steeper surfaces are walls.
 constexpr double kSame_m = 1e-4;
+// Vertices nearer than this, in Box2D's units, it would merge.
+constexpr float kLeast = 1.5F * b2_linearSlop;
 // Blocks reach this far below z = 0.
 constexpr double kSunk_m = 0.02;
 
@@ -45,18 +47,75 @@ std::vector<Vec3> points_between(const Solid& solid, const SliceFrame& frame, do
   return points;
 }
 
-// The upper side of the points' convex hull, from right to left, by the monotone chain; vertices that Box2D would merge
-// are left out.
-std::vector<b2Vec2> upper_hull(std::vector<Vec3> points) {
+// A straight piece of a surface, from left to right.
+struct Line {
+  double x0_m, z0_m, x1_m, z1_m;
+  double z_m(double x_m) const { return z0_m + (x_m - x0_m) / (x1_m - x0_m) * (z1_m - z0_m); }
+};
+
+// Adds the upper side of the points' convex hull, by the monotone chain.
+void add_upper_hull(std::vector<Vec3> points, std::vector<Line>& lines) {
   std::sort(points.begin(), points.end(),
-            [](const Vec3& a, const Vec3& b) { return a.x > b.x || (a.x == b.x && a.z < b.z); });
-  std::vector<b2Vec2> hull;
-  for (const Vec3& point : points) {
-    const b2Vec2 next = to_units(point.x, point.z);
-    while (hull.size() > 1 && b2Cross(hull.back() - hull[hull.size() - 2], next - hull.back()) <= 0) hull.pop_back();
-    if (hull.empty() || b2DistanceSquared(hull.back(), next) > b2_linearSlop * b2_linearSlop) hull.push_back(next);
+            [](const Vec3& a, const Vec3& b) { return a.x < b.x || (a.x == b.x && a.z < b.z); });
+  std::vector<Vec3> hull;
+  for (const Vec3& next : points) {
+    const auto above = [&](const Vec3& a, const Vec3& b) {
+      return (b.x - a.x) * (next.z - b.z) - (b.z - a.z) * (next.x - b.x) >= 0;
+    };
+    while (hull.size() > 1 && above(hull[hull.size() - 2], hull.back())) hull.pop_back();
+    hull.push_back(next);
   }
-  return hull;
+  for (std::size_t i = 1; i < hull.size(); ++i) {
+    if (hull[i].x - hull[i - 1].x > kSame_m) lines.push_back({hull[i - 1].x, hull[i - 1].z, hull[i].x, hull[i].z});
+  }
+}
+
+// Where the highest line may change: at the lines' ends, and where two cross.
+std::vector<double> changes_of(const std::vector<Line>& lines) {
+  std::vector<double> at_m;
+  for (auto one = lines.begin(); one != lines.end(); ++one) {
+    at_m.push_back(one->x0_m);
+    at_m.push_back(one->x1_m);
+    for (auto other = one + 1; other != lines.end() && other->x0_m < one->x1_m; ++other) {
+      const double from_m = other->x0_m, to_m = std::min(one->x1_m, other->x1_m);
+      const double first = one->z_m(from_m) - other->z_m(from_m), last = one->z_m(to_m) - other->z_m(to_m);
+      if ((first < 0) != (last < 0)) at_m.push_back(from_m + first / (first - last) * (to_m - from_m));
+    }
+  }
+  std::sort(at_m.begin(), at_m.end());
+  return at_m;
+}
+
+// The highest of the lines from left to right; where there is none an outline ends and another begins.
+std::vector<std::vector<b2Vec2>> highest(std::vector<Line> lines) {
+  std::sort(lines.begin(), lines.end(), [](const Line& a, const Line& b) { return a.x0_m < b.x0_m; });
+  const std::vector<double> at_m = changes_of(lines);
+  std::vector<std::vector<b2Vec2>> outlines;
+  std::vector<Line> here;
+  auto next = lines.begin();
+  bool goes_on = false;
+  for (std::size_t i = 1; i < at_m.size(); ++i) {
+    const double from_m = at_m[i - 1], to_m = at_m[i], middle_m = 0.5 * (from_m + to_m);
+    for (; next != lines.end() && next->x0_m <= from_m; ++next) here.push_back(*next);
+    const auto is_over = [&](const Line& one) { return one.x1_m <= from_m; };
+    here.erase(std::remove_if(here.begin(), here.end(), is_over), here.end());
+    if (to_m <= from_m) continue;
+    const auto top = std::max_element(here.begin(), here.end(), [&](const Line& a, const Line& b) {
+      return a.z_m(middle_m) < b.z_m(middle_m);
+    });
+    if (top == here.end()) {
+      goes_on = false;
+      continue;
+    }
+    if (!goes_on) outlines.emplace_back();
+    goes_on = true;
+    for (const double x_m : {from_m, to_m}) {
+      const b2Vec2 vertex = to_units(x_m, top->z_m(x_m));
+      std::vector<b2Vec2>& outline = outlines.back();
+      if (outline.empty() || b2DistanceSquared(outline.back(), vertex) > kLeast * kLeast) outline.push_back(vertex);
+    }
+  }
+  return outlines;
 }
 
 }  // namespace
@@ -73,42 +132,47 @@ SideViewGround::SideViewGround(b2World& world, const BodySpec& body, const Scene
   strips_ = {Strip{inner_m, outer_m, kWheelGroundBit}, Strip{-outer_m, -inner_m, kWheelGroundBit},
              Strip{-0.5 * belly_width_m, 0.5 * belly_width_m, kBellyGroundBit}};
   b2BodyDef still;
-  // With its skin the ground is as high as it should be.
-  still.position.y = -b2_polygonRadius;
   body_ = world.CreateBody(&still);
-  for (const Solid& solid : terrain.solids()) {
-    for (const Strip& strip : strips_) add_block(solid, strip);
-  }
-  if (terrain.ground() != nullptr) return;
-  const CourseSpec& course = scene.course;
-  double far_m = 1;
-  for (const double x_m : {course.x_min_m, course.x_max_m}) {
-    for (const double y_m : {course.y_min_m, course.y_max_m}) far_m = std::max(far_m, 1 + distance_m(frame_, x_m, y_m));
-  }
-  b2EdgeShape level;
-  level.SetOneSided(to_units(far_m + 1, 0), to_units(far_m, 0), to_units(-far_m, 0), to_units(-far_m - 1, 0));
-  add_fixture(level, static_cast<FixtureBits>(kWheelGroundBit | kBellyGroundBit));
+  for (const FixtureBits bits : {kWheelGroundBit, kBellyGroundBit}) add_blocks(scene.course, bits);
 }
 
 Vec3 SideViewGround::to_world(double x_m, double y_m) const {
   return {frame_.x_m + cosine_ * x_m - sine_ * y_m, frame_.y_m + sine_ * x_m + cosine_ * y_m, 0};
 }
 
-// A polygon, or where that had too many vertices for Box2D, their chain.
-void SideViewGround::add_block(const Solid& solid, const Strip& strip) {
-  std::vector<b2Vec2> outline = upper_hull(points_between(solid, frame_, strip.y_min_m, strip.y_max_m));
-  if (outline.size() < 2) return;
-  outline.insert(outline.begin(), {outline.front().x, to_units(-kSunk_m)});
-  outline.push_back({outline.back().x, to_units(-kSunk_m)});
-  const auto count = static_cast<int32>(outline.size());
-  if (count <= b2_maxPolygonVertices) {
-    b2PolygonShape polygon;
-    polygon.Set(outline.data(), count);
-    add_fixture(polygon, strip.bits);
-  } else {
+// One outline of all blocks, with the floor where it is level: at edges that lie on each other or in a block bodies
+// would stumble.
+void SideViewGround::add_blocks(const CourseSpec& course, FixtureBits bits) {
+  std::vector<Line> lines;
+  const bool level = terrain_.ground() == nullptr;
+  if (level) {
+    double far_m = 1;
+    for (const double x_m : {course.x_min_m, course.x_max_m}) {
+      for (const double y_m : {course.y_min_m, course.y_max_m}) {
+        far_m = std::max(far_m, 1 + distance_m(frame_, x_m, y_m));
+      }
+    }
+    lines.push_back({-far_m, 0, far_m, 0});
+  }
+  for (const Strip& strip : strips_) {
+    if (strip.bits != bits) continue;
+    for (const Solid& solid : terrain_.solids()) {
+      add_upper_hull(points_between(solid, frame_, strip.y_min_m, strip.y_max_m), lines);
+    }
+  }
+  for (std::vector<b2Vec2>& outline : highest(lines)) {
+    // Blocks on smooth ground reach into it.
+    if (!level) {
+      outline.insert(outline.begin(), {outline.front().x, to_units(-kSunk_m)});
+      outline.push_back({outline.back().x, to_units(-kSunk_m)});
+    }
+    // Box2D's surfaces are on the right of a chain's direction.
+    std::reverse(outline.begin(), outline.end());
+    const b2Vec2 on = level ? b2Vec2(1, 0) : b2Vec2(0, -1);
     b2ChainShape chain;
-    chain.CreateLoop(outline.data(), count);
-    add_fixture(chain, strip.bits);
+    chain.CreateChain(outline.data(), static_cast<int32>(outline.size()), outline.front() + on,
+                      outline.back() + (level ? -on : on));
+    add_fixture(chain, bits);
   }
 }
 
@@ -160,7 +224,8 @@ void SideViewGround::add_fixture(const b2Shape& shape, FixtureBits bits) {
   fixture.shape = &shape;
   fixture.filter.categoryBits = bits;
   fixture.filter.maskBits = kWheelBit | kBellyBit;
-  body_->CreateFixture(&fixture);
+  // The ground has no skin: edges stay sharp, walls where they are.
+  body_->CreateFixture(&fixture)->GetShape()->m_radius = 0;
 }
 
 }  // namespace foldcar

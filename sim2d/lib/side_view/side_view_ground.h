@@ -1,7 +1,8 @@
 // The ground under a car that keeps its heading, as fixtures of Box2D's world in the car's side plane.
 //
 // x runs along the start's heading from the start's point, z up. Wheels meet the highest line under both tracks, bellies
-// the highest under the belly: as neither rolls nor turns, these outlines hold for the whole run.
+// the highest under the belly: as neither rolls nor turns, these outlines hold for the whole run. They are chains, whose
+// vertices know their neighbours: of pieces one by one a body would meet the ends, inside others, as walls.
 #pragma once
 
 #include <box2d/box2d.h>
@@ -36,7 +37,7 @@ class SideViewGround {
     double y_min_m, y_max_m;
     FixtureBits bits;
   };
-  void add_block(const Solid& solid, const Strip& strip);
+  void add_blocks(const CourseSpec& course, FixtureBits bits);
   void add_piece(long index);
   void add_fixture(const b2Shape& shape, FixtureBits bits);
 

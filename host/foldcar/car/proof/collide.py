@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldcar.car.folded.pose import translation
-from foldcar.car.proof.solids import Block, Blocks, Points, hull
+from foldcar.car.proof.blocks import Block, Blocks, Points, hull
 from foldcar.car.proof.step import Vector
 
 # How far a first move goes, if a second one is needed.

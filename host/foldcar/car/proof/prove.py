@@ -13,11 +13,11 @@ import numpy as np
 from foldcar.car.folded.model import FoldedCar, Mount
 from foldcar.car.folded.placed import Finding
 from foldcar.car.folded.pose import compose, translation
+from foldcar.car.proof.blocks import Blocks, together
 from foldcar.car.proof.collide import Way, hit, swept, vector, way_out
 from foldcar.car.proof.plan import WHEEL, planned, service
 from foldcar.car.proof.roles import Lid, roles_of
 from foldcar.car.proof.scene import Scene, Stage, title
-from foldcar.car.proof.solids import Blocks, together
 from foldcar.car.proof.step import Added, AssemblyStep, Reach, Thing, Vector
 
 CAR = ("", "")

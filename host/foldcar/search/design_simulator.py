@@ -39,8 +39,8 @@ class Row:
         return has_passed(self.outcome)
 
 
-class Bench:
-    """One experiment's environment with its simulators. Made by :func:`open_bench`."""
+class DesignSimulator:
+    """One experiment's environment with its simulators. Made by :func:`open_simulator`."""
 
     def __init__(
         self,
@@ -124,7 +124,7 @@ class Bench:
 
 
 @contextlib.contextmanager
-def open_bench(
+def open_simulator(
     experiment: Experiment,
     environment: Environment,
     writer: StoreWriter,
@@ -132,8 +132,8 @@ def open_bench(
     simulators: Simulators | int,
     simulated: Callable[[int], None],
     searched: bool,
-) -> Iterator[Bench]:
-    """The bench of an experiment in its ``environment``; ``simulated`` is told how many runs were simulated.
+) -> Iterator[DesignSimulator]:
+    """The simulator of an experiment in its ``environment``; ``simulated`` is told how many runs were simulated.
 
     ``searched`` says whether designs are chosen by these runs, as ExperimentInfo keeps it.
     """
@@ -144,4 +144,4 @@ def open_bench(
         environment.runner(carsim, dynamic) as runner,
         pool.using(runner),
     ):
-        yield Bench(experiment, environment, writer, pool, dynamic, table, simulated, searched)
+        yield DesignSimulator(experiment, environment, writer, pool, dynamic, table, simulated, searched)

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.car.body import body_json
+from foldcar.car.car_file import firmware_parameters
 from foldcar.car.design import compose
-from foldcar.car.firmware_parameters import firmware_parameters
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim_step import SteppedCarsim
 from foldcar.simulation.scenic_simulator import CarSimulator

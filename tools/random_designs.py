@@ -15,9 +15,11 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
+from foldcar.car.components.parameter import Parameter
 from foldcar.car.design import Design, DesignError, compose
 from foldcar.car.folded_car import folded_car
 from foldcar.car.modules import parameters
+from foldcar.car.parts.catalogue import catalogue
 from foldcar.car.parts.choices import OPTIONS, PartChoices
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
@@ -87,9 +89,9 @@ def _type(chance: random.Random) -> str:
     return "_H_".join("_".join(letters) for letters in segments)
 
 
-def _value(chance: random.Random, declared: "object") -> float:
+def _value(chance: random.Random, declared: Parameter) -> float:
     """A value, mostly near the default, sometimes at or beyond a limit."""
-    default, least, most = (float(getattr(declared, name)) for name in ("default_value", "least", "maximum"))
+    default, least, most = declared.default_with(catalogue()), declared.least_with(catalogue()), declared.maximum
     kind = chance.random()
     if kind < 0.6:
         value = default * chance.uniform(0.7, 1.6)
@@ -155,7 +157,7 @@ def _followed(draw: Draw, said: FoldcarError) -> Draw | None:
     if apart:
         # Distances are shown with four digits, and those along a folded car grow by less than its modules.
         declared = parameters()["W.length"].declared
-        length = draw.values.get("W.length", declared.default_value) + float(apart[1]) - float(apart[2]) + 0.5
+        length = draw.values.get("W.length", declared.default_with(catalogue())) + float(apart[1]) - float(apart[2]) + 0.5
         # Beyond it a smaller radius is what would do.
         return replace(draw, values={**draw.values, "W.length": length}) if length <= declared.maximum else None
     if isinstance(said, DesignError) and said.parameter in parameters() and limit:

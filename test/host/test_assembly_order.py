@@ -9,12 +9,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from foldcar.car.assembly_order.order import assembly_steps
-from foldcar.car.assembly_order.plan import planned
-from foldcar.car.assembly_order.prove import prove_steps
-from foldcar.car.assembly_order.step import Added, AssemblyStep
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.pose import compose
+from foldcar.car.proof.plan import planned
+from foldcar.car.proof.prove import assembly_steps, prove_steps
+from foldcar.car.proof.step import Added, AssemblyStep
 from foldcar.fabrication.assembly.guide import guide_page
 from foldcar.fabrication.assembly.guide_scene import Scene
 from foldcar.fabrication.assembly.guide_state import State

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import shapely
 
-from foldcar.car.assembly_order.order import assembly_steps
 from foldcar.car.body import body_json
 from foldcar.car.design import Design, compose
 from foldcar.car.folded_car import folded_car
+from foldcar.car.proof.prove import assembly_steps
 from foldcar.fabrication.assembly.facets import mount_shape, together
 from foldcar.fabrication.assembly.guide_pictures import service_picture
 from foldcar.fabrication.assembly.guide_scene import tiny

@@ -10,16 +10,15 @@ import pytest
 import shapely
 from shapely.affinity import scale
 
-from foldcar.car.assembly_order.order import assembly_steps, service_steps
-from foldcar.car.assembly_order.prove import prove
 from foldcar.car.design import DesignError
 from foldcar.car.design import compose as compose_design
-from foldcar.car.folded.check import check_design
-from foldcar.car.folded.folding import folded as folded_poses
 from foldcar.car.folded.model import Access, Face, FoldedCar, Mount, Pose, Solid
 from foldcar.car.folded.pose import compose, inverse, rotation, translation
+from foldcar.car.folded.pose import folded as folded_poses
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.choices import DEFAULT_CHOICES
+from foldcar.car.proof.prove import assembly_steps, prove, service_steps
+from foldcar.car.verify import check_design
 from foldcar.study.family import read_family
 from foldcar.study.listing_file import read_listing
 

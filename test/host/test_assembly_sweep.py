@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import shapely
 
-from foldcar.car.assembly_order.blocks import SKIN_MM, Blocks, blocks_of, box, convex_parts, plate, prism
-from foldcar.car.assembly_order.collide import hit, way_out
 from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.proof.blocks import SKIN_MM, Blocks, blocks_of, box, convex_parts, plate, prism
+from foldcar.car.proof.collide import hit, way_out
 
 FILM_MM = 0.25
 

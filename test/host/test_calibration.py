@@ -27,8 +27,7 @@ from foldcar.calibration.posterior import (
 )
 from foldcar.calibration.predictions import expected_bits, log_score
 from foldcar.calibration.simulation import CalibrationRun, Simulator
-from foldcar.car.variation.spread import draw, workshop
-from foldcar.car.variation.vary_body import vary_body
+from foldcar.car.variation import draw, vary_body, workshop
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_limits import CarsimLimits

@@ -8,17 +8,15 @@ from typing import Any
 import pytest
 
 from foldcar.car import modules as module_table
-from foldcar.car.compiler.assemble import Assembly, assemble
-from foldcar.car.compiler.component import Component, Equal, Sub, build
-from foldcar.car.compiler.parameter import Parameter
-from foldcar.car.compiler.shape import Shape
-from foldcar.car.compiler.slot import ComponentError
-from foldcar.car.components.box_beam import Panel
+from foldcar.car.components.assemble import Assembly, assemble
+from foldcar.car.components.component import Component, Sub, build
+from foldcar.car.components.parameter import ComponentError, Parameter
+from foldcar.car.components.shape import Shape
 from foldcar.car.design import compose
-from foldcar.car.folded.folding import folded
-from foldcar.car.folded.pose import apply
+from foldcar.car.folded.pose import apply, folded
 from foldcar.car.folded_car import folded_car
-from foldcar.car.user_modules import load_components
+from foldcar.car.modules import load_components
+from foldcar.car.parts.catalogue import catalogue
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
 
@@ -29,6 +27,18 @@ def made(component: Component, **values: float) -> Assembly:
     """The solved and assembled component."""
     component.solve({name.replace("__", "."): value for name, value in values.items()})
     return assemble(build(component))
+
+
+class Panel(Component):
+    """A rectangle of film: face ``panel``."""
+
+    parameters = (
+        Parameter("length", 10, 0.5, 2000, "along x", "what can be cut"),
+        Parameter("width", 10, 0.5, 2000, "along y", "what can be cut"),
+    )
+
+    def build(self, shape: Shape) -> None:
+        shape.rectangle("panel", self["length"], self["width"])
 
 
 class Cube(Component):
@@ -57,10 +67,7 @@ class Pair(Component):
     """Two panels whose lengths must be equal."""
 
     def subcomponents(self) -> Sequence[Sub]:
-        return (Sub("one", Panel, prefix="one"), Sub("other", Panel, prefix="other"))
-
-    def constraints(self) -> Sequence[Equal]:
-        return (Equal("one.length", "other.length"),)
+        return (Sub("one", Panel, inherit=("length",)), Sub("other", Panel, inherit=("length",)))
 
     def build(self, shape: Shape) -> None:
         shape.connect("one.panel.front", "other.panel.rear", "rigid")
@@ -105,7 +112,7 @@ def test_equal_parameters_take_each_others_value() -> None:
 
 
 def test_fused_panels_are_one_face() -> None:
-    (piece,) = made(Pair(), one__length=12).pieces
+    (piece,) = made(Pair(), length=12).pieces
 
     (face,) = piece.faces
     assert len(face.outline_mm) == 4
@@ -181,12 +188,12 @@ def test_every_parameter_says_what_it_is() -> None:
     for parameter in module_table.parameters().values():
         declared = parameter.declared
         assert declared.help and declared.reason and declared.unit in ("mm", "deg")
-        assert declared.least <= declared.default_value <= declared.maximum
+        assert declared.least_with(catalogue()) <= declared.default_with(catalogue()) <= declared.maximum
 
 
 # The example of docs/compiler.md.
 DOC = (Path(__file__).parents[2] / "docs" / "compiler.md").read_text(encoding="utf-8")
-TAIL = "\n" + DOC[DOC.index("from foldcar.car.compiler.component import Sub") :].partition("```")[0]
+TAIL = "\n" + DOC[DOC.index("from foldcar.car.components.component import Sub") :].partition("```")[0]
 
 
 @pytest.fixture(autouse=True)
@@ -223,7 +230,7 @@ def test_a_user_module_is_part_of_the_car(tmp_path: Path) -> None:
         (('letter = "Tail"', 'letter = "a_b"'), ':8: Tail: letter "a_b" is not made of letters and digits'),
         (('letter = "Tail"', "letter = 3"), ':8: Tail has no text "letter"'),
         (('"offset", 5, 0', '"width", 5, 0'), ':8: Tail: its parameter "width" is declared otherwise'),
-        (("class Tail(Module):", "from foldcar.car.components.wheel_module import *\nclass Tail(WheelModule):"),
+        (("class Tail(Module):", "from foldcar.car.components.module import *\nclass Tail(WheelModule):"),
          ":9: Tail: carries wheels or electronics"),
         (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.car.components.module.Module"),
     ],

@@ -8,12 +8,11 @@ from typing import Any
 import pytest
 
 from foldcar.car.design import compose
-from foldcar.car.folded.check import check_design
 from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Hole, Piece
 from foldcar.car.folded.pose import compose as chain
 from foldcar.car.folded.pose import translation
 from foldcar.car.folded_car import folded_car
-from foldcar.car.verify import verify
+from foldcar.car.verify import check_design, verify
 
 Spoil = Callable[[FoldedCar], FoldedCar]
 

@@ -14,15 +14,14 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from foldcar.car.assembly_order.order import assembly_steps
-from foldcar.car.assembly_order.prove import prove
 from foldcar.car.design import DesignError, compose
-from foldcar.car.folded.check_parts import boxes
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.placed import place
 from foldcar.car.folded.pose import apply
 from foldcar.car.folded_car import folded_car
 from foldcar.car.leads import check_leads, leads
+from foldcar.car.proof.check_parts import boxes
+from foldcar.car.proof.prove import assembly_steps, prove
 from foldcar.car.verify import verify
 from foldcar.fabrication.assembly.operations import operations
 from foldcar.fabrication.assembly.parts_list import parts_list
@@ -156,7 +155,7 @@ def test_published_cars_have_the_leads_that_they_need(name: str) -> None:
 
 
 def test_an_extension_is_the_shortest_that_reaches_with_the_least_lengths_of_both() -> None:
-    sold = json.loads(DATA.joinpath("servo_extensions.json").read_text())["sold"]
+    sold = json.loads(DATA.joinpath("extensions.json").read_text())["sold"]
     lengths = [(one["name"], 250 - 10 + one["length_mm"]["value"] - one["length_mm"]["tolerance"] - 6) for one in sold]
     for length in (80.0, 200.0, 320.0, 400.0):
         for lead in leads(folded_car(compose("W_B_W", {"width": 200, "B.length": length, "W.length": 100}))):

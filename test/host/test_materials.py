@@ -31,7 +31,7 @@ HINGED = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.le
 
 def data(film: str) -> dict[str, Any]:
     """The film's data file."""
-    found: dict[str, Any] = json.loads(files("foldcar.car.parts").joinpath("data", OPTIONS["film"][film]).read_text())
+    found: dict[str, Any] = json.loads(files("foldcar.car.parts").joinpath("data", f"film_{film}.json").read_text())
     return found
 
 

@@ -13,9 +13,9 @@ from pypdf import PdfReader
 from typer.testing import CliRunner
 
 from foldcar.car.design import Design, compose
-from foldcar.car.folded.check_joins import check_joins
 from foldcar.car.folded.placed import place
 from foldcar.car.folded_car import folded_car
+from foldcar.car.proof.check_joins import check_joins
 from foldcar.cli import app
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.make_car import make_mock_up

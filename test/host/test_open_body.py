@@ -9,9 +9,8 @@ import pytest
 
 from foldcar.car.body import body_json
 from foldcar.car.design import DesignError, compose
-from foldcar.car.folded.folding import folded
 from foldcar.car.folded.model import FoldedCar
-from foldcar.car.folded.pose import apply
+from foldcar.car.folded.pose import apply, folded
 from foldcar.car.folded.pose import compose as chain
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.choices import PartChoices

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 import shapely
 
-from foldcar.car.assembly_order.order import assembly_steps
-from foldcar.car.assembly_order.plan import planned
 from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
+from foldcar.car.proof.plan import planned
+from foldcar.car.proof.prove import assembly_steps
 from foldcar.commands.listed_design import listed_family
 from foldcar.fabrication.assembly.operations import (
     Operations,

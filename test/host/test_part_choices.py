@@ -33,7 +33,7 @@ def data_number(file: str, key: str) -> float:
 def test_every_choice_has_data_and_its_type_string_names_it_again() -> None:
     for names in itertools.product(*OPTIONS.values()):
         choices = PartChoices(*names)
-        assert chosen(choices).film.thickness_mm.value == data_number(OPTIONS["film"][choices.film], "thickness_mm")
+        assert chosen(choices).film.thickness_mm.value == data_number(f"film_{choices.film}.json", "thickness_mm")
         assert split_type(f"W_B_W{choices.suffix}") == ("W_B_W", choices)
     assert DEFAULT_CHOICES.suffix == ""
 

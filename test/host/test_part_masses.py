@@ -16,9 +16,9 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.placed import place
 from foldcar.car.folded_car import folded_car
 from foldcar.car.leads import leads, wire_mm
-from foldcar.car.parts.catalogue import FILES
+from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.choices import OPTIONS
-from foldcar.car.variation.spread import workshop
+from foldcar.car.variation import workshop
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_text, total_mass_kg
 from foldcar.fabrication.patterns.join_marks import join_marks
 from foldcar.fabrication.patterns.options import options
@@ -47,10 +47,10 @@ def film_mm2(car: FoldedCar) -> float:
 
 def leads_g(car: FoldedCar) -> float:
     """Servo extensions, and wire beyond that which the wiring's mass includes."""
-    sold = {one["name"]: one["mass_kg"]["value"] for one in data(FILES["extensions"])["sold"]}
-    more_mm = max(0.0, wire_mm(leads(car)) - number(FILES["wiring"], "wire_mm"))
+    sold = {one["name"]: one["mass_kg"]["value"] for one in data("extensions.json")["sold"]}
+    more_mm = max(0.0, wire_mm(leads(car)) - number("wiring.json", "wire_mm"))
     extensions = sum(sold[lead.extension] for lead in leads(car) if lead.extension)
-    return 1e3 * extensions + more_mm * number(FILES["wiring"], "wire_kg_m")
+    return 1e3 * extensions + more_mm * number("wiring.json", "wire_kg_m")
 
 
 @pytest.mark.parametrize("type_string", CARS)
@@ -59,23 +59,23 @@ def test_cars_weigh_their_film_and_the_parts_of_the_data_files(type_string: str)
     car, body = folded_car(design), body_json(design)
     chosen = design.choices
     wheels, boards = 2 * type_string.count("W"), 2
-    film = OPTIONS["film"][chosen.film]
-    tyre, radius, width = OPTIONS["tyre"][chosen.tyre], design.values["radius"], design.values["W.tire_thickness"]
+    film = f"film_{chosen.film}.json"
+    tyre, radius, width = f"tyre_{chosen.tyre}.json", design.values["radius"], design.values["W.tire_thickness"]
     inner = radius - number(tyre, "thickness_mm")
 
     grams = {
         "film": film_mm2(car) * float(chosen.film) * number(film, "density_kg_m3") * 1e-6,
         "tyres": wheels * math.pi * (radius**2 - inner**2) * width * number(tyre, "density_kg_m3") * 1e-6,
         "servos": wheels * 9.0,
-        "screws": 1e3 * 2 * wheels * number("screw_m2.json", "mass_kg"),
-        "horns": 1e3 * wheels * number(OPTIONS["horn"][chosen.horn], "mass_kg"),
-        "wheel screws": 1e3 * 2 * wheels * number("screw_horn.json", "mass_kg"),
-        "centre screws": 1e3 * wheels * number("screw_centre.json", "mass_kg"),
-        "board screws": 1e3 * boards * number("screw_board.json", "mass_kg"),
+        "screws": 1e3 * 2 * wheels * number("screw.json", "mass_kg"),
+        "horns": 1e3 * wheels * number(f"horn_{chosen.horn}.json", "mass_kg"),
+        "wheel screws": 1e3 * 2 * wheels * number("horn_screw.json", "mass_kg"),
+        "centre screws": 1e3 * wheels * number("centre_screw.json", "mass_kg"),
+        "board screws": 1e3 * boards * number("board_screw.json", "mass_kg"),
         "spacers": 1e3 * boards * number("spacer.json", "mass_kg"),
-        "battery": 1e3 * number(OPTIONS["battery"][chosen.battery], "mass_kg"),
+        "battery": 1e3 * number(f"battery_{chosen.battery}.json", "mass_kg"),
         "electronics": 1e3 * sum(
-            number(FILES[key], "mass_kg")
+            number(f"{key}.json", "mass_kg")
             for key in ("feather", "featherwing", "lipo", "pad", "board_pad", "switch", "wiring")
         ),
         "longer leads": leads_g(car),
@@ -91,8 +91,8 @@ def test_the_parts_list_counts_what_is_put_in() -> None:
     rows = {row.name: row.quantity for row in parts_list(car)}
 
     counted = Counter({data(name)["name"]: count for name, count in (
-        ("fs90r.json", 4), ("screw_m2.json", 8), ("screw_horn.json", 8), ("screw_centre.json", 4),
-        ("screw_board.json", 2), ("spacer.json", 2), ("switch.json", 1), ("tyre_rubber_band.json", 4),
+        ("servo.json", 4), ("screw.json", 8), ("horn_screw.json", 8), ("centre_screw.json", 4),
+        ("board_screw.json", 2), ("spacer.json", 2), ("switch.json", 1), ("tyre_rubber_band.json", 4),
         ("board_pad.json", 1), ("horn_two_sided.json", 4),
     )})  # fmt: skip
     assert {name: rows.get(name) for name in counted} == counted
@@ -120,8 +120,8 @@ def test_the_parts_list_says_where_the_centre_of_mass_is() -> None:
 def test_tracks_are_those_of_the_servos_drawing(width: float) -> None:
     # The ears' undersides lie on the walls; the spline reaches into the horn, whose outer face carries the wheel.
     horn = "horn_two_sided.json"
-    outer_face = number("fs90r.json", "spline_top_mm") - number(horn, "spline_depth_mm") + number(horn, "height_mm")
-    out = outer_face - number("fs90r.json", "ear_underside_mm")
+    outer_face = number("servo.json", "spline_top_mm") - number(horn, "spline_depth_mm") + number(horn, "height_mm")
+    out = outer_face - number("servo.json", "ear_underside_mm")
 
     body = body_json(compose("W_B_W", {"width": width}))
 
@@ -130,7 +130,8 @@ def test_tracks_are_those_of_the_servos_drawing(width: float) -> None:
 
 
 def test_every_data_file_is_used_and_every_number_has_a_source() -> None:
-    used = set(FILES.values()) | {name for names in OPTIONS.values() for name in names.values()} - {""}
+    used = {f"{kind}_{name}.json" for kind, names in OPTIONS.items() for name in names if kind != "battery_place"}
+    used |= {f"{field}.json" for field in set(Catalogue.model_fields) - set(OPTIONS)}
     kept = {entry.name for entry in DATA.iterdir() if entry.name.endswith(".json")}
 
     def check(value: Any, place: str) -> None:
@@ -152,12 +153,12 @@ def test_every_data_file_is_used_and_every_number_has_a_source() -> None:
 def test_parts_laid_into_their_outlines_move_the_centre_as_said_and_as_cars_vary(width: float) -> None:
     car, body = folded_car(compose("W_B_W", {"width": width})), body_json(compose("W_B_W", {"width": width}))
     whole = sum(part["mass_kg"] for part in (*body["segments"], *body["wheels"]))
-    laid = sum(number(name, "mass_kg") for name in ("battery_4xaa_square.json", "pad.json", "lipo_500mah.json"))
+    laid = sum(number(name, "mass_kg") for name in ("battery_4xaa_square.json", "pad.json", "lipo.json"))
     placing = number("assembly.json", "placement_mm") * laid / whole
     # The battery's mass and the switch's, at their distances from the middle of all, are most of the others.
     middle = sum(m.mass_kg * np.array(m.pose)[:3, 3] for m in car.mounts) / sum(m.mass_kg for m in car.mounts)
     weighed = np.zeros(3)
-    for file in ("battery_4xaa_square.json", "switch.json", "feather_huzzah32.json", "servo_featherwing.json"):
+    for file in ("battery_4xaa_square.json", "switch.json", "feather.json", "featherwing.json"):
         part = data(file)
         (at,) = (np.array(m.pose)[:3, 3] for m in car.mounts if m.part == part["name"])
         weighed += ((at - middle) * part["mass_kg"]["tolerance"] / whole) ** 2
@@ -197,7 +198,7 @@ def test_sheets_have_the_corners_and_the_names_of_what_is_laid_on_the_film() -> 
     corners = [part for part in shapely.get_parts(shapely.line_merge(shapely.union_all(lines))) if part.length > 0]
     sizes = {
         name: (data(name)["length_mm"]["value"], data(name)["width_mm"]["value"])
-        for name in ("lipo_500mah.json", "pad.json", "battery_4xaa_square.json")
+        for name in ("lipo.json", "pad.json", "battery_4xaa_square.json")
     }
 
     assert missing == [] and len(corners) == 4 * len(sizes)

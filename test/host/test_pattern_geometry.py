@@ -12,8 +12,7 @@ from shapely.geometry import LineString, Polygon, box
 
 from cut_samples import FLAP, HEIGHT, LENGTH, RIGHT_ANGLE, THICKNESS, WIDTH, beam, cap, circle, disc, folded_box, rim
 from foldcar.car.design import compose
-from foldcar.car.folded.model import Crease, EdgeRef, Face, Hole, Piece, PlacedPiece
-from foldcar.car.folded.pose import IDENTITY
+from foldcar.car.folded.model import IDENTITY, Crease, EdgeRef, Face, Hole, Piece, PlacedPiece
 from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.patterns.dashes import dashes
 from foldcar.fabrication.patterns.drawing import Circle, Path

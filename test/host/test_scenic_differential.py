@@ -14,8 +14,8 @@ from scenic.core.simulators import Simulation
 from scenic.core.vectors import Vector
 
 from foldcar.car.body import body_json, full_speed_m_s
+from foldcar.car.car_file import firmware_parameters
 from foldcar.car.design import compose
-from foldcar.car.firmware_parameters import firmware_parameters
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim_step import State, SteppedCarsim
 from foldcar.simulation.recorded_values import to_json

@@ -11,8 +11,8 @@ from scenic.core.errors import InvalidScenarioError
 from scenic.core.vectors import Orientation
 
 from foldcar.car.body import body_json, full_speed_m_s
+from foldcar.car.car_file import firmware_parameters
 from foldcar.car.design import compose
-from foldcar.car.firmware_parameters import firmware_parameters
 from foldcar.errors import FoldcarError
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim import Carsim

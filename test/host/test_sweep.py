@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.car.body import body_json
-from foldcar.car.variation.spread import draw, spread_named
-from foldcar.car.variation.vary_body import vary_body
+from foldcar.car.variation import draw, spread_named, vary_body
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import NUMBERS
 from foldcar.simulation.runner import RunRequest

@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 
 from foldcar.car.body import body_json, full_speed_m_s
+from foldcar.car.car_file import firmware_parameters
 from foldcar.car.design import compose
-from foldcar.car.firmware_parameters import firmware_parameters
-from foldcar.car.variation.spread import draw, spread_named, workshop
-from foldcar.car.variation.vary_body import vary_body
+from foldcar.car.variation import draw, spread_named, vary_body, workshop
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_limits import CarsimLimits

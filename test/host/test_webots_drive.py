@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
+from foldcar.car.car_file import firmware_parameters
 from foldcar.car.design import compose
-from foldcar.car.firmware_parameters import firmware_parameters
 from foldcar.models.webots_drive import CONTROLLER, controller_drive, controller_program
 from foldcar.models.wheel_geometry import servo_limits
 from foldcar.simulation.carsim import Carsim

@@ -11,16 +11,11 @@ import pytest
 import scipy.linalg
 import shapely
 
-from foldcar.car.assembly_order.order import assembly_steps
-from foldcar.car.compiler.assemble import assemble
-from foldcar.car.compiler.component import build
+from foldcar.car.components.assemble import assemble
+from foldcar.car.components.component import build
 from foldcar.car.components.wheel import Wheel
 from foldcar.car.components.wheel_size import WheelSize
 from foldcar.car.design import DesignError, compose
-from foldcar.car.folded.check import check_design
-from foldcar.car.folded.check_crossings import check_crossings
-from foldcar.car.folded.check_flat import check_flat
-from foldcar.car.folded.check_wheels import check_wheels, roundness_mm
 from foldcar.car.folded.model import Axle, FoldedCar
 from foldcar.car.folded.placed import PlacedFace, place
 from foldcar.car.folded.pose import compose as chain
@@ -29,6 +24,11 @@ from foldcar.car.folded.weight import body_properties
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import chosen
 from foldcar.car.parts.choices import PartChoices
+from foldcar.car.proof.check_crossings import check_crossings
+from foldcar.car.proof.check_flat import check_flat
+from foldcar.car.proof.check_wheels import check_wheels, roundness_mm
+from foldcar.car.proof.prove import assembly_steps
+from foldcar.car.verify import check_design
 from foldcar.fabrication.assembly.operations import turned as discs_turned
 from foldcar.fabrication.patterns.flat_piece import flat_piece
 from foldcar.fabrication.patterns.options import options
@@ -56,7 +56,7 @@ def wheel(car: FoldedCar) -> dict[str, PlacedFace]:
 
 @pytest.mark.parametrize(("width", "published"), [(65, 109), (95, 139), (115, 159), (180, 224)])
 def test_the_track_is_that_of_servo_horn_and_wheel(width: float, published: float) -> None:
-    servo, horn = drawing("fs90r.json"), drawing("horn_two_sided.json")
+    servo, horn = drawing("servo.json"), drawing("horn_two_sided.json")
     outer_face = servo["spline_top_mm"]["value"] - horn["spline_depth_mm"]["value"] + horn["height_mm"]["value"]
     beside = outer_face - servo["ear_underside_mm"]["value"]
 
@@ -171,9 +171,9 @@ def test_a_wheel_weighs_its_film_and_parts(car: FoldedCar) -> None:
     discs = 2 * math.pi * 59**2 - math.pi * 12.3**2 - 3 * 7.5 * 1.1
     strips = (2 * math.pi * 59 + 2 * 6.7) * 11.2 + 3 * wall_mm * 11.2
     film = (discs + strips + math.pi * 15.2**2) * FILM_MM * density
-    horn, screw = drawing("horn_two_sided.json")["mass_kg"]["value"], drawing("screw_horn.json")["mass_kg"]["value"]
+    horn, screw = drawing("horn_two_sided.json")["mass_kg"]["value"], drawing("horn_screw.json")["mass_kg"]["value"]
     tyre = math.pi * (60**2 - 59**2) * 12 * 950e-9
-    bought = horn + 2 * screw + drawing("screw_centre.json")["mass_kg"]["value"] + tyre
+    bought = horn + 2 * screw + drawing("centre_screw.json")["mass_kg"]["value"] + tyre
 
     found = body_properties(car, "wheel0")
 

@@ -14,7 +14,7 @@ from foldcar.car.body import body_json
 from foldcar.car.design import Design, compose
 from foldcar.car.folded_car import folded_car
 from foldcar.car.modules import parameters
-from foldcar.car.variation.vary_body import vary_body
+from foldcar.car.variation import vary_body
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import engine_of

@@ -13,10 +13,9 @@ from pydantic import ValidationError
 from foldcar.api.environment import simulator
 from foldcar.api.whole import whole
 from foldcar.car.body import body_json
+from foldcar.car.car_file import TableRow
 from foldcar.car.design import Design, compose
-from foldcar.car.firmware_parameters import TableRow
-from foldcar.car.variation.spread import draw, spread_named
-from foldcar.car.variation.vary_body import vary_body
+from foldcar.car.variation import draw, spread_named, vary_body
 from foldcar.errors import FoldcarError
 from foldcar.store.writer import canonical_json
 from foldcar.study.experiments import Experiment

@@ -1,4 +1,4 @@
-"""What values of the parameters do to a run: a changed scene, and a variation of the car (car/variation/).
+"""What values of the parameters do to a run: a changed scene, and a variation of the car (car/variation.py).
 
 Input: a scene of docs/carsim.md, values by name, a seed and the number of the run's sample. What scatters depends on
 seed and number alone, so that runs with other values share it.
@@ -8,7 +8,7 @@ import random
 from collections.abc import Mapping
 from typing import Any
 
-from foldcar.car.variation.spread import draw, workshop
+from foldcar.car.variation import draw, workshop
 
 # How far each kind of terrain stands out of the plane.
 HEIGHT_KEYS = ("height_m", "depth_m", "height_sd_m")

@@ -12,7 +12,7 @@ from typing import Any
 
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
 from foldcar.calibration.parameters import NOMINAL, PARAMETERS
-from foldcar.car.variation.vary_body import NumberLimits, vary_body
+from foldcar.car.variation import NumberLimits, vary_body
 from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.store.calibrations import Calibration

@@ -11,7 +11,7 @@ from itertools import islice
 
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
 from foldcar.calibration.experiment import SweptExperiment
-from foldcar.car.variation.vary_body import vary_body
+from foldcar.car.variation import vary_body
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import outcome_of

@@ -9,7 +9,7 @@ from typing import Any
 
 from foldcar.car.design import Design
 from foldcar.car.folded.model import Axle, FoldedCar, HingeJoint
-from foldcar.car.folded.weight import body_mass_kg, body_properties
+from foldcar.car.folded.weight import body_properties, wheel_mass_kg
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.catalogue import Catalogue, catalogue
 from foldcar.car.parts.film import Film
@@ -24,7 +24,7 @@ def body_json(design: Design) -> dict[str, Any]:
     """
     car = folded_car(design)
     # All wheels are alike.
-    wheel_kg = body_mass_kg(car, car.axles[0].wheel)
+    wheel_kg = wheel_mass_kg(car, car.axles[0].wheel)
     body = {
         "segments": [_segment(design, car, index) for index in range(len(design.segments))],
         "hinges": [_hinge(hinge, car.parts.film) for hinge in car.hinges],

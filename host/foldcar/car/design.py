@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from foldcar.car.compiler.parameter import ROUNDING, at_least
+from foldcar.car.components.parameter import ROUNDING, at_least
 from foldcar.car.modules import REQUIRED_MODULES, modules, parameters
 from foldcar.car.parts.catalogue import Catalogue, chosen
 from foldcar.car.parts.choices import DEFAULT_CHOICES, PartChoices, PartError, split_type
@@ -27,8 +27,7 @@ class DesignError(FoldcarError):
 
     def __init__(self, parameter: str | None, message: str) -> None:
         super().__init__(f"{parameter}: {message}" if parameter else message)
-        self.parameter = parameter
-        self.message = message
+        self.parameter, self.message = parameter, message
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,30 +91,27 @@ class Design:
     @property
     def axles_mm(self) -> tuple[float, ...]:
         """x of each axle (mm), front to back."""
-        return tuple(
-            x for letter, x in zip(self.modules, self.module_centers_mm, strict=True) if letter == "W"
-        )
+        return self._centers_mm("W")
 
     @property
     def segments(self) -> tuple[Segment, ...]:
         """The rigid parts, front to back."""
-        centers = self.module_centers_mm
         found = []
         for hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == "H"):
-            if hinge:
-                continue
-            indices = tuple(group)
-            lengths = [self.values[f"{self.modules[i]}.length"] for i in indices]
-            front = centers[indices[0]] + lengths[0] / 2
-            found.append(Segment(indices, front - sum(lengths) / 2, sum(lengths)))
+            if not hinge:
+                indices = tuple(group)
+                lengths = [self.values[f"{self.modules[i]}.length"] for i in indices]
+                front = self.module_centers_mm[indices[0]] + lengths[0] / 2
+                found.append(Segment(indices, front - sum(lengths) / 2, sum(lengths)))
         return tuple(found)
 
     @property
     def hinges_mm(self) -> tuple[float, ...]:
         """x of the middle of each hinge's strip (mm), front to back."""
-        return tuple(
-            x for letter, x in zip(self.modules, self.module_centers_mm, strict=True) if letter == "H"
-        )
+        return self._centers_mm("H")
+
+    def _centers_mm(self, letter: str) -> tuple[float, ...]:
+        return tuple(x for one, x in zip(self.modules, self.module_centers_mm, strict=True) if one == letter)
 
     def segment_at(self, module: int) -> int:
         """The index of the segment to which the module with index ``module`` belongs."""
@@ -133,15 +129,8 @@ def modules_of(type_string: str) -> tuple[str, ...]:
         if letter not in letters:
             raise DesignError(None, f'"{type_string}" has no module {letter} ({modules()[letter].title})')
     if letters.count("W") > MAX_AXLES:
-        raise DesignError(
-            None, f'"{type_string}" has {letters.count("W")} axles, the servo driver serves {MAX_AXLES}'
-        )
-    _check_hinges(type_string, letters)
-    return letters
-
-
-def _check_hinges(type_string: str, letters: tuple[str, ...]) -> None:
-    """DesignError unless every hinge joins two segments and the simulator takes that many segments."""
+        raise DesignError(None, f'"{type_string}" has {letters.count("W")} axles, the servo driver serves {MAX_AXLES}')
+    # Every hinge joins two segments, and the simulator takes so many.
     if letters[0] == "H" or letters[-1] == "H":
         where = "begins" if letters[0] == "H" else "ends"
         raise DesignError(None, f'"{type_string}" {where} with a hinge (H), which must join two segments')
@@ -149,9 +138,8 @@ def _check_hinges(type_string: str, letters: tuple[str, ...]) -> None:
         raise DesignError(None, f'"{type_string}" has two hinges (H) in a row, with no segment between them')
     segments = letters.count("H") + 1
     if segments > MAX_SEGMENTS:
-        raise DesignError(
-            None, f'"{type_string}" has {segments} segments, the simulator takes {MAX_SEGMENTS}'
-        )
+        raise DesignError(None, f'"{type_string}" has {segments} segments, the simulator takes {MAX_SEGMENTS}')
+    return letters
 
 
 def compose(type_string: str, values: Mapping[str, float], choices: PartChoices | None = None) -> Design:
@@ -174,8 +162,13 @@ def compose(type_string: str, values: Mapping[str, float], choices: PartChoices 
         if key not in complete:
             raise DesignError(key, f"{type_string} has no such parameter; it has {', '.join(complete)}")
     design = Design(letters, complete, choices)
-    _check_limits(design)
-    _check_tyre(design)
+    for key, value in design.values.items():
+        complaint = parameters()[key].declared.complaint(value, design.parts)
+        if complaint:
+            raise DesignError(key, complaint)
+    tyre, key = design.parts.tyre, "W.tire_thickness"
+    if tyre.width_mm is not None and design.values[key] < tyre.width_mm.value:
+        raise DesignError(key, f"{design.values[key]:g} is below the {tyre.width_mm.value:g} of the {tyre.name}")
     _check_wheels(design)
     return design
 
@@ -194,42 +187,22 @@ def design_errors(
     return errors
 
 
-def _check_limits(design: Design) -> None:
-    for key, value in design.values.items():
-        complaint = parameters()[key].declared.complaint(value, design.parts)
-        if complaint:
-            raise DesignError(key, complaint)
-
-
-def _check_tyre(design: Design) -> None:
-    """DesignError if the tyre is wider than the rims."""
-    tyre, key = design.parts.tyre, "W.tire_thickness"
-    if key in design.values and tyre.width_mm is not None and design.values[key] < tyre.width_mm.value:
-        raise DesignError(key, f"{design.values[key]:g} is below the {tyre.width_mm.value:g} of the {tyre.name}")
-
-
 def _check_wheels(design: Design) -> None:
     """DesignError if neighbouring wheels would touch or the belly would touch the ground."""
-    assembly = design.parts.assembly
-    radius = design.values["radius"]
+    radius, height, belly = design.values["radius"], design.values["height"], design.parts.assembly.belly_clearance_mm
     # Axles are at half the body's height.
-    least_radius = design.values["height"] / 2 + assembly.belly_clearance_mm.value
-    if radius < least_radius - ROUNDING:
-        raise DesignError(
-            "radius",
-            f"{radius:g} is below the minimum {at_least(least_radius)} (half of height {design.values['height']:g} "
-            f"and {assembly.belly_clearance_mm.value:g} under the belly)",
-        )
-    least_distance = 2 * radius + assembly.wheel_distance_mm.value
+    least = height / 2 + belly.value
+    if radius < least - ROUNDING:
+        why = f"half of height {height:g} and {belly.value:g} under the belly"
+        raise DesignError("radius", f"{radius:g} is below the minimum {at_least(least)} ({why})")
+    least_distance = 2 * radius + design.parts.assembly.wheel_distance_mm.value
     for front, rear in itertools.pairwise(design.axles_mm):
         distance = _folded_distance_mm(design, front, rear)
         if distance < least_distance:
             folded = "" if distance == front - rear else ", folded to the limits of H"
-            raise DesignError(
-                "radius",
-                f"{radius:g} needs axles at least {least_distance:g} apart, or wheels touch, but "
-                f"{_lengths(design)} puts two of them {distance:.4g} apart{folded}",
-            )
+            lengths = " and ".join(f"{key} {value:g}" for key, value in design.values.items() if key.endswith(".length"))
+            needs = f"{radius:g} needs axles at least {least_distance:g} apart, or wheels touch"
+            raise DesignError("radius", f"{needs}, but {lengths} puts two of them {distance:.4g} apart{folded}")
 
 
 def _folded_distance_mm(design: Design, front_mm: float, rear_mm: float) -> float:
@@ -253,7 +226,3 @@ def _folded_distance_mm(design: Design, front_mm: float, rear_mm: float) -> floa
             z += along * math.sin(pitch) + up * math.cos(pitch)
         distances.append(math.hypot(x, z))
     return min(distances)
-
-
-def _lengths(design: Design) -> str:
-    return " and ".join(f"{key} {value:g}" for key, value in design.values.items() if key.endswith(".length"))

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foldcar.car.folded.finding import Finding
 from foldcar.car.folded.model import FoldedCar, Hole, Mount, Point
-from foldcar.car.folded.placed import PlacedFace, place
+from foldcar.car.folded.placed import Finding, PlacedFace, place
 from foldcar.car.folded.pose import compose
-from foldcar.car.parts.fasteners import Screw
+from foldcar.car.parts.mechanics import Screw
 from foldcar.car.parts.quantity import Quantity
 
 ROUNDING_MM = 1e-6
@@ -46,9 +45,11 @@ def check_fits(car: FoldedCar) -> Iterator[Finding]:
 def fits(car: FoldedCar) -> tuple[Fit, ...]:
     """The fits of a car, of each kind the tightest one."""
     least: dict[str, Fit] = {}
-    for fit in _all_fits(_Measured(car)):
-        if fit.name not in least or fit.worst_mm < least[fit.name].worst_mm:
-            least[fit.name] = fit
+    measured = _Measured(car)
+    for some in (_servos, _wheels, _boards, _switch, _inside, _tongues):
+        for fit in some(measured):
+            if fit.name not in least or fit.worst_mm < least[fit.name].worst_mm:
+                least[fit.name] = fit
     return tuple(least.values())
 
 
@@ -64,23 +65,19 @@ class _Measured:
         """The mounts of a part."""
         return [mount for mount in self.car.mounts if mount.part == part]
 
-    def ending(self, *ends: str) -> list[Hole]:
-        """The holes whose names end so."""
-        return [hole for name, hole in self.holes.items() if name.rpartition(".")[2].startswith(ends)]
-
-
-def _all_fits(car: _Measured) -> Iterator[Fit]:
-    for some in (_servos, _wheels, _boards, _switch, _inside, _tongues):
-        yield from some(car)
+    def called(self, name: str) -> list[Hole]:
+        """The holes of that name in their component."""
+        return [hole for path, hole in self.holes.items() if path.rpartition(".")[2].startswith(name)]
 
 
 def _servos(car: _Measured) -> Iterator[Fit]:
     servo, screw = car.parts.servo, car.parts.screw
     for mount in car.mounts(servo.name):
         opening = car.holes[mount.holes[0]]
-        # The notches for the screws reach beyond the body's ends.
+        # The notches for the screws reach beyond the body's ends, but not at its long sides.
         span, width = _size(opening)
-        length = float(np.ptp(_along_far_edge(opening)))
+        far = max(y for _, y in opening.outline_mm)
+        length = float(np.ptp([x for x, y in opening.outline_mm if far - y < ROUNDING_MM]))
         for size, part, way in zip((length, width), (servo.length_mm, servo.width_mm), ("length", "width"), strict=True):
             yield Fit(f"servo's {way} in its opening", size - part.value, part.tolerance, 2 * car.cut)
         reach = span / 2 + (servo.screw_hole_mm.value - screw.diameter_mm.value) / 2
@@ -94,13 +91,13 @@ def _servos(car: _Measured) -> Iterator[Fit]:
 
 def _wheels(car: _Measured) -> Iterator[Fit]:
     horn, screw, head = car.parts.horn, car.parts.horn_screw.diameter_mm, car.parts.centre_screw.head_diameter_mm
-    for hole in car.ending("horn screw"):
+    for hole in car.called("horn screw"):
         # The slots lie towards the axle, the disc's origin.
         long, wide = _size(hole, hole.center_mm or (1.0, 0.0))
         taken = 2 * horn.wheel_screws.tolerance + screw.tolerance
         yield Fit("wheel's screws along their slots", long - screw.value, taken, 2 * car.cut)
         yield Fit("wheel's screws across their slots", wide - screw.value, screw.tolerance, 2 * car.cut)
-    for hole in car.ending("hub"):
+    for hole in car.called("hub"):
         yield Fit("centre screw's head in the disc", _size(hole)[0] - head.value, head.tolerance, 2 * car.cut)
 
 
@@ -119,7 +116,7 @@ def _boards(car: _Measured) -> Iterator[Fit]:
     diagonal, largest = (math.hypot(*(size.value + i * size.tolerance for size in sizes)) for i in (0, 1))
     # What is off by some height counts twice in a diameter; the hole and the bridge's legs are cut.
     off = 2 * (feather.usb.tolerance + spacer.length_mm.tolerance)
-    for hole in car.ending("USB"):
+    for hole in car.called("USB"):
         yield Fit("USB plug in its hole", _size(hole)[0] - diagonal, largest - diagonal + off, 4 * car.cut)
 
 
@@ -148,7 +145,7 @@ def _inside(car: _Measured) -> Iterator[Fit]:
 
         def gap(face: str, axis: int, mount: Mount = mount, bridge: dict[str, PlacedFace] = bridge) -> float:
             off = np.abs(bridge[face].corners_mm[:, axis] - mount.pose[axis][3]).min()
-            return float(off) - _half(mount, axis)
+            return float(off) - mount.half_mm(axis)
 
         # The feet lie beside it, with their edges towards it; of shelf and flange it meets a side.
         feet = min(gap(f"{side} foot", 1) for side in ("left", "right"))
@@ -158,7 +155,7 @@ def _inside(car: _Measured) -> Iterator[Fit]:
         yield Fit("LiPo between the bridge's feet", feet, parts.lipo.length_mm.tolerance / 2 + laid, 2 * car.cut)
     for mount in (*car.mounts(parts.battery.name), *car.mounts(wing.name)):
         walls = np.concatenate([face.corners_mm for face in bodies[mount.body] if face.face.role == "panel"])
-        room = float(np.ptp(walls[:, 1])) - film - 2 * _half(mount, 1)
+        room = float(np.ptp(walls[:, 1])) - film - 2 * mount.half_mm(1)
         up, name = float(walls[:, 2].max()) - film / 2 - _top(mount), mount.part
         if mount.part == wing.name:
             taken = [wing.gap_mm, wing.plug_top_mm, parts.feather.board_mm, wing.board_mm, parts.spacer.length_mm]
@@ -195,12 +192,6 @@ def _sum(several: Iterable[Quantity]) -> float:
     return sum(one.tolerance for one in several)
 
 
-def _along_far_edge(hole: Hole) -> list[float]:
-    """The x of the corners with the largest y."""
-    far = max(y for _, y in hole.outline_mm)
-    return [x for x, y in hole.outline_mm if far - y < ROUNDING_MM]
-
-
 def _size(hole: Hole, along: Point = (1.0, 0.0)) -> Point:
     """The extent of a hole along a direction of its face and across it (mm)."""
     way = np.array(along) / math.hypot(*along)
@@ -209,12 +200,6 @@ def _size(hole: Hole, along: Point = (1.0, 0.0)) -> Point:
     return float(x), float(y)
 
 
-def _half(mount: Mount, axis: int) -> float:
-    """Half of a part's box along an axis of the car."""
-    return sum(abs(mount.pose[axis][k]) * mount.size_mm[k] for k in range(3)) / 2
-
-
 def _top(mount: Mount) -> float:
     """The height of the highest of a part's upright solids in the car."""
-    solids = [(compose(mount.pose, one.pose), one.size_mm[2]) for one in mount.solids] or [(mount.pose, mount.size_mm[2])]
-    return max(pose[2][3] + high / 2 for pose, high in solids)
+    return max(compose(mount.pose, one.pose)[2][3] + one.size_mm[2] / 2 for one in mount.shape)

@@ -1,34 +1,32 @@
 """The folded car of a design: modules fused to segments, caps on their ends, hinges between them, wheels on servos.
 
-Input: a design. Output: the immutable FoldedCar that every exporter and the simulator's body read.
+Input: a design. Output: the immutable FoldedCar that every exporter and the simulator's body read. A module's internal
+parameters tell it what it must know of the others: its segment's ends, the floor beside it, the tyres next to it.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
-from foldcar.car.compiler.assemble import Assembly, assemble
-from foldcar.car.compiler.component import Component, Sub, build
-from foldcar.car.compiler.graph import Graph, PlacedAxle
-from foldcar.car.compiler.shape import Shape
-from foldcar.car.compiler.slot import ComponentError, Slot
-from foldcar.car.components.box_beam import PANELS, wall_mm
-from foldcar.car.components.brain_module import ElectronicsModule
-from foldcar.car.components.end_cap import EndCap
+from foldcar.car.components.assemble import Assembly, assemble
+from foldcar.car.components.box_beam import PANELS, EndCap, flap_end_mm, latch_mm, wall_mm
+from foldcar.car.components.brain_module import BrainModule, ElectronicsModule
+from foldcar.car.components.bridge import plug_room_mm, usb_height_mm
+from foldcar.car.components.component import Component, Sub, build
 from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
-from foldcar.car.components.switch_mount import SwitchMount
+from foldcar.car.components.module import WheelModule
+from foldcar.car.components.mounts import SwitchMount, depth_mm, inside_mm
+from foldcar.car.components.parameter import ROUNDING, ComponentError, at_least
+from foldcar.car.components.shape import Graph, Shape
 from foldcar.car.components.wheel import Wheel
 from foldcar.car.design import Design, DesignError
-from foldcar.car.folded.folding import edge, folded
-from foldcar.car.folded.model import Axle, FoldedCar, HingeJoint, Join, Mount, Piece, PlacedPiece, Pose, Wire
-from foldcar.car.folded.pose import apply, compose, rotation, translation
+from foldcar.car.folded.model import FoldedCar, HingeJoint, PlacedPiece, Wire
+from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
 from foldcar.car.leads import with_leads
-from foldcar.car.modules import HINGE, declared, modules
-from foldcar.car.neighbours import around, switch_cap
+from foldcar.car.modules import HINGE, declared, modules, place_of
 from foldcar.car.parts.catalogue import Catalogue, chosen
 from foldcar.car.parts.choices import PartChoices
-from foldcar.car.user_modules import place_of
 
 
 class Car(Component):
@@ -42,9 +40,8 @@ class Car(Component):
     def subcomponents(self) -> Sequence[Sub]:
         """Modules from front to back, then two caps for each segment."""
         subs = []
-        electronics = self.design.modules.index("B")
         for i, letter in enumerate(self.design.modules):
-            kind: type[Component] = ElectronicsModule if i == electronics else modules()[letter]
+            kind: type[Component] = ElectronicsModule if i == electronics(self.design) else modules()[letter]
             shared = tuple(parameter.name for parameter in declared(kind) if parameter.shared)
             body = f"segment{self.design.segment_at(i)}"
             settings = {} if letter == HINGE else around(self.design, i)
@@ -55,8 +52,8 @@ class Car(Component):
                 settings = {"slit": 0.0 if outer else self.parts.assembly.cable_slit_length_mm.value}
                 name = f"{end} cap {index + 1}"
                 subs.append(Sub(name, EndCap, ("width", "height"), settings=settings, body=f"segment{index}"))
-        ends = {"front": 0, "rear": len(self.design.segments) - 1}
-        subs.append(Sub("switch", SwitchMount, body=f"segment{ends[switch_cap(self.design).partition(' ')[0]]}"))
+        number = int(switch_cap(self.design).rpartition(" ")[2])
+        subs.append(Sub("switch", SwitchMount, body=f"segment{number - 1}"))
         return subs
 
     def build(self, shape: Shape) -> None:
@@ -83,10 +80,6 @@ class Car(Component):
         corner = translation(rear_of_first, -across / 2, -up / 2)
         shape.begin_at(f"{self.names[0]}.beam.floor", corner)
 
-    def key_of(self, slot: Slot) -> str | None:
-        """The design's key of the parameter that shares its value with ``slot``, or None."""
-        return next((key for key, mine in self.slots.items() if mine.head is slot.head), None)
-
 
 def folded_car(design: Design) -> FoldedCar:
     """The folded car of a design; DesignError if its parts do not fit."""
@@ -97,27 +90,43 @@ def folded_car(design: Design) -> FoldedCar:
 def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...], choices: PartChoices) -> FoldedCar:
     design = Design(letters, dict(values), choices)
     graph, frame = _frame(design)
+    count, axles = len(frame.axles), []
+    for channel, axle in enumerate(frame.axles):
+        end = f"axle {channel // 2 + 1} "
+        if count <= 4:
+            end = "" if count <= 2 else ("front ", "rear ")[channel // 2]
+        title = f"{end}{axle.side} servo"
+        axles.append(replace(axle, wheel=f"wheel{channel}", servo=title, channel=channel))
+    titles = {mine.servo: axle.servo for mine, axle in zip(frame.axles, axles, strict=True)}
+    mounts = []
+    for mount in frame.mounts:
+        # Servos and their screws are named by their place in the car.
+        servo = next((servo for servo in titles if mount.name.startswith(servo)), "")
+        mounts.append(replace(mount, name=titles.get(servo, "") + mount.name.removeprefix(servo)))
+    pieces, placed, joins = list(frame.pieces), list(frame.placed), list(frame.joins)
     wheel = _wheel(design.values["radius"], design.values["W.tire_thickness"], choices)
-    count = len(frame.axles)
-    titles = {axle.servo: _servo_title(channel, count, axle.side) for channel, (axle, _, _) in enumerate(frame.axles)}
-    axles = [_axle(channel, titles[axle[0].servo], *axle) for channel, axle in enumerate(frame.axles)]
-    mounts = [replace(m, name=_titled(m.name, titles)) for m in frame.mounts]
-    first = max((join.number for join in frame.joins), default=0)
-    wheel_joins = (
-        Join(first + j.number, j.kind, j.piece_a, j.a, j.piece_b, j.b, j.length_mm, j.slot) for j in wheel.joins
-    )
-    wheels = _wheels(wheel, axles) if count else ((), ())
-    car = FoldedCar(
-        pieces=(*frame.pieces, *(_times(piece, count) for piece in wheel.pieces if count)),
-        placed=(*frame.placed, *wheels[0]),
-        joins=(*frame.joins, *(wheel_joins if count else ())),
-        mounts=(*mounts, *wheels[1]),
-        axles=tuple(axles),
-        hinges=tuple(_hinges(frame, design.parts)),
-        wires=(*graph.wires, *_servo_wires(axles, design.parts)),
-        parts=design.parts,
-    )
-    return with_leads(car)
+    pieces += (replace(piece, count=piece.count * count) for piece in wheel.pieces)
+    first = max(join.number for join in frame.joins)
+    joins += (replace(join, number=first + join.number) for join in wheel.joins)
+    counts = {piece.name: piece.count for piece in wheel.pieces}
+    for n, axle in enumerate(axles):
+        # The wheel is turned by half a turn about z on the right side.
+        pose = translation(*axle.center_mm)
+        if axle.side == "right":
+            pose = compose(pose, rotation("z", math.pi))
+        for one in wheel.placed:
+            copy = n * counts[one.piece] + one.copy
+            placed.append(PlacedPiece(one.piece, copy, axle.wheel, compose(pose, one.pose)))
+        for m in wheel.mounts:
+            name = f"{m.name} of {axle.wheel}"
+            mounts.append(replace(m, name=name, body=axle.wheel, pose=compose(pose, m.pose)))
+    hinges = tuple(_hinges(frame, design.parts))
+    wires = list(graph.wires)
+    for axle in axles:
+        turns = "turns forward above neutral" if axle.direction > 0 else "mirrored: turns forward below neutral"
+        wires.append(Wire(f"{design.parts.featherwing.name} channel {axle.channel}", axle.servo, "signal", turns))
+    solid = tuple(pieces), tuple(placed), tuple(joins), tuple(mounts)
+    return with_leads(FoldedCar(*solid, tuple(axles), hinges, tuple(wires), design.parts))
 
 
 def _frame(design: Design) -> tuple[Graph, Assembly]:
@@ -129,8 +138,10 @@ def _frame(design: Design) -> tuple[Graph, Assembly]:
         graph = build(car)
         return graph, assemble(graph)
     except ComponentError as error:
-        key = car.key_of(error.slot) if car is not None and error.slot is not None else None
-        place = place_of(error)
+        key, place = None, place_of(error)
+        if car is not None and error.slot is not None:
+            # The design's key of the parameter that shares its value with the slot.
+            key = next((key for key, mine in car.slots.items() if mine.head is error.slot.head), None)
         message = error.message if key else str(error)
         raise DesignError(key, f"{message} [{place}]" if place else message) from error
     except Exception as error:
@@ -147,46 +158,6 @@ def _wheel(radius_mm: float, tyre_width_mm: float, choices: PartChoices) -> Asse
     return assemble(build(wheel))
 
 
-def _titled(name: str, titles: Mapping[str, str]) -> str:
-    """The name of a servo, or of one of its screws, by its place in the car."""
-    servo = next((servo for servo in titles if name.startswith(servo)), "")
-    return titles.get(servo, "") + name.removeprefix(servo)
-
-
-def _times(piece: Piece, count: int) -> Piece:
-    return Piece(piece.name, piece.label, piece.faces, piece.creases, piece.thickness_mm, piece.count * count)
-
-
-def _servo_title(channel: int, count: int, side: str) -> str:
-    if count <= 4:
-        end = "" if count <= 2 else ("front ", "rear ")[channel // 2]
-        return f"{end}{side} servo"
-    return f"axle {channel // 2 + 1} {side} servo"
-
-
-def _axle(channel: int, servo: str, axle: PlacedAxle, body: str, center_mm: tuple[float, float, float]) -> Axle:
-    """The axle in the car. Servos turn counter-clockwise above neutral, so those on the right turn backwards."""
-    direction = 1 if axle.side == "left" else -1
-    return Axle(f"wheel{channel}", body, servo, channel, axle.side, direction, center_mm, axle.radius_mm,
-                axle.tyre_width_mm)  # fmt: skip
-
-
-def _wheels(wheel: Assembly, axles: list[Axle]) -> tuple[tuple[PlacedPiece, ...], tuple[Mount, ...]]:
-    """The wheel's pieces and parts once for every axle, turned by half a turn about z on the right side."""
-    counts = {piece.name: piece.count for piece in wheel.pieces}
-    placed, mounts = [], []
-    for n, axle in enumerate(axles):
-        pose: Pose = translation(*axle.center_mm)
-        if axle.side == "right":
-            pose = compose(pose, rotation("z", math.pi))
-        for one in wheel.placed:
-            copy = n * counts[one.piece] + one.copy
-            placed.append(PlacedPiece(one.piece, copy, axle.wheel, compose(pose, one.pose)))
-        for m in wheel.mounts:
-            mounts.append(replace(m, name=f"{m.name} of {axle.wheel}", body=axle.wheel, pose=compose(pose, m.pose)))
-    return tuple(placed), tuple(mounts)
-
-
 def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
     """One hinge at the crease of every flexure, front to back."""
     pieces = {piece.name: piece for piece in frame.pieces}
@@ -197,9 +168,8 @@ def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
         for crease in piece.creases:
             if not crease.flexure:
                 continue
-            ends = edge(faces, crease.parent)
             pose = compose(placed.pose, folded(piece)[crease.parent.face])
-            a, b = (apply(pose, *end) for end in ends)
+            a, b = (apply(pose, *end) for end in edge(faces, crease.parent))
             x, y, z = ((p + q) / 2 for p, q in zip(a, b, strict=True))
             number = int(placed.body.removeprefix("segment"))
             length = 2 * (max(p[0] for p in faces[crease.parent.face].outline_mm) - parts.assembly.hinge_glue_mm.value)
@@ -210,10 +180,92 @@ def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
     return sorted(hinges, key=lambda hinge: -hinge.center_mm[0])
 
 
-def _servo_wires(axles: list[Axle], parts: Catalogue) -> list[Wire]:
-    wing = parts.featherwing.name
-    return [
-        Wire(f"{wing} channel {axle.channel}", axle.servo, "signal",
-             "turns forward above neutral" if axle.direction > 0 else "mirrored: turns forward below neutral")
-        for axle in axles
-    ]  # fmt: skip
+# As far as a floor reaches where no tyre limits the place of USB.
+FAR_MM = 2000.0
+# The fold of a lid's flap beside its latch is at least so long.
+LEAST_FOLD_MM = 1.0
+
+
+def electronics(design: Design) -> int:
+    """The index of the module that carries boards and batteries: the first B."""
+    return design.modules.index(BrainModule.letter)
+
+
+def switch_cap(design: Design) -> str:
+    """The outer cap that carries the switch: the one nearer to the electronics, but not at their own end."""
+    index, last = electronics(design), len(design.modules) - 1
+    in_front = index > 0 and (index == last or index <= last - index)
+    return "front cap 1" if in_front else f"rear cap {len(design.segments)}"
+
+
+def around(design: Design, module: int) -> dict[str, float]:
+    """Values of the internal parameters of a module that is no hinge; those that it lacks are left out."""
+    known = _flap(design, module)
+    if design.modules[module] == WheelModule.letter:
+        # No cap is at the inner end of a module that is not a segment of its own.
+        alone = len(design.segments[design.segment_at(module)].modules) == 1
+        tab = design.parts.assembly.cap_tab_mm.value if alone else 0.0
+        known |= {"towards_middle": _towards_middle(design, module), "tab_there": tab}
+    if module == electronics(design):
+        known |= {"floor_front": _floor(design, module, -1), "floor_rear": _floor(design, module, 1)}
+        known |= dict(zip(("usb_low", "usb_high"), _between_tyres(design, module), strict=True))
+    return known
+
+
+def _towards_middle(design: Design, module: int) -> float:
+    middle = design.segments[design.segment_at(module)].center_mm
+    return -1.0 if design.module_centers_mm[module] > middle else 1.0
+
+
+def _length(design: Design, module: int) -> float:
+    return design.values[f"{design.modules[module]}.length"]
+
+
+def _flap(design: Design, module: int) -> dict[str, float]:
+    """Where the lid's flap ends on a module; the latches, one at each end of a long segment, and at one the pull tab."""
+    segment = design.segments[design.segment_at(module)]
+    end, (notch, _) = flap_end_mm(design.parts), latch_mm(design.parts)
+    ends = {"front": segment.modules[0], "rear": segment.modules[-1]}
+    long = segment.length_mm - 2 * end > design.parts.assembly.lock_distance_mm.value
+    known = {f"flap_{at}": end if module == outer else 0.0 for at, outer in ends.items()}
+    latched = list(ends) if long else [max(ends, key=lambda at: _length(design, ends[at]))]
+    for at in (at for at in latched if module == ends[at]):
+        both = known["flap_front"] and known["flap_rear"]
+        least = notch + LEAST_FOLD_MM + end * (2 if both else 1)
+        if _length(design, module) < least - ROUNDING:
+            key, value = f"{design.modules[module]}.length", _length(design, module)
+            raise DesignError(key, f"{value:g} is below the minimum {at_least(least)} (the latch of a segment's lid)")
+        known |= {f"latch_{at}": 1.0, f"pull_{at}": float(at == latched[0])}
+    return dict.fromkeys((f"{what}_{at}" for what in ("latch", "pull") for at in ends), 0.0) | known
+
+
+def _floor(design: Design, module: int, step: int) -> float:
+    """Free floor (mm) before (``step`` -1) or behind (1) a module, up to a servo's layer, a cap's tab or the switch."""
+    modules = design.segments[design.segment_at(module)].modules
+    free, i = 0.0, module + step
+    while i in modules:
+        if design.modules[i] == WheelModule.letter:
+            long, short = inside_mm(design.parts)
+            # The long side points forward if ``towards_middle`` is 1.
+            return free + _length(design, i) / 2 - (long if _towards_middle(design, i) == step else short)
+        if design.modules[i] != BrainModule.letter:
+            return free
+        free += _length(design, i)
+        i += step
+    end = "front" if step < 0 else "rear"
+    cap = f"{end} cap {design.segment_at(module) + 1}"
+    gap = design.parts.assembly.part_gap_mm.value
+    depth = depth_mm(design.parts) + gap if cap == switch_cap(design) else 0.0
+    return free - max(design.parts.assembly.cap_tab_mm.value, depth)
+
+
+def _between_tyres(design: Design, module: int) -> tuple[float, float]:
+    """Where a USB plug passes the tyres next to the module (mm from its rear)."""
+    rear = design.module_centers_mm[module] - _length(design, module) / 2
+    gap = design.parts.assembly.part_gap_mm.value
+    reach = design.values["radius"] + plug_room_mm(design.parts.plugs.usb) / 2 + gap
+    off = usb_height_mm(design.parts) - wall_mm(design.values["height"], design.parts) / 2
+    need = math.sqrt(max(reach**2 - off**2, 0.0))
+    axles = design.axles_mm
+    low = max((x + need - rear for x in axles if x < rear), default=-FAR_MM)
+    return low, min((x - need - rear for x in axles if x > rear), default=FAR_MM)

@@ -5,7 +5,7 @@ a stretch of its way is as long as its parts along x, y and z together; from seg
 the caps, with the hinge where these are farthest apart. Lengths are in mm, in the car's frame.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -13,15 +13,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.assembly_order.lid import lid_of
 from foldcar.car.design import DesignError
-from foldcar.car.folded.check_hinges import folded_back
-from foldcar.car.folded.finding import Finding
-from foldcar.car.folded.model import FoldedCar, Hole, Mount, Wire
-from foldcar.car.folded.placed import PlacedFace, place
+from foldcar.car.folded.model import FoldedCar, Mount, Wire
+from foldcar.car.folded.placed import Finding, PlacedFace, place
 from foldcar.car.folded.pose import apply, translation
 from foldcar.car.parts.electronics import Extension, LeadedBattery, Wiring
-from foldcar.car.parts.quantity import Quantity
+from foldcar.car.proof.check_crossings import folded_back
+from foldcar.car.proof.roles import lid_of
 
 Points = NDArray[np.float64]
 # A direction's component along an axis of the car from which on it counts as that axis.
@@ -108,27 +106,21 @@ def with_leads(car: FoldedCar) -> FoldedCar:
 
 def _with(car: FoldedCar, lead_mm: float, extension: Extension) -> float:
     """The least length (mm) of a lead that is plugged into an extension."""
-    return lead_mm + _least(extension.length_mm) - car.parts.plugs.servo.inserted_mm.value
-
-
-def _least(length: Quantity) -> float:
-    return length.value - length.tolerance
+    return lead_mm + extension.length_mm.least - car.parts.plugs.servo.inserted_mm.value
 
 
 def _joint(car: FoldedCar, servo: Mount, extension: Extension) -> Mount:
     """An extension's socket with the servo's plug in it, on the floor under the servo, beside its wall."""
-    parts, film = car.parts, car.parts.film.thickness_mm.value
-    size = tuple(q.value for q in (parts.extensions.joint_length_mm, parts.extensions.joint_width_mm,
-                                   parts.extensions.joint_height_mm))  # fmt: skip
+    parts, film, sold = car.parts, car.parts.film.thickness_mm.value, car.parts.extensions
+    size = (sold.joint_length_mm.value, sold.joint_width_mm.value, sold.joint_height_mm.value)
     # z of the servo's frame points inwards; its ears lie on the wall's outside.
     wall = parts.servo.depth_mm.value / 2 - parts.servo.ear_underside_mm.value + 2 * film
     x, y, _ = apply(servo.pose, 0.0, 0.0, wall + JOINT_GAP_MM + size[1] / 2)
     faces = _segments(car)[servo.body]
     beam = next(face.piece for face in faces if face.face.name == servo.face)
     low = min(float(face.corners_mm[:, 2].min()) for face in faces if face.piece is beam and abs(face.normal[2]) > ALONG)
-    pose = translation(x, y, low + film / 2 + size[2] / 2)
-    return Mount(extension.name, f"extension of {servo.name}", servo.body, pose, (size[0], size[1], size[2]),
-                 extension.mass_kg.value)  # fmt: skip
+    pose, name = translation(x, y, low + film / 2 + size[2] / 2), f"extension of {servo.name}"
+    return Mount(extension.name, name, servo.body, pose, size, extension.mass_kg.value)
 
 
 def _segments(car: FoldedCar) -> dict[str, list[PlacedFace]]:
@@ -140,7 +132,7 @@ class _Ways:
     """Where the leads of one car start and end, and the ways between."""
 
     def __init__(self, car: FoldedCar) -> None:
-        self.car, self.parts = car, car.parts
+        self.car, self.parts, self.wing = car, car.parts, car.parts.featherwing.name
         self.bodies = _segments(car)
         self.mounts = {mount.name: mount for mount in car.mounts}
         self.of_part = {mount.part: mount for mount in car.mounts}
@@ -148,18 +140,23 @@ class _Ways:
 
     def leads(self) -> Iterator[Lead]:
         """All leads, servos first."""
-        parts, wing = self.parts, self.parts.featherwing.name
+        parts, servo, wing = self.parts, self.parts.servo, self.parts.featherwing
         plug, slack = parts.plugs.servo, parts.wiring.slack_mm.value
-        block = self._at(wing, self._block_mm())
+        leaves = (-servo.length_mm.value / 2, 0.0, servo.depth_mm.value / 2 - servo.lead_height_mm.value)
+        # Where leads bend over the plugs, and the mouth of the terminal block, in the frame of the driver's box.
+        up = wing.plug_top_mm.value + wing.plug_bend_mm.value - wing.height_mm.value / 2
+        (x, y, z), (_, wide, _) = wing.terminal_block.at_mm, wing.terminal_block.size_mm
+        block = self._at(self.wing, (x, y + wide / 2, z - wing.height_mm.value / 2))
         for axle in self.car.axles:
-            way, hinges = self.way(self._servo_exit(axle.servo), self._at(wing, self._plug_mm(axle.channel)), axle.body)
-            there = _least(parts.servo.lead_length_mm)
+            start = np.array(apply(self.mounts[axle.servo].pose, *leaves))
+            way, hinges = self.way(start, self._at(self.wing, (*wing.outputs.at_mm[axle.channel], up)), axle.body)
+            there = servo.lead_length_mm.least
             chain = next((w.a for w in self.car.wires if w.b == axle.servo and w.a in self.mounts), "")
             extension = self.mounts[chain].part if chain else ""
             for one in (one for one in parts.extensions.sold if one.name == extension):
                 there = _with(self.car, there, one)
             needed = self._with_slack(way, hinges) + slack + plug.length_mm.value
-            yield Lead(axle.servo, f"{wing} {axle.channel}", "plug", way, needed, there, extension)
+            yield Lead(axle.servo, f"{self.wing} {axle.channel}", "plug", way, needed, there, extension)
         yield from self._lipo(slack)
         yield from self._supply(block)
 
@@ -167,38 +164,38 @@ class _Ways:
         feather, lipo = self.parts.feather, self.of_part.get(self.parts.lipo.name)
         if lipo is None or feather.name not in self.of_part:
             return
-        socket = feather.battery_socket
-        (x, y, z), (_, wide, _) = socket.at_mm, socket.size_mm
+        (x, y, z), (_, wide, _) = feather.battery_socket.at_mm, feather.battery_socket.size_mm
         mouth = self._at(feather.name, (x, y + wide / 2, z - feather.height_mm.value / 2))
         ends = self._ends(lipo, self.parts.lipo)
         (way, hinges), side = min((self.way(end, mouth, lipo.body, feather.name), side) for side, end in ends.items())
         needed = self._with_slack(way, hinges) + slack + self.parts.plugs.battery.inserted_mm.value
-        there = _least(self.parts.lipo.lead_length_mm)
+        there = self.parts.lipo.lead_length_mm.least
         yield Lead(lipo.name, f"{feather.name} JST", "plug", way, needed, there, leaves=side)
 
     def _supply(self, block: Points) -> Iterator[Lead]:
         """The battery's leads, + over the switch, and the wire from switch to terminal block."""
-        parts, wing = self.parts, self.parts.featherwing.name
+        parts, wing = self.parts, self.wing
         battery, switch = self.of_part.get(parts.battery.name), self.of_part.get(parts.switch.name)
         if battery is None:
             return
-        joint, there = parts.wiring.joint_mm.value, _least(parts.battery.lead_length_mm)
-        tails = None if switch is None else self._at(switch.name, (0.0, 0.0, -switch.size_mm[2] / 2))
-        targets = [("+", f"{wing} terminal +", block, wing), ("-", f"{wing} terminal -", block, wing)]
-        if switch is not None and tails is not None:
-            targets[0] = ("+", f"{switch.name} 1", tails, switch.name)
-        found: dict[str, list[Lead]] = {}
+        joint, there = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.least
+        plus = (f"{wing} terminal +", block, wing)
+        tails = block
+        if switch is not None:
+            tails = self._at(switch.name, (0.0, 0.0, -switch.size_mm[2] / 2))
+            plus = (f"{switch.name} 1", tails, switch.name)
+        # It is taken out for its cells with its leads on: lifted above the walls, but on the roof.
+        lift = max(0.0, self._walls_mm(battery.body) - (battery.pose[2][3] - battery.size_mm[2] / 2))
+        found: list[list[Lead]] = []
         for side, end in self._ends(battery, parts.battery).items():
-            for sign, name, target, at in targets:
-                # It is taken out for its cells with its leads on.
-                places = [end, end + np.array((0.0, 0.0, self._lift_mm(battery)))]
+            found.append([])
+            for sign, (name, target, at) in (("+", plus), ("-", (f"{wing} terminal -", block, wing))):
+                places = [end, end + np.array((0.0, 0.0, lift))]
                 way, hinges = max(self.way(one, target, battery.body, at) for one in places)
                 needed = self._with_slack(way, hinges) + joint
-                found.setdefault(side, []).append(
-                    Lead(f"{battery.name} {sign}", name, "solder", way, needed, there, leaves=side)
-                )
-        yield from min(found.values(), key=lambda several: sum(lead.needed_mm for lead in several))
-        if switch is not None and tails is not None:
+                found[-1].append(Lead(f"{battery.name} {sign}", name, "solder", way, needed, there, leaves=side))
+        yield from min(found, key=lambda several: sum(lead.needed_mm for lead in several))
+        if switch is not None:
             way, hinges = self.way(tails, block, switch.body, wing)
             needed = self._with_slack(way, hinges) + 2 * joint
             yield Lead(f"{switch.name} 2", f"{wing} terminal +", "wire", way, needed, 0.0)
@@ -209,23 +206,6 @@ class _Ways:
 
     def _at(self, part: str, point: tuple[float, float, float]) -> Points:
         return np.array(apply(self.of_part[part].pose, *point))
-
-    def _servo_exit(self, name: str) -> Points:
-        servo = self.parts.servo
-        end = (-servo.length_mm.value / 2, 0.0, servo.depth_mm.value / 2 - servo.lead_height_mm.value)
-        return np.array(apply(self.mounts[name].pose, *end))
-
-    def _plug_mm(self, output: int) -> tuple[float, float, float]:
-        """Where the lead bends over the plug of an output, in the frame of the driver's box."""
-        wing = self.parts.featherwing
-        up = wing.plug_top_mm.value + wing.plug_bend_mm.value - wing.height_mm.value / 2
-        return (*wing.outputs.at_mm[output], up)
-
-    def _block_mm(self) -> tuple[float, float, float]:
-        """The mouth of the terminal block in the frame of the driver's box."""
-        wing = self.parts.featherwing
-        (x, y, z), (_, wide, _) = wing.terminal_block.at_mm, wing.terminal_block.size_mm
-        return x, y + wide / 2, z - wing.height_mm.value / 2
 
     @staticmethod
     def _ends(mount: Mount, battery: LeadedBattery) -> dict[str, Points]:
@@ -241,17 +221,13 @@ class _Ways:
             found[SIDES[along][int(off[along] > 0)]] = point
         return found
 
-    def _lift_mm(self, battery: Mount) -> float:
-        """How far a battery is lifted to stand above the walls; 0 for one on the roof."""
-        return max(0.0, self._walls_mm(battery.body) - (battery.pose[2][3] - battery.size_mm[2] / 2))
-
     def way(self, start: Points, end: Points, body: str, at: str = "") -> tuple[float, int]:
         """Length (mm) of the way from a point in ``body`` to one at the part ``at``, and how many hinges it crosses."""
-        there = self.of_part[at or self.parts.featherwing.name].body
+        there = self.of_part[at or self.wing].body
         first, last = self.order.index(body), self.order.index(there)
         step = 1 if last > first else -1
-        length, here = 0.0, self._inside(start, body)
-        length += float(np.abs(start - here).sum())
+        here = self._inside(start, body)
+        length = float(np.abs(start - here).sum())
         for i in range(first, last, step):
             front, rear = self.order[min(i, i + step)], self.order[max(i, i + step)]
             slits = self._slit(front, -1), self._slit(rear, 1)
@@ -291,6 +267,6 @@ class _Ways:
     def _holes(self, body: str, axis: int) -> Iterator[Points]:
         """The middles of ways for cables in faces across an axis."""
         for face in self.bodies[body]:
-            slits: Sequence[Hole] = [hole for hole in face.face.holes if hole.kind == "slit"]
+            slits = [hole for hole in face.face.holes if hole.kind == "slit"]
             if slits and abs(face.normal[axis]) > ALONG:
                 yield from face.in_car([tuple(np.mean(slit.outline_mm, axis=0)) for slit in slits])

@@ -54,7 +54,7 @@ class ListedRun:
     def with_design(self, design: "Design") -> "ListedRun":
         """The run of another design in the same environment, built with the same differences."""
         from foldcar.car.body import body_json
-        from foldcar.car.variation.vary_body import vary_body
+        from foldcar.car.variation import vary_body
 
         nominal = body_json(design)
         body = vary_body(nominal, self.variation, self.carsim.limits().numbers) if self.variation else nominal

@@ -71,7 +71,7 @@ Engine = Annotated[
 def _load(context: typer.Context, files: Sequence[Path] | None) -> Sequence[Path] | None:
     """Register the modules before the command reads its listing."""
     if files and not context.resilient_parsing:
-        from foldcar.car.user_modules import load_components
+        from foldcar.car.modules import load_components
 
         for file in files:
             load_components(file)

@@ -170,7 +170,7 @@ def confirm(port: Port = None, as_json: Json = False) -> None:
     \b
     Example: foldcar params confirm
     """
-    from foldcar.car.firmware_parameters import CHANNELS
+    from foldcar.car.car_file import CHANNELS
     from foldcar.link.parameters import read_parameters, value_text
 
     with _car(port) as car:

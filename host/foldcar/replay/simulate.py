@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from foldcar.car.variation.vary_body import vary_body
+from foldcar.car.variation import vary_body
 from foldcar.replay.compact_path import INTERVAL_S, compact_path
 from foldcar.replay.outcome_grid import OutcomeGrid
 from foldcar.replay.stored_drives import StoredDrives

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from foldcar.car.firmware_parameters import TableRow
+from foldcar.car.car_file import TableRow
 from foldcar.simulation.carsim_limits import CarsimLimits, TrialRules
 from foldcar.simulation.engines import ENGINES, MULTIBODY, engine_title, find_carsim
 from foldcar.simulation.process_ending import process_ending

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
-from foldcar.car.variation.vary_body import NumberLimits, vary_body
+from foldcar.car.variation import NumberLimits, vary_body
 from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.simulation.simulators import LocalSimulators, Simulators
 from foldcar.store.writer import PlannedRun, StoreWriter, canonical_json

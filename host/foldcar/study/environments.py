@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foldcar.car.variation.spread import draw
+from foldcar.car.variation import draw
 from foldcar.scenes.fingerprint import environment_fingerprint, spread_fingerprint, variation_code
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.car.body import full_speed_m_s
+from foldcar.car.car_file import TableRow, check_parameters, firmware_parameters
 from foldcar.car.design import Design
-from foldcar.car.firmware_parameters import TableRow, check_parameters, firmware_parameters
-from foldcar.car.variation.spread import spread_named
+from foldcar.car.variation import spread_named
 from foldcar.did_you_mean import did_you_mean
 from foldcar.study.checked_listing import read_checked_listing
 from foldcar.study.family import Family, read_family

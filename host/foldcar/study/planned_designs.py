@@ -13,9 +13,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 from foldcar.car.body import body_json
+from foldcar.car.car_file import TableRow
 from foldcar.car.design import Design
-from foldcar.car.firmware_parameters import TableRow
-from foldcar.car.user_modules import loaded_files
+from foldcar.car.modules import loaded_files
 from foldcar.scenes.fingerprint import folders_digest
 from foldcar.store.stored_designs import StoredDesigns, stored_designs
 from foldcar.store.writer import PlannedDesign

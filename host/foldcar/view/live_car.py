@@ -9,12 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from foldcar.car.assembly_order.plan import planned
 from foldcar.car.design import Design, DesignError, compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
 from foldcar.car.modules import parameters
 from foldcar.car.parts.choices import OPTIONS, PartError
+from foldcar.car.proof.plan import planned
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.assembly.view_data import view_data

@@ -12,31 +12,50 @@ film's middle surface.
 import math
 from collections.abc import Mapping
 
-from foldcar.car.compiler.component import Component
-from foldcar.car.compiler.parameter import Parameter
-from foldcar.car.compiler.shape import Shape
-from foldcar.car.components.dimensions import HEIGHT, WIDTH
+from foldcar.car.components.bridge import mouth_mm, span_mm, stack_height_mm
+from foldcar.car.components.component import Component
+from foldcar.car.components.mounts import least_doubler_mm
+from foldcar.car.components.parameter import Parameter
+from foldcar.car.components.shape import Shape
 from foldcar.car.folded.model import Access, Point
 from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.catalogue import Catalogue
 
+
+def _least_height(parts: Catalogue) -> float:
+    film, assembly = parts.film.thickness_mm.value, parts.assembly
+    boards = stack_height_mm(parts) + film / 2
+    # A servo's layer in the middle of the right wall ends below the lid's flap.
+    beside_flap = least_doubler_mm(parts) + 2 * (assembly.flap_mm.value + film + assembly.slot_clearance_mm.value)
+    return max(boards, beside_flap) + film
+
+
+def _least_width(parts: Catalogue) -> float:
+    assembly, film = parts.assembly, parts.film.thickness_mm.value
+    _, right = span_mm(parts)
+    # The lid's flap goes down between the boards and the right wall.
+    beside = max(assembly.bridge_gap_mm.value, assembly.flap_gap_mm.value + film)
+    boards = assembly.usb_inside_mm.value + mouth_mm(parts) + right + beside
+    return max(boards, 2 * parts.servo.ear_underside_mm.value) + 2 * film
+
+
+WIDTH = Parameter(
+    "width", 95, _least_width, 500,
+    "outer width of the body", "the boards across it", shared=True,
+)  # fmt: skip
+HEIGHT = Parameter(
+    "height", 50, _least_height, 200, "outer height of the body; axles stand at half of it",
+    "the boards and their plugs over the LiPo", shared=True,
+)  # fmt: skip
 PANELS = ("floor", "right", "left", "lid", "flap")
 LENGTH = Parameter("length", 80, 1, 1000, "length of a box beam", "a strip that can be folded")
-# Set by the car. A flap ends before the tabs of an end cap; a latch, if it is 1, is at that end of the flap, and beside
-# it, if that is 1, the lid's pull tab.
-FLAP = {
-    end: Parameter(f"flap_{end}", 0, 0, 100, f"from the {end} end to the flap", "none", internal=True)
+# Set by the car for each end: where the flap, which ends before the tabs of an end cap, begins; whether a latch is there
+# and, beside it, the lid's pull tab.
+SET_BY_CAR = tuple(
+    Parameter(f"{what}_{end}", 0, 0, most, f"of the {end} end", "none", unit, internal=True)
+    for what, most, unit in (("flap", 100, "mm"), ("latch", 1, ""), ("pull", 1, ""))
     for end in ("front", "rear")
-}
-LATCH = {
-    end: Parameter(f"latch_{end}", 0, 0, 1, f"whether a latch is at the {end} end", "none", "", internal=True)
-    for end in ("front", "rear")
-}
-PULL = {
-    end: Parameter(f"pull_{end}", 0, 0, 1, f"whether the {end} latch has the pull tab", "none", "", internal=True)
-    for end in ("front", "rear")
-}
-FROM_CAR = tuple(parameter.name for parameter in (*FLAP.values(), *LATCH.values(), *PULL.values()))
+)
 # A lever is wider than its tongue by this (mm).
 LEVER_OVER_MM = 1.0
 
@@ -58,23 +77,10 @@ def latch_mm(parts: Catalogue) -> Point:
     return assembly.lock_mm.value + LEVER_OVER_MM + 2 * gap, assembly.grip_mm.value + gap
 
 
-class Panel(Component):
-    """A rectangle of film: ``length`` along x, ``width`` along y; face ``panel``."""
-
-    parameters = (
-        Parameter("length", 10, 0.5, 2000, "along x", "what can be cut"),
-        Parameter("width", 10, 0.5, 2000, "along y", "what can be cut"),
-    )
-
-    def build(self, shape: Shape) -> None:
-        """One face with edges near, front, far and rear."""
-        shape.rectangle("panel", self["length"], self["width"])
-
-
 class BoxBeam(Component):
     """Three walls, a lid and its flap with up to two latches, at the ``front`` and at the ``rear``."""
 
-    parameters = (LENGTH, WIDTH, HEIGHT, *FLAP.values(), *LATCH.values(), *PULL.values())
+    parameters = (LENGTH, WIDTH, HEIGHT, *SET_BY_CAR)
 
     def build(self, shape: Shape) -> None:
         """The floor, the two walls folded up from it, the lid folded from the left one."""
@@ -82,7 +88,6 @@ class BoxBeam(Component):
         across, up = wall_mm(self["width"], self.parts), wall_mm(self["height"], self.parts)
         for name, size in (("floor", across), ("right", up), ("left", up)):
             shape.rectangle(name, length, size, piece="beam")
-        ends = [end for end in ("front", "rear") if self[f"latch_{end}"]]
         # From each end of the beam to its flap's fold.
         notch, _ = latch_mm(self.parts)
         starts = {end: self[f"flap_{end}"] + notch * self[f"latch_{end}"] for end in ("front", "rear")}
@@ -93,8 +98,9 @@ class BoxBeam(Component):
         for edge in ("far", "far front", "far rear"):
             if edge in shape.edges("lid"):
                 shape.tuck(f"lid.{edge}", "right.near")
-        for end in ends:
-            self._latch(shape, end)
+        for end in ("front", "rear"):
+            if self[f"latch_{end}"]:
+                self._latch(shape, end)
 
     def _lid(self, shape: Shape, starts: Mapping[str, float]) -> None:
         """The lid, narrower than the floor by the film of wall and flap and their clearance, with a latch's notches."""
@@ -154,7 +160,12 @@ class BoxBeam(Component):
         shape.connect(f"flap.lock {end}", f"{end} tongue.near", "fold", -90)
         shape.rectangular_hole("right", f"{end} lock slot", "slot", at, width + 2 * play, film + play)
         shape.lock(f"{end} tongue.tip", "right", f"{end} lock slot")
-        self._reached(shape, end)
+        # A finger pushes its lever outwards until the tip is within the wall; the lever, as high, goes out as far.
+        (finger, long), stroke, on_lid = self.parts.tools.finger_mm, assembly.lock_reach_mm.value + film, at[1] + film
+        pushed = compose(translation(width / 2, stroke - finger / 2, -on_lid), rotation("x", math.pi))
+        drawn = compose(translation(0.0, -(film + stroke) / 2, 0.0), rotation("y", math.pi / 2))
+        shape.reach(f"{end} tongue", Access("finger", pushed, finger, long))
+        shape.reach(f"{end} tongue", Access("tongue", drawn, stroke, width))
         if self[f"pull_{end}"]:
             self._pull_tab(shape, end, notch - 2 * assembly.grip_gap_mm.value)
 
@@ -168,22 +179,49 @@ class BoxBeam(Component):
             at = translation(width_mm / 2, film, side * (finger / 2 + film))
             shape.reach(f"{end} pull tab", Access("finger", compose(at, rotation("x", -math.pi / 2)), finger, long))
 
-    def _reached(self, shape: Shape, end: str) -> None:
-        """What a latch needs: a finger at its lever, pushed outwards, and room for the tongue."""
-        assembly, film = self.parts.assembly, self.parts.film.thickness_mm.value
-        finger, long = self.parts.tools.finger_mm
-        tongue_mm = assembly.lock_mm.value / 2
-        # The tongue is drawn in until its tip is within the wall; the lever, as high, goes out as far.
-        stroke = assembly.lock_reach_mm.value + film
-        on_lid = -(assembly.flap_mm.value + film)
-        pushed = compose(translation(tongue_mm, stroke - finger / 2, on_lid), rotation("x", math.pi))
-        behind = translation(0.0, -(film + stroke) / 2, 0.0)
-        shape.reach(f"{end} tongue", Access("finger", pushed, finger, long))
-        drawn = compose(behind, rotation("y", math.pi / 2))
-        shape.reach(f"{end} tongue", Access("tongue", drawn, stroke, 2 * tongue_mm))
-
 
 def _tongue(width_mm: float, reach_mm: float) -> tuple[Point, ...]:
     """A tongue with its corners cut off, folded along its first edge."""
     corner = min(1.0, reach_mm / 2)
     return ((0.0, 0.0), (width_mm, 0.0), (width_mm - corner, reach_mm), (corner, reach_mm))
+
+
+# Edge of a front cap, seen from inside, at each wall; on a rear cap left and right are exchanged.
+CAP_EDGES = {"floor": "near", "right": "front", "lid": "far", "left": "rear"}
+OPPOSITE = {"left": "right", "right": "left", "floor": "floor", "lid": "lid"}
+
+
+def cap_inset_mm(parts: Catalogue) -> float:
+    """Distance of a cap's edges from the middle surfaces of the walls (mm): one film, so that its tabs fit inside."""
+    return parts.film.thickness_mm.value + parts.assembly.cap_clearance_mm.value
+
+
+class EndCap(Component):
+    """Faces ``cap``, with edges near (floor), front, far (lid) and rear, and ``flange``, under the lid."""
+
+    parameters = (WIDTH, HEIGHT, Parameter("slit", 0, 0, 100, "length of a way for cables", "none", internal=True))
+
+    def build(self, shape: Shape) -> None:
+        """The cap, seen from inside: x points right on a front cap and left on a rear cap."""
+        assembly, inset = self.parts.assembly, 2 * cap_inset_mm(self.parts)
+        width, height = (wall_mm(self[name], self.parts) - inset for name in ("width", "height"))
+        # "front cap 1" is the one of segment 1.
+        shape.rectangle("cap", width, height, piece=shape.name.rpartition(" ")[0] or "end cap")
+        depth = assembly.cap_tab_mm.value
+        shape.face("flange", ((0.0, 0.0), (width, 0.0), (width - depth, depth), (depth, depth)))
+        shape.connect("cap.far", "flange.0", "fold", 90)
+        if self["slit"] > 0:
+            slit = assembly.cable_slit_mm.value
+            shape.rectangular_hole("cap", "slit", "slit", (width / 2, height / 2), self["slit"], slit)
+
+    @staticmethod
+    def close(shape: Shape, cap: str, end: str, module: str) -> None:
+        """Tape the cap of the subcomponent ``cap`` into the ``end`` (front or rear) of the beam of ``module``."""
+        parts = shape.parts
+        depth, inset = parts.assembly.cap_tab_mm.value, cap_inset_mm(parts)
+        for panel, edge in CAP_EDGES.items():
+            wall = f"{module}.beam.{panel if end == 'front' else OPPOSITE[panel]}.{end}"
+            if panel == "lid":
+                shape.tuck(f"{cap}.cap.{edge}", wall)
+            else:
+                shape.connect(wall, f"{cap}.cap.{edge}", "tab", 90, depth_mm=depth, inset_mm=inset)

@@ -7,12 +7,10 @@ crest) by ``fold_down``, and nose up by ``fold_up``, until the lids meet or a st
 import math
 from itertools import pairwise
 
-from foldcar.car.compiler.component import Component
-from foldcar.car.compiler.parameter import ROUNDING, Parameter, at_least, at_most
-from foldcar.car.compiler.shape import Shape
-from foldcar.car.components.box_beam import wall_mm
-from foldcar.car.components.dimensions import HEIGHT, WIDTH
-from foldcar.car.components.end_cap import cap_inset_mm
+from foldcar.car.components.box_beam import HEIGHT, WIDTH, cap_inset_mm, wall_mm
+from foldcar.car.components.component import Component
+from foldcar.car.components.parameter import ROUNDING, Parameter, at_least, at_most
+from foldcar.car.components.shape import Shape
 from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.catalogue import Catalogue, film_of, films
 from foldcar.car.parts.film import Film
@@ -45,11 +43,6 @@ STOP_SHARE = 1 / 3
 GLUE_SHARE = 0.45
 
 
-def fold_up_limit_rad(length_mm: float, height_mm: float) -> float:
-    """Hinge angle (rad) at which the lids of the two segments meet, turned about the middle of the strip."""
-    return 2 * math.atan2(length_mm / 2, height_mm)
-
-
 def stiffness_n_m_rad(width_mm: float, thickness_mm: float, length_mm: float, film: Film) -> float:
     """Rotational stiffness of the strip (N m/rad), an Euler-Bernoulli beam bent to a circular arc: E w t³ / 12 l."""
     second_moment_m4 = width_mm * thickness_mm**3 / 12 * 1e-12
@@ -78,22 +71,32 @@ class HingeModule(Component):
 
         ComponentError if ``fold_up`` is beyond the angle at which the lids meet, or the strip would bend too sharply.
         """
-        limit = fold_up_limit_rad(self["length"], wall_mm(self["height"], self.parts))
-        if self["fold_up"] > math.degrees(limit) + ROUNDING:
+        # The segments are turned about the middle of the strip.
+        limit = math.degrees(2 * math.atan2(self["length"] / 2, wall_mm(self["height"], self.parts)))
+        if self["fold_up"] > limit + ROUNDING:
             meet = f"where the lids meet at H.length {self['length']:g} and height {self['height']:g}"
-            most = at_most(math.degrees(limit))
-            raise self.misfit("fold_up", f"{self['fold_up']:g} is above the maximum {most} ({meet})")
-        self._check_bend()
+            raise self.misfit("fold_up", f"{self['fold_up']:g} is above the maximum {at_most(limit)} ({meet})")
+        # It is an arc at either limit.
+        film, bend = film_of(self.parts.film, self["thickness"]), math.radians(max(self["fold_down"], self["fold_up"]))
+        least = film.least_bend_radius_mm.value * bend
+        if self["length"] < least - ROUNDING:
+            bent = f"{film.title} bent by {math.degrees(bend):g}° on {film.least_bend_radius_mm.value:g} mm"
+            raise self.misfit("length", f"{self['length']:g} is below the minimum {at_least(least)} ({bent})")
         half = self["length"] / 2 + self.parts.assembly.hinge_glue_mm.value
         width = wall_mm(self["width"], self.parts)
-        outline = ((0.0, 0.0), (half, 0.0), (half, width), (0.0, width))
-        edges = ("near", "front", "far", "rear")
         for name in ("front half", "rear half"):
-            shape.face(name, outline, edges, piece="hinge strip", thickness_mm=self["thickness"])
+            shape.rectangle(name, half, width, piece="hinge strip", thickness_mm=self["thickness"])
         limits = (-math.radians(self["fold_down"]), math.radians(self["fold_up"]))
         shape.connect("front half.rear", "rear half.front", "hinge", 0, limits_rad=limits)
         if self._stop_mm() >= LEAST_STOP_MM:
-            self._stop(shape, self._stop_mm())
+            # The stop's tube: two flaps glued to the cap, two sides, and the face that the other cap meets.
+            width, web, reach = wall_mm(self["width"], self.parts) * STOP_SHARE, self._web_mm(), self._stop_mm()
+            flap = web * GLUE_SHARE
+            sizes = {"glue 1": flap, "side 1": reach, "stop": web, "side 2": reach, "glue 2": flap}
+            for name, size in sizes.items():
+                shape.rectangle(name, width, size, piece="hinge stop")
+            for one, following in pairwise(sizes):
+                shape.connect(f"{one}.far", f"{following}.near", "fold", 90)
 
     def join(self, shape: Shape, hinge: str, modules: tuple[str, str], caps: tuple[str, str]) -> None:
         """Glue the strip under the floors of the modules before and behind, and the stop onto the cap before the gap.
@@ -116,15 +119,6 @@ class HingeModule(Component):
             corner = translation(width * (1 + STOP_SHARE) / 2, top - glue, -film)
             shape.laminate(f"{hinge}.glue 1", f"{caps[0]}.cap", compose(corner, rotation("y", math.pi)))
 
-    def _check_bend(self) -> None:
-        """ComponentError if the strip, an arc at either limit, bends below the least radius of its film."""
-        thickness, limit = self["thickness"], math.radians(max(self["fold_down"], self["fold_up"]))
-        film = film_of(self.parts.film, thickness)
-        least = film.least_bend_radius_mm.value * limit
-        if self["length"] < least - ROUNDING:
-            bent = f"{film.title} bent by {math.degrees(limit):g}° on {film.least_bend_radius_mm.value:g} mm"
-            raise self.misfit("length", f"{self['length']:g} is below the minimum {at_least(least)} ({bent})")
-
     def _stop_mm(self) -> float:
         """Reach of the stop (mm) from the front segment's cap, such that it meets the other cap at the upper limit."""
         half, up = self["length"] / 2, math.radians(self["fold_up"])
@@ -136,13 +130,3 @@ class HingeModule(Component):
         """Height of the stop (mm), which ends above the slit for cables."""
         slit = self.parts.assembly.cable_slit_mm.value
         return min(STOP_WEB_MM, wall_mm(self["height"], self.parts) / 2 - slit / 2 - STOP_FROM_LID_MM - 1)
-
-    def _stop(self, shape: Shape, reach_mm: float) -> None:
-        """The stop's tube: two flaps glued to the cap, two sides of that reach, and the face that the other cap meets."""
-        width, web = wall_mm(self["width"], self.parts) * STOP_SHARE, self._web_mm()
-        sizes = {"glue 1": web * GLUE_SHARE, "side 1": reach_mm, "stop": web, "side 2": reach_mm,
-                 "glue 2": web * GLUE_SHARE}  # fmt: skip
-        for name, size in sizes.items():
-            shape.rectangle(name, width, size, piece="hinge stop")
-        for one, following in pairwise(sizes):
-            shape.connect(f"{one}.far", f"{following}.near", "fold", 90)

@@ -1,13 +1,23 @@
-"""Facets of film between two discs, with hooks on their edges that hold the discs.
+"""Strips of film between a wheel's two discs, with hooks on their edges that hold the discs: the rim, the hub's walls.
 
-A facet's frame: x along the strip, y across it from the inner disc to the outer one, z towards the axle. Lengths in
-millimetres.
+The rim is equal strips around the discs, each hooked to the next one. A strip's hooks drop from outside into notches in
+the discs' edges, where its necks lie flush with the running circle. Its first facet has a tongue whose head passes the
+wide part of the slot in the last facet of the strip before and is then pulled into the narrow part. That facet dips by
+the film's thickness, so that the circle stays even.
+
+The hub is a layer glued onto the inner disc over the horn, with three walls folded up from its edges. A hook on each
+drops through a slot of the outer disc, which is then turned until the hooks lie behind film; the rim holds it there.
+
+A facet's frame: x along the strip, y across it from the inner disc to the outer one, z towards the axle. In mm.
 """
 
+import math
 from dataclasses import dataclass
-from itertools import pairwise
 
-from foldcar.car.folded.model import Point
+from foldcar.car.components.shape import Shape
+from foldcar.car.components.wheel_size import PLAY_MM, WALL_RAD, WALLS, WheelSize
+from foldcar.car.folded.model import Point, Pose
+from foldcar.car.folded.pose import compose, rotation, translation
 
 DEPTH_MM = 2.5
 # The tip of a hook is shorter than its head by this on each hooking side, so that it finds its slot.
@@ -23,15 +33,19 @@ class Hook:
     right_mm: float
     reach_mm: float
 
-    def path(self, x: float, y: float, out: float) -> tuple[list[Point], tuple[Point, Point]]:
-        """Its points from left to right for a neck at ``x`` on an edge at ``y``, and its tip; ``out`` is -1 or 1."""
+    def path(self, x: float, y: float, out: float) -> tuple[list[Point], int]:
+        """Its points for a neck at ``x`` on an edge at ``y``, counter-clockwise around the facet, and the tip's index.
+
+        ``out`` is -1 on the inner edge, 1 on the outer one.
+        """
         near, far = y + out * self.reach_mm, y + out * (self.reach_mm + DEPTH_MM)
         a, b = x - self.neck_mm / 2, x + self.neck_mm / 2
         left, right = a - self.left_mm, b + self.right_mm
-        tip = ((left + TAPER_MM * (self.left_mm > 0), far), (right - TAPER_MM * (self.right_mm > 0), far))
-        points = [(a, y), *[(a, near), (left, near)][: 2 if self.left_mm else 0], *tip]
-        points += [*[(right, near), (b, near)][: 2 if self.right_mm else 0], (b, y)]
-        return points, tip
+        tip = [(left + TAPER_MM * (self.left_mm > 0), far), (right - TAPER_MM * (self.right_mm > 0), far)]
+        before = [(a, y), (a, near), (left, near)] if self.left_mm else [(a, y)]
+        after = [(right, near), (b, near), (b, y)] if self.right_mm else [(b, y)]
+        points = [*before, *tip, *after]
+        return (points, len(before)) if out < 0 else (points[::-1], len(after))
 
 
 def facet(
@@ -47,27 +61,196 @@ def facet(
     their tips are ``inner tip`` and ``outer tip``; without an inner one that edge is ``inner``. With ``base_mm`` the
     middle of ``last`` is an edge ``base``, so long.
     """
-    named: dict[tuple[Point, Point], str] = {}
     points: list[Point] = [(0.0, 0.0)]
+    names: dict[int, str] = {}
     inner, outer = hooks
     if inner is not None:
         path, tip = inner.path(at_mm, 0.0, -1.0)
+        names[len(points) + tip] = "inner tip"
         points += path
-        named[tip] = "inner tip"
     else:
-        named[points[0], (length_mm, 0.0)] = "inner"
+        names[0] = "inner"
+    names[len(points)] = "next"
     points += [(length_mm, 0.0), (length_mm, width_mm)]
-    named[points[-2], points[-1]] = "next"
     if outer is not None:
         path, tip = outer.path(at_mm, width_mm, 1.0)
-        points += reversed(path)
-        named[tip[1], tip[0]] = "outer tip"
+        names[len(points) + tip] = "outer tip"
+        points += path
     points.append((0.0, width_mm))
     if base_mm:
-        ends = ((0.0, (width_mm + base_mm) / 2), (0.0, (width_mm - base_mm) / 2))
-        points += ends
-        named[ends] = "base"
+        names[len(points)] = "base"
+        points += [(0.0, (width_mm + base_mm) / 2), (0.0, (width_mm - base_mm) / 2)]
     else:
-        named[points[-1], points[0]] = "last"
-    edges = pairwise([*points, points[0]])
-    return points, [named.get(edge, str(i)) for i, edge in enumerate(edges)]
+        names[len(points) - 1] = "last"
+    return points, [names.get(i, str(i)) for i in range(len(points))]
+
+
+NECK_MM = 3.0
+HOOK_MM = 1.5
+# The tongue: the lengths of its part outside, of the part through the slot (at least, and per thickness) and of the head.
+OUTSIDE_MM = 1.9
+THROUGH_MM = 1.4
+THROUGH_FILMS = 2.8
+HEAD_MM = 3.4
+# The slot: how far its narrow part reaches over the head, and the length of the wide part.
+OVER_MM = 0.7
+WIDE_MM = 1.2
+
+
+def notch_mm(size: WheelSize) -> tuple[float, float]:
+    """Half the width of a notch in a disc, and the distance of its bottom from the axle."""
+    return NECK_MM / 2 + size.clearance_mm, size.rim.apothem_mm - size.film_mm / 2 - size.clearance_mm
+
+
+def tie_angles_rad(size: WheelSize) -> list[float]:
+    """Directions of the ties around the axle, from x towards z of the wheel's frame; strip after strip."""
+    count = size.strips * size.ties
+    return [2 * math.pi * i / count for i in range(count)]
+
+
+def build_rim(shape: Shape, size: WheelSize) -> None:
+    """Faces ``rim 0 0`` … (strip, facet) and the tongues; hooks in the edges ``notch i`` of the discs."""
+    per_strip = size.ties * size.facets_per_tie
+    for strip in range(size.strips):
+        _strip(shape, size, strip, per_strip)
+    for strip in range(size.strips):
+        before = (strip - 1) % size.strips
+        shape.lock(f"rim {strip} tongue head.tip", f"rim {before} {per_strip - 1}", f"rim {before} slot")
+        for tie in range(size.ties):
+            name, notch = f"rim {strip} {tie * size.facets_per_tie}", strip * size.ties + tie
+            shape.hook(f"{name}.inner tip", f"inner.notch {notch}")
+            shape.hook(f"{name}.outer tip", f"outer.notch {notch}")
+
+
+def facet_pose(size: WheelSize, apothem_mm: float, length_mm: float, angle_rad: float) -> Pose:
+    """The pose in the wheel's frame of a facet whose middle lies in that direction from the axle."""
+    # x along the circle, y along the axle, z towards it.
+    axes: Pose = ((0.0, 0.0, -1.0, 0.0), (0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    turn = compose(rotation("y", -angle_rad), axes)
+    return compose(turn, translation(-length_mm / 2, -size.between_mm / 2, -apothem_mm))
+
+
+def _strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
+    length, width, turn = size.rim.facet_mm, size.between_mm, math.degrees(size.rim.turn_rad)
+    dip = math.degrees(size.rim.dip_rad(size.film_mm))
+    hook = Hook(NECK_MM, HOOK_MM, HOOK_MM, 2 * size.clearance_mm + size.film_mm)
+    for i in range(count):
+        hooks = (None, None) if i % size.facets_per_tie else (hook, hook)
+        points, names = facet(length, width, hooks, length / 2, 0.0 if i else _tongue_mm(size)[0])
+        shape.face(f"rim {strip} {i}", points, names, role="rim", piece="wheel rim")
+    for i in range(count - 1):
+        extra = dip if i == count - 2 else 0.0
+        shape.connect(f"rim {strip} {i}.next", f"rim {strip} {i + 1}.last", "bend", turn + extra)
+    _tongue(shape, size, strip)
+    shape.polygon_hole(f"rim {strip} {count - 1}", f"rim {strip} slot", "slot", _slot(size))
+
+
+def _tongue_mm(size: WheelSize) -> Point:
+    """Width of the tongue, and how far its head reaches beyond it on each side."""
+    return min(4.0, 0.36 * size.between_mm), min(1.5, 0.15 * size.between_mm)
+
+
+def _slot(size: WheelSize) -> list[Point]:
+    """The slot in the last facet's frame: narrow where the tongue passes, wide beyond, where its head is put in."""
+    short, apart = _start_mm(size)
+    along = math.sqrt(_through_mm(size) ** 2 - (2 * apart) ** 2)
+    start = size.rim.facet_mm - short - OUTSIDE_MM
+    right = start + size.film_mm / 2 + size.clearance_mm
+    middle, left = start - along - OVER_MM, start - along - OVER_MM - WIDE_MM
+    width, spread = _tongue_mm(size)
+    narrow = width / 2 + size.clearance_mm
+    wide = narrow + spread
+    half = [(left, wide), (middle, wide), (middle, narrow), (right, narrow)]
+    across = size.between_mm / 2
+    return [*((x, across - y) for x, y in half), *((x, across + y) for x, y in reversed(half))]
+
+
+def _through_mm(size: WheelSize) -> float:
+    """Length of the tongue's part that leads from one side of the facet to the other."""
+    return max(THROUGH_MM, THROUGH_FILMS * size.film_mm)
+
+
+def _slope_rad(size: WheelSize) -> float:
+    """Angle between a strip's last facet and the first one of the next strip."""
+    return size.rim.turn_rad - size.rim.dip_rad(size.film_mm)
+
+
+def _start_mm(size: WheelSize) -> Point:
+    """How far the next strip starts before that facet ends, along it, and the distance of its tongue from it (mm)."""
+    slope, shift, film = _slope_rad(size), size.rim.shift_mm(size.film_mm), size.film_mm
+    return shift * math.cos(slope) - film * math.sin(slope), shift * math.sin(slope) + film * math.cos(slope)
+
+
+def _tongue(shape: Shape, size: WheelSize, strip: int) -> None:
+    """The tongue: a part parallel to the facet under it, a part through its slot, a head behind it."""
+    w, spread = _tongue_mm(size)
+    for name, length in (("out", OUTSIDE_MM), ("through", _through_mm(size))):
+        corners = ((0.0, 0.0), (w, 0.0), (w, length), (0.0, length))
+        shape.face(f"rim {strip} tongue {name}", corners, ("root", "b", "end", "a"), role="rim")
+    head = ((0.0, 0.0), (w, 0.0), (w + spread, 0.3), (w + spread, 1.3), (w - 0.5, HEAD_MM), (0.5, HEAD_MM),
+            (-spread, 1.3), (-spread, 0.3))  # fmt: skip
+    shape.face(f"rim {strip} tongue head", head, ("root", "b", "c", "d", "tip", "e", "f", "g"), role="rim")
+    parallel = math.degrees(_slope_rad(size))
+    down = math.degrees(math.asin(2 * _start_mm(size)[1] / _through_mm(size)))
+    tongue = f"rim {strip} tongue"
+    shape.connect(f"rim {strip} 0.base", f"{tongue} out.root", "bend", parallel)
+    shape.connect(f"{tongue} out.end", f"{tongue} through.root", "bend", down)
+    shape.connect(f"{tongue} through.end", f"{tongue} head.root", "bend", -down)
+
+
+WALL_NECK_MM = 5.0
+WALL_HOOK_MM = 1.6
+# Directions of the walls in the frame of the hub and of the inner disc: between the arms of horns along x and y, where
+# the screws and their slots need the layer's film.
+DIRECTIONS_RAD = [math.pi / 2 + 2 * math.pi * i / WALLS for i in range(WALLS)]
+ARC_STEPS = 8
+# Deviation of the layer's outline from a circle.
+EVEN_MM = 0.02
+
+
+def build_hub(shape: Shape, size: WheelSize) -> None:
+    """Faces ``hub`` and ``wall 1`` …; slots in the face ``outer``."""
+    points, names = _layer(size)
+    shape.face("hub", points, names, piece="wheel hub")
+    shape.laminate("hub", "inner", translation(0, 0, size.film_mm))
+    length = 2 * size.hub_mm * math.tan(WALL_RAD / 2)
+    hook = Hook(WALL_NECK_MM, WALL_HOOK_MM, 0.0, 2 * size.clearance_mm + size.film_mm)
+    for i, direction in enumerate(DIRECTIONS_RAD, 1):
+        points, names = facet(length, size.wall_mm, (None, hook), length / 2)
+        shape.face(f"wall {i}", points, names, role="rim")
+        shape.connect(f"hub.wall {i}", f"wall {i}.inner", "fold", 90)
+        # Directions around the axle run the other way in the outer disc's frame; its hooks point backwards.
+        slot = f"wall slot {i}"
+        shape.polygon_hole("outer", slot, "slot", _wall_slot(size, -direction))
+        shape.lock(f"wall {i}.outer tip", "outer", slot)
+
+
+def turn_rad(size: WheelSize) -> float:
+    """Angle by which the outer disc is turned against the hub until the hooks hold."""
+    inside = size.hub_mm - size.film_mm / 2
+    return math.atan((WALL_NECK_MM / 2 + WALL_HOOK_MM) / inside) - math.atan(WALL_NECK_MM / 2 / inside)
+
+
+def _layer(size: WheelSize) -> tuple[list[Point], list[str]]:
+    """A circle with a straight edge ``wall 1`` … for each wall."""
+    radius, half = size.hub_mm / math.cos(WALL_RAD / 2), WALL_RAD / 2
+    arc = 2 * math.pi / WALLS - WALL_RAD
+    steps = math.ceil(arc / 2 / math.acos(1 - EVEN_MM / radius))
+    angles, names = [], []
+    for i, direction in enumerate(DIRECTIONS_RAD, 1):
+        angles += [direction - half, *(direction + half + arc * k / steps for k in range(steps))]
+        names += [f"wall {i}", *(f"arc {i} {k}" for k in range(steps))]
+    return [(radius * math.cos(at), radius * math.sin(at)) for at in angles], names
+
+
+def _wall_slot(size: WheelSize, angle_rad: float) -> list[Point]:
+    """A slot around the axle, in which a hook turns; the hook points clockwise."""
+    low = size.hub_mm - size.film_mm / 2 - PLAY_MM
+    high = math.hypot(size.hub_mm + size.film_mm / 2, WALL_NECK_MM / 2 + WALL_HOOK_MM) + size.clearance_mm
+    half = math.atan(WALL_NECK_MM / 2 / (size.hub_mm - size.film_mm / 2)) + size.clearance_mm / size.hub_mm
+    start, end = angle_rad - half, angle_rad + half + turn_rad(size)
+    steps = [start + (end - start) * i / ARC_STEPS for i in range(ARC_STEPS + 1)]
+    return [
+        *((high * math.cos(at), high * math.sin(at)) for at in steps),
+        *((low * math.cos(at), low * math.sin(at)) for at in reversed(steps)),
+    ]

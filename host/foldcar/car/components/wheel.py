@@ -1,22 +1,26 @@
 """A wheel: a spool of two discs on a hub, rim strips hooked around it, the horn, its screws and the tyre.
 
 The wheel's frame has its origin at the wheel's centre and y along the axle, outwards on the left side. The discs' edges
-are the running circle, the tyre lies over them.
+are the running circle, the tyre lies over them. Bought parts are placed in the frame of the inner disc, whose z points
+from the car outwards along the axle.
 """
 
 import math
 
-from foldcar.car.compiler.component import Component
-from foldcar.car.compiler.parameter import Parameter
-from foldcar.car.compiler.shape import Shape
-from foldcar.car.components.dimensions import RADIUS
-from foldcar.car.components.hub import EVEN_MM, build_hub
-from foldcar.car.components.rim_strip import build_rim, facet_pose, notch_mm, tie_angles_rad
-from foldcar.car.components.wheel_parts import add_wheel_parts
-from foldcar.car.components.wheel_size import WheelSize, wheel_screws_mm
-from foldcar.car.folded.model import Point, Pose
-from foldcar.car.folded.pose import compose, inverse, rotation, translation
+from foldcar.car.components.component import Component
+from foldcar.car.components.hooked_strip import EVEN_MM, build_hub, build_rim, facet_pose, notch_mm, tie_angles_rad
+from foldcar.car.components.mounts import cylinder, screw_in
+from foldcar.car.components.parameter import Parameter
+from foldcar.car.components.shape import Shape
+from foldcar.car.components.wheel_size import WheelSize, access_radius_mm, least_radius_mm, wheel_screws_mm
+from foldcar.car.folded.model import Point, Solid
+from foldcar.car.folded.pose import apply, compose, inverse, rotation, translation
+from foldcar.car.parts.catalogue import Catalogue
 
+RADIUS = Parameter(
+    "radius", 60, least_radius_mm, 150, "rolling radius of the wheels, tyre included",
+    "a hub between whose walls a driver reaches the horn's screws, and a rim", shared=True,
+)  # fmt: skip
 TYRE_WIDTH = Parameter(
     "tire_thickness", 12, 8, 40, "width of a wheel, from outside to outside of its discs", "the tongues of its rim"
 )
@@ -30,7 +34,15 @@ class Wheel(Component):
     def build(self, shape: Shape) -> None:
         """Faces ``inner``, ``outer``, ``hub``, ``wall 1`` … and ``rim 0 0`` …"""
         size = WheelSize(self["radius"], self["tire_thickness"], self.parts)
-        poses = self._discs(shape, size)
+        # The discs are drawn as seen from inside the wheel.
+        for name, mirror in (("inner", -1), ("outer", 1)):
+            points, names = _disc(size, mirror)
+            shape.face(name, points, names, piece=f"wheel {name} disc")
+        out = (size.width_mm - size.film_mm) / 2
+        poses = {
+            "inner": compose(translation(0, -out, 0), rotation("x", -math.pi / 2)),
+            "outer": compose(translation(0, out, 0), rotation("x", math.pi / 2)),
+        }
         build_hub(shape, size)
         self._holes(shape, size)
         build_rim(shape, size)
@@ -42,17 +54,6 @@ class Wheel(Component):
         add_wheel_parts(shape, size)
         shape.begin_at("inner", poses["inner"])
 
-    def _discs(self, shape: Shape, size: WheelSize) -> dict[str, Pose]:
-        """The faces of the discs, drawn as seen from inside the wheel, and their poses in the wheel's frame."""
-        out = (size.width_mm - size.film_mm) / 2
-        for name, mirror in (("inner", -1), ("outer", 1)):
-            points, names = _disc(size, mirror)
-            shape.face(name, points, names, piece=f"wheel {name} disc")
-        return {
-            "inner": compose(translation(0, -out, 0), rotation("x", -math.pi / 2)),
-            "outer": compose(translation(0, out, 0), rotation("x", math.pi / 2)),
-        }
-
     def _holes(self, shape: Shape, size: WheelSize) -> None:
         """Holes for the horn's screws in the inner disc and the hub's layer on it, and the access to them."""
         assembly, horn = self.parts.assembly, self.parts.horn
@@ -60,11 +61,11 @@ class Wheel(Component):
             shape.round_hole(face, f"{face}.hub", "axle", (0, 0), horn.recess_diameter_mm.value)
             for i, center in enumerate(wheel_screws_mm(horn)):
                 # Slots towards the axle, for horns whose holes lie nearer to it or farther from it.
-                screw, off = self.parts.horn_screw.diameter_mm, horn.wheel_screws.tolerance
-                wide, far = screw.value + screw.tolerance + 2 * assembly.cut_mm.value, math.hypot(*center)
+                off, far = horn.wheel_screws.tolerance, math.hypot(*center)
+                wide = self.parts.horn_screw.diameter_mm.most + 2 * assembly.cut_mm.value
                 near, out = ((center[0] * share, center[1] * share) for share in (1 - off / far, 1 + off / far))
                 shape.slotted_hole(face, f"{face}.horn screw {i + 1}", "screw", near, out, wide)
-        shape.round_hole("outer", "outer.access", "opening", (0, 0), 2 * size.access_radius_mm)
+        shape.round_hole("outer", "outer.access", "opening", (0, 0), 2 * access_radius_mm(self.parts))
 
 
 def _disc(size: WheelSize, mirror: int) -> tuple[list[Point], list[str]]:
@@ -91,3 +92,65 @@ def _disc(size: WheelSize, mirror: int) -> tuple[list[Point], list[str]]:
             points.append((radius * math.cos(at), radius * math.sin(at)))
             names.append(f"arc {tie} {i}" if i < steps else f"wall b {tie}")
     return points, names
+
+
+# The tyre's ring is modelled as so many boxes.
+TYRE_BOXES = 48
+
+
+def add_wheel_parts(shape: Shape, size: WheelSize) -> None:
+    """Mount the horn on the inner disc's side towards the car, screws from outside, the tyre over both discs."""
+    horn, parts = shape.parts.horn, shape.parts
+    under = -size.film_mm / 2
+    x0, y0, x1, y1 = horn.extent_mm
+    center = ((x0 + x1) / 2, (y0 + y1) / 2, under - horn.height_mm.value / 2)
+    box, solids = (x1 - x0, y1 - y0, horn.height_mm.value), _horn_solids(shape.parts, center)
+    shape.box(horn.name, "horn", "inner", translation(*center), box, horn.mass_kg.value, solids=solids)
+    seat = translation(0, 0, under - horn.recess_depth_mm.value)
+    screw_in(shape, parts.centre_screw, "centre screw", "inner", seat, 0.0)
+    for i, (x, y) in enumerate(wheel_screws_mm(horn)):
+        # On the hub's layer.
+        seat = translation(x, y, -under + size.film_mm)
+        screw_in(shape, parts.horn_screw, f"wheel screw {i + 1}", "inner", seat, 0.0)
+    if parts.tyre.thickness_mm.value > 0:
+        _tyre(shape, size)
+
+
+def _horn_solids(parts: Catalogue, center: tuple[float, float, float]) -> list[Solid]:
+    """Hub and arms or disc, relative to the middle of the horn's box."""
+    horn, screw = parts.horn, parts.horn_screw.diameter_mm.value
+    x, y, _ = center
+    height, flat, recess = horn.height_mm.value, horn.thickness_mm.value, horn.recess_depth_mm.value
+    hub, wide = horn.hub_diameter_mm.value, horn.recess_diameter_mm.value
+    # From the servo outwards: around the spline, a floor for the centre screw's head, a recess for it.
+    ends = (-height / 2, -height / 2 + horn.spline_depth_mm.value, height / 2 - recess, height / 2)
+    bores = (parts.servo.spline_diameter_mm.value, horn.centre_hole_mm.value, wide)
+    layers = zip(ends, ends[1:], bores, strict=False)
+    solids = [cylinder(hub, low, high, -x, -y, bore_mm=bore) for low, high, bore in layers]
+    # Arms and disc are flush with the hub's outer face; the screws cut their way into them.
+    at_z = (height - flat) / 2
+    at = wheel_screws_mm(horn)
+    if horn.disc_diameter_mm:
+        disc = horn.disc_diameter_mm.value
+        holes = ((0.0, 0.0, wide), *((u, v, screw) for u, v in at))
+        solids.append(Solid("cylinder", (disc, disc, flat), translation(-x, -y, at_z), holes))
+    if horn.arms:
+        for angle, reach in zip(horn.arms.at_deg, horn.arms.reach_mm, strict=True):
+            out = rotation("z", math.radians(angle))
+            along = (apply(inverse(out), *point) for point in at)
+            holes = ((-reach / 2, 0.0, wide), *((u - reach / 2, v, screw) for u, v, _ in along))
+            pose = compose(translation(-x, -y, at_z), out, translation(reach / 2, 0, 0))
+            solids.append(Solid("box", (reach, horn.arms.width_mm, flat), pose, holes))
+    return solids
+
+
+def _tyre(shape: Shape, size: WheelSize) -> None:
+    """A ring of boxes over both discs and the rim."""
+    tyre = shape.parts.tyre
+    width, thick = tyre.running_width_mm(size.width_mm), tyre.thickness_mm.value
+    step = 2 * math.pi / TYRE_BOXES
+    middle = size.disc_radius_mm + thick / 2
+    box = (thick, 2 * middle * math.tan(step / 2), width)
+    solids = [Solid("box", box, compose(rotation("z", i * step), translation(middle, 0, 0))) for i in range(TYRE_BOXES)]
+    pose, whole = translation(0, 0, (size.width_mm - size.film_mm) / 2), (2 * size.radius_mm, 2 * size.radius_mm, width)
+    shape.box(tyre.name, "tyre", "inner", pose, whole, tyre.mass_kg(size.radius_mm, size.width_mm), solids=solids)

@@ -10,7 +10,7 @@ from functools import cached_property
 
 from foldcar.car.folded.model import Point
 from foldcar.car.parts.catalogue import Catalogue
-from foldcar.car.parts.wheel_parts import Horn
+from foldcar.car.parts.mechanics import Horn
 
 # A rim strip is no longer than this, so that it fits on a sheet of A4.
 LONGEST_STRIP_MM = 250.0
@@ -95,9 +95,14 @@ class WheelSize:
         return self.width_mm - 2 * (self.film_mm + self.clearance_mm)
 
     @property
+    def _length_mm(self) -> float:
+        """Length of the rim, along the film's middle."""
+        return 2 * math.pi * (self.disc_radius_mm - self.film_mm / 2)
+
+    @property
     def strips(self) -> int:
         """Number of the equal strips that make up the rim."""
-        return math.ceil(2 * math.pi * (self.disc_radius_mm - self.film_mm / 2) / LONGEST_STRIP_MM)
+        return math.ceil(self._length_mm / LONGEST_STRIP_MM)
 
     @property
     def ties(self) -> int:
@@ -115,8 +120,7 @@ class WheelSize:
     @property
     def facets_per_tie(self) -> int:
         """Facets of the rim from one tie to the next."""
-        length = 2 * math.pi * (self.disc_radius_mm - self.film_mm / 2)
-        return max(1, math.floor(length / (self.strips * self.ties * RIM_FACET_MM)))
+        return max(1, math.floor(self._length_mm / (self.strips * self.ties * RIM_FACET_MM)))
 
     @cached_property
     def rim(self) -> Strip:
@@ -132,11 +136,6 @@ class WheelSize:
     def wall_mm(self) -> float:
         """Height of the hub's walls, from the middle of its layer on the inner disc to the outer disc, with some play."""
         return self.width_mm - 2.5 * self.film_mm - self.clearance_mm
-
-    @property
-    def access_radius_mm(self) -> float:
-        """Radius of the hole of the outer disc."""
-        return access_radius_mm(self.parts)
 
 
 def wheel_screws_mm(horn: Horn) -> tuple[Point, Point]:

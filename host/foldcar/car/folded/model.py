@@ -14,6 +14,7 @@ from foldcar.car.parts.catalogue import Catalogue
 
 Point = tuple[float, float]
 Pose = tuple[tuple[float, float, float, float], ...]
+IDENTITY: Pose = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 HoleKind = Literal["opening", "screw", "slot", "slit", "axle", "vent"]
 JoinKind = Literal["lap", "tab", "tab_slot", "lock", "tuck", "laminate", "rim"]
@@ -165,6 +166,15 @@ class Mount:
     holes: tuple[str, ...] = ()
     solids: tuple[Solid, ...] = ()
     accesses: tuple[Access, ...] = ()
+
+    @property
+    def shape(self) -> tuple[Solid, ...]:
+        """Its solids, or else its box."""
+        return self.solids or (Solid("box", self.size_mm, IDENTITY),)
+
+    def half_mm(self, axis: int) -> float:
+        """Half of its box along an axis of the car (mm)."""
+        return sum(abs(self.pose[axis][k]) * self.size_mm[k] for k in range(3)) / 2
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 Input: a FoldedCar. Output: placed faces by body; wheels are equal, so only the first one is placed.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,9 +11,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foldcar.car.folded.folding import folded
-from foldcar.car.folded.model import Face, FoldedCar, Piece, PlacedPiece, Point, Pose
-from foldcar.car.folded.pose import compose
+from foldcar.car.folded.model import Face, FoldedCar, Piece, Point, Pose
+from foldcar.car.folded.pose import compose, folded
+
+# Beyond every face.
+FAR_MM = 1e4
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,24 @@ class PlacedFace:
         """Points of the car, (n, 3) in mm, in the face's frame: z is their height above the face."""
         return (points - self.matrix[:3, 3]) @ self.matrix[:3, :3]
 
+    def cut(self, normal: NDArray[np.float64], height_mm: float, shrink_mm: float = 0.0) -> NDArray[np.float64]:
+        """The ends of the lines, (2 n, 3) in mm, along which the shrunk face passes the plane normal · p = height."""
+        heights = self.corners_mm @ normal - height_mm
+        if heights.min() > -1e-9 or heights.max() < 1e-9:
+            return np.zeros((0, 3))
+        # The height over the plane is a linear function of the face's x and y.
+        origin, slope = float(normal @ self.matrix[:3, 3]) - height_mm, normal @ self.matrix[:3, :2]
+        foot = -origin * slope / (slope @ slope)
+        along = np.array([-slope[1], slope[0]]) / np.linalg.norm(slope)
+        line = shapely.LineString([foot - FAR_MM * along, foot + FAR_MM * along])
+        shape = self.polygon.buffer(-shrink_mm) if shrink_mm else self.polygon
+        parts = [part for part in shapely.get_parts(line.intersection(shape)) if part.length > 1e-6]
+        return self.in_car([end for part in parts for end in part.coords]) if parts else np.zeros((0, 3))
+
+
+# Placed faces by the body's name.
+Bodies = Mapping[str, Sequence[PlacedFace]]
+
 
 def polygon(face: Face) -> shapely.Polygon:
     """A face's outline with its holes (mm); an invalid outline, which check_flat reports, is made valid."""
@@ -78,13 +98,21 @@ def place(car: FoldedCar) -> dict[str, list[PlacedFace]]:
     for placed in car.placed:
         if placed.body in others:
             continue
-        piece = pieces[placed.piece]
+        piece, faces = pieces[placed.piece], bodies.setdefault(placed.body, [])
         poses = shapes.setdefault(piece.name, folded(piece))
-        bodies.setdefault(placed.body, []).extend(_faces(piece, placed, poses))
+        for face in piece.faces:
+            pose = compose(placed.pose, poses[face.name])
+            faces.append(PlacedFace(piece, placed.copy, placed.body, face, pose))
     return bodies
 
 
-def _faces(piece: Piece, placed: PlacedPiece, poses: dict[str, Pose]) -> list[PlacedFace]:
-    return [
-        PlacedFace(piece, placed.copy, placed.body, face, compose(placed.pose, poses[face.name])) for face in piece.faces
-    ]
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One defect: the check that found it, its place, and a message with value and limit."""
+
+    check: str
+    place: str
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.check}: {self.place}: {self.message}"

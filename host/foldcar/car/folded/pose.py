@@ -1,10 +1,9 @@
-"""Poses as nested tuples: 4x4 homogeneous matrices, row-major, lengths in millimetres, angles in radians."""
+"""Poses as nested tuples (4x4 homogeneous matrices, row-major, in mm and rad), and those of a piece's faces."""
 
 import math
+from collections.abc import Mapping, Sequence
 
-from foldcar.car.folded.model import Point, Pose
-
-IDENTITY: Pose = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+from foldcar.car.folded.model import IDENTITY, EdgeRef, Face, Piece, Point, Pose
 
 
 def translation(x_mm: float, y_mm: float, z_mm: float) -> Pose:
@@ -30,12 +29,7 @@ def compose(*poses: Pose) -> Pose:
     for pose in poses[1:]:
         (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = pose
         rows = (
-            (
-                p * a + q * d + r * g,
-                p * b + q * e + r * h,
-                p * c + q * f + r * i,
-                p * x + q * y + r * z + s,
-            )
+            (p * a + q * d + r * g, p * b + q * e + r * h, p * c + q * f + r * i, p * x + q * y + r * z + s)
             for p, q, r, s in product[:3]
         )
         product = (*rows, IDENTITY[3])
@@ -81,11 +75,34 @@ def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle
     )
     px, py = (parent[0][0] + parent[1][0]) / 2, (parent[0][1] + parent[1][1]) / 2
     qx, qy = (child[0][0] + child[1][0]) / 2, (child[0][1] + child[1][1]) / 2
-    shift = (px, py, 0.0)
-    return (*((a, b, w, t - a * qx - b * qy) for (a, b, w), t in zip(rows, shift, strict=True)), IDENTITY[3])
+    return (*((a, b, w, t - a * qx - b * qy) for (a, b, w), t in zip(rows, (px, py, 0.0), strict=True)), IDENTITY[3])
 
 
 def _cos_sin(angle_rad: float) -> tuple[float, float]:
     """Cosine and sine; exact for quarter turns, so that coplanar faces stay exactly coplanar."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     return (float(round(c)), float(round(s))) if abs(c * s) < 1e-12 else (c, s)
+
+
+def folded(piece: Piece, fraction: float | Mapping[str, float] = 1.0) -> dict[str, Pose]:
+    """The poses of a piece's faces by name, in the frame of its first one.
+
+    ``fraction`` of the fold angles, from 0 (flat) to 1 (assembled): of all, or by crease, 0 for those not named.
+    """
+    faces = {face.name: face for face in piece.faces}
+    poses = {piece.faces[0].name: IDENTITY}
+    for crease in piece.creases:
+        share = fraction.get(crease.name, 0.0) if isinstance(fraction, Mapping) else fraction
+        turn = across_crease(edge(faces, crease.parent), edge(faces, crease.child), crease.angle_rad * share)
+        poses[crease.child.face] = compose(poses[crease.parent.face], turn)
+    return poses
+
+
+def edge(faces: Mapping[str, Face], reference: EdgeRef) -> tuple[Point, Point]:
+    """The ends of an edge (mm) in its face's frame."""
+    return side(faces[reference.face].outline_mm, reference.index)
+
+
+def side(outline_mm: Sequence[Point], index: int) -> tuple[Point, Point]:
+    """The ends of edge ``index`` of an outline (mm)."""
+    return outline_mm[index], outline_mm[(index + 1) % len(outline_mm)]

@@ -4,18 +4,41 @@ Input: a FoldedCar (millimetres). Output: mass, centre of mass and inertia of on
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.folded.folding import folded
-from foldcar.car.folded.model import Face, FoldedCar, Mount, Piece, Point, Pose, Solid
-from foldcar.car.folded.pose import IDENTITY, compose
+from foldcar.car.folded.model import Face, FoldedCar, Mount, Piece, Point, Pose
+from foldcar.car.folded.pose import compose, folded
 from foldcar.car.parts.film import Film
-from foldcar.car.parts.mass import MassProperties, assemble, box_properties, cylinder_properties
 
 MM = 1e-3
+
+
+@dataclass(frozen=True)
+class MassProperties:
+    """Mass properties of a rigid body in the car's axes.
+
+    ``center_m`` is the (3,) centre of mass, ``inertia_kg_m2`` the (3, 3) tensor about it.
+    """
+
+    mass_kg: float
+    center_m: NDArray[np.float64]
+    inertia_kg_m2: NDArray[np.float64]
+
+
+def assemble(bodies: Iterable[MassProperties]) -> MassProperties:
+    """The mass properties of the bodies as one rigid body (parallel-axis theorem)."""
+    parts = list(bodies)
+    mass_kg = sum(part.mass_kg for part in parts)
+    center = np.sum([part.mass_kg * part.center_m for part in parts], axis=0) / mass_kg
+    inertia = np.zeros((3, 3))
+    for part in parts:
+        offset = part.center_m - center
+        inertia += part.inertia_kg_m2 + part.mass_kg * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+    return MassProperties(mass_kg, center, inertia)
 
 
 def body_properties(car: FoldedCar, body: str) -> MassProperties:
@@ -27,48 +50,39 @@ def body_properties(car: FoldedCar, body: str) -> MassProperties:
 
 def mount_properties(mount: Mount) -> MassProperties:
     """A part of uniform density, the sum of its solids, or else its box (SI units, car's frame)."""
-    solids = mount.solids or (Solid("box", mount.size_mm, IDENTITY),)
-    volumes = [math.prod(solid.size_mm) * (math.pi / 4 if solid.kind == "cylinder" else 1.0) for solid in solids]
+    volumes = [math.prod(solid.size_mm) * (math.pi / 4 if solid.kind == "cylinder" else 1.0) for solid in mount.shape]
     found = []
-    for solid, volume in zip(solids, volumes, strict=True):
+    for solid, volume in zip(mount.shape, volumes, strict=True):
         mass_kg = mount.mass_kg * volume / sum(volumes)
         x, y, z = (size * MM for size in solid.size_mm)
         if solid.kind == "cylinder":
-            own = cylinder_properties(mass_kg, x, z)
+            across = mass_kg * (0.75 * x**2 + z**2) / 12
+            moments = np.array([across, across, mass_kg * x**2 / 8])
         else:
-            own = box_properties(mass_kg, (x, y, z), (0, 0, 0))
+            squares = np.square((x, y, z))
+            moments = mass_kg / 12 * (squares.sum() - squares)
+        own = MassProperties(mass_kg, np.zeros(3), np.diag(moments))
         found.append(_turned(own, compose(mount.pose, solid.pose)))
     return assemble(found)
 
 
-def body_mass_kg(car: FoldedCar, body: str) -> float:
-    """The mass of a body (kg)."""
-    data = car.parts.film
-    film = sum(film_mass_kg(face, piece.thickness_mm, data) for face, piece, _ in _faces(car, body, placed=False))
-    return film + sum(m.mass_kg for m in car.mounts if m.body == body)
+def wheel_mass_kg(car: FoldedCar, wheel: str) -> float:
+    """The mass of a wheel (kg), for which no poses are computed."""
+    pieces = {piece.name: piece for piece in car.pieces}
+    film_kg = 0.0
+    for piece in (pieces[one.piece] for one in car.placed if one.body == wheel):
+        for face in piece.faces:
+            net_mm2 = area_mm2(face.outline_mm) - sum(area_mm2(hole.outline_mm) for hole in face.holes)
+            film_kg += net_mm2 * piece.thickness_mm * MM**3 * car.parts.film.density_kg_m3.value
+    return film_kg + sum(mount.mass_kg for mount in car.mounts if mount.body == wheel)
 
 
 def placing_mm(car: FoldedCar) -> float:
     """How far the centre of mass is off along the floor at most, if parts are laid into their outlines by eye (mm)."""
     marked = {mark.name for piece in car.pieces for face in piece.faces for mark in face.marks}
     laid_kg = sum(mount.mass_kg for mount in car.mounts if mount.name in marked)
-    whole_kg = sum(body_mass_kg(car, body) for body in {placed.body for placed in car.placed})
+    whole_kg = sum(body_properties(car, body).mass_kg for body in {placed.body for placed in car.placed})
     return car.parts.assembly.placement_mm.value * laid_kg / whole_kg
-
-
-def faces_of(car: FoldedCar, body: str) -> Iterator[tuple[Face, Piece, Pose]]:
-    """Every face of a body with its piece and its pose in the car."""
-    return _faces(car, body, placed=True)
-
-
-def net_area_mm2(face: Face) -> float:
-    """The area of a face without its holes (mm²)."""
-    return area_mm2(face.outline_mm) - sum(area_mm2(hole.outline_mm) for hole in face.holes)
-
-
-def film_mass_kg(face: Face, thickness_mm: float, film: Film) -> float:
-    """The mass of the film of a face (kg)."""
-    return net_area_mm2(face) * thickness_mm * MM**3 * film.density_kg_m3.value
 
 
 def area_mm2(outline: Sequence[Point]) -> float:
@@ -118,7 +132,8 @@ def _turned(properties: MassProperties, pose: Pose) -> MassProperties:
     return MassProperties(properties.mass_kg, center, turn @ properties.inertia_kg_m2 @ turn.T)
 
 
-def _faces(car: FoldedCar, body: str, placed: bool) -> Iterator[tuple[Face, Piece, Pose]]:
+def faces_of(car: FoldedCar, body: str) -> Iterator[tuple[Face, Piece, Pose]]:
+    """Every face of a body with its piece and its pose in the car; beyond a flexure it belongs to the segment behind."""
     pieces = {piece.name: piece for piece in car.pieces}
     behind = {hinge.front: hinge.rear for hinge in car.hinges}
     for one in car.placed:
@@ -126,17 +141,10 @@ def _faces(car: FoldedCar, body: str, placed: bool) -> Iterator[tuple[Face, Piec
         bends = any(crease.flexure for crease in piece.creases)
         if one.body != body and not (bends and behind.get(one.body) == body):
             continue
-        bodies = face_bodies(piece, one.body, behind) if bends else {}
-        poses = folded(piece) if placed else {}
+        bodies, poses = {piece.faces[0].name: one.body}, folded(piece)
+        for crease in piece.creases:
+            here = bodies[crease.parent.face]
+            bodies[crease.child.face] = behind[here] if crease.flexure else here
         for face in piece.faces:
-            if bodies.get(face.name, one.body) == body:
-                yield face, piece, compose(one.pose, poses[face.name]) if placed else one.pose
-
-
-def face_bodies(piece: Piece, root_body: str, behind: dict[str, str]) -> dict[str, str]:
-    """The body of each face of a piece; beyond a flexure it is ``behind`` of the body before (front → rear segment)."""
-    bodies = {piece.faces[0].name: root_body}
-    for crease in piece.creases:
-        here = bodies[crease.parent.face]
-        bodies[crease.child.face] = behind[here] if crease.flexure else here
-    return bodies
+            if bodies[face.name] == body:
+                yield face, piece, compose(one.pose, poses[face.name])

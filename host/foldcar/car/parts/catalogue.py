@@ -1,8 +1,4 @@
-"""The parts catalogue: bought parts, the film and the dimensions of assembly, from data/*.json.
-
-Every number has a tolerance (half-width of its expected range) and a source. Lengths are in millimetres, as on data
-sheets, everything else in SI units unless its name says otherwise.
-"""
+"""The parts catalogue: bought parts, the film and the dimensions of assembly, from data/*.json."""
 
 import json
 from functools import cache
@@ -10,55 +6,14 @@ from importlib.resources import files
 from typing import Literal
 
 from foldcar.car.parts.choices import DEFAULT_CHOICES, OPTIONS, PartChoices, PartError
-from foldcar.car.parts.electronics import (
-    Battery,
-    Extensions,
-    Feather,
-    FeatherWing,
-    LeadedBattery,
-    Plugs,
-    Switch,
-    Wiring,
-)
-from foldcar.car.parts.fasteners import Caster, Screw, Spacer, Tools
+from foldcar.car.parts.electronics import Battery, Extensions, Feather, FeatherWing, LeadedBattery, Plugs, Switch, Wiring
 from foldcar.car.parts.film import Assembly, Film
+from foldcar.car.parts.mechanics import Caster, Horn, Screw, Servo, Spacer, Tools, Tyre
 from foldcar.car.parts.quantity import Bought, BoxPart, Data, Quantity
-from foldcar.car.parts.servo import Servo
-from foldcar.car.parts.wheel_parts import Horn, Tyre
-
-__all__ = [
-    "Assembly", "Battery", "BoxPart", "Caster", "Catalogue", "Feather", "FeatherWing", "Film", "Horn", "Plugs", "Screw",
-    "Servo", "Spacer", "Switch", "Tools", "Tyre", "catalogue", "chosen", "film_of",
-    "films",
-]  # fmt: skip
-
-# Catalogue's field → data file, for the parts that all cars have.
-FILES = {
-    "servo": "fs90r.json",
-    "feather": "feather_huzzah32.json",
-    "featherwing": "servo_featherwing.json",
-    "headers": "headers.json",
-    "lipo": "lipo_500mah.json",
-    "pad": "pad.json",
-    "board_pad": "board_pad.json",
-    "switch": "switch.json",
-    "plugs": "plugs.json",
-    "wiring": "wiring.json",
-    "extensions": "servo_extensions.json",
-    "screw": "screw_m2.json",
-    "board_screw": "screw_board.json",
-    "horn_screw": "screw_horn.json",
-    "centre_screw": "screw_centre.json",
-    "spacer": "spacer.json",
-    "tools": "tools.json",
-    "caster": "caster.json",
-    "assembly": "assembly.json",
-}
-CHOSEN = ("film", "horn", "tyre", "battery")
 
 
 class Catalogue(Data):
-    """The parts of one car: those that all cars have and those that it chooses.
+    """The parts of one car, each from the file of its name: those that all cars have and those that it chooses.
 
     ``screw`` holds a servo in its wall, ``board_screw`` with a ``spacer`` the Feather's end at USB, ``board_pad`` its
     other end, ``horn_screw`` a wheel on a horn, ``centre_screw`` the horn on the servo, ``pad`` the battery in its place.
@@ -110,10 +65,13 @@ def catalogue() -> Catalogue:
 @cache
 def chosen(choices: PartChoices) -> Catalogue:
     """The catalogue with these choices; the package contains its data."""
-    data = files("foldcar.car.parts").joinpath("data")
-    names = FILES | {kind: choices.file(kind) for kind in CHOSEN}
-    parts = {field: json.loads(data.joinpath(name).read_text(encoding="utf-8")) for field, name in names.items()}
-    return Catalogue.model_validate(parts | {"battery_place": choices.battery_place})
+    data, found = files("foldcar.car.parts").joinpath("data"), {}
+    for field in Catalogue.model_fields:
+        name = getattr(choices, field, None)
+        if field != "battery_place":
+            file = f"{field}_{name}.json" if name else f"{field}.json"
+            found[field] = json.loads(data.joinpath(file).read_text(encoding="utf-8"))
+    return Catalogue.model_validate(found | {"battery_place": choices.battery_place})
 
 
 @cache

@@ -10,32 +10,13 @@ from dataclasses import asdict, dataclass, replace
 from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 
-# Kind of part → name → data file; where the battery sits needs none.
-OPTIONS: dict[str, dict[str, str]] = {
-    "film": {
-        "0.127": "film_0127.json",
-        "0.19": "film_019.json",
-        "0.25": "film_025.json",
-        "card_160": "film_card_160.json",
-        "card_300": "film_card_300.json",
-        "pp_0.5": "film_pp_05.json",
-        "pp_0.8": "film_pp_08.json",
-    },
-    "horn": {
-        "one_sided": "horn_one_sided.json",
-        "two_sided": "horn_two_sided.json",
-        "cross": "horn_cross.json",
-        "disc": "horn_disc.json",
-    },
-    "tyre": {
-        "none": "tyre_none.json",
-        "rubber_band": "tyre_rubber_band.json",
-        "silicone_band": "tyre_silicone_band.json",
-        "grip_tape": "tyre_grip_tape.json",
-        "shrink_tube": "tyre_shrink_tube.json",
-    },
-    "battery": {"4xaa_flat": "battery_4xaa_flat.json", "4xaa_square": "battery_4xaa_square.json"},
-    "battery_place": {"floor": "", "roof": ""},
+# Kind of part → its names; the data of a part are in KIND_NAME.json. Where the battery sits has none.
+OPTIONS: dict[str, tuple[str, ...]] = {
+    "film": ("0.127", "0.19", "0.25", "card_160", "card_300", "pp_0.5", "pp_0.8"),
+    "horn": ("one_sided", "two_sided", "cross", "disc"),
+    "tyre": ("none", "rubber_band", "silicone_band", "grip_tape", "shrink_tube"),
+    "battery": ("4xaa_flat", "4xaa_square"),
+    "battery_place": ("floor", "roof"),
 }
 
 
@@ -56,11 +37,6 @@ class PartChoices:
     tyre: str = "rubber_band"
     battery: str = "4xaa_square"
     battery_place: str = "floor"
-
-    def file(self, kind: str) -> str:
-        """The data file of the part chosen of that kind."""
-        name: str = getattr(self, kind)
-        return OPTIONS[kind][name]
 
     def changed(self, names: Mapping[str, str]) -> "PartChoices":
         """These choices with other names by kind; PartError, which lists the known ones, for an unknown one."""

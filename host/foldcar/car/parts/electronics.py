@@ -6,7 +6,7 @@ row of pins, z up.
 
 import math
 
-from foldcar.car.parts.fasteners import Screw
+from foldcar.car.parts.mechanics import Screw
 from foldcar.car.parts.quantity import Bought, Box, BoxPart, Data, Holes, PartData, Places, Quantity
 
 

@@ -19,6 +19,16 @@ class Quantity(Data):
     tolerance: float
     source: str
 
+    @property
+    def least(self) -> float:
+        """The least of its expected values."""
+        return self.value - self.tolerance
+
+    @property
+    def most(self) -> float:
+        """The largest of its expected values."""
+        return self.value + self.tolerance
+
 
 class Box(Data):
     """A box on a part: its centre and size along x, y, z in the part's frame; the tolerance is that of each number."""
@@ -29,21 +39,18 @@ class Box(Data):
     source: str
 
 
-class Holes(Data):
-    """Equal round holes at points (x, y) of a part's frame; the tolerance is that of each number."""
-
-    at_mm: tuple[tuple[float, float], ...]
-    diameter_mm: float
-    tolerance: float
-    source: str
-
-
 class Places(Data):
     """Points (x, y) of a part's frame; the tolerance is that of each number."""
 
     at_mm: tuple[tuple[float, float], ...]
     tolerance: float
     source: str
+
+
+class Holes(Places):
+    """Equal round holes at these points."""
+
+    diameter_mm: float
 
 
 class PartData(Data):
@@ -65,3 +72,8 @@ class BoxPart(Bought):
     length_mm: Quantity
     width_mm: Quantity
     height_mm: Quantity
+
+    @property
+    def size_mm(self) -> tuple[float, float, float]:
+        """Length, width and height."""
+        return self.length_mm.value, self.width_mm.value, self.height_mm.value

@@ -9,8 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from foldcar.car.folded.model import Hole, Mount, Piece, Solid
-from foldcar.car.folded.pose import IDENTITY
+from foldcar.car.folded.model import IDENTITY, Hole, Mount, Piece, Solid
 from foldcar.fabrication.assembly.hidden_surfaces import Facet, Vector
 from foldcar.fabrication.assembly.poses import Fraction, Matrix, face_poses, glued_offset_mm, moved
 from foldcar.fabrication.assembly.solids import mount_material

@@ -5,10 +5,10 @@ Input: a step and the State after it; a FoldedCar. Output: Pictures.
 
 import numpy as np
 
-from foldcar.car.assembly_order.order import assembly_steps, service_steps
-from foldcar.car.assembly_order.roles import roles_of
-from foldcar.car.assembly_order.step import AssemblyStep
 from foldcar.car.folded.model import FoldedCar, Mount
+from foldcar.car.proof.prove import assembly_steps, service_steps
+from foldcar.car.proof.roles import roles_of
+from foldcar.car.proof.step import AssemblyStep
 from foldcar.fabrication.assembly.drawing import Arrow, Drawing
 from foldcar.fabrication.assembly.facets import together
 from foldcar.fabrication.assembly.guide_scene import Scene, points, tiny

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from foldcar.car.assembly_order.step import Added, AssemblyStep
 from foldcar.car.folded.model import Mount, PlacedPiece
-from foldcar.car.parts.fasteners import Screw, Spacer
+from foldcar.car.parts.mechanics import Screw, Spacer
+from foldcar.car.proof.step import Added, AssemblyStep
 from foldcar.fabrication.assembly.drawing import Arrow, Mark
 from foldcar.fabrication.assembly.facets import Shape, shank_and_nut, together
 from foldcar.fabrication.assembly.guide_state import Part, State, key

@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from foldcar.car.assembly_order.step import Added, AssemblyStep
 from foldcar.car.folded.model import FoldedCar, Mount, Piece, PlacedPiece
+from foldcar.car.proof.step import Added, AssemblyStep
 from foldcar.fabrication.assembly.facets import Shape, film_shape, mount_shape
 from foldcar.fabrication.assembly.hidden_surfaces import Vector
 from foldcar.fabrication.assembly.poses import Fraction, Matrix, face_poses, moved

@@ -3,8 +3,8 @@
 Input: a FoldedCar, and the CutCar of its sheets. Output: Steps in order, with texts, pictures and counts.
 """
 
-from foldcar.car.assembly_order.order import service_steps
 from foldcar.car.folded.model import FoldedCar
+from foldcar.car.proof.prove import service_steps
 from foldcar.fabrication.assembly.drawing import Drawing
 from foldcar.fabrication.assembly.guide_folding import out_of_sheets, parted
 from foldcar.fabrication.assembly.guide_pictures import service_picture, step_pictures

@@ -10,11 +10,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from foldcar.car.assembly_order.step import Added, AssemblyStep, Vector
-from foldcar.car.components.hub import turn_rad
+from foldcar.car.components.hooked_strip import turn_rad
 from foldcar.car.components.wheel_size import WheelSize
 from foldcar.car.folded.model import FoldedCar, Join, Mount
 from foldcar.car.leads import leads
+from foldcar.car.proof.step import Added, AssemblyStep, Vector
 from foldcar.fabrication.assembly.guide_state import State
 from foldcar.fabrication.assembly.guide_step import listed, numbers
 from foldcar.fabrication.assembly.operations import closing, is_screw, is_wound, plugs_in, turned

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foldcar.car.folded.folding import edge
 from foldcar.car.folded.model import FoldedCar, PlacedPiece
+from foldcar.car.folded.pose import edge
 from foldcar.fabrication.assembly.poses import face_poses, moved
 
 

@@ -5,8 +5,8 @@ from itertools import permutations
 import numpy as np
 from shapely.geometry import Point, Polygon
 
-from foldcar.car.folded.folding import edge
 from foldcar.car.folded.model import FoldedCar, Join, Piece
+from foldcar.car.folded.pose import edge
 from foldcar.fabrication.assembly.drawing import Mark
 from foldcar.fabrication.assembly.hidden_surfaces import Vector
 from foldcar.fabrication.assembly.poses import Fraction, Matrix, face_poses, glued_offset_mm, moved

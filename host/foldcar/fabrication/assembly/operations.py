@@ -12,12 +12,12 @@ from importlib.resources import files
 
 from pydantic import BaseModel, ConfigDict
 
-from foldcar.car.assembly_order.order import assembly_steps
-from foldcar.car.assembly_order.step import AssemblyStep
 from foldcar.car.folded.model import Crease, FoldedCar, Join, Mount, Piece, Wire
 from foldcar.car.parts.catalogue import Catalogue
-from foldcar.car.parts.fasteners import Screw
+from foldcar.car.parts.mechanics import Screw
 from foldcar.car.parts.quantity import Quantity
+from foldcar.car.proof.prove import assembly_steps
+from foldcar.car.proof.step import AssemblyStep
 from foldcar.fabrication.patterns.sheets import CutCar
 
 TAPED = ("lap", "tab", "laminate")

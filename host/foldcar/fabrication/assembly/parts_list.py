@@ -13,15 +13,14 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 
-from foldcar.car.assembly_order.plan import planned
 from foldcar.car.fits import fits
 from foldcar.car.folded.model import FoldedCar, Piece
-from foldcar.car.folded.weight import body_properties, placing_mm
+from foldcar.car.folded.weight import assemble, body_properties, placing_mm
 from foldcar.car.leads import leads, more_wire_m, wire_mm
 from foldcar.car.parts.catalogue import film_of
-from foldcar.car.parts.mass import assemble
+from foldcar.car.parts.mechanics import Tyre
 from foldcar.car.parts.quantity import Bought, Quantity
-from foldcar.car.parts.wheel_parts import Tyre
+from foldcar.car.proof.plan import planned
 from foldcar.fabrication.assembly.operations import is_wound
 from foldcar.fabrication.assembly.skin import piece_area_mm2
 from foldcar.fabrication.patterns.drawing import Sheet

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.folded.folding import folded
 from foldcar.car.folded.model import Piece
+from foldcar.car.folded.pose import folded
 
 Matrix = NDArray[np.float64]
 

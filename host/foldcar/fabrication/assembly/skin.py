@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.folded.folding import edge
 from foldcar.car.folded.model import Crease, Piece, Point
+from foldcar.car.folded.pose import edge
 from foldcar.fabrication.assembly.poses import face_poses, moved
 from foldcar.fabrication.assembly.triangles import face_points, face_triangles
 

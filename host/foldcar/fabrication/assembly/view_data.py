@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from foldcar.car.assembly_order.step import AssemblyStep
-from foldcar.car.folded.folding import edge
-from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
-from foldcar.car.folded.pose import IDENTITY
+from foldcar.car.folded.model import IDENTITY, Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
+from foldcar.car.folded.pose import edge
+from foldcar.car.proof.step import AssemblyStep
 from foldcar.fabrication.assembly.facets import NUT_OF, shank_and_nut
 from foldcar.fabrication.assembly.hinge_creases import hinge_crease
 from foldcar.fabrication.assembly.laid_out import laid_out

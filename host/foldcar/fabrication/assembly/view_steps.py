@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.assembly_order.order import assembly_steps
-from foldcar.car.assembly_order.roles import Roles, roles_of
-from foldcar.car.assembly_order.step import Added, AssemblyStep
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
+from foldcar.car.proof.prove import assembly_steps
+from foldcar.car.proof.roles import Roles, roles_of
+from foldcar.car.proof.step import Added, AssemblyStep
 
 Vector = tuple[float, float, float]
 Part = tuple[str, str, int]  # piece, mount or a screw's nut, its name, copy

@@ -14,8 +14,8 @@ from typing import Any, Literal
 import shapely
 from shapely.geometry import LineString, MultiPoint, Polygon
 
-from foldcar.car.folded.folding import edge, folded
 from foldcar.car.folded.model import Crease, Face, Piece
+from foldcar.car.folded.pose import edge, folded
 from foldcar.fabrication.patterns.drawing import Motion, Point
 from foldcar.fabrication.patterns.edge_offset import offset_edges
 from foldcar.fabrication.patterns.options import Options

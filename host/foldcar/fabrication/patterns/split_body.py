@@ -7,8 +7,8 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from foldcar.car.folded.folding import edge
 from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Join, Piece
+from foldcar.car.folded.pose import edge
 from foldcar.fabrication.patterns.flat_piece import flat_piece
 from foldcar.fabrication.patterns.nesting import fits
 from foldcar.fabrication.patterns.options import Options

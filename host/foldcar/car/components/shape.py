@@ -1,0 +1,319 @@
+"""The interface that components build with: faces with named edges, holes, connections, parts, axles.
+
+Paths are relative to the component: ``floor`` is a face, ``beam.floor.front`` an edge of a subcomponent's face. A
+face's first point is its origin by convention; edge i runs from point i to i + 1, counter-clockwise; +z is the printed
+side, which faces inwards. Lengths in millimetres, angles in radians. A wrong path is a ComponentError.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from foldcar.car.components.parameter import ComponentError
+from foldcar.car.folded.model import Access, Axle, Hole, HoleKind, JoinKind, Mark, Mount, Point, Pose, Solid, Wire
+from foldcar.car.folded.pose import side as ends_of
+from foldcar.car.folded.pose import translation
+from foldcar.car.folded.weight import area_mm2
+from foldcar.car.parts.catalogue import Catalogue
+from foldcar.car.parts.quantity import BoxPart
+
+LinkKind = Literal["fold", "bend", "rigid", "hinge", "tab"]
+
+
+@dataclass
+class Atom:
+    """A face as one component made it, before it is fused with its neighbours."""
+
+    path: str
+    outline_mm: tuple[Point, ...]
+    edges: tuple[str, ...]
+    role: Literal["panel", "tab", "rim"]
+    piece: str
+    thickness_mm: float
+    body: str
+    holes: list[Hole] = field(default_factory=list)
+    marks: list[Mark] = field(default_factory=list)
+    accesses: list[Access] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Link:
+    """Two edges (face path, index) that meet at ``angle_rad``. A tab grows from edge ``b`` and is glued at edge ``a``.
+
+    ``depth_mm`` and ``inset_mm`` describe a tab (see Shape.connect), ``min_rad`` and ``max_rad`` a hinge.
+    """
+
+    kind: LinkKind
+    a: tuple[str, int]
+    b: tuple[str, int]
+    angle_rad: float
+    depth_mm: float = 0.0
+    min_rad: float = 0.0
+    max_rad: float = 0.0
+    inset_mm: float = 0.0
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A face's pose in the frame of the face ``on``, onto which it may be laminated."""
+
+    face: str
+    on: str
+    pose: Pose
+    laminated: bool = False
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A join between faces that other links and placements have put in their places: edges, or the face of ``b``.
+
+    ``slot`` is the hole of b's face that the tongue with tip ``a`` goes through.
+    """
+
+    kind: JoinKind
+    a: tuple[str, int]
+    b: tuple[str, int]
+    slot: str | None = None
+
+
+@dataclass
+class Graph:
+    """Everything that the components of a tree have built; ``origin`` is a face and its pose in the car.
+
+    Mounts and axles are given in the frame of a face: that of their ``face``, or the one named with the axle.
+    """
+
+    atoms: dict[str, Atom] = field(default_factory=dict)
+    links: list[Link] = field(default_factory=list)
+    placements: list[Placement] = field(default_factory=list)
+    contacts: list[Contact] = field(default_factory=list)
+    mounts: list[Mount] = field(default_factory=list)
+    axles: list[tuple[str, Axle]] = field(default_factory=list)
+    wires: list[Wire] = field(default_factory=list)
+    origin: tuple[str, Pose] | None = None
+    _linked: dict[tuple[str, int], str] = field(default_factory=dict)
+
+    def add(self, link: Link) -> None:
+        """Add a link; ComponentError if one of its edges is linked already."""
+        for edge, other in ((link.a, link.b), (link.b, link.a)):
+            if edge in self._linked:
+                told = f"is connected to {self.edge_path(other)} and {self._linked[edge]}"
+                raise ComponentError(self.edge_path(edge), told)
+            self._linked[edge] = self.edge_path(other)
+        self.links.append(link)
+
+    def edge_path(self, edge: tuple[str, int]) -> str:
+        """The readable path of an edge: face path and edge name."""
+        return f"{edge[0]}.{self.atoms[edge[0]].edges[edge[1]]}"
+
+    def edge_length_mm(self, edge: tuple[str, int]) -> float:
+        """Length of an edge (mm)."""
+        return math.dist(*ends_of(self.atoms[edge[0]].outline_mm, edge[1]))
+
+
+RECTANGLE_EDGES = ("near", "front", "far", "rear")
+CIRCLE_POINTS = 48
+_CIRCLE = [
+    (math.cos(2 * math.pi * i / CIRCLE_POINTS), math.sin(2 * math.pi * i / CIRCLE_POINTS)) for i in range(CIRCLE_POINTS)
+]
+# Tolerance on the equality of the lengths of two joined edges.
+LENGTH_TOLERANCE_MM = 1e-6
+
+
+class Shape:
+    """Writes one component's faces, parts and axles into the graph; all paths are relative to that component."""
+
+    def __init__(self, name: str, body: str, graph: Graph, parts: Catalogue) -> None:
+        """``name`` is the component's path, ``body`` the rigid body that its faces belong to."""
+        self.name, self._body, self.graph, self.parts = name, body, graph, parts
+
+    def face(
+        self,
+        name: str,
+        outline_mm: Sequence[Point],
+        edges: Sequence[str] | None = None,
+        *,
+        piece: str = "",
+        role: Literal["panel", "tab", "rim"] = "panel",
+        thickness_mm: float | None = None,
+    ) -> None:
+        """Add a polygon, counter-clockwise; ``edges`` names its edges, by default "0", "1", …
+
+        ``piece`` names the piece whose root this face becomes. ComponentError for a second face of that name, a wrong
+        count of edge names or an outline that runs clockwise.
+        """
+        path = self.path(name)
+        if path in self.graph.atoms:
+            raise ComponentError(path, "there is a face of that name already")
+        names = tuple(edges) if edges is not None else tuple(str(i) for i in range(len(outline_mm)))
+        if len(names) != len(outline_mm):
+            raise ComponentError(path, f"has {len(outline_mm)} edges and {len(names)} names for them")
+        if area_mm2(outline_mm) <= 0:
+            raise ComponentError(path, "its outline does not run counter-clockwise around an area")
+        thickness = self.parts.film.thickness_mm.value if thickness_mm is None else thickness_mm
+        self.graph.atoms[path] = Atom(path, tuple(outline_mm), names, role, piece, thickness, self._body)
+
+    def rectangle(
+        self, name: str, length_mm: float, width_mm: float, *, piece: str = "", thickness_mm: float | None = None
+    ) -> None:
+        """Add a face, x from 0 to length, y from 0 to width; edges near (y = 0), front (x = length), far and rear."""
+        outline = ((0.0, 0.0), (length_mm, 0.0), (length_mm, width_mm), (0.0, width_mm))
+        self.face(name, outline, RECTANGLE_EDGES, piece=piece, thickness_mm=thickness_mm)
+
+    def rectangular_hole(
+        self, face: str, name: str, kind: HoleKind, center_mm: Point, length_mm: float, width_mm: float
+    ) -> str:
+        """Cut a rectangle with sides along x and y of the face; returns its full name."""
+        outline = rectangle_around(center_mm, length_mm, width_mm)
+        return self._hole(face, Hole(self.path(name), kind, outline, None, center_mm))
+
+    def round_hole(self, face: str, name: str, kind: HoleKind, center_mm: Point, diameter_mm: float) -> str:
+        """Cut a circle; returns its full name."""
+        x, y = center_mm
+        r = diameter_mm / 2
+        outline = tuple((x + r * c, y + r * s) for c, s in _CIRCLE)
+        return self._hole(face, Hole(self.path(name), kind, outline, diameter_mm, center_mm))
+
+    def slotted_hole(self, face: str, name: str, kind: HoleKind, start_mm: Point, end_mm: Point, width_mm: float) -> str:
+        """Cut a slot with round ends about two points, a circle if they are one; returns its full name."""
+        (x0, y0), (x1, y1), r = start_mm, end_mm, width_mm / 2
+        if start_mm == end_mm:
+            return self.round_hole(face, name, kind, start_mm, width_mm)
+        along, half = math.atan2(y1 - y0, x1 - x0), CIRCLE_POINTS // 2
+        turns = [(i if i <= half else i - 1, i <= half) for i in range(CIRCLE_POINTS + 2)]
+        at = [(along - math.pi / 2 + 2 * math.pi * i / CIRCLE_POINTS, far) for i, far in turns]
+        outline = [((x1 if far else x0) + r * math.cos(a), (y1 if far else y0) + r * math.sin(a)) for a, far in at]
+        return self._hole(face, Hole(self.path(name), kind, tuple(outline), None, ((x0 + x1) / 2, (y0 + y1) / 2)))
+
+    def polygon_hole(self, face: str, name: str, kind: HoleKind, outline_mm: Sequence[Point]) -> str:
+        """Cut a polygon, counter-clockwise; returns its full name."""
+        return self._hole(face, Hole(self.path(name), kind, tuple(outline_mm)))
+
+    def connect(
+        self,
+        a: str,
+        b: str,
+        kind: LinkKind,
+        angle_deg: float = 0.0,
+        *,
+        depth_mm: float = 0.0,
+        inset_mm: float = 0.0,
+        limits_rad: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Join two edges of equal length: folded or bent by the angle, fused flat, hinged, or by a tab of ``b`` on ``a``.
+
+        ``depth_mm`` is a tab's depth, ``limits_rad`` a hinge's range. A tab lies ``inset_mm`` above the face it is glued
+        to, its edge may be shorter by twice as much. ComponentError if lengths differ or an edge is joined already.
+        """
+        first, second = self._edge(a), self._edge(b)
+        lengths = [self.graph.edge_length_mm(edge) for edge in (first, second)]
+        if abs(lengths[0] - lengths[1] - 2 * inset_mm) > LENGTH_TOLERANCE_MM:
+            here, there = self.graph.edge_path(first), self.graph.edge_path(second)
+            told = f"is {lengths[0]:g} mm long, {there} is {lengths[1]:g} mm: a {kind} joins edges of equal length"
+            raise ComponentError(here, told)
+        self.graph.add(Link(kind, first, second, math.radians(angle_deg), depth_mm, *limits_rad, inset_mm))
+
+    def laminate(self, face: str, on: str, pose: Pose) -> None:
+        """Glue the face flat onto the face ``on``, at that pose in the frame of ``on``."""
+        self.graph.placements.append(Placement(self._face(face), self._face(on), pose, True))
+
+    def place(self, face: str, on: str, pose: Pose) -> None:
+        """Set a face's pose in the frame of the face ``on``, without a join."""
+        self.graph.placements.append(Placement(self._face(face), self._face(on), pose))
+
+    def lock(self, tongue: str, face: str, slot: str, kind: Literal["lock", "tab_slot"] = "lock") -> None:
+        """Let the tongue whose tip is the edge ``tongue`` go through a hole of ``face``; a lock can be opened again."""
+        self.graph.contacts.append(Contact(kind, self._edge(tongue), (self._face(face), 0), self.path(slot)))
+
+    def reach(self, face: str, access: Access) -> None:
+        """Ask for room at a face, in its frame, where it is gripped or pressed."""
+        self.graph.atoms[self._face(face)].accesses.append(access)
+
+    def hook(self, tip: str, notch: str) -> None:
+        """Let the neck behind the edge ``tip`` lie in a notch, whose bottom is the edge ``notch``."""
+        self.graph.contacts.append(Contact("rim", self._edge(tip), self._edge(notch)))
+
+    def tuck(self, edge: str, inside: str) -> None:
+        """Let an edge lie loosely inside another one."""
+        self.graph.contacts.append(Contact("tuck", self._edge(edge), self._edge(inside)))
+
+    def stick(self, face: str, on: str) -> None:
+        """Glue a face onto the face ``on``, on which folds have put it."""
+        self.graph.contacts.append(Contact("laminate", (self._face(face), 0), (self._face(on), 0)))
+
+    def part(self, part: BoxPart, name: str, on: str, center_mm: tuple[float, float, float], *,
+             turned: bool = False, marked: bool = False, holes: Sequence[str] = (), solids: Sequence[Solid] = (),
+             accesses: Sequence[Access] = ()) -> None:  # fmt: skip
+        """Add a bought part of the catalogue, its height along the face's z; ``turned`` puts its length along y.
+
+        If it is ``marked`` the face has its outline, which it is laid into.
+        """
+        length, width, height = part.size_mm
+        size = (width, length, height) if turned else part.size_mm
+        if marked:
+            outline = rectangle_around(center_mm[:2], size[0], size[1])
+            self.graph.atoms[self._face(on)].marks.append(Mark(name, outline))
+        self.box(part.name, name, on, translation(*center_mm), size, part.mass_kg.value, holes, solids, accesses)
+
+    def box(self, part: str, name: str, on: str, pose: Pose, size_mm: tuple[float, float, float],
+            mass_kg: float, holes: Sequence[str] = (), solids: Sequence[Solid] = (),
+            accesses: Sequence[Access] = ()) -> None:  # fmt: skip
+        """Add a bought part of that size (x, y, z); ``pose`` is that of its centre in the frame of the face ``on``.
+
+        ``solids`` and ``accesses`` are given in the frame of its centre.
+        """
+        face = self._face(on)
+        shape = tuple(holes), tuple(solids), tuple(accesses)
+        self.graph.mounts.append(Mount(part, name, self.graph.atoms[face].body, pose, size_mm, mass_kg, face, *shape))
+
+    def axle(self, on: str, servo: str, side: Literal["left", "right"], center_mm: tuple[float, float, float],
+             radius_mm: float, tyre_width_mm: float) -> None:  # fmt: skip
+        """Add a wheel that the part ``servo`` turns; ``center_mm`` is the tyre's centre in the frame of ``on``."""
+        face = self._face(on)
+        # Servos turn counter-clockwise above neutral, so those on the right turn backwards. The car numbers the channels.
+        turned = (servo, -1, side, 1 if side == "left" else -1)
+        axle = Axle("", self.graph.atoms[face].body, *turned, center_mm, radius_mm, tyre_width_mm)
+        self.graph.axles.append((face, axle))
+
+    def begin_at(self, face: str, pose: Pose) -> None:
+        """Set the pose of one face in the car; those of all other faces follow from the joins."""
+        self.graph.origin = (self._face(face), pose)
+
+    def face_size_mm(self, face: str) -> Point:
+        """The extent of a face's outline along x and y (mm)."""
+        outline = self.graph.atoms[self._face(face)].outline_mm
+        xs, ys = zip(*outline, strict=True)
+        return (max(xs) - min(xs), max(ys) - min(ys))
+
+    def edges(self, face: str) -> tuple[str, ...]:
+        """The names of a face's edges."""
+        return self.graph.atoms[self._face(face)].edges
+
+    def _hole(self, face: str, hole: Hole) -> str:
+        self.graph.atoms[self._face(face)].holes.append(hole)
+        return hole.name
+
+    def path(self, name: str) -> str:
+        """The full path of a face, hole or part of this component."""
+        return f"{self.name}.{name}" if self.name else name
+
+    def _face(self, name: str) -> str:
+        path = self.path(name)
+        if path not in self.graph.atoms:
+            raise ComponentError(self.name, f'has no face "{name}"')
+        return path
+
+    def _edge(self, name: str) -> tuple[str, int]:
+        face, _, edge = name.rpartition(".")
+        path = self._face(face)
+        edges = self.graph.atoms[path].edges
+        if edge not in edges:
+            raise ComponentError(path, f'has no edge "{edge}"; it has {", ".join(edges)}')
+        return path, edges.index(edge)
+
+
+def rectangle_around(center_mm: Point, length_mm: float, width_mm: float) -> tuple[Point, ...]:
+    """The corners of a rectangle around a point, its length along x, counter-clockwise."""
+    (x, y), a, b = center_mm, length_mm / 2, width_mm / 2
+    return ((x - a, y - b), (x + a, y - b), (x + a, y + b), (x - a, y + b))

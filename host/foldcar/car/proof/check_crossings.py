@@ -1,0 +1,112 @@
+"""Checks that no film passes through other film in the folded car, except through slots, also at its hinges' limits.
+
+Input: placed faces, hinges flat. Output: findings.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from foldcar.car.folded.model import FoldedCar, HingeJoint, Pose
+from foldcar.car.folded.placed import Bodies, Finding, PlacedFace
+from foldcar.car.folded.pose import apply, compose, rotation, translation
+
+# Faces are shrunk by this before they are intersected, so that faces that meet at an edge do not cross.
+SHRINK_MM = 0.3
+LEAST_MM = 0.2
+PARALLEL = 1e-3
+TOUCH_MM = 1e-6
+# Layers lie on each other closer than their thickness by less than this.
+LAYER_MM = 0.01
+LEAST_MM2 = 0.2
+
+
+def check_crossings(faces: Sequence[PlacedFace]) -> Iterator[Finding]:
+    """A finding for each pair of a body's faces that cross, or of parallel ones of which one lies in the other's film."""
+    for one, other, length in crossings(faces, faces):
+        yield Finding("crossing", one.title, f"runs through {other.title} over {length:.2f} mm")
+    thickest = max(face.piece.thickness_mm for face in faces)
+    for one, other in _near(faces, faces, thickest, parallel=True):
+        local = one.in_face(other.corners_mm)
+        apart = (one.piece.thickness_mm + other.piece.thickness_mm) / 2
+        if float(np.abs(local[:, 2]).max()) <= apart - LAYER_MM:
+            shape = shapely.Polygon(local[:, :2]).buffer(-SHRINK_MM)
+            area = shape.intersection(one.polygon.buffer(-SHRINK_MM)).area
+            if area > LEAST_MM2:
+                yield Finding("crossing", one.title, f"lies in the film of {other.title} over {area:.1f} mm²")
+
+
+def crossings(
+    first: Sequence[PlacedFace], second: Sequence[PlacedFace]
+) -> Iterator[tuple[PlacedFace, PlacedFace, float]]:
+    """Pairs of crossing faces, one of each group, and the crossing's length (mm); each pair once within one group."""
+    for one, other in _near(first, second, TOUCH_MM, parallel=False):
+        length = _crossing_mm(one, other)
+        if length > LEAST_MM:
+            yield one, other, length
+
+
+def check_hinges(car: FoldedCar, bodies: Bodies, wheel_distance_mm: float) -> Iterator[Finding]:
+    """Findings for each hinge at both limits, all others flat: segments collide, wheels come closer than that distance.
+
+    Hinge strips bend and are not checked.
+    """
+    strips = {piece.name for piece in car.pieces if any(crease.flexure for crease in piece.creases)}
+    for hinge in car.hinges:
+        front, rear = (
+            [face for face in bodies[body] if face.piece.name not in strips] for body in (hinge.front, hinge.rear)
+        )
+        for angle in (hinge.min_rad, hinge.max_rad):
+            turn = folded_back(hinge, angle)
+            moved = [replace(face, pose=compose(turn, face.pose)) for face in rear]
+            place = f"between {hinge.front} and {hinge.rear}, folded by {math.degrees(angle):.1f} degrees"
+            for one, other, length in crossings(front, moved):
+                yield Finding("hinge", place, f"{one.title} runs through {other.title} over {length:.2f} mm")
+            for a, b in ((a, b) for a in car.axles for b in car.axles if a.side == b.side):
+                if (a.body, b.body) == (hinge.front, hinge.rear):
+                    x, _, z = apply(turn, *b.center_mm)
+                    gap = math.hypot(x - a.center_mm[0], z - a.center_mm[2]) - a.radius_mm - b.radius_mm
+                    if gap < wheel_distance_mm - 1e-6:
+                        told = f"{a.wheel} is {gap:.2f} mm from {b.wheel}, the limit is {wheel_distance_mm:g} mm"
+                        yield Finding("hinge", place, told)
+
+
+def folded_back(hinge: HingeJoint, angle_rad: float) -> Pose:
+    """The rear segment's motion in the front one's frame (mm); a positive angle is the front segment nose up."""
+    x, y, z = hinge.center_mm
+    return compose(translation(x, y, z), rotation("y", angle_rad), translation(-x, -y, -z))
+
+
+def _near(
+    first: Sequence[PlacedFace], second: Sequence[PlacedFace], margin_mm: float, parallel: bool
+) -> Iterator[tuple[PlacedFace, PlacedFace]]:
+    """Pairs of faces, parallel or not, whose bounds are no farther apart; each pair once within one group."""
+    if not first or not second:
+        return
+    low, high = (np.array([pick(face.corners_mm, axis=0) for face in second]) for pick in (np.min, np.max))
+    normals = np.array([face.normal for face in second])
+    for i, face in enumerate(first):
+        least, most = face.corners_mm.min(axis=0) - margin_mm, face.corners_mm.max(axis=0) + margin_mm
+        near = (low <= most).all(axis=1) & (high >= least).all(axis=1)
+        near &= (np.linalg.norm(np.cross(normals, face.normal), axis=1) <= PARALLEL) == parallel
+        if first is second:
+            near[: i + 1] = False
+        for k in np.flatnonzero(near).tolist():
+            yield face, second[k]
+
+
+def _crossing_mm(a: PlacedFace, b: PlacedFace) -> float:
+    """Length of the line along which the interiors of two faces cross (mm)."""
+    heights_a, heights_b = b.in_face(a.corners_mm)[:, 2], a.in_face(b.corners_mm)[:, 2]
+    # A face that lies on one side of the other's plane cannot cross it.
+    if any(np.min(h) > -SHRINK_MM or np.max(h) < SHRINK_MM for h in (heights_a, heights_b)):
+        return 0.0
+    direction = np.cross(a.normal, b.normal)
+    spans = []
+    for one, other in ((a, b), (b, a)):
+        ends = one.cut(other.normal, float(other.normal @ other.matrix[:3, 3]), SHRINK_MM) @ direction
+        spans.append(shapely.union_all([shapely.LineString([(x, 0.0), (y, 0.0)]) for x, y in ends.reshape(-1, 2)]))
+    return float(shapely.intersection(*spans).length / np.linalg.norm(direction))

@@ -1,0 +1,233 @@
+"""The sequence of the assembly and of the service, without the ways on which things come in: see prove.py.
+
+Input: a FoldedCar. Output: steps. Layers are glued onto flat pieces; walls are folded up, lids open; servos, caps and
+what joins segments follow; boards are screwed to their carrier apart, while it is flat; it and other parts go in from
+above; wheels are put together apart, horns and wheels go on; lids are shut, and what lies on them is put on. In service
+USB and switch are used with the lid shut, plugs and reset with it open, the battery is changed.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
+
+from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
+from foldcar.car.proof.roles import Roles, roles_of
+from foldcar.car.proof.step import Added, AssemblyStep, Reach
+
+# The unit of every wheel; other units are named after their piece.
+WHEEL = "wheel"
+OPEN = "Push the levers outwards and lift the lid by its pull tab"
+USES = {"plug": "Plug a cable into", "finger": "Press", "driver": "Press, with a screwdriver,"}
+
+
+class Building:
+    """The steps so far, what is there and which joins are made."""
+
+    def __init__(self, roles: Roles) -> None:
+        self.roles = roles
+        self.steps: list[AssemblyStep] = []
+        self.parts: set[str] = set()
+        self._there: set[tuple[str, int]] = set()
+        self._shaped = {piece.name for piece in roles.car.pieces if not piece.creases}
+        self._made: set[int] = set()
+        self._apart: set[str] = set()
+        # Joins that shut a lid are made last.
+        self._last = {number for lid in roles.lids.values() for number in lid.joins}
+
+    def step(
+        self,
+        title: str,
+        pieces: Iterable[PlacedPiece] = (),
+        mounts: Iterable[Mount] = (),
+        units: Iterable[Added] = (),
+        folds: Mapping[str, Mapping[str, float]] | None = None,
+        unit: str = "",
+        flat: bool = False,
+    ) -> None:
+        """Append a step; pieces come in folded, unless it is ``flat``. A step that does nothing is left out."""
+        pieces, mounts, units, closed = list(pieces), list(mounts), list(units), dict(folds or {})
+        for one in pieces:
+            whole = self.roles.whole(one.piece)
+            if not flat and whole:
+                closed.setdefault(one.piece, whole)
+        self._there |= {(one.piece, one.copy) for one in pieces}
+        self.parts |= {mount.name for mount in mounts}
+        self._shaped |= {name for name, fractions in closed.items() if any(fractions.values())}
+        if unit:
+            self._apart |= {one.piece for one in pieces}
+        for came in units:
+            self._apart -= {added.name for step in self.steps if step.unit == came.name for added in step.adds}
+        joins = self._joins(flat, unit)
+        adds = (
+            *(Added("piece", one.piece, one.copy, one.body) for one in pieces),
+            *units,
+            *(Added("mount", mount.name, 0, mount.body) for mount in mounts),
+        )
+        screws = [mount for mount in mounts if self.roles.is_fastener(mount)]
+        reaches = tuple(Reach(m.name, i) for m in screws for i, one in enumerate(m.accesses) if one.tool == "driver")
+        if adds or joins or closed:
+            self.steps.append(AssemblyStep(title, closed, adds, joins, reaches, unit))
+
+    def shut(self, title: str, folds: Mapping[str, Mapping[str, float]]) -> None:
+        """Append the step that shuts the lids."""
+        self.steps.append(AssemblyStep(title, folds, (), tuple(sorted(self._last))))
+
+    def with_screws(self, mounts: Sequence[Mount]) -> list[Mount]:
+        """The mounts that are not in yet, each screw after the last one of them that it holds."""
+        left = [mount for mount in mounts if mount.name not in self.parts]
+        screws: dict[str, list[Mount]] = {}
+        for screw in (m for m in self.roles.car.mounts if self.roles.is_fastener(m) and m.name not in self.parts):
+            held = [m for m in left if m.body == screw.body and m in self.roles.held_by(screw)]
+            if held:
+                screws.setdefault(held[-1].name, []).append(screw)
+        return [one for mount in left for one in (mount, *screws.get(mount.name, ()))]
+
+    def _joins(self, flat: bool, unit: str) -> tuple[int, ...]:
+        """The joins that can be made now: all copies of both pieces are there, not apart and, but for layers, folded."""
+        pieces = self.roles.car.pieces
+        whole = {piece.name for piece in pieces if all((piece.name, i) in self._there for i in range(piece.count))}
+        found = set()
+        for join in self.roles.car.joins:
+            ends = {join.piece_a, join.piece_b}
+            shaped = ends <= self._shaped or (join.kind == "laminate" and flat)
+            together = ends <= self._apart if unit else not ends & self._apart
+            if join.number not in self._made | self._last and ends <= whole and shaped and together:
+                found.add(join.number)
+        self._made |= found
+        return tuple(sorted(found))
+
+
+@lru_cache(maxsize=16)
+def planned(car: FoldedCar) -> tuple[AssemblyStep, ...]:
+    """All steps of a car, in order; the ways are empty."""
+    roles = roles_of(car)
+    building = Building(roles)
+    _segments(roles, building)
+    _inside(roles, building)
+    if roles.wheels:
+        _wheels(roles, building)
+    # The lids are folded shut and locked; what lies on them is put on.
+    folds = {name: dict.fromkeys(lid.creases, 1.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
+    if folds:
+        building.shut("Shut the lid", folds)
+    for mount in (mount for mount in car.mounts if roles.is_on_lid(mount)):
+        building.step(f"Put the {mount.name} on", mounts=building.with_screws([mount]))
+    return tuple(building.steps)
+
+
+def _segments(roles: Roles, building: Building) -> None:
+    """Beams, their layers and walls, servos, caps, what joins segments."""
+    others = list(roles.others())
+    bases = [roles.base[body] for body in roles.bodies]
+    layers = [one for one in others if roles.is_layer(one)]
+
+    def on(several: Sequence[PlacedPiece]) -> list[PlacedPiece]:
+        return [one for one in layers if (host := roles.host(one)) is not None and host[0] in several]
+
+    rest = [one for one in others if one not in layers]
+    between = [one for one in rest if roles.is_between(one)]
+    caps = [one for one in rest if one not in between and not roles.is_carrier(one)]
+    title = "Tape the layers onto the flat beam" if on(bases) else "Lay out the beam"
+    building.step(title, [*bases, *on(bases)], flat=True)
+    folds = {name: roles.whole(name) | dict.fromkeys(roles.lids[name].creases, 0.0) for name in sorted(roles.bases)}
+    building.step("Fold the walls up", folds=folds)
+    servos = [m for m in roles.car.mounts if m.part == roles.car.parts.servo.name]
+    building.step("Screw the servos in from outside", mounts=building.with_screws(servos))
+    for title, group in (("Close the ends", caps), ("Join the segments", between)):
+        doubled = [one for one in group if on([one])]
+        for one in doubled:
+            flat = f"Tape the layers onto the flat {one.piece}"
+            building.step(flat, [one, *on([one])], unit=_unit(roles, one), flat=True)
+        units = [Added("unit", _unit(roles, one), 0, one.body) for one in doubled]
+        alone = [one for one in group if one not in doubled]
+        building.step(title, alone, units=units, folds={one.piece: roles.whole(one.piece) for one in doubled})
+    building.step("Glue the other layers on", [one for one in layers if roles.host(one) is None])
+
+
+def _unit(roles: Roles, one: PlacedPiece) -> str:
+    """The name of a piece's unit."""
+    return one.piece if roles.pieces[one.piece].count == 1 else f"{one.piece} {one.copy + 1}"
+
+
+def _inside(roles: Roles, building: Building) -> None:
+    """The carriers with their boards, what lies under them, other parts."""
+    car, wheels = roles.car, set(roles.wheels)
+    carriers = [one for one in roles.others() if roles.is_carrier(one)]
+    carried = [m for one in carriers for m in roles.carried(one) if not roles.is_fastener(m)]
+    parts = [m for m in car.mounts if m.body not in wheels and not roles.is_fastener(m) and m.name not in building.parts]
+    soft = [m for m in parts if m.part == car.parts.wiring.name]
+    sold = {extension.name for extension in car.parts.extensions.sold}
+    extensions = [m for m in parts if m.part in sold]
+    parts = [m for m in parts if m not in (*soft, *extensions, *carried) and not roles.is_on_lid(m)]
+    under = [m for m in parts if any(_under(m, board) for board in carried)]
+    for one in carriers:
+        boards = sorted((m for m in roles.carried(one) if not roles.is_fastener(m)), key=lambda m: m.pose[2][3])
+        name, parts_on, whole = _unit(roles, one), building.with_screws(boards), roles.whole(one.piece)
+        building.step(f"Screw the boards onto the flat {one.piece}", [one], parts_on, unit=name, flat=True)
+        building.step(f"Fold the {one.piece}", folds={one.piece: whole} if whole else {}, unit=name)
+    for mount in under:
+        building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
+    for one in carriers:
+        units = [Added("unit", _unit(roles, one), 0, one.body)]
+        building.step(f"Put the {one.piece} with the boards in", units=units)
+    for mount in parts:
+        if mount not in under:
+            building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
+    screws = [m for m in car.mounts if roles.is_fastener(m) and m.name not in building.parts and m.body not in wheels]
+    building.step("Drive the other screws", mounts=screws)
+    building.step("Plug all wires in", mounts=[*extensions, *soft])
+
+
+def _under(mount: Mount, board: Mount) -> bool:
+    """Whether a mount lies below a board that is above it."""
+    if mount.body != board.body or mount.pose[2][3] >= board.pose[2][3]:
+        return False
+    reach = (mount.half_mm(axis) + board.half_mm(axis) for axis in (0, 1))
+    return all(abs(mount.pose[axis][3] - board.pose[axis][3]) < far for axis, far in enumerate(reach))
+
+
+def _wheels(roles: Roles, building: Building) -> None:
+    """Wheels are put together apart; horns go onto the servos, wheels onto the horns."""
+    car, wheels = roles.car, roles.wheels
+    placed = [one for wheel in wheels for one in roles.placed(wheel)]
+    mounts = [m for m in car.mounts if m.body in wheels]
+    horns = [m for m in mounts if m.part == car.parts.horn.name]
+    screws = [m for m in mounts if roles.is_fastener(m)]
+    central = [m for m in screws if roles.on_axis(m)]
+    strips = [one for one in placed if roles.is_wound(one.piece)]
+    # The disc on the horn and the layers glued to it.
+    faces, on_wheels = {horn.face for horn in horns}, {one.piece for one in placed}
+    first = {name for name in on_wheels if any(face.name in faces for face in roles.pieces[name].faces)}
+    for join in (join for join in car.joins if join.kind == "laminate"):
+        ends = {join.piece_a, join.piece_b}
+        first |= ends if ends & first and ends <= on_wheels else set()
+    inner = [one for one in placed if one.piece in first]
+    building.step("Tape the hubs onto the inner discs", inner, unit=WHEEL)
+    others = [one for one in placed if one not in strips and one not in inner]
+    building.step("Put the outer discs on", others, unit=WHEEL)
+    building.step("Wind the rims around the discs", strips, unit=WHEEL)
+    building.step("Stretch the tyres over the rims", mounts=[m for m in mounts if roles.is_tyre(m)], unit=WHEEL)
+    building.step("Screw the horns onto the servos", mounts=[*horns, *central])
+    units = [Added("unit", WHEEL, n, wheel) for n, wheel in enumerate(wheels)]
+    building.step("Screw the wheels onto the horns", units=units, mounts=[m for m in screws if m not in central])
+
+
+@lru_cache(maxsize=16)
+def service(car: FoldedCar) -> tuple[AssemblyStep, ...]:
+    """The steps of service, from the finished car to that with its lid open; ``adds`` are taken out, their ways empty."""
+    roles = roles_of(car)
+    shut: list[AssemblyStep] = []
+    opened: list[AssemblyStep] = []
+    for mount in (m for m in car.mounts if not roles.is_fastener(m)):
+        for i, access in enumerate(mount.accesses):
+            outside = roles.from_outside(mount, access)
+            what = f"{USES[access.tool]} {mount.name}, the lid {'shut' if outside else 'open'}"
+            (shut if outside else opened).append(AssemblyStep(what, {}, (), (), (Reach(mount.name, i),)))
+    folds = {name: dict.fromkeys(lid.creases, 0.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
+    for mount in (m for m in car.mounts if m.part == car.parts.battery.name):
+        on_lid = roles.is_on_lid(mount)
+        out = f"Take {mount.name} {'off' if on_lid else 'out'}"
+        (shut if on_lid else opened).append(AssemblyStep(out, {}, (Added("mount", mount.name, 0, mount.body),), ()))
+    gripped = [(name, face) for name in folds for face in roles.lids[name].gripped]
+    grips = tuple(Reach(face.name, i, name) for name, face in gripped for i in range(len(face.accesses)))
+    lifted = [AssemblyStep(OPEN, folds, (), (), grips)] if folds else []
+    return (*shut, *lifted, *opened)

@@ -7,13 +7,12 @@ from typing import Any
 import numpy
 import pytest
 
-from foldcar.advice import cost as costs
+from foldcar.advice import selecting as costs
 from foldcar.advice.evidence import Evidence
-from foldcar.advice.reasons import Parting, next_reason
+from foldcar.advice.reasons import Parting, next_reason, told_apart_text
 from foldcar.advice.selecting import _Choice
-from foldcar.advice.told_apart import told_apart_text
-from foldcar.advice.words import rank_text
 from foldcar.analysis.gap import rank_agreement
+from foldcar.analysis.words import rank_text
 
 
 def test_a_car_costs_its_sheets_and_minutes_of_cutting_assembly_and_trials(monkeypatch: pytest.MonkeyPatch) -> None:

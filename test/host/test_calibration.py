@@ -12,10 +12,9 @@ import pytest
 from scipy.special import expit, logsumexp
 from scipy.stats import binom, halfnorm, lognorm, norm
 
-from foldcar.calibration.bank import features_of, prior_scores, simulate_bank
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
-from foldcar.calibration.emulator import NETWORKS
-from foldcar.calibration.experiment import SweptDesign, SweptExperiment, read_experiment
+from foldcar.calibration.emulator import NETWORKS, features_of, prior_scores, simulate_bank
+from foldcar.calibration.experiment import CalibrationRun, Simulator, SweptDesign, SweptExperiment, read_experiment
 from foldcar.calibration.parameters import NAMES, NOMINAL, PARAMETERS, Parameter, values_of
 from foldcar.calibration.posterior import (
     DISCREPANCY,
@@ -26,7 +25,6 @@ from foldcar.calibration.posterior import (
     sample_posterior,
 )
 from foldcar.calibration.predictions import expected_bits, log_score
-from foldcar.calibration.simulation import CalibrationRun, Simulator
 from foldcar.car.variation.spread import draw, workshop
 from foldcar.car.variation.vary_body import vary_body
 from foldcar.errors import FoldcarError

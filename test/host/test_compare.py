@@ -17,8 +17,7 @@ from typer.testing import CliRunner
 from foldcar.advice.comparison import compare_evidence
 from foldcar.advice.resimulation import Resimulation
 from foldcar.analysis.gap import AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW, Gap, gap, mean_gap, rank_agreement
-from foldcar.analysis.intervals import wilson_interval
-from foldcar.analysis.rate import Rate
+from foldcar.analysis.rate import Rate, wilson_interval
 from foldcar.cli import app
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_limits import CarsimLimits

@@ -7,8 +7,8 @@ import numpy
 import pytest
 from scipy.stats import binomtest
 
-from foldcar.advice.told_apart import told_apart_text
-from foldcar.analysis.convergence import convergence
+from foldcar.advice.reasons import told_apart_text
+from foldcar.analysis.stopping import convergence
 from foldcar.report.limited_times import limited_times
 from foldcar.report.settling import draw_settling, settling_text
 from foldcar.simulation.results import NUMBERS, OUTCOMES

@@ -11,17 +11,13 @@ from scipy.special import expit
 from scipy.stats import binom, norm, pearsonr
 
 from foldcar.calibration import bank
-from foldcar.calibration.bank import OTHERS, features_of
-from foldcar.calibration.emulator import Emulator
-from foldcar.calibration.experiment import SweptDesign, SweptExperiment
+from foldcar.calibration.emulator import OTHERS, Emulator, features_of
+from foldcar.calibration.experiment import CalibrationRun, SweptDesign, SweptExperiment, TrialCounts
 from foldcar.calibration.inference import DRAWS, infer, plan
-from foldcar.calibration.next_trials import HEIGHTS, TRIALS, rank_next_trials
 from foldcar.calibration.parameters import NAMES, PARAMETERS, known_scores, values_of
 from foldcar.calibration.posterior import DISCREPANCY
-from foldcar.calibration.simulation import CalibrationRun
-from foldcar.calibration.summary import summarise
-from foldcar.calibration.trial_counts import TrialCounts
-from foldcar.calibration.words import findings
+from foldcar.calibration.predictions import HEIGHTS, TRIALS, rank_next_trials
+from foldcar.calibration.summary import findings, summarise
 from foldcar.errors import FoldcarError
 
 SCENES = 30

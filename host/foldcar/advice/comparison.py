@@ -11,9 +11,7 @@ from dataclasses import dataclass, replace
 import numpy
 import pandas
 
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence
-from foldcar.advice.reading_evidence import read_evidence, swept_ids, unswept_trials
-from foldcar.advice.words import count, design_text, listed, points
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, swept_ids, unswept_trials
 from foldcar.analysis.gap import (
     AGREES,
     OPTIMISTIC,
@@ -21,14 +19,13 @@ from foldcar.analysis.gap import (
     TOO_FEW,
     Gap,
     RankAgreement,
-    gap,
     mean_gap,
     rank_agreement,
 )
-from foldcar.analysis.intervals import wilson_interval
-from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_rates
+from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_bias
 from foldcar.analysis.prediction_powered import rectified_rate
 from foldcar.analysis.rate import Rate
+from foldcar.analysis.words import count, design_text, listed, points
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
@@ -146,11 +143,6 @@ def compare_evidence(evidence: Sequence[Evidence], alone: Sequence[Trial] = (), 
     return Comparison(experiments, apart, margin, _overall(experiments, apart))
 
 
-def wilson_rate(passed: int, number: int, what: str, confidence: float = CONFIDENCE) -> Rate:
-    """The share with its Wilson interval; ``what`` was counted."""
-    return Rate(passed / number, *wilson_interval(passed, number, confidence), confidence, f"Wilson interval of {what}")
-
-
 def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
     info, driven = evidence.info, evidence.driven
     if not info.success_defined:
@@ -180,7 +172,7 @@ def _design(one: DesignEvidence, pooled: Rate | None, together: float, margin: f
     driven = _driven(one, CONFIDENCE)
     if not one.runs:
         return DesignComparison(one, None, driven, None, None, None, None)
-    found = gap(one.simulated(together), _best(one, together))
+    found = mean_gap([one.simulated(together)], [_best(one, together)])
     rectified = _rectified(one, CONFIDENCE)
     return DesignComparison(one, one.simulated(CONFIDENCE), driven, rectified, pooled, found, found.verdict(margin))
 
@@ -191,14 +183,8 @@ def _pooled(evidence: Evidence) -> dict[str, Rate]:
     if not 2 <= len(some) <= MOST_POOLED:
         return {}
     x = [[float(one.design[name]) for name in evidence.parameters] for one in some]
-    rates = pooled_rates(
-        x,
-        [one.trials_passed for one in some],
-        [len(one.trials) for one in some],
-        [one.runs_passed / one.runs for one in some],
-        CONFIDENCE,
-        [one.runs for one in some],
-    )
+    runs, trials = [(one.runs_passed, one.runs) for one in some], [(one.trials_passed, len(one.trials)) for one in some]
+    rates = pooled_bias(x, runs, trials).rates(CONFIDENCE)
     return {one.label: rate for one, rate in zip(some, rates, strict=True)}
 
 
@@ -208,7 +194,8 @@ def _poolable(evidence: Evidence) -> list[DesignEvidence]:
 
 
 def _driven(one: DesignEvidence, confidence: float) -> Rate:
-    return wilson_rate(one.trials_passed, len(one.trials), count(len(one.trials), "trial"), confidence)
+    number = len(one.trials)
+    return Rate.counted(one.trials_passed, number, count(number, "trial"), confidence=confidence)
 
 
 def _rectified(one: DesignEvidence, confidence: float) -> Rate | None:
@@ -272,7 +259,7 @@ def _alone(name: str, trials: Sequence[Trial]) -> TrialsAlone:
     rows = []
     for label, some in groups.items():
         passed = sum(trial.outcome == "passed" for trial in some)
-        rows.append((label, passed, wilson_rate(passed, len(some), count(len(some), "trial"))))
+        rows.append((label, passed, Rate.counted(passed, len(some), count(len(some), "trial"))))
     return TrialsAlone(name, tuple(rows), f"Experiment {name} was not swept: {count(len(trials), 'trial')} without runs.")
 
 

@@ -13,8 +13,7 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
-from foldcar.analysis.intervals import check_confidence, jeffreys_interval
-from foldcar.analysis.rate import Rate
+from foldcar.analysis.rate import Rate, check_confidence, jeffreys_interval
 from foldcar.errors import FoldcarError
 
 # Nodes of a and of b: midpoints of equal parts of the angles whose squared sine they are; Jeffreys' prior is flat there.

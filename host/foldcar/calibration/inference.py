@@ -10,12 +10,19 @@ from types import MappingProxyType
 
 import numpy as np
 
-from foldcar.calibration.bank import OTHERS, Bank, IntArray, features_of, near_scores, prior_scores, simulate_bank
-from foldcar.calibration.emulator import Emulator
+from foldcar.calibration.emulator import (
+    OTHERS,
+    Bank,
+    Emulator,
+    IntArray,
+    features_of,
+    near_scores,
+    prior_scores,
+    simulate_bank,
+)
+from foldcar.calibration.experiment import CalibrationRun, Simulator, TrialCounts
 from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
 from foldcar.calibration.posterior import Posterior, sample_posterior
-from foldcar.calibration.simulation import CalibrationRun, Simulator
-from foldcar.calibration.trial_counts import TrialCounts
 
 # Shares of the runs: from the prior, from the first posterior; the rest checks the result.
 FIRST, SECOND = 0.55, 0.3

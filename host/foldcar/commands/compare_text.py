@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from foldcar.advice.comparison import Comparison, DesignComparison, ExperimentComparison, TrialsAlone
-from foldcar.advice.words import percent, points, rank_text
 from foldcar.analysis.gap import Gap
 from foldcar.analysis.rate import Rate
+from foldcar.analysis.words import percent, points, rank_text
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.result_table import ResultTable
 from foldcar.shown_console import shown_console

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from foldcar.analysis.gap import RankAgreement
-from foldcar.store.design_counts import DesignCounts
 
 # The units in which designs are written.
 UNITS = {"mm": " mm", "deg": "°"}
@@ -61,20 +60,6 @@ def listed(names: Iterable[str]) -> str:
 def count(number: int, noun: str) -> str:
     """``1 trial``, ``2 trials``."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
-
-
-def rejected_text(counts: DesignCounts) -> str | None:
-    """How many runs of an experiment belong in no rate, and how many designs have no other; None if all count."""
-    rejected = sum(counts.runs) - sum(counts.counted)
-    if not rejected:
-        return None
-    without = sum(runs > 0 and not counted for runs, counted in zip(counts.runs, counts.counted, strict=True))
-    have = "has" if without == 1 else "have"
-    rest = f" {count(without, 'design')} {have} no other run, and so no rate." if without else ""
-    return (
-        f"{rejected} of {sum(counts.runs)} runs were rejected: they violated a requirement of the program. Scenic "
-        f"discards such runs; they count neither as passed nor as not passed.{rest}"
-    )
 
 
 def _sharing_unit(texts: Sequence[str]) -> list[str]:

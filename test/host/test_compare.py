@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from foldcar.advice.comparison import compare_evidence
 from foldcar.advice.resimulation import Resimulation
-from foldcar.analysis.gap import AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW, Gap, gap, mean_gap, rank_agreement
+from foldcar.analysis.gap import AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW, Gap, mean_gap, rank_agreement
 from foldcar.analysis.rate import Rate, wilson_interval
 from foldcar.cli import app
 from foldcar.simulation.carsim import Carsim
@@ -68,7 +68,7 @@ def test_a_gap_is_newcombes_hybrid_score_interval() -> None:
         ((9, 10), (3, 10)): (0.1705, 0.8090),
         ((10, 10), (0, 20)): (0.6791, 1.0),
     }.items():
-        found = gap(rate(*simulated), rate(*driven))
+        found = mean_gap([rate(*simulated)], [rate(*driven)])
         assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
 
 

@@ -108,9 +108,7 @@ def test_many_designs_are_spanned_and_keep_the_variance_between() -> None:
     for one, (length, smooth, alone) in zip(found.candidates, product(LENGTHS, SMOOTH, ALONE), strict=True):
         total = (one.common**2).sum(axis=1) + one.own**2
         log_odds = math.log(100.5 / 0.5)
-        assert total == pytest.approx(
-            COMMON**2 + SLOPE**2 * log_odds**2 + 1 / 100.5 + 2 + smooth**2 + alone**2
-        )
+        assert total == pytest.approx(COMMON**2 + SLOPE**2 * log_odds**2 + 1 / 100.5 + 2 + smooth**2 + alone**2)
         # Neighbours two steps away are as close as the process says.
         near = (one.common[100] * one.common[102]).sum() - COMMON**2 - SLOPE**2 * log_odds**2
         assert near == pytest.approx(smooth**2 * Matern(length, nu=2.5)([[0.0]], [[2 / 299]])[0, 0], rel=0.01)

@@ -139,9 +139,7 @@ def read_evidence(
     names = store.experiment_ids(experiment)
     table = runs_frame(store, experiment) if runs is None else runs
     again = Resimulation(store)
-    return [
-        _evidence(store, infos[name], table[table["experiment"] == name], again, simulated_trials) for name in names
-    ]
+    return [_evidence(store, infos[name], table[table["experiment"] == name], again, simulated_trials) for name in names]
 
 
 def unswept_trials(store: Store, experiment: str | None = None, simulated_trials: bool = False) -> list[Trial]:

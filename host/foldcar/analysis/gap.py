@@ -103,7 +103,7 @@ def rank_agreement(
         each = (a * b).sum(axis=1) / numpy.sqrt((a**2).sum(axis=1) * (b**2).sum(axis=1))
         low, high = numpy.quantile(each[1:], [(1 - confidence) / 2, (1 + confidence) / 2])
         found += [float(each[0]), (float(low), float(high))]
-    return RankAgreement(len(f), *found, mmrv)
+    return RankAgreement(len(f), found[0], found[1], found[2], found[3], mmrv)
 
 
 @dataclass(frozen=True)
@@ -118,6 +118,7 @@ class PairedRates:
     high: float
     only_first: int
     only_second: int
+    environments: int
     p_value: float
 
 
@@ -143,6 +144,5 @@ def paired_rates(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) 
     sides = 2 * beta.ppf(PARTS, only_first + 0.5, only_second + 0.5) - 1
     low, high = numpy.quantile(numpy.outer(shares, sides), [(1 - confidence) / 2, (1 + confidence) / 2])
     difference = (only_first - only_second) / n
-    return PairedRates(
-        difference, min(float(low), difference), max(float(high), difference), only_first, only_second, p_value
-    )
+    low, high = min(float(low), difference), max(float(high), difference)
+    return PairedRates(difference, low, high, only_first, only_second, n, p_value)

@@ -29,9 +29,7 @@ class Placed:
     place: str
 
 
-def first_designs(
-    parameters: ArrayLike, rates: ArrayLike, uncertainty: ArrayLike, threshold: float
-) -> list[Placed]:
+def first_designs(parameters: ArrayLike, rates: ArrayLike, uncertainty: ArrayLike, threshold: float) -> list[Placed]:
     """The designs to build before there are trials, the most useful first.
 
     ``parameters`` (designs, k), ``rates`` (designs,) of simulation, their ``uncertainty`` (designs,; the larger, the less
@@ -120,7 +118,6 @@ class Value:
 
     choice: NDArray[Any]
     threshold: NDArray[Any]
-
 
 
 def value_of_trials(draws: ArrayLike, threshold: float, trials: int) -> Value:

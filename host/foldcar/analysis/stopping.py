@@ -123,9 +123,7 @@ def advice(successes: int, runs: int, threshold: float, confidence: float = 0.95
     low, high = jeffreys_interval(successes, runs, confidence)
     side = "above" if successes >= threshold * runs else "below"
     if not low <= threshold <= high:
-        return (
-            f"{successes} of {runs} passed: {side} {100 * threshold:g} %, which more environments will hardly change."
-        )
+        return f"{successes} of {runs} passed: {side} {100 * threshold:g} %, which more environments will hardly change."
     chance = chance_of_crossing(successes, runs, threshold, runs)
     return (
         f"{successes} of {runs} passed: not decided against {100 * threshold:g} %; as many environments again would move "

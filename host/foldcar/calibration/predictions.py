@@ -93,8 +93,7 @@ def expected_bits(
     """
     probabilities = np.exp(_counts_to_come(logit, tau, done, more))
     alone = [
-        _information(np.stack([probabilities[chosen].mean(axis=0) for chosen in _groups(column)]))
-        for column in scores.T
+        _information(np.stack([probabilities[chosen].mean(axis=0) for chosen in _groups(column)])) for column in scores.T
     ]
     return _information(probabilities), np.array(alone)
 

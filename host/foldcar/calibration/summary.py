@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import expit
 from scipy.stats import binom
 
+from foldcar.analysis.words import design_text, listed, percent
 from foldcar.calibration.experiment import SweptExperiment, TrialCounts
 from foldcar.calibration.inference import Inference, posterior_of
 from foldcar.calibration.parameters import NAMES, PARAMETERS, FloatArray, Parameter
@@ -19,6 +20,12 @@ from foldcar.calibration.predictions import TRIALS, interval, log_score, predict
 
 CONFIDENCE = 0.9
 SHOWN_TRIALS = 3
+# Shares of the prior's variance: a parameter is as unknown as before below the first, known better from the second on.
+UNTOLD, TOLD = 0.1, 0.3
+# Correlations from here on are told; at most this many.
+CORRELATED, MOST_PAIRS = 0.25, 3
+# Emulator and simulation may differ by this in the rate of a design.
+TOLERATED = 0.06
 
 # Passed and all nominal runs of designs, by their index.
 Nominal = Mapping[int, tuple[int, int]]
@@ -70,9 +77,7 @@ def left_out(inference: Inference, experiment: SweptExperiment, nominal: Nominal
     counts, stream, rows = inference.counts, np.random.default_rng(seed), []
     for index, design in enumerate(counts.designs if len(counts.designs) > 1 else ()):
         kept = [i for i in range(len(counts.designs)) if i != index]
-        designs, passes, trials = (
-            tuple(one[i] for i in kept) for one in (counts.designs, counts.passed, counts.counted)
-        )
+        designs, passes, trials = (tuple(one[i] for i in kept) for one in (counts.designs, counts.passed, counts.counted))
         others = TrialCounts(designs, passes, trials, counts.simulated, ())
         posterior = posterior_of(inference.emulator, inference.features, others, seed, inference.known)
         logit = inference.emulator.logits(posterior.scores, inference.features[[design]])[:, 0]
@@ -144,9 +149,7 @@ def _correlations(inference: Inference) -> list[dict[str, Any]]:
     return [{"parameters": [b, a], "correlation": round(r, 3)} for a, b, r in ranked]
 
 
-def _designs(
-    inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int
-) -> list[dict[str, Any]]:
+def _designs(inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int) -> list[dict[str, Any]]:
     counts, posterior = inference.counts, inference.posterior
     stream, rows = np.random.default_rng(seed), []
     for index, design in enumerate(counts.designs):
@@ -187,25 +190,39 @@ def _ends(values: FloatArray) -> dict[str, float]:
     return dict(zip(("low", "high"), interval(values, CONFIDENCE), strict=True))
 
 
-# Shares of the prior's variance: a parameter is as unknown as before below the first, known better from the second on.
-UNTOLD, TOLD = 0.1, 0.3
-# Correlations from here on are told; at most this many.
-CORRELATED, MOST_PAIRS = 0.25, 3
-# Emulator and simulation may differ by this in the rate of a design.
-TOLERATED = 0.06
-
-
 def findings(summary: Mapping[str, Any]) -> list[str]:
-    """The sentences; the first is whether the trials are explained."""
-    return [*_fit(summary), *_parameters(summary), *_pairs(summary), *_check(summary), *_next(summary)]
+    """What the numbers say and cannot say, in sentences; the first is whether the trials are explained."""
+    told = [*_fit(summary), *_known_better(summary)]
+    strong = [one for one in summary["correlations"] if abs(one["correlation"]) >= CORRELATED]
+    for one in strong[:MOST_PAIRS]:
+        first, second = one["parameters"]
+        other = "lower" if one["correlation"] > 0 else "higher"
+        told.append(
+            f"The trials cannot tell {first} and {second} apart (correlation {one['correlation']:+.2f}): lower {first} "
+            f"with {other} {second} explains them as well."
+        )
+    told += [
+        f"Simulated under the calibration, {design_text(one['design'])} passes {percent(one['checked'])}, the emulator "
+        f"said {percent(one['emulated'])}: take more --runs."
+        for one in summary["designs"]
+        if abs(one["checked"] - one["emulated"]) > TOLERATED
+    ]
+    if found := summary["next_trials"]:
+        trials = "; of ".join(_trials(one) for one in found)
+        told.append(f"Most would be learned by {found[0]['trials']} trials of {trials}.")
+    return told
 
 
 def _fit(summary: Mapping[str, Any]) -> Iterator[str]:
     designs = summary["designs"]
-    outside = [one for one in designs if not _inside(one["passed"] / one["counted"], one["predicted_95"])]
+    outside = [
+        design_text(one["design"])
+        for one in designs
+        if not one["predicted_95"]["low"] <= one["passed"] / one["counted"] <= one["predicted_95"]["high"]
+    ]
     if outside:
         yield (
-            f"The trials of {_named(outside)} lie outside the 95 % intervals that the calibrated simulator predicts: no "
+            f"The trials of {listed(outside)} lie outside the 95 % intervals that the calibrated simulator predicts: no "
             "set of these parameters explains them."
         )
     else:
@@ -215,65 +232,21 @@ def _fit(summary: Mapping[str, Any]) -> Iterator[str]:
         yield "A discrepancy larger than assumed before is needed: the simulator lacks something that the cars have."
 
 
-def _parameters(summary: Mapping[str, Any]) -> Iterator[str]:
+def _known_better(summary: Mapping[str, Any]) -> Iterator[str]:
     rows = [one for one in summary["parameters"] if one["explained"] is not None]
     for one in sorted(rows, key=lambda row: -row["explained"]):
         if one["explained"] >= TOLD:
-            yield f"{one['name']} is {_range(one['posterior'])} {one['unit']}, before the trials {_range(one['prior'])}."
+            before, after = (
+                f"{ends['median']:.3g} ({ends['low']:.2g} to {ends['high']:.2g})"
+                for ends in (one["prior"], one["posterior"])
+            )
+            yield f"{one['name']} is {after} {one['unit']}, before the trials {before}."
     untold = [one["name"] for one in rows if one["explained"] < UNTOLD]
     if untold:
         yield f"The trials say next to nothing about {', '.join(untold)}: their intervals are those assumed before."
 
 
-def _pairs(summary: Mapping[str, Any]) -> Iterator[str]:
-    strong = [one for one in summary["correlations"] if abs(one["correlation"]) >= CORRELATED]
-    for one in strong[:MOST_PAIRS]:
-        first, second = one["parameters"]
-        other = "lower" if one["correlation"] > 0 else "higher"
-        yield (
-            f"The trials cannot tell {first} and {second} apart (correlation {one['correlation']:+.2f}): lower {first} "
-            f"with {other} {second} explains them as well."
-        )
-
-
-def _check(summary: Mapping[str, Any]) -> Iterator[str]:
-    for one in summary["designs"]:
-        if abs(one["checked"] - one["emulated"]) > TOLERATED:
-            yield (
-                f"Simulated under the calibration, {_design(one)} passes {100 * one['checked']:.0f} %, the emulator said "
-                f"{100 * one['emulated']:.0f} %: take more --runs."
-            )
-
-
-def _next(summary: Mapping[str, Any]) -> Iterator[str]:
-    found = summary["next_trials"]
-    if found:
-        trials = "; of ".join(_trials(one) for one in found)
-        yield f"Most would be learned by {found[0]['trials']} trials of {trials}."
-
-
 def _trials(one: Mapping[str, Any]) -> str:
     height = one["obstacle_height"]
     at = "" if height == 1 else f" with obstacles {100 * height:.0f} % as high"
-    return f"{_design(one)}{at} ({one['bits']:.2f} bits, most about {one['parameter']})"
-
-
-def design_text(design: Mapping[str, float]) -> str:
-    """A design by what varies: ``width_mm 95``."""
-    return ", ".join(f"{name} {value:g}" for name, value in design.items()) or "the design"
-
-
-def _design(one: Mapping[str, Any]) -> str:
-    return design_text(one["design"])
-
-
-def _named(designs: list[Any]) -> str:
-    return "; ".join(_design(one) for one in designs)
-
-
-def _inside(value: float, ends: Mapping[str, float]) -> bool:
-    return bool(ends["low"] <= value <= ends["high"])
-
-
-def _range(ends: Mapping[str, float]) -> str:
-    return f"{ends['median']:.3g} ({ends['low']:.2g} to {ends['high']:.2g})"
+    return f"{design_text(one['design'])}{at} ({one['bits']:.2f} bits, most about {one['parameter']})"

@@ -49,9 +49,7 @@ class Tried:
 class Proposals:
     """The study: ask for designs that were not tried, tell what they are worth. ``designs`` are the points of a grid."""
 
-    def __init__(
-        self, family: Family, objectives: Sequence[Objective], sampler: str, seed: int, designs: int
-    ) -> None:
+    def __init__(self, family: Family, objectives: Sequence[Objective], sampler: str, seed: int, designs: int) -> None:
         self._family = family
         self._objectives = objectives
         self._seed = seed
@@ -62,8 +60,7 @@ class Proposals:
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         self._sampler = sampler
-        directions = ["maximize" if one.largest else "minimize" for one in objectives]
-        self._study = optuna.create_study(directions=directions)
+        self._study = optuna.create_study(directions=["maximize" if one.largest else "minimize" for one in objectives])
         self._grid = [] if sampler != "grid" else grid([len(self._levels[key]) for key in self._varied], designs)
         self._left = iter(self._grid)
         self._trial: Trial | None = None
@@ -190,7 +187,6 @@ def grid(levels: Sequence[int], points: int) -> list[tuple[int, ...]]:
         counts[min(axes, key=lambda axis: counts[axis] / levels[axis])] += 1
     # The middles of equal parts.
     places = [
-        [(2 * i + 1) * level // (2 * count) for i in range(count)]
-        for level, count in zip(levels, counts, strict=True)
+        [(2 * i + 1) * level // (2 * count) for i in range(count)] for level, count in zip(levels, counts, strict=True)
     ]
     return list(itertools.product(*places))

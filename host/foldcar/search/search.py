@@ -148,9 +148,7 @@ def _try_designs(
     found: Found,
     report: Callable[[Found], None],
 ) -> None:
-    while found.designs < plan.designs and (
-        plan.runs is None or found.runs + experiment.environments <= plan.runs
-    ):
+    while found.designs < plan.designs and (plan.runs is None or found.runs + experiment.environments <= plan.runs):
         values = proposals.next()
         if values is None:
             found.exhausted = True

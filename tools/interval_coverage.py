@@ -22,7 +22,7 @@ import numpy
 from page_block import replaced
 from scipy.special import betainc, betaincinv, betaln, xlog1py, xlogy
 from scipy.stats import binom, norm
-from synthetic_trials import ENVIRONMENTS, binary_pairs, graded_pairs, rows
+from synthetic_trials import ENVIRONMENTS, binary_pairs, rows
 
 from foldcar.analysis.gap import paired_rates
 from foldcar.analysis.gaussian_process import success_model
@@ -76,10 +76,10 @@ def exact(interval: Callable[[int, int], tuple[float, float]], n: int) -> Cell:
     return float(numpy.mean(held)), float(numpy.mean([high - low for low, high in ends]))
 
 
-def rectified(correlation: float | None, n: int) -> Cell:
-    """Trials that rectify simulation; without a correlation, simulation gives rates."""
+def rectified(correlation: float, n: int) -> Cell:
+    """Trials that rectify simulation."""
     random = numpy.random.default_rng(SEED)
-    pairs = graded_pairs(random, n, REPEATS) if correlation is None else binary_pairs(random, n, correlation, REPEATS)
+    pairs = binary_pairs(random, n, correlation, REPEATS)
     rates = ((pair.rate, rectified_rate(pair.trials, pair.paired, pair.others)) for pair in pairs)
     return share((truth, rate.low, rate.high) for truth, rate in rates)
 
@@ -206,7 +206,6 @@ LINES: dict[str, Callable[[int], Cell]] = {
     "Jeffreys (trials alone)": partial(exact, jeffreys_interval),
     "Clopper-Pearson": partial(exact, clopper_pearson_interval),
     **{f"trials and simulation, ρ = {value:g}": partial(rectified, value) for value in CORRELATIONS},
-    "trials and simulation, rates by environment": partial(rectified, None),
     "the same, normal interval of PPI++, ρ = 0.5": partial(normal_rectified, 0.5),
     "designs pooled, smooth bias, ρ = 0.4": partial(pooled, False, 0.4),
     "designs pooled, rough bias, ρ = 0.4": partial(pooled, True, 0.4),

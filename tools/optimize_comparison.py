@@ -64,7 +64,7 @@ def picks(
                 if values is None:
                     break
                 one_design(proposals, rows[values], prune)
-            best = proposals.best(proposals.tried, 1)
+            best = proposals.best(1)
             yield best[0].values if best else None
 
 
@@ -73,10 +73,10 @@ def one_design(proposals: Proposals, rows: list[Row], prune: bool) -> None:
     assert SUCCESS.value is not None and OBJECTIVES["time"].value is not None
     seen: list[Row] = []
     pruned = False
-    for batch in batches(len(rows)):
+    for number, batch in enumerate(batches(len(rows))):
         new = [rows[k] for k in batch]
         seen += new
-        if prune and len(seen) < len(rows) and proposals.worse(SUCCESS.value(new, 0.0)):
+        if prune and len(seen) < len(rows) and proposals.worse(number, SUCCESS.value(new, 0.0)):
             pruned = True
             break
     proposals.tell([SUCCESS.value(seen, 0.0)], len(seen), pruned, OBJECTIVES["time"].value(seen, 60.0))

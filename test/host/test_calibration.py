@@ -145,7 +145,6 @@ def test_the_posterior_is_that_of_plain_quadrature() -> None:
 
     found = sample_posterior(lambda s: np.column_stack([1 + 2 * s[:, 0], np.full(len(s), 2.0)]), 1, *told, seed=3)
 
-    assert found.log_evidence == pytest.approx(math.log(evidence), abs=0.1)
     assert found.scores.mean() == pytest.approx(mean, abs=5 * sd / math.sqrt(500))
     assert found.scores.std() == pytest.approx(sd, rel=0.15)
     assert found.discrepancy.mean() == pytest.approx((exact.sum(axis=0) * tau).sum() / evidence, rel=0.1)

@@ -83,7 +83,7 @@ class DesignEvidence:
 
     @property
     def runs_passed(self) -> int:
-        """The number of runs that passed."""
+        """The number of those that passed."""
         return int(self.passed.sum())
 
     @property
@@ -197,26 +197,22 @@ def _evidence(
 
 def _swept(store: Store, info: ExperimentInfo, runs: pandas.DataFrame) -> Iterator[DesignEvidence]:
     """The designs of the family with their runs."""
-    designs = list(store.designs(info.id).values())
-    names = list(designs[0]) if designs else []
     groups = runs.groupby([*info.varied], sort=False, dropna=False).indices if info.varied else {(): range(len(runs))}
     keyed = {key if isinstance(key, tuple) else (key,): rows for key, rows in groups.items()}
-    samples, elapsed_s = runs["sample"].to_numpy(), runs["elapsed_time_s"].to_numpy()
-    codes, outcomes = pandas.factorize(runs["outcome"])
-    for design in designs:
+    samples, elapsed_s, outcomes = (runs[name].to_numpy() for name in ("sample", "elapsed_time_s", "outcome"))
+    for design in store.designs(info.id).values():
         rows = numpy.asarray(keyed.get(tuple(design[name] for name in info.varied), []), dtype=int)
-        counts = numpy.bincount(codes[rows], minlength=len(outcomes)).tolist()
-        discarded = numpy.isin(codes[rows], numpy.flatnonzero(outcomes == REJECTED))
+        counts, discarded = Counter(outcomes[rows].tolist()), outcomes[rows] == REJECTED
         rejected, rows = frozenset(samples[rows[discarded]].tolist()), rows[~discarded]
         times = elapsed_s[rows][~numpy.isnan(elapsed_s[rows])]
         yield DesignEvidence(
             info.vehicle_type,
-            {name: design[name] for name in names},
+            dict(design),
             design_text({name: design[name] for name in info.varied}),
             True,
             samples[rows],
-            numpy.isin(codes[rows], numpy.flatnonzero(outcomes == "passed")),
-            Counter({outcome: number for outcome, number in zip(outcomes, counts, strict=True) if number}),
+            outcomes[rows] == "passed",
+            counts,
             float(times.mean()) if len(times) else None,
             stopped=info.until is not None,
             rejected=rejected,
@@ -251,12 +247,11 @@ def _unswept_remarks(made: Sequence[tuple[DesignEvidence, str | None]]) -> Itera
     for one, why_not in made:
         fates.setdefault(why_not, []).append(one)
     for why_not, some in fates.items():
-        names = [f"{one.label} is" for one in some]
+        named = [(f"{one.label} is", "it was") for one in some]
         if len(some) > SHOWN:
             more = count(len(some) - SHOWN, "further design")
-            names = [f"{', '.join(one.label for one in some[:SHOWN])} and {more} are"]
-        for name in names:
-            was = "it was" if name.endswith(" is") else "they were"
+            named = [(f"{', '.join(one.label for one in some[:SHOWN])} and {more} are", "they were")]
+        for name, was in named:
             if why_not is None:
                 yield f"{name} not in the sweep: {was} simulated now, in {some[0].runs} environments."
             else:
@@ -278,28 +273,28 @@ def _kept(store: Store, experiment: str | None, simulated_trials: bool) -> tuple
 def _trials(store: Store, info: ExperimentInfo, simulated_trials: bool) -> tuple[list[Trial], list[str]]:
     """The trials to compare, aborted ones among them, and what is said of those left out or driven elsewhere."""
     kept, remarks = _kept(store, info.listed_id, simulated_trials)
-    if info.under is not None and kept and info.under.startswith(REALITY_KIND):
-        remarks.append(f"The runs are of {info.under}: parameters of a file, not what trials say.")
-    elif info.under is not None and kept:
+    if info.under is not None and kept:
         remarks.append(
-            f"The runs are of the {info.under}, which goes by trials of experiment {info.listed_id}: where they agree "
-            "with those trials it is by fit, which later trials may test."
+            f"The runs are of {info.under}: parameters of a file, not what trials say."
+            if info.under.startswith(REALITY_KIND)
+            else f"The runs are of the {info.under}, which goes by trials of experiment {info.listed_id}: where they "
+            "agree with those trials it is by fit, which later trials may test."
         )
     corrected = sum(trial.corrections > 0 for trial in kept)
     if corrected:
         remarks.append(f"{count(corrected, 'trial')} corrected afterwards: the latest correction counts.")
     elsewhere = store.trials_elsewhere(info)
-    other = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] != info.scenic_program]
-    moved = [trial for trial in kept if trial.id in elsewhere and elsewhere[trial.id] == info.scenic_program]
-    for program, number in Counter(elsewhere[trial.id] or "an unknown program" for trial in other).items():
-        remarks.append(f"{count(number, 'trial')} left out: driven in {program}, not in {info.scenic_program}.")
+    programs = Counter(elsewhere[trial.id] for trial in kept if trial.id in elsewhere)
+    moved = programs.pop(info.scenic_program, 0)
+    for program, number in programs.items():
+        where = program or "an unknown program"
+        remarks.append(f"{count(number, 'trial')} left out: driven in {where}, not in {info.scenic_program}.")
     if moved:
         remarks.append(
-            f"{count(len(moved), 'trial')} were driven in other samples of {info.scenic_program} than the runs: "
+            f"{count(moved, 'trial')} were driven in other samples of {info.scenic_program} than the runs: "
             "its text, parameters or seed, or foldcar, have changed."
         )
-    others = {trial.id for trial in other}
-    return [trial for trial in kept if trial.id not in others], remarks
+    return [trial for trial in kept if elsewhere.get(trial.id, info.scenic_program) == info.scenic_program], remarks
 
 
 def _with_trials(
@@ -335,16 +330,13 @@ def _pair_remarks(designs: Sequence[DesignEvidence]) -> Iterator[str]:
         what = "placed otherwise than planned, or has no stored run" if again == 1 else "placed otherwise, or have no run"
         yield f"{count(again, 'trial')} {what}: simulated again as placed."
     alone = sum(trial.simulated is None for trial in trials)
-    if trials and alone:
+    if alone:
         yield (
             f"{alone} of {len(trials)} trials cannot be paired with a run of the same environment, which is not known, "
             "not simulated or rejected: they count by their rate alone."
         )
-    repeated = sum(
-        number - 1
-        for one in designs
-        for number in Counter(trial.sample for trial in one.trials if trial.sample is not None).values()
-    )
+    met = [[trial.sample for trial in one.trials if trial.sample is not None] for one in designs]
+    repeated = sum(len(samples) - len(set(samples)) for samples in met)
     if repeated:
         yield (
             f"{count(repeated, 'trial')} repeat an environment of the same design: intervals take all trials as "

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from foldcar.advice.evidence import DesignEvidence
 from foldcar.advice.outlook import Outlook
-from foldcar.analysis.gap import PairedRates, paired_rates
+from foldcar.analysis.gap import paired_rates
 from foldcar.analysis.gaussian_process import unit_range
 from foldcar.analysis.selection import (
     ABOVE,
@@ -20,7 +20,6 @@ from foldcar.analysis.selection import (
     MIDDLE,
     OUTSIDE,
     UPPER_EDGE,
-    Placed,
 )
 from foldcar.analysis.words import count, listed, percent, points, span_text
 from foldcar.simulation.engines import engine_title
@@ -69,7 +68,7 @@ def first_reason(place: str, one: DesignEvidence, simulation: str, parted: Parti
     return "; ".join([_FIRST[place], passes, *_parted_text(parted)])
 
 
-def next_reason(seen: Outlook, index: int, threshold: float, parted: Parting | None, together: Sequence[Placed]) -> str:
+def next_reason(seen: Outlook, index: int, threshold: float, parted: Parting | None) -> str:
     """Why a design is tried next, from what is believed of it."""
     parts = []
     above = float((seen.draws[:, index] >= threshold).mean())
@@ -143,8 +142,8 @@ def told_apart_text(passed: ArrayLike, labels: Sequence[str], best: int, others:
     level = LEVEL / max(1, len([one for one in others if one != best]))
     behind: list[str] = []
     ahead: list[str] = []
-    close: list[tuple[str, PairedRates]] = []
-    environments = 0
+    close: list[str] = []
+    reach, environments = 0.0, 0
     for other in others:
         both = ~numpy.isnan(table[best]) & ~numpy.isnan(table[other])
         if other == best or both.sum() < LEAST:
@@ -154,17 +153,17 @@ def told_apart_text(passed: ArrayLike, labels: Sequence[str], best: int, others:
         if pair.p_value <= level:
             (behind if pair.difference > 0 else ahead).append(labels[other])
         else:
-            close.append((labels[other], pair))
+            close.append(labels[other])
+            reach = max(reach, pair.high)
     said = []
     if behind:
         said.append(f"passes more often than {listed(behind)}")
     if ahead:
         said.append(f"passes less often than {listed(ahead)}")
     if close:
-        reach = max(pair.high for _, pair in close)
         advised = "choose between these by cost" if reach <= ALIKE else "more environments would tell"
         said.append(
-            f"is not told apart from {listed([label for label, _ in close])}, which may pass up to "
+            f"is not told apart from {listed(close)}, which may pass up to "
             f"{points(reach, sign=False)} points less: {advised}"
         )
     if not said:

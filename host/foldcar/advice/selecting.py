@@ -27,7 +27,7 @@ from foldcar.analysis.selection import (
     telling_environments,
     trials_needed,
 )
-from foldcar.analysis.words import count, listed, percent, points
+from foldcar.analysis.words import count, listed, percent, points, rate_text
 from foldcar.car.design import compose
 from foldcar.car.folded_car import folded_car
 from foldcar.car.modules import parameters
@@ -173,7 +173,7 @@ class _Choice:
             leader = seen.designs[best].design
             enough = not self._open().any() and loss <= self.precision
         placed = [] if enough else self._placed(build)
-        recommended = tuple(self._recommendation(one, placed, with_cost) for one in placed)
+        recommended = tuple(self._recommendation(one, with_cost) for one in placed)
         rows = [one.index for one in placed]
         met = {trial.sample for index in rows for trial in seen.designs[index].trials}
         known = [index for index, sample in enumerate(seen.samples) if sample in met]
@@ -226,14 +226,14 @@ class _Choice:
             return numpy.ones(len(self.seen.designs), dtype=bool)
         return numpy.array([rate.low < self.threshold <= rate.high for rate in self.seen.pooled])
 
-    def _recommendation(self, placed: Placed, together: Sequence[Placed], with_cost: bool) -> Recommendation:
+    def _recommendation(self, placed: Placed, with_cost: bool) -> Recommendation:
         seen, index = self.seen, placed.index
         one = seen.designs[index]
         expected = None if seen.pooled is None else seen.pooled[index]
         done = len(one.trials)
         trials = max(1, trials_needed(seen.draws[:, index], self.precision) - done)
         if placed.place == NEXT:
-            reason = next_reason(seen, index, self.threshold, self._parted(one), together)
+            reason = next_reason(seen, index, self.threshold, self._parted(one))
         else:
             reason = first_reason(placed.place, one, self.evidence.info.simulation, self._parted(one))
         price = cost(one.vehicle_type, one.design, trials, one.mean_time_s, bool(done)) if with_cost else None
@@ -248,8 +248,7 @@ class _Choice:
         if number and len(seen.designs) > 1:
             rate = Rate.counted(passed, number, count(number, "run"), info.until is not None)
             remarks.append(
-                f"Best in {info.simulation}: {seen.designs[best].label}, {percent(rate.value)} "
-                f"({percent(rate.low)} to {percent(rate.high)}), chosen in one half of the "
+                f"Best in {info.simulation}: {seen.designs[best].label}, {rate_text(rate)}, chosen in one half of the "
                 "environments and counted in the other."
             )
             # Trials say more; the test holds for a number of runs that was fixed before.
@@ -277,8 +276,7 @@ class _Choice:
         if loss is None:
             return f"Build {named}: no trials yet, so these mark the region that reaches {limit} in {simulation}."
         best, _ = expected_loss(seen.draws)
-        rate = None if seen.pooled is None else seen.pooled[best]
-        shown = "" if rate is None else f" with {percent(rate.value)} ({percent(rate.low)} to {percent(rate.high)})"
+        shown = "" if seen.pooled is None else f" with {rate_text(seen.pooled[best])}"
         leads = f"by trials and {simulation} together {seen.designs[best].label} leads{shown}"
         loses = f"to settle for it loses {points(loss, sign=False)} points on average against the best there may be"
         if not enough:

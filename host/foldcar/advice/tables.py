@@ -23,17 +23,7 @@ def comparison_object(found: Comparison) -> dict[str, Any]:
         "sentence": found.sentence,
         "margin": found.margin,
         "experiments": [_experiment_object(one) for one in found.experiments],
-        "trials_alone": [
-            {
-                "experiment": one.experiment,
-                "sentence": one.sentence,
-                "designs": [
-                    {"label": label, "trials_passed": passed, "driven": asdict(rate)}
-                    for label, passed, rate in one.designs
-                ],
-            }
-            for one in found.alone
-        ],
+        "trials_alone": list(found.alone),
     }
 
 

@@ -108,16 +108,11 @@ def rank_agreement(
 
 @dataclass(frozen=True)
 class PairedRates:
-    """The rate of the first design less the second's, -1 to 1, with its interval and McNemar's p-value.
-
-    ``only_first`` and ``only_second`` count the environments that one design alone passed.
-    """
+    """The rate of the first design less the second's, -1 to 1, with its interval and McNemar's p-value."""
 
     difference: float
     low: float
     high: float
-    only_first: int
-    only_second: int
     environments: int
     p_value: float
 
@@ -145,4 +140,4 @@ def paired_rates(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) 
     low, high = numpy.quantile(numpy.outer(shares, sides), [(1 - confidence) / 2, (1 + confidence) / 2])
     difference = (only_first - only_second) / n
     low, high = min(float(low), difference), max(float(high), difference)
-    return PairedRates(difference, low, high, only_first, only_second, n, p_value)
+    return PairedRates(difference, low, high, n, p_value)

@@ -94,17 +94,19 @@ def unit_range(parameters: NDArray[Any]) -> NDArray[Any]:
 def laplace(functions: NDArray[Any], prior: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any]) -> Factors:
     """The factors of functions (d, p) given counts (d,) of designs whose log-odds are ``prior`` (d,) plus the process."""
     factors = numpy.zeros(functions.shape[1])
-    identity = numpy.eye(len(factors))
 
     def log_density(at: NDArray[Any]) -> float:
         log_odds = prior + functions @ at
         return float((passed * log_odds - counted * numpy.logaddexp(0, log_odds)).sum() - at @ at / 2)
 
+    def slope_and_curvature(at: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        rate = 1 / (1 + numpy.exp(-(prior + functions @ at)))
+        weighted = functions * (counted * rate * (1 - rate))[:, None]
+        return functions.T @ (passed - counted * rate) - at, weighted.T @ functions + numpy.eye(len(at))
+
     value = log_density(factors)
     for _ in range(NEWTON_STEPS):
-        rate = 1 / (1 + numpy.exp(-(prior + functions @ factors)))
-        curvature = (functions * (counted * rate * (1 - rate))[:, None]).T @ functions + identity
-        step = numpy.linalg.solve(curvature, functions.T @ (passed - counted * rate) - factors)
+        step = numpy.linalg.solve(*slope_and_curvature(factors)[::-1])
         size = 1.0
         # A full step may overshoot where the likelihood is flat.
         while (new := log_density(factors + size * step)) < value - TOLERANCE and size > 1e-4:
@@ -113,7 +115,7 @@ def laplace(functions: NDArray[Any], prior: NDArray[Any], passed: NDArray[Any], 
         if abs(gain) < TOLERANCE:
             break
     # The covariance is the inverse of the curvature, L L': its root is L'^-1.
-    lower = numpy.linalg.cholesky(curvature)
+    lower = numpy.linalg.cholesky(slope_and_curvature(factors)[1])
     evidence = value - float(numpy.log(numpy.diagonal(lower)).sum())
     return Factors(factors, numpy.linalg.inv(lower).T, evidence)
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from foldcar.analysis.gap import RankAgreement
+from foldcar.analysis.rate import Rate
 
 # The units in which designs are written.
 UNITS = {"mm": " mm", "deg": "°"}
@@ -33,6 +34,11 @@ def percent(share: float) -> str:
     if 0.995 < share < 1:
         return "above 99.5 %"
     return f"{100 * share:.0f} %"
+
+
+def rate_text(rate: Rate) -> str:
+    """A rate with its interval: ``70 % (40 % to 89 %)``."""
+    return f"{percent(rate.value)} ({percent(rate.low)} to {percent(rate.high)})"
 
 
 def points(difference: float, sign: bool = True) -> str:

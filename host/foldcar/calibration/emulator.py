@@ -32,6 +32,12 @@ STEPS, MOST_EPOCHS = 2400, 100
 PENALTY_RUNS, PENALTY_LIMITS = 2400.0, (0.05, 0.5)
 # No simulation tells a probability closer to 0 or 1 than this logit: 1 in 400.
 LARGEST_LOGIT = 6.0
+# Designs of the family that each set of parameters is simulated with, beside those with trials.
+OTHERS = 2
+# The first sets are spread wider than the prior, so that the emulator does not extrapolate at its edges.
+WIDER = 1.2
+# The second ones are draws of the first posterior, with noise.
+NOISE = 0.4
 
 
 @dataclass(frozen=True)
@@ -78,12 +84,6 @@ def fit(scores: FloatArray, features: FloatArray, passed: FloatArray, seed: int)
             networks.append(tuple(zip(network.coefs_, network.intercepts_, strict=True)))
     return Emulator(tuple(networks))
 
-
-OTHERS = 2
-# The first sets are spread wider than the prior, so that the emulator does not extrapolate at its edges.
-WIDER = 1.2
-# The second ones are draws of the first posterior, with noise.
-NOISE = 0.4
 
 IntArray = np.ndarray[tuple[int], np.dtype[np.int64]]
 

@@ -17,9 +17,8 @@ from typing import Any
 
 from foldcar.calibration import effects
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
-from foldcar.calibration.parameters import NOMINAL, PARAMETERS, check_values
+from foldcar.calibration.parameters import NOMINAL, check_values, parameter_named
 from foldcar.car.variation.vary_body import NumberLimits, vary_body
-from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.scenes.fingerprint import variation_code
 from foldcar.store.calibrations import Calibration
@@ -27,6 +26,11 @@ from foldcar.store.info import CALIBRATION_KIND, REALITY_KIND
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
 from foldcar.study.listing_file import load_listing
+
+# Beyond these scores the priors have no mass that matters, and the simulator's limits come near.
+MOST_SCORE = 6.0
+# Of the hash of the values, in a reality's name.
+NAME_DIGITS = 8
 
 
 class CalibratedEnvironment(Environment):
@@ -98,30 +102,16 @@ def _effects_code() -> str:
     return hashlib.sha256(Path(effects.__file__).read_bytes()).hexdigest()
 
 
-# Beyond these scores the priors have no mass that matters, and the simulator's limits come near.
-MOST_SCORE = 6.0
-
-# Of the hash of the values, in a reality's name.
-NAME_DIGITS = 8
-
-
 def read_reality(file: Path) -> dict[str, float]:
     """All parameters by name, those of ``file`` and the nominal values of the others."""
     data, _ = load_listing(file)
     if not isinstance(data, Mapping):
         raise FoldcarError(f"{file}: is not a JSON object of parameters, as docs/calibration.md has them")
-    known = {parameter.name: parameter for parameter in PARAMETERS}
     values = dict(NOMINAL)
     for name, value in data.items():
-        if name not in known:
-            meant = did_you_mean(name, known)
-            raise FoldcarError(f'{file}: unknown parameter "{name}"{meant}; known: {", ".join(known)}')
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise FoldcarError(f"{file}: {name}: {value!r} is not a number")
-        low, high = (float(known[name].value(score)) for score in (-MOST_SCORE, MOST_SCORE))
-        low, high = min(low, known[name].nominal), max(high, known[name].nominal)
-        if not low <= value <= high:
-            raise FoldcarError(f"{file}: {name}: {value:g} is outside {low:.3g} to {high:.3g} {known[name].unit}")
+        parameter_named(name, value, f"{file}: {name}", MOST_SCORE, with_nominal=True)
         values[name] = float(value)
     return values
 

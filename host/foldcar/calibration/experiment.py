@@ -23,11 +23,24 @@ from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.rows import parsed
 from foldcar.store.tables import BY_NAME, DESIGN, ENVIRONMENT, EXPERIMENT
-from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Trial
+from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN
 from foldcar.store.writer import canonical_json
 
 # Fewer scenes are no sample of an environment.
 LEAST_SCENES = 20
+CHUNK_RUNS = 60
+# A parameter set whose runs the simulator cannot compute is left out, but only in rare cases.
+MOST_FAILED = 0.02
+ABORTED, ELSEWHERE, NO_DESIGN = "aborted", "elsewhere", "no design"
+_WHY = {
+    SIMULATED: "of simulated cars",
+    BUILT: "of built cars",
+    UNKNOWN: "of cars that may be built or simulated (tell with `foldcar trials correct` and --car)",
+    WITHDRAWN: "withdrawn",
+    ABORTED: "aborted",
+    ELSEWHERE: "in another environment than the experiment's",
+    NO_DESIGN: "of cars that are no designs of the experiment as swept",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,11 +116,6 @@ def _json(store: Store, table: str, number: int) -> dict[str, Any]:
     raise FoldcarError(f"{store.path}: {table} (id={number}) is missing; `foldcar check` names all that is")
 
 
-CHUNK_RUNS = 60
-# A parameter set whose runs the simulator cannot compute is left out, but only in rare cases.
-MOST_FAILED = 0.02
-
-
 @dataclass(frozen=True, slots=True)
 class CalibrationRun:
     """A design by its index, under ``values``, in the scene of that index; ``number`` chooses what scatters."""
@@ -177,18 +185,6 @@ class Simulator:
         return [None if outcome == "failed" else outcome == "passed" for outcome in outcomes]
 
 
-ABORTED, ELSEWHERE, NO_DESIGN = "aborted", "elsewhere", "no design"
-_WHY = {
-    SIMULATED: "of simulated cars",
-    BUILT: "of built cars",
-    UNKNOWN: "of cars that may be built or simulated (tell with `foldcar trials correct` and --car)",
-    WITHDRAWN: "withdrawn",
-    ABORTED: "aborted",
-    ELSEWHERE: "in another environment than the experiment's",
-    NO_DESIGN: "of cars that are no designs of the experiment as swept",
-}
-
-
 @dataclass(frozen=True, slots=True)
 class TrialCounts:
     """``passed`` of ``counted`` trials for each of ``designs``, indices of the experiment's; ``notes`` for the reader."""
@@ -221,9 +217,14 @@ def count_trials(store: Store, experiment: SweptExperiment, simulated: bool) -> 
     counted, passed, left_out = Counter[int](), Counter[int](), Counter[str]()
     for trial in store.trials(name):
         design = experiment.design_of(trial.design) if trial.vehicle_type == experiment.info.vehicle_type else None
-        why = _why_not(trial, simulated, trial.id in elsewhere, design)
-        if why or design is None:
-            left_out[why or NO_DESIGN] += 1
+        if trial.standing != (SIMULATED if simulated else BUILT):
+            left_out[trial.standing] += 1
+        elif not trial.completed:
+            left_out[ABORTED] += 1
+        elif trial.id in elsewhere:
+            left_out[ELSEWHERE] += 1
+        elif design is None:
+            left_out[NO_DESIGN] += 1
         else:
             counted[design] += 1
             passed[design] += trial.outcome == "passed"
@@ -231,34 +232,14 @@ def count_trials(store: Store, experiment: SweptExperiment, simulated: bool) -> 
     if not counted:
         hint = " (--simulated-trials calibrates by them)" if left_out[SIMULATED] else ""
         raise FoldcarError(f"{store.path}: experiment {name}: no trial to calibrate by: {reasons}{hint}")
-    designs = tuple(sorted(counted))
     notes = [f"Trials left out: {reasons}."] if reasons else []
-    return TrialCounts(
-        designs,
-        tuple(passed[design] for design in designs),
-        tuple(counted[design] for design in designs),
-        simulated,
-        (*notes, *_warnings(len(designs), passed.total(), counted.total(), simulated)),
-    )
-
-
-def _why_not(trial: Trial, simulated: bool, elsewhere: bool, design: int | None) -> str | None:
-    if trial.standing != (SIMULATED if simulated else BUILT):
-        return trial.standing
-    if not trial.completed:
-        return ABORTED
-    if elsewhere:
-        return ELSEWHERE
-    return NO_DESIGN if design is None else None
-
-
-def _warnings(designs: int, passed: int, counted: int, simulated: bool) -> list[str]:
-    found = []
     if simulated:
-        found.append("These are trials of SIMULATED cars: the calibration says nothing about built ones.")
-    if designs == 1:
-        found.append("All trials are of one design: one rate cannot tell parameters apart.")
-    if passed in (0, counted):
-        all_or_none = "All" if passed else "None"
-        found.append(f"{all_or_none} of the {counted} trials passed: they bound the parameters on one side only.")
-    return found
+        notes.append("These are trials of SIMULATED cars: the calibration says nothing about built ones.")
+    if len(counted) == 1:
+        notes.append("All trials are of one design: one rate cannot tell parameters apart.")
+    if passed.total() in (0, counted.total()):
+        all_or_none = "All" if passed.total() else "None"
+        notes.append(f"{all_or_none} of the {counted.total()} trials passed: they bound the parameters on one side only.")
+    designs = tuple(sorted(counted))
+    passes, trials = (tuple(one[design] for design in designs) for one in (passed, counted))
+    return TrialCounts(designs, passes, trials, simulated, tuple(notes))

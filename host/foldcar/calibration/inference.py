@@ -12,7 +12,6 @@ import numpy as np
 
 from foldcar.calibration.emulator import (
     OTHERS,
-    Bank,
     Emulator,
     IntArray,
     features_of,
@@ -49,7 +48,6 @@ class Inference:
     chosen: IntArray
     checked: FloatArray
     check_runs: int
-    bank: Bank
     known: Mapping[int, float] = field(default_factory=dict)
 
     @property
@@ -99,9 +97,7 @@ def infer(
     table = np.array([np.nan if one is None else float(one) for one in results])
     checked = np.nanmean(table.reshape(DRAWS, planned.scenes, len(counts.designs)), axis=(0, 1))
     logits = emulator.logits(posterior.scores, features[list(counts.designs)])
-    return Inference(
-        counts, emulator, features, posterior, logits, chosen, checked, planned.scenes * DRAWS, bank, dict(known)
-    )
+    return Inference(counts, emulator, features, posterior, logits, chosen, checked, planned.scenes * DRAWS, dict(known))
 
 
 def posterior_of(

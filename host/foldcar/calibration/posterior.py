@@ -11,12 +11,9 @@ moves, which leave the normal prior of the scores as it is.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
-import numpy
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import gammaln, logsumexp
+from scipy.special import expit, gammaln, log_expit, logsumexp
 
 from foldcar.calibration.parameters import FloatArray, Parameter
 
@@ -30,6 +27,10 @@ MOVES = 12
 # Share of the particles that a step of the temperature leaves effective.
 EFFECTIVE = 0.5
 ACCEPTED = 0.3
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
+# Without the standard normal density, which is in the integrand.
+_LOG_WEIGHTS = np.log(_WEIGHTS / _WEIGHTS.sum()) + _NODES**2 / 2
+NEWTON_STEPS = 8
 
 # Success logits (n, designs) of scores (n, parameters).
 Logits = Callable[[FloatArray], FloatArray]
@@ -37,15 +38,11 @@ Logits = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True, slots=True)
 class Posterior:
-    """Equally likely draws: ``scores`` (n, parameters), ``discrepancy`` τ (n), ``log_likelihood`` (n).
-
-    ``log_evidence`` is the logarithm of the probability of the trials before the parameters are known.
-    """
+    """Equally likely draws: ``scores`` (n, parameters), ``discrepancy`` τ (n), ``log_likelihood`` (n)."""
 
     scores: FloatArray
     discrepancy: FloatArray
     log_likelihood: FloatArray
-    log_evidence: float
 
 
 def sample_posterior(
@@ -60,11 +57,10 @@ def sample_posterior(
 
     latent = stream.standard_normal((particles, parameters + 1))
     found = likelihood(latent)
-    temperature, evidence, size = 0.0, 0.0, 0.5
+    temperature, size = 0.0, 0.5
     while temperature < 1:
         step = _next_step(found, 1 - temperature)
         weights = step * found
-        evidence += float(logsumexp(weights)) - np.log(particles)
         kept = _resampled(np.exp(weights - logsumexp(weights)), stream)
         latent, found = latent[kept], found[kept]
         temperature = min(1.0, temperature + step)
@@ -74,7 +70,7 @@ def sample_posterior(
             taken = np.log(stream.random(particles)) < temperature * (there - found)
             latent[taken], found[taken] = moved[taken], there[taken]
             size = float(np.clip(size * np.exp(taken.mean() - ACCEPTED), 0.02, 0.95))
-    return Posterior(latent[:, :-1], np.asarray(DISCREPANCY.value(latent[:, -1])), found, evidence)
+    return Posterior(latent[:, :-1], np.asarray(DISCREPANCY.value(latent[:, -1])), found)
 
 
 def log_likelihood(logit: FloatArray, tau: FloatArray, passed: FloatArray, counted: FloatArray) -> FloatArray:
@@ -114,36 +110,28 @@ def _resampled(weights: FloatArray, stream: np.random.Generator) -> np.ndarray[t
     return np.searchsorted(np.cumsum(weights), places).clip(max=len(weights) - 1)
 
 
-_NODES, _WEIGHTS = numpy.polynomial.hermite_e.hermegauss(15)
-# Without the standard normal density, which is in the integrand.
-_LOG_WEIGHTS = numpy.log(_WEIGHTS / _WEIGHTS.sum()) + _NODES**2 / 2
-NEWTON_STEPS = 8
-
-
 def binomial_normal(
-    mean: NDArray[Any], sd: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any]
-) -> tuple[NDArray[Any], NDArray[Any]]:
+    mean: FloatArray, sd: FloatArray, passed: FloatArray, counted: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Log-odds (..., nodes) and the logarithms of their shares of the likelihood, but for the binomial coefficient.
 
     Log-odds are normal with ``mean`` and ``sd``, of which ``passed`` of ``counted`` came; all (...,) or broadcast so.
     Their log-likelihood is logsumexp of the shares; the shares are also the log-odds' posterior.
     """
-    from scipy.special import expit, log_expit
-
     # Log-odds are mean + sd e, the integrand is binomial times the standard normal density of e.
     share = (passed + 0.5) / (counted + 1)
     known = sd**2 * counted * share * (1 - share)
-    longest = 1 / numpy.maximum(sd, 1e-9)
+    longest = 1 / np.maximum(sd, 1e-9)
     # Where counts as normal as the log-odds have it; then Newton's steps, none longer than 1 in log-odds.
-    e = known / (1 + known) * (numpy.log(share / (1 - share)) - mean) * longest
+    e = known / (1 + known) * (np.log(share / (1 - share)) - mean) * longest
     for _ in range(NEWTON_STEPS):
         rate = expit(mean + sd * e)
         slope = sd * (passed - counted * rate) - e
-        e = e + numpy.clip(slope / (1 + sd**2 * counted * rate * (1 - rate)), -longest, longest)
+        e = e + np.clip(slope / (1 + sd**2 * counted * rate * (1 - rate)), -longest, longest)
     rate = expit(mean + sd * e)
-    spread = (1 / numpy.sqrt(1 + sd**2 * counted * rate * (1 - rate)))[..., None]
+    spread = (1 / np.sqrt(1 + sd**2 * counted * rate * (1 - rate)))[..., None]
     at = e[..., None] + spread * _NODES
     log_odds = mean[..., None] + sd[..., None] * at
     passing, failing = passed[..., None], (counted - passed)[..., None]
-    shares = passing * log_expit(log_odds) + failing * log_expit(-log_odds) - at**2 / 2 + numpy.log(spread)
+    shares = passing * log_expit(log_odds) + failing * log_expit(-log_odds) - at**2 / 2 + np.log(spread)
     return log_odds, shares + _LOG_WEIGHTS

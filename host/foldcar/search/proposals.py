@@ -66,8 +66,8 @@ class Proposals:
         self._trial: Trial | None = None
         self._suggested: Values = ()
         # By batch, of the design under trial and of the best one that was tried in all environments.
-        self._batches: list[float] = []
-        self._best: tuple[float, list[float]] | None = None
+        self._batches: dict[int, float] = {}
+        self._best: tuple[float, dict[int, float]] | None = None
         self.tried: list[Tried] = []
         self.unbuildable: dict[Values, str] = {}
 
@@ -87,7 +87,7 @@ class Proposals:
                 repeats = 0
             self._study.sampler = self._sampler_of(len(self._study.get_trials(deepcopy=False)))
             self._trial = trial = self._study.ask()
-            self._batches = []
+            self._batches = {}
             suggested = {key: trial.suggest_int(key, 0, len(self._levels[key]) - 1) for key in self._varied}
             self._suggested = values = self._values(suggested)
             if values in known:
@@ -100,18 +100,19 @@ class Proposals:
                 known.add(values)
             repeats += 1
 
-    def worse(self, value: float) -> bool:
-        """Whether the design under trial is worse than the best, by their values in each batch up to this one.
+    def worse(self, batch: int, value: float) -> bool:
+        """Whether the design under trial is worse than the best, by their values in the batches up to this one.
 
         Batches are the same environments for all. Wilcoxon's signed-rank test, at a risk of PRUNING_RISK; Optuna's pruner
         permutes equal values, which takes a second.
         """
         from scipy.stats import wilcoxon
 
-        self._batches.append(value)
+        self._batches[batch] = value
         if self._best is None or len(self._batches) < LEAST_LOOKS:
             return False
-        gains = [here - best for here, best in zip(self._batches, self._best[1], strict=False)]
+        best = self._best[1]
+        gains = [here - best[batch] for batch, here in self._batches.items() if batch in best]
         if not any(gains) or not all(map(math.isfinite, gains)):
             return False
         side = "less" if self._objectives[0].largest else "greater"
@@ -136,9 +137,9 @@ class Proposals:
         self.tried.append(Tried(self._suggested, tuple(objectives), environments, pruned, mean_time_s))
         return self.tried[-1]
 
-    def best(self, tried: Sequence[Tried], count: int) -> list[Tried]:
+    def best(self, count: int) -> list[Tried]:
         """The best ``count`` of those tried in all environments; with several objectives, those none beats in all."""
-        whole = [one for one in tried if not one.pruned]
+        whole = [one for one in self.tried if not one.pruned]
         signs = [-1 if one.largest else 1 for one in self._objectives]
 
         def losses(one: Tried) -> list[float]:

@@ -131,7 +131,7 @@ def search(
         with open_bench(experiment, environment, writer, carsim, simulators, simulated, True) as bench:
             _try_designs(experiment, plan, proposals, bench, found, report)
             bench.finish(list(proposals.unbuildable))
-        best = proposals.best(proposals.tried, plan.best)
+        best = proposals.best(plan.best)
         with open_bench(fresh, environment_of(fresh), writer, carsim, simulators, simulated, False) as bench:
             for one in best:
                 rows = _counted(bench.rows(one.values, range(plan.fresh)))
@@ -156,7 +156,7 @@ def _try_designs(
         rows: list[Row] = []
         made = 0
         pruned = False
-        for batch in batches(experiment.environments):
+        for number, batch in enumerate(batches(experiment.environments)):
             new = bench.rows(values, batch)
             made += len(new)
             new = _counted(new)
@@ -164,7 +164,7 @@ def _try_designs(
             if plan.prune and new:
                 value = plan.objectives[0].value
                 assert value is not None
-                pruned = made < experiment.environments and proposals.worse(value(new, experiment.timeout_s))
+                pruned = made < experiment.environments and proposals.worse(number, value(new, experiment.timeout_s))
                 if pruned:
                     break
         if not rows:

@@ -8,19 +8,9 @@ from numpy.typing import ArrayLike
 
 from foldcar.advice.evidence import DesignEvidence
 from foldcar.advice.outlook import Outlook
+from foldcar.analysis import selection
 from foldcar.analysis.gap import paired_rates
 from foldcar.analysis.gaussian_process import unit_range
-from foldcar.analysis.selection import (
-    ABOVE,
-    BELOW,
-    BEST,
-    EDGE,
-    END,
-    LOWER_EDGE,
-    MIDDLE,
-    OUTSIDE,
-    UPPER_EDGE,
-)
 from foldcar.analysis.words import count, listed, percent, points, span_text
 from foldcar.simulation.engines import engine_title
 from foldcar.store.info import ExperimentInfo
@@ -35,15 +25,15 @@ LEAST = 10
 ALIKE = 0.1
 
 _FIRST = {
-    MIDDLE: "the middle of the feasible region: if it fails, simulation is wrong where it is surest",
-    LOWER_EDGE: "the lower edge of the feasible region: is the border where simulation sees it?",
-    UPPER_EDGE: "the upper edge of the feasible region: is the border where simulation sees it?",
-    EDGE: "an edge of the feasible region: is the border where simulation sees it?",
-    BELOW: "just outside, below the region: bounds it, or shows that simulation is too strict",
-    ABOVE: "just outside, above the region: bounds it, or shows that simulation is too strict",
-    OUTSIDE: "just outside the region: bounds it, or shows that simulation is too strict",
-    BEST: "the best in simulation, though no design reaches the threshold there",
-    END: "an end of the range, all of which is feasible in simulation: no border is in it",
+    selection.MIDDLE: "the middle of the feasible region: if it fails, simulation is wrong where it is surest",
+    selection.LOWER_EDGE: "the lower edge of the feasible region: is the border where simulation sees it?",
+    selection.UPPER_EDGE: "the upper edge of the feasible region: is the border where simulation sees it?",
+    selection.EDGE: "an edge of the feasible region: is the border where simulation sees it?",
+    selection.BELOW: "just outside, below the region: bounds it, or shows that simulation is too strict",
+    selection.ABOVE: "just outside, above the region: bounds it, or shows that simulation is too strict",
+    selection.OUTSIDE: "just outside the region: bounds it, or shows that simulation is too strict",
+    selection.BEST: "the best in simulation, though no design reaches the threshold there",
+    selection.END: "an end of the range, all of which is feasible in simulation: no border is in it",
 }
 
 

@@ -119,7 +119,7 @@ def test_an_interval_that_is_looked_at_after_every_run_covers_nevertheless() -> 
 
 
 def test_the_mean_of_designs_is_within_intervals_that_hold_together() -> None:
-    low, high = mean_interval([20, 3], [20, 100])
+    low, high = mean_interval([20, 3], [20, 100], stopped=True)
 
     ends = numpy.array([anytime_interval(20, 20, 0.975), anytime_interval(3, 100, 0.975)])
     assert (low, high) == pytest.approx(tuple(ends.mean(axis=0)))

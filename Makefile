@@ -60,7 +60,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio cluster-check torture installed fuzz-packages check tidy determinism golden
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics dear_runs test test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio cluster-check torture installed fuzz-packages check docs tidy determinism golden
 .DELETE_ON_ERROR:
 # Else make removes them as intermediate.
 .PRECIOUS: .pio/fuzz/obj/%.o
@@ -88,6 +88,7 @@ help:
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
 	@echo 'make container-check  as root: the steps of the Dockerfile in bare roots, without a container engine'
 	@echo 'make release   archive of the sources and wheel with carsim, in dist/, checked and tried outside the checkout'
+	@echo 'make docs      the pages of docs/ as a site with search, in out/site'
 	@echo 'make lint      set up and check the Python sources only'
 	@echo 'make lock      renew $(LOCK) after a change of pyproject.toml (LOCK_FLAGS=--upgrade: newest versions)'
 	@echo 'make clean     remove everything that was built or installed here; results in out/ stay'
@@ -255,10 +256,14 @@ system-packages:
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
+docs: .pio/release/installed
+	NO_MKDOCS_2_WARNING=1 .pio/release/bin/mkdocs build --strict --quiet --config-file tools/mkdocs.yml
+	@echo "The site is $(CURDIR)/out/site/index.html; with search: $(BIN)/python -m http.server --directory out/site"
+
 # One lock for every supported Python; what it names stays as it is where it still fits (LOCK_FLAGS=--upgrade renews it).
 lock: .pio/lock/bin/uv
 	.pio/lock/bin/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url \
-	  --no-annotate --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --extra dev --extra mujoco --extra cluster pyproject.toml -o $(LOCK)
+	  --no-annotate --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --extra dev pyproject.toml -o $(LOCK)
 	.pio/lock/bin/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url --no-annotate \
 	  --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --group pyproject.toml:release -o $(RELEASE_LOCK)
 
@@ -273,7 +278,7 @@ release: wheel
 
 # On a bare machine: the wheel in dist/, which was built on another, as the Dockerfile installs it.
 installed:
-	tools/install_wheel.sh dist/*.whl /opt/foldcar '[mujoco]'
+	tools/install_wheel.sh dist/*.whl /opt/foldcar '[all]'
 	tools/smoke.sh /opt/foldcar/bin/foldcar
 
 .pio/release/installed: $(RELEASE_LOCK) | system-packages

@@ -1,4 +1,4 @@
-"""Puts carsim into the package where a wheel is built: PlatformIO builds it, as in a checkout.
+"""Puts carsim and the examples into the package where a wheel is built: PlatformIO builds it, as in a checkout.
 
 A wheel fits every Python and one system. FOLDCAR_BUILD_DIR names a folder of programs that are built already, such as
 .pio/build. The program with MuJoCo is left out where the build has no package `mujoco` (Python 3.10).
@@ -19,6 +19,8 @@ from setuptools.errors import SetupError
 ROOT = Path(__file__).resolve().parent
 # PlatformIO's environments; in the package the programs have these names.
 PROGRAMS = ("carsim", "carsim_mujoco")
+# What `foldcar new --example` writes.
+EXAMPLES = ("scenarios/*.*", "patterns/*.json", "examples/*.*")
 
 
 class BuildWithPrograms(build_py):
@@ -32,6 +34,11 @@ class BuildWithPrograms(build_py):
         names = PROGRAMS if importlib.util.find_spec("mujoco") else PROGRAMS[:1]
         built = os.environ.get("FOLDCAR_BUILD_DIR")
         folder = Path(built) if built else build(names)
+        for pattern in EXAMPLES:
+            for file in ROOT.glob(pattern):
+                target = Path(self.build_lib) / "foldcar" / "examples" / file.relative_to(ROOT)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(file, target)
         for name in names:
             shutil.copy(folder / name / "program", Path(self.build_lib) / "foldcar" / name)
 

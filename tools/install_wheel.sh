@@ -1,7 +1,7 @@
 #!/bin/sh
 # Installs a foldcar wheel, with the system's libraries and the versions of the lock, into a new virtual environment DIR.
 #
-# Usage: install_wheel.sh WHEEL DIR [EXTRAS]     e.g. install_wheel.sh dist/foldcar-….whl /opt/foldcar '[mujoco]'
+# Usage: install_wheel.sh WHEEL DIR [EXTRAS]     e.g. install_wheel.sh dist/foldcar-….whl /opt/foldcar '[all]'
 set -eu
 project=$(cd "$(dirname "$0")/.." && pwd)
 "$project/tools/install_system_packages.sh" run

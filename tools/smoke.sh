@@ -1,7 +1,7 @@
 #!/bin/sh
 # Uses an installed foldcar as its first user does: a new project, its sweep, report, sheets and simulated car.
 #
-# Usage: smoke.sh FOLDCAR     a program; everything is made in a temporary folder, outside any checkout
+# Usage: smoke.sh FOLDCAR [core]     a program, which with `core` has no extras; everything is made in a temporary folder, outside any checkout
 set -eu
 foldcar=$1
 folder=$(mktemp -d)
@@ -14,6 +14,16 @@ cd yard
 "$foldcar" sweep study.json --store yard.db --jobs 2
 "$foldcar" report yard.db -o report
 test -s report/index.html
+if [ "${2:-}" = core ]; then
+  # shellcheck disable=SC2086  # words
+  ! "$foldcar" pattern study.json --vehicle mine $car -o car 2>missing || exit 1
+  while read -r line; do
+    case $line in *"pip install 'foldcar[fabricate]'") ;; *) echo "smoke: $line" >&2; exit 1 ;; esac
+  done <missing
+  test -s missing && test ! -e car
+  echo "smoke: $foldcar made a project, swept it, reported, and named the extra that it lacks"
+  exit
+fi
 # shellcheck disable=SC2086  # words
 "$foldcar" pattern study.json --vehicle mine $car -o car
 test -s car/pattern.json

@@ -8,19 +8,20 @@ Slow imports are made inside the commands, so that help is printed at once.
 import atexit
 import contextlib
 import gc
+import inspect
 import os
 import re
 import sys
-from typing import Annotated
+from typing import Annotated, Any, Literal, get_args
 
 import typer
+from typer.core import TyperCommand
 
 from foldcar import __version__
 from foldcar.commands.calibrate import calibrate
 from foldcar.commands.calibrate_servos import calibrate_servos
 from foldcar.commands.check import check
 from foldcar.commands.compare import compare
-from foldcar.commands.completion import Completion, enable_completion
 from foldcar.commands.crosscheck import crosscheck
 from foldcar.commands.doctor import doctor
 from foldcar.commands.export import export
@@ -41,13 +42,87 @@ from foldcar.commands.report import report
 from foldcar.commands.run import run
 from foldcar.commands.sample import sample
 from foldcar.commands.select import select
-from foldcar.commands.strict_command import StrictCommand
 from foldcar.commands.sweep import sweep
 from foldcar.commands.trials import trials
 from foldcar.commands.view import view
 from foldcar.errors import FoldcarError
+from foldcar.extras import missing_extra
 from foldcar.interrupts import listen
 from foldcar.shown_text import show_text
+from foldcar.typed_numbers import decimal_number, whole_number
+
+VARIABLE = "_FOLDCAR_COMPLETE"
+
+
+def _print_script(shell: str | None) -> None:
+    if shell is None:
+        return
+    from typer._completion_shared import get_completion_script
+
+    typer.echo(get_completion_script(prog_name="foldcar", complete_var=VARIABLE, shell=shell))
+    raise typer.Exit
+
+
+Completion = Annotated[
+    Literal["bash", "zsh", "fish"] | None,
+    typer.Option(
+        "--completion",
+        metavar="SHELL",
+        callback=_print_script,
+        is_eager=True,
+        help='Print the completion for bash, zsh or fish, as in eval "$(foldcar --completion bash)".',
+    ),
+]
+
+
+def enable_completion() -> None:
+    """Make the shells known to typer, if one of them asks for completions."""
+    if VARIABLE in os.environ:
+        from typer._completion_classes import completion_init
+
+        completion_init()
+
+
+class StrictCommand(TyperCommand):
+    """A command whose options and arguments that are numbers have been typed as such.
+
+    What turns the words of a command line into numbers takes underscores and, depending on its version, digits of other
+    scripts.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse the first word that is no number; then parse all, as any command does."""
+        if not ctx.resilient_parsing:
+            typed = self.make_parser(ctx).parse_args(args=list(args))[0]
+            for param in self.params:
+                parse = _parser(self.callback, param.name)
+                words = typed.get(param.name)
+                for word in words if isinstance(words, list | tuple) else [words]:
+                    if parse is not None and isinstance(word, str):
+                        _check(parse, word, ctx, param)
+        return super().parse_args(ctx, args)
+
+
+def _parser(callback: Any, name: str | None) -> Any:
+    """What reads the texts of that parameter of the command's function; None unless it is a number or numbers."""
+    declared = inspect.signature(inspect.unwrap(callback)).parameters.get(name or "")
+    kinds = _kinds(declared.annotation) if declared else set()
+    return whole_number if int in kinds else decimal_number if float in kinds else None
+
+
+def _kinds(annotation: Any) -> set[Any]:
+    """The types that an annotation, as Annotated[list[int] | None, …], is made of."""
+    parts = get_args(annotation)
+    return {kind for part in parts for kind in _kinds(part)} if parts else {annotation}
+
+
+def _check(parse: Any, word: str, ctx: Any, param: Any) -> None:
+    try:
+        parse(word)
+    except ValueError:
+        kind = "whole number" if parse is whole_number else "number"
+        raise typer.BadParameter(f"{word!r} is no {kind}, as 12", ctx=ctx, param=param) from None
+
 
 GARBAGE_THRESHOLD = 50_000
 # More than any path on Linux below a few folders.
@@ -111,6 +186,11 @@ def main() -> None:
         app()
     except FoldcarError as error:
         sys.exit(_fail("\n".join(error.lines()), error.exit_code))
+    except ModuleNotFoundError as error:
+        remedy = missing_extra(error)
+        if remedy is None:
+            raise
+        sys.exit(_fail(remedy, 2))
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else ""
         sys.exit(_fail(" ".join(f"{where}{error.strerror or error}".split()), 2))

@@ -94,7 +94,6 @@ def test_a_path_goes_from_start_to_end() -> None:
 
     run = foldcar.simulate(foldcar.design("W_B_W", width=95), place.scene(1), path_interval_s=0.05)
 
-    assert run.path is not None
     first, last = run.path.iloc[0], run.path.iloc[-1]
     # The car settles before its time starts.
     assert math.dist((first["x_m"], first["y_m"]), (start["x_m"], start["y_m"])) < 2e-3

@@ -76,6 +76,38 @@ def test_wiring_names_every_servo_with_its_output_and_direction() -> None:
     assert "Outputs 4, 5, 6, 7 stay empty" in text
 
 
+@pytest.mark.parametrize("design", designs(), ids=lambda design: design.type)
+def test_texts_of_the_wiring_keep_off_each_other_and_off_lines(design: Design) -> None:
+    drawn = ET.fromstring(wiring_drawing(folded_car(design), "a car"))
+
+    boxes = {}
+    for text in drawn.iterfind("{*}text"):
+        x, y, size = (float(text.attrib[key]) for key in ("x", "y", "font-size"))
+        length = size * sum(0.32 if c == " " else 0.95 if c in "mwMW" else 0.6 for c in text.text or "")
+        start = x - length * {"start": 0, "middle": 0.5, "end": 1}[text.attrib["text-anchor"]]
+        boxes[text.text, y] = shapely.box(start, y - 0.7 * size, start + length, y)
+    lines = {}
+    for path in drawn.iterfind("{*}path"):
+        at = np.zeros(2)
+        points: list[list[float]] = []
+        for letter, numbers in re.findall(r"([MLHV])([-\d.,]+)", path.attrib["d"]):
+            values = [float(number) for number in numbers.split(",")]
+            at = np.array({"H": [values[0], at[1]], "V": [at[0], values[0]]}.get(letter, values))
+            points = [*([] if letter == "M" else points), at.tolist()]
+            if len(points) > 1:
+                lines[str(points)] = shapely.LineString(points).buffer(float(path.attrib["stroke-width"]) / 2)
+    # Symbols in a line, such as an extension with its length, cover it.
+    rects = [[float(rect.attrib[key]) for key in ("x", "y", "width", "height")]
+             for rect in list(drawn.iterfind("{*}rect"))[1:]]  # fmt: skip
+    symbols = shapely.union_all([shapely.box(x, y, x + wide, y + high) for x, y, wide, high in rects if wide < 20])
+    lines = {name: line.difference(symbols) for name, line in lines.items()}
+    for dot in drawn.iterfind("{*}circle"):
+        lines[str(dot.attrib)] = shapely.Point(float(dot.attrib["cx"]), float(dot.attrib["cy"])).buffer(1.1)
+    assert {"terminal block", "150 mm", "75 mm more"} <= {text for text, _ in boxes} or design.composition != "W_B_W"
+    for (text, box), (other, its) in combinations([*boxes.items(), *lines.items()], 2):
+        assert isinstance(text, str) or not box.intersects(its), (text, other)
+
+
 def test_wiring_offers_output_enable_with_a_pull_up_that_reaches_off() -> None:
     folded = folded_car(designs()[0])
     text, drawn = wiring_text(folded, "a car"), wiring_drawing(folded, "a car")
@@ -175,6 +207,33 @@ def test_guide_shows_every_piece_and_tells_every_join(design: Design, machine: s
     assert bool(cut.strips or len(whole) < len(folded.pieces)) == (sheet == "a4")
     assert len(found[0].pictures) == len(cut.car.pieces)
     assert all(step.pictures for step in found if step.title != "Join the parts of pieces")
+
+
+@pytest.mark.parametrize("design", designs(), ids=lambda design: design.type)
+def test_pieces_in_the_guide_have_the_numbers_of_their_joins_none_on_another(design: Design) -> None:
+    folded = folded_car(design)
+    cut = cut_car(folded, options("laser"))
+
+    found = steps(folded, cut, "laser")
+
+    slots = 0
+    for piece, picture in zip(cut.car.pieces, found[0].pictures, strict=True):
+        # A layer lies on its number.
+        sides = [(join, join.piece_a) for join in folded.joins]
+        sides += [(join, join.piece_b) for join in folded.joins if join.kind not in ("laminate", "tuck")]
+        drawn = [text.text for text in ET.fromstring(picture.drawing.svg).iterfind("{*}text")]
+        assert set(drawn) >= {str(join.number) for join, name in sides if name == piece.name}, piece.name
+        # A number at the slot that a tongue goes through, beside the one on the tongue.
+        slotted = [join for join in folded.joins if join.slot and join.piece_b == piece.name == join.piece_a]
+        assert all(drawn.count(str(join.number)) == 2 for join in slotted)
+        slots += len(slotted)
+    assert slots
+    for step in found:
+        for picture in step.pictures:
+            circles = list(ET.fromstring(picture.drawing.svg).iterfind("{*}circle"))
+            shapes = [(float(c.attrib["cx"]), float(c.attrib["cy"]), float(c.attrib["r"])) for c in circles]
+            for a, b in combinations(shapes, 2):
+                assert np.hypot(a[0] - b[0], a[1] - b[1]) > a[2] + b[2], step.title
 
 
 def test_guide_tells_the_steps_that_are_proved_and_shows_what_goes_in() -> None:

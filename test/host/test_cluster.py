@@ -286,7 +286,9 @@ def test_options_that_contradict_and_a_missing_extra_are_refused(
 
     assert (both.returncode, without.returncode) == (2, 2)
     assert both.stderr.startswith("foldcar: error: --jobs: says nothing with --scheduler")
-    assert without.stderr == "foldcar: error: --scheduler: needs Dask: pip install 'foldcar[cluster]'\n"
+    assert without.stderr == (
+        "foldcar: error: this needs the package distributed, of an extra: pip install 'foldcar[cluster]'\n"
+    )
     assert not (tmp_path / "s.db").exists()
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 PROJECT = Path(__file__).resolve().parents[2]
-PAGES = [PROJECT / "README.md", PROJECT / "CHANGELOG.md", *sorted((PROJECT / "docs").glob("*.md"))]
+PAGES = [*sorted(PROJECT.glob("*.md")), *sorted((PROJECT / "docs").glob("*.md"))]
 LINK = re.compile(r"\]\(([^()\s]+)\)")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 
@@ -34,7 +34,7 @@ def test_every_page_is_reached_from_the_readme() -> None:
 
 
 def test_the_files_to_add_to_exist() -> None:
-    section = (PROJECT / "docs" / "overview.md").read_text(encoding="utf-8").partition("\n## Where to add\n")[2]
+    section = (PROJECT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("\n## Where to add\n")[2]
     rows = [row for row in section.partition("\n## ")[0].splitlines() if row.startswith("|")][2:]
     named = {row.split("|")[1].strip(): re.findall(r"`([\w./]+/[\w./]*)`", row) for row in rows}
 

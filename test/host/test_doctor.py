@@ -8,8 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from foldcar.installation.platformio_project import PlatformioProject
-from foldcar.installation.simulator import simulator
+from foldcar.commands.doctor_programs import PlatformioProject, simulator
 from foldcar.simulation.carsim import Carsim
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]

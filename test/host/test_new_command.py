@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from foldcar.commands.new import FILES
+from foldcar.commands.new import EXAMPLES, FILES
 from foldcar.study.experiments import read_study
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -28,6 +28,25 @@ def test_a_new_project_is_whole_and_says_what_to_type_next(foldcar: Command, tmp
     assert cd == "cd 'my yard'"
     words = [line.split()[:3] for line in commands]
     assert words == [["foldcar", "sweep", "study.json"], ["foldcar", "report", "yard.db"]]
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_an_example_has_what_its_commands_name(foldcar: Command, tmp_path: Path, example: str) -> None:
+    done = foldcar("new", "study", "--example", example)
+
+    assert (done.returncode, done.stderr) == (0, "")
+    folder = tmp_path / "study"
+    for command in done.stdout.splitlines()[2:]:
+        for word in command.split():
+            if Path(word).suffix in (".json", ".scenic", ".csv"):
+                assert (folder / word).is_file(), command
+    # With the environments that they name.
+    for listing in folder.glob("scenarios/*.json"):
+        assert read_study(listing).experiments
+    # A name that is none.
+    other = foldcar("new", "other", "--example", example + "s")
+    assert (other.returncode, (tmp_path / "other").exists()) == (2, False)
+    assert f"there is no {example}s; there are width_study" in other.stderr
 
 
 def test_the_projects_environment_tells_its_designs_apart(foldcar: Command, tmp_path: Path) -> None:

@@ -372,7 +372,7 @@ def test_labels_stay_clear_of_cuts_and_folds_and_are_upright(turn: int) -> None:
     car = folded_box()
     for piece in car.pieces:
         flat = flat_piece(piece, plain())
-        marks = list(join_marks(flat, car.joins))
+        marks = list(join_marks(flat, car, car))
         paths, missing = label_paths(flat, flat.label, marks, turn)
         lines = [LineString([fold.a, fold.b]) for fold in flat.folds] + [flat.outline.boundary]
         lines += [shapely.Point(middle).buffer(diameter / 2) for middle, diameter in flat.circles]
@@ -385,7 +385,7 @@ def test_every_join_is_numbered_on_both_of_its_pieces() -> None:
     car = folded_box()
 
     marked = {
-        piece.name: [mark.text for mark in join_marks(flat_piece(piece, plain()), car.joins)] for piece in car.pieces
+        piece.name: [mark.text for mark in join_marks(flat_piece(piece, plain()), car, car)] for piece in car.pieces
     }
 
     assert sorted(marked["beam"]) == ["1", "1", "2", "3", "4", "5"]

@@ -131,6 +131,17 @@ def test_a_sweep_counts_them_apart(listing: Path, tmp_path: Path, foldcar: Any) 
     assert found.rate.value == 1 and found.runs["passed"].isna().sum() == 4
 
 
+def test_a_report_of_rejected_runs_alone_says_that_there_is_no_rate(tmp_path: Path, foldcar: Any) -> None:
+    varied = WIDTHS | {"radius_mm": [44.0, 60.0]}
+    write_study(tmp_path / "s.db", varied, 3, lambda _design, _sample: "rejected")
+
+    report = foldcar("report", "s.db", "-o", "report", "--no-replay")
+
+    assert report.returncode == 0, report.stderr
+    assert "24 of 24 runs were rejected" in report.stdout
+    assert "there is no rate: all 24 runs were rejected" in (tmp_path / "report" / "index.html").read_text()
+
+
 def test_a_sweep_until_decided_and_a_search_go_by_the_others(listing: Path, foldcar: Any) -> None:
     until = json.loads(foldcar("sweep", listing, "--store", "u.db", "--jobs", "1", "--until", "decided", "--json").stdout)
     found = json.loads(

@@ -41,6 +41,10 @@ def message(folder: Path, text: str, params: dict[str, Any] | None = None) -> st
             "model model\nparam grass = 1\nego = new Robot at (globalParameters.gras, 0)\n",
             "line 3: KeyError: 'gras': there is no `param gras = …`; known: course_x_max, ",
         ),
+        (
+            f"model model\nparam grass = 1\n{EGO}{GOAL}require globalParameters.grass > 0\n",
+            "'grass': a requirement cannot read globalParameters: write `x = globalParameters.grass` above it",
+        ),
         ("model model\nparam a = 1, grass = 1\nx = globalParameters.gras\n", 'did you mean "grass"?'),
         (f"model model\n{EGO}goal = new Goal at 1.2\n", 'specifier "at X" with X not a vector; a place has an x and a y'),
         (f"model model\n{EGO}new Goal at (1, 0) facing 0\n", "invalid syntax; specifiers (at …, facing …, with …)"),

@@ -27,6 +27,12 @@ STEP_S = 1 / 240
 HEAD = "model model\nego = new Robot at (0, 0), facing -90 deg\n"
 GOAL = "goal = new Goal at (1, 0), facing -90 deg\n"
 
+BLOCK = (
+    "class Block(Terrain):\n    def pieces(self):\n        sizes = {}\n"
+    "        sizes.update(length_m=0.1, width_m=0.1, height_m=0.03)\n        return [{'kind': 'box', **sizes}]\n"
+    "new Block at (0.5, 0.5)\nnew RoundBump at (0.5, -0.5), facing -90 deg, with width 0.1\n"
+)
+
 Run = Callable[..., dict[str, Any]]
 
 
@@ -177,6 +183,8 @@ def test_terminate_after_is_exact(run: Run, limit: str, elapsed_s: float) -> Non
         ("require always ego.position.x < 0.6\nnew Goal at (0.5, 0), facing -90 deg\n", "passed"),
         ("require eventually ego.position.x > 0.51\nnew Goal at (0.5, 0), facing -90 deg\n", "rejected"),
         ("require (ego.position.x < 0.36 until ego.position.x > 0.35)\nterminate after 1 seconds\n", "terminated"),
+        # Terrain has a method, the program's own as well.
+        (f"{BLOCK}require always ego.position.x < 0.36\nterminate when ego.position.x > 0.35\n", "terminated"),
     ],
 )
 def test_requirements_do_not_depend_on_when_scenic_looks(run: Run, statements: str, outcome: str) -> None:
@@ -254,6 +262,7 @@ def test_what_counts_its_evaluations_is_evaluated_once_a_look(
         ("post.note()", False),
         ("bumped(post)", False),
         ("print(ego)", False),
+        ("(lambda call: call())(post.pieces)", False),
         ("counter.v > 3", False),
         ("counter[0] > 3", False),
         ("not counter", False),

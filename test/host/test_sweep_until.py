@@ -20,7 +20,7 @@ from foldcar.analysis.rate import anytime_interval, mean_interval, wilson_interv
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.api.study import Study
 from foldcar.cli import app
-from foldcar.commands.sweep_text import stopping_lines
+from foldcar.commands.sweep import stopping_lines
 from foldcar.errors import FoldcarError
 from foldcar.report.series import summarise, summarise_runs
 from foldcar.report.stopped_remarks import stopped_remarks

@@ -1,5 +1,6 @@
 """Code that takes too long is interrupted even if it catches exceptions; timers of the caller keep running."""
 
+import contextlib
 import signal
 import threading
 import time
@@ -101,3 +102,13 @@ def test_other_threads_run_without_a_limit() -> None:
     thread.start()
     thread.join()
     assert done == [True]
+
+
+def test_a_block_that_suppresses_its_interruption_is_refused_at_its_end() -> None:
+    with (
+        pytest.raises(FoldcarError, match="takes longer than the limit"),
+        time_limit(0.1, "a block"),
+        contextlib.suppress(BaseException),
+    ):
+        while True:
+            pass

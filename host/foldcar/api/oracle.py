@@ -5,11 +5,10 @@ The numbers are those of `foldcar run` and of a sweep: the same cars, samples an
 
 import json
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 from foldcar.analysis.rate import Rate, check_confidence
 from foldcar.api.designs import design_of
@@ -21,28 +20,31 @@ from foldcar.errors import FoldcarError
 from foldcar.processors import usable_processors
 from foldcar.simulation.results import NUMBERS, has_passed, no_rate_text, outcome_of
 from foldcar.simulation.runner import Runner, RunRequest
+from foldcar.simulation.side_by_side import side_by_side
 from foldcar.store.writer import canonical_json
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
 if TYPE_CHECKING:
     import pandas
 
+# The table of a run's path, or None where it was not asked for.
+PathTable = TypeVar("PathTable", "pandas.DataFrame", None)
 PATH_COLUMNS = ("t_s", "x_m", "y_m", "z_m", "heading_rad", "pitch_rad", "roll_rad")
 
 
 @dataclass(frozen=True)
-class Result:
+class Result(Generic[PathTable]):
     """One run. ``metrics`` holds the numbers of docs/carsim.md; a failed run has None for them, and a ``message``.
 
     ``recorded`` holds what the Scenic program recorded, by name. ``path`` is None unless asked for: a table of t_s, x_m,
-    y_m, z_m, heading_rad, pitch_rad, roll_rad, and the angle of each hinge (``hinge_1_rad``, …).
+    y_m, z_m, heading_rad, pitch_rad, roll_rad, and the angle of each hinge (``hinge_1_rad``, …); empty if the run failed.
     """
 
     outcome: str
     metrics: Mapping[str, float | None]
     message: str | None
     recorded: Mapping[str, Any]
-    path: "pandas.DataFrame | None"
+    path: PathTable
 
     @property
     def passed(self) -> bool:
@@ -78,6 +80,30 @@ class Evaluation:
         return Rate.counted(passed, runs, what, confidence=self.confidence)
 
 
+@overload
+def simulate(
+    design: Design | Mapping[str, Any],
+    scene: Scene | Mapping[str, Any],
+    *,
+    timeout_s: float = ...,
+    speed_m_s: float | None = ...,
+    yaw_rate_rad_s: float = ...,
+    path_interval_s: None = ...,
+) -> Result[None]: ...
+
+
+@overload
+def simulate(
+    design: Design | Mapping[str, Any],
+    scene: Scene | Mapping[str, Any],
+    *,
+    timeout_s: float = ...,
+    speed_m_s: float | None = ...,
+    yaw_rate_rad_s: float = ...,
+    path_interval_s: float,
+) -> "Result[pandas.DataFrame]": ...
+
+
 def simulate(
     design: Design | Mapping[str, Any],
     scene: Scene | Mapping[str, Any],
@@ -86,7 +112,7 @@ def simulate(
     speed_m_s: float | None = None,
     yaw_rate_rad_s: float = 0.0,
     path_interval_s: float | None = None,
-) -> Result:
+) -> "Result[None] | Result[pandas.DataFrame]":
     """Simulate a design in one scene: ``environment(…).scene(k)``, or an object as docs/carsim.md describes scenes.
 
     ``speed_m_s`` None is the car's full speed. ``path_interval_s`` asks for the path; where a Scenic program ends the
@@ -114,14 +140,13 @@ def simulate(
         # A program that runs beside the simulation changes how the run ends, not the car's way until then.
         answer = answer_of(runner)
         native = answer_of(simulator(), **asked) if asked and "error" not in answer else {}
-    path = _path(native["path"], answer["elapsed_time_s"]) if "path" in native else None
-    return Result(
+    said = (
         outcome_of(answer),
         {name: answer.get(name) for name in NUMBERS},
         answer.get("error"),
         {name: one["value"] for name, one in answer.get("recorded", {}).items()},
-        path,
     )
+    return Result(*said, _path(native.get("path", ()), answer.get("elapsed_time_s", 0))) if asked else Result(*said, None)
 
 
 def evaluate(
@@ -159,7 +184,9 @@ def evaluate(
     requests = [
         RunRequest(names[k % len(names)], f"s{k}", text, f"{car.title}, sample {k}", k) for k in range(count)
     ]
-    answers = _side_by_side(place.runner, bodies, scenes, requests, workers)
+    runner, size = place.runner, -(-count // min(workers, count))
+    calls = (partial(runner.run, bodies, scenes, requests[i : i + size]) for i in range(0, count, size))
+    answers = [answer for share in side_by_side(calls, workers, runner.stop) for answer in share]
     return Evaluation(_table(answers, place.success_defined), place.success, place.success_defined, confidence)
 
 
@@ -176,27 +203,6 @@ def _scene_json(scene: Mapping[str, Any]) -> str:
         return canonical_json({key: value for key, value in scene.items() if key != "id"})
     except (TypeError, ValueError) as error:
         raise FoldcarError(f"scene: {error}") from None
-
-
-def _side_by_side(
-    runner: Runner,
-    bodies: Mapping[str, str],
-    scenes: Mapping[str, str],
-    requests: Sequence[RunRequest],
-    workers: int,
-) -> list[dict[str, Any]]:
-    """The answers in order, each worker's share simulated in a process of its own."""
-    shares = [requests[first::workers] for first in range(min(workers, len(requests)))]
-    if len(shares) == 1:
-        return runner.run(bodies, scenes, requests)
-    with ThreadPoolExecutor(len(shares), thread_name_prefix="carsim") as pool:
-        futures = [pool.submit(runner.run, bodies, scenes, share) for share in shares]
-        try:
-            found = [future.result() for future in futures]
-        except BaseException:
-            runner.stop()
-            raise
-    return [found[k % len(shares)][k // len(shares)] for k in range(len(requests))]
 
 
 def _table(answers: Sequence[Mapping[str, Any]], judged: bool) -> "pandas.DataFrame":
@@ -220,5 +226,5 @@ def _table(answers: Sequence[Mapping[str, Any]], judged: bool) -> "pandas.DataFr
 def _path(rows: Sequence[Sequence[float]], elapsed_time_s: float) -> "pandas.DataFrame":
     import pandas
 
-    hinges = [f"hinge_{i + 1}_rad" for i in range(len(rows[0]) - len(PATH_COLUMNS))]
+    hinges = [f"hinge_{i + 1}_rad" for i in range(len(rows[0]) - len(PATH_COLUMNS) if rows else 0)]
     return pandas.DataFrame([row for row in rows if row[0] <= elapsed_time_s], columns=[*PATH_COLUMNS, *hinges])

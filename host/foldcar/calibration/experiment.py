@@ -7,9 +7,8 @@ changed parameters pass, in order, the same for any number of processes; trials 
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import islice
 from typing import Any
 
@@ -19,6 +18,7 @@ from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import outcome_of
 from foldcar.simulation.runner import RunRequest
+from foldcar.simulation.side_by_side import side_by_side
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.rows import parsed
@@ -142,23 +142,11 @@ class Simulator:
         """Whether each run passed, None if it failed; ``done`` is told of finished runs. FoldcarError."""
         left = iter(runs)
         results: list[bool | None] = []
-        waiting: list[Future[list[bool | None]]] = []
-        pool = ThreadPoolExecutor(self._jobs, thread_name_prefix="carsim")
-        try:
-            while True:
-                # One chunk waits behind every running one, so that no process waits for this thread.
-                while len(waiting) < 2 * self._jobs and (chunk := list(islice(left, CHUNK_RUNS))):
-                    waiting.append(pool.submit(self._run, *self._inputs(chunk)))
-                if not waiting:
-                    break
-                finished = waiting.pop(0).result()
-                results += finished
-                done(len(finished))
-        except BaseException:
-            self._carsim.stop()
-            raise
-        finally:
-            pool.shutdown(cancel_futures=True)
+        chunks = iter(lambda: list(islice(left, CHUNK_RUNS)), [])
+        calls = (partial(self._run, *self._inputs(chunk)) for chunk in chunks)
+        for finished in side_by_side(calls, self._jobs, self._carsim.stop):
+            results += finished
+            done(len(finished))
         failed = results.count(None)
         if failed > MOST_FAILED * len(results):
             raise FoldcarError(

@@ -31,13 +31,11 @@ def open_cluster(scheduler: str, carsim: Carsim, say: Callable[[str], None]) -> 
     ``say`` is given a line when workers are missing, refused or hang. FoldcarError.
     """
     workers = _local_workers(scheduler)
-    try:
-        # Its messages are for those who run a cluster; what concerns a sweep is said by `say`.
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
-        import dask
-        import distributed
-    except ImportError:
-        raise FoldcarError("--scheduler: needs Dask: pip install 'foldcar[cluster]'") from None
+    # Its messages are for those who run a cluster; what concerns a sweep is said by `say`.
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    import dask
+    import distributed
+
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     warnings.filterwarnings("ignore", module="distributed")
     wait_s = float(dask.utils.parse_timedelta(dask.config.get("foldcar.wait", WAIT)))

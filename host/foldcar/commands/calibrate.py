@@ -6,10 +6,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.jobs_option import Jobs
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_store
-from foldcar.commands.simulated_trials_option import SimulatedTrialsInstead
+from foldcar.commands.options import Jobs, Json, SimulatedTrialsInstead, output_store, print_json
 from foldcar.processors import usable_processors
 from foldcar.study.limits import GREATEST_SEED
 
@@ -60,7 +57,7 @@ def calibrate(
     from foldcar.calibration.parameters import known_scores
     from foldcar.calibration.summary import summarise
     from foldcar.commands.calibration_text import print_calibration
-    from foldcar.commands.terminal_bar import TerminalBar
+    from foldcar.commands.progress_bar import TerminalBar
     from foldcar.errors import FoldcarError
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.options import Json, print_json
 
 
 def check(

@@ -5,9 +5,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import check_distinct, output_file
-from foldcar.commands.simulated_trials_option import SimulatedTrialsInstead
+from foldcar.commands.options import Json, SimulatedTrialsInstead, check_distinct, output_file, print_json
 
 
 def compare(
@@ -33,7 +31,7 @@ def compare(
     from foldcar.advice.comparison import compare as compare_store
     from foldcar.advice.tables import comparison_object, write_comparison
     from foldcar.commands.compare_text import print_comparison
-    from foldcar.commands.points_option import parse_points
+    from foldcar.commands.options import parse_points
     from foldcar.store.reader import Store
 
     check_distinct([store], [csv])

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.components_option import Components
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_folder
+from foldcar.commands.options import Components, Json, output_folder, print_json
 from foldcar.processors import usable_processors
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
@@ -59,7 +57,7 @@ def crosscheck(
     \b
     Example: foldcar crosscheck scenarios/step_pyramids.json -o check
     """
-    from foldcar.commands.terminal_bar import TerminalBar
+    from foldcar.commands.progress_bar import TerminalBar
     from foldcar.crosscheck.page import PAGE, comparison_numbers, write_page
     from foldcar.crosscheck.sweeps import check_success, simulators, sweep_all
     from foldcar.interrupts import said

@@ -2,7 +2,7 @@
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.options import Json, print_json
 
 
 def doctor(as_json: Json = False) -> None:
@@ -16,7 +16,7 @@ def doctor(as_json: Json = False) -> None:
     """
     from dataclasses import asdict
 
-    from foldcar.installation.findings import findings
+    from foldcar.commands.doctor_findings import findings
 
     found = []
     for one in findings():

@@ -5,9 +5,15 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import STANDARD_OUTPUT, check_distinct, output_file, output_folder
-from foldcar.commands.simulated_trials_option import SimulatedTrials
+from foldcar.commands.options import (
+    STANDARD_OUTPUT,
+    Json,
+    SimulatedTrials,
+    check_distinct,
+    output_file,
+    output_folder,
+    print_json,
+)
 from foldcar.errors import FoldcarError
 
 

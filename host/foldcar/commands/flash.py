@@ -11,9 +11,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.components_option import Components
-from foldcar.commands.design_settings import Settings, design_settings
-from foldcar.commands.output_option import check_distinct, output_file
+from foldcar.commands.options import Components, Settings, check_distinct, design_settings, output_file
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import held
 from foldcar.source_tree import source_tree

@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_folder
+from foldcar.commands.options import Json, output_folder, print_json
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import GREATEST_SEED
 

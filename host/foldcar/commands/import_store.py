@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_store
+from foldcar.commands.options import Json, output_store, print_json
 
 
 def import_store(

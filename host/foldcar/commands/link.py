@@ -5,10 +5,8 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.components_option import Components
-from foldcar.commands.design_settings import Settings
-from foldcar.commands.engine_option import Engine
 from foldcar.commands.listed_run import ExperimentId, Listing, Sample, listed_run
+from foldcar.commands.options import Components, Engine, Settings
 
 
 def link(

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from foldcar.commands.design_settings import design_settings
+from foldcar.commands.options import design_settings
 from foldcar.errors import FoldcarError
 from foldcar.study.checked_listing import read_checked_listing
 from foldcar.study.family import Family, read_family

@@ -1,18 +1,20 @@
 """One run of a listing: a design of an experiment in a sample of its environment, as `run` and `link` take it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.design_settings import design_settings
+from foldcar.commands.options import design_settings
+from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
     from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.runner import Runner
     from foldcar.study.environments import Environment
     from foldcar.study.experiments import Experiment
 
@@ -20,9 +22,7 @@ Listing = Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment lis
 ExperimentId = Annotated[str, typer.Option(metavar="ID", help="Experiment of the listing.")]
 Sample = Annotated[
     int,
-    typer.Option(
-        metavar="K", min=0, max=MOST_ENVIRONMENTS - 1, help="Number of the sampled environment and built car."
-    ),
+    typer.Option(metavar="K", min=0, max=MOST_ENVIRONMENTS - 1, help="Number of the sampled environment and built car."),
 ]
 
 
@@ -62,3 +62,53 @@ def listed_run(
     environment = Environment(chosen)
     variation, scene = environment.variation(sample), environment.sample(sample)
     return ListedRun(Carsim(engine=engine), chosen, design, environment, {}, variation, {}, scene).with_design(design)
+
+
+@dataclass(frozen=True)
+class SimulatedRun:
+    """The parts of a run of docs/carsim.md."""
+
+    label: str
+    body: Mapping[str, Any]
+    scene: Mapping[str, Any]
+    settings: Mapping[str, Any]
+    sample: int
+
+    def by(self, runner: "Runner", **more: float) -> dict[str, Any]:
+        """The runner's answer; ``more`` is added to the settings."""
+        from foldcar.simulation.runner import RunRequest
+        from foldcar.store.writer import canonical_json
+
+        settings = canonical_json({**self.settings, **more})
+        (answer,) = runner.run(
+            {"car": canonical_json(self.body)},
+            {"scene": canonical_json(self.scene)},
+            [RunRequest("car", "scene", settings, self.label, self.sample)],
+        )
+        return answer
+
+    def path(self, carsim: "Carsim", answer: Mapping[str, Any], wanted: object) -> list[list[float]]:
+        """The car's path, simulated by a batch; where the Scenic program ended the run, the path ends.
+
+        FoldcarError that names ``wanted`` if the run failed.
+        """
+        from foldcar.simulation.runner import PATH_INTERVAL_S
+
+        native = {} if "error" in answer else self.by(carsim, path_interval_s=PATH_INTERVAL_S)
+        if "path" not in native:
+            raise FoldcarError(f"{wanted}: a failed run has no path to show")
+        return [row for row in native["path"] if row[0] <= answer["elapsed_time_s"]]
+
+
+def simulated_run(listed: ListedRun, sample: int) -> tuple[SimulatedRun, dict[str, Any]]:
+    """The run, and its answer by the runner of its environment. FoldcarError."""
+    chosen = listed.experiment
+    one = SimulatedRun(
+        label=f"experiment {chosen.id}, sample {sample}",
+        body=listed.body,
+        scene=listed.scene,
+        settings=chosen.settings(listed.design, listed.nominal, listed.carsim.parameter_table()),
+        sample=sample,
+    )
+    with listed.environment.runner(listed.carsim, listed.environment.dynamic) as runner:
+        return one, one.by(runner)

@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.components_option import Components
-from foldcar.commands.output_option import output_store
+from foldcar.commands.options import Components, output_store
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
 

@@ -16,12 +16,12 @@ import typer
 from foldcar.car.body import body_json
 from foldcar.car.car_file import design_name
 from foldcar.car.design import Design
-from foldcar.commands.design_settings import design_settings
 from foldcar.commands.log_options import LogOptions
 from foldcar.commands.log_outcome import log_hash, record_outcome
 from foldcar.commands.log_placement import Placement, ask_deviations
 from foldcar.commands.log_view import LogView
 from foldcar.commands.log_welcome import SIMULATED_TEXT, welcome
+from foldcar.commands.options import design_settings
 from foldcar.commands.typed_answers import INPUT, TypedAnswers
 from foldcar.errors import FoldcarError
 from foldcar.interrupts import at_once

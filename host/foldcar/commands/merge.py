@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import check_distinct, output_store
+from foldcar.commands.options import Json, check_distinct, output_store, print_json
 from foldcar.errors import FoldcarError
 
 

@@ -5,10 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.components_option import Components
-from foldcar.commands.design_settings import Settings, design_settings
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_folder
+from foldcar.commands.options import Components, Json, Settings, design_settings, output_folder, print_json
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
 

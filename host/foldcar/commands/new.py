@@ -1,49 +1,96 @@
-"""`foldcar new`: a small project to start from."""
+"""`foldcar new`: a small project to start from, or the files of an example that the documentation names."""
 
 import shlex
+import shutil
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
+from foldcar.commands.options import Json, print_json
 from foldcar.errors import FoldcarError
+from foldcar.interrupts import held
 from foldcar.output_folder import make_output_folder
+from foldcar.source_tree import PACKAGE, source_tree
 
 FILES = ("README.md", "study.json", "yard.scenic")
+FIRST = ("foldcar sweep study.json --store yard.db", "foldcar report yard.db -o report")
+# Files with their places in a checkout, so that the documentation's commands hold; then what to type.
+STUDY = ("scenarios/width_study.json", "scenarios/step_pyramids.scenic", "scenarios/published_trials.csv")
+EXAMPLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "width_study": (
+        (*STUDY, "examples/study.ipynb"),
+        (
+            "foldcar sweep scenarios/width_study.json --store study.db",
+            "foldcar trials import study.db scenarios/published_trials.csv",
+            "foldcar report study.db -o report",
+        ),
+    ),
+    "published_cars": (
+        ("patterns/published_cars.json", "patterns/hinged.json", "patterns/six_wheels.json"),
+        ("foldcar pattern patterns/published_cars.json --vehicle w95 -o car",),
+    ),
+    "obstacle_course": (
+        ("scenarios/obstacle_course.json", "scenarios/obstacle_course.scenic"),
+        (
+            "foldcar gallery scenarios/obstacle_course.scenic -o gallery",
+            "foldcar sweep scenarios/obstacle_course.json --store course.db",
+        ),
+    ),
+    "optimize": (
+        ("examples/design_space.json", "scenarios/step_pyramids.scenic"),
+        ("foldcar optimize examples/design_space.json --store space.db --designs 60 --environments 50",),
+    ),
+}
 
 
 def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; an empty one may be there.")],
+    example: Annotated[
+        str | None, typer.Option(metavar="NAME", help=f"Write an example's files instead: {', '.join(EXAMPLES)}.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Make a small project to start from.
 
-    A family of cars, an environment, and a README on what to type.
+    A family of cars, an environment, and a README on what to type. With --example the files that the documentation's
+    commands name.
 
     \b
     Example: foldcar new yard
+             foldcar new study --example width_study
     """
-    from importlib.resources import files
-
+    if example is not None and example not in EXAMPLES:
+        raise FoldcarError(f"--example: there is no {example}; there are {', '.join(EXAMPLES)}")
     if folder.is_dir() and any(folder.iterdir()):
         raise FoldcarError(f"{folder}: is not empty; name a new folder")
-    made = make_output_folder(folder)
-    written: list[Path] = []
+    names, commands = (FILES, FIRST) if example is None else EXAMPLES[example]
+    place = files("foldcar.study") / "starter" if example is None else source_tree() or PACKAGE / "examples"
     try:
-        for name in FILES:
-            written.append(folder / name)
-            written[-1].write_bytes((files("foldcar.study") / "starter" / name).read_bytes())
+        contents = {name: (place / name).read_bytes() for name in names}
     except OSError as error:
-        for file in written:
-            file.unlink(missing_ok=True)
-        if made:
-            folder.rmdir()
+        raise FoldcarError(f"--example: {error.filename} is not in this installation") from error
+    made = make_output_folder(folder)
+    try:
+        with held(lambda: _remove(folder, made)):
+            for name, content in contents.items():
+                (folder / name).parent.mkdir(exist_ok=True)
+                (folder / name).write_bytes(content)
+    except OSError as error:
+        _remove(folder, made)
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     if as_json:
-        print_json({"folder": folder, "files": written})
+        print_json({"folder": folder, "files": [folder / name for name in names]})
         return
-    typer.echo(f"{folder}: {', '.join(FILES)}; now type:")
-    typer.echo(f"  cd {shlex.quote(str(folder))}")
-    typer.echo("  foldcar sweep study.json --store yard.db")
-    typer.echo("  foldcar report yard.db -o report")
+    typer.echo(f"{folder}: {', '.join(names)}; now type:")
+    for command in (f"cd {shlex.quote(str(folder))}", *commands):
+        typer.echo(f"  {command}")
+
+
+def _remove(folder: Path, made: bool) -> None:
+    """All that was written: the folder was empty."""
+    for one in folder.iterdir():
+        shutil.rmtree(one) if one.is_dir() else one.unlink()
+    if made:
+        folder.rmdir()

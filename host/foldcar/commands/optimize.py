@@ -8,11 +8,16 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.components_option import Components
-from foldcar.commands.jobs_option import Jobs
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_store
-from foldcar.commands.scheduler_option import Scheduler, check_scheduler_option, simulators
+from foldcar.commands.options import (
+    Components,
+    Jobs,
+    Json,
+    Scheduler,
+    check_scheduler_option,
+    output_store,
+    print_json,
+    simulators,
+)
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
@@ -97,8 +102,8 @@ def optimize(
     \b
     Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --environments 50
     """
-    from foldcar.commands.calibration_option import under_calibration
-    from foldcar.commands.search_bar import SearchBar
+    from foldcar.commands.options import under_calibration
+    from foldcar.commands.progress_bar import SearchBar
     from foldcar.commands.search_text import print_search, search_object
     from foldcar.interrupts import said
     from foldcar.search.objectives import OBJECTIVES

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_file
+from foldcar.commands.options import Json, output_file, print_json
 from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 

@@ -10,10 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.components_option import Components
-from foldcar.commands.design_settings import Settings
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_folder
+from foldcar.commands.options import Components, Json, Settings, output_folder, print_json
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:

@@ -6,9 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_folder
-from foldcar.commands.simulated_trials_option import SimulatedTrials
+from foldcar.commands.options import Json, SimulatedTrials, output_folder, print_json
 from foldcar.processors import usable_processors
 
 if TYPE_CHECKING:
@@ -49,7 +47,7 @@ def report(
     \b
     Example: foldcar report study.db -o report --threshold 0.6 --threshold 0.8
     """
-    from foldcar.commands.replay_bar import ReplayBar
+    from foldcar.commands.progress_bar import ReplayBar
     from foldcar.report.figure_options import figure_options
     from foldcar.report.replayer import Replayer
     from foldcar.report.summary_object import summary_object, trials_object

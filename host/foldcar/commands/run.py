@@ -5,13 +5,8 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.components_option import Components
-from foldcar.commands.design_settings import Settings
-from foldcar.commands.engine_option import Engine
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.listed_run import ExperimentId, Listing, Sample, listed_run
-from foldcar.commands.output_option import output_file
-from foldcar.commands.simulated_run import simulated_run
+from foldcar.commands.listed_run import ExperimentId, Listing, Sample, listed_run, simulated_run
+from foldcar.commands.options import Components, Engine, Json, Settings, output_file, print_json
 
 LEAST_NAME_WIDTH = 22
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foldcar.atomic_file import atomic_file
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import STANDARD_OUTPUT, check_distinct, output_file
+from foldcar.commands.options import STANDARD_OUTPUT, Json, check_distinct, output_file, print_json
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS
 

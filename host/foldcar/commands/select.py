@@ -5,9 +5,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import check_distinct, output_file
-from foldcar.commands.simulated_trials_option import SimulatedTrialsInstead
+from foldcar.commands.options import Json, SimulatedTrialsInstead, check_distinct, output_file, print_json
 
 MOST_BUILD = 50
 
@@ -42,7 +40,7 @@ def select(
     """
     from foldcar.advice.selecting import select as select_designs
     from foldcar.advice.tables import selection_object, write_selection
-    from foldcar.commands.points_option import parse_points
+    from foldcar.commands.options import parse_points
     from foldcar.commands.select_text import print_selections
     from foldcar.store.reader import Store
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.trial_arguments import Number, StoreFile
+from foldcar.commands.options import Json, Number, StoreFile, print_json
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:

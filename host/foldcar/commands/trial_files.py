@@ -5,9 +5,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_file, output_folder
-from foldcar.commands.trial_arguments import Number, StoreFile
+from foldcar.commands.options import Json, Number, StoreFile, output_file, output_folder, print_json
 from foldcar.errors import FoldcarError
 
 

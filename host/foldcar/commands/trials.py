@@ -6,10 +6,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import output_file
-from foldcar.commands.simulated_trials_option import SimulatedTrials
-from foldcar.commands.trial_arguments import Number, StoreFile
+from foldcar.commands.options import Json, Number, SimulatedTrials, StoreFile, output_file, print_json
 from foldcar.commands.trial_changes import correct, restore, withdraw
 from foldcar.commands.trial_files import dialect, export, import_file
 from foldcar.errors import FoldcarError

@@ -1,19 +1,20 @@
 """`foldcar view`: a page with a car that is put together step by step, drives a run, or is changed by sliders."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.components_option import Components
-from foldcar.commands.design_settings import Settings
-from foldcar.commands.json_option import Json, print_json
-from foldcar.commands.output_option import check_distinct, output_file
+from foldcar.commands.listed_run import ListedRun, listed_run, simulated_run
+from foldcar.commands.options import Components, Json, Settings, check_distinct, output_file, print_json
+from foldcar.commands.run_text import variation_text
 from foldcar.errors import FoldcarError
+from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
-    from foldcar.commands.viewed_run import ViewedRun
 
 
 def view(
@@ -22,9 +23,7 @@ def view(
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", callback=output_file, help="The page to write (HTML)."),
     ] = None,
-    vehicle: Annotated[
-        str | None, typer.Option(metavar="ID", help="Vehicle of the listing, if it has several.")
-    ] = None,
+    vehicle: Annotated[str | None, typer.Option(metavar="ID", help="Vehicle of the listing, if it has several.")] = None,
     settings: Settings = None,
     live: Annotated[
         bool, typer.Option("--live", help="Serve the page to this machine's browser, with sliders; until Ctrl-C.")
@@ -51,7 +50,6 @@ def view(
              foldcar view scenarios/width_study.json --set width=95 --run 1/3 --live
     """
     from foldcar.commands.listed_design import listed_family
-    from foldcar.commands.viewed_run import viewed_run
 
     if live == (output is not None):
         raise FoldcarError("-o: --live serves the page and writes none" if live else "-o FILE is missing (or --live)")
@@ -86,7 +84,7 @@ def _write(design: "Design", output: Path, run: dict[str, Any] | None, machine: 
 def _serve(
     design: "Design", listing: Path, vehicle: str | None, settings: list[str], run: "ViewedRun | None", as_json: bool
 ) -> None:
-    from foldcar.commands.design_settings import design_settings
+    from foldcar.commands.options import design_settings
     from foldcar.interrupts import said
     from foldcar.view.live_car import LiveCar
     from foldcar.view.server import PageServer
@@ -102,3 +100,52 @@ def _serve(
         else:
             typer.echo(f"{server.url} (until Ctrl-C)")
         server.serve_forever()
+
+
+@dataclass(frozen=True)
+class ViewedRun:
+    """The run, and the number of its sample."""
+
+    listed: ListedRun
+    sample: int
+
+    @property
+    def design(self) -> "Design":
+        """The design that the listing and the settings name."""
+        return self.listed.design
+
+    @property
+    def vehicle(self) -> str:
+        """The listing's vehicle."""
+        return self.listed.experiment.family.vehicle
+
+    def of(self, design: "Design") -> dict[str, Any]:
+        """What run.js replays of that design's run in this environment. FoldcarError if the run fails."""
+        from foldcar.figures.ground import carsim_heights
+        from foldcar.simulation.results import outcome_of
+        from foldcar.view.recorded_run import recorded_run
+
+        listed = self.listed.with_design(design)
+        name = f"experiment {listed.experiment.id}, sample {self.sample}"
+        one, answer = simulated_run(listed, self.sample)
+        path = one.path(listed.carsim, answer, f"--run {listed.experiment.id}/{self.sample}")
+        told = f"{name.capitalize()}: {outcome_of(answer).replace('_', ' ')} after {answer['elapsed_time_s']:.2f} s."
+        if listed.variation:
+            told += f" The car that drives differs from the design that is drawn: {variation_text(listed.variation)}."
+        return recorded_run(listed.body, listed.scene, path, carsim_heights(listed.carsim), told)
+
+
+def viewed_run(listing: Path, run: str, vehicle: str | None, settings: Sequence[str]) -> ViewedRun:
+    """The run that the option names; FoldcarError unless it names one, of that vehicle if one is given."""
+    experiment, slash, number = run.partition("/")
+    sample = int(number) if number.isascii() and number.isdigit() and len(number) < 9 else None
+    if not slash:
+        sample = 0
+    if not experiment or sample is None or sample >= MOST_ENVIRONMENTS:
+        most = MOST_ENVIRONMENTS - 1
+        raise FoldcarError(f"--run {run}: not EXPERIMENT/SAMPLE with a sample from 0 to {most}, as in 1/3")
+    listed = listed_run(listing, experiment, settings, sample)
+    its = listed.experiment.family.vehicle
+    if vehicle is not None and vehicle != its:
+        raise FoldcarError(f"--run {run}: experiment {experiment} is of vehicle {its}, not of {vehicle}")
+    return ViewedRun(listed, sample)

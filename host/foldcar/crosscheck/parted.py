@@ -7,7 +7,6 @@ the simulation may have ended a run before the simulator alone does: the path is
 
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +17,7 @@ from foldcar.replay.stored_drives import StoredDrives, read_drives
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import REJECTED
 from foldcar.simulation.runner import PATH_INTERVAL_S
+from foldcar.simulation.side_by_side import side_by_side
 from foldcar.store.reader import Store
 
 CANDIDATES = 24
@@ -80,9 +80,8 @@ def _paths(
     """The stored results with their paths; None if the run does not end again as it did."""
     size = max(1, -(-len(cases) // jobs))
     keys = [(case.design, case.sample) for case in cases]
-    calls = [run_call(drives, keys[i : i + size], carsim, PATH_INTERVAL_S) for i in range(0, len(keys), size)]
-    with ThreadPoolExecutor(jobs, thread_name_prefix="carsim") as pool:
-        answers = [answer for chunk in pool.map(lambda call: call(), calls) for answer in chunk]
+    calls = (run_call(drives, keys[i : i + size], carsim, PATH_INTERVAL_S) for i in range(0, len(keys), size))
+    answers = [answer for chunk in side_by_side(calls, jobs, carsim.stop) for answer in chunk]
     return [_with_path(one, answer, bool(drives.dynamic)) for one, answer in zip(stored, answers, strict=True)]
 
 

@@ -8,8 +8,8 @@ compact_path.py.
 import json
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy
@@ -18,6 +18,7 @@ from foldcar.figures.ground import Extent
 from foldcar.figures.top_view import view_of
 from foldcar.replay.compact_path import varints
 from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.side_by_side import side_by_side
 
 HEIGHT_M = 0.0005
 LEAST_CELL_M = 0.005
@@ -61,8 +62,7 @@ def ground_maps(
         return varints(numpy.diff(heights, prepend=0)) if heights.any() else None
 
     maps = []
-    with ThreadPoolExecutor(jobs, thread_name_prefix="ground") as pool:
-        for made in pool.map(one_map, scenes):
-            maps.append(made)
-            done(1)
+    for made in side_by_side((partial(one_map, scene) for scene in scenes), jobs, carsim.stop):
+        maps.append(made)
+        done(1)
     return GroundMaps(extent, cell, columns, rows, maps)

@@ -6,7 +6,6 @@ than the stored one is left out and counted: a page must never show another run 
 
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +15,7 @@ from foldcar.replay.outcome_grid import OutcomeGrid
 from foldcar.replay.stored_drives import StoredDrives
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import RunRequest
+from foldcar.simulation.side_by_side import side_by_side
 
 CHUNK_RUNS = 64
 
@@ -42,16 +42,11 @@ def simulate_paths(
     """The paths of the ``chosen`` (design, sample) pairs; ``done`` is told how many runs each chunk had. FoldcarError."""
     found = Paths()
     chunks = [chosen[start : start + CHUNK_RUNS] for start in range(0, len(chosen), CHUNK_RUNS)]
-    # The store is read in this thread; carsim's answers are awaited, and parsed, in the others.
-    with ThreadPoolExecutor(jobs, thread_name_prefix="carsim") as pool:
-        calls = (run_call(drives, chunk, carsim, INTERVAL_S) for chunk in chunks)
-        # A bounded number of chunks wait with their texts.
-        for start in range(0, len(chunks), 2 * jobs):
-            ahead = [pool.submit(next(calls)) for _ in chunks[start : start + 2 * jobs]]
-            for chunk, future in zip(chunks[start : start + 2 * jobs], ahead, strict=True):
-                for key, answer in zip(chunk, future.result(), strict=True):
-                    _keep(found, grid, key, answer)
-                done(len(chunk))
+    calls = (run_call(drives, chunk, carsim, INTERVAL_S) for chunk in chunks)
+    for chunk, answers in zip(chunks, side_by_side(calls, jobs, carsim.stop), strict=True):
+        for key, answer in zip(chunk, answers, strict=True):
+            _keep(found, grid, key, answer)
+        done(len(chunk))
     return found
 
 

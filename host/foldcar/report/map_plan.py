@@ -90,12 +90,12 @@ def plan_map(table: DesignTable, x: str | None = None) -> MapPlan | None:
     parameters of at least two values.
     """
     varied = [name for name in table.names if len(table.values(name)) > 1]
+    if len(varied) < 2 or x not in (None, *varied):
+        return None
     # A search may have run one value only of a parameter that it could vary.
     table = table.where({name: table.values(name)[0] for name in table.names if name not in varied})
     ranked = sorted((name for name in varied if name != x), key=lambda name: -table.effect(name))
     axes = [x, *ranked][:2] if x is not None else sorted(ranked[:2], key=lambda name: -len(table.values(name)))
-    if len(axes) < 2 or axes[0] not in varied:
-        return None
     others = [name for name in ranked if name not in axes]
     chosen = {name: _chosen(table.values(name), at, len(others)) for at, name in enumerate(others)}
     panels = []

@@ -44,4 +44,6 @@ def _name_hint(name: str, text: str) -> str:
 def _parameter_hint(name: str, text: str) -> str:
     defined = PARAMETERS.findall(text + VOCABULARY.read_text(encoding="utf-8"))
     known = [parameter for one in defined for parameter in re.findall(r"(\w+)\s*=", one)]
+    if name in known:
+        return f": a requirement cannot read globalParameters: write `x = globalParameters.{name}` above it and read x"
     return f": there is no `param {name} = …`; known: {', '.join(sorted(set(known)))}{did_you_mean(name, known)}"

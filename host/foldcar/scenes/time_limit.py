@@ -60,6 +60,9 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
     begun_s = time.monotonic()
     try:
         yield
+        if up:
+            # The block has suppressed the interruption.
+            raise _TimeUpError
     except (_TimeUpError, Exception):
         # Some libraries, such as ctypes, convert the interruption to another error.
         if not up:

@@ -32,12 +32,15 @@ METHODS = frozenset(
     | {"canSee", "containsObject", "containsPoint", "distanceFrom", "intersects"}
     | {"copy", "count", "endswith", "get", "index", "items", "keys", "lower", "split", "startswith", "strip", "values"}
 )
+# The method of a program's own terrain, which only making a scene calls.
+TERRAIN = "pieces"
 # A container's other methods change it, also when they are not called where they are named.
-CHANGING = frozenset(name for kind in (list, dict, set) for name in dir(kind) if name[0] != "_") - METHODS
+CHANGING = frozenset(name for kind in (list, dict, set) for name in dir(kind) if name[0] != "_") - METHODS | {TERRAIN}
 # Modules without state, but for numpy's random numbers.
 MODULES = ("math", "numpy")
 # Those whose objects run no code of a program when they are read.
 PLAIN = frozenset({"builtins", "math", "numpy", "scenic", "weakref"})
+SIMPLE = frozenset({bool, float, int, str, type(None), Vector})
 # Scenic's functions that draw at random or create.
 DRAWING = frozenset({"new", "mutate", "resample"})
 STORES = ("STORE_GLOBAL", "STORE_ATTR", "STORE_SUBSCR", "STORE_SLICE", "DELETE_", "IMPORT_", "INPLACE_")
@@ -105,39 +108,56 @@ def _may_be_used(value: Any, seen: set[Any]) -> bool:
     return is_data(value)
 
 
+@functools.lru_cache(maxsize=1)
+def is_plain(scene: Any) -> bool:
+    """Whether no object of a Scenic scene runs code of its program when it is read.
+
+    Remembered for the last scene, in which many cars drive.
+    """
+    return is_data(scene.objects)
+
+
 def is_data(value: Any) -> bool:
     """Whether reading ``value``, its parts included, runs no code of a program and uses nothing up."""
     parts, seen = [value], {id(value)}
     for one in parts:
+        own: Any = type(one)
         if isinstance(one, Constructible):
-            own: Any = type(one)
             if not _has_no_code(own):
                 return False
             more = one._allProperties().values()
-        elif type(one) in (dict, list, tuple, set, frozenset):
+        elif own in (dict, list, tuple, set, frozenset):
             more = [*one, *one.values()] if isinstance(one, dict) else one
         elif isinstance(one, Options):
             more = one.options
-        elif isinstance(one, Invocable) or _is_plain(one):
+        elif isinstance(one, Invocable) or _is_plain_class(own):
             continue
         else:
             return False
-        # The list grows, which also keeps what the ids belong to.
-        new = {id(part): part for part in more if id(part) not in seen}
+        # Numbers and texts, most of an object's values, have no parts. The list grows, which also keeps what the ids
+        # belong to.
+        new = {id(part): part for part in more if type(part) not in SIMPLE and id(part) not in seen}
         seen.update(new)
         parts += new.values()
     return True
 
 
-def _is_plain(value: Any) -> bool:
-    module = type(value).__module__.partition(".")[0]
+@functools.lru_cache(maxsize=256)
+def _is_plain_class(cls: type) -> bool:
+    module = cls.__module__.partition(".")[0]
     # Functions and iterators are Python's own as well.
-    return module in PLAIN and not (module == "builtins" and (callable(value) or hasattr(value, "__next__")))
+    used = any(name in vars(one) for one in cls.__mro__ for name in ("__call__", "__next__"))
+    return module in PLAIN and not (module == "builtins" and used)
 
 
 @functools.lru_cache(maxsize=256)
 def _has_no_code(cls: type) -> bool:
-    """Whether a class of Scenic objects has no methods and properties (`@property`) but Scenic's."""
+    """Whether a class of Scenic objects has no methods and properties (`@property`) but Scenic's and TERRAIN."""
     own = [one for one in cls.__mro__ if one.__module__.partition(".")[0] not in PLAIN]
-    members = [member for one in own for name, member in vars(one).items() if name not in ("__dict__", "__weakref__")]
-    return not any(hasattr(type(member), "__get__") for member in members)
+    members = [(name, member) for one in own for name, member in vars(one).items()]
+    return all(
+        not hasattr(type(member), "__get__")
+        or name in ("__dict__", "__weakref__")
+        or (name == TERRAIN and isinstance(member, FunctionType))
+        for name, member in members
+    )

@@ -27,7 +27,7 @@ from foldcar.errors import FoldcarError
 from foldcar.scenes.outer_step import OUTER_STEP_S, outer_step_s
 from foldcar.scenes.success import VERDICT
 from foldcar.simulation.carsim_step import State, SteppedCarsim
-from foldcar.simulation.pure_conditions import is_data
+from foldcar.simulation.pure_conditions import is_plain
 from foldcar.simulation.scenic_ego import ShownEgo
 from foldcar.simulation.scenic_endings import ChangesMonitor, NativeEnding, is_pure, is_traceable
 from foldcar.simulation.scenic_records import Records, refuse_misplaced
@@ -120,7 +120,6 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._steps: float = 0.0
         self._begun: tuple[float, float] = (0.0, 0.0)  # time (s) and steps at the last look but one
         self._row: int | None = None  # of the last advance, if the look was put back to it
-        self._plain = False  # whether no object of the scene runs code of the program when it is read
         self._endings: list[Any] = []
         self._requirements: list[Any] = []
         self._things: list[WatchedThing] = []
@@ -163,8 +162,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._show(advanced.state, 0)
         self._records = Records(self.records)
         conditions = (*scenario._terminationConditions, *scenario._terminateSimulationConditions)
-        self._plain = is_data(self.scene.objects)
-        self._endings = [one for one in conditions if self._plain and is_pure(one)]
+        self._endings = [one for one in conditions if is_plain(self.scene) and is_pure(one)]
         scenario._terminateSimulationConditions = (
             *scenario._terminateSimulationConditions,
             NativeEnding(lambda: self._native),
@@ -248,7 +246,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         if scenario._timeLimitInSteps is not None:
             # 1.1 s in steps of 0.1 s is a little more than 11 steps in floating-point numbers.
             scenario._timeLimitInSteps = round(scenario._timeLimitInSteps, 9)
-        self._requirements = [one for one in scenario._requirementMonitors if self._plain and is_traceable(one)]
+        self._requirements = [one for one in scenario._requirementMonitors if is_plain(self.scene) and is_traceable(one)]
         for one in self._requirements:
             one.monitor = ChangesMonitor(one.proposition)
 

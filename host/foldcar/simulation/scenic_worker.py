@@ -98,10 +98,14 @@ class ScenicWorker:
 
     def _answer_for_sample(self, request: dict[str, Any]) -> dict[str, Any]:
         """In the copy for one sample: draw it, unless that is done, and run in another copy."""
+        from foldcar.simulation.pure_conditions import is_plain
+
         try:
             self._open_sample(request["sample"])
         except FoldcarError as error:
             return {"refused": str(error)}
+        # Found out once, not in every copy.
+        is_plain(self._scene)
         with Forked(self._answer_in_copy) as copy:
             return copy.ask(request)
 

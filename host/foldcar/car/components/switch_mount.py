@@ -27,9 +27,8 @@ class SwitchMount(Component):
 
     def build(self, shape: Shape) -> None:
         """The layers, each with its opening at the origin."""
-        switch, margin = self.parts.switch, self.parts.assembly.doubler_margin_mm.value
-        # A bezel's overhang and a margin around the slot.
-        a, b = switch.length_mm.value / 2 + margin, switch.width_mm.value / 2 + margin
+        switch, margin = self.parts.switch, self.parts.assembly.switch_margin_mm.value
+        a, b = switch.slot_length_mm.value / 2 + margin, switch.slot_width_mm.value / 2 + margin
         for i in range(layers(self.parts)):
             name = f"layer {i + 1}"
             shape.face(name, ((-a, -b), (a, -b), (a, b), (-a, b)), piece="switch doubler")

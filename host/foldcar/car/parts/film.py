@@ -51,6 +51,7 @@ class Assembly(PartData):
     belly_clearance_mm: Quantity
     screw_hole_mm: Quantity
     doubler_margin_mm: Quantity
+    switch_margin_mm: Quantity
     cap_tab_mm: Quantity
     cable_slit_mm: Quantity
     cable_slit_length_mm: Quantity

@@ -42,6 +42,8 @@ EDGE_SLACK_MM = 0.08
 MARGIN, LEAST_ARROW = 0.04, 0.012
 # Height of an arrow's text as a share of the larger side, width of a letter as a share of that height.
 TEXT, LETTER = 0.03, 0.6
+# Least distance of two marks as a share of the larger side, a little more than their diameter.
+MARKS_APART = 0.036
 
 
 @dataclass(frozen=True)
@@ -153,12 +155,15 @@ def _lines(shape: Shape, seen: Sequence[Seen], view: Camera, size: float) -> lis
 
 def _marks(marks: Sequence[Mark], seen: Sequence[Seen], view: Camera, size: float) -> list[str]:
     regions = {one.facet.key: one.region for one in seen}
-    texts = []
+    texts: list[str] = []
+    placed: list[Vector] = []
     for mark in marks:
-        (u, v) = view.flat(mark.at_mm[None, :])[0]
+        at = view.flat(mark.at_mm[None, :])[0]
         region = regions.get(mark.key)
-        if region is None or not region.buffer(EDGE_SLACK_MM).covers(shapely.Point(u, v)):
+        if region is None or not region.buffer(EDGE_SLACK_MM).covers(shapely.Point(*at)):
             continue
+        u, v = at = _free(at, placed, size * MARKS_APART)
+        placed.append(at)
         r = size * (0.017 if len(mark.text) < 3 else 0.023)
         texts.append(
             f'<circle cx="{u:.2f}" cy="{-v:.2f}" r="{r:.2f}" fill="#ffffff" stroke="#222222" '
@@ -167,6 +172,18 @@ def _marks(marks: Sequence[Mark], seen: Sequence[Seen], view: Camera, size: floa
             f'fill="#222222">{html.escape(mark.text)}</text>'
         )
     return texts
+
+
+def _free(at: Vector, placed: Sequence[Vector], apart: float) -> Vector:
+    """The place, moved away from those before it that it would cover."""
+    for _ in placed:
+        near = min(placed, key=lambda other: float(np.linalg.norm(at - other)))
+        off = at - near
+        distance = float(np.linalg.norm(off))
+        if distance > apart - 1e-9:
+            break
+        at = near + (off / distance if distance > 1e-6 else np.array([1.0, 0.0])) * apart
+    return at
 
 
 def _arrow(arrow: Arrow, view: Camera, size: float) -> str:

@@ -1,6 +1,9 @@
 """Positions of joins' numbers on a piece in the guide: on the tab, and beside the edge that it is glued along."""
 
+from itertools import permutations
+
 import numpy as np
+from shapely.geometry import Point, Polygon
 
 from foldcar.car.folded.folding import edge
 from foldcar.car.folded.model import FoldedCar, Join, Piece
@@ -15,7 +18,7 @@ def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction
     """The numbers on one copy of a piece; the joins around a rim have their number once on each side."""
     poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
     offsets = glued_offset_mm(piece, fraction)
-    marks: dict[tuple[int, str], Mark] = {}
+    places: dict[tuple[int, str], list[Mark]] = {}
     for join in folded.joins:
         for side in ("a", "b"):
             if (join.piece_a if side == "a" else join.piece_b) != piece.name:
@@ -26,8 +29,16 @@ def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction
             face, at = found
             once = (join.number, side if join.kind in ("rim", "laminate") else f"{side} {face}")
             point = moved(poses[face], np.array([[*at, offsets.get(face, 0.0)]]))[0]
-            marks.setdefault(once, Mark(str(join.number), point, prefix + face))
-    return list(marks.values())
+            places.setdefault(once, []).append(Mark(str(join.number), point, prefix + face))
+    marks: list[Mark] = []
+    # What has one place comes first; of the teeth around a rim the one farthest from all other numbers is taken.
+    for several in sorted(places.values(), key=len):
+        marks.append(max(several, key=lambda mark: round(_apart_mm(mark, marks), 3)))
+    return marks
+
+
+def _apart_mm(mark: Mark, others: list[Mark]) -> float:
+    return min((float(np.linalg.norm(mark.at_mm - other.at_mm)) for other in others), default=0.0)
 
 
 def _place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | None:
@@ -42,10 +53,20 @@ def _place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | None:
         return face.name, outline.mean(axis=0) * 0.4 + outline[0] * 0.6
     if join.kind == "laminate":
         return None
-    if join.kind == "tab_slot" and side == "b":
-        hole = next((hole for hole in face.holes if hole.name == join.slot), None)
-        middle = None if hole is None else np.array(hole.outline_mm).mean(axis=0)
-        return None if middle is None else (face.name, middle + np.array([0.0, BESIDE_EDGE_MM]))
+    hole = next((hole for hole in face.holes if side == "b" and hole.name == join.slot), None)
+    if hole is not None:
+        middle = np.array(hole.outline_mm).mean(axis=0)
+        inward = outline.mean(axis=0) - middle
+        apart = float(np.linalg.norm(inward))
+        if apart > BESIDE_EDGE_MM:
+            step = inward * BESIDE_EDGE_MM / apart
+            opened = any(Polygon(one.outline_mm).covers(Point(*(middle + step))) for one in face.holes)
+            return face.name, middle - step if opened else middle + step
+        # A wound strip's faces are short: the next one has the number.
+        ends = [(crease.parent.face, crease.child.face) for crease in piece.creases]
+        beside = [faces[b] for pair in ends for a, b in permutations(pair) if a == face.name]
+        found = max(beside, key=lambda one: float(np.ptp(one.outline_mm, axis=0).prod()), default=face)
+        return found.name, np.array(found.outline_mm).mean(axis=0)
     if side == "a" and join.kind in ("tab", "lap", "rim"):
         return face.name, outline.mean(axis=0)
     a, b = (np.array(point) for point in edge(faces, reference))

@@ -16,6 +16,8 @@ OUTPUTS = 8
 WIDTH_MM, ROW_MM, TOP_MM = 190.0, 11.0, 26.0
 BOARD_MM = (70.0, 120.0)
 SERVO_MM = 50.0
+# Of the terminal block, plus and minus, from the board's middle.
+POLES_MM = (8.0, 16.0)
 # The leads of all servos have the same colours; in the drawing each output has its own, neighbours differ in lightness.
 WIRES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#a65628", "#e69f00", "#555555")
 INK, PLUS = "#222222", "#c2272d"
@@ -54,8 +56,9 @@ def _wing(rows_end: float, parts: Catalogue) -> list[str]:
     return [
         _box(left, TOP_MM - 6, right - left, rows_end - TOP_MM + 16, "board"),
         _text((left + right) / 2, TOP_MM - 1.5, parts.featherwing.name, 3),
-        _box(left + 10, rows_end + 1, right - left - 20, 7, "other"),
-        _text((left + right) / 2, rows_end + 5.6, "terminal block  +  −", 3),
+        _box(left + 3, rows_end + 1, right - left - 9, 7, "other"),
+        _text(left + 5, rows_end + 5.6, "terminal block", 3, "start"),
+        *(_text((left + right) / 2 + x, rows_end + 5.6, sign, 3.4) for x, sign in zip(POLES_MM, "+−", strict=True)),
     ]
 
 
@@ -94,10 +97,10 @@ def _lengths(rows_end: float, found: list[Lead]) -> list[str]:
     for lead in found:
         text = f"{math.ceil(lead.missing_mm / 5) * 5} mm"
         if lead.kind == "wire":
-            texts.append(_text((BOARD_MM[0] + BOARD_MM[1]) / 2 + 2.5, y - 4, text, 2.5, "end"))
+            texts.append(_text((BOARD_MM[0] + BOARD_MM[1]) / 2 + POLES_MM[0] - 1.5, y - 4, text, 2.5, "end"))
         else:
             below = lead.start.endswith("-")
-            texts.append(_text(left + 6, y + (5.5 if below else -3.6), f"+ {text}", 2.5, "start"))
+            texts.append(_text(left + 6, y + (5.5 if below else -3.6), f"{text} more", 2.5, "start"))
     return texts
 
 
@@ -109,8 +112,8 @@ def _supply(rows_end: float, parts: Catalogue, switched: bool) -> list[str]:
         _box(5, y - 8, SERVO_MM, 16, "battery"),
         _text(5 + SERVO_MM / 2, y - 1, parts.battery.name, 3.4, bold=True),
         _text(5 + SERVO_MM / 2, y + 4, volts, 3),
-        _wire(f"M{5 + SERVO_MM:g},{y - 2:g}H{middle + 4:g}V{rows_end + 8:g}", PLUS),
-        _wire(f"M{5 + SERVO_MM:g},{y + 2:g}H{middle + 12:g}V{rows_end + 8:g}", INK),
+        _wire(f"M{5 + SERVO_MM:g},{y - 2:g}H{middle + POLES_MM[0]:g}V{rows_end + 8:g}", PLUS),
+        _wire(f"M{5 + SERVO_MM:g},{y + 2:g}H{middle + POLES_MM[1]:g}V{rows_end + 8:g}", INK),
         *(_switch((5 + SERVO_MM + middle) / 2 + 8, y - 2) if switched else []),
         _text(5 + SERVO_MM + 3, y - 3.4, "+", 3.4),
         _text(5 + SERVO_MM + 3, y + 5.8, "−", 3.4),

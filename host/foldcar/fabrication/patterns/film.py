@@ -18,6 +18,8 @@ from foldcar.fabrication.patterns.flat_piece import FlatPiece, Fold
 from foldcar.fabrication.patterns.options import LEAST_FILM_MM, Options
 
 EDGE, SLIT, DASHES = "its edge", "a slit", "a fold's dashes"
+# What is as wide as the film between a fold's cuts, which is creased, does not tear while it is weeded.
+NARROW_FILM_MM = 1.0
 # Beside rounding errors of the buffers' arcs.
 ROUNDING_MM = 0.01
 
@@ -33,7 +35,7 @@ class Film:
     @property
     def narrow(self) -> bool:
         """Whether it may tear."""
-        return self.width_mm < LEAST_FILM_MM - ROUNDING_MM
+        return self.width_mm < NARROW_FILM_MM - ROUNDING_MM
 
     @property
     def of_part(self) -> bool:

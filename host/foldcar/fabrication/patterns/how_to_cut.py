@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from foldcar.fabrication.patterns.drawing import bounds
 from foldcar.fabrication.patterns.layers import LAYERS, Layer
-from foldcar.fabrication.patterns.options import LEAST_FILM_MM, MACHINES
+from foldcar.fabrication.patterns.options import MACHINES
 from foldcar.fabrication.patterns.sheets import Pattern
 from foldcar.fabrication.patterns.title_block import REFERENCE_MM
 
@@ -70,8 +70,7 @@ def _lines(made: Pattern, command: str) -> Iterator[str]:
         )
     yield from _parted(made)
     yield from ("", f"The narrowest film between two cuts is {made.least_film_mm:.2f} mm.")
-    if made.least_film_mm < LEAST_FILM_MM:
-        yield from (f"- {warning}" for warning in made.warnings)
+    yield from (f"- {warning}" for warning in made.warnings)
 
 
 def _meaning(layer: Layer, made: Pattern) -> str:

@@ -70,10 +70,14 @@ class Pattern:
 
 @dataclass(frozen=True, slots=True)
 class CutCar:
-    """A car split to fit the sheets: ``car`` has pieces split along folds, ``pieces`` are flat, some cut across."""
+    """A car split to fit the sheets: ``car`` has pieces split along folds, ``pieces`` are flat, some cut across.
+
+    ``whole`` is the car before.
+    """
 
     car: FoldedCar
     pieces: tuple[FlatPiece, ...]
+    whole: FoldedCar
 
     @property
     def strips(self) -> dict[str, int]:
@@ -96,7 +100,7 @@ def cut_car(folded: FoldedCar, chosen: Options) -> CutCar:
     pieces: list[FlatPiece] = []
     for flat in (flat_piece(piece, chosen) for piece in car.pieces):
         pieces += [flat] if flat.name in turning and not flat.bends else split_to_fit(flat, chosen, numbers)
-    return CutCar(car, tuple(pieces))
+    return CutCar(car, tuple(pieces), folded)
 
 
 def pattern(folded: FoldedCar, chosen: Options, title: str, command: str = "") -> Pattern:
@@ -112,7 +116,7 @@ def pattern_of(cut: CutCar, chosen: Options, title: str, command: str = "") -> P
 
     def draw(index: int, turn: int) -> list[Shape]:
         piece = cut.pieces[index]
-        shapes, unlabelled = piece_shapes(piece, chosen, join_marks(piece, cut.car.joins), turn)
+        shapes, unlabelled = piece_shapes(piece, chosen, join_marks(piece, cut.car, cut.whole), turn)
         missing.update(dict.fromkeys(unlabelled))
         return shapes
 

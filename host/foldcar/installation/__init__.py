@@ -1,1 +1,0 @@
-"""What foldcar needs of this machine, and whether it is there."""

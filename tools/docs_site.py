@@ -1,0 +1,51 @@
+"""What mkdocs adds to docs/ for `make docs`: the README as first page, the Python API, files that pages name."""
+
+import re
+from pathlib import Path
+
+import yaml
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).resolve().parents[1]
+# Pages of the site, and what they are made from.
+PAGES = {"index.md": "README.md", "contributing.md": "CONTRIBUTING.md", "changelog.md": "CHANGELOG.md"}
+API = ROOT / "host" / "foldcar" / "__init__.py"
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the generated pages, and each file outside docs/ that a page links to."""
+    for name, source in PAGES.items():
+        page = (ROOT / source).read_text(encoding="utf-8").replace("](docs/", "](")
+        files.append(File.generated(config, name, content=_to_pages(page, "")))
+    files.append(File.generated(config, "api.md", content=_api()))
+    for path in sorted(Path(config.docs_dir).glob("*.md")):
+        for name in _outside(path.read_text(encoding="utf-8")):
+            if name not in PAGES.values() and name not in files.src_uris:
+                files.append(File.generated(config, name, abs_src_path=str(ROOT / name)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Links to what is outside docs/ lead to its copy on the site."""
+    return _to_pages(markdown, "../").replace("](../", "](")
+
+
+def _to_pages(markdown: str, folder: str) -> str:
+    for name, source in PAGES.items():
+        markdown = markdown.replace(f"]({folder}{source}", f"]({name}")
+    return markdown
+
+
+def _outside(text: str) -> list[str]:
+    return re.findall(r"\]\(\.\./([^)#]+)", text)
+
+
+def _api() -> str:
+    """A section for each public name, from its docstring."""
+    modules = re.search(r"^_MODULES = (\{.*?^\})", API.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    assert modules is not None
+    names = yaml.safe_load(modules[1])
+    sections = [f"::: {module}.{name}" for name, module in sorted(names.items(), key=lambda one: one[0].lower())]
+    return "\n\n".join(["# Python API", "[A tour](python.md) comes first.", *sections, "::: foldcar.condition"]) + "\n"

@@ -21,13 +21,11 @@ from scipy.special import expit, logit, logsumexp
 
 from foldcar.atomic_file import atomic_file
 from foldcar.calibration.emulator import LARGEST_LOGIT, Emulator
-from foldcar.calibration.experiment import SweptExperiment, read_experiment
+from foldcar.calibration.experiment import CalibrationRun, Simulator, SweptExperiment, count_trials, read_experiment
 from foldcar.calibration.inference import Inference, infer
 from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
 from foldcar.calibration.posterior import DISCREPANCY, log_likelihood
-from foldcar.calibration.simulation import CalibrationRun, Simulator
 from foldcar.calibration.summary import summarise
-from foldcar.calibration.trial_counts import count_trials
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.reader import Store
 

@@ -20,7 +20,7 @@ import numpy
 from numpy.typing import NDArray
 from page_block import replaced
 
-from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.rate import wilson_interval
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.atomic_file import atomic_file
 from foldcar.simulation.engines import MUJOCO, MULTIBODY

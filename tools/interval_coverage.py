@@ -22,16 +22,19 @@ import numpy
 from page_block import replaced
 from scipy.special import betainc, betaincinv, betaln, xlog1py, xlogy
 from scipy.stats import binom, norm
-from synthetic_trials import binary_pairs, graded_pairs, rows
+from synthetic_trials import ENVIRONMENTS, binary_pairs, rows
 
-from foldcar.analysis.anytime import anytime_interval
-from foldcar.analysis.betting import betting_interval
-from foldcar.analysis.intervals import clopper_pearson_interval, jeffreys_interval, wilson_interval
-from foldcar.analysis.paired import paired_means, paired_rates
-from foldcar.analysis.pooled_bias import pooled_rates
+from foldcar.analysis.gap import paired_rates
+from foldcar.analysis.gaussian_process import success_model
+from foldcar.analysis.pooled_bias import pooled_bias
 from foldcar.analysis.prediction_powered import power_tuned_mean, rectified_rate
-from foldcar.analysis.success_model import success_model
-from foldcar.analysis.times import times_to_cross
+from foldcar.analysis.rate import (
+    anytime_interval,
+    clopper_pearson_interval,
+    jeffreys_interval,
+    limited_mean,
+    wilson_interval,
+)
 from foldcar.atomic_file import atomic_file
 from foldcar.figures.output import save_figure
 from foldcar.figures.style import ACCENT, FAILURE, INK, RC
@@ -73,17 +76,10 @@ def exact(interval: Callable[[int, int], tuple[float, float]], n: int) -> Cell:
     return float(numpy.mean(held)), float(numpy.mean([high - low for low, high in ends]))
 
 
-def betting(n: int) -> Cell:
-    """Bets on the mean of rates, of Beta distributions."""
+def rectified(correlation: float, n: int) -> Cell:
+    """Trials that rectify simulation."""
     random = numpy.random.default_rng(SEED)
-    shapes = random.uniform(0.3, 3, (REPEATS // 4, 2))
-    return share((a / (a + b), *betting_interval(random.beta(a, b, n))) for a, b in shapes)
-
-
-def rectified(correlation: float | None, n: int) -> Cell:
-    """Trials that rectify simulation; without a correlation, simulation gives rates."""
-    random = numpy.random.default_rng(SEED)
-    pairs = graded_pairs(random, n, REPEATS) if correlation is None else binary_pairs(random, n, correlation, REPEATS)
+    pairs = binary_pairs(random, n, correlation, REPEATS)
     rates = ((pair.rate, rectified_rate(pair.trials, pair.paired, pair.others)) for pair in pairs)
     return share((truth, rate.low, rate.high) for truth, rate in rates)
 
@@ -109,7 +105,9 @@ def pooled(rough: bool, correlation: float, n: int) -> Cell:
 
     def intervals() -> Iterator[tuple[float, float, float]]:
         for row in rows(numpy.random.default_rng(SEED), DESIGNS, n, rough, correlation, ROWS):
-            found = pooled_rates(row.parameters, row.passed, numpy.full(DESIGNS, n), row.simulated)
+            runs = numpy.column_stack([ENVIRONMENTS * row.simulated, numpy.full(DESIGNS, ENVIRONMENTS)])
+            trials = numpy.column_stack([row.passed, numpy.full(DESIGNS, n)])
+            found = pooled_bias(row.parameters, runs, trials).rates()
             yield from ((truth, rate.low, rate.high) for truth, rate in zip(row.rates, found, strict=True))
 
     return share(intervals())
@@ -130,39 +128,19 @@ def compared(n: int) -> Cell:
     return share(intervals())
 
 
-def mean_difference(bootstrap: bool, n: int) -> Cell:
-    """The mean difference of two designs' log-normal times over the same environments; or a bootstrap of it."""
-    random = numpy.random.default_rng(SEED)
-    ratio = 1.1
-    truth = numpy.exp(2 + SPREAD**2 / 2 + 0.3**2 / 2) * (1 - ratio)
-
-    def intervals() -> Iterator[tuple[float, float, float]]:
-        for _ in range(REPEATS):
-            common = random.normal(2, SPREAD, n)
-            first, second = (numpy.exp(common + random.normal(0, 0.3, n)) for _ in range(2))
-            second = ratio * second
-            if bootstrap:
-                means = (first - second)[random.integers(n, size=(500, n))].mean(axis=1)
-                yield truth, *numpy.quantile(means, [0.025, 0.975])
-            else:
-                yield truth, *paired_means(first, second)[1:]
-
-    return share(intervals())
-
-
 def restricted(n: int) -> Cell:
-    """The mean time up to the limit: log-normal times, up to half beyond it, and one run of five ended earlier."""
+    """The mean time up to the limit: log-normal times, up to half beyond it."""
     random = numpy.random.default_rng(SEED)
     grid = norm.ppf((numpy.arange(20_000) + 0.5) / 20_000)
 
     def intervals() -> Iterator[tuple[float, float, float]]:
-        for _ in range(REPEATS // 2):
+        for _ in range(REPEATS):
             middle = random.uniform(numpy.log(5), numpy.log(LIMIT_S))
             times = numpy.exp(middle + SPREAD * random.standard_normal(n))
-            ends = numpy.where(random.random(n) < 0.2, random.uniform(0, LIMIT_S, n), LIMIT_S)
-            found = times_to_cross(numpy.minimum(times, ends), times < ends, LIMIT_S).restricted_mean_interval_s
+            crossed = times[times < LIMIT_S]
+            found = limited_mean(len(crossed), n, float(crossed.sum()), float((crossed**2).sum()), LIMIT_S)
             truth = numpy.minimum(numpy.exp(middle + SPREAD * grid), LIMIT_S).mean()
-            yield float(truth), *found
+            yield float(truth), *found[1:]
 
     return share(intervals())
 
@@ -228,17 +206,13 @@ LINES: dict[str, Callable[[int], Cell]] = {
     "Jeffreys (trials alone)": partial(exact, jeffreys_interval),
     "Clopper-Pearson": partial(exact, clopper_pearson_interval),
     **{f"trials and simulation, ρ = {value:g}": partial(rectified, value) for value in CORRELATIONS},
-    "trials and simulation, rates by environment": partial(rectified, None),
     "the same, normal interval of PPI++, ρ = 0.5": partial(normal_rectified, 0.5),
     "designs pooled, smooth bias, ρ = 0.4": partial(pooled, False, 0.4),
     "designs pooled, rough bias, ρ = 0.4": partial(pooled, True, 0.4),
     "difference of two designs": compared,
-    "difference of two mean times": partial(mean_difference, False),
-    "the same, percentile bootstrap": partial(mean_difference, True),
     "restricted mean time": restricted,
     "smooth success model": smooth,
     "anytime-valid, at every look up to n": anytime,
-    "bets on a bounded mean": betting,
 }
 
 

@@ -7,13 +7,12 @@ runs is judged in fresh environments. Example: `.venv/bin/python tools/optimize_
 import argparse
 import os
 import statistics
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from foldcar.search.design_simulator import Row, Values, open_simulator
 from foldcar.search.objectives import OBJECTIVES
-from foldcar.search.proposals import Proposals, Tried
+from foldcar.search.proposals import Proposals
 from foldcar.search.search import batches, searched_study
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.frames import runs_frame
@@ -58,21 +57,18 @@ def picks(
     # A grid is laid out for its number of designs.
     spans = [[budget] for budget in BUDGETS] if sampler == "grid" else [list(BUDGETS)]
     for span in spans:
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder, "study")
-            proposals = Proposals(file, experiment.family, [SUCCESS], sampler, seed, "comparison", span[-1])
-            tried: list[Tried] = []
-            for budget in span:
-                while sum(one.environments for one in tried) < budget * experiment.environments:
-                    values = proposals.next()
-                    if values is None:
-                        break
-                    tried.append(one_design(proposals, rows[values], prune))
-                best = proposals.best(tried, 1)
-                yield best[0].values if best else None
+        proposals = Proposals(experiment.family, [SUCCESS], sampler, seed, span[-1])
+        for budget in span:
+            while sum(one.environments for one in proposals.tried) < budget * experiment.environments:
+                values = proposals.next()
+                if values is None:
+                    break
+                one_design(proposals, rows[values], prune)
+            best = proposals.best(1)
+            yield best[0].values if best else None
 
 
-def one_design(proposals: Proposals, rows: list[Row], prune: bool) -> Tried:
+def one_design(proposals: Proposals, rows: list[Row], prune: bool) -> None:
     """Try the proposed design as `foldcar optimize` does."""
     assert SUCCESS.value is not None and OBJECTIVES["time"].value is not None
     seen: list[Row] = []
@@ -83,7 +79,7 @@ def one_design(proposals: Proposals, rows: list[Row], prune: bool) -> Tried:
         if prune and len(seen) < len(rows) and proposals.worse(number, SUCCESS.value(new, 0.0)):
             pruned = True
             break
-    return proposals.tell([SUCCESS.value(seen, 0.0)], len(seen), pruned, OBJECTIVES["time"].value(seen, 60.0))
+    proposals.tell([SUCCESS.value(seen, 0.0)], len(seen), pruned, OBJECTIVES["time"].value(seen, 60.0))
 
 
 def judge(

@@ -31,7 +31,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
-from foldcar.advice.comparison import wilson_rate
+from foldcar.analysis.rate import Rate
 from foldcar.atomic_file import atomic_file
 from foldcar.calibration.parameters import FloatArray
 from foldcar.car.body import body_json
@@ -293,7 +293,7 @@ def table(rows: Mapping[str, Counts], scenes: int) -> list[str]:
     """Rates by width with 95 % intervals (Wilson), a column for each of ``rows``."""
     lines = [f"|width (mm)|{'|'.join(rows)}|", "|---" * (len(rows) + 1) + "|"]
     for width in WIDTHS:
-        rates = [wilson_rate(counts[width], scenes, "") for counts in rows.values()]
+        rates = [Rate.counted(counts[width], scenes, "") for counts in rows.values()]
         cells = [f"{100 * one.value:.0f} ({100 * one.low:.0f} to {100 * one.high:.0f})" for one in rates]
         lines.append(f"|{width}|{'|'.join(cells)}|")
     return lines

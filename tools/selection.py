@@ -15,9 +15,8 @@ from collections.abc import Sequence
 import numpy
 from threadpoolctl import threadpool_limits
 
-from foldcar.analysis.region import first_designs
-from foldcar.analysis.selection import choose, expected_loss
-from foldcar.analysis.truth_draws import truth_draws
+from foldcar.analysis.pooled_bias import pooled_bias
+from foldcar.analysis.selection import choose, expected_loss, first_designs
 
 WIDTHS = numpy.arange(65.0, 250.0, 5.0)
 RUNS = 100
@@ -54,12 +53,12 @@ def losses(random: numpy.random.Generator, selecting: bool) -> list[float]:
     runs = numpy.column_stack([random.binomial(RUNS, simulated), numpy.full(len(WIDTHS), RUNS)])
     trials = numpy.zeros((len(WIDTHS), 2))
     found = []
-    draws = truth_draws(WIDTHS[:, None], runs, trials, DRAWS)
+    draws = pooled_bias(WIDTHS[:, None], runs, trials).draws(DRAWS)
     for number in range(ROUNDS):
         tried = selected(runs, draws, number) if selecting else uniform(random)
         for index in tried:
             trials[index] += random.binomial(TRIALS, truth[index]), TRIALS
-        draws = truth_draws(WIDTHS[:, None], runs, trials, DRAWS)
+        draws = pooled_bias(WIDTHS[:, None], runs, trials).draws(DRAWS)
         best, _ = expected_loss(draws)
         found.append(float(numpy.max(truth) - truth[best]))
     return found

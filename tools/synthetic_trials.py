@@ -53,22 +53,6 @@ def paired_results(
     return trial.astype(float), ((draws < both) | only_simulated).astype(float)
 
 
-def graded_pairs(random: numpy.random.Generator, trials: int, count: int) -> Iterator[Pairs]:
-    """Simulation's results are rates, which differ by environment as the trials' do but with another middle and scale."""
-    # So many environments stand for all.
-    every = numpy.random.default_rng(0).standard_normal(100_000)
-    for _ in range(count):
-        middle, scale = random.normal(0, 1.5), random.uniform(1, 4)
-        seen, unseen = random.standard_normal(trials), random.standard_normal(OTHERS)
-        shift, stretch = random.normal(0, 0.7), random.uniform(0.5, 1.5)
-        yield Pairs(
-            float(logistic(middle + scale * every).mean()),
-            (random.random(trials) < logistic(middle + scale * seen)).astype(float),
-            logistic(middle + shift + stretch * scale * seen),
-            logistic(middle + shift + stretch * scale * unseen),
-        )
-
-
 @dataclass(frozen=True)
 class Row:
     """Designs in a row: parameters (d, 1), true rates, passed of ``trials`` each, and simulation's rates (d,)."""

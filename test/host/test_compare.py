@@ -14,11 +14,9 @@ import pytest
 from scipy.stats import pearsonr, spearmanr
 from typer.testing import CliRunner
 
-from foldcar.advice.comparison import compare_evidence
 from foldcar.advice.resimulation import Resimulation
-from foldcar.analysis.gap import AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW, Gap, gap, mean_gap, rank_agreement
-from foldcar.analysis.intervals import wilson_interval
-from foldcar.analysis.rate import Rate
+from foldcar.analysis.gap import AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW, Gap, mean_gap, rank_agreement
+from foldcar.analysis.rate import Rate, wilson_interval
 from foldcar.cli import app
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_limits import CarsimLimits
@@ -69,7 +67,7 @@ def test_a_gap_is_newcombes_hybrid_score_interval() -> None:
         ((9, 10), (3, 10)): (0.1705, 0.8090),
         ((10, 10), (0, 20)): (0.6791, 1.0),
     }.items():
-        found = gap(rate(*simulated), rate(*driven))
+        found = mean_gap([rate(*simulated)], [rate(*driven)])
         assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
 
 
@@ -308,23 +306,6 @@ def test_more_designs_than_can_be_pooled_are_compared_one_by_one(
     assert all(one["pooled"] is None and one["gap"] is not None for one in alone["designs"] if one["trials"])
     assert "Rates are not pooled: more than 3 designs of the family were driven." in alone["remarks"]
     assert pooled["mean_gap"] == alone["mean_gap"]
-
-
-def test_trials_without_a_sweep_are_grouped_in_one_pass() -> None:
-    looked_up = []
-
-    class Counting(dict[str, float]):
-        def get(self, *words: Any) -> Any:
-            looked_up.append(words)
-            return super().get(*words)
-
-    trials = [
-        SimpleNamespace(design=Counting(width_mm=65.0 + k, height_mm=50.0), vehicle_type="W_B_W", outcome="passed")
-        for k in range(300)
-    ]
-    found = compare_evidence([], [SimpleNamespace(**vars(one), experiment="1") for one in trials]).alone[0]  # type: ignore[misc]
-
-    assert len(found.designs) == 300 and len(looked_up) <= 4 * len(trials)
 
 
 def test_what_is_simulated_now_is_the_car_as_it_varied_then(carsim_limits: CarsimLimits) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.rate import wilson_interval
 from foldcar.crosscheck.agreement import agreement
 from foldcar.crosscheck.parted import parted
 from foldcar.crosscheck.stored import Case, read_cases

@@ -1,14 +1,12 @@
-"""What the report says of the number of environments and of times, and selections of designs told apart by runs."""
+"""What the report says of the number of environments and of times."""
 
 from types import SimpleNamespace
 from typing import Any
 
 import numpy
 import pytest
-from scipy.stats import binomtest
 
-from foldcar.advice.told_apart import told_apart_text
-from foldcar.analysis.convergence import convergence
+from foldcar.analysis.stopping import convergence
 from foldcar.report.limited_times import limited_times
 from foldcar.report.settling import draw_settling, settling_text
 from foldcar.simulation.results import NUMBERS, OUTCOMES
@@ -50,16 +48,3 @@ def test_runs_that_never_cross_take_the_limit_whenever_they_ended() -> None:
 
     assert {value: time.mean_s for value, time in times.items()} == {65.0: (2 + 120) / 2, 95.0: 4.0}
     assert all(time.low_s < time.mean_s < time.high_s <= 120 for time in times.values())
-
-
-def test_designs_are_told_apart_where_mcnemars_test_does() -> None:
-    best = numpy.ones(50)
-    # Nine failures alone have p = 0.004, six have 0.03, which is too much for two comparisons.
-    worse, near = numpy.repeat([0.0, 1.0], [9, 41]), numpy.repeat([0.0, 1.0], [6, 44])
-    assert binomtest(9, 9).pvalue < 0.025 < binomtest(6, 6).pvalue < 0.05
-
-    text = told_apart_text([best, worse, near], ["95 mm", "65 mm", "105 mm"], 0, [0, 1, 2])
-
-    assert text is not None and text.startswith("Over the same 50 environments")
-    assert "95 mm passes more often than 65 mm; it is not told apart from 105 mm" in text
-    assert told_apart_text([best, worse], ["95 mm", "65 mm"], 0, [0]) is None

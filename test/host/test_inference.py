@@ -10,18 +10,14 @@ import pytest
 from scipy.special import expit
 from scipy.stats import binom, norm, pearsonr
 
-from foldcar.calibration import bank
-from foldcar.calibration.bank import OTHERS, features_of
-from foldcar.calibration.emulator import Emulator
-from foldcar.calibration.experiment import SweptDesign, SweptExperiment
+from foldcar.calibration import emulator
+from foldcar.calibration.emulator import OTHERS, Emulator, features_of
+from foldcar.calibration.experiment import CalibrationRun, SweptDesign, SweptExperiment, TrialCounts
 from foldcar.calibration.inference import DRAWS, infer, plan
-from foldcar.calibration.next_trials import HEIGHTS, TRIALS, rank_next_trials
 from foldcar.calibration.parameters import NAMES, PARAMETERS, known_scores, values_of
 from foldcar.calibration.posterior import DISCREPANCY
-from foldcar.calibration.simulation import CalibrationRun
-from foldcar.calibration.summary import summarise
-from foldcar.calibration.trial_counts import TrialCounts
-from foldcar.calibration.words import findings
+from foldcar.calibration.predictions import HEIGHTS, TRIALS, rank_next_trials
+from foldcar.calibration.summary import findings, summarise
 from foldcar.errors import FoldcarError
 
 SCENES = 30
@@ -61,7 +57,7 @@ class Formula:
 
 def test_every_set_of_parameters_is_simulated_in_a_scatter_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     """The check, too: it would otherwise repeat the accidents of the runs that the emulator has learned."""
-    monkeypatch.setattr(bank, "fit", lambda *_: linear(2.0, 1.0))
+    monkeypatch.setattr(emulator, "fit", lambda *_: linear(2.0, 1.0))
     simulator: Any = Formula(seed=7)
     counts = TrialCounts((0, 3), (2, 9), (10, 10), False, ())
     told: list[int] = []
@@ -175,7 +171,7 @@ def left_out_by_quadrature(counts: TrialCounts) -> list[float]:
 
 
 def test_a_summary_has_the_numbers_of_its_draws(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bank, "fit", lambda *_: linear(2.0, 1.0))
+    monkeypatch.setattr(emulator, "fit", lambda *_: linear(2.0, 1.0))
     simulator: Any = Formula(seed=7)
     counts = TrialCounts((0, 1, 3), (2, 0, 9), (10, 3, 10), False, ("a note",))
     known = {NAMES.index("track_m"): 0.5}
@@ -280,7 +276,7 @@ def test_findings_are_what_the_numbers_say() -> None:
     }
 
     assert findings(summary) == [
-        "The trials of width_mm 95 lie outside the 95 % intervals that the calibrated simulator predicts: no set of "
+        "The trials of 95 mm lie outside the 95 % intervals that the calibrated simulator predicts: no set of "
         "these parameters explains them.",
         "A discrepancy larger than assumed before is needed: the simulator lacks something that the cars have.",
         "obstacle_height is 1.1 (0.95 to 1.3) ×, before the trials 1 (0.7 to 1.5).",
@@ -290,9 +286,9 @@ def test_findings_are_what_the_numbers_say() -> None:
         "obstacle_height explains them as well.",
         "The trials cannot tell com_height_m and obstacle_height apart (correlation -0.25): lower com_height_m with "
         "higher obstacle_height explains them as well.",
-        "Simulated under the calibration, width_mm 95 passes 62 %, the emulator said 55 %: take more --runs.",
-        "Most would be learned by 10 trials of width_mm 65 with obstacles 70 % as high (0.41 bits, most about friction); "
-        "of width_mm 95 (0.30 bits, most about track_m).",
+        "Simulated under the calibration, 95 mm passes 62 %, the emulator said 55 %: take more --runs.",
+        "Most would be learned by 10 trials of 65 mm with obstacles 70 % as high (0.41 bits, most about friction); "
+        "of 95 mm (0.30 bits, most about track_m).",
     ]
     fits = {**summary, "designs": summary["designs"][:1], "parameters": [told("discrepancy", None, median=1.3)]}
     assert findings(fits)[0].startswith("The calibrated simulator's 95 % intervals cover the trials of all")

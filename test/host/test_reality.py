@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from foldcar.calibration.environment import read_reality, real_run
 from foldcar.calibration.parameters import NOMINAL
-from foldcar.calibration.reality import read_reality, real_run
 from foldcar.commands.listed_run import listed_run
 from foldcar.errors import FoldcarError
 from foldcar.store.calibrations import new_calibration, write_calibrations

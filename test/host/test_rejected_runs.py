@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from foldcar.advice.selecting import select
-from foldcar.analysis.anytime import anytime_interval
+from foldcar.analysis.rate import anytime_interval
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.api.oracle import evaluate
 from foldcar.api.study import Study

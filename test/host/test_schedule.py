@@ -8,8 +8,8 @@ from typing import Any
 import numpy
 import pytest
 
-from foldcar.analysis.anytime import anytime_interval
 from foldcar.analysis.engine_bias import RATES, pooled_difference, predicted_rates
+from foldcar.analysis.rate import anytime_interval
 from foldcar.analysis.stopping import LEAST_CHANCE, StoppingRule
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO

@@ -9,24 +9,28 @@ from typing import Any
 
 import numpy
 import pytest
-from scipy.optimize import minimize_scalar
 from scipy.stats import binom
 from typer.testing import CliRunner
 
 from foldcar.advice.selecting import NEXT, Selection
 from foldcar.advice.selecting import select as select_designs
-from foldcar.analysis.intervals import wilson_interval
-from foldcar.analysis.pooled_bias import pooled_rates
-from foldcar.analysis.region import ABOVE, BELOW, BEST, END, LOWER_EDGE, MIDDLE, UPPER_EDGE, first_designs
+from foldcar.analysis.rate import wilson_interval
 from foldcar.analysis.selection import (
+    ABOVE,
+    BELOW,
+    BEST,
+    END,
+    LOWER_EDGE,
+    MIDDLE,
+    UPPER_EDGE,
     choose,
     expected_loss,
+    first_designs,
     honest_best,
     telling_environments,
     trials_needed,
     value_of_trials,
 )
-from foldcar.analysis.truth_draws import _Fit, truth_draws
 from foldcar.cli import app
 from foldcar.commands.select_text import print_selections
 from foldcar.store.reader import Store
@@ -130,43 +134,6 @@ def test_a_twin_of_a_chosen_design_tells_nothing_more() -> None:
     draws = numpy.column_stack([one, one, other])
 
     assert choose(draws, 0.5, 10, 2, [0]) == [2, 1]
-
-
-def test_draws_of_the_truth_have_the_pooled_rates() -> None:
-    runs = numpy.column_stack([numpy.round(100 / (1 + numpy.exp((WIDTHS - 160) / 15))), numpy.full(len(WIDTHS), 100)])
-    trials = numpy.zeros((len(WIDTHS), 2))
-    for width, counts in {65: (9, 12), 95: (7, 10), 115: (5, 12), 180: (0, 12)}.items():
-        trials[width == WIDTHS] = counts
-
-    draws = truth_draws(WIDTHS[:, None], runs, trials, 4000)
-
-    rates = pooled_rates(WIDTHS[:, None], trials[:, 0], trials[:, 1], runs[:, 0] / 100)
-    middle = numpy.median(draws, axis=0)
-    assert numpy.abs(middle - [rate.value for rate in rates]).max() < 0.06
-    low, high = numpy.quantile(draws, [0.025, 0.975], axis=0)
-    driven = trials[:, 1] > 0
-    assert numpy.abs(low - [rate.low for rate in rates])[driven].max() < 0.08
-    assert numpy.abs(high - [rate.high for rate in rates])[driven].max() < 0.12
-
-
-def test_laplaces_approximation_is_at_the_mode_with_its_curvature() -> None:
-    """Of one design: k x - n log(1 + e^x) - (x - m)^2 / 2v has it where scipy finds it, and on a grid the evidence."""
-    for passed, counted, prior, variance in ((0, 12, 1.5, 2.0), (9, 12, -2.0, 3.0), (1, 1, 0.3, 0.5)):
-        fit = _Fit.to(numpy.array([[variance]]), numpy.array([prior]), numpy.array([[passed, counted]], dtype=float))
-
-        def log(x: Any, k: int = passed, n: int = counted, m: float = prior, v: float = variance) -> Any:
-            return k * x - n * numpy.logaddexp(0, x) - (x - m) ** 2 / (2 * v)
-
-        mode = minimize_scalar(lambda x: -log(x), (-4, 4), tol=1e-12).x
-        rate = 1 / (1 + numpy.exp(-mode))
-        assert fit.shift[0] == pytest.approx(mode - prior, abs=1e-6)
-        assert fit.weight[0] == pytest.approx(counted * rate * (1 - rate))
-        # Laplace's evidence is that of a normal density of the mode's height and curvature.
-        height = log(mode) - 0.5 * numpy.log(1 + variance * fit.weight[0])
-        assert fit.evidence == pytest.approx(height)
-        x = numpy.linspace(-15, 15, 3001)
-        exact = numpy.log(numpy.exp(log(x)).sum() * (x[1] - x[0]) / numpy.sqrt(2 * numpy.pi * variance))
-        assert fit.evidence == pytest.approx(exact, abs=0.1)
 
 
 @pytest.mark.parametrize("rate", [0.5, 0.8, 1.0])

@@ -14,10 +14,9 @@ from scipy.integrate import quad
 from scipy.stats import binom
 from typer.testing import CliRunner
 
-from foldcar.advice.reading_evidence import read_evidence
+from foldcar.advice.evidence import read_evidence
 from foldcar.advice.selecting import select
-from foldcar.analysis.anytime import anytime_interval, anytime_mean_interval
-from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.rate import anytime_interval, mean_interval, wilson_interval
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.api.study import Study
 from foldcar.cli import app
@@ -120,7 +119,7 @@ def test_an_interval_that_is_looked_at_after_every_run_covers_nevertheless() -> 
 
 
 def test_the_mean_of_designs_is_within_intervals_that_hold_together() -> None:
-    low, high = anytime_mean_interval([20, 3], [20, 100])
+    low, high = mean_interval([20, 3], [20, 100], stopped=True)
 
     ends = numpy.array([anytime_interval(20, 20, 0.975), anytime_interval(3, 100, 0.975)])
     assert (low, high) == pytest.approx(tuple(ends.mean(axis=0)))

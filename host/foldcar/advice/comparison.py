@@ -11,9 +11,7 @@ from dataclasses import dataclass, replace
 import numpy
 import pandas
 
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence
-from foldcar.advice.reading_evidence import read_evidence, swept_ids, unswept_trials
-from foldcar.advice.words import count, design_text, listed, points
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence, swept_ids, unswept_trials
 from foldcar.analysis.gap import (
     AGREES,
     OPTIMISTIC,
@@ -21,14 +19,13 @@ from foldcar.analysis.gap import (
     TOO_FEW,
     Gap,
     RankAgreement,
-    gap,
     mean_gap,
     rank_agreement,
 )
-from foldcar.analysis.intervals import wilson_interval
-from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_rates
+from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_bias
 from foldcar.analysis.prediction_powered import rectified_rate
 from foldcar.analysis.rate import Rate
+from foldcar.analysis.words import count, listed, points
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
@@ -49,12 +46,12 @@ class DesignComparison:
     """
 
     evidence: DesignEvidence
-    simulated: Rate | None
     driven: Rate
-    rectified: Rate | None
-    pooled: Rate | None
-    gap: Gap | None
-    verdict: str | None
+    simulated: Rate | None = None
+    rectified: Rate | None = None
+    pooled: Rate | None = None
+    gap: Gap | None = None
+    verdict: str | None = None
 
     @property
     def label(self) -> str:
@@ -91,28 +88,19 @@ class ExperimentComparison:
 
     info: ExperimentInfo
     designs: tuple[DesignComparison, ...]
-    ranks: RankAgreement | None
-    mean_gap: Gap | None
-    verdict: str | None
     sentence: str
     remarks: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class TrialsAlone:
-    """Trials of an experiment that was not swept: each design with its rate; ``sentence`` says what to do."""
-
-    experiment: str
-    designs: tuple[tuple[str, int, Rate], ...]
-    sentence: str
+    ranks: RankAgreement | None = None
+    mean_gap: Gap | None = None
+    verdict: str | None = None
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A store's comparison; ``sentence`` is its answer in short."""
+    """A store's comparison; ``sentence`` is its answer in short, ``alone`` tells of trials that no sweep goes with."""
 
     experiments: tuple[ExperimentComparison, ...]
-    alone: tuple[TrialsAlone, ...]
+    alone: tuple[str, ...]
     margin: float
     sentence: str
 
@@ -139,50 +127,48 @@ def compare(
 def compare_evidence(evidence: Sequence[Evidence], alone: Sequence[Trial] = (), margin: float = MARGIN) -> Comparison:
     """As :func:`compare`, from evidence that was read; ``alone`` are trials of experiments that were not swept."""
     experiments = tuple(_experiment(one, margin) for one in evidence)
-    grouped: dict[str, list[Trial]] = {}
-    for trial in alone:
-        grouped.setdefault(trial.experiment, []).append(trial)
-    apart = tuple(_alone(name, trials) for name, trials in grouped.items())
-    return Comparison(experiments, apart, margin, _overall(experiments, apart))
-
-
-def wilson_rate(passed: int, number: int, what: str, confidence: float = CONFIDENCE) -> Rate:
-    """The share with its Wilson interval; ``what`` was counted."""
-    return Rate(passed / number, *wilson_interval(passed, number, confidence), confidence, f"Wilson interval of {what}")
+    apart = tuple(
+        f"Experiment {name} was not swept: {count(number, 'trial')} without runs."
+        for name, number in Counter(trial.experiment for trial in alone).items()
+    )
+    return Comparison(experiments, apart, margin, _overall(experiments))
 
 
 def _experiment(evidence: Evidence, margin: float) -> ExperimentComparison:
-    info, driven = evidence.info, evidence.driven
+    info, driven, remarks = evidence.info, evidence.driven, evidence.remarks
     if not info.success_defined:
-        rows = [DesignComparison(one, None, _driven(one, CONFIDENCE), None, None, None, None) for one in driven]
         why = "success is undefined in this environment, so that there is no rate to compare; only outcomes are shown."
-        return ExperimentComparison(info, tuple(rows), None, None, None, f"Nothing to compare: {why}", evidence.remarks)
+        rows = tuple(DesignComparison(one, _driven(one)) for one in driven)
+        return ExperimentComparison(info, rows, f"Nothing to compare: {why}", remarks)
     both = [one for one in driven if one.runs]
     # Bonferroni: all gaps of the experiment hold together.
     together = 1 - (1 - CONFIDENCE) / max(1, len(both))
     pooled = _pooled(evidence)
     compared = tuple(_design(one, pooled.get(one.label), together, margin) for one in driven)
     if not both:
-        return ExperimentComparison(info, compared, None, None, None, _nothing(driven), evidence.remarks)
-    rates = [(one.simulated(CONFIDENCE), _best(one, CONFIDENCE)) for one in both]
-    mean = mean_gap([f for f, _ in rates], [y for _, y in rates])
+        why = (
+            "no design has both runs and trials."
+            if driven
+            else "there are no trials of built cars yet. `foldcar select` says which cars to build."
+        )
+        return ExperimentComparison(info, compared, f"Nothing to compare: {why}", remarks)
+    mean = mean_gap([one.simulated(CONFIDENCE) for one in both], [_best(one) for one in both])
     ranks = rank_agreement(
         [(one.runs_passed, one.runs) for one in both], [(one.trials_passed, len(one.trials)) for one in both]
     )
     verdict, sentence = _verdict(compared, mean, margin, info.simulation)
-    remarks = evidence.remarks
     if len(_poolable(evidence)) > MOST_POOLED:
         remarks = (*remarks, f"Rates are not pooled: more than {MOST_POOLED} designs of the family were driven.")
-    return ExperimentComparison(info, compared, ranks, mean, verdict, sentence, remarks)
+    return ExperimentComparison(info, compared, sentence, remarks, ranks, mean, verdict)
 
 
 def _design(one: DesignEvidence, pooled: Rate | None, together: float, margin: float) -> DesignComparison:
-    driven = _driven(one, CONFIDENCE)
     if not one.runs:
-        return DesignComparison(one, None, driven, None, None, None, None)
-    found = gap(one.simulated(together), _best(one, together))
-    rectified = _rectified(one, CONFIDENCE)
-    return DesignComparison(one, one.simulated(CONFIDENCE), driven, rectified, pooled, found, found.verdict(margin))
+        return DesignComparison(one, _driven(one))
+    found = mean_gap([one.simulated(together)], [_best(one, together)])
+    return DesignComparison(
+        one, _driven(one), one.simulated(CONFIDENCE), _rectified(one), pooled, found, found.verdict(margin)
+    )
 
 
 def _pooled(evidence: Evidence) -> dict[str, Rate]:
@@ -191,14 +177,8 @@ def _pooled(evidence: Evidence) -> dict[str, Rate]:
     if not 2 <= len(some) <= MOST_POOLED:
         return {}
     x = [[float(one.design[name]) for name in evidence.parameters] for one in some]
-    rates = pooled_rates(
-        x,
-        [one.trials_passed for one in some],
-        [len(one.trials) for one in some],
-        [one.runs_passed / one.runs for one in some],
-        CONFIDENCE,
-        [one.runs for one in some],
-    )
+    runs, trials = [(one.runs_passed, one.runs) for one in some], [(one.trials_passed, len(one.trials)) for one in some]
+    rates = pooled_bias(x, runs, trials).rates(CONFIDENCE)
     return {one.label: rate for one, rate in zip(some, rates, strict=True)}
 
 
@@ -207,11 +187,12 @@ def _poolable(evidence: Evidence) -> list[DesignEvidence]:
     return [one for one in evidence.driven if one.runs and evidence.in_family(one)] if evidence.parameters else []
 
 
-def _driven(one: DesignEvidence, confidence: float) -> Rate:
-    return wilson_rate(one.trials_passed, len(one.trials), count(len(one.trials), "trial"), confidence)
+def _driven(one: DesignEvidence, confidence: float = CONFIDENCE) -> Rate:
+    number = len(one.trials)
+    return Rate.counted(one.trials_passed, number, count(number, "trial"), confidence=confidence)
 
 
-def _rectified(one: DesignEvidence, confidence: float) -> Rate | None:
+def _rectified(one: DesignEvidence, confidence: float = CONFIDENCE) -> Rate | None:
     """The rate of trials that are all paired; None if they are not, or if no other environment was simulated."""
     if len(one.paired) < len(one.trials):
         return None
@@ -223,7 +204,7 @@ def _rectified(one: DesignEvidence, confidence: float) -> Rate | None:
     return rectified_rate(y, f, others.astype(float), confidence)
 
 
-def _best(one: DesignEvidence, confidence: float) -> Rate:
+def _best(one: DesignEvidence, confidence: float = CONFIDENCE) -> Rate:
     return _rectified(one, confidence) or _driven(one, confidence)
 
 
@@ -239,48 +220,25 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
     interval = f"{points(mean.low)} to {points(mean.high)}"
     average = f"on average over {count(sum(map(len, labels.values())), 'design')}, {apart} (95 %: {interval})"
     unsure = f"; too few trials to say at {listed(labels[TOO_FEW])}" if TOO_FEW in labels else ""
-    if OPTIMISTIC in labels and PESSIMISTIC in labels:
-        text = f"optimistic at {listed(labels[OPTIMISTIC])} and pessimistic at {listed(labels[PESSIMISTIC])}{unsure}"
-        return "mixed", f"{start} is {text}; {average}."
-    for verdict in (OPTIMISTIC, PESSIMISTIC):
-        if verdict in labels:
-            return verdict, f"{start} is {verdict} at {listed(labels[verdict])}{unsure}; {average}."
+    said = [verdict for verdict in (OPTIMISTIC, PESSIMISTIC) if verdict in labels]
+    if said:
+        text = " and ".join(f"{verdict} at {listed(labels[verdict])}" for verdict in said)
+        return said[0] if len(said) == 1 else "mixed", f"{start} is {text}{unsure}; {average}."
     verdict = mean.verdict(margin)
     if verdict in (OPTIMISTIC, PESSIMISTIC):
         return verdict, f"{start} is {verdict} {average}; no single design shows it."
     within = f"within {points(margin, sign=False)} points"
-    if verdict == AGREES and TOO_FEW not in labels:
-        return AGREES, f"{start} and trials agree {within} at {listed(labels[AGREES])}; {average}."
     if AGREES in labels:
-        return TOO_FEW, f"{start} and trials agree {within} at {listed(labels[AGREES])}{unsure}; {average}."
+        agrees = AGREES if verdict == AGREES and TOO_FEW not in labels else TOO_FEW
+        return agrees, f"{start} and trials agree {within} at {listed(labels[AGREES])}{unsure}; {average}."
     return TOO_FEW, f"Too few trials to say whether {simulation} and trials agree {within}; {average}."
 
 
-def _nothing(driven: Sequence[DesignEvidence]) -> str:
-    if driven:
-        return "Nothing to compare: no design has both runs and trials."
-    return "Nothing to compare: there are no trials of built cars yet. `foldcar select` says which cars to build."
-
-
-def _alone(name: str, trials: Sequence[Trial]) -> TrialsAlone:
-    groups: dict[str, list[Trial]] = {}
-    names = dict.fromkeys(key for trial in trials for key in trial.design)
-    varied = {key for key in names if len({trial.design.get(key) for trial in trials}) > 1}
-    for trial in trials:
-        label = design_text({key: value for key, value in trial.design.items() if key in varied}) if varied else "the car"
-        groups.setdefault(f"{trial.vehicle_type}, {label}", []).append(trial)
-    rows = []
-    for label, some in groups.items():
-        passed = sum(trial.outcome == "passed" for trial in some)
-        rows.append((label, passed, wilson_rate(passed, len(some), count(len(some), "trial"))))
-    return TrialsAlone(name, tuple(rows), f"Experiment {name} was not swept: {count(len(trials), 'trial')} without runs.")
-
-
-def _overall(experiments: Sequence[ExperimentComparison], alone: Sequence[TrialsAlone]) -> str:
+def _overall(experiments: Sequence[ExperimentComparison]) -> str:
     if not experiments:
         return "Nothing to compare: the store has no runs yet; sweep the listing into it with `foldcar sweep`."
     several = len(experiments) > 1
-    sentences = [f"{f'Experiment {one.info.id}: ' if several else ''}{one.sentence}" for one in experiments]
+    sentences = [f"Experiment {one.info.id}: {one.sentence}" if several else one.sentence for one in experiments]
     builds = {one.info.carsim_build for one in experiments}
     if len(builds) > 1:
         sentences.append(f"The experiments were simulated by {len(builds)} builds of carsim: do not compare them.")

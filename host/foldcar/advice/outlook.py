@@ -1,7 +1,6 @@
 """What is believed of every design of an experiment before the next trials: the numbers that a selection goes by.
 
-Input: evidence. Output: an Outlook, arrays over the candidates. True rates are drawn jointly for choices
-(:mod:`foldcar.analysis.truth_draws`); stated rates are pooled ones (:mod:`foldcar.analysis.pooled_bias`).
+Input: evidence. Output: an Outlook, arrays over the candidates.
 """
 
 from collections.abc import Sequence
@@ -13,15 +12,12 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from foldcar.advice.evidence import DesignEvidence, Evidence
-from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_rates
+from foldcar.analysis.gaussian_process import success_model
+from foldcar.analysis.pooled_bias import MOST_POOLED, pooled_bias
 from foldcar.analysis.rate import Rate
-from foldcar.analysis.success_model import success_model
-from foldcar.analysis.truth_draws import truth_draws
 
 # More designs are thinned out: information is counted for every pair of them.
 MOST_CANDIDATES = 400
-# Designs whose rates are stated together: the others only need those with trials.
-CHUNK = 40
 DRAWS = 3000
 # Below it a smooth model has little to go by.
 LEAST_SMOOTHED = 8
@@ -79,8 +75,9 @@ def outlook(evidence: Evidence) -> Outlook | None:
     thinned = len(family) + len(others) - len(designs)
     # Threads for matrices of some tens of rows only wait for each other.
     with threadpool_limits(1):
-        pooled = _pooled(x, runs, trials) if (trials[:, 1] > 0).sum() > 1 else None
-        draws, smooth = truth_draws(x, runs, trials, DRAWS), _smooth(designs, x, runs)
+        bias = pooled_bias(x, runs, trials)
+        pooled = tuple(bias.rates()) if (trials[:, 1] > 0).sum() > 1 else None
+        draws, smooth = bias.draws(DRAWS), _smooth(designs, x, runs)
     return Outlook(tuple(designs), x, runs, trials, draws, samples, passed, pooled, thinned, smooth)
 
 
@@ -108,17 +105,3 @@ def _smooth(designs: Sequence[DesignEvidence], x: NDArray[Any], runs: NDArray[An
         return numpy.column_stack(success_model(x, runs[:, 0], runs[:, 1]).rates(x))
     rates = [one.simulated() for one in designs]
     return numpy.array([(rate.value, rate.low, rate.high) for rate in rates])
-
-
-def _pooled(x: NDArray[Any], runs: NDArray[Any], trials: NDArray[Any]) -> tuple[Rate, ...]:
-    """The pooled rates of all designs, some at a time beside those with trials."""
-    driven, rest = numpy.flatnonzero(trials[:, 1] > 0), numpy.flatnonzero(trials[:, 1] == 0)
-    # All chunks have the ends of the parameters' ranges: distances are measured by them.
-    ends = numpy.concatenate([x.argmin(axis=0), x.argmax(axis=0)])
-    found: dict[int, Rate] = {}
-    for start in range(0, max(1, len(rest)), CHUNK):
-        some = numpy.unique(numpy.concatenate([driven, ends, rest[start : start + CHUNK]]))
-        share = runs[some, 0] / runs[some, 1]
-        rates = pooled_rates(x[some], trials[some, 0], trials[some, 1], share, simulated_runs=runs[some, 1])
-        found |= {int(index): rate for index, rate in zip(some, rates, strict=True)}
-    return tuple(found[index] for index in range(len(x)))

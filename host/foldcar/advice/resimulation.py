@@ -6,12 +6,12 @@ comparable with the runs is not simulated: another build of carsim, a calibratio
 
 import json
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from foldcar.advice.words import count
+from foldcar.analysis.words import count
 from foldcar.car.body import body_json
-from foldcar.car.design import Design, compose
+from foldcar.car.design import compose
 from foldcar.car.folded_car import folded_car
 from foldcar.car.modules import parameters
 from foldcar.car.variation import vary_body
@@ -33,20 +33,16 @@ MOST_RUNS, MOST_TRIALS = 5_000, 2_000
 # An outcome, and the time of the run (s), None if it failed.
 Ended = tuple[str, float | None]
 
-T = TypeVar("T")
-
 
 class Resimulation:
     """Runs of one store that are made now. The simulator is looked for when it is first needed."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._carsims: dict[str, Carsim] = {}
         self._refusals: dict[str, str | None] = {}
         self._refused: Counter[str] = Counter()
         self._beyond: Counter[str] = Counter()
         self._runs = self._trials = 0
-        self._read: dict[tuple[str, str], Any] = {}
 
     def trial(self, info: ExperimentInfo, trial: Trial) -> str | None:
         """The outcome of a trial's car in the scene as placed, varied as the run of that sample; None if unknown."""
@@ -75,21 +71,20 @@ class Resimulation:
             return [], f"no more than {MOST_RUNS:,} runs are made at a time; sweep it"
         self._runs += len(scenes)
         columns = {parameter.column: key for key, parameter in parameters().items()}
+        carsim, place = self._simulator(info), f"{self._store.path}: experiment {info.id}"
         try:
-            design: Design = compose(trial.vehicle_type, {columns[name]: value for name, value in trial.design.items()})
+            design = compose(trial.vehicle_type, {columns[name]: value for name, value in trial.design.items()})
             folded_car(design)
             body = body_json(design)
-            place = f"{self._store.path}: experiment {info.id}"
-            table = self._simulator(info).parameter_table()
-            settings = run_settings(
-                design, body, table, info.timeout_s, info.speed_m_s, info.yaw_rate_rad_s, place
-            )
-        except (FoldcarError, KeyError) as error:
-            unknown = isinstance(error, KeyError)
-            return [], f"no module has the parameter {error.args[0]}" if unknown else str(error).rstrip(".")
+            table = carsim.parameter_table()
+            settings = run_settings(design, body, table, info.timeout_s, info.speed_m_s, info.yaw_rate_rad_s, place)
+        except KeyError as error:
+            return [], f"no module has the parameter {error.args[0]}"
+        except FoldcarError as error:
+            return [], str(error).rstrip(".")
         variations = self._variations(info)
         cases = [(variations.get(sample, {}), text) for sample, text in scenes.items()]
-        return self._run(self._simulator(info), canonical_json(body), cases, canonical_json(settings)), None
+        return self._run(carsim, canonical_json(body), cases, canonical_json(settings)), None
 
     def remarks(self, experiment: str) -> list[str]:
         """What is said of trials of that experiment that should have been simulated and were not."""
@@ -105,23 +100,19 @@ class Resimulation:
     def _why_not(self, info: ExperimentInfo) -> str | None:
         if info.under is not None:
             return f"the runs are those of {info.under}"
-        number = self._experiment(info)["environment_id"]
-        (environment,) = self._store.rows(BY_NAME["environment"], "WHERE id = ?", number)
+        (environment,) = self._rows("environment", "WHERE id = ?", self._experiment(info)["environment_id"])
         if environment["dynamic"]:
             return f"{info.scenic_program} runs beside the simulation"
         try:
             build = self._simulator(info).build
         except FoldcarError as error:
             return str(error)
-        if build != info.carsim_build:
-            there = info.carsim_build
-            return f"the runs are of carsim {there[:12]}, this one is {build[:12]}; sweep again"
-        return None
+        if build == info.carsim_build:
+            return None
+        return f"the runs are of carsim {info.carsim_build[:12]}, this one is {build[:12]}; sweep again"
 
     def _simulator(self, info: ExperimentInfo) -> Carsim:
-        if info.engine not in self._carsims:
-            self._carsims[info.engine] = Carsim(engine=engine_of(info.engine))
-        return self._carsims[info.engine]
+        return self._store.once(("carsim", info.engine), lambda: Carsim(engine=engine_of(info.engine)))
 
     def _run(
         self, carsim: Carsim, body: str, cases: Sequence[tuple[Mapping[str, Any], str]], settings: str
@@ -129,39 +120,35 @@ class Resimulation:
         """The body in each case, which is a variation and a scene."""
         cars, scenes, requests = {}, {}, []
         for number, (variation, scene) in enumerate(cases):
-            cars[f"b{number}"] = (
-                canonical_json(vary_body(json.loads(body), variation, carsim.limits().numbers)) if variation else body
-            )
-            scenes[f"s{number}"] = scene
-            requests.append(RunRequest(f"b{number}", f"s{number}", settings, f"environment {number}", number))
+            name, limits = str(number), carsim.limits().numbers
+            cars[name] = canonical_json(vary_body(json.loads(body), variation, limits)) if variation else body
+            scenes[name] = scene
+            requests.append(RunRequest(name, name, settings, f"environment {number}", number))
         answers = carsim.run(cars, scenes, requests)
         return [(outcome_of(answer), answer.get("elapsed_time_s")) for answer in answers]
 
     def _scenes(self, info: ExperimentInfo) -> dict[int, str]:
         """The texts of the scenes that the sweep has stored, by sample."""
-        return self._once("scenes", info, self._read_scenes)
 
-    def _read_scenes(self, info: ExperimentInfo) -> dict[int, str]:
-        experiment = self._experiment(info)
-        where = "WHERE environment_id = ? AND sample < ? ORDER BY sample"
-        samples = self._store.rows(BY_NAME["sample"], where, experiment["environment_id"], info.environments)
-        return {row["sample"]: self._text("scene", row["scene_id"]) for row in samples}
+        def read() -> dict[int, str]:
+            where = "WHERE environment_id = ? AND sample < ? ORDER BY sample"
+            rows = self._rows("sample", where, self._experiment(info)["environment_id"], info.environments)
+            return {row["sample"]: self._text("scene", row["scene_id"]) for row in rows}
+
+        return self._store.once(("scenes", info.id), read)
 
     def _variations(self, info: ExperimentInfo) -> dict[int, Mapping[str, Any]]:
-        return self._once("variations", info, self._read_variations) if info.variation else {}
+        def read() -> dict[int, Mapping[str, Any]]:
+            rows = self._rows("draw", "WHERE spread_id = ?", self._experiment(info)["spread_id"])
+            return {row["sample"]: json.loads(self._text("variation", row["variation_id"])) for row in rows}
 
-    def _once(self, what: str, info: ExperimentInfo, read: Callable[[ExperimentInfo], dict[int, T]]) -> dict[int, T]:
-        if (what, info.id) not in self._read:
-            self._read[what, info.id] = read(info)
-        found: dict[int, T] = self._read[what, info.id]
-        return found
+        return self._store.once(("variations", info.id), read) if info.variation else {}
 
-    def _read_variations(self, info: ExperimentInfo) -> dict[int, Mapping[str, Any]]:
-        rows = self._store.rows(BY_NAME["draw"], "WHERE spread_id = ?", self._experiment(info)["spread_id"])
-        return {row["sample"]: json.loads(self._text("variation", row["variation_id"])) for row in rows}
+    def _rows(self, table: str, where: str, *values: Any) -> list[dict[str, Any]]:
+        return list(self._store.rows(BY_NAME[table], where, *values))
 
     def _text(self, table: str, number: int) -> str:
-        (row,) = self._store.rows(BY_NAME[table], "WHERE id = ?", number)
+        (row,) = self._rows(table, "WHERE id = ?", number)
         return str(row["json"])
 
     def _experiment(self, info: ExperimentInfo) -> dict[str, Any]:

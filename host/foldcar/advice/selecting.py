@@ -5,24 +5,35 @@ edges and the outside of the feasible region, as the publication of the width st
 whose trials would tell most about which design is best and which ones reach the threshold.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy
 import pandas
 from threadpoolctl import threadpool_limits
 
-from foldcar.advice.cost import Cost, cost
-from foldcar.advice.evidence import Design, DesignEvidence, Evidence, run_rate
+from foldcar.advice.evidence import Design, DesignEvidence, Evidence, read_evidence
 from foldcar.advice.outlook import Outlook, outlook
-from foldcar.advice.reading_evidence import read_evidence
-from foldcar.advice.reasons import Parting, between, first_reason, next_reason, region_text
-from foldcar.advice.told_apart import told_apart_text
-from foldcar.advice.words import count, listed, percent, points
+from foldcar.advice.reasons import Parting, between, first_reason, next_reason, region_text, told_apart_text
 from foldcar.analysis.pooled_bias import MOST_POOLED
 from foldcar.analysis.rate import Rate
-from foldcar.analysis.region import Placed, first_designs
-from foldcar.analysis.selection import choose, expected_loss, honest_best, telling_environments, trials_needed
+from foldcar.analysis.selection import (
+    Placed,
+    choose,
+    expected_loss,
+    first_designs,
+    honest_best,
+    telling_environments,
+    trials_needed,
+)
+from foldcar.analysis.words import count, listed, percent, points, rate_text
+from foldcar.car.design import compose
+from foldcar.car.folded_car import folded_car
+from foldcar.car.modules import parameters
+from foldcar.errors import FoldcarError
+from foldcar.fabrication.patterns.options import options
+from foldcar.fabrication.patterns.sheets import pattern
 from foldcar.simulation.results import no_rate_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -31,11 +42,28 @@ BUILD, THRESHOLD, PRECISION = 4, 0.75, 0.15
 # Trials whose information is compared between designs: what an afternoon allows.
 ROUND_TRIALS = 10
 NEXT = "next"
+MACHINE = "silhouette"
+# Assumptions, to be replaced by one's own experience: a desktop cutter in film (mm/s), folding, wiring and finding the
+# neutrals of a car's servos, and placing the obstacles of a trial (minutes).
+CUTTING_MM_S, ASSEMBLY_MIN, PLACING_MIN = 20.0, 90.0, 3.0
+BASIS = (
+    f"Sheets: 12 x 12 inch, as `foldcar pattern` nests them. Minutes assume cutting at {CUTTING_MM_S:g} mm/s, "
+    f"{ASSEMBLY_MIN:g} min to fold, wire and adjust a car, {PLACING_MIN:g} min to place a trial, and the time that "
+    "simulation drives."
+)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """``sheets`` of film, 0 for a car that is built already; ``minutes`` for the car and its trials."""
+
+    sheets: int
+    minutes: int
 
 
 @dataclass(frozen=True)
 class Recommendation:
-    """A design to try. ``place`` is one of :mod:`foldcar.analysis.region`, or NEXT after trials; ``reason`` says why.
+    """A design to try. ``place`` is one of :mod:`foldcar.analysis.selection`, or NEXT after trials; ``reason`` says why.
 
     ``expected`` is the rate that trials and simulation give together, None before two designs were driven. ``trials``
     more bring its interval to the precision asked for; ``built``: trials of this design are there. ``cost`` None: the
@@ -145,7 +173,7 @@ class _Choice:
             leader = seen.designs[best].design
             enough = not self._open().any() and loss <= self.precision
         placed = [] if enough else self._placed(build)
-        recommended = tuple(self._recommendation(one, placed, with_cost) for one in placed)
+        recommended = tuple(self._recommendation(one, with_cost) for one in placed)
         rows = [one.index for one in placed]
         met = {trial.sample for index in rows for trial in seen.designs[index].trials}
         known = [index for index, sample in enumerate(seen.samples) if sample in met]
@@ -198,14 +226,14 @@ class _Choice:
             return numpy.ones(len(self.seen.designs), dtype=bool)
         return numpy.array([rate.low < self.threshold <= rate.high for rate in self.seen.pooled])
 
-    def _recommendation(self, placed: Placed, together: Sequence[Placed], with_cost: bool) -> Recommendation:
+    def _recommendation(self, placed: Placed, with_cost: bool) -> Recommendation:
         seen, index = self.seen, placed.index
         one = seen.designs[index]
         expected = None if seen.pooled is None else seen.pooled[index]
         done = len(one.trials)
         trials = max(1, trials_needed(seen.draws[:, index], self.precision) - done)
         if placed.place == NEXT:
-            reason = next_reason(seen, index, self.threshold, self._parted(one), together)
+            reason = next_reason(seen, index, self.threshold, self._parted(one))
         else:
             reason = first_reason(placed.place, one, self.evidence.info.simulation, self._parted(one))
         price = cost(one.vehicle_type, one.design, trials, one.mean_time_s, bool(done)) if with_cost else None
@@ -218,10 +246,9 @@ class _Choice:
         remarks = [region_text(seen, self.threshold, self.evidence.parameters, info.simulation)]
         best, passed, number = honest_best(seen.passed)
         if number and len(seen.designs) > 1:
-            rate = run_rate(passed, number, count(number, "run"), info.until is not None)
+            rate = Rate.counted(passed, number, count(number, "run"), info.until is not None)
             remarks.append(
-                f"Best in {info.simulation}: {seen.designs[best].label}, {percent(rate.value)} "
-                f"({percent(rate.low)} to {percent(rate.high)}), chosen in one half of the "
+                f"Best in {info.simulation}: {seen.designs[best].label}, {rate_text(rate)}, chosen in one half of the "
                 "environments and counted in the other."
             )
             # Trials say more; the test holds for a number of runs that was fixed before.
@@ -249,8 +276,7 @@ class _Choice:
         if loss is None:
             return f"Build {named}: no trials yet, so these mark the region that reaches {limit} in {simulation}."
         best, _ = expected_loss(seen.draws)
-        rate = None if seen.pooled is None else seen.pooled[best]
-        shown = "" if rate is None else f" with {percent(rate.value)} ({percent(rate.low)} to {percent(rate.high)})"
+        shown = "" if seen.pooled is None else f" with {rate_text(seen.pooled[best])}"
         leads = f"by trials and {simulation} together {seen.designs[best].label} leads{shown}"
         loses = f"to settle for it loses {points(loss, sign=False)} points on average against the best there may be"
         if not enough:
@@ -259,3 +285,20 @@ class _Choice:
         above = [one.label for one, known in rates if known.low >= self.threshold]
         reach = f"{listed(above)} reach" if len(above) > 1 else f"{above[0] if above else 'no design'} reaches"
         return f"Enough: {reach} {limit}, which is decided for every design; {leads}; {loses}."
+
+
+def cost(
+    vehicle_type: str, design: Mapping[str, float | str], trials: int, drive_s: float | None, built: bool
+) -> Cost | None:
+    """The cost of a car with ``trials`` of ``drive_s`` each (None: unknown, then without); None if it cannot be cut."""
+    driving_min = trials * (PLACING_MIN + (drive_s or 0.0) / 60)
+    if built:
+        return Cost(0, math.ceil(driving_min))
+    keys = {parameter.column: key for key, parameter in parameters().items()}
+    try:
+        composed = compose(vehicle_type, {keys[name]: float(value) for name, value in design.items()})
+        cut = pattern(folded_car(composed), options(MACHINE), composed.title)
+    except (FoldcarError, KeyError, ValueError):
+        return None
+    cutting_min = cut.cut_length_mm / CUTTING_MM_S / 60
+    return Cost(len(cut.sheets), math.ceil(cutting_min + ASSEMBLY_MIN + driving_min))

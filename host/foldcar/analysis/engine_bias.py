@@ -41,9 +41,7 @@ def pooled_difference(
     return found, float(weight @ (_SPREADS**2 + 1 / precision + (mean - found) ** 2))
 
 
-def predicted_rates(
-    passed: ArrayLike, runs: ArrayLike, other_passed: ArrayLike, other_runs: ArrayLike
-) -> NDArray[Any]:
+def predicted_rates(passed: ArrayLike, runs: ArrayLike, other_passed: ArrayLike, other_runs: ArrayLike) -> NDArray[Any]:
     """Masses (designs, RATES) of each design's rate, from its runs and from those of all designs in both simulations."""
     from scipy.special import ndtr, xlog1py, xlogy
 

@@ -1,6 +1,6 @@
-"""How far simulated and driven success rates are apart, and how well simulation ranks designs.
+"""How far two things are apart: simulated and driven success rates, ranks of designs, two designs over the same places.
 
-Input: rates with intervals, or counts. The gap is trials minus simulation: below 0 simulation is optimistic.
+A gap is trials minus simulation: below 0 simulation is optimistic.
 """
 
 from collections.abc import Sequence
@@ -8,14 +8,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from foldcar.analysis.intervals import check_confidence
-from foldcar.analysis.rate import Rate
+from foldcar.analysis.rate import Rate, check_confidence
+from foldcar.errors import FoldcarError
 
 AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW = "agrees", "optimistic", "pessimistic", "too few trials"
 # Draws of the rates' posterior; the ends of an interval vary by about 0.01 with the draw.
 DRAWS = 4000
+# Midpoints of equal parts of a distribution.
+PARTS = (numpy.arange(200) + 0.5) / 200
 
 
 @dataclass(frozen=True)
@@ -40,51 +42,37 @@ class Gap:
         return PESSIMISTIC if self.low > 0 else TOO_FEW
 
 
-@dataclass(frozen=True)
-class RankAgreement:
-    """How designs rank in simulation and in trials, over ``designs`` that have both.
-
-    ``pearson`` and ``spearman`` are correlations of the rates, -1 to 1, each with the interval of what the true rates
-    may have; None where it is undefined: fewer than three designs, or all rates equal. ``mmrv`` is the mean
-    maximum rank violation, 0 to 1, best 0; None with fewer than two designs.
-    """
-
-    designs: int
-    pearson: float | None
-    pearson_interval: tuple[float, float] | None
-    spearman: float | None
-    spearman_interval: tuple[float, float] | None
-    mmrv: float | None
-
-
-def gap(simulated: Rate, driven: Rate) -> Gap:
-    """The difference of two rates of one confidence, by the square-and-add method (Newcombe 1998, Zou and Donner 2008).
-
-    With Wilson's intervals it is Newcombe's hybrid score interval. Rates that rise and fall together, as a rate that
-    was rectified by the other, make it too wide rather than too narrow.
-    """
-    return mean_gap([simulated], [driven])
-
-
 def mean_gap(simulated: Sequence[Rate], driven: Sequence[Rate]) -> Gap:
-    """The mean over designs of the gaps of their rates, at least one each; square-and-add as in :func:`gap`."""
-    f, y = _ends(simulated), _ends(driven)
+    """The mean over designs, at least one, of the differences of their rates, all of one confidence.
+
+    By the square-and-add method (Newcombe 1998, Zou and Donner 2008); of one design with Wilson's intervals it is
+    Newcombe's hybrid score interval. Rates that rise and fall together, as one that was rectified by the other, make it
+    too wide rather than too narrow.
+    """
+    f, y = (numpy.array([(rate.value, rate.low, rate.high) for rate in rates]) for rates in (simulated, driven))
     value = float((y[:, 0] - f[:, 0]).mean())
     below = numpy.sqrt(((y[:, 0] - y[:, 1]) ** 2 + (f[:, 2] - f[:, 0]) ** 2).sum()) / len(f)
     above = numpy.sqrt(((y[:, 2] - y[:, 0]) ** 2 + (f[:, 0] - f[:, 1]) ** 2).sum()) / len(f)
     return Gap(value, max(-1.0, value - float(below)), min(1.0, value + float(above)), simulated[0].confidence)
 
 
-def mean_maximum_rank_violation(simulated: ArrayLike, driven: ArrayLike) -> float:
-    """The mean maximum rank violation of rates (designs,), at least two (Li et al. 2024, SIMPLER, 2405.05941).
+@dataclass(frozen=True)
+class RankAgreement:
+    """How designs rank in simulation and in trials, over ``designs`` that have both.
 
-    Two designs that simulation ranks otherwise than the trials violate by the difference of their driven rates; each
-    design counts with its largest violation. 0: no pair is ranked otherwise.
+    ``pearson`` and ``spearman`` are correlations of the rates, -1 to 1, each with the interval of what the true rates
+    may have; None where it is undefined: fewer than three designs, or all rates equal. ``mmrv`` is the mean maximum rank
+    violation, 0 to 1, best 0 (Li et al. 2024, SIMPLER, 2405.05941): two designs that simulation ranks otherwise than the
+    trials violate by the difference of their driven rates, and each design counts with its largest violation. None with
+    fewer than two designs.
     """
-    f, y = numpy.asarray(simulated, dtype=float), numpy.asarray(driven, dtype=float)
-    otherwise = (f[:, None] < f[None, :]) != (y[:, None] < y[None, :])
-    violations = numpy.abs(y[:, None] - y[None, :]) * otherwise
-    return float(violations.max(axis=1).mean())
+
+    designs: int
+    pearson: float | None = None
+    pearson_interval: tuple[float, float] | None = None
+    spearman: float | None = None
+    spearman_interval: tuple[float, float] | None = None
+    mmrv: float | None = None
 
 
 def rank_agreement(
@@ -94,39 +82,62 @@ def rank_agreement(
 
     Intervals hold the correlation of the true rates with probability ``confidence``, given Jeffreys' priors.
     """
-    check_confidence(confidence)
-    runs, trials = numpy.array(simulated, dtype=float), numpy.array(driven, dtype=float)
-    if len(runs) < 2:
-        return RankAgreement(len(runs), None, None, None, None, None)
-    f, y = runs[:, 0] / runs[:, 1], trials[:, 0] / trials[:, 1]
-    mmrv = mean_maximum_rank_violation(f, y)
-    if len(runs) < 3 or numpy.ptp(f) == 0 or numpy.ptp(y) == 0:
-        return RankAgreement(len(runs), None, None, None, None, mmrv)
-    random = numpy.random.default_rng(0)
-    drawn = [random.beta(n[:, 0] + 0.5, n[:, 1] - n[:, 0] + 0.5, (DRAWS, len(n))) for n in (runs, trials)]
-    tails = [(1 - confidence) / 2, (1 + confidence) / 2]
-    ends = []
-    for rank in (False, True):
-        low, high = numpy.quantile(_correlations(*((_ranks(d) for d in drawn) if rank else drawn)), tails)
-        ends.append((float(low), float(high)))
-    pearson = float(_correlations(f[None], y[None])[0])
-    spearman = float(_correlations(_ranks(f[None]), _ranks(y[None]))[0])
-    return RankAgreement(len(runs), pearson, ends[0], spearman, ends[1], mmrv)
-
-
-def _ranks(values: NDArray[Any]) -> NDArray[Any]:
-    """The ranks of the values in each row, equal ones with their mean rank."""
     from scipy.stats import rankdata
 
-    return numpy.asarray(rankdata(values, axis=1))
+    check_confidence(confidence)
+    counts = [numpy.array(one, dtype=float) for one in (simulated, driven)]
+    if len(simulated) < 2:
+        return RankAgreement(len(simulated))
+    f, y = rates = [one[:, 0] / one[:, 1] for one in counts]
+    otherwise = (f[:, None] < f[None, :]) != (y[:, None] < y[None, :])
+    mmrv = float((numpy.abs(y[:, None] - y[None, :]) * otherwise).max(axis=1).mean())
+    if len(f) < 3 or numpy.ptp(f) == 0 or numpy.ptp(y) == 0:
+        return RankAgreement(len(f), mmrv=mmrv)
+    random = numpy.random.default_rng(0)
+    drawn = [random.beta(n[:, 0] + 0.5, n[:, 1] - n[:, 0] + 0.5, (DRAWS, len(n))) for n in counts]
+    # The first row is of the rates themselves.
+    values = [numpy.vstack([rate, draws]) for rate, draws in zip(rates, drawn, strict=True)]
+    found: list[Any] = []
+    for first, second in (values, [rankdata(one, axis=1) for one in values]):
+        a, b = (one - one.mean(axis=1, keepdims=True) for one in (first, second))
+        each = (a * b).sum(axis=1) / numpy.sqrt((a**2).sum(axis=1) * (b**2).sum(axis=1))
+        low, high = numpy.quantile(each[1:], [(1 - confidence) / 2, (1 + confidence) / 2])
+        found += [float(each[0]), (float(low), float(high))]
+    return RankAgreement(len(f), found[0], found[1], found[2], found[3], mmrv)
 
 
-def _correlations(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
-    """Pearson's correlation of each row of one table with the same row of the other."""
-    a, b = (values - values.mean(axis=1, keepdims=True) for values in (first, second))
-    found: NDArray[Any] = (a * b).sum(axis=1) / numpy.sqrt((a**2).sum(axis=1) * (b**2).sum(axis=1))
-    return found
+@dataclass(frozen=True)
+class PairedRates:
+    """The rate of the first design less the second's, -1 to 1, with its interval and McNemar's p-value."""
+
+    difference: float
+    low: float
+    high: float
+    environments: int
+    p_value: float
 
 
-def _ends(rates: Sequence[Rate]) -> NDArray[Any]:
-    return numpy.array([(rate.value, rate.low, rate.high) for rate in rates])
+def paired_rates(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> PairedRates:
+    """Compare two designs that passed (1) or failed (0) in the same environments (n,).
+
+    The test is McNemar's exact one (1947): the binomial test of the discordant environments. The interval is Bayesian:
+    of the environments a share is discordant, with a flat prior, and of these a share goes to the first, with Jeffreys'.
+    It covers as stated from 10 environments on, and is narrower than Bonett and Price's (doi:10.3102/1076998611411915).
+    """
+    from scipy.stats import beta, binomtest
+
+    check_confidence(confidence)
+    a, b = (numpy.asarray(one, dtype=float) for one in (first, second))
+    if a.ndim != 1 or a.shape != b.shape or not len(a):
+        raise FoldcarError(f"results to compare must be of the same environments; there are {a.size} and {b.size}")
+    if not numpy.all(numpy.isin([a, b], (0, 1))):
+        raise FoldcarError("results to compare must be 0 (failed) or 1 (passed)")
+    n, only_first, only_second = len(a), int((a > b).sum()), int((a < b).sum())
+    discordant = only_first + only_second
+    p_value = float(binomtest(only_first, discordant).pvalue) if discordant else 1.0
+    shares = beta.ppf(PARTS, discordant + 1, n - discordant + 1)
+    sides = 2 * beta.ppf(PARTS, only_first + 0.5, only_second + 0.5) - 1
+    low, high = numpy.quantile(numpy.outer(shares, sides), [(1 - confidence) / 2, (1 + confidence) / 2])
+    difference = (only_first - only_second) / n
+    low, high = min(float(low), difference), max(float(high), difference)
+    return PairedRates(difference, low, high, n, p_value)

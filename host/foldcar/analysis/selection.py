@@ -1,6 +1,8 @@
-"""Which designs to try next, how many trials they need, and in which environments, from draws of the true rates.
+"""Which designs to build first, which to try next, how many trials they need, and in which environments.
 
-Draws are those of :mod:`foldcar.analysis.truth_draws`: what is believed of all designs together.
+First designs mark the feasible region of simulation: those that reach a threshold of success, for one parameter or for
+several. An edge is a feasible design beside one that is not, the middle is the feasible design farthest from all that are
+not and from the ends of the range. Later ones go by draws of the true rates (:mod:`foldcar.analysis.pooled_bias`).
 """
 
 from collections.abc import Collection, Sequence
@@ -10,29 +12,112 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
+from foldcar.analysis.gaussian_process import unit_range
 from foldcar.errors import FoldcarError
 
+MIDDLE, LOWER_EDGE, UPPER_EDGE, EDGE, BELOW, ABOVE, OUTSIDE, BEST, END = (
+    "middle", "lower edge", "upper edge", "edge", "below", "above", "outside", "best", "end of the range",
+)  # fmt: skip
 MOST_TRIALS = 10_000
 
 
 @dataclass(frozen=True)
+class Placed:
+    """A design, by its index, and its place in the feasible region: one of MIDDLE, LOWER_EDGE, … of this module."""
+
+    index: int
+    place: str
+
+
+def first_designs(parameters: ArrayLike, rates: ArrayLike, uncertainty: ArrayLike, threshold: float) -> list[Placed]:
+    """The designs to build before there are trials, the most useful first.
+
+    ``parameters`` (designs, k), ``rates`` (designs,) of simulation, their ``uncertainty`` (designs,; the larger, the less
+    is known of the border there), ``threshold``: all rates 0 to 1. In order: the middle, the edge whose border is less
+    known, designs outside on both sides, the other edge. Without a feasible design: the best one. Without a border in the
+    range: the middle and the range's ends.
+    """
+    x, p, doubt = (numpy.asarray(values, dtype=float) for values in (parameters, rates, uncertainty))
+    feasible, unit = p >= threshold, unit_range(x)
+    if not feasible.any():
+        return [Placed(int(numpy.argmax(p)), BEST)]
+    # The largest distance of neighbouring values of each parameter.
+    step = numpy.array([numpy.diff(numpy.unique(column)).max(initial=0.0) for column in unit.T])
+    middle = _middle(unit, feasible, step)
+    if feasible.all():
+        sums = unit.sum(axis=1)
+        ends = dict.fromkeys(index for index in (int(sums.argmin()), int(sums.argmax())) if index != middle)
+        return [Placed(middle, MIDDLE), *(Placed(index, END) for index in ends)]
+    edges = _opposite(_edges(unit, feasible, step), doubt, unit, middle)
+    outside = _opposite(numpy.flatnonzero(~feasible), -numpy.abs(p - threshold / 2), unit, middle, edges[:1])
+    varied = numpy.flatnonzero(numpy.ptp(x, axis=0) > 0)
+
+    def place(index: int, low: str, high: str, either: str) -> Placed:
+        """With its side, where one parameter varies."""
+        if len(varied) != 1:
+            return Placed(index, either)
+        return Placed(index, low if x[index, varied[0]] < x[middle, varied[0]] else high)
+
+    at_edge = [place(index, LOWER_EDGE, UPPER_EDGE, EDGE) for index in edges]
+    beyond = [place(index, BELOW, ABOVE, OUTSIDE) for index in outside]
+    found: dict[int, Placed] = {}
+    for one in (Placed(middle, MIDDLE), *at_edge[:1], *beyond, *at_edge[1:]):
+        found.setdefault(one.index, one)
+    return list(found.values())
+
+
+def _middle(unit: NDArray[Any], feasible: NDArray[Any], step: NDArray[Any]) -> int:
+    ends = numpy.minimum(unit, 1 - unit) + step
+    # A parameter that does not vary has no ends.
+    depth = numpy.where(numpy.ptp(unit, axis=0) > 0, ends, numpy.inf).min(axis=1, initial=numpy.inf)
+    depth = numpy.minimum(depth, _distances(unit, unit[~feasible]).min(axis=1, initial=numpy.inf))
+    depth = numpy.where(feasible, depth, -numpy.inf)
+    # Of several equally deep ones the central one.
+    best = numpy.flatnonzero(depth >= depth.max() - 1e-9)
+    return int(best[len(best) // 2])
+
+
+def _edges(unit: NDArray[Any], feasible: NDArray[Any], step: NDArray[Any]) -> NDArray[Any]:
+    """The feasible designs with an infeasible neighbour: one step away along one parameter."""
+    inside, others = numpy.flatnonzero(feasible), unit[~feasible]
+    apart = numpy.abs(unit[inside][:, None] - others[None, :])
+    near = ((apart <= 1.01 * step).all(axis=2) & ((apart > 1e-9).sum(axis=2) == 1)).any(axis=1)
+    # On a grid with gaps no neighbour may be there: the feasible design nearest to an infeasible one.
+    return inside[near] if near.any() else inside[[int(_distances(unit[inside], others).min(axis=1).argmin())]]
+
+
+def _distances(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+    found: NDArray[Any] = numpy.sqrt(((one[:, None] - other[None, :]) ** 2).sum(axis=2))
+    return found
+
+
+def _opposite(
+    indices: NDArray[Any], score: NDArray[Any], unit: NDArray[Any], middle: int, apart_from: Sequence[int] = ()
+) -> list[int]:
+    """Two of the highest score, the first opposite of ``apart_from`` as seen from the middle, the second of the first."""
+    chosen: list[int] = []
+    before = list(apart_from)
+    for _ in range(min(2, len(indices))):
+        left = numpy.array([index for index in indices if index not in chosen])
+        if before:
+            opposite = (unit[left] - unit[middle]) @ (unit[before[-1]] - unit[middle]) < 0
+            left = left[opposite] if opposite.any() else left
+        chosen.append(int(left[score[left].argmax()]))
+        before = list(chosen)
+    return chosen
+
+
+@dataclass(frozen=True)
 class Value:
-    """What ``trials`` more trials of each design (designs,) are worth on average, 0 to 1.
+    """What more trials of each design (designs,) are worth on average, 0 to 1.
 
     ``choice``: by how much more the design that is best then would pass than the one that is best now (the knowledge
     gradient, Frazier, Powell and Dayanik 2008). ``threshold``: by how much smaller the share of designs would be that are
     put on the wrong side of the threshold.
     """
 
-    trials: int
     choice: NDArray[Any]
     threshold: NDArray[Any]
-
-    @property
-    def total(self) -> NDArray[Any]:
-        """Both together."""
-        found: NDArray[Any] = self.choice + self.threshold
-        return found
 
 
 def value_of_trials(draws: ArrayLike, threshold: float, trials: int) -> Value:
@@ -52,7 +137,7 @@ def value_of_trials(draws: ArrayLike, threshold: float, trials: int) -> Value:
         below = chance.sum(axis=1, keepdims=True) - above
         right[design] = wrong_now - numpy.minimum(above, below).sum(axis=0).mean()
     # Rounding may leave a hair below 0.
-    return Value(trials, choice.clip(0), right.clip(0))
+    return Value(choice.clip(0), right.clip(0))
 
 
 def choose(draws: ArrayLike, threshold: float, trials: int, number: int, chosen: Sequence[int] = ()) -> list[int]:
@@ -62,7 +147,8 @@ def choose(draws: ArrayLike, threshold: float, trials: int, number: int, chosen:
     """
     p = numpy.asarray(draws, dtype=float)
     # Where nothing is worth a trial the least known designs come first.
-    value = value_of_trials(p, threshold, trials).total + 1e-9
+    worth = value_of_trials(p, threshold, trials)
+    value = worth.choice + worth.threshold + 1e-9
     found = list(chosen)
     while len(found) < min(len(chosen) + number, p.shape[1]):
         left = value * _unexplained(p, found)

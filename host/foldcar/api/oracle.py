@@ -10,9 +10,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
-from foldcar.advice.comparison import wilson_rate
-from foldcar.analysis.intervals import check_confidence
-from foldcar.analysis.rate import Rate
+from foldcar.analysis.rate import Rate, check_confidence
 from foldcar.api.designs import design_of
 from foldcar.api.environment import Environment, Scene, environment, simulator
 from foldcar.api.prepared import built_cars, prepared
@@ -78,7 +76,8 @@ class Evaluation:
         passed, runs = int(counted.sum()), len(counted)
         if not runs:
             raise FoldcarError(no_rate_text(len(self.runs)))
-        return wilson_rate(passed, runs, f"{passed} of {runs} simulated runs that passed", self.confidence)
+        what = f"{passed} of {runs} simulated runs that passed"
+        return Rate.counted(passed, runs, what, confidence=self.confidence)
 
 
 @overload

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from foldcar.advice.comparison import MARGIN, Comparison, compare
-from foldcar.advice.evidence import run_rate
 from foldcar.advice.selecting import BUILD, PRECISION, Selection, select
+from foldcar.analysis.gaussian_process import SuccessModel, success_model
 from foldcar.analysis.rate import Rate
-from foldcar.analysis.success_model import SuccessModel, success_model
 from foldcar.api.names import column_named, columns_named
 from foldcar.api.whole import whole
 from foldcar.errors import FoldcarError
@@ -82,7 +81,7 @@ class Study:
         what = "simulated runs" if source == "simulation" else "trials of built cars"
         name = str(chosen["experiment"].iloc[0])
         stopped = source == "simulation" and self.experiments[name].until is not None
-        return run_rate(count, runs, f"{count} of {runs} {what} that passed", stopped, confidence)
+        return Rate.counted(count, runs, f"{count} of {runs} {what} that passed", stopped, confidence)
 
     def select(
         self,

@@ -1,11 +1,15 @@
 """The environment of an experiment under a calibration or a reality: sample k is simulated with its draw k mod n.
 
-Input: an experiment of a listing and a calibration. Output: an Environment for sweeps, with scenes, variations and
-fingerprints of its own, so that its runs stand beside the nominal ones and are never taken for them.
+A reality is a file of what a simulated car and its ground differ in from what the host believes, for trials whose truth
+is known: a JSON object of parameters, those that it leaves out keep the simulator's nominal values. An Environment for
+sweeps has scenes, variations and fingerprints of its own, so that its runs stand beside the nominal ones and are never
+taken for them.
 """
 
 import hashlib
 import json
+import math
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -13,13 +17,20 @@ from typing import Any
 
 from foldcar.calibration import effects
 from foldcar.calibration.effects import calibrated_scene, calibrated_variation
-from foldcar.calibration.parameters import check_values
+from foldcar.calibration.parameters import NOMINAL, check_values, parameter_named
+from foldcar.car.variation import NumberLimits, vary_body
 from foldcar.errors import FoldcarError
 from foldcar.scenes.fingerprint import variation_code
 from foldcar.store.calibrations import Calibration
-from foldcar.store.info import CALIBRATION_KIND
+from foldcar.store.info import CALIBRATION_KIND, REALITY_KIND
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
+from foldcar.study.listing_file import load_listing
+
+# Beyond these scores the priors have no mass that matters, and the simulator's limits come near.
+MOST_SCORE = 6.0
+# Of the hash of the values, in a reality's name.
+NAME_DIGITS = 8
 
 
 class CalibratedEnvironment(Environment):
@@ -89,3 +100,40 @@ def _hashed(*parts: Any) -> str:
 @cache
 def _effects_code() -> str:
     return hashlib.sha256(Path(effects.__file__).read_bytes()).hexdigest()
+
+
+def read_reality(file: Path) -> dict[str, float]:
+    """All parameters by name, those of ``file`` and the nominal values of the others."""
+    data, _ = load_listing(file)
+    if not isinstance(data, Mapping):
+        raise FoldcarError(f"{file}: is not a JSON object of parameters, as docs/calibration.md has them")
+    values = dict(NOMINAL)
+    for name, value in data.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise FoldcarError(f"{file}: {name}: {value!r} is not a number")
+        parameter_named(name, value, f"{file}: {name}", MOST_SCORE, with_nominal=True)
+        values[name] = float(value)
+    return values
+
+
+def as_calibration(file: Path, values: Mapping[str, float]) -> Calibration:
+    """A calibration whose only draw is ``values``: sweeps take parameters in that form. It is not stored.
+
+    Its name tells files of one name and other values apart.
+    """
+    unnamed = Calibration("", "", "", "", (values,), {}, REALITY_KIND)
+    return replace(unnamed, name=f"{file.stem} {unnamed.fingerprint[:NAME_DIGITS]}")
+
+
+def real_run(
+    experiment: Experiment,
+    nominal: Mapping[str, Any],
+    scene: Mapping[str, Any],
+    values: Mapping[str, float],
+    sample: int,
+    limits: NumberLimits,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Body and scene of sample ``sample`` with these values, for the body and the scene that the host believes in."""
+    seed = experiment.variation_seed
+    variation = calibrated_variation(values, experiment.variation, seed, sample)
+    return vary_body(nominal, variation, limits), calibrated_scene(scene, values, seed, sample)

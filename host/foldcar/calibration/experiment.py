@@ -1,23 +1,46 @@
-"""A swept experiment of a store as the simulator takes it: bodies, settings and scenes, without listing and program.
+"""A swept experiment of a store as a calibration takes it: its designs and scenes, runs of them, its trials.
 
-Input: a store and the name of an experiment. Output: a SweptExperiment. FoldcarError if its runs cannot be repeated with
-changed parameters.
+Input: a store and the name of an experiment. Output: a SweptExperiment, without listing and program; whether runs under
+changed parameters pass, in order, the same for any number of processes; trials counted by design. FoldcarError.
 """
 
 import json
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import islice
 from typing import Any
 
+from foldcar.calibration.effects import calibrated_scene, calibrated_variation
+from foldcar.car.variation import vary_body
 from foldcar.errors import FoldcarError
+from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.results import outcome_of
+from foldcar.simulation.runner import RunRequest
+from foldcar.simulation.side_by_side import side_by_side
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.rows import parsed
 from foldcar.store.tables import BY_NAME, DESIGN, ENVIRONMENT, EXPERIMENT
+from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN
+from foldcar.store.writer import canonical_json
 
 # Fewer scenes are no sample of an environment.
 LEAST_SCENES = 20
+CHUNK_RUNS = 60
+# A parameter set whose runs the simulator cannot compute is left out, but only in rare cases.
+MOST_FAILED = 0.02
+ABORTED, ELSEWHERE, NO_DESIGN = "aborted", "elsewhere", "no design"
+_WHY = {
+    SIMULATED: "of simulated cars",
+    BUILT: "of built cars",
+    UNKNOWN: "of cars that may be built or simulated (tell with `foldcar trials correct` and --car)",
+    WITHDRAWN: "withdrawn",
+    ABORTED: "aborted",
+    ELSEWHERE: "in another environment than the experiment's",
+    NO_DESIGN: "of cars that are no designs of the experiment as swept",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,3 +114,120 @@ def _json(store: Store, table: str, number: int) -> dict[str, Any]:
         found: dict[str, Any] = parsed(store.path, BY_NAME[table], row, "json")
         return found
     raise FoldcarError(f"{store.path}: {table} (id={number}) is missing; `foldcar check` names all that is")
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationRun:
+    """A design by its index, under ``values``, in the scene of that index; ``number`` chooses what scatters."""
+
+    design: int
+    values: Mapping[str, float]
+    scene: int
+    number: int
+
+
+class Simulator:
+    """Simulates runs of one experiment. ``seed`` is that of everything that scatters."""
+
+    def __init__(self, experiment: SweptExperiment, carsim: Carsim, jobs: int, seed: int) -> None:
+        self.experiment = experiment
+        self.seed = seed
+        self._carsim = carsim
+        self._limits = carsim.limits().numbers
+        self._jobs = jobs
+
+    def passed(
+        self, runs: Iterable[CalibrationRun], done: Callable[[int], None] = lambda runs: None
+    ) -> list[bool | None]:
+        """Whether each run passed, None if it failed; ``done`` is told of finished runs. FoldcarError."""
+        left = iter(runs)
+        results: list[bool | None] = []
+        chunks = iter(lambda: list(islice(left, CHUNK_RUNS)), [])
+        calls = (partial(self._run, *self._inputs(chunk)) for chunk in chunks)
+        for finished in side_by_side(calls, self._jobs, self._carsim.stop):
+            results += finished
+            done(len(finished))
+        failed = results.count(None)
+        if failed > MOST_FAILED * len(results):
+            raise FoldcarError(
+                f"experiment {self.experiment.info.id}: {failed} of {len(results)} simulations with changed parameters "
+                "failed"
+            )
+        return results
+
+    def _inputs(self, chunk: list[CalibrationRun]) -> tuple[dict[str, str], dict[str, str], list[RunRequest]]:
+        bodies, scenes, requests = {}, {}, []
+        for index, run in enumerate(chunk):
+            design = self.experiment.designs[run.design]
+            variation = calibrated_variation(run.values, self.experiment.info.variation, self.seed, run.number)
+            scene = calibrated_scene(self.experiment.scenes[run.scene], run.values, self.seed, run.number)
+            name = str(index)
+            bodies[name] = canonical_json(vary_body(design.body, variation, self._limits))
+            scenes[name] = canonical_json(scene)
+            label = f"design {run.design + 1}, sample {run.scene}"
+            requests.append(RunRequest(name, name, design.settings, label, run.scene))
+        return bodies, scenes, requests
+
+    def _run(self, bodies: dict[str, str], scenes: dict[str, str], requests: list[RunRequest]) -> list[bool | None]:
+        outcomes = [outcome_of(answer) for answer in self._carsim.run(bodies, scenes, requests)]
+        return [None if outcome == "failed" else outcome == "passed" for outcome in outcomes]
+
+
+@dataclass(frozen=True, slots=True)
+class TrialCounts:
+    """``passed`` of ``counted`` trials for each of ``designs``, indices of the experiment's; ``notes`` for the reader."""
+
+    designs: tuple[int, ...]
+    passed: tuple[int, ...]
+    counted: tuple[int, ...]
+    simulated: bool
+    notes: tuple[str, ...]
+
+
+def experiment_with_trials(store: Store, named: str | None) -> str:
+    """The experiment that is named, or the only one with trials. FoldcarError."""
+    there = list(dict.fromkeys(trial.experiment for trial in store.trials()))
+    if not there:
+        raise FoldcarError(
+            f"{store.path}: holds no trials: drive some (`foldcar log`) or import them (`foldcar trials import`)"
+        )
+    if named is not None and named not in there:
+        raise FoldcarError(f'{store.path}: has no trials of experiment "{named}", only of {", ".join(there)}')
+    if named is None and len(there) > 1:
+        raise FoldcarError(f"{store.path}: has trials of experiments {', '.join(there)}: choose one with --experiment")
+    return named if named is not None else there[0]
+
+
+def count_trials(store: Store, experiment: SweptExperiment, simulated: bool) -> TrialCounts:
+    """Count the trials of built cars, or, if ``simulated``, those of simulated ones instead."""
+    name = experiment.info.id
+    elsewhere = store.trials_elsewhere(experiment.info)
+    counted, passed, left_out = Counter[int](), Counter[int](), Counter[str]()
+    for trial in store.trials(name):
+        design = experiment.design_of(trial.design) if trial.vehicle_type == experiment.info.vehicle_type else None
+        if trial.standing != (SIMULATED if simulated else BUILT):
+            left_out[trial.standing] += 1
+        elif not trial.completed:
+            left_out[ABORTED] += 1
+        elif trial.id in elsewhere:
+            left_out[ELSEWHERE] += 1
+        elif design is None:
+            left_out[NO_DESIGN] += 1
+        else:
+            counted[design] += 1
+            passed[design] += trial.outcome == "passed"
+    reasons = "; ".join(f"{left_out[why]} {_WHY[why]}" for why in _WHY if left_out[why])
+    if not counted:
+        hint = " (--simulated-trials calibrates by them)" if left_out[SIMULATED] else ""
+        raise FoldcarError(f"{store.path}: experiment {name}: no trial to calibrate by: {reasons}{hint}")
+    notes = [f"Trials left out: {reasons}."] if reasons else []
+    if simulated:
+        notes.append("These are trials of SIMULATED cars: the calibration says nothing about built ones.")
+    if len(counted) == 1:
+        notes.append("All trials are of one design: one rate cannot tell parameters apart.")
+    if passed.total() in (0, counted.total()):
+        all_or_none = "All" if passed.total() else "None"
+        notes.append(f"{all_or_none} of the {counted.total()} trials passed: they bound the parameters on one side only.")
+    designs = tuple(sorted(counted))
+    passes, trials = (tuple(one[design] for design in designs) for one in (passed, counted))
+    return TrialCounts(designs, passes, trials, simulated, tuple(notes))

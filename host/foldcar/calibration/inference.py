@@ -10,12 +10,18 @@ from types import MappingProxyType
 
 import numpy as np
 
-from foldcar.calibration.bank import OTHERS, Bank, IntArray, features_of, near_scores, prior_scores, simulate_bank
-from foldcar.calibration.emulator import Emulator
+from foldcar.calibration.emulator import (
+    OTHERS,
+    Emulator,
+    IntArray,
+    features_of,
+    near_scores,
+    prior_scores,
+    simulate_bank,
+)
+from foldcar.calibration.experiment import CalibrationRun, Simulator, TrialCounts
 from foldcar.calibration.parameters import PARAMETERS, FloatArray, values_of
 from foldcar.calibration.posterior import Posterior, sample_posterior
-from foldcar.calibration.simulation import CalibrationRun, Simulator
-from foldcar.calibration.trial_counts import TrialCounts
 
 # Shares of the runs: from the prior, from the first posterior; the rest checks the result.
 FIRST, SECOND = 0.55, 0.3
@@ -42,7 +48,6 @@ class Inference:
     chosen: IntArray
     checked: FloatArray
     check_runs: int
-    bank: Bank
     known: Mapping[int, float] = field(default_factory=dict)
 
     @property
@@ -92,9 +97,7 @@ def infer(
     table = np.array([np.nan if one is None else float(one) for one in results])
     checked = np.nanmean(table.reshape(DRAWS, planned.scenes, len(counts.designs)), axis=(0, 1))
     logits = emulator.logits(posterior.scores, features[list(counts.designs)])
-    return Inference(
-        counts, emulator, features, posterior, logits, chosen, checked, planned.scenes * DRAWS, bank, dict(known)
-    )
+    return Inference(counts, emulator, features, posterior, logits, chosen, checked, planned.scenes * DRAWS, dict(known))
 
 
 def posterior_of(

@@ -4,7 +4,7 @@ A parameter is described by its score z, which is standard normal before any tri
 parameter's unit. All inference works on scores; what a value does to a run stands in effects.py.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -114,23 +114,30 @@ def values_of(scores: FloatArray) -> list[dict[str, float]]:
     ]
 
 
-def known_scores(known: Mapping[str, float]) -> dict[int, float]:
-    """The scores of values that were measured, by the parameter's index. FoldcarError naming option and limits."""
-    found = {}
-    for name, value in known.items():
-        if name not in NAMES:
-            close = did_you_mean(name, NAMES)
-            raise FoldcarError(f"--known {name}: no such parameter; there are {', '.join(NAMES)}{close}")
-        parameter = PARAMETERS[NAMES.index(name)]
-        # The least value of a scatter is none at all.
-        least = 0.0 if parameter.prior == "half-normal" else float(parameter.value(-LARGEST_SCORE))
-        most = float(parameter.value(LARGEST_SCORE))
-        if not least <= value <= most:
-            raise FoldcarError(f"--known {name}: {value:g} is outside {least:.3g} to {most:.3g} ({parameter.unit})")
-        found[NAMES.index(name)] = max(-LARGEST_SCORE, parameter.score(value))
+def parameter_named(name: str, value: float, place: str, largest_score: float, with_nominal: bool) -> Parameter:
+    """The parameter, whose ``value`` lies within these scores, or at its nominal value. FoldcarError names the limits."""
+    if name not in NAMES:
+        raise FoldcarError(f'{place}: unknown parameter "{name}"{did_you_mean(name, NAMES)}; known: {", ".join(NAMES)}')
+    found = PARAMETERS[NAMES.index(name)]
+    # The least value of a scatter is none at all.
+    low = 0.0 if found.prior == "half-normal" else float(found.value(-largest_score))
+    high = float(found.value(largest_score))
+    if with_nominal:
+        low, high = min(low, found.nominal), max(high, found.nominal)
+    if not low <= value <= high:
+        raise FoldcarError(f"{place}: {value:g} is outside {low:.3g} to {high:.3g} ({found.unit})")
     return found
 
 
-def check_values(values: Mapping[str, float], names: Sequence[str] = NAMES) -> bool:
-    """Whether ``values`` has a finite number for each name, and none besides."""
-    return set(values) == set(names) and all(np.isfinite(value) for value in values.values())
+def known_scores(known: Mapping[str, float]) -> dict[int, float]:
+    """The scores of values that were measured, by the parameter's index. FoldcarError."""
+    scores = {}
+    for name, value in known.items():
+        one = parameter_named(name, value, f"--known {name}", LARGEST_SCORE, with_nominal=False)
+        scores[NAMES.index(name)] = max(-LARGEST_SCORE, one.score(value))
+    return scores
+
+
+def check_values(values: Mapping[str, float]) -> bool:
+    """Whether ``values`` has a finite number for each parameter, and none besides."""
+    return set(values) == set(NAMES) and all(np.isfinite(value) for value in values.values())

@@ -1,19 +1,65 @@
-"""What a posterior predicts for trials: shares of trials, scores of held-out ones, what the next trials would tell.
+"""What a posterior predicts for trials: shares of trials, scores of held-out ones, which further trials would tell most.
 
 Input: success logits of designs under draws of the posterior (n, designs), discrepancies' sd τ (n). Output: intervals,
 log scores (natural logarithms) and expected information in bits.
 """
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit, logsumexp
+from scipy.special import expit, gammaln, logsumexp
 
-from foldcar.calibration.parameters import FloatArray
+from foldcar.calibration.effects import HEIGHT_KEYS
+from foldcar.calibration.experiment import SweptExperiment
+from foldcar.calibration.inference import Inference
+from foldcar.calibration.parameters import NAMES, PARAMETERS, FloatArray
 from foldcar.calibration.posterior import built_logits, log_likelihood
 
+TRIALS = 10
+# Heights relative to the environment's. Higher ones would ask the emulator for what it has seen little of.
+HEIGHTS = (1.0, 0.85, 0.7)
+MOST_DESIGNS = 12
+DRAWS = 1000
 # Groups of a parameter's values of which trials are to tell.
 GROUPS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class NextTrials:
+    """TRIALS trials of a design, by its index, with obstacles ``height`` times as high: what they are expected to tell.
+
+    ``bits`` is their mutual information with all parameters, ``parameter`` the one that they tell most about.
+    """
+
+    design: int
+    height: float
+    bits: float
+    parameter: str
+
+
+def rank_next_trials(inference: Inference, experiment: SweptExperiment) -> list[NextTrials]:
+    """Candidates by information, most first: designs with trials and others, evenly spaced over the family."""
+    counts, posterior = inference.counts, inference.posterior
+    some = slice(None, None, max(1, len(posterior.scores) // DRAWS))
+    scores, tau = posterior.scores[some], posterior.discrepancy[some]
+    spaced = np.linspace(0, len(experiment.designs) - 1, min(MOST_DESIGNS, len(experiment.designs))).round().astype(int)
+    done = {d: (k, n) for d, k, n in zip(counts.designs, counts.passed, counts.counted, strict=True)}
+    designs = sorted({*map(int, spaced), *counts.designs})
+    found = []
+    for height in HEIGHTS if _has_obstacles(experiment) else HEIGHTS[:1]:
+        lowered = scores.copy()
+        column = NAMES.index("obstacle_height")
+        lowered[:, column] += np.log(height) / PARAMETERS[column].sd
+        logits = inference.emulator.logits(lowered, inference.features[designs])
+        for index, design in enumerate(designs):
+            before = done.get(design, (0, 0)) if height == 1 else (0, 0)
+            bits, alone = expected_bits(logits[:, index], tau, before, TRIALS, scores)
+            found.append(NextTrials(design, height, bits, NAMES[int(np.argmax(alone))]))
+    return sorted(found, key=lambda one: -one.bits)
+
+
+def _has_obstacles(experiment: SweptExperiment) -> bool:
+    return any(key in piece for scene in experiment.scenes for piece in scene["terrain"] for key in HEIGHT_KEYS)
 
 
 def predicted_shares(logit: FloatArray, tau: FloatArray, counted: int, stream: np.random.Generator) -> FloatArray:
@@ -43,10 +89,8 @@ def expected_bits(
     ``done`` is how many of how many trials passed before, of the same car; ``scores`` (n, parameters).
     """
     probabilities = np.exp(_counts_to_come(logit, tau, done, more))
-    alone = [
-        _information(np.stack([probabilities[chosen].mean(axis=0) for chosen in _groups(column)]))
-        for column in scores.T
-    ]
+    groups = [np.array_split(np.argsort(column, kind="stable"), GROUPS) for column in scores.T]
+    alone = [_information(np.stack([probabilities[one].mean(axis=0) for one in some])) for some in groups]
     return _information(probabilities), np.array(alone)
 
 
@@ -54,25 +98,20 @@ def _counts_to_come(logit: FloatArray, tau: FloatArray, done: tuple[int, int], m
     """Log probabilities (n, more + 1) of each count, given the trials done: joint over conditional."""
     passed, counted = (float(one) for one in done)
     before = log_likelihood(logit[:, None], tau, np.array([passed]), np.array([counted]))[:, 0]
-    columns = []
-    for count in range(more + 1):
-        together = log_likelihood(logit[:, None], tau, np.array([passed + count]), np.array([counted + more]))[:, 0]
-        # Ways to order the trials: those of the joint count, taken apart into before and after.
-        columns.append(together - before + _log_ways(passed, counted, count, more))
+    # Ways to order the trials: those of the joint count, taken apart into before and after.
+    columns = [
+        log_likelihood(logit[:, None], tau, np.array([passed + count]), np.array([counted + more]))[:, 0]
+        - before
+        + _log_ways(passed, counted)
+        + _log_ways(count, more)
+        - _log_ways(passed + count, counted + more)
+        for count in range(more + 1)
+    ]
     return np.stack(columns, axis=1)
 
 
-def _log_ways(passed: float, counted: float, count: int, more: int) -> float:
-    from scipy.special import gammaln
-
-    def ways(k: float, n: float) -> float:
-        return float(gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1))
-
-    return ways(passed, counted) + ways(count, more) - ways(passed + count, counted + more)
-
-
-def _groups(column: FloatArray) -> Sequence[np.ndarray[tuple[int], np.dtype[np.int64]]]:
-    return np.array_split(np.argsort(column, kind="stable"), GROUPS)
+def _log_ways(passed: float, counted: float) -> float:
+    return float(gammaln(counted + 1) - gammaln(passed + 1) - gammaln(counted - passed + 1))
 
 
 def _information(probabilities: FloatArray) -> float:

@@ -4,24 +4,28 @@ Input: an Inference, nominal runs by design. Output: the object that the store k
 shares are 0 to 1; ``low`` and ``high`` are the ends of 90 % intervals.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from scipy.special import expit
 from scipy.stats import binom
 
-from foldcar.calibration.experiment import SweptExperiment
+from foldcar.analysis.words import design_text, listed, percent
+from foldcar.calibration.experiment import SweptExperiment, TrialCounts
 from foldcar.calibration.inference import Inference, posterior_of
-from foldcar.calibration.next_trials import TRIALS, rank_next_trials
 from foldcar.calibration.parameters import NAMES, PARAMETERS, FloatArray, Parameter
 from foldcar.calibration.posterior import DISCREPANCY
-from foldcar.calibration.predictions import interval, log_score, predicted_shares
-from foldcar.calibration.trial_counts import TrialCounts
-from foldcar.calibration.words import findings
+from foldcar.calibration.predictions import TRIALS, interval, log_score, predicted_shares, rank_next_trials
 
 CONFIDENCE = 0.9
 SHOWN_TRIALS = 3
+# Shares of the prior's variance: a parameter is as unknown as before below the first, known better from the second on.
+UNTOLD, TOLD = 0.1, 0.3
+# Correlations from here on are told; at most this many.
+CORRELATED, MOST_PAIRS = 0.25, 3
+# Emulator and simulation may differ by this in the rate of a design.
+TOLERATED = 0.06
 
 # Passed and all nominal runs of designs, by their index.
 Nominal = Mapping[int, tuple[int, int]]
@@ -73,9 +77,7 @@ def left_out(inference: Inference, experiment: SweptExperiment, nominal: Nominal
     counts, stream, rows = inference.counts, np.random.default_rng(seed), []
     for index, design in enumerate(counts.designs if len(counts.designs) > 1 else ()):
         kept = [i for i in range(len(counts.designs)) if i != index]
-        designs, passes, trials = (
-            tuple(one[i] for i in kept) for one in (counts.designs, counts.passed, counts.counted)
-        )
+        designs, passes, trials = (tuple(one[i] for i in kept) for one in (counts.designs, counts.passed, counts.counted))
         others = TrialCounts(designs, passes, trials, counts.simulated, ())
         posterior = posterior_of(inference.emulator, inference.features, others, seed, inference.known)
         logit = inference.emulator.logits(posterior.scores, inference.features[[design]])[:, 0]
@@ -147,9 +149,7 @@ def _correlations(inference: Inference) -> list[dict[str, Any]]:
     return [{"parameters": [b, a], "correlation": round(r, 3)} for a, b, r in ranked]
 
 
-def _designs(
-    inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int
-) -> list[dict[str, Any]]:
+def _designs(inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int) -> list[dict[str, Any]]:
     counts, posterior = inference.counts, inference.posterior
     stream, rows = np.random.default_rng(seed), []
     for index, design in enumerate(counts.designs):
@@ -188,3 +188,65 @@ def _log_likelihood(inference: Inference, nominal: Nominal) -> dict[str, float |
 
 def _ends(values: FloatArray) -> dict[str, float]:
     return dict(zip(("low", "high"), interval(values, CONFIDENCE), strict=True))
+
+
+def findings(summary: Mapping[str, Any]) -> list[str]:
+    """What the numbers say and cannot say, in sentences; the first is whether the trials are explained."""
+    told = [*_fit(summary), *_known_better(summary)]
+    strong = [one for one in summary["correlations"] if abs(one["correlation"]) >= CORRELATED]
+    for one in strong[:MOST_PAIRS]:
+        first, second = one["parameters"]
+        other = "lower" if one["correlation"] > 0 else "higher"
+        told.append(
+            f"The trials cannot tell {first} and {second} apart (correlation {one['correlation']:+.2f}): lower {first} "
+            f"with {other} {second} explains them as well."
+        )
+    told += [
+        f"Simulated under the calibration, {design_text(one['design'])} passes {percent(one['checked'])}, the emulator "
+        f"said {percent(one['emulated'])}: take more --runs."
+        for one in summary["designs"]
+        if abs(one["checked"] - one["emulated"]) > TOLERATED
+    ]
+    if found := summary["next_trials"]:
+        trials = "; of ".join(_trials(one) for one in found)
+        told.append(f"Most would be learned by {found[0]['trials']} trials of {trials}.")
+    return told
+
+
+def _fit(summary: Mapping[str, Any]) -> Iterator[str]:
+    designs = summary["designs"]
+    outside = [
+        design_text(one["design"])
+        for one in designs
+        if not one["predicted_95"]["low"] <= one["passed"] / one["counted"] <= one["predicted_95"]["high"]
+    ]
+    if outside:
+        yield (
+            f"The trials of {listed(outside)} lie outside the 95 % intervals that the calibrated simulator predicts: no "
+            "set of these parameters explains them."
+        )
+    else:
+        yield f"The calibrated simulator's 95 % intervals cover the trials of all {len(designs)} designs."
+    (discrepancy,) = (one for one in summary["parameters"] if one["name"] == "discrepancy")
+    if discrepancy["posterior"]["median"] > 1.3 * discrepancy["prior"]["median"]:
+        yield "A discrepancy larger than assumed before is needed: the simulator lacks something that the cars have."
+
+
+def _known_better(summary: Mapping[str, Any]) -> Iterator[str]:
+    rows = [one for one in summary["parameters"] if one["explained"] is not None]
+    for one in sorted(rows, key=lambda row: -row["explained"]):
+        if one["explained"] >= TOLD:
+            before, after = (
+                f"{ends['median']:.3g} ({ends['low']:.2g} to {ends['high']:.2g})"
+                for ends in (one["prior"], one["posterior"])
+            )
+            yield f"{one['name']} is {after} {one['unit']}, before the trials {before}."
+    untold = [one["name"] for one in rows if one["explained"] < UNTOLD]
+    if untold:
+        yield f"The trials say next to nothing about {', '.join(untold)}: their intervals are those assumed before."
+
+
+def _trials(one: Mapping[str, Any]) -> str:
+    height = one["obstacle_height"]
+    at = "" if height == 1 else f" with obstacles {100 * height:.0f} % as high"
+    return f"{design_text(one['design'])}{at} ({one['bits']:.2f} bits, most about {one['parameter']})"

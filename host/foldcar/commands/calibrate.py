@@ -52,12 +52,10 @@ def calibrate(
     \b
     Example: foldcar calibrate study.db --name published --leave-one-out
     """
-    from foldcar.calibration.experiment import read_experiment
+    from foldcar.calibration.experiment import Simulator, count_trials, experiment_with_trials, read_experiment
     from foldcar.calibration.inference import infer, plan
     from foldcar.calibration.parameters import known_scores
-    from foldcar.calibration.simulation import Simulator
     from foldcar.calibration.summary import summarise
-    from foldcar.calibration.trial_counts import count_trials, experiment_with_trials
     from foldcar.commands.calibration_text import print_calibration
     from foldcar.commands.progress_bar import TerminalBar
     from foldcar.errors import FoldcarError

@@ -8,7 +8,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from foldcar.calibration.words import design_text
+from foldcar.analysis.words import design_text
 from foldcar.shown_console import shown_console
 from foldcar.store.calibrations import Calibration
 

@@ -29,7 +29,7 @@ def compare(
     Example: foldcar compare study.db
     """
     from foldcar.advice.comparison import compare as compare_store
-    from foldcar.advice.comparison_table import comparison_object, write_comparison
+    from foldcar.advice.tables import comparison_object, write_comparison
     from foldcar.commands.compare_text import print_comparison
     from foldcar.commands.options import parse_points
     from foldcar.store.reader import Store

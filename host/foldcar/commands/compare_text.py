@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
-from foldcar.advice.comparison import Comparison, DesignComparison, ExperimentComparison, TrialsAlone
-from foldcar.advice.words import percent, points, rank_text
+from foldcar.advice.comparison import Comparison, DesignComparison, ExperimentComparison
 from foldcar.analysis.gap import Gap
 from foldcar.analysis.rate import Rate
+from foldcar.analysis.words import percent, points, rank_text
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.result_table import ResultTable
 from foldcar.shown_console import shown_console
@@ -23,7 +23,7 @@ def print_comparison(found: Comparison) -> None:
     for one in found.experiments:
         _print_experiment(console, one)
     for alone in found.alone:
-        _print_alone(console, alone)
+        console.print(alone, style="bold")
 
 
 def _print_experiment(console: Console, one: ExperimentComparison) -> None:
@@ -79,18 +79,6 @@ def _print_outcomes(console: Console, designs: Sequence[DesignComparison]) -> No
             if counts:
                 cells = [str(counts.get(kind, 0)) for kind in shown]
                 table.add_row(one.label, what, *cells, "" if aborted is None else str(aborted))
-    table.print_on(console)
-
-
-def _print_alone(console: Console, alone: TrialsAlone) -> None:
-    console.print()
-    console.print(alone.sentence, style="bold")
-    table = ResultTable()
-    table.add_column("design")
-    table.add_column("passed", right=True)
-    table.add_column("trials %", right=True)
-    for label, passed, rate in alone.designs:
-        table.add_row(label, str(passed), _rate(rate))
     table.print_on(console)
 
 

@@ -40,7 +40,7 @@ def link(
     import json
     import sys
 
-    from foldcar.calibration.reality import read_reality, real_run
+    from foldcar.calibration.environment import read_reality, real_run
     from foldcar.car.car_file import car_json
     from foldcar.interrupts import said
     from foldcar.link.simulated_car import simulated_car

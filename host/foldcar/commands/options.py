@@ -204,8 +204,7 @@ def under_calibration(
         return study, Environment
     if name is not None and reality is not None:
         raise FoldcarError("--calibration and --reality: both say what to simulate with; give one of them")
-    from foldcar.calibration.environment import calibrated_environment, calibrated_study
-    from foldcar.calibration.reality import as_calibration, read_reality
+    from foldcar.calibration.environment import as_calibration, calibrated_environment, calibrated_study, read_reality
     from foldcar.store.calibrations import calibration_named
     from foldcar.store.reader import Store
 

@@ -39,7 +39,7 @@ def select(
     Example: foldcar select study.db --build 4
     """
     from foldcar.advice.selecting import select as select_designs
-    from foldcar.advice.selection_table import selection_object, write_selection
+    from foldcar.advice.tables import selection_object, write_selection
     from foldcar.commands.options import parse_points
     from foldcar.commands.select_text import print_selections
     from foldcar.store.reader import Store

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
-from foldcar.advice.cost import BASIS
-from foldcar.advice.selecting import Selection
-from foldcar.advice.words import points
+from foldcar.advice.selecting import BASIS, Selection
 from foldcar.analysis.rate import Rate
+from foldcar.analysis.words import points
 from foldcar.result_table import ResultTable
 from foldcar.shown_console import shown_console
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy
 
-from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.rate import wilson_interval
 from foldcar.crosscheck.stored import Case
 from foldcar.errors import FoldcarError
 from foldcar.simulation.results import REJECTED

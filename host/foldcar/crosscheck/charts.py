@@ -7,7 +7,7 @@ import numpy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.rate import wilson_interval
 from foldcar.crosscheck.agreement import Agreement, DesignRates
 from foldcar.crosscheck.parted import Parted
 from foldcar.figures.ground import Heights, height_map

@@ -6,12 +6,12 @@ Input: a store. Output: sentences, recommendations and tables by experiment; whe
 from dataclasses import replace
 
 from foldcar.advice.comparison import Comparison, ExperimentComparison, compare_evidence
-from foldcar.advice.reading_evidence import read_evidence, unswept_trials
+from foldcar.advice.evidence import read_evidence, unswept_trials
 from foldcar.advice.selecting import Selection, select_evidence
-from foldcar.advice.words import points, rank_text
 from foldcar.analysis.gap import Gap
 from foldcar.analysis.rate import Rate
-from foldcar.calibration.words import findings
+from foldcar.analysis.words import points, rank_text
+from foldcar.calibration.summary import findings
 from foldcar.errors import FoldcarError
 from foldcar.report.advice_slots import Part, Recommendation, Slots, Table
 from foldcar.store.calibrations import Calibration, calibrations

@@ -9,8 +9,7 @@ from functools import cached_property
 
 import numpy
 
-from foldcar.analysis.anytime import anytime_interval, anytime_mean_interval
-from foldcar.analysis.intervals import clopper_pearson_interval, wilson_interval
+from foldcar.analysis import rate
 from foldcar.report.axis import parameter_label, value_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -32,10 +31,7 @@ class Count:
     @cached_property
     def interval(self) -> tuple[float, float]:
         """The 95 % interval (low, high), 0 to 1: Wilson's, or the anytime-valid one after a sweep that stopped."""
-        if self.stopped:
-            low, high = anytime_interval(self.passed, self.runs)
-            return float(low), float(high)
-        return wilson_interval(self.passed, self.runs)
+        return rate.rate_interval(self.passed, self.runs, self.stopped)
 
 
 @dataclass(frozen=True)
@@ -81,7 +77,7 @@ class DesignTable:
     @property
     def interval_name(self) -> str:
         """What the intervals of single designs are called."""
-        return "anytime-valid" if self.stopped else "Wilson"
+        return rate.interval_name(self.stopped)
 
 
 def read_table(store: Store, info: ExperimentInfo) -> DesignTable:
@@ -98,16 +94,9 @@ def read_table(store: Store, info: ExperimentInfo) -> DesignTable:
 
 
 def mean_interval(counts: Sequence[Count]) -> tuple[float, float]:
-    """An interval (low, high) that covers the mean rate of several designs with at least 95 %.
-
-    The mean of their own intervals, at such a confidence that all hold together (Bonferroni): the designs meet the same
-    environments, so their runs are not independent.
-    """
-    if any(count.stopped for count in counts):
-        return anytime_mean_interval([count.passed for count in counts], [count.runs for count in counts])
-    level = 1 - 0.05 / len(counts)
-    ends = [clopper_pearson_interval(count.passed, count.runs, level) for count in counts]
-    return float(numpy.mean([low for low, _ in ends])), float(numpy.mean([high for _, high in ends]))
+    """An interval (low, high) that covers the mean rate of several designs with at least 95 %."""
+    stopped = any(count.stopped for count in counts)
+    return rate.mean_interval([count.passed for count in counts], [count.runs for count in counts], stopped)
 
 
 def spread(values: Sequence[float], most: int) -> list[float]:

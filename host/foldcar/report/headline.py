@@ -5,7 +5,7 @@ Input: counts, what advice says. Output: sentences that say no more than the cou
 
 from collections.abc import Mapping, Sequence
 
-from foldcar.advice.words import listed
+from foldcar.analysis.words import listed
 from foldcar.report.axis import parameter_label, value_text
 from foldcar.report.series import Series, Summary, Tally, Value
 from foldcar.report.trial_series import TrialSummary, TrialTally

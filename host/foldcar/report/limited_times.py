@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy
 
-from foldcar.analysis.times import limited_mean
+from foldcar.analysis.rate import limited_mean
 from foldcar.report.series import Value
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.frames import RunArrays

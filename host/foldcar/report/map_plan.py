@@ -13,7 +13,7 @@ import numpy
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from foldcar.analysis.success_model import SuccessModel, success_model
+from foldcar.analysis.gaussian_process import SuccessModel, success_model
 from foldcar.errors import FoldcarError
 from foldcar.report.axis import parameter_label, value_text
 from foldcar.report.design_table import DesignTable, assigned, spread

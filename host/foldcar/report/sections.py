@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from foldcar.advice.words import rejected_text
+from foldcar.advice.evidence import rejected_text
 from foldcar.replay.outcome_grid import OutcomeGrid
 from foldcar.replay.replay import Replay
 from foldcar.report.advice_slots import Drawing, Slots

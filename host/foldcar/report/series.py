@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy
 
-from foldcar.analysis.anytime import anytime_mean_interval
-from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.rate import interval_name, mean_interval, wilson_interval
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED, Result, has_passed
 from foldcar.store.frames import RunArrays
 
@@ -126,7 +125,7 @@ class Tally:
             return None
         if self.stopped:
             counted, passed = zip(*self._rated, strict=True)
-            return anytime_mean_interval(passed, counted)
+            return mean_interval(passed, counted, stopped=True)
         return wilson_interval(self.passed, self.counted)
 
     @property
@@ -233,7 +232,7 @@ def _summary(
         Series(
             name,
             {v: by_value[v] for v in sorted(by_value, key=_order)},
-            "anytime-valid" if stopped else "Wilson",
+            interval_name(stopped),
         )
         for name, by_value in tallies.items()
     ]

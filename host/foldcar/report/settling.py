@@ -11,9 +11,9 @@ from typing import Any
 import numpy
 from matplotlib.figure import Figure
 
-from foldcar.advice.words import count, design_text, listed
-from foldcar.analysis.convergence import Convergence, advice, convergence
-from foldcar.analysis.intervals import jeffreys_interval
+from foldcar.analysis.rate import jeffreys_interval
+from foldcar.analysis.stopping import Convergence, advice, convergence
+from foldcar.analysis.words import count, design_text, listed
 from foldcar.figures.style import ACCENT, INK
 from foldcar.report.advice_slots import Drawing, Part
 from foldcar.report.figure_options import FigureOptions
@@ -31,8 +31,6 @@ NAMED = 6
 LEAST = 10
 # Points of a curve.
 MOST_POINTS = 200
-# The half-width, 0 to 0.5, that the advice is for where a threshold decides nothing.
-HALF_WIDTH = 0.05
 # Designs further than this from the threshold, in standard deviations, are decided.
 FAR = 5.0
 
@@ -73,7 +71,7 @@ def settling_text(labels: Sequence[str], successes: Any, total: Any, threshold: 
     close = [at for at in counted if abs(rates[at] - threshold) <= spread[at]]
     nearest = min(counted, key=lambda at: abs(rates[at] - threshold))
     if len(counted) == 1:
-        return advice(int(successes[nearest]), int(total[nearest]), HALF_WIDTH, threshold)
+        return advice(int(successes[nearest]), int(total[nearest]), threshold)
     undecided = []
     for at in close:
         low, high = jeffreys_interval(int(successes[at]), int(total[at]))
@@ -91,7 +89,7 @@ def settling_text(labels: Sequence[str], successes: Any, total: Any, threshold: 
     names = "; ".join(shown) if "," in shown[0] else listed(shown)
     more = f"; and {count(len(undecided) - NAMED, 'other')}" if len(undecided) > NAMED else ""
     verb = "is" if len(undecided) == 1 else "are"
-    said = advice(int(successes[first]), int(total[first]), HALF_WIDTH, threshold)
+    said = advice(int(successes[first]), int(total[first]), threshold)
     return (
         f"{len(undecided)} of {count(len(counted), 'design')} {verb} not decided against {limit} ({names}{more}). "
         f"Nearest to it, {labels[first]}: {said} More environments would hardly move the decided ones across."

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.rate import wilson_interval
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.trial_records import CARS, Trial
 from foldcar.store.trial_selection import select_trials

@@ -109,9 +109,7 @@ class DesignSimulator:
         environment_id = self._writer.environment(self._environment.fingerprint)
         spread_id = self._writer.spread(self._environment.spread_fingerprint)
         environments, designs = self._writer.swept(self._experiment.id, environment_id, spread_id)
-        self._experiment = replace(
-            self._experiment, environments=max(environments, self._experiment.environments)
-        )
+        self._experiment = replace(self._experiment, environments=max(environments, self._experiment.environments))
         family = self._experiment.family
         found = [tuple(design.get(column, float("nan")) for column in family.columns()) for design in designs]
         return [values for values in found if family.has(values)]

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from foldcar.analysis.betting import betting_interval
-from foldcar.analysis.intervals import wilson_interval
+from foldcar.analysis.rate import limited_mean, wilson_interval
 from foldcar.car.design import Design
 from foldcar.car.folded.weight import area_mm2
 from foldcar.car.folded_car import folded_car
@@ -46,17 +45,19 @@ def _success_interval(rows: Sequence[Row], limit_s: float) -> Interval:
     return wilson_interval(sum(bool(row.passed) for row in rows), len(rows))
 
 
-def times_s(rows: Sequence[Row], limit_s: float) -> list[float]:
-    """The times to pass; those of runs that did not pass are the limit."""
-    return [min(row.elapsed_time_s or 0.0, limit_s) if row.passed else limit_s for row in rows]
+def _times_s(rows: Sequence[Row], limit_s: float) -> list[float]:
+    """The times of the runs that passed."""
+    return [min(row.elapsed_time_s or 0.0, limit_s) for row in rows if row.passed]
 
 
 def _time(rows: Sequence[Row], limit_s: float) -> float:
-    return math.fsum(times_s(rows, limit_s)) / len(rows)
+    times = _times_s(rows, limit_s)
+    return math.fsum([*times, *[limit_s] * (len(rows) - len(times))]) / len(rows)
 
 
 def _time_interval(rows: Sequence[Row], limit_s: float) -> Interval:
-    return betting_interval(times_s(rows, limit_s), low=0.0, high=limit_s)
+    times = _times_s(rows, limit_s)
+    return limited_mean(len(times), len(rows), math.fsum(times), math.fsum(time**2 for time in times), limit_s)[1:]
 
 
 def _energy(rows: Sequence[Row], limit_s: float) -> float:

@@ -1,8 +1,8 @@
 """The search: asks for designs, simulates them, tells what they are worth, and judges the best in fresh environments.
 
-Input: an experiment of a listing. Output: runs in the store under the keys of a sweep's, the study beside it, and a
-Found. What was best of many in some environments was lucky there as well: only runs in environments that no design was
-chosen by say how good it is.
+Input: an experiment of a listing. Output: runs in the store under the keys of a sweep's, and a Found. What was best of
+many in some environments was lucky there as well: only runs in environments that no design was chosen by say how good it
+is. What the store holds is not simulated again: a search that was cut short goes the same way to where it was.
 """
 
 import math
@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
+from foldcar.analysis.words import design_text
 from foldcar.errors import FoldcarError
 from foldcar.search.design_simulator import DesignSimulator, Row, Values, open_simulator
 from foldcar.search.objectives import OBJECTIVES, Objective, film_area_cm2
@@ -115,8 +115,7 @@ def search(
     """Search the family of the first experiment of :func:`searched_study`; the second has the fresh environments.
 
     ``found`` is updated and ``report`` called after every step. ``environment_of`` makes the environments: those of a
-    calibration are others. What the store holds is not simulated again, and an interrupted search of the same plan goes
-    on. FoldcarError.
+    calibration are others. FoldcarError.
     """
     experiment, fresh = study.experiments
     environment = environment_of(experiment)
@@ -128,21 +127,17 @@ def search(
 
     with write_store(store) as writer:
         writer.begin_study(study_facts(study, carsim, command), carsim.build)
-        proposals = Proposals(
-            store.with_name(f"{store.name}.optuna"), experiment.family, plan.objectives, plan.sampler, plan.seed,
-            _identity(experiment, environment, plan, carsim), plan.designs,
-        )  # fmt: skip
+        proposals = Proposals(experiment.family, plan.objectives, plan.sampler, plan.seed, plan.designs)
         with open_simulator(experiment, environment, writer, carsim, simulators, simulated, True) as simulator:
             _try_designs(experiment, plan, proposals, simulator, found, report)
-            unbuildable = proposals.unbuildable()
-            simulator.finish(list(unbuildable))
-        best = proposals.best(proposals.tried(), plan.best)
+            simulator.finish(list(proposals.unbuildable))
+        best = proposals.best(plan.best)
         with open_simulator(fresh, environment_of(fresh), writer, carsim, simulators, simulated, False) as simulator:
             for one in best:
                 rows = _counted(simulator.rows(one.values, range(plan.fresh)))
                 found.best.append(_judged(experiment, plan, one, rows))
                 report(found)
-    found.unbuildable = {_named(experiment, values): reason for values, reason in unbuildable.items()}
+    found.unbuildable = {_named(experiment, values): reason for values, reason in proposals.unbuildable.items()}
 
 
 def _try_designs(
@@ -153,12 +148,7 @@ def _try_designs(
     found: Found,
     report: Callable[[Found], None],
 ) -> None:
-    for one in proposals.tried():
-        _count(found, one, plan)
-    found.runs += proposals.refused_runs()
-    while found.designs < plan.designs and (
-        plan.runs is None or found.runs + experiment.environments <= plan.runs
-    ):
+    while found.designs < plan.designs and (plan.runs is None or found.runs + experiment.environments <= plan.runs):
         values = proposals.next()
         if values is None:
             found.exhausted = True
@@ -178,7 +168,7 @@ def _try_designs(
                 if pruned:
                     break
         if not rows:
-            proposals.refuse(no_rate_text(made), made)
+            proposals.refuse(no_rate_text(made))
             found.runs += made
             continue
         mean_time_s = _value(OBJECTIVES["time"], experiment, values, rows)
@@ -241,17 +231,6 @@ def _check(experiment: Experiment, environment: Environment, plan: Plan) -> None
         raise FoldcarError(f"{experiment.place}: {environment.success.text}")
 
 
-def _identity(experiment: Experiment, environment: Environment, plan: Plan, carsim: Carsim) -> list[Any]:
-    """What a design's worth depends on besides its values."""
-    driving = [experiment.timeout_s, experiment.speed_m_s, experiment.yaw_rate_rad_s]
-    places = [environment.fingerprint, environment.spread_fingerprint, experiment.environments]
-    return [carsim.build, *driving, *places, plan.prune]
-
-
 def _named(experiment: Experiment, values: Values) -> str:
-    varied = (
-        f"{key}={value:g}"
-        for (key, choices), value in zip(experiment.family.choices.items(), values, strict=True)
-        if len(choices) > 1
-    )
-    return " ".join(varied)
+    columns = dict(zip(experiment.family.columns(), values, strict=True))
+    return design_text({name: columns[name] for name in experiment.family.varied})

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from foldcar.analysis.anytime import anytime_interval
+from foldcar.analysis.rate import anytime_interval
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.errors import FoldcarError
 from foldcar.store.design_counts import DesignCounts

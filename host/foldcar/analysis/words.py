@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from foldcar.analysis.gap import RankAgreement
-from foldcar.store.design_counts import DesignCounts
+from foldcar.analysis.rate import Rate
 
 # The units in which designs are written.
 UNITS = {"mm": " mm", "deg": "°"}
@@ -36,6 +36,11 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
+def rate_text(rate: Rate) -> str:
+    """A rate with its interval: ``70 % (40 % to 89 %)``."""
+    return f"{percent(rate.value)} ({percent(rate.low)} to {percent(rate.high)})"
+
+
 def points(difference: float, sign: bool = True) -> str:
     """A difference of shares in whole points, with a sign: ``-30``."""
     return f"{100 * difference:+.0f}" if sign and round(100 * difference) else f"{abs(100 * difference):.0f}"
@@ -61,20 +66,6 @@ def listed(names: Iterable[str]) -> str:
 def count(number: int, noun: str) -> str:
     """``1 trial``, ``2 trials``."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
-
-
-def rejected_text(counts: DesignCounts) -> str | None:
-    """How many runs of an experiment belong in no rate, and how many designs have no other; None if all count."""
-    rejected = sum(counts.runs) - sum(counts.counted)
-    if not rejected:
-        return None
-    without = sum(runs > 0 and not counted for runs, counted in zip(counts.runs, counts.counted, strict=True))
-    have = "has" if without == 1 else "have"
-    rest = f" {count(without, 'design')} {have} no other run, and so no rate." if without else ""
-    return (
-        f"{rejected} of {sum(counts.runs)} runs were rejected: they violated a requirement of the program. Scenic "
-        f"discards such runs; they count neither as passed nor as not passed.{rest}"
-    )
 
 
 def _sharing_unit(texts: Sequence[str]) -> list[str]:

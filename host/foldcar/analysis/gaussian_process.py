@@ -1,0 +1,205 @@
+"""A Gaussian process for the log-odds of designs, given how many runs or trials of each passed.
+
+The process is a sum of functions with standard normal factors: those of a Matérn 5/2 covariance at up to 80 spanning
+designs (Rasmussen and Williams 2006, section 8.3.1), and what a caller adds, as a constant. So time grows with the number
+of designs, not with its cube. The factors' posterior is Laplace's approximation (section 3.4): exact in its mode and
+curvature, with the evidence by which candidates of lengths and strength are weighted.
+
+:func:`success_model` is success as a smooth function of one or two design parameters: a constant and such a process.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy
+from numpy.typing import ArrayLike, NDArray
+
+from foldcar.analysis.rate import check_confidence
+from foldcar.errors import FoldcarError
+
+# Designs that span the process.
+SPANNING = 80
+NEWTON_STEPS = 50
+TOLERANCE = 1e-9
+# Candidates: length as a part of the range, standard deviation of the log-odds.
+LENGTHS = {1: (0.1, 0.2, 0.4, 0.8), 2: (0.15, 0.35, 0.8)}
+STRENGTHS = (1.5, 5.0)
+# Candidates of less weight are left out.
+LEAST_WEIGHT = 0.01
+# Standard deviation of the constant.
+CONSTANT = 4.0
+
+
+@dataclass(frozen=True)
+class Matern:
+    """A process of deviation 1 over parameters that are scaled to 0 to 1; ``spanning`` (p, k), lengths (k,) or one."""
+
+    spanning: NDArray[Any]
+    lengths: ArrayLike
+
+    def functions(self, scaled: NDArray[Any]) -> NDArray[Any]:
+        """Functions (m, p) at parameters (m, k): with standard normal factors their sum is the process.
+
+        What the spanning designs leave open between them is missing: 1 less the sum of squares.
+        """
+        found: NDArray[Any] = self.covariance(scaled, self.spanning) @ self._roots
+        return found
+
+    @cached_property
+    def _roots(self) -> NDArray[Any]:
+        values, vectors = numpy.linalg.eigh(self.covariance(self.spanning, self.spanning))
+        found: NDArray[Any] = vectors / numpy.sqrt(numpy.maximum(values, 1e-9 * values[-1]))
+        return found
+
+    def covariance(self, one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+        """The covariance (m, n) of the process at two lists of parameters."""
+        steps = (one[:, None] - other[None, :]) / numpy.asarray(self.lengths)
+        r = numpy.sqrt(5 * (steps**2).sum(axis=-1))
+        found: NDArray[Any] = (1 + r + r**2 / 3) * numpy.exp(-r)
+        return found
+
+
+@dataclass(frozen=True)
+class Factors:
+    """The posterior of the functions' factors: mode (p,), a root (p, p) of their covariance, the log evidence.
+
+    The evidence is but for the binomial coefficients, which all candidates share.
+    """
+
+    mode: NDArray[Any]
+    root: NDArray[Any]
+    evidence: float
+
+
+def spread_designs(scaled: NDArray[Any], most: int = SPANNING) -> NDArray[Any]:
+    """At most ``most`` of the designs (d, k), each the one that is furthest from those before it."""
+    designs = numpy.unique(scaled, axis=0)
+    chosen = [0]
+    distances = numpy.full(len(designs), numpy.inf)
+    while len(chosen) < min(most, len(designs)):
+        distances = numpy.minimum(distances, ((designs - designs[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(distances.argmax()))
+    return designs[chosen]
+
+
+def unit_range(parameters: NDArray[Any]) -> NDArray[Any]:
+    """The parameters (designs, k), each scaled to 0 to 1 over its range; 0 where it does not vary."""
+    low, span = parameters.min(axis=0), numpy.ptp(parameters, axis=0)
+    found: NDArray[Any] = (parameters - low) / numpy.where(span > 0, span, 1.0)
+    return found
+
+
+def laplace(functions: NDArray[Any], prior: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any]) -> Factors:
+    """The factors of functions (d, p) given counts (d,) of designs whose log-odds are ``prior`` (d,) plus the process."""
+    factors = numpy.zeros(functions.shape[1])
+
+    def log_density(at: NDArray[Any]) -> float:
+        log_odds = prior + functions @ at
+        return float((passed * log_odds - counted * numpy.logaddexp(0, log_odds)).sum() - at @ at / 2)
+
+    def slope_and_curvature(at: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        rate = 1 / (1 + numpy.exp(-(prior + functions @ at)))
+        weighted = functions * (counted * rate * (1 - rate))[:, None]
+        return functions.T @ (passed - counted * rate) - at, weighted.T @ functions + numpy.eye(len(at))
+
+    value = log_density(factors)
+    for _ in range(NEWTON_STEPS):
+        step = numpy.linalg.solve(*slope_and_curvature(factors)[::-1])
+        size = 1.0
+        # A full step may overshoot where the likelihood is flat.
+        while (new := log_density(factors + size * step)) < value - TOLERANCE and size > 1e-4:
+            size /= 2
+        factors, gain, value = factors + size * step, new - value, new
+        if abs(gain) < TOLERANCE:
+            break
+    # The covariance is the inverse of the curvature, L L': its root is L'^-1.
+    lower = numpy.linalg.cholesky(slope_and_curvature(factors)[1])
+    evidence = value - float(numpy.log(numpy.diagonal(lower)).sum())
+    return Factors(factors, numpy.linalg.inv(lower).T, evidence)
+
+
+def shares_of(evidence: ArrayLike) -> NDArray[Any]:
+    """The candidates' weights, which add up to 1, from their log evidence: all alike beforehand."""
+    logs = numpy.asarray(evidence, dtype=float)
+    weights = numpy.exp(logs - logs.max())
+    found: NDArray[Any] = weights / weights.sum()
+    return found
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A process of deviation ``strength`` with its weight, 0 to 1, and the posterior of its factors."""
+
+    process: Matern
+    strength: float
+    weight: float
+    factors: Factors
+
+
+@dataclass(frozen=True)
+class SuccessModel:
+    """The candidates that the counts support; ``low`` (k,) and ``span`` (k,) are the range of the parameters."""
+
+    candidates: tuple[Candidate, ...]
+    low: NDArray[Any]
+    span: NDArray[Any]
+
+    def rates(self, parameters: ArrayLike, confidence: float = 0.95) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """The rate and its credible band (rate, low, high), each (m,) and 0 to 1, at parameters (m, k).
+
+        Outside the range of the designs that were simulated there is no model.
+        """
+        from scipy.stats import norm
+
+        check_confidence(confidence)
+        x = numpy.asarray(parameters, dtype=float)
+        if x.ndim != 2 or x.shape[1] != len(self.low):
+            raise FoldcarError(f"this success model has {len(self.low)} parameters of each design")
+        scaled = (x - self.low) / self.span
+        if not numpy.all((scaled > -1e-9) & (scaled < 1 + 1e-9)):
+            raise FoldcarError("a success model has rates only within the range of the designs that it was fitted to")
+        first, second = numpy.zeros(len(x)), numpy.zeros(len(x))
+        for one in self.candidates:
+            here = _functions(one.process, one.strength, scaled)
+            middle = here @ one.factors.mode
+            # What the spanning designs leave open between them is added to the variance.
+            left = numpy.maximum(one.strength**2 - (here[:, 1:] ** 2).sum(axis=1), 0)
+            first += one.weight * middle
+            second += one.weight * (middle**2 + ((here @ one.factors.root) ** 2).sum(axis=1) + left)
+        reach = norm.ppf((1 + confidence) / 2) * numpy.sqrt(numpy.maximum(second - first**2, 0))
+        rate, low, high = (1 / (1 + numpy.exp(-value)) for value in (first, first - reach, first + reach))
+        return rate, low, high
+
+
+def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) -> SuccessModel:
+    """Fit to designs with parameters (d, k), k 1 or 2, of which ``passed`` of ``counted`` runs (d,) succeeded."""
+    x, k, n = (numpy.asarray(values, dtype=float) for values in (parameters, passed, counted))
+    if x.ndim != 2 or x.shape[1] not in LENGTHS or not numpy.all(numpy.isfinite(x)):
+        raise FoldcarError("a success model needs a table of designs with one or two parameters, all finite")
+    if k.shape != (len(x),) or n.shape != (len(x),) or not numpy.all((k >= 0) & (k <= n)):
+        raise FoldcarError(f"a success model needs 0 ≤ passed ≤ counted for each of the {len(x)} designs")
+    x, k, n = x[n > 0], k[n > 0], n[n > 0]
+    if len(x) < 4 or not numpy.all(numpy.ptp(x, axis=0) > 0):
+        raise FoldcarError(
+            f"a success model needs runs of at least 4 designs that differ in each parameter; {len(x)} designs have runs"
+        )
+    low, span = x.min(axis=0), numpy.ptp(x, axis=0)
+    scaled = (x - low) / span
+    spanning, prior = spread_designs(scaled), numpy.zeros(len(n))
+    fitted = []
+    for lengths in product(LENGTHS[x.shape[1]], repeat=x.shape[1]):
+        process = Matern(spanning, lengths)
+        for strength in STRENGTHS:
+            fitted.append((process, strength, laplace(_functions(process, strength, scaled), prior, k, n)))
+    weights = shares_of([factors.evidence for _, _, factors in fitted])
+    weights = numpy.where(weights >= LEAST_WEIGHT, weights, 0.0)
+    weights /= weights.sum()
+    some = zip(fitted, weights.tolist(), strict=True)
+    return SuccessModel(tuple(Candidate(a, b, weight, c) for (a, b, c), weight in some if weight), low, span)
+
+
+def _functions(process: Matern, strength: float, scaled: NDArray[Any]) -> NDArray[Any]:
+    """The constant and the process' functions (m, p + 1)."""
+    return numpy.hstack([numpy.full((len(scaled), 1), CONSTANT), strength * process.functions(scaled)])

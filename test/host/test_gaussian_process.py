@@ -1,0 +1,178 @@
+"""Smooth success and pooled rates: the one Gaussian process against scikit-learn's and against importance sampling."""
+
+import math
+from itertools import product
+from typing import Any
+
+import numpy
+import pytest
+from scipy import stats
+from sklearn.gaussian_process import GaussianProcessClassifier
+from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+
+from foldcar.analysis import gaussian_process
+from foldcar.analysis.gaussian_process import CONSTANT, Candidate, Factors, SuccessModel, laplace, success_model
+from foldcar.analysis.pooled_bias import ALONE, LENGTHS, SLOPE, SMOOTH, pooled_bias
+from foldcar.analysis.pooled_bias import CONSTANT as COMMON
+from foldcar.analysis.rate import jeffreys_interval
+from foldcar.errors import FoldcarError
+
+
+def expit(log_odds: Any) -> Any:
+    return 1 / (1 + numpy.exp(-log_odds))
+
+
+def test_mode_and_evidence_are_those_of_scikit_learns_classifier() -> None:
+    """Which knows trials one by one: a design with 3 of 5 passed is there five times."""
+    x = numpy.array([[0.0, 0.3], [0.2, 0.9], [0.5, 0.5], [1.0, 0.0]])
+    passed, counted = numpy.array([3, 0, 4, 1]), numpy.array([5, 4, 4, 1])
+    each = numpy.repeat(numpy.arange(4), counted)
+    outcomes = numpy.concatenate([numpy.arange(n) < k for k, n in zip(passed, counted, strict=True)]).astype(int)
+    kernel = ConstantKernel(1.7**2) * Matern([0.3, 0.8], nu=2.5)
+    there = GaussianProcessClassifier(kernel, optimizer=None, max_iter_predict=1000).fit(x[each], outcomes)
+    process = gaussian_process.Matern(x, (0.3, 0.8))
+    functions = 1.7 * process.functions(x)
+
+    found = laplace(functions, numpy.zeros(4), passed.astype(float), counted.astype(float))
+
+    assert functions @ functions.T == pytest.approx(kernel(x))
+    assert expit(functions @ found.mode)[each] == pytest.approx(there.base_estimator_.pi_, abs=1e-5)
+    assert found.evidence == pytest.approx(there.log_marginal_likelihood_value_, abs=1e-6)
+    # The covariance at the mode is (K^-1 + W)^-1.
+    rate = expit(functions @ found.mode)
+    covariance = numpy.linalg.inv(numpy.linalg.inv(kernel(x)) + numpy.diag(counted * rate * (1 - rate)))
+    assert functions @ found.root @ found.root.T @ functions.T == pytest.approx(covariance, abs=1e-6)
+
+
+def test_newtons_steps_find_the_mode_from_far_away() -> None:
+    """Of one design with a wide prior: scipy's mode of k x - n log(1 + e^x) - (x - m)^2 / 2v."""
+    from scipy.optimize import minimize_scalar
+
+    for k, n, m, v in ((0, 400, 9.0, 25.0), (900, 1000, -8.0, 16.0), (1, 1, 0.3, 0.5)):
+        found = laplace(numpy.array([[math.sqrt(v)]]), numpy.array([m]), numpy.array([float(k)]), numpy.array([float(n)]))
+
+        def loss(x: float, k: int = k, n: int = n, m: float = m, v: float = v) -> float:
+            return float(n * numpy.logaddexp(0, x) - k * x + (x - m) ** 2 / (2 * v))
+
+        assert m + math.sqrt(v) * found.mode[0] == pytest.approx(minimize_scalar(loss, (-9, 9), tol=1e-12).x, abs=1e-5)
+
+
+def sampled(x: Any, runs: Any, trials: Any) -> tuple[Any, Any, Any]:
+    """Draws of log-odds (kernels, draws, designs) from the prior, the trials' likelihoods, and the kernels."""
+    successes, failures = runs[:, 0] + 0.5, runs[:, 1] - runs[:, 0] + 0.5
+    log_odds, errors = numpy.log(successes / failures), 1 / successes + 1 / failures
+    shares = (x - x.min(axis=0)) / numpy.where(numpy.ptp(x, axis=0) > 0, numpy.ptp(x, axis=0), 1)
+    common = COMMON**2 + SLOPE**2 * numpy.outer(log_odds, log_odds) + numpy.diag(errors)
+    kernels = [
+        common + smooth**2 * Matern(length, nu=2.5)(shares) + alone**2 * numpy.eye(len(x))
+        for length, smooth, alone in product(LENGTHS, SMOOTH, ALONE)
+    ]
+    random = numpy.random.default_rng(1)
+    draws = numpy.array([random.multivariate_normal(log_odds, kernel, 20_000) for kernel in kernels])
+    return draws, numpy.exp(stats.binom.logpmf(trials[:, 0], trials[:, 1], expit(draws)).sum(axis=2)), kernels
+
+
+def test_pooled_rates_and_draws_are_those_of_importance_sampling() -> None:
+    x = numpy.array([[60.0, 1.0], [100.0, 1.0], [120.0, 5.0]])
+    runs, trials = numpy.array([[20, 100], [90, 100], [80, 100]]), numpy.array([[1, 10], [7, 9], [0, 0]])
+    draws, likelihood, kernels = sampled(x, runs, trials)
+
+    found = pooled_bias(x, runs, trials)
+
+    for one, kernel in zip(found.candidates, kernels, strict=True):
+        assert one.common @ one.common.T + numpy.diag(one.own**2) == pytest.approx(kernel, abs=1e-6)
+    # How probable the trials are under each kernel, all alike beforehand.
+    evidence = likelihood.mean(axis=1)
+    assert found.weights == pytest.approx(evidence / evidence.sum(), rel=0.15)
+    flat, masses = draws.reshape(-1, 3), likelihood.ravel() / likelihood.sum()
+    for design, rate in enumerate(found.rates()):
+        order = numpy.argsort(flat[:, design])
+        expected = flat[order, design][numpy.searchsorted(masses[order].cumsum(), [0.025, 0.5, 0.975])]
+        ends = numpy.array([rate.low, rate.value, rate.high])
+        assert numpy.log(ends / (1 - ends)) == pytest.approx(expected, abs=0.15)
+    # Draws are normal about the mode.
+    joint = found.draws(40_000, 3)
+    assert joint.mean(axis=0) == pytest.approx(masses @ expit(flat), abs=0.03)
+    exact = numpy.cov(expit(flat).T, aweights=masses)
+    assert numpy.cov(joint.T) == pytest.approx(exact, abs=0.01)
+    assert numpy.array_equal(found.draws(50, 1), found.draws(50, 1))
+
+
+def test_many_designs_are_spanned_and_keep_the_variance_between() -> None:
+    x = numpy.arange(300.0)[:, None]
+    runs, trials = numpy.full((300, 2), 100), numpy.zeros((300, 2))
+    trials[[10, 290]] = 6, 10
+
+    found = pooled_bias(x, runs, trials)
+
+    for one, (length, smooth, alone) in zip(found.candidates, product(LENGTHS, SMOOTH, ALONE), strict=True):
+        total = (one.common**2).sum(axis=1) + one.own**2
+        log_odds = math.log(100.5 / 0.5)
+        assert total == pytest.approx(COMMON**2 + SLOPE**2 * log_odds**2 + 1 / 100.5 + 2 + smooth**2 + alone**2)
+        # Neighbours two steps away are as close as the process says.
+        near = (one.common[100] * one.common[102]).sum() - COMMON**2 - SLOPE**2 * log_odds**2
+        assert near == pytest.approx(smooth**2 * Matern(length, nu=2.5)([[0.0]], [[2 / 299]])[0, 0], rel=0.01)
+
+
+def test_neighbours_narrow_a_design_and_a_design_without_trials_gets_a_wide_rate() -> None:
+    x = numpy.arange(65, 250, 10.0)[:, None]
+    trials = numpy.tile([7, 10], (len(x), 1))
+    trials[-1] = 0
+
+    rates = pooled_bias(x, numpy.tile([90, 100], (len(x), 1)), trials).rates()
+
+    low, high = jeffreys_interval(7, 10)
+    assert all(2 * rate.half_width < 0.6 * (high - low) for rate in rates[:-1])
+    assert rates[-1].half_width > rates[-2].half_width and "no trials of this design" in rates[-1].method
+
+
+def test_pooling_leaves_lone_designs_to_jeffreys_and_many_trials_alone() -> None:
+    lone = pooled_bias([[65.0], [95.0]], [[10, 10], [5, 10]], [[7, 10], [0, 0]]).rates()
+    assert (lone[0].low, lone[0].high) == jeffreys_interval(7, 10)
+    assert (lone[1].low, lone[1].high) == (0, 1) and "nothing is known" in lone[1].method
+
+    trials = [[20_000, 100_000], [70_000, 100_000], [0, 100_000]]
+    many = pooled_bias([[65.0], [95.0], [95.0]], [[0, 100], [100, 100], [100, 100]], trials).rates()
+    assert [rate.value for rate in many] == pytest.approx([0.2, 0.7, 0.0], abs=0.01)
+    assert pooled_bias(numpy.zeros((0, 1)), numpy.zeros((0, 2)), numpy.zeros((0, 2))).rates() == []
+    for runs, counts in (([[1, 2]], [[1, 2], [1, 2]]), ([[1, 2], [0, 0]], [[1, 2]] * 2), ([[1, 2]] * 2, [[3, 2]] * 2)):
+        with pytest.raises(FoldcarError, match="pooled rates need"):
+            pooled_bias([[65.0], [95.0]], runs, counts)
+
+
+def test_the_band_before_any_run_is_the_priors_also_between_spanning_designs() -> None:
+    """A constant and a process of deviation 2: 1.96 sqrt(CONSTANT^2 + 4) log-odds to each side, everywhere."""
+    process = gaussian_process.Matern(numpy.array([[0.0], [0.5], [1.0]]), (0.3,))
+    prior = Candidate(process, 2.0, 1.0, Factors(numpy.zeros(4), numpy.eye(4), 0.0))
+    half = 1.9599640 * math.sqrt(CONSTANT**2 + 4)
+
+    rate, low, high = SuccessModel((prior,), numpy.array([65.0]), numpy.array([180.0])).rates([[65], [100], [200]])
+
+    assert rate == pytest.approx(0.5)
+    assert numpy.log(high / (1 - high)) == pytest.approx(half) and numpy.log(low / (1 - low)) == pytest.approx(-half)
+
+
+def test_success_model_finds_a_smooth_truth_of_two_parameters() -> None:
+    random = numpy.random.default_rng(5)
+    grid = numpy.array([(a, b) for a in numpy.linspace(65, 245, 8) for b in numpy.linspace(20, 60, 6)])
+    truth = expit(3 * numpy.sin(grid[:, 0] / 60) + (grid[:, 1] - 40) / 15)
+    counted = numpy.full(len(grid), 50)
+
+    passed = random.binomial(counted, truth)
+    rate, low, high = success_model(grid, passed, counted).rates(grid)
+
+    assert numpy.mean((low <= truth) & (truth <= high)) > 0.85
+    # Neighbours help: closer to the truth than each design's own share.
+    assert numpy.abs(rate - truth).mean() < 0.8 * numpy.abs(passed / counted - truth).mean()
+
+
+def test_success_model_of_all_passed_stays_below_one_and_knows_its_range() -> None:
+    x = numpy.arange(65.0, 165, 10)[:, None]
+    model = success_model(x, numpy.full(10, 5), numpy.full(10, 5))
+    rate, low, high = model.rates(x)
+
+    assert numpy.all((low > 0.45) & (low < rate) & (rate < high) & (high < 1))
+    with pytest.raises(FoldcarError, match="range"):
+        model.rates([[300.0]])
+    with pytest.raises(FoldcarError, match="at least 4"):
+        success_model([[65.0], [95.0]], [1, 2], [3, 3])

@@ -11,20 +11,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
+from foldcar.store.errors import SQLITE_ERRORS, StoreError
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.migrations import VERSION
-from foldcar.store.opening import connect_reading, open_reading, store_version
+from foldcar.store.opening import beside, connect_reading, require_version
 from foldcar.store.rows import columns_sql, is_intact, key_text
 from foldcar.store.tables import CHECKSUM, RECORDED, RUN, TABLES, VIEWS, Table
-from foldcar.store.write_ahead_log import read_log
+from foldcar.store.write_ahead_log import log_damage
 
 
 @dataclass(slots=True)
 class StoreCheck:
-    """What was read, and what of it is damaged. ``version`` is that of the file; older ones have no checksums."""
+    """What was read, and what of it is damaged."""
 
-    version: int
     rows: int
     logs: int
     findings: list[str]
@@ -33,39 +32,31 @@ class StoreCheck:
 def check_store(path: Path) -> StoreCheck:
     """Read the whole store. StoreError if there is none, or if nothing of it can be read."""
     with contextlib.closing(connect_reading(path)) as connection:
-        done = StoreCheck(store_version(path, connection), 0, 0, [])
-        finding = read_log(path).finding
-        if finding is not None:
-            done.findings.append(f"write-ahead log {path.name}-wal: {finding}")
-        done.findings += _structure(connection)
-        if done.version < VERSION:
-            _check_older(path, done)
-            return done
-        # A text whose bytes are damaged must be read to be named.
-        connection.text_factory = _text
-        done.findings += _schema(connection)
-        for table in TABLES:
-            done.findings += _damaged_rows(connection, table, done)
-        done.findings += _references(connection)
+        require_version(path, connection)
+        done = StoreCheck(0, 0, [])
+        damage = log_damage(beside(path, "-wal"))
+        if damage is not None:
+            done.findings.append(f"write-ahead log {path.name}-wal: {damage}")
+        _read(connection, done)
         _check_logs(path, connection, done)
     return done
 
 
-def _check_older(path: Path, done: StoreCheck) -> None:
-    """Every value, by bringing a copy up to this version."""
-    if done.findings:
-        return
-    try:
-        connection = open_reading(path)
-    except StoreError as error:
-        done.findings.append(str(error).removeprefix(f"{path}: "))
-        return
-    with contextlib.closing(connection), store_errors(path):
-        for table in TABLES:
-            (rows,) = connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()
-            done.rows += rows
-        done.findings += _references(connection)
-        _check_logs(path, connection, done)
+def findings_of(connection: sqlite3.Connection) -> list[str]:
+    """What is damaged of a store, the logs of its trials aside."""
+    done = StoreCheck(0, 0, [])
+    _read(connection, done)
+    return done.findings
+
+
+def _read(connection: sqlite3.Connection, done: StoreCheck) -> None:
+    done.findings += _structure(connection)
+    # A text whose bytes are damaged must be read to be named.
+    connection.text_factory = lambda content: content.decode("utf-8", "surrogateescape")
+    done.findings += _schema(connection)
+    for table in TABLES:
+        done.findings += _damaged_rows(connection, table, done)
+    done.findings += _references(connection)
 
 
 def _structure(connection: sqlite3.Connection) -> list[str]:
@@ -149,7 +140,3 @@ def _check_logs(path: Path, connection: sqlite3.Connection, done: StoreCheck) ->
             done.findings.append(f"{where}: its log {file} is missing")
         elif expected is not None and found != expected:
             done.findings.append(f"{where}: its log {file} does not match its SHA-256")
-
-
-def _text(content: bytes) -> str:
-    return content.decode("utf-8", "surrogateescape")

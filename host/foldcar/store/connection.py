@@ -12,10 +12,9 @@ from typing import Any
 
 from foldcar.interrupts import delayed
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.migrations import transaction
+from foldcar.store.locks import leads_to, transaction
 from foldcar.store.rows import Row, insert_sql, key_text, read_rows, stored
 from foldcar.store.tables import BY_NAME, CHECKSUM, Table
-from foldcar.store.writer_lock import is_written_here
 
 
 class StoreConnection:
@@ -24,6 +23,7 @@ class StoreConnection:
     def __init__(self, path: Path, connection: Connection) -> None:
         self.path = path
         self._connection = connection
+        self._file = path.stat()
 
     def _put_text(self, table: str, text: str, identity: str = "") -> int:
         digest = hashlib.sha256((text + identity).encode()).hexdigest()
@@ -81,7 +81,7 @@ class StoreConnection:
     def _transaction(self) -> Iterator[None]:
         with delayed(), store_errors(self.path), transaction(self.path, self._connection):
             yield
-        if not is_written_here(self.path):
+        if not leads_to(self.path, self._file):
             # SQLite goes on writing a file that has lost its name.
             raise StoreError(
                 f"{self.path}: was deleted, moved or replaced while it was written: the last changes are not in it"

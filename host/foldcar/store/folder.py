@@ -25,8 +25,8 @@ second, _utc date and time in UTC. JSON texts use the same.
 
 {notation}
 
-The column checksum, in every table, is the CRC-32 of the row as a JSON object: its other columns without the empty
-ones, in alphabetical order, without spaces, characters beyond ASCII as \\uXXXX.
+The column checksum, in every table, is the CRC-32 of the table's name and the row as a JSON object: its other columns
+without the empty ones, in alphabetical order, without spaces, characters beyond ASCII as \\uXXXX.
 
 An experiment shows the runs whose build is its own, whose body and settings are those of one of its designs, whose
 scene is that of one of its environment's samples below its number of environments, and whose variation is that of the

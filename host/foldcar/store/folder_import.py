@@ -15,7 +15,7 @@ from foldcar.store.folder import KIND, LISTING, LOGS, MANIFEST
 from foldcar.store.folder_tables import FORMATS, read_table
 from foldcar.store.log_files import log_file, log_inside, sha256_of
 from foldcar.store.migrations import VERSION
-from foldcar.store.new_store import check_new, new_store
+from foldcar.store.opening import check_new, new_store
 from foldcar.store.rows import Row, insert_sql
 from foldcar.store.tables import STUDY, TABLES, TRIAL, Table
 

@@ -17,9 +17,7 @@ from foldcar.store.design_counts import design_counts
 from foldcar.store.endings import ENDING_FACTS, Ending, merged_ending
 from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file, sha256_of
-from foldcar.store.migrations import VERSION
-from foldcar.store.new_store import check_new, new_store
-from foldcar.store.opening import connect_reading, store_version
+from foldcar.store.opening import check_new, connect_reading, new_store, require_version
 from foldcar.store.rows import Row, insert_sql, key_text, read_rows, stored
 from foldcar.store.tables import BY_NAME, CORRECTION, DESIGN, ENVIRONMENT, EXPERIMENT, RUN, STUDY, TABLES, TRIAL, Table
 
@@ -44,9 +42,7 @@ def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
 @contextlib.contextmanager
 def _reading(path: Path) -> Iterator[sqlite3.Connection]:
     with contextlib.closing(connect_reading(path)) as connection:
-        version = store_version(path, connection)
-        if version < VERSION:
-            raise StoreError(f"{path}: is of version {version}; bring it to {VERSION} first: foldcar migrate {path}")
+        require_version(path, connection)
         connection.execute("BEGIN")
         yield connection
 

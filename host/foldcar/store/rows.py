@@ -1,7 +1,7 @@
 """Rows of the store's tables with their checksums: checked values in, rows that still are what was written out.
 
-A checksum is the CRC-32 of the row as a JSON object: its columns without the checksum itself and without empty
-(NULL) ones, in alphabetical order, without spaces, in ASCII, numbers as Python's repr() writes them. So a column that
+A checksum is the CRC-32 of the table's name and the row as a JSON object: its columns without the checksum itself and
+without empty (NULL) ones, in alphabetical order, without spaces, in ASCII, numbers as Python's repr() writes them. So a column that
 is added later, empty, changes none.
 """
 
@@ -27,7 +27,7 @@ def checksum(table: Table, row: Mapping[str, Any]) -> int:
         value = row[name]
         if value is not None:
             cells.append(head + (encode_basestring_ascii(value) if value.__class__ is str else repr(value)))
-    return zlib.crc32(f"{{{','.join(cells)}}}".encode())
+    return zlib.crc32(f"{{{','.join(cells)}}}".encode(), table.checksum_start)
 
 
 def stored(table: Table, row: Mapping[str, Any]) -> Row:
@@ -113,7 +113,7 @@ def verify_cells(path: Path, table: Table, rows: Sequence[tuple[Any, ...]]) -> N
     """
     text, names = table.checksum_text, (*sorted(table.names), CHECKSUM)
     for cells in rows:
-        if zlib.crc32((text % cells[:-1]).encode(errors="replace")) != cells[-1]:
+        if zlib.crc32((text % cells[:-1]).encode(errors="replace"), table.checksum_start) != cells[-1]:
             verified(path, table, dict(zip(names, cells, strict=True)))
 
 

@@ -7,8 +7,7 @@ from pathlib import Path
 from sqlite3 import Connection
 
 from foldcar.store.errors import StoreError
-from foldcar.store.migrations import VERSION
-from foldcar.store.opening import connect_reading, store_version
+from foldcar.store.opening import connect_reading, require_version
 from foldcar.store.rows import parsed, read_rows
 from foldcar.store.tables import DESIGN, EXPERIMENT
 
@@ -27,8 +26,7 @@ def stored_designs(path: Path, experiments: Iterable[str]) -> dict[str, StoredDe
         return {}
     try:
         with contextlib.closing(connect_reading(path)) as connection:
-            if store_version(path, connection) != VERSION:
-                return {}
+            require_version(path, connection)
             found = {name: designs_of(path, connection, name) for name in experiments}
     except StoreError:
         # What opens it to write will say so.

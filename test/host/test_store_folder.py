@@ -15,8 +15,7 @@ import pytest
 from foldcar.errors import FoldcarError
 from foldcar.store.check import check_store
 from foldcar.store.errors import StoreError
-from foldcar.store.folder_export import export_folder
-from foldcar.store.folder_import import import_folder
+from foldcar.store.folder import export_folder, import_folder
 from foldcar.store.migrations import VERSION
 from foldcar.store.reader import Store
 from foldcar.store.tables import TABLES
@@ -217,7 +216,7 @@ def not_text(folder: Path) -> None:
         (replace("run.csv", '"passed",0.', '"passed",1.'), "run.csv: row 1: checksum: does not match the row"),
         (replace("run.csv", '"passed",0.', '"passed",x'), "run.csv: row 1: elapsed_time_s: 'x"),
         (replace("run.csv", '"failed",,', '"failed",'), "run.csv: row 2: has "),
-        (replace("run.csv", '"passed"', '"passed'), "run.csv: row 1: a quoted text has no end"),
+        (replace("run.csv", '"passed"', '"passed'), "run.csv: row 1: ',' expected after '\"'"),
         (replace("sample.csv", "1,0,1", "1,0,"), "sample.csv: row 1: scene_id: is empty"),
         (replace("sample.csv", "1,0,1", "1,0,1.5"), "sample.csv: row 1: scene_id: '1.5' is no whole number"),
         (replace("design.csv", "}", "]"), "design.csv: row 1: parameters: is no JSON"),

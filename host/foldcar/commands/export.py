@@ -56,7 +56,7 @@ def export(
     from foldcar.report.export_trials import export_trials
     from foldcar.shown_text import data_output
     from foldcar.store.digest import store_digest
-    from foldcar.store.folder_export import export_folder
+    from foldcar.store.folder import export_folder
     from foldcar.store.reader import Store
 
     if csv is None and parquet is None and trials is None and folder is None and not digest:

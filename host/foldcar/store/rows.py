@@ -1,8 +1,8 @@
 """Rows of the store's tables with their checksums: checked values in, rows that still are what was written out.
 
 A checksum is the CRC-32 of the table's name and the row as a JSON object: its columns without the checksum itself and
-without empty (NULL) ones, in alphabetical order, without spaces, in ASCII, numbers as Python's repr() writes them. So a column that
-is added later, empty, changes none.
+without empty (NULL) ones, in alphabetical order, without spaces, in ASCII, numbers as Python's repr() writes them. So a
+column that is added later, empty, changes none.
 """
 
 import json

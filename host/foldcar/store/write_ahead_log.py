@@ -38,7 +38,8 @@ def log_damage(log: Path) -> str | None:
     for number, start in enumerate(range(HEADER.size, len(content) - size + 1, size), 1):
         _, commit, *frame_salts, first, second = FRAME.unpack_from(content, start)
         # A checksum goes on from that which the frame before has, whether that one is whole or not.
-        expected = _sums(order, content[start + FRAME.size : start + size], _sums(order, content[start : start + 8], sums))
+        begun = _sums(order, content[start : start + 8], sums)
+        expected = _sums(order, content[start + FRAME.size : start + size], begun)
         sums = (first, second)
         # Frames of an earlier log have other salts.
         whole = frame_salts == salts and expected == sums

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from foldcar.analysis.gap import RankAgreement
-from foldcar.store.design_counts import DesignCounts
+from foldcar.store.designs import DesignCounts
 
 # The units in which designs are written.
 UNITS = {"mm": " mm", "deg": "°"}

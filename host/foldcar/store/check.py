@@ -56,7 +56,7 @@ def _read(connection: sqlite3.Connection, done: StoreCheck) -> None:
     done.findings += _schema(connection)
     for table in TABLES:
         done.findings += _damaged_rows(connection, table, done)
-    done.findings += _references(connection)
+    done.findings += references(connection)
 
 
 def _structure(connection: sqlite3.Connection) -> list[str]:
@@ -98,7 +98,8 @@ def _damaged_rows(connection: sqlite3.Connection, table: Table, done: StoreCheck
         yield f"table {table.name}: cannot be read to its end: {error}"
 
 
-def _references(connection: sqlite3.Connection) -> Iterator[str]:
+def references(connection: sqlite3.Connection) -> Iterator[str]:
+    """A line for each kind of rows that refer to what is not there."""
     where = " AND ".join(f"r.{name} = v.{name}" for name in RUN.key)
     try:
         missing = Counter((row[0], row[2]) for row in connection.execute("PRAGMA foreign_key_check"))

@@ -20,6 +20,7 @@ from typing import Any
 
 from foldcar.atomic_folder import atomic_folder
 from foldcar.store.errors import StoreError
+from foldcar.store.locks import transaction
 from foldcar.store.log_files import log_file, log_inside, sha256_of
 from foldcar.store.migrations import VERSION
 from foldcar.store.opening import check_new, new_store
@@ -124,7 +125,7 @@ def import_folder(folder: Path, store: Path) -> dict[str, Any]:
     """
     check_new(store)
     manifest = _manifest(folder)
-    with new_store(store) as (connection, logs):
+    with new_store(store) as (connection, logs), transaction(store, connection):
         for table in TABLES:
             _import_table(connection, table, folder, manifest)
         for name, _, referred, _ in connection.execute("PRAGMA foreign_key_check"):

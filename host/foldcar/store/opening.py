@@ -250,7 +250,7 @@ def _close_writing(path: Path, connection: sqlite3.Connection, status: os.stat_r
 
 @contextlib.contextmanager
 def new_store(store: Path) -> Iterator[tuple[sqlite3.Connection, list[tuple[Path, Path, str | None]]]]:
-    """A connection to an empty store that will be ``store``, and a list to be filled: a store made whole or not at all.
+    """A connection to an empty store that will be ``store``, with all that is in it or not at all, and a list to fill.
 
     The list is of logs to copy beside it: from where, to where, SHA-256. StoreError, with nothing left behind, if there
     is a file of that name, if the logs' names are taken by others, or if it cannot be written.
@@ -268,10 +268,10 @@ def new_store(store: Path) -> Iterator[tuple[sqlite3.Connection, list[tuple[Path
         try:
             part.unlink(missing_ok=True)
             with store_errors(store):
-                connection = sqlite3.connect(part, isolation_level=None)
+                connection = sqlite3.connect(part, isolation_level=None, uri=True)
             with contextlib.closing(connection):
                 fill_blank(store, connection)
-                with store_errors(store), transaction(store, connection):
+                with store_errors(store):
                     yield connection, logs
             with logs_beside(logs):
                 give_name(part, store)

@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from foldcar.simulation.results import NUMBERS, Recorded, Result
-from foldcar.store.design_counts import DesignCounts, design_counts
+from foldcar.store.designs import DesignCounts, design_counts
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.info import ExperimentInfo, StudyInfo
 from foldcar.store.opening import open_reading

@@ -18,6 +18,7 @@ from typing import Any
 
 from foldcar.store.check import findings_of
 from foldcar.store.errors import SQLITE_ERRORS, StoreError
+from foldcar.store.locks import transaction
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.opening import beside, fill_blank, new_store
 from foldcar.store.rows import Row, insert_sql, stored
@@ -55,7 +56,7 @@ def repair_store(damaged: Path, whole: Path) -> Repair:
     """Write the store ``whole``, which must not exist, whole or not at all. StoreError."""
     if not damaged.is_file():
         raise StoreError(f"{damaged}: no such store")
-    with new_store(whole) as (connection, logs):
+    with new_store(whole) as (connection, logs), transaction(whole, connection):
         done = Repair()
         found = _found(damaged, done)
         if not any(found.values()):

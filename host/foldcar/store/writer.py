@@ -16,10 +16,9 @@ from typing import Any
 
 from foldcar.simulation.results import NUMBERS, REJECTED, outcome_of
 from foldcar.store.connection import StoreConnection
-from foldcar.store.design_counts import DesignCounts, design_counts
+from foldcar.store.designs import DesignCounts, design_counts, designs_of
 from foldcar.store.info import listed_id
 from foldcar.store.opening import writing
-from foldcar.store.stored_designs import designs_of
 from foldcar.store.tables import BY_NAME, DESIGN, ENVIRONMENT, EXPERIMENT, RECORDED, RESULT_JOIN, RUN, STUDY
 
 PAGE_ROWS = 1000

@@ -1,4 +1,4 @@
-"""The designs that experiments of a store have, to see without folding a car whether a sweep's are the same."""
+"""The designs that experiments of a store have, how many runs of each are stored, how many count and passed."""
 
 import contextlib
 from collections.abc import Iterable, Mapping
@@ -6,10 +6,40 @@ from dataclasses import dataclass
 from pathlib import Path
 from sqlite3 import Connection
 
-from foldcar.store.errors import StoreError
+from foldcar.simulation.results import REJECTED
+from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.opening import connect_reading, require_version
 from foldcar.store.rows import parsed, read_rows
-from foldcar.store.tables import DESIGN, EXPERIMENT
+from foldcar.store.tables import DESIGN, EXPERIMENT, RESULT_JOIN
+
+
+@dataclass(frozen=True)
+class DesignCounts:
+    """Lists in the order of designs: position, stored runs, those that passed, and 1 + the highest stored sample.
+
+    ``counted`` are the stored runs that belong in a rate: all but the rejected ones.
+    """
+
+    positions: list[int]
+    runs: list[int]
+    counted: list[int]
+    passed: list[int]
+    reached: list[int]
+
+
+def design_counts(path: Path, connection: Connection, experiment: str) -> DesignCounts:
+    """The counts of the experiment's designs, also of those without runs; StoreError."""
+    with store_errors(path):
+        designs = "SELECT position FROM design WHERE experiment = ? ORDER BY position"
+        positions = [position for (position,) in connection.execute(designs, (experiment,))]
+        found = connection.execute(
+            f"SELECT d.position, count(*), sum(r.outcome <> '{REJECTED}'), sum(r.outcome = 'passed'), max(s.sample) + 1 "
+            f"{RESULT_JOIN} AND e.id = ? GROUP BY d.position",
+            (experiment,),
+        )
+        counts = {position: tuple(numbers) for position, *numbers in found}
+    columns = ([counts.get(at, (0, 0, 0, 0))[which] for at in positions] for which in range(4))
+    return DesignCounts(positions, *columns)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from foldcar.simulation.carsim import Carsim
-from foldcar.store.check import check_store
-from foldcar.store.digest import store_digest
+from foldcar.store.check import check_store, store_digest
 from foldcar.store.errors import StoreError
 from foldcar.store.merge import merge_stores
 from foldcar.store.migrations import VERSION

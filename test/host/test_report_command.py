@@ -15,6 +15,7 @@ from pypdf import PdfReader
 from foldcar.cli import main
 from foldcar.report.file_names import file_name_part
 from foldcar.store.writer import (
+from written_study import RULE
     PlannedDesign,
     PlannedExperiment,
     StoreWriter,
@@ -65,6 +66,7 @@ def add_experiment(
         "condition": {"sample": 3, "objects": ["bump"], "params": ["friction"]},
         "variation": {"supply_v": 0.2},
         "variation_seed": 42,
+        **RULE,
     }
     spread = writer.spread("nominal")
     plan = PlannedExperiment(name, "car", "pyramids", environment, spread, samples, facts)

@@ -37,6 +37,8 @@ FACTS = {
     "condition": None,
     "variation": {},
     "variation_seed": 42,
+    "success_rule": "a run has passed if it reaches its Goal",
+    "success_defined": True,
 }
 
 

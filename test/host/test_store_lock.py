@@ -215,7 +215,7 @@ def test_ctrl_c_ends_a_writer_that_waits(store: Path) -> None:
 
 
 def test_patience_ends_with_one_line(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("foldcar.store.locks.PATIENCE_S", 0.0)
+    monkeypatch.setattr("foldcar.store.connection.PATIENCE_S", 0.0)
     refused = pytest.raises(StoreError, match=r"s\.db: is locked by another program; end that and try again")
     with read_by_another(store), refused, writing(store):
         pass

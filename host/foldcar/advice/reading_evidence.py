@@ -15,8 +15,7 @@ from foldcar.simulation.results import REJECTED
 from foldcar.store.frames import runs_frame
 from foldcar.store.info import REALITY_KIND, ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import SIMULATED, Trial
-from foldcar.store.trial_selection import left_out_text, select_trials
+from foldcar.store.trial_records import SIMULATED, Trial, left_out_text, select_trials
 
 # Designs that are named in one remark.
 SHOWN = 5

@@ -1,22 +1,30 @@
-"""Reads all of a store and names what is damaged: SQLite's structures, rows, references, tables, logs of trials.
+"""Reads all of a store and names what is damaged, or gives a digest of its runs.
+
+Damage is sought in SQLite's structures, rows, references, tables, logs of trials.
 
 Input: a store's path. Output: findings as lines. A bit that flips anywhere in a row is found by the row's checksum;
 in an index or in SQLite's own bookkeeping by PRAGMA integrity_check.
 """
 
 import contextlib
+import hashlib
+import itertools
+import json
 import sqlite3
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from foldcar.simulation.results import NUMBERS
 from foldcar.store.errors import SQLITE_ERRORS, StoreError
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.migrations import VERSION
 from foldcar.store.opening import beside, connect_reading, require_version
-from foldcar.store.rows import columns_sql, is_intact, key_text
-from foldcar.store.tables import CHECKSUM, RECORDED, RUN, TABLES, VIEWS, Table
+from foldcar.store.reader import Store
+from foldcar.store.rows import Row, columns_sql, is_intact, key_text
+from foldcar.store.tables import BY_NAME, CHECKSUM, RECORDED, RUN, TABLES, VIEWS, Table
 from foldcar.store.write_ahead_log import log_damage
 
 
@@ -141,3 +149,39 @@ def _check_logs(path: Path, connection: sqlite3.Connection, done: StoreCheck) ->
             done.findings.append(f"{where}: its log {file} is missing")
         elif expected is not None and found != expected:
             done.findings.append(f"{where}: its log {file} does not match its SHA-256")
+
+
+def store_digest(store: Store) -> tuple[str, int]:
+    """A digest in hexadecimal digits, and how many runs it is of. StoreError.
+
+    It is the same for the same keys with the same results, however they came about: the sum, modulo 2^256, of the SHA-256
+    of every run as a JSON array: the build's name, the hashes of body, scene, settings and variation, the outcome, the
+    metrics by name, the message, what was recorded. Neither the order of rows nor listings and trials count.
+    """
+    names = {
+        column: {row["id"]: row[name] for row in store.rows(BY_NAME[column.removesuffix("_id")])}
+        for column, name in zip(RUN.key, ("name", "hash", "hash", "hash", "hash"), strict=True)
+    }
+    total = runs = 0
+    for row, recorded in _with_recorded(store):
+        key = [names[column].get(row[column], row[column]) for column in RUN.key]
+        result = [row["outcome"], {name: row[name] for name in NUMBERS}, row["message"], recorded]
+        text = json.dumps([key, result], sort_keys=True, separators=(",", ":"))
+        total += int.from_bytes(hashlib.sha256(text.encode()).digest(), "big")
+        runs += 1
+    return f"{total % 2**256:064x}", runs
+
+
+def _with_recorded(store: Store) -> Iterator[tuple[Row, list[Any]]]:
+    """Every run with what was recorded in it, as [name, kind, JSON text] in the order of names."""
+    order = f"ORDER BY {', '.join(RUN.order)}"
+    groups = itertools.groupby(
+        store.rows(RECORDED, f"{order}, name"), lambda row: tuple(row[column] for column in RUN.key)
+    )
+    key, group = next(groups, (None, iter(())))
+    for row in store.rows(RUN, order):
+        if key == tuple(row[column] for column in RUN.key):
+            yield row, [[one["name"], one["kind"], one["value"]] for one in group]
+            key, group = next(groups, (None, iter(())))
+        else:
+            yield row, []

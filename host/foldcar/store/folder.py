@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.atomic_folder import atomic_folder
+from foldcar.store.connection import transaction
 from foldcar.store.errors import StoreError
-from foldcar.store.locks import transaction
 from foldcar.store.log_files import log_file, log_inside, sha256_of
 from foldcar.store.migrations import VERSION
 from foldcar.store.opening import check_new, new_store

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.store.check import references
+from foldcar.store.connection import transaction
 from foldcar.store.designs import design_counts
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.locks import transaction
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.opening import check_new, connect_reading, new_store, refuse_damaged_log, require_version
 from foldcar.store.rows import Row, checksum, insert_sql, read_rows, stored
@@ -177,12 +177,12 @@ class _Merge:
 
     def _compare_recorded(self) -> None:
         """StoreError if a run of both stores has a record in one of them only."""
-        names = [f"SELECT {RUN_KEY}, name FROM {rows} JOIN both USING ({RUN_KEY})" for rows in ("incoming", "main.recorded")]
-        for first, second in (names, names[::-1]):
-            for cells in self._connection.execute(f"{first} EXCEPT {second} LIMIT 1"):
+        query = f"SELECT {RUN_KEY}, name FROM {{}} JOIN both USING ({RUN_KEY})"
+        new, old = query.format("incoming"), query.format("main.recorded")
+        for more, less, told in ((new, old, ("there", "missing")), (old, new, ("missing", "there"))):
+            for cells in self._connection.execute(f"{more} EXCEPT {less} LIMIT 1"):
                 row = dict(zip((*RUN.key, "name"), cells, strict=True))
-                here = [first is names[0], first is names[1]]
-                self._differs(RECORDED, row, f'record "{row["name"]}"', *("there" if one else "missing" for one in here))
+                self._differs(RECORDED, row, f'record "{row["name"]}"', *told)
 
     def _incoming(self, table: Table, order: str) -> Iterator[Row]:
         for cells in self._connection.execute(f"SELECT * FROM incoming ORDER BY {order}").fetchall():

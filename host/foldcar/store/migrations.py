@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from foldcar.store.connection import transaction
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.locks import transaction
 from foldcar.store.log_files import give_name
 from foldcar.store.rows import check_json, insert_sql, key_text, stored
 from foldcar.store.tables import RESULT_VIEW, RUN, TABLES, VIEWS, Table

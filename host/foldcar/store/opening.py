@@ -13,8 +13,8 @@ from pathlib import Path
 
 from foldcar.interrupts import held, raised
 from foldcar.output_folder import make_output_folder
+from foldcar.store.connection import BUSY_S, leads_to, patiently, transaction, writer_lock
 from foldcar.store.errors import SQLITE_ERRORS, StoreError, check_name, store_errors
-from foldcar.store.locks import BUSY_S, leads_to, patiently, transaction, writer_lock
 from foldcar.store.log_files import give_name, logs_beside
 from foldcar.store.migrations import VERSION, add_metrics, create_tables, migrate
 from foldcar.store.tables import CHECKSUM, RUN

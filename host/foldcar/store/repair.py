@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.store.check import findings_of
+from foldcar.store.connection import transaction
 from foldcar.store.errors import SQLITE_ERRORS, StoreError
-from foldcar.store.locks import transaction
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.opening import beside, fill_blank, new_store
 from foldcar.store.rows import Row, insert_sql, stored

@@ -120,7 +120,7 @@ def verify_cells(path: Path, table: Table, rows: Sequence[tuple[Any, ...]]) -> N
 def parsed(path: Path, table: Table, row: Row, column: str, kind: type | tuple[type, ...] = dict) -> Any:
     """The value of a JSON column, of that kind; StoreError, naming row and column, if it is none.
 
-    A checksum vouches for what was written only: older stores have none, and other programs may have written.
+    A checksum vouches for what was written only: other programs may have written.
     """
     try:
         value = json.loads(row[column])

@@ -165,7 +165,7 @@ class StoreWriter(StoreConnection):
         """When a run in the environment has passed and whether that is defined; None if no experiment says so yet."""
         for row in self._rows(EXPERIMENT):
             facts = json.loads(row["facts"])
-            if row["environment_id"] == environment_id and "success_rule" in facts:
+            if row["environment_id"] == environment_id:
                 return facts["success_rule"], facts["success_defined"]
         return None
 

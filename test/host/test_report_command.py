@@ -15,13 +15,13 @@ from pypdf import PdfReader
 from foldcar.cli import main
 from foldcar.report.file_names import file_name_part
 from foldcar.store.writer import (
-from written_study import RULE
     PlannedDesign,
     PlannedExperiment,
     StoreWriter,
     write_store,
 )
 from page_check import page_findings
+from written_study import RULE
 
 WIDTHS = tuple(float(width) for width in range(65, 250, 5))
 FACTS = {

@@ -24,8 +24,8 @@ from foldcar.store.migrations import VERSION
 from foldcar.store.opening import beside, connect_reading, require_version
 from foldcar.store.reader import Store
 from foldcar.store.rows import Row, columns_sql, is_intact, key_text
+from foldcar.store.salvage import log_damage
 from foldcar.store.tables import BY_NAME, CHECKSUM, RECORDED, RUN, TABLES, VIEWS, Table
-from foldcar.store.write_ahead_log import log_damage
 
 
 @dataclass(slots=True)

@@ -66,13 +66,11 @@ def stored_designs(path: Path, experiments: Iterable[str]) -> dict[str, StoredDe
 
 def designs_of(path: Path, connection: Connection, experiment: str) -> StoredDesigns | None:
     """The designs of an experiment; None if they are not whole, or if it is not known what they follow from."""
-    try:
+    with contextlib.suppress(StoreError):
         for row in read_rows(path, connection, EXPERIMENT, "WHERE id = ?", experiment):
             rows = list(read_rows(path, connection, DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
             whole = [one["position"] for one in rows] == list(range(row["designs"] or 0))
             if row["designs_fingerprint"] is not None and whole:
                 parameters = [parsed(path, DESIGN, one, "parameters") for one in rows]
                 return StoredDesigns(row["designs_fingerprint"], parameters)
-    except StoreError:
-        pass
     return None

@@ -9,7 +9,6 @@ import contextlib
 import json
 import sqlite3
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -41,14 +40,8 @@ ENDING_FACTS = ("until", "ended_runs")
 RUN_KEY = ", ".join(RUN.key)
 
 
-@dataclass(frozen=True)
-class Ending:
-    """How the sweep of an experiment ended in a store: its number of environments, and the facts, None without."""
-
-    store: Path
-    environments: int
-    until: Any
-    ended_runs: int | None
+# How the sweep of an experiment ended in a store: its number of environments, and the facts, None without.
+Ending = tuple[Path, int, Any, int | None]
 
 
 def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
@@ -202,7 +195,8 @@ class _Merge:
         for row in self._incoming(EXPERIMENT, "position"):
             (row["position"],) = self._connection.execute("SELECT count(*) FROM main.experiment").fetchone()
             facts = json.loads(row["facts"])
-            ending = Ending(self._stores[-1], row["environments"], *(facts.pop(name, None) for name in ENDING_FACTS))
+            until, ended_runs = (facts.pop(name, None) for name in ENDING_FACTS)
+            ending = self._stores[-1], row["environments"], until, ended_runs
             self._endings.setdefault(row["id"], []).append(ending)
             if self._insert(EXPERIMENT, row, "OR IGNORE"):
                 continue
@@ -311,19 +305,19 @@ def _merged_ending(name: str, endings: Sequence[Ending], environments: int, desi
     Else, if sweeps stopped by a rule, they are a sweep's that stops by it, whose intervals hold at any number of runs;
     that it has ended is true only of the runs that one of them ended with. StoreError if there are several rules.
     """
-    stopped = [one for one in endings if one.until is not None]
-    planned = any(one.until is None and one.environments == environments for one in endings)
-    if not stopped or (planned and runs == designs * environments):
+    planned = any(until is None and most == environments for _, most, until, _ in endings)
+    rules = [(until, store) for store, _, until, _ in endings if until is not None]
+    if not rules or (planned and runs == designs * environments):
         return {}
-    first = stopped[0]
-    for one in stopped:
-        if one.until != first.until:
+    first, first_store = rules[0]
+    for until, store in rules:
+        if until != first:
             raise StoreError(
-                f'experiment "{name}": until is {json.dumps(one.until)} in {one.store}, {json.dumps(first.until)} in '
-                f"{first.store}: no one rule says which runs there are; first sweep one of them without --until"
+                f'experiment "{name}": until is {json.dumps(until)} in {store}, {json.dumps(first)} in '
+                f"{first_store}: no one rule says which runs there are; first sweep one of them without --until"
             )
-    ended = any((one.environments, one.ended_runs) == (environments, runs) for one in stopped)
-    return {"until": first.until, **({"ended_runs": runs} if ended else {})}
+    ended = any(until and (most, made) == (environments, runs) for _, most, until, made in endings)
+    return {"until": first, **({"ended_runs": runs} if ended else {})}
 
 
 def _checksum_of(name: str, *cells: Any) -> int:

@@ -17,8 +17,8 @@ from foldcar.store.connection import BUSY_S, leads_to, patiently, transaction, w
 from foldcar.store.errors import SQLITE_ERRORS, StoreError, check_name, store_errors
 from foldcar.store.log_files import give_name, logs_beside
 from foldcar.store.migrations import VERSION, add_metrics, create_tables, migrate
+from foldcar.store.salvage import log_damage
 from foldcar.store.tables import CHECKSUM, RUN
-from foldcar.store.write_ahead_log import log_damage
 
 # "Fold" in ASCII: tells a store from other SQLite files, and UNRELEASED ("Fcar") from those of no release.
 APPLICATION_ID = 0x466F6C64

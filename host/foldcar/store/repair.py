@@ -22,10 +22,9 @@ from foldcar.store.errors import SQLITE_ERRORS, StoreError
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.opening import beside, fill_blank, new_store
 from foldcar.store.rows import Row, insert_sql, stored
-from foldcar.store.salvage import Rows, salvage
+from foldcar.store.salvage import Rows, log_damage, salvage
 from foldcar.store.tables import BY_NAME, CORRECTION, RECORDED, RUN, TABLES, TRIAL, Table
 from foldcar.store.trial_writer import now_utc
-from foldcar.store.write_ahead_log import log_damage
 
 BY = "foldcar repair"
 

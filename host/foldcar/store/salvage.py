@@ -1,8 +1,11 @@
-"""Finds the whole rows of a damaged store: of all records on its pages, those that match a table's checksum.
+"""Reads the bytes of a damaged store, where SQLite reads no further: its whole rows, and damage in its write-ahead log.
 
-SQLite first puts in what a journal or a write-ahead log beside the store holds. It reads no further than damage, though,
-and the shells of Debian and of PyPI are built without its `.recover`: so records are taken from the pages as bytes
+Whole rows are all records on its pages that match a table's checksum. SQLite first puts in what a journal or a write-ahead log beside the store holds; the
+shells of Debian and of PyPI are built without its `.recover`, so records are taken from the pages as bytes
 (sqlite.org/fileformat2.html, 1.6 and 2.1). Nothing is trusted: a row that matches its checksum is what was written.
+
+SQLite takes a write-ahead log (4) up to the first frame whose checksum is wrong, and deletes the rest without a word. A
+killed program leaves nothing behind such a frame: a whole transaction that follows says that it was damaged later.
 """
 
 import contextlib
@@ -12,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from foldcar.store.errors import StoreError
 from foldcar.store.rows import Row, is_intact
 from foldcar.store.tables import CHECKSUM, TABLES, Table
 
@@ -19,6 +23,9 @@ TABLE_LEAF, INDEX_LEAF, INDEX_INTERIOR = 13, 10, 2
 PAGE_BYTES = 4096
 # Types of cells by their code: how many bytes a whole number has.
 _INTEGER_BYTES = {1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8}
+HEADER, FRAME = struct.Struct(">8I"), struct.Struct(">6I")
+# Of a write-ahead log; with the last bit set, checksums are of big-endian words.
+MAGIC = 0x377F0682
 Rows = dict[str, dict[tuple[Any, ...], Row]]
 
 
@@ -135,3 +142,49 @@ def _cell(code: int, content: bytes) -> Any:
     if code < 12:
         return {8: 0, 9: 1}.get(code)
     return content.decode() if code % 2 else content
+
+
+def log_damage(log: Path) -> str | None:
+    """What is damaged of a log; None if nothing is, if there is none, or if it is being begun anew. StoreError."""
+    try:
+        with log.open("rb") as opened:
+            content = opened.read()
+            opened.seek(0)
+            # The header of a log that begins anew is written first: what follows may be of either.
+            anew = opened.read(HEADER.size) != content[: HEADER.size]
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise StoreError(f"{log}: cannot be read: {error.strerror}") from error
+    if anew or len(content) < HEADER.size + FRAME.size:
+        return None
+    magic, _, page_size, _, *salts, first, second = HEADER.unpack_from(content)
+    order = ">" if magic & 1 else "<"
+    if magic | 1 != MAGIC | 1 or _sums(order, content[:24], (0, 0)) != (first, second):
+        return "its header is damaged: the transactions in it would be lost"
+    bad = last = 0
+    sums, size = (first, second), FRAME.size + page_size
+    for number, start in enumerate(range(HEADER.size, len(content) - size + 1, size), 1):
+        _, commit, *frame_salts, first, second = FRAME.unpack_from(content, start)
+        # A checksum goes on from that which the frame before has, whether that one is whole or not.
+        begun = _sums(order, content[start : start + 8], sums)
+        expected = _sums(order, content[start + FRAME.size : start + size], begun)
+        sums = (first, second)
+        # Frames of an earlier log have other salts.
+        whole = frame_salts == salts and expected == sums
+        if not whole:
+            bad = bad or number
+        elif commit:
+            last = number
+    if not 0 < bad < last:
+        return None
+    return f"frame {bad} of {last} is damaged: {last - bad + 1} pages of transactions would be lost"
+
+
+def _sums(order: str, content: bytes, before: tuple[int, int]) -> tuple[int, int]:
+    first, second = before
+    words = struct.unpack(f"{order}{len(content) // 4}I", content)
+    for even, odd in zip(words[::2], words[1::2], strict=True):
+        first = (first + even + second) & 0xFFFFFFFF
+        second = (second + odd + first) & 0xFFFFFFFF
+    return first, second

@@ -40,6 +40,8 @@ def writer_lock(path: Path) -> Iterator[None]:
         raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from error
     with contextlib.closing(lock):
         try:
+            # Without a file for its journal, to which nothing is ever written.
+            lock.execute("PRAGMA journal_mode = MEMORY")
             lock.execute("BEGIN EXCLUSIVE")
         except sqlite3.Error as error:
             raise in_use if "locked" in str(error) else StoreError(f"{path}: cannot be locked: {error}") from error

@@ -1,8 +1,9 @@
 """Reads the bytes of a damaged store, where SQLite reads no further: its whole rows, and damage in its write-ahead log.
 
-Whole rows are all records on its pages that match a table's checksum. SQLite first puts in what a journal or a write-ahead log beside the store holds; the
-shells of Debian and of PyPI are built without its `.recover`, so records are taken from the pages as bytes
-(sqlite.org/fileformat2.html, 1.6 and 2.1). Nothing is trusted: a row that matches its checksum is what was written.
+Whole rows are all records on its pages that match a table's checksum. SQLite first puts in what a journal or a
+write-ahead log beside the store holds; the shells of Debian and of PyPI are built without its `.recover`, so records are
+taken from the pages as bytes (sqlite.org/fileformat2.html, 1.6 and 2.1). Nothing is trusted: a row that matches its
+checksum is what was written.
 
 SQLite takes a write-ahead log (4) up to the first frame whose checksum is wrong, and deletes the rest without a word. A
 killed program leaves nothing behind such a frame: a whole transaction that follows says that it was damaged later.

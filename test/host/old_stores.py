@@ -7,6 +7,9 @@ import sqlite3
 from pathlib import Path
 from typing import Any
 
+from foldcar.store.rows import checksum
+from foldcar.store.tables import Table
+
 STORES = Path(__file__).parent / "stores"
 VERSIONS = sorted(int(file.name[len("version_") : -len(".db.gz")]) for file in STORES.glob("version_*.db.gz"))
 
@@ -32,3 +35,21 @@ def contents(path: Path) -> dict[str, list[dict[str, Any]]]:
                 row.pop("checksum", None)
             found[table] = sorted(rows, key=lambda row: [str(value) for value in row.values()])
         return found
+
+
+def change(store: Path, table: Table, where: str, **values: Any) -> None:
+    """Give a row other values, with the right checksum: another simulator has written it."""
+    with contextlib.closing(sqlite3.connect(store)) as connection:
+        connection.row_factory = sqlite3.Row
+        row = {**dict(connection.execute(f"SELECT * FROM {table.name} WHERE {where}").fetchone()), **values}
+        row["checksum"] = checksum(table, row)
+        changes = ", ".join(f"{name} = ?" for name in row)
+        connection.execute(f"UPDATE {table.name} SET {changes} WHERE {where}", tuple(row.values()))
+        connection.commit()
+
+
+def alter(path: Path, statement: str) -> None:
+    """Change a store behind foldcar's back."""
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.execute(statement)
+        connection.commit()

@@ -25,7 +25,7 @@ from foldcar.cluster.recipe import recipe_of
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import RunRequest
-from foldcar.store.digest import store_digest
+from foldcar.store.check import store_digest
 from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import sweep

@@ -1,9 +1,7 @@
 """Stores of studies that were run apart, as one store: every row once, contradictions refused."""
 
-import contextlib
 import json
 import shutil
-import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,20 +9,19 @@ from typing import Any
 import pytest
 
 from foldcar.simulation.carsim import Carsim
-from foldcar.store.check import check_store
-from foldcar.store.digest import store_digest
+from foldcar.store.check import check_store, store_digest
 from foldcar.store.errors import StoreError
 from foldcar.store.merge import merge_stores
 from foldcar.store.migrations import VERSION
+from foldcar.store.opening import UNRELEASED
 from foldcar.store.reader import Store
-from foldcar.store.rows import checksum
 from foldcar.store.tables import EXPERIMENT, RUN, TRIAL, Table
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from foldcar.study.experiments import read_study
 from foldcar.study.stopping import stopping_rules
 from foldcar.study.sweep import sweep
-from old_stores import contents, old_store
+from old_stores import alter, change, contents, old_store
 from test_store import answer, fill
 from test_trial_store import begin
 
@@ -157,17 +154,6 @@ def test_trials_are_kept_with_their_logs_and_corrections(tmp_path: Path) -> None
         assert (tmp_path / log).read_bytes() == (store.parent / log).read_bytes()
 
 
-def change(store: Path, table: Table, where: str, **values: Any) -> None:
-    """Give a row other values, with the right checksum: another simulator has written it."""
-    with contextlib.closing(sqlite3.connect(store)) as connection:
-        connection.row_factory = sqlite3.Row
-        row = {**dict(connection.execute(f"SELECT * FROM {table.name} WHERE {where}").fetchone()), **values}
-        row["checksum"] = checksum(table, row)
-        changes = ", ".join(f"{name} = ?" for name in row)
-        connection.execute(f"UPDATE {table.name} SET {changes} WHERE {where}", tuple(row.values()))
-        connection.commit()
-
-
 @pytest.mark.parametrize(
     ("table", "where", "values", "told"),
     [
@@ -216,10 +202,11 @@ def test_a_trial_that_one_store_has_corrected_is_refused(tmp_path: Path) -> None
 
 
 def test_what_cannot_be_merged_is_said_in_one_line(tmp_path: Path, foldcar: Callable[..., Any]) -> None:
-    old_store(3, tmp_path / "old.db")
+    alter(old_store(VERSION, tmp_path / "old.db"), f"PRAGMA application_id = {UNRELEASED}")
     fill(tmp_path / "a.db")
     told = {
-        ("a.db", "old.db", "-o", "m.db"): "old.db: is of version 3; bring it to 7 first: foldcar migrate old.db",
+        ("a.db", "old.db", "-o", "m.db"):
+            "old.db: was made before foldcar's first release, which cannot read it: sweep again",
         ("a.db", "none.db", "-o", "m.db"): "none.db: no such store",
         ("a.db", "-o", "m.db"): "merge: name two stores or more",
         ("a.db", "old.db", "-o", "a.db"): "a.db: is read by this command; name another file to write",

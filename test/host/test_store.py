@@ -11,8 +11,7 @@ from foldcar.errors import FoldcarError
 from foldcar.simulation.results import NUMBERS, Recorded
 from foldcar.store.errors import StoreError
 from foldcar.store.migrations import VERSION
-from foldcar.store.new_store import check_new
-from foldcar.store.opening import APPLICATION_ID
+from foldcar.store.opening import APPLICATION_ID, UNRELEASED, check_new
 from foldcar.store.reader import Store
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, PlannedRun, StoreWriter, write_store
 
@@ -38,6 +37,8 @@ FACTS = {
     "condition": None,
     "variation": {},
     "variation_seed": 42,
+    "success_rule": "a run has passed if it reaches its Goal",
+    "success_defined": True,
 }
 
 
@@ -287,17 +288,15 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path: Path) -> None:
     text = tmp_path / "text.db"
     text.write_text("not a database, but long enough to be mistaken for one " * 10)
     other = foreign(tmp_path / "other.db", "CREATE TABLE t (a)")
-    newer = foreign(
-        tmp_path / "newer.db",
-        "CREATE TABLE t (a)",
-        f"PRAGMA application_id = {APPLICATION_ID}",
-        f"PRAGMA user_version = {VERSION + 1}",
-    )
+    made = "CREATE TABLE t (a)", f"PRAGMA application_id = {APPLICATION_ID}"
+    newer = foreign(tmp_path / "newer.db", *made, f"PRAGMA user_version = {VERSION + 1}")
+    unreleased = foreign(tmp_path / "unreleased.db", "CREATE TABLE t (a)", f"PRAGMA application_id = {UNRELEASED}")
 
     for path, message in (
         (text, "is no foldcar store (file is not a database)"),
         (other, "is no foldcar store"),
-        (newer, f"is a store of version {VERSION + 1}, this foldcar knows versions 1 to {VERSION}"),
+        (newer, f"is a store of version {VERSION + 1}, this foldcar knows versions up to {VERSION}"),
+        (unreleased, "was made before foldcar's first release, which cannot read it: sweep again"),
     ):
         before = path.read_bytes()
         with pytest.raises(FoldcarError) as caught:

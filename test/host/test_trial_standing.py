@@ -14,7 +14,7 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import write_trials
 from foldcar.store.writer import write_store
-from old_stores import contents, old_store
+from old_stores import contents
 from test_report_command import FACTS, TOLD, width_outcome
 from test_trial_store import begin
 from written_study import add_experiment
@@ -191,37 +191,3 @@ def test_any_sqlite_tool_reads_the_view(mixed: Path, foldcar: Any) -> None:
     # The experiment's own program and environment, where nothing says that the trial had another.
     assert rows[0]["environment"] is not None and rows[0]["scenic_program"] is not None
     assert share == 0.5
-
-
-@pytest.mark.parametrize("version", [3, 4])
-def test_older_stores_learn_it_from_their_logs(tmp_path: Path, version: int) -> None:
-    path = old_store(version, tmp_path / "s.db")
-    with Store.open(path) as store:
-        assert [trial.car for trial in store.trials()] == ["simulated", "simulated", "built", "built", "built"]
-    logs = sorted((tmp_path / "s-logs").iterdir())
-    logs[0].write_bytes(logs[0].read_bytes()[:-50])
-    logs[1].unlink()
-
-    with Store.open(path) as store:
-        # A log that is not what was written, and one that is gone, say nothing.
-        assert [trial.standing for trial in store.trials()] == ["unknown", "unknown", "built", "built", "built"]
-
-
-def test_a_log_without_truth_is_a_built_cars(tmp_path: Path) -> None:
-    """The log of a simulated car without what only the simulator sends."""
-    from foldcar.link.tlog import STAMP, records_of
-    from foldcar.store.car_in_log import car_in_log
-
-    old_store(4, tmp_path / "s.db")
-    log = sorted((tmp_path / "s-logs").iterdir())[0]
-    records = records_of(log.read_bytes(), "")
-    kept = [(t, packet) for t, packet in records if int.from_bytes(packet[7:10], "little") != 44003]
-    assert 0 < len(kept) < len(records)
-    log.write_bytes(b"".join(STAMP.pack(t) + packet for t, packet in kept))
-    name = f"s-logs/{log.name}"
-
-    assert car_in_log(tmp_path / "s.db", name, None) == "built"
-    assert car_in_log(tmp_path / "s.db", name, "0" * 64) is None
-    log.write_bytes(b"".join(STAMP.pack(t) + packet for t, packet in kept[:3]))
-    assert car_in_log(tmp_path / "s.db", name, None) is None
-    assert car_in_log(tmp_path / "s.db", "../s.db", None) is None

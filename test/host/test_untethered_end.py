@@ -1,7 +1,7 @@
 """What the last message of a car's own log says of an untethered drive."""
 
 from foldcar.mavlink_dialect import load_dialect
-from foldcar.trials.untethered import drive_end
+from foldcar.trials.driving import drive_end
 
 
 def test_a_log_that_breaks_off_or_lacks_bytes_is_told() -> None:

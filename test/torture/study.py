@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from foldcar.store.digest import store_digest
+from foldcar.store.check import store_digest
 from foldcar.store.reader import Store
 from forked_foldcar import original
 

@@ -17,12 +17,11 @@ from foldcar.advice.resimulation import Resimulation
 from foldcar.analysis.rate import Rate
 from foldcar.analysis.words import count, design_text
 from foldcar.simulation.results import REJECTED
-from foldcar.store.design_counts import DesignCounts
+from foldcar.store.designs import DesignCounts
 from foldcar.store.frames import runs_frame
 from foldcar.store.info import REALITY_KIND, ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import SIMULATED, Trial
-from foldcar.store.trial_selection import left_out_text, select_trials
+from foldcar.store.trial_records import SIMULATED, Trial, left_out_text, select_trials
 
 # Designs that are named in one remark.
 SHOWN = 5

@@ -25,15 +25,12 @@ def check(
     findings = [" ".join(finding.split()) for finding in done.findings]
     if as_json:
         print_json(
-            {"store": store, "version": done.version, "rows": done.rows, "logs": done.logs, "findings": findings}
+            {"store": store, "version": VERSION, "rows": done.rows, "logs": done.logs, "findings": findings}
         )
     else:
         for finding in findings:
             typer.echo(f"{store}: {finding}")
-        version = f"version {done.version}"
-        if done.version < VERSION:
-            version += ", which has no checksums"
         found = f"{len(findings)} damaged" if findings else "sound"
-        typer.echo(f"{store}: {found}; {done.rows} rows, {done.logs} logs read; {version}")
+        typer.echo(f"{store}: {found}; {done.rows} rows, {done.logs} logs read; version {VERSION}")
     if done.findings:
         raise typer.Exit(1)

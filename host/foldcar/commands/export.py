@@ -61,8 +61,8 @@ def export(
     from foldcar.report.export import export_csv, export_parquet, write_csv
     from foldcar.report.export_trials import export_trials
     from foldcar.shown_text import data_output
-    from foldcar.store.digest import store_digest
-    from foldcar.store.folder_export import export_folder
+    from foldcar.store.check import store_digest
+    from foldcar.store.folder import export_folder
     from foldcar.store.reader import Store
 
     if csv is None and parquet is None and trials is None and folder is None and not digest:

@@ -29,7 +29,7 @@ def import_store(
     \b
     Example: foldcar import study --store again.db
     """
-    from foldcar.store.folder_import import import_folder
+    from foldcar.store.folder import import_folder
     from foldcar.store.kept_work import take_in
 
     if folder.is_file():

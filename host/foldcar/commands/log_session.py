@@ -39,10 +39,9 @@ from foldcar.store.trial_records import BUILT, INTERRUPTED, SIMULATED, Ending, T
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
-from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
+from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, collect, drive
 from foldcar.trials.identity import least_tried, simulated_sample
 from foldcar.trials.placement import lettered, placed
-from foldcar.trials.untethered import collect
 
 LEAST_FREE_BYTES = 20_000_000
 # With --yes, how long to wait for an untethered car after its time limit.

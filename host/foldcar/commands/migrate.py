@@ -13,18 +13,15 @@ def migrate(
 ) -> None:
     """Bring an older store up to this version.
 
-    The store is changed in place; a copy as it was stays beside it. Commands that write do it too.
+    The store is changed in place; a copy as it was stays beside it. What a killed program left half done is undone.
 
     \b
     Example: foldcar migrate study.db
     """
     from foldcar.store.migrations import VERSION
-    from foldcar.store.opening import require_store, undo_half_done, writing
+    from foldcar.store.opening import migrate_store
 
-    undo_half_done(store)
-    require_store(store)
-    with writing(store):
-        pass
+    migrate_store(store)
     if as_json:
         print_json({"store": store, "version": VERSION})
     else:

@@ -1,5 +1,6 @@
 """`foldcar repair`: a new store of what is whole in a damaged one."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -28,25 +29,15 @@ def repair(
 
     done = repair_store(store, output)
     if as_json:
-        lost = {"damaged": done.damaged, "missing": done.missing, "dependent": done.dependent, "pages": done.pages}
-        told = {"trials": done.trials, "logs": done.logs, "journal": done.journal}
-        print_json({"store": output, "saved": done.saved, **lost, **told})
+        print_json({"store": output, **asdict(done)})
     else:
+        for finding in done.findings:
+            typer.echo(f"{store}: {finding}")
         for table, saved in done.saved.items():
-            parts = [
-                f"{losses[table]} {text}"
-                for losses, text in (
-                    (done.damaged, "damaged"),
-                    (done.missing, "missing"),
-                    (done.dependent, "refer to what is lost"),
-                    (done.pages, "unreadable pages"),
-                )
-                if losses.get(table)
-            ]
+            losses = ((done.missing, "missing"), (done.dependent, "refer to what is lost"))
+            parts = [f"{lost[table]} {text}" for lost, text in losses if lost.get(table)]
             if parts:
                 typer.echo(f"{table}: {saved} rows saved; lost: {', '.join(parts)}")
-        if done.journal:
-            typer.echo(f"write-ahead log: {done.journal}")
         for trial in done.trials:
             typer.echo(trial)
         for log in done.logs:

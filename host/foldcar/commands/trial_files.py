@@ -23,8 +23,7 @@ def import_file(
     Example: foldcar trials import study.db scenarios/published_trials.csv
     """
     from foldcar.store.trial_writer import write_trials
-    from foldcar.trials.csv_import import read_trials
-    from foldcar.trials.import_notes import import_notes, swept_experiments
+    from foldcar.trials.csv_import import import_notes, read_trials, swept_experiments
 
     def say(note: str) -> None:
         typer.echo(f"note: {note}", err=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 from foldcar.atomic_file import atomic_file
 from foldcar.report.parquet import write_trials
 from foldcar.store.reader import Store
-from foldcar.store.trial_selection import left_out_text, select_trials
+from foldcar.store.trial_records import left_out_text, select_trials
 
 BEFORE = ("id", "experiment", "vehicle_type")
 AFTER = (

@@ -26,8 +26,7 @@ from foldcar.report.trial_series import TrialSummary, TrialTally, summarise_tria
 from foldcar.store.frames import run_arrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import Trial
-from foldcar.store.trial_selection import left_out_text, select_trials
+from foldcar.store.trial_records import Trial, left_out_text, select_trials
 
 # Different messages of failed runs, and skipped cars, that are shown.
 SHOWN = 5

@@ -11,8 +11,7 @@ from foldcar.report.figure_options import THRESHOLDS
 from foldcar.report.success_plot import draw_trial_success
 from foldcar.report.trial_series import TrialGroup, by_car
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import Trial
-from foldcar.store.trial_selection import left_out_text, select_trials
+from foldcar.store.trial_records import Trial, left_out_text, select_trials
 
 
 @dataclass(frozen=True)

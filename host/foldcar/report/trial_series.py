@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 
 from foldcar.analysis.rate import wilson_interval
 from foldcar.store.info import ExperimentInfo
-from foldcar.store.trial_records import CARS, Trial
-from foldcar.store.trial_selection import select_trials
+from foldcar.store.trial_records import CARS, Trial, select_trials
 
 
 @dataclass

@@ -1,30 +1,37 @@
-"""Reads all of a store and names what is damaged: SQLite's structures, rows, references, tables, logs of trials.
+"""Reads all of a store and names what is damaged, or gives a digest of its runs.
+
+Damage is sought in SQLite's structures, rows, references, tables, logs of trials.
 
 Input: a store's path. Output: findings as lines. A bit that flips anywhere in a row is found by the row's checksum;
 in an index or in SQLite's own bookkeeping by PRAGMA integrity_check.
 """
 
 import contextlib
+import hashlib
+import itertools
+import json
 import sqlite3
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
+from foldcar.simulation.results import NUMBERS
+from foldcar.store.errors import SQLITE_ERRORS, StoreError
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.migrations import VERSION
-from foldcar.store.opening import connect_reading, open_reading, store_version
-from foldcar.store.rows import columns_sql, is_intact, key_text
-from foldcar.store.tables import CHECKSUM, RECORDED, RUN, TABLES, VIEWS, Table
-from foldcar.store.write_ahead_log import read_log
+from foldcar.store.opening import beside, connect_reading, require_version
+from foldcar.store.reader import Store
+from foldcar.store.rows import Row, columns_sql, is_intact, key_text
+from foldcar.store.salvage import log_damage
+from foldcar.store.tables import BY_NAME, CHECKSUM, RECORDED, RUN, TABLES, VIEWS, Table
 
 
 @dataclass(slots=True)
 class StoreCheck:
-    """What was read, and what of it is damaged. ``version`` is that of the file; older ones have no checksums."""
+    """What was read, and what of it is damaged."""
 
-    version: int
     rows: int
     logs: int
     findings: list[str]
@@ -33,39 +40,31 @@ class StoreCheck:
 def check_store(path: Path) -> StoreCheck:
     """Read the whole store. StoreError if there is none, or if nothing of it can be read."""
     with contextlib.closing(connect_reading(path)) as connection:
-        done = StoreCheck(store_version(path, connection), 0, 0, [])
-        finding = read_log(path).finding
-        if finding is not None:
-            done.findings.append(f"write-ahead log {path.name}-wal: {finding}")
-        done.findings += _structure(connection)
-        if done.version < VERSION:
-            _check_older(path, done)
-            return done
-        # A text whose bytes are damaged must be read to be named.
-        connection.text_factory = _text
-        done.findings += _schema(connection)
-        for table in TABLES:
-            done.findings += _damaged_rows(connection, table, done)
-        done.findings += _references(connection)
+        require_version(path, connection)
+        done = StoreCheck(0, 0, [])
+        damage = log_damage(beside(path, "-wal"))
+        if damage is not None:
+            done.findings.append(f"write-ahead log {path.name}-wal: {damage}")
+        _read(connection, done)
         _check_logs(path, connection, done)
     return done
 
 
-def _check_older(path: Path, done: StoreCheck) -> None:
-    """Every value, by bringing a copy up to this version."""
-    if done.findings:
-        return
-    try:
-        connection = open_reading(path)
-    except StoreError as error:
-        done.findings.append(str(error).removeprefix(f"{path}: "))
-        return
-    with contextlib.closing(connection), store_errors(path):
-        for table in TABLES:
-            (rows,) = connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()
-            done.rows += rows
-        done.findings += _references(connection)
-        _check_logs(path, connection, done)
+def findings_of(connection: sqlite3.Connection) -> list[str]:
+    """What is damaged of a store, the logs of its trials aside."""
+    done = StoreCheck(0, 0, [])
+    _read(connection, done)
+    return done.findings
+
+
+def _read(connection: sqlite3.Connection, done: StoreCheck) -> None:
+    done.findings += _structure(connection)
+    # A text whose bytes are damaged must be read to be named.
+    connection.text_factory = lambda content: content.decode("utf-8", "surrogateescape")
+    done.findings += _schema(connection)
+    for table in TABLES:
+        done.findings += _damaged_rows(connection, table, done)
+    done.findings += references(connection)
 
 
 def _structure(connection: sqlite3.Connection) -> list[str]:
@@ -107,7 +106,8 @@ def _damaged_rows(connection: sqlite3.Connection, table: Table, done: StoreCheck
         yield f"table {table.name}: cannot be read to its end: {error}"
 
 
-def _references(connection: sqlite3.Connection) -> Iterator[str]:
+def references(connection: sqlite3.Connection) -> Iterator[str]:
+    """A line for each kind of rows that refer to what is not there."""
     where = " AND ".join(f"r.{name} = v.{name}" for name in RUN.key)
     try:
         missing = Counter((row[0], row[2]) for row in connection.execute("PRAGMA foreign_key_check"))
@@ -151,5 +151,37 @@ def _check_logs(path: Path, connection: sqlite3.Connection, done: StoreCheck) ->
             done.findings.append(f"{where}: its log {file} does not match its SHA-256")
 
 
-def _text(content: bytes) -> str:
-    return content.decode("utf-8", "surrogateescape")
+def store_digest(store: Store) -> tuple[str, int]:
+    """A digest in hexadecimal digits, and how many runs it is of. StoreError.
+
+    It is the same for the same keys with the same results, however they came about: the sum, modulo 2^256, of the SHA-256
+    of every run as a JSON array: the build's name, the hashes of body, scene, settings and variation, the outcome, the
+    metrics by name, the message, what was recorded. Neither the order of rows nor listings and trials count.
+    """
+    names = {
+        column: {row["id"]: row[name] for row in store.rows(BY_NAME[column.removesuffix("_id")])}
+        for column, name in zip(RUN.key, ("name", "hash", "hash", "hash", "hash"), strict=True)
+    }
+    total = runs = 0
+    for row, recorded in _with_recorded(store):
+        key = [names[column].get(row[column], row[column]) for column in RUN.key]
+        result = [row["outcome"], {name: row[name] for name in NUMBERS}, row["message"], recorded]
+        text = json.dumps([key, result], sort_keys=True, separators=(",", ":"))
+        total += int.from_bytes(hashlib.sha256(text.encode()).digest(), "big")
+        runs += 1
+    return f"{total % 2**256:064x}", runs
+
+
+def _with_recorded(store: Store) -> Iterator[tuple[Row, list[Any]]]:
+    """Every run with what was recorded in it, as [name, kind, JSON text] in the order of names."""
+    order = f"ORDER BY {', '.join(RUN.order)}"
+    groups = itertools.groupby(
+        store.rows(RECORDED, f"{order}, name"), lambda row: tuple(row[column] for column in RUN.key)
+    )
+    key, group = next(groups, (None, iter(())))
+    for row in store.rows(RUN, order):
+        if key == tuple(row[column] for column in RUN.key):
+            yield row, [[one["name"], one["kind"], one["value"]] for one in group]
+            key, group = next(groups, (None, iter(())))
+        else:
+            yield row, []

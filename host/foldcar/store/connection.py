@@ -1,29 +1,117 @@
-"""A store opened to be written: transactions, rows with their checksums, texts kept once under their hash.
+"""Writing a store: who may, how long foldcar waits for other programs that lock it, transactions, rows and texts.
 
-Sweeps (writer.py) and trials (trial_writer) write through it, one process at a time. What is read is verified.
+One process writes at a time: it holds SQLite's exclusive lock of a file beside the store, ``study.db-lock``, which the
+system drops when the process ends, however it ends. Symbolic links lead to the same file. Readers are not kept out.
+SQLite waits for locks too, but deaf to signals: each of its waits is short (BUSY_S), and what failed is tried again.
 """
 
 import contextlib
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+import os
+import sqlite3
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from sqlite3 import Connection
-from typing import Any
+from typing import Any, TypeVar
 
-from foldcar.interrupts import delayed
+from foldcar.interrupts import delayed, held, is_pending
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.migrations import transaction
 from foldcar.store.rows import Row, insert_sql, key_text, read_rows, stored
 from foldcar.store.tables import BY_NAME, CHECKSUM, Table
-from foldcar.store.writer_lock import is_written_here
+
+# How long SQLite waits, and how long a command does, in seconds.
+BUSY_S = 1.0
+PATIENCE_S = 600.0
+
+T = TypeVar("T")
+
+
+@contextlib.contextmanager
+def writer_lock(path: Path) -> Iterator[None]:
+    """Hold the right to write the store at ``path``. StoreError if another process, or this one, has it."""
+    file = Path(f"{os.path.realpath(path)}-lock")
+    in_use = StoreError(f"{path}: another sweep or trial is writing this store; wait for it or use another store")
+    try:
+        file.touch()
+        before = file.stat()
+        lock = sqlite3.connect(file, timeout=0, isolation_level=None)
+    except OSError as error:
+        raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from error
+    with contextlib.closing(lock):
+        try:
+            # Without a file for its journal, to which nothing is ever written.
+            lock.execute("PRAGMA journal_mode = MEMORY")
+            lock.execute("BEGIN EXCLUSIVE")
+        except sqlite3.Error as error:
+            raise in_use if "locked" in str(error) else StoreError(f"{path}: cannot be locked: {error}") from error
+        # Who had it may have deleted the file meanwhile, and a third may have made another one.
+        if not leads_to(file, before):
+            raise in_use
+
+        def delete() -> None:
+            # Windows deletes no file that is open: an empty one stays.
+            with contextlib.suppress(OSError):
+                file.unlink()
+
+        with held(delete):
+            try:
+                yield
+            finally:
+                delete()
+
+
+def leads_to(path: Path, status: os.stat_result) -> bool:
+    """Whether ``path`` still is the name of that file: it may have been deleted or replaced."""
+    try:
+        return os.path.samestat(path.stat(), status)
+    except OSError:
+        return False
+
+
+@contextlib.contextmanager
+def transaction(path: Path, connection: sqlite3.Connection) -> Iterator[None]:
+    """Everything in the block, or nothing. Waits for other programs; ``path`` is what messages name."""
+    patiently(path, lambda: connection.execute("BEGIN IMMEDIATE"))
+    try:
+        yield
+        patiently(path, lambda: connection.execute("COMMIT"))
+    finally:
+        # Still open only if something went wrong: then nothing of it counts.
+        if connection.in_transaction:
+            with contextlib.suppress(sqlite3.Error):
+                connection.execute("ROLLBACK")
+
+
+def patiently(path: Path, attempt: Callable[[], T]) -> T:
+    """What ``attempt`` gives, tried until no other program locks the store; standard error says that it waits.
+
+    StoreError after PATIENCE_S, and at once if a signal waits to end the program.
+    """
+    begun = time.monotonic()
+    told = False
+    while True:
+        try:
+            return attempt()
+        except sqlite3.OperationalError as error:
+            # The error's code is known from Python 3.11 on.
+            if "locked" not in str(error):
+                raise
+            if is_pending() or time.monotonic() - begun > PATIENCE_S:
+                raise StoreError(f"{path}: is locked by another program; end that and try again") from error
+        if not told:
+            sys.stderr.write(f"{path}: waiting for another program that has it locked (Ctrl-C stops)\n")
+            sys.stderr.flush()
+            told = True
 
 
 class StoreConnection:
     """What all writers of a store share. All methods raise StoreError."""
 
-    def __init__(self, path: Path, connection: Connection) -> None:
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self.path = path
         self._connection = connection
+        self._file = path.stat()
 
     def _put_text(self, table: str, text: str, identity: str = "") -> int:
         digest = hashlib.sha256((text + identity).encode()).hexdigest()
@@ -81,7 +169,7 @@ class StoreConnection:
     def _transaction(self) -> Iterator[None]:
         with delayed(), store_errors(self.path), transaction(self.path, self._connection):
             yield
-        if not is_written_here(self.path):
+        if not leads_to(self.path, self._file):
             # SQLite goes on writing a file that has lost its name.
             raise StoreError(
                 f"{self.path}: was deleted, moved or replaced while it was written: the last changes are not in it"

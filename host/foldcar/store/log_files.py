@@ -1,6 +1,10 @@
 """Where the logs of a store's trials are: in its folder or below, named relative to it."""
 
+import contextlib
 import hashlib
+import os
+import shutil
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from foldcar.store.errors import StoreError
@@ -39,3 +43,37 @@ def sha256_of(file: Path) -> str | None:
     except OSError as error:
         raise StoreError(f"{file}: cannot be read: {error.strerror}") from error
     return digest.hexdigest()
+
+
+@contextlib.contextmanager
+def logs_beside(logs: Iterable[tuple[Path, Path, str | None]]) -> Iterator[None]:
+    """Copy logs (from, to, SHA-256); those that are new vanish again if the block fails."""
+    made: list[Path] = []
+    try:
+        for source, target, digest in logs:
+            if os.path.lexists(target):
+                if sha256_of(target) != digest:
+                    raise StoreError(f"{target}: is there already, with other contents")
+                continue
+            target.parent.mkdir(parents=True, exist_ok=True)
+            made.append(target)
+            shutil.copyfile(source, target)
+        yield
+    except BaseException:
+        for file in made:
+            file.unlink(missing_ok=True)
+        raise
+
+
+def give_name(part: Path, name: Path) -> None:
+    """Give a finished file its name; FileExistsError if that is taken."""
+    try:
+        os.link(part, name)
+        part.unlink()
+    except FileExistsError:
+        raise
+    except OSError:
+        # A file system without hard links.
+        if os.path.lexists(name):
+            raise FileExistsError(name) from None
+        part.rename(name)

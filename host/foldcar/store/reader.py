@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from foldcar.simulation.results import NUMBERS, Recorded, Result
-from foldcar.store.design_counts import DesignCounts, design_counts
+from foldcar.store.designs import DesignCounts, design_counts
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.info import ExperimentInfo, StudyInfo
 from foldcar.store.opening import open_reading
@@ -168,7 +168,7 @@ class Store:
         return {
             row["id"]: row["scenic_program"]
             for row in self.rows(TRIAL, "WHERE experiment = ?", info.listed_id)
-            if (row["environment_id"] is not None and here is not None and row["environment_id"] != here)
+            if (row["environment_id"] is not None and row["environment_id"] != here)
             or (row["environment_id"] is None and row["scenic_program"] not in (None, info.scenic_program))
         }
 
@@ -178,18 +178,13 @@ class Store:
         rows = self.rows(TRIAL, "WHERE experiment = ? AND environment_id = ?", info.listed_id, here)
         return {row["id"] for row in rows}
 
-    def _environment_id(self, info: ExperimentInfo) -> int | None:
-        """The environment of the experiment's runs, as it is in the listing; None if the store has it not."""
-        row = self._experiment(info.id)
+    def _environment_id(self, info: ExperimentInfo) -> int:
+        """The environment of the experiment's runs, as it is in the listing."""
         if info.calibration is None:
-            return int(row["environment_id"])
-        if info.listed_environment is not None:
-            found = self.rows(ENVIRONMENT, "WHERE fingerprint = ?", info.listed_environment)
-            # A number that no row has: trials were driven, but not here.
-            return next((int(one["id"]) for one in found), 0)
-        # Written by an earlier foldcar.
-        listed = next(self.rows(EXPERIMENT, "WHERE id = ?", info.listed_id), None)
-        return None if listed is None else int(listed["environment_id"])
+            return int(self._experiment(info.id)["environment_id"])
+        found = self.rows(ENVIRONMENT, "WHERE fingerprint = ?", info.listed_environment)
+        # A number that no row has: trials were driven, but not here.
+        return next((int(one["id"]) for one in found), 0)
 
     def trial(self, number: int) -> Trial:
         """The trial of that number; StoreError if there is none."""
@@ -243,7 +238,7 @@ class Store:
 
     def judged_experiments(self) -> set[str]:
         """The experiments that define when a run has passed."""
-        return {row["id"] for row in self.rows(EXPERIMENT) if self._with_rule(row)["success_defined"]}
+        return {row["id"] for row in self.rows(EXPERIMENT) if self._facts(row)["success_defined"]}
 
     def design_columns(self) -> list[str]:
         """Names of all design parameters in the store (``width_mm``, …), in order of appearance."""
@@ -308,26 +303,22 @@ class Store:
     def _experiments(self) -> Iterator[ExperimentInfo]:
         builds = {row["id"]: row["name"] for row in self.rows(BY_NAME["build"])}
         for row in self.rows(EXPERIMENT, "ORDER BY position"):
-            name = row["id"]
-            counts, facts = self.design_counts(name), self._with_rule(row)
+            counts, facts = self.design_counts(row["id"]), self._facts(row)
             until, decided = _stopped(facts.pop("until", None), counts)
-            ended_runs = facts.pop("ended_runs", None)
+            planned = facts.pop("ended_runs", None)
+            if planned is None:
+                all_made = [done or facts.get("searched") for done in decided]
+                planned = sum(
+                    runs if made else row["environments"] for runs, made in zip(counts.runs, all_made, strict=True)
+                )
             # Of use to the next sweep only.
             facts.pop("files", None)
             if row["build_id"] not in builds:
                 raise StoreError(f"{self.path}: build (id={row['build_id']}) is missing")
             yield ExperimentInfo(
-                id=name,
-                vehicle=row["vehicle"],
-                environment=row["environment"],
-                environments=row["environments"],
+                **{name: row[name] for name in ("id", "vehicle", "environment", "environments")},
                 carsim_build=builds[row["build_id"]],
-                planned_runs=ended_runs
-                if ended_runs is not None
-                else sum(
-                    runs if done or facts.get("searched") else row["environments"]
-                    for runs, done in zip(counts.runs, decided, strict=True)
-                ),
+                planned_runs=planned,
                 stored_runs=sum(counts.runs),
                 until=until,
                 designs=len(decided),
@@ -335,26 +326,9 @@ class Store:
                 **facts,
             )
 
-    def _with_rule(self, experiment: Row) -> dict[str, Any]:
-        """The facts of an experiment; if an earlier foldcar has left out the rule of success, the one it went by."""
+    def _facts(self, experiment: Row) -> dict[str, Any]:
         facts: dict[str, Any] = parsed(self.path, EXPERIMENT, experiment, "facts")
-        if "success_rule" in facts:
-            return facts
-        reached = self._rows(
-            "SELECT 1 FROM sample s JOIN scene c ON c.id = s.scene_id "
-            "WHERE s.environment_id = ? AND json_type(c.json, '$.goal') IS NOT 'null' LIMIT 1",
-            experiment["environment_id"],
-        )
-        recorded = self._rows(
-            "SELECT 1 FROM result JOIN recorded v USING (build_id, body_id, scene_id, settings_id, variation_id) "
-            "WHERE experiment = ? AND v.name = 'passed' AND v.kind = 'final' LIMIT 1",
-            experiment["id"],
-        )
-        if next(reached, None) or next(recorded, None):
-            rule = "a run has passed if it reaches its Goal, or if the program ends it and records `passed` as true"
-            return {**facts, "success_rule": rule, "success_defined": True}
-        rule = "success is undefined: an earlier foldcar wrote the runs, with no Goal and no record `passed`; sweep again"
-        return {**facts, "success_rule": rule, "success_defined": False}
+        return facts
 
     def _rows(self, query: str, *values: Any) -> Iterator[Any]:
         with store_errors(self.path):

@@ -5,6 +5,10 @@ come to mean another one. What is lost of a sweep the next sweep makes again. A 
 which its corrections say. The damaged store is only read.
 """
 
+import contextlib
+import shutil
+import sqlite3
+import tempfile
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -12,11 +16,13 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from foldcar.store.errors import StoreError
+from foldcar.store.check import findings_of
+from foldcar.store.connection import transaction
+from foldcar.store.errors import SQLITE_ERRORS, StoreError
 from foldcar.store.log_files import log_file, sha256_of
-from foldcar.store.new_store import new_store
+from foldcar.store.opening import beside, fill_blank, new_store
 from foldcar.store.rows import Row, insert_sql, stored
-from foldcar.store.salvage import Salvaged, salvage
+from foldcar.store.salvage import Rows, log_damage, salvage
 from foldcar.store.tables import BY_NAME, CORRECTION, RECORDED, RUN, TABLES, TRIAL, Table
 from foldcar.store.trial_writer import now_utc
 
@@ -25,45 +31,41 @@ BY = "foldcar repair"
 
 @dataclass(slots=True)
 class Repair:
-    """What was saved and what is lost, by table in rows.
+    """What was saved, by table in rows, and what is lost.
 
-    ``damaged`` rows were seen and are not whole; ``missing`` ones are gaps between the numbers of those that are there;
-    ``dependent`` ones are whole, but what they refer to is not. ``pages`` are those that cannot be read, of how many rows
-    is unknown. ``trials`` says which trials lost a reference, ``logs`` which logs no saved trial names, ``journal``
-    what is damaged of the write-ahead log.
+    ``findings`` are what :mod:`foldcar.store.check` found damaged. ``missing`` rows are gaps between the numbers of those
+    that are there; ``dependent`` ones are whole, but what they refer to is not. ``trials`` says which trials lost a
+    reference, ``logs`` which logs no saved trial names.
     """
 
     saved: dict[str, int] = field(default_factory=dict)
-    damaged: dict[str, int] = field(default_factory=dict)
+    findings: list[str] = field(default_factory=list)
     missing: dict[str, int] = field(default_factory=dict)
     dependent: dict[str, int] = field(default_factory=dict)
-    pages: dict[str, int] = field(default_factory=dict)
     trials: list[str] = field(default_factory=list)
     logs: list[str] = field(default_factory=list)
-    journal: str | None = None
 
     @property
     def is_whole(self) -> bool:
         """Whether nothing is known to be lost."""
-        lost = (self.damaged, self.missing, self.dependent, self.pages, self.trials, self.logs, self.journal)
-        return not any(lost)
+        return not (self.findings or self.missing or self.dependent or self.trials or self.logs)
 
 
 def repair_store(damaged: Path, whole: Path) -> Repair:
     """Write the store ``whole``, which must not exist, whole or not at all. StoreError."""
     if not damaged.is_file():
         raise StoreError(f"{damaged}: no such store")
-    with new_store(whole) as (connection, logs):
-        found = salvage(damaged)
-        if not any(found.rows.values()):
+    with new_store(whole) as (connection, logs), transaction(whole, connection):
+        done = Repair()
+        found = _found(damaged, done)
+        if not any(found.values()):
             raise StoreError(f"{damaged}: no row of it is whole, or it is no foldcar store")
-        done = Repair(damaged=dict(+found.damaged), pages=dict(+found.pages), journal=found.log)
         done.missing = _gaps(found)
         dependent: Counter[str] = Counter()
-        kept: dict[str, dict[tuple[Any, ...], Row]] = {}
+        kept: Rows = {}
         for table in TABLES:
             rows = kept[table.name] = {}
-            for key, row in sorted(found.rows[table.name].items()):
+            for key, row in sorted(found[table.name].items()):
                 lost = _lost_references(table, row, kept)
                 if lost and table is TRIAL:
                     row = _emptied(row, lost, found, done)
@@ -73,14 +75,48 @@ def repair_store(damaged: Path, whole: Path) -> Repair:
                 rows[key] = row
             if table.name in ("sample", "draw"):
                 dependent[table.name] += _drop_behind_gaps(rows)
-        for table in TABLES:
-            written = [tuple(stored(table, row).values()) for row in kept[table.name].values()]
+            written = [tuple(stored(table, row).values()) for row in rows.values()]
             connection.executemany(insert_sql(table), written)
             done.saved[table.name] = len(written)
         done.dependent = dict(+dependent)
         done.logs = _unnamed_logs(damaged, kept[TRIAL.name])
         logs += _logs(damaged, whole, kept[TRIAL.name])
     return done
+
+
+def _found(damaged: Path, done: Repair) -> Rows:
+    """The whole rows of a store, read from a copy into which SQLite has put its journal or write-ahead log."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder).resolve() / "store"
+        try:
+            for suffix in ("", "-journal", "-wal"):
+                if beside(damaged, suffix).is_file():
+                    shutil.copyfile(beside(damaged, suffix), f"{copy}{suffix}")
+            damage = log_damage(Path(f"{copy}-wal"))
+            _restore_header(copy)
+        except OSError as error:
+            raise StoreError(f"{damaged}: cannot be read: {error.strerror}") from error
+        with contextlib.suppress(*SQLITE_ERRORS), contextlib.closing(sqlite3.connect(copy)) as connection:
+            # As it ends, it puts the log in.
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        with contextlib.closing(sqlite3.connect(copy)) as connection:
+            done.findings = [*([f"write-ahead log: {damage}"] if damage else []), *findings_of(connection)]
+            return salvage(copy, connection)
+
+
+def _restore_header(copy: Path) -> None:
+    """Write what the headers of all stores have in common, so that damage there does not keep SQLite from the log."""
+    fresh = copy.with_name("fresh")
+    with contextlib.closing(sqlite3.connect(fresh, isolation_level=None)) as connection:
+        fill_blank(fresh, connection)
+    header = bytearray(fresh.read_bytes()[:72])
+    content = bytearray(copy.read_bytes())
+    # How many pages there are and which are free, the version of the schema.
+    header[24:44] = content[24:44]
+    # The mode: with a log or without.
+    header[18:20] = b"\2\2" if Path(f"{copy}-wal").exists() else b"\1\1"
+    content[:72] = header
+    copy.write_bytes(content)
 
 
 def _lost_references(table: Table, row: Row, kept: Mapping[str, Mapping[tuple[Any, ...], Row]]) -> list[str]:
@@ -94,9 +130,9 @@ def _lost_references(table: Table, row: Row, kept: Mapping[str, Mapping[tuple[An
     ]
 
 
-def _emptied(trial: Row, lost: list[str], found: Salvaged, done: Repair) -> Row:
+def _emptied(trial: Row, lost: list[str], found: Rows, done: Repair) -> Row:
     """A trial without references to lost rows, with a correction that says so of each."""
-    corrections = found.rows[CORRECTION.name]
+    corrections = found[CORRECTION.name]
     for column in lost:
         number = max((key[0] for key in corrections), default=0) + 1
         correction = {
@@ -114,10 +150,10 @@ def _emptied(trial: Row, lost: list[str], found: Salvaged, done: Repair) -> Row:
     return {**trial, **dict.fromkeys(lost)}
 
 
-def _gaps(found: Salvaged) -> dict[str, int]:
+def _gaps(found: Rows) -> dict[str, int]:
     """How many numbers below the highest are missing in tables whose rows are numbered."""
     gaps = {}
-    for name, rows in found.rows.items():
+    for name, rows in found.items():
         if BY_NAME[name].columns[0].type == "INTEGER" and BY_NAME[name].key == ("id",) and rows:
             gaps[name] = max(key[0] for key in rows) - len(rows)
         elif name in ("sample", "draw"):

@@ -1,8 +1,8 @@
 """Rows of the store's tables with their checksums: checked values in, rows that still are what was written out.
 
-A checksum is the CRC-32 of the row as a JSON object: its columns without the checksum itself and without empty
-(NULL) ones, in alphabetical order, without spaces, in ASCII, numbers as Python's repr() writes them. So a column that
-is added later, empty, changes none.
+A checksum is the CRC-32 of the table's name and the row as a JSON object: its columns without the checksum itself and
+without empty (NULL) ones, in alphabetical order, without spaces, in ASCII, numbers as Python's repr() writes them. So a
+column that is added later, empty, changes none.
 """
 
 import json
@@ -27,7 +27,7 @@ def checksum(table: Table, row: Mapping[str, Any]) -> int:
         value = row[name]
         if value is not None:
             cells.append(head + (encode_basestring_ascii(value) if value.__class__ is str else repr(value)))
-    return zlib.crc32(f"{{{','.join(cells)}}}".encode())
+    return zlib.crc32(f"{{{','.join(cells)}}}".encode(), table.checksum_start)
 
 
 def stored(table: Table, row: Mapping[str, Any]) -> Row:
@@ -113,14 +113,14 @@ def verify_cells(path: Path, table: Table, rows: Sequence[tuple[Any, ...]]) -> N
     """
     text, names = table.checksum_text, (*sorted(table.names), CHECKSUM)
     for cells in rows:
-        if zlib.crc32((text % cells[:-1]).encode(errors="replace")) != cells[-1]:
+        if zlib.crc32((text % cells[:-1]).encode(errors="replace"), table.checksum_start) != cells[-1]:
             verified(path, table, dict(zip(names, cells, strict=True)))
 
 
 def parsed(path: Path, table: Table, row: Row, column: str, kind: type | tuple[type, ...] = dict) -> Any:
     """The value of a JSON column, of that kind; StoreError, naming row and column, if it is none.
 
-    A checksum vouches for what was written only: older stores have none, and other programs may have written.
+    A checksum vouches for what was written only: other programs may have written.
     """
     try:
         value = json.loads(row[column])

@@ -4,6 +4,7 @@ Each table has one more column, ``checksum`` (:mod:`foldcar.store.rows`). A run'
 :mod:`foldcar.simulation.results`.
 """
 
+import zlib
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -56,6 +57,11 @@ class Table:
     def names(self) -> tuple[str, ...]:
         """The columns' names without the checksum's."""
         return tuple(column.name for column in self.columns)
+
+    @cached_property
+    def checksum_start(self) -> int:
+        """The CRC-32 of the table's name, which checksums go on from: tables may have equal columns."""
+        return zlib.crc32(self.name.encode())
 
     @cached_property
     def checksum_order(self) -> tuple[tuple[str, str], ...]:

@@ -3,7 +3,8 @@
 A person judges a trial, so its outcomes differ from those of a run (:mod:`foldcar.simulation.results`).
 """
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 # In the order of tables. ``not_passed`` is for imported trials without a more precise outcome; ``aborted`` trials do
@@ -15,6 +16,13 @@ BUILT, SIMULATED = CARS = ("built", "simulated")
 UNKNOWN = "unknown"
 WITHDRAWN = "withdrawn"
 
+# Why trials of other standings than a built car's are left out.
+_REASONS = {
+    SIMULATED: "of a simulated car (--simulated-trials shows them)",
+    UNKNOWN: "of a car that may be built or simulated (tell with `foldcar trials correct` and --car)",
+    WITHDRAWN: "withdrawn (`foldcar trials list` shows why)",
+}
+
 # The largest whole number that SQLite keeps.
 MOST_ID = 2**63 - 1
 
@@ -25,7 +33,6 @@ LONGEST_S = 86_400.0
 RUNNING = "running"
 # Its ending if the program was killed meanwhile.
 INTERRUPTED = "the program was ended"
-
 
 
 def not_entered(ending: str) -> str:
@@ -119,3 +126,20 @@ class Correction:
     after: str | float | None
     reason: str
     operator: str
+
+
+def select_trials(trials: Iterable[Trial], with_simulated: bool) -> tuple[list[Trial], Counter[str]]:
+    """The trials of built cars, ``with_simulated`` also those of simulated ones; the numbers of others by standing."""
+    kept, left_out = [], Counter[str]()
+    for trial in trials:
+        if trial.standing == BUILT or (with_simulated and trial.standing == SIMULATED):
+            kept.append(trial)
+        else:
+            left_out[trial.standing] += 1
+    return kept, left_out
+
+
+def left_out_text(left_out: Counter[str]) -> str | None:
+    """A sentence that says what is left out and why; None if nothing is."""
+    parts = [f"{left_out[standing]} {why}" for standing, why in _REASONS.items() if left_out[standing]]
+    return f"Trials left out: {'; '.join(parts)}." if parts else None

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.store.connection import StoreConnection
-from foldcar.store.errors import StoreError, store_errors
+from foldcar.store.errors import StoreError
 from foldcar.store.info import listed_id
 from foldcar.store.opening import writing
 from foldcar.store.rows import Row
@@ -250,10 +250,8 @@ class TrialWriter(StoreConnection):
 @contextlib.contextmanager
 def write_trials(path: Path) -> Iterator[TrialWriter]:
     """The store at ``path`` for trials; made, with its folder, if need be. StoreError if it is in use."""
-    with writing(path) as connection:
-        with store_errors(path):
-            # A trial cannot be had again: each of its commits is on the disk before the program goes on.
-            connection.execute("PRAGMA synchronous = FULL")
+    # A trial cannot be had again: each of its commits is on the disk before the program goes on.
+    with writing(path, synchronous="FULL") as connection:
         yield TrialWriter(path, connection)
 
 

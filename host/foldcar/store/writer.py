@@ -16,10 +16,9 @@ from typing import Any
 
 from foldcar.simulation.results import NUMBERS, REJECTED, outcome_of
 from foldcar.store.connection import StoreConnection
-from foldcar.store.design_counts import DesignCounts, design_counts
+from foldcar.store.designs import DesignCounts, design_counts, designs_of
 from foldcar.store.info import listed_id
 from foldcar.store.opening import writing
-from foldcar.store.stored_designs import designs_of
 from foldcar.store.tables import BY_NAME, DESIGN, ENVIRONMENT, EXPERIMENT, RECORDED, RESULT_JOIN, RUN, STUDY
 
 PAGE_ROWS = 1000
@@ -147,10 +146,8 @@ class StoreWriter(StoreConnection):
 
     def program_files(self, experiment: str) -> Mapping[str, str] | None:
         """The files that the experiment's program consisted of when it was last swept; None if they are not stored."""
-        files: Mapping[str, str] | None = None
-        for row in self._rows(EXPERIMENT, "WHERE id = ?", experiment):
-            files = json.loads(row["facts"]).get("files")
-        return files
+        found = self._rows(EXPERIMENT, "WHERE id = ?", experiment)
+        return json.loads(found[0]["facts"]).get("files") if found else None
 
     def is_dynamic(self, environment_id: int) -> bool | None:
         """Whether the environment's program must run beside the simulation; None if that is not stored yet."""
@@ -166,7 +163,7 @@ class StoreWriter(StoreConnection):
         """When a run in the environment has passed and whether that is defined; None if no experiment says so yet."""
         for row in self._rows(EXPERIMENT):
             facts = json.loads(row["facts"])
-            if row["environment_id"] == environment_id and "success_rule" in facts:
+            if row["environment_id"] == environment_id:
                 return facts["success_rule"], facts["success_defined"]
         return None
 
@@ -234,12 +231,12 @@ class StoreWriter(StoreConnection):
             return None
         for row in self._rows(EXPERIMENT, "WHERE id <> ?", plan.id):
             facts = json.loads(row["facts"])
-            calibrations = [one["calibration"] and one["calibration"]["fingerprint"] for one in (facts, plan.facts)]
-            if facts.get("engine") or calibrations[0] != calibrations[1]:
-                continue
-            if listed_id(row["id"], facts["calibration"], "") != listed_id(
-                plan.id, plan.facts["calibration"], plan.facts["engine"]
-            ):
+            # The experiment of the listing, and what it was simulated under.
+            same = [
+                (listed_id(name, one["calibration"], engine), one["calibration"] and one["calibration"]["fingerprint"])
+                for name, one, engine in ((row["id"], facts, ""), (plan.id, plan.facts, plan.facts["engine"]))
+            ]
+            if facts.get("engine") or same[0] != same[1]:
                 continue
             known = design_counts(self.path, self._connection, row["id"])
             keys = self._design_keys(row["id"])
@@ -290,23 +287,17 @@ class StoreWriter(StoreConnection):
 
     def result(self, run: PlannedRun) -> dict[str, Any]:
         """The stored outcome and metrics of a run that has a result."""
-        row = self._row(
-            RUN, build_id=self._build_id, body_id=run.body_id, scene_id=run.scene_id, settings_id=run.settings_id,
-            variation_id=run.variation_id,
-        )  # fmt: skip
+        row = self._row(RUN, **self._key(run))
         return {name: row[name] for name in ("outcome", *NUMBERS)}
+
+    def _key(self, run: PlannedRun) -> dict[str, int]:
+        return {"build_id": self._build_id, **{name: getattr(run, name) for name in RUN.key if name != "build_id"}}
 
     def add_results(self, results: Iterable[tuple[PlannedRun, Mapping[str, Any]]]) -> None:
         """Store a chunk: runs with their results as the simulator answered them (:mod:`foldcar.simulation.carsim`)."""
         runs, recorded = [], []
         for run, result in results:
-            key = {
-                "build_id": self._build_id,
-                "body_id": run.body_id,
-                "scene_id": run.scene_id,
-                "settings_id": run.settings_id,
-                "variation_id": run.variation_id,
-            }
+            key = self._key(run)
             if "error" in result:
                 runs.append({**key, "outcome": outcome_of(result), "message": result["error"]})
                 continue

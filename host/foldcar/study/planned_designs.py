@@ -17,7 +17,7 @@ from foldcar.car.car_file import TableRow
 from foldcar.car.design import Design
 from foldcar.car.modules import loaded_files
 from foldcar.scenes.fingerprint import folders_digest
-from foldcar.store.stored_designs import StoredDesigns, stored_designs
+from foldcar.store.designs import StoredDesigns, stored_designs
 from foldcar.store.writer import PlannedDesign
 from foldcar.study.experiments import Experiment, Study
 

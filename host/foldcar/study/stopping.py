@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from foldcar.analysis.rate import anytime_interval
 from foldcar.analysis.stopping import StoppingRule
 from foldcar.errors import FoldcarError
-from foldcar.store.design_counts import DesignCounts
+from foldcar.store.designs import DesignCounts
 from foldcar.study.experiments import Experiment, Study
 
 # Percentage points: an interval of half this width and more is known without a run.

@@ -9,7 +9,8 @@ Lines that begin with # are comments. Output: rows for :meth:`TrialWriter.import
 
 import csv
 import math
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,15 @@ from foldcar.car.modules import parameters
 from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
 from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MOST_ID, TRIAL_OUTCOMES
 from foldcar.typed_numbers import decimal_number, whole_number
 
 NEEDED = ("vehicle_type", "outcome", "source")
 OPTIONAL = ("experiment", "count", "car", "sample", "elapsed_time_s", "note", "operator", "started_utc")
 MOST_COUNT = 100_000
+# Cars that are named.
+SHOWN = 5
 NOTHING: Mapping[str, ExperimentInfo] = {}
 
 
@@ -182,3 +186,58 @@ def _time_utc(place: str, text: str) -> str:
         raise FoldcarError(
             f'{place}: started_utc: "{text}" is not a date, or date and time, such as 2026-05-01T09:30:00'
         ) from None
+
+
+def swept_experiments(store: Path) -> dict[str, ExperimentInfo]:
+    """The experiments of a store by their names in the listing; none if it holds no study, or is not there yet."""
+    if not store.exists():
+        return {}
+    with Store.open(store) as opened:
+        if not opened.holds_study():
+            return {}
+        infos = opened.info().experiments.values()
+    return {**{info.listed_id: info for info in infos}, **{info.id: info for info in infos}}
+
+
+def import_notes(store: Path, trials: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A sentence for each experiment, sample and car that the store's study has not."""
+    swept = swept_experiments(store)
+    notes = []
+    for experiment in dict.fromkeys(trial["experiment"] for trial in trials):
+        if experiment not in swept:
+            if swept:
+                known = ", ".join(swept)
+                notes.append(f'experiment "{experiment}" was not swept in {store}, only {known}; its trials stand alone')
+            if any(trial["experiment"] == experiment and "sample" in trial for trial in trials):
+                notes.append(
+                    f'experiment "{experiment}" was not swept yet: of which environment its samples are is not known, so '
+                    "that no run is ever paired with them; to pair them, sweep first and import then"
+                )
+            continue
+        notes += _unknown_cars(store, swept[experiment], trials)
+        most = swept[experiment].environments
+        samples = {trial["sample"] for trial in trials if trial["experiment"] == experiment and "sample" in trial}
+        for sample in sorted(sample for sample in samples if sample >= most):
+            notes.append(f'experiment "{experiment}" was swept in samples 0 to {most - 1}; sample {sample} has no runs')
+    return notes
+
+
+def _unknown_cars(store: Path, info: ExperimentInfo, trials: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A sentence for each car that is no design of the experiment, up to SHOWN."""
+    with Store.open(store) as opened:
+        known = {frozenset(design.items()) for design in opened.designs(info.id).values()}
+    counts: Counter[str] = Counter()
+    for trial in trials:
+        design = trial["design"]
+        if trial["experiment"] not in (info.id, info.listed_id):
+            continue
+        if trial["vehicle_type"] != info.vehicle_type:
+            counts[f"a {trial['vehicle_type']}"] += 1
+        elif frozenset(design.items()) not in known:
+            told = (f"{name} {value:g}" for name, value in design.items() if info.fixed.get(name) != value)
+            counts[f"a car of {', '.join(told)}"] += 1
+    more = [f"and {len(counts) - SHOWN} other cars that experiment \"{info.id}\" has not"] if len(counts) > SHOWN else []
+    return [
+        f'experiment "{info.id}" was swept without {car}; it has {number} trial{"" if number == 1 else "s"}'
+        for car, number in list(counts.items())[:SHOWN]
+    ] + more

@@ -1,4 +1,4 @@
-"""The designs that experiments of a store have, to see without folding a car whether a sweep's are the same."""
+"""The designs that experiments of a store have, how many runs of each are stored, how many count and passed."""
 
 import contextlib
 from collections.abc import Iterable, Mapping
@@ -6,11 +6,40 @@ from dataclasses import dataclass
 from pathlib import Path
 from sqlite3 import Connection
 
-from foldcar.store.errors import StoreError
-from foldcar.store.migrations import VERSION
-from foldcar.store.opening import connect_reading, store_version
+from foldcar.simulation.results import REJECTED
+from foldcar.store.errors import StoreError, store_errors
+from foldcar.store.opening import connect_reading, require_version
 from foldcar.store.rows import parsed, read_rows
-from foldcar.store.tables import DESIGN, EXPERIMENT
+from foldcar.store.tables import DESIGN, EXPERIMENT, RESULT_JOIN
+
+
+@dataclass(frozen=True)
+class DesignCounts:
+    """Lists in the order of designs: position, stored runs, those that passed, and 1 + the highest stored sample.
+
+    ``counted`` are the stored runs that belong in a rate: all but the rejected ones.
+    """
+
+    positions: list[int]
+    runs: list[int]
+    counted: list[int]
+    passed: list[int]
+    reached: list[int]
+
+
+def design_counts(path: Path, connection: Connection, experiment: str) -> DesignCounts:
+    """The counts of the experiment's designs, also of those without runs; StoreError."""
+    with store_errors(path):
+        designs = "SELECT position FROM design WHERE experiment = ? ORDER BY position"
+        positions = [position for (position,) in connection.execute(designs, (experiment,))]
+        found = connection.execute(
+            f"SELECT d.position, count(*), sum(r.outcome <> '{REJECTED}'), sum(r.outcome = 'passed'), max(s.sample) + 1 "
+            f"{RESULT_JOIN} AND e.id = ? GROUP BY d.position",
+            (experiment,),
+        )
+        counts = {position: tuple(numbers) for position, *numbers in found}
+    columns = ([counts.get(at, (0, 0, 0, 0))[which] for at in positions] for which in range(4))
+    return DesignCounts(positions, *columns)
 
 
 @dataclass(frozen=True)
@@ -27,8 +56,7 @@ def stored_designs(path: Path, experiments: Iterable[str]) -> dict[str, StoredDe
         return {}
     try:
         with contextlib.closing(connect_reading(path)) as connection:
-            if store_version(path, connection) != VERSION:
-                return {}
+            require_version(path, connection)
             found = {name: designs_of(path, connection, name) for name in experiments}
     except StoreError:
         # What opens it to write will say so.
@@ -38,13 +66,11 @@ def stored_designs(path: Path, experiments: Iterable[str]) -> dict[str, StoredDe
 
 def designs_of(path: Path, connection: Connection, experiment: str) -> StoredDesigns | None:
     """The designs of an experiment; None if they are not whole, or if it is not known what they follow from."""
-    try:
+    with contextlib.suppress(StoreError):
         for row in read_rows(path, connection, EXPERIMENT, "WHERE id = ?", experiment):
             rows = list(read_rows(path, connection, DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
             whole = [one["position"] for one in rows] == list(range(row["designs"] or 0))
             if row["designs_fingerprint"] is not None and whole:
                 parameters = [parsed(path, DESIGN, one, "parameters") for one in rows]
                 return StoredDesigns(row["designs_fingerprint"], parameters)
-    except StoreError:
-        pass
     return None

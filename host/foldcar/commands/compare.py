@@ -32,11 +32,12 @@ def compare(
     from foldcar.advice.tables import comparison_object, write_comparison
     from foldcar.commands.compare_text import print_comparison
     from foldcar.commands.options import parse_points
+    from foldcar.commands.progress_bar import working
     from foldcar.store.reader import Store
 
     check_distinct([store], [csv])
     share = parse_points("--margin", margin)
-    with Store.open(store) as opened:
+    with Store.open(store) as opened, working("comparing; what the sweep lacks is simulated"):
         found = compare_store(opened, experiment, share, simulated_trials=simulated_trials)
     if csv is not None:
         write_comparison(found, csv)

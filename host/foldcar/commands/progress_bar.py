@@ -1,6 +1,7 @@
 """Progress on a terminal, put away however the command ends; nothing where there is no terminal."""
 
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -55,6 +56,13 @@ class TerminalBar:
     def say(self, line: str) -> None:
         """Print a line on stderr, above the bar."""
         self._bar.console.print(line, soft_wrap=True)
+
+
+@contextmanager
+def working(on: str) -> Iterator[None]:
+    """Within ``with``, a line on a terminal's stderr says what takes time."""
+    with shown_console(stderr=True).status(on) as status, held(status.stop):
+        yield
 
 
 class ProgressBar(TerminalBar):

@@ -41,12 +41,13 @@ def select(
     from foldcar.advice.selecting import select as select_designs
     from foldcar.advice.tables import selection_object, write_selection
     from foldcar.commands.options import parse_points
+    from foldcar.commands.progress_bar import working
     from foldcar.commands.select_text import print_selections
     from foldcar.store.reader import Store
 
     check_distinct([store], [csv])
     half_width = parse_points("--precision", precision, least=1, most=45)
-    with Store.open(store) as opened:
+    with Store.open(store) as opened, working("weighing designs"):
         found = select_designs(
             opened, build, threshold, half_width, experiment, simulated_trials=simulated_trials
         )

@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar, Piece
 from foldcar.car.folded_car import folded_car
-from foldcar.fabrication.assembly.fold_file import fold_text, without_small_holes
-from foldcar.fabrication.assembly.mesh_files import obj_files, stl_bytes
-from foldcar.fabrication.assembly.skin import film_solid, piece_area_mm2
-from foldcar.fabrication.assembly.solids import film_mesh, film_solids, mount_solids
+from foldcar.fabrication.assembly.shape_files import fold_text, obj_files, stl_bytes, without_small_holes
+from foldcar.fabrication.assembly.solids import film_mesh, film_solid, film_solids, mount_solids, piece_area_mm2
 from folded_box import HEIGHT_MM, LENGTH_MM, THICKNESS_MM, WIDTH_MM, beam, cap, folded_box
 
 

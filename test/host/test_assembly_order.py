@@ -16,7 +16,7 @@ from foldcar.car.assembly.step import Added, AssemblyStep
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.pose import compose
 from foldcar.fabrication.assembly.guide import guide_page
-from foldcar.fabrication.assembly.guide_scene import Scene
+from foldcar.fabrication.assembly.guide_pictures import Scene
 from foldcar.fabrication.assembly.guide_state import State
 from foldcar.fabrication.assembly.parts_list import parts_list
 from foldcar.fabrication.assembly.view_steps import view_steps

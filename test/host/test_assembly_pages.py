@@ -19,17 +19,13 @@ from foldcar.car.body import body_json
 from foldcar.car.design import Design, compose
 from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.assembly.facets import mount_shape, together
-from foldcar.fabrication.assembly.guide import guide_page
-from foldcar.fabrication.assembly.guide_pictures import service_picture
-from foldcar.fabrication.assembly.guide_scene import tiny
-from foldcar.fabrication.assembly.guide_shapes import whole_car
+from foldcar.fabrication.assembly.guide import guide_page, steps, whole_car
+from foldcar.fabrication.assembly.guide_pictures import service_picture, tiny
 from foldcar.fabrication.assembly.guide_state import State
-from foldcar.fabrication.assembly.guide_steps import steps
 from foldcar.fabrication.assembly.hidden_surfaces import Facet, camera, seen_facets
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_csv, total_mass_kg
 from foldcar.fabrication.assembly.view_page import Drawing, view_page
-from foldcar.fabrication.assembly.wiring import OE_GPIO, wiring_text
-from foldcar.fabrication.assembly.wiring_drawing import wiring_drawing
+from foldcar.fabrication.assembly.wiring import OE_GPIO, wiring_drawing, wiring_text
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car, pattern
 from foldcar.fabrication.patterns.svg import svg

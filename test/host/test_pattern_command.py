@@ -13,7 +13,7 @@ import ezdxf
 import pytest
 
 from foldcar.fabrication.patterns.options import options
-from foldcar.fabrication.patterns.read_svg import read_svg
+from foldcar.fabrication.patterns.svg import read_svg
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
 

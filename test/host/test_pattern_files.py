@@ -20,18 +20,14 @@ from shapely.ops import linemerge, unary_union
 
 from cut_samples import folded_box
 from foldcar.car.parts.catalogue import catalogue
-from foldcar.fabrication.patterns.coupon import coupon
-from foldcar.fabrication.patterns.drawing import Circle, Motion, Path, Sheet, bounds
-from foldcar.fabrication.patterns.dxf import dxf
-from foldcar.fabrication.patterns.layers import LAYERS
+from foldcar.fabrication.patterns.cutting import coupon
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Motion, Path, Sheet, bounds
+from foldcar.fabrication.patterns.dxf import dxf, read_dxf
 from foldcar.fabrication.patterns.lbrn import lbrn, read_lbrn
 from foldcar.fabrication.patterns.options import options
-from foldcar.fabrication.patterns.pdf import pdf
-from foldcar.fabrication.patterns.read_dxf import read_dxf
-from foldcar.fabrication.patterns.read_pdf import read_pdf
-from foldcar.fabrication.patterns.read_svg import read_svg
+from foldcar.fabrication.patterns.pdf import pdf, read_pdf
 from foldcar.fabrication.patterns.sheets import pattern
-from foldcar.fabrication.patterns.svg import svg
+from foldcar.fabrication.patterns.svg import read_svg, svg
 from foldcar.fabrication.patterns.verify import check_dxf, check_lbrn, check_pdf, check_sheet, check_svg
 from written_sheet import CHOSEN, COMMAND, Made, written_sample
 

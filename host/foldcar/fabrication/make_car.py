@@ -4,7 +4,7 @@ Input: a Design and Options. Output: a MadeCar. Findings of the checks are a Che
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 from foldcar import __version__
@@ -15,17 +15,112 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
-from foldcar.fabrication.assembly.operations import Operations, operations
-from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, total_mass_kg
+from foldcar.fabrication.assembly.guide import guide_page
+from foldcar.fabrication.assembly.operations import Operations, operations, work_table
+from foldcar.fabrication.assembly.parts_list import (
+    parts_list,
+    parts_list_csv,
+    parts_list_text,
+    total_cost_usd,
+    total_mass_kg,
+)
+from foldcar.fabrication.assembly.shape_files import fold_text, obj_files, stl_bytes
+from foldcar.fabrication.assembly.solids import film_mesh, film_solids, mount_solids
 from foldcar.fabrication.assembly.view_page import Drawing, view_page
-from foldcar.fabrication.files import dxf_files, lbrn_files, pages, pdf_files, shape_files, svg_files
-from foldcar.fabrication.patterns.coupon import coupon
-from foldcar.fabrication.patterns.how_to_cut import how_to_cut
+from foldcar.fabrication.assembly.wiring import wiring_drawing, wiring_text
+from foldcar.fabrication.patterns.cutting import coupon, how_to_cut
+from foldcar.fabrication.patterns.drawing import Sheet
+from foldcar.fabrication.patterns.dxf import dxf
+from foldcar.fabrication.patterns.lbrn import lbrn
 from foldcar.fabrication.patterns.mock_up import how_to_fold, mock_up
 from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import MACHINES, Options
-from foldcar.fabrication.patterns.sheets import Pattern, cut_car, pattern_of
-from foldcar.fabrication.patterns.verify import TOLERANCE_MM, check_sheet
+from foldcar.fabrication.patterns.pdf import pdf
+from foldcar.fabrication.patterns.sheets import CutCar, Pattern, cut_car, pattern_of
+from foldcar.fabrication.patterns.svg import svg
+from foldcar.fabrication.patterns.verify import TOLERANCE_MM, check_dxf, check_lbrn, check_pdf, check_sheet, check_svg
+
+# The page to open first.
+GUIDE = "assembly.html"
+# PDF files hold several sheets.
+COUPON = "coupon"
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenFiles:
+    """Files and what is wrong with them; each finding begins with the file's name."""
+
+    files: dict[str, bytes]
+    findings: tuple[str, ...]
+
+
+def svg_files(sheets: Sequence[Sheet], chosen: Options) -> WrittenFiles:
+    """A file for each sheet."""
+    return _files("svg", sheets, svg, lambda sheet, text: check_svg(sheet, text, chosen))
+
+
+def dxf_files(sheets: Sequence[Sheet], chosen: Options) -> WrittenFiles:
+    """A file for each sheet."""
+    return _files("dxf", sheets, dxf, lambda sheet, text: check_dxf(sheet, text, chosen))
+
+
+def lbrn_files(sheets: Sequence[Sheet], chosen: Options) -> WrittenFiles:
+    """A LightBurn project for each sheet."""
+    return _files("lbrn2", sheets, lbrn, lambda sheet, text: check_lbrn(sheet, text, chosen))
+
+
+def pdf_files(sheets: Sequence[Sheet], chosen: Options, title: str) -> WrittenFiles:
+    """One file for the coupon, one for all others."""
+    files: dict[str, bytes] = {}
+    findings: list[str] = []
+    groups = {
+        "sheets.pdf": ([sheet for sheet in sheets if sheet.name != COUPON], title),
+        f"{COUPON}.pdf": ([sheet for sheet in sheets if sheet.name == COUPON], COUPON),
+    }
+    for name, (shown, heading) in groups.items():
+        if not shown:
+            continue
+        files[name] = pdf(shown, chosen.paper, heading)
+        findings += [f"{name}: {found}" for found in check_pdf(shown, files[name], chosen)]
+    return WrittenFiles(files, tuple(findings))
+
+
+def _files(
+    ending: str,
+    sheets: Sequence[Sheet],
+    write: Callable[[Sheet], str],
+    check: Callable[[Sheet, str], list[str]],
+) -> WrittenFiles:
+    files: dict[str, bytes] = {}
+    findings: list[str] = []
+    for sheet in sheets:
+        name, text = f"{sheet.name}.{ending}", write(sheet)
+        files[name] = text.encode()
+        findings += [f"{name}: {found}" for found in check(sheet, text)]
+    return WrittenFiles(files, tuple(findings))
+
+
+def shape_files(folded: FoldedCar, title: str) -> dict[str, bytes]:
+    """FOLD, STL and OBJ."""
+    return {
+        **{f"fold/{piece.name}.fold": fold_text(piece, title).encode() for piece in folded.pieces},
+        "car.stl": stl_bytes(film_mesh(folded)),
+        **obj_files([*film_solids(folded), *mount_solids(folded)], "car"),
+    }
+
+
+def pages(folded: FoldedCar, cut: CutCar, made: Pattern) -> dict[str, bytes]:
+    """Guide, wiring and parts list of a car with that pattern."""
+    title, sheets = made.title, made.sheets
+    texts = {
+        GUIDE: guide_page(folded, cut, made.options.machine, title, sheets),
+        "wiring.md": wiring_text(folded, title),
+        "wiring.svg": wiring_drawing(folded, title),
+        "parts.md": parts_list_text(folded, title, sheets) + "\n" + work_table(operations(folded, cut)),
+        "parts.csv": parts_list_csv(folded, sheets),
+    }
+    return {name: text.encode() for name, text in texts.items()}
+
 
 # Names every file in the folder of a car.
 MANIFEST = "pattern.json"
@@ -141,23 +236,26 @@ def _view(folded: FoldedCar, title: str, cut: Pattern, drawings: Mapping[str, by
 def _manifest(design: Design, made: MadeCar, command: str) -> str:
     """What was made, and of what: to make it again, and to know which files may be replaced."""
     chosen = made.pattern.options
-    return json.dumps(
-        {
-            "foldcar": __version__,
-            "command": command,
-            "type": design.type,
-            "parameters": dict(design.values),
-            "options": {field.name: getattr(chosen, field.name) for field in fields(chosen)},
-            "sheets": len(made.pattern.sheets),
-            "least_film_mm": round(made.pattern.least_film_mm, 2),
-            "cut_length_mm": round(made.pattern.cut_length_mm, 1),
-            "mass_kg": round(made.mass_kg, 6),
-            "cost_usd": round(made.cost_usd, 2),
-            "operations": {**made.operations.counts, "total": made.operations.total},
-            "assembly_min": round(made.operations.minutes),
-            "assembly_min_between": [round(end) for end in made.operations.minutes_between],
-            "warnings": list(made.pattern.warnings),
-            "files": sorted([*made.files, MANIFEST]),
-        },
-        indent=2,
-    ) + "\n"
+    return (
+        json.dumps(
+            {
+                "foldcar": __version__,
+                "command": command,
+                "type": design.type,
+                "parameters": dict(design.values),
+                "options": {field.name: getattr(chosen, field.name) for field in fields(chosen)},
+                "sheets": len(made.pattern.sheets),
+                "least_film_mm": round(made.pattern.least_film_mm, 2),
+                "cut_length_mm": round(made.pattern.cut_length_mm, 1),
+                "mass_kg": round(made.mass_kg, 6),
+                "cost_usd": round(made.cost_usd, 2),
+                "operations": {**made.operations.counts, "total": made.operations.total},
+                "assembly_min": round(made.operations.minutes),
+                "assembly_min_between": [round(end) for end in made.operations.minutes_between],
+                "warnings": list(made.pattern.warnings),
+                "files": sorted([*made.files, MANIFEST]),
+            },
+            indent=2,
+        )
+        + "\n"
+    )

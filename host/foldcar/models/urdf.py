@@ -12,9 +12,9 @@ also takes the inertia of the rotors. Other programs pass over them. All coeffic
 import math
 from collections.abc import Mapping
 from typing import Any
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from foldcar.models.wheel_geometry import (
+from foldcar.models.exported_car import (
     axle_m,
     segment_name,
     servo_limits,
@@ -22,7 +22,23 @@ from foldcar.models.wheel_geometry import (
     wheel_inertia_kg_m2,
     wheel_name,
 )
-from foldcar.models.xml_elements import add, document, numbers
+
+
+def add(parent: Element, tag: str, **attributes: str) -> Element:
+    """Append a new element to ``parent`` and return it."""
+    return SubElement(parent, tag, attributes)
+
+
+def numbers(*values: float) -> str:
+    """Numbers as the text of an attribute, separated by spaces."""
+    return " ".join(f"{value + 0.0:.9g}" for value in values)
+
+
+def document(root: Element) -> str:
+    """The text of an XML file with this root, indented."""
+    indent(root)
+    return tostring(root, encoding="unicode") + "\n"
+
 
 ROOT = "base_link"
 # URDF requires a limit of speed, and some programs stop a joint at it: no flexure turns this fast.
@@ -96,9 +112,7 @@ def _add_inertial(link: Element, com: tuple[float, ...], mass: float, inertias: 
     add(inertial, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
 
 
-def _add_shape(
-    link: Element, middle: tuple[float, ...], turn_rad: float, grip: float, shape: str, **size: str
-) -> None:
+def _add_shape(link: Element, middle: tuple[float, ...], turn_rad: float, grip: float, shape: str, **size: str) -> None:
     for purpose in ("visual", "collision"):
         holder = add(link, purpose)
         add(holder, "origin", xyz=numbers(*middle), rpy=numbers(turn_rad, 0, 0))
@@ -116,9 +130,7 @@ def _add_friction(robot: Element, link: Element, grip: float) -> None:
         add(gazebo, name).text = numbers(grip)
 
 
-def _add_joint(
-    robot: Element, name: str, kind: str, parent: str, child: str, place: tuple[float, ...]
-) -> Element:
+def _add_joint(robot: Element, name: str, kind: str, parent: str, child: str, place: tuple[float, ...]) -> Element:
     joint = add(robot, "joint", name=name, type=kind)
     add(joint, "parent", link=parent)
     add(joint, "child", link=child)

@@ -13,8 +13,7 @@ from foldcar.car.assembly.step import Added, AssemblyStep
 from foldcar.car.folded.model import FoldedCar, Mount, Piece, PlacedPiece
 from foldcar.fabrication.assembly.facets import Shape, film_shape, mount_shape
 from foldcar.fabrication.assembly.hidden_surfaces import Vector
-from foldcar.fabrication.assembly.poses import Fraction, Matrix, face_poses, moved
-from foldcar.fabrication.assembly.skin import piece_area_mm2
+from foldcar.fabrication.assembly.solids import Fraction, Matrix, face_poses, moved, piece_area_mm2
 
 PARALLEL = 0.999
 # Layers lie closer than this to the face that they are fixed to.

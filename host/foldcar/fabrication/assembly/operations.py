@@ -220,3 +220,51 @@ def assembly_times() -> Times:
     """The times of ``assembly_times.json``."""
     text = files("foldcar.fabrication.assembly").joinpath("assembly_times.json").read_text(encoding="utf-8")
     return Times.model_validate_json(text)
+
+
+NOTHING = Operations()
+# Kind of operation: singular and plural.
+KINDS = {
+    "piece": ("piece out of the sheet", "pieces out of the sheets"),
+    "fold": ("fold", "folds"),
+    "wind": ("strip wound", "strips wound"),
+    "tape": ("join taped", "joins taped"),
+    "turn": ("disc turned onto its hooks", "discs turned onto their hooks"),
+    "tongue": ("tongue or hook pushed in", "tongues and hooks pushed in"),
+    "part": ("part put in", "parts put in"),
+    "screw": ("screw", "screws"),
+    "nut": ("nut", "nuts"),
+    "plug": ("plug or lead", "plugs and leads"),
+    "weed": ("opening weeded", "openings weeded"),
+}
+
+
+def work_table(done: Operations) -> str:
+    """A section of Markdown: all operations by kind, weeding apart, and the minutes."""
+    low, high = done.minutes_between
+    hands = {kind: count for kind, count in done.counts.items() if count and kind != "weed"}
+    return "\n".join([
+        "## Work by hand",
+        f"{done.total} operations, and {done.weed} openings weeded: about {minutes(done.minutes)} (an estimate: between "
+        f"{low:.0f} and {high:.0f} min; assembly.html has its basis).",
+        "",
+        "| operation | count |",
+        "|---|---:|",
+        *(f"| {KINDS[kind][count != 1]} | {count} |" for kind, count in hands.items()),
+        f"| **together** | **{done.total}** |",
+        f"| {KINDS['weed'][1]}, not counted above | {done.weed} |",
+        "",
+    ])  # fmt: skip
+
+
+def effort(done: Operations) -> str:
+    """Operations and minutes as text."""
+    if not any(done.counts.values()):
+        return ""
+    counts = ", ".join(f"{count} {KINDS[kind][count > 1]}" for kind, count in done.counts.items() if count)
+    return f"{counts}: about {minutes(done.minutes)}"
+
+
+def minutes(value: float) -> str:
+    """Minutes as text."""
+    return f"{value:.0f} min" if value >= 1 else "1 min"

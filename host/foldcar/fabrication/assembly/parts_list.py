@@ -23,7 +23,7 @@ from foldcar.car.parts.mass import assemble
 from foldcar.car.parts.quantity import Bought, Quantity
 from foldcar.car.parts.wheel_parts import Tyre
 from foldcar.fabrication.assembly.operations import is_wound
-from foldcar.fabrication.assembly.skin import piece_area_mm2
+from foldcar.fabrication.assembly.solids import piece_area_mm2
 from foldcar.fabrication.patterns.drawing import Sheet
 
 
@@ -65,10 +65,7 @@ def parts_list_text(folded: FoldedCar, title: str, sheets: Sequence[Sheet] = ())
     """The parts list as Markdown: parts to buy, pieces to cut."""
     rows, film, euro = parts_list(folded, sheets), folded.parts.film, eur_per_usd()
     lines = [f"# Parts of {title}", "", "| part | quantity | mass g | cost USD | |", "|---|---:|---:|---:|---|"]
-    lines += [
-        f"| {row.name} | {_amount(row)} | {row.mass_kg * 1e3:.2f} | {_dollars(row)} | {row.note} |"
-        for row in rows
-    ]
+    lines += [f"| {row.name} | {_amount(row)} | {row.mass_kg * 1e3:.2f} | {_dollars(row)} | {row.note} |" for row in rows]
     lines += [
         f"| **together** | | **{total_mass_kg(rows) * 1e3:.1f}** | **{total_cost_usd(rows):.2f}** | |",
         "",

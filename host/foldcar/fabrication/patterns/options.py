@@ -135,9 +135,7 @@ def options(machine: str, **changes: Any) -> Options:
         raise OptionError(f"--paper {chosen.paper}: not one of {', '.join(PAPERS)}")
     width, height = chosen.sheet_size_mm
     if min(width, height) - 2 * chosen.margin_mm < 1:
-        raise OptionError(
-            f"--margin {chosen.margin_mm:g}: leaves nothing of a sheet of {width:g} x {height:g} mm"
-        )
+        raise OptionError(f"--margin {chosen.margin_mm:g}: leaves nothing of a sheet of {width:g} x {height:g} mm")
     return chosen
 
 

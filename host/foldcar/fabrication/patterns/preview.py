@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from foldcar.fabrication.patterns.drawing import Circle, Path, Point, Shape, Sheet
-from foldcar.fabrication.patterns.layers import LAYERS
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Point, Shape, Sheet
 
 # Pixels of a sheet's longer side, at which the names on pieces can be read; of the picture's sides, at most.
 SHEET_PX = 1300

@@ -14,14 +14,18 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foldcar.fabrication.patterns.drawing import Circle, Path, Shape, Sheet, bounds
-from foldcar.fabrication.patterns.layers import LAYERS
+from foldcar.errors import FoldcarError
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Shape, Sheet, bounds
 from foldcar.fabrication.patterns.options import Options
-from foldcar.fabrication.patterns.reading_error import ReadingError
 from foldcar.fabrication.patterns.tiles import MARK_MM, Tile, printed, tiles
 
 if TYPE_CHECKING:
-    from foldcar.fabrication.patterns.read_pdf import Page
+    from foldcar.fabrication.patterns.pdf import Page
+
+
+class ReadingError(FoldcarError):
+    """A file that is not a valid cutting sheet; the message says why."""
+
 
 # Numbers have four decimals in files, six in PDF points; cutters repeat within 0.1 mm.
 TOLERANCE_MM = 0.01
@@ -73,27 +77,23 @@ def _unheld(outer: Sequence[Path], gap_mm: float) -> list[str]:
 def check_same(meant: Sheet, read: Sheet) -> list[str]:
     """Findings about differences between the intended sheet and the one read: size, and every segment on its layer."""
     findings = []
-    if (
-        abs(read.width_mm - meant.width_mm) > TOLERANCE_MM
-        or abs(read.height_mm - meant.height_mm) > TOLERANCE_MM
-    ):
+    if abs(read.width_mm - meant.width_mm) > TOLERANCE_MM or abs(read.height_mm - meant.height_mm) > TOLERANCE_MM:
         findings.append(
-            f"is {read.width_mm:.2f} x {read.height_mm:.2f} mm large, "
-            f"should be {meant.width_mm:g} x {meant.height_mm:g}"
+            f"is {read.width_mm:.2f} x {read.height_mm:.2f} mm large, should be {meant.width_mm:g} x {meant.height_mm:g}"
         )
     return findings + _differences(meant.shapes, read.shapes)
 
 
 def check_svg(meant: Sheet, text: str, chosen: Options) -> list[str]:
     """Findings about a written SVG."""
-    from foldcar.fabrication.patterns.read_svg import read_svg
+    from foldcar.fabrication.patterns.svg import read_svg
 
     return _read_back(meant, lambda: read_svg(text), chosen)
 
 
 def check_dxf(meant: Sheet, text: str, chosen: Options) -> list[str]:
     """Findings about a written DXF."""
-    from foldcar.fabrication.patterns.read_dxf import read_dxf
+    from foldcar.fabrication.patterns.dxf import read_dxf
 
     return _read_back(meant, lambda: read_dxf(text), chosen)
 
@@ -115,7 +115,7 @@ def _read_back(meant: Sheet, read: Callable[[], Sheet], chosen: Options) -> list
 
 def check_pdf(meant: Sequence[Sheet], binary: bytes, chosen: Options) -> list[str]:
     """Findings about a written PDF: each page must show its window at true scale, and all together the whole sheets."""
-    from foldcar.fabrication.patterns.read_pdf import read_pdf
+    from foldcar.fabrication.patterns.pdf import read_pdf
 
     try:
         pages = read_pdf(binary)

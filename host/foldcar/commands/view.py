@@ -69,14 +69,13 @@ def view(
 def _write(design: "Design", output: Path, run: dict[str, Any] | None, machine: str, sheet: str | None) -> None:
     from foldcar.atomic_file import atomic_file
     from foldcar.fabrication.assembly.live_car import checked_car
-    from foldcar.fabrication.assembly.view_page import Drawing, view_page
+    from foldcar.fabrication.assembly.view_page import view_page
     from foldcar.fabrication.patterns.options import options
     from foldcar.fabrication.patterns.sheets import pattern
-    from foldcar.fabrication.patterns.svg import svg
 
     folded, title = checked_car(design), design.title
     cut = pattern(folded, options(machine, sheet=sheet), title).sheets
-    page = view_page(folded, title, [Drawing(svg(one), one.name) for one in cut], run, film=cut)
+    page = view_page(folded, title, cut, run)
     with atomic_file(output) as binary:
         binary.write(page.encode())
 

@@ -50,7 +50,7 @@ class LiveCar:
             # A draft has no run of its own.
             "drafts": self._run is None,
         }
-        return view_page(car, self.design.title, [], run, live)
+        return view_page(car, self.design.title, (), run, live)
 
     def answer(self, question: Any) -> dict[str, Any]:
         """The car of the values in ``question``, or ``error`` (one line) and ``parameter`` (None: of the whole car)."""

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from foldcar.errors import FoldcarError
+
 LayerName = Literal["LABEL", "QR_CODE", "SCORE", "FOLD_MOUNTAIN", "FOLD_VALLEY", "CUT_INNER", "CUT_OUTER"]
 
 
@@ -60,6 +62,10 @@ LAYERS: dict[LayerName, Layer] = {
 
 
 Point = tuple[float, float]
+
+
+class ReadingError(FoldcarError):
+    """A file that is not a valid cutting sheet; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,7 @@ from ezdxf.entities.lwpolyline import LWPolyline
 from ezdxf.filemanagement import new, read
 from ezdxf.lldxf.const import DXFError
 
-from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Shape, Sheet
-from foldcar.fabrication.patterns.verify import ReadingError
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, ReadingError, Shape, Sheet
 
 
 def dxf(sheet: Sheet) -> str:

@@ -13,9 +13,8 @@ from reportlab import rl_config
 from reportlab.lib.units import mm
 from reportlab.pdfgen.canvas import Canvas
 
-from foldcar.fabrication.patterns.drawing import LAYERS, Circle, LayerName, Path, Point, Shape, Sheet
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, LayerName, Path, Point, ReadingError, Shape, Sheet
 from foldcar.fabrication.patterns.tiles import BLANK_MM, MARK_MM, Tile, printed
-from foldcar.fabrication.patterns.verify import ReadingError
 
 # The colour of registration marks; no layer has it.
 MARK_RGB = (230, 0, 126)

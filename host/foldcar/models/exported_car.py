@@ -18,16 +18,14 @@ def identifier(text: str) -> str:
 
 def car_name(vehicle: str, values: Mapping[str, float | str]) -> str:
     """The name of the listing's vehicle with these parameters (mm, degrees) and parts: ``Foldcar1_width95``."""
-    return "_".join([f"Foldcar{identifier(vehicle)}", *(f"{_letters(key)}{_number(values[key])}" for key in values)])
+    return "_".join(
+        [f"Foldcar{identifier(vehicle)}", *(f"{key.replace('.', '_')}{_number(value)}" for key, value in values.items())]
+    )
 
 
 def scene_name(environment: str, sample: int) -> str:
     """The name of a sampled environment: ``env1_sample3``."""
     return f"env{identifier(environment)}_sample{sample}"
-
-
-def _letters(key: str) -> str:
-    return key.replace(".", "_")
 
 
 def _number(value: float | str) -> str:

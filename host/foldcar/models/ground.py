@@ -1,7 +1,10 @@
-"""The smooth part of a scene's ground as a grid of heights, for engines that support height fields.
+"""The smooth part of a scene's ground as a grid of heights, and how high a level car stands at its start.
 
-Input: a scene (docs/carsim.md) and carsim, which computes the heights, so that the shapes of smooth ground are defined
-once. Output: a HeightGrid over its area, or None if the scene has none.
+Input: body and scene of docs/carsim.md; carsim, which computes the heights, so that shapes of smooth ground are defined
+once. Output: a HeightGrid, or None if nothing is smooth; the height of the car's frame with which it all but touches the
+ground. Tyres are cylinders and bellies boxes, as in the exported models. Against boxes, ramps and half-rounds the height
+is exact across the car, and along it in slices of a 200th of a part; of a height field both ways to split a cell into
+triangles count, because engines differ in them.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""A Webots world (R2023b or later) that contains a car's PROTO.
+"""A Webots world (R2023b or later) that contains a car's PROTO, and its controller's program and drive.
 
 Input: a body and a scene of docs/carsim.md, the grid of the scene's smooth ground. Output: the text of a world file
 for the folder ``worlds/`` beside the PROTO's ``protos/`` and the controller's ``controllers/``. Friction patches are

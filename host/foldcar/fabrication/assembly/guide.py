@@ -43,13 +43,15 @@ def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets:
         title=title,
         facts=facts(folded, sheets),
         rows=parts_list(folded, sheets),
-        finished=finished(folded),
+        finished=Picture(Drawing(whole_car(folded, FROM_FRONT), FROM_FRONT, "The finished car"), "the finished car"),
         steps=steps(folded, cut, machine),
-        upkeep=upkeep(folded),
+        upkeep=Step(
+            "Open, charge, connect, reset", service_lines(folded, service_steps(folded)), service_picture(folded)
+        ),
         total=done.total,
         counts=[(KINDS[kind][count != 1], count) for kind, count in done.counts.items() if count and kind != "weed"],
         weeded=done.weed,
-        seconds=[(KINDS[kind][0], f"{quantity.value:g}") for kind, quantity in assembly_times().of_kinds().items()],
+        seconds=[(KINDS[kind][0], f"{assembly_times()[f'{kind}_s'].value:g}") for kind in done.counts],
         minutes=minutes(done.minutes),
         low=f"{low:.0f}",
         high=f"{high:.0f}",
@@ -70,17 +72,6 @@ def steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
         title = f"{step.title} ({repeated} times)" if repeated > 1 else step.title
         found.append(Step(title, lines, step_pictures(step, state, step.title), done))
     return found
-
-
-def upkeep(folded: FoldedCar) -> Step:
-    """How the finished car is opened, charged, connected and reset."""
-    lines = service_lines(folded, service_steps(folded))
-    return Step("Open, charge, connect, reset", lines, service_picture(folded))
-
-
-def finished(folded: FoldedCar) -> Picture:
-    """A picture of the whole car."""
-    return Picture(Drawing(whole_car(folded, FROM_FRONT), FROM_FRONT, "The finished car"), "the finished car")
 
 
 ABOVE = camera(-90, 90)

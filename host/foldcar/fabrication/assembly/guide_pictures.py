@@ -1,6 +1,7 @@
 """The pictures of a step and of the service: what is there already is pale, what goes in has an arrow along its way.
 
-Input: a step and the State after it; a FoldedCar. Output: Pictures.
+Input: a step and the State after it; a FoldedCar. Output: Pictures. Parts that come from one side onto each other stand
+apart in a row, in the order of the step; a nut stands on its own side.
 """
 
 from collections.abc import Sequence
@@ -22,7 +23,7 @@ from foldcar.fabrication.assembly.facets import Shape, shank_and_nut, together
 from foldcar.fabrication.assembly.guide_state import Part, State, key
 from foldcar.fabrication.assembly.guide_words import reached_word
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, Vector, camera
-from foldcar.fabrication.assembly.operations import NOTHING, Operations, effort, is_screw, is_wound
+from foldcar.fabrication.assembly.operations import KINDS, NOTHING, Operations, is_screw, is_wound, minutes
 from foldcar.fabrication.assembly.solids import Fraction, Matrix, face_poses, glued_offset_mm, moved
 
 # Open lids stand on the left, so that most is seen from the right.
@@ -62,7 +63,8 @@ class Step:
     @property
     def effort(self) -> str:
         """What is done in it and how long that takes, as text; "" for nothing to do."""
-        return effort(self.done)
+        counts = [f"{count} {KINDS[kind][count > 1]}" for kind, count in self.done.counts.items() if count]
+        return f"{', '.join(counts)}: about {minutes(self.done.minutes)}" if counts else ""
 
 
 def step_pictures(step: AssemblyStep, state: State, title: str) -> tuple[Picture, ...]:

@@ -14,7 +14,7 @@ from foldcar.car.design import Design, DesignError, compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
 from foldcar.car.modules import parameters
-from foldcar.car.parts.choices import OPTIONS, PartError
+from foldcar.car.parts.choices import OPTIONS
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.assembly.view_data import view_data
@@ -43,8 +43,9 @@ class LiveCar:
         """The page, with the design that the command names. FoldcarError if it cannot be built."""
         car = checked_car(self.design)
         run = self._run(self.design) if self._run else None
+        choices = [{"key": kind, "help": f"part chosen as {kind}", "options": list(of)} for kind, of in OPTIONS.items()]
         live = {
-            "parameters": [*self._sliders(), *_choices()],
+            "parameters": [*self._sliders(), *choices],
             "values": _settings(self.design),
             "command": self._command(self.design),
             # A draft has no run of its own.
@@ -64,12 +65,9 @@ class LiveCar:
         try:
             design = self._composed(question)
             return {**make(design), "title": design.title, "command": self._command(design)}
-        except DesignError as error:
-            return {"error": _one_line(error), "parameter": error.parameter}
-        except PartError as error:
-            return {"error": _one_line(error), "parameter": error.kind}
         except FoldcarError as error:
-            return {"error": _one_line(error), "parameter": None}
+            at_fault = error.parameter if isinstance(error, DesignError) else getattr(error, "kind", None)
+            return {"error": "; ".join(error.lines()), "parameter": at_fault}
 
     def _made(self, design: Design) -> dict[str, Any]:
         car = checked_car(design)
@@ -110,11 +108,6 @@ class LiveCar:
         return shlex.join([*self._words, *settings, "-o", "car"])
 
 
-def _choices() -> list[dict[str, Any]]:
-    """The kinds of parts and their names."""
-    return [{"key": kind, "help": f"part chosen as {kind}", "options": list(names)} for kind, names in OPTIONS.items()]
-
-
 def _settings(design: Design) -> dict[str, float | str]:
     """Values (mm, degrees) by parameter and names of parts by kind."""
     return {**design.values, **asdict(design.choices)}
@@ -133,7 +126,3 @@ def checked_car(design: Design) -> FoldedCar:
         more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
         raise FoldcarError(f"{findings[0]}{more}")
     return car
-
-
-def _one_line(error: FoldcarError) -> str:
-    return "; ".join(error.lines())

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import TypeAdapter
 
 from foldcar.car.assembly.order import assembly_steps
 from foldcar.car.assembly.step import AssemblyStep
@@ -24,29 +24,6 @@ TAPED = ("lap", "tab", "laminate")
 PUSHED = ("tab_slot", "lock", "rim")
 # A servo's lead, a lead in a terminal, one board on another; the computer's cable belongs to driving.
 PLUGGED = ("signal", "supply", "stack")
-
-
-class Times(BaseModel):
-    """Seconds of practised work for one operation of each kind; ``pace`` is that of a first build over it."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    pace: Quantity
-    piece_s: Quantity
-    fold_s: Quantity
-    wind_s: Quantity
-    tape_s: Quantity
-    tongue_s: Quantity
-    turn_s: Quantity
-    part_s: Quantity
-    screw_s: Quantity
-    nut_s: Quantity
-    plug_s: Quantity
-    weed_s: Quantity
-
-    def of_kinds(self) -> dict[str, Quantity]:
-        """The seconds of each kind, by its name in Operations."""
-        return {kind: getattr(self, f"{kind}_s") for kind in Operations.__dataclass_fields__}
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,20 +59,21 @@ class Operations:
     @property
     def minutes(self) -> float:
         """The estimate."""
-        return self._seconds() * assembly_times().pace.value / 60
+        return self._seconds() * assembly_times()["pace"].value / 60
 
     @property
     def minutes_between(self) -> tuple[float, float]:
         """The estimate's interval: the tolerances of pace and of every kind's seconds as independent errors."""
         times = assembly_times()
-        errors = [count * times.of_kinds()[kind].tolerance for kind, count in self.counts.items()]
+        errors = [count * times[f"{kind}_s"].tolerance for kind, count in self.counts.items()]
         seconds = self._seconds()
-        share = math.hypot(times.pace.tolerance / times.pace.value, math.hypot(*errors) / seconds) if seconds else 0.0
+        share = (
+            math.hypot(times["pace"].tolerance / times["pace"].value, math.hypot(*errors) / seconds) if seconds else 0.0
+        )
         return self.minutes * (1 - share), self.minutes * (1 + share)
 
     def _seconds(self) -> float:
-        seconds = assembly_times().of_kinds()
-        return sum(count * seconds[kind].value for kind, count in self.counts.items())
+        return sum(count * assembly_times()[f"{kind}_s"].value for kind, count in self.counts.items())
 
 
 def operations(car: FoldedCar, cut: CutCar) -> Operations:
@@ -216,10 +194,10 @@ def _on_wheels(car: FoldedCar) -> set[str]:
 
 
 @cache
-def assembly_times() -> Times:
-    """The times of ``assembly_times.json``."""
+def assembly_times() -> dict[str, Quantity]:
+    """Seconds of practised work for an operation of each kind, as ``fold_s``; ``pace`` of a first build over it."""
     text = files("foldcar.fabrication.assembly").joinpath("assembly_times.json").read_text(encoding="utf-8")
-    return Times.model_validate_json(text)
+    return TypeAdapter(dict[str, Quantity]).validate_json(text)
 
 
 NOTHING = Operations()
@@ -255,14 +233,6 @@ def work_table(done: Operations) -> str:
         f"| {KINDS['weed'][1]}, not counted above | {done.weed} |",
         "",
     ])  # fmt: skip
-
-
-def effort(done: Operations) -> str:
-    """Operations and minutes as text."""
-    if not any(done.counts.values()):
-        return ""
-    counts = ", ".join(f"{count} {KINDS[kind][count > 1]}" for kind, count in done.counts.items() if count)
-    return f"{counts}: about {minutes(done.minutes)}"
 
 
 def minutes(value: float) -> str:

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from shapely import Polygon
 
 from foldcar.car.folded.folding import edge, folded
-from foldcar.car.folded.model import Crease, Face, FoldedCar, Mount, Piece, Point
+from foldcar.car.folded.model import Crease, Face, FoldedCar, Mount, Piece
+from foldcar.car.folded.weight import net_area_mm2
 
 Matrix = NDArray[np.float64]
 
@@ -199,12 +200,7 @@ def _offset(normals: list[NDArray[np.float64]], distance_mm: float) -> NDArray[n
 
 def piece_area_mm2(piece: Piece) -> float:
     """Area of film in one copy of the piece (mm²)."""
-    return sum(_area(face.outline_mm) - sum(_area(hole.outline_mm) for hole in face.holes) for face in piece.faces)
-
-
-def _area(ring: tuple[Point, ...]) -> float:
-    x, y = np.array(ring).T
-    return float(abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2)
+    return sum(net_area_mm2(face) for face in piece.faces)
 
 
 Material = Literal["film", "tyre", "servo", "board", "battery", "other"]

@@ -6,7 +6,6 @@ folding (docs/patterns.md).
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -39,12 +38,11 @@ def view_data(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None) 
     parts = []
     for placed in folded.placed:
         piece = folded.pieces[index[placed.piece]]
-        hinge = hinge_crease(folded, placed)
         parts.append({
             "piece": index[placed.piece],
             "name": (piece.label or piece.name) + (f" {placed.copy + 1}" if piece.count > 1 else ""),
             "layer": placed.piece in layers,
-            "hinge": asdict(hinge) if hinge else None,
+            "hinge": _hinge(folded, placed),
             **_part(placed.body, placed.pose, steps, ("piece", placed.piece, placed.copy)),
         })  # fmt: skip
     for mount, kind in mounts:
@@ -164,17 +162,8 @@ def _numbers(pose: Pose) -> list[float]:
     return [round(value, 6) for row in pose for value in row]
 
 
-@dataclass(frozen=True)
-class HingeCrease:
-    """The crease before face number ``face`` has ``sign`` times the angle (rad) of that ``hinge``, counted from 0."""
-
-    face: int
-    hinge: int
-    sign: int
-
-
-def hinge_crease(car: FoldedCar, placed: PlacedPiece) -> HingeCrease | None:
-    """The flexure of that copy of a piece, or None."""
+def _hinge(car: FoldedCar, placed: PlacedPiece) -> dict[str, int] | None:
+    """The flexure of a copy of a piece: the crease before that face has the sign times the hinge's angle; or None."""
     piece = next(piece for piece in car.pieces if piece.name == placed.piece)
     crease = next((crease for crease in piece.creases if crease.flexure), None)
     if crease is None or not car.hinges:
@@ -187,7 +176,7 @@ def hinge_crease(car: FoldedCar, placed: PlacedPiece) -> HingeCrease | None:
     # in the car: the front by its nose, the rear by its tail.
     sign = 1 if pose[2, 2] > 0 else -1
     number = [face.name for face in piece.faces].index(crease.child.face)
-    return HingeCrease(number, distances.index(min(distances)), sign)
+    return {"face": number, "hinge": distances.index(min(distances)), "sign": sign}
 
 
 GAP_MM = 12.0

@@ -1,7 +1,7 @@
-"""The wiring as text: servo and direction of each output of the servo driver, the supplies, the length of every lead.
+"""The wiring: servo and direction of each output of the servo driver, the supplies, the length of every lead.
 
-Input: a FoldedCar. Output: Markdown. Outputs count from 0 as on the board, channels from 1 as in the firmware's
-parameter names.
+Input: a FoldedCar. Output: Markdown; a drawing as SVG, in millimetres of a page, the car's front up. Outputs count from 0
+as on the board, channels from 1 as in the firmware's parameter names.
 """
 
 import html

@@ -1,6 +1,9 @@
 """The geometry of a sheet: polylines and circles on layers, in millimetres, x right and y up from a corner.
 
-Writers take it and readers of the written files return it, so that both can be compared.
+Writers take it and readers of the written files return it, so that both can be compared. Names, colours and line weights
+of layers are equal in all file formats. Their colours are those of LightBurn's palette (docs.lightburnsoftware.com, Color
+Palette), which so gives each layer its own settings, and Origami Simulator's: mountain red, valley blue, outline black.
+Layers are written in the order of cutting: outlines last, so that pieces do not move before.
 """
 
 import itertools

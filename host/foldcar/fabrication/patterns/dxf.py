@@ -1,4 +1,4 @@
-"""Writes a sheet as DXF R2010 in millimetres."""
+"""Writes a sheet as DXF R2010 in millimetres, and reads it back with ezdxf."""
 
 import io
 import itertools

@@ -1,6 +1,9 @@
 """Places a piece's name and its joins' numbers: upright, inside the film, clear of cuts, folds and each other.
 
-Input: a FlatPiece and its marks. Output: strokes on the layer LABEL in the piece's frame, and texts that did not fit.
+Input: a FlatPiece and its FoldedCar. Output: strokes on the layer LABEL in the piece's frame, and texts that did not fit.
+A join has its number beside both edges; the teeth of a rim share one, which is written once on the disc and once on the
+strip. Where layers are laid onto a face, each place has the number. Texts are single strokes for pens and engraving
+beams, Hershey's simplex roman ("futural"); missing characters are drawn as "?".
 """
 
 import math
@@ -56,7 +59,7 @@ def label_paths(
     # Numbers first, because they have fewer possible places than the name.
     for mark in marks:
         room = free if mark.within is None else free.intersection(mark.within)
-        found = _first_fit(room, mark.text, _beside_edge(mark, turn), NUMBER_HEIGHTS_MM)
+        found = _first_fit(room, mark.text, list(_beside_edges(mark, turn)), NUMBER_HEIGHTS_MM)
         if found is None:
             missing.append(mark.text)
             continue
@@ -116,28 +119,16 @@ def _upright(angle: float) -> float:
     return angle + math.pi if angle < -math.pi / 2 + 1e-6 else angle
 
 
-def _beside_edge(mark: EdgeMark, turn: float) -> list[_Place]:
+def _beside_edges(mark: EdgeMark, turn: float) -> Iterator[_Place]:
     """Places along each edge, from its middle outwards; then farther inside."""
-    places = []
-    for edge in mark.edges:
-        places += _beside(edge, turn)
-    return places
-
-
-def _beside(edge: tuple[Point, Point], turn: float) -> list[_Place]:
-    (ax, ay), (bx, by) = edge
-    length = math.hypot(bx - ax, by - ay)
-    inward = (-(by - ay) / length, (bx - ax) / length)
-    angle = _upright(math.atan2(by - ay, bx - ax) + turn) - turn
-    places = []
-    for deeper in (1.2, 0.0, 3.0, 6.0):
-        for share in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9):
-            point = (
-                ax + share * (bx - ax) + deeper * inward[0],
-                ay + share * (by - ay) + deeper * inward[1],
-            )
-            places.append(_Place(point, angle, inward))
-    return places
+    for (ax, ay), (bx, by) in mark.edges:
+        length = math.hypot(bx - ax, by - ay)
+        inward = (-(by - ay) / length, (bx - ax) / length)
+        angle = _upright(math.atan2(by - ay, bx - ax) + turn) - turn
+        for deep in (1.2, 0.0, 3.0, 6.0):
+            for share in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9):
+                point = (ax + share * (bx - ax) + deep * inward[0], ay + share * (by - ay) + deep * inward[1])
+                yield _Place(point, angle, inward)
 
 
 def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:

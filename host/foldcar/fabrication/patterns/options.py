@@ -7,7 +7,7 @@ a machine stands in ``machines.json``: its preset, its sheets, how its program t
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -80,26 +80,16 @@ class Machine:
     """
 
     preset: Options
-    sheets: tuple[str, ...]
+    sheets: Sequence[str]
     program: str
     files: Literal["svg", "dxf", "pdf", "lbrn2"]
-    steps: tuple[str, ...]
+    source: str
+    steps: Sequence[str]
     actions: Mapping[str, str]
 
 
-def _machine(name: str, data: dict[str, Any]) -> Machine:
-    return Machine(
-        Options(name, **data["options"]),
-        tuple(data["sheets"]),
-        data["program"],
-        data["files"],
-        tuple(data["steps"]),
-        data["actions"],
-    )
-
-
 _DATA = json.loads(Path(__file__).with_name("machines.json").read_text(encoding="utf-8"))
-MACHINES: dict[str, Machine] = {name: _machine(name, data) for name, data in _DATA.items()}
+MACHINES = {name: Machine(Options(name, **data.pop("options")), **data) for name, data in _DATA.items()}
 
 # Minimum and maximum of each number, and the quantity it limits.
 LIMITS = {

@@ -1,13 +1,16 @@
-"""Writes sheets as PDF at true scale, tiled on A4 or letter pages with registration marks."""
+"""Writes sheets as PDF at true scale, tiled on A4 or letter pages with registration marks, and reads it back with pypdf.
+
+Layers are identified by their colours. Only the operators that patterns contain are read: stroked lines and circles in
+device colours, one clipping rectangle a page; text is skipped.
+"""
 
 import io
-import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pypdf import PdfReader
+import numpy as np
+from pypdf import PdfReader, Transformation
 from pypdf.errors import PyPdfError
 from reportlab import rl_config
 from reportlab.lib.units import mm
@@ -116,18 +119,6 @@ def read_pdf(binary: bytes) -> list[Page]:
         raise ReadingError(f"not PDF: {error}") from error
 
 
-def _times(a: Matrix, b: Matrix) -> Matrix:
-    """The product: ``a`` is applied first."""
-    return (
-        a[0] * b[0] + a[1] * b[2],
-        a[0] * b[1] + a[1] * b[3],
-        a[2] * b[0] + a[3] * b[2],
-        a[2] * b[1] + a[3] * b[3],
-        a[4] * b[0] + a[5] * b[2] + b[4],
-        a[4] * b[1] + a[5] * b[3] + b[5],
-    )
-
-
 class _Interpreter:
     """Interprets the operators of one page."""
 
@@ -166,7 +157,7 @@ class _Interpreter:
             self.matrix, self.colour = self.stack.pop()
         elif name == "cm":
             a, b, c, d, e, f = operands
-            self.matrix = _times((a, b, c, d, e, f), self.matrix)
+            self.matrix = Transformation((a, b, c, d, e, f)).transform(Transformation(self.matrix)).ctm
         elif name in ("RG", "rg"):
             if name == "RG":
                 red, green, blue = (round(255 * value) for value in operands)
@@ -218,14 +209,12 @@ def _circle(layer: LayerName, part: list[Any]) -> Circle:
     curves = [points for kind, points in part if kind == "c"]
     if len(curves) != 4:
         raise ReadingError(f"has a curve on {layer} that is not a circle")
-    starts = [part[0][1][0], *(points[2] for points in curves)]
-    ends = starts[1:]
-    center = (sum(x for x, _ in ends) / 4, sum(y for _, y in ends) / 4)
-    radius = math.dist(center, ends[0])
-    middles = [
-        tuple((a[i] + 3 * c[0][i] + 3 * c[1][i] + c[2][i]) / 8 for i in (0, 1))
-        for a, c in zip(itertools.chain(starts[:4]), curves, strict=True)
-    ]
-    if any(abs(math.dist(center, p) - radius) > ARC_ERROR * radius + 1e-4 for p in [*starts, *middles]):
+    controls = np.array(curves)
+    ends = controls[:, 2]
+    starts, center = np.vstack([part[0][1], ends[:-1]]), ends.mean(axis=0)
+    radius = float(np.linalg.norm(ends[0] - center))
+    middles = (starts + 3 * controls[:, 0] + 3 * controls[:, 1] + ends) / 8
+    distances = np.linalg.norm(np.concatenate([starts, ends, middles]) - center, axis=1)
+    if np.abs(distances - radius).max() > ARC_ERROR * radius + 1e-4:
         raise ReadingError(f"has a curve on {layer} that is not a circle")
-    return Circle(layer, center, radius)
+    return Circle(layer, (float(center[0]), float(center[1])), radius)

@@ -7,7 +7,7 @@ not fit on a sheet.
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import segno
@@ -181,28 +181,16 @@ def pattern(folded: FoldedCar, chosen: Options, title: str, command: str = "") -
 
 def pattern_of(cut: CutCar, chosen: Options, title: str, command: str = "") -> Pattern:
     """The sheets of a car whose pieces are split already; NestingError."""
-    missing: dict[str, None] = {}
     films = {piece.label: film for piece in cut.pieces if (film := narrowest_film(piece, chosen)) is not None}
     narrow = [f"{label}: {_narrow(film)}" for label, film in films.items() if film.narrow]
 
-    def draw(index: int, turn: int) -> list[Shape]:
-        piece = cut.pieces[index]
-        shapes, unlabelled = piece_shapes(piece, chosen, join_marks(piece, cut.car, cut.whole), turn)
-        missing.update(dict.fromkeys(unlabelled))
-        return shapes
-
-    of_car = cut.car.parts.film
-    laid = [
-        LaidPiece(piece.label, outer_cut(piece, chosen.kerf_mm), piece.count, film_of(of_car, piece.thickness_mm).title)
-        for piece in cut.pieces
-    ]
     try:
-        sheets, unmarked = lay_out(laid, draw, chosen, title, command)
+        sheets, unmarked = _lay_out(cut, chosen, title, command)
     except NestingError as error:
         raise NestingError(f"{error}; {_advice(cut.car, chosen)}") from error
     least = min((film.width_mm for film in films.values()), default=math.inf)
     torn = tuple(f"{label}: {_narrow(film)}" for label, film in films.items() if film.width_mm < TORN_FILM_MM)
-    return Pattern(title, cut.pieces, sheets, (*narrow, *missing, *unmarked), chosen, of_car, least, torn)
+    return Pattern(title, cut.pieces, sheets, (*narrow, *unmarked), chosen, cut.car.parts.film, least, torn)
 
 
 def _narrow(film: Film) -> str:
@@ -218,47 +206,36 @@ def _advice(car: FoldedCar, chosen: Options) -> str:
     return advice(lambda other: all_fit(outlines(other), other), whole, chosen)
 
 
-@dataclass(frozen=True, slots=True)
-class LaidPiece:
-    """A piece to lay out: ``outline`` with the kerf (mm), ``count`` copies, the title of its ``film``."""
-
-    label: str
-    outline: Polygon
-    count: int
-    film: str
-
-
-def lay_out(
-    pieces: Sequence[LaidPiece], draw: Callable[[int, int], list[Shape]], chosen: Options, title: str, command: str = ""
-) -> tuple[tuple[Sheet, ...], list[str]]:
-    """Pieces nested on sheets of their films, and warnings about sheets without a reference bar or QR code. NestingError.
-
-    ``draw(index, quarter_turns)`` returns a piece's shapes in its own frame, texts upright after the turns.
-    """
+def _lay_out(cut: CutCar, chosen: Options, title: str, command: str) -> tuple[tuple[Sheet, ...], list[str]]:
+    """The pieces nested on sheets of their films, and warnings: labels, reference bars, QR codes without room."""
     width, height = chosen.sheet_size_mm
+    titles = [film_of(cut.car.parts.film, piece.thickness_mm).title for piece in cut.pieces]
     # As many lines as with the longest numbers.
-    title_mm = title_size_mm(max(len(_title_lines(title, "99 of 99", piece.film, command, chosen)) for piece in pieces))
+    title_mm = title_size_mm(max(len(_title_lines(title, "99 of 99", film, command, chosen)) for film in titles))
     code_mm = code_size_mm(command) if command else 0.0
     films: list[str] = []
     boxes: list[tuple[Motion | None, Motion | None]] = []
     on_sheets: list[list[Iterable[Shape]]] = []
-    drawn: dict[tuple[int, int], list[Shape]] = {}
-    for film in dict.fromkeys(piece.film for piece in pieces):
-        of_film = [(index, piece) for index, piece in enumerate(pieces) if piece.film == film]
-        listed = [(piece.label, piece.outline, piece.count) for _, piece in of_film]
+    missing: dict[str, None] = {}
+    for film in dict.fromkeys(titles):
+        pieces = [piece for piece, of in zip(cut.pieces, titles, strict=True) if of == film]
+        listed = [(piece.label, outer_cut(piece, chosen.kerf_mm), piece.count) for piece in pieces]
         nested = nest(listed, (width, height), chosen.margin_mm, chosen.gap_mm, title_mm, (code_mm, code_mm))
         first = len(on_sheets)
         boxes += zip(nested.titles, nested.boxes, strict=True)
         films += [film] * len(nested.titles)
         on_sheets += [[] for _ in nested.titles]
-        for (index, _), copies in zip(of_film, nested.placements, strict=True):
+        for piece, copies in zip(pieces, nested.placements, strict=True):
+            drawn: dict[int, list[Shape]] = {}
             for copy in copies:
-                key = (index, copy.motion.quarter_turns)
-                if key not in drawn:
-                    drawn[key] = draw(*key)
-                on_sheets[first + copy.sheet].append([shape.moved(copy.motion) for shape in drawn[key]])
+                turn = copy.motion.quarter_turns
+                if turn not in drawn:
+                    marks = join_marks(piece, cut.car, cut.whole)
+                    drawn[turn], unlabelled = piece_shapes(piece, chosen, marks, turn)
+                    missing |= dict.fromkeys(unlabelled)
+                on_sheets[first + copy.sheet].append([shape.moved(copy.motion) for shape in drawn[turn]])
     count = len(on_sheets)
-    warnings = []
+    warnings = list(missing)
     for index, (titled, free) in enumerate(boxes):
         if titled is not None:
             lines = _title_lines(title, f"{index + 1} of {count}", films[index], command, chosen)

@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, ReadingError, Shape, Sheet, bounds
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Motion, Path, ReadingError, Shape, Sheet, bounds
 from foldcar.fabrication.patterns.options import Options
 from foldcar.fabrication.patterns.pdf import Page, read_pdf
 from foldcar.fabrication.patterns.tiles import MARK_MM, Tile, printed, tiles
@@ -106,7 +106,7 @@ def _check_page(page: Page, shown: Sheet, tile: Tile) -> list[str]:
         findings.append(f"is {page.width_mm:.2f} x {page.height_mm:.2f} mm large")
     if math.dist(page.clip_mm, window) > TOLERANCE_MM:
         findings.append("shows another part of the sheet")
-    findings += _differences([_shifted(shape, dx, dy) for shape in shown.shapes], page.shapes)
+    findings += _differences([shape.moved(Motion(0, (dx, dy))) for shape in shown.shapes], page.shapes)
     half = MARK_MM / 2
     marks = [((x - half + dx, y + dy), (x + half + dx, y + dy)) for x, y in tile.marks_mm]
     marks += [((x + dx, y - half + dy), (x + dx, y + half + dy)) for x, y in tile.marks_mm]
@@ -131,12 +131,6 @@ def _check_cover(sheet: Sheet, windows: Sequence[Tile]) -> list[str]:
         if reached < length - 1e-6:
             findings.append(f"{sheet.name}: the pages end at {reached:.1f} of {length:g} mm")
     return findings
-
-
-def _shifted(shape: Shape, dx: float, dy: float) -> Shape:
-    if isinstance(shape, Circle):
-        return Circle(shape.layer, (shape.center_mm[0] + dx, shape.center_mm[1] + dy), shape.radius_mm)
-    return Path(shape.layer, tuple((x + dx, y + dy) for x, y in shape.points_mm), shape.closed)
 
 
 def _doubled(shapes: Iterable[Shape]) -> Iterator[str]:

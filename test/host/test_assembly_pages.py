@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import shapely
 
+from cut_samples import placed_box
 from foldcar.car.assembly.order import assembly_steps
 from foldcar.car.body import body_json
 from foldcar.car.design import Design, compose
@@ -29,7 +30,6 @@ from foldcar.fabrication.assembly.wiring import OE_GPIO, wiring_drawing, wiring_
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car, pattern
-from folded_box import folded_box
 from page_check import page_findings
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -292,7 +292,7 @@ def test_whole_car_is_drawn_without_what_is_inside() -> None:
 
 
 def test_box_of_a_mount_has_three_visible_sides() -> None:
-    (servo,) = folded_box().mounts
+    (servo,) = placed_box().mounts
 
     seen = seen_facets(mount_shape(servo).facets, camera(30, 30))
 
@@ -307,7 +307,7 @@ def test_box_of_a_mount_has_three_visible_sides() -> None:
 
 
 def test_view_page_is_one_file() -> None:
-    page = view_page(folded_box(), "a box", [Sheet("sheet", 10, 10, ())])
+    page = view_page(placed_box(), "a box", [Sheet("sheet", 10, 10, ())])
 
     assert "</script><" not in page.replace("</script>\n", "")
     assert not re.search(r'<(script|link|img)[^>]*(src|href)=', page)

@@ -34,12 +34,6 @@ def numbers(*values: float) -> str:
     return " ".join(f"{value + 0.0:.9g}" for value in values)
 
 
-def document(root: Element) -> str:
-    """The text of an XML file with this root, indented."""
-    indent(root)
-    return tostring(root, encoding="unicode") + "\n"
-
-
 ROOT = "base_link"
 # URDF requires a limit of speed, and some programs stop a joint at it: no flexure turns this fast.
 FREE_RAD_S = 1000.0
@@ -72,7 +66,8 @@ def urdf(body: Mapping[str, Any], name: str) -> str:
             add(joint, "dynamics", damping=numbers(hinge["damping_n_m_s_rad"]))
     for wheel in body["wheels"]:
         _add_wheel(robot, body, wheel)
-    return '<?xml version="1.0"?>\n' + document(robot)
+    indent(robot)
+    return f'<?xml version="1.0"?>\n{tostring(robot, encoding="unicode")}\n'
 
 
 def _add_wheel(robot: Element, body: Mapping[str, Any], wheel: Mapping[str, Any]) -> None:

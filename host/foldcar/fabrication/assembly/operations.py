@@ -102,20 +102,23 @@ def by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
     before: dict[str, dict[str, float]] = {}
     pieces = {piece.name: piece for piece in car.pieces}
     mounts = {mount.name: mount for mount in car.mounts}
+    nutted = {part.name for _, part in car.parts if isinstance(part, Screw) and part.nut_width_mm}
     found = []
     for step in assembly_steps(car):
         folded = [pieces[name] for name in step.folds]
         joins = [join for join in car.joins if join.number in step.joins for _ in range(_times(car, join))]
         parts = [mounts[added.name] for added in step.adds if added.kind == "mount"]
+        # The LiPo alone is laid onto tape: pads are sticky themselves. The wires are plugs.
         done = Operations(
             fold=sum(piece.count * len(closing(step, before, piece)) for piece in folded),
             wind=sum(piece.count for piece in folded if is_wound(piece)),
-            tape=sum(join.kind in TAPED for join in joins) + sum(is_taped(car.parts, mount) for mount in parts),
+            tape=sum(join.kind in TAPED for join in joins) + sum(mount.part == car.parts.lipo.name for mount in parts),
             tongue=sum(join.kind in PUSHED for join in joins),
             turn=sum(_times(car, join) for join in turned(car, step)),
-            part=sum(is_put_in(car.parts, mount) for mount in parts) + sum(added.kind == "unit" for added in step.adds),
+            part=sum(not is_screw(car.parts, mount) and mount.part != car.parts.wiring.name for mount in parts)
+            + sum(added.kind == "unit" for added in step.adds),
             screw=sum(is_screw(car.parts, mount) for mount in parts),
-            nut=sum(has_nut(car.parts, mount) for mount in parts),
+            nut=sum(mount.part in nutted for mount in parts),
             plug=len(plugs_in(car, step)),
         )
         for name, creases in step.folds.items():
@@ -161,21 +164,6 @@ def turned(car: FoldedCar, step: AssemblyStep) -> list[Join]:
 def is_screw(parts: Catalogue, mount: Mount) -> bool:
     """Whether the part is a screw, with or without a nut."""
     return mount.part in {part.name for _, part in parts if isinstance(part, Screw)}
-
-
-def has_nut(parts: Catalogue, mount: Mount) -> bool:
-    """Whether the part is a screw with a nut, which is put on by itself."""
-    return any(mount.part == part.name and part.nut_width_mm for _, part in parts if isinstance(part, Screw))
-
-
-def is_taped(parts: Catalogue, mount: Mount) -> bool:
-    """Whether the part is laid onto a strip of tape; pads are sticky themselves."""
-    return mount.part == parts.lipo.name
-
-
-def is_put_in(parts: Catalogue, mount: Mount) -> bool:
-    """Whether the part is put in by itself: it is no screw, nor the wires, which are plugs."""
-    return not is_screw(parts, mount) and mount.part != parts.wiring.name
 
 
 def _by_hand(piece: Piece) -> list[Crease]:

@@ -118,7 +118,15 @@ TEXT_MM = 2.0
 
 def coupon(chosen: Options, parts: Catalogue) -> Sheet:
     """The coupon for the film of a car with these parts."""
-    rows = [[_bar()], [_slots(parts), _square()], [_folds(chosen), _tongue()], [_window()]]
+    window = Polygon(box(0, 0, 30, 34).exterior, [box(5, 5, 25, 25).exterior])
+    # The width of the tongue is that of slots without clearance.
+    tongue = Polygon([(0, 0), (30, 0), (30, 8), (20, 8), (20, 20), (10, 20), (10, 8), (0, 8)])
+    rows = [
+        [(_piece("bar", box(0, 0, 100, 8)), _text("100 mm", 50, 3))],
+        [_slots(parts), (_piece("square", box(0, 0, 20, 20)), _text("20 mm", 10, 9))],
+        [_folds(chosen), (_piece("tongue", tongue), _text("10 mm", 15, 3.0))],
+        [(_piece("window", window), _text("kerf", 15, 28.5))],
+    ]
     margin = chosen.margin_mm
     lines = wrapped([f"{REFERENCE_MM:g} mm  coupon  {parts.film.title}, {chosen.machine}, kerf {chosen.kerf_mm:g} mm"])
     groups: list[tuple[Shape, ...]] = [tuple(shape.moved(Motion(0, (margin, margin))) for shape in title_shapes(lines))]
@@ -176,21 +184,3 @@ def _slots(parts: Catalogue) -> tuple[FlatPiece, list[Shape]]:
         holes.append(box(middle - half, 7, middle + half, 7 + wide).exterior)
         marks += _text(f"+{clearance:g}", middle, 10.5)
     return _piece("slots", Polygon(outline.exterior, holes)), marks
-
-
-def _tongue() -> tuple[FlatPiece, list[Shape]]:
-    grip = 8.0
-    points = [(0, 0), (30, 0), (30, grip), (20, grip), (20, grip + 12), (10, grip + 12), (10, grip), (0, grip)]
-    return _piece("tongue", Polygon(points)), _text("10 mm", 15, 3.0)
-
-
-def _window() -> tuple[FlatPiece, list[Shape]]:
-    return _piece("window", Polygon(box(0, 0, 30, 34).exterior, [box(5, 5, 25, 25).exterior])), _text("kerf", 15, 28.5)
-
-
-def _square() -> tuple[FlatPiece, list[Shape]]:
-    return _piece("square", box(0, 0, 20, 20)), _text("20 mm", 10, 9)
-
-
-def _bar() -> tuple[FlatPiece, list[Shape]]:
-    return _piece("bar", box(0, 0, 100, 8)), _text("100 mm", 50, 3)

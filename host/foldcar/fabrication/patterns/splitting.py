@@ -40,61 +40,48 @@ def as_cut(car: FoldedCar, chosen: Options) -> FoldedCar:
     numbers = itertools.count(max((join.number for join in joins), default=0) + 1)
     depth = car.parts.assembly.lap_flap_mm.value
     for piece in car.pieces:
-        parts = _parts_along(piece, chosen, numbers, depth)
-        pieces += [part.piece for part in parts]
-        if len(parts) == 1:
-            continue
-        home = {face.name: part.piece.name for part in parts for face in part.piece.faces}
-        joins = [
-            replace(
-                join,
-                piece_a=home[join.a.face] if join.piece_a == piece.name else join.piece_a,
-                piece_b=home[join.b.face] if join.piece_b == piece.name else join.piece_b,
-            )
-            for join in joins
-        ]
-        joins += [
-            replace(part.join, piece_a=home[part.join.a.face], piece_b=home[part.join.b.face])
-            for part in parts
-            if part.join is not None
-        ]
+        parts, new = _parts_along(piece, chosen, numbers, depth)
+        pieces += parts
+        if new:
+            home = {face.name: part.name for part in parts for face in part.faces}
+            joins = [
+                replace(
+                    join,
+                    piece_a=home[join.a.face] if join.piece_a == piece.name else join.piece_a,
+                    piece_b=home[join.b.face] if join.piece_b == piece.name else join.piece_b,
+                )
+                for join in (*joins, *new)
+            ]
     return replace(car, pieces=tuple(pieces), joins=tuple(joins))
 
 
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """A part and its join to the part it was split from; the names of that join's pieces are not set yet."""
+def _parts_along(
+    piece: Piece, chosen: Options, numbers: "itertools.count[int]", depth_mm: float
+) -> tuple[list[Piece], list[Join]]:
+    """The numbered parts of a piece, tabs of that depth, and the whole piece's joins between them.
 
-    piece: Piece
-    join: Join | None
-
-
-def _parts_along(piece: Piece, chosen: Options, numbers: "itertools.count[int]", depth_mm: float) -> list[_Part]:
-    """The numbered parts of a piece, tabs of that depth; the whole piece if it fits or splitting does not help."""
-    waiting, done = [_Part(piece, None)], []
+    The whole piece and no joins if it fits or splitting does not help.
+    """
+    waiting, done, joins = [piece], list[Piece](), dict[str, Join]()
     while waiting:
         part = waiting.pop(0)
-        crease = None if _fits(part.piece, chosen) else _best_crease(part.piece, chosen, depth_mm)
+        crease = None if _fits(part, chosen) else _best_crease(part, chosen, depth_mm)
         if crease is None:
             done.append(part)
             continue
-        rest, taken = _cut_along(part.piece, crease, depth_mm)
-        join = Join(
-            next(numbers), "tab", "", EdgeRef(_tab_name(crease), 0), "", crease.child, _length_mm(part.piece, crease)
-        )
-        waiting += [_Part(rest, part.join), _Part(taken, join)]
-    if len(done) == 1 or not all(_fits(part.piece, chosen) for part in done):
-        return [_Part(piece, None)]
-    count = len(done)
-    return [
-        replace(
-            part,
-            piece=replace(
-                part.piece, name=f"{piece.name}, part {i}", label=f"{piece.label or piece.name}, {i} of {count}"
-            ),
-        )
+        rest, taken = _cut_along(part, crease, depth_mm)
+        waiting += [rest, taken]
+        ends = EdgeRef(_tab_name(crease), 0), crease.child
+        length = _length_mm(part, crease)
+        joins[crease.child.face] = Join(next(numbers), "tab", piece.name, ends[0], piece.name, ends[1], length)
+    if len(done) == 1 or not all(_fits(part, chosen) for part in done):
+        return [piece], []
+    named = [
+        replace(part, name=f"{piece.name}, part {i}", label=f"{piece.label or piece.name}, {i} of {len(done)}")
         for i, part in enumerate(done, 1)
     ]
+    # The first face of a part that was taken off is the child of its fold.
+    return named, [joins[part.faces[0].name] for part in done if part.faces[0].name in joins]
 
 
 def _best_crease(piece: Piece, chosen: Options, depth_mm: float) -> Crease | None:
@@ -124,19 +111,11 @@ def _cut_along(piece: Piece, crease: Crease, depth: float) -> tuple[Piece, Piece
     tab = Face(_tab_name(crease), ((0.0, 0.0), (length, 0.0), (length - depth / 4, depth), (depth / 4, depth)), (), "tab")
     fold = replace(crease, name=tab.name, child=EdgeRef(tab.name, 0))
 
-    def part(faces: Sequence[Face], creases: Sequence[Crease]) -> Piece:
-        return replace(piece, faces=tuple(faces), creases=tuple(creases))
-
-    rest = part(
-        [*(f for f in piece.faces if f.name not in members), tab],
-        [*(c for c in piece.creases if c.child.face not in members), fold],
-    )
-    taken = part(
-        [f for f in piece.faces if f.name == crease.child.face]
-        + [f for f in piece.faces if f.name in members and f.name != crease.child.face],
-        [c for c in piece.creases if c.parent.face in members],
-    )
-    return rest, taken
+    kept = (*(f for f in piece.faces if f.name not in members), tab)
+    rest = replace(piece, faces=kept, creases=(*(c for c in piece.creases if c.child.face not in members), fold))
+    off = sorted((f for f in piece.faces if f.name in members), key=lambda face: face.name != crease.child.face)
+    creases = tuple(c for c in piece.creases if c.parent.face in members)
+    return rest, replace(piece, faces=tuple(off), creases=creases)
 
 
 def _tab_name(crease: Crease) -> str:
@@ -144,8 +123,7 @@ def _tab_name(crease: Crease) -> str:
 
 
 def _length_mm(piece: Piece, crease: Crease) -> float:
-    (ax, ay), (bx, by) = edge({face.name: face for face in piece.faces}, crease.parent)
-    return float(((bx - ax) ** 2 + (by - ay) ** 2) ** 0.5)
+    return math.dist(*edge({face.name: face for face in piece.faces}, crease.parent))
 
 
 def _extent_mm(piece: Piece, chosen: Options) -> tuple[float, float]:

@@ -33,6 +33,12 @@ MARGIN_M = 0.3
 ERROR_M = 2e-4
 SPACINGS_M = (0.02, 0.01, 0.005)
 MOST_POINTS = 4_000_000
+# The car falls this far.
+FALL_M = 5e-4
+SLICES = 201
+ACROSS_M = 1e-3
+# As accurately as engines see contacts; the same height, whatever rounding a scene's numbers have.
+RASTER_M = 1e-5
 
 
 @dataclass(frozen=True)
@@ -94,14 +100,6 @@ def height_grid(pieces: Sequence[Mapping[str, Any]], course: Mapping[str, float]
 def _sample(x: Floats, y: Floats, heights: Heights) -> Floats:
     xs, ys = numpy.meshgrid(x, y)
     return heights(xs.ravel(), ys.ravel()).reshape(xs.shape)
-
-
-# The car falls this far.
-FALL_M = 5e-4
-SLICES = 201
-ACROSS_M = 1e-3
-# As accurately as engines see contacts; the same height, whatever rounding a scene's numbers have.
-RASTER_M = 1e-5
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,10 @@ from foldcar.models.exported_car import (
     wheel_name,
 )
 
+ROOT = "base_link"
+# URDF requires a limit of speed, and some programs stop a joint at it: no flexure turns this fast.
+FREE_RAD_S = 1000.0
+
 
 def add(parent: Element, tag: str, **attributes: str) -> Element:
     """Append a new element to ``parent`` and return it."""
@@ -32,11 +36,6 @@ def add(parent: Element, tag: str, **attributes: str) -> Element:
 def numbers(*values: float) -> str:
     """Numbers as the text of an attribute, separated by spaces."""
     return " ".join(f"{value + 0.0:.9g}" for value in values)
-
-
-ROOT = "base_link"
-# URDF requires a limit of speed, and some programs stop a joint at it: no flexure turns this fast.
-FREE_RAD_S = 1000.0
 
 
 def urdf(body: Mapping[str, Any], name: str) -> str:

@@ -22,6 +22,13 @@ from foldcar.models.exported_car import (
 
 # The oldest version with these nodes; later ones read its files, older ones refuse them.
 HEADER = "#VRML_SIM R2023b utf8"
+INTERFACE = (
+    ("SFVec3f", "translation"),
+    ("SFRotation", "rotation"),
+    ("SFString", "name"),
+    ("SFString", "controller"),
+    ("MFString", "controllerArgs"),
+)
 
 
 @dataclass(frozen=True)
@@ -88,13 +95,6 @@ def _number(number: float) -> str:
     return f"{number + 0.0:.9g}"
 
 
-INTERFACE = (
-    ("SFVec3f", "translation"),
-    ("SFRotation", "rotation"),
-    ("SFString", "name"),
-    ("SFString", "controller"),
-    ("MFString", "controllerArgs"),
-)
 BODY_COLOUR, TYRE_COLOUR = vector(0.1, 0.45, 0.7), vector(0.15, 0.15, 0.15)
 
 

@@ -26,6 +26,8 @@ FLOOR_M = 20.0
 SUNK_M = 0.1
 FLOOR_COLOUR, PIECE_COLOUR = vector(0.93, 0.92, 0.88), vector(0.75, 0.6, 0.4)
 EYE_M, LOOKS_AT_M = (-1.2, -1.6, 1.2), (0.6, 0.0, 0.0)
+# Webots starts controllers/NAME/NAME.py.
+CONTROLLER = "foldcar_pulses"
 
 
 def webots_world(
@@ -155,10 +157,6 @@ def _looking() -> tuple[float, float, float, float]:
     axis = numpy.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     x, y, z = axis / (2 * math.sin(angle))
     return float(x), float(y), float(z), angle
-
-
-# Webots starts controllers/NAME/NAME.py.
-CONTROLLER = "foldcar_pulses"
 
 
 def controller_program() -> str:

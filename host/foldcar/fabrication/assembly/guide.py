@@ -34,6 +34,12 @@ from foldcar.fabrication.patterns.options import MACHINES
 from foldcar.fabrication.patterns.sheets import CutCar
 from foldcar.page_template import page_template
 
+ABOVE = camera(-90, 90)
+ASLANT = camera(-55, 32)
+# Long pieces are turned along the picture's wider side.
+UPRIGHT = 1.3
+FROM_FRONT = camera(38, 30)
+
 
 def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets: Sequence[Sheet] = ()) -> str:
     """The page of a car that is cut from these sheets on a machine of that name."""
@@ -72,12 +78,6 @@ def steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
         title = f"{step.title} ({repeated} times)" if repeated > 1 else step.title
         found.append(Step(title, lines, step_pictures(step, state, step.title), done))
     return found
-
-
-ABOVE = camera(-90, 90)
-ASLANT = camera(-55, 32)
-# Long pieces are turned along the picture's wider side.
-UPRIGHT = 1.3
 
 
 def out_of_sheets(cut: CutCar, machine: str) -> Step:
@@ -140,9 +140,6 @@ def parted(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
         )
     if lines:
         yield Step("Join the parts of pieces", tuple(lines), tuple(pictures), of_parting(folded, cut))
-
-
-FROM_FRONT = camera(38, 30)
 
 
 def outside(shape: Shape, view: Camera) -> Shape:

@@ -36,6 +36,17 @@ DRIVER_MM = 65.0
 LEVER_AT = 0.8
 # Cosine from which on something comes from a side.
 SIDEWAYS = 0.7
+# How far parts stand apart from their places along each move of their way: at most, at least, and their size's share.
+APART_MM, LEAST_APART_MM, APART_SHARE = 62.0, 24.0, 0.4
+SCREW_APART_MM, STRIP_APART_MM = 22.0, 26.0
+# Directions are alike from this cosine on.
+ALIKE, BEHIND = 0.9, 0.35
+# A direction's component below this is across it.
+ACROSS = 0.5
+# Smaller parts, screws and spacers, do not choose the camera. A fold that moves a face by less has no arrow.
+SMALL_MM, MOVED_MM = 14.0, 20.0
+FOLD_ARROWS = 2
+BESIDE_EDGE_MM = 7.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,18 +154,6 @@ def _views(scene: "Scene") -> list[tuple[Camera, str]]:
     if sides and all(one[0] < -SIDEWAYS for one in sides):
         return [(FROM_REAR, "seen from the rear")]
     return [(FROM_LEFT, "seen from the left") if left else (FROM_RIGHT, "seen from the right")]
-
-
-# How far parts stand apart from their places along each move of their way: at most, at least, and their size's share.
-APART_MM, LEAST_APART_MM, APART_SHARE = 62.0, 24.0, 0.4
-SCREW_APART_MM, STRIP_APART_MM = 22.0, 26.0
-# Directions are alike from this cosine on.
-ALIKE, BEHIND = 0.9, 0.35
-# A direction's component below this is across it.
-ACROSS = 0.5
-# Smaller parts, screws and spacers, do not choose the camera. A fold that moves a face by less has no arrow.
-SMALL_MM, MOVED_MM = 14.0, 20.0
-FOLD_ARROWS = 2
 
 
 @dataclass(frozen=True)
@@ -287,9 +286,6 @@ def points(shapes: Sequence[Shape]) -> Vector:
 
 def _spread(outline_mm: Sequence[tuple[float, float]]) -> float:
     return float(np.prod(np.ptp(np.array(outline_mm), axis=0)))
-
-
-BESIDE_EDGE_MM = 7.0
 
 
 def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction, prefix: str = "") -> list[Mark]:

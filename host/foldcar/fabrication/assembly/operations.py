@@ -24,6 +24,20 @@ TAPED = ("lap", "tab", "laminate")
 PUSHED = ("tab_slot", "lock", "rim")
 # A servo's lead, a lead in a terminal, one board on another; the computer's cable belongs to driving.
 PLUGGED = ("signal", "supply", "stack")
+# Kind of operation: singular and plural.
+KINDS = {
+    "piece": ("piece out of the sheet", "pieces out of the sheets"),
+    "fold": ("fold", "folds"),
+    "wind": ("strip wound", "strips wound"),
+    "tape": ("join taped", "joins taped"),
+    "turn": ("disc turned onto its hooks", "discs turned onto their hooks"),
+    "tongue": ("tongue or hook pushed in", "tongues and hooks pushed in"),
+    "part": ("part put in", "parts put in"),
+    "screw": ("screw", "screws"),
+    "nut": ("nut", "nuts"),
+    "plug": ("plug or lead", "plugs and leads"),
+    "weed": ("opening weeded", "openings weeded"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,20 +203,6 @@ def assembly_times() -> dict[str, Quantity]:
 
 
 NOTHING = Operations()
-# Kind of operation: singular and plural.
-KINDS = {
-    "piece": ("piece out of the sheet", "pieces out of the sheets"),
-    "fold": ("fold", "folds"),
-    "wind": ("strip wound", "strips wound"),
-    "tape": ("join taped", "joins taped"),
-    "turn": ("disc turned onto its hooks", "discs turned onto their hooks"),
-    "tongue": ("tongue or hook pushed in", "tongues and hooks pushed in"),
-    "part": ("part put in", "parts put in"),
-    "screw": ("screw", "screws"),
-    "nut": ("nut", "nuts"),
-    "plug": ("plug or lead", "plugs and leads"),
-    "weed": ("opening weeded", "openings weeded"),
-}
 
 
 def work_table(done: Operations) -> str:

@@ -31,6 +31,16 @@ from foldcar.fabrication.assembly.solids import (
 SPEC = 1.1
 DECIMALS = 6
 HOLES = ("opening", "vent")
+# Diffuse colours, 0 to 255.
+COLOURS: dict[Material, tuple[int, int, int]] = {
+    "film": (237, 232, 217),
+    "tyre": (89, 92, 97),
+    "servo": (41, 89, 158),
+    "board": (26, 107, 64),
+    "battery": (191, 140, 51),
+    "other": (140, 140, 140),
+}
+DIGITS = 5
 
 
 def fold_text(piece: Piece, car: str) -> str:
@@ -112,18 +122,6 @@ def _coordinates(piece: Piece, numbers: dict[str, list[int]], count: int, fracti
     for face in piece.faces:
         points[numbers[face.name]] = moved(poses[face.name], face_points(face)[0])
     return points
-
-
-# Diffuse colours, 0 to 255.
-COLOURS: dict[Material, tuple[int, int, int]] = {
-    "film": (237, 232, 217),
-    "tyre": (89, 92, 97),
-    "servo": (41, 89, 158),
-    "board": (26, 107, 64),
-    "battery": (191, 140, 51),
-    "other": (140, 140, 140),
-}
-DIGITS = 5
 
 
 def stl_bytes(mesh: Mesh) -> bytes:

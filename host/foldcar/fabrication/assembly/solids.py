@@ -25,6 +25,11 @@ Matrix = NDArray[np.float64]
 
 # 0 is flat, 1 folded: one number for a piece, or one for each crease by its name (0 for those not named).
 Fraction = float | Mapping[str, float]
+SHARPEST_MITRE_RAD = math.radians(150)
+SAME_LENGTH_MM = 1e-6
+# Gap between glued layers, so that programs that merge equal vertices keep the shells separate.
+AIR_MM = 2e-4
+Material = Literal["film", "tyre", "servo", "board", "battery", "other"]
 
 
 def face_poses(piece: Piece, fraction: Fraction = 1.0) -> dict[str, Matrix]:
@@ -81,12 +86,6 @@ def face_triangles(face: Face) -> NDArray[np.int64]:
     clockwise = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
     triangles[clockwise] = triangles[clockwise][:, ::-1]
     return triangles
-
-
-SHARPEST_MITRE_RAD = math.radians(150)
-SAME_LENGTH_MM = 1e-6
-# Gap between glued layers, so that programs that merge equal vertices keep the shells separate.
-AIR_MM = 2e-4
 
 
 @dataclass(frozen=True)
@@ -201,9 +200,6 @@ def _offset(normals: list[NDArray[np.float64]], distance_mm: float) -> NDArray[n
 def piece_area_mm2(piece: Piece) -> float:
     """Area of film in one copy of the piece (mm²)."""
     return sum(net_area_mm2(face) for face in piece.faces)
-
-
-Material = Literal["film", "tyre", "servo", "board", "battery", "other"]
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from foldcar.fabrication.assembly.solids import face_points, face_poses, face_tr
 from foldcar.fabrication.assembly.view_steps import NUT, Part, ViewSteps, view_steps
 
 DECIMALS = 4
+GAP_MM = 12.0
 
 
 def view_data(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None) -> dict[str, Any]:
@@ -177,9 +178,6 @@ def _hinge(car: FoldedCar, placed: PlacedPiece) -> dict[str, int] | None:
     sign = 1 if pose[2, 2] > 0 else -1
     number = [face.name for face in piece.faces].index(crease.child.face)
     return {"face": number, "hinge": distances.index(min(distances)), "sign": sign}
-
-
-GAP_MM = 12.0
 
 
 def laid_out(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:

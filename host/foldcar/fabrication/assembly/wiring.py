@@ -19,6 +19,15 @@ SUPPLY_V = (4.8, 6.0)
 OE_GPIO, OE_PULL_UP_OHM = 27, 2200.0
 OE_PULL_DOWN_OHM, LOGIC_V, OE_OFF_SHARE = 10e3, 3.3, 0.7
 CARRIES = {"signal": "signal", "supply": "supply", "stack": "plugged together", "usb": "USB"}
+OUTPUTS = 8
+WIDTH_MM, ROW_MM, TOP_MM = 190.0, 11.0, 26.0
+BOARD_MM = (70.0, 120.0)
+SERVO_MM = 50.0
+# Of the terminal block, plus and minus, from the board's middle.
+POLES_MM = (8.0, 16.0)
+# The leads of all servos have the same colours; in the drawing each output has its own, neighbours differ in lightness.
+WIRES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#a65628", "#e69f00", "#555555")
+INK, PLUS = "#222222", "#c2272d"
 
 
 def wiring_text(folded: FoldedCar, title: str) -> str:
@@ -130,17 +139,6 @@ def _output_enable(wing: str, feather: str) -> list[str]:
         f"{off_v:.1f} V while the board's pin floats; off is above {OE_OFF_SHARE * LOGIC_V:.1f} V.",
         "3. Now no wheel turns. Set the parameter OE_WIRED to 1 and restart the board: now they do.",
     ]
-
-
-OUTPUTS = 8
-WIDTH_MM, ROW_MM, TOP_MM = 190.0, 11.0, 26.0
-BOARD_MM = (70.0, 120.0)
-SERVO_MM = 50.0
-# Of the terminal block, plus and minus, from the board's middle.
-POLES_MM = (8.0, 16.0)
-# The leads of all servos have the same colours; in the drawing each output has its own, neighbours differ in lightness.
-WIRES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#a65628", "#e69f00", "#555555")
-INK, PLUS = "#222222", "#c2272d"
 
 
 def wiring_drawing(folded: FoldedCar, title: str) -> str:

@@ -29,6 +29,11 @@ MEANINGS = {
     "CUT_INNER": "openings, screw holes, slots",
     "CUT_OUTER": "outlines",
 }
+# Cut and bridge lengths to choose from.
+DASHES_MM = ((1.0, 1.0), (1.5, 1.0), (2.0, 1.0), (1.5, 0.6), (2.5, 0.8), (4.0, 1.0))
+CLEARANCES_MM = (0.0, 0.2, 0.3, 0.5, 0.8)
+TONGUE_MM = 10.0
+TEXT_MM = 2.0
 
 
 def how_to_cut(made: Pattern, command: str) -> str:
@@ -107,13 +112,6 @@ def _parted(made: Pattern) -> Iterator[str]:
             f"- {', '.join(part.label for part in parts)}: lay the edge of one part on the SCORE line of the part with "
             f"the same number ({', '.join(map(str, numbers))}), onto the printed side of its overlap, and glue."
         )
-
-
-# Cut and bridge lengths to choose from.
-DASHES_MM = ((1.0, 1.0), (1.5, 1.0), (2.0, 1.0), (1.5, 0.6), (2.5, 0.8), (4.0, 1.0))
-CLEARANCES_MM = (0.0, 0.2, 0.3, 0.5, 0.8)
-TONGUE_MM = 10.0
-TEXT_MM = 2.0
 
 
 def coupon(chosen: Options, parts: Catalogue) -> Sheet:

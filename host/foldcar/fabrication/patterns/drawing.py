@@ -15,6 +15,7 @@ from typing import Literal
 from foldcar.errors import FoldcarError
 
 LayerName = Literal["LABEL", "QR_CODE", "SCORE", "FOLD_MOUNTAIN", "FOLD_VALLEY", "CUT_INNER", "CUT_OUTER"]
+Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +63,6 @@ LAYERS: dict[LayerName, Layer] = {
         Layer("CUT_OUTER", (0, 0, 0), "C00", 7, 0.25),
     )
 }
-
-
-Point = tuple[float, float]
 
 
 class ReadingError(FoldcarError):

@@ -25,6 +25,11 @@ SHORT_FOLD_SHARE = 1 / 3
 LEAST_CUT_MM = 1.0
 
 Cut = tuple[Point, Point]
+EDGE, SLIT, DASHES = "its edge", "a slit", "a fold's dashes"
+# What is as wide as the film between a fold's cuts, which is creased, does not tear while it is weeded.
+NARROW_FILM_MM = 1.0
+# Beside rounding errors of the buffers' arcs.
+ROUNDING_MM = 0.01
 
 
 def dashes(
@@ -71,13 +76,6 @@ def _row(low: float, high: float, cut_mm: float, bridge_mm: float) -> Iterator[t
     step = (room - cut_mm) / (count - 1)
     for i in range(count):
         yield low + i * step, low + i * step + cut_mm
-
-
-EDGE, SLIT, DASHES = "its edge", "a slit", "a fold's dashes"
-# What is as wide as the film between a fold's cuts, which is creased, does not tear while it is weeded.
-NARROW_FILM_MM = 1.0
-# Beside rounding errors of the buffers' arcs.
-ROUNDING_MM = 0.01
 
 
 @dataclass(frozen=True, slots=True)

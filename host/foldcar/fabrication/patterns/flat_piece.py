@@ -33,6 +33,8 @@ CORNER_MM = 6.0
 
 FoldKind = Literal["mountain", "valley", "flexure"]
 Edge = tuple[Point, Point]
+# Two edges with a smaller sine of their angle are collinear.
+PARALLEL = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,10 +292,6 @@ def moved(flat: FlatPiece, motion: Motion) -> FlatPiece:
         bends=tuple(ends(bend) for bend in flat.bends),
         seams=tuple((number, tuple(ends(edge) for edge in edges)) for number, edges in flat.seams),
     )
-
-
-# Two edges with a smaller sine of their angle are collinear.
-PARALLEL = 1e-6
 
 
 def offset_edges(outline_mm: Sequence[Point], inward_mm: Sequence[float]) -> list[list[Point]]:

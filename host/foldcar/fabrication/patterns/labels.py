@@ -22,7 +22,7 @@ from shapely.geometry.base import BaseGeometry
 from foldcar.car.folded.model import EdgeRef, FoldedCar, Join
 from foldcar.car.folded.placed import place as placed_faces
 from foldcar.fabrication.patterns.drawing import Path, Point
-from foldcar.fabrication.patterns.flat_piece import FlatFace, FlatPiece
+from foldcar.fabrication.patterns.flat_piece import Edge, FlatFace, FlatPiece
 
 # Heights of capitals to try, largest first: 1.6 mm is the least that is legible and can be drawn with a fine pen.
 NAME_HEIGHTS_MM = (6.0, 5.0, 4.0, 3.2, 2.5, 2.0, 1.6)
@@ -32,6 +32,15 @@ CLEAR_MM = 0.6
 APART_MM = 2.5
 # Depth of letters below the base line, as a share of the height of capitals.
 DESCENT = 0.35
+# At most this many of several suitable edges are tried.
+PLACES = 8
+# How far above or below a face layers of film and tape lie at most.
+LAYERS_MM = 3.0
+# What the name of a part of a piece has between the piece's and its number.
+PART = ", part "
+# In the font's units: height of a capital, and the y of its base line.
+CAP_UNITS = 21
+BASE_LINE = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,15 +160,6 @@ def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
     return places
 
 
-Edge = tuple[Point, Point]
-# At most this many of several suitable edges are tried.
-PLACES = 8
-# How far above or below a face layers of film and tape lie at most.
-LAYERS_MM = 3.0
-# What the name of a part of a piece has between the piece's and its number.
-PART = ", part "
-
-
 def join_marks(piece: FlatPiece, car: FoldedCar, whole: FoldedCar) -> Iterator[EdgeMark]:
     """The numbers of all joins of the piece, those that it was parted at first; the names of parts laid onto it.
 
@@ -257,11 +257,6 @@ def _slant(edge: Edge) -> float:
     """Deviation from the x and y directions: beside an edge along one of them (0) numbers are easiest to read."""
     (ax, ay), (bx, by) = edge
     return round(min(abs(bx - ax), abs(by - ay)) / (abs(bx - ax) + abs(by - ay)), 3)
-
-
-# In the font's units: height of a capital, and the y of its base line.
-CAP_UNITS = 21
-BASE_LINE = 9
 
 
 @cache

@@ -30,6 +30,19 @@ SHEETS = {
     "12x24in": (12 * INCH_MM, 24 * INCH_MM),
 }
 PAPERS = ("a4", "letter")
+_DATA = json.loads(Path(__file__).with_name("machines.json").read_text(encoding="utf-8"))
+# Minimum and maximum of each number, and the quantity it limits.
+LIMITS = {
+    "kerf_mm": (0.0, 1.0, "the cut of a blade or beam"),
+    "tab_clearance_mm": (0.0, 2.0, "what a tab can lose"),
+    "margin_mm": (0.0, 50.0, "a sheet's blank edge"),
+    "gap_mm": (0.5, 50.0, "film that holds two pieces apart while they are cut"),
+    "dash_cut_mm": (0.3, 50.0, "the shortest cut a machine makes"),
+    "dash_bridge_mm": (0.3, 50.0, "a bridge that does not tear when it is folded"),
+    "bend_radius_mm": (0.0, 5.0, "a fold's inner radius"),
+    "k_factor": (0.0, 1.0, "inner to outer side of the film"),
+    "holding_tabs_mm": (0.0, 2.0, "a bridge that is cut with scissors"),
+}
 
 
 class OptionError(FoldcarError):
@@ -88,21 +101,7 @@ class Machine:
     actions: Mapping[str, str]
 
 
-_DATA = json.loads(Path(__file__).with_name("machines.json").read_text(encoding="utf-8"))
 MACHINES = {name: Machine(Options(name, **data.pop("options")), **data) for name, data in _DATA.items()}
-
-# Minimum and maximum of each number, and the quantity it limits.
-LIMITS = {
-    "kerf_mm": (0.0, 1.0, "the cut of a blade or beam"),
-    "tab_clearance_mm": (0.0, 2.0, "what a tab can lose"),
-    "margin_mm": (0.0, 50.0, "a sheet's blank edge"),
-    "gap_mm": (0.5, 50.0, "film that holds two pieces apart while they are cut"),
-    "dash_cut_mm": (0.3, 50.0, "the shortest cut a machine makes"),
-    "dash_bridge_mm": (0.3, 50.0, "a bridge that does not tear when it is folded"),
-    "bend_radius_mm": (0.0, 5.0, "a fold's inner radius"),
-    "k_factor": (0.0, 1.0, "inner to outer side of the film"),
-    "holding_tabs_mm": (0.0, 2.0, "a bridge that is cut with scissors"),
-}
 
 
 def options(machine: str, **changes: Any) -> Options:

@@ -22,6 +22,10 @@ from foldcar.fabrication.patterns.tiles import BLANK_MM, MARK_MM, Tile, printed
 # The colour of registration marks; no layer has it.
 MARK_RGB = (230, 0, 126)
 MARK_WIDTH_MM = 0.2
+POINTS_PER_MM = 72 / 25.4
+# Largest deviation of four cubic arcs from a circle, relative to its radius.
+ARC_ERROR = 4e-4
+Matrix = tuple[float, float, float, float, float, float]
 
 
 def pdf(sheets: Sequence[Sheet], paper: str, title: str) -> bytes:
@@ -91,12 +95,6 @@ def _draw(canvas: Canvas, shapes: Sequence[Shape]) -> None:
         if shape.closed:
             path.close()
     canvas.drawPath(path, stroke=1, fill=0)
-
-
-POINTS_PER_MM = 72 / 25.4
-# Largest deviation of four cubic arcs from a circle, relative to its radius.
-ARC_ERROR = 4e-4
-Matrix = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,23 @@ from foldcar.fabrication.patterns.flat_piece import (
 from foldcar.fabrication.patterns.nesting import fits
 from foldcar.fabrication.patterns.options import Options
 
+# Depth of an overlap between two flat faces: makers' double-sided tape is 12 mm wide. A strip's is at least the second.
+OVERLAP_MM = 12.0
+LEAST_FACETS_MM = 8.0
+# An overlap stays this far inside its face, clear of folds and teeth, and this far from openings.
+STEP_MM = 0.5
+CLEAR_MM = 2.0
+# Distance of a cut from a fold beside it.
+FOLD_MM = 3.0
+# The narrowest overlap that holds, and the share of the cut faces that must have one.
+LEAST_WIDTH_MM = 5.0
+LEAST_SHARE = 0.5
+# A tab shorter than this along the piece is not cut in two.
+SHORT_TAB_MM = 36.0
+BEVEL_MM = 2.0
+RASTER_MM = 2.0
+Interval = tuple[float, float]
+
 
 def as_cut(car: FoldedCar, chosen: Options) -> FoldedCar:
     """The car with too large pieces split; its ``placed`` still name the whole pieces."""
@@ -141,25 +158,6 @@ def _excess_mm(piece: Piece, chosen: Options) -> float:
     low, high = sorted(_extent_mm(piece, chosen))
     least, greatest = sorted(side - 2 * chosen.margin_mm for side in chosen.sheet_size_mm)
     return max(0.0, low - least, high - greatest)
-
-
-# Depth of an overlap between two flat faces: makers' double-sided tape is 12 mm wide. A strip's is at least the second.
-OVERLAP_MM = 12.0
-LEAST_FACETS_MM = 8.0
-# An overlap stays this far inside its face, clear of folds and teeth, and this far from openings.
-STEP_MM = 0.5
-CLEAR_MM = 2.0
-# Distance of a cut from a fold beside it.
-FOLD_MM = 3.0
-# The narrowest overlap that holds, and the share of the cut faces that must have one.
-LEAST_WIDTH_MM = 5.0
-LEAST_SHARE = 0.5
-# A tab shorter than this along the piece is not cut in two.
-SHORT_TAB_MM = 36.0
-BEVEL_MM = 2.0
-RASTER_MM = 2.0
-
-Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)

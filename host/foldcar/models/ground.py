@@ -163,7 +163,10 @@ def _over_block(part: _Part, start: Mapping[str, float], block: Mapping[str, Any
     """The least height (m) of the car's frame with the part above the block; -inf beside it."""
     turn = block["heading_rad"] - start["heading_rad"]
     cos, sin = math.cos(turn), math.sin(turn)
-    x0, y0 = _in_car(start, block["x_m"], block["y_m"])
+    # The block's middle in the car's frame.
+    dx, dy = block["x_m"] - start["x_m"], block["y_m"] - start["y_m"]
+    x0 = dx * math.cos(start["heading_rad"]) + dy * math.sin(start["heading_rad"])
+    y0 = dy * math.cos(start["heading_rad"]) - dx * math.sin(start["heading_rad"])
     half_length, half_width, height = block["length_m"] / 2, block["width_m"] / 2, block["height_m"]
     corners = [(sx * half_length, sy * half_width) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     outline = shapely.Polygon([(x0 + a * cos - b * sin, y0 + a * sin + b * cos) for a, b in corners])
@@ -221,9 +224,3 @@ def _grid_tops(grid: HeightGrid, x: Floats, y: Floats) -> Floats:
     rising = numpy.where(s >= t, a + s * (b - a) + t * (d - b), a + t * (c - a) + s * (d - c))
     falling = numpy.where(s + t <= 1, a + s * (b - a) + t * (c - a), d + (1 - s) * (c - d) + (1 - t) * (b - d))
     return numpy.where(inside, numpy.maximum(rising, falling), 0.0)
-
-
-def _in_car(start: Mapping[str, float], x: float, y: float) -> tuple[float, float]:
-    dx, dy = x - start["x_m"], y - start["y_m"]
-    cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
-    return dx * cos + dy * sin, dy * cos - dx * sin

@@ -59,7 +59,12 @@ class LiveCar:
 
     def draft(self, question: Any) -> dict[str, Any]:
         """The same in a tenth of the time, but unchecked: without the ways of its parts, and without a run."""
-        return self._answered(question, _drafted)
+
+        def drafted(design: Design) -> dict[str, Any]:
+            car = folded_car(design)
+            return {"car": view_data(car, planned(car)), "run": None, "facts": facts(car)}
+
+        return self._answered(question, drafted)
 
     def _answered(self, question: Any, make: Callable[[Design], dict[str, Any]]) -> dict[str, Any]:
         try:
@@ -111,11 +116,6 @@ class LiveCar:
 def _settings(design: Design) -> dict[str, float | str]:
     """Values (mm, degrees) by parameter and names of parts by kind."""
     return {**design.values, **asdict(design.choices)}
-
-
-def _drafted(design: Design) -> dict[str, Any]:
-    car = folded_car(design)
-    return {"car": view_data(car, planned(car)), "run": None, "facts": facts(car)}
 
 
 def checked_car(design: Design) -> FoldedCar:

@@ -126,11 +126,6 @@ def parts_list_csv(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
     return text.getvalue()
 
 
-def film_area_mm2(folded: FoldedCar) -> float:
-    """Area of the film in the car, of all thicknesses (mm²)."""
-    return sum(piece.count * piece_area_mm2(piece) for piece in folded.pieces)
-
-
 def _film(folded: FoldedCar, sheets: Sequence[Sheet]) -> Iterator[Row]:
     areas: dict[float, float] = {}
     for piece in folded.pieces:

@@ -12,7 +12,8 @@ from typing import Any
 from markupsafe import Markup
 
 from foldcar.car.folded.model import FoldedCar
-from foldcar.fabrication.assembly.parts_list import film_area_mm2, parts_list, total_cost_usd, total_mass_kg
+from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, total_mass_kg
+from foldcar.fabrication.assembly.solids import piece_area_mm2
 from foldcar.fabrication.assembly.view_data import view_data
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.svg import svg
@@ -56,8 +57,9 @@ def facts(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
     rows = parts_list(folded, sheets)
     waste = "" if sheets else ", without the film's waste"
     count = sum(piece.count for piece in folded.pieces)
+    area_cm2 = sum(piece.count * piece_area_mm2(piece) for piece in folded.pieces) / 100
     return (
-        f"{total_mass_kg(rows) * 1e3:.0f} g, {count} pieces of film with {film_area_mm2(folded) / 100:.0f} cm², "
+        f"{total_mass_kg(rows) * 1e3:.0f} g, {count} pieces of film with {area_cm2:.0f} cm², "
         f"{len(folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts{waste}"
     )
 

@@ -307,7 +307,9 @@ def test_box_of_a_mount_has_three_visible_sides() -> None:
 
 
 def test_view_page_is_one_file() -> None:
-    page = view_page(placed_box(), "a box", [Sheet("sheet", 10, 10, ())])
+    box = placed_box()
+
+    page = view_page(box, "a box", [Sheet("sheet", 10, 10, (), film=box.parts.film.title)])
 
     assert "</script><" not in page.replace("</script>\n", "")
     assert not re.search(r'<(script|link|img)[^>]*(src|href)=', page)

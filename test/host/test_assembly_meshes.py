@@ -11,14 +11,12 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
+from cut_samples import FLAP, HEIGHT, LENGTH, THICKNESS, WIDTH, beam, cap, placed_box
 from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar, Piece
 from foldcar.car.folded_car import folded_car
-from foldcar.fabrication.assembly.fold_file import fold_text, without_small_holes
-from foldcar.fabrication.assembly.mesh_files import obj_files, stl_bytes
-from foldcar.fabrication.assembly.skin import film_solid, piece_area_mm2
-from foldcar.fabrication.assembly.solids import film_mesh, film_solids, mount_solids
-from folded_box import HEIGHT_MM, LENGTH_MM, THICKNESS_MM, WIDTH_MM, beam, cap, folded_box
+from foldcar.fabrication.assembly.shape_files import fold_text, obj_files, stl_bytes, without_small_holes
+from foldcar.fabrication.assembly.solids import film_mesh, film_solid, film_solids, mount_solids, piece_area_mm2
 
 
 def cars() -> list[FoldedCar]:
@@ -38,20 +36,21 @@ def test_piece_is_one_closed_shell_that_holds_its_film(piece: Piece, fraction: f
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.body_count == 1
-    assert mesh.volume == pytest.approx(piece_area_mm2(piece) * THICKNESS_MM, rel=2e-3)
+    assert mesh.volume == pytest.approx(piece_area_mm2(piece) * THICKNESS, rel=2e-3)
 
 
 def test_area_of_film_is_that_of_rectangles_and_trapezoids() -> None:
-    walls = 2 * LENGTH_MM * (WIDTH_MM + HEIGHT_MM) - 23.4 * 12.7
-    flap = 8 * (LENGTH_MM - 4)
+    # The screw's hole has 24 corners on a circle of 2 mm.
+    walls = 2 * LENGTH * (WIDTH + HEIGHT) - 23.4 * 12.7 - 12 * math.sin(math.pi / 12)
+    flap = FLAP * (LENGTH - FLAP)
 
     assert piece_area_mm2(beam()) == pytest.approx(walls + flap)
 
 
 def test_folded_box_has_the_outer_measures_of_its_walls() -> None:
-    mesh = as_trimesh(film_mesh(folded_box()))
+    mesh = as_trimesh(film_mesh(placed_box()))
 
-    assert mesh.extents == pytest.approx(np.array([LENGTH_MM, WIDTH_MM, HEIGHT_MM]) + THICKNESS_MM, abs=1e-3)
+    assert mesh.extents == pytest.approx(np.array([LENGTH, WIDTH, HEIGHT]) + THICKNESS, abs=1e-3)
 
 
 def read_stl(content: bytes) -> NDArray[np.float64]:

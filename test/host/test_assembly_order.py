@@ -15,7 +15,7 @@ from foldcar.car.proof.plan import planned
 from foldcar.car.proof.prove import assembly_steps, prove_steps
 from foldcar.car.proof.step import Added, AssemblyStep
 from foldcar.fabrication.assembly.guide import guide_page
-from foldcar.fabrication.assembly.guide_scene import Scene
+from foldcar.fabrication.assembly.guide_pictures import Scene
 from foldcar.fabrication.assembly.guide_state import State
 from foldcar.fabrication.assembly.parts_list import parts_list
 from foldcar.fabrication.assembly.view_steps import view_steps

@@ -14,25 +14,22 @@ import numpy as np
 import pytest
 import shapely
 
+from cut_samples import placed_box
 from foldcar.car.body import body_json
 from foldcar.car.design import Design, compose
 from foldcar.car.folded_car import folded_car
 from foldcar.car.proof.prove import assembly_steps
 from foldcar.fabrication.assembly.facets import mount_shape, together
-from foldcar.fabrication.assembly.guide_pictures import service_picture
-from foldcar.fabrication.assembly.guide_scene import tiny
-from foldcar.fabrication.assembly.guide_shapes import whole_car
+from foldcar.fabrication.assembly.guide import steps, whole_car
+from foldcar.fabrication.assembly.guide_pictures import service_picture, tiny
 from foldcar.fabrication.assembly.guide_state import State
-from foldcar.fabrication.assembly.guide_steps import steps
 from foldcar.fabrication.assembly.hidden_surfaces import Facet, camera, seen_facets
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_csv, total_mass_kg
-from foldcar.fabrication.assembly.view_page import Drawing, view_page
-from foldcar.fabrication.assembly.wiring import OE_GPIO, wiring_text
-from foldcar.fabrication.assembly.wiring_drawing import wiring_drawing
+from foldcar.fabrication.assembly.view_page import view_page
+from foldcar.fabrication.assembly.wiring import OE_GPIO, wiring_drawing, wiring_text
+from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car, pattern
-from foldcar.fabrication.patterns.svg import svg
-from folded_box import folded_box
 from page_check import page_findings
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -285,7 +282,7 @@ def test_whole_car_is_drawn_without_what_is_inside() -> None:
 
 
 def test_box_of_a_mount_has_three_visible_sides() -> None:
-    (servo,) = folded_box().mounts
+    (servo,) = placed_box().mounts
 
     seen = seen_facets(mount_shape(servo).facets, camera(30, 30))
 
@@ -300,21 +297,22 @@ def test_box_of_a_mount_has_three_visible_sides() -> None:
 
 
 def test_view_page_is_one_file() -> None:
-    page = view_page(folded_box(), "a box", [Drawing("<?xml?><svg></svg>", "sheet")])
+    box = placed_box()
+
+    page = view_page(box, "a box", [Sheet("sheet", 10, 10, (), film=box.parts.film.title)])
 
     assert "</script><" not in page.replace("</script>\n", "")
     assert not re.search(r'<(script|link|img)[^>]*(src|href)=', page)
-    assert "<?xml" not in page and '<svg role="img" aria-label="sheet"></svg>' in page
+    assert "<?xml" not in page and '<svg role="img" aria-label="sheet" ' in page
 
 
 def test_pages_are_valid_html() -> None:
     folded = folded_car(designs()[0])
     chosen = options("silhouette", sheet="a4")
     cut = pattern(folded, chosen, "a car")
-    sheets = [Drawing(svg(sheet), sheet.name) for sheet in cut.sheets]
 
-    assert len(sheets) > 1
-    assert page_findings(view_page(folded, "a car", sheets)) == []
+    assert len(cut.sheets) > 1
+    assert page_findings(view_page(folded, "a car", cut.sheets)) == []
 
 
 def test_view_command_refuses_what_it_cannot_show(tmp_path: Path, foldcar: Command) -> None:

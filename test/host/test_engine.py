@@ -18,7 +18,7 @@ from foldcar.car.car_file import car_json
 from foldcar.car.design import compose
 from foldcar.link.simulated_car import simulated_car
 from foldcar.models.mjcf import mjcf
-from foldcar.models.servo import drive_fraction
+from foldcar.models.webots_world import drive_fraction
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO, engine_of, engine_title
 from foldcar.simulation.pulses import ask_pulses

@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from conftest import PROJECT
-from foldcar.fabrication.patterns.read_svg import read_svg
+from foldcar.fabrication.patterns.svg import read_svg
 from foldcar.fabrication.patterns.verify import check_same
 
 sys.path.insert(0, str(PROJECT / "tools"))

@@ -25,8 +25,7 @@ from foldcar.car.proof.prove import assembly_steps, prove
 from foldcar.car.verify import verify
 from foldcar.fabrication.assembly.operations import operations
 from foldcar.fabrication.assembly.parts_list import parts_list
-from foldcar.fabrication.assembly.wiring import wiring_text
-from foldcar.fabrication.assembly.wiring_drawing import wiring_drawing
+from foldcar.fabrication.assembly.wiring import wiring_drawing, wiring_text
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car
 from test_assembly_proof import NAMES, car

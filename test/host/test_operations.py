@@ -156,10 +156,10 @@ def test_minutes_are_seconds_of_each_kind_at_the_pace_of_a_first_build() -> None
 
     low, high = done.minutes_between
 
-    seconds = 10 * times.fold_s.value + 4 * times.screw_s.value
-    of_kinds = math.hypot(10 * times.fold_s.tolerance, 4 * times.screw_s.tolerance) / seconds
-    share = math.hypot(times.pace.tolerance / times.pace.value, of_kinds)
-    assert done.minutes == pytest.approx(seconds * times.pace.value / 60)
+    seconds = 10 * times["fold_s"].value + 4 * times["screw_s"].value
+    of_kinds = math.hypot(10 * times["fold_s"].tolerance, 4 * times["screw_s"].tolerance) / seconds
+    share = math.hypot(times["pace"].tolerance / times["pace"].value, of_kinds)
+    assert done.minutes == pytest.approx(seconds * times["pace"].value / 60)
     assert (low, high) == pytest.approx((done.minutes * (1 - share), done.minutes * (1 + share)))
     assert Operations().minutes == 0
 
@@ -173,6 +173,6 @@ def test_the_published_car_of_95_mm_is_built_in_an_hour() -> None:
     assert found.total <= 220
     assert found.minutes <= 60
     # Weeding is told apart, its minutes are not.
-    seconds = found.weed * assembly_times().weed_s.value * assembly_times().pace.value
+    seconds = found.weed * assembly_times()["weed_s"].value * assembly_times()["pace"].value
     assert found.total == sum(found.counts.values()) - found.weed
     assert replace(found, weed=0).minutes == pytest.approx(found.minutes - seconds / 60)

@@ -20,7 +20,7 @@ from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.choices import OPTIONS
 from foldcar.car.variation import workshop
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_text, total_mass_kg
-from foldcar.fabrication.patterns.join_marks import join_marks
+from foldcar.fabrication.patterns.labels import join_marks
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.piece_shapes import piece_shapes
 from foldcar.fabrication.patterns.sheets import cut_car

@@ -15,7 +15,7 @@ import pytest
 from foldcar.commands.listed_design import listed_families
 from foldcar.commands.pattern import _places
 from foldcar.fabrication.patterns.options import options
-from foldcar.fabrication.patterns.read_svg import read_svg
+from foldcar.fabrication.patterns.svg import read_svg
 from test_command_line import ASCII
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]

@@ -8,7 +8,9 @@ import ezdxf
 import pytest
 from pypdf import PdfWriter, Transformation
 
-from foldcar.fabrication.patterns.verify import check_dxf, check_pdf, check_svg
+from foldcar.fabrication.patterns.dxf import read_dxf
+from foldcar.fabrication.patterns.svg import read_svg
+from foldcar.fabrication.patterns.verify import check_pdf, check_text
 from written_sheet import CHOSEN, Made, written_sample
 
 
@@ -70,7 +72,7 @@ def off_the_sheet(text: str) -> str:
         (folds_swapped, "a line on FOLD_.* is missing"),
         (in_pixels, "not given in mm"),
         (at_96_dpi, "is missing"),
-        (off_the_sheet, "leave the usable part"),
+        (off_the_sheet, "has a transform"),
         (lambda text: text.replace("LABEL", "Layer 1"), 'has a layer "Layer 1"'),
         (lambda text: text[: len(text) // 2], "not SVG"),
         (lambda text: text.replace('<circle cx="', '<circle cx="1', 1), "CUT_INNER"),
@@ -80,7 +82,7 @@ def test_a_damaged_svg_is_found(made: Made, damage: Callable[[str], str], said: 
     damaged = damage(made.svg)
 
     assert damaged != made.svg
-    assert re.search(said, "\n".join(check_svg(made.sheet, damaged, CHOSEN)))
+    assert re.search(said, "\n".join(check_text(read_svg, made.sheet, damaged, CHOSEN)))
 
 
 def edited(change: Callable[[ezdxf.document.Drawing], None]) -> Callable[[str], str]:
@@ -135,7 +137,7 @@ def copy_fold(document: ezdxf.document.Drawing) -> None:
     ],
 )
 def test_a_damaged_dxf_is_found(made: Made, damage: Callable[[str], str], said: str) -> None:
-    assert re.search(said, "\n".join(check_dxf(made.sheet, damage(made.dxf), CHOSEN)))
+    assert re.search(said, "\n".join(check_text(read_dxf, made.sheet, damage(made.dxf), CHOSEN)))
 
 
 def rewritten(change: Callable[[PdfWriter], None]) -> Callable[[bytes], bytes]:

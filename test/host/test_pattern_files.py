@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 import ezdxf
 import pytest
 import segno
+import svgelements
 from ezdxf.addons.drawing import RenderContext
 from pypdf import PdfReader
 from shapely.geometry import LineString, box
@@ -20,19 +21,15 @@ from shapely.ops import linemerge, unary_union
 
 from cut_samples import folded_box
 from foldcar.car.parts.catalogue import catalogue
-from foldcar.fabrication.patterns.coupon import coupon
-from foldcar.fabrication.patterns.drawing import Circle, Motion, Path, Sheet, bounds
-from foldcar.fabrication.patterns.dxf import dxf
-from foldcar.fabrication.patterns.layers import LAYERS
+from foldcar.fabrication.patterns.cutting import coupon
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Motion, Path, Sheet, bounds
+from foldcar.fabrication.patterns.dxf import dxf, read_dxf
 from foldcar.fabrication.patterns.lbrn import lbrn, read_lbrn
 from foldcar.fabrication.patterns.options import options
-from foldcar.fabrication.patterns.pdf import pdf
-from foldcar.fabrication.patterns.read_dxf import read_dxf
-from foldcar.fabrication.patterns.read_pdf import read_pdf
-from foldcar.fabrication.patterns.read_svg import read_svg
+from foldcar.fabrication.patterns.pdf import pdf, read_pdf
 from foldcar.fabrication.patterns.sheets import pattern
-from foldcar.fabrication.patterns.svg import svg
-from foldcar.fabrication.patterns.verify import check_dxf, check_lbrn, check_pdf, check_sheet, check_svg
+from foldcar.fabrication.patterns.svg import read_svg, svg
+from foldcar.fabrication.patterns.verify import check_pdf, check_sheet, check_text
 from written_sheet import CHOSEN, COMMAND, Made, written_sample
 
 # RGB by number, as its documentation lists them.
@@ -49,8 +46,8 @@ def made() -> Made:
 
 def test_written_files_have_no_findings(made: Made) -> None:
     assert check_sheet(made.sheet, CHOSEN.margin_mm) == []
-    assert check_svg(made.sheet, made.svg, CHOSEN) == []
-    assert check_dxf(made.sheet, made.dxf, CHOSEN) == []
+    assert check_text(read_svg, made.sheet, made.svg, CHOSEN) == []
+    assert check_text(read_dxf, made.sheet, made.dxf, CHOSEN) == []
     assert check_pdf([made.sheet], made.pdf, CHOSEN) == []
 
 
@@ -79,6 +76,22 @@ def test_every_process_lays_out_the_same_bytes() -> None:
     ]  # fmt: skip
 
     assert digests[0] == digests[1] != ""
+
+
+def test_an_independent_reader_of_svg_sees_the_same_points(made: Made) -> None:
+    def ours(shape: Path | Circle) -> list[tuple[float, float]]:
+        return list(shape.points_mm) if isinstance(shape, Path) else [shape.center_mm]
+
+    seen = set()
+    for element in svgelements.SVG.parse(io.StringIO(made.svg), ppi=25.4).elements():
+        if isinstance(element, svgelements.Circle):
+            seen.add((round(element.cx, 3), round(made.sheet.height_mm - element.cy, 3)))
+        elif isinstance(element, svgelements.Path):
+            ends = [segment.end for segment in element if segment.end is not None]
+            seen |= {(round(end.x, 3), round(made.sheet.height_mm - end.y, 3)) for end in ends}
+
+    found = {(round(x, 3), round(y, 3)) for shape in read_svg(made.svg).shapes for x, y in ours(shape)}
+    assert len(found) > 100 and found == seen
 
 
 def reference_bars(sheet: Sheet) -> list[float]:
@@ -158,7 +171,7 @@ def test_folds_that_no_machine_cuts_are_dashed_lines() -> None:
     # One line for a fold, whatever its look.
     folds = [s for s in read_dxf(written).shapes if s.layer == "FOLD_VALLEY"]
     assert max(s.length_mm for s in folds) > 100
-    assert [*check_svg(sheet, drawn, chosen), *check_dxf(sheet, written, chosen)] == []
+    assert [*check_text(read_svg, sheet, drawn, chosen), *check_text(read_dxf, sheet, written, chosen)] == []
     assert check_pdf([sheet], printed, chosen) == []
 
 
@@ -287,7 +300,7 @@ def test_a_lightburn_project_has_named_layers_in_the_order_of_cutting_and_all_li
     assert [setting["name"] for setting in settings] == [*LAYERS, "T1"]
     assert [f"C{int(setting['index']):02}" for setting in settings[:-1]] == [layer.lightburn for layer in LAYERS.values()]
     assert [setting["name"] for setting in settings if setting.get("doOutput") == "0"] == ["QR_CODE"]
-    assert check_lbrn(made.sheet, text, CHOSEN) == []
+    assert check_text(read_lbrn, made.sheet, text, CHOSEN) == []
     assert reference_bars(read_lbrn(text)) == [pytest.approx(100.0, abs=1e-3)]
 
 
@@ -307,7 +320,7 @@ def test_a_damaged_lightburn_project_is_found(made: Made, pattern: str, other: s
     damaged = re.sub(pattern, other, text, count=1)
 
     assert damaged != text
-    assert any(re.search(finding, found) for found in check_lbrn(made.sheet, damaged, CHOSEN))
+    assert any(re.search(finding, found) for found in check_text(read_lbrn, made.sheet, damaged, CHOSEN))
 
 
 @pytest.mark.parametrize("width", [0.3, 2.0])
@@ -318,7 +331,7 @@ def test_holding_tabs_keep_each_piece_in_the_sheet_by_bridges_of_their_width(wid
 
     closed = pattern(folded_box(40.0), options("laser", sheet="300x200"), "sample")
     for held, plain in zip(made.sheets, closed.sheets, strict=True):
-        assert check_svg(held, svg(held), chosen) == check_dxf(held, dxf(held), chosen) == []
+        assert check_text(read_svg, held, svg(held), chosen) == check_text(read_dxf, held, dxf(held), chosen) == []
         for group, whole in zip(held.groups, plain.groups, strict=True):
             cuts = [LineString(s.points_mm) for s in group if isinstance(s, Path) and s.layer == "CUT_OUTER"]
             rings = [s for s in whole if isinstance(s, Path) and s.layer == "CUT_OUTER"]

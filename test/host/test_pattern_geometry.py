@@ -14,19 +14,15 @@ from cut_samples import FLAP, HEIGHT, LENGTH, RIGHT_ANGLE, THICKNESS, WIDTH, bea
 from foldcar.car.design import compose
 from foldcar.car.folded.model import IDENTITY, Crease, EdgeRef, Face, Hole, Piece, PlacedPiece
 from foldcar.car.folded_car import folded_car
-from foldcar.fabrication.patterns.dashes import dashes
 from foldcar.fabrication.patterns.drawing import Circle, Path
-from foldcar.fabrication.patterns.edge_offset import offset_edges
-from foldcar.fabrication.patterns.film import narrowest_film
-from foldcar.fabrication.patterns.flat_piece import FlatPiece, bend_deduction_mm, flat_piece
-from foldcar.fabrication.patterns.join_marks import join_marks
-from foldcar.fabrication.patterns.labels import label_paths
+from foldcar.fabrication.patterns.film import dashes, narrowest_film
+from foldcar.fabrication.patterns.flat_piece import FlatPiece, bend_deduction_mm, flat_piece, offset_edges
+from foldcar.fabrication.patterns.labels import join_marks, label_paths
 from foldcar.fabrication.patterns.nesting import NestingError, nest
 from foldcar.fabrication.patterns.options import Options, options, sheet_size_mm
 from foldcar.fabrication.patterns.piece_shapes import cut_shapes, piece_shapes
 from foldcar.fabrication.patterns.sheets import pattern
-from foldcar.fabrication.patterns.split_across import OVERLAP_MM, split_to_fit
-from foldcar.fabrication.patterns.split_body import as_cut
+from foldcar.fabrication.patterns.splitting import OVERLAP_MM, as_cut, split_to_fit
 
 
 def plain(**changes: object) -> Options:

@@ -7,7 +7,7 @@ import pytest
 from foldcar.car.design import compose
 from foldcar.car.folded_car import folded_car
 from foldcar.car.verify import verify
-from foldcar.fabrication.patterns.join_marks import join_marks
+from foldcar.fabrication.patterns.labels import join_marks
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car, pattern
 from foldcar.study.family import read_family

@@ -7,8 +7,7 @@ import numpy as np
 from matplotlib.image import imread
 from numpy.typing import NDArray
 
-from foldcar.fabrication.patterns.drawing import Circle, Path, Shape, Sheet
-from foldcar.fabrication.patterns.layers import LayerName
+from foldcar.fabrication.patterns.drawing import Circle, LayerName, Path, Shape, Sheet
 from foldcar.fabrication.patterns.preview import SHEET_PX, preview
 
 SQUARE = ((20.0, 20.0), (80.0, 20.0), (80.0, 80.0), (20.0, 80.0))

@@ -7,9 +7,8 @@ from typing import Any
 import mujoco
 import pytest
 
-from foldcar.models.ground import HeightGrid, smooth_ground
+from foldcar.models.ground import FALL_M, HeightGrid, smooth_ground, start_height_m
 from foldcar.models.mjcf import mjcf
-from foldcar.models.put_down import FALL_M, start_height_m
 from foldcar.models.webots_world import webots_world
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ELLIPSOID, MUJOCO

@@ -16,9 +16,9 @@ import pytest
 from browser import browse
 from foldcar.car.design import compose
 from foldcar.car.folded_car import folded_car
+from foldcar.fabrication.assembly.live_car import LiveCar
+from foldcar.fabrication.assembly.page_server import MOST_BYTES, PageServer
 from foldcar.fabrication.assembly.view_data import view_data
-from foldcar.view.live_car import LiveCar
-from foldcar.view.server import MOST_BYTES, PageServer
 from page_check import page_findings
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]

@@ -11,9 +11,9 @@ from foldcar.car.body import body_json
 from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
-from foldcar.fabrication.assembly.poses import face_poses, moved
+from foldcar.fabrication.assembly.recorded_run import recorded_run, rolled_rad
+from foldcar.fabrication.assembly.solids import face_poses, moved
 from foldcar.fabrication.assembly.view_page import view_page
-from foldcar.view.recorded_run import recorded_run, rolled_rad
 from view_probe import probed
 
 HINGED = {"width": 95.0, "height": 50.0, "radius": 40.0, "W.length": 90.0, "B.length": 80.0}

@@ -47,7 +47,7 @@ def model(
     from foldcar.atomic_file import atomic_file
     from foldcar.car.body import body_json
     from foldcar.commands.listed_design import listed_family
-    from foldcar.models.names import car_name, scene_name
+    from foldcar.models.exported_car import car_name, scene_name
     from foldcar.output_folder import make_output_folder
 
     if to not in FORMATS:
@@ -77,8 +77,7 @@ def model(
     else:
         from foldcar.models.ground import smooth_ground
         from foldcar.models.webots_car import webots_proto
-        from foldcar.models.webots_drive import CONTROLLER, controller_drive, controller_program
-        from foldcar.models.webots_world import webots_world
+        from foldcar.models.webots_world import CONTROLLER, controller_drive, controller_program, webots_world
         from foldcar.simulation.carsim import Carsim
 
         grid = smooth_ground(scene, Carsim()) if scene is not None else None

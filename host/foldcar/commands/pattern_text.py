@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from foldcar.fabrication.files import GUIDE
-from foldcar.fabrication.make_car import MANIFEST, MadeCar, MadeMockUp
+from foldcar.fabrication.make_car import GUIDE, MANIFEST, MadeCar, MadeMockUp
 from foldcar.fabrication.patterns.options import Options, arguments
 from foldcar.shown_text import decoded
 

@@ -62,8 +62,7 @@ def export(
 
     from foldcar.link.mcap_export import NO_START, export_mcap
     from foldcar.models.foxglove_scene import foxglove_scene
-    from foldcar.models.ground import smooth_ground
-    from foldcar.models.put_down import start_height_m
+    from foldcar.models.ground import smooth_ground, start_height_m
     from foldcar.simulation.carsim import Carsim
     from foldcar.store.log_files import log_file, sha256_of
     from foldcar.store.reader import Store

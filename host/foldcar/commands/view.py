@@ -68,15 +68,14 @@ def view(
 
 def _write(design: "Design", output: Path, run: dict[str, Any] | None, machine: str, sheet: str | None) -> None:
     from foldcar.atomic_file import atomic_file
-    from foldcar.fabrication.assembly.view_page import Drawing, view_page
+    from foldcar.fabrication.assembly.live_car import checked_car
+    from foldcar.fabrication.assembly.view_page import view_page
     from foldcar.fabrication.patterns.options import options
     from foldcar.fabrication.patterns.sheets import pattern
-    from foldcar.fabrication.patterns.svg import svg
-    from foldcar.view.live_car import checked_car
 
     folded, title = checked_car(design), design.title
     cut = pattern(folded, options(machine, sheet=sheet), title).sheets
-    page = view_page(folded, title, [Drawing(svg(one), one.name) for one in cut], run, film=cut)
+    page = view_page(folded, title, cut, run)
     with atomic_file(output) as binary:
         binary.write(page.encode())
 
@@ -85,9 +84,9 @@ def _serve(
     design: "Design", listing: Path, vehicle: str | None, settings: list[str], run: "ViewedRun | None", as_json: bool
 ) -> None:
     from foldcar.commands.options import design_settings
+    from foldcar.fabrication.assembly.live_car import LiveCar
+    from foldcar.fabrication.assembly.page_server import PageServer
     from foldcar.interrupts import said
-    from foldcar.view.live_car import LiveCar
-    from foldcar.view.server import PageServer
 
     words = ["foldcar", "pattern", str(listing), *(["--vehicle", vehicle] if vehicle else [])]
     car = LiveCar(design, words, list(design_settings(settings)), run.of if run else None)
@@ -121,9 +120,9 @@ class ViewedRun:
 
     def of(self, design: "Design") -> dict[str, Any]:
         """What run.js replays of that design's run in this environment. FoldcarError if the run fails."""
+        from foldcar.fabrication.assembly.recorded_run import recorded_run
         from foldcar.figures.ground import carsim_heights
         from foldcar.simulation.results import outcome_of
-        from foldcar.view.recorded_run import recorded_run
 
         listed = self.listed.with_design(design)
         name = f"experiment {listed.experiment.id}, sample {self.sample}"

@@ -4,35 +4,75 @@ Input: a Design and Options. Output: a MadeCar. Findings of the checks are a Che
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 from foldcar import __version__
 from foldcar.car.body import body_json
 from foldcar.car.car_file import car_json
 from foldcar.car.design import Design
-from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
-from foldcar.fabrication.assembly.operations import Operations, operations
-from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, total_mass_kg
-from foldcar.fabrication.assembly.view_page import Drawing, view_page
-from foldcar.fabrication.files import dxf_files, lbrn_files, pages, pdf_files, shape_files, svg_files
-from foldcar.fabrication.patterns.coupon import coupon
-from foldcar.fabrication.patterns.how_to_cut import how_to_cut
+from foldcar.fabrication.assembly.guide import guide_page
+from foldcar.fabrication.assembly.operations import Operations, operations, work_table
+from foldcar.fabrication.assembly.parts_list import (
+    parts_list,
+    parts_list_csv,
+    parts_list_text,
+    total_cost_usd,
+    total_mass_kg,
+)
+from foldcar.fabrication.assembly.shape_files import fold_text, obj_files, stl_bytes
+from foldcar.fabrication.assembly.solids import film_mesh, film_solids, mount_solids
+from foldcar.fabrication.assembly.view_page import view_page
+from foldcar.fabrication.assembly.wiring import wiring_drawing, wiring_text
+from foldcar.fabrication.patterns.cutting import coupon, how_to_cut
+from foldcar.fabrication.patterns.drawing import Sheet
+from foldcar.fabrication.patterns.dxf import dxf, read_dxf
+from foldcar.fabrication.patterns.lbrn import lbrn, read_lbrn
 from foldcar.fabrication.patterns.mock_up import how_to_fold, mock_up
 from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import MACHINES, Options
+from foldcar.fabrication.patterns.pdf import pdf
 from foldcar.fabrication.patterns.sheets import Pattern, cut_car, pattern_of
-from foldcar.fabrication.patterns.verify import TOLERANCE_MM, check_sheet
+from foldcar.fabrication.patterns.svg import read_svg, svg
+from foldcar.fabrication.patterns.verify import TOLERANCE_MM, check_pdf, check_sheet, check_text
 
+# The page to open first.
+GUIDE = "assembly.html"
 # Names every file in the folder of a car.
 MANIFEST = "pattern.json"
 
 
 class CheckError(FoldcarError):
     """A car or a file that failed its checks; the message names the first findings."""
+
+
+class _Written:
+    """The sheets' ``files`` by name, and the ``findings`` about sheets and files, each beginning with a name."""
+
+    def __init__(self, chosen: Options, sheets: Sequence[Sheet]) -> None:
+        self.chosen, self.sheets = chosen, sheets
+        self.files: dict[str, bytes] = {}
+        self.findings: list[str] = []
+        for sheet in sheets:
+            self._found(sheet.name, check_sheet(sheet, chosen.margin_mm))
+
+    def texts(self, ending: str, write: Callable[[Sheet], str], read: Callable[[str], Sheet]) -> None:
+        """A file for each sheet, read back."""
+        for sheet in self.sheets:
+            name, text = f"{sheet.name}.{ending}", write(sheet)
+            self.files[name] = text.encode()
+            self._found(name, check_text(read, sheet, text, self.chosen))
+
+    def pdf(self, name: str, sheets: Sequence[Sheet], title: str) -> None:
+        """One file for several sheets, read back."""
+        self.files[name] = pdf(sheets, self.chosen.paper, title)
+        self._found(name, check_pdf(sheets, self.files[name], self.chosen))
+
+    def _found(self, name: str, findings: Sequence[str]) -> None:
+        self.findings += [f"{name}: {found}" for found in findings]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,27 +101,36 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
         raise NestingError(f"{error} ({title})") from error
     sheets = (*cut.sheets, coupon(chosen, folded.parts))
     verified = verify(design)
-    written = [svg_files(sheets, chosen), pdf_files(sheets, chosen, title), dxf_files(sheets, chosen)]
+    written = _Written(chosen, sheets)
+    written.pdf("sheets.pdf", cut.sheets, title)
+    written.pdf("coupon.pdf", sheets[-1:], "coupon")
+    written.texts("svg", svg, read_svg)
+    written.texts("dxf", dxf, read_dxf)
     formats = "SVG, PDF and DXF"
     if MACHINES[chosen.machine].files == "lbrn2":
-        written.append(lbrn_files(sheets, chosen))
+        written.texts("lbrn2", lbrn, read_lbrn)
         formats = "SVG, PDF, DXF and LightBurn projects"
-    findings = [*(str(finding) for finding in verified.findings), *cut.torn]
-    findings += [f"{sheet.name}: {found}" for sheet in sheets for found in check_sheet(sheet, chosen.margin_mm)]
-    _refuse(title, [*findings, *(found for files in written for found in files.findings)])
-    files = {name: content for some in written for name, content in some.files.items()}
+    _refuse(title, [*map(str, verified.findings), *cut.torn, *written.findings])
+    files = written.files
     # matplotlib is slow to import, and other commands import this module.
     from foldcar.fabrication.patterns.preview import preview
 
-    files |= {
-        "sheets.png": preview(cut.sheets, title),
-        "view.html": _view(folded, title, cut, files).encode(),
-        "body.json": (json.dumps(body_json(design), indent=2) + "\n").encode(),
-        "car.json": (json.dumps(car_json(design), indent=2) + "\n").encode(),
-        "how_to_cut.md": how_to_cut(cut, command).encode(),
-        **shape_files(folded, title),
-        **pages(folded, pieces, cut),
+    done = operations(folded, pieces)
+    texts = {
+        "view.html": view_page(folded, title, cut.sheets),
+        "body.json": json.dumps(body_json(design), indent=2) + "\n",
+        "car.json": json.dumps(car_json(design), indent=2) + "\n",
+        "how_to_cut.md": how_to_cut(cut, command),
+        GUIDE: guide_page(folded, pieces, chosen.machine, title, cut.sheets),
+        "wiring.md": wiring_text(folded, title),
+        "wiring.svg": wiring_drawing(folded, title),
+        "parts.md": parts_list_text(folded, title, cut.sheets) + "\n" + work_table(done),
+        "parts.csv": parts_list_csv(folded, cut.sheets),
+        **{f"fold/{piece.name}.fold": fold_text(piece, title) for piece in folded.pieces},
     }
+    files |= {name: text.encode() for name, text in texts.items()}
+    files |= {"sheets.png": preview(cut.sheets, title), "car.stl": stl_bytes(film_mesh(folded))}
+    files |= obj_files([*film_solids(folded), *mount_solids(folded)], "car")
     lines = sum(len(sheet.shapes) for sheet in cut.sheets)
     held = " but for their holding tabs" if chosen.holding_tabs_mm else ""
     checks = (
@@ -91,7 +140,7 @@ def make_car(design: Design, chosen: Options, command: str = "") -> MadeCar:
         f"film between two cuts at least {cut.least_film_mm:.2f} mm, bridges in folds aside",
     )
     rows = parts_list(folded, cut.sheets)
-    made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), operations(folded, pieces), files, checks)
+    made = MadeCar(title, cut, total_mass_kg(rows), total_cost_usd(rows), done, files, checks)
     files[MANIFEST] = _manifest(design, made, command).encode()
     return made
 
@@ -107,10 +156,10 @@ class MadeMockUp:
 def make_mock_up(design: Design, chosen: Options, scale: float, command: str = "") -> MadeMockUp:
     """A car's paper prototype; CheckError if something is wrong with a file, FoldcarError if it cannot be made."""
     cut = mock_up(design, chosen, scale, command)
-    written = pdf_files(cut.sheets, chosen, cut.title)
-    findings = [f"{sheet.name}: {found}" for sheet in cut.sheets for found in check_sheet(sheet, chosen.margin_mm)]
-    _refuse(cut.title, [*findings, *written.findings])
-    files = {"sheets.pdf": written.files["sheets.pdf"], "how_to_fold.md": how_to_fold(cut, scale).encode()}
+    written = _Written(chosen, cut.sheets)
+    written.pdf("sheets.pdf", cut.sheets, cut.title)
+    _refuse(cut.title, written.findings)
+    files = {**written.files, "how_to_fold.md": how_to_fold(cut, scale).encode()}
     manifest = {
         "foldcar": __version__,
         "command": command,
@@ -129,35 +178,29 @@ def _refuse(title: str, findings: Sequence[str]) -> None:
         raise CheckError(f"{title}: {findings[0]}{more}")
 
 
-def _view(folded: FoldedCar, title: str, cut: Pattern, drawings: Mapping[str, bytes]) -> str:
-    """The model to look at, with the sheets as they are written."""
-    texts = [drawings[f"{sheet.name}.svg"].decode() for sheet in cut.sheets]
-    # An element in a page has no XML declaration.
-    elements = [text[text.index("<svg") :] for text in texts]
-    shown = [Drawing(svg, sheet.name) for svg, sheet in zip(elements, cut.sheets, strict=True)]
-    return view_page(folded, title, shown, film=cut.sheets)
-
-
 def _manifest(design: Design, made: MadeCar, command: str) -> str:
     """What was made, and of what: to make it again, and to know which files may be replaced."""
     chosen = made.pattern.options
-    return json.dumps(
-        {
-            "foldcar": __version__,
-            "command": command,
-            "type": design.type,
-            "parameters": dict(design.values),
-            "options": {field.name: getattr(chosen, field.name) for field in fields(chosen)},
-            "sheets": len(made.pattern.sheets),
-            "least_film_mm": round(made.pattern.least_film_mm, 2),
-            "cut_length_mm": round(made.pattern.cut_length_mm, 1),
-            "mass_kg": round(made.mass_kg, 6),
-            "cost_usd": round(made.cost_usd, 2),
-            "operations": {**made.operations.counts, "total": made.operations.total},
-            "assembly_min": round(made.operations.minutes),
-            "assembly_min_between": [round(end) for end in made.operations.minutes_between],
-            "warnings": list(made.pattern.warnings),
-            "files": sorted([*made.files, MANIFEST]),
-        },
-        indent=2,
-    ) + "\n"
+    return (
+        json.dumps(
+            {
+                "foldcar": __version__,
+                "command": command,
+                "type": design.type,
+                "parameters": dict(design.values),
+                "options": {field.name: getattr(chosen, field.name) for field in fields(chosen)},
+                "sheets": len(made.pattern.sheets),
+                "least_film_mm": round(made.pattern.least_film_mm, 2),
+                "cut_length_mm": round(made.pattern.cut_length_mm, 1),
+                "mass_kg": round(made.mass_kg, 6),
+                "cost_usd": round(made.cost_usd, 2),
+                "operations": {**made.operations.counts, "total": made.operations.total},
+                "assembly_min": round(made.operations.minutes),
+                "assembly_min_between": [round(end) for end in made.operations.minutes_between],
+                "warnings": list(made.pattern.warnings),
+                "files": sorted([*made.files, MANIFEST]),
+            },
+            indent=2,
+        )
+        + "\n"
+    )

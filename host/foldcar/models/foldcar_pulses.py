@@ -1,6 +1,6 @@
 """A Webots controller, which Webots runs: gives a car's motors what the firmware's pulses ask of its servos.
 
-Its argument names a JSON file beside it, which foldcar.models.webots_drive wrote: how long the car stands first, its
+Its argument names a JSON file beside it, which foldcar.models.webots_world wrote: how long the car stands first, its
 motors, and rows of a time (s) and the fractions of full speed from then on, null for no pulse (the motor is free).
 """
 

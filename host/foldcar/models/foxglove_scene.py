@@ -11,8 +11,8 @@ from typing import Any
 import numpy
 
 from foldcar.link.foxglove import CAR, WORLD, quaternion, vector
+from foldcar.models.exported_car import axle_m, tyre_center_m
 from foldcar.models.ground import HeightGrid
-from foldcar.models.wheel_geometry import axle_m, tyre_center_m
 from foldcar.scenes.terrain_kinds import kind_of
 
 FLOOR, PIECE = {"r": 0.93, "g": 0.92, "b": 0.88, "a": 1.0}, {"r": 0.75, "g": 0.6, "b": 0.4, "a": 1.0}

@@ -16,9 +16,7 @@ LEVEL_SCENE = {
 }
 
 
-def mjcf(
-    carsim: Carsim, body: Mapping[str, Any], scene: Mapping[str, Any] | None = None, name: str = "foldcar"
-) -> str:
+def mjcf(carsim: Carsim, body: Mapping[str, Any], scene: Mapping[str, Any] | None = None, name: str = "foldcar") -> str:
     """The text of the model, of that name, of body and scene of docs/carsim.md, put down at the scene's start.
 
     Without a scene the car stands on a level floor with friction 1. ``carsim`` must have MuJoCo; CarsimError if it does

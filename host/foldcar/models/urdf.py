@@ -12,9 +12,9 @@ also takes the inertia of the rotors. Other programs pass over them. All coeffic
 import math
 from collections.abc import Mapping
 from typing import Any
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from foldcar.models.wheel_geometry import (
+from foldcar.models.exported_car import (
     axle_m,
     segment_name,
     servo_limits,
@@ -22,11 +22,20 @@ from foldcar.models.wheel_geometry import (
     wheel_inertia_kg_m2,
     wheel_name,
 )
-from foldcar.models.xml_elements import add, document, numbers
 
 ROOT = "base_link"
 # URDF requires a limit of speed, and some programs stop a joint at it: no flexure turns this fast.
 FREE_RAD_S = 1000.0
+
+
+def add(parent: Element, tag: str, **attributes: str) -> Element:
+    """Append a new element to ``parent`` and return it."""
+    return SubElement(parent, tag, attributes)
+
+
+def numbers(*values: float) -> str:
+    """Numbers as the text of an attribute, separated by spaces."""
+    return " ".join(f"{value + 0.0:.9g}" for value in values)
 
 
 def urdf(body: Mapping[str, Any], name: str) -> str:
@@ -56,7 +65,8 @@ def urdf(body: Mapping[str, Any], name: str) -> str:
             add(joint, "dynamics", damping=numbers(hinge["damping_n_m_s_rad"]))
     for wheel in body["wheels"]:
         _add_wheel(robot, body, wheel)
-    return '<?xml version="1.0"?>\n' + document(robot)
+    indent(robot)
+    return f'<?xml version="1.0"?>\n{tostring(robot, encoding="unicode")}\n'
 
 
 def _add_wheel(robot: Element, body: Mapping[str, Any], wheel: Mapping[str, Any]) -> None:
@@ -96,9 +106,7 @@ def _add_inertial(link: Element, com: tuple[float, ...], mass: float, inertias: 
     add(inertial, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
 
 
-def _add_shape(
-    link: Element, middle: tuple[float, ...], turn_rad: float, grip: float, shape: str, **size: str
-) -> None:
+def _add_shape(link: Element, middle: tuple[float, ...], turn_rad: float, grip: float, shape: str, **size: str) -> None:
     for purpose in ("visual", "collision"):
         holder = add(link, purpose)
         add(holder, "origin", xyz=numbers(*middle), rpy=numbers(turn_rad, 0, 0))
@@ -116,9 +124,7 @@ def _add_friction(robot: Element, link: Element, grip: float) -> None:
         add(gazebo, name).text = numbers(grip)
 
 
-def _add_joint(
-    robot: Element, name: str, kind: str, parent: str, child: str, place: tuple[float, ...]
-) -> Element:
+def _add_joint(robot: Element, name: str, kind: str, parent: str, child: str, place: tuple[float, ...]) -> Element:
     joint = add(robot, "joint", name=name, type=kind)
     add(joint, "parent", link=parent)
     add(joint, "child", link=child)

@@ -5,12 +5,13 @@ and no-load speed at the supply voltage: Webots' motors deliver their maximum to
 no rotor inertia. Friction is a property of pairs of materials in the world file; ``contact_materials`` names them.
 """
 
+import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
-from foldcar.models.vrml import HEADER, Is, Node, node_text, vector
-from foldcar.models.wheel_geometry import (
+from foldcar.models.exported_car import (
     axle_m,
     segment_name,
     servo_limits,
@@ -19,6 +20,8 @@ from foldcar.models.wheel_geometry import (
     wheel_name,
 )
 
+# The oldest version with these nodes; later ones read its files, older ones refuse them.
+HEADER = "#VRML_SIM R2023b utf8"
 INTERFACE = (
     ("SFVec3f", "translation"),
     ("SFRotation", "rotation"),
@@ -26,6 +29,72 @@ INTERFACE = (
     ("SFString", "controller"),
     ("MFString", "controllerArgs"),
 )
+
+
+@dataclass(frozen=True)
+class Node:
+    """A node: ``name { field value … }``."""
+
+    name: str
+    fields: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Is:
+    """A reference to a field of the PROTO."""
+
+    name: str
+
+
+class Vector(tuple[float, ...]):
+    """Numbers that are one value: a position, a direction or a rotation."""
+
+
+def vector(*values: float) -> Vector:
+    """A Vector of these numbers."""
+    return Vector(values)
+
+
+def node_text(node: Node, depth: int = 0) -> str:
+    """The node as text, indented by two spaces per level."""
+    inner = "  " * (depth + 1)
+    lines = [f"{inner}{name} {_value(value, depth + 1)}" for name, value in node.fields.items()]
+    return "\n".join([f"{node.name} {{", *lines, "  " * depth + "}"])
+
+
+def _value(value: Any, depth: int) -> str:
+    if isinstance(value, Node):
+        return node_text(value, depth)
+    if isinstance(value, Is):
+        return f"IS {value.name}"
+    if isinstance(value, Vector):
+        return " ".join(_number(number) for number in value)
+    if value is None:
+        return "NULL"
+    if isinstance(value, bool):
+        return "TRUE" if value else "FALSE"
+    if isinstance(value, int | float):
+        return _number(value)
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    return _list(value, depth)
+
+
+def _list(values: Sequence[Any], depth: int) -> str:
+    if not values:
+        return "[ ]"
+    if not isinstance(values[0], Node):
+        separator = ", " if isinstance(values[0], Vector) else " "
+        return f"[ {separator.join(_value(value, depth) for value in values)} ]"
+    inner = "  " * (depth + 1)
+    lines = [inner + _value(value, depth + 1) for value in values]
+    return "\n".join(["[", *lines, "  " * depth + "]"])
+
+
+def _number(number: float) -> str:
+    return f"{number + 0.0:.9g}"
+
+
 BODY_COLOUR, TYRE_COLOUR = vector(0.1, 0.45, 0.7), vector(0.15, 0.15, 0.15)
 
 
@@ -34,14 +103,11 @@ def webots_proto(body: Mapping[str, Any], name: str, comment: str) -> str:
     height_m = max(wheel["radius_m"] for wheel in body["wheels"])
     defaults = (f"0 0 {height_m:.9g}", "0 0 1 0", '"car"', '"<generic>"', "[ ]")
     interface = [
-        f"  field {kind:<10} {field:<14} {default}"
-        for (kind, field), default in zip(INTERFACE, defaults, strict=True)
+        f"  field {kind:<10} {field:<14} {default}" for (kind, field), default in zip(INTERFACE, defaults, strict=True)
     ]
     robot = Node("Robot", {field: Is(field) for _, field in INTERFACE} | _segment_fields(body, 0))
     head = [HEADER, f"# {comment}", "# Origin: middle of the car's length, at axle height; x forward, z up."]
-    return "\n".join(
-        [*head, "", f"PROTO {name} [", *interface, "]", "{", "  " + node_text(robot, 1), "}", ""]
-    )
+    return "\n".join([*head, "", f"PROTO {name} [", *interface, "]", "{", "  " + node_text(robot, 1), "}", ""])
 
 
 def contact_materials(body: Mapping[str, Any]) -> dict[str, float]:

@@ -1,23 +1,24 @@
-"""A Webots world (R2023b or later) that contains a car's PROTO.
+"""A Webots world (R2023b or later) that contains a car's PROTO, and its controller's program and drive.
 
 Input: a body and a scene of docs/carsim.md, the grid of the scene's smooth ground. Output: the text of a world file
 for the folder ``worlds/`` beside the PROTO's ``protos/`` and the controller's ``controllers/``. Friction patches are
 left out: Webots assigns friction to pairs of materials, and a patch is not a body of its own.
 """
 
+import json
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy
 
 from foldcar.errors import FoldcarError
-from foldcar.models.ground import HeightGrid
-from foldcar.models.put_down import start_height_m
-from foldcar.models.vrml import HEADER, Node, node_text, vector
-from foldcar.models.webots_car import contact_materials, placed, shape
-from foldcar.models.webots_drive import CONTROLLER
+from foldcar.models.exported_car import wheel_name
+from foldcar.models.ground import HeightGrid, start_height_m
+from foldcar.models.webots_car import HEADER, Node, contact_materials, node_text, placed, shape, vector
 from foldcar.scenes.terrain_kinds import kind_of
+from foldcar.simulation.pulses import PulseTrain
 
 GROUND = "ground"
 STEP_MS = 4
@@ -25,6 +26,8 @@ FLOOR_M = 20.0
 SUNK_M = 0.1
 FLOOR_COLOUR, PIECE_COLOUR = vector(0.93, 0.92, 0.88), vector(0.75, 0.6, 0.4)
 EYE_M, LOOKS_AT_M = (-1.2, -1.6, 1.2), (0.6, 0.0, 0.0)
+# Webots starts controllers/NAME/NAME.py.
+CONTROLLER = "foldcar_pulses"
 
 
 def webots_world(
@@ -154,3 +157,33 @@ def _looking() -> tuple[float, float, float, float]:
     axis = numpy.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     x, y, z = axis / (2 * math.sin(angle))
     return float(x), float(y), float(z), angle
+
+
+def controller_program() -> str:
+    """The controller's source, the same for every car."""
+    return (Path(__file__).parent / f"{CONTROLLER}.py").read_text(encoding="utf-8")
+
+
+def controller_drive(body: Mapping[str, Any], pulses: PulseTrain, settling_s: float) -> str:
+    """The drive of a car that stands for ``settling_s`` first, as the controller reads it; fractions to 1e-6."""
+    rows: list[list[float | None]] = []
+    for t_s, widths in zip(pulses.times_s, pulses.widths_us, strict=True):
+        fractions = [drive_fraction(wheel["servo"], widths[wheel["channel"]]) for wheel in body["wheels"]]
+        row = [None if fraction is None else round(fraction, 6) for fraction in fractions]
+        if not rows or rows[-1][1:] != row:
+            rows.append([round(t_s, 6), *row])
+    motors = [f"{wheel_name(wheel)} servo" for wheel in body["wheels"]]
+    lines = ",\n  ".join(json.dumps(row) for row in rows)
+    head = f'"settling_s": {json.dumps(settling_s)},\n "motors": {json.dumps(motors)}'
+    return f'{{{head},\n "changes": [\n  {lines}]}}\n'
+
+
+def drive_fraction(servo: Mapping[str, float], pulse_us: float) -> float | None:
+    """The fraction of full speed, positive forward; None without a pulse, when the motor gives no torque."""
+    if pulse_us <= 0:
+        return None
+    offset_us = servo["direction"] * (pulse_us - servo["neutral_us"])
+    excess_us = abs(offset_us) - servo["deadband_us"]
+    if excess_us <= 0:
+        return 0.0
+    return math.copysign(min(1.0, excess_us / (servo["saturation_us"] - servo["deadband_us"])), offset_us)

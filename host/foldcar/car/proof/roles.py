@@ -86,14 +86,23 @@ class Roles:
         base, host = self.base.get(mount.body), self.mount_host(mount)
         if base is None or host is None:
             return False
-        on: Host = host
-        while on is not None and on[0] is not base:
-            on = self.host(on[0])
+        on = self._on_beam(host, base)
         if on is None or on[1] not in self.lids[base.piece].faces:
             return False
         onto = inverse(compose(host[0].pose, self.finished[host[0].piece][host[1]]))
         # Printed sides, along +z of their frames, look inwards.
         return compose(onto, mount.pose)[2][3] < 0 and not self.is_fastener(mount)
+
+    def face_under(self, one: PlacedPiece) -> str | None:
+        """The face of its beam that a piece moves with; None for a beam and for what is fixed to none."""
+        on = self._on_beam(self.host(one), self.base.get(one.body))
+        return None if on is None else on[1]
+
+    def _on_beam(self, host: Host, base: PlacedPiece | None) -> Host:
+        """What a host is fixed to in the end, its beam; None if that is none."""
+        while host is not None and host[0] is not base:
+            host = self.host(host[0])
+        return host
 
     def whole(self, piece: str) -> dict[str, float]:
         """The fractions of a piece's folds when it is folded: 1 for each crease."""

@@ -213,8 +213,7 @@ def _arrow(arrow: Arrow, view: Camera, size: float) -> str:
     return (
         f'<path d="{line}" fill="none" stroke="#ffffff" stroke-width="{2.2 * thick:.3f}"/>'
         f'<path d="{line}" fill="none" stroke="{colour}" stroke-width="{thick:.3f}"/>'
-        f'<path d="{tip}" fill="{colour}" stroke="#ffffff" stroke-width="{0.5 * thick:.3f}"/>'
-        + label
+        f'<path d="{tip}" fill="{colour}" stroke="#ffffff" stroke-width="{0.5 * thick:.3f}"/>' + label
     )
 
 

@@ -3,21 +3,42 @@
 Input: a FoldedCar, and the CutCar of its sheets. Output: the page's text; it needs no other file.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
+import numpy as np
 from markupsafe import Markup
 
 from foldcar.car.folded.model import FoldedCar
-from foldcar.fabrication.assembly.guide_step import KINDS, minutes
-from foldcar.fabrication.assembly.guide_steps import finished, steps, upkeep
-from foldcar.fabrication.assembly.guide_words import tools
-from foldcar.fabrication.assembly.operations import assembly_times, operations
+from foldcar.car.proof.prove import service_steps
+from foldcar.fabrication.assembly.drawing import Drawing
+from foldcar.fabrication.assembly.facets import Shape, film_shape, mount_shape, together
+from foldcar.fabrication.assembly.guide_pictures import Picture, Step, join_marks, service_picture, step_pictures
+from foldcar.fabrication.assembly.guide_state import State, key
+from foldcar.fabrication.assembly.guide_words import listed, numbers, service_lines, step_lines, tools
+from foldcar.fabrication.assembly.hidden_surfaces import Camera, camera
+from foldcar.fabrication.assembly.operations import (
+    KINDS,
+    assembly_times,
+    by_step,
+    is_wound,
+    minutes,
+    of_parting,
+    of_sheets,
+    operations,
+)
 from foldcar.fabrication.assembly.parts_list import parts_list
 from foldcar.fabrication.assembly.view_page import facts
-from foldcar.fabrication.assembly.wiring_drawing import wiring_drawing
+from foldcar.fabrication.assembly.wiring import wiring_drawing
 from foldcar.fabrication.patterns.drawing import Sheet
+from foldcar.fabrication.patterns.options import MACHINES
 from foldcar.fabrication.patterns.sheets import CutCar
 from foldcar.page_template import page_template
+
+ABOVE = camera(-90, 90)
+ASLANT = camera(-55, 32)
+# Long pieces are turned along the picture's wider side.
+UPRIGHT = 1.3
+FROM_FRONT = camera(38, 30)
 
 
 def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets: Sequence[Sheet] = ()) -> str:
@@ -28,13 +49,15 @@ def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets:
         title=title,
         facts=facts(folded, sheets),
         rows=parts_list(folded, sheets),
-        finished=finished(folded),
+        finished=Picture(Drawing(whole_car(folded, FROM_FRONT), FROM_FRONT, "The finished car"), "the finished car"),
         steps=steps(folded, cut, machine),
-        upkeep=upkeep(folded),
+        upkeep=Step(
+            "Open, charge, connect, reset", service_lines(folded, service_steps(folded)), service_picture(folded)
+        ),
         total=done.total,
         counts=[(KINDS[kind][count != 1], count) for kind, count in done.counts.items() if count and kind != "weed"],
         weeded=done.weed,
-        seconds=[(KINDS[kind][0], f"{quantity.value:g}") for kind, quantity in assembly_times().of_kinds().items()],
+        seconds=[(KINDS[kind][0], f"{assembly_times()[f'{kind}_s'].value:g}") for kind in done.counts],
         minutes=minutes(done.minutes),
         low=f"{low:.0f}",
         high=f"{high:.0f}",
@@ -42,3 +65,93 @@ def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets:
         tools=tools(folded),
         wiring=Markup(wiring_drawing(folded, title)),
     )
+
+
+def steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
+    """All steps, from cutting on a machine of that name to the finished car."""
+    found = [out_of_sheets(cut, machine), *parted(folded, cut)]
+    state = State(folded)
+    for step, done in by_step(folded):
+        lines = step_lines(step, state)
+        state.take(step)
+        repeated = len(state.unit_bodies(step.unit)) if step.unit else 1
+        title = f"{step.title} ({repeated} times)" if repeated > 1 else step.title
+        found.append(Step(title, lines, step_pictures(step, state, step.title), done))
+    return found
+
+
+def out_of_sheets(cut: CutCar, machine: str) -> Step:
+    """The step that cuts all pieces, with a picture of each, for a machine of that name."""
+    pictures = []
+    for piece in cut.car.pieces:
+        shape = film_shape(piece, np.eye(4), 0.0)
+        points = np.concatenate([facet.rings_mm[0] for facet in shape.facets])
+        across, along, _ = np.ptp(points, axis=0)
+        view = camera(180, 90) if along > UPRIGHT * across else ABOVE
+        drawing = Drawing(shape, view, piece.label, join_marks(cut.car, piece, np.eye(4), 0.0), enlarged=2.0)
+        times = f", {piece.count} times" if piece.count > 1 else ""
+        pictures.append(Picture(drawing, f"{piece.label}{times}"))
+    wound = [piece.label for piece in cut.car.pieces if is_wound(piece)]
+    program, files = MACHINES[machine].program, MACHINES[machine].files
+    lines = (
+        f"Cut the sheets ({machine}: {files.upper()} files, {program}); how_to_cut.md says how, layer by layer; "
+        "sheets.png shows all sheets. Cut the coupon first.",
+        "Take the pieces out of the sheets, and the waste out of every opening (green on the sheets) with a fingertip, a "
+        "pin or tweezers. Pictures show the printed side, which is inside the car; numbers in circles are joins, the "
+        "same on both sides of a join.",
+        "Crease every fold once before you build: valleys (blue, dashed) towards you, mountains (red, dash-dotted) away "
+        "from you, the printed side up.",
+        *([f"Do not crease the {listed(wound)}: they are curled."] if wound else []),
+    )
+    return Step("Cut the pieces", lines, tuple(pictures), of_sheets(cut))
+
+
+def parted(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
+    """The step that joins pieces split to fit the sheets, along folds and across."""
+    known = {join.number for join in folded.joins}
+    cut_names = {piece.name for piece in cut.car.pieces}
+    lines, pictures = [], []
+    for piece in (piece for piece in folded.pieces if piece.name not in cut_names):
+        parts = [part for part in cut.car.pieces if part.name.startswith(f"{piece.name}, part ")]
+        names = {part.name for part in parts}
+        new = {join.number for join in cut.car.joins if join.piece_a in names and join.number not in known}
+        times = f", {piece.count} times" if piece.count > 1 else ""
+        lines.append(
+            f"The {piece.label} is cut as {listed([part.label for part in parts])}{times}: fold each tab and tape it to "
+            f"the printed side of the panel with the same number, join {numbers(new)}. From now on it is one piece."
+        )
+        pictures += [
+            Picture(
+                Drawing(
+                    film_shape(part, np.eye(4), 0.5), ASLANT, f"{part.label}, half folded",
+                    [mark for mark in join_marks(cut.car, part, np.eye(4), 0.5) if int(mark.text) in new],
+                ),
+                f"{part.label}, half folded",
+            )
+            for part in parts
+        ]  # fmt: skip
+    for name, count in cut.strips.items():
+        parts_across = [flat for flat in cut.pieces if flat.origin == name]
+        seams = {number for flat in parts_across for number, _ in flat.seams}
+        copies = parts_across[0].count
+        lines.append(
+            f"The {name} is cut across, in {count} parts{f', {copies} times' if copies > 1 else ''}: lay the edge of one "
+            f"onto the line of the part with the same number, printed side up, and tape it there: join {numbers(seams)}."
+        )
+    if lines:
+        yield Step("Join the parts of pieces", tuple(lines), tuple(pictures), of_parting(folded, cut))
+
+
+def whole_car(folded: FoldedCar, view: Camera) -> Shape:
+    """The closed car from outside: film without tabs, of that only what faces the camera unprinted; servos."""
+    pieces = {piece.name: piece for piece in folded.pieces}
+    shapes = []
+    for placed in folded.placed:
+        film = film_shape(pieces[placed.piece], np.array(placed.pose), 1.0, key(placed), tabs=False, creases=False)
+        # Printed sides are inside.
+        facets = tuple(facet for facet in film.facets if facet.normal @ view.toward < 0)
+        shapes.append(Shape(facets, film.lines, film.materials))
+    driving = {axle.servo for axle in folded.axles}
+    outer = {folded.parts.tyre.name, folded.parts.switch.name}
+    shapes += [mount_shape(mount) for mount in folded.mounts if mount.name in driving or mount.part in outer]
+    return together(shapes)

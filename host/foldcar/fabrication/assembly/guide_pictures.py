@@ -1,22 +1,30 @@
 """The pictures of a step and of the service: what is there already is pale, what goes in has an arrow along its way.
 
-Input: a step and the State after it; a FoldedCar. Output: Pictures.
+Input: a step and the State after it; a FoldedCar. Output: Pictures. Parts that come from one side onto each other stand
+apart in a row, in the order of the step; a nut stands on its own side.
 """
 
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations
 
-from foldcar.car.folded.model import FoldedCar, Mount
+import numpy as np
+from markupsafe import Markup
+from shapely.geometry import Point, Polygon
+
+from foldcar.car.folded.model import FoldedCar, Join, Mount, Piece, PlacedPiece
+from foldcar.car.folded.pose import edge
+from foldcar.car.parts.mechanics import Screw, Spacer
 from foldcar.car.proof.prove import assembly_steps, service_steps
 from foldcar.car.proof.roles import roles_of
-from foldcar.car.proof.step import AssemblyStep
-from foldcar.fabrication.assembly.drawing import Arrow, Drawing
-from foldcar.fabrication.assembly.facets import together
-from foldcar.fabrication.assembly.guide_scene import Scene, points, tiny
-from foldcar.fabrication.assembly.guide_state import State
-from foldcar.fabrication.assembly.guide_step import Picture
+from foldcar.car.proof.step import Added, AssemblyStep
+from foldcar.fabrication.assembly.drawing import Arrow, Drawing, Mark
+from foldcar.fabrication.assembly.facets import Shape, shank_and_nut, together
+from foldcar.fabrication.assembly.guide_state import Part, State, key
 from foldcar.fabrication.assembly.guide_words import reached_word
-from foldcar.fabrication.assembly.hidden_surfaces import Camera, camera
-from foldcar.fabrication.assembly.poses import face_poses, moved
+from foldcar.fabrication.assembly.hidden_surfaces import Camera, Vector, camera
+from foldcar.fabrication.assembly.operations import KINDS, NOTHING, Operations, is_screw, is_wound, minutes
+from foldcar.fabrication.assembly.solids import Fraction, Matrix, face_poses, glued_offset_mm, moved
 
 # Open lids stand on the left, so that most is seen from the right.
 FROM_RIGHT, FROM_LEFT, FROM_REAR = camera(-55, 34), camera(125, 34), camera(-125, 34)
@@ -28,6 +36,46 @@ DRIVER_MM = 65.0
 LEVER_AT = 0.8
 # Cosine from which on something comes from a side.
 SIDEWAYS = 0.7
+# How far parts stand apart from their places along each move of their way: at most, at least, and their size's share.
+APART_MM, LEAST_APART_MM, APART_SHARE = 62.0, 24.0, 0.4
+SCREW_APART_MM, STRIP_APART_MM = 22.0, 26.0
+# Directions are alike from this cosine on.
+ALIKE, BEHIND = 0.9, 0.35
+# A direction's component below this is across it.
+ACROSS = 0.5
+# Smaller parts, screws and spacers, do not choose the camera. A fold that moves a face by less has no arrow.
+SMALL_MM, MOVED_MM = 14.0, 20.0
+FOLD_ARROWS = 2
+BESIDE_EDGE_MM = 7.0
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A drawing and its caption."""
+
+    drawing: Drawing
+    caption: str
+
+    @property
+    def svg(self) -> Markup:
+        """The drawing's SVG element, which a template does not escape."""
+        return Markup(self.drawing.svg)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step: a title, instructions line by line, pictures, and what is done in it."""
+
+    title: str
+    lines: tuple[str, ...]
+    pictures: tuple[Picture, ...] = ()
+    done: Operations = NOTHING
+
+    @property
+    def effort(self) -> str:
+        """What is done in it and how long that takes, as text; "" for nothing to do."""
+        counts = [f"{count} {KINDS[kind][count > 1]}" for kind, count in self.done.counts.items() if count]
+        return f"{', '.join(counts)}: about {minutes(self.done.minutes)}" if counts else ""
 
 
 def step_pictures(step: AssemblyStep, state: State, title: str) -> tuple[Picture, ...]:
@@ -91,7 +139,7 @@ def _opening(car: FoldedCar, state: State) -> list[Arrow]:
     return arrows
 
 
-def _views(scene: Scene) -> list[tuple[Camera, str]]:
+def _views(scene: "Scene") -> list[tuple[Camera, str]]:
     """Cameras and captions."""
     if scene.outward is not None:
         return [(camera(35 if scene.outward[1] > 0 else -35, 18), "seen from its outer side")]
@@ -106,3 +154,196 @@ def _views(scene: Scene) -> list[tuple[Camera, str]]:
     if sides and all(one[0] < -SIDEWAYS for one in sides):
         return [(FROM_REAR, "seen from the rear")]
     return [(FROM_LEFT, "seen from the left") if left else (FROM_RIGHT, "seen from the right")]
+
+
+@dataclass(frozen=True)
+class _Apart:
+    """What stands apart: the box of its corners in place (2, 3), its direction out and the whole of its shift (mm)."""
+
+    box_mm: Vector
+    out: Vector
+    shift_mm: Vector
+
+
+class Scene:
+    """``shape``, ``faded`` keys, ``arrows`` and ``marks`` of a step; ``from_`` are directions that large parts come from.
+
+    ``outward`` is the direction away from the car, if the step puts a wheel together.
+    """
+
+    def __init__(self, step: AssemblyStep, state: State) -> None:
+        self.step, self.state = step, state
+        body = state.unit_bodies(step.unit)[0] if step.unit else ""
+        axle = next((axle for axle in state.car.axles if axle.wheel == body), None)
+        self.axle_mm = None if axle is None else np.array(axle.center_mm)
+        self.outward = None if axle is None else np.array([0.0, 1.0 if axle.side == "left" else -1.0, 0.0])
+        self.from_: list[Vector] = []
+        self.arrows: list[Arrow] = []
+        self.marks: list[Mark] = []
+        self._apart: list[_Apart] = []
+        shown = [added for added in step.adds if not step.unit or added.body == body]
+        new = {id(part) for added in shown for part in state.parts(added)}
+        there = [part for part in (state.unit(step.unit, body) if step.unit else state.there) if id(part) not in new]
+        folded = [part for part in there if isinstance(part, PlacedPiece) and part.piece in step.folds]
+        old = [state.shape(part) for part in there if part not in folded and not tiny(state, part)]
+        self.faded = {facet.key for shape in old for facet in shape.facets}
+        fresh = [state.shape(part, creases=True) for part in folded]
+        for part in folded:
+            self._mark(part, np.zeros(3))
+            if not step.adds:
+                self._fold_arrows(part)
+        for added in shown:
+            fresh += self._added(added)
+        self.shape = together([*old, *fresh])
+
+    def arrows_in(self, view: Camera) -> list[Arrow]:
+        """The arrows of what comes towards the car from the camera's side, or across."""
+        ways = [(one, one.points_mm[0] - one.points_mm[-1]) for one in self.arrows]
+        return [one for one, way in ways if way @ view.toward > -BEHIND * np.linalg.norm(way)]
+
+    def _added(self, added: Added) -> list[Shape]:
+        """What comes in with ``added``, apart from its place."""
+        parts = self.state.parts(added)
+        if added.nut_mm:
+            (screw,) = parts
+            assert isinstance(screw, Mount)
+            shank, nut = shank_and_nut(screw)
+            return [*self._come(added, [shank]), *self._come(replace(added, way_mm=added.nut_mm[-1:]), [nut])]
+        return self._come(added, parts)
+
+    def _come(self, added: Added, parts: Sequence[Part]) -> list[Shape]:
+        in_place = points([self.state.shape(part) for part in parts])
+        box = np.stack([in_place.min(axis=0), in_place.max(axis=0)])
+        moves = self._moves(added, box)
+        shift = -np.sum(moves, axis=0) if moves else np.zeros(3)
+        if moves:
+            out = shift / np.linalg.norm(shift)
+            before = self._before(box, out)
+            if np.ptp(box, axis=0).max() > SMALL_MM:
+                self.from_.append(out)
+            middle = box.mean(axis=0) + before + shift
+            self.arrows.append(Arrow(np.cumsum([middle, *moves], axis=0), "tool" if self._is_screw(added) else "way"))
+            shift = shift + before
+            self._apart.append(_Apart(box, out, shift))
+        for part in parts:
+            if isinstance(part, PlacedPiece):
+                self._mark(part, shift)
+        return [self.state.shape(part, shift, creases=not moves) for part in parts]
+
+    def _before(self, box: Vector, out: Vector) -> Vector:
+        """The shift of what stands apart already in the way of a box that moves out in that direction."""
+        across = np.abs(out) < ACROSS
+        shifts = [np.zeros(3)]
+        for one in self._apart:
+            overlap = (box[0] <= one.box_mm[1]) & (one.box_mm[0] <= box[1])
+            if float(one.out @ out) > ALIKE and overlap[across].all():
+                shifts.append(one.shift_mm)
+        return max(shifts, key=lambda shift: float(shift @ out))
+
+    def _moves(self, added: Added, box: Vector) -> list[Vector]:
+        """The way in, its moves shortened; the first one is long enough to be seen."""
+        moves = [np.array(move) for move in added.way_mm if np.linalg.norm(move) > 0]
+        if not moves and self.axle_mm is not None and added.kind == "piece" and is_wound(self.state.pieces[added.name]):
+            radial = (box.mean(axis=0) - self.axle_mm) * (1.0, 0.0, 1.0)
+            moves = [-radial] if np.linalg.norm(radial) > 0 else []
+            return [STRIP_APART_MM * move / np.linalg.norm(move) for move in moves]
+        lengths = [float(np.linalg.norm(move)) for move in moves]
+        if self._is_screw(added):
+            return [move * min(1.0, SCREW_APART_MM / length) for move, length in zip(moves, lengths, strict=True)]
+        least = min(max(LEAST_APART_MM, APART_SHARE * float(np.ptp(box, axis=0).max())), APART_MM)
+        wanted = [min(max(length, 0.0 if i else least), APART_MM) for i, length in enumerate(lengths)]
+        return [move * (want / length) for move, length, want in zip(moves, lengths, wanted, strict=True)]
+
+    def _is_screw(self, added: Added) -> bool:
+        return added.kind == "mount" and is_screw(self.state.car.parts, self.state.mounts[added.name])
+
+    def _fold_arrows(self, part: PlacedPiece) -> None:
+        """From where the largest faces that a fold moves were to where they are."""
+        then, now = self.state.face_centres(part, self.state.before), self.state.face_centres(part)
+        faces = sorted(self.state.pieces[part.piece].faces, key=lambda face: -_spread(face.outline_mm))
+        moved = [f.name for f in faces if np.linalg.norm(now[f.name] - then[f.name]) > MOVED_MM]
+        self.arrows += [Arrow(np.stack([then[name], now[name]])) for name in moved[:FOLD_ARROWS]]
+
+    def _mark(self, part: PlacedPiece, shift: Vector) -> None:
+        """The numbers of this step's joins on a piece."""
+        pose = self.state.pose(part)
+        pose[:3, 3] += shift
+        piece = self.state.pieces[part.piece]
+        marks = join_marks(self.state.car, piece, pose, self.state.fraction(part.piece), key(part))
+        self.marks += [mark for mark in marks if int(mark.text) in self.step.joins]
+
+
+def tiny(state: State, part: Part) -> bool:
+    """Whether the part is a screw or a spacer, which is not drawn any more once it is in."""
+    names = {entry.name for _, entry in state.car.parts if isinstance(entry, Screw | Spacer)}
+    return isinstance(part, Mount) and part.part in names
+
+
+def points(shapes: Sequence[Shape]) -> Vector:
+    """All corners (n, 3)."""
+    return np.concatenate([facet.rings_mm[0] for shape in shapes for facet in shape.facets])
+
+
+def _spread(outline_mm: Sequence[tuple[float, float]]) -> float:
+    return float(np.prod(np.ptp(np.array(outline_mm), axis=0)))
+
+
+def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction, prefix: str = "") -> list[Mark]:
+    """The numbers on one copy of a piece; the joins around a rim have their number once on each side."""
+    poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
+    offsets = glued_offset_mm(piece, fraction)
+    places: dict[tuple[int, str], list[Mark]] = {}
+    for join in folded.joins:
+        for side in ("a", "b"):
+            if (join.piece_a if side == "a" else join.piece_b) != piece.name:
+                continue
+            found = _place(join, piece, side)
+            if found is None:
+                continue
+            face, at = found
+            once = (join.number, side if join.kind in ("rim", "laminate") else f"{side} {face}")
+            point = moved(poses[face], np.array([[*at, offsets.get(face, 0.0)]]))[0]
+            places.setdefault(once, []).append(Mark(str(join.number), point, prefix + face))
+    marks: list[Mark] = []
+    # What has one place comes first; of the teeth around a rim the one farthest from all other numbers is taken.
+    for several in sorted(places.values(), key=len):
+        marks.append(max(several, key=lambda mark: round(_apart_mm(mark, marks), 3)))
+    return marks
+
+
+def _apart_mm(mark: Mark, others: list[Mark]) -> float:
+    return min((float(np.linalg.norm(mark.at_mm - other.at_mm)) for other in others), default=0.0)
+
+
+def _place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | None:
+    """The face and the point (mm) on it; None if the join is not numbered there."""
+    faces = {face.name: face for face in piece.faces}
+    reference = join.a if side == "a" else join.b
+    # The joins of merged copies name the faces of the first copy.
+    face = faces.get(reference.face, piece.faces[0])
+    outline = np.array(face.outline_mm)
+    if join.kind == "laminate" and side == "a":
+        # Off the centre, where hubs and openings are.
+        return face.name, outline.mean(axis=0) * 0.4 + outline[0] * 0.6
+    if join.kind == "laminate":
+        return None
+    hole = next((hole for hole in face.holes if side == "b" and hole.name == join.slot), None)
+    if hole is not None:
+        middle = np.array(hole.outline_mm).mean(axis=0)
+        inward = outline.mean(axis=0) - middle
+        apart = float(np.linalg.norm(inward))
+        if apart > BESIDE_EDGE_MM:
+            step = inward * BESIDE_EDGE_MM / apart
+            opened = any(Polygon(one.outline_mm).covers(Point(*(middle + step))) for one in face.holes)
+            return face.name, middle - step if opened else middle + step
+        # A wound strip's faces are short: the next one has the number.
+        ends = [(crease.parent.face, crease.child.face) for crease in piece.creases]
+        beside = [faces[b] for pair in ends for a, b in permutations(pair) if a == face.name]
+        found = max(beside, key=lambda one: float(np.ptp(one.outline_mm, axis=0).prod()), default=face)
+        return found.name, np.array(found.outline_mm).mean(axis=0)
+    if side == "a" and join.kind in ("tab", "lap", "rim"):
+        return face.name, outline.mean(axis=0)
+    a, b = (np.array(point) for point in edge(faces, reference))
+    inward = np.array([a[1] - b[1], b[0] - a[0]]) / np.linalg.norm(b - a)
+    reach = min(BESIDE_EDGE_MM, float(((outline - a) @ inward).max()) / 2)
+    return face.name, (a + b) / 2 + inward * reach

@@ -6,7 +6,7 @@ Input: an AssemblyStep and the State before it. Output: lines of text. Numbers a
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from foldcar.car.folded.model import FoldedCar, Join, Mount
 from foldcar.car.leads import leads
 from foldcar.car.proof.step import Added, AssemblyStep, Vector
 from foldcar.fabrication.assembly.guide_state import State
-from foldcar.fabrication.assembly.guide_step import listed, numbers
 from foldcar.fabrication.assembly.operations import closing, is_screw, is_wound, plugs_in, turned
 from foldcar.fabrication.assembly.parts_list import tyre_cut
 from foldcar.fabrication.assembly.wiring import remedy
@@ -314,3 +313,19 @@ def reached_word(car: FoldedCar, mount: Mount, index: int) -> str:
     if mount.part == parts.feather.name:
         return "USB" if index == 0 else "LiPo's plug"
     return "servos' plugs" if mount.part == parts.featherwing.name else f"plug of {mount.name}"
+
+
+def numbers(joins: Iterable[int]) -> str:
+    """Numbers as text, ranges shortened: ``2 to 5, 11``."""
+    runs: list[list[int]] = []
+    for number in sorted(joins):
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as text: ``a, b and c``."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

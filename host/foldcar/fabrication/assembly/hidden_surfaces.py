@@ -98,7 +98,7 @@ def seen_facets(facets: Sequence[Facet], view: Camera) -> list[Seen]:
             region = rest.buffer(-SLIVER_MM, join_style="mitre").buffer(SLIVER_MM, join_style="mitre")
         if region.area > LEAST_AREA_MM2:
             found.append(_seen(facets[index], region, whole, view))
-    return sorted(found, key=lambda seen: _mean_depth(seen.facet, view))
+    return sorted(found, key=lambda seen: float((seen.facet.rings_mm[0] @ view.toward).mean()))
 
 
 def _outline(facet: Facet, view: Camera) -> Polygon:
@@ -183,10 +183,6 @@ def _polygons(geometry: BaseGeometry) -> BaseGeometry:
 
 def _seen(facet: Facet, region: BaseGeometry, whole: bool, view: Camera) -> Seen:
     front = bool(facet.normal @ view.toward > 0)
-    normal = facet.normal if front else -facet.normal
     light = view.toward + 0.6 * view.up - 0.35 * view.right
-    return Seen(facet, region, whole, max(0.0, float(normal @ light / np.linalg.norm(light))), front)
-
-
-def _mean_depth(facet: Facet, view: Camera) -> float:
-    return float((facet.rings_mm[0] @ view.toward).mean())
+    lit = float((facet.normal if front else -facet.normal) @ light / np.linalg.norm(light))
+    return Seen(facet, region, whole, max(0.0, lit), front)

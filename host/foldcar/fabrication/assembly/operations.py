@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import TypeAdapter
 
 from foldcar.car.folded.model import Crease, FoldedCar, Join, Mount, Piece, Wire
 from foldcar.car.parts.catalogue import Catalogue
@@ -24,29 +24,20 @@ TAPED = ("lap", "tab", "laminate")
 PUSHED = ("tab_slot", "lock", "rim")
 # A servo's lead, a lead in a terminal, one board on another; the computer's cable belongs to driving.
 PLUGGED = ("signal", "supply", "stack")
-
-
-class Times(BaseModel):
-    """Seconds of practised work for one operation of each kind; ``pace`` is that of a first build over it."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    pace: Quantity
-    piece_s: Quantity
-    fold_s: Quantity
-    wind_s: Quantity
-    tape_s: Quantity
-    tongue_s: Quantity
-    turn_s: Quantity
-    part_s: Quantity
-    screw_s: Quantity
-    nut_s: Quantity
-    plug_s: Quantity
-    weed_s: Quantity
-
-    def of_kinds(self) -> dict[str, Quantity]:
-        """The seconds of each kind, by its name in Operations."""
-        return {kind: getattr(self, f"{kind}_s") for kind in Operations.__dataclass_fields__}
+# Kind of operation: singular and plural.
+KINDS = {
+    "piece": ("piece out of the sheet", "pieces out of the sheets"),
+    "fold": ("fold", "folds"),
+    "wind": ("strip wound", "strips wound"),
+    "tape": ("join taped", "joins taped"),
+    "turn": ("disc turned onto its hooks", "discs turned onto their hooks"),
+    "tongue": ("tongue or hook pushed in", "tongues and hooks pushed in"),
+    "part": ("part put in", "parts put in"),
+    "screw": ("screw", "screws"),
+    "nut": ("nut", "nuts"),
+    "plug": ("plug or lead", "plugs and leads"),
+    "weed": ("opening weeded", "openings weeded"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,20 +73,21 @@ class Operations:
     @property
     def minutes(self) -> float:
         """The estimate."""
-        return self._seconds() * assembly_times().pace.value / 60
+        return self._seconds() * assembly_times()["pace"].value / 60
 
     @property
     def minutes_between(self) -> tuple[float, float]:
         """The estimate's interval: the tolerances of pace and of every kind's seconds as independent errors."""
         times = assembly_times()
-        errors = [count * times.of_kinds()[kind].tolerance for kind, count in self.counts.items()]
+        errors = [count * times[f"{kind}_s"].tolerance for kind, count in self.counts.items()]
         seconds = self._seconds()
-        share = math.hypot(times.pace.tolerance / times.pace.value, math.hypot(*errors) / seconds) if seconds else 0.0
+        share = (
+            math.hypot(times["pace"].tolerance / times["pace"].value, math.hypot(*errors) / seconds) if seconds else 0.0
+        )
         return self.minutes * (1 - share), self.minutes * (1 + share)
 
     def _seconds(self) -> float:
-        seconds = assembly_times().of_kinds()
-        return sum(count * seconds[kind].value for kind, count in self.counts.items())
+        return sum(count * assembly_times()[f"{kind}_s"].value for kind, count in self.counts.items())
 
 
 def operations(car: FoldedCar, cut: CutCar) -> Operations:
@@ -124,20 +116,23 @@ def by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
     before: dict[str, dict[str, float]] = {}
     pieces = {piece.name: piece for piece in car.pieces}
     mounts = {mount.name: mount for mount in car.mounts}
+    nutted = {part.name for _, part in car.parts if isinstance(part, Screw) and part.nut_width_mm}
     found = []
     for step in assembly_steps(car):
         folded = [pieces[name] for name in step.folds]
         joins = [join for join in car.joins if join.number in step.joins for _ in range(_times(car, join))]
         parts = [mounts[added.name] for added in step.adds if added.kind == "mount"]
+        # The LiPo alone is laid onto tape: pads are sticky themselves. The wires are plugs.
         done = Operations(
             fold=sum(piece.count * len(closing(step, before, piece)) for piece in folded),
             wind=sum(piece.count for piece in folded if is_wound(piece)),
-            tape=sum(join.kind in TAPED for join in joins) + sum(is_taped(car.parts, mount) for mount in parts),
+            tape=sum(join.kind in TAPED for join in joins) + sum(mount.part == car.parts.lipo.name for mount in parts),
             tongue=sum(join.kind in PUSHED for join in joins),
             turn=sum(_times(car, join) for join in turned(car, step)),
-            part=sum(is_put_in(car.parts, mount) for mount in parts) + sum(added.kind == "unit" for added in step.adds),
+            part=sum(not is_screw(car.parts, mount) and mount.part != car.parts.wiring.name for mount in parts)
+            + sum(added.kind == "unit" for added in step.adds),
             screw=sum(is_screw(car.parts, mount) for mount in parts),
-            nut=sum(has_nut(car.parts, mount) for mount in parts),
+            nut=sum(mount.part in nutted for mount in parts),
             plug=len(plugs_in(car, step)),
         )
         for name, creases in step.folds.items():
@@ -185,21 +180,6 @@ def is_screw(parts: Catalogue, mount: Mount) -> bool:
     return mount.part in {part.name for _, part in parts if isinstance(part, Screw)}
 
 
-def has_nut(parts: Catalogue, mount: Mount) -> bool:
-    """Whether the part is a screw with a nut, which is put on by itself."""
-    return any(mount.part == part.name and part.nut_width_mm for _, part in parts if isinstance(part, Screw))
-
-
-def is_taped(parts: Catalogue, mount: Mount) -> bool:
-    """Whether the part is laid onto a strip of tape; pads are sticky themselves."""
-    return mount.part == parts.lipo.name
-
-
-def is_put_in(parts: Catalogue, mount: Mount) -> bool:
-    """Whether the part is put in by itself: it is no screw, nor the wires, which are plugs."""
-    return not is_screw(parts, mount) and mount.part != parts.wiring.name
-
-
 def _by_hand(piece: Piece) -> list[Crease]:
     return [c for c in piece.creases if c.angle_rad and not c.flexure and not c.bend]
 
@@ -216,7 +196,33 @@ def _on_wheels(car: FoldedCar) -> set[str]:
 
 
 @cache
-def assembly_times() -> Times:
-    """The times of ``assembly_times.json``."""
+def assembly_times() -> dict[str, Quantity]:
+    """Seconds of practised work for an operation of each kind, as ``fold_s``; ``pace`` of a first build over it."""
     text = files("foldcar.fabrication.assembly").joinpath("assembly_times.json").read_text(encoding="utf-8")
-    return Times.model_validate_json(text)
+    return TypeAdapter(dict[str, Quantity]).validate_json(text)
+
+
+NOTHING = Operations()
+
+
+def work_table(done: Operations) -> str:
+    """A section of Markdown: all operations by kind, weeding apart, and the minutes."""
+    low, high = done.minutes_between
+    hands = {kind: count for kind, count in done.counts.items() if count and kind != "weed"}
+    return "\n".join([
+        "## Work by hand",
+        f"{done.total} operations, and {done.weed} openings weeded: about {minutes(done.minutes)} (an estimate: between "
+        f"{low:.0f} and {high:.0f} min; assembly.html has its basis).",
+        "",
+        "| operation | count |",
+        "|---|---:|",
+        *(f"| {KINDS[kind][count != 1]} | {count} |" for kind, count in hands.items()),
+        f"| **together** | **{done.total}** |",
+        f"| {KINDS['weed'][1]}, not counted above | {done.weed} |",
+        "",
+    ])  # fmt: skip
+
+
+def minutes(value: float) -> str:
+    """Minutes as text."""
+    return f"{value:.0f} min" if value >= 1 else "1 min"

@@ -22,7 +22,7 @@ from foldcar.car.parts.mechanics import Tyre
 from foldcar.car.parts.quantity import Bought, Quantity
 from foldcar.car.proof.plan import planned
 from foldcar.fabrication.assembly.operations import is_wound
-from foldcar.fabrication.assembly.skin import piece_area_mm2
+from foldcar.fabrication.assembly.solids import piece_area_mm2
 from foldcar.fabrication.patterns.drawing import Sheet
 
 
@@ -64,10 +64,7 @@ def parts_list_text(folded: FoldedCar, title: str, sheets: Sequence[Sheet] = ())
     """The parts list as Markdown: parts to buy, pieces to cut."""
     rows, film, euro = parts_list(folded, sheets), folded.parts.film, eur_per_usd()
     lines = [f"# Parts of {title}", "", "| part | quantity | mass g | cost USD | |", "|---|---:|---:|---:|---|"]
-    lines += [
-        f"| {row.name} | {_amount(row)} | {row.mass_kg * 1e3:.2f} | {_dollars(row)} | {row.note} |"
-        for row in rows
-    ]
+    lines += [f"| {row.name} | {_amount(row)} | {row.mass_kg * 1e3:.2f} | {_dollars(row)} | {row.note} |" for row in rows]
     lines += [
         f"| **together** | | **{total_mass_kg(rows) * 1e3:.1f}** | **{total_cost_usd(rows):.2f}** | |",
         "",
@@ -126,11 +123,6 @@ def parts_list_csv(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
         mass = f"{row.mass_kg * 1e3:.3f}"
         writer.writerow([row.name, f"{row.quantity:g}", row.unit, mass, _dollars(row), row.note])
     return text.getvalue()
-
-
-def film_area_mm2(folded: FoldedCar) -> float:
-    """Area of the film in the car, of all thicknesses (mm²)."""
-    return sum(piece.count * piece_area_mm2(piece) for piece in folded.pieces)
 
 
 def _film(folded: FoldedCar, sheets: Sequence[Sheet]) -> Iterator[Row]:

@@ -4,24 +4,21 @@ Input: a FoldedCar. Output: JSON in millimetres and radians; poses are 16 number
 folding (docs/patterns.md).
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from foldcar.car.folded.model import IDENTITY, Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
+from foldcar.car.folded.model import IDENTITY, Crease, EdgeRef, Face, FoldedCar, Mount, Piece, PlacedPiece, Pose
 from foldcar.car.folded.pose import edge
 from foldcar.car.proof.step import AssemblyStep
 from foldcar.fabrication.assembly.facets import NUT_OF, shank_and_nut
-from foldcar.fabrication.assembly.hinge_creases import hinge_crease
-from foldcar.fabrication.assembly.laid_out import laid_out
-from foldcar.fabrication.assembly.poses import face_poses, moved
-from foldcar.fabrication.assembly.solids import mount_material
-from foldcar.fabrication.assembly.triangles import face_points, face_triangles
+from foldcar.fabrication.assembly.solids import face_points, face_poses, face_triangles, mount_material, moved
 from foldcar.fabrication.assembly.view_steps import NUT, Part, ViewSteps, view_steps
 
 DECIMALS = 4
+GAP_MM = 12.0
 
 
 def view_data(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None) -> dict[str, Any]:
@@ -41,12 +38,11 @@ def view_data(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None) 
     parts = []
     for placed in folded.placed:
         piece = folded.pieces[index[placed.piece]]
-        hinge = hinge_crease(folded, placed)
         parts.append({
             "piece": index[placed.piece],
             "name": (piece.label or piece.name) + (f" {placed.copy + 1}" if piece.count > 1 else ""),
             "layer": placed.piece in layers,
-            "hinge": asdict(hinge) if hinge else None,
+            "hinge": _hinge(folded, placed),
             **_part(placed.body, placed.pose, steps, ("piece", placed.piece, placed.copy)),
         })  # fmt: skip
     for mount, kind in mounts:
@@ -123,9 +119,7 @@ def _is_smooth(crease: Crease, faces: dict[str, Face]) -> bool:
     return crease.bend or (faces[crease.parent.face].role == "rim" and faces[crease.child.face].role == "rim")
 
 
-def _shared_edges(
-    piece: Piece, faces: dict[str, Face]
-) -> tuple[dict[str, set[int]], dict[str, list[tuple[int, str]]]]:
+def _shared_edges(piece: Piece, faces: dict[str, Face]) -> tuple[dict[str, set[int]], dict[str, list[tuple[int, str]]]]:
     """By face: edges that are not cut, and points on smooth bends, each with the face beyond it."""
     uncut: dict[str, set[int]] = {name: set() for name in faces}
     smooth: dict[str, list[tuple[int, str]]] = {name: [] for name in faces}
@@ -166,3 +160,48 @@ def _ground_mm(folded: FoldedCar) -> float:
 
 def _numbers(pose: Pose) -> list[float]:
     return [round(value, 6) for row in pose for value in row]
+
+
+def _hinge(car: FoldedCar, placed: PlacedPiece) -> dict[str, int] | None:
+    """The flexure of a copy of a piece: the crease before that face has the sign times the hinge's angle; or None."""
+    piece = next(piece for piece in car.pieces if piece.name == placed.piece)
+    crease = next((crease for crease in piece.creases if crease.flexure), None)
+    if crease is None or not car.hinges:
+        return None
+    faces = {face.name: face for face in piece.faces}
+    pose = np.array(placed.pose) @ face_poses(piece)[crease.parent.face]
+    middle = moved(pose, np.array([np.mean(edge(faces, crease.parent), axis=0)]))[0]
+    distances = [float(np.linalg.norm(middle - hinge.center_mm)) for hinge in car.hinges]
+    # A positive angle of a crease lifts the child over the parent's printed side; one of a hinge lifts what is beyond it
+    # in the car: the front by its nose, the rear by its tail.
+    sign = 1 if pose[2, 2] > 0 else -1
+    number = [face.name for face in piece.faces].index(crease.child.face)
+    return {"face": number, "hinge": distances.index(min(distances)), "sign": sign}
+
+
+def laid_out(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
+    """Poses [x, y, turn] of origins that arrange rectangles without overlap in rows around the centre.
+
+    A rectangle is minimum x and y, size along x and y (mm). Those longer along y than along x are turned by 90°, so that
+    rows are low; the highest come first, each in the first row with room.
+    """
+    sizes = [(max(e[2], e[3]) + GAP_MM, min(e[2], e[3]) + GAP_MM) for e in extents]
+    width = max(1.15 * math.sqrt(sum(a * b for a, b in sizes)), max(a for a, _ in sizes))
+    rows: list[list[float]] = []  # y, height, occupied length along x
+    corners = [(0.0, 0.0)] * len(extents)
+    for i in sorted(range(len(extents)), key=lambda i: (-sizes[i][1], i)):
+        along, across = sizes[i]
+        row = next((row for row in rows if row[2] + along <= width), None)
+        if row is None:
+            row = [rows[-1][0] + rows[-1][1] if rows else 0.0, across, 0.0]
+            rows.append(row)
+        corners[i] = (row[2] - width / 2, row[0])
+        row[2] += along
+    middle = (rows[-1][0] + rows[-1][1]) / 2
+    places = []
+    for (x, y), (low_x, low_y, along, across) in zip(corners, extents, strict=True):
+        # A quarter turn maps (x, y) to (-y, x).
+        turned = across > along
+        at = (x + low_y + across, y - low_x) if turned else (x - low_x, y - low_y)
+        places.append([round(at[0], 3), round(at[1] - middle, 3), math.pi / 2 if turned else 0.0])
+    return places

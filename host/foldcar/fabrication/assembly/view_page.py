@@ -6,16 +6,17 @@ Output: the page's text, which contains the 3D library three.js of the installed
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
 from markupsafe import Markup
 
 from foldcar.car.folded.model import FoldedCar
-from foldcar.fabrication.assembly.parts_list import film_area_mm2, parts_list, total_cost_usd, total_mass_kg
+from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, total_mass_kg
+from foldcar.fabrication.assembly.solids import piece_area_mm2
 from foldcar.fabrication.assembly.view_data import view_data
 from foldcar.fabrication.patterns.drawing import Sheet
+from foldcar.fabrication.patterns.svg import svg
 from foldcar.inline_svg import inline_svg
 from foldcar.page_template import page_template
 
@@ -27,32 +28,20 @@ SCRIPTS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Drawing:
-    """An SVG file or element, and its caption."""
-
-    svg: str
-    caption: str
-
-
 def view_page(
     folded: FoldedCar,
     title: str,
-    sheets: Sequence[Drawing],
+    sheets: Sequence[Sheet] = (),
     run: Mapping[str, Any] | None = None,
     live: Mapping[str, Any] | None = None,
-    film: Sequence[Sheet] = (),
 ) -> str:
-    """The page's text. ``run`` and ``live`` are objects that run.js and live.js read, of a room downstream.
-
-    ``film`` are the sheets of film to buy, if they are known.
-    """
+    """The page's text, with the ``sheets``. ``run`` and ``live`` are objects that run.js and live.js read."""
     return page_template(ROOM, "web/view.html").render(
         title=title,
-        facts=facts(folded, film),
+        facts=facts(folded, sheets),
         drawings=[
-            {"svg": Markup(inline_svg(one.svg, f"drawing{number}", one.caption)), "caption": one.caption}
-            for number, one in enumerate(sheets, 1)
+            {"svg": Markup(inline_svg(svg(sheet), f"drawing{number}", sheet.name)), "caption": sheet.name}
+            for number, sheet in enumerate(sheets, 1)
         ],
         run=run,
         live=live,
@@ -68,8 +57,9 @@ def facts(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
     rows = parts_list(folded, sheets)
     waste = "" if sheets else ", without the film's waste"
     count = sum(piece.count for piece in folded.pieces)
+    area_cm2 = sum(piece.count * piece_area_mm2(piece) for piece in folded.pieces) / 100
     return (
-        f"{total_mass_kg(rows) * 1e3:.0f} g, {count} pieces of film with {film_area_mm2(folded) / 100:.0f} cm², "
+        f"{total_mass_kg(rows) * 1e3:.0f} g, {count} pieces of film with {area_cm2:.0f} cm², "
         f"{len(folded.axles)} driven wheels, about {total_cost_usd(rows):.0f} USD of parts{waste}"
     )
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 from foldcar.car.proof.prove import assembly_steps
-from foldcar.car.proof.roles import Roles, roles_of
-from foldcar.car.proof.step import Added, AssemblyStep
+from foldcar.car.proof.roles import roles_of
+from foldcar.car.proof.step import AssemblyStep
 
 Vector = tuple[float, float, float]
 Part = tuple[str, str, int]  # piece, mount or a screw's nut, its name, copy
@@ -61,7 +61,10 @@ def view_steps(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None)
     found = ViewSteps([step.title for step in steps], bases, {name: lid.creases for name, lid in roles.lids.items()})
     every: list[PlacedPiece | Mount] = [*folded.placed, *folded.mounts]
     things = {_key(one): one for one in every}
-    found.rides = {key: host for key, one in things.items() if (host := _host(roles, one)) is not None}
+    for key, thing in things.items():
+        host = roles.host(thing) if isinstance(thing, PlacedPiece) else roles.mount_host(thing)
+        if host is not None:
+            found.rides[key] = (_key(host[0]), host[1])
     units: dict[tuple[str, str], list[Part]] = {}
     for number, step in enumerate(steps, 1):
         for place, added in enumerate(step.adds):
@@ -76,7 +79,8 @@ def view_steps(folded: FoldedCar, planned: Sequence[AssemblyStep] | None = None)
                 found.ways[nut] = [(number, _out(added.nut_mm), begin, begin + 1 - TOGETHER)]
                 if ("mount", added.name, 0) in found.rides:
                     found.rides[nut] = found.rides["mount", added.name, 0]
-            for part in _parts(added, units):
+            alone = [(added.kind, added.name, added.copy)]
+            for part in units[added.name, added.body] if added.kind == "unit" else alone:
                 way = _out(added.way_mm)
                 if added.kind == "unit" and not way:
                     way = (_usual(folded, added.body, UNIT_MM),)
@@ -96,21 +100,12 @@ def _key(one: PlacedPiece | Mount) -> Part:
     return ("piece", one.piece, one.copy) if isinstance(one, PlacedPiece) else ("mount", one.name, 0)
 
 
-def _parts(added: Added, units: dict[tuple[str, str], list[Part]]) -> list[Part]:
-    return units[added.name, added.body] if added.kind == "unit" else [(added.kind, added.name, added.copy)]
-
-
 def _out(way_mm: Sequence[Vector]) -> tuple[Vector, ...]:
     """The way out: the way in, backwards."""
     way = [-np.array(move) for move in reversed(way_mm)]
     if way:
         way[-1] *= max(1.0, LEAST_WAY_MM / float(np.linalg.norm(way[-1])))
     return tuple(_vector(move) for move in way)
-
-
-def _host(roles: Roles, one: PlacedPiece | Mount) -> tuple[Part, str] | None:
-    host = roles.host(one) if isinstance(one, PlacedPiece) else roles.mount_host(one)
-    return None if host is None else (_key(host[0]), host[1])
 
 
 def _usual(folded: FoldedCar, body: str, length_mm: float = 1.0) -> Vector:

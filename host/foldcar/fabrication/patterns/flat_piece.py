@@ -17,7 +17,6 @@ from shapely.geometry import LineString, MultiPoint, Polygon
 from foldcar.car.folded.model import Crease, Face, Piece
 from foldcar.car.folded.pose import edge, folded
 from foldcar.fabrication.patterns.drawing import Motion, Point
-from foldcar.fabrication.patterns.edge_offset import offset_edges
 from foldcar.fabrication.patterns.options import Options
 
 # Outlines are united on a grid of 0.1 µm, so that common corners of two faces become one point.
@@ -34,6 +33,8 @@ CORNER_MM = 6.0
 
 FoldKind = Literal["mountain", "valley", "flexure"]
 Edge = tuple[Point, Point]
+# Two edges with a smaller sine of their angle are collinear.
+PARALLEL = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,9 +248,7 @@ def _fold(crease: Crease, faces: dict[str, FlatFace]) -> Fold | None:
     return Fold(kind, ends[0], ends[1])
 
 
-def _slits(
-    outline: Polygon, faces: Sequence[FlatFace], folds: Sequence[Fold]
-) -> tuple[tuple[Point, ...], ...]:
+def _slits(outline: Polygon, faces: Sequence[FlatFace], folds: Sequence[Fold]) -> tuple[tuple[Point, ...], ...]:
     """The slits: lines where two faces touch without a fold between them."""
     edges = shapely.union_all([face.outline.exterior for face in faces], grid_size=GRID_MM)
     kept: Any = shapely.union_all([outline.boundary, *(LineString([f.a, f.b]) for f in folds)])
@@ -293,3 +292,30 @@ def moved(flat: FlatPiece, motion: Motion) -> FlatPiece:
         bends=tuple(ends(bend) for bend in flat.bends),
         seams=tuple((number, tuple(ends(edge) for edge in edges)) for number, edges in flat.seams),
     )
+
+
+def offset_edges(outline_mm: Sequence[Point], inward_mm: Sequence[float]) -> list[list[Point]]:
+    """The corner points after edge i (from corner i to i + 1) moved by ``inward_mm[i]``, outline counter-clockwise.
+
+    One point per corner; two where collinear edges move by different distances, the first on the edge that ends there.
+    """
+    count = len(outline_mm)
+    lines = []
+    for i in range(count):
+        (ax, ay), (bx, by) = outline_mm[i], outline_mm[(i + 1) % count]
+        length = math.hypot(bx - ax, by - ay)
+        ux, uy = (bx - ax) / length, (by - ay) / length
+        nx, ny = -uy * inward_mm[i], ux * inward_mm[i]
+        lines.append(((ax + nx, ay + ny), (bx + nx, by + ny), (ux, uy)))
+    corners: list[list[Point]] = []
+    for i in range(count):
+        _, end, before = lines[i - 1]
+        start, _, after = lines[i]
+        cross = before[0] * after[1] - before[1] * after[0]
+        if abs(cross) < PARALLEL:
+            same = math.dist(end, start) < PARALLEL
+            corners.append([end] if same else [end, start])
+            continue
+        along = ((start[0] - end[0]) * after[1] - (start[1] - end[1]) * after[0]) / cross
+        corners.append([(end[0] + along * before[0], end[1] + along * before[1])])
+    return corners

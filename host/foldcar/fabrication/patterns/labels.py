@@ -1,20 +1,28 @@
 """Places a piece's name and its joins' numbers: upright, inside the film, clear of cuts, folds and each other.
 
-Input: a FlatPiece and its marks. Output: strokes on the layer LABEL in the piece's frame, and texts that did not fit.
+Input: a FlatPiece and its FoldedCar. Output: strokes on the layer LABEL in the piece's frame, and texts that did not fit.
+A join has its number beside both edges; the teeth of a rim share one, which is written once on the disc and once on the
+strip. Where layers are laid onto a face, each place has the number. Texts are single strokes for pens and engraving
+beams, Hershey's simplex roman ("futural"); missing characters are drawn as "?".
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache, lru_cache
+from itertools import pairwise
 
+import numpy as np
 import shapely
+from HersheyFonts import HersheyFonts
 from shapely.geometry import LineString, Polygon
 from shapely.geometry import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 
+from foldcar.car.folded.model import EdgeRef, FoldedCar, Join
+from foldcar.car.folded.placed import place as placed_faces
 from foldcar.fabrication.patterns.drawing import Path, Point
-from foldcar.fabrication.patterns.flat_piece import FlatPiece
-from foldcar.fabrication.patterns.stroke_font import text_strokes
+from foldcar.fabrication.patterns.flat_piece import Edge, FlatFace, FlatPiece
 
 # Heights of capitals to try, largest first: 1.6 mm is the least that is legible and can be drawn with a fine pen.
 NAME_HEIGHTS_MM = (6.0, 5.0, 4.0, 3.2, 2.5, 2.0, 1.6)
@@ -24,6 +32,15 @@ CLEAR_MM = 0.6
 APART_MM = 2.5
 # Depth of letters below the base line, as a share of the height of capitals.
 DESCENT = 0.35
+# At most this many of several suitable edges are tried.
+PLACES = 8
+# How far above or below a face layers of film and tape lie at most.
+LAYERS_MM = 3.0
+# What the name of a part of a piece has between the piece's and its number.
+PART = ", part "
+# In the font's units: height of a capital, and the y of its base line.
+CAP_UNITS = 21
+BASE_LINE = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +68,7 @@ def label_paths(
     # Numbers first, because they have fewer possible places than the name.
     for mark in marks:
         room = free if mark.within is None else free.intersection(mark.within)
-        found = _first_fit(room, mark.text, _beside_edge(mark, turn), NUMBER_HEIGHTS_MM)
+        found = _first_fit(room, mark.text, list(_beside_edges(mark, turn)), NUMBER_HEIGHTS_MM)
         if found is None:
             missing.append(mark.text)
             continue
@@ -111,28 +128,16 @@ def _upright(angle: float) -> float:
     return angle + math.pi if angle < -math.pi / 2 + 1e-6 else angle
 
 
-def _beside_edge(mark: EdgeMark, turn: float) -> list[_Place]:
+def _beside_edges(mark: EdgeMark, turn: float) -> Iterator[_Place]:
     """Places along each edge, from its middle outwards; then farther inside."""
-    places = []
-    for edge in mark.edges:
-        places += _beside(edge, turn)
-    return places
-
-
-def _beside(edge: tuple[Point, Point], turn: float) -> list[_Place]:
-    (ax, ay), (bx, by) = edge
-    length = math.hypot(bx - ax, by - ay)
-    inward = (-(by - ay) / length, (bx - ax) / length)
-    angle = _upright(math.atan2(by - ay, bx - ax) + turn) - turn
-    places = []
-    for deeper in (1.2, 0.0, 3.0, 6.0):
-        for share in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9):
-            point = (
-                ax + share * (bx - ax) + deeper * inward[0],
-                ay + share * (by - ay) + deeper * inward[1],
-            )
-            places.append(_Place(point, angle, inward))
-    return places
+    for (ax, ay), (bx, by) in mark.edges:
+        length = math.hypot(bx - ax, by - ay)
+        inward = (-(by - ay) / length, (bx - ax) / length)
+        angle = _upright(math.atan2(by - ay, bx - ax) + turn) - turn
+        for deep in (1.2, 0.0, 3.0, 6.0):
+            for share in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9):
+                point = (ax + share * (bx - ax) + deep * inward[0], ay + share * (by - ay) + deep * inward[1])
+                yield _Place(point, angle, inward)
 
 
 def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
@@ -153,3 +158,125 @@ def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
         for angle in (math.pi / 2, 0.0) if tall else (0.0, math.pi / 2):
             places += [_Place(p, _upright(angle + turn) - turn) for p in grid]
     return places
+
+
+def join_marks(piece: FlatPiece, car: FoldedCar, whole: FoldedCar) -> Iterator[EdgeMark]:
+    """The numbers of all joins of the piece, those that it was parted at first; the names of parts laid onto it.
+
+    ``car`` has pieces parted to fit the sheets, ``whole`` has them whole, as they are placed in the car.
+    """
+    yield from (EdgeMark(str(number), beside) for number, beside in piece.seams)
+    faces = {face.name: face for face in piece.faces}
+    seen: set[tuple[int, str]] = set()
+    around: dict[tuple[int, bool], list[Edge]] = {}
+    for join in car.joins:
+        for name, ref, slot in ((join.piece_a, join.a, None), (join.piece_b, join.b, join.slot)):
+            if name != piece.origin or ref.face not in faces:
+                continue
+            if join.kind == "laminate" and ref is join.b:
+                if (join.number, ref.face) not in seen:
+                    yield from (EdgeMark(str(join.number), edges) for edges in _under(faces[ref.face], join, whole))
+                seen.add((join.number, ref.face))
+                continue
+            edges = _edges(faces[ref.face], ref, join, slot)
+            if not edges:
+                continue
+            if join.kind == "rim" or piece.bends:
+                # A strip that is joined to itself has its number at both ends.
+                around.setdefault((join.number, ref is join.a), []).extend(edges)
+            elif (join.number, ref.face) not in seen:
+                seen.add((join.number, ref.face))
+                yield EdgeMark(str(join.number), tuple(edges))
+    for (number, _), edges in around.items():
+        half = len(edges) // 2
+        yield EdgeMark(str(number), tuple(sorted((*edges[half:], *edges[:half]), key=_slant)[:PLACES]))
+    for name, outline in (laid for face in piece.faces for laid in face.laid.items() if laid[1]):
+        longest = sorted(outline, key=lambda edge: -round(math.dist(*edge), 3))
+        yield EdgeMark(name, tuple(longest), shapely.MultiLineString(outline).convex_hull)
+
+
+def _under(face: FlatFace, join: Join, whole: FoldedCar) -> Iterator[tuple[Edge, ...]]:
+    """For each layer that a join lays on a face: the edges of the opening that it surrounds, or of its own outline."""
+    above, below = (name.partition(PART)[0] for name in (join.piece_a, join.piece_b))
+    piece = next(one for one in whole.pieces if one.name == below)
+    outline = next(one for one in piece.faces if one.name == face.name).outline_mm
+    pairs = [((outline[i], outline[(i + 1) % len(outline)]), edge) for i, edge in face.edges.items() if i < len(outline)]
+    # From the face's frame to the flat one, by its longest edge that is whole; a bend shortens one by less than 1 mm.
+    kept = [pair for pair in pairs if abs(math.dist(*pair[0]) - math.dist(*pair[1])) < 1.0]
+    if not kept:
+        yield tuple(_edges(face, join.b, join, None))
+        return
+    (a, b), (to_a, to_b) = (
+        (complex(*edge[0]), complex(*edge[1])) for edge in max(kept, key=lambda pair: math.dist(*pair[0]))
+    )
+    turn = (to_b - to_a) / (b - a)
+    turn /= abs(turn)
+    for layer in _layers(whole, above, join.a.face, below, face.name):
+        flat = [(complex(*point) - (a + b) / 2) * turn + (to_a + to_b) / 2 for point in layer.exterior.coords]
+        area = shapely.Polygon([(point.real, point.imag) for point in flat]).intersection(face.outline)
+        if area.is_empty or area.geom_type != "Polygon":
+            continue
+        room = area.buffer(1.0)
+        around = [edge for ring in face.holes.values() for edge in ring if room.covers(shapely.LineString(edge))]
+        ring = [(x, y) for x, y in shapely.geometry.polygon.orient(area).exterior.coords]
+        yield tuple(sorted(around or pairwise(ring), key=_slant)[:PLACES])
+
+
+@lru_cache(maxsize=256)
+def _layers(car: FoldedCar, piece_a: str, face_a: str, piece_b: str, face_b: str) -> tuple[shapely.Polygon, ...]:
+    """The outlines of what lies on a face, of one joined face and its like, in the face's frame (mm), each place once."""
+    placed = [face for faces in placed_faces(car).values() for face in faces if face.piece.name in (piece_a, piece_b)]
+    below = next(one for one in placed if (one.piece.name, one.face.name) == (piece_b, face_b))
+    alike = {join.a.face for join in car.joins if (join.piece_a, join.kind) == (piece_a, "laminate")} | {face_a}
+    found: dict[tuple[int, int], shapely.Polygon] = {}
+    for one in placed:
+        if one.piece.name != piece_a or one.face.name not in alike:
+            continue
+        points = below.in_face(one.corners_mm)
+        area = shapely.Polygon(points[:, :2])
+        if np.abs(points[:, 2]).max() < LAYERS_MM and below.polygon.envelope.intersection(area).area > 1.0:
+            found.setdefault((round(area.centroid.x), round(area.centroid.y)), area)
+    return tuple(found.values())
+
+
+def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[Edge]:
+    """The edges beside which the number may be written, with the film on their left."""
+    if slot is not None and slot in face.holes:
+        return list(face.holes[slot])
+    if join.kind == "laminate":
+        # Doublings are aligned by their holes.
+        edges = [edge for ring in face.holes.values() for edge in ring] or list(face.edges.values())
+        return sorted(edges, key=_slant)[:PLACES]
+    if ref.index not in face.edges:
+        return []
+    a, b = face.edges[ref.index]
+    return [(b, a)] if join.kind == "rim" and face.role == "tab" else [(a, b)]
+
+
+def _slant(edge: Edge) -> float:
+    """Deviation from the x and y directions: beside an edge along one of them (0) numbers are easiest to read."""
+    (ax, ay), (bx, by) = edge
+    return round(min(abs(bx - ax), abs(by - ay)) / (abs(bx - ax) + abs(by - ay)), 3)
+
+
+@cache
+def _font() -> HersheyFonts:
+    font = HersheyFonts()
+    font.load_default_font("futural")
+    return font
+
+
+@cache
+def text_strokes(text: str, height_mm: float) -> tuple[tuple[tuple[Point, ...], ...], float]:
+    """The strokes of ``text`` with capitals ``height_mm`` high, from x = 0 on the base line, and its width (mm)."""
+    scale = height_mm / CAP_UNITS
+    printable = "".join(c if " " <= c <= "~" else "?" for c in text)
+    strokes = [
+        tuple((x * scale, (BASE_LINE - y) * scale) for x, y in stroke) for stroke in _font().strokes_for_text(printable)
+    ]
+    strokes = [stroke for stroke in strokes if len(set(stroke)) > 1]
+    if not strokes:
+        return (), 0.0
+    left = min(x for stroke in strokes for x, _ in stroke)
+    width = max(x for stroke in strokes for x, _ in stroke) - left
+    return tuple(tuple((x - left, y) for x, y in stroke) for stroke in strokes), width

@@ -9,9 +9,7 @@ import re
 from collections.abc import Iterator
 from xml.etree import ElementTree as ET
 
-from foldcar.fabrication.patterns.drawing import Circle, Path, Point, Shape, Sheet
-from foldcar.fabrication.patterns.layers import LAYERS
-from foldcar.fabrication.patterns.reading_error import ReadingError
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Point, ReadingError, Shape, Sheet
 
 TOOL_LAYER = 30
 # A vertex, and that it has no handles: LightBurn's lines are Bezier curves of degree one.

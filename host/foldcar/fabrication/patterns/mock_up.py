@@ -18,8 +18,7 @@ from foldcar.car.folded.placed import PlacedFace, place
 from foldcar.car.folded.pose import translation
 from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.patterns.options import OptionError, Options
-from foldcar.fabrication.patterns.sheets import Pattern, pattern
-from foldcar.fabrication.patterns.title_block import REFERENCE_MM
+from foldcar.fabrication.patterns.sheets import REFERENCE_MM, Pattern, pattern
 
 FILM = "card_160"
 SCALES = (0.25, 1.0)

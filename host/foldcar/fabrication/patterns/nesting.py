@@ -11,8 +11,8 @@ after a fixed amount of work, not time: the same pieces give the same layout.
 
 import math
 import random
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -22,6 +22,7 @@ from shapely.geometry import Polygon
 
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.patterns.drawing import Motion, Point
+from foldcar.fabrication.patterns.options import MACHINES, MAX_SHEET_MM, Options
 
 CELL_MM = 1.0
 MAX_SHEETS = 200
@@ -336,3 +337,27 @@ def too_large(name: str, outline: Polygon, size_mm: tuple[float, float], margin_
         f"--sheet: {name} is {x1 - x0:.1f} x {y1 - y0:.1f} mm, but of a sheet of {size_mm[0]:g} x {size_mm[1]:g} mm "
         f"with margins of {margin_mm:g} mm only {usable[0]:g} x {usable[1]:g} mm can be used, and it cannot be parted"
     )
+
+
+def advice(enough: Callable[[Options], bool], outlines: Iterable[Polygon], chosen: Options) -> str:
+    """What would do: the machine's smallest sheet for which ``enough`` holds, else one as large as the outlines (mm)."""
+    width, height = chosen.sheet_size_mm
+    for name in MACHINES[chosen.machine].sheets:
+        other = replace(chosen, sheet=name)
+        if math.prod(other.sheet_size_mm) > width * height and enough(other):
+            return f"--sheet {name} would do"
+    sides = [sorted((x1 - x0, y1 - y0)) for x0, y0, x1, y1 in (outline.bounds for outline in outlines)]
+    low, high = (_rounded_up(max(side[i] for side in sides) + 2 * chosen.margin_mm + 1) for i in (0, 1))
+    if high > MAX_SHEET_MM:
+        return f"no sheet of up to {MAX_SHEET_MM:g} mm would do: make the car smaller"
+    return f"--sheet {high:g}x{low:g} would do"
+
+
+def all_fit(outlines: Sequence[Polygon], chosen: Options) -> bool:
+    """Whether each of the outlines (mm) fits on a sheet."""
+    bounds = (outline.bounds for outline in outlines)
+    return all(fits((x1 - x0, y1 - y0), chosen.sheet_size_mm, chosen.margin_mm) for x0, y0, x1, y1 in bounds)
+
+
+def _rounded_up(length_mm: float) -> float:
+    return 10.0 * math.ceil(length_mm / 10)

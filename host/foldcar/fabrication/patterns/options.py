@@ -7,7 +7,7 @@ a machine stands in ``machines.json``: its preset, its sheets, how its program t
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -30,6 +30,19 @@ SHEETS = {
     "12x24in": (12 * INCH_MM, 24 * INCH_MM),
 }
 PAPERS = ("a4", "letter")
+_DATA = json.loads(Path(__file__).with_name("machines.json").read_text(encoding="utf-8"))
+# Minimum and maximum of each number, and the quantity it limits.
+LIMITS = {
+    "kerf_mm": (0.0, 1.0, "the cut of a blade or beam"),
+    "tab_clearance_mm": (0.0, 2.0, "what a tab can lose"),
+    "margin_mm": (0.0, 50.0, "a sheet's blank edge"),
+    "gap_mm": (0.5, 50.0, "film that holds two pieces apart while they are cut"),
+    "dash_cut_mm": (0.3, 50.0, "the shortest cut a machine makes"),
+    "dash_bridge_mm": (0.3, 50.0, "a bridge that does not tear when it is folded"),
+    "bend_radius_mm": (0.0, 5.0, "a fold's inner radius"),
+    "k_factor": (0.0, 1.0, "inner to outer side of the film"),
+    "holding_tabs_mm": (0.0, 2.0, "a bridge that is cut with scissors"),
+}
 
 
 class OptionError(FoldcarError):
@@ -80,39 +93,15 @@ class Machine:
     """
 
     preset: Options
-    sheets: tuple[str, ...]
+    sheets: Sequence[str]
     program: str
     files: Literal["svg", "dxf", "pdf", "lbrn2"]
-    steps: tuple[str, ...]
+    source: str
+    steps: Sequence[str]
     actions: Mapping[str, str]
 
 
-def _machine(name: str, data: dict[str, Any]) -> Machine:
-    return Machine(
-        Options(name, **data["options"]),
-        tuple(data["sheets"]),
-        data["program"],
-        data["files"],
-        tuple(data["steps"]),
-        data["actions"],
-    )
-
-
-_DATA = json.loads(Path(__file__).with_name("machines.json").read_text(encoding="utf-8"))
-MACHINES: dict[str, Machine] = {name: _machine(name, data) for name, data in _DATA.items()}
-
-# Minimum and maximum of each number, and the quantity it limits.
-LIMITS = {
-    "kerf_mm": (0.0, 1.0, "the cut of a blade or beam"),
-    "tab_clearance_mm": (0.0, 2.0, "what a tab can lose"),
-    "margin_mm": (0.0, 50.0, "a sheet's blank edge"),
-    "gap_mm": (0.5, 50.0, "film that holds two pieces apart while they are cut"),
-    "dash_cut_mm": (0.3, 50.0, "the shortest cut a machine makes"),
-    "dash_bridge_mm": (0.3, 50.0, "a bridge that does not tear when it is folded"),
-    "bend_radius_mm": (0.0, 5.0, "a fold's inner radius"),
-    "k_factor": (0.0, 1.0, "inner to outer side of the film"),
-    "holding_tabs_mm": (0.0, 2.0, "a bridge that is cut with scissors"),
-}
+MACHINES = {name: Machine(Options(name, **data.pop("options")), **data) for name, data in _DATA.items()}
 
 
 def options(machine: str, **changes: Any) -> Options:
@@ -135,9 +124,7 @@ def options(machine: str, **changes: Any) -> Options:
         raise OptionError(f"--paper {chosen.paper}: not one of {', '.join(PAPERS)}")
     width, height = chosen.sheet_size_mm
     if min(width, height) - 2 * chosen.margin_mm < 1:
-        raise OptionError(
-            f"--margin {chosen.margin_mm:g}: leaves nothing of a sheet of {width:g} x {height:g} mm"
-        )
+        raise OptionError(f"--margin {chosen.margin_mm:g}: leaves nothing of a sheet of {width:g} x {height:g} mm")
     return chosen
 
 

@@ -8,11 +8,10 @@ import shapely
 from shapely.geometry import LineString, Polygon
 from shapely.ops import substring
 
-from foldcar.fabrication.patterns.drawing import Circle, Path, Point, Shape
+from foldcar.fabrication.patterns.drawing import Circle, LayerName, Path, Point, Shape
 from foldcar.fabrication.patterns.film import fold_cuts
 from foldcar.fabrication.patterns.flat_piece import FlatPiece
 from foldcar.fabrication.patterns.labels import EdgeMark, label_paths
-from foldcar.fabrication.patterns.layers import LayerName
 from foldcar.fabrication.patterns.options import Options
 
 # Tabs hold an outline about so far apart, at two places at least.

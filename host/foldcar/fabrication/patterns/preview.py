@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from foldcar.fabrication.patterns.drawing import Circle, Path, Point, Shape, Sheet
-from foldcar.fabrication.patterns.layers import LAYERS
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Point, Shape, Sheet
 
 # Pixels of a sheet's longer side, at which the names on pieces can be read; of the picture's sides, at most.
 SHEET_PX = 1300
@@ -44,7 +43,12 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
         )  # fmt: skip
         axes.set_title(f"{sheet.name}: {sheet.film}", fontsize=14, loc="left", parse_math=False)
         axes.add_patch(Rectangle((0, 0), sheet.width_mm, sheet.height_mm, fill=False, edgecolor="0.7", clip_on=False))
-        outlines = [_points(shape) for group in sheet.on("CUT_OUTER") for shape in group if _closed(shape)]
+        outlines = [
+            _points(shape)
+            for group in sheet.on("CUT_OUTER")
+            for shape in group
+            if isinstance(shape, Path) and shape.closed
+        ]
         axes.add_collection(PolyCollection(outlines, facecolors="#eef3f8"))
         for layer in LAYERS.values():
             lines = [_points(shape) for group in sheet.on(layer.name) for shape in group]
@@ -61,10 +65,6 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
     # Without the version of matplotlib.
     figure.savefig(binary, format="png", metadata={"Software": None})
     return binary.getvalue()
-
-
-def _closed(shape: Shape) -> bool:
-    return isinstance(shape, Path) and shape.closed
 
 
 def _points(shape: Shape) -> list[Point]:

@@ -7,33 +7,104 @@ not fit on a sheet.
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+import segno
 from shapely.geometry import Polygon
 
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.parts.catalogue import film_of
 from foldcar.car.parts.film import Film as SoldFilm
-from foldcar.fabrication.patterns.drawing import Motion, Path, Point, Shape, Sheet
+from foldcar.fabrication.patterns.drawing import LAYERS, Motion, Path, Point, Shape, Sheet
 from foldcar.fabrication.patterns.film import Film, narrowest_film
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, flat_piece
-from foldcar.fabrication.patterns.join_marks import join_marks
-from foldcar.fabrication.patterns.layers import LAYERS
-from foldcar.fabrication.patterns.nesting import NestingError, nest
+from foldcar.fabrication.patterns.labels import join_marks, text_strokes
+from foldcar.fabrication.patterns.nesting import NestingError, advice, all_fit, nest
 from foldcar.fabrication.patterns.options import TORN_FILM_MM, OptionError, Options
 from foldcar.fabrication.patterns.piece_shapes import outer_cut, piece_shapes
-from foldcar.fabrication.patterns.sheet_advice import advice, all_fit
-from foldcar.fabrication.patterns.split_across import split_to_fit
-from foldcar.fabrication.patterns.split_body import as_cut
-from foldcar.fabrication.patterns.title_block import (
-    REFERENCE_MM,
-    code_shapes,
-    code_size_mm,
-    title_shapes,
-    title_size_mm,
-    wrapped,
-)
+from foldcar.fabrication.patterns.splitting import as_cut, split_to_fit
+
+# Length of the bar by which the scale of a cut or printed sheet is checked.
+REFERENCE_MM = 100.0
+TICK_MM = 3.0
+TEXT_MM = 1.8
+LINE_MM = 2.9
+# The standard (ISO/IEC 18004) asks for four modules of blank around a code.
+QUIET_MODULES = 4
+MODULE_MM = LAYERS["QR_CODE"].width_mm
+
+
+def wrapped(texts: Iterable[str]) -> list[str]:
+    """The texts in lines no longer than the bar, broken at blanks where there are any."""
+    lines = []
+    for text in texts:
+        line = ""
+        for word in _words(text):
+            longer = f"{line} {word}".strip()
+            if line and _width_mm(longer) > REFERENCE_MM:
+                lines.append(line)
+                longer = word
+            line = longer
+        lines.append(line)
+    return lines
+
+
+def _words(text: str) -> Iterator[str]:
+    for word in text.split():
+        while _width_mm(word) > REFERENCE_MM:
+            cut = next(n for n in range(len(word), 0, -1) if _width_mm(word[:n]) <= REFERENCE_MM)
+            yield word[:cut]
+            word = word[cut:]
+        yield word
+
+
+def _width_mm(text: str) -> float:
+    return text_strokes(text, TEXT_MM)[1]
+
+
+def title_size_mm(lines: int) -> Point:
+    """Width and height of the place for the bar and that many lines of text."""
+    return REFERENCE_MM + 2.0, TICK_MM + 2.0 + lines * LINE_MM
+
+
+def title_shapes(lines: Sequence[str]) -> list[Shape]:
+    """The reference bar with a tick every 10 mm, and the lines of text (see `wrapped`) above it; from the origin."""
+    x = y = 1.0
+    shapes: list[Shape] = [Path("LABEL", ((x, y), (x + REFERENCE_MM, y)))]
+    for i in range(11):
+        tall = TICK_MM if i in (0, 10) else TICK_MM / 2
+        shapes.append(Path("LABEL", ((x + 10 * i, y), (x + 10 * i, y + tall))))
+    for up, line in enumerate(reversed(lines)):
+        base = y + TICK_MM + 1 + up * LINE_MM
+        strokes, _ = text_strokes(line, TEXT_MM)
+        shapes += [Path("LABEL", tuple((x + u, base + v) for u, v in stroke)) for stroke in strokes]
+    return shapes
+
+
+def modules(text: str) -> tuple[tuple[bool, ...], ...]:
+    """The code's rows from the top, dark modules true; the smallest version, with the best correction that it holds."""
+    return tuple(tuple(map(bool, row)) for row in segno.make(text, error="l", micro=False).matrix)
+
+
+def code_size_mm(text: str) -> float:
+    """The side of the code with the blank around it."""
+    return (len(modules(text)) + 2 * QUIET_MODULES) * MODULE_MM
+
+
+def code_shapes(text: str) -> list[Shape]:
+    """The code, its blank's lower left corner at the origin."""
+    rows = modules(text)
+    shapes: list[Shape] = []
+    for up, row in enumerate(reversed(rows)):
+        y = (QUIET_MODULES + up + 0.5) * MODULE_MM
+        at = QUIET_MODULES
+        for dark, run in itertools.groupby(row):
+            end = at + len(list(run))
+            if dark:
+                shapes.append(Path("QR_CODE", ((at * MODULE_MM, y), (end * MODULE_MM, y))))
+            at = end
+    return shapes
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,28 +181,16 @@ def pattern(folded: FoldedCar, chosen: Options, title: str, command: str = "") -
 
 def pattern_of(cut: CutCar, chosen: Options, title: str, command: str = "") -> Pattern:
     """The sheets of a car whose pieces are split already; NestingError."""
-    missing: dict[str, None] = {}
     films = {piece.label: film for piece in cut.pieces if (film := narrowest_film(piece, chosen)) is not None}
     narrow = [f"{label}: {_narrow(film)}" for label, film in films.items() if film.narrow]
 
-    def draw(index: int, turn: int) -> list[Shape]:
-        piece = cut.pieces[index]
-        shapes, unlabelled = piece_shapes(piece, chosen, join_marks(piece, cut.car, cut.whole), turn)
-        missing.update(dict.fromkeys(unlabelled))
-        return shapes
-
-    of_car = cut.car.parts.film
-    laid = [
-        LaidPiece(piece.label, outer_cut(piece, chosen.kerf_mm), piece.count, film_of(of_car, piece.thickness_mm).title)
-        for piece in cut.pieces
-    ]
     try:
-        sheets, unmarked = lay_out(laid, draw, chosen, title, command)
+        sheets, unmarked = _lay_out(cut, chosen, title, command)
     except NestingError as error:
         raise NestingError(f"{error}; {_advice(cut.car, chosen)}") from error
     least = min((film.width_mm for film in films.values()), default=math.inf)
     torn = tuple(f"{label}: {_narrow(film)}" for label, film in films.items() if film.width_mm < TORN_FILM_MM)
-    return Pattern(title, cut.pieces, sheets, (*narrow, *missing, *unmarked), chosen, of_car, least, torn)
+    return Pattern(title, cut.pieces, sheets, (*narrow, *unmarked), chosen, cut.car.parts.film, least, torn)
 
 
 def _narrow(film: Film) -> str:
@@ -147,47 +206,36 @@ def _advice(car: FoldedCar, chosen: Options) -> str:
     return advice(lambda other: all_fit(outlines(other), other), whole, chosen)
 
 
-@dataclass(frozen=True, slots=True)
-class LaidPiece:
-    """A piece to lay out: ``outline`` with the kerf (mm), ``count`` copies, the title of its ``film``."""
-
-    label: str
-    outline: Polygon
-    count: int
-    film: str
-
-
-def lay_out(
-    pieces: Sequence[LaidPiece], draw: Callable[[int, int], list[Shape]], chosen: Options, title: str, command: str = ""
-) -> tuple[tuple[Sheet, ...], list[str]]:
-    """Pieces nested on sheets of their films, and warnings about sheets without a reference bar or QR code. NestingError.
-
-    ``draw(index, quarter_turns)`` returns a piece's shapes in its own frame, texts upright after the turns.
-    """
+def _lay_out(cut: CutCar, chosen: Options, title: str, command: str) -> tuple[tuple[Sheet, ...], list[str]]:
+    """The pieces nested on sheets of their films, and warnings: labels, reference bars, QR codes without room."""
     width, height = chosen.sheet_size_mm
+    titles = [film_of(cut.car.parts.film, piece.thickness_mm).title for piece in cut.pieces]
     # As many lines as with the longest numbers.
-    title_mm = title_size_mm(max(len(_title_lines(title, "99 of 99", piece.film, command, chosen)) for piece in pieces))
+    title_mm = title_size_mm(max(len(_title_lines(title, "99 of 99", film, command, chosen)) for film in titles))
     code_mm = code_size_mm(command) if command else 0.0
     films: list[str] = []
     boxes: list[tuple[Motion | None, Motion | None]] = []
     on_sheets: list[list[Iterable[Shape]]] = []
-    drawn: dict[tuple[int, int], list[Shape]] = {}
-    for film in dict.fromkeys(piece.film for piece in pieces):
-        of_film = [(index, piece) for index, piece in enumerate(pieces) if piece.film == film]
-        listed = [(piece.label, piece.outline, piece.count) for _, piece in of_film]
+    missing: dict[str, None] = {}
+    for film in dict.fromkeys(titles):
+        pieces = [piece for piece, of in zip(cut.pieces, titles, strict=True) if of == film]
+        listed = [(piece.label, outer_cut(piece, chosen.kerf_mm), piece.count) for piece in pieces]
         nested = nest(listed, (width, height), chosen.margin_mm, chosen.gap_mm, title_mm, (code_mm, code_mm))
         first = len(on_sheets)
         boxes += zip(nested.titles, nested.boxes, strict=True)
         films += [film] * len(nested.titles)
         on_sheets += [[] for _ in nested.titles]
-        for (index, _), copies in zip(of_film, nested.placements, strict=True):
+        for piece, copies in zip(pieces, nested.placements, strict=True):
+            drawn: dict[int, list[Shape]] = {}
             for copy in copies:
-                key = (index, copy.motion.quarter_turns)
-                if key not in drawn:
-                    drawn[key] = draw(*key)
-                on_sheets[first + copy.sheet].append([shape.moved(copy.motion) for shape in drawn[key]])
+                turn = copy.motion.quarter_turns
+                if turn not in drawn:
+                    marks = join_marks(piece, cut.car, cut.whole)
+                    drawn[turn], unlabelled = piece_shapes(piece, chosen, marks, turn)
+                    missing |= dict.fromkeys(unlabelled)
+                on_sheets[first + copy.sheet].append([shape.moved(copy.motion) for shape in drawn[turn]])
     count = len(on_sheets)
-    warnings = []
+    warnings = list(missing)
     for index, (titled, free) in enumerate(boxes):
         if titled is not None:
             lines = _title_lines(title, f"{index + 1} of {count}", films[index], command, chosen)
@@ -223,4 +271,3 @@ def rounded(shapes: Iterable[Shape]) -> Iterable[Shape]:
 
 def _round(p: Point) -> Point:
     return round(p[0], 3) + 0.0, round(p[1], 3) + 0.0
-

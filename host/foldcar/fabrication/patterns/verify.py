@@ -1,27 +1,21 @@
 """Checks written sheets: the files' content against the intended sheets, and the requirements of cutters.
 
 Input: the intended sheets and the text or bytes of the written files. Output: findings as texts, none for correct files.
-Each reader is imported where it is used, so that a process that checks one format loads one.
 """
 
 import math
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from foldcar.fabrication.patterns.drawing import Circle, Path, Shape, Sheet, bounds
-from foldcar.fabrication.patterns.layers import LAYERS
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Motion, Path, ReadingError, Shape, Sheet, bounds
 from foldcar.fabrication.patterns.options import Options
-from foldcar.fabrication.patterns.reading_error import ReadingError
+from foldcar.fabrication.patterns.pdf import Page, read_pdf
 from foldcar.fabrication.patterns.tiles import MARK_MM, Tile, printed, tiles
-
-if TYPE_CHECKING:
-    from foldcar.fabrication.patterns.read_pdf import Page
 
 # Numbers have four decimals in files, six in PDF points; cutters repeat within 0.1 mm.
 TOLERANCE_MM = 0.01
@@ -40,9 +34,7 @@ def check_sheet(sheet: Sheet, margin_mm: float) -> list[str]:
     for shape in sheet.shapes:
         if not shape.length_mm > TOLERANCE_MM:
             findings.append(f"a line of no length on {shape.layer} at {_at(shape)}")
-    for key, count in Counter(_keys(s for s in sheet.shapes if s.layer != "LABEL")).items():
-        if count > 1:
-            findings.append(f"{count} lines on each other at {key[0]:.2f}, {key[1]:.2f}")
+    findings += _doubled(shape for shape in sheet.shapes if shape.layer != "LABEL")
     if sheet.shapes:
         x0, y0, x1, y1 = bounds(sheet.shapes)
         # Half a kerf may extend into the margin.
@@ -73,41 +65,17 @@ def _unheld(outer: Sequence[Path], gap_mm: float) -> list[str]:
 def check_same(meant: Sheet, read: Sheet) -> list[str]:
     """Findings about differences between the intended sheet and the one read: size, and every segment on its layer."""
     findings = []
-    if (
-        abs(read.width_mm - meant.width_mm) > TOLERANCE_MM
-        or abs(read.height_mm - meant.height_mm) > TOLERANCE_MM
-    ):
+    if max(abs(read.width_mm - meant.width_mm), abs(read.height_mm - meant.height_mm)) > TOLERANCE_MM:
         findings.append(
-            f"is {read.width_mm:.2f} x {read.height_mm:.2f} mm large, "
-            f"should be {meant.width_mm:g} x {meant.height_mm:g}"
+            f"is {read.width_mm:.2f} x {read.height_mm:.2f} mm large, should be {meant.width_mm:g} x {meant.height_mm:g}"
         )
     return findings + _differences(meant.shapes, read.shapes)
 
 
-def check_svg(meant: Sheet, text: str, chosen: Options) -> list[str]:
-    """Findings about a written SVG."""
-    from foldcar.fabrication.patterns.read_svg import read_svg
-
-    return _read_back(meant, lambda: read_svg(text), chosen)
-
-
-def check_dxf(meant: Sheet, text: str, chosen: Options) -> list[str]:
-    """Findings about a written DXF."""
-    from foldcar.fabrication.patterns.read_dxf import read_dxf
-
-    return _read_back(meant, lambda: read_dxf(text), chosen)
-
-
-def check_lbrn(meant: Sheet, text: str, chosen: Options) -> list[str]:
-    """Findings about a written LightBurn project."""
-    from foldcar.fabrication.patterns.lbrn import read_lbrn
-
-    return _read_back(meant, lambda: read_lbrn(text), chosen)
-
-
-def _read_back(meant: Sheet, read: Callable[[], Sheet], chosen: Options) -> list[str]:
+def check_text(read: Callable[[str], Sheet], meant: Sheet, text: str, chosen: Options) -> list[str]:
+    """Findings about a written sheet, by the reader of its format."""
     try:
-        found = replace(read(), tab_gap_mm=meant.tab_gap_mm)
+        found = replace(read(text), tab_gap_mm=meant.tab_gap_mm)
     except ReadingError as error:
         return [str(error)]
     return [*check_same(meant, found), *check_sheet(found, chosen.margin_mm)]
@@ -115,8 +83,6 @@ def _read_back(meant: Sheet, read: Callable[[], Sheet], chosen: Options) -> list
 
 def check_pdf(meant: Sequence[Sheet], binary: bytes, chosen: Options) -> list[str]:
     """Findings about a written PDF: each page must show its window at true scale, and all together the whole sheets."""
-    from foldcar.fabrication.patterns.read_pdf import read_pdf
-
     try:
         pages = read_pdf(binary)
     except ReadingError as error:
@@ -132,7 +98,7 @@ def check_pdf(meant: Sequence[Sheet], binary: bytes, chosen: Options) -> list[st
     return findings
 
 
-def _check_page(page: "Page", shown: Sheet, tile: Tile) -> list[str]:
+def _check_page(page: Page, shown: Sheet, tile: Tile) -> list[str]:
     dx, dy = tile.offset_mm
     window = (tile.low_mm[0] + dx, tile.low_mm[1] + dy, tile.high_mm[0] + dx, tile.high_mm[1] + dy)
     findings = []
@@ -140,7 +106,7 @@ def _check_page(page: "Page", shown: Sheet, tile: Tile) -> list[str]:
         findings.append(f"is {page.width_mm:.2f} x {page.height_mm:.2f} mm large")
     if math.dist(page.clip_mm, window) > TOLERANCE_MM:
         findings.append("shows another part of the sheet")
-    findings += _differences([_shifted(shape, dx, dy) for shape in shown.shapes], page.shapes)
+    findings += _differences([shape.moved(Motion(0, (dx, dy))) for shape in shown.shapes], page.shapes)
     half = MARK_MM / 2
     marks = [((x - half + dx, y + dy), (x + half + dx, y + dy)) for x, y in tile.marks_mm]
     marks += [((x + dx, y - half + dy), (x + dx, y + half + dy)) for x, y in tile.marks_mm]
@@ -167,23 +133,14 @@ def _check_cover(sheet: Sheet, windows: Sequence[Tile]) -> list[str]:
     return findings
 
 
-def _shifted(shape: Shape, dx: float, dy: float) -> Shape:
-    if isinstance(shape, Circle):
-        return Circle(shape.layer, (shape.center_mm[0] + dx, shape.center_mm[1] + dy), shape.radius_mm)
-    return Path(shape.layer, tuple((x + dx, y + dy) for x, y in shape.points_mm), shape.closed)
-
-
-def _keys(shapes: Iterable[Shape]) -> list[tuple[float, ...]]:
-    """A comparable key for each segment (its ends, lower one first) and circle (its centre and radius)."""
-    keys: list[tuple[float, ...]] = []
-    for shape in shapes:
-        if isinstance(shape, Circle):
-            keys.append((round(shape.center_mm[0], 2), round(shape.center_mm[1], 2), round(shape.radius_mm, 2)))
-        else:
-            for a, b in shape.segments:
-                low, high = sorted(((round(a[0], 2), round(a[1], 2)), (round(b[0], 2), round(b[1], 2))))
-                keys.append((*low, *high))
-    return keys
+def _doubled(shapes: Iterable[Shape]) -> Iterator[str]:
+    """Findings about segments and circles that lie on each other, whatever their layers and directions."""
+    rows = np.round(_vectors(shapes)[:, 1:], 2)
+    rows[(rows[:, 2] < 0) | ((rows[:, 2] == 0) & (rows[:, 3] < 0)), 2:] *= -1.0
+    places, counts = np.unique(rows + 0.0, axis=0, return_counts=True)
+    for (x, y, *_), count in zip(places, counts, strict=True):
+        if count > 1:
+            yield f"{count} lines on each other at {x:.2f}, {y:.2f}"
 
 
 def _vectors(shapes: Iterable[Shape]) -> NDArray[np.float64]:
@@ -206,46 +163,21 @@ def _vectors(shapes: Iterable[Shape]) -> NDArray[np.float64]:
 def _differences(meant: Iterable[Shape], read: Iterable[Shape], what: str = "line") -> list[str]:
     """Findings about lines that only one of the two has, within the tolerance, and about differing counts."""
     wanted, found = _vectors(meant), _vectors(read)
-    if _same_in_order(wanted, found):
-        return []
-    findings = []
-    for have, other, word in ((wanted, found, "is missing"), (found, wanted, "is too much")):
-        if not len(have):
-            continue
-        findings += [_row(row, what, word) for row in have[~_matched(have, other)]]
+    findings = [_row(row, what, "is missing") for row in wanted[~_matched(wanted, found)]]
+    findings += [_row(row, what, "is too much") for row in found[~_matched(found, wanted)]]
     if not findings and len(wanted) != len(found):
         findings.append(f"has {len(found)} {what}s, should have {len(wanted)}")
     return _short(findings)
 
 
-def _same_in_order(wanted: NDArray[np.float64], found: NDArray[np.float64]) -> bool:
-    """Whether both agree line by line after sorting: a fast test for correct files."""
-    if wanted.shape != found.shape:
-        return False
-    pair = []
-    for rows in (wanted, found):
-        coarse = np.round(rows, 2)
-        # The direction of a line does not affect its order.
-        keys = (np.abs(coarse[:, 4]), np.abs(coarse[:, 3]), coarse[:, 2], coarse[:, 1], coarse[:, 0])
-        pair.append(rows[np.lexsort(keys)])
-    return bool(np.all(_apart(pair[0], pair[1]) <= TOLERANCE_MM))
-
-
-def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n,): distances of corresponding rows (mm), whatever the lines' direction."""
-    both = [np.abs(a - b * (1.0, 1.0, 1.0, sign, sign)).max(axis=1, initial=0.0) for sign in (1.0, -1.0)]
-    nearer: NDArray[np.float64] = np.minimum(both[0], both[1])
-    return nearer
-
-
 def _matched(have: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(n,): whether ``other`` has each row of ``have`` within the tolerance."""
-    matched = np.zeros(len(have), dtype=bool)
-    places: Any = shapely.points(other[:, 1:3])
-    tree = shapely.STRtree(places)
-    mine, theirs = tree.query(shapely.points(have[:, 1:3]), predicate="dwithin", distance=TOLERANCE_MM)
-    matched[mine[_apart(have[mine], other[theirs]) <= TOLERANCE_MM]] = True
-    return matched
+    """(n,): whether ``other`` has each row of ``have`` within the tolerance, whatever the lines' direction."""
+    tree = cKDTree(other)
+    found = np.zeros(len(have), dtype=bool)
+    for sign in (1.0, -1.0):
+        turned = have * (1.0, 1.0, 1.0, sign, sign)
+        found |= tree.query(turned, p=np.inf, distance_upper_bound=TOLERANCE_MM)[0] <= TOLERANCE_MM
+    return found
 
 
 def _row(row: NDArray[np.float64], what: str, word: str) -> str:

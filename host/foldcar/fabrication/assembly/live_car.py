@@ -13,7 +13,7 @@ from foldcar.car.design import Design, DesignError, compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car
 from foldcar.car.modules import parameters
-from foldcar.car.parts.choices import OPTIONS, PartError
+from foldcar.car.parts.choices import OPTIONS
 from foldcar.car.proof.plan import planned
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
@@ -43,14 +43,15 @@ class LiveCar:
         """The page, with the design that the command names. FoldcarError if it cannot be built."""
         car = checked_car(self.design)
         run = self._run(self.design) if self._run else None
+        choices = [{"key": kind, "help": f"part chosen as {kind}", "options": list(of)} for kind, of in OPTIONS.items()]
         live = {
-            "parameters": [*self._sliders(), *_choices()],
+            "parameters": [*self._sliders(), *choices],
             "values": _settings(self.design),
             "command": self._command(self.design),
             # A draft has no run of its own.
             "drafts": self._run is None,
         }
-        return view_page(car, self.design.title, [], run, live)
+        return view_page(car, self.design.title, (), run, live)
 
     def answer(self, question: Any) -> dict[str, Any]:
         """The car of the values in ``question``, or ``error`` (one line) and ``parameter`` (None: of the whole car)."""
@@ -58,18 +59,20 @@ class LiveCar:
 
     def draft(self, question: Any) -> dict[str, Any]:
         """The same in a tenth of the time, but unchecked: without the ways of its parts, and without a run."""
-        return self._answered(question, _drafted)
+
+        def drafted(design: Design) -> dict[str, Any]:
+            car = folded_car(design)
+            return {"car": view_data(car, planned(car)), "run": None, "facts": facts(car)}
+
+        return self._answered(question, drafted)
 
     def _answered(self, question: Any, make: Callable[[Design], dict[str, Any]]) -> dict[str, Any]:
         try:
             design = self._composed(question)
             return {**make(design), "title": design.title, "command": self._command(design)}
-        except DesignError as error:
-            return {"error": _one_line(error), "parameter": error.parameter}
-        except PartError as error:
-            return {"error": _one_line(error), "parameter": error.kind}
         except FoldcarError as error:
-            return {"error": _one_line(error), "parameter": None}
+            at_fault = error.parameter if isinstance(error, DesignError) else getattr(error, "kind", None)
+            return {"error": "; ".join(error.lines()), "parameter": at_fault}
 
     def _made(self, design: Design) -> dict[str, Any]:
         car = checked_car(design)
@@ -110,19 +113,9 @@ class LiveCar:
         return shlex.join([*self._words, *settings, "-o", "car"])
 
 
-def _choices() -> list[dict[str, Any]]:
-    """The kinds of parts and their names."""
-    return [{"key": kind, "help": f"part chosen as {kind}", "options": list(names)} for kind, names in OPTIONS.items()]
-
-
 def _settings(design: Design) -> dict[str, float | str]:
     """Values (mm, degrees) by parameter and names of parts by kind."""
     return {**design.values, **asdict(design.choices)}
-
-
-def _drafted(design: Design) -> dict[str, Any]:
-    car = folded_car(design)
-    return {"car": view_data(car, planned(car)), "run": None, "facts": facts(car)}
 
 
 def checked_car(design: Design) -> FoldedCar:
@@ -133,7 +126,3 @@ def checked_car(design: Design) -> FoldedCar:
         more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
         raise FoldcarError(f"{findings[0]}{more}")
     return car
-
-
-def _one_line(error: FoldcarError) -> str:
-    return "; ".join(error.lines())

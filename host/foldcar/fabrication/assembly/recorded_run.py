@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from foldcar.figures.ground import Heights, height_map
 from foldcar.figures.top_view import view_of
-from foldcar.models.wheel_geometry import main_segment
+from foldcar.models.exported_car import main_segment
 from foldcar.scenes.terrain_kinds import kind_of
 
 INTERVAL_S = 0.02

@@ -1,8 +1,37 @@
-"""Names of segments and wheels, and inertias, positions and servo limits of wheels, for all exported models."""
+"""What all exported models say of a car: names; inertias, places and servo limits of its wheels.
 
+Cars, environments and samples that differ have different names, of letters, digits and underscores only, as PROTO names.
+"""
+
+import hashlib
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
+
+
+def identifier(text: str) -> str:
+    """``text`` with other characters replaced; then its hash keeps it apart from another one that reads the same."""
+    plain = re.sub("[^A-Za-z0-9]+", "_", text)
+    return plain if plain == text else f"{plain}_{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+
+
+def car_name(vehicle: str, values: Mapping[str, float | str]) -> str:
+    """The name of the listing's vehicle with these parameters (mm, degrees) and parts: ``Foldcar1_width95``."""
+    return "_".join(
+        [f"Foldcar{identifier(vehicle)}", *(f"{key.replace('.', '_')}{_number(value)}" for key, value in values.items())]
+    )
+
+
+def scene_name(environment: str, sample: int) -> str:
+    """The name of a sampled environment: ``env1_sample3``."""
+    return f"env{identifier(environment)}_sample{sample}"
+
+
+def _number(value: float | str) -> str:
+    if isinstance(value, str):
+        return f"_{value.replace('.', 'p')}"
+    return f"{value:.9g}".replace(".", "p").replace("-", "m").replace("+", "")
 
 
 def segment_name(index: int) -> str:

@@ -1,14 +1,15 @@
-"""Writes a piece as a FOLD 1.1 file: the crease pattern as the key frame, the folded form as the second frame.
+"""A car's shape for other programs: FOLD files of its pieces, STL of its film, OBJ of all its parts with their colours.
 
-Input: a Piece. Output: JSON text in millimetres, angles in degrees. Faces are triangles, because FOLD has no faces with
-holes; edges between the triangles of one face are flat (F). The folded frame inherits everything but the vertices'
-coordinates. Small holes and slits are left out: they do not affect folding, and the narrow triangles around them make
-folding simulations unstable. The sheets contain them.
+All are in millimetres, meshes in the car's frame (x forward, y left, z up). A FOLD 1.1 file has the crease pattern as its
+key frame and the folded form as the second one; angles are in degrees. Faces are triangles, because FOLD has no faces
+with holes; edges between the triangles of one face are flat (F). Small holes and slits are left out: they do not affect
+folding, and the narrow triangles around them make folding simulations unstable. The sheets contain them.
 https://github.com/edemaine/fold/blob/main/doc/spec.md
 """
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,13 +17,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldcar.car.folded.model import EdgeRef, Piece
-from foldcar.fabrication.assembly.poses import face_poses, moved
-from foldcar.fabrication.assembly.skin import shared_vertices
-from foldcar.fabrication.assembly.triangles import face_points, face_triangles
+from foldcar.fabrication.assembly.solids import (
+    Material,
+    Mesh,
+    Solid,
+    face_points,
+    face_poses,
+    face_triangles,
+    moved,
+    shared_vertices,
+)
 
 SPEC = 1.1
 DECIMALS = 6
 HOLES = ("opening", "vent")
+# Diffuse colours, 0 to 255.
+COLOURS: dict[Material, tuple[int, int, int]] = {
+    "film": (237, 232, 217),
+    "tyre": (89, 92, 97),
+    "servo": (41, 89, 158),
+    "board": (26, 107, 64),
+    "battery": (191, 140, 51),
+    "other": (140, 140, 140),
+}
+DIGITS = 5
 
 
 def fold_text(piece: Piece, car: str) -> str:
@@ -59,9 +77,7 @@ def fold_text(piece: Piece, car: str) -> str:
                 "frame_attributes": ["3D", "manifold", "orientable"],
                 "frame_parent": 0,
                 "frame_inherit": True,
-                "vertices_coords": np.round(
-                    _coordinates(piece, numbers, len(order), 1.0), DECIMALS
-                ).tolist(),
+                "vertices_coords": np.round(_coordinates(piece, numbers, len(order), 1.0), DECIMALS).tolist(),
             }
         ],
     }
@@ -99,12 +115,47 @@ def _edges(
     return edges, assignment, angles
 
 
-def _coordinates(
-    piece: Piece, numbers: dict[str, list[int]], count: int, fraction: float
-) -> NDArray[np.float64]:
+def _coordinates(piece: Piece, numbers: dict[str, list[int]], count: int, fraction: float) -> NDArray[np.float64]:
     """The vertices, (count, 3) in mm, in the root face's frame."""
     poses = face_poses(piece, fraction)
     points = np.zeros((count, 3))
     for face in piece.faces:
         points[numbers[face.name]] = moved(poses[face.name], face_points(face)[0])
     return points
+
+
+def stl_bytes(mesh: Mesh) -> bytes:
+    """A binary STL file."""
+    import trimesh
+    from trimesh.exchange.stl import export_stl
+
+    content: bytes = export_stl(trimesh.Trimesh(mesh.vertices_mm, mesh.triangles, process=False))
+    return content
+
+
+def obj_files(solids: Sequence[Solid], name: str) -> dict[str, bytes]:
+    """NAME.obj, an object for each solid, and NAME.mtl with their materials."""
+    import trimesh
+    from trimesh.exchange.obj import export_obj
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import SimpleMaterial
+
+    materials = {key: SimpleMaterial(name=key, diffuse=colour) for key, colour in COLOURS.items()}
+    scene = trimesh.Scene()
+    for solid in solids:
+        # Of a name OBJ takes what comes before a blank.
+        title = solid.name.replace(" ", "_")
+        visual = TextureVisuals(material=materials[solid.material])
+        mesh = trimesh.Trimesh(
+            solid.mesh.vertices_mm, solid.mesh.triangles, process=False, visual=visual, metadata={"name": title}
+        )
+        scene.add_geometry(mesh, node_name=title, geom_name=title)
+    text, others = export_obj(
+        scene,
+        include_normals=False,
+        return_texture=True,
+        digits=DIGITS,
+        mtl_name=f"{name}.mtl",
+        header="foldcar, millimetres, x forward, y left, z up",
+    )
+    return {f"{name}.obj": text.encode(), **others}

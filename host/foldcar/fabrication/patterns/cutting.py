@@ -1,0 +1,184 @@
+"""How a film is cut on a machine: a page that says what to do with the sheets, and a calibration coupon.
+
+The coupon determines the fold dashes, slot clearance and kerf of a film and a machine. "folds" is a comb of tongues with
+dashes of the labelled lengths of cut and bridge: fold each and choose the one that bends cleanly and does not tear.
+"slots" fits the 10 mm tongue: the smallest clearance whose slot accepts it without bulging is the tab clearance. "kerf":
+if the kerf is right, the 20 mm square fills its window without play, and the bar is 100.0 mm long.
+"""
+
+from collections.abc import Iterator
+
+from shapely.geometry import Polygon, box
+
+from foldcar.car.parts.catalogue import Catalogue
+from foldcar.fabrication.patterns.drawing import LAYERS, Layer, Motion, Path, Point, Shape, Sheet, bounds
+from foldcar.fabrication.patterns.film import dashes
+from foldcar.fabrication.patterns.flat_piece import FlatPiece
+from foldcar.fabrication.patterns.labels import text_strokes
+from foldcar.fabrication.patterns.nesting import NestingError, advice, all_fit, fits, too_large
+from foldcar.fabrication.patterns.options import MACHINES, Options
+from foldcar.fabrication.patterns.piece_shapes import cut_shapes
+from foldcar.fabrication.patterns.sheets import REFERENCE_MM, Pattern, rounded, title_shapes, title_size_mm, wrapped
+
+MEANINGS = {
+    "LABEL": "names, numbers, reference bar",
+    "QR_CODE": "the command that made the sheet",
+    "SCORE": "line to lay another part against",
+    "FOLD_MOUNTAIN": "fold away from the printed side",
+    "FOLD_VALLEY": "fold towards the printed side",
+    "CUT_INNER": "openings, screw holes, slots",
+    "CUT_OUTER": "outlines",
+}
+# Cut and bridge lengths to choose from.
+DASHES_MM = ((1.0, 1.0), (1.5, 1.0), (2.0, 1.0), (1.5, 0.6), (2.5, 0.8), (4.0, 1.0))
+CLEARANCES_MM = (0.0, 0.2, 0.3, 0.5, 0.8)
+TONGUE_MM = 10.0
+TEXT_MM = 2.0
+
+
+def how_to_cut(made: Pattern, command: str) -> str:
+    """The page."""
+    return "\n".join(_lines(made, command)) + "\n"
+
+
+def _lines(made: Pattern, command: str) -> Iterator[str]:
+    chosen = made.options
+    machine = MACHINES[chosen.machine]
+    width, height = chosen.sheet_size_mm
+    yield f"# How to cut {made.title}"
+    if command:
+        yield from ("", "Made with", "", f"    {command}")
+    yield ""
+    yield (
+        f"{len(made.sheets)} sheets of {width:g} x {height:g} mm on {chosen.machine} with {machine.program}. Cut the "
+        f"coupon first. Check that the bar in a sheet's title is {REFERENCE_MM:.1f} mm long."
+    )
+    yield from ("", "![All sheets](sheets.png)")
+    film = made.film
+    yield from (
+        "",
+        f"- Film: {', '.join(dict.fromkeys(sheet.film for sheet in made.sheets))}, sold as {film.sold_as}.",
+        f"- Cutting: {getattr(film.cutting, chosen.machine)}.",
+        f"- Folds: {film.folding}.",
+        f"- Joins: {film.tape}.",
+        f"- Bent in use: {film.hinge}.",
+        "",
+    )
+    yield from (f"{number}. {step}" for number, step in enumerate(machine.steps, 1))
+    yield from ("", "|file|drawn: width x height in mm|", "|---|---|")
+    for sheet in made.sheets:
+        x0, y0, x1, y1 = bounds(sheet.shapes)
+        file = f"sheets.pdf, {sheet.name}" if machine.files == "pdf" else f"{sheet.name}.{machine.files}"
+        yield f"|{file}|{x1 - x0:.1f} x {y1 - y0:.1f}|"
+    yield from ("", "In this order, openings before outlines and small before large, so that nothing moves too soon:", "")
+    yield from ("|layer|colour|LightBurn|what it is|what to do|", "|---|---|---|---|---|")
+    used = {shape.layer for sheet in made.sheets for shape in sheet.shapes}
+    for layer in LAYERS.values():
+        if layer.name in used:
+            yield f"|{layer.name}|{layer.hex}|{layer.lightburn}|{_meaning(layer, made)}|{_action(layer, made)}|"
+    if chosen.holding_tabs_mm:
+        yield ""
+        yield (
+            f"Holding tabs of {chosen.holding_tabs_mm:g} mm keep the pieces in the sheet: cut them with scissors along "
+            "the outline when the sheet is off the machine; what is left on a wheel disc makes it run out of true."
+        )
+    yield from _parted(made)
+    yield from ("", f"The narrowest film between two cuts is {made.least_film_mm:.2f} mm.")
+    yield from (f"- {warning}" for warning in made.warnings)
+
+
+def _meaning(layer: Layer, made: Pattern) -> str:
+    drawn = {"DASHED": ", dashed", "DASHDOT": ", dash-dotted"}.get(layer.line_type, "")
+    return MEANINGS[layer.name] + (drawn if made.options.dashed else "")
+
+
+def _action(layer: Layer, made: Pattern) -> str:
+    actions = MACHINES[made.options.machine].actions
+    if not layer.fold:
+        return actions[layer.name]
+    machine_scores = made.options.fold == "score" and made.options.machine != "scissors"
+    return "score" if machine_scores else actions["FOLD"]
+
+
+def _parted(made: Pattern) -> Iterator[str]:
+    """How the pieces that were cut across are joined."""
+    names = dict.fromkeys(piece.origin for piece in made.pieces if piece.seams)
+    if names:
+        yield from ("", "Parted to fit the sheet:")
+    for name in names:
+        parts = [piece for piece in made.pieces if piece.origin == name]
+        numbers = sorted({number for part in parts for number, _ in part.seams})
+        yield (
+            f"- {', '.join(part.label for part in parts)}: lay the edge of one part on the SCORE line of the part with "
+            f"the same number ({', '.join(map(str, numbers))}), onto the printed side of its overlap, and glue."
+        )
+
+
+def coupon(chosen: Options, parts: Catalogue) -> Sheet:
+    """The coupon for the film of a car with these parts."""
+    window = Polygon(box(0, 0, 30, 34).exterior, [box(5, 5, 25, 25).exterior])
+    # The width of the tongue is that of slots without clearance.
+    tongue = Polygon([(0, 0), (30, 0), (30, 8), (20, 8), (20, 20), (10, 20), (10, 8), (0, 8)])
+    rows = [
+        [(_piece("bar", box(0, 0, 100, 8)), _text("100 mm", 50, 3))],
+        [_slots(parts), (_piece("square", box(0, 0, 20, 20)), _text("20 mm", 10, 9))],
+        [_folds(chosen), (_piece("tongue", tongue), _text("10 mm", 15, 3.0))],
+        [(_piece("window", window), _text("kerf", 15, 28.5))],
+    ]
+    margin = chosen.margin_mm
+    lines = wrapped([f"{REFERENCE_MM:g} mm  coupon  {parts.film.title}, {chosen.machine}, kerf {chosen.kerf_mm:g} mm"])
+    groups: list[tuple[Shape, ...]] = [tuple(shape.moved(Motion(0, (margin, margin))) for shape in title_shapes(lines))]
+    y, right = margin + title_size_mm(len(lines))[1] + chosen.gap_mm, margin
+    for row in rows:
+        x, top = margin + chosen.kerf_mm, y
+        for flat, marks in row:
+            motion = Motion(0, (x, y))
+            groups.append(tuple(shape.moved(motion) for shape in (*marks, *cut_shapes(flat, chosen.kerf_mm))))
+            _, _, width, height = flat.outline.bounds
+            x, top, right = x + width + chosen.gap_mm + chosen.kerf_mm, max(top, y + height), max(right, x + width)
+        y = top + chosen.gap_mm + chosen.kerf_mm
+    taken = Polygon(box(margin, margin, right, y).exterior)
+    if not fits((right - margin, y - margin), chosen.sheet_size_mm, margin):
+        large = too_large("calibration coupon", taken, chosen.sheet_size_mm, margin)
+        raise NestingError(f"{large}; {advice(lambda other: all_fit([taken], other), [taken], chosen)}")
+    size = chosen.sheet_size_mm if right + margin <= chosen.sheet_size_mm[0] else chosen.sheet_size_mm[::-1]
+    return Sheet("coupon", *size, tuple(tuple(rounded(group)) for group in groups), chosen.dashed)
+
+
+def _piece(label: str, outline: Polygon) -> FlatPiece:
+    return FlatPiece(label, label, outline, (), (), (), (), label)
+
+
+def _text(text: str, x: float, y: float, height: float = TEXT_MM) -> list[Shape]:
+    """A text centred at x with its base line at y."""
+    strokes, width = text_strokes(text, height)
+    return [Path("LABEL", tuple((x - width / 2 + u, y + v) for u, v in stroke)) for stroke in strokes]
+
+
+def _folds(chosen: Options) -> tuple[FlatPiece, list[Shape]]:
+    """Tongues of 10 x 16 mm on a strip, each with a fold at its base."""
+    pitch, base, tall = TONGUE_MM + 2, 8.0, 16.0
+    points: list[Point] = [(0.0, 0.0), (len(DASHES_MM) * pitch, 0.0)]
+    marks = _text("folds", len(DASHES_MM) * pitch / 2, 3.0)
+    for i, (cut, bridge) in reversed(list(enumerate(DASHES_MM))):
+        left, right = i * pitch + 1, (i + 1) * pitch - 1
+        points += [(right, base), (right, base + tall), (left, base + tall), (left, base)]
+        marks += [Path("FOLD_VALLEY", d) for d in dashes((left, base), (right, base), cut, bridge, chosen.kerf_mm)]
+        marks += _text(f"{cut:g}", (left + right) / 2, base + 10.5) + _text(f"{bridge:g}", (left + right) / 2, base + 6.0)
+    points += [(0.0, base)]
+    points[2:2] = [(len(DASHES_MM) * pitch, base)]
+    return _piece("folds", Polygon(points)), marks
+
+
+def _slots(parts: Catalogue) -> tuple[FlatPiece, list[Shape]]:
+    """Slots as wide as the car's, and as long as the tongue plus the labelled clearance."""
+    pitch = TONGUE_MM + 5
+    outline = box(0, 0, len(CLEARANCES_MM) * pitch, 16)
+    wide = parts.film.thickness_mm.value + parts.assembly.slot_clearance_mm.value
+    holes = []
+    marks = _text("slots", len(CLEARANCES_MM) * pitch / 2, 1.5)
+    for i, clearance in enumerate(CLEARANCES_MM):
+        middle, half = (i + 0.5) * pitch, (TONGUE_MM + clearance) / 2
+        holes.append(box(middle - half, 7, middle + half, 7 + wide).exterior)
+        marks += _text(f"+{clearance:g}", middle, 10.5)
+    return _piece("slots", Polygon(outline.exterior, holes)), marks

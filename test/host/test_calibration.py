@@ -30,8 +30,7 @@ from foldcar.calibration.simulation import CalibrationRun, Simulator
 from foldcar.car.variation.spread import draw, workshop
 from foldcar.car.variation.vary_body import vary_body
 from foldcar.errors import FoldcarError
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.carsim_limits import CarsimLimits
+from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store
 from forked_foldcar import original

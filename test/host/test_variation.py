@@ -14,8 +14,7 @@ from foldcar.car.firmware_parameters import firmware_parameters
 from foldcar.car.variation.spread import draw, spread_named, workshop
 from foldcar.car.variation.vary_body import vary_body
 from foldcar.errors import FoldcarError
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.carsim_limits import CarsimLimits
+from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.writer import canonical_json
 

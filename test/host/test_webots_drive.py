@@ -16,8 +16,7 @@ from foldcar.car.design import compose
 from foldcar.car.firmware_parameters import firmware_parameters
 from foldcar.models.webots_drive import CONTROLLER, controller_drive, controller_program
 from foldcar.models.wheel_geometry import servo_limits
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.pulses import ask_pulses
+from foldcar.simulation.carsim import Carsim, ask_pulses
 from study_car import car_body
 
 STEP_MS, SETTLING_S = 4, 0.25

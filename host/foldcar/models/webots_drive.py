@@ -10,7 +10,7 @@ from typing import Any
 
 from foldcar.models.servo import drive_fraction
 from foldcar.models.wheel_geometry import wheel_name
-from foldcar.simulation.pulses import PulseTrain
+from foldcar.simulation.carsim import PulseTrain
 
 # Webots starts controllers/NAME/NAME.py.
 CONTROLLER = "foldcar_pulses"

@@ -8,6 +8,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from shapely import affinity, box
+
 from foldcar.scenes.reading import UnusableError, finite, scenic_degrees
 from foldcar.scenes.terrain_kinds import bounds_m, kind_of, reach_m
 
@@ -111,8 +113,8 @@ def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: An
         raise UnusableError(f"the start is within the goal's reach of {radius} m", thing)
     for piece in terrain:
         wall = piece["kind"] == "box" and piece["height_m"] > GREATEST_WHEEL_RADIUS_M
-        disc = {**goal, "heading_rad": 0.0}
-        if wall and _rectangle(piece, reach_m(piece)).buffer(ROUNDING_M).covers(_rectangle(disc, (radius, radius))):
+        square = _rectangle({**goal, "heading_rad": 0.0}, (radius, radius))
+        if wall and _rectangle(piece, reach_m(piece)).buffer(ROUNDING_M).covers(square):
             raise UnusableError(
                 f"no car can reach it: it is inside a box {piece['height_m']:g} m high, "
                 f"and no wheel climbs more than {GREATEST_WHEEL_RADIUS_M:g} m",
@@ -122,7 +124,7 @@ def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: An
 
 def _check_overlap(course: Mapping[str, float], place: Pose, bounds: Sequence[float], thing: Any) -> None:
     """What is at ``place``, from x_min to x_max and y_min to y_max (``bounds``), is not wholly beside the course."""
-    for axis, low_end, high_end in (("x", *bounds[:2]), ("y", *bounds[2:])):
+    for axis, low_end, high_end in (("x", bounds[0], bounds[1]), ("y", bounds[2], bounds[3])):
         low, high = course[f"{axis}_min_m"], course[f"{axis}_max_m"]
         if not (low <= high_end and low_end <= high):
             where = f"{place[f'{axis}_m']} m is outside the course, {low} to {high} (param course_{axis}_…)"
@@ -131,7 +133,5 @@ def _check_overlap(course: Mapping[str, float], place: Pose, bounds: Sequence[fl
 
 def _rectangle(place: Pose, half: tuple[float, float]) -> Any:
     """The rectangle at ``place`` of those half sizes along its heading and across (m)."""
-    from shapely import affinity, box
-
     turned = affinity.rotate(box(-half[0], -half[1], *half), place["heading_rad"], (0, 0), use_radians=True)
     return affinity.translate(turned, place["x_m"], place["y_m"])

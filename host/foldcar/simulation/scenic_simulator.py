@@ -134,7 +134,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
 
     @property
     def recorded(self) -> dict[str, dict[str, Any]]:
-        """What the program recorded, see scenic_records."""
+        """What the program recorded, see scenic_statements."""
         return self._records.plain
 
     @property

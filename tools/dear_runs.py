@@ -25,7 +25,7 @@ from foldcar.analysis.stopping import StoppingRule
 from foldcar.atomic_file import atomic_file
 from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.store.reader import Store
-from foldcar.study.schedule import Schedule
+from foldcar.study.stopping import Schedule
 
 BEGIN, END = "<!-- table of tools/dear_runs.py -->", "<!-- end of table -->"
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"

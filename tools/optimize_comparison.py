@@ -20,7 +20,7 @@ from foldcar.store.reader import Store
 from foldcar.store.writer import write_store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study, read_study
-from foldcar.study.sweep import study_facts, sweep
+from foldcar.study.sweep import Sweep, study_facts
 
 LISTING = Path(__file__).resolve().parents[1] / "examples" / "design_space.json"
 # Designs that a search without pruning tries, each in all environments.
@@ -39,7 +39,7 @@ SEARCHES = {
 def swept(study: Study, store: Path, carsim: Carsim, jobs: int) -> dict[Values, list[Row]]:
     """The rows of every design, by its values."""
     (experiment,) = study.experiments
-    sweep(study, store, carsim, jobs, "tools/optimize_comparison.py", announce=print)
+    Sweep(study, store, carsim, "tools/optimize_comparison.py").run(jobs, announce=print)
     with Store.open(store) as opened:
         runs = runs_frame(opened, experiment.id)
     rows: dict[Values, list[Row]] = {}

@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from foldcar.api.designs import design
     from foldcar.api.environment import environment
     from foldcar.api.oracle import Evaluation, Result, evaluate, simulate
-    from foldcar.api.study import Study
-    from foldcar.api.sweeping import sweep
+    from foldcar.api.study import Study, sweep
     from foldcar.car.design import Design
     from foldcar.errors import FoldcarError
 
@@ -37,7 +36,7 @@ _MODULES = {
     "environment": "foldcar.api.environment",
     "evaluate": "foldcar.api.oracle",
     "simulate": "foldcar.api.oracle",
-    "sweep": "foldcar.api.sweeping",
+    "sweep": "foldcar.api.study",
 }
 
 

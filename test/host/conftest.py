@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from foldcar.errors import FoldcarError
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.carsim_limits import CarsimLimits
+from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.engines import find_carsim
 from forked_foldcar import HANGS_S, original
 from live_car import write_free_course

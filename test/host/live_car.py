@@ -14,7 +14,7 @@ from foldcar.car.car_file import car_json
 from foldcar.car.design import compose
 from foldcar.link.simulated_car import SimulatedCar, simulated_car
 from foldcar.link.tlog import read_tlog
-from foldcar.scenes.scene_name import scene_name
+from foldcar.scenes.fingerprint import scene_name
 from foldcar.scenes.source import open_environment
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial

@@ -8,15 +8,17 @@ from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import Result
 from foldcar.store.reader import Store
+from foldcar.study.experiment_runs import Progress
 from foldcar.study.experiments import read_study
-from foldcar.study.progress import Progress
-from foldcar.study.sweep import sweep
+from foldcar.study.sweep import Sweep
 
 WriteListing = Callable[[Any], Path]
 
 
-def swept(listing: Path, store: Path, carsim: Path, jobs: int = 2, environments: int | None = None) -> Progress:
-    return sweep(read_study(listing, environments=environments), store, Carsim(carsim), jobs, "foldcar sweep …")
+def swept(
+    listing: Path, store: Path, carsim: Path, jobs: int = 2, environments: int | None = None
+) -> Progress:
+    return Sweep(read_study(listing, environments=environments), store, Carsim(carsim), "foldcar sweep …").run(jobs)
 
 
 def rows(store: Path) -> list[Result]:

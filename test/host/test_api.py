@@ -15,7 +15,7 @@ from foldcar.api.environment import simulator
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import NUMBERS
 from foldcar.study.experiments import read_study
-from foldcar.study.sweep import sweep
+from foldcar.study.sweep import Sweep
 
 SEED = 42
 SAMPLES = 3
@@ -38,7 +38,7 @@ def study(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> fold
     folder = tmp_path_factory.mktemp("api")
     listing = folder / "listing.json"
     listing.write_text(json.dumps(LISTING), encoding="utf-8")
-    sweep(read_study(listing), folder / "study.db", Carsim(carsim_binary), 2, "a test")
+    Sweep(read_study(listing), folder / "study.db", Carsim(carsim_binary), "a test").run(2)
     return foldcar.Study(folder / "study.db")
 
 

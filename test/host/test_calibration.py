@@ -27,8 +27,7 @@ from foldcar.calibration.posterior import (
 from foldcar.calibration.predictions import expected_bits, log_score
 from foldcar.car.variation import draw, vary_body, workshop
 from foldcar.errors import FoldcarError
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.carsim_limits import CarsimLimits
+from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store
 from forked_foldcar import original

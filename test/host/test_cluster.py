@@ -18,17 +18,16 @@ import pytest
 
 from foldcar.car.body import body_json
 from foldcar.cluster import connection, workers
-from foldcar.cluster.chunk import Late, Simulated, Unfit, run_chunk
+from foldcar.cluster.chunk import Simulated, Trouble, recipe_of, run_chunk
 from foldcar.cluster.connection import open_cluster
 from foldcar.cluster.local_cluster import local_cluster
-from foldcar.cluster.recipe import recipe_of
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.check import store_digest
 from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
-from foldcar.study.sweep import sweep
+from foldcar.study.sweep import Sweep
 from shell_signals import like_a_shell
 
 dask = pytest.importorskip("dask")
@@ -129,7 +128,7 @@ def test_the_rows_are_those_of_a_local_sweep_and_a_worker_of_another_build_gets_
 
 
 def swept(study: Any, store: Path, binary: Path, simulators: Any, report: Any = lambda _: None) -> tuple[str, int]:
-    sweep(study, store, Carsim(binary), simulators, "test", report)
+    Sweep(study, store, Carsim(binary), "test").run(simulators, report)
     return digest(store)
 
 
@@ -244,9 +243,9 @@ def test_a_worker_ends_a_chunk_at_its_limit_and_refuses_another_build(
     none = run_chunk(type(recipe)(recipe.engine, "again", None), **chunk, limit_s=WAIT_S)
 
     assert isinstance(whole, Simulated) and whole.answers == carsim.run(**chunk)
-    assert isinstance(other, Unfit) and carsim.build in other.why and "another" in other.why
-    assert isinstance(none, Unfit) and "is no program" in none.why
-    assert late == Late(0.3)
+    assert isinstance(other, Trouble) and other.kind == "unfit" and carsim.build in other.why and "another" in other.why
+    assert isinstance(none, Trouble) and none.kind == "unfit" and "is no program" in none.why
+    assert isinstance(late, Trouble) and (late.kind, late.why) == ("late", "was not done after 0.3 s")
 
 
 def test_without_scheduler_or_workers_or_with_other_versions_one_line_says_so(

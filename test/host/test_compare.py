@@ -18,15 +18,14 @@ from foldcar.advice.resimulation import Resimulation
 from foldcar.analysis.gap import AGREES, OPTIMISTIC, PESSIMISTIC, TOO_FEW, Gap, mean_gap, rank_agreement
 from foldcar.analysis.rate import Rate, wilson_interval
 from foldcar.cli import app
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.carsim_limits import CarsimLimits
+from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, write_trials
 from foldcar.study.experiments import read_study
-from foldcar.study.sweep import sweep
+from foldcar.study.sweep import Sweep
 from live_car import write_free_course
 from study_car import car_body
 from written_study import add_trial, add_trials, import_trials, write_study
@@ -230,7 +229,7 @@ def test_imported_samples_are_of_the_environment_that_the_store_had(
 def free_course(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
     """A swept study of two widths in two environments without obstacles, which all runs pass."""
     listing = write_free_course(tmp_path_factory.mktemp("free"))
-    sweep(read_study(listing), listing.parent / "s.db", Carsim(carsim_binary), 1, "foldcar sweep")
+    Sweep(read_study(listing), listing.parent / "s.db", Carsim(carsim_binary), "foldcar sweep").run(1)
     return listing.parent / "s.db"
 
 
@@ -270,7 +269,7 @@ def test_of_many_designs_that_the_sweep_lacks_a_bounded_number_is_simulated(
 ) -> None:
     listing = write_free_course(tmp_path)
     store = tmp_path / "s.db"
-    sweep(read_study(listing), store, Carsim(carsim_binary), 1, "foldcar sweep")
+    Sweep(read_study(listing), store, Carsim(carsim_binary), "foldcar sweep").run(1)
     with Store.open(store) as opened:
         design = dict(opened.designs("1")[0])
     other = {"experiment": "1", "vehicle_type": "W_B_W", "outcome": "passed", "source": "x", "car": "built"}

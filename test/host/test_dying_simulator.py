@@ -15,7 +15,7 @@ import pytest
 
 from foldcar.car.body import body_json
 from foldcar.scenes.source import open_environment
-from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.carsim import Carsim, KeptCarsim
 from foldcar.simulation.runner import CarsimError, RunRequest
 from foldcar.simulation.scenic_runner import ScenicRunner
 from foldcar.study.experiments import read_study
@@ -91,9 +91,17 @@ def at_the_long_run(process: int) -> None:
     pytest.fail("the process did not run")
 
 
-def test_a_process_killed_once_costs_nothing(carsim_binary: Path, chunk: dict[str, Any]) -> None:
-    carsim = Carsim(carsim_binary)
-    whole = carsim.run(**chunk)
+@pytest.fixture(params=["batch", "kept"])
+def carsim(request: pytest.FixtureRequest, carsim_binary: Path) -> Iterator[Carsim | KeptCarsim]:
+    """A simulator in a process for a chunk, and one whose process stays."""
+    with contextlib.closing(KeptCarsim(Carsim(carsim_binary))) as kept:
+        yield kept.carsim if request.param == "batch" else kept
+
+
+def test_a_process_killed_once_costs_nothing(
+    carsim: Carsim | KeptCarsim, carsim_binary: Path, chunk: dict[str, Any]
+) -> None:
+    whole = Carsim(carsim_binary).run(**chunk)
 
     with under_way(lambda: carsim.run(**chunk)) as (answers, next_process):
         process = next_process()
@@ -105,9 +113,7 @@ def test_a_process_killed_once_costs_nothing(carsim_binary: Path, chunk: dict[st
     assert "error" not in whole[1]
 
 
-def test_a_run_whose_process_is_killed_twice_has_failed(carsim_binary: Path, chunk: dict[str, Any]) -> None:
-    carsim = Carsim(carsim_binary)
-
+def test_a_run_whose_process_is_killed_twice_has_failed(carsim: Carsim | KeptCarsim, chunk: dict[str, Any]) -> None:
     with under_way(lambda: carsim.run(**chunk)) as (answers, next_process):
         for _ in range(2):
             process = next_process()
@@ -136,8 +142,9 @@ def test_a_limit_of_the_system_takes_only_the_run_that_breaks_it(
     assert answers[0]["outcome"] == answers[2]["outcome"] == "passed"
 
 
-def test_stopping_ends_a_chunk_at_once_and_starts_nothing_anew(carsim_binary: Path, chunk: dict[str, Any]) -> None:
-    carsim = Carsim(carsim_binary)
+def test_stopping_ends_a_chunk_at_once_and_starts_nothing_anew(
+    carsim: Carsim | KeptCarsim, chunk: dict[str, Any]
+) -> None:
     before = children()
 
     with under_way(lambda: carsim.run(**chunk)) as (answers, next_process):

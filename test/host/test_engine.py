@@ -19,9 +19,8 @@ from foldcar.car.design import compose
 from foldcar.link.simulated_car import simulated_car
 from foldcar.models.mjcf import mjcf
 from foldcar.models.webots_world import drive_fraction
-from foldcar.simulation.carsim import Carsim
+from foldcar.simulation.carsim import Carsim, ask_pulses
 from foldcar.simulation.engines import MUJOCO, engine_of, engine_title
-from foldcar.simulation.pulses import ask_pulses
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
 from live_car import free_course_scene

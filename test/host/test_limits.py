@@ -11,10 +11,9 @@ import pytest
 from foldcar.car.car_file import CHANNELS
 from foldcar.car.design import MAX_AXLES, MAX_SEGMENTS
 from foldcar.scenes.checks import FARTHEST_M
-from foldcar.scenes.scene_json import MOST_FRICTION
-from foldcar.scenes.terrain import MOST_NODES, MOST_PIECES, PLACE_KEYS
+from foldcar.scenes.scene_json import MOST_FRICTION, MOST_NODES, MOST_PIECES, PLACE_KEYS
 from foldcar.scenes.terrain_kinds import KINDS
-from foldcar.simulation.carsim_limits import CarsimLimits
+from foldcar.simulation.carsim import CarsimLimits
 from study_car import car_body, empty_scene
 
 PLACE = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}

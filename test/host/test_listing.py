@@ -10,7 +10,7 @@ from conftest import PROJECT
 from foldcar.errors import FoldcarError
 from foldcar.store.trial_writer import write_trials
 from foldcar.study.experiments import read_study
-from foldcar.study.listing_file import read_listing
+from foldcar.study.listing_file import load_listing, read_listing, validated_listing
 
 PUBLISHED_STYLE = """{
   // as printed: comments, trailing commas, ids as numbers and as strings
@@ -43,9 +43,10 @@ def change(data: Any, path: str, value: Any) -> Any:
 def test_the_published_form_is_read(write_listing: Callable[[Any], Path]) -> None:
     file = write_listing(PUBLISHED_STYLE)
 
-    listing, text = read_listing(file)
+    data, text = load_listing(file)
+    listing, mistakes = validated_listing(data)
 
-    assert text == PUBLISHED_STYLE
+    assert text == PUBLISHED_STYLE and mistakes == []
     assert (listing.experiments["3"].veh_id, listing.experiments["3"].env_id) == ("5", "4")
     assert listing.experiments["3"].params.timeout == 400
     assert listing.vehicles["5"].params[2]["W"] == {"tire_thickness": (1,), "radius": (30,), "length": (40,)}

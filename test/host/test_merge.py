@@ -20,7 +20,7 @@ from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from foldcar.study.experiments import read_study
 from foldcar.study.stopping import stopping_rules
-from foldcar.study.sweep import sweep
+from foldcar.study.sweep import Sweep
 from old_stores import alter, change, contents, old_store
 from test_store import answer, fill
 from test_trial_store import begin
@@ -48,7 +48,7 @@ def listing(listing_data: dict[str, Any], write_listing: Callable[[Any], Path]) 
 def swept(
     listing: Path, store: Path, binary: Path, experiment: str | None = None, environments: int | None = None
 ) -> Path:
-    sweep(read_study(listing, experiment, environments), store, Carsim(binary), 2, "test")
+    Sweep(read_study(listing, experiment, environments), store, Carsim(binary), "test").run(2)
     return store
 
 
@@ -68,12 +68,12 @@ def test_halves_of_a_study_are_the_whole(tmp_path: Path, listing: Path, carsim_b
     assert (counts["run"], counts["experiment"], counts["build"]) == (10, 2, 1)
     assert {store: store.read_bytes() for store in before} == before
     # The next sweep has nothing left to simulate.
-    assert sweep(read_study(listing), tmp_path / "new" / "m.db", Carsim(carsim_binary), 1, "test").new == 0
+    assert Sweep(read_study(listing), tmp_path / "new" / "m.db", Carsim(carsim_binary), "test").run(1).new == 0
 
 
 def until(listing: Path, store: Path, binary: Path, rule: str = "decided", environments: int | None = None) -> Path:
     study = read_study(listing, "1", environments)
-    sweep(study, store, Carsim(binary), 2, "test", until=stopping_rules(rule, study))
+    Sweep(study, store, Carsim(binary), "test", until=stopping_rules(rule, study)).run(2)
     return store
 
 

@@ -21,7 +21,7 @@ from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim import Carsim
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, read_study
-from foldcar.study.sweep import sweep
+from foldcar.study.sweep import Sweep
 from swept_listing import WriteListing, rows, swept
 
 COURSE = "ego = new Robot at (0, 0), facing -90 deg\ngoal = new Goal at (0.6, 0), facing -90 deg\n"
@@ -83,7 +83,7 @@ def test_a_program_beside_the_simulation_that_is_edited_during_a_sweep_is_refuse
         program.write_text(f"{HEAD}terminate after 1 seconds\n")
 
     with pytest.raises(FoldcarError, match=r"program\.scenic: has changed while the program was in use"):
-        sweep(read_study(listing), tmp_path / "s.db", Carsim(carsim_binary), 1, "a test", announce=edit)
+        Sweep(read_study(listing), tmp_path / "s.db", Carsim(carsim_binary), "a test").run(1, announce=edit)
     assert not rows(tmp_path / "s.db")
 
 
@@ -191,7 +191,7 @@ def test_a_program_is_not_compiled_if_its_files_and_all_results_are_there(
         return opened[-1]
 
     found = [
-        sweep(read_study(one), tmp_path / "s.db", Carsim(carsim_binary), 1, "a test", environment_of=environment_of).new
+        Sweep(read_study(one), tmp_path / "s.db", Carsim(carsim_binary), "a test", environment_of).run(1).new
         for one in (*listings, *reversed(listings))
     ]
     compiled = [one._source is not None for one in opened]

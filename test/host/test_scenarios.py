@@ -17,10 +17,9 @@ from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.simulation.runner import CarsimError
 from foldcar.store.info import engine_id
 from foldcar.store.reader import Store
-from foldcar.study.engine_study import engine_study
 from foldcar.study.environments import Environment
-from foldcar.study.experiments import read_study
-from foldcar.study.sweep import sweep
+from foldcar.study.experiments import engine_study, read_study
+from foldcar.study.sweep import Sweep
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 PROGRAMS = sorted(path.stem for path in SCENARIOS.glob("*.scenic"))
@@ -80,7 +79,7 @@ def test_every_experiment_runs_in_both_engines(name: str, tmp_path: Path) -> Non
     environments = {one.place: Environment(one) for one in first}
     for carsim in carsims:
         named = engine_study(study, carsim)
-        sweep(named, tmp_path / "s.db", carsim, 1, "", environment_of=lambda one: environments[one.place])
+        Sweep(named, tmp_path / "s.db", carsim, "", lambda one: environments[one.place]).run(1)
 
     with Store.open(tmp_path / "s.db") as store:
         in_multibody, in_mujoco = (

@@ -18,8 +18,8 @@ from foldcar.car.car_file import firmware_parameters
 from foldcar.car.design import compose
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim_step import State, SteppedCarsim
-from foldcar.simulation.recorded_values import to_json
 from foldcar.simulation.scenic_simulator import CarSimulator
+from foldcar.simulation.scenic_statements import to_json
 
 STEP_S = 1 / 240
 # Looks of Scenic, their interval (s) and number. At every step of the simulator nothing can lie between two looks.

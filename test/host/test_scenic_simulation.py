@@ -18,9 +18,9 @@ from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_step import State, SteppedCarsim, TrialFailedError
 from foldcar.simulation.runner import RunRequest
-from foldcar.simulation.scenic_ego import ShownEgo, _orientation
-from foldcar.simulation.scenic_endings import is_pure
+from foldcar.simulation.scenic_objects import ShownEgo, _orientation
 from foldcar.simulation.scenic_simulator import CarSimulator
+from foldcar.simulation.scenic_statements import is_pure
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 STEP_S = 1 / 240

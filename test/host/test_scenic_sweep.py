@@ -1,5 +1,6 @@
 """Sweeps of dynamic programs: worker processes, the store, the export."""
 
+import contextlib
 import csv
 import json
 import sqlite3
@@ -13,12 +14,12 @@ from foldcar.car.body import body_json
 from foldcar.scenes.source import open_environment
 from foldcar.simulation import scenic_worker
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.own_code import may_change_state
+from foldcar.simulation.pure_code import may_change_state
 from foldcar.simulation.results import Result
 from foldcar.store.reader import Store
+from foldcar.study.experiment_runs import Progress
 from foldcar.study.experiments import read_study
-from foldcar.study.progress import Progress
-from foldcar.study.sweep import sweep
+from foldcar.study.sweep import Sweep
 
 WriteListing = Callable[[Any], Path]
 HEAD = "model model\nego = new Robot at (Range(0, 0.02), 0), facing -90 deg\n"
@@ -42,7 +43,7 @@ def listing(write_listing: WriteListing, listing_data: Any, program: Path) -> Pa
 
 
 def swept(listing: Path, store: Path, carsim: Path, jobs: int = 1) -> tuple[Progress, list[Result]]:
-    counts = sweep(read_study(listing), store, Carsim(carsim), jobs, "foldcar sweep …")
+    counts = Sweep(read_study(listing), store, Carsim(carsim), "foldcar sweep …").run(jobs)
     with Store.open(store) as opened:
         return counts, list(opened.results())
 
@@ -165,7 +166,7 @@ def test_a_run_begins_as_if_it_were_the_first(
 
     def answers(*samples: int) -> list[dict[str, Any]]:
         opening = opening_of(program, carsim_binary)
-        with scenic_worker.ScenicWorker(opening) as worker:
+        with contextlib.closing(scenic_worker.ScenicWorker(opening)) as worker:
             request = {"body": json.dumps(body), "settings": settings}
             return [worker.answer({**request, "scene": scenes[k], "sample": k})["result"] for k in samples]
 
@@ -267,7 +268,7 @@ def test_a_program_that_loops_or_sleeps_while_the_car_drives_fails_after_its_tim
     settings = experiment.settings(design, body, Carsim(carsim_binary).parameter_table())
     texts = {"body": json.dumps(body), "scene": json.dumps(scene), "settings": json.dumps(settings)}
     opening = opening_of(program, carsim_binary)
-    with scenic_worker.ScenicWorker(opening) as worker:
+    with contextlib.closing(scenic_worker.ScenicWorker(opening)) as worker:
         answer = worker.answer({**texts, "sample": 0})
     assert answer == {"error": f"{program}: sample 0: running takes longer than the limit of 0.5 s of wall time"}
 

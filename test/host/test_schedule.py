@@ -14,12 +14,10 @@ from foldcar.analysis.stopping import LEAST_CHANCE, StoppingRule
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO
 from foldcar.store.reader import Store
-from foldcar.study.engine_study import engine_study
-from foldcar.study.experiments import read_study
-from foldcar.study.progress import Progress
-from foldcar.study.schedule import Batch, Schedule
-from foldcar.study.stopping import stopping_rules
-from foldcar.study.sweep import sweep
+from foldcar.study.experiment_runs import Progress
+from foldcar.study.experiments import engine_study, read_study
+from foldcar.study.stopping import Batch, Schedule, stopping_rules
+from foldcar.study.sweep import Sweep
 
 RULE = StoppingRule(None, (0.5, 0.75))
 MOST = 60
@@ -174,7 +172,7 @@ def swept(
 
     study = engine_study(read_study(listing), carsim)
     rules = stopping_rules("decided", study)
-    return sweep(study, store, carsim, jobs, "foldcar sweep …", stop, announce=said.append, until=rules), said
+    return Sweep(study, store, carsim, "foldcar sweep …", until=rules).run(jobs, stop, said.append), said
 
 
 def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(

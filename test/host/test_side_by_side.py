@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from foldcar.simulation.side_by_side import side_by_side
+from foldcar.simulation.runner import side_by_side
 
 
 def test_results_come_in_order_and_a_bounded_number_waits() -> None:

@@ -15,7 +15,7 @@ from foldcar.car.design import compose
 from foldcar.link.car import greet
 from foldcar.link.simulated_car import simulated_car
 from foldcar.link.tlog import read_tlog
-from foldcar.scenes.scene_name import sample_in, scene_name
+from foldcar.scenes.fingerprint import sample_in, scene_name
 from foldcar.store.reader import Store
 from forked_foldcar import original
 from live_car import LOG, trials_in

@@ -28,10 +28,10 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import Result
 from foldcar.store.frames import run_arrays
 from foldcar.store.reader import Store
+from foldcar.study.experiment_runs import Progress
 from foldcar.study.experiments import read_study
-from foldcar.study.progress import Progress
 from foldcar.study.stopping import stopping_rules
-from foldcar.study.sweep import sweep
+from foldcar.study.sweep import Sweep
 
 STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
 # Of designs on low pyramids, 95 passes always, 240 nearly never, 145 in about half.
@@ -56,7 +56,7 @@ def listing(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def full_store(listing: Path, carsim_binary: Path) -> Path:
     store = listing.with_name("full.db")
-    sweep(read_study(listing), store, Carsim(carsim_binary), 2, "foldcar sweep …")
+    Sweep(read_study(listing), store, Carsim(carsim_binary), "foldcar sweep …").run(2)
     return store
 
 
@@ -74,7 +74,7 @@ def swept(listing: Path, store: Path, carsim: Path, jobs: int = 2, stop_at: floa
 
     study = read_study(listing)
     rules = stopping_rules("decided", study)
-    return sweep(study, store, Carsim(carsim), jobs, "foldcar sweep …", stop, until=rules)
+    return Sweep(study, store, Carsim(carsim), "foldcar sweep …", until=rules).run(jobs, stop)
 
 
 def rows(store: Path) -> list[Result]:

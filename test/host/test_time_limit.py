@@ -8,7 +8,7 @@ import time
 import pytest
 
 from foldcar.errors import FoldcarError
-from foldcar.scenes.time_limit import _ready_s, excused, time_limit
+from foldcar.scenes.contained import _ready_s, excused, time_limit
 
 
 def loop_that_catches(end_s: float) -> None:
@@ -61,7 +61,7 @@ def test_a_busy_machine_prolongs_the_limit_up_to_a_factor(
 ) -> None:
     """As if the system gave this process a share of one processor."""
     start_s = time.perf_counter()
-    monkeypatch.setattr("foldcar.scenes.time_limit._ready_s", lambda: (1 - share) * (time.perf_counter() - start_s))
+    monkeypatch.setattr("foldcar.scenes.contained._ready_s", lambda: (1 - share) * (time.perf_counter() - start_s))
     with pytest.raises(FoldcarError, match=r"^the loop takes longer"), time_limit(0.2, "the loop"):
         loop_that_catches(start_s + 100)
     assert least_s <= time.perf_counter() - start_s < most_s

@@ -13,8 +13,7 @@ from foldcar.car.car_file import firmware_parameters
 from foldcar.car.design import compose
 from foldcar.car.variation import draw, spread_named, vary_body, workshop
 from foldcar.errors import FoldcarError
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.carsim_limits import CarsimLimits
+from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.writer import canonical_json
 

@@ -16,8 +16,7 @@ from foldcar.car.car_file import firmware_parameters
 from foldcar.car.design import compose
 from foldcar.models.exported_car import servo_limits
 from foldcar.models.webots_world import CONTROLLER, controller_drive, controller_program
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.pulses import ask_pulses
+from foldcar.simulation.carsim import Carsim, ask_pulses
 from study_car import car_body
 
 STEP_MS, SETTLING_S = 4, 0.25

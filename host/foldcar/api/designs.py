@@ -1,17 +1,33 @@
-"""Cars in Python: by type and values, as a listing's vehicle, or as the Design that commands use."""
+"""Cars in Python: by type and values, or as a listing's vehicle; and what the simulator is given for their runs."""
 
+import json
 from collections.abc import Mapping
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from foldcar.api.names import columns_named
+from pydantic import ValidationError
+
+from foldcar.api.arguments import columns_named, whole
+from foldcar.api.environment import simulator
+from foldcar.car.body import body_json
+from foldcar.car.car_file import TableRow
 from foldcar.car.design import Design, compose, modules_of
 from foldcar.car.folded_car import folded_car
 from foldcar.car.modules import parameters
+from foldcar.car.variation import draw, spread_named, vary_body
 from foldcar.errors import FoldcarError
+from foldcar.store.writer import canonical_json
+from foldcar.study.experiments import run_settings
 from foldcar.study.family import read_family
-from foldcar.study.listing import ListingError
+from foldcar.study.limits import GREATEST_SEED
+from foldcar.study.listing import ExperimentParams, ListingError
 from foldcar.study.listing_file import validated_listing
+
+# What a listing calls these arguments.
+LISTED = {"timeout_s": "timeout", "speed_m_s": "speed", "yaw_rate_rad_s": "yaw_rate"}
+# A design takes some 10 ms to compile, as long as a run: the texts of the last ones are kept.
+KEPT_DESIGNS = 1000
 
 
 def design(type: str, /, **values: float) -> Design:
@@ -42,3 +58,41 @@ def design_of(car: Design | Mapping[str, Any]) -> Design:
     if mistakes:
         raise ListingError("design", *mistakes)
     return read_family(Path("design"), "design", listing.vehicles["design"]).single()
+
+
+def prepared(design: Design, timeout_s: float, speed_m_s: float | None, yaw_rate_rad_s: float) -> tuple[str, str]:
+    """Body and settings of the design's runs as JSON. FoldcarError if an argument is beyond its limits."""
+    arguments = {"timeout_s": timeout_s, "speed_m_s": speed_m_s, "yaw_rate_rad_s": yaw_rate_rad_s}
+    for name, value in arguments.items():
+        if isinstance(value, bool) or not isinstance(value, int | float | None):
+            raise FoldcarError(f"{name}: {value!r} is not a number")
+    return _prepared(design.type, tuple(design.values.items()), *arguments.values())
+
+
+def built_cars(body: str, count: int, spread: str | Mapping[str, float], seed: int) -> dict[str, str]:
+    """The bodies of ``count`` built cars by name, in order, as a listing's ``variation`` makes them. FoldcarError."""
+    chosen = spread_named(spread, "variation")
+    number = whole("variation_seed", seed, 0, GREATEST_SEED)
+    nominal, limits = json.loads(body), simulator().carsim.limits().numbers
+    return {f"car {k}": canonical_json(vary_body(nominal, draw(chosen, number, k), limits)) for k in range(count)}
+
+
+@lru_cache(KEPT_DESIGNS)
+def _prepared(type_string: str, values: tuple[tuple[str, float], ...], *arguments: float | None) -> tuple[str, str]:
+    design = compose(type_string, dict(values))
+    body = body_json(design)
+    # A listing's limits hold for the arguments too.
+    given = {key: float(one) for key, one in zip(LISTED.values(), arguments, strict=True) if one is not None}
+    try:
+        params = ExperimentParams.model_validate(given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = {listed: name for name, listed in LISTED.items()}[str(first["loc"][0])]
+        raise FoldcarError(f"{name}: {first['input']:g}: {first['msg'].lower()}") from None
+    settings = run_settings(design, body, _table(), params.timeout, params.speed, params.yaw_rate, "simulation")
+    return canonical_json(body), canonical_json(settings)
+
+
+@cache
+def _table() -> dict[str, TableRow]:
+    return simulator().carsim.parameter_table()

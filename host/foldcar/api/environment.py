@@ -9,19 +9,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from foldcar.api.whole import whole
+from foldcar.api.arguments import whole
 from foldcar.errors import FoldcarError
 from foldcar.scenes.source import SceneSource, open_environment
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.kept_carsim import KeptCarsim
+from foldcar.simulation.carsim import Carsim, KeptCarsim
 from foldcar.simulation.runner import Runner
+from foldcar.simulation.scenic_runner import ScenicRunner
 from foldcar.store.writer import canonical_json
 from foldcar.study.limits import GREATEST_SEED, MOST_ENVIRONMENTS
-
-if TYPE_CHECKING:
-    from foldcar.simulation.scenic_runner import ScenicRunner
 
 
 @dataclass(frozen=True)
@@ -67,11 +64,6 @@ class Environment:
         """What simulates in this environment: carsim, or Scenic beside it for a dynamic program."""
         if not self._source.dynamic:
             return simulator()
-        return self._scenic_runner()
-
-    def _scenic_runner(self) -> "ScenicRunner":
-        from foldcar.simulation.scenic_runner import ScenicRunner
-
         files, command = self._source.fixed_files(), simulator().carsim.command
         runner = ScenicRunner(self.program, self.params, self.seed, None, files, command)
         atexit.register(runner.close)

@@ -11,16 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 from foldcar.analysis.rate import Rate, check_confidence
-from foldcar.api.designs import design_of
+from foldcar.api.arguments import whole
+from foldcar.api.designs import built_cars, design_of, prepared
 from foldcar.api.environment import Environment, Scene, environment, simulator
-from foldcar.api.prepared import built_cars, prepared
-from foldcar.api.whole import whole
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.processors import usable_processors
 from foldcar.simulation.results import NUMBERS, has_passed, no_rate_text, outcome_of
-from foldcar.simulation.runner import Runner, RunRequest
-from foldcar.simulation.side_by_side import side_by_side
+from foldcar.simulation.runner import Runner, RunRequest, side_by_side
 from foldcar.store.writer import canonical_json
 from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
@@ -181,9 +179,7 @@ def evaluate(
         bodies = built_cars(body, count, variation, place.seed if variation_seed is None else variation_seed)
     scenes = {f"s{k}": place.scene(k).json for k in range(count)}
     names = list(bodies)
-    requests = [
-        RunRequest(names[k % len(names)], f"s{k}", text, f"{car.title}, sample {k}", k) for k in range(count)
-    ]
+    requests = [RunRequest(names[k % len(names)], f"s{k}", text, f"{car.title}, sample {k}", k) for k in range(count)]
     runner, size = place.runner, -(-count // min(workers, count))
     calls = (partial(runner.run, bodies, scenes, requests[i : i + size]) for i in range(0, count, size))
     answers = [answer for share in side_by_side(calls, workers, runner.stop) for answer in share]
@@ -216,9 +212,7 @@ def _table(answers: Sequence[Mapping[str, Any]], judged: bool) -> "pandas.DataFr
             "outcome": pandas.array(outcomes, dtype="str"),
             "passed": pandas.array(passed, dtype="boolean"),
             "message": pandas.array([answer.get("error") for answer in answers], dtype="str"),
-            **{
-                name: pandas.array([answer.get(name) for answer in answers], dtype="float64") for name in NUMBERS
-            },
+            **{name: pandas.array([answer.get(name) for answer in answers], dtype="float64") for name in NUMBERS},
         }
     )
 

@@ -9,12 +9,12 @@ from foldcar.advice.comparison import MARGIN, Comparison, compare
 from foldcar.advice.selecting import BUILD, PRECISION, Selection, select
 from foldcar.analysis.gaussian_process import SuccessModel, success_model
 from foldcar.analysis.rate import Rate
-from foldcar.api.names import column_named, columns_named
-from foldcar.api.whole import whole
+from foldcar.api.arguments import column_named, columns_named, whole
 from foldcar.errors import FoldcarError
 from foldcar.simulation.results import no_rate_text
 from foldcar.store.frames import runs_frame, trials_frame
 from foldcar.store.reader import ExperimentInfo, Store
+from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 
 if TYPE_CHECKING:
     import pandas
@@ -137,9 +137,7 @@ class Study:
             raise FoldcarError(f'{self.path}: has no "{experiment}" with {source}; it has {", ".join(known)}')
         return table if experiment is None else table[table["experiment"] == experiment]
 
-    def _of_design(
-        self, table: "pandas.DataFrame", design: Mapping[str, float], source: str
-    ) -> "pandas.DataFrame":
+    def _of_design(self, table: "pandas.DataFrame", design: Mapping[str, float], source: str) -> "pandas.DataFrame":
         parameters = _parameters(table)
         found = table
         for column, value in columns_named(design, parameters, "rate").items():
@@ -166,3 +164,28 @@ def _parameters(table: "pandas.DataFrame") -> list[str]:
     columns: list[Any] = list(table.columns)
     first = max(columns.index(name) for name in ("environment", "vehicle_type") if name in columns)
     return [str(name) for name in columns[first + 1 : columns.index("sample")]]
+
+
+def sweep(
+    listing: str | Path,
+    store: str | Path,
+    *,
+    experiment: str | None = None,
+    environments: int | None = None,
+    jobs: int | None = None,
+) -> Study:
+    """Simulate the runs of a listing, or of one experiment, that the store lacks; the study they are in.
+
+    ``environments`` takes the place of the listing's number; ``jobs`` simulators run side by side (None: one per
+    processor). It may be interrupted: the same call resumes. FoldcarError if the listing or an argument is invalid.
+    """
+    from foldcar.processors import usable_processors
+    from foldcar.simulation.carsim import Carsim
+    from foldcar.study.experiments import read_study
+    from foldcar.study.sweep import Sweep
+
+    count = None if environments is None else whole("environments", environments, 1, MOST_ENVIRONMENTS)
+    workers = usable_processors() if jobs is None else whole("jobs", jobs, 1, MOST_JOBS)
+    study = read_study(Path(listing), experiment, count)
+    Sweep(study, Path(store), Carsim(), f"foldcar.sweep({str(listing)!r}, {str(store)!r})").run(workers)
+    return Study(store)

@@ -17,8 +17,7 @@ from foldcar.car.variation import vary_body
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import outcome_of
-from foldcar.simulation.runner import RunRequest
-from foldcar.simulation.side_by_side import side_by_side
+from foldcar.simulation.runner import RunRequest, side_by_side
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.rows import parsed

@@ -18,7 +18,7 @@ from typing import NoReturn
 
 from foldcar.errors import FoldcarError
 from foldcar.python_command import python_command
-from foldcar.simulation.process_ending import process_ending
+from foldcar.simulation.runner import process_ending
 from foldcar.simulation.worker import wait_for_no_reader
 
 LOOPBACK = "127.0.0.1"

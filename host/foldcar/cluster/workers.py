@@ -15,9 +15,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
-from foldcar.cluster.chunk import Late, Refused, Simulated, Unfit, run_chunk
+from foldcar.cluster.chunk import Recipe, Simulated, Trouble, recipe_of, run_chunk
 from foldcar.cluster.places import Place, Places
-from foldcar.cluster.recipe import Recipe, recipe_of
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.simulation.runner import CarsimError, Runner, RunRequest
@@ -43,11 +42,11 @@ class _Part:
     requests: Sequence[RunRequest]
     losses: int = 0
     avoided: set[str] = field(default_factory=set)
-    refusals: dict[str, Refused] = field(default_factory=dict)
+    refusals: dict[str, Trouble] = field(default_factory=dict)
 
 
 class ClusterSimulators:
-    """Simulators (foldcar.simulation.simulators) at ``places`` of ``client``; ``carsim`` is the sweep's."""
+    """Simulators (foldcar.study.chunks) at ``places`` of ``client``; ``carsim`` is the sweep's."""
 
     chunk_s = 2.5
     # Threads that wait for chunks, on this machine.
@@ -81,7 +80,7 @@ class ClusterSimulators:
             if isinstance(found, Simulated):
                 answers += found.answers
                 seconds += found.seconds
-            elif isinstance(found, Refused):
+            elif isinstance(found, Trouble):
                 raise CarsimError(found.why)
             elif len(part.requests) == 1 and part.losses >= LOSSES:
                 answers.append({"error": f"the simulation {found}, {part.losses} times"})
@@ -100,7 +99,7 @@ class ClusterSimulators:
 
     def _attempt(
         self, recipe: Recipe, bodies: Mapping[str, str], scenes: Mapping[str, str], part: _Part
-    ) -> Simulated | Refused | str:
+    ) -> Simulated | Trouble | str:
         """The part's runs at one place; else, with its losses counted, what the simulation did to its worker."""
         place = self._places.take({*part.avoided, *part.refusals}, strictly=bool(part.refusals))
         if place is None:
@@ -133,7 +132,7 @@ class ClusterSimulators:
                 future.cancel()
                 self._places.give(place)
 
-    def _ending(self, place: Place, future: Any, part: _Part) -> Simulated | Refused | str:
+    def _ending(self, place: Place, future: Any, part: _Part) -> Simulated | Trouble | str:
         """What has come of a chunk that has ended or whose worker is gone."""
         try:
             found = future.result(GATHER_S) if future.status == "finished" else None
@@ -144,14 +143,15 @@ class ClusterSimulators:
             for worker, refused in part.refusals.items():
                 self._places.refuse(worker, refused.host, refused.why)
             return found
-        if isinstance(found, Refused):
-            part.refusals[place.worker] = found
-        elif isinstance(found, Unfit):
-            self._places.refuse(place.worker, found.host, found.why)
-        elif isinstance(found, Late):
-            part.losses += 1
-            part.avoided.add(place.worker)
-            return f"was not done after {found.limit_s:g} s"
+        if isinstance(found, Trouble):
+            if found.kind == "refused":
+                part.refusals[place.worker] = found
+            elif found.kind == "unfit":
+                self._places.refuse(place.worker, found.host, found.why)
+            else:
+                part.losses += 1
+                part.avoided.add(place.worker)
+                return found.why
         elif place.gone:
             part.losses += 1
             return "ended its worker"

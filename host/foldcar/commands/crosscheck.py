@@ -14,7 +14,7 @@ from foldcar.study.limits import MOST_ENVIRONMENTS, MOST_JOBS
 if TYPE_CHECKING:
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.crosscheck.agreement import Agreement
-    from foldcar.study.progress import Progress
+    from foldcar.study.experiment_runs import Progress
 
 STORE = "study.db"
 

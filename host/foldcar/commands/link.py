@@ -44,7 +44,7 @@ def link(
     from foldcar.car.car_file import car_json
     from foldcar.interrupts import said
     from foldcar.link.simulated_car import simulated_car
-    from foldcar.scenes.scene_name import scene_name
+    from foldcar.scenes.fingerprint import scene_name
     from foldcar.simulation.runner import CarsimError
 
     one = listed_run(listing, experiment, settings, sample, engine)

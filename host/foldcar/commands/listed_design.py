@@ -5,9 +5,9 @@ from pathlib import Path
 
 from foldcar.commands.options import design_settings
 from foldcar.errors import FoldcarError
-from foldcar.study.checked_listing import read_checked_listing
 from foldcar.study.family import Family, read_family
 from foldcar.study.listing import Listing
+from foldcar.study.listing_file import read_listing
 
 
 def listed_family(listing: Path, vehicle: str | None, settings: Sequence[str]) -> tuple[Listing, Family]:
@@ -15,7 +15,7 @@ def listed_family(listing: Path, vehicle: str | None, settings: Sequence[str]) -
 
     ``vehicle`` may be None if the listing has only one. FoldcarError if there is no such vehicle or value.
     """
-    listed, _ = read_checked_listing(listing, programs=False)
+    listed, _ = read_listing(listing)
     if vehicle is None and len(listed.vehicles) != 1:
         known = ", ".join(listed.vehicles)
         raise FoldcarError(f"{listing}: vehicles: has several; choose one with --vehicle: {known}")
@@ -25,7 +25,7 @@ def listed_family(listing: Path, vehicle: str | None, settings: Sequence[str]) -
 
 def listed_families(listing: Path, vehicle: str | None, settings: Sequence[str]) -> list[Family]:
     """Those designs of the vehicle, or of every one if ``vehicle`` is None, that have the settings. FoldcarError."""
-    listed, _ = read_checked_listing(listing, programs=False)
+    listed, _ = read_listing(listing)
     return _families(listing, listed, vehicle, settings)
 
 

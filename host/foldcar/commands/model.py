@@ -11,7 +11,7 @@ from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
-    from foldcar.simulation.pulses import PulseTrain
+    from foldcar.simulation.carsim import PulseTrain
     from foldcar.study.listing import Listing
 
 FORMATS = ("mjcf", "urdf", "webots")
@@ -114,8 +114,7 @@ def _drive(
     """
     from foldcar.car.body import body_json, full_speed_m_s
     from foldcar.car.car_file import firmware_parameters
-    from foldcar.simulation.carsim import Carsim
-    from foldcar.simulation.pulses import ask_pulses
+    from foldcar.simulation.carsim import Carsim, ask_pulses
     from foldcar.study.experiments import read_study
 
     carsim, body = Carsim(), body_json(design)

@@ -21,7 +21,7 @@ from foldcar.typed_numbers import decimal_number
 
 if TYPE_CHECKING:
     from foldcar.simulation.carsim import Carsim
-    from foldcar.simulation.simulators import Simulators
+    from foldcar.study.chunks import Simulators
     from foldcar.study.environments import Environment
     from foldcar.study.experiments import Experiment, Study
 

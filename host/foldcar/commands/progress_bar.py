@@ -13,7 +13,7 @@ from foldcar.shown_console import shown_console
 
 if TYPE_CHECKING:
     from foldcar.search.search import Found
-    from foldcar.study.progress import Progress
+    from foldcar.study.experiment_runs import Progress
 
 _Bar = TypeVar("_Bar", bound="TerminalBar")
 

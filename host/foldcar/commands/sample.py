@@ -110,7 +110,7 @@ def _parse_param(text: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not equals or not name:
         raise FoldcarError(f"--param {text}: not NAME=VALUE")
-    from foldcar.study.json_numbers import check_numbers
+    from foldcar.study.limits import check_numbers
 
     try:
         parsed = json.loads(value)

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -25,13 +25,12 @@ from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
     from foldcar.analysis.stopping import StoppingRule
+    from foldcar.study.experiment_runs import Progress
     from foldcar.study.experiments import Experiment
-    from foldcar.study.progress import Progress
     from foldcar.study.stopping import DesignState
 
 
 def sweep(
-    context: typer.Context,
     listing: Annotated[Path, typer.Argument(metavar="LISTING", help="Experiment listing (JSON).")],
     store: Annotated[
         Path, typer.Option(metavar="FILE", callback=output_store, help="Store to write; made if it is missing.")
@@ -77,43 +76,25 @@ def sweep(
     Example: foldcar sweep scenarios/width_study.json --store study.db
     foldcar sweep scenarios/width_study.json --store study.db --until decided
     """
-    from foldcar.simulation.programs_ahead import programs_ahead
-
     check_scheduler_option(scheduler, jobs)
-    # Before the imports, which take as long as half of Scenic's.
-    ahead = context.with_resource(programs_ahead(store, jobs))
     from foldcar.commands.options import under_calibration
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.interrupts import said
     from foldcar.simulation.carsim import Carsim
-    from foldcar.study.engine_study import engine_study
-    from foldcar.study.environments import Environment, mutation_notes
-    from foldcar.study.environments_ahead import environments_ahead
-    from foldcar.study.experiments import read_study
-    from foldcar.study.planned_designs import planned_designs
-    from foldcar.study.progress import Progress
+    from foldcar.study.environments import mutation_notes
+    from foldcar.study.experiments import engine_study, read_study
     from foldcar.study.stopping import stopping_rules
-    from foldcar.study.sweep import planned_total
-    from foldcar.study.sweep import sweep as run_sweep
+    from foldcar.study.sweep import Sweep
 
     study = read_study(listing, experiment, environments)
     carsim = Carsim(engine=engine)
     study, environment_of = under_calibration(engine_study(study, carsim), store, calibration, reality)
     rules = stopping_rules(until, study) if until is not None else {}
-    if ahead is not None and environment_of is Environment:
-        opened = environments_ahead(study.experiments, ahead)
-    else:
-        opened = {chosen.id: environment_of(chosen) for chosen in study.experiments}
-    planned = planned_designs(study, store, carsim.parameter_table())
-    for note in mutation_notes(opened.values()):
+    asked = Sweep(study, store, carsim, shlex.join(["foldcar", *sys.argv[1:]]), environment_of, rules)
+    designs = sum(map(len, asked.designs.values()))
+    for note in mutation_notes(asked.environments):
         typer.echo(f"note: {note}", err=True)
-    most = planned_total(study)
-    progress = Progress(total=most)
-    designs = sum(len(chosen.family) for chosen in study.experiments) if rules else None
-    command = shlex.join(["foldcar", *sys.argv[1:]])
-
-    def opened_of(chosen: "Experiment") -> Environment:
-        return opened[chosen.id]
+    progress, most = asked.progress, asked.progress.total
 
     def stopped() -> str:
         total = f"at most {progress.total}" if rules else f"{progress.total}"
@@ -121,10 +102,10 @@ def sweep(
 
     with (
         said(stopped),
-        ProgressBar(progress, designs) as bar,
+        ProgressBar(progress, designs if rules else None) as bar,
         simulators(scheduler, jobs, carsim, bar.say) as places,
     ):
-        run_sweep(study, store, carsim, places, command, bar.update, progress, bar.say, opened_of, rules, planned)
+        asked.run(places, bar.update, bar.say)
     if as_json:
         print_json(
             {
@@ -137,19 +118,17 @@ def sweep(
                 "rejected": progress.rejected,
                 "failed": progress.failed,
                 "seconds": round(progress.seconds, 3),
-                **({"most_runs": most, "designs": state_objects(progress.states)} if rules else {}),
+                **({"most_runs": most, "designs": [asdict(state) for state in progress.states]} if rules else {}),
             }
         )
     else:
-        rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
-        failed = f", {progress.rejected} rejected" if progress.rejected else ""
-        failed += f", {progress.failed} failed" if progress.failed else ""
         # A share over designs of which some have more runs than others would say nothing.
         success = "" if rules else f", {_success(progress)}"
-        typer.echo(
-            f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s{rate}"
-            f"{success}{failed}; store: {store}"
-        )
+        told = {"rejected": progress.rejected, "failed": progress.failed}
+        left_out = "".join(f", {count} {what}" for what, count in told.items() if count)
+        rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
+        made = f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s{rate}"
+        typer.echo(f"{made}{success}{left_out}; store: {store}")
         for chosen in study.experiments if rules else ():
             for line in stopping_lines(chosen, rules[chosen.id], progress.states):
                 typer.echo(line)
@@ -195,11 +174,6 @@ def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequ
         if left:
             chance = f"with a chance below {100 * LEAST_CHANCE:g} %"
             yield f"  {left} of these were left early: {experiment.environments} environments would decide them {chance}"
-
-
-def state_objects(states: "Sequence[DesignState]") -> list[dict[str, Any]]:
-    """The designs with their intervals."""
-    return [asdict(state) for state in states]
 
 
 def _name(state: "DesignState", varied: Sequence[str]) -> str:

@@ -16,8 +16,7 @@ from foldcar.replay.simulate import run_call
 from foldcar.replay.stored_drives import StoredDrives, read_drives
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import REJECTED
-from foldcar.simulation.runner import PATH_INTERVAL_S
-from foldcar.simulation.side_by_side import side_by_side
+from foldcar.simulation.runner import PATH_INTERVAL_S, side_by_side
 from foldcar.store.reader import Store
 
 CANDIDATES = 24

@@ -14,11 +14,10 @@ from typing import Protocol
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ELLIPSOID, HALF_STEP, MUJOCO, MULTIBODY, SIDE_VIEW
-from foldcar.study.engine_study import engine_study
 from foldcar.study.environments import Environment
-from foldcar.study.experiments import Study
-from foldcar.study.progress import Progress
-from foldcar.study.sweep import planned_total, sweep
+from foldcar.study.experiment_runs import Progress
+from foldcar.study.experiments import Study, engine_study
+from foldcar.study.sweep import Sweep
 from foldcar.study.unlike_sides import unlike_sides
 
 # Those of the baseline show how far MuJoCo agrees with itself.
@@ -61,11 +60,11 @@ def sweep_all(
     for engine, part in _parts(study, baseline, carsims):
         if not part.experiments:
             continue
-        progress = Progress(total=planned_total(part))
-        with bar_of(progress, engine) as bar:
+        asked = Sweep(part, store, carsims[engine], command)
+        with bar_of(asked.progress, engine) as bar:
             # What holds for the listing is said once.
             say = bar.say if engine == MULTIBODY else lambda line: None
-            sweep(part, store, carsims[engine], jobs, command, bar.update, progress, say)
+            asked.run(jobs, bar.update, say)
 
 
 def _parts(study: Study, baseline: int, carsims: Mapping[str, Carsim]) -> Iterator[tuple[str, Study]]:

@@ -18,7 +18,7 @@ from foldcar.models.exported_car import wheel_name
 from foldcar.models.ground import HeightGrid, start_height_m
 from foldcar.models.webots_car import HEADER, Node, contact_materials, node_text, placed, shape, vector
 from foldcar.scenes.terrain_kinds import kind_of
-from foldcar.simulation.pulses import PulseTrain
+from foldcar.simulation.carsim import PulseTrain
 
 GROUND = "ground"
 STEP_MS = 4

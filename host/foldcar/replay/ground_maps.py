@@ -18,7 +18,7 @@ from foldcar.figures.ground import Extent
 from foldcar.figures.top_view import view_of
 from foldcar.replay.compact_path import varints
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.side_by_side import side_by_side
+from foldcar.simulation.runner import side_by_side
 
 HEIGHT_M = 0.0005
 LEAST_CELL_M = 0.005

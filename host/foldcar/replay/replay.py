@@ -17,8 +17,7 @@ from foldcar.replay.page_blobs import blob
 from foldcar.replay.simulate import Key, simulate_paths
 from foldcar.replay.stored_drives import StoredDrives, read_drives
 from foldcar.replay.trial_paths import trial_path
-from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.pulses import ask_pulses
+from foldcar.simulation.carsim import Carsim, ask_pulses
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.tables import TRIAL

@@ -14,8 +14,7 @@ from foldcar.replay.compact_path import INTERVAL_S, compact_path
 from foldcar.replay.outcome_grid import OutcomeGrid
 from foldcar.replay.stored_drives import StoredDrives
 from foldcar.simulation.carsim import Carsim
-from foldcar.simulation.runner import RunRequest
-from foldcar.simulation.side_by_side import side_by_side
+from foldcar.simulation.runner import RunRequest, side_by_side
 
 CHUNK_RUNS = 64
 

@@ -8,12 +8,16 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from shapely import affinity, box
+
 from foldcar.scenes.reading import UnusableError, finite, scenic_degrees
-from foldcar.scenes.terrain_kinds import kind_of, reach_m
+from foldcar.scenes.terrain_kinds import bounds_m, kind_of, reach_m
 
 # Scenic's specifiers such as `on` leave a gap of its contact tolerance.
 STANDING_TOLERANCE_M = 1e-3
 LEVEL_TOLERANCE_RAD = 1e-6
+# What touches does not overlap.
+ROUNDING_M, ROUNDING_M2 = 1e-9, 1e-9
 # The largest wheel radius of a design. A wheel cannot climb a step higher than its radius.
 GREATEST_WHEEL_RADIUS_M = 0.15
 FARTHEST_M = 1000.0
@@ -44,16 +48,13 @@ def check_course(course: Mapping[str, float]) -> None:
 
 def check_inside(course: Mapping[str, float], place: Pose, thing: Any) -> None:
     """The position of a start, a goal or a Marker is on the course."""
-    _check_overlap(course, place, 0.0, 0.0, thing)
+    _check_overlap(course, place, (place["x_m"], place["x_m"], place["y_m"], place["y_m"]), thing)
 
 
 def check_on_course(course: Mapping[str, float], pieces: Iterable[Pose], thing: Any) -> None:
     """Every piece of a Terrain object overlaps the course: a car cannot meet one outside."""
     for piece in pieces:
-        along, across = reach_m(piece)
-        heading_rad = piece.get("heading_rad", 0.0)
-        cos, sin = abs(math.cos(heading_rad)), abs(math.sin(heading_rad))
-        _check_overlap(course, piece, along * cos + across * sin, along * sin + across * cos, thing)
+        _check_overlap(course, piece, bounds_m(piece), thing)
 
 
 def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose], owners: Sequence[Any]) -> None:
@@ -82,8 +83,9 @@ def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose], owners: Seq
 
 
 def _stands_level(start: Pose, half: tuple[float, float], piece: Pose) -> bool:
-    reach = reach_m(piece)
-    return not _overlap(start, half, piece, reach) or _contains(piece, reach, start, half)
+    car = _rectangle(start, half)
+    shared_m2 = car.intersection(_rectangle(piece, reach_m(piece))).area
+    return bool(shared_m2 < ROUNDING_M2 or shared_m2 > car.area - ROUNDING_M2)
 
 
 def _turned(place: Pose) -> Pose:
@@ -100,10 +102,7 @@ def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: An
     """The goal is not reached at the start already, is ahead of it if it is a line, and is not inside a high box."""
     dx_m, dy_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
     if goal["kind"] == "line":
-        if (
-            dx_m * math.cos(goal["heading_rad"]) + dy_m * math.sin(goal["heading_rad"])
-            <= STANDING_TOLERANCE_M
-        ):
+        if dx_m * math.cos(goal["heading_rad"]) + dy_m * math.sin(goal["heading_rad"]) <= STANDING_TOLERANCE_M:
             raise UnusableError(
                 "the start is not before the goal line: the Goal must face the direction in which the car crosses it",
                 thing,
@@ -114,7 +113,8 @@ def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: An
         raise UnusableError(f"the start is within the goal's reach of {radius} m", thing)
     for piece in terrain:
         wall = piece["kind"] == "box" and piece["height_m"] > GREATEST_WHEEL_RADIUS_M
-        if wall and _contains(piece, reach_m(piece), {**goal, "heading_rad": 0.0}, (radius, radius)):
+        square = _rectangle({**goal, "heading_rad": 0.0}, (radius, radius))
+        if wall and _rectangle(piece, reach_m(piece)).buffer(ROUNDING_M).covers(square):
             raise UnusableError(
                 f"no car can reach it: it is inside a box {piece['height_m']:g} m high, "
                 f"and no wheel climbs more than {GREATEST_WHEEL_RADIUS_M:g} m",
@@ -122,48 +122,16 @@ def check_goal_ahead(start: Pose, goal: Pose, terrain: Sequence[Pose], thing: An
             )
 
 
-def _check_overlap(
-    course: Mapping[str, float], place: Pose, reach_x: float, reach_y: float, thing: Any
-) -> None:
-    for axis, reach in (("x", reach_x), ("y", reach_y)):
-        value, low, high = place[f"{axis}_m"], course[f"{axis}_min_m"], course[f"{axis}_max_m"]
-        if not low - reach <= value <= high + reach:
-            raise UnusableError(
-                f"{axis}: {value} m is outside the course, {low} to {high} (param course_{axis}_…)", thing
-            )
+def _check_overlap(course: Mapping[str, float], place: Pose, bounds: Sequence[float], thing: Any) -> None:
+    """What is at ``place``, from x_min to x_max and y_min to y_max (``bounds``), is not wholly beside the course."""
+    for axis, low_end, high_end in (("x", bounds[0], bounds[1]), ("y", bounds[2], bounds[3])):
+        low, high = course[f"{axis}_min_m"], course[f"{axis}_max_m"]
+        if not (low <= high_end and low_end <= high):
+            where = f"{place[f'{axis}_m']} m is outside the course, {low} to {high} (param course_{axis}_…)"
+            raise UnusableError(f"{axis}: {where}", thing)
 
 
-def _overlap(one: Pose, one_half: tuple[float, float], other: Pose, other_half: tuple[float, float]) -> bool:
-    """Whether two rotated rectangles overlap (separating-axis theorem); half sizes are (along heading, across)."""
-    for place, half, second, second_half in (
-        (one, one_half, other, other_half),
-        (other, other_half, one, one_half),
-    ):
-        corners = _corners_in(place, second, second_half)
-        for axis in (0, 1):
-            values = [corner[axis] for corner in corners]
-            if min(values) >= half[axis] or max(values) <= -half[axis]:
-                return False
-    return True
-
-
-def _contains(
-    outer: Pose, outer_half: tuple[float, float], inner: Pose, inner_half: tuple[float, float]
-) -> bool:
-    return all(
-        abs(along) <= outer_half[0] and abs(across) <= outer_half[1]
-        for along, across in _corners_in(outer, inner, inner_half)
-    )
-
-
-def _corners_in(frame: Pose, place: Pose, half: tuple[float, float]) -> list[tuple[float, float]]:
-    """The corners of a rectangle in the frame of another one: (along its heading, to its left) in m."""
-    cos, sin = math.cos(frame["heading_rad"]), math.sin(frame["heading_rad"])
-    dx, dy = place["x_m"] - frame["x_m"], place["y_m"] - frame["y_m"]
-    along, left = dx * cos + dy * sin, dy * cos - dx * sin
-    turn = place["heading_rad"] - frame["heading_rad"]
-    cos, sin = math.cos(turn), math.sin(turn)
-    return [
-        (along + a * half[0] * cos - b * half[1] * sin, left + a * half[0] * sin + b * half[1] * cos)
-        for a, b in ((-1, -1), (-1, 1), (1, -1), (1, 1))
-    ]
+def _rectangle(place: Pose, half: tuple[float, float]) -> Any:
+    """The rectangle at ``place`` of those half sizes along its heading and across (m)."""
+    turned = affinity.rotate(box(-half[0], -half[1], *half), place["heading_rad"], (0, 0), use_radians=True)
+    return affinity.translate(turned, place["x_m"], place["y_m"])

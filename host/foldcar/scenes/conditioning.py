@@ -15,8 +15,8 @@ from scenic.core.distributions import ConstantSamplable, Samplable, needsSamplin
 from scenic.core.object_types import Constructible, Object
 
 from foldcar.errors import FoldcarError
-from foldcar.scenes.dependencies import reachable
-from foldcar.scenes.program_globals import named_things
+from foldcar.scenes.mutation import called, reachable
+from foldcar.scenes.program import named_things
 
 
 def condition(
@@ -96,8 +96,7 @@ def _names(scenario: Any) -> dict[int, str]:
 
 
 def _called(thing: Any, names: Mapping[int, str]) -> str:
-    line = getattr(thing, "creationLine", ("", 0))[1]
-    return names.get(id(thing)) or f"the {type(thing).__name__} of line {line}, which has no name"
+    return names.get(id(thing)) or f"the {called(thing, names)}, which has no name"
 
 
 def _without_noise(thing: Any) -> Any:

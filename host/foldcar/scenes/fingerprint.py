@@ -3,6 +3,7 @@
 Input: a Scenic program's name and files, its parameters and seed. Output: a SHA-256 in hexadecimal digits. It also covers
 foldcar's folders of code that samples scenes (with the vocabulary) or runs Scenic beside the simulation, and Scenic's
 version. A changed hash causes only new sampling: the key of a run without Scenic beside it contains the scene itself.
+Also the name of a sampled scene, by which `foldcar link` and `foldcar log` know whether they mean the same one.
 """
 
 import hashlib
@@ -65,3 +66,16 @@ def folders_digest(folders: Sequence[Path]) -> str:
             digest.update(f"\n{name} {len(content)}\n".encode())
             digest.update(content)
     return digest.hexdigest()
+
+
+def scene_name(scene: Mapping[str, Any], sample: int) -> str:
+    """The name of sample ``sample``, whose scene (docs/carsim.md) is ``scene``: 16 digits of its hash, /, the number."""
+    content = {key: value for key, value in scene.items() if key != "id"}
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return f"{hashlib.sha256(text.encode()).hexdigest()[:16]}/{sample}"
+
+
+def sample_in(name: str) -> int | None:
+    """The sample's number in a name of :func:`scene_name`; None if it is no such name."""
+    digest, _, number = name.partition("/")
+    return int(number) if len(digest) == 16 and number.isascii() and number.isdecimal() else None

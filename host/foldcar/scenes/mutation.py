@@ -6,19 +6,23 @@ adds the noise, so that whatever is placed relative to the Point inherits it. `m
 that mutates Points is compiled twice, the first time to learn which.
 
 Input: the calls of `new` and `mutate` of a program that is compiled. Output: things with noise; which things do not
-follow the mutated objects that they are placed relative to.
+follow the mutated objects that they are placed relative to. Scenic does not keep what an object was placed relative to:
+for that the program is compiled once more, with each mutated object as random as a mutated Point.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from scenic.core.distributions import AttributeDistribution
+from scenic.core.distributions import AttributeDistribution, Samplable, needsSampling
 from scenic.core.errors import InvalidScenarioError
 from scenic.core.object_types import Object, Point
 from scenic.core.specifiers import Specifier
 from scenic.core.vectors import Vector
 
-from foldcar.scenes.dependencies import reachable
+from foldcar.errors import FoldcarError
+from foldcar.scenes.program import compile_observed, named_things
+from foldcar.scenes.program_files import ProgramFiles
 
 # The properties that noise changes, with their types; the rest of a pose is derived from them.
 NOISY = {"position": Vector, "yaw": float, "pitch": float, "roll": float}
@@ -96,3 +100,45 @@ def _place_of(copy: Any, specifiers: Sequence[Any]) -> Any:
         if name in copy.properties:
             values[name] = AttributeDistribution(name, copy, kind)
     return Specifier("mutated", dict.fromkeys(values, 1), values)
+
+
+def reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> Iterator[Any]:
+    """Every random value on which ``root`` depends, itself included, each once, but for those at which to ``stop``."""
+    seen: set[int] = set()
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        if id(node) in seen or not isinstance(node, Samplable) or not needsSampling(node) or stop(node):
+            continue
+        seen.add(id(node))
+        # Scenic's pruning conditions distributions too, in order to narrow them.
+        waiting += [*node._dependencies, *node._conditioned._dependencies]
+        yield node
+
+
+def mutation_notes(program: Path, files: ProgramFiles, params: Mapping[str, Any], scenario: Any) -> list[str]:
+    """A sentence for each mutated object of ``scenario``, compiled from ``program``, whose dependents stay."""
+    if not any(thing.mutationScale for thing in scenario.objects):
+        return []
+    mutations = compile_observed(program, files, params).mutations
+    try:
+        probe = compile_observed(program, files, params, mutations.points | mutations.objects)
+    except FoldcarError:
+        # The program depends on a place that is fixed, as in `if bump.position.x > 0`.
+        return [f"{program}: `mutate` moves objects alone: what is placed relative to them stays"]
+    names = {id(thing): name for name, thing in named_things(probe.scenario).items()}
+    names[id(probe.scenario.egoObject)] = "ego"
+    staying: dict[str, list[str]] = {}
+    for moved, stays in probe.mutations.staying():
+        staying.setdefault(called(moved, names), []).append(called(stays, names))
+    return [
+        f"{program}: `mutate` moves {moved} alone: {' and '.join(stay)}, placed relative to it, "
+        f"stay{'s' if len(stay) == 1 else ''}; what is placed relative to a mutated Point follows"
+        for moved, stay in staying.items()
+    ]
+
+
+def called(thing: Any, names: Mapping[int, str]) -> str:
+    """Its name among ``names`` by ids, else what it is and where it is made."""
+    line = getattr(thing, "creationLine", ("", 0))[1]
+    return names.get(id(thing)) or f"{type(thing).__name__} of line {line}"

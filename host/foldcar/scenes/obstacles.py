@@ -50,9 +50,7 @@ def obstacles_of(
     return list(found.values())
 
 
-def _obstacle(
-    name: str, heading_rad: float, indices: tuple[int, ...], terrain: Sequence[Mapping[str, Any]]
-) -> Obstacle:
+def _obstacle(name: str, heading_rad: float, indices: tuple[int, ...], terrain: Sequence[Mapping[str, Any]]) -> Obstacle:
     if len(indices) == 1:
         piece = terrain[indices[0]]
         along, across = reach_m(piece)

@@ -9,6 +9,7 @@ import contextlib
 import gc
 import linecache
 import math
+import re
 import sys
 import traceback
 import warnings
@@ -16,9 +17,9 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 from foldcar.scenes.contained import contained
-from foldcar.scenes.hints import hint
 from foldcar.scenes.program_files import ProgramFiles
 
 if TYPE_CHECKING:
@@ -28,6 +29,9 @@ COMPILE_LIMIT_S = 30.0
 MOST_OBJECTS = 10_000
 # The vocabulary has its own folder: Scenic finds it on sys.path, which must not expose foldcar's modules.
 VOCABULARY_DIR = Path(__file__).resolve().parent / "vocabulary"
+VOCABULARY = VOCABULARY_DIR / "model.scenic"
+MODEL = re.compile(r"^\s*model\s+model\b", re.MULTILINE)
+PARAMETERS = re.compile(r"^\s*param\s+(.*)", re.MULTILINE)
 
 
 class CompiledProgram(NamedTuple):
@@ -47,7 +51,12 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
         raise FoldcarError(f"{program}: no such Scenic program")
     if program.suffix != ".scenic":
         raise FoldcarError(f"{program}: a Scenic program's name ends in .scenic")
-    _check_text(program)
+    try:
+        program.read_text(encoding="utf-8")
+    except OSError as error:
+        raise FoldcarError(f"{program}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise FoldcarError(f"{program}: is not UTF-8 text (byte {error.start})") from error
     if params:
         # Scenic accepts any name as an override; compiling without overrides shows the declared names.
         _check_params(program, params, compile_observed(program, files, {}).scenario.params)
@@ -62,15 +71,6 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
     if scenario.externalParams:
         raise FoldcarError(f"{program}: an external sampler: its samples would depend on the ones before")
     return scenario
-
-
-def _check_text(program: Path) -> None:
-    try:
-        program.read_text(encoding="utf-8")
-    except OSError as error:
-        raise FoldcarError(f"{program}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise FoldcarError(f"{program}: is not UTF-8 text (byte {error.start})") from error
 
 
 def compile_observed(
@@ -94,7 +94,7 @@ def import_scenic() -> Any:
 def _compile_observed(program: Path, params: Mapping[str, Any], followed: Collection[int]) -> CompiledProgram:
     scenic = import_scenic()
     from foldcar.scenes.mutation import Mutations
-    from foldcar.scenes.run_statements import refuse_same_names
+    from foldcar.scenes.refused_statements import refuse_same_names
     from foldcar.scenes.scenic_hooks import hooks
 
     mutations = Mutations(followed)
@@ -111,13 +111,10 @@ def _compile_observed(program: Path, params: Mapping[str, Any], followed: Collec
 
 def may_end_itself(scenario: Any) -> bool:
     """Whether the program can end a simulation, by conditions, monitors or behaviors, and so needs no Goal."""
-    return _ends_itself(scenario) or bool(scenario.monitors or scenario.dynamicScenario._agents)
-
-
-def _ends_itself(scenario: Any) -> bool:
     dynamic = scenario.dynamicScenario
     conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
-    return bool(conditions) or dynamic._timeLimit is not None or dynamic._compose is not None
+    limited = dynamic._timeLimit is not None or dynamic._compose is not None
+    return limited or bool(conditions or scenario.monitors or dynamic._agents)
 
 
 def is_dynamic(scenario: Any) -> bool:
@@ -131,21 +128,26 @@ def is_dynamic(scenario: Any) -> bool:
 
 def one_line(error: BaseException, program: Path) -> str:
     """The error as one line, with the line of the program if the error has one."""
-    where, same = "", True
+    where = ""
     lines = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__)]
     file, line = getattr(error, "filename", None), getattr(error, "lineno", None)
     if not (isinstance(file, str) and file.endswith(".scenic")):
         file, line = next(((f, n) for f, n in reversed(lines) if f.endswith(".scenic")), (None, line))
     if line is not None:
-        same = file is None or Path(file).resolve() == program.resolve()
-        where = f"line {line}: " if same else f"{file}: line {line}: "
+        where = line_prefix(file, line, program)
     kind = "" if type(error).__module__.startswith("scenic.") else f"{type(error).__name__}: "
     said = " ".join(str(error).split())
     if not said:
         # As of `assert x < 1`.
         text = linecache.getline(str(file or program), line or 0).strip()
         said = f"`{text}`" if text else "no message"
-    return where + kind + overlap_hint(said) + hint(error, program if same else Path(str(file)), line)
+    return where + kind + overlap_hint(said) + hint(error, program if file is None else Path(file), line)
+
+
+def line_prefix(file: str | None, line: int, program: Path) -> str:
+    """The line, as a prefix of messages on ``program``; ``file`` may be one that it imports."""
+    same = file is None or Path(file).resolve() == program.resolve()
+    return f"line {line}: " if same else f"{file}: line {line}: "
 
 
 def overlap_hint(message: str) -> str:
@@ -188,3 +190,49 @@ def _check_params(program: Path, params: Mapping[str, Any], declared: Mapping[st
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def hint(error: BaseException, program: Path, line: int | None) -> str:
+    """What was probably meant where the error is, as the end of a message: ``; did you mean "Kerb"?`` and the like."""
+    try:
+        text = program.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return ""
+    lines = text.splitlines()
+    at = lines[line - 1] if line is not None and 0 < line <= len(lines) else ""
+    if isinstance(error, NameError):
+        return _name_hint(str(getattr(error, "name", None) or ""), text)
+    if isinstance(error, KeyError) and "globalParameters" in at:
+        return _parameter_hint(str(error.args[0]), text)
+    if "with X not a vector" in str(error):
+        return "; a place has an x and a y, as in `at (1.2, 0)`"
+    if str(error) == "invalid syntax" and "new " in at:
+        return "; specifiers (at …, facing …, with …) are separated by commas"
+    return ""
+
+
+def _name_hint(name: str, text: str) -> str:
+    if not name[:1].isupper():
+        return ""
+    if not MODEL.search(text):
+        return "; Robot, Goal and the obstacles come with the line `model model`, which the program lacks"
+    classes = re.findall(r"^class (\w+)", VOCABULARY.read_text(encoding="utf-8"), re.MULTILINE)
+    return f"; known: {', '.join(classes)}{did_you_mean(name, classes)}"
+
+
+def _parameter_hint(name: str, text: str) -> str:
+    defined = PARAMETERS.findall(text + VOCABULARY.read_text(encoding="utf-8"))
+    known = [parameter for one in defined for parameter in re.findall(r"(\w+)\s*=", one)]
+    if name in known:
+        return f": a requirement cannot read globalParameters: write `x = globalParameters.{name}` above it and read x"
+    return f": there is no `param {name} = …`; known: {', '.join(sorted(set(known)))}{did_you_mean(name, known)}"
+
+
+def named_things(scenario: Any) -> dict[str, Any]:
+    """The variables of a compiled program by name: its globals and, in a modular scenario, the names of its `setup`."""
+    dynamic, modular = scenario.dynamicScenario, {}
+    namespace = dynamic._dummyNamespace
+    if namespace is None:
+        namespace = (dynamic._setup or dynamic._compose).__globals__
+        modular = {name: dynamic.__dict__[name] for name in dynamic._locals if name in dynamic.__dict__}
+    return {name: value for name, value in namespace.items() if not name.startswith("_")} | modular

@@ -10,6 +10,9 @@ from typing import Any
 
 # Scenes are hashed and compared as text: rounding removes the last bits, in which machines may differ.
 DECIMALS = 9
+# The interval at which Scenic looks at a simulation.
+OUTER_STEP_S = 0.25
+OUTER_STEP_LIMITS_S = (1 / 240, 60.0)
 
 
 class UnusableError(Exception):
@@ -68,3 +71,15 @@ def _name(thing: Any) -> str:
     place = (thing.position.x, thing.position.y)
     x, y = (f"{value:.4g}" if isinstance(value, int | float) else str(value) for value in place)
     return f"{type(thing).__name__} at ({x}, {y})"
+
+
+def outer_step_s(value: Any) -> float:
+    """The parameter's value (s). UnusableError if it is no number or beyond the limits."""
+    low, high = OUTER_STEP_LIMITS_S
+    try:
+        step_s = float(value)
+    except (TypeError, ValueError):
+        raise UnusableError(f"param outer_step_s: {value} is no number") from None
+    if not low - 1e-9 <= step_s <= high:
+        raise UnusableError(f"param outer_step_s: {value} is not within {low:.4g} to {high:g} s")
+    return step_s

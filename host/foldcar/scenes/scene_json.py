@@ -1,10 +1,12 @@
-"""Converts a sampled Scenic scene to the "scene" object of docs/carsim.md.
+"""Converts a sampled Scenic scene, its Terrain objects to pieces, to the "scene" object of docs/carsim.md.
 
 Input: a Scenic scene. Output: JSON, or a FoldcarError of one line. Objects are recognised by the classes of
 vocabulary/model.scenic, from which a program may derive its own.
 """
 
+import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +20,19 @@ from foldcar.scenes.checks import (
     check_standing,
 )
 from foldcar.scenes.obstacles import Obstacle, obstacles_of
-from foldcar.scenes.outer_step import OUTER_STEP_S, outer_step_s
-from foldcar.scenes.reading import UnusableError, finite, is_a, param, pose
-from foldcar.scenes.terrain import MOST_PIECES, terrain_pieces
+from foldcar.scenes.program import line_prefix
+from foldcar.scenes.reading import OUTER_STEP_S, UnusableError, finite, is_a, outer_step_s, param, pose, rounded
+from foldcar.scenes.terrain_kinds import HEIGHT_M, KINDS, kind_of
 
 MOST_FRICTION = 5.0
+PLACE_M = (-1000.0, 1000.0)
+TURN_RAD = (-100.0, 100.0)
+
+PLACE_KEYS = {"x_m": PLACE_M, "y_m": PLACE_M, "heading_rad": TURN_RAD}
+MOST_PIECES = 10_000
+# The simulator represents rough ground as a grid with cells of an eighth of the correlation length.
+GRID_FINENESS = 8
+MOST_NODES = 4_000_000
 COURSE_SIDES = ("x_min", "x_max", "y_min", "y_max")
 
 
@@ -37,7 +47,9 @@ def scene_with_obstacles(
     try:
         return _scene_with_obstacles(scene, needs_goal)
     except UnusableError as problem:
-        line = _line(problem.thing, program) or _line_of_param(str(problem), program)
+        # Where the program, or one that it imports, creates the thing.
+        file, number = getattr(problem.thing, "creationLine", (None, 0))
+        line = line_prefix(file, number, program) if number else _line_of_param(str(problem), program)
         raise FoldcarError(f"{program}: {where}: {line}{problem}") from None
 
 
@@ -98,15 +110,6 @@ def _goal(thing: Any) -> dict[str, Any]:
     return {"kind": "disc", "x_m": place["x_m"], "y_m": place["y_m"], "radius_m": reach}
 
 
-def _line(thing: Any, program: Path) -> str:
-    """The line, as a prefix of messages, on which the program or one that it imports creates ``thing``."""
-    file, line = getattr(thing, "creationLine", ("", 0))
-    if not line:
-        return ""
-    same = Path(file).resolve() == program.resolve()
-    return f"line {line}: " if same else f"{file}: line {line}: "
-
-
 def _line_of_param(message: str, program: Path) -> str:
     """The line, as a prefix of ``message``, on which the program declares the parameter that the message begins with."""
     named = re.match(r"param (\w+):", message)
@@ -114,3 +117,88 @@ def _line_of_param(message: str, program: Path) -> str:
     declared = re.compile(rf"\s*param\b.*\b{named[1]}\s*=") if named else None
     lines = [number for number, line in enumerate(text, 1) if declared and declared.match(line)]
     return f"line {lines[-1]}: " if lines else ""
+
+
+def terrain_pieces(thing: Any) -> list[dict[str, Any]]:
+    """The pieces of a Terrain object in the simulator's frame (m, rad). Raises UnusableError."""
+    try:
+        parts = list(thing.pieces())
+    except Exception as error:
+        raise UnusableError(f"{type(error).__name__}: {error}", thing) from error
+    if not parts:
+        raise UnusableError("has no pieces", thing)
+    place = pose(thing)
+    return [_placed(_checked(part, thing), place) for part in parts]
+
+
+def _checked(part: Any, thing: Any) -> dict[str, Any]:
+    """A piece in its object's frame with all keys of its kind, each checked to be a number within its limits."""
+    if not isinstance(part, Mapping) or part.get("kind") not in KINDS:
+        raise UnusableError(f"{part!r} is not a piece of terrain; its kind must be one of {', '.join(KINDS)}", thing)
+    kind = part["kind"]
+    sizes = KINDS[kind].sizes
+    unknown = [key for key in part if key != "kind" and key not in sizes and key not in PLACE_KEYS]
+    if unknown:
+        raise UnusableError(f"{kind}: unknown key {unknown[0]}; its keys are {', '.join(sizes)}", thing)
+    checked: dict[str, Any] = {"kind": kind}
+    for key, limits in {**PLACE_KEYS, **sizes}.items():
+        if key in PLACE_KEYS and key not in part:
+            checked[key] = 0.0
+            continue
+        if key not in part:
+            raise UnusableError(f"{kind}: {key} is missing", thing)
+        checked[key] = _within(f"{kind}: {key}", part[key], limits, thing)
+    if kind == "half_round":
+        _not_above(checked, "height_m", checked["length_m"] / 2, "half the length", thing)
+    elif kind == "pothole":
+        _not_above(checked, "edge_m", checked["radius_m"], "the radius", thing)
+    elif kind == "rough":
+        _check_rough(checked, thing)
+    return checked
+
+
+def _check_rough(piece: dict[str, Any], thing: Any) -> None:
+    length, width, correlation = piece["length_m"], piece["width_m"], piece["correlation_m"]
+    _not_above(piece, "correlation_m", min(length, width), "the shorter side", thing)
+    cells = GRID_FINENESS / correlation
+    nodes = (length * cells + 1) * (width * cells + 1)
+    if nodes > MOST_NODES:
+        raise UnusableError(
+            f"rough: correlation_m: {correlation:g} makes a grid of {nodes:.3g} heights, "
+            f"which is above the limit {MOST_NODES:.3g}; enlarge it or shrink the rectangle",
+            thing,
+        )
+    if piece["seed"] != int(piece["seed"]):
+        raise UnusableError(f"rough: seed: {piece['seed']:g} is not a whole number", thing)
+    piece["seed"] = int(piece["seed"])
+
+
+def _not_above(piece: Mapping[str, Any], key: str, limit: float, what: str, thing: Any) -> None:
+    if piece[key] > limit:
+        raise UnusableError(f"{piece['kind']}: {key}: {piece[key]:g} is above {what}, {limit:g}", thing)
+
+
+def _within(name: str, value: Any, limits: tuple[float, float], thing: Any) -> float:
+    low, high = limits
+    read = finite(name, value, thing)
+    if read < low:
+        raise UnusableError(f"{name}: {value} is below the limit {low:g}", thing)
+    if read > high:
+        hint = "; lengths are in metres" if limits[1] == HEIGHT_M[1] else ""
+        raise UnusableError(f"{name}: {value} is above the limit {high:g}{hint}", thing)
+    return read
+
+
+def _placed(part: dict[str, Any], place: Mapping[str, float]) -> dict[str, Any]:
+    """The piece in the world's frame; ``place`` is its object's pose."""
+    cos, sin = math.cos(place["heading_rad"]), math.sin(place["heading_rad"])
+    ahead, left = part["x_m"], part["y_m"]
+    piece = {
+        **part,
+        "x_m": rounded(place["x_m"] + ahead * cos - left * sin),
+        "y_m": rounded(place["y_m"] + ahead * sin + left * cos),
+        "heading_rad": rounded(math.remainder(place["heading_rad"] + part["heading_rad"], 2 * math.pi)),
+    }
+    if kind_of(piece).shape == "disc":
+        del piece["heading_rad"]
+    return piece

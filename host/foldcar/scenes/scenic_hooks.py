@@ -23,13 +23,10 @@ from scenic.syntax import translator, veneer
 from scenic.syntax.compiler import ScenicToPythonTransformer
 from scenic.syntax.parser import parse_string
 
-from foldcar.scenes.degrees import refuse_degrees
-from foldcar.scenes.lost_statements import refuse_lost_statements
+from foldcar.scenes.misspelt import check_module, check_parameters, check_properties, refuse_undefined_names
 from foldcar.scenes.mutation import Mutations
 from foldcar.scenes.program import VOCABULARY_DIR
-from foldcar.scenes.properties import check_module, check_parameters, check_properties
-from foldcar.scenes.run_statements import refuse_actions, refuse_time_limit
-from foldcar.scenes.undefined_names import refuse_undefined_names
+from foldcar.scenes.refused_statements import refuse_actions, refuse_degrees, refuse_lost_statements, refuse_time_limit
 
 
 @contextlib.contextmanager
@@ -61,7 +58,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
                 mutations.note(thing)
 
     def param(params: dict[str, Any]) -> None:
-        check_parameters(params, VOCABULARY_DIR / "model.scenic", sys._getframe(1))
+        check_parameters(params, sys._getframe(1))
         scenics_param(params)
 
     def terminate_after(limit: Any, unit: Any = None) -> None:

@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from foldcar.scenes.program_globals import named_things
+from foldcar.scenes.program import named_things
 from foldcar.scenes.reading import is_a
 
 # A program that records its verdict under this name decides about runs that it ends itself.

@@ -12,13 +12,12 @@ from foldcar.car.car_file import TableRow
 from foldcar.interrupts import delayed
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import has_passed
-from foldcar.simulation.simulators import Simulators
 from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter
-from foldcar.study.chunks import ChunkPool, FinishedRun
+from foldcar.study.chunks import ChunkPool, FinishedRun, Simulators
 from foldcar.study.environments import Environment
+from foldcar.study.experiment_runs import StoredSamples
 from foldcar.study.experiments import Experiment
 from foldcar.study.planned_designs import PlannedDesigns, planned_design
-from foldcar.study.stored_samples import StoredSamples
 from foldcar.study.sweep import is_dynamic, plan_experiment
 
 # The values of a family's parameters, in the order of its choices.

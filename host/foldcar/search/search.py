@@ -18,8 +18,8 @@ from foldcar.search.objectives import OBJECTIVES, Objective, film_area_cm2
 from foldcar.search.proposals import Proposals, Tried
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import no_rate_text
-from foldcar.simulation.simulators import Simulators
 from foldcar.store.writer import write_store
+from foldcar.study.chunks import Simulators
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
 from foldcar.study.limits import GREATEST_SEED

@@ -4,41 +4,47 @@ Input: bodies, scenes and settings as JSON text (docs/carsim.md). Output: one an
 result, or ``{"error": message}`` for a run that failed. A process that dies takes only its run with it.
 """
 
-import contextlib
 import json
 import math
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from foldcar.car.car_file import TableRow
-from foldcar.simulation.carsim_limits import CarsimLimits, TrialRules
 from foldcar.simulation.engines import ENGINES, MULTIBODY, engine_title, find_carsim
-from foldcar.simulation.process_ending import process_ending
+from foldcar.simulation.kept import KeptRunner, RunProcess
 from foldcar.simulation.results import METRICS, NATIVE_OUTCOMES
-from foldcar.simulation.runner import CarsimError, RunRequest
+from foldcar.simulation.runner import CarsimError, RunRequest, process_ending
 
 
-class _Call:
-    """A call of a simulator that is under way: its process at the moment, and whether it has been stopped."""
+@dataclass(frozen=True, slots=True)
+class TrialRules:
+    """A trial's times (s), and when it ends.
 
-    def __init__(self) -> None:
-        self.stopped = False
-        self._process: subprocess.Popen[str] | None = None
+    The car settles for ``settling_s`` before the trial begins, the physics takes steps of ``step_s``, the firmware
+    ticks every ``firmware_tick_s``. A car has tipped when the upward part of its up axis is below ``tipped_up``, and is
+    stuck when within ``stuck_time_s`` it has neither moved ``stuck_distance_m`` nor turned ``stuck_turn_rad``.
+    """
 
-    def begin(self, process: subprocess.Popen[str]) -> None:
-        """This process runs for the call from now on."""
-        self._process = process
-        # `stop` may have come before there was this process to end.
-        if self.stopped:
-            process.kill()
+    settling_s: float
+    step_s: float
+    firmware_tick_s: float
+    tipped_up: float
+    stuck_distance_m: float
+    stuck_turn_rad: float
+    stuck_time_s: float
 
-    def stop(self) -> None:
-        """End the process, and those that the call would start after it."""
-        self.stopped = True
-        if self._process is not None:
-            self._process.kill()
+
+@dataclass(frozen=True, slots=True)
+class CarsimLimits:
+    """``numbers`` are the least and the largest value by path, as in ``body.wheels.servo.neutral_us``."""
+
+    numbers: Mapping[str, tuple[float, float]]
+    trial: TrialRules
 
 
 class Carsim:
@@ -51,23 +57,33 @@ class Carsim:
     def __init__(self, binary: Path | None = None, engine: str = MULTIBODY) -> None:
         self.binary = binary if binary is not None else find_carsim(engine)
         self.command = (str(self.binary), *(ENGINES[engine].options if binary is None else ()))
-        self._calls: set[_Call] = set()
+        self._running: set[subprocess.Popen[str]] = set()
+        self._stops = 0
         self._limits: CarsimLimits | None = None
-        self.build, self.firmware, self.engine = self._ask_builds()
+        try:
+            told = self._told("--version")
+            # The id of all that results depend on, and that of the firmware in it, which a car has too.
+            self.build, self.firmware, self.engine = str(told["build"]), str(told["firmware"]), str(told["engine"])
+        except (ValueError, TypeError, KeyError) as error:
+            raise CarsimError(f"{self.binary}: is no carsim (`--version` does not print its build)") from error
+        self.engine = "" if self.engine == MULTIBODY else self.engine
+        if self.engine:
+            self.build += f" {self.engine}"
         if binary is None and engine_title(self.engine) != ENGINES[engine].title:
             raise CarsimError(f"{self.binary}: its engine is {self.engine or 'multibody'}, not {engine}")
 
     def stop(self) -> None:
         """End every call that is under way; it raises CarsimError."""
-        for call in list(self._calls):
-            call.stop()
+        self._stops += 1
+        for process in list(self._running):
+            process.kill()
 
     def parameter_table(self) -> dict[str, TableRow]:
         """The firmware's parameters by name."""
         try:
             rows = [
                 TableRow(row["name"], row["unit"], row["minimum"], row["maximum"], row["default"])
-                for row in json.loads(self._output("params"))
+                for row in self._told("params")
             ]
         except (ValueError, TypeError, KeyError) as error:
             raise CarsimError(f"{self.binary}: `carsim params` printed no parameter table") from error
@@ -77,7 +93,7 @@ class Carsim:
         """The limits of what it takes, and the rules by which its trials run (`carsim limits`)."""
         if self._limits is None:
             try:
-                told = json.loads(self._output("limits"))
+                told = self._told("limits")
                 numbers = {path: (float(low), float(high)) for path, (low, high) in told["input"].items()}
                 self._limits = CarsimLimits(numbers, TrialRules(**told["trial"]))
             except (ValueError, TypeError, KeyError, AttributeError) as error:
@@ -94,21 +110,20 @@ class Carsim:
         otherwise, and after `stop`.
         """
         answers: list[dict[str, Any]] = []
-        with self._call() as call:
-            while len(answers) < len(requests):
-                found, death = self._batch(call, bodies, scenes, requests[len(answers) :])
-                answers += found
-                if death:
-                    one = requests[len(answers)]
-                    body, scene = {one.body: bodies[one.body]}, {one.scene: scenes[one.scene]}
-                    again, death = self._batch(call, body, scene, [one])
-                    answers += again or [{"error": f"the simulation crashed ({death})"}]
+        stops = self._stops
+        while len(answers) < len(requests):
+            found, death = self._batch(bodies, scenes, requests[len(answers) :], stops)
+            answers += found
+            if death:
+                one = requests[len(answers)]
+                body, scene = {one.body: bodies[one.body]}, {one.scene: scenes[one.scene]}
+                again, death = self._batch(body, scene, [one], stops)
+                answers += again or [{"error": f"the simulation crashed ({death})"}]
         return answers
 
     def answers(self, lines: Sequence[str]) -> list[dict[str, Any]]:
         """The answers of ``carsim batch`` to lines of its input; CarsimError if one of them is an error."""
-        with self._call() as call:
-            answer = self._start(call, ["batch"], "\n".join(lines) + "\n")
+        answer = self._output(["batch"], lines, self._stops)
         try:
             found: list[dict[str, Any]] = [json.loads(line) for line in answer.stdout.splitlines()]
         except ValueError as error:
@@ -122,10 +137,10 @@ class Carsim:
 
     def _batch(
         self,
-        call: _Call,
         bodies: Mapping[str, str],
         scenes: Mapping[str, str],
         requests: Sequence[RunRequest],
+        stops: int,
     ) -> tuple[list[dict[str, Any]], str]:
         """The answers of one process, and how it was killed by a signal, if that came before the last answer.
 
@@ -134,7 +149,7 @@ class Carsim:
         lines = [input_line("body", name, text) for name, text in bodies.items()]
         lines += [input_line("scene", name, text) for name, text in scenes.items()]
         lines += [run_line(str(index), request) for index, request in enumerate(requests)]
-        answer = self._start(call, ["batch"], "\n".join(lines) + "\n")
+        answer = self._output(["batch"], lines, stops)
         killed = answer.returncode < 0
         # A line without its end was being written.
         whole = [line for line in answer.stdout.splitlines(keepends=True) if line.endswith("\n")]
@@ -170,42 +185,14 @@ class Carsim:
             raise CarsimError(f"{self.binary}: answered an impossible result: {line[:200]}")
         return {key: value for key, value in answer.items() if key != "run"}
 
-    def _ask_builds(self) -> tuple[str, str, str]:
-        """The id of all that results depend on, that of the firmware in it, which a car has too, and the engine."""
-        try:
-            told = json.loads(self._output("--version"))
-            build, firmware, engine = str(told["build"]), str(told["firmware"]), str(told["engine"])
-        except (ValueError, TypeError, KeyError) as error:
-            raise CarsimError(
-                f"{self.binary}: is no carsim (`--version` does not print its build)"
-            ) from error
-        if engine == "multibody":
-            return build, firmware, ""
-        return f"{build} {engine}", firmware, engine
-
-    def _output(self, argument: str) -> str:
-        with self._call() as call:
-            answer = self._start(call, [argument], "")
+    def _told(self, argument: str) -> Any:
+        answer = self._output([argument], [], self._stops)
         if answer.returncode != 0:
             raise CarsimError(f"{self.binary} {argument}: {process_ending(answer.returncode, answer.stderr)}")
-        return answer.stdout
+        return json.loads(answer.stdout)
 
-    @contextlib.contextmanager
-    def _call(self) -> Iterator[_Call]:
-        call = _Call()
-        self._calls.add(call)
-        try:
-            yield call
-        except BaseException:
-            call.stop()
-            raise
-        finally:
-            self._calls.discard(call)
-
-    def _start(
-        self, call: _Call, arguments: Sequence[str], text: str
-    ) -> subprocess.CompletedProcess[str]:
-        """Run the program on that input to its end. CarsimError if it cannot be started or the call is stopped."""
+    def _output(self, arguments: Sequence[str], lines: Sequence[str], stops: int) -> subprocess.CompletedProcess[str]:
+        """Run the program on that input to its end. CarsimError if it cannot be started or after more than ``stops``."""
         command = [*self.command, *arguments]
         try:
             # A session of its own keeps Ctrl-C from the simulator: the caller decides what is to end.
@@ -220,11 +207,53 @@ class Carsim:
             )
         except OSError as error:
             raise CarsimError(f"{self.binary}: cannot be started: {error.strerror}") from error
-        call.begin(process)
-        output, messages = process.communicate(text)
-        if call.stopped:
+        self._running.add(process)
+        try:
+            # `stop` may have come before there was this process to end.
+            if self._stops != stops:
+                process.kill()
+            output, messages = process.communicate("".join(f"{line}\n" for line in lines))
+        except BaseException:
+            process.kill()
+            raise
+        finally:
+            self._running.discard(process)
+        if self._stops != stops:
             raise CarsimError(f"{self.binary}: stopped")
         return subprocess.CompletedProcess(command, process.returncode, output, messages)
+
+
+class _KeptProcess(RunProcess):
+    """One `carsim batch`, which knows the last body and the last scene."""
+
+    def __init__(self, carsim: Carsim) -> None:
+        super().__init__([*carsim.command, "batch"], stderr=subprocess.DEVNULL)
+        self._carsim = carsim
+        self._known: dict[str, str] = {}
+
+    def answer(self, body: str, scene: str, request: RunRequest) -> dict[str, Any] | None:
+        """As in RunProcess."""
+        given = {"body": body, "scene": scene}
+        lines = [input_line(kind, kind, text) for kind, text in given.items() if self._known.get(kind) != text]
+        self._known = given
+        answer = self.ask(*lines, run_line("0", replace(request, body="body", scene="scene")))
+        return self._carsim.read_answer(answer, [request]) if answer else None
+
+    def close(self) -> int:
+        """As in LineProcess; it has nothing to tidy up."""
+        self.kill()
+        return super().close()
+
+
+class KeptCarsim(KeptRunner[_KeptProcess]):
+    """A Runner on ``carsim``'s program in processes that stay, for callers that want one run after another.
+
+    Sweeps send runs in chunks, whose processes are soon paid for.
+    """
+
+    def __init__(self, carsim: Carsim) -> None:
+        super().__init__(partial(_KeptProcess, carsim))
+        self.carsim = carsim
 
 
 def input_line(kind: str, name: str, object_text: str) -> str:
@@ -237,3 +266,35 @@ def run_line(name: str, request: RunRequest) -> str:
     """The line that asks for the run, by its id."""
     head = f'"body": {json.dumps(request.body)}, "scene": {json.dumps(request.scene)}'
     return input_line("run", name, f"{{{head}, {request.settings[1:]}")
+
+
+@dataclass(frozen=True)
+class PulseTrain:
+    """Times from the start of the trial (s) and the eight widths (µs, 0: none) from each on.
+
+    The last change is the firmware's end of the trial.
+    """
+
+    times_s: tuple[float, ...]
+    widths_us: tuple[tuple[float, ...], ...]
+
+    @property
+    def end_s(self) -> float:
+        """When the firmware ends the trial."""
+        return self.times_s[-1]
+
+    def at(self, t_s: float) -> tuple[float, ...]:
+        """The widths at a time."""
+        return self.widths_us[max(0, bisect_right(self.times_s, t_s) - 1)]
+
+
+def ask_pulses(carsim: Carsim, settings: Sequence[Mapping[str, Any]]) -> list[PulseTrain]:
+    """The trains of several settings (keys of docs/carsim.md's ``pulses``), in order."""
+    keys = ("speed_m_s", "yaw_rate_rad_s", "time_limit_s", "parameters")
+    asked = [{key: one[key] for key in keys if key in one} for one in settings]
+    lines = [json.dumps({"pulses": {"id": str(index), **one}}) for index, one in enumerate(asked)]
+    trains = []
+    for answer in carsim.answers(lines):
+        rows = answer["changes"]
+        trains.append(PulseTrain(tuple(row[0] for row in rows), tuple(tuple(row[1:]) for row in rows)))
+    return trains

@@ -3,16 +3,13 @@
 Input: a body, a scene and settings as JSON text, then times to advance to. Output: states and the result.
 """
 
-import contextlib
 import json
-import subprocess
 from collections.abc import Sequence
-from types import TracebackType
 from typing import Any, NamedTuple
 
-from foldcar.scenes.time_limit import excused
-from foldcar.simulation.process_ending import process_ending
-from foldcar.simulation.runner import CarsimError
+from foldcar.scenes.contained import excused
+from foldcar.simulation.kept import LineProcess
+from foldcar.simulation.runner import CarsimError, process_ending
 
 
 class State(NamedTuple):
@@ -51,16 +48,14 @@ class SteppedCarsim:
     def __init__(self, command: Sequence[str]) -> None:
         self._command = command
         self.binary = command[0]
-        self._process: subprocess.Popen[str] | None = None
+        self._process: LineProcess | None = None
         self._known: dict[str, str] = {}
         self._awaits_answer = False
 
     def __enter__(self) -> "SteppedCarsim":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
@@ -75,7 +70,7 @@ class SteppedCarsim:
         """
         if not self.alive:
             self.close()
-            self._process = self._spawn()
+            self._process = LineProcess([*self._command, "step"])
             self._known = {}
         lines = []
         for kind, text in (("body", body), ("scene", scene)):
@@ -99,44 +94,23 @@ class SteppedCarsim:
         result: dict[str, Any] = self._ask(f'{{"end": {{"row": {row}}}}}')["result"]
         return result
 
-    def close(self) -> None:
-        """End the process."""
+    def close(self) -> int:
+        """End the process: its return code, 0 without one."""
         process, self._process = self._process, None
         self._awaits_answer = False
-        if process is None:
-            return
-        for pipe in (process.stdin, process.stdout):
-            if pipe is not None:
-                with contextlib.suppress(BrokenPipeError):
-                    pipe.close()
-        process.wait()
-
-    def _spawn(self) -> subprocess.Popen[str]:
-        try:
-            return subprocess.Popen(
-                [*self._command, "step"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, encoding="utf-8"
-            )
-        except OSError as error:
-            raise CarsimError(f"{self.binary}: cannot be started: {error.strerror}") from error
+        return 0 if process is None else process.close()
 
     def _ask(self, *lines: str) -> dict[str, Any]:
-        process = self._process
-        if process is None or process.stdin is None or process.stdout is None:
+        if self._process is None:
             raise CarsimError(f"{self.binary}: no trial is under way")
         # Stays set if an exception, such as a time limit's, comes in between.
         self._awaits_answer = True
-        try:
-            process.stdin.write("\n".join(lines) + "\n")
-            process.stdin.flush()
-            with excused():
-                line = process.stdout.readline()
-            if not line:
-                raise BrokenPipeError
-            answer: dict[str, Any] = json.loads(line)
-            self._awaits_answer = False
-        except (OSError, ValueError) as error:
-            self.close()
-            raise SimulatorDiedError(f"the simulation crashed ({process_ending(process.returncode)})") from error
+        with excused():
+            line = self._process.ask(*lines)
+        if not line:
+            raise SimulatorDiedError(f"the simulation crashed ({process_ending(self.close())})")
+        answer: dict[str, Any] = json.loads(line)
+        self._awaits_answer = False
         if "error" in answer:
             problem = answer["error"]
             # A refused body or scene is followed by answers about what builds on it.

@@ -1,8 +1,11 @@
 """What runs chunks of runs: carsim's batch, or Scenic beside carsim. The interface of both."""
 
-from collections.abc import Mapping, Sequence
+import signal
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from foldcar.errors import FoldcarError
 
@@ -45,3 +48,44 @@ class Runner(Protocol):
 
     def stop(self) -> None:
         """End what runs at the moment; its `run` raises FoldcarError."""
+
+
+def process_ending(return_code: int, messages: str = "") -> str:
+    """``killed by SIGSEGV`` or ``exit code 3``, and in brackets the last line of ``messages``, its standard error.
+
+    ``return_code`` is subprocess's: negative for a signal.
+    """
+    how = f"exit code {return_code}" if return_code >= 0 else f"killed by {_signal_name(-return_code)}"
+    last = (messages.strip().splitlines() or [""])[-1][:200]
+    return f"{how} ({last})" if last else how
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
+
+
+T = TypeVar("T")
+
+
+def side_by_side(calls: Iterable[Callable[[], T]], jobs: int, stop: Callable[[], None]) -> Iterator[T]:
+    """The results of ``calls`` in order, ``jobs`` at a time; ``stop`` ends those that run if one fails or nobody waits.
+
+    ``calls`` is read in the caller's thread, one call ahead of every simulator: no texts pile up, and nobody is idle.
+    """
+    pool = ThreadPoolExecutor(jobs, thread_name_prefix="carsim")
+    waiting: deque[Future[T]] = deque()
+    try:
+        for call in calls:
+            waiting.append(pool.submit(call))
+            if len(waiting) == 2 * jobs:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+    except BaseException:
+        stop()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)

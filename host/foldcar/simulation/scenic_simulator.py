@@ -24,14 +24,19 @@ from scenic.core.simulators import Simulation, SimulationCreationError, Simulato
 from scenic.syntax import veneer
 
 from foldcar.errors import FoldcarError
-from foldcar.scenes.outer_step import OUTER_STEP_S, outer_step_s
+from foldcar.scenes.reading import OUTER_STEP_S, outer_step_s
 from foldcar.scenes.success import VERDICT
 from foldcar.simulation.carsim_step import State, SteppedCarsim
-from foldcar.simulation.pure_conditions import is_plain
-from foldcar.simulation.scenic_ego import ShownEgo
-from foldcar.simulation.scenic_endings import ChangesMonitor, NativeEnding, is_pure, is_traceable
-from foldcar.simulation.scenic_records import Records, refuse_misplaced
-from foldcar.simulation.scenic_things import WatchedThing, dynamic_copy
+from foldcar.simulation.pure_code import is_plain
+from foldcar.simulation.scenic_objects import ShownEgo, WatchedThing, dynamic_copy
+from foldcar.simulation.scenic_statements import (
+    ChangesMonitor,
+    NativeEnding,
+    Records,
+    is_pure,
+    is_traceable,
+    refuse_misplaced,
+)
 
 ROUNDING_S = 1e-9
 
@@ -129,7 +134,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
 
     @property
     def recorded(self) -> dict[str, dict[str, Any]]:
-        """What the program recorded, see scenic_records."""
+        """What the program recorded, see scenic_statements."""
         return self._records.plain
 
     @property

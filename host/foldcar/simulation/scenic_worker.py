@@ -12,7 +12,7 @@ the process in the state after compiling, and each run takes place in a copy of 
 import json
 import os
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -21,9 +21,8 @@ from foldcar.scenes.contained import contained
 from foldcar.scenes.program import one_line
 from foldcar.scenes.source import SceneSource, open_environment, other_scene, seeded
 from foldcar.simulation.carsim_step import SimulatorDiedError, SteppedCarsim, TrialFailedError
-from foldcar.simulation.forked import Forked, answers_on
-from foldcar.simulation.own_code import may_change_state
 from foldcar.simulation.runner import CarsimError
+from foldcar.simulation.worker import Forked, answers_on
 
 # Wall time of one run, without the simulator's. The longest takes a few seconds: what exceeds this hangs.
 RUN_LIMIT_S = 120.0
@@ -43,14 +42,14 @@ def main() -> None:
         except FoldcarError as error:
             _say(output, {"refused": str(error)})
             return
-        with worker:
+        with closing(worker):
             _say(output, {"ready": True})
             for line in sys.stdin:
                 _say(output, worker.answer(json.loads(line)))
 
 
 class ScenicWorker:
-    """A compiled program beside carsim. A context manager. Raises FoldcarError if the program cannot be opened."""
+    """A compiled program beside carsim. Raises FoldcarError if the program cannot be opened."""
 
     def __init__(self, opening: dict[str, Any]) -> None:
         self._source: SceneSource = open_environment(
@@ -59,7 +58,8 @@ class ScenicWorker:
         # What every run needs is done before the process is copied.
         from scenic.core import dynamics
 
-        from foldcar.simulation.scenic_ego import shown_class
+        from foldcar.simulation.pure_code import is_plain, may_change_state
+        from foldcar.simulation.scenic_objects import shown_class
         from foldcar.simulation.scenic_simulator import CarSimulator
 
         # Scenic warns of a monitor that hangs by a timer of its own, which would end that of RUN_LIMIT_S.
@@ -71,6 +71,7 @@ class ScenicWorker:
         self._command = opening["command"]
         with self._source.files.inside():
             self._copies = may_change_state(self._source.program)
+        self._is_plain = is_plain
         self._open = ExitStack()
         self._carsim: SteppedCarsim | None = None
         self._copy: Forked | None = None
@@ -78,10 +79,8 @@ class ScenicWorker:
         self._scene: Any = None
         self._described: dict[str, Any] = {}
 
-    def __enter__(self) -> "ScenicWorker":
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """End the simulator and the copy."""
         self._open.close()
 
     def answer(self, request: dict[str, Any]) -> dict[str, Any]:
@@ -98,14 +97,12 @@ class ScenicWorker:
 
     def _answer_for_sample(self, request: dict[str, Any]) -> dict[str, Any]:
         """In the copy for one sample: draw it, unless that is done, and run in another copy."""
-        from foldcar.simulation.pure_conditions import is_plain
-
         try:
             self._open_sample(request["sample"])
         except FoldcarError as error:
             return {"refused": str(error)}
         # Found out once, not in every copy.
-        is_plain(self._scene)
+        self._is_plain(self._scene)
         with Forked(self._answer_in_copy) as copy:
             return copy.ask(request)
 
@@ -126,32 +123,23 @@ class ScenicWorker:
             return {"refused": str(error)}
 
     def _run(self, request: dict[str, Any]) -> dict[str, Any]:
-        k = request["sample"]
+        k, program = request["sample"], self._source.program
         self._open_sample(k)
         if self._described != json.loads(request["scene"]):
-            raise other_scene(self._source.program, k)
+            raise other_scene(program, k)
         assert self._carsim is not None
-        simulator = self._simulator(
-            self._carsim,
-            request["body"],
-            request["settings"],
-            lambda _: str(request["scene"]),
-            self._passing,
-        )
+        body, settings, scene = request["body"], request["settings"], str(request["scene"])
+        simulator = self._simulator(self._carsim, body, settings, lambda _: scene, self._passing)
+        place = f"{program}: sample {k}"
         with self._source.files.inside():
-            return self._simulated(simulator, k)
-
-    def _simulated(self, simulator: Any, k: int) -> dict[str, Any]:
-        place = f"{self._source.program}: sample {k}"
-        try:
-            with seeded(f"{self._source.seed}/{k}/run"), contained(RUN_LIMIT_S, "running", self._source.program):
-                found: dict[str, Any] = simulator.run(self._scene)
-                return found
-        except FoldcarError as error:
-            # A CarsimError is no mistake of the program, all others come with what it records.
-            raise error if isinstance(error, CarsimError) else TrialFailedError(f"{place}: {error}") from None
-        except Exception as error:
-            raise TrialFailedError(f"{place}: {one_line(error, self._source.program)}") from error
+            try:
+                with seeded(f"{self._source.seed}/{k}/run"), contained(RUN_LIMIT_S, "running", program):
+                    return simulator.run(self._scene)
+            except FoldcarError as error:
+                # A CarsimError is no mistake of the program, all others come with what it records.
+                raise error if isinstance(error, CarsimError) else TrialFailedError(f"{place}: {error}") from None
+            except Exception as error:
+                raise TrialFailedError(f"{place}: {one_line(error, program)}") from error
 
     def _open_sample(self, k: int) -> None:
         if self._sample == k and self._scene is not None:

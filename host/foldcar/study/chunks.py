@@ -1,4 +1,4 @@
-"""Runs chunks of runs in several simulators, here or on other machines, with a bounded number of chunks at a time.
+"""Runs chunks of runs in several simulators, on this machine or on others (foldcar.cluster), a bounded number at a time.
 
 Input: runs one by one. Output: finished chunks as they end. Chunks grow until one takes a second or so, and shrink at
 the end of a sweep so that all simulators end at about the same time.
@@ -6,17 +6,59 @@ the end of a sweep so that all simulators end at about the same time.
 
 import contextlib
 import json
+import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any
+from typing import Any, Protocol
 
 from foldcar.car.variation import NumberLimits, vary_body
 from foldcar.simulation.runner import Runner, RunRequest
-from foldcar.simulation.simulators import LocalSimulators, Simulators
 from foldcar.store.writer import PlannedRun, StoreWriter, canonical_json
+
+
+class Simulators(Protocol):
+    """Places for chunks. Its methods are called from several threads at once, `run` from one for each chunk."""
+
+    # The wall time that a chunk should take, in s.
+    chunk_s: float
+    # Chunks that may ever run at a time.
+    most: int
+
+    @property
+    def count(self) -> int:
+        """Chunks that run at a time now, at least 1."""
+
+    def run(
+        self, runner: Runner, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
+    ) -> tuple[list[dict[str, Any]], float]:
+        """The answers of ``runner.run``, and how long it took to simulate them (s). FoldcarError."""
+
+    def stop(self, runner: Runner) -> None:
+        """End what ``runner`` runs at the moment; its `run` raises FoldcarError."""
+
+
+class LocalSimulators:
+    """As many simulators as ``jobs`` on this machine."""
+
+    chunk_s = 0.7
+
+    def __init__(self, jobs: int) -> None:
+        self.count = self.most = jobs
+
+    def run(
+        self, runner: Runner, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
+    ) -> tuple[list[dict[str, Any]], float]:
+        """As in Simulators."""
+        start_s = time.perf_counter()
+        answers = runner.run(bodies, scenes, requests)
+        return answers, time.perf_counter() - start_s
+
+    def stop(self, runner: Runner) -> None:
+        """As in Simulators."""
+        runner.stop()
+
 
 FIRST_CHUNK_RUNS = 8
 LEAST_CHUNK_RUNS = 4
@@ -64,10 +106,8 @@ class ChunkPool:
     def __enter__(self) -> "ChunkPool":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if error is not None:
+    def __exit__(self, kind: object, *_: object) -> None:
+        if kind is not None:
             self._abandon()
         self._pool.shutdown()
 

@@ -9,20 +9,18 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from foldcar.car.variation import draw
 from foldcar.scenes.fingerprint import environment_fingerprint, spread_fingerprint, variation_code
+from foldcar.scenes.obstacles import Obstacle
+from foldcar.scenes.program_files import Files, ProgramFiles
+from foldcar.scenes.source import SceneSource, open_environment
+from foldcar.scenes.success import SuccessRule
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner
+from foldcar.simulation.scenic_runner import ScenicRunner
 from foldcar.study.experiments import Experiment
-
-if TYPE_CHECKING:
-    from foldcar.scenes.obstacles import Obstacle
-    from foldcar.scenes.program_files import Files
-    from foldcar.scenes.source import SceneSource
-    from foldcar.scenes.success import SuccessRule
-    from foldcar.simulation.scenic_runner import ScenicRunner
 
 # The fingerprint of the spread without variation.
 NOMINAL = "nominal"
@@ -37,33 +35,30 @@ class Environment:
         self._recalled: Files | None = None
         # That of the listing's environment, where this one is changed by a calibration.
         self.listed_fingerprint: str | None = None
-        self.spread_fingerprint = (
-            spread_fingerprint(e.variation, e.variation_seed) if e.variation else NOMINAL
-        )
+        self.spread_fingerprint = spread_fingerprint(e.variation, e.variation_seed) if e.variation else NOMINAL
 
     @cached_property
     def fingerprint(self) -> str:
         """The identity in the store of what is sampled."""
+        return self._fingerprint_of(self.files)
+
+    def _fingerprint_of(self, files: Files) -> str:
         e = self._experiment
-        return environment_fingerprint(e.program.name, self.files, e.scenic_params, e.seed, e.condition)
+        return environment_fingerprint(e.program.name, files, e.scenic_params, e.seed, e.condition)
 
     @property
-    def files(self) -> "Files":
+    def files(self) -> Files:
         """The program's files."""
-        known = self._known_files()
-        return self._open().fixed_files() if known is None else known
+        return self._open().fixed_files() if self._recalled is None else self._recalled
 
-    def recall(self, files: "Files | None", is_known: Callable[[str], bool]) -> None:
+    def recall(self, files: Files | None, is_known: Callable[[str], bool]) -> None:
         """Compile nothing to learn the program's files if they are ``files``, as in an earlier sweep.
 
         They are if none has changed and their fingerprint is that sweep's: ``is_known`` says so of fingerprints.
         """
-        from foldcar.scenes.program_files import ProgramFiles
-
         if files is None or self._source is not None or not ProgramFiles(self.program, files).unchanged():
             return
-        e = self._experiment
-        if is_known(environment_fingerprint(e.program.name, files, e.scenic_params, e.seed, e.condition)):
+        if is_known(self._fingerprint_of(files)):
             self._recalled = files
 
     @property
@@ -82,7 +77,7 @@ class Environment:
         return self._open().dynamic
 
     @property
-    def success(self) -> "SuccessRule":
+    def success(self) -> SuccessRule:
         """When a run of the program has passed."""
         return self._open().success
 
@@ -90,7 +85,7 @@ class Environment:
         """Sample ``k`` as a scene object of docs/carsim.md, without id."""
         return self._fixed().sample(k)
 
-    def sample_with_obstacles(self, k: int) -> "tuple[dict[str, Any], list[Obstacle]]":
+    def sample_with_obstacles(self, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
         """Sample ``k``, and what of its terrain stands on the floor as one thing."""
         return self._fixed().sample_with_obstacles(k)
 
@@ -113,41 +108,27 @@ class Environment:
         if not dynamic:
             yield carsim
             return
-        with contextlib.closing(self.scenic_runner(carsim)) as runner:
-            yield runner
-
-    def scenic_runner(self, carsim: Carsim) -> "ScenicRunner":
-        """A runner with Scenic beside the simulation, which the caller closes."""
-        from foldcar.simulation.scenic_runner import ScenicRunner
-
         e = self._experiment
-        return ScenicRunner(e.program, e.scenic_params, e.seed, e.condition, self.files, carsim.command)
+        scenic = ScenicRunner(e.program, e.scenic_params, e.seed, e.condition, self.files, carsim.command)
+        with contextlib.closing(scenic) as runner:
+            yield runner
 
     def mutation_notes(self) -> list[str]:
         """What `mutate` moves without what is placed relative to it; programs without the word are not compiled."""
         text = self._experiment.program.read_text(encoding="utf-8", errors="replace")
-        return self._mutation_notes() if re.search(r"\b(mutate|import|model (?!model\b))", text) else []
+        return self._open().mutation_notes() if re.search(r"\b(mutate|import|model (?!model\b))", text) else []
 
-    def _mutation_notes(self) -> list[str]:
-        return self._open().mutation_notes()
-
-    def _open(self) -> "SceneSource":
-        from foldcar.scenes.source import open_environment
-
+    def _open(self) -> SceneSource:
         if self._source is None:
             e = self._experiment
-            self._source = open_environment(e.program, dict(e.scenic_params), e.seed, e.condition, self._known_files())
+            self._source = open_environment(e.program, dict(e.scenic_params), e.seed, e.condition, self._recalled)
         return self._source
 
-    def _fixed(self) -> "SceneSource":
+    def _fixed(self) -> SceneSource:
         """The source after sample 0, with which all its files are known."""
         source = self._open()
         source.fixed_files()
         return source
-
-    def _known_files(self) -> "Files | None":
-        """The program's files, if they are known without compiling it."""
-        return self._recalled
 
 
 def mutation_notes(environments: Iterable[Environment]) -> list[str]:

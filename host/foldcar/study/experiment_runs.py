@@ -4,17 +4,90 @@ Input: a planned experiment. Output: finished chunks, which the caller stores be
 simulated in one sample before the next, so that partial results cover the whole family.
 """
 
+import json
+import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from foldcar.analysis.stopping import StoppingRule
-from foldcar.store.writer import PlannedExperiment, StoreWriter
+from foldcar.simulation.results import REJECTED
+from foldcar.store.writer import PlannedExperiment, StoreWriter, canonical_json
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
-from foldcar.study.progress import Progress
-from foldcar.study.schedule import Schedule
-from foldcar.study.stored_samples import StoredSamples
+from foldcar.study.stopping import DesignState, Schedule
+
+
+@dataclass
+class Progress:
+    """Counts of a sweep's runs: ``new`` were simulated, ``there`` before; ``passed``, ``rejected``, ``failed`` of both.
+
+    ``judged`` of the ``total`` are in environments that define success; rejected ones leave them as experiments end. A
+    sweep that stops when it knows lowers the total as designs are ``decided``, and fills ``states`` as experiments end.
+    """
+
+    total: int
+    judged: int = 0
+    new: int = 0
+    there: int = 0
+    passed: int = 0
+    rejected: int = 0
+    failed: int = 0
+    decided: int = 0
+    states: list[DesignState] = field(default_factory=list)
+    started_s: float = field(default_factory=time.perf_counter)
+
+    @property
+    def done(self) -> int:
+        """Runs that are in the store or share the result of a run in progress."""
+        return self.new + self.there
+
+    @property
+    def seconds(self) -> float:
+        """Time since the start of the sweep (s)."""
+        return time.perf_counter() - self.started_s
+
+    def count(self, outcome: str | None, runs: int = 1) -> None:
+        """Count ``runs`` runs of the study with that outcome."""
+        self.passed += runs * (outcome == "passed")
+        self.rejected += runs * (outcome == REJECTED)
+        self.failed += runs * (outcome == "failed")
+
+
+class StoredSamples:
+    """``dynamic`` says whether the program runs beside the simulation."""
+
+    def __init__(self, environment: Environment, writer: StoreWriter, dynamic: bool) -> None:
+        self._environment, self._writer, self._dynamic = environment, writer, dynamic
+        self._environment_id = writer.environment(environment.fingerprint)
+        self._spread_id = writer.spread(environment.spread_fingerprint)
+        self._scenes = self._first_scenes = writer.sample_count(self._environment_id)
+        self._draws = writer.draw_count(self._spread_id)
+
+    def reach(self, sample: int) -> None:
+        """Store what is not there of all samples up to this one. FoldcarError if the program is at fault."""
+        environment, writer = self._environment, self._writer
+        if sample >= self._scenes == self._first_scenes:
+            # The last first: what depends on the number of samples drawn before then shows.
+            for k in sorted({self._scenes - 1, 0} if self._scenes else (), reverse=True):
+                self._confirm(k)
+        for k in range(self._scenes, sample + 1):
+            if k.bit_count() == 1:
+                # Now and then, for what differs by chance: it raises if sample 0 is another than the first time.
+                environment.sample(0)
+            scene = environment.sample(k)
+            writer.put_sample(self._environment_id, k, scene, environment.scene_identity(k, self._dynamic))
+            self._scenes = k + 1
+        for k in range(self._draws, sample + 1):
+            writer.put_draw(self._spread_id, k, environment.variation(k), environment.variation_identity())
+            self._draws = k + 1
+
+    def _confirm(self, k: int) -> None:
+        from foldcar.scenes.source import other_scene
+
+        stored = self._writer.stored_scene(self._environment_id, k)
+        if stored != json.loads(canonical_json(self._environment.sample(k))):
+            raise other_scene(self._environment.program, k)
 
 
 @dataclass(frozen=True)

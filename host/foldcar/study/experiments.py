@@ -4,18 +4,22 @@ Input: a listing file and the command line's changes. Output: Experiments with c
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from foldcar.car.body import full_speed_m_s
 from foldcar.car.car_file import TableRow, check_parameters, firmware_parameters
 from foldcar.car.design import Design
 from foldcar.car.variation import spread_named
 from foldcar.did_you_mean import did_you_mean
-from foldcar.study.checked_listing import read_checked_listing
+from foldcar.store.info import engine_id
 from foldcar.study.family import Family, read_family
 from foldcar.study.listing import ExperimentParams, ListingError
+from foldcar.study.listing_file import read_listing
+
+if TYPE_CHECKING:
+    from foldcar.simulation.carsim import Carsim
 
 TRIAL_LIMIT = "TRIAL_MAX_S"
 
@@ -46,9 +50,7 @@ class Experiment:
     place: str
     thresholds: tuple[float, ...] = ()
 
-    def settings(
-        self, design: Design, body: Mapping[str, Any], table: Mapping[str, TableRow]
-    ) -> dict[str, Any]:
+    def settings(self, design: Design, body: Mapping[str, Any], table: Mapping[str, TableRow]) -> dict[str, Any]:
         """The settings of this design's runs: docs/carsim.md's ``run`` object without ids.
 
         FoldcarError if a value is outside the limits of the firmware's parameter table ``table``, or the car is slower
@@ -71,7 +73,7 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
 
     ListingError of all mistakes of the listing, also in parts that were not chosen.
     """
-    listing, text = read_checked_listing(file, programs=True)
+    listing, text = read_listing(file, programs=True)
     if not listing.experiments:
         raise ListingError(file, "experiments: is missing")
     if experiment is not None and experiment not in listing.experiments:
@@ -94,9 +96,7 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
                 program_name=environment.scenic_filename,
                 scenic_params=environment.scenic_params,
                 seed=environment.seed,
-                condition=environment.condition.model_dump(exclude_none=True)
-                if environment.condition
-                else None,
+                condition=environment.condition.model_dump(exclude_none=True) if environment.condition else None,
                 environments=environments if environments is not None else params.environments,
                 timeout_s=params.timeout,
                 speed_m_s=params.speed,
@@ -142,3 +142,9 @@ def run_settings(
 
 def _variation(params: ExperimentParams, place: str) -> Mapping[str, float]:
     return spread_named(params.variation, place) if params.variation is not None else {}
+
+
+def engine_study(study: Study, carsim: "Carsim") -> Study:
+    """The study with its experiments named for the simulator's engine."""
+    named = (replace(one, id=engine_id(one.id, carsim.engine)) for one in study.experiments)
+    return replace(study, experiments=tuple(named))

@@ -156,9 +156,7 @@ class Family:
                 known = [name for name, p in parameters().items() if p.modules & set(self.type.split("_"))]
                 known += OPTIONS
                 close = did_you_mean(key, known)
-                raise ListingError(
-                    f"--set {key}", f"{self.type} has no such parameter; it has {', '.join(known)}{close}"
-                )
+                raise ListingError(f"--set {key}", f"{self.type} has no such parameter; it has {', '.join(known)}{close}")
             choices[key] = (value,)
             origins[key] = f"--set {key}"
         return replace(self, choices=choices, origins=origins, parts=parts, _checked={})

@@ -1,4 +1,6 @@
-"""Limits that a listing's keys and the options of commands share. It imports nothing, so that help is printed at once."""
+"""Limits that a listing's keys and the options of commands share. It imports next to nothing: help is printed at once."""
+
+from typing import Any
 
 # Sampled environments of an experiment, the samples 0 to MOST_ENVIRONMENTS - 1.
 MOST_ENVIRONMENTS = 1_000_000
@@ -6,3 +8,33 @@ MOST_ENVIRONMENTS = 1_000_000
 GREATEST_SEED = 2**63 - 1
 # Processes that simulate side by side.
 MOST_JOBS = 256
+
+
+# Far beyond every length, time, seed and count, and far within what a double holds.
+LARGEST = 1e15
+SMALLEST = 1e-12
+LARGEST_WHOLE = 2**63 - 1
+SHOWN = 40
+
+
+def check_numbers(data: Any, path: str = "") -> None:
+    """ValueError, naming the place in ``data`` (parsed JSON), if a number or a text in it is out of these bounds."""
+    if isinstance(data, dict):
+        for key, value in data.items():
+            _check_text(path or "the file", key)
+            check_numbers(value, f"{path}.{key}" if path else key)
+    elif isinstance(data, list):
+        for index, value in enumerate(data):
+            check_numbers(value, f"{path}.{index}")
+    elif isinstance(data, str):
+        _check_text(path, data)
+    elif isinstance(data, int) and not isinstance(data, bool) and abs(data) > LARGEST_WHOLE:
+        shown = f"a number of {len(str(abs(data)))} digits" if data.bit_length() < 10_000 else "a number"
+        raise ValueError(f"{path}: {shown} is above the limit {LARGEST_WHOLE} in size")
+    elif isinstance(data, float) and (abs(data) > LARGEST or 0 < abs(data) < SMALLEST):
+        raise ValueError(f"{path}: {data:g} is no number to compute with: its size is not in {SMALLEST:g} to {LARGEST:g}")
+
+
+def _check_text(path: str, text: str) -> None:
+    if any("\ud800" <= letter <= "\udfff" for letter in text):
+        raise ValueError(f"{path}: {ascii(text)[:SHOWN]} holds what is no character")

@@ -1,4 +1,7 @@
-"""Reads the file of an experiment listing (JSON; comments and trailing commas allowed), and names its mistakes by key."""
+"""Reads the file of an experiment listing (JSON; comments and trailing commas allowed).
+
+Names all mistakes by key: of form, of cars, of programs.
+"""
 
 import contextlib
 import re
@@ -11,7 +14,8 @@ from pydantic import ValidationError
 
 from foldcar.did_you_mean import did_you_mean
 from foldcar.output_folder import SQLITE_MAGIC
-from foldcar.study.json_numbers import check_numbers
+from foldcar.study.family import read_family
+from foldcar.study.limits import check_numbers
 from foldcar.study.listing import (
     ExperimentParams,
     ListedCondition,
@@ -33,10 +37,21 @@ NO_OBJECT = ("dict_type", "model_type", "model_attributes_type")
 INNER_MODELS: dict[str, type[Strict]] = {"params": ExperimentParams, "condition": ListedCondition}
 
 
-def read_listing(file: Path) -> tuple[Listing, str]:
-    """The listing in ``file`` and the file's text; ListingError of all its mistakes if it is invalid."""
+def read_listing(file: Path, programs: bool = False) -> tuple[Listing, str]:
+    """The listing in ``file`` and the file's text, its vehicles checked, and its ``programs`` if they are wanted.
+
+    ListingError of all mistakes: it names every key at fault, its value and its limit.
+    """
     data, text = load_listing(file)
     listing, mistakes = validated_listing(data)
+    for name, vehicle in listing.vehicles.items():
+        try:
+            # Raises why no car of the family can be built.
+            next(iter(read_family(file, name, vehicle)))
+        except ListingError as error:
+            mistakes += error.mistakes
+    if programs:
+        mistakes += _missing_programs(file, listing)
     if mistakes:
         raise ListingError(file, *mistakes)
     return listing, text
@@ -154,3 +169,14 @@ def _reference_mistakes(data: Any, listing: Listing) -> list[str]:
                     f"{', '.join(known) or 'none'}{did_you_mean(reference, known)}"
                 )
     return mistakes
+
+
+def _missing_programs(file: Path, listing: Listing) -> list[str]:
+    missing = []
+    for name, environment in listing.environments.items():
+        program = file.parent / environment.scenic_filename
+        if not program.is_file():
+            others = [str(other.relative_to(file.parent)) for other in sorted(file.parent.glob("*.scenic"))]
+            close = did_you_mean(environment.scenic_filename, others)
+            missing.append(f"environments.{name}.scenic_filename: {program} is not a file{close}")
+    return missing

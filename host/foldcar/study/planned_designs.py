@@ -49,6 +49,9 @@ class PlannedDesigns:
             for text in self._texts:
                 yield PlannedDesign(*json.loads(zlib.decompress(text)))
 
+    def __len__(self) -> int:
+        return len(self._experiment.family)
+
     def _folded(self) -> Iterator[PlannedDesign]:
         for design in self._experiment.family:
             yield planned_design(self._experiment, design, self._table)

@@ -6,8 +6,9 @@ others in carsim's batch.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
+from functools import cached_property
 from pathlib import Path
 
 from foldcar import __version__
@@ -19,16 +20,13 @@ from foldcar.shown_text import decoded
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ENGINES, SIDE_VIEW
 from foldcar.simulation.results import outcome_of
-from foldcar.simulation.simulators import Simulators
 from foldcar.store.info import unlike_sides_text
 from foldcar.store.writer import PlannedExperiment, StoreWriter, write_store
-from foldcar.study.chunks import ChunkPool, FinishedRun
+from foldcar.study.chunks import ChunkPool, FinishedRun, Simulators
 from foldcar.study.environments import Environment
-from foldcar.study.experiment_runs import ExperimentRuns
+from foldcar.study.experiment_runs import ExperimentRuns, Progress
 from foldcar.study.experiments import Experiment, Study
-from foldcar.study.family import Family
 from foldcar.study.planned_designs import PlannedDesigns, planned_designs
-from foldcar.study.progress import Progress
 from foldcar.study.stopping import design_states
 from foldcar.study.unlike_sides import unlike_sides
 
@@ -36,117 +34,132 @@ from foldcar.study.unlike_sides import unlike_sides
 SHOWN_SKIPPED = 5
 
 
-def sweep(
-    study: Study,
-    store: Path,
-    carsim: Carsim,
-    simulators: Simulators | int,
-    command: str,
-    report: Callable[[Progress], None] = lambda progress: None,
-    progress: Progress | None = None,
-    announce: Callable[[str], None] = lambda line: None,
-    environment_of: Callable[[Experiment], Environment] = Environment,
-    until: Mapping[str, StoppingRule] | None = None,
-    designs: Mapping[str, PlannedDesigns] | None = None,
-) -> Progress:
-    """Simulate the missing runs; ``report`` is called after every step; ``progress``, if given, is updated.
+@dataclass(frozen=True)
+class Sweep:
+    """What is asked for: the runs of ``study`` that ``store`` lacks, by ``carsim``.
 
-    ``simulators`` is where they are simulated, or how many simulators there are on this machine. ``announce``
-    is given what holds for the sweep, a line at a time, before its first run. ``environment_of`` makes the environments:
-    those of a calibration are others. ``until`` holds, by experiment, when a design needs no more runs; ``designs`` its
-    designs, if they are known.
-
-    Nothing is written before every design and, for a new store, every environment has been checked. FoldcarError.
+    ``command`` is what the store says of its origin. ``environment_of`` makes the environments: those of a calibration
+    are others. ``until`` holds, by experiment, when a design needs no more runs.
     """
-    table = carsim.parameter_table()
-    designs = planned_designs(study, store, table) if designs is None else designs
-    counts = progress if progress is not None else Progress(total=planned_total(study))
-    environments = [environment_of(experiment) for experiment in study.experiments]
-    if not store.exists():
-        for environment in environments:
-            environment.sample(0)
-    if until:
-        _check_success(study, environments)
-    unlike = {}
-    if carsim.engine == ENGINES[SIDE_VIEW].title:
-        for experiment, environment in zip(study.experiments, environments, strict=True):
-            unlike[experiment.id] = unlike_sides(carsim, experiment, environment)
-    with write_store(store) as writer:
-        writer.begin_study(study_facts(study, carsim, command), carsim.build)
-        plans = [
-            plan_experiment(
-                experiment,
-                environment,
-                writer,
-                designs[experiment.id],
-                (until or {}).get(experiment.id),
-                carsim.engine,
-                unlike=unlike.get(experiment.id, ""),
+
+    study: Study
+    store: Path
+    carsim: Carsim
+    command: str
+    environment_of: Callable[[Experiment], Environment] = Environment
+    until: Mapping[str, StoppingRule] = field(default_factory=dict)
+
+    @cached_property
+    def environments(self) -> list[Environment]:
+        """Those of the study's experiments, in their order."""
+        return [self.environment_of(experiment) for experiment in self.study.experiments]
+
+    @cached_property
+    def designs(self) -> dict[str, PlannedDesigns]:
+        """The designs of every experiment by its id, all of them checked. FoldcarError."""
+        return planned_designs(self.study, self.store, self.carsim.parameter_table())
+
+    @cached_property
+    def progress(self) -> Progress:
+        """The counts, of which ``total`` is all runs, stored or not."""
+        return Progress(total=sum(len(self.designs[one.id]) * one.environments for one in self.study.experiments))
+
+    def run(
+        self,
+        simulators: Simulators | int,
+        report: Callable[[Progress], None] = lambda progress: None,
+        announce: Callable[[str], None] = lambda line: None,
+    ) -> Progress:
+        """Simulate the missing runs; ``simulators`` is where, or how many simulators there are on this machine.
+
+        ``report`` is called after every step, ``announce`` for each line that holds for the sweep, before its first run.
+        Nothing is written before every design and, for a new store, every environment has been checked. FoldcarError.
+        """
+        counts, carsim = self.progress, self.carsim
+        chosen = list(zip(self.study.experiments, self.environments, strict=True))
+        if not self.store.exists():
+            for environment in self.environments:
+                environment.sample(0)
+        if self.until:
+            self._check_success()
+        unlike = {}
+        if carsim.engine == ENGINES[SIDE_VIEW].title:
+            unlike = {one.id: unlike_sides(carsim, one, environment) for one, environment in chosen}
+        with write_store(self.store) as writer:
+            writer.begin_study(study_facts(self.study, carsim, self.command), carsim.build)
+            plans = [
+                plan_experiment(
+                    one, environment, writer, self.designs[one.id], self.until.get(one.id), carsim.engine,
+                    unlike=unlike.get(one.id, ""),
+                )
+                for one, environment in chosen
+            ]  # fmt: skip
+            for line in self._announced(plans, unlike, writer):
+                announce(line)
+            counts.judged = sum(
+                len(self.designs[plan.id]) * plan.environments for plan in plans if plan.facts["success_defined"]
             )
-            for experiment, environment in zip(study.experiments, environments, strict=True)
-        ]
-        counts.judged = sum(
-            len(experiment.family) * plan.environments
-            for experiment, plan in zip(study.experiments, plans, strict=True)
-            if plan.facts["success_defined"]
-        )
-        for line in _rules(plans):
-            announce(line)
+            with ChunkPool(writer, simulators, carsim.limits().numbers) as pool:
+                for (experiment, environment), plan in zip(chosen, plans, strict=True):
+                    dynamic = is_dynamic(plan.environment_id, environment, writer)
+                    rule, rejected = self.until.get(plan.id), counts.rejected
+                    with environment.runner(carsim, dynamic) as runner, pool.using(runner):
+                        runs = ExperimentRuns(plan, environment, dynamic, writer, pool, counts, report)
+                        for finished in runs.all() if rule is None else runs.until(rule):
+                            self._keep(finished, writer, report)
+                        if rule is not None:
+                            counts.states += design_states(experiment, rule, writer.design_counts(plan))
+                        if runner is not carsim:
+                            # This runner is closed at the end of its experiment.
+                            for finished in pool.finish():
+                                self._keep(finished, writer, report)
+                    # Only a program that runs beside the simulation rejects: these runs are finished.
+                    if plan.facts["success_defined"]:
+                        counts.judged -= counts.rejected - rejected
+                for finished in pool.finish():
+                    self._keep(finished, writer, report)
+        if self.until:
+            counts.judged = counts.total - counts.rejected
+        return counts
+
+    def _check_success(self) -> None:
+        """FoldcarError if an experiment does not define when a run has passed."""
+        for experiment, environment in zip(self.study.experiments, self.environments, strict=True):
+            if not environment.success.defined:
+                raise FoldcarError(f"{experiment.place}: --until has nothing to decide: {environment.success.text}")
+
+    def _announced(
+        self, plans: Sequence[PlannedExperiment], unlike: Mapping[str, str], writer: StoreWriter
+    ) -> Iterator[str]:
+        """What holds for the sweep: the rules of success, each with its experiments, and what is left out."""
+        experiments: dict[str, list[str]] = {}
+        for plan in plans:
+            experiments.setdefault(plan.facts["success_rule"], []).append(plan.id)
+        for rule, names in experiments.items():
+            yield f"experiment{'s' if len(names) > 1 else ''} {', '.join(names)}: {rule}"
         for name, what in unlike.items():
             if what:
-                announce(f"experiment {name}: {unlike_sides_text(what)}")
-        for plan in plans if until and carsim.engine else ():
+                yield f"experiment {name}: {unlike_sides_text(what)}"
+        for plan in plans if self.until and self.carsim.engine else ():
             if writer.multibody_counts(plan) is None:
-                announce(f"experiment {plan.id}: no multibody runs in the store: designs in the listing's order")
-        for experiment in study.experiments:
-            for line in skipped_lines(experiment.id, experiment.family):
-                announce(line)
-        with ChunkPool(writer, simulators, carsim.limits().numbers) as pool:
-            for experiment, plan, environment in zip(study.experiments, plans, environments, strict=True):
-                dynamic = is_dynamic(plan.environment_id, environment, writer)
-                rule, rejected = (until or {}).get(plan.id), counts.rejected
-                with environment.runner(carsim, dynamic) as runner, pool.using(runner):
-                    runs = ExperimentRuns(plan, environment, dynamic, writer, pool, counts, report)
-                    for finished in runs.all() if rule is None else runs.until(rule):
-                        _keep(finished, writer, counts, report)
-                    if rule is not None:
-                        counts.states += design_states(experiment, rule, writer.design_counts(plan))
-                    if runner is not carsim:
-                        # This runner is closed at the end of its experiment.
-                        for finished in pool.finish():
-                            _keep(finished, writer, counts, report)
-                # Only a program that runs beside the simulation rejects: these runs are finished.
-                if plan.facts["success_defined"]:
-                    counts.judged -= counts.rejected - rejected
-            for finished in pool.finish():
-                _keep(finished, writer, counts, report)
-    if until:
-        counts.judged = counts.total - counts.rejected
-    return counts
+                yield f"experiment {plan.id}: no multibody runs in the store: designs in the listing's order"
+        for one in self.study.experiments:
+            skipped = one.family.skipped
+            if skipped:
+                count = len(one.family) + len(skipped)
+                yield f"experiment {one.id}: {len(skipped)} of {count} cars cannot be built and are skipped:"
+                yield from (f"  {car}" for car in skipped[:SHOWN_SKIPPED])
+            if len(skipped) > SHOWN_SKIPPED:
+                yield f"  and {len(skipped) - SHOWN_SKIPPED} more"
 
-
-def _check_success(study: Study, environments: Sequence[Environment]) -> None:
-    """FoldcarError if an experiment does not define when a run has passed."""
-    for experiment, environment in zip(study.experiments, environments, strict=True):
-        if not environment.success.defined:
-            raise FoldcarError(f"{experiment.place}: --until has nothing to decide: {environment.success.text}")
-
-
-def planned_total(study: Study) -> int:
-    """The number of runs of the study, stored or not."""
-    return sum(len(experiment.family) * experiment.environments for experiment in study.experiments)
-
-
-def _keep(
-    finished: list[FinishedRun], writer: StoreWriter, counts: Progress, report: Callable[[Progress], None]
-) -> None:
-    # The counts are of what is stored, also when a signal ends the sweep.
-    with delayed():
-        writer.add_results((one.run, one.answer) for one in finished)
-        counts.new += len(finished)
-        for one in finished:
-            counts.count(outcome_of(one.answer), one.count)
-    report(counts)
+    def _keep(self, finished: list[FinishedRun], writer: StoreWriter, report: Callable[[Progress], None]) -> None:
+        # The counts are of what is stored, also when a signal ends the sweep.
+        with delayed():
+            writer.add_results((one.run, one.answer) for one in finished)
+            self.progress.new += len(finished)
+            for one in finished:
+                self.progress.count(outcome_of(one.answer), one.count)
+        report(self.progress)
 
 
 def is_dynamic(environment_id: int, environment: Environment, writer: StoreWriter) -> bool:
@@ -215,26 +228,6 @@ def plan_experiment(
     # A search adds designs later.
     writer.put_experiment(plan, designs, None if searched else designs.fingerprint)
     return plan
-
-
-def skipped_lines(experiment: str, family: Family) -> list[str]:
-    """Which cars of the family are not simulated because they cannot be built, and why; nothing if all can."""
-    skipped = family.skipped
-    if not skipped:
-        return []
-    count = len(family) + len(skipped)
-    more = [f"  and {len(skipped) - SHOWN_SKIPPED} more"] if len(skipped) > SHOWN_SKIPPED else []
-    head = f"experiment {experiment}: {len(skipped)} of {count} cars cannot be built and are skipped:"
-    return [head, *(f"  {one}" for one in skipped[:SHOWN_SKIPPED]), *more]
-
-
-def _rules(plans: Sequence[PlannedExperiment]) -> Iterator[str]:
-    """When a run has passed, a line for the experiments that share the rule."""
-    experiments: dict[str, list[str]] = {}
-    for plan in plans:
-        experiments.setdefault(plan.facts["success_rule"], []).append(plan.id)
-    for rule, names in experiments.items():
-        yield f"experiment{'s' if len(names) > 1 else ''} {', '.join(names)}: {rule}"
 
 
 def study_facts(study: Study, carsim: Carsim, command: str) -> dict[str, str]:

@@ -94,9 +94,7 @@ def _unlike_ground(
     yield from (f"{what} ({how})" for what, how in told.items())
 
 
-def _alike(
-    carsim: Carsim, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]
-) -> list[bool]:
+def _alike(carsim: Carsim, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]) -> list[bool]:
     """Of each scene, whether the tracks of all bodies meet the same heights and friction left and right."""
     lines = []
     for index, scene in enumerate(scenes):

@@ -12,7 +12,7 @@ from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.link.car import CarIdentity
 from foldcar.link.parameters import equal_float32
-from foldcar.scenes.scene_name import sample_in, scene_name
+from foldcar.scenes.fingerprint import sample_in, scene_name
 from foldcar.study.experiments import Experiment
 from foldcar.study.family import Family
 

@@ -1,10 +1,21 @@
-"""The names of design parameters in Python: ``width_mm`` as in tables, or ``width`` where that is clear."""
+"""Arguments of the Python interface."""
 
+import contextlib
+import operator
 from collections.abc import Iterable, Mapping
 
 from foldcar.car.modules import parameters
 from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
+
+
+def whole(name: str, value: object, least: int, most: int) -> int:
+    """``value`` as a whole number from ``least`` to ``most``; FoldcarError naming it if it is none."""
+    with contextlib.suppress(TypeError):
+        number = operator.index(value)  # type: ignore[arg-type]
+        if not isinstance(value, bool) and least <= number <= most:
+            return number
+    raise FoldcarError(f"{name}: {value!r} is not a whole number from {least} to {most}")
 
 
 def column_named(name: str, columns: Iterable[str], what: str) -> str:

@@ -1,0 +1,134 @@
+"""What a Scenic program says of its runs: conditions and requirements, and what it records.
+
+Conditions of the top-level scenario that are certain to change nothing (see pure_code) are evaluated at every step of
+carsim, others once a look, by Scenic. Records are evaluated by Scenic, and kept as plain JSON with the time in seconds:
+{"kind": "initial"|"final"|"series", "value": JSON} by name; a series is a list of [time (s), value].
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy
+import rv_ltl
+from scenic.core.propositions import Next, PropositionMonitor
+from scenic.core.requirements import RequirementType
+
+from foldcar.errors import FoldcarError
+from foldcar.simulation.pure_code import changes_nothing
+
+
+def is_pure(condition: Any) -> bool:
+    """Whether evaluating a condition or requirement of Scenic changes nothing."""
+    return all(changes_nothing(atom.closure) for atom in condition.proposition.atomics())
+
+
+def is_traceable(requirement: Any) -> bool:
+    """Whether a temporal requirement can be evaluated at every step: `next` is about the looks."""
+    return is_pure(requirement) and not any(isinstance(part, Next) for part in requirement.proposition.flatten())
+
+
+class ChangesMonitor(PropositionMonitor):  # type: ignore[misc]
+    """Scenic's monitor of a temporal proposition without `next`, told of every state, remembering the changes only.
+
+    Repeated states are of no consequence for such a proposition, and Scenic's monitor reads all it remembers each time.
+    """
+
+    def __init__(self, proposition: Any) -> None:
+        super().__init__(proposition)
+        self._latest: dict[str, bool] = {}
+        self._verdict: rv_ltl.B4 = rv_ltl.B4.TRUE
+
+    def update(self) -> rv_ltl.B4:
+        """Take the state that is shown; the verdict so far."""
+        state = {str(atom.syntax_id): bool(atom.closure()) for atom in self._proposition.atomics()}
+        if state != self._latest:
+            self._latest = state
+            self._monitor.update(state)
+            self._verdict = self._monitor.evaluate()
+        return self._verdict
+
+
+class NativeEnding:
+    """A `terminate simulation when` that holds once there is a result of the trial."""
+
+    def __init__(self, result: Callable[[], dict[str, Any] | None]) -> None:
+        self._result = result
+
+    def isTrue(self) -> "NativeEnding":  # noqa: N802
+        """Itself, as a value."""
+        return self
+
+    @property
+    def is_truthy(self) -> bool:
+        """Whether the trial has ended."""
+        return self._result() is not None
+
+    def __str__(self) -> str:
+        return f"the trial ended: {(self._result() or {}).get('outcome')}"
+
+
+class Records:
+    """The records of one simulation. ``scenic`` is Scenic's own dictionary of them, which it keeps up to date."""
+
+    def __init__(self, scenic: dict[str, Any]) -> None:
+        self.plain: dict[str, dict[str, Any]] = {}
+        self._scenic = scenic
+
+    def take(self, scenario: Any, steps: float, t_s: float) -> None:
+        """Evaluate and keep the values of a series at that time, and the initial ones at the start."""
+        refuse_misplaced(scenario)
+        if steps == 0:
+            for name, value in scenario._evaluateRecordedExprs(RequirementType.recordInitial, 0).items():
+                self._scenic[name] = value
+                self.plain[name] = {"kind": "initial", "value": to_json(value, name)}
+        for name, value in scenario._evaluateRecordedExprs(RequirementType.record, steps).items():
+            self._scenic[name].append((steps, value))
+            series = self.plain.setdefault(name, {"kind": "series", "value": []})
+            series["value"].append([t_s, to_json(value, name)])
+
+    def finish(self) -> None:
+        """Keep the final values, which Scenic has evaluated after the end."""
+        for name, value in self._scenic.items():
+            if name not in self.plain:
+                self.plain[name] = {"kind": "final", "value": to_json(value, name)}
+
+
+def refuse_misplaced(scenario: Any) -> None:
+    """Refuse what Scenic 3.1 takes for a requirement when a running scenario invokes the one it stands in."""
+    for sub in scenario._subScenarios:
+        for statement in sub._temporalRequirements:
+            if statement.ty is not RequirementType.require:
+                raise FoldcarError(
+                    f"line {statement.line}: `{statement.ty.value}` has no effect in a scenario that another one "
+                    "invokes; it works in the top-level scenario, and so does `do … until …`"
+                )
+        refuse_misplaced(sub)
+
+
+def to_json(value: Any, name: str) -> Any:
+    """``value`` as JSON data, copied; FoldcarError that names the record ``name`` if it means nothing without Scenic.
+
+    Vectors become [x, y, z], orientations [yaw, pitch, roll] in radians, numpy's arrays lists.
+    """
+    if value is None or isinstance(value, bool | str):
+        return value
+    if isinstance(value, int):
+        return int(value)
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise FoldcarError(f"record {name}: {value} is not finite")
+        return float(value)
+    if isinstance(value, numpy.generic | numpy.ndarray):
+        return to_json(value.tolist(), name)
+    if isinstance(value, list | tuple):
+        return [to_json(item, name) for item in value]
+    if isinstance(value, dict):
+        keys = [key for key in value if not isinstance(key, str)]
+        if keys:
+            raise FoldcarError(f"record {name}: the key {keys[0]!r} of its value is no text")
+        return {key: to_json(item, name) for key, item in value.items()}
+    if type(value).__module__ == "scenic.core.vectors":
+        angles = getattr(value, "eulerAngles", None)
+        return to_json(list(value) if angles is None else list(angles), name)
+    raise FoldcarError(f"record {name}: a {type(value).__name__} is nothing to store; record its numbers instead")

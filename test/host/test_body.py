@@ -125,7 +125,7 @@ def test_the_chassis_weighs_its_film_and_parts() -> None:
     beam -= 4 * opening + math.pi / 4 * (math.hypot(10.6, 8.5) + 1.2) ** 2 + 3 * slot
     # Caps inside the walls, a mitred flange or tab of 8 mm at each of their edges.
     caps = 2 * (94.05 * 49.05 + 2 * (94.05 - 8) * 8 + 2 * (49.05 - 8) * 8) - 13.9 * 8.8
-    doublers = 4 * (32.4 * 24.3 - opening) + 3 * (17.2 * 12.7 - 13.9 * 8.8)
+    doublers = 4 * (32.4 * 24.3 - opening) + 3 * ((13.9 + 12) * (8.8 + 12) - 13.9 * 8.8)
     # The bridge: a shelf with two legs over a LiPo of 4.75 mm and screws' heads, feet, and a flange with a tongue.
     leg = 4.75 + 2.4
     bridge = 23.98 * (52.15 + 2 * leg + 2 * 6) + (52.15 - 6.5) * (leg + 0.025) + 10 * 0.85 - 2 * round_one

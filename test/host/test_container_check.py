@@ -19,7 +19,7 @@ def test_every_line_of_the_dockerfile_is_read() -> None:
     users = [rest for word, rest in read if word == "USER"]
     assert users and users[-1] not in ("", "root", "0")
     (install,) = [rest for word, rest in read if word == "RUN" and "install_wheel.sh" in rest]
-    assert "[mujoco]' && rm -rf " in install
+    assert "[all]' && rm -rf " in install
     for script in ("install_wheel.sh", "install_system_packages.sh"):
         assert any(word == "COPY" and f"tools/{script}" in rest for word, rest in read)
 

@@ -31,12 +31,12 @@ JSON = st.recursive(
 
 @pytest.fixture(scope="module")
 def recorded_log() -> bytes:
-    return next((STORES / "version_4-logs").glob("*.tlog*")).read_bytes()
+    return next((STORES / "version_1-logs").glob("*.tlog*")).read_bytes()
 
 
 @pytest.fixture(scope="module")
 def small_store() -> bytes:
-    return gzip.decompress((STORES / "version_4.db.gz").read_bytes())
+    return gzip.decompress((STORES / "version_1.db.gz").read_bytes())
 
 
 def accepts_or_says_why(parse: Callable[[], Any]) -> None:

@@ -1,9 +1,9 @@
 """What mkdocs adds to docs/ for `make docs`: the README as first page, the Python API, files that pages name."""
 
+import ast
 import re
 from pathlib import Path
 
-import yaml
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -46,6 +46,6 @@ def _api() -> str:
     """A section for each public name, from its docstring."""
     modules = re.search(r"^_MODULES = (\{.*?^\})", API.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
     assert modules is not None
-    names = yaml.safe_load(modules[1])
+    names = ast.literal_eval(modules[1])
     sections = [f"::: {module}.{name}" for name, module in sorted(names.items(), key=lambda one: one[0].lower())]
     return "\n\n".join(["# Python API", "[A tour](python.md) comes first.", *sections, "::: foldcar.condition"]) + "\n"

@@ -62,6 +62,7 @@ def test_across_the_course_it_warns_of_nothing_and_passes(
     [
         (ACROSS.replace("(0.4, 0)", "(0.4, 0.5)"), "obstacle (box not the same under both tracks"),
         (ACROSS.replace("-90 deg", "-80 deg"), "heading (box met at 10.0°"),
+        ("ramp = new Ramp at (0.9, 0), facing -90 deg, with height 0.06", "off a crest (ramp of 60 mm in sample 0)"),
         (f"{PATCH}, with length 0.5, with width 1, with friction 0.1", "friction (patch not"),
     ],
 )
@@ -72,7 +73,7 @@ def test_what_differs_from_side_to_side_is_named_by_the_sweep_and_wherever_its_r
 
     done = swept(foldcar, listing, "s.db")
 
-    (line,) = [line for line in done.stderr.splitlines() if "these differ" in line]
+    (line,) = [line for line in done.stderr.splitlines() if "which matter here" in line]
     assert line.startswith("experiment 1 (side-view): ") and named in line and line.endswith("Use --engine multibody.")
     warning = line.partition(": ")[2]
     page = foldcar("report", "s.db", "-o", "page", "--no-replay")
@@ -82,7 +83,7 @@ def test_what_differs_from_side_to_side_is_named_by_the_sweep_and_wherever_its_r
     assert named in " ".join(foldcar("select", "s.db").stdout.split())
     run = foldcar("run", listing, "--experiment", "1", "--set", "width=95", "--engine", "side-view")
     assert named in run.stderr
-    assert "these differ" not in foldcar("sweep", listing, "--store", "s.db").stderr
+    assert "which matter here" not in foldcar("sweep", listing, "--store", "s.db").stderr
 
 
 def test_a_simulated_car_on_a_port_says_so_too(tmp_path: Path, listing_of: Callable[..., Path]) -> None:

@@ -44,11 +44,11 @@ class ListedRun:
         """What the side view cannot know of the run's experiment, "" if nothing or in another engine."""
         from foldcar.simulation.engines import ENGINES, SIDE_VIEW
         from foldcar.store.info import unlike_sides_text
-        from foldcar.study.unlike_sides import unlike_sides
+        from foldcar.study.unlike_sides import beyond_side_view
 
         if self.carsim.engine != ENGINES[SIDE_VIEW].title:
             return ""
-        unlike = unlike_sides(self.carsim, self.experiment, self.environment)
+        unlike = beyond_side_view(self.carsim, self.experiment, self.environment)
         return f"note: {unlike_sides_text(unlike)}" if unlike else ""
 
     def with_design(self, design: "Design") -> "ListedRun":

@@ -26,8 +26,8 @@ def listed_id(experiment: str, calibration: Mapping[str, str] | None, engine: st
 
 
 def unlike_sides_text(what: str) -> str:
-    """The warning of an experiment in the side view whose two sides differ in that."""
-    return f"The side view knows neither roll, yaw nor sides, but these differ: {what}. Use --engine multibody."
+    """The warning of an experiment in the side view of which that matters."""
+    return f"The side view knows neither roll, yaw nor sides, which matter here: {what}. Use --engine multibody."
 
 
 @dataclass(frozen=True, slots=True)

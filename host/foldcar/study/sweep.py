@@ -28,7 +28,7 @@ from foldcar.study.experiment_runs import ExperimentRuns, Progress
 from foldcar.study.experiments import Experiment, Study
 from foldcar.study.planned_designs import PlannedDesigns, planned_designs
 from foldcar.study.stopping import design_states
-from foldcar.study.unlike_sides import unlike_sides
+from foldcar.study.unlike_sides import beyond_side_view
 
 # Cars that cannot be built: how many are announced by name.
 SHOWN_SKIPPED = 5
@@ -84,7 +84,7 @@ class Sweep:
             self._check_success()
         unlike = {}
         if carsim.engine == ENGINES[SIDE_VIEW].title:
-            unlike = {one.id: unlike_sides(carsim, one, environment) for one, environment in chosen}
+            unlike = {one.id: beyond_side_view(carsim, one, environment) for one, environment in chosen}
         with write_store(self.store) as writer:
             writer.begin_study(study_facts(self.study, carsim, self.command), carsim.build)
             plans = [

@@ -1,4 +1,4 @@
-"""What of a study the side view cannot know: where ground, way or cars differ from the left side to the right.
+"""What of a study the side view cannot know: where ground, way or cars differ from side to side, and high crests.
 
 Input: bodies, scenes and settings of docs/carsim.md. Output: words for what differs, "" if nothing does. The heights and
 friction under both tracks are carsim's own, along the way straight ahead from the start.
@@ -27,12 +27,17 @@ RADIUS_M, ECCENTRICITY_M, SHARE = 1e-4, 2e-4, 0.02
 BEHIND_M = 0.3
 
 
+def beyond_side_view(carsim: Carsim, experiment: Experiment, environment: Environment) -> str:
+    """What differs from side to side, and crests on which bellies may hang, of which cars free themselves by rolling."""
+    bodies = _bodies(carsim, experiment)
+    scenes = [environment.sample(k) for k in range(min(SAMPLES, experiment.environments))]
+    found = [unlike_sides(carsim, experiment, environment), *islice(_crests(bodies, scenes), 1)]
+    return ", ".join(filter(None, found))
+
+
 def unlike_sides(carsim: Carsim, experiment: Experiment, environment: Environment) -> str:
     """What differs in the experiment's first samples and in its designs. FoldcarError."""
-    table = carsim.parameter_table()
-    every = max(1, len(experiment.family) // DESIGNS)
-    planned = [planned_design(experiment, one, table) for one in islice(experiment.family, 0, None, every)]
-    bodies = sorted((one.body for one in planned), key=lambda body: float(body["track_m"]))
+    bodies = _bodies(carsim, experiment)
     scenes = [environment.sample(k) for k in range(min(SAMPLES, experiment.environments))]
     found = [*_unlike_ground(carsim, [bodies[0], bodies[-1]], scenes)]
     turn_rad_s = experiment.yaw_rate_rad_s
@@ -43,6 +48,28 @@ def unlike_sides(carsim: Carsim, experiment: Experiment, environment: Environmen
     else:
         found += [f"the cars' sides ({what})" for what in islice(filter(None, map(one_sided, bodies)), 1)]
     return ", ".join(found)
+
+
+def _bodies(carsim: Carsim, experiment: Experiment) -> list[Mapping[str, Any]]:
+    """Bodies of some designs, the narrowest first."""
+    table = carsim.parameter_table()
+    every = max(1, len(experiment.family) // DESIGNS)
+    planned = [planned_design(experiment, one, table) for one in islice(experiment.family, 0, None, every)]
+    return sorted((one.body for one in planned), key=lambda body: float(body["track_m"]))
+
+
+def _crests(bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Slopes that are higher than the lowest belly is above the floor."""
+    clear_m = min(
+        wheel["radius_m"] + segment["center_z_m"] - 0.5 * segment["height_m"]
+        for body in bodies
+        for wheel in body["wheels"]
+        for segment in body["segments"]
+    )
+    for k, scene in enumerate(scenes):
+        for piece in scene["terrain"]:
+            if piece["kind"] in ("ramp", "hill") and piece["height_m"] > clear_m:
+                yield f"rolling off a crest ({piece['kind']} of {1000 * piece['height_m']:.0f} mm in sample {k})"
 
 
 def one_sided(body: Mapping[str, Any]) -> str:

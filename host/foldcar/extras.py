@@ -12,6 +12,15 @@ MODULES = {
 }  # fmt: skip
 
 
+def require(extra: str) -> None:
+    """ModuleNotFoundError if a module of the extra is missing, before work is done for it."""
+    from importlib.util import find_spec
+
+    for module in MODULES[extra]:
+        if find_spec(module) is None:
+            raise ModuleNotFoundError(module, name=module)
+
+
 def missing_extra(error: ModuleNotFoundError) -> str | None:
     """What to install, in a line; None if no extra of foldcar brings the module."""
     missing = (error.name or "").partition(".")[0]

@@ -31,8 +31,8 @@ def bare(folder: Path, *words: str) -> "subprocess.CompletedProcess[str]":
 def test_the_core_sweeps_and_reports_and_other_commands_name_their_extra(tmp_path: Path) -> None:
     for words in (
         ("new", "yard"),
-        ("sweep", "yard/study.json", "--store", "s.db", "--jobs", "1"),
-        ("report", "s.db", "-o", "report"),
+        ("sweep", "yard/study.json", "--store", "s.db", "--environments", "2"),
+        ("report", "s.db", "-o", "report", "--no-replay"),
         ("select", "s.db"),
         ("export", "s.db", "--csv", "runs.csv"),
     ):

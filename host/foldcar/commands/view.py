@@ -11,6 +11,7 @@ from foldcar.commands.listed_run import ListedRun, listed_run, simulated_run
 from foldcar.commands.options import Components, Json, Settings, check_distinct, output_file, print_json
 from foldcar.commands.run_text import variation_text
 from foldcar.errors import FoldcarError
+from foldcar.extras import require
 from foldcar.study.limits import MOST_ENVIRONMENTS
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ def view(
     Example: foldcar view patterns/published_cars.json --vehicle w95 -o car.html
              foldcar view scenarios/width_study.json --set width=95 --run 1/3 --live
     """
+    require("fabricate")
     from foldcar.commands.listed_design import listed_family
 
     if live == (output is not None):

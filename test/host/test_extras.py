@@ -1,5 +1,6 @@
 """Without the extras' packages the core works; what needs one names it in a line, before anything is written."""
 
+import ast
 import importlib.metadata
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
+import foldcar
 from foldcar.extras import MODULES
 
 # Scenic brings these, so they are there without the extra.
@@ -64,3 +66,18 @@ def test_an_extra_brings_the_modules_that_it_is_told_for(extra: str) -> None:
     for module in MODULES[extra]:
         # A package of the extra, or one that these bring (Dask by its scheduler).
         assert brought & {name.lower() for name in packages[module]} or module == "dask", module
+
+
+def test_what_foldcar_imports_it_declares() -> None:
+    imported = set()
+    for file in Path(foldcar.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [one.name for one in node.names] if isinstance(node, ast.Import) else []
+            imported |= {name.partition(".")[0] for name in [*names, getattr(node, "module", None) or ""]}
+    declared = {Requirement(text).name.lower() for text in importlib.metadata.requires("foldcar") or []}
+    packages = importlib.metadata.packages_distributions()
+    # These come with Jinja, Matplotlib, Scenic and its scheduler; the last is Webots' own.
+    others = {*sys.stdlib_module_names, "foldcar", "", "markupsafe", "PIL", "rv_ltl", "dask", "controller"}
+
+    assert len(imported - others) > 20
+    assert [name for name in imported - others if not declared & {one.lower() for one in packages[name]}] == []

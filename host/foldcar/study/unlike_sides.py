@@ -29,33 +29,37 @@ BEHIND_M = 0.3
 
 def beyond_side_view(carsim: Carsim, experiment: Experiment, environment: Environment) -> str:
     """What differs from side to side, and crests on which bellies may hang, of which cars free themselves by rolling."""
-    bodies = _bodies(carsim, experiment)
-    scenes = [environment.sample(k) for k in range(min(SAMPLES, experiment.environments))]
-    found = [unlike_sides(carsim, experiment, environment), *islice(_crests(bodies, scenes), 1)]
-    return ", ".join(filter(None, found))
+    bodies, scenes = _looked_at(carsim, experiment, environment)
+    return ", ".join([*_unlike(carsim, experiment, bodies, scenes), *islice(_crests(bodies, scenes), 1)])
 
 
 def unlike_sides(carsim: Carsim, experiment: Experiment, environment: Environment) -> str:
     """What differs in the experiment's first samples and in its designs. FoldcarError."""
-    bodies = _bodies(carsim, experiment)
-    scenes = [environment.sample(k) for k in range(min(SAMPLES, experiment.environments))]
-    found = [*_unlike_ground(carsim, [bodies[0], bodies[-1]], scenes)]
-    turn_rad_s = experiment.yaw_rate_rad_s
-    if turn_rad_s:
-        found.append(f"heading (a turn of {turn_rad_s:g} rad/s is asked for)")
-    if experiment.variation:
-        found.append("the cars' sides (nearby cars vary wheel by wheel)")
-    else:
-        found += [f"the cars' sides ({what})" for what in islice(filter(None, map(one_sided, bodies)), 1)]
-    return ", ".join(found)
+    return ", ".join(_unlike(carsim, experiment, *_looked_at(carsim, experiment, environment)))
 
 
-def _bodies(carsim: Carsim, experiment: Experiment) -> list[Mapping[str, Any]]:
-    """Bodies of some designs, the narrowest first."""
+def _looked_at(
+    carsim: Carsim, experiment: Experiment, environment: Environment
+) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
+    """Bodies of some designs, the narrowest first, and the first scenes."""
     table = carsim.parameter_table()
     every = max(1, len(experiment.family) // DESIGNS)
     planned = [planned_design(experiment, one, table) for one in islice(experiment.family, 0, None, every)]
-    return sorted((one.body for one in planned), key=lambda body: float(body["track_m"]))
+    bodies = sorted((one.body for one in planned), key=lambda body: float(body["track_m"]))
+    return bodies, [environment.sample(k) for k in range(min(SAMPLES, experiment.environments))]
+
+
+def _unlike(
+    carsim: Carsim, experiment: Experiment, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]
+) -> Iterator[str]:
+    yield from _unlike_ground(carsim, [bodies[0], bodies[-1]], scenes)
+    turn_rad_s = experiment.yaw_rate_rad_s
+    if turn_rad_s:
+        yield f"heading (a turn of {turn_rad_s:g} rad/s is asked for)"
+    if experiment.variation:
+        yield "the cars' sides (nearby cars vary wheel by wheel)"
+    else:
+        yield from (f"the cars' sides ({what})" for what in islice(filter(None, map(one_sided, bodies)), 1))
 
 
 def _crests(bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]) -> Iterator[str]:

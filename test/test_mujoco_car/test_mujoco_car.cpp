@@ -1,6 +1,6 @@
 // The three-dimensional car's physics against the closed forms that multibody is held to, and its ground against
 // the heights of the terrain. Built with MuJoCo: `pio test -e native_mujoco`.
-#include <unity.h>
+#include "../suite.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,76 +8,37 @@
 #include <string>
 #include <vector>
 
+#include "../closed_forms.h"
 #include "../full_speed.h"
-#include "../study_car.h"
 #include "mujoco_car.h"
 #include "mujoco_engine.h"
 #include "mujoco_xml.h"
-#include "scene_terrain.h"
 #include "trial.h"
 
 using namespace foldcar;
 
-void setUp() {}
-void tearDown() {}
-
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kRadius_m = 0.06, kArm_m = 0.07;  // of the study car: wheels, half the distance of its axles
 
-struct Drive {
-  const BodySpec body;
-  const SceneSpec scene;
-  const SceneTerrain terrain;
-  MujocoCar car;
-  PulsesUs pulses_us;
-  Drive(const BodySpec& body_spec, const SceneSpec& scene_spec, double fraction, const MujocoOptions& options = {})
-      : body(body_spec),
-        scene(scene_spec),
-        terrain(scene.terrain),
-        car(body, scene, terrain, options, nullptr),
-        pulses_us(pulses_for(body, fraction)) {}
+struct Drive : DriveOf<MujocoCar, MujocoOptions> {
+  using DriveOf::DriveOf;
   // To be called after a change of data(): what follows from positions and velocities.
   void settle() { mj_step1(&car.model(), &car.data()); }
-  double step_s() const { return car.model().opt.timestep; }
-  const CarState& run(double time_s) {
-    const int steps = static_cast<int>(std::lround(time_s / step_s()));
-    for (int i = 0; i < steps; ++i) car.step(pulses_us);
-    return car.state();
+  // Rolled by that angle, on the outer edges of its right tyres.
+  void lean(double lean_rad) {
+    const double half_m = 0.5 * (body.track_m + body.wheels[0].width_m);
+    double* at = car.data().qpos;
+    at[2] = kRadius_m * std::cos(lean_rad) + half_m * std::sin(lean_rad);
+    at[3] = std::cos(0.5 * lean_rad);
+    at[4] = std::sin(0.5 * lean_rad);
+    settle();
   }
 };
-
-double mass_kg(const BodySpec& body) {
-  double mass = 0;
-  for (const SegmentSpec& segment : body.segments) mass += segment.mass_kg;
-  for (const WheelSpec& wheel : body.wheels) mass += wheel.mass_kg;
-  return mass;
-}
 
 double com_height_m(const BodySpec& body) {
   const SegmentSpec& segment = body.segments.front();
   return kRadius_m + segment.mass_kg * segment.com_z_m / mass_kg(body);
-}
-
-// A ramp from x = 0 on, so long that the car stays on it.
-TerrainSpec slope(double slope_rad) {
-  constexpr double kLength_m = 8;
-  TerrainSpec terrain = blocks({{0.5 * kLength_m, 0, kLength_m, 4, kLength_m * std::tan(slope_rad), 0}});
-  terrain.blocks.front().kind = BlockSpec::Kind::kRamp;
-  return terrain;
-}
-
-// Speed along the slope some time after the car was put down on it, level, its front wheels first.
-double speed_on_slope_m_s(const BodySpec& body, double friction, double slope_rad, double fraction, double time_s) {
-  Drive drive(body, scene_of(slope(slope_rad), friction, {2, 0, 0}), fraction);
-  return drive.run(time_s).speed_m_s / std::cos(slope_rad);
-}
-
-double no_slip_speed_m_s(const BodySpec& body, double slope_rad, double fraction) {
-  const ServoSpec& servo = body.wheels[0].servo;
-  const double load_n_m = mass_kg(body) * kGravity_m_s2 * std::sin(slope_rad) * kRadius_m;
-  return kRadius_m * servo.no_load_speed_rad_s * (fraction - load_n_m / (4 * servo.stall_torque_n_m));
 }
 
 double ray_height_m(Drive& drive, double x_m, double y_m) {
@@ -140,18 +101,18 @@ double travel_mm(const Hung& hung, double belly_friction, double step_s) {
 
 }  // namespace
 
-void test_it_falls_as_bodies_do() {
+TEST(test_it_falls_as_bodies_do) {
   Drive drive(study_car(0.115), scene_of({}, 0.6), 0);
   drive.car.data().qpos[2] = 5;
   drive.settle();
   drive.run(0.5);
-  const double fallen_m = 0.5 * kGravity_m_s2 * 0.5 * (0.5 + drive.step_s());
+  const double fallen_m = 0.5 * kGravity_m_s2 * 0.5 * (0.5 + drive.step_s);
   TEST_ASSERT_DOUBLE_WITHIN(0.001 * fallen_m, fallen_m, 5 - drive.car.state().z_m);
   TEST_ASSERT_DOUBLE_WITHIN(1e-6, 0, drive.car.state().pitch_rad);
 }
 
 // A body without torque keeps its angular momentum: about a principal axis its rate.
-void test_in_the_air_it_keeps_its_roll_rate() {
+TEST(test_in_the_air_it_keeps_its_roll_rate) {
   BodySpec body = study_car(0.08);
   body.segments[0].com_z_m = 0;
   Drive drive(body, scene_of({}, 0.6), 0);
@@ -163,17 +124,35 @@ void test_in_the_air_it_keeps_its_roll_rate() {
   TEST_ASSERT_DOUBLE_WITHIN(2e-3, 0.6, drive.car.state().roll_rad);
 }
 
-void test_it_stands_on_its_wheels() {
-  Drive drive(study_car(0.115), scene_of({}, 0.6), 0);
-  const CarState& state = drive.run(2);
-  TEST_ASSERT_DOUBLE_WITHIN(0.0003, kRadius_m, state.z_m);
-  TEST_ASSERT_DOUBLE_WITHIN(0.001, 0, state.x_m);
-  TEST_ASSERT_DOUBLE_WITHIN(0.002, 0, state.pitch_rad);
+TEST(test_it_stands_on_its_wheels) { stands_on_its_wheels<Drive>(); }
+
+TEST(test_top_speed_is_where_the_torque_line_ends) { reaches_top_speed_where_the_torque_line_ends<Drive>(); }
+
+TEST(test_a_load_slows_it_along_the_torque_line) { is_slowed_by_a_load_along_the_torque_line<Drive>(0.012); }
+
+TEST(test_it_stalls_where_the_slope_asks_for_more_than_stall_torque) {
+  stalls_where_the_slope_asks_for_more_than_stall_torque<Drive>();
+}
+
+TEST(test_all_wheel_drive_climbs_to_the_friction_angle) { climbs_to_the_friction_angle<Drive>(); }
+
+TEST(test_the_highest_step_climbed_is_the_one_statics_allow) {
+  // A weak servo creeps against its soft contacts.
+  climbs_the_highest_step_that_statics_allow<Drive>(0.0015, 0.008, false);
+}
+
+TEST(test_without_slip_motor_work_becomes_mechanical_energy) {
+  // Its soft friction creeps.
+  turns_motor_work_into_mechanical_energy_without_slip<Drive>(0.1);
+}
+
+TEST(test_friction_and_impacts_never_give_energy) {
+  gains_no_energy_by_friction_and_impacts<Drive>(study_car(0.115));
 }
 
 // Half a millimetre above what is under it, which the search for it finds to a hundredth, however high or low the
 // ground is elsewhere.
-void test_it_is_put_down_on_the_ground_under_it() {
+TEST(test_it_is_put_down_on_the_ground_under_it) {
   constexpr double kDrop_m = 5e-4, kWithin_m = 1.5e-4;
   const auto height_m = [](const TerrainSpec& terrain) {
     SceneSpec scene = scene_of(terrain, 0.6);
@@ -198,32 +177,8 @@ void test_it_is_put_down_on_the_ground_under_it() {
   TEST_ASSERT_DOUBLE_WITHIN(kWithin_m, kRadius_m + kDrop_m + 0.09, height_m(blocks({{0, 0, 1, 1, 0.09, 0}})));
 }
 
-void test_top_speed_is_where_the_torque_line_ends() {
-  for (const double fraction : {1.0, 0.5, -1.0}) {
-    const BodySpec body = study_car(0.115);
-    Drive drive(body, scene_of({}, 0.6), fraction);
-    TEST_ASSERT_DOUBLE_WITHIN(0.015 * 0.69, no_slip_speed_m_s(body, 0, fraction), drive.run(2).speed_m_s);
-  }
-}
-
-void test_a_load_slows_it_along_the_torque_line() {
-  const BodySpec body = study_car(0.115);
-  for (const double fraction : {0.0, 0.5, 1.0}) {
-    const double slope_rad = 15 * kPi / 180;
-    const double expected_m_s = no_slip_speed_m_s(body, slope_rad, fraction);
-    TEST_ASSERT_DOUBLE_WITHIN(0.012, expected_m_s, speed_on_slope_m_s(body, 1.0, slope_rad, fraction, 2.5));
-  }
-}
-
-void test_all_wheel_drive_climbs_to_the_friction_angle() {
-  const BodySpec body = study_car(0.115);
-  const double friction = 0.3, angle_rad = std::atan(friction), margin_rad = 2 * kPi / 180;
-  TEST_ASSERT_TRUE(speed_on_slope_m_s(body, friction, angle_rad - margin_rad, 1, 2) > 0.1);
-  TEST_ASSERT_TRUE(speed_on_slope_m_s(body, friction, angle_rad + margin_rad, 1, 2) < 0);
-}
-
 // Standing across a side slope it slides from arctan μ on, then with g (sin - μ cos) on all its tyres.
-void test_it_slides_down_a_side_slope_from_the_friction_angle_on() {
+TEST(test_it_slides_down_a_side_slope_from_the_friction_angle_on) {
   const double friction = 0.5;
   for (const double margin_deg : {-0.2, 0.3, 1.0}) {
     const double slope_rad = std::atan(friction) + margin_deg * kPi / 180;
@@ -240,42 +195,9 @@ void test_it_slides_down_a_side_slope_from_the_friction_angle_on() {
   }
 }
 
-// At rest against a step, its drive limited by friction: the three equations of equilibrium of test_sim_car give the
-// highest step; the front wheels' force has no moment about the edge.
-void test_the_highest_step_climbed_is_the_one_statics_allow() {
-  const BodySpec body = study_car(0.115);
-  const double weight_n = mass_kg(body) * kGravity_m_s2;
-  const auto climbable = [&](double friction, double height_m) {
-    const double cosine = (kRadius_m - height_m) / kRadius_m, sine = std::sqrt(1 - cosine * cosine);
-    const double edge_x_m = kArm_m + kRadius_m * sine;
-    for (double rear_drive_n = 0; rear_drive_n < friction * weight_n; rear_drive_n += weight_n / 2000) {
-      const double rear_load_n = (weight_n * edge_x_m + rear_drive_n * height_m) / (edge_x_m + kArm_m);
-      const double front_x_n = -rear_drive_n, front_z_n = weight_n - rear_load_n;
-      const double load_n = cosine * front_z_n - sine * front_x_n, drive_n = cosine * front_x_n + sine * front_z_n;
-      if (rear_drive_n <= friction * rear_load_n && load_n >= 0 && std::abs(drive_n) <= friction * load_n) return true;
-    }
-    return false;
-  };
-  const auto climbs = [&](double friction, double height_m) {
-    const double touching_m = 0.5 - kArm_m - std::sqrt(kRadius_m * kRadius_m - std::pow(kRadius_m - height_m, 2));
-    Drive drive(body, scene_of(blocks({{1.0, 0, 1.0, 2.0, height_m, 0}}), friction, {touching_m - 1e-4, 0, 0}), 0.2);
-    double highest_rad = 0;
-    for (int i = 0; i < 40; ++i) highest_rad = std::max(highest_rad, drive.run(0.1).pitch_rad);
-    return highest_rad > 0.8 * std::asin(height_m / (2 * kArm_m));
-  };
-  for (const double friction : {0.3, 0.4, 0.5}) {
-    double highest_m = 0.001;
-    while (climbable(friction, highest_m + 1e-4)) highest_m += 1e-4;
-    TEST_ASSERT_TRUE(highest_m > 0.01 && highest_m < 0.055);
-    TEST_ASSERT_TRUE(climbs(friction, highest_m - 0.0015));
-    // Spinning wheels hop over a few millimetres more.
-    TEST_ASSERT_FALSE(climbs(friction, highest_m + 0.008));
-  }
-}
-
 // Wheels that spin on the floor do not hammer a hung car free, and the step does not matter. Where its belly's friction
 // is too low it moves on.
-void test_a_hung_belly_holds_where_statics_hold_it_at_every_step() {
+TEST(test_a_hung_belly_holds_where_statics_hold_it_at_every_step) {
   const BodySpec body = study_car(0.095);
   for (const Hung& hung : {Hung{0.055, 0.05, 0.03, 0.6}, Hung{0.05, 0.06, 0.02, 0.6}, Hung{0.07, 0.06, 0.03, 0.5}}) {
     const double holding = holding_friction(body, hung);
@@ -290,7 +212,7 @@ void test_a_hung_belly_holds_where_statics_hold_it_at_every_step() {
 }
 
 // One side raised: it tips where its weight passes the outer edge of the other side's tyres.
-void test_it_tips_where_its_weight_passes_the_outer_tyre() {
+TEST(test_it_tips_where_its_weight_passes_the_outer_tyre) {
   for (const double width_m : {0.065, 0.095, 0.115}) {
     const BodySpec body = study_car(width_m);
     const double half_m = 0.5 * (body.track_m + body.wheels[0].width_m);
@@ -299,11 +221,7 @@ void test_it_tips_where_its_weight_passes_the_outer_tyre() {
       // Standing on the right tyres' outer edges, leaning by that angle, at rest: it falls to either side.
       Drive drive(body, scene_of({}, 2), 0);
       const double lean_rad = limit_rad + margin_rad;
-      mjData& data = drive.car.data();
-      data.qpos[2] = kRadius_m * std::cos(lean_rad) + half_m * std::sin(lean_rad);
-      data.qpos[3] = std::cos(0.5 * lean_rad);
-      data.qpos[4] = std::sin(0.5 * lean_rad);
-      drive.settle();
+      drive.lean(lean_rad);
       const bool tipped = drive.run(1.5).up < 0.26;
       TEST_ASSERT_EQUAL_INT(margin_rad > 0, tipped);
     }
@@ -312,7 +230,7 @@ void test_it_tips_where_its_weight_passes_the_outer_tyre() {
 
 // Falling back from a lean of 0.62 rad on the edge of the low side's tyres, at rest: (I + m (h² + a²)) φ'' =
 // -m g (a cos φ - h sin φ), integrated here.
-void test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge() {
+TEST(test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge) {
   BodySpec body = study_car(0.08);
   const double half_m = 0.5 * (body.track_m + body.wheels[0].width_m), height_m = com_height_m(body);
   const double mass = mass_kg(body), from_rad = 0.62;
@@ -329,17 +247,13 @@ void test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge() {
             (inertia + mass * (half_m * half_m + height_m * height_m)) * kStep_s;
     lean_rad += rate * kStep_s;
   }
-  mjData& data = drive.car.data();
-  data.qpos[2] = kRadius_m * std::cos(from_rad) + half_m * std::sin(from_rad);
-  data.qpos[3] = std::cos(0.5 * from_rad);
-  data.qpos[4] = std::sin(0.5 * from_rad);
-  drive.settle();
+  drive.lean(from_rad);
   double taken_s = 0;
-  while (drive.run(drive.step_s()).roll_rad > 0.003 && taken_s < 1) taken_s += drive.step_s();
+  while (drive.run(drive.step_s).roll_rad > 0.003 && taken_s < 1) taken_s += drive.step_s;
   TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected_s, expected_s, taken_s);
 }
 
-void test_blocked_wheels_slide_to_a_halt_by_friction() {
+TEST(test_blocked_wheels_slide_to_a_halt_by_friction) {
   BodySpec body = study_car(0.115);
   for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 1e3;
   Drive drive(body, scene_of({}, 0.4), 0);
@@ -351,7 +265,7 @@ void test_blocked_wheels_slide_to_a_halt_by_friction() {
   TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected_m, expected_m, drive.run(0.6).x_m - start_m);
 }
 
-void test_a_patch_sets_the_friction_of_what_stands_on_it() {
+TEST(test_a_patch_sets_the_friction_of_what_stands_on_it) {
   BodySpec body = study_car(0.115);
   for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 1e3;
   TerrainSpec terrain;
@@ -364,29 +278,7 @@ void test_a_patch_sets_the_friction_of_what_stands_on_it() {
   TEST_ASSERT_DOUBLE_WITHIN(0.05 * expected_m, expected_m, drive.run(1).x_m);
 }
 
-void test_friction_and_impacts_never_give_energy() {
-  BodySpec body = study_car(0.115);
-  Drive drive(body, scene_of(blocks({{0.35, 0, 0.06, 2, 0.02, 0}, {0.75, 0, 0.06, 2, 0.02, 0}}), 0.6), 1);
-  const auto unexplained_j = [&] { return drive.car.mechanical_energy_j() - drive.car.state().motor_work_j; };
-  drive.run(0.25);
-  const double start_j = unexplained_j();
-  double least_j = start_j;
-  while (drive.car.state().x_m < 1.2) {
-    drive.run(drive.step_s());
-    TEST_ASSERT_TRUE(unexplained_j() < least_j + 0.004);
-    least_j = std::min(least_j, unexplained_j());
-  }
-  TEST_ASSERT_TRUE(least_j < start_j);
-}
-
-void test_electrical_energy_covers_the_work() {
-  Drive drive(study_car(0.115), scene_of({}, 0.6), 1);
-  const CarState& state = drive.run(1);
-  TEST_ASSERT_TRUE(state.motor_work_j > 0);
-  TEST_ASSERT_TRUE(state.consumed_energy_j > state.motor_work_j);
-}
-
-void test_a_hinge_swings_as_its_flexure_and_the_rear_half_say() {
+TEST(test_a_hinge_swings_as_its_flexure_and_the_rear_half_say) {
   const double stiffness = 0.5;
   const BodySpec body = hinged_study_car(0.115, stiffness);
   Drive drive(body, scene_of({}, 0.6), 0);
@@ -398,7 +290,7 @@ void test_a_hinge_swings_as_its_flexure_and_the_rear_half_say() {
   // In free fall the hinge swings about 0, driven by its spring alone: it crosses 0 and comes back.
   double least_rad = 1, greatest_rad = -1;
   for (int i = 0; i < 100; ++i) {
-    drive.run(drive.step_s());
+    drive.run(drive.step_s);
     least_rad = std::min(least_rad, drive.car.hinge_rad(0));
     greatest_rad = std::max(greatest_rad, drive.car.hinge_rad(0));
   }
@@ -407,7 +299,7 @@ void test_a_hinge_swings_as_its_flexure_and_the_rear_half_say() {
 }
 
 // Blocks exactly, smooth ground within the grid's error.
-void test_the_ground_has_the_heights_of_the_terrain() {
+TEST(test_the_ground_has_the_heights_of_the_terrain) {
   TerrainSpec terrain =
       blocks({{0, 0.1, 0.4, 0.3, 0.05, 0.5}, {1, 0.1, 0.2, 0.3, 0.04, 0.5}, {-1, 0, 0.2, 0.2, 0.03, 0.2}});
   terrain.blocks[0].kind = BlockSpec::Kind::kRamp;
@@ -442,7 +334,7 @@ void within_six_digits(const mjtNum* expected, const mjtNum* actual, int count) 
 // Read by MuJoCo and stepped as the engine does, the saved file drives as the engine's car. They differ by rounding to
 // six digits: lengths, speeds and times near 1 by up to 5e-7, so that on level ground the cars part by micrometres.
 // Each impact multiplies what there is, but cars that meet a bump alike part by less than they drive in a step, 1.4 mm.
-void test_the_saved_model_runs_like_the_engine() {
+TEST(test_the_saved_model_runs_like_the_engine) {
   const BodySpec body = hinged_study_car(0.095, 0.6);
   SceneSpec scene = scene_of(blocks({{0.4, 0, 0.06, 2, 0.01, 0}}), 0.6);
   Drive drive(body, scene, 1);
@@ -464,7 +356,7 @@ void test_the_saved_model_runs_like_the_engine() {
   std::fill(data->ctrl, data->ctrl + saved->nu, 1.0);
   double bump_apart_m = 0, flat_apart_m = 0;
   while (drive.car.state().x_m < 0.8) {
-    drive.run(drive.step_s());
+    drive.run(drive.step_s);
     mj_step1(saved.get(), data.get());
     cancel_lift_of_slip(*data);
     mj_step2(saved.get(), data.get());
@@ -490,7 +382,7 @@ void test_the_saved_model_runs_like_the_engine() {
   TEST_ASSERT_DOUBLE_WITHIN(2e-4, 0, bump_apart_m);
 }
 
-void test_a_trial_runs_the_firmware_and_gives_the_same_numbers_again() {
+TEST(test_a_trial_runs_the_firmware_and_gives_the_same_numbers_again) {
   const MujocoEngine engine;
   const BodySpec body = study_car(0.115);
   const TrialResult first = run_trial(engine, body, pyramids(), full_speed(body));
@@ -501,29 +393,4 @@ void test_a_trial_runs_the_firmware_and_gives_the_same_numbers_again() {
   TEST_ASSERT_EQUAL_DOUBLE(first.consumed_energy_j, again.consumed_energy_j);
   TEST_ASSERT_EQUAL_DOUBLE(first.max_pitch_rad, again.max_pitch_rad);
   TEST_ASSERT_TRUE(first.max_pitch_rad > 0.05);
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_it_falls_as_bodies_do);
-  RUN_TEST(test_in_the_air_it_keeps_its_roll_rate);
-  RUN_TEST(test_it_stands_on_its_wheels);
-  RUN_TEST(test_it_is_put_down_on_the_ground_under_it);
-  RUN_TEST(test_top_speed_is_where_the_torque_line_ends);
-  RUN_TEST(test_a_load_slows_it_along_the_torque_line);
-  RUN_TEST(test_all_wheel_drive_climbs_to_the_friction_angle);
-  RUN_TEST(test_it_slides_down_a_side_slope_from_the_friction_angle_on);
-  RUN_TEST(test_the_highest_step_climbed_is_the_one_statics_allow);
-  RUN_TEST(test_a_hung_belly_holds_where_statics_hold_it_at_every_step);
-  RUN_TEST(test_it_tips_where_its_weight_passes_the_outer_tyre);
-  RUN_TEST(test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge);
-  RUN_TEST(test_blocked_wheels_slide_to_a_halt_by_friction);
-  RUN_TEST(test_a_patch_sets_the_friction_of_what_stands_on_it);
-  RUN_TEST(test_friction_and_impacts_never_give_energy);
-  RUN_TEST(test_electrical_energy_covers_the_work);
-  RUN_TEST(test_a_hinge_swings_as_its_flexure_and_the_rear_half_say);
-  RUN_TEST(test_the_ground_has_the_heights_of_the_terrain);
-  RUN_TEST(test_the_saved_model_runs_like_the_engine);
-  RUN_TEST(test_a_trial_runs_the_firmware_and_gives_the_same_numbers_again);
-  return UNITY_END();
 }

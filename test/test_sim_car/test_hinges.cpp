@@ -5,42 +5,20 @@
 #include <cmath>
 #include <vector>
 
-#include "../study_car.h"
-#include "scene_terrain.h"
+#include "../closed_forms.h"
 #include "multibody_car.h"
 
 using namespace foldcar;
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kGravity = 9.81;
-const SceneTerrain kFlat(TerrainSpec{});
-const PulsesUs kNoPulses{};
+const SceneSpec kFlat = scene_of({}, 0.6);
 // The solver's spring damps by stiffness times step: little at this rate.
 constexpr double kFineRate_hz = 1920;
 constexpr double kWidth_m = 0.095;
 
-struct Drive {
-  BodySpec body;
-  MultibodyCar car;
-  PulsesUs pulses_us;
-  Drive(const BodySpec& body_spec, const Terrain& terrain, const PulsesUs& pulses, StepOptions options = {},
-        PoseSpec start = {})
-      : body(body_spec), car(body, 0.6, terrain, start, options, nullptr), pulses_us(pulses) {}
-  const CarState& run(double time_s) {
-    const int steps = static_cast<int>(std::lround(time_s / car.step_s()));
-    for (int i = 0; i < steps; ++i) car.step(pulses_us);
-    return car.state();
-  }
-};
-
-StepOptions gently(double rate_hz = 240) {
-  StepOptions options;
-  options.drop_m = 0;
-  options.rate_hz = rate_hz;
-  return options;
-}
+using Drive = DriveOf<MultibodyCar, StepOptions>;
+StepOptions gently(double rate_hz = 240) { return put_down_gently<StepOptions>(rate_hz); }
 
 // One half of the hinged study car on its free-rolling wheels, the hinge between the axles. By symmetry the hinge
 // carries no shear, so the half turns about its axle (0.07 m) under its weight (at 0.05 m, 4 mm up) and the flexure.
@@ -174,11 +152,11 @@ TEST(test_a_hinge_swings_at_its_natural_frequency_without_gaining_energy) {
   int crossings = 0;
   double before_rad = 0;
   for (int i = 0; i < kFineRate_hz; ++i) {
-    drive.run(drive.car.step_s());
+    drive.run(drive.step_s);
     const double fold_rad = drive.car.hinge_rad(0);
     if (before_rad < half.sag_rad() && fold_rad >= half.sag_rad()) {
       const double share = (half.sag_rad() - before_rad) / (fold_rad - before_rad);
-      last_s = (i + share) * drive.car.step_s();
+      last_s = (i + share) * drive.step_s;
       if (crossings++ == 0) first_s = last_s;
     }
     before_rad = fold_rad;
@@ -202,8 +180,8 @@ TEST(test_damping_takes_its_share_of_each_swing) {
   const double period_s = 2 * kPi / (half.swing_rad_s() * std::sqrt(1 - ratio * ratio));
   drive.run(2 * period_s);
   double peak_rad = 0;
-  for (int i = 0; i < period_s / drive.car.step_s(); ++i) {
-    drive.run(drive.car.step_s());
+  for (int i = 0; i < period_s / drive.step_s; ++i) {
+    drive.run(drive.step_s);
     peak_rad = std::max(peak_rad, drive.car.hinge_rad(0));
   }
   const double solver_ratio = 0.5 * half.swing_rad_s() / kFineRate_hz;
@@ -223,9 +201,9 @@ TEST(test_a_limp_hinge_rests_on_its_limits) {
 }
 
 TEST(test_a_very_stiff_hinge_is_none) {
-  const SceneTerrain bumps(blocks({{0.4, 0, 0.06, 2, 0.02, 0}, {0.9, 0.3, 0.2, 0.6, 0.03, 0}}));
+  const SceneSpec bumps = scene_of(blocks({{0.4, 0, 0.06, 2, 0.02, 0}, {0.9, 0.3, 0.2, 0.6, 0.03, 0}}), 0.6);
   const BodySpec rigid = study_car(kWidth_m), stiff = hinged_study_car(kWidth_m, 1000);
-  Drive one(rigid, bumps, pulses_for(rigid, 0.4)), two(stiff, bumps, pulses_for(stiff, 0.4));
+  Drive one(rigid, bumps, 0.4), two(stiff, bumps, 0.4);
   for (int i = 0; i < 30; ++i) {
     const CarState& expected = one.run(0.1);
     const CarState& state = two.run(0.1);
@@ -245,14 +223,14 @@ TEST(test_a_car_with_a_very_stiff_hinge_turns_as_a_rigid_one) {
       if (wheel.side == CarSide::kRight) wheel.servo.no_load_speed_rad_s *= 0.65;
     }
   }
-  Drive one(rigid, kFlat, pulses_for(rigid, 1)), two(stiff, kFlat, pulses_for(stiff, 1));
+  Drive one(rigid, kFlat, 1), two(stiff, kFlat, 1);
   const double expected_rad = one.run(2).heading_rad;
   TEST_ASSERT_TRUE(expected_rad < -0.5);
   TEST_ASSERT_DOUBLE_WITHIN(0.05 * std::abs(expected_rad), expected_rad, two.run(2).heading_rad);
 }
 
 TEST(test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle) {
-  const SceneTerrain block(blocks({{0, 0, 0.06, 2, 0.02, 0}}));
+  const SceneSpec block = scene_of(blocks({{0, 0, 0.06, 2, 0.02, 0}}), 0.6);
   Drive limp(three_segments(1e-3), block, kNoPulses), rigid(three_segments(1000), block, kNoPulses);
   limp.run(2);
   rigid.run(2);
@@ -269,33 +247,22 @@ TEST(test_hinges_let_every_wheel_stand_on_a_step_under_the_middle_axle) {
 }
 
 TEST(test_a_hinged_car_crosses_bumps_without_gaining_energy) {
-  const SceneTerrain bumps(blocks({{0.45, 0, 0.06, 2, 0.02, 0}, {0.85, 0, 0.06, 2, 0.02, 0}}));
-  const BodySpec body = without_rotors(three_segments(0.1));
-  Drive drive(body, bumps, pulses_for(body, 1), gently(960));
-  auto unexplained_j = [&] { return drive.car.mechanical_energy_j() - drive.car.state().motor_work_j; };
-  drive.run(0.25);
-  double least_j = unexplained_j();
-  while (drive.car.state().x_m < 1.3) {
-    drive.run(drive.car.step_s());
-    TEST_ASSERT_TRUE(drive.car.finite());
-    TEST_ASSERT_TRUE(unexplained_j() < least_j + 0.005);
-    least_j = std::min(least_j, unexplained_j());
-  }
+  gains_no_energy_by_friction_and_impacts<Drive>(without_rotors(three_segments(0.1)), gently(960));
 }
 
 TEST(test_half_the_time_step_changes_little) {
-  const SceneTerrain bumps(blocks({{0.45, 0, 0.06, 2, 0.015, 0}}));
+  const SceneSpec bumps = scene_of(blocks({{0.45, 0, 0.06, 2, 0.015, 0}}), 0.6);
   const BodySpec body = three_segments(0.1);
-  Drive coarse(body, bumps, pulses_for(body, 0.5)), fine(body, bumps, pulses_for(body, 0.5), gently(480));
+  Drive coarse(body, bumps, 0.5), fine(body, bumps, 0.5, gently(480));
   TEST_ASSERT_DOUBLE_WITHIN(0.02, coarse.run(2.5).x_m, fine.run(2.5).x_m);
   TEST_ASSERT_TRUE(fine.car.state().x_m > 0.7);
 }
 
 TEST(test_mirrored_ground_mirrors_the_way) {
-  const SceneTerrain left(blocks({{0.35, 0.06, 0.08, 0.08, 0.02, 0}}));
-  const SceneTerrain right(blocks({{0.35, -0.06, 0.08, 0.08, 0.02, 0}}));
+  const SceneSpec left = scene_of(blocks({{0.35, 0.06, 0.08, 0.08, 0.02, 0}}), 0.6);
+  const SceneSpec right = scene_of(blocks({{0.35, -0.06, 0.08, 0.08, 0.02, 0}}), 0.6);
   const BodySpec body = three_segments(0.1);
-  Drive one(body, left, pulses_for(body, 0.6)), other(body, right, pulses_for(body, 0.6));
+  Drive one(body, left, 0.6), other(body, right, 0.6);
   const CarState& a = one.run(1.5);
   const CarState& b = other.run(1.5);
   TEST_ASSERT_TRUE(std::abs(a.heading_rad) > 0.005);
@@ -314,7 +281,7 @@ TEST(test_one_axle_pulls_its_belly_along) {
   const double drag_n = friction * weight_n * (axle_m - CarConstants(body).com_x_m) / (axle_m - edge_m);
   const ServoSpec& servo = body.wheels[0].servo;
   const double speed_m_s = radius_m * servo.no_load_speed_rad_s * (1 - drag_n * radius_m / (2 * servo.stall_torque_n_m));
-  Drive drive(body, kFlat, pulses_for(body, 1));
+  Drive drive(body, kFlat, 1);
   drive.run(2);
   TEST_ASSERT_DOUBLE_WITHIN(0.03 * speed_m_s, speed_m_s, drive.car.state().speed_m_s);
   // The tail's lower edge comes down to the ground from where 25 mm of belly and 60 mm of wheel hold it.
@@ -336,7 +303,7 @@ TEST(test_up_to_eight_wheels_carry_the_car_and_drive_it_at_their_speed) {
     four_axles.wheels.push_back(wheel);
   }
   for (const BodySpec& body : {eight, four_axles}) {
-    Drive drive(body, kFlat, pulses_for(body, 1));
+    Drive drive(body, kFlat, 1);
     drive.run(2);
     const double top_m_s = body.wheels[0].radius_m * body.wheels[0].servo.no_load_speed_rad_s;
     TEST_ASSERT_DOUBLE_WITHIN(0.02 * top_m_s, top_m_s, drive.car.state().speed_m_s);
@@ -355,6 +322,6 @@ TEST(test_a_segment_lighter_than_its_rotors_drives_steadily) {
   rear.pitch_inertia_kg_m2 = 2e-5;
   const double top_m_s = body.wheels[0].radius_m * body.wheels[0].servo.no_load_speed_rad_s;
   TEST_ASSERT_TRUE(2 * body.wheels[0].servo.rotor_inertia_kg_m2 > 10 * rear.pitch_inertia_kg_m2);
-  Drive drive(body, kFlat, pulses_for(body, 1));
+  Drive drive(body, kFlat, 1);
   TEST_ASSERT_DOUBLE_WITHIN(0.03 * top_m_s, top_m_s, drive.run(2.5).speed_m_s);
 }

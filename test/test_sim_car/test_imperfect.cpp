@@ -4,42 +4,24 @@
 #include <algorithm>
 #include <cmath>
 
-#include "../study_car.h"
-#include "scene_terrain.h"
+#include "../closed_forms.h"
 #include "multibody_car.h"
 
 using namespace foldcar;
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kGravity = 9.81;
-const SceneTerrain kFlat(TerrainSpec{});
+const SceneSpec kFlat = scene_of({}, 0.6);
 
-struct Drive {
-  BodySpec body;
-  MultibodyCar car;
-  PulsesUs pulses_us;
-  Drive(const BodySpec& body_spec, const Terrain& terrain, double fraction, StepOptions options = {})
-      : body(body_spec), car(body, 0.6, terrain, {}, options, nullptr), pulses_us(pulses_for(study_car(0.095), fraction)) {}
-  const CarState& run(double time_s) {
-    const int steps = static_cast<int>(std::lround(time_s / car.step_s()));
-    for (int i = 0; i < steps; ++i) car.step(pulses_us);
-    return car.state();
-  }
-  double side_load_n(CarSide side) const {
-    double load_n = 0;
-    for (std::size_t i = 0; i < body.wheels.size(); ++i) {
-      if (body.wheels[i].side == side) load_n += car.wheel_load_n(i);
-    }
-    return load_n;
-  }
-};
+using Drive = DriveOf<MultibodyCar, StepOptions>;
+StepOptions gently(double rate_hz = 240) { return put_down_gently<StepOptions>(rate_hz); }
 
-StepOptions gently() {
-  StepOptions options;
-  options.drop_m = 0;
-  return options;
+double side_load_n(const Drive& drive, CarSide side) {
+  double load_n = 0;
+  for (std::size_t i = 0; i < drive.body.wheels.size(); ++i) {
+    if (drive.body.wheels[i].side == side) load_n += drive.car.wheel_load_n(i);
+  }
+  return load_n;
 }
 
 }  // namespace
@@ -53,8 +35,8 @@ TEST(test_a_weight_off_the_middle_loads_that_side_by_its_lever) {
     const double weight_n = CarConstants(body).mass_kg * kGravity;
     const double couple_n_m = body.segments[0].mass_kg * kGravity * com_y_m;
     const double left_n = 0.5 * weight_n + couple_n_m / body.track_m;
-    TEST_ASSERT_DOUBLE_WITHIN(0.01 * weight_n, left_n, drive.side_load_n(CarSide::kLeft));
-    TEST_ASSERT_DOUBLE_WITHIN(0.01 * weight_n, weight_n - left_n, drive.side_load_n(CarSide::kRight));
+    TEST_ASSERT_DOUBLE_WITHIN(0.01 * weight_n, left_n, side_load_n(drive, CarSide::kLeft));
+    TEST_ASSERT_DOUBLE_WITHIN(0.01 * weight_n, weight_n - left_n, side_load_n(drive, CarSide::kRight));
     TEST_ASSERT_DOUBLE_WITHIN(0.003, 0, drive.car.state().roll_rad);
   }
 }
@@ -70,7 +52,7 @@ TEST(test_a_weight_off_the_middle_tips_the_car_earlier_to_that_side) {
   for (const double margin_rad : {-0.03, 0.01}) {
     const double lean_rad = limit_rad + margin_rad;
     const double inner_m = 0.5 * body.track_m * std::cos(lean_rad) - 0.007;
-    const SceneTerrain bench(blocks({{0, inner_m + 0.5, 4, 1, body.track_m * std::sin(lean_rad), 0}}));
+    const SceneSpec bench = scene_of(blocks({{0, inner_m + 0.5, 4, 1, body.track_m * std::sin(lean_rad), 0}}), 0.6);
     Drive drive(body, bench, 0, gently());
     // Within the limit it stands as it was put down.
     const bool stood = std::cos(lean_rad) - drive.run(3).up < 0.001;
@@ -86,8 +68,8 @@ TEST(test_an_axle_off_its_tyres_middle_rises_and_falls_by_twice_that) {
   drive.run(0.5);
   double highest_m = 0, lowest_m = 1;
   const double turn_s = 2 * kPi / (0.2 * body.wheels[0].servo.no_load_speed_rad_s);
-  for (int i = 0; i < turn_s / drive.car.step_s(); ++i) {
-    drive.run(drive.car.step_s());
+  for (int i = 0; i < turn_s / drive.step_s; ++i) {
+    drive.run(drive.step_s);
     highest_m = std::max(highest_m, drive.car.state().z_m);
     lowest_m = std::min(lowest_m, drive.car.state().z_m);
   }
@@ -115,8 +97,8 @@ TEST(test_eccentric_wheels_roll_their_circumference_in_a_turn) {
   const double start_m = drive.car.state().x_m;
   double turned_rad = 0;
   while (turned_rad < 4 * kPi) {
-    drive.run(drive.car.step_s());
-    turned_rad += drive.car.wheel_speed_rad_s(0) * drive.car.step_s();
+    drive.run(drive.step_s);
+    turned_rad += drive.car.wheel_speed_rad_s(0) * drive.step_s;
   }
   TEST_ASSERT_DOUBLE_WITHIN(0.01, turned_rad * 0.06, drive.car.state().x_m - start_m);
 }
@@ -126,7 +108,7 @@ TEST(test_a_servo_whose_neutral_is_off_creeps_once_it_leaves_the_dead_band) {
     BodySpec body = study_car(0.095);
     // A neutral below what the firmware sends: to this servo the pulse says forward.
     for (WheelSpec& wheel : body.wheels) wheel.servo.neutral_us -= wheel.servo.direction * offset_us;
-    Drive drive(body, kFlat, 0);
+    Drive drive(body, kFlat, pulses_for(study_car(0.095), 0));
     drive.run(1.5);
     const ServoSpec& servo = body.wheels[0].servo;
     const double fraction = std::max(0.0, offset_us - servo.deadband_us) / (servo.saturation_us - servo.deadband_us);

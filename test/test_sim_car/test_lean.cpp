@@ -6,8 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "../study_car.h"
-#include "scene_terrain.h"
+#include "../closed_forms.h"
 #include "multibody_car.h"
 
 using namespace foldcar;
@@ -16,13 +15,8 @@ namespace {
 
 constexpr double kRadius_m = 0.06;
 
-struct Drive {
-  const BodySpec body;
-  const SceneTerrain terrain;
-  MultibodyCar car;
-  PulsesUs pulses_us{};
-  Drive(const BodySpec& body_spec, double friction, const TerrainSpec& spec = {}, const StepOptions& options = {})
-      : body(body_spec), terrain(spec), car(body, friction, terrain, {}, options, nullptr) {}
+struct Drive : DriveOf<MultibodyCar, StepOptions> {
+  using DriveOf::DriveOf;
   // The car's origin at that place, rolled by lean_rad, with the body at these rates: v of the origin (world), roll.
   void set(const Vec3& at_m, double lean_rad, const Vec3& velocity_m_s, double roll_rad_s) {
     CarDynamics& car_now = car.dynamics();
@@ -31,11 +25,6 @@ struct Drive {
     const Vec3 v = car_now.turn.to_body(velocity_m_s);
     car_now.velocity = {v.x, v.y, v.z, roll_rad_s, 0, 0};
     car_now.velocity.resize(car_now.size(), velocity_m_s.x / kRadius_m);
-  }
-  const CarState& run(double time_s) {
-    const int steps = static_cast<int>(std::lround(time_s / car.step_s()));
-    for (int i = 0; i < steps; ++i) car.step(pulses_us);
-    return car.state();
   }
   double roll_rate_rad_s() { return car.dynamics().velocity[3]; }
 };
@@ -104,7 +93,7 @@ Vec3 angular_momentum(const BodySpec& body, const CarDynamics& car) {
 TEST(test_in_the_air_it_keeps_its_roll_rate) {
   BodySpec body = study_car(0.08);
   body.segments[0].com_z_m = 0;
-  Drive drive(body, 0.6);
+  Drive drive(body, scene_of({}, 0.6), kNoPulses);
   drive.set({0, 0, 5}, 0, {}, 3);
   const CarState& state = drive.run(0.2);
   TEST_ASSERT_DOUBLE_WITHIN(1e-6, 3, drive.roll_rate_rad_s());
@@ -115,7 +104,7 @@ TEST(test_in_the_air_it_keeps_its_roll_rate) {
 // Thrown with all three rates it tumbles: in the world the angular momentum keeps its size and direction, and the energy
 // stays, whatever the rates in its own axes do.
 TEST(test_in_the_air_it_tumbles_with_constant_angular_momentum_and_energy) {
-  Drive drive(study_car(0.08), 0.6);
+  Drive drive(study_car(0.08), scene_of({}, 0.6), kNoPulses);
   drive.set({0, 0, 2}, 0.3, {0.5, 0.2, 2.5}, 4);
   CarDynamics& car = drive.car.dynamics();
   car.velocity[4] = 3;
@@ -130,7 +119,7 @@ TEST(test_in_the_air_it_tumbles_with_constant_angular_momentum_and_energy) {
   TEST_ASSERT_DOUBLE_WITHIN(0.01 * size, 0, std::sqrt(dot(change, change)));
   // The integrator is ahead by half a step's worth of speed: it falls further than that speed tells.
   const double weight_n = CarConstants(drive.body).mass_kg * kGravity_m_s2;
-  const double ahead_j = 0.5 * weight_n * kGravity_m_s2 * kTime_s * drive.car.step_s();
+  const double ahead_j = 0.5 * weight_n * kGravity_m_s2 * kTime_s * drive.step_s;
   TEST_ASSERT_DOUBLE_WITHIN(0.0005, start_j - ahead_j, drive.car.mechanical_energy_j());
 }
 
@@ -146,10 +135,10 @@ TEST(test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge) {
               (plane.inertia_kg_m2 + plane.mass_kg * (a_m * a_m + h_m * h_m)) * kStep_s;
       lean_rad += rate * kStep_s;
     }
-    Drive drive(body, 2);
+    Drive drive(body, scene_of({}, 2), kNoPulses);
     drive.set({0, 0, kRadius_m * std::cos(from_rad) + a_m * std::sin(from_rad)}, side * from_rad, {}, 0);
     double taken_s = 0;
-    while (side * drive.run(drive.car.step_s()).roll_rad > 0.003 && taken_s < 1) taken_s += drive.car.step_s();
+    while (side * drive.run(drive.step_s).roll_rad > 0.003 && taken_s < 1) taken_s += drive.step_s;
     TEST_ASSERT_DOUBLE_WITHIN(0.03 * expected_s, expected_s, taken_s);
   }
 }
@@ -196,7 +185,7 @@ TEST(test_landing_on_a_leaning_sides_wheels_is_a_rigid_bodys_impact) {
       for (const double time_s : {0.017, 0.034}) {
         const double expected = roll_rate_after_landing_rad_s(body, lean_rad, before_rad_s, friction, time_s);
         for (const double side : {1.0, -1.0}) {
-          Drive drive(body, friction);
+          Drive drive(body, scene_of({}, friction), kNoPulses);
           const Vec3 up = rotation_by({side * lean_rad, 0, 0}).up;
           const Vec3 velocity = cross({-side * before_rad_s, 0, 0}, (plane.height_m - kRadius_m) * up);
           drive.set({0, 0, kRadius_m * std::cos(lean_rad) + a_m * std::sin(lean_rad)}, side * lean_rad, velocity,

@@ -1,5 +1,5 @@
 // Box2D's car in its side plane against closed forms: fall, landing, slopes, steps, energy, hinges, ground, trials.
-#include <unity.h>
+#include "../suite.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,68 +8,24 @@
 
 #include "../closed_forms.h"
 #include "../full_speed.h"
-#include "../study_car.h"
 #include "multibody_engine.h"
-#include "scene_terrain.h"
 #include "side_view_engine.h"
 #include "trial.h"
 
 using namespace foldcar;
 
-void setUp() {}
-void tearDown() {}
-
 namespace {
 
-struct Drive {
-  const BodySpec body;
-  const SceneSpec scene;
-  const SceneTerrain terrain;
-  const double step_s;
-  SideViewCar car;
-  PulsesUs pulses_us;
-  Drive(const BodySpec& body_spec, const SceneSpec& scene_spec, const PulsesUs& pulses, const SideViewOptions& options = {})
-      : body(body_spec),
-        scene(scene_spec),
-        terrain(scene.terrain),
-        step_s(1 / options.rate_hz),
-        car(body, scene, terrain, options, nullptr),
-        pulses_us(pulses) {}
-  const CarState& run(double time_s) {
-    const int steps = static_cast<int>(std::lround(time_s / step_s));
-    for (int i = 0; i < steps; ++i) car.step(pulses_us);
-    return car.state();
-  }
-};
-
-SideViewOptions gently(double rate_hz = 240) {
-  SideViewOptions options;
-  options.drop_m = 0;
-  options.rate_hz = rate_hz;
-  return options;
-}
-
-double speed_on_slope_m_s(const BodySpec& body, double friction, double slope_rad, double fraction, double time_s) {
-  Drive drive(body, scene_of(slope_of(slope_rad), friction, {4, 0, 0}), pulses_for(body, fraction));
-  return drive.run(time_s).speed_m_s / std::cos(slope_rad);
-}
-
-bool climbs_step(const BodySpec& body, double friction, double height_m, double fraction) {
-  const double touching_m = 0.5 - 0.07 - std::sqrt(0.06 * 0.06 - (0.06 - height_m) * (0.06 - height_m));
-  Drive drive(body, scene_of(blocks({{1.0, 0, 1.0, 2.0, height_m, 0}}), friction, {touching_m, 0, 0}),
-              pulses_for(body, fraction));
-  double highest_rad = 0;
-  for (int i = 0; i < 40; ++i) highest_rad = std::max(highest_rad, drive.run(0.1).pitch_rad);
-  return highest_rad > 0.8 * std::asin(height_m / 0.14);
-}
+using Drive = DriveOf<SideViewCar, SideViewOptions>;
+SideViewOptions gently(double rate_hz = 240) { return put_down_gently<SideViewOptions>(rate_hz); }
 
 }  // namespace
 
-void test_it_falls_as_bodies_do_and_lands_without_a_jump() {
+TEST(test_it_falls_as_bodies_do_and_lands_without_a_jump) {
   const BodySpec body = study_car(0.115);
   SideViewOptions high;
   high.drop_m = 0.3;
-  Drive drive(body, scene_of({}, 0.6), pulses_for(body, 0), high);
+  Drive drive(body, scene_of({}, 0.6), 0, high);
   const double start_m = drive.car.state().z_m, time_s = 0.2;
   const double fallen_m = 0.5 * kGravity * time_s * (time_s + drive.step_s);
   TEST_ASSERT_DOUBLE_WITHIN(0.002 * fallen_m, fallen_m, start_m - drive.run(time_s).z_m);
@@ -83,10 +39,10 @@ void test_it_falls_as_bodies_do_and_lands_without_a_jump() {
   TEST_ASSERT_DOUBLE_WITHIN(0.02 * lost_j, lost_j, energy_j - drive.car.mechanical_energy_j());
 }
 
-void test_it_stands_on_its_wheels_which_share_its_weight_by_their_levers() {
+TEST(test_it_stands_on_its_wheels_which_share_its_weight_by_their_levers) {
   BodySpec body = study_car(0.115);
   body.segments[0].com_x_m = 0.02;
-  Drive drive(body, scene_of({}, 0.6), pulses_for(body, 0));
+  Drive drive(body, scene_of({}, 0.6), 0);
   const CarState& state = drive.run(2);
   TEST_ASSERT_DOUBLE_WITHIN(0.0005, 0.06, state.z_m);
   TEST_ASSERT_DOUBLE_WITHIN(0.001, 0, state.x_m);
@@ -97,81 +53,44 @@ void test_it_stands_on_its_wheels_which_share_its_weight_by_their_levers() {
   TEST_ASSERT_DOUBLE_WITHIN(0.01 * weight_n, weight_n - front_n, drive.car.pair_load_n(3));
 }
 
-void test_top_speed_is_where_the_torque_line_ends() {
-  const BodySpec body = study_car(0.115);
-  for (const double fraction : {1.0, 0.5, -1.0}) {
-    Drive drive(body, scene_of({}, 0.6), pulses_for(body, fraction));
-    TEST_ASSERT_DOUBLE_WITHIN(0.01 * 0.69, no_slip_speed_m_s(body, 0, fraction), drive.run(2).speed_m_s);
-  }
+TEST(test_top_speed_is_where_the_torque_line_ends) { reaches_top_speed_where_the_torque_line_ends<Drive>(); }
+
+TEST(test_a_load_slows_it_along_the_torque_line) { is_slowed_by_a_load_along_the_torque_line<Drive>(0.006); }
+
+TEST(test_it_stalls_where_the_slope_asks_for_more_than_stall_torque) {
+  stalls_where_the_slope_asks_for_more_than_stall_torque<Drive>();
+}
+
+TEST(test_all_wheel_drive_climbs_to_the_friction_angle) { climbs_to_the_friction_angle<Drive>(); }
+
+TEST(test_the_highest_step_climbed_is_the_one_statics_allow) {
+  climbs_the_highest_step_that_statics_allow<Drive>(0.001, 0.005);
+}
+
+TEST(test_without_slip_motor_work_becomes_mechanical_energy) {
+  turns_motor_work_into_mechanical_energy_without_slip<Drive>(0.05, gently(960));
+}
+
+TEST(test_friction_and_impacts_never_give_energy) {
+  gains_no_energy_by_friction_and_impacts<Drive>(without_rotors(study_car(0.115)), gently(960));
 }
 
 // The speeds of a strong and a weak servo on one axle meet where their torques cancel.
-void test_unlike_servos_of_a_pair_drive_it_together() {
+TEST(test_unlike_servos_of_a_pair_drive_it_together) {
   BodySpec body = study_car(0.115);
   for (WheelSpec& wheel : body.wheels) {
     if (wheel.side == CarSide::kRight) wheel.servo.no_load_speed_rad_s = 8;
   }
-  Drive drive(body, scene_of({}, 0.6), pulses_for(body, 1));
+  Drive drive(body, scene_of({}, 0.6), 1);
   const double expected_rad_s = 2 / (1 / 11.5 + 1 / 8.0);  // equal stall torques
   TEST_ASSERT_DOUBLE_WITHIN(0.01 * expected_rad_s * 0.06, expected_rad_s * 0.06, drive.run(2).speed_m_s);
   TEST_ASSERT_DOUBLE_WITHIN(0.01 * expected_rad_s, expected_rad_s, drive.car.wheel_speed_rad_s(1));
 }
 
-void test_a_load_slows_it_along_the_torque_line() {
-  const BodySpec body = study_car(0.115);
-  const double slope_rad = 15 * kPi / 180;
-  for (const double fraction : {0.0, 0.5, 1.0}) {
-    TEST_ASSERT_DOUBLE_WITHIN(0.006, no_slip_speed_m_s(body, slope_rad, fraction),
-                              speed_on_slope_m_s(body, 1.0, slope_rad, fraction, 2.5));
-  }
-}
-
-void test_it_stalls_where_the_slope_asks_for_more_than_stall_torque() {
-  BodySpec body = study_car(0.115);
-  for (WheelSpec& wheel : body.wheels) wheel.servo.stall_torque_n_m = 0.02;
-  const double limit_rad = std::asin(4 * 0.02 / (0.06 * mass_kg(body) * kGravity)), margin_rad = 2 * kPi / 180;
-  TEST_ASSERT_TRUE(speed_on_slope_m_s(body, 3.0, limit_rad - margin_rad, 1, 4) > 0.005);
-  TEST_ASSERT_TRUE(speed_on_slope_m_s(body, 3.0, limit_rad + margin_rad, 1, 4) < -0.005);
-}
-
-void test_all_wheel_drive_climbs_to_the_friction_angle() {
-  const BodySpec body = study_car(0.115);
-  const double friction = 0.3, angle_rad = std::atan(friction), margin_rad = 1.5 * kPi / 180;
-  TEST_ASSERT_TRUE(speed_on_slope_m_s(body, friction, angle_rad - margin_rad, 1, 2) > 0.1);
-  TEST_ASSERT_TRUE(speed_on_slope_m_s(body, friction, angle_rad + margin_rad, 1, 2) < 0);
-}
-
-void test_the_highest_step_climbed_is_the_one_statics_allow() {
-  struct Case {
-    double friction, stall_torque_n_m, fraction;
-  };
-  for (const Case& limit : {Case{0.3, 0.134, 0.2}, Case{0.4, 0.134, 0.2}, Case{0.45, 0.134, 0.2},
-                            Case{0.5, 0.134, 0.2}, Case{2, 0.010, 1}, Case{2, 0.015, 1}}) {
-    BodySpec body = study_car(0.115);
-    for (WheelSpec& wheel : body.wheels) wheel.servo.stall_torque_n_m = limit.stall_torque_n_m;
-    const double highest_m = highest_climbable_step_m(body, limit.friction);
-    TEST_ASSERT_TRUE(climbs_step(body, limit.friction, highest_m - 0.001, limit.fraction));
-    TEST_ASSERT_FALSE(climbs_step(body, limit.friction, highest_m + 0.005, limit.fraction));
-  }
-}
-
-void test_without_slip_motor_work_becomes_mechanical_energy() {
-  const BodySpec body = study_car(0.115);
-  Drive drive(body, scene_of({}, 2), pulses_for(body, 0), gently(960));
-  drive.run(0.5);
-  const double energy_j = drive.car.mechanical_energy_j(), work_j = drive.car.state().motor_work_j;
-  drive.pulses_us = pulses_for(body, 0.6);
-  drive.run(0.15);
-  const double done_j = drive.car.state().motor_work_j - work_j;
-  TEST_ASSERT_TRUE(done_j > 0.005);
-  TEST_ASSERT_DOUBLE_WITHIN(0.05 * done_j, done_j, drive.car.mechanical_energy_j() - energy_j);
-  TEST_ASSERT_TRUE(drive.car.state().consumed_energy_j > drive.car.state().motor_work_j);
-}
-
 // Its reaction stays in the gearbox: a frame that took the rotors' torque would rear up, and turn over in a reversal.
-void test_spinning_up_the_rotors_hardly_pitches_it() {
+TEST(test_spinning_up_the_rotors_hardly_pitches_it) {
   const BodySpec body = study_car(0.115);
-  Drive drive(body, scene_of({}, 0.6), pulses_for(body, 0));
+  Drive drive(body, scene_of({}, 0.6), 0);
   drive.run(0.3);
   for (const double fraction : {1.0, -1.0}) {
     drive.pulses_us = pulses_for(body, fraction);
@@ -182,10 +101,10 @@ void test_spinning_up_the_rotors_hardly_pitches_it() {
 }
 
 // A segment far lighter than its rotors is driven at the line's speed, and stands still.
-void test_a_segment_lighter_than_its_rotors_drives_steadily() {
+TEST(test_a_segment_lighter_than_its_rotors_drives_steadily) {
   BodySpec body = study_car(0.115);
   for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 2e-3;
-  Drive drive(body, scene_of({}, 0.9), pulses_for(body, 0.5));
+  Drive drive(body, scene_of({}, 0.9), 0.5);
   drive.run(4);
   for (int i = 0; i < 240; ++i) {
     const CarState& state = drive.run(drive.step_s);
@@ -194,26 +113,10 @@ void test_a_segment_lighter_than_its_rotors_drives_steadily() {
   }
 }
 
-void test_friction_and_impacts_never_give_energy() {
-  const BodySpec body = without_rotors(study_car(0.115));
-  Drive drive(body, scene_of(blocks({{0.35, 0, 0.06, 2, 0.02, 0}, {0.75, 0, 0.06, 2, 0.02, 0}}), 0.6),
-              pulses_for(body, 1), gently(960));
-  const auto unexplained_j = [&] { return drive.car.mechanical_energy_j() - drive.car.state().motor_work_j; };
-  drive.run(0.25);
-  const double start_j = unexplained_j();
-  double least_j = start_j;
-  while (drive.car.state().x_m < 1.2) {
-    drive.run(drive.step_s);
-    TEST_ASSERT_TRUE(unexplained_j() < least_j + 0.004);
-    least_j = std::min(least_j, unexplained_j());
-  }
-  TEST_ASSERT_TRUE(least_j < start_j - 0.004);
-}
-
 // Free wheels under a car of two halves: each turns about its axle under its weight, 20 mm from it, and the flexure.
-void test_a_hinge_sags_as_its_stiffness_lets_it_and_rests_on_its_limits() {
+TEST(test_a_hinge_sags_as_its_stiffness_lets_it_and_rests_on_its_limits) {
   const BodySpec body = without_rotors(hinged_study_car(0.095, 0.6));
-  Drive drive(body, scene_of({}, 0.6), {}, gently());
+  Drive drive(body, scene_of({}, 0.6), kNoPulses, gently());
   const double weight_n = body.segments[0].mass_kg * kGravity;
   double tilt_rad = 0;
   for (int i = 0; i < 100; ++i) {
@@ -222,33 +125,33 @@ void test_a_hinge_sags_as_its_stiffness_lets_it_and_rests_on_its_limits() {
   drive.run(3);
   TEST_ASSERT_DOUBLE_WITHIN(0.03 * tilt_rad, 2 * tilt_rad, std::abs(drive.car.hinge_rad(0)));
   for (const double limit_rad : {0.05, 0.2}) {
-    Drive limp(without_rotors(hinged_study_car(0.095, 0, limit_rad)), scene_of({}, 0.6), {}, gently());
+    Drive limp(without_rotors(hinged_study_car(0.095, 0, limit_rad)), scene_of({}, 0.6), kNoPulses, gently());
     limp.run(2);
     TEST_ASSERT_DOUBLE_WITHIN(0.01, limit_rad, std::abs(limp.car.hinge_rad(0)));
   }
 }
 
-void test_a_heavy_point_far_from_the_origin_is_taken() {
+TEST(test_a_heavy_point_far_from_the_origin_is_taken) {
   BodySpec body = study_car(0.095);
   body.segments[0].com_x_m = 1;
   body.segments[0].mass_kg = 2;
   body.segments[0].pitch_inertia_kg_m2 = 1e-7;
-  Drive drive(body, scene_of({}, 0.6), pulses_for(body, 0));
+  Drive drive(body, scene_of({}, 0.6), 0);
   TEST_ASSERT_TRUE(drive.run(0.1).pitch_rad < 0);
   TEST_ASSERT_TRUE(drive.car.finite());
 }
 
 // Within the limit it sinks by less than a millimetre, beyond it is refused.
-void test_a_segment_too_heavy_for_its_wheels_is_refused() {
+TEST(test_a_segment_too_heavy_for_its_wheels_is_refused) {
   BodySpec body = study_car(0.095);
   const double pair_kg = 2 * body.wheels[0].mass_kg;
   body.segments[0].mass_kg = 99 * pair_kg;
-  Drive drive(body, scene_of({}, 0.6), pulses_for(body, 0));
+  Drive drive(body, scene_of({}, 0.6), 0);
   TEST_ASSERT_DOUBLE_WITHIN(0.001, 0.06, drive.run(2).z_m);
   body.segments[0].mass_kg = 101 * pair_kg;
   std::string refusal;
   try {
-    Drive(body, scene_of({}, 0.6), pulses_for(body, 0));
+    Drive(body, scene_of({}, 0.6), 0);
   } catch (const std::runtime_error& error) {
     refusal = error.what();
   }
@@ -257,14 +160,14 @@ void test_a_segment_too_heavy_for_its_wheels_is_refused() {
 
 // The belly's lower corner, 11 mm high, meets the slope a few millimetres before the plateau's wall behind it. Sliding up
 // it loses speed to the inelastic impact and to friction, but the wall is inside the slope.
-void test_a_belly_slides_up_a_slope_onto_the_plateau_behind_it() {
+TEST(test_a_belly_slides_up_a_slope_onto_the_plateau_behind_it) {
   BodySpec body = study_car(0.095);
   for (WheelSpec& wheel : body.wheels) wheel.radius_m = 0.036;
   for (const double length_m : {0.016, 0.02}) {
     for (const double height_m : {0.012, 0.0128, 0.0136}) {
       const BlockSpec slope{0.4, 0, length_m, 2, height_m, 0, BlockSpec::Kind::kRamp};
       const BlockSpec plateau{0.4 + length_m / 2 + 0.25, 0, 0.5, 2, height_m, 0};
-      Drive drive(body, scene_of(blocks({slope, plateau}), 0.8), pulses_for(body, 1));
+      Drive drive(body, scene_of(blocks({slope, plateau}), 0.8), 1);
       while (drive.car.state().x_m < 0.28) drive.run(drive.step_s);
       TEST_ASSERT_TRUE(drive.run(0.5).x_m > 0.37);
     }
@@ -272,7 +175,7 @@ void test_a_belly_slides_up_a_slope_onto_the_plateau_behind_it() {
 }
 
 // On the crest of a ridge a limp car of three axles folds until every wheel stands; a stiff one bridges it.
-void test_hinges_let_every_wheel_stand_on_a_crest() {
+TEST(test_hinges_let_every_wheel_stand_on_a_crest) {
   BodySpec body = study_car(0.095);
   const SegmentSpec whole = body.segments[0];
   body.segments.clear();
@@ -290,7 +193,7 @@ void test_hinges_let_every_wheel_stand_on_a_crest() {
   }
   for (const double stiffness : {0.0, 1e5}) {
     body.hinges = {{0.07, 0, stiffness, 0.002, -1, 1}, {-0.07, 0, stiffness, 0.002, -1, 1}};
-    Drive drive(body, scene_of(blocks({{0, 0, 0.05, 2, 0.02, 0}}), 0.6), {}, gently());
+    Drive drive(body, scene_of(blocks({{0, 0, 0.05, 2, 0.02, 0}}), 0.6), kNoPulses, gently());
     drive.run(3);
     const double least_n = std::min(drive.car.pair_load_n(0), drive.car.pair_load_n(4));
     TEST_ASSERT_TRUE(drive.car.pair_load_n(2) > 0.3);
@@ -299,11 +202,11 @@ void test_hinges_let_every_wheel_stand_on_a_crest() {
   }
 }
 
-void test_it_follows_smooth_ground_over_the_seams_of_its_pieces() {
+TEST(test_it_follows_smooth_ground_over_the_seams_of_its_pieces) {
   TerrainSpec terrain;
   terrain.hills.push_back({1.0, 0, 0, 0.5, 5, 0.08});
   const BodySpec body = study_car(0.095);
-  Drive drive(body, scene_of(terrain, 0.9, {-0.5, 0, 0}), pulses_for(body, 0.6));
+  Drive drive(body, scene_of(terrain, 0.9, {-0.5, 0, 0}), 0.6);
   drive.run(0.3);
   while (drive.car.state().x_m < 2.5) {
     const CarState& state = drive.run(drive.step_s);
@@ -321,22 +224,22 @@ void test_it_follows_smooth_ground_over_the_seams_of_its_pieces() {
   }
 }
 
-void test_an_arc_of_many_chords_lifts_it_by_its_height() {
+TEST(test_an_arc_of_many_chords_lifts_it_by_its_height) {
   BlockSpec bump{0.4, 0, 0.1, 2, 0.02, 0, BlockSpec::Kind::kHalfRound};
   const BodySpec body = study_car(0.095);
-  Drive drive(body, scene_of(blocks({bump}), 0.9), pulses_for(body, 0.3));
+  Drive drive(body, scene_of(blocks({bump}), 0.9), 0.3);
   double highest_m = 0;
   while (drive.car.state().x_m < 0.8) highest_m = std::max(highest_m, drive.run(drive.step_s).z_m);
   // The origin is in the middle of both axles.
   TEST_ASSERT_DOUBLE_WITHIN(0.0008, 0.07, highest_m);
 }
 
-void test_locked_wheels_brake_with_the_friction_of_the_patch() {
+TEST(test_locked_wheels_brake_with_the_friction_of_the_patch) {
   TerrainSpec terrain;
   terrain.patches.push_back({2, 0, 0, 3, 2, 0.15});  // from x = 0.5 m on
   BodySpec body = without_rotors(study_car(0.115));
   for (WheelSpec& wheel : body.wheels) wheel.servo.stall_torque_n_m = 0.5;
-  Drive drive(body, scene_of(terrain, 0.8), pulses_for(body, 1));
+  Drive drive(body, scene_of(terrain, 0.8), 1);
   while (drive.car.state().x_m < 0.75) drive.run(drive.step_s);
   drive.pulses_us = pulses_for(body, 0);
   const double early_m_s = drive.run(0.05).speed_m_s, late_m_s = drive.run(0.2).speed_m_s;
@@ -344,7 +247,7 @@ void test_locked_wheels_brake_with_the_friction_of_the_patch() {
   TEST_ASSERT_DOUBLE_WITHIN(0.04 * 0.15 * kGravity, 0.15 * kGravity, (early_m_s - late_m_s) / 0.2);
 }
 
-void test_any_heading_and_place_of_the_start_gives_the_same_run() {
+TEST(test_any_heading_and_place_of_the_start_gives_the_same_run) {
   const BodySpec body = study_car(0.095);
   const auto result = [&](double x_m, double y_m, double heading_rad) {
     const double c = std::cos(heading_rad), s = std::sin(heading_rad);
@@ -363,7 +266,7 @@ void test_any_heading_and_place_of_the_start_gives_the_same_run() {
 }
 
 // The other engine's time over the same bumps, across the course.
-void test_over_bumps_it_takes_as_long_as_in_six_degrees_of_freedom() {
+TEST(test_over_bumps_it_takes_as_long_as_in_six_degrees_of_freedom) {
   const BodySpec body = study_car(0.115);
   SceneSpec scene = scene_of(blocks({{0.35, 0, 0.06, 2, 0.015, 0}, {0.7, 0, 0.06, 2, 0.015, 0}}), 0.6);
   scene.goal = GoalSpec{GoalSpec::Kind::kLine, 1.2, 0, 0, 0};
@@ -373,31 +276,4 @@ void test_over_bumps_it_takes_as_long_as_in_six_degrees_of_freedom() {
   TEST_ASSERT_EQUAL_INT(static_cast<int>(Outcome::kPassed), static_cast<int>(here.outcome));
   TEST_ASSERT_DOUBLE_WITHIN(0.05 * there.elapsed_time_s, there.elapsed_time_s, here.elapsed_time_s);
   TEST_ASSERT_DOUBLE_WITHIN(0.1 * there.consumed_energy_j, there.consumed_energy_j, here.consumed_energy_j);
-}
-
-int main() {
-  UNITY_BEGIN();
-  RUN_TEST(test_it_falls_as_bodies_do_and_lands_without_a_jump);
-  RUN_TEST(test_it_stands_on_its_wheels_which_share_its_weight_by_their_levers);
-  RUN_TEST(test_top_speed_is_where_the_torque_line_ends);
-  RUN_TEST(test_unlike_servos_of_a_pair_drive_it_together);
-  RUN_TEST(test_a_load_slows_it_along_the_torque_line);
-  RUN_TEST(test_it_stalls_where_the_slope_asks_for_more_than_stall_torque);
-  RUN_TEST(test_all_wheel_drive_climbs_to_the_friction_angle);
-  RUN_TEST(test_the_highest_step_climbed_is_the_one_statics_allow);
-  RUN_TEST(test_without_slip_motor_work_becomes_mechanical_energy);
-  RUN_TEST(test_spinning_up_the_rotors_hardly_pitches_it);
-  RUN_TEST(test_a_segment_lighter_than_its_rotors_drives_steadily);
-  RUN_TEST(test_friction_and_impacts_never_give_energy);
-  RUN_TEST(test_a_hinge_sags_as_its_stiffness_lets_it_and_rests_on_its_limits);
-  RUN_TEST(test_a_heavy_point_far_from_the_origin_is_taken);
-  RUN_TEST(test_a_segment_too_heavy_for_its_wheels_is_refused);
-  RUN_TEST(test_a_belly_slides_up_a_slope_onto_the_plateau_behind_it);
-  RUN_TEST(test_hinges_let_every_wheel_stand_on_a_crest);
-  RUN_TEST(test_it_follows_smooth_ground_over_the_seams_of_its_pieces);
-  RUN_TEST(test_an_arc_of_many_chords_lifts_it_by_its_height);
-  RUN_TEST(test_locked_wheels_brake_with_the_friction_of_the_patch);
-  RUN_TEST(test_any_heading_and_place_of_the_start_gives_the_same_run);
-  RUN_TEST(test_over_bumps_it_takes_as_long_as_in_six_degrees_of_freedom);
-  return UNITY_END();
 }

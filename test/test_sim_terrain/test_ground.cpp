@@ -4,10 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "../closed_forms.h"
 #include "../full_speed.h"
 #include "../multibody_trial.h"
-#include "../study_car.h"
-#include "scene_terrain.h"
 #include "trial.h"
 #include "multibody_car.h"
 
@@ -15,23 +14,9 @@ using namespace foldcar;
 
 namespace {
 
-constexpr double kGravity = 9.81;
 constexpr double kRadius_m = 0.06;
 
-struct Drive {
-  BodySpec body;
-  MultibodyCar car;
-  PulsesUs pulses_us;
-  Drive(const BodySpec& body_spec, double friction, const Terrain& terrain, double fraction, PoseSpec start = {})
-      : body(body_spec),
-        car(body, friction, terrain, start, StepOptions{}, nullptr),
-        pulses_us(pulses_for(body, fraction)) {}
-  const CarState& run(double time_s) {
-    const int steps = static_cast<int>(std::lround(time_s / car.step_s()));
-    for (int i = 0; i < steps; ++i) car.step(pulses_us);
-    return car.state();
-  }
-};
+using Drive = DriveOf<MultibodyCar, StepOptions>;
 
 TerrainSpec one_hill(const HillSpec& hill) {
   TerrainSpec terrain;
@@ -70,8 +55,8 @@ double axle_height_m(double x_m, const Height& height_m) {
 TEST(test_it_stands_on_a_hill_and_in_a_hollow_as_high_as_its_wheels_touch) {
   for (const double hill_m : {0.05, -0.05}) {
     const double sd_m = 0.25;
-    const SceneTerrain terrain(one_hill({0, 0, 0, sd_m, 10, hill_m}));
-    Drive drive(study_car(0.115), 0.8, terrain, 0);
+    const TerrainSpec terrain = one_hill({0, 0, 0, sd_m, 10, hill_m});
+    Drive drive(study_car(0.115), scene_of(terrain, 0.8), 0);
     const double expected_m =
         axle_height_m(0.07, [&](double x_m) { return hill_m * std::exp(-x_m * x_m / (2 * sd_m * sd_m)); });
     TEST_ASSERT_DOUBLE_WITHIN(0.0006, expected_m, drive.run(0.5).z_m);
@@ -81,8 +66,8 @@ TEST(test_it_stands_on_a_hill_and_in_a_hollow_as_high_as_its_wheels_touch) {
 
 TEST(test_on_a_hillside_it_rolls_as_far_as_its_tracks_differ) {
   const double sd_m = 0.25, hill_m = 0.06;
-  const SceneTerrain terrain(one_hill({0, 0.25, 0, 10, sd_m, hill_m}));
-  Drive drive(study_car(0.115), 0.8, terrain, 0);
+  const TerrainSpec terrain = one_hill({0, 0.25, 0, 10, sd_m, hill_m});
+  Drive drive(study_car(0.115), scene_of(terrain, 0.8), 0);
   const double roll_rad = drive.run(0.5).roll_rad, half_m = 0.5 * drive.body.track_m * std::cos(roll_rad);
   // The highest under a tyre is where it is nearest to the crest.
   auto height_m = [&](double y_m) { return hill_m * std::exp(-(y_m - 0.25) * (y_m - 0.25) / (2 * sd_m * sd_m)); };
@@ -94,15 +79,15 @@ TEST(test_on_a_hillside_it_rolls_as_far_as_its_tracks_differ) {
 TEST(test_over_a_smooth_hill_motor_work_becomes_mechanical_energy) {
   BodySpec body = study_car(0.115);
   for (WheelSpec& wheel : body.wheels) wheel.servo.rotor_inertia_kg_m2 = 0;  // its energy is not the plane's
-  const SceneTerrain terrain(one_hill({0.6, 0, 0, 0.15, 5, 0.05}));
-  Drive drive(body, 2.0, terrain, 0);
+  const TerrainSpec terrain = one_hill({0.6, 0, 0, 0.15, 5, 0.05});
+  Drive drive(body, scene_of(terrain, 2.0), 0);
   drive.run(0.5);
   const double climb_j = CarConstants(body).mass_kg * kGravity * 0.05;
   const double energy_j = drive.car.mechanical_energy_j(), work_j = drive.car.state().motor_work_j;
   drive.pulses_us = pulses_for(body, 0.4);
   double highest_m = 0;
   while (drive.car.state().x_m < 0.9) {
-    drive.run(drive.car.step_s());
+    drive.run(drive.step_s);
     highest_m = std::max(highest_m, drive.car.state().z_m);
     const double gained_j = drive.car.mechanical_energy_j() - energy_j;
     TEST_ASSERT_DOUBLE_WITHIN(0.04 * climb_j, drive.car.state().motor_work_j - work_j, gained_j);
@@ -114,9 +99,8 @@ TEST(test_over_a_smooth_hill_motor_work_becomes_mechanical_energy) {
 TEST(test_locked_wheels_brake_with_the_friction_of_the_patch) {
   TerrainSpec spec;
   spec.patches = {{2, 0, 0, 3, 2, 0.15}};  // from x = 0.5 m on
-  const SceneTerrain terrain(spec);
-  Drive drive(locking_car(), 0.8, terrain, 1);
-  while (drive.car.state().x_m < 0.75) drive.run(drive.car.step_s());
+  Drive drive(locking_car(), scene_of(spec, 0.8), 1);
+  while (drive.car.state().x_m < 0.75) drive.run(drive.step_s);
   drive.pulses_us = pulses_for(drive.body, 0);
   const double early_m_s = drive.run(0.05).speed_m_s, late_m_s = drive.run(0.3).speed_m_s;
   TEST_ASSERT_TRUE(late_m_s > 0.1);
@@ -126,9 +110,8 @@ TEST(test_locked_wheels_brake_with_the_friction_of_the_patch) {
 TEST(test_ice_under_one_side_brakes_half_and_turns_to_the_other) {
   TerrainSpec spec;
   spec.patches = {{2, 0.5, 0, 3, 1, 0.05}};  // the left wheels only
-  const SceneTerrain terrain(spec);
-  Drive drive(locking_car(), 0.3, terrain, 1);
-  while (drive.car.state().x_m < 0.75) drive.run(drive.car.step_s());
+  Drive drive(locking_car(), scene_of(spec, 0.3), 1);
+  while (drive.car.state().x_m < 0.75) drive.run(drive.step_s);
   const double heading_rad = drive.car.state().heading_rad;
   drive.pulses_us = pulses_for(drive.body, 0);
   // When its nose has come down, and before it has turned much: locked wheels do not hold a car straight.
@@ -144,14 +127,12 @@ TEST(test_a_belly_slides_on_a_slippery_ramp) {
   BodySpec body = study_car(0.115);
   body.segments[0].grip = 0.5;
   TerrainSpec spec = blocks({{0, 0, length_m, 0.09, height_m, 0, BlockSpec::Kind::kRamp}});
-  const SceneTerrain dry(spec);
-  Drive held(body, 0.7, dry, 0, {0.15, 0, 0});
+  Drive held(body, scene_of(spec, 0.7, {0.15, 0, 0}), 0);
   const double before_m = held.run(0.5).x_m;
   TEST_ASSERT_DOUBLE_WITHIN(0.01, slope_rad, held.car.state().pitch_rad);
   TEST_ASSERT_DOUBLE_WITHIN(0.002, before_m, held.run(0.5).x_m);
   spec.patches = {{0, 0, 0, 2, 2, 0.2}};
-  const SceneTerrain wet(spec);
-  Drive sliding(body, 0.7, wet, 0, {0.15, 0, 0});
+  Drive sliding(body, scene_of(spec, 0.7, {0.15, 0, 0}), 0);
   const double early_m_s = sliding.run(0.25).speed_m_s, late_m_s = sliding.run(0.2).speed_m_s;
   const double along = std::sin(slope_rad) - 0.5 * 0.2 * std::cos(slope_rad);
   const double expected = kGravity * along * std::cos(slope_rad);
@@ -178,8 +159,8 @@ TEST(test_a_belly_that_drags_beside_the_middle_turns_the_car_to_that_side) {
     const double held_n_m_s = 0.5 * line_n_s_m * body.track_m * body.track_m + drag_n * tail_m * tail_m / speed_m_s;
     const double coulomb_rad = drag_n * kRail_m / held_n_m_s * kTime_s;
     for (const double side : {1.0, -1.0}) {
-      const SceneTerrain rail(blocks({{0, side * kRail_m, 4, 0.026, 0.034, 0}}));
-      Drive drive(body, kFriction, rail, 0);
+      const TerrainSpec rail = blocks({{0, side * kRail_m, 4, 0.026, 0.034, 0}});
+      Drive drive(body, scene_of(rail, kFriction), 0);
       const double start_rad = drive.run(0.5).heading_rad;
       drive.pulses_us = pulses_for(body, kFraction);
       const double turn_rad = side * (drive.run(kTime_s).heading_rad - start_rad);

@@ -16,7 +16,7 @@ from foldcar.car.folded.model import Access, Face, FoldedCar, Mount, Pose, Solid
 from foldcar.car.folded.pose import compose, inverse, rotation, translation
 from foldcar.car.folded.pose import folded as folded_poses
 from foldcar.car.folded_car import folded_car
-from foldcar.car.parts.choices import DEFAULT_CHOICES
+from foldcar.car.parts.catalogue import DEFAULT_CHOICES
 from foldcar.car.proof.prove import assembly_steps, prove, service_steps
 from foldcar.car.verify import check_design
 from foldcar.study.family import read_family

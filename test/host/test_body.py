@@ -9,8 +9,7 @@ import pytest
 import shapely
 import trimesh
 
-from foldcar.car.body import body_json, full_speed_m_s
-from foldcar.car.car_file import TableRow, check_parameters, firmware_parameters
+from foldcar.car.body import TableRow, body_json, check_parameters, firmware_parameters, full_speed_m_s
 from foldcar.car.design import Design, compose
 from foldcar.car.folded.model import FoldedCar, Mount, Solid
 from foldcar.car.folded.pose import translation
@@ -190,10 +189,7 @@ def test_the_servo_line_lies_between_the_published_points() -> None:
 def test_wheels_stand_front_to_back_left_then_right_and_mirrored() -> None:
     body = body_json(study_car())
 
-    places = [
-        (wheel["channel"], wheel["side"], wheel["x_m"], wheel["servo"]["direction"])
-        for wheel in body["wheels"]
-    ]
+    places = [(wheel["channel"], wheel["side"], wheel["x_m"], wheel["servo"]["direction"]) for wheel in body["wheels"]]
     assert places == [
         (0, "left", 0.07, 1),
         (1, "right", 0.07, -1),
@@ -235,9 +231,7 @@ def longer_leads_kg(car: FoldedCar, body: str = "") -> float:
 def test_the_same_modules_weigh_the_same_with_hinges_between() -> None:
     rigid, hinged = compose("W_B_W_W", {"W.length": 140}), compose("W_B_H_W_H_W", {"W.length": 140})
 
-    weights = [
-        sum(segment["mass_kg"] for segment in body_json(design)["segments"]) for design in (rigid, hinged)
-    ]
+    weights = [sum(segment["mass_kg"] for segment in body_json(design)["segments"]) for design in (rigid, hinged)]
 
     # Two strips of 6 mm glued over 10 mm at either end, two stops of five faces, two pairs of end caps, which have
     # slits for cables; two flaps, four latches and two pull tabs more, between the caps.

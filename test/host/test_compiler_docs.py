@@ -4,7 +4,7 @@ import re
 from importlib import import_module
 from pathlib import Path
 
-from foldcar.car.modules import parameters
+from foldcar.car.design import parameters
 from foldcar.car.parts.catalogue import catalogue
 
 DOC = Path(__file__).parents[2] / "docs" / "compiler.md"

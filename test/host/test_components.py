@@ -7,15 +7,13 @@ from typing import Any
 
 import pytest
 
-from foldcar.car import modules as module_table
-from foldcar.car.components.assemble import Assembly, assemble
-from foldcar.car.components.component import Component, Sub, build
-from foldcar.car.components.parameter import ComponentError, Parameter
+from foldcar.car import design as module_table
+from foldcar.car.components.assemble import Assembly, assemble, build
+from foldcar.car.components.component import Component, ComponentError, Parameter, Sub
 from foldcar.car.components.shape import Shape
-from foldcar.car.design import compose
+from foldcar.car.design import compose, load_components
 from foldcar.car.folded.pose import apply, folded
 from foldcar.car.folded_car import folded_car
-from foldcar.car.modules import load_components
 from foldcar.car.parts.catalogue import catalogue
 from foldcar.car.verify import verify
 from foldcar.errors import FoldcarError
@@ -193,7 +191,7 @@ def test_every_parameter_says_what_it_is() -> None:
 
 # The example of docs/compiler.md.
 DOC = (Path(__file__).parents[2] / "docs" / "compiler.md").read_text(encoding="utf-8")
-TAIL = "\n" + DOC[DOC.index("from foldcar.car.components.component import Sub") :].partition("```")[0]
+TAIL = "\n" + DOC[DOC.index("from foldcar.car.components.component import Parameter, Sub") :].partition("```")[0]
 
 
 @pytest.fixture(autouse=True)
@@ -224,14 +222,14 @@ def test_a_user_module_is_part_of_the_car(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("class Tail(Module):", "class Tail(Module)"), ":8: expected ':'"),
+        (("class Tail(Module):", "class Tail(Module)"), ":7: expected ':'"),
         (("import Caster", "import Castor"), ":3: ImportError: cannot import name 'Castor'"),
-        (('letter = "Tail"', 'letter = "W"'), ':8: Tail: letter "W" is that of WheelModule already'),
-        (('letter = "Tail"', 'letter = "a_b"'), ':8: Tail: letter "a_b" is not made of letters and digits'),
-        (('letter = "Tail"', "letter = 3"), ':8: Tail has no text "letter"'),
-        (('"offset", 5, 0', '"width", 5, 0'), ':8: Tail: its parameter "width" is declared otherwise'),
+        (('letter = "Tail"', 'letter = "W"'), ':7: Tail: letter "W" is that of WheelModule already'),
+        (('letter = "Tail"', 'letter = "a_b"'), ':7: Tail: letter "a_b" is not made of letters and digits'),
+        (('letter = "Tail"', "letter = 3"), ':7: Tail has no text "letter"'),
+        (('"offset", 5, 0', '"width", 5, 0'), ':7: Tail: its parameter "width" is declared otherwise'),
         (("class Tail(Module):", "from foldcar.car.components.module import *\nclass Tail(WheelModule):"),
-         ":9: Tail: carries wheels or electronics"),
+         ":8: Tail: carries wheels or electronics"),
         (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of foldcar.car.components.module.Module"),
     ],
 )  # fmt: skip
@@ -251,9 +249,9 @@ def test_a_file_with_an_error_is_one_line_with_file_and_line(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (('"beam.floor")[1]', '"beam.flor")[1]'), 'Tail2: has no face "beam.flor" [{file}:17]'),
+        (('"beam.floor")[1]', '"beam.flor")[1]'), 'Tail2: has no face "beam.flor" [{file}:16]'),
         (('self["offset"]', 'self["offsets"]'), 'Tail2: has no parameter "offsets"; it has'),
-        (("width / 2)", "width / 0)"), "{file}:18: ZeroDivisionError: float division by zero"),
+        (("width / 2)", "width / 0)"), "{file}:17: ZeroDivisionError: float division by zero"),
     ],
 )
 def test_a_module_that_cannot_be_built_is_named_with_file_and_line(

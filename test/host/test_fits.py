@@ -15,7 +15,7 @@ from foldcar.car.folded.model import Face, FoldedCar, Hole
 from foldcar.car.folded.pose import compose as chain
 from foldcar.car.folded.pose import translation
 from foldcar.car.folded_car import folded_car
-from foldcar.car.parts.choices import OPTIONS
+from foldcar.car.parts.catalogue import OPTIONS
 from foldcar.car.verify import verify
 from foldcar.fabrication.assembly.parts_list import parts_list_text
 

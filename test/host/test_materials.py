@@ -14,8 +14,7 @@ from typer.testing import CliRunner
 from foldcar.car.body import body_json
 from foldcar.car.design import DesignError, compose
 from foldcar.car.folded_car import folded_car
-from foldcar.car.parts.catalogue import chosen
-from foldcar.car.parts.choices import OPTIONS, PartChoices
+from foldcar.car.parts.catalogue import OPTIONS, PartChoices, chosen
 from foldcar.car.verify import verify
 from foldcar.cli import app
 from foldcar.fabrication.assembly.guide import steps

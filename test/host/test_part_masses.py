@@ -16,8 +16,7 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.placed import place
 from foldcar.car.folded_car import folded_car
 from foldcar.car.leads import leads, wire_mm
-from foldcar.car.parts.catalogue import Catalogue
-from foldcar.car.parts.choices import OPTIONS
+from foldcar.car.parts.catalogue import OPTIONS, Catalogue
 from foldcar.car.variation import workshop
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_text, total_mass_kg
 from foldcar.fabrication.patterns.labels import join_marks

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from foldcar.car.body import body_json, full_speed_m_s
-from foldcar.car.car_file import firmware_parameters
+from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
 from foldcar.car.design import compose
 from foldcar.car.variation import draw, spread_named, vary_body, workshop
 from foldcar.errors import FoldcarError
@@ -128,9 +127,7 @@ def test_a_body_is_changed_as_computed_by_hand(body: dict[str, Any], carsim_limi
     assert second["servo"]["no_load_speed_rad_s"] == pytest.approx(
         1.1 * body["wheels"][1]["servo"]["no_load_speed_rad_s"]
     )
-    assert second["servo"]["stall_torque_n_m"] == pytest.approx(
-        0.9 * body["wheels"][1]["servo"]["stall_torque_n_m"]
-    )
+    assert second["servo"]["stall_torque_n_m"] == pytest.approx(0.9 * body["wheels"][1]["servo"]["stall_torque_n_m"])
     assert (second["servo"]["neutral_us"], second["servo"]["deadband_us"]) == (1488, 50)
     assert varied["supply_v"] == pytest.approx(5.0)
     # What does not vary stays.

@@ -11,10 +11,9 @@ import pytest
 import scipy.linalg
 import shapely
 
-from foldcar.car.components.assemble import assemble
-from foldcar.car.components.component import build
+from foldcar.car.components.assemble import assemble, build
+from foldcar.car.components.hooked_strip import WheelSize
 from foldcar.car.components.wheel import Wheel
-from foldcar.car.components.wheel_size import WheelSize
 from foldcar.car.design import DesignError, compose
 from foldcar.car.folded.model import Axle, FoldedCar
 from foldcar.car.folded.placed import PlacedFace, place
@@ -22,11 +21,9 @@ from foldcar.car.folded.pose import compose as chain
 from foldcar.car.folded.pose import rotation, translation
 from foldcar.car.folded.weight import body_properties
 from foldcar.car.folded_car import folded_car
-from foldcar.car.parts.catalogue import chosen
-from foldcar.car.parts.choices import PartChoices
-from foldcar.car.proof.check_crossings import check_crossings
-from foldcar.car.proof.check_flat import check_flat
-from foldcar.car.proof.check_wheels import check_wheels, roundness_mm
+from foldcar.car.parts.catalogue import PartChoices, chosen
+from foldcar.car.proof.check_film import check_crossings, check_flat
+from foldcar.car.proof.check_parts import check_wheels, roundness_mm
 from foldcar.car.proof.prove import assembly_steps
 from foldcar.car.verify import check_design
 from foldcar.fabrication.assembly.operations import turned as discs_turned

@@ -13,7 +13,7 @@ import numpy as np
 from foldcar.car.folded.model import FoldedCar, Hole, Mount, Point
 from foldcar.car.folded.placed import Finding, PlacedFace, place
 from foldcar.car.folded.pose import compose
-from foldcar.car.parts.mechanics import Screw
+from foldcar.car.parts.bought import Screw
 from foldcar.car.parts.quantity import Quantity
 
 ROUNDING_MM = 1e-6

@@ -9,24 +9,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
-from foldcar.car.components.assemble import Assembly, assemble
+from foldcar.car.components.assemble import Assembly, assemble, build
 from foldcar.car.components.box_beam import PANELS, EndCap, flap_end_mm, latch_mm, wall_mm
-from foldcar.car.components.brain_module import BrainModule, ElectronicsModule
 from foldcar.car.components.bridge import plug_room_mm, usb_height_mm
-from foldcar.car.components.component import Component, Sub, build
+from foldcar.car.components.component import ROUNDING, Component, ComponentError, Sub, at_least
 from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
-from foldcar.car.components.module import WheelModule
+from foldcar.car.components.module import BrainModule, ElectronicsModule, WheelModule
 from foldcar.car.components.mounts import SwitchMount, depth_mm, inside_mm
-from foldcar.car.components.parameter import ROUNDING, ComponentError, at_least
 from foldcar.car.components.shape import Graph, Shape
 from foldcar.car.components.wheel import Wheel
-from foldcar.car.design import Design, DesignError
+from foldcar.car.design import HINGE, Design, DesignError, declared, modules, place_of
 from foldcar.car.folded.model import FoldedCar, HingeJoint, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
 from foldcar.car.leads import with_leads
-from foldcar.car.modules import HINGE, declared, modules, place_of
-from foldcar.car.parts.catalogue import Catalogue, chosen
-from foldcar.car.parts.choices import PartChoices
+from foldcar.car.parts.catalogue import Catalogue, PartChoices, chosen
 
 
 class Car(Component):

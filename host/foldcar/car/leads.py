@@ -17,8 +17,8 @@ from foldcar.car.design import DesignError
 from foldcar.car.folded.model import FoldedCar, Mount, Wire
 from foldcar.car.folded.placed import Finding, PlacedFace, place
 from foldcar.car.folded.pose import apply, translation
-from foldcar.car.parts.electronics import Extension, LeadedBattery, Wiring
-from foldcar.car.proof.check_crossings import folded_back
+from foldcar.car.parts.bought import Extension, LeadedBattery, Wiring
+from foldcar.car.proof.check_film import folded_back
 from foldcar.car.proof.roles import lid_of
 
 Points = NDArray[np.float64]

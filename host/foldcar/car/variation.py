@@ -12,7 +12,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Literal
 
-from foldcar.car.car_file import CHANNELS
+from foldcar.car.body import CHANNELS
 from foldcar.car.parts.quantity import Data
 from foldcar.errors import FoldcarError
 

@@ -13,11 +13,9 @@ from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.placed import Finding, place
 from foldcar.car.folded_car import folded_car
 from foldcar.car.leads import check_leads
-from foldcar.car.proof.check_crossings import check_crossings, check_hinges
-from foldcar.car.proof.check_flat import check_flat
+from foldcar.car.proof.check_film import check_crossings, check_flat, check_hinges
 from foldcar.car.proof.check_joins import CLOSURE_MM, check_joins, check_skin, skin_of, volume_mm3, worst_gap_mm
-from foldcar.car.proof.check_parts import check_parts, check_turning
-from foldcar.car.proof.check_wheels import ROUND_MM, check_wheels, roundness_mm
+from foldcar.car.proof.check_parts import ROUND_MM, check_parts, check_turning, check_wheels, roundness_mm
 from foldcar.car.proof.prove import prove
 
 

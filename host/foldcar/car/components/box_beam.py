@@ -13,9 +13,8 @@ import math
 from collections.abc import Mapping
 
 from foldcar.car.components.bridge import mouth_mm, span_mm, stack_height_mm
-from foldcar.car.components.component import Component
+from foldcar.car.components.component import Component, Parameter
 from foldcar.car.components.mounts import least_doubler_mm
-from foldcar.car.components.parameter import Parameter
 from foldcar.car.components.shape import Shape
 from foldcar.car.folded.model import Access, Point
 from foldcar.car.folded.pose import compose, rotation, translation

@@ -7,14 +7,13 @@ under which legs alone would fold over. It drops in from above with the boards s
 import math
 from collections.abc import Sequence
 
-from foldcar.car.components.component import Component
+from foldcar.car.components.component import Component, Parameter
 from foldcar.car.components.mounts import cylinder, screw_in
-from foldcar.car.components.parameter import Parameter
 from foldcar.car.components.shape import Shape
 from foldcar.car.folded.model import Access, Pose, Solid
 from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.parts.bought import Feather, FeatherWing, Plug
 from foldcar.car.parts.catalogue import Catalogue
-from foldcar.car.parts.electronics import Feather, FeatherWing, Plug
 from foldcar.car.parts.quantity import Box
 
 # How far a flange's ends stay off the legs' feet.

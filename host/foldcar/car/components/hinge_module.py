@@ -8,12 +8,11 @@ import math
 from itertools import pairwise
 
 from foldcar.car.components.box_beam import HEIGHT, WIDTH, cap_inset_mm, wall_mm
-from foldcar.car.components.component import Component
-from foldcar.car.components.parameter import ROUNDING, Parameter, at_least, at_most
+from foldcar.car.components.component import ROUNDING, Component, Parameter, at_least, at_most
 from foldcar.car.components.shape import Shape
 from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.parts.bought import Film
 from foldcar.car.parts.catalogue import Catalogue, film_of, films
-from foldcar.car.parts.film import Film
 
 
 def _thicknesses_mm(parts: Catalogue) -> list[float]:

@@ -1,20 +1,25 @@
-"""The base class of modules, the units of a type string: a length of box beam with parts in or on it.
+"""Modules, the units of a type string: a length of box beam with parts in or on it; W with an axle, B with electronics.
 
 A user module is a subclass with a ``letter`` (or a name, without underscores) and a ``title``; see docs/compiler.md.
-The hinge is a Component of its own (hinge_module.py).
+The hinge is a Component of its own (hinge_module.py). In the first B of a car the boards stand on a bridge over the
+LiPo, USB behind a hole of the left wall. The servos' battery stands on the floor behind or before them, or on the roof;
+both may reach into the free floor of the neighbouring modules.
 """
 
 import math
-from collections.abc import Sequence
-from typing import ClassVar
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
 
-from foldcar.car.components.box_beam import HEIGHT, SET_BY_CAR, WIDTH, BoxBeam, wall_mm
-from foldcar.car.components.component import Component, Sub
+from foldcar.car.components.box_beam import HEIGHT, SET_BY_CAR, WIDTH, BoxBeam, latch_mm, wall_mm
+from foldcar.car.components.bridge import Bridge, half_width_mm, mouth_mm, plug_room_mm, usb_height_mm
+from foldcar.car.components.component import ROUNDING, Component, Parameter, Sub
 from foldcar.car.components.mounts import ServoMount, inside_mm, least_doubler_mm, screw_end_mm
-from foldcar.car.components.parameter import Parameter
 from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import RADIUS, TYRE_WIDTH
+from foldcar.car.folded.model import Wire
 from foldcar.car.parts.catalogue import Catalogue
+from foldcar.car.parts.quantity import Quantity
 
 # Set by the car: 1 if the middle of the segment lies in front of the module's, else -1.
 TOWARDS_MIDDLE = Parameter("towards_middle", 1, -1, 1, "where the segment's middle is", "rear", "", internal=True)
@@ -95,3 +100,212 @@ def _doubler_height(module: Component) -> float:
     wall = wall_mm(module["height"], parts)
     flap = assembly.flap_mm.value + parts.film.thickness_mm.value + assembly.slot_clearance_mm.value
     return max(least_doubler_mm(parts), min(wall - 2 * flap, 2 * parts.servo.width_mm.value))
+
+
+class Span(NamedTuple):
+    """From ``low`` to ``high`` along x (mm)."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Boards with LiPo and battery beside each other on the floor.
+
+    The boards' middle may be anywhere in ``boards``, if that is not empty. ``behind`` tells on which side of them the
+    battery is, ``turned`` that its length lies across the car; without ``along_mm`` it is not on the floor.
+    """
+
+    parts: Catalogue
+    boards: Span
+    along_mm: float
+    behind: bool
+    turned: bool
+
+    @property
+    def missing_mm(self) -> float:
+        """How much longer the module must be for it, not above 0 if it fits."""
+        return self.boards.low - self.boards.high
+
+    @property
+    def side(self) -> int:
+        """The bridge's edge with the flange, at the battery: 1 the front one, -1 the rear one."""
+        return -1 if self.behind else 1
+
+    def boards_mm(self, wanted_mm: float) -> float:
+        """The possible middle of the boards next to ``wanted_mm``."""
+        return min(max(wanted_mm, self.boards.low), self.boards.high)
+
+    def lipo_mm(self, boards_mm: float) -> float:
+        """The middle of the LiPo under boards at ``boards_mm``."""
+        return boards_mm - self.side * (lipo_reach_mm(self.parts) - self.parts.lipo.width_mm.value / 2)
+
+    def battery_mm(self, boards_mm: float) -> float:
+        """The middle of the battery beside boards at ``boards_mm``."""
+        rear, front = _reaches(self.parts, self.along_mm, self.behind)
+        return boards_mm - rear + self.along_mm / 2 if self.behind else boards_mm + front - self.along_mm / 2
+
+
+def layouts(parts: Catalogue, floor: Span, usb: Span, across_mm: float) -> Iterator[Layout]:
+    """All layouts of a floor that is ``across_mm`` wide, possible or not; none if the battery is too wide for it."""
+    length, width = parts.battery.length_mm, parts.battery.width_mm
+    several = [
+        (along.value, behind, across is length)
+        for along, across in ((width, length), (length, width))
+        for behind in (True, False)
+        if across_least_mm(parts, across) <= across_mm + ROUNDING
+    ]
+    for along_mm, behind, turned in [(0.0, True, True)] if parts.battery_place == "roof" else several:
+        rear, front = _reaches(parts, along_mm, behind)
+        boards = Span(max(floor.low + rear, usb.low), min(floor.high - front, usb.high))
+        yield Layout(parts, boards, along_mm, behind, turned)
+
+
+def across_least_mm(parts: Catalogue, size: Quantity) -> float:
+    """Width of the floor (mm) that takes a battery of that size across the car in the worst case of it and the cuts."""
+    return size.most + 2 * parts.assembly.cut_mm.value
+
+
+def lipo_reach_mm(parts: Catalogue) -> float:
+    """From the boards' middle to the far side of the LiPo (mm), whose near side lies at the bridge's flange."""
+    film, width, assembly = parts.film.thickness_mm.value, parts.lipo.width_mm, parts.assembly
+    # The flange comes down beside it, wherever in its outline it lies.
+    gap = assembly.placement_mm.value + width.tolerance / 2 + assembly.slot_clearance_mm.value
+    return film / 2 + gap + width.value - half_width_mm(parts)
+
+
+def _reaches(parts: Catalogue, along_mm: float, behind: bool) -> tuple[float, float]:
+    """From the boards' middle to the rear and to the front end of the layout (mm)."""
+    near, far = half_width_mm(parts) + parts.film.thickness_mm.value, lipo_reach_mm(parts)
+    if along_mm == 0:
+        return near, far
+    # The LiPo's lead leaves the Feather at the front.
+    gap = parts.assembly.part_gap_mm.value if behind else parts.plugs.battery.length_mm.value
+    near += gap + along_mm
+    return (near, far) if behind else (far, near)
+
+
+LENGTH = Parameter("length", 80, 10, 400, "length of a body module", "a strip that can be folded")
+# Set by the car: the free floor of the neighbours, less than 0 if an end cap's tab lies there, and where USB may be.
+FLOOR_FRONT = Parameter("floor_front", 0, -1000, 2000, "free floor before the module", "none", internal=True)
+FLOOR_REAR = Parameter("floor_rear", 0, -1000, 2000, "free floor behind the module", "none", internal=True)
+USB_LOW = Parameter("usb_low", -1000, -4000, 4000, "the tyres behind USB, from the rear", "none", internal=True)
+USB_HIGH = Parameter("usb_high", 1000, -4000, 4000, "the tyres before USB, from the rear", "none", internal=True)
+
+
+class BrainModule(Module):
+    """A beam; :class:`ElectronicsModule` is the one with boards and batteries in it."""
+
+    letter = "B"
+    title = "body module: electronics and batteries"
+    parameters: ClassVar[tuple[Parameter, ...]] = (WIDTH, HEIGHT, LENGTH)
+
+
+class ElectronicsModule(BrainModule):
+    """The body module that carries boards and batteries."""
+
+    parameters = (WIDTH, HEIGHT, LENGTH, FLOOR_FRONT, FLOOR_REAR, USB_LOW, USB_HIGH)
+
+    def subcomponents(self) -> Sequence[Sub]:
+        """The beam, and the bridge that carries the boards."""
+        return (
+            *super().subcomponents(),
+            Sub("bridge", Bridge, settings={"side": lambda module: module.layout.side}),  # type: ignore[attr-defined]
+        )
+
+    def build(self, shape: Shape) -> None:
+        """Place the parts in the floor's frame: x from the rear, y from the right wall, z from the middle surface."""
+        parts, assembly, layout = self.parts, self.parts.assembly, self.layout
+        x = layout.boards_mm(self["length"] / 2)
+        film, across = parts.film.thickness_mm.value, wall_mm(self["width"], parts)
+        y = across - film / 2 - assembly.usb_inside_mm.value - mouth_mm(parts)
+        bridge = self.children["bridge"]
+        assert isinstance(bridge, Bridge)
+        bridge.insert(shape, "bridge", "beam.floor", x, y)
+        lipo = (layout.lipo_mm(x), bridge.middle_mm(y), film / 2 + parts.lipo.height_mm.value / 2)
+        shape.part(parts.lipo, parts.lipo.name, "beam.floor", lipo, turned=True, marked=True)
+        hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
+        shape.round_hole("beam.left", "USB", "opening", (x, usb_height_mm(parts)), hole)
+        self._battery(shape, layout, x, y)
+        wires = (self["length"] / 2, across / 2, wall_mm(self["height"], parts) / 2)
+        shape.part(parts.wiring, parts.wiring.name, "beam.floor", wires)
+        shape.graph.wires += _power_wires(parts)
+
+    def _battery(self, shape: Shape, layout: Layout, boards_x: float, boards_y: float) -> None:
+        """Stand the battery on its pad onto the floor or the roof, across the car where it balances the boards."""
+        parts, film, across = self.parts, self.parts.film.thickness_mm.value, wall_mm(self["width"], self.parts)
+        battery, pad, roof = parts.battery, parts.pad, parts.battery_place == "roof"
+        light = sum(part.mass_kg.value for part in (parts.feather, parts.featherwing, parts.lipo))
+        reach = (across - film - (battery.length_mm if layout.turned else battery.width_mm).value) / 2
+        off = (boards_y - across / 2) * light / battery.mass_kg.value
+        y = across / 2 - min(max(off, -reach), reach)
+        x = self["length"] / 2 if roof else layout.battery_mm(boards_x)
+        up = film / 2
+        for part in (pad, battery):
+            height = part.height_mm.value
+            # The lid's printed side faces down, its y runs from the left wall.
+            at = (x, across - y, -up - height / 2) if roof else (x, y, up + height / 2)
+            shape.part(part, part.name, "beam.lid" if roof else "beam.floor", at, turned=layout.turned, marked=True)
+            up += height
+        if roof:
+            self._lead(shape, x + battery.width_mm.value / 2)
+
+    def _lead(self, shape: Shape, end_mm: float) -> None:
+        """Cut a hole for the battery's lead into the lid, before the battery on the roof and near the left wall.
+
+        ComponentError if the battery would lie on a latch of the lid, or where fingers hold its tab, or without a lead.
+        """
+        battery, laid = self.parts.battery, self.parts.assembly.placement_mm.value
+        reach = battery.width_mm.most / 2 + laid
+        (notch, _), (finger, _) = latch_mm(self.parts), self.parts.tools.finger_mm
+        latch = notch / 2 + max(notch, finger) / 2
+        taken = max(self[f"latch_{end}"] * (self[f"flap_{end}"] + latch) for end in ("front", "rear"))
+        if taken and self["length"] < 2 * (reach + taken) - ROUNDING:
+            what = f"the {battery.name} on the roof beside the lid's latch"
+            raise self.misfit("length", _too_small(self["length"], 2 * (reach + taken), what))
+        hole, edge = self.parts.assembly.lead_hole_mm.value, self.parts.assembly.fold_distance_mm.value
+        x, least = end_mm + edge + hole / 2, 2 * (end_mm + 2 * edge + hole) - self["length"]
+        if least - ROUNDING > self["length"]:
+            what = f"the {battery.name} on the roof and its lead"
+            raise self.misfit("length", _too_small(self["length"], least, what))
+        shape.round_hole("beam.lid", "lead", "slit", (x, edge + hole), hole)
+
+    @property
+    def layout(self) -> Layout:
+        """How boards and battery lie; ComponentError if there is no place for them."""
+        film, length = self.parts.film.thickness_mm.value, self["length"]
+        floor = Span(-self["floor_rear"], length + self["floor_front"])
+        tyres = Span(self["usb_low"], self["usb_high"])
+        found = list(layouts(self.parts, floor, tyres, self["width"] - 2 * film))
+        battery = self.parts.battery
+        if not found:
+            sizes = (battery.length_mm, battery.width_mm)
+            least = min(across_least_mm(self.parts, size) for size in sizes) + 2 * film
+            raise self.misfit("width", _too_small(self["width"], least, battery.name))
+        possible = [layout for layout in found if layout.missing_mm <= ROUNDING]
+        if possible:
+            return min(possible, key=lambda layout: abs(layout.boards_mm(length / 2) - length / 2))
+        best = min(found, key=lambda layout: layout.missing_mm)
+        what = "the boards" if best.along_mm == 0 else f"the boards and the {battery.name}"
+        if all(not layout.turned for layout in found):
+            what += f" lengthwise at width {self['width']:g}"
+        if best.boards.low == tyres.low or best.boards.high == tyres.high:
+            what += ", with a USB plug clear of the tyres"
+        raise self.misfit("length", _too_small(length, length + best.missing_mm, what))
+
+
+def _power_wires(parts: Catalogue) -> list[Wire]:
+    feather, wing, switch = parts.feather.name, parts.featherwing.name, parts.switch.name
+    return [
+        Wire(f"{feather} headers", f"{wing} headers", "stack", "the wing sits on the Feather: I2C on SDA 23 and SCL 22"),
+        Wire(f"{parts.lipo.name}", f"{feather} JST", "supply", "3.7 V for the processor"),
+        Wire(f"{parts.battery.name} +", f"{switch} 1", "supply", f"{parts.battery.supply_v.value:g} V for the servos"),
+        Wire(f"{switch} 2", f"{wing} terminal +", "supply", "switched"),
+        Wire(f"{parts.battery.name} -", f"{wing} terminal -", "supply", "ground"),
+        Wire(f"{feather} USB", "computer", "usb", "to flash, and for trials by cable"),
+    ]
+
+
+def _too_small(value: float, needed: float, what: str) -> str:
+    return f"{value:g} is below the minimum {math.ceil((needed - ROUNDING) * 10) / 10:g} ({what})"

@@ -8,13 +8,12 @@ A screw's frame has its origin in the middle of its length, z along its axis tow
 
 import math
 
-from foldcar.car.components.component import Component
-from foldcar.car.components.parameter import Parameter
+from foldcar.car.components.component import Component, Parameter
 from foldcar.car.components.shape import Shape, rectangle_around
 from foldcar.car.folded.model import IDENTITY, Access, Point, Pose, Solid
 from foldcar.car.folded.pose import compose, rotation, translation
+from foldcar.car.parts.bought import Screw
 from foldcar.car.parts.catalogue import Catalogue
-from foldcar.car.parts.mechanics import Screw
 from foldcar.car.parts.quantity import Quantity
 
 # Sides of a notch's round end.

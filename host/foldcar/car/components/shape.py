@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from foldcar.car.components.parameter import ComponentError
+from foldcar.car.components.component import ComponentError
 from foldcar.car.folded.model import Access, Axle, Hole, HoleKind, JoinKind, Mark, Mount, Point, Pose, Solid, Wire
 from foldcar.car.folded.pose import side as ends_of
 from foldcar.car.folded.pose import translation

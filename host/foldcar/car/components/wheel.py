@@ -7,12 +7,21 @@ from the car outwards along the axle.
 
 import math
 
-from foldcar.car.components.component import Component
-from foldcar.car.components.hooked_strip import EVEN_MM, build_hub, build_rim, facet_pose, notch_mm, tie_angles_rad
+from foldcar.car.components.component import Component, Parameter
+from foldcar.car.components.hooked_strip import (
+    EVEN_MM,
+    WheelSize,
+    access_radius_mm,
+    build_hub,
+    build_rim,
+    facet_pose,
+    least_radius_mm,
+    notch_mm,
+    tie_angles_rad,
+    wheel_screws_mm,
+)
 from foldcar.car.components.mounts import cylinder, screw_in
-from foldcar.car.components.parameter import Parameter
 from foldcar.car.components.shape import Shape
-from foldcar.car.components.wheel_size import WheelSize, access_radius_mm, least_radius_mm, wheel_screws_mm
 from foldcar.car.folded.model import Point, Solid
 from foldcar.car.folded.pose import apply, compose, inverse, rotation, translation
 from foldcar.car.parts.catalogue import Catalogue

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from foldcar.car.folded.model import Face, FoldedCar, Mount, Piece, Point, Pose
 from foldcar.car.folded.pose import compose, folded
-from foldcar.car.parts.film import Film
+from foldcar.car.parts.bought import Film
 
 MM = 1e-3
 

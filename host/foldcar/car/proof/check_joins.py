@@ -34,7 +34,7 @@ def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
             yield Finding("join", f"join {join.number}", f"{join.a.face} or {join.b.face} is nowhere in the car")
         elif join.kind in checks:
             for a, b in _pairs(join, index):
-                # Hooks of wheels turn behind the film: check_wheels.py.
+                # Hooks of wheels turn behind the film: check_wheels.
                 if join.kind not in ("tab_slot", "lock") or not a.body.startswith("wheel"):
                     yield from checks[join.kind](join, a, b)
     yield from _laminates(car, index)

@@ -13,8 +13,7 @@ import numpy as np
 from foldcar.car.folded.model import FoldedCar, Mount
 from foldcar.car.folded.placed import Finding
 from foldcar.car.folded.pose import compose, translation
-from foldcar.car.proof.blocks import Blocks, together
-from foldcar.car.proof.collide import Way, hit, swept, vector, way_out
+from foldcar.car.proof.blocks import Blocks, Way, hit, swept, together, vector, way_out
 from foldcar.car.proof.plan import WHEEL, planned, service
 from foldcar.car.proof.roles import Lid, roles_of
 from foldcar.car.proof.scene import Scene, Stage, title

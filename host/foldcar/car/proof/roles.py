@@ -14,7 +14,7 @@ import shapely
 from foldcar.car.folded.model import Access, Face, FoldedCar, Join, Mount, Piece, PlacedPiece
 from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, folded, inverse
-from foldcar.car.parts.mechanics import Screw
+from foldcar.car.parts.bought import Screw
 from foldcar.car.proof.check_parts import stands_in
 from foldcar.car.proof.step import Thing
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from foldcar.car.folded.model import IDENTITY, Access, Face, Join, Mount, Piece, PlacedPiece, Pose
 from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, edge, folded, inverse, side
-from foldcar.car.proof.blocks import Blocks, access_blocks, mount_blocks, plate, solid_blocks, together
-from foldcar.car.proof.collide import Ignored
+from foldcar.car.proof.blocks import Blocks, Ignored, access_blocks, mount_blocks, plate, solid_blocks, together
 from foldcar.car.proof.roles import Host, Roles
 from foldcar.car.proof.step import Reach, Thing
 

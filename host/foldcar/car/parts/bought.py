@@ -1,9 +1,86 @@
-"""Screws, spacers, tools, the ball caster; servos, and what makes a wheel of folded discs: horns, tyres."""
+"""The film, screws, servos, wheels' parts, boards, batteries, switch and plugs, as their data files describe them.
+
+A board's frame: the middle of its outline on its underside; x away from the Feather's USB socket, y towards its shorter
+row of pins, z up.
+"""
 
 import math
 from typing import Literal
 
-from foldcar.car.parts.quantity import Bought, BoxPart, Data, Holes, PartData, Quantity
+from foldcar.car.parts.quantity import Bought, Box, BoxPart, Data, Holes, PartData, Places, Quantity
+
+
+class Cutting(Data):
+    """How each machine cuts a film, and who says so; None for a machine that does not."""
+
+    silhouette: str | None
+    cricut: str | None
+    laser: str | None
+    scissors: str | None
+
+
+class Film(PartData):
+    """A film of one thickness; films of one material have the same ``name``.
+
+    Bent below ``least_bend_radius_mm`` it keeps a crease or cracks. ``friction`` is that of bare film on the ground.
+    ``tape`` is what holds it, ``folding`` how its folds are made, ``hinge`` how it stands being bent in use.
+    """
+
+    sold_as: str
+    cost_usd_m2: Quantity
+    thickness_mm: Quantity
+    density_kg_m3: Quantity
+    youngs_modulus_pa: Quantity
+    least_bend_radius_mm: Quantity
+    friction: Quantity
+    loss_factor: Quantity
+    loss_frequency_hz: Quantity
+    cutting: Cutting
+    folding: str
+    tape: str
+    hinge: str
+
+    @property
+    def title(self) -> str:
+        """Material and thickness."""
+        return f"{self.name} {self.thickness_mm.value:g} mm"
+
+
+class Assembly(PartData):
+    """Clearances, laminations and contact properties of a folded car."""
+
+    lap_flap_mm: Quantity
+    fold_distance_mm: Quantity
+    cut_mm: Quantity
+    placement_mm: Quantity
+    opening_clearance_mm: Quantity
+    wheel_distance_mm: Quantity
+    belly_clearance_mm: Quantity
+    screw_hole_mm: Quantity
+    doubler_margin_mm: Quantity
+    switch_margin_mm: Quantity
+    cap_tab_mm: Quantity
+    cable_slit_mm: Quantity
+    cable_slit_length_mm: Quantity
+    shelf_clearance_mm: Quantity
+    tongue_mm: Quantity
+    slot_clearance_mm: Quantity
+    flap_mm: Quantity
+    flap_gap_mm: Quantity
+    lock_mm: Quantity
+    lock_reach_mm: Quantity
+    lock_distance_mm: Quantity
+    grip_mm: Quantity
+    grip_gap_mm: Quantity
+    cap_clearance_mm: Quantity
+    tape_mm: Quantity
+    bridge_foot_mm: Quantity
+    bridge_gap_mm: Quantity
+    floor_tongue_reach_mm: Quantity
+    usb_inside_mm: Quantity
+    part_gap_mm: Quantity
+    lead_hole_mm: Quantity
+    hinge_glue_mm: Quantity
 
 
 class Screw(Bought):
@@ -198,3 +275,120 @@ class Tyre(Bought):
         area_mm2 = math.pi * (radius_mm**2 - (radius_mm - thickness) ** 2)
         width_mm = rim_width_mm if self.width_mm is None else self.width_mm.value
         return area_mm2 * width_mm * 1e-9 * self.density_kg_m3.value
+
+
+class Feather(BoxPart):
+    """The processor's board with female headers on it; ``joints`` are their pins below it, ``small`` parts at holes."""
+
+    board_mm: Quantity
+    joints: tuple[Box, Box]
+    small: tuple[Box, ...]
+    headers: tuple[Box, Box]
+    holes: tuple[Holes, Holes]
+    usb: Box
+    battery_socket: Box
+    reset: Box
+    antenna: Box
+
+    def free_holes(self, screw: Screw) -> list[tuple[float, float]]:
+        """The holes beside which a screw's nut can be turned: nothing stands on the board there."""
+        nut = screw.nut_width_mm.value / math.sqrt(3) if screw.nut_width_mm else screw.diameter_mm.value / 2
+        standing = (*self.headers, *self.small, self.usb, self.battery_socket, self.reset, self.antenna)
+        return [at for several in self.holes for at in several.at_mm if all(_apart(box, at) > nut for box in standing)]
+
+
+def _apart(box: Box, at: tuple[float, float]) -> float:
+    """Distance of a point of the board from a box on it (mm), seen from above."""
+    return math.hypot(*(max(0.0, abs(at[i] - box.at_mm[i]) - box.size_mm[i] / 2) for i in (0, 1)))
+
+
+class FeatherWing(BoxPart):
+    """The servo driver, plugged onto the Feather: ``gap_mm`` is between the two boards, ``headers`` are below it.
+
+    ``plug_top_mm`` is the height of an upright servo plug's top over this board's underside, ``plug_bend_mm`` what its
+    leads need above it. ``outputs`` are the middles of the outputs' pins, from output 0 on.
+    """
+
+    board_mm: Quantity
+    gap_mm: Quantity
+    plug_top_mm: Quantity
+    plug_bend_mm: Quantity
+    headers: tuple[Box, Box]
+    holes: tuple[Holes]
+    servo_headers: tuple[Box, Box]
+    outputs: Places
+    terminal_block: Box
+    reset: Box
+
+
+class LeadedBattery(BoxPart):
+    """A battery whose leads leave the middle of an end of its length."""
+
+    lead_length_mm: Quantity
+
+
+class Battery(LeadedBattery):
+    """The servos' supply and its voltage under light load."""
+
+    supply_v: Quantity
+
+
+class Switch(BoxPart):
+    """A rocker switch that snaps into a slot of a panel at least ``panel_least_mm`` thick."""
+
+    bezel_height_mm: Quantity
+    rocker_height_mm: Quantity
+    slot_length_mm: Quantity
+    slot_width_mm: Quantity
+    body_length_mm: Quantity
+    body_width_mm: Quantity
+    body_depth_mm: Quantity
+    terminal_depth_mm: Quantity
+    panel_least_mm: Quantity
+    current_a: Quantity
+
+
+class Plug(Data):
+    """A plug with its housing; ``inserted_mm`` of its way is in the socket."""
+
+    name: str
+    width_mm: Quantity
+    thickness_mm: Quantity
+    length_mm: Quantity
+    inserted_mm: Quantity
+
+
+class Plugs(PartData):
+    """The plugs that must pass: the computer's, the servos' and the LiPo's."""
+
+    usb: Plug
+    servo: Plug
+    battery: Plug
+
+
+class Wiring(BoxPart):
+    """Wire with what is soldered; ``wire_mm`` of it are in its mass and cost. The slack that leads need on their ways."""
+
+    wire_mm: Quantity
+    wire_kg_m: Quantity
+    wire_usd_m: Quantity
+    joint_mm: Quantity
+    slack_mm: Quantity
+    slack_share: Quantity
+    hinge_slack_mm: Quantity
+
+
+class Extension(Bought):
+    """A lead with a socket at one end and a plug at the other."""
+
+    mass_kg: Quantity
+    length_mm: Quantity
+
+
+class Extensions(PartData):
+    """Servo extensions as they are sold, the shortest first; ``joint`` is a plug in an extension's socket."""
+
+    joint_length_mm: Quantity
+    joint_width_mm: Quantity
+    joint_height_mm: Quantity
+    sold: tuple[Extension, ...]

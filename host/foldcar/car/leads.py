@@ -17,7 +17,7 @@ from foldcar.car.design import DesignError
 from foldcar.car.folded.model import FoldedCar, Mount, Wire
 from foldcar.car.folded.placed import Finding, PlacedFace, place
 from foldcar.car.folded.pose import apply, translation
-from foldcar.car.parts.bought import Extension, LeadedBattery, Wiring
+from foldcar.car.parts.quantity import Bought, BoxPart, PartData
 from foldcar.car.proof.check_film import folded_back
 from foldcar.car.proof.roles import lid_of
 
@@ -71,7 +71,7 @@ def wire_mm(several: Iterable[Lead]) -> float:
     return sum(lead.missing_mm for lead in several if lead.kind != "plug")
 
 
-def more_wire_m(several: Iterable[Lead], wiring: Wiring) -> float:
+def more_wire_m(several: Iterable[Lead], wiring: PartData) -> float:
     """The length of wire (m) beyond that which the wiring's mass and cost include."""
     return max(0.0, wire_mm(several) - wiring.wire_mm.value) / 1000
 
@@ -104,12 +104,12 @@ def with_leads(car: FoldedCar) -> FoldedCar:
     return replace(car, mounts=(*heavier, *added.values()), wires=tuple(wires))
 
 
-def _with(car: FoldedCar, lead_mm: float, extension: Extension) -> float:
+def _with(car: FoldedCar, lead_mm: float, extension: Bought) -> float:
     """The least length (mm) of a lead that is plugged into an extension."""
     return lead_mm + extension.length_mm.least - car.parts.plugs.servo.inserted_mm.value
 
 
-def _joint(car: FoldedCar, servo: Mount, extension: Extension) -> Mount:
+def _joint(car: FoldedCar, servo: Mount, extension: Bought) -> Mount:
     """An extension's socket with the servo's plug in it, on the floor under the servo, beside its wall."""
     parts, film, sold = car.parts, car.parts.film.thickness_mm.value, car.parts.extensions
     size = (sold.joint_length_mm.value, sold.joint_width_mm.value, sold.joint_height_mm.value)
@@ -208,7 +208,7 @@ class _Ways:
         return np.array(apply(self.of_part[part].pose, *point))
 
     @staticmethod
-    def _ends(mount: Mount, battery: LeadedBattery) -> dict[str, Points]:
+    def _ends(mount: Mount, battery: BoxPart) -> dict[str, Points]:
         """The middles of both ends of a battery's length, by their side of the car."""
         found, length = {}, battery.length_mm.value
         axis = min((0, 1), key=lambda i: abs(mount.size_mm[i] - length))

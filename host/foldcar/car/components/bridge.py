@@ -12,9 +12,9 @@ from foldcar.car.components.mounts import cylinder, screw_in
 from foldcar.car.components.shape import Shape
 from foldcar.car.folded.model import Access, Pose, Solid
 from foldcar.car.folded.pose import compose, rotation, translation
-from foldcar.car.parts.bought import Feather, FeatherWing, Plug
+from foldcar.car.parts.bought import Feather, FeatherWing
 from foldcar.car.parts.catalogue import Catalogue
-from foldcar.car.parts.quantity import Box
+from foldcar.car.parts.quantity import Box, PartData
 
 # How far a flange's ends stay off the legs' feet.
 FOOT_CLEARANCE_MM = 0.5
@@ -134,12 +134,12 @@ def mouth_mm(parts: Catalogue) -> float:
     return usb.size_mm[0] / 2 - usb.at_mm[0]
 
 
-def plug_room_mm(plug: Plug) -> float:
+def plug_room_mm(plug: PartData) -> float:
     """Diameter of the cylinder (mm) that the largest of such plugs passes."""
     return math.hypot(plug.width_mm.most, plug.thickness_mm.most)
 
 
-def _plug(plug: Plug, pose: Pose) -> Access:
+def _plug(plug: PartData, pose: Pose) -> Access:
     """The room that the largest of such plugs takes."""
     return Access("plug", pose, plug_room_mm(plug), plug.length_mm.most)
 
@@ -153,8 +153,7 @@ def put_feather(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
     (along, across, up), (_, reach, _) = socket.at_mm, socket.size_mm
     battery = compose(translation(along, across + reach / 2, up), rotation("x", -math.pi / 2))
     ways = [_plug(plugs.usb, usb), _plug(plugs.battery, battery)]
-    standing = (*feather.headers, *feather.joints, *feather.small, feather.usb, socket, feather.antenna, feather.reset)
-    _put(shape, feather, on, under, standing, ways, holes)
+    _put(shape, feather, on, under, feather.standing, ways, holes)
 
 
 def put_wing(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:

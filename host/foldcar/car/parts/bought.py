@@ -27,14 +27,6 @@ class Film(PartData):
     """
 
     sold_as: str
-    cost_usd_m2: Quantity
-    thickness_mm: Quantity
-    density_kg_m3: Quantity
-    youngs_modulus_pa: Quantity
-    least_bend_radius_mm: Quantity
-    friction: Quantity
-    loss_factor: Quantity
-    loss_frequency_hz: Quantity
     cutting: Cutting
     folding: str
     tape: str
@@ -46,51 +38,9 @@ class Film(PartData):
         return f"{self.name} {self.thickness_mm.value:g} mm"
 
 
-class Assembly(PartData):
-    """Clearances, laminations and contact properties of a folded car."""
-
-    lap_flap_mm: Quantity
-    fold_distance_mm: Quantity
-    cut_mm: Quantity
-    placement_mm: Quantity
-    opening_clearance_mm: Quantity
-    wheel_distance_mm: Quantity
-    belly_clearance_mm: Quantity
-    screw_hole_mm: Quantity
-    doubler_margin_mm: Quantity
-    switch_margin_mm: Quantity
-    cap_tab_mm: Quantity
-    cable_slit_mm: Quantity
-    cable_slit_length_mm: Quantity
-    shelf_clearance_mm: Quantity
-    tongue_mm: Quantity
-    slot_clearance_mm: Quantity
-    flap_mm: Quantity
-    flap_gap_mm: Quantity
-    lock_mm: Quantity
-    lock_reach_mm: Quantity
-    lock_distance_mm: Quantity
-    grip_mm: Quantity
-    grip_gap_mm: Quantity
-    cap_clearance_mm: Quantity
-    tape_mm: Quantity
-    bridge_foot_mm: Quantity
-    bridge_gap_mm: Quantity
-    floor_tongue_reach_mm: Quantity
-    usb_inside_mm: Quantity
-    part_gap_mm: Quantity
-    lead_hole_mm: Quantity
-    hinge_glue_mm: Quantity
-
-
 class Screw(Bought):
     """A screw, ``length_mm`` below the head, with its nut, if it has one."""
 
-    mass_kg: Quantity
-    diameter_mm: Quantity
-    length_mm: Quantity
-    head_diameter_mm: Quantity
-    head_height_mm: Quantity
     nut_width_mm: Quantity | None
     nut_height_mm: Quantity | None
 
@@ -98,20 +48,9 @@ class Screw(Bought):
 class Spacer(Bought):
     """A round spacer around a screw."""
 
-    mass_kg: Quantity
-    length_mm: Quantity
-    diameter_mm: Quantity
-    hole_mm: Quantity
-
 
 class Tools(PartData):
     """The room that a screwdriver, a finger, and a nut before its screw need."""
-
-    driver_diameter_mm: Quantity
-    driver_length_mm: Quantity
-    finger_diameter_mm: Quantity
-    finger_length_mm: Quantity
-    nut_room_mm: Quantity
 
     @property
     def finger_mm(self) -> tuple[float, float]:
@@ -122,12 +61,6 @@ class Tools(PartData):
     def driver_mm(self) -> tuple[float, float]:
         """Diameter and length of the largest screwdriver's shaft (mm)."""
         return self.driver_diameter_mm.most, self.driver_length_mm.most
-
-
-class Caster(BoxPart):
-    """A ball caster: a ball under a flange with two screws."""
-
-    hole_spacing_mm: Quantity
 
 
 STANDARD_GRAVITY_M_S2 = 9.80665
@@ -159,30 +92,7 @@ class Servo(Bought):
     of its depth that lies inside the car. The turret is the round around the axis, the idler the smaller one beside it.
     """
 
-    mass_kg: Quantity
-    length_mm: Quantity
-    width_mm: Quantity
-    depth_mm: Quantity
-    axis_from_end_mm: Quantity
-    ear_underside_mm: Quantity
-    ear_span_mm: Quantity
-    ear_thickness_mm: Quantity
-    screw_spacing_mm: Quantity
-    screw_hole_mm: Quantity
-    turret_diameter_mm: Quantity
-    turret_top_mm: Quantity
-    idler_diameter_mm: Quantity
-    idler_from_axis_mm: Quantity
-    spline_diameter_mm: Quantity
-    spline_top_mm: Quantity
-    spline_teeth: Quantity
-    lead_length_mm: Quantity
-    lead_height_mm: Quantity
     operating_points: tuple[OperatingPoint, OperatingPoint]
-    rotor_inertia_kg_m2: Quantity
-    neutral_us: Quantity
-    deadband_us: Quantity
-    saturation_us: Quantity
 
     def at_voltage(self, voltage_v: float) -> ServoLine:
         """Linear interpolation (or extrapolation) of the two data-sheet points at ``voltage_v``, in SI units."""
@@ -218,16 +128,8 @@ class Horn(Bought):
     outer face. ``holes`` are all, ``wheel_screws`` those of them that hold a wheel. Its cost says whence it comes.
     """
 
-    mass_kg: Quantity
     arms: Arms | None
     disc_diameter_mm: Quantity | None
-    hub_diameter_mm: Quantity
-    height_mm: Quantity
-    thickness_mm: Quantity
-    spline_depth_mm: Quantity
-    centre_hole_mm: Quantity
-    recess_diameter_mm: Quantity
-    recess_depth_mm: Quantity
     holes: Holes
     wheel_screws: Holes
 
@@ -250,9 +152,7 @@ class Tyre(Bought):
     """
 
     form: Literal["strip", "tube"]
-    thickness_mm: Quantity
     width_mm: Quantity | None
-    density_kg_m3: Quantity
     friction: Quantity | None
     note: str
 
@@ -271,8 +171,7 @@ class Tyre(Bought):
 
     def mass_kg(self, radius_mm: float, rim_width_mm: float) -> float:
         """The mass of a ring of that outer radius (kg)."""
-        thickness = self.thickness_mm.value
-        area_mm2 = math.pi * (radius_mm**2 - (radius_mm - thickness) ** 2)
+        area_mm2 = math.pi * (radius_mm**2 - (radius_mm - self.thickness_mm.value) ** 2)
         width_mm = rim_width_mm if self.width_mm is None else self.width_mm.value
         return area_mm2 * width_mm * 1e-9 * self.density_kg_m3.value
 
@@ -280,7 +179,6 @@ class Tyre(Bought):
 class Feather(BoxPart):
     """The processor's board with female headers on it; ``joints`` are their pins below it, ``small`` parts at holes."""
 
-    board_mm: Quantity
     joints: tuple[Box, Box]
     small: tuple[Box, ...]
     headers: tuple[Box, Box]
@@ -290,16 +188,21 @@ class Feather(BoxPart):
     reset: Box
     antenna: Box
 
+    @property
+    def standing(self) -> tuple[Box, ...]:
+        """What stands on the board, with the pins below it."""
+        socket = self.battery_socket
+        return (*self.headers, *self.joints, *self.small, self.usb, socket, self.antenna, self.reset)
+
     def free_holes(self, screw: Screw) -> list[tuple[float, float]]:
         """The holes beside which a screw's nut can be turned: nothing stands on the board there."""
         nut = screw.nut_width_mm.value / math.sqrt(3) if screw.nut_width_mm else screw.diameter_mm.value / 2
-        standing = (*self.headers, *self.small, self.usb, self.battery_socket, self.reset, self.antenna)
-        return [at for several in self.holes for at in several.at_mm if all(_apart(box, at) > nut for box in standing)]
 
+        def apart(box: Box, at: tuple[float, float]) -> float:
+            return math.hypot(*(max(0.0, abs(at[i] - box.at_mm[i]) - box.size_mm[i] / 2) for i in (0, 1)))
 
-def _apart(box: Box, at: tuple[float, float]) -> float:
-    """Distance of a point of the board from a box on it (mm), seen from above."""
-    return math.hypot(*(max(0.0, abs(at[i] - box.at_mm[i]) - box.size_mm[i] / 2) for i in (0, 1)))
+        holes = [at for several in self.holes for at in several.at_mm]
+        return [at for at in holes if all(apart(box, at) > nut for box in self.standing)]
 
 
 class FeatherWing(BoxPart):
@@ -309,10 +212,6 @@ class FeatherWing(BoxPart):
     leads need above it. ``outputs`` are the middles of the outputs' pins, from output 0 on.
     """
 
-    board_mm: Quantity
-    gap_mm: Quantity
-    plug_top_mm: Quantity
-    plug_bend_mm: Quantity
     headers: tuple[Box, Box]
     holes: tuple[Holes]
     servo_headers: tuple[Box, Box]
@@ -321,74 +220,21 @@ class FeatherWing(BoxPart):
     reset: Box
 
 
-class LeadedBattery(BoxPart):
-    """A battery whose leads leave the middle of an end of its length."""
-
-    lead_length_mm: Quantity
-
-
-class Battery(LeadedBattery):
-    """The servos' supply and its voltage under light load."""
-
-    supply_v: Quantity
-
-
-class Switch(BoxPart):
-    """A rocker switch that snaps into a slot of a panel at least ``panel_least_mm`` thick."""
-
-    bezel_height_mm: Quantity
-    rocker_height_mm: Quantity
-    slot_length_mm: Quantity
-    slot_width_mm: Quantity
-    body_length_mm: Quantity
-    body_width_mm: Quantity
-    body_depth_mm: Quantity
-    terminal_depth_mm: Quantity
-    panel_least_mm: Quantity
-    current_a: Quantity
-
-
-class Plug(Data):
-    """A plug with its housing; ``inserted_mm`` of its way is in the socket."""
-
-    name: str
-    width_mm: Quantity
-    thickness_mm: Quantity
-    length_mm: Quantity
-    inserted_mm: Quantity
-
-
 class Plugs(PartData):
-    """The plugs that must pass: the computer's, the servos' and the LiPo's."""
+    """The plugs that must pass, with their housings: the computer's, the servos' and the LiPo's.
 
-    usb: Plug
-    servo: Plug
-    battery: Plug
+    ``inserted_mm`` of a plug's way is in its socket.
+    """
 
-
-class Wiring(BoxPart):
-    """Wire with what is soldered; ``wire_mm`` of it are in its mass and cost. The slack that leads need on their ways."""
-
-    wire_mm: Quantity
-    wire_kg_m: Quantity
-    wire_usd_m: Quantity
-    joint_mm: Quantity
-    slack_mm: Quantity
-    slack_share: Quantity
-    hinge_slack_mm: Quantity
-
-
-class Extension(Bought):
-    """A lead with a socket at one end and a plug at the other."""
-
-    mass_kg: Quantity
-    length_mm: Quantity
+    usb: PartData
+    servo: PartData
+    battery: PartData
 
 
 class Extensions(PartData):
-    """Servo extensions as they are sold, the shortest first; ``joint`` is a plug in an extension's socket."""
+    """Servo extensions as they are sold, the shortest first; ``joint`` is a plug in an extension's socket.
 
-    joint_length_mm: Quantity
-    joint_width_mm: Quantity
-    joint_height_mm: Quantity
-    sold: tuple[Extension, ...]
+    One is a lead with a socket at one end and a plug at the other, ``length_mm`` long.
+    """
+
+    sold: tuple[Bought, ...]

@@ -12,25 +12,19 @@ from importlib.resources import files
 from typing import Literal
 
 from foldcar.car.parts.bought import (
-    Assembly,
-    Battery,
-    Caster,
     Extensions,
     Feather,
     FeatherWing,
     Film,
     Horn,
-    LeadedBattery,
     Plugs,
     Screw,
     Servo,
     Spacer,
-    Switch,
     Tools,
     Tyre,
-    Wiring,
 )
-from foldcar.car.parts.quantity import Bought, BoxPart, Data, Quantity
+from foldcar.car.parts.quantity import Bought, BoxPart, Data, PartData, Quantity
 from foldcar.did_you_mean import did_you_mean
 from foldcar.errors import FoldcarError
 
@@ -103,19 +97,21 @@ class Catalogue(Data):
 
     ``screw`` holds a servo in its wall, ``board_screw`` with a ``spacer`` the Feather's end at USB, ``board_pad`` its
     other end, ``horn_screw`` a wheel on a horn, ``centre_screw`` the horn on the servo, ``pad`` the battery in its place.
-    ``headers`` have a price only: their mass is in the boards'.
+    ``headers`` have a price only: their mass is in the boards'. ``wire_mm`` of wire are in the mass and cost of
+    ``wiring``, which has the slack that leads need on their ways. Leads leave the middle of an end of a battery's length.
+    ``assembly`` has the clearances, laminations and contact properties of a folded car.
     """
 
     servo: Servo
     feather: Feather
     featherwing: FeatherWing
     headers: Bought
-    lipo: LeadedBattery
+    lipo: BoxPart
     pad: BoxPart
     board_pad: BoxPart
-    switch: Switch
+    switch: BoxPart
     plugs: Plugs
-    wiring: Wiring
+    wiring: BoxPart
     extensions: Extensions
     screw: Screw
     board_screw: Screw
@@ -123,12 +119,12 @@ class Catalogue(Data):
     centre_screw: Screw
     spacer: Spacer
     tools: Tools
-    caster: Caster
-    assembly: Assembly
+    caster: BoxPart
+    assembly: PartData
     film: Film
     horn: Horn
     tyre: Tyre
-    battery: Battery
+    battery: BoxPart
     battery_place: Literal["floor", "roof"]
 
     @property

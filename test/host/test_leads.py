@@ -20,7 +20,7 @@ from foldcar.car.folded.placed import place
 from foldcar.car.folded.pose import apply
 from foldcar.car.folded_car import folded_car
 from foldcar.car.leads import check_leads, leads
-from foldcar.car.proof.check_parts import boxes
+from foldcar.car.proof.check_parts import corners_mm
 from foldcar.car.proof.prove import assembly_steps, prove
 from foldcar.car.verify import verify
 from foldcar.fabrication.assembly.operations import operations
@@ -50,9 +50,8 @@ def shortest_mm(car: FoldedCar, body: str, start: tuple[float, ...], end: tuple[
     blocks = []
     for mount in car.mounts:
         if mount.body == body and mount.part != car.parts.wiring.name:
-            for middle, axes, half in boxes(mount):
-                reach = np.abs(axes) @ half + HALF_LEAD_MM - 0.01
-                blocks.append((middle - reach, middle + reach))
+            for corners in corners_mm(mount):
+                blocks.append((corners.min(axis=0) - HALF_LEAD_MM + 0.01, corners.max(axis=0) + HALF_LEAD_MM - 0.01))
     lines = []
     for i in range(3):
         at = [edge[i] + sign * 0.02 for block in blocks for edge, sign in zip(block, (-1, 1), strict=True)]

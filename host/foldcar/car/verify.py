@@ -15,7 +15,7 @@ from foldcar.car.folded_car import folded_car
 from foldcar.car.leads import check_leads
 from foldcar.car.proof.check_film import check_crossings, check_flat, check_hinges
 from foldcar.car.proof.check_joins import CLOSURE_MM, check_joins, check_skin, skin_of, volume_mm3, worst_gap_mm
-from foldcar.car.proof.check_parts import ROUND_MM, check_parts, check_turning, check_wheels, roundness_mm
+from foldcar.car.proof.check_parts import ROUND_MM, check_holes, check_turning, check_wheels, roundness_mm
 from foldcar.car.proof.prove import prove
 
 
@@ -63,7 +63,7 @@ def check_design(car: FoldedCar, volumes_mm3: Mapping[str, float] | None = None)
         findings += check_crossings(faces)
     findings += check_hinges(car, bodies, assembly.wheel_distance_mm.value)
     findings += check_wheels(car, bodies)
-    findings += check_parts(car, bodies)
+    findings += check_holes(car, bodies)
     findings += check_turning(car, bodies, assembly.wheel_distance_mm.value)
     return Verification(
         tuple(findings),

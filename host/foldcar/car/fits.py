@@ -138,7 +138,7 @@ def _switch(car: _Measured) -> Iterator[Fit]:
 
 def _inside(car: _Measured) -> Iterator[Fit]:
     """What is laid into its outline: the LiPo below the bridge, its flange and feet beside it, the battery; the leads."""
-    parts, film, laid = car.parts, car.parts.film.thickness_mm.value, car.parts.assembly.placement_mm.value
+    parts, film, laid = car.parts, car.parts.film_mm, car.parts.assembly.placement_mm.value
     bodies, wing = place(car.car), parts.featherwing
     for mount in car.mounts(parts.lipo.name):
         bridge = {face.face.name: face for face in bodies[mount.body] if face.piece.name == "bridge"}

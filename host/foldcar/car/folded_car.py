@@ -169,7 +169,7 @@ def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
             x, y, z = ((p + q) / 2 for p, q in zip(a, b, strict=True))
             number = int(placed.body.removeprefix("segment"))
             length = 2 * (max(p[0] for p in faces[crease.parent.face].outline_mm) - parts.assembly.hinge_glue_mm.value)
-            width = abs(a[1] - b[1]) + parts.film.thickness_mm.value
+            width = abs(a[1] - b[1]) + parts.film_mm
             stiffness = stiffness_n_m_rad(width, piece.thickness_mm, length, parts.film)
             limits = (crease.min_rad or 0.0, crease.max_rad or 0.0)
             hinges.append(HingeJoint(f"segment{number}", f"segment{number + 1}", (x, y, z), stiffness, *limits))

@@ -22,7 +22,7 @@ from foldcar.car.parts.catalogue import Catalogue
 
 
 def _least_height(parts: Catalogue) -> float:
-    film, assembly = parts.film.thickness_mm.value, parts.assembly
+    film, assembly = parts.film_mm, parts.assembly
     boards = stack_height_mm(parts) + film / 2
     # A servo's layer in the middle of the right wall ends below the lid's flap.
     beside_flap = least_doubler_mm(parts) + 2 * (assembly.flap_mm.value + film + assembly.slot_clearance_mm.value)
@@ -30,7 +30,7 @@ def _least_height(parts: Catalogue) -> float:
 
 
 def _least_width(parts: Catalogue) -> float:
-    assembly, film = parts.assembly, parts.film.thickness_mm.value
+    assembly, film = parts.assembly, parts.film_mm
     _, right = span_mm(parts)
     # The lid's flap goes down between the boards and the right wall.
     beside = max(assembly.bridge_gap_mm.value, assembly.flap_gap_mm.value + film)
@@ -61,7 +61,7 @@ LEVER_OVER_MM = 1.0
 
 def wall_mm(outer_mm: float, parts: Catalogue) -> float:
     """Distance between the middle surfaces of two opposite walls (mm): the outer dimension less one film thickness."""
-    return outer_mm - parts.film.thickness_mm.value
+    return outer_mm - parts.film_mm
 
 
 def flap_end_mm(parts: Catalogue) -> float:
@@ -103,7 +103,7 @@ class BoxBeam(Component):
 
     def _lid(self, shape: Shape, starts: Mapping[str, float]) -> None:
         """The lid, narrower than the floor by the film of wall and flap and their clearance, with a latch's notches."""
-        assembly, film = self.parts.assembly, self.parts.film.thickness_mm.value
+        assembly, film = self.parts.assembly, self.parts.film_mm
         length, (along, depth) = self["length"], latch_mm(self.parts)
         width, gap = wall_mm(self["width"], self.parts) - film - assembly.flap_gap_mm.value, assembly.grip_gap_mm.value
         points: dict[str, Point] = {"near": (0.0, 0.0), "front": (length, 0.0)}
@@ -150,7 +150,7 @@ class BoxBeam(Component):
 
     def _latch(self, shape: Shape, end: str) -> None:
         """A tongue at the flap's lower edge, folded outwards through a slot of the right wall; perhaps the pull tab."""
-        assembly, film = self.parts.assembly, self.parts.film.thickness_mm.value
+        assembly, film = self.parts.assembly, self.parts.film_mm
         width, play, (notch, _) = assembly.lock_mm.value, assembly.slot_clearance_mm.value, latch_mm(self.parts)
         reach = 1.5 * film + assembly.flap_gap_mm.value + assembly.lock_reach_mm.value
         x = self[f"flap_{end}"] + notch / 2
@@ -170,7 +170,7 @@ class BoxBeam(Component):
 
     def _pull_tab(self, shape: Shape, end: str, width_mm: float) -> None:
         """The lid's pull tab across a notch, with room for two fingers."""
-        film, (finger, long) = self.parts.film.thickness_mm.value, self.parts.tools.finger_mm
+        film, (finger, long) = self.parts.film_mm, self.parts.tools.finger_mm
         outline = _tongue(width_mm, self.parts.assembly.grip_mm.value)
         shape.face(f"{end} pull tab", outline, ("near", "1", "tip", "3"), role="tab")
         shape.connect(f"lid.{end} grip", f"{end} pull tab.near", "fold", -90)
@@ -192,7 +192,7 @@ OPPOSITE = {"left": "right", "right": "left", "floor": "floor", "lid": "lid"}
 
 def cap_inset_mm(parts: Catalogue) -> float:
     """Distance of a cap's edges from the middle surfaces of the walls (mm): one film, so that its tabs fit inside."""
-    return parts.film.thickness_mm.value + parts.assembly.cap_clearance_mm.value
+    return parts.film_mm + parts.assembly.cap_clearance_mm.value
 
 
 class EndCap(Component):

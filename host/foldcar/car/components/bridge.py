@@ -30,12 +30,12 @@ def half_width_mm(parts: Catalogue) -> float:
 
 def shelf_height_mm(parts: Catalogue) -> float:
     """Height of the shelf's middle surface over that of the floor (mm): the LiPo and the screws' heads below it."""
-    return parts.film.thickness_mm.value + parts.lipo.height_mm.value + parts.assembly.shelf_clearance_mm.value
+    return parts.film_mm + parts.lipo.height_mm.value + parts.assembly.shelf_clearance_mm.value
 
 
 def usb_height_mm(parts: Catalogue) -> float:
     """Height of the USB socket's middle over the floor's middle surface (mm)."""
-    on_shelf = parts.film.thickness_mm.value / 2 + parts.spacer.length_mm.value
+    on_shelf = parts.film_mm / 2 + parts.spacer.length_mm.value
     return shelf_height_mm(parts) + on_shelf + parts.feather.usb.at_mm[2]
 
 
@@ -43,7 +43,7 @@ def stack_height_mm(parts: Catalogue) -> float:
     """Height from the floor's middle surface to the bends of the leads over the servos' plugs (mm)."""
     feather, wing = parts.feather, parts.featherwing
     boards = feather.board_mm.value + wing.gap_mm.value + wing.plug_top_mm.value + wing.plug_bend_mm.value
-    return shelf_height_mm(parts) + parts.film.thickness_mm.value / 2 + parts.spacer.length_mm.value + boards
+    return shelf_height_mm(parts) + parts.film_mm / 2 + parts.spacer.length_mm.value + boards
 
 
 def span_mm(parts: Catalogue) -> tuple[float, float]:
@@ -63,7 +63,7 @@ class Bridge(Component):
     def build(self, shape: Shape) -> None:
         """The shelf and what is folded down from it."""
         parts, assembly = self.parts, self.parts.assembly
-        film = parts.film.thickness_mm.value
+        film = parts.film_mm
         along, across = 2 * half_width_mm(parts), sum(span_mm(parts))
         # The feet lie on the floor, the flange ends above it.
         leg = shelf_height_mm(parts) - film
@@ -86,7 +86,7 @@ class Bridge(Component):
 
     def insert(self, shape: Shape, bridge: str, floor: str, x_mm: float, y_mm: float) -> None:
         """Put it onto the face ``floor``, the middle of its boards at (x, y), USB towards +y, and the boards onto it."""
-        parts, assembly, film = self.parts, self.parts.assembly, self.parts.film.thickness_mm.value
+        parts, assembly, film = self.parts, self.parts.assembly, self.parts.film_mm
         half, (_, right) = half_width_mm(parts), span_mm(parts)
         shape.place(f"{bridge}.shelf", floor, translation(x_mm - half, y_mm - right, shelf_height_mm(parts)))
         for side in ("right", "left"):
@@ -107,7 +107,7 @@ class Bridge(Component):
 
         The module covers a part of the holes at the antenna. The pad is pressed to the spacers' height.
         """
-        parts, film = self.parts, self.parts.film.thickness_mm.value
+        parts, film = self.parts, self.parts.film_mm
         feather, spacer = parts.feather, parts.spacer
         holes, tall = [], spacer.length_mm.value
         size = (spacer.diameter_mm.value, spacer.diameter_mm.value, tall)

@@ -21,7 +21,7 @@ def _thicknesses_mm(parts: Catalogue) -> list[float]:
 
 
 THICKNESS = Parameter(
-    "thickness", lambda parts: parts.film.thickness_mm.value, lambda parts: min(_thicknesses_mm(parts)), 1,
+    "thickness", lambda parts: parts.film_mm, lambda parts: min(_thicknesses_mm(parts)), 1,
     "thickness of a hinge's strip, as wide as the body: of a film of the car's material", "the thinnest film there is",
     sold=_thicknesses_mm,
 )  # fmt: skip
@@ -105,7 +105,7 @@ class HingeModule(Component):
         """
         glue, gap = self.parts.assembly.hinge_glue_mm.value, self["length"] / 2
         front, rear = modules
-        film = self.parts.film.thickness_mm.value
+        film = self.parts.film_mm
         under = -(film + self["thickness"]) / 2
         shape.laminate(f"{hinge}.front half", f"{front}.beam.floor", translation(-gap, 0, under))
         length = shape.face_size_mm(f"{rear}.beam.floor")[0]
@@ -123,7 +123,7 @@ class HingeModule(Component):
         half, up = self["length"] / 2, math.radians(self["fold_up"])
         gap = half + half / math.cos(up) - (wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM) * math.tan(up)
         # Less the film: half a thickness each of cap and stop at the contact, and of cap and flap at the glued end.
-        return gap - 2 * self.parts.film.thickness_mm.value
+        return gap - 2 * self.parts.film_mm
 
     def _web_mm(self) -> float:
         """Height of the stop (mm), which ends above the slit for cables."""

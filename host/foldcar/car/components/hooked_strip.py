@@ -89,7 +89,7 @@ class WheelSize:
     @property
     def film_mm(self) -> float:
         """Thickness of the film."""
-        return self.parts.film.thickness_mm.value
+        return self.parts.film_mm
 
     @property
     def clearance_mm(self) -> float:
@@ -165,13 +165,13 @@ def access_radius_mm(parts: Catalogue) -> float:
 
 def hub_mm(parts: Catalogue) -> float:
     """Distance of the hub's walls from the axle (mm): film is left between their slots and the hole for the driver."""
-    return access_radius_mm(parts) + BRIDGE_MM + PLAY_MM + parts.film.thickness_mm.value / 2
+    return access_radius_mm(parts) + BRIDGE_MM + PLAY_MM + parts.film_mm / 2
 
 
 def least_radius_mm(parts: Catalogue) -> float:
     """Least rolling radius of a wheel: hub, film to the rim's notches, tyre; in tenths of a millimetre."""
     corner = hub_mm(parts) / math.cos(WALL_RAD / 2)
-    least = corner + LEAST_WEB_MM + 2 * parts.film.thickness_mm.value + parts.tyre.thickness_mm.value
+    least = corner + LEAST_WEB_MM + 2 * parts.film_mm + parts.tyre.thickness_mm.value
     return math.ceil(10 * least - 1e-9) / 10
 
 

@@ -86,7 +86,7 @@ class WheelModule(Module):
         # From the side wall's outer surface to the wheel: the inner disc lies on the horn's outer face.
         face = servo.spline_top_mm.value - horn.spline_depth_mm.value + horn.height_mm.value
         gap = face - servo.ear_underside_mm.value
-        out = -(parts.film.thickness_mm.value / 2 + gap + self["tire_thickness"] / 2)
+        out = -(parts.film_mm / 2 + gap + self["tire_thickness"] / 2)
         running = self.parts.tyre.running_width_mm(self["tire_thickness"])
         for side in ("left", "right"):
             wall = f"beam.{side}"
@@ -98,7 +98,7 @@ def _doubler_height(module: Component) -> float:
     """Height of the layer behind a servo (mm): at most twice the servo's, and clear of the lid's flap and its locks."""
     parts, assembly = module.parts, module.parts.assembly
     wall = wall_mm(module["height"], parts)
-    flap = assembly.flap_mm.value + parts.film.thickness_mm.value + assembly.slot_clearance_mm.value
+    flap = assembly.flap_mm.value + parts.film_mm + assembly.slot_clearance_mm.value
     return max(least_doubler_mm(parts), min(wall - 2 * flap, 2 * parts.servo.width_mm.value))
 
 
@@ -169,7 +169,7 @@ def across_least_mm(parts: Catalogue, size: Quantity) -> float:
 
 def lipo_reach_mm(parts: Catalogue) -> float:
     """From the boards' middle to the far side of the LiPo (mm), whose near side lies at the bridge's flange."""
-    film, width, assembly = parts.film.thickness_mm.value, parts.lipo.width_mm, parts.assembly
+    film, width, assembly = parts.film_mm, parts.lipo.width_mm, parts.assembly
     # The flange comes down beside it, wherever in its outline it lies.
     gap = assembly.placement_mm.value + width.tolerance / 2 + assembly.slot_clearance_mm.value
     return film / 2 + gap + width.value - half_width_mm(parts)
@@ -177,7 +177,7 @@ def lipo_reach_mm(parts: Catalogue) -> float:
 
 def _reaches(parts: Catalogue, along_mm: float, behind: bool) -> tuple[float, float]:
     """From the boards' middle to the rear and to the front end of the layout (mm)."""
-    near, far = half_width_mm(parts) + parts.film.thickness_mm.value, lipo_reach_mm(parts)
+    near, far = half_width_mm(parts) + parts.film_mm, lipo_reach_mm(parts)
     if along_mm == 0:
         return near, far
     # The LiPo's lead leaves the Feather at the front.
@@ -218,7 +218,7 @@ class ElectronicsModule(BrainModule):
         """Place the parts in the floor's frame: x from the rear, y from the right wall, z from the middle surface."""
         parts, assembly, layout = self.parts, self.parts.assembly, self.layout
         x = layout.boards_mm(self["length"] / 2)
-        film, across = parts.film.thickness_mm.value, wall_mm(self["width"], parts)
+        film, across = parts.film_mm, wall_mm(self["width"], parts)
         y = across - film / 2 - assembly.usb_inside_mm.value - mouth_mm(parts)
         bridge = self.children["bridge"]
         assert isinstance(bridge, Bridge)
@@ -234,7 +234,7 @@ class ElectronicsModule(BrainModule):
 
     def _battery(self, shape: Shape, layout: Layout, boards_x: float, boards_y: float) -> None:
         """Stand the battery on its pad onto the floor or the roof, across the car where it balances the boards."""
-        parts, film, across = self.parts, self.parts.film.thickness_mm.value, wall_mm(self["width"], self.parts)
+        parts, film, across = self.parts, self.parts.film_mm, wall_mm(self["width"], self.parts)
         battery, pad, roof = parts.battery, parts.pad, parts.battery_place == "roof"
         light = sum(part.mass_kg.value for part in (parts.feather, parts.featherwing, parts.lipo))
         reach = (across - film - (battery.length_mm if layout.turned else battery.width_mm).value) / 2
@@ -274,7 +274,7 @@ class ElectronicsModule(BrainModule):
     @property
     def layout(self) -> Layout:
         """How boards and battery lie; ComponentError if there is no place for them."""
-        film, length = self.parts.film.thickness_mm.value, self["length"]
+        film, length = self.parts.film_mm, self["length"]
         floor = Span(-self["floor_rear"], length + self["floor_front"])
         tyres = Span(self["usb_low"], self["usb_high"])
         found = list(layouts(self.parts, floor, tyres, self["width"] - 2 * film))

@@ -66,7 +66,7 @@ class ServoMount(Component):
         ``axis_mm``: the point where its axis passes the wall; ``inward`` is 1 if its long side lies towards +x, else -1.
         Returns the name of the mounted part.
         """
-        servo, wall_mm = shape.parts.servo, shape.parts.film.thickness_mm.value
+        servo, wall_mm = shape.parts.servo, shape.parts.film_mm
         x = axis_mm[0] + inward * (servo.length_mm.value / 2 - servo.axis_from_end_mm.value)
         y = axis_mm[1]
         hole = _opening(shape, wall, f"{mount}.wall opening", x, y)
@@ -157,7 +157,7 @@ class SwitchMount(Component):
     @staticmethod
     def cut(shape: Shape, mount: str, panel: str, at_mm: Point) -> None:
         """Put the switch of the subcomponent ``mount`` into the caller's face ``panel``, seen from inside."""
-        switch, film = shape.parts.switch, shape.parts.film.thickness_mm.value
+        switch, film = shape.parts.switch, shape.parts.film_mm
         for i in range(layers(shape.parts)):
             shape.laminate(f"{mount}.layer {i + 1}", panel, translation(*at_mm, (i + 1) * film))
         hole = _switch_opening(shape, panel, f"{mount} opening", at_mm)
@@ -199,7 +199,7 @@ class Caster(Component):
     @staticmethod
     def attach(shape: Shape, mount: str, floor: str, at_mm: tuple[float, float]) -> None:
         """Fix the caster of the subcomponent ``mount`` under the caller's face ``floor``, its centre at ``at_mm``."""
-        caster, film = shape.parts.caster, shape.parts.film.thickness_mm.value
+        caster, film = shape.parts.caster, shape.parts.film_mm
         holes = _holes(shape, floor, f"{mount}.", at_mm)
         shape.laminate(f"{mount}.plate", floor, translation(*at_mm, film))
         under = translation(*at_mm, -(film + caster.height_mm.value) / 2)

@@ -151,7 +151,7 @@ class Shape:
             raise ComponentError(path, f"has {len(outline_mm)} edges and {len(names)} names for them")
         if area_mm2(outline_mm) <= 0:
             raise ComponentError(path, "its outline does not run counter-clockwise around an area")
-        thickness = self.parts.film.thickness_mm.value if thickness_mm is None else thickness_mm
+        thickness = self.parts.film_mm if thickness_mm is None else thickness_mm
         self.graph.atoms[path] = Atom(path, tuple(outline_mm), names, role, piece, thickness, self._body)
 
     def rectangle(

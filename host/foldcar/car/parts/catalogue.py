@@ -128,6 +128,11 @@ class Catalogue(Data):
     battery_place: Literal["floor", "roof"]
 
     @property
+    def film_mm(self) -> float:
+        """Thickness of the film."""
+        return self.film.thickness_mm.value
+
+    @property
     def tyre_friction(self) -> Quantity:
         """A wheel's friction coefficient: its tyre's, or the bare film's."""
         return self.tyre.friction or self.film.friction

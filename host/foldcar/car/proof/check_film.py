@@ -11,9 +11,9 @@ import numpy as np
 import shapely
 from shapely.affinity import affine_transform
 
-from foldcar.car.folded.model import Face, FoldedCar, HingeJoint, Piece, Pose
+from foldcar.car.folded.model import Face, FoldedCar, Piece
 from foldcar.car.folded.placed import Bodies, Finding, PlacedFace, polygon
-from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
+from foldcar.car.folded.pose import apply, compose, edge, folded, folded_back
 
 # Without a grid, an edge that two faces share but for rounding can make GEOS return the wrong side of it.
 GRID_MM = 1e-6
@@ -167,12 +167,6 @@ def check_hinges(car: FoldedCar, bodies: Bodies, wheel_distance_mm: float) -> It
                     if gap < wheel_distance_mm - 1e-6:
                         told = f"{a.wheel} is {gap:.2f} mm from {b.wheel}, the limit is {wheel_distance_mm:g} mm"
                         yield Finding("hinge", place, told)
-
-
-def folded_back(hinge: HingeJoint, angle_rad: float) -> Pose:
-    """The rear segment's motion in the front one's frame (mm); a positive angle is the front segment nose up."""
-    x, y, z = hinge.center_mm
-    return compose(translation(x, y, z), rotation("y", angle_rad), translation(-x, -y, -z))
 
 
 def _near(

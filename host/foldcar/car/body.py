@@ -15,7 +15,7 @@ from typing import Any
 
 from foldcar.car.design import Design
 from foldcar.car.folded.model import Axle, FoldedCar, HingeJoint
-from foldcar.car.folded.weight import body_properties, wheel_mass_kg
+from foldcar.car.folded.weight import body_properties
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.bought import Film
 from foldcar.car.parts.catalogue import Catalogue, catalogue
@@ -31,7 +31,7 @@ def body_json(design: Design) -> dict[str, Any]:
     """
     car = folded_car(design)
     # All wheels are alike.
-    wheel_kg = wheel_mass_kg(car, car.axles[0].wheel)
+    wheel_kg = body_properties(car, car.axles[0].wheel).mass_kg
     body = {
         "segments": [_segment(design, car, index) for index in range(len(design.segments))],
         "hinges": [_hinge(hinge, car.parts.film) for hinge in car.hinges],

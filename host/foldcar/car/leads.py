@@ -123,7 +123,7 @@ def _joint(car: FoldedCar, servo: Mount, extension: Bought) -> Mount:
 
 def _segments(car: FoldedCar) -> dict[str, list[PlacedFace]]:
     """The faces of the segments, by body."""
-    return place(replace(car, placed=tuple(one for one in car.placed if one.body.startswith("segment"))))
+    return place(car, {one.body for one in car.placed if one.body.startswith("segment")})
 
 
 def _height_mm(faces: Iterable[PlacedFace], name: str) -> float:
